@@ -50,6 +50,7 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python tests/typing/check.py
 
 # The tests with the lowest versions that pyproject.toml allows, in an environment of their own;
 # `make lowest SELECT="not slow"`: the quick ones.

@@ -10,17 +10,20 @@ from pathlib import Path
 import numpy as np
 
 import wbc
+from wbc.run import Result
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 
 with tempfile.TemporaryDirectory() as folder:
     result = wbc.load_problem(PROBLEMS / "fig7_downward_hoap2.yaml").run()
+    assert isinstance(result, Result)  # of a robot, not of a pendulum
     recording = Path(folder) / "squat.npz"
     result.save(recording)
     motion = wbc.read_motion(recording, result.robot)
     series = wbc.analyse(motion, cutoff=5.0)
     series.save(Path(folder) / "pendulum.csv")  # one line per frame, units in the first line
 
+assert series.cop_margin is not None  # this robot has feet
 lengths, axes = series.leg_length, series.semi_axes
 print(f"{len(series)} frames in {series.time[-1]:.2f} s, feet {', '.join(series.feet)}")
 print(f"leg from {lengths[0]:.3f} to {lengths[-1]:.3f} m")

@@ -16,14 +16,14 @@ q, dt = robot.posture("standing"), 0.002
 start = robot.snapshot(q)
 own = wbc.pendulum_of(start)
 soles = own.soles(FEET, margin=0.01)
-x, y, z = own.rest.com
+x, y, z = start.com.tolist()
 plan = solve(
     PlanProblem(
         own.pendulum,
-        schedule=[
+        schedule=(
             Phase("down", 0.5, soles, 8, end=State(com=(x, y, z - 0.02), rotation=(0, 0.03, 0))),
             Phase("up", 0.5, soles, 8),
-        ],
+        ),
         start=own.rest,
         goal=own.rest,
         nominal=own.rest,

@@ -19,9 +19,9 @@ limits = wbc.Limits(robot)
 balance = wbc.ComSupport.over(start, margin=0.01)
 
 
-def error(configuration):
+def error(configuration: np.ndarray) -> float:
     """Return by how much the inertia misses the target, Frobenius norm [kg m^2]."""
-    return np.linalg.norm(shape.residual(robot.snapshot(configuration)).error)
+    return float(np.linalg.norm(shape.residual(robot.snapshot(configuration)).error))
 
 
 controller = wbc.KinematicController(

@@ -16,12 +16,12 @@ plant = Plant(robot, dt=dt, sensors=Sensors(**noise, delay=0.002, dropout=0.01, 
 plant.reset(q)
 
 
-def read():
+def read() -> tuple[np.ndarray, np.ndarray] | None:
     """Return (q, v) as measured and estimated, or None if no frame came in time."""
     return plant.measure()
 
 
-def send(torque):
+def send(torque: np.ndarray) -> None:
     """Command joint torques [N m], held until the next."""
     plant.step(torque)
 
@@ -35,7 +35,9 @@ tasks = [
 contacts = wbc.support(start, "double")
 controller = wbc.TorqueController(robot, tasks, contacts=contacts, limits=wbc.Limits(robot), dt=dt)
 
-torque, lost, in_a_row, odd = np.zeros(robot.nv - 6), 0, 0, []
+lost = in_a_row = 0
+torque: np.ndarray = np.zeros(robot.nv - 6)
+odd: list[tuple[int, str]] = []
 for k in range(2000):  # 4 s
     state = read()
     in_a_row = in_a_row + 1 if state is None else 0

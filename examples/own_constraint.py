@@ -12,11 +12,19 @@ import wbc
 class Rope(wbc.Margin):
     """Keep the origins of two frames within ``length`` [m] of each other."""
 
-    def __init__(self, robot, frame, other, length, *, limits=None):
+    def __init__(
+        self,
+        robot: wbc.Robot,
+        frame: str,
+        other: str,
+        length: float,
+        *,
+        limits: wbc.Limits | None = None,
+    ) -> None:
         super().__init__(robot, "rope", None, limits)
         self.frame, self.other, self.length = frame, other, length
 
-    def distances(self, snapshot, keys=None):
+    def distances(self, snapshot: wbc.Snapshot, keys: np.ndarray | None = None) -> wbc.Distances:
         """Return the length of rope that is left, and how it changes with the velocity."""
         arm = snapshot.position(self.frame) - snapshot.position(self.other)
         apart = np.linalg.norm(arm)
@@ -24,11 +32,11 @@ class Rope(wbc.Margin):
         left = np.array([self.length - apart])
         return wbc.Distances(np.array([0]), left, -(arm / apart @ relative)[None], None)
 
-    def labels(self, distances):
+    def labels(self, distances: wbc.Distances) -> tuple[str, ...]:
         """Return the name under which ticks report it."""
         return ("rope taut",)
 
-    def curvature_bound(self, distances, step):
+    def curvature_bound(self, distances: wbc.Distances, step: np.ndarray) -> np.ndarray:
         """Bound what the linear row leaves out [m]: both hands on levers of a metre."""
         return np.array([2.0 * np.abs(step).sum() ** 2])
 
@@ -59,5 +67,6 @@ for _ in range(400):
     v = tick.velocity
     q = robot.integrate(q, v, dt)
     s = robot.snapshot(q)
-    longest = max(longest, np.linalg.norm(s.position(palms[0]) - s.position(palms[1])))
+    apart = np.linalg.norm(s.position(palms[0]) - s.position(palms[1]))
+    longest = max(longest, float(apart))
 print(f"hands at most {1e3 * longest:.1f} mm apart, rope {1e3 * rope.length:.0f} mm: {tick.active}")

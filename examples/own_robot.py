@@ -53,10 +53,11 @@ trunk = wbc.PoseTask(
     name="trunk",
     gain=0.05,
 )
+contacts = [wbc.PointContact.hold(start, tip) for tip in tips]
 controller = wbc.KinematicController(
     robot,
     [trunk, wbc.PostureTask(robot, q, weight=0.001)],
-    contacts=[wbc.PointContact.hold(start, tip) for tip in tips],
+    contacts=contacts,
     limits=wbc.Limits(robot),
     dt=dt,
 )
@@ -64,7 +65,7 @@ for _ in range(400):
     tick = controller.step(robot.snapshot(q, v))
     v = tick.velocity
     q = robot.integrate(q, v, dt)
-slip = max(contact.slip(robot.snapshot(q)) for contact in controller.contacts)
+slip = max(contact.slip(robot.snapshot(q)) for contact in contacts)
 off = np.linalg.norm(tick.errors["trunk"][:3])
 print(
     f"{robot.name}: {robot.nv - 6} joints, {robot.mass:.1f} kg; trunk off by {1e3 * off:.3f} mm, "

@@ -4,7 +4,10 @@ A task is an error and its Jacobian, in one method. The error here is the part o
 point that is not along the camera's axis: two numbers, zero when the camera looks at the point.
 """
 
+from typing import Unpack
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 import wbc
 
@@ -12,12 +15,20 @@ import wbc
 class GazeTask(wbc.Task):
     """Point the x axis of ``frame`` at ``point`` (3,) [m], world axes."""
 
-    def __init__(self, robot, frame, point, *, name="gaze", **law):
+    def __init__(
+        self,
+        robot: wbc.Robot,
+        frame: str,
+        point: ArrayLike,
+        *,
+        name: str = "gaze",
+        **law: Unpack[wbc.Gains],
+    ) -> None:
         super().__init__(robot, name, ("left", "up"), **law)
         self.frame = frame
         self.point = np.array(point, dtype=float)
 
-    def residual(self, snapshot):
+    def residual(self, snapshot: wbc.Snapshot) -> wbc.Residual:
         """Return how far the point is off the axis [m], to the camera's left and up."""
         R, J = snapshot.rotation(self.frame), snapshot.jacobian(self.frame)
         seen = R.T @ (self.point - snapshot.position(self.frame))  # in camera axes

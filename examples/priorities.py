@@ -16,10 +16,10 @@ palms = "left_palm", "right_palm"
 goals = {palms[0]: (0.2, 0.1, 0.2), palms[1]: (0.05, -0.25, 0.2)}  # m
 
 
-def misses(priorities):
+def misses(priorities: tuple[int, int]) -> list[float]:
     """Return by how much each hand misses its target in the end [mm]."""
     q, v = start.q, None
-    tasks = [
+    tasks: list[wbc.Task] = [
         wbc.PositionTask(robot, palm, goals[palm], name=palm, priority=level, gain=0.1)
         for palm, level in zip(palms, priorities, strict=True)
     ]
@@ -34,7 +34,7 @@ def misses(priorities):
         tick = controller.step(robot.snapshot(q, v))
         v = tick.velocity
         q = robot.integrate(q, v, dt)
-    return [1e3 * np.linalg.norm(tick.errors[palm]) for palm in palms]
+    return [1e3 * float(np.linalg.norm(tick.errors[palm])) for palm in palms]
 
 
 for name, priorities in {"one level": (0, 0), "left first": (0, 1), "right first": (1, 0)}.items():

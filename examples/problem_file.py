@@ -7,13 +7,16 @@ import tempfile
 from pathlib import Path
 
 import wbc
+from wbc.run import Result
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 FILE = PROBLEMS / "fig7_forward_hoap2.yaml"
 
 for gain in (0.05, 0.2):
     result = wbc.load_problem(FILE, {"tasks.com.gain": gain, "stop.duration": 8.0}).run()
+    assert isinstance(result, Result)  # of a robot, not of a pendulum
     com, slip = result.tasks["com"], result.slip
+    assert slip is not None  # it stands
     print(
         f"gain {gain:g}: {result.status.value} after {len(result.history)} ticks, "
         f"CoM off by {1e3 * com.norm:.1e} mm, feet moved {1e3 * slip.value:.1e} mm"

@@ -15,6 +15,7 @@ robot = wbc.Robot.load("g1")
 q, dt = robot.posture("standing"), 0.002
 start = robot.snapshot(q)
 support = wbc.ComSupport.over(start, margin=0.0)
+contacts = wbc.support(start, "double")
 controller = wbc.TorqueController(
     robot,
     [
@@ -22,7 +23,7 @@ controller = wbc.TorqueController(
         wbc.OrientationTask(robot, "torso_link", start.rotation("torso_link"), name="torso"),
         wbc.PostureTask(robot, q, weight=0.1),
     ],
-    contacts=wbc.support(start, "double"),
+    contacts=contacts,
     limits=wbc.Limits(robot),
     dt=dt,
 )
@@ -42,7 +43,7 @@ for k in range(1500):  # 3 s
     relaxed += bool(tick.relaxed)
 
 off = np.linalg.norm(plant.com - start.com)
-slip = max(contact.slip(plant.snapshot()) for contact in controller.contacts)
+slip = max(contact.slip(plant.snapshot()) for contact in contacts)
 print(f"push of {impulse:.1f} N s forward, {impulse / bound:.2f} times M omega d")
 print(f"CoM went {1e3 * farthest:.0f} mm, is back to {1e3 * off:.1f} mm; feet {1e3 * slip:.1f} mm")
 print(f"{relaxed} of 1500 ticks let something give way")

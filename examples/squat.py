@@ -13,6 +13,7 @@ robot = wbc.Robot.load("hoap2_like")
 q, v, dt = robot.posture("standing"), None, 0.005
 start = robot.snapshot(q)
 com = wbc.ComTask(robot, start.com, weight=10.0)
+contacts = wbc.support(start, "double")
 controller = wbc.KinematicController(
     robot,
     [
@@ -20,7 +21,7 @@ controller = wbc.KinematicController(
         wbc.OrientationTask(robot, "torso", start.rotation("torso"), name="torso"),
         wbc.PostureTask(robot, q, weight=0.01),
     ],
-    contacts=wbc.support(start, "double"),
+    contacts=contacts,
     limits=wbc.Limits(robot),
     dt=dt,
 )
@@ -41,7 +42,7 @@ for k in range(800):  # two squats
     v = tick.velocity
     q = robot.integrate(q, v, dt)
 
-slip = max(contact.slip(robot.snapshot(q)) for contact in controller.contacts)
+slip = max(contact.slip(robot.snapshot(q)) for contact in contacts)
 print(
     f"CoM down by {-1e3 * lowest:.1f} mm, worst error {1e3 * worst:.2f} mm, "
     f"feet moved {1e3 * slip:.3f} mm"

@@ -8,6 +8,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "wbc"
 FLOORS = {
+    "attributes": 0,
     "errors": 0,
     "files": 0,
     "extras": 0,

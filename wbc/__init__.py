@@ -3,21 +3,30 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from wbc import gait, simulation, view
+if TYPE_CHECKING:  # "as" tells type checkers that a name is public
+    from wbc import gait as gait
+    from wbc import simulation as simulation
+    from wbc import view as view
     from wbc.constraints import *
     from wbc.controllers import *
-    from wbc.errors import WbcError
-    from wbc.laws import AccelerationLaw, VelocityLaw
-    from wbc.motion import Motion, RmpSeries, analyse, read_motion
-    from wbc.problem import load_problem
-    from wbc.reduction import RmpState, reduce
-    from wbc.robot import Robot, Snapshot, robot_names
-    from wbc.robot.collision import Obstacle
+    from wbc.errors import WbcError as WbcError
+    from wbc.laws import AccelerationLaw as AccelerationLaw
+    from wbc.laws import VelocityLaw as VelocityLaw
+    from wbc.motion import Motion as Motion
+    from wbc.motion import RmpSeries as RmpSeries
+    from wbc.motion import analyse as analyse
+    from wbc.motion import read_motion as read_motion
+    from wbc.problem import load_problem as load_problem
+    from wbc.reduction import RmpState as RmpState
+    from wbc.reduction import reduce as reduce
+    from wbc.robot import Robot as Robot
+    from wbc.robot import Snapshot as Snapshot
+    from wbc.robot import robot_names as robot_names
+    from wbc.robot.collision import Obstacle as Obstacle
     from wbc.tasks import *
-    from wbc.tracking.fit import PlanMismatchError
-    from wbc.tracking.pendulum import pendulum_of
-    from wbc.tracking.reference import PlanReference
+    from wbc.tracking.fit import PlanMismatchError as PlanMismatchError
+    from wbc.tracking.pendulum import pendulum_of as pendulum_of
+    from wbc.tracking.reference import PlanReference as PlanReference
 
 __version__ = "0.1.0"
 
@@ -46,21 +55,23 @@ _NAMES = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name == "__all__":
-        return __dir__()
-    if name in _NAMES:
-        return getattr(import_module(_NAMES[name]), name)
-    if name in _PACKAGES:
-        return import_module(f"wbc.{name}")
-    for room in _ROOMS if not name.startswith("_") else ():
-        module = import_module(room)
-        if name in module.__all__:
-            return getattr(module, name)
-    hint = ""
-    if not name.startswith("_"):
-        hint = import_module("wbc.errors").suggest(name, __dir__(), listed=0)
-    raise AttributeError(f"module 'wbc' has no attribute {name!r}{hint}")
+if not TYPE_CHECKING:  # to a checker, a module with this function has every name
+
+    def __getattr__(name: str) -> Any:
+        if name == "__all__":
+            return __dir__()
+        if name in _NAMES:
+            return getattr(import_module(_NAMES[name]), name)
+        if name in _PACKAGES:
+            return import_module(f"wbc.{name}")
+        for room in _ROOMS if not name.startswith("_") else ():
+            module = import_module(room)
+            if name in module.__all__:
+                return getattr(module, name)
+        hint = ""
+        if not name.startswith("_"):
+            hint = import_module("wbc.errors").suggest(name, __dir__(), listed=0)
+        raise AttributeError(f"module 'wbc' has no attribute {name!r}{hint}")
 
 
 def __dir__() -> list[str]:

@@ -13,7 +13,10 @@ from wbc.robot import Robot
 from wbc.tasks import (
     AxisTask,
     ComTask,
+    ContactForceTask,
+    DampingTask,
     DistanceTask,
+    ForceRateTask,
     InertiaTask,
     MomentumTask,
     OrientationTask,
@@ -22,6 +25,8 @@ from wbc.tasks import (
     PostureTask,
     PrincipalInertiaTask,
     RelativePoseTask,
+    Task,
+    TorqueTask,
 )
 
 NAN = float("nan")
@@ -206,43 +211,53 @@ def test_half_a_placement_is_assigned_and_the_other_half_stays(robot: Robot) -> 
     assert not pose.target_rate.any()  # as when the whole target is assigned
 
 
-class Careless(ComTask):
-    """Asks its robot before Task does."""
-
-    def __init__(self, robot: Robot, what: str = "joint_names", other: str = "") -> None:
-        getattr(robot, what)
-        super().__init__(robot, [0.0, 0.0, 1.0])
+WRENCH, EYE = [0.0] * 6, np.eye(3)
+KINDS: dict[type[Task], dict[str, object]] = {
+    PostureTask: {"target": [0.0]},
+    PositionTask: {"frame": "base", "target": [0.0, 0.0, 1.0]},
+    ComTask: {"target": [0.0, 0.0, 1.0]},
+    DampingTask: {},
+    TorqueTask: {},
+    ForceRateTask: {},
+    ContactForceTask: {"frame": "left_sole", "target": WRENCH},
+    Contact: {"frame": "left_sole", "position": [0.0, 0.0, 1.0], "rotation": EYE},
+}
 
 
 @pytest.mark.parametrize("named", [False, True])
-@pytest.mark.parametrize(
-    ("kind", "more"),
-    [
-        (Careless, {}),
-        (Careless, {"what": "joint_names"}),
-        (Careless, {"what": "joint_names", "other": "posture"}),
-        (PostureTask, {"target": [0.0]}),
-        (PositionTask, {"frame": "base", "target": [0.0, 0.0, 1.0]}),
-        (ComTask, {"target": [0.0, 0.0, 1.0]}),
-    ],
-)
-def test_what_is_no_robot_is_shown_however_it_is_given(kind, more, named: bool) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_task_of_no_robot_is_an_error_that_shows_what_was_given(
+    kind: type[Task], named: bool
+) -> None:
     """The robot's name is, not what comes after it; the task is named by its kind."""
     said = f"{kind.__name__}: expected a robot as Robot.load() returns it, got 'g1'"
+    make: Callable[..., Task] = kind
     with pytest.raises(InvalidInputError, match=re.escape(said)):
         if named:
-            kind(robot="g1", **more)
+            make(robot="g1", **KINDS[kind])
         else:
-            kind("g1", *more.values())
+            make("g1", *KINDS[kind].values())
 
 
-def test_an_error_of_the_tasks_own_stays_what_it_is(robot: Robot) -> None:
-    with pytest.raises(AttributeError, match="no_such_thing"):
-        Careless(robot, "no_such_thing")
-    with pytest.raises(AttributeError, match="no_such_thing"):
-        Careless(what="no_such_thing", robot=robot)
-    with pytest.raises(InvalidInputError, match=r"missing.*'robot'"):
-        Careless()
+class OwnTask(ComTask):
+    """Keeps something of its own, in attributes that no class declares."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.early = "before Task is made"
+        super().__init__(robot, [0.0, 0.0, 1.0])
+        self.late = "after it"
+
+
+def test_attribute_of_a_users_own_class_can_be_assigned(robot: Robot) -> None:
+    task = OwnTask(robot)
+    task.later = "from outside"
+    assert (task.early, task.late, task.later) == (
+        "before Task is made",
+        "after it",
+        "from outside",
+    )
+    with pytest.raises(InvalidInputError, match="gain: 5 is above 1"):
+        task.gain = 5.0  # checked as ever
 
 
 def test_a_short_direction_is_one(robot: Robot) -> None:

@@ -54,6 +54,8 @@ def _unknown(controller: Controller) -> str | None:
     if controller.limits is not None and controller.limits.braking != "free":
         return f"the braking {controller.limits.braking!r} of limits; set it to free"
     torque = isinstance(controller, TorqueController)
+    if torque and controller.robot.passive:
+        return "springs and other forces that no motor gives"
     for task in (*controller.tasks, *controller.plan.held.contacts):
         python = isinstance(task, ForceTask) or described(task, torque) is None
         if python or (not torque and (task.singular_threshold > 0.0 or _is_second_order(task))):

@@ -31,6 +31,7 @@ class BodyMargin(Margin):
         See :class:`~wbc.constraints.margin.Margin`.
     """
 
+    count: int  # of the pairs that get rows
     model: CollisionModel
 
     def __init__(

@@ -69,6 +69,11 @@ class SelfCollision(BodyMargin):
         A pattern that matches no link.
     """
 
+    margin: float
+    margins: Array
+    excluded: dict[str, str]
+    finer: dict[str, str]
+
     _fixed = dict.fromkeys(("margin", "margins", "model"), "make another SelfCollision")
 
     def __init__(

@@ -45,6 +45,7 @@ class ComSupport(Margin):
     """
 
     _fixed: ClassVar = {"margin": "make another ComSupport", "corners": "call set_polygon()"}
+    margin: float
     corners: Array  # (k, 2) of the polygon [m], counter-clockwise, read-only
 
     def __init__(

@@ -8,22 +8,23 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Self, Unpack, cast
+from typing import TYPE_CHECKING, Any, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.attributes import ArrayAttribute
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Index
 from wbc.errors import InvalidInputError, UnknownNameError, shown
 from wbc.laws import Residual, Rows
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
-from wbc.robot.model import check_snapshot
+from wbc.robot.model import check_robot, check_snapshot
 from wbc.robot.names import BASE
 from wbc.rotations import check_rotation, log_rotation
 from wbc.tasks.frame import TURNS
-from wbc.tasks.keywords import LawKeywords
+from wbc.tasks.keywords import LawKeywords, spell_out
 from wbc.tasks.point import AXES
 from wbc.tasks.returned import residual_of
 from wbc.tasks.task import Task
@@ -66,6 +67,12 @@ class Contact(Task):
         (k, 3) in the frame's axes [m], or None if the frame is no sole and none were given. Fixed.
     """
 
+    frame: str
+    friction: FrictionCone | None
+    corners: Array | None
+    position: ArrayAttribute  # the anchor, (3,) [m], read-only
+    rotation: ArrayAttribute  # (3, 3), read-only
+
     ROWS: tuple[str, ...] = AXES + TURNS
     # 1/s^2, critically damped. At 400 the ankles of a robot without rotor inertia chatter: ground
     # that gives way a little is a delay.
@@ -84,19 +91,17 @@ class Contact(Task):
         corners: ArrayLike | None = None,
         **law: Unpack[LawKeywords],
     ) -> None:
+        check_robot(type(self).__name__, robot)
         robot.frame_id(frame)
         law.setdefault("kp", self.STIFFNESS)
         super().__init__(robot, frame, self.ROWS, **law)
         self.frame = frame
         self.friction = None if frame == BASE else friction
         self.corners = self._corners(corners)
-        self.position, self.rotation = cast(Array, position), cast(Array, rotation)  # checked then
+        self.position, self.rotation = position, rotation
         self._still = self._zeros()
 
-    position: Array  # the anchor, (3,) [m], read-only
-    rotation: Array  # (3, 3), read-only
-
-    def __setattr__(self, name: str, value: Any) -> None:
+    def _set_attribute(self, name: str, value: Any) -> None:
         if name == "position":
             value = self._target(value, (3,), name)
         elif name == "rotation":
@@ -111,9 +116,10 @@ class Contact(Task):
                 f"{self}, corners: cannot be assigned; make another contact with corners=..., and"
                 " hand it to set_contacts()"
             )
-        super().__setattr__(name, value)
+        super()._set_attribute(name, value)
 
     @classmethod
+    @spell_out
     def hold(
         cls,
         snapshot: Snapshot,

@@ -20,11 +20,12 @@ Three facts shape the box of a joint at position q moving at v, with limits q_ma
 from __future__ import annotations
 
 from copy import copy
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.attributes import ArrayAttribute, DeclaredAttributes
 from wbc.braking import braked_speed
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Rows
@@ -32,7 +33,6 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
 from wbc.robot.postures import STANDING
-from wbc.tasks.sealed import Fixed
 from wbc.validate import Array, finite_number, finite_vector, read_only, real_array
 
 BASE_ROWS = ("base x", "base y", "base z", "base rx", "base ry", "base rz")
@@ -51,7 +51,7 @@ Box = tuple[Array, Array]
 _SIGNS = np.array([[-1.0], [1.0]])  # towards the lower limit, towards the upper one
 
 
-class Limits(Fixed):
+class Limits(DeclaredAttributes):
     """Position, velocity and acceleration limits of the joints, and of the base's twist.
 
     Parameters
@@ -99,7 +99,7 @@ class Limits(Fixed):
     def __repr__(self) -> str:
         return f"Limits({self.robot.name!r}, {self.robot.nv - 6} joints)"
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def _set_attribute(self, name: str, value: Any) -> None:
         if name in ("speed", "acceleration"):
             value = _by_joint(f"limits, {name}", value, self.robot.nv - 6)
         elif name == "braking" and value not in BRAKING:
@@ -108,13 +108,20 @@ class Limits(Fixed):
             value = finite_number("limits, recovery", value, above=0.0)
             if value > 1.0:
                 raise InvalidInputError(f"limits, recovery: {value:g} is above 1 (all in one tick)")
-        super().__setattr__(name, value)
+        super()._set_attribute(name, value)
         if not name.startswith("_"):
             for one in self.__dict__.get("_weaker", ()):
                 setattr(one, name, value)
 
-    speed: Array
-    acceleration: Array
+    robot: Robot
+    lower: Array
+    upper: Array
+    speed: ArrayAttribute
+    acceleration: ArrayAttribute
+    by_default: bool  # whether the accelerations are
+    braking: str
+    base_twist: Array
+    recovery: float
 
     def __init__(
         self,
@@ -136,7 +143,7 @@ class Limits(Fixed):
         self.speed = _speeds(robot, velocity)
         self.by_default = acceleration is None
         by_speed = self.speed / DEFAULT_RISE_TIME
-        self.acceleration = cast(Array, by_speed if acceleration is None else acceleration)
+        self.acceleration = by_speed if acceleration is None else acceleration
         self.braking = braking
         twist = np.full(6, np.inf) if base_twist is None else base_twist
         self.base_twist = _positive("limits, base_twist", twist, 6)

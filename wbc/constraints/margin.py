@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wbc.attributes import DeclaredAttributes
 from wbc.braking import stopping_speed
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint, Distances, Index, SeparatedPairs, SymbolicRows
@@ -33,7 +34,6 @@ from wbc.errors import InvalidInputError
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
-from wbc.tasks.sealed import Fixed
 from wbc.validate import Array, finite_number, read_only
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ class BrakingParameters:
                 raise InvalidInputError(f"braking, {name}: {getattr(self, name):g} is above 1")
 
 
-class Margin(Fixed, Constraint):
+class Margin(DeclaredAttributes, Constraint):
     """A constraint on distances that must not fall below a margin.
 
     Parameters
@@ -92,6 +92,7 @@ class Margin(Fixed, Constraint):
         If given, braking counts on no more than half of their joint accelerations.
     """
 
+    braking: BrakingParameters
     _looked: tuple[Distances, float, Array, Array] | None = None
 
     def __init__(

@@ -55,6 +55,9 @@ class Obstacles(BodyMargin):
         A pattern that matches no link.
     """
 
+    margin: float
+    obstacles: tuple[Obstacle, ...]
+
     _fixed = dict.fromkeys(("obstacles", "model"), "make other Obstacles")
 
     def __init__(

@@ -37,6 +37,10 @@ class PositionBox(Margin):
         Bounds that cross, or none at all.
     """
 
+    frame: str
+    lower: Array
+    upper: Array
+
     _fixed = dict.fromkeys(("lower", "upper"), "make another PositionBox")
 
     def __init__(

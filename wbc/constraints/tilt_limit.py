@@ -49,14 +49,18 @@ class TiltLimit(Margin):
         An angle out of range, or an axis of no length.
     """
 
+    frame: str
+    angle: float
+    axis: Array
+
     _fixed = dict.fromkeys(("frame", "axis"), "make another TiltLimit")
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def _set_attribute(self, name: str, value: Any) -> None:
         if name == "angle":
             value = finite_number(f"{self.name}, angle", value, above=0.0)
             if value >= np.pi:
                 raise InvalidInputError(f"{self.name}, angle: must be below pi, got {value:g} rad")
-        super().__setattr__(name, value)
+        super()._set_attribute(name, value)
 
     def __init__(
         self,

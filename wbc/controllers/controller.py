@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from wbc.attributes import DeclaredAttributes
 from wbc.constraints.collision import SelfCollision
 from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import mechanics_of
@@ -50,7 +51,6 @@ from wbc.qp.problem import check_qp
 from wbc.qp.solution import RawSolution, Solution, Status
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.returned import deviation_of, residual_of
-from wbc.tasks.sealed import Fixed
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only, time_step
 
@@ -58,7 +58,7 @@ from wbc.validate import Array, finite_number, read_only, time_step
 FORMULATIONS = ("equality", "reduced")
 
 
-class Controller(Fixed, ABC):
+class Controller(DeclaredAttributes, ABC):
     """Tasks, contacts, limits and margins as one QP per level and tick.
 
     Parameters
@@ -105,9 +105,20 @@ class Controller(Fixed, ABC):
         A part that is none, was made for another robot, or has the name of another.
     """
 
+    robot: Robot
+    limits: Limits | None
+    dt: float
+    damping: float
+    joint_weights: Array
+    backend: Backend
+    formulation: str
+    on_failure: str
+    plan: Plan
+    slacks: Slacks
     tasks: tuple[Task, ...]
     contacts: tuple[Task, ...]
     constraints: tuple[Constraint, ...]
+    deadline: float | None
 
     _fixed = parts.PLANNED
     _policies: tuple[str, ...] = POLICIES

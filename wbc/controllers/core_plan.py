@@ -110,7 +110,7 @@ class CorePlan:
         self._python = {id(part.task): part for part in python}
         given = (part.task for part in python)
         self.python_tasks = tuple(task for task in given if not isinstance(task, ForceTask))
-        self.force_tasks, self.plan = tuple(forces), plan
+        self.force_tasks, self.plan, self._robot = tuple(forces), plan, robot
         self._dt, self._lock = dt, threading.Lock()
         self._limits, self._rates = limits, _rates(limits)
         self._workspace = False, *plan.workspace
@@ -196,6 +196,8 @@ class CorePlan:
             for one in given:
                 if not self._python[id(one.task)].fill(one):
                     return None
+            if memory.forces is not None and self._robot.passive:
+                memory.forces.load[:] = self._robot.passive_forces(snapshot.q, snapshot.v)
             if bounds is not None or memory.struct.given_rows:
                 memory.write_bounds(bounds)
             called = perf_counter()

@@ -89,6 +89,7 @@ class NativeForces:
         self.most = np.array(rows.most, dtype=float)
         self.limits = np.concatenate((forces.lower, forces.upper))
         self.joint_damping = np.array(joint_damping, dtype=float)
+        self.load = np.zeros(6 + joint_damping.size)
         cones = forces.bounds()
         self.cones = len(cones.labels)
         self.cone = np.concatenate((cones.matrix.ravel(), cones.lower, cones.upper))
@@ -101,6 +102,7 @@ class NativeForces:
             "cone": self.cone,
             "force_bound": self.limits,
             "joint_damping": self.joint_damping,
+            "load": self.load,
         }
         self._ramps: Mapping[str, float] = {}
         self.stale = False

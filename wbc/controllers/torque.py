@@ -12,7 +12,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -41,6 +41,7 @@ from wbc.errors import ControllerFailure
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, doubt_at_torque_level
 from wbc.robot import Robot, Snapshot
+from wbc.robot.model import check_robot
 from wbc.tasks.returned import drift_of, rows_of
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
@@ -92,6 +93,11 @@ class TorqueController(Controller):
         one and has an effort limit of its own to keep.
     """
 
+    force_damping: float
+    force_ramp: float
+    torque_bounds: Array  # of the joints (nv - 6,) [N m]
+    contact_forces: ContactForces
+
     _fixed = PLANNED | dict.fromkeys(("torque_bounds", "force_damping"), ANOTHER)
     _policies = POLICIES
     _bears = True
@@ -116,6 +122,7 @@ class TorqueController(Controller):
         on_failure: str = "damp",
         deadline: float | None = None,
     ) -> None:
+        check_robot(type(self).__name__, robot)
         for task in tasks:
             if isinstance(task, Task) and task.singular_threshold > 0.0:
                 logging.getLogger(__name__).warning(
@@ -147,6 +154,10 @@ class TorqueController(Controller):
             logging.getLogger(__name__).warning(
                 "controller: %s; what it leaves, the core's 'active_set' answers", doubt
             )
+
+    def step(self, snapshot: Snapshot) -> TorqueTick:
+        """Return the command for ``snapshot``, torques in it; see :meth:`Controller.step`."""
+        return cast(TorqueTick, super().step(snapshot))
 
     def set_contacts(self, contacts: Sequence[Task], ramp: float | None = None) -> None:
         """Change what is held; forces come and go over ``ramp`` seconds, so that no torque jumps.

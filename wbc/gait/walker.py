@@ -19,7 +19,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -234,7 +234,7 @@ class Walker:
 
     def step(self, snapshot: Snapshot, forces: Mapping[str, ArrayLike] | None = None) -> TorqueTick:
         """Return the command for ``snapshot``; see :meth:`prepare`."""
-        return cast(TorqueTick, self.prepare(snapshot, forces).step(snapshot))
+        return self.prepare(snapshot, forces).step(snapshot)
 
     def prepare(
         self, snapshot: Snapshot, forces: Mapping[str, ArrayLike] | None = None

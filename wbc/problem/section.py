@@ -151,8 +151,6 @@ def leaves(section: type[BaseModel]) -> Iterator[type[BaseModel]]:
 
 def default_of(maker: Callable[..., Any], parameter: str) -> Any:
     """Return the default that a class or function gives a parameter: sections repeat none."""
-    if isinstance(maker, type):  # whatever its metaclass calls
-        maker = maker.__init__  # type: ignore[misc]
     return inspect.signature(maker).parameters[parameter].default
 
 

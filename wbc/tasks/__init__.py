@@ -9,6 +9,7 @@ from wbc.tasks.distance import DistanceTask
 from wbc.tasks.force_task import Affine, Dynamics, ForceTask
 from wbc.tasks.frame import OrientationTask, PoseTask
 from wbc.tasks.inertia import InertiaTask
+from wbc.tasks.keywords import Gains
 from wbc.tasks.momentum import MomentumTask
 from wbc.tasks.point import ComTask, PositionTask
 from wbc.tasks.posture import PostureTask
@@ -28,6 +29,7 @@ __all__ = [
     "Dynamics",
     "ForceRateTask",
     "ForceTask",
+    "Gains",
     "InertiaTask",
     "LoadShareTask",
     "MomentumTask",

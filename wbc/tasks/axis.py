@@ -27,6 +27,9 @@ class AxisTask(Task):
     the opposite direction is a saddle rather than a second rest point.
     """
 
+    frame: str
+    axis: Array  # unit, (3,), in the frame's axes
+
     def __init__(
         self,
         robot: Robot,

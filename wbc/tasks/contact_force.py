@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
+from wbc.robot.model import check_robot
 from wbc.tasks.force_task import WRENCH, Affine, Dynamics, ForceTask, no_force
 from wbc.validate import by_name, names_of
 
@@ -29,6 +30,8 @@ class ContactForceTask(ForceTask):
     name:
         ``"<frame> force"`` unless given.
     """
+
+    frame: str
 
     def __init__(
         self,
@@ -72,6 +75,8 @@ class LoadShareTask(ForceTask):
     shares:
         By frame, not negative, in proportion: ``{"left_sole": 2, "right_sole": 1}``.
     """
+
+    frames: tuple[str, ...]
 
     def __init__(
         self,
@@ -123,6 +128,8 @@ class ForceRateTask(ForceTask):
         On the change per tick, see :class:`~wbc.tasks.force_task.ForceTask`.
     """
 
+    frames: tuple[str, ...]
+
     def __init__(
         self,
         robot: Robot,
@@ -132,6 +139,7 @@ class ForceRateTask(ForceTask):
         weight: ArrayLike = 0.1,
         priority: int = 0,
     ) -> None:
+        check_robot(type(self).__name__, robot)
         if frames is None:
             frames = [foot.frame for foot in robot.feet.values()]
         frames = names_of(f"task {name!r}, frames", frames)

@@ -27,6 +27,8 @@ class CopTask(ForceTask):
         Of the contact; None for all.
     """
 
+    frame: str | None
+
     def __init__(
         self,
         robot: Robot,

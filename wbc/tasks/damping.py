@@ -11,7 +11,8 @@ from wbc.errors import InvalidInputError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
-from wbc.tasks.keywords import OF_ERRORS, LawKeywords
+from wbc.robot.model import check_robot
+from wbc.tasks.keywords import OF_ERRORS, RateKeywords
 from wbc.tasks.task import Task
 from wbc.validate import Array, by_name, finite_number, read_only
 
@@ -48,8 +49,9 @@ class DampingTask(Task):
         name: str = "damping",
         weight: float = 1.0,
         priority: int = 0,
-        **law: Unpack[LawKeywords],
+        **law: Unpack[RateKeywords],
     ) -> None:
+        check_robot(type(self).__name__, robot)
         factors = np.ones(robot.nv)
         factors[:BASE_NV] = float(base)
         for pattern, factor in by_name(f"task {name!r}, joints", joints or {}).items():

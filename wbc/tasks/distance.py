@@ -40,6 +40,9 @@ class DistanceTask(Task):
         The two frames are one, or the distance is negative.
     """
 
+    frame: str
+    other: str
+
     def __init__(
         self,
         robot: Robot,

@@ -32,6 +32,8 @@ class OrientationTask(Task):
     less than half a turn, at which the way back is not unique.
     """
 
+    frame: str
+
     def __init__(
         self,
         robot: Robot,
@@ -95,6 +97,8 @@ class PoseTask(PlacementTask):
 
     Position (3,) [m], rotation (3, 3) and, if they move, their rates are in world axes.
     """
+
+    frame: str
 
     def __init__(
         self,

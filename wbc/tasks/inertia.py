@@ -76,6 +76,11 @@ class InertiaTask(Task):
     error over all six is the Frobenius norm of ``actual - target``.
     """
 
+    frame: str
+    about: str | tuple[float, ...]
+    per_mass: bool
+    second_order: bool
+
     def __init__(
         self,
         robot: Robot,

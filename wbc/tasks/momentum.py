@@ -12,7 +12,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
-from wbc.tasks.keywords import OF_ERRORS, Gains
+from wbc.tasks.keywords import OF_ERRORS, RateGains
 from wbc.tasks.task import Task
 from wbc.validate import Array, names_of, read_only
 
@@ -48,7 +48,7 @@ class MomentumTask(Task):
         *,
         components: Sequence[str] = LINEAR + ANGULAR,
         name: str = "momentum",
-        **law: Unpack[Gains],
+        **law: Unpack[RateGains],
     ) -> None:
         components = names_of("momentum task, components", components)
         for component in components:
@@ -67,8 +67,8 @@ class MomentumTask(Task):
         """Set the wanted momentum and its rate (force [N] and moment [N m] about the CoM)."""
         goal = self._target(target, (6,))
         self._set_rates((6,), rate)
-        self._goal = goal
-        self._bias = read_only(-goal[self._selected])
+        bias = read_only(-goal[self._selected])
+        self._assign(_goal=goal, _bias=bias, _changes=self._changes + 1)  # rows are read anew
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return a zero error whose rate is momentum minus target."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.attributes import ArrayAttribute
 from wbc.errors import InvalidInputError
 from wbc.rotations import check_rotation
 from wbc.tasks.task import Task
@@ -16,18 +17,18 @@ from wbc.validate import Array, finite_array, read_only
 class PlacementTask(Task):
     """A task whose target is a position and a rotation; to assign one keeps the other, at rest."""
 
-    position: Array  # wanted, (3,) [m], read-only
-    rotation: Array  # wanted, (3, 3), read-only
+    position: ArrayAttribute  # wanted, (3,) [m], read-only
+    rotation: ArrayAttribute  # wanted, (3, 3), read-only
     _bias: Array  # (3,) of the position
     _drift: Array  # (3,) of the position
     _turn_rate: Array  # (3,) how the rotation moves
     _turn_acceleration: Array  # (3,)
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def _set_attribute(self, name: str, value: Any) -> None:
         if name in ("position", "rotation"):
             self.set_target(**{"position": self.position, "rotation": self.rotation, name: value})
         else:
-            super().__setattr__(name, value)
+            super()._set_attribute(name, value)
 
     def set_target(
         self,

@@ -15,6 +15,7 @@ from wbc.errors import UnknownNameError
 from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
+from wbc.robot.model import check_robot
 from wbc.tasks.keywords import Gains
 from wbc.tasks.task import Aim, Task
 from wbc.validate import Array, names_of, read_only
@@ -153,6 +154,8 @@ class PositionTask(PointTask):
     ``lm_damping``, here and in the other tasks of frames.
     """
 
+    frame: str
+
     def __init__(
         self,
         robot: Robot,
@@ -163,6 +166,7 @@ class PositionTask(PointTask):
         name: str | None = None,
         **law: Unpack[Gains],
     ) -> None:
+        check_robot(type(self).__name__, robot)
         robot.frame_id(frame)  # an unknown frame is an error now, not at the first tick
         self.frame = frame
         super().__init__(robot, name or f"{frame} position", target, axes, **law)

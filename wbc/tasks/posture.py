@@ -14,6 +14,7 @@ from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
+from wbc.robot.model import check_robot
 from wbc.tasks.keywords import LawKeywords
 from wbc.tasks.task import Task
 from wbc.validate import Array, by_name, finite_number, read_only
@@ -48,6 +49,7 @@ class PostureTask(Task):
         priority: int = 0,
         **law: Unpack[LawKeywords],
     ) -> None:
+        check_robot(type(self).__name__, robot)
         factors = _factors(robot, joints or {}, name)
         chosen = np.flatnonzero(factors > 0.0)
         if chosen.size == 0:

@@ -39,6 +39,8 @@ class PrincipalInertiaTask(Task):
     :func:`turning_ratios`).
     """
 
+    per_mass: bool
+
     def __init__(
         self,
         robot: Robot,

@@ -48,6 +48,9 @@ class RelativePoseTask(PlacementTask):
         The two frames are one, or the rotation is none.
     """
 
+    frame: str
+    relative_to: str
+
     def __init__(
         self,
         robot: Robot,

@@ -16,21 +16,29 @@ gives the value alone, at rest.
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from inspect import isfunction
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.attributes import ArrayAttribute, DeclaredAttributes
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError, shown
 from wbc.laws import AccelerationLaw, Columns, Residual, VelocityLaw, at_rest
 from wbc.native.rows import NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
-from wbc.tasks.keywords import FIRST_ORDER, SECOND_ORDER, LawKeywords
-from wbc.tasks.sealed import Sealed, check_attribute
+from wbc.tasks.keywords import (
+    FIRST_ORDER,
+    PRIORITY,
+    SECOND_ORDER,
+    WEIGHT,
+    LawKeywords,
+    spell_out,
+)
 from wbc.tasks.weights import checked_weight, warn_if_lost
 from wbc.validate import Array, finite_array, finite_number, names_of, plain_copy, read_only
 
@@ -49,7 +57,7 @@ class Aim(NamedTuple):
     wanted: Array
 
 
-class Task(metaclass=Sealed):
+class Task(DeclaredAttributes, ABC):
     """A quantity to be driven to its target.
 
     Subclasses define :meth:`residual`; for the torque level :meth:`drift` too.
@@ -95,6 +103,11 @@ class Task(metaclass=Sealed):
         A keyword that no law has.
     """
 
+    robot: Robot
+    name: str
+    rows: tuple[str, ...]
+    weight: ArrayAttribute  # a plain one, since it is read in every tick
+    priority: int
     law: VelocityLaw
     acceleration_law: AccelerationLaw
     target_rate: Array
@@ -110,15 +123,19 @@ class Task(metaclass=Sealed):
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         cls._tested = cls.__module__.startswith("wbc.")
+        made_by = cls.__dict__.get("__init__")
+        if isfunction(made_by):
+            spell_out(made_by)
 
+    @spell_out
     def __init__(
         self,
         robot: Robot,
         name: str,
         rows: Iterable[str],
         *,
-        weight: ArrayLike = 1.0,
-        priority: int = 0,
+        weight: ArrayLike = WEIGHT,
+        priority: int = PRIORITY,
         **law: Unpack[LawKeywords],
     ) -> None:
         check_robot(type(self).__name__, robot)
@@ -150,8 +167,7 @@ class Task(metaclass=Sealed):
     def __str__(self) -> str:
         return f"{self._kind} {self.name!r}"
 
-    def __setattr__(self, name: str, value: object) -> None:
-        check_attribute(self, name)
+    def _set_attribute(self, name: str, value: Any) -> None:
         if name == "weight":
             value = checked_weight(str(self), value, len(self.rows))
             if "weight" in self.__dict__:
@@ -163,17 +179,8 @@ class Task(metaclass=Sealed):
             raise InvalidInputError(
                 f"{self}, {name}: goes with the target: set_target(target, rate, acceleration)"
             )
-        object.__setattr__(self, name, value)
+        super()._set_attribute(name, value)
         self.__dict__["_changes"] = self._changes + 1
-
-    if TYPE_CHECKING:  # a plain attribute, since it is read in every tick
-
-        @property
-        def weight(self) -> Array:
-            """Factors (k,) on the rows."""
-
-        @weight.setter
-        def weight(self, value: ArrayLike) -> None: ...
 
     def switch_off(self) -> None:
         """Set the weight to 0 on purpose: the task does nothing until it is given one again."""

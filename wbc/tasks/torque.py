@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
+from wbc.robot.model import check_robot
 from wbc.tasks.force_task import Affine, Dynamics, ForceTask
 from wbc.validate import by_name, finite_number, names_of, real_array
 
@@ -36,6 +37,7 @@ class TorqueTask(ForceTask):
         weight: ArrayLike = 0.03,
         priority: int = 0,
     ) -> None:
+        check_robot(type(self).__name__, robot)
         patterns = names_of(f"task {name!r}, joints", joints)
         chosen = {k for pattern in patterns for k in robot.joint_indices(pattern)}
         self._joints = sorted(k - BASE_NV for k in chosen)

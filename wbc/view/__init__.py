@@ -43,14 +43,16 @@ _PICTURES = {
 _LIVE = {"Viewer": "wbc.view.live.viewer"}
 
 
-def __getattr__(name: str) -> Any:
-    if name in _PICTURES:
-        require("matplotlib", f"wbc.view.{name}")
-        return getattr(import_module(_PICTURES[name]), name)
-    if name in _LIVE:
-        require("viser", f"wbc.view.{name}")
-        return getattr(import_module(_LIVE[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+if not TYPE_CHECKING:  # to a checker, a module with this function has every name
+
+    def __getattr__(name: str) -> Any:
+        if name in _PICTURES:
+            require("matplotlib", f"wbc.view.{name}")
+            return getattr(import_module(_PICTURES[name]), name)
+        if name in _LIVE:
+            require("viser", f"wbc.view.{name}")
+            return getattr(import_module(_LIVE[name]), name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

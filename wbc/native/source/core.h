@@ -165,6 +165,7 @@ typedef struct {
     const double *cone;          /* (cones, forces), lower (cones), upper (cones) */
     const double *force_bound;   /* (2, forces): lower, upper */
     const double *joint_damping; /* (nv - 6) [N m s/rad] */
+    const double *load;          /* (nv) forces that nobody commands: of springs [N, N m] */
     const double *given; /* inequality rows on v+ that were worked out by others: matrix (given_rows, nv),
                           * lower, upper, and how far they give way by their multipliers (given_rows) */
     const double *push;  /* what they push at, as a cost that outweighs all others: matrix (pushes, nv),

@@ -206,7 +206,7 @@ static void add_dynamics(const wbc_plan *plan, const double *frames, const doubl
     const int64_t nv = plan->tree->nv, n = qp->n, f = plan->forces;
     const double *cone = plan->cone, *least = cone + plan->cones * f, *most = least + plan->cones;
     for (int64_t i = 0; i < nv; i++) {
-        double *row = qp->D + i * n, sum = motion[BIAS(nv) + i] / plan->unit;
+        double *row = qp->D + i * n, sum = (motion[BIAS(nv) + i] - plan->load[i]) / plan->unit;
         for (int64_t c = 0; c < nv; c++) {
             row[c] = motion[i * nv + c] / plan->mass;
             sum -= row[c] * v[c];

@@ -1,0 +1,59 @@
+"""Attributes that are declared: one that is not, most likely misspelt, cannot be assigned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from inspect import get_annotations
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError, suggest
+from wbc.validate import Array
+
+
+class ArrayAttribute(Protocol):
+    """For type checkers, an attribute that is read as an array and takes whatever makes one."""
+
+    def __get__(self, owner: object, kind: type | None = None) -> Array: ...
+    def __set__(self, owner: object, value: ArrayLike) -> None: ...
+
+
+class DeclaredAttributes:
+    """Objects of this package, which take no attribute that their class does not declare.
+
+    What a class annotates or defines is declared; what begins with _ is the object's own. Classes
+    derived elsewhere take any attribute, as Python's do: their own are not known here.
+    """
+
+    _declared: ClassVar[frozenset[str]] = frozenset()
+    _fixed: ClassVar[Mapping[str, str]] = {}  # read when made only; by name: what to do instead
+    _takes_any: ClassVar[bool] = False
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls._takes_any = not cls.__module__.startswith("wbc.")
+        cls._declared = frozenset(dir(cls)).union(*map(get_annotations, cls.__mro__))
+        if "_set_attribute" in cls.__dict__:  # every assignment passes here: no call in between
+            cls.__setattr__ = cls._set_attribute  # type: ignore
+
+    def _set_attribute(self, name: str, value: object) -> None:
+        """Assign an attribute; what has to be checked or followed is checked by those derived.
+
+        Raises
+        ------
+        InvalidInputError
+            It is not declared, or it is only read when the object is made: assigning it would
+            change nothing.
+        """
+        if name in self._declared:
+            if name in self._fixed and name in self.__dict__:
+                raise InvalidInputError(f"{self!r}: {name} cannot be assigned; {self._fixed[name]}")
+        elif not (self._takes_any or name.startswith("_")):
+            names = [key for key in self._declared if not key.startswith("_")]
+            hint = suggest(name, names, listed=0)
+            raise InvalidInputError(f"{self} has no attribute {name!r}{hint}")
+        object.__setattr__(self, name, value)
+
+    if not TYPE_CHECKING:  # a checker that sees this method lets every name be assigned
+        __setattr__ = _set_attribute
