@@ -93,5 +93,5 @@ def _compiled(build: Any, *arguments: Any) -> str:
     except SystemExit as error:
         raise CoreBuildError(
             f"wbc's core (wbc/native/source) could not be compiled by {command!r}, whose words are"
-            f" above: {error}. Another compiler is chosen by the environment variable CC"
+            " above. Another compiler is chosen by the environment variable CC"
         ) from error
