@@ -34,8 +34,8 @@ class DeclaredAttributes:
         super().__init_subclass__(**options)
         cls._takes_any = not cls.__module__.startswith("wbc.")
         cls._declared = frozenset(dir(cls)).union(*map(get_annotations, cls.__mro__))
-        if "_set_attribute" in cls.__dict__:  # every assignment passes here: no call in between
-            cls.__setattr__ = cls._set_attribute  # type: ignore
+        if "_set_attribute" in cls.__dict__:  # no call in between; unseen by checkers, as below
+            type.__setattr__(cls, "__setattr__", cls._set_attribute)
 
     def _set_attribute(self, name: str, value: object) -> None:
         """Assign an attribute; what has to be checked or followed is checked by those derived.
