@@ -47,7 +47,7 @@ from wbc.laws import Residual, Rows
 from wbc.qp.active_set import NAME, NO_RESIDUALS
 from wbc.qp.backend import Backend, backend_of
 from wbc.qp.problem import check_qp
-from wbc.qp.solution import RawSolution, Solution, Status
+from wbc.qp.solution import Solution, Status
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.returned import deviation_of, residual_of
 from wbc.tasks.sealed import Fixed
@@ -348,9 +348,10 @@ class Controller(Fixed, ABC):
         found.done = perf_counter()
 
     def _nobody(self, found: CoreTick) -> Solution:
-        """Return what is said where the core has no QP to solve."""
-        none = RawSolution.none(found.qp_of(0), Status.FAILED, "not measured by the core")
-        return Solution(*none[:4], none.claim, NO_RESIDUALS, 0, 0.0, NAME, message=none.message)
+        """Return what is said where the core has no QP: rows of its margin are not written."""
+        a, message = found.views, "not measured by the core"
+        none = (np.full(one.size, np.nan) for one in (a.x, a.y, a.z, a.z_box))
+        return Solution(*none, Status.FAILED, NO_RESIDUALS, 0, 0.0, NAME, message=message)
 
     def _is_over(self, begun: float) -> bool:
         """Whether the deadline of a tick that began then is over."""
