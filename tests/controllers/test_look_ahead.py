@@ -58,11 +58,15 @@ class Slow(Constraint):
         return Bounds((f"speed {k}",), matrix, -bound, bound)
 
 
-def moving(robot: Robot, constraint: Slow, joint: str) -> KinematicController:
+def moving(
+    robot: Robot, constraint: Slow, joint: str, deadline: float | None = None
+) -> KinematicController:
     q = robot.posture("standing", {joint: -0.2}, on_ground=False)
     limits = Limits(robot, acceleration=1e4)
     task = PostureTask(robot, q)
-    return KinematicController(robot, [task], limits=limits, constraints=[constraint], dt=DT)
+    return KinematicController(
+        robot, [task], limits=limits, constraints=[constraint], dt=DT, deadline=deadline
+    )
 
 
 @pytest.fixture

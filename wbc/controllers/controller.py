@@ -350,8 +350,8 @@ class Controller(Fixed, ABC):
     def _nobody(self, found: CoreTick) -> Solution:
         """Return what is said where the core has no QP: rows of its margin are not written."""
         a, message = found.views, "not measured by the core"
-        none = (np.full(one.size, np.nan) for one in (a.x, a.y, a.z, a.z_box))
-        return Solution(*none, Status.FAILED, NO_RESIDUALS, 0, 0.0, NAME, message=message)
+        x, y, z, box = (np.full(one.size, np.nan) for one in (a.x, a.y, a.z, a.z_box))
+        return Solution(x, y, z, box, Status.FAILED, NO_RESIDUALS, 0, 0.0, NAME, message=message)
 
     def _is_over(self, begun: float) -> bool:
         """Whether the deadline of a tick that began then is over."""
