@@ -25,11 +25,11 @@ from time import thread_time
 from typing import Any, NamedTuple
 
 import numpy as np
-
-import wbc
 from wbc.controllers.native_memory import NativeMemory
 from wbc.controllers.native_plan import NativePlan
 from wbc.controllers.native_tick import NativeController
+
+import wbc
 from wbc.qp import QP, ProxQP, native
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.elimination import eliminate

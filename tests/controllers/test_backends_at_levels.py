@@ -53,7 +53,7 @@ def test_solvers_of_which_nothing_is_said_solve_torque_ticks(
 def test_what_osqp_leaves_is_said_before_and_when_the_core_answers(robot_named, caplog) -> None:
     """Once each, though it is many ticks; every tick is answered, and says by whom."""
     seen = who_answered(robot_named("hoap2_like"), "osqp", 20)
-    assert seen["active_set"] > 5 and {*seen} <= {"osqp", "active_set"}
+    assert seen["active_set"] >= 1 and {*seen} <= {"osqp", "active_set"}
     told = [record.getMessage() for record in caplog.records if "'osqp'" in record.getMessage()]
     assert len(told) == 2
     assert "torque level" in told[0] and "'active_set' answers" in told[0]

@@ -5,7 +5,7 @@ import pytest
 
 import wbc
 from tests.needs import needs_bench
-from tests.qp.conflicts import blamed_in_vain
+from tests.qp.conflicts import blamed_in_vain, only, worst_miss
 from wbc.constraints.contact import Contact
 from wbc.qp import Status
 
@@ -51,3 +51,31 @@ def test_conflicts_of_wild_ticks_are_true_in_both_formulations(
     robot_named, formulation: str
 ) -> None:
     assert conflicts_of(robot_named("hoap2_like"), formulation, "proxqp", 12) >= LEAST
+
+
+def test_conflicts_of_relaxed_ticks_are_true(robot_named) -> None:
+    """Of the QP in which all is hard, which the core sets up again: feet that drag, weak motors."""
+    robot, rng = robot_named("hoap2_like"), np.random.default_rng(3)
+    start = robot.snapshot(robot.posture("standing"))
+    proved = 0
+    for k in range(14):
+        turn = np.concatenate((np.zeros(6), 0.2 * rng.normal(size=robot.nv - 6)))
+        here = robot.snapshot(robot.integrate(start.q, turn, 1.0), rng.normal(size=robot.nv))
+        one = wbc.TorqueController(
+            robot, [wbc.PostureTask(robot, start.q)], contacts=wbc.support(start, "double"),
+            limits=wbc.Limits(robot), torque_limits=(1.0, 0.1)[k % 2],
+        )  # fmt: skip
+        tick = one.step(here)
+        if tick.policy != "relax":
+            assert tick.conflict is None and tick.refuted is None
+            continue
+        assert not tick.refuted.solved
+        if tick.conflict is None:
+            assert tick.refuted.status is not Status.INFEASIBLE
+            continue
+        proved += 1
+        assert tick.refuted.status is Status.INFEASIBLE
+        assert tick.conflict.describe() in tick.report()
+        hard = one.core.tick(here, solve=False).qp_of(0)
+        assert worst_miss(only(hard, list(tick.conflict.rows))) > 1e-9, tick.report()
+    assert proved >= LEAST

@@ -1,11 +1,13 @@
 """Strict priorities against the null-space recursion, and what a level may not do."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
-from wbc.controllers.levels import Outcome
+from wbc.controllers.outcome import Outcome
 from wbc.qp import QP, Status
 from wbc.qp.active_set import ActiveSet
 from wbc.robot.tree import LARGEST
@@ -155,12 +157,14 @@ def test_bounds_that_hold_a_level_leave_the_next_one_room(robot_named, rng, solv
 def test_what_is_outside_the_limits_is_no_answer(x: list[float], said: str | None) -> None:
     """By more than 1e-6; what is behind the velocity has limits of its own."""
     upper = np.array([1.0, np.inf, 1.0])
-    qp = QP.build(np.eye(3), np.zeros(3), lower=-np.ones(3), upper=upper)
-    solution = ActiveSet().solve(qp)._replace(x=np.array(x))
-    found = Outcome(qp, solution, qp, 2, 0.0, {}).within_limits("ab")
-    assert found.solved is (said is None)
+    solution = ActiveSet().solve(QP.build(np.eye(3), np.zeros(3), lower=-np.ones(3), upper=upper))
+    found = SimpleNamespace(
+        velocity=np.array(x[:2]), box=(-np.ones(2), upper[:2]), solution=solution
+    )
+    outcome = Outcome(found).within_limits(("a", "b", "force"))
+    assert outcome.solved is (said is None)
     if said is not None:
-        assert found.solution.status is Status.CONTRADICTED
-        assert found.solution.message.startswith(said)
-    unsolved = Outcome(qp, solution._replace(status=Status.FAILED), qp, 2, 0.0, {})
-    assert unsolved.within_limits("ab") is unsolved
+        assert outcome.solution.status is Status.CONTRADICTED
+        assert outcome.solution.message.startswith(said)
+    unsolved = Outcome(found, solution._replace(status=Status.FAILED))
+    assert unsolved.within_limits(("a", "b", "force")) is unsolved

@@ -8,51 +8,63 @@ import pytest
 from wbc.constraints import Limits, support
 from wbc.constraints.limits import Box
 from wbc.constraints.rows import Bounds
+from wbc.controllers import TorqueController
 from wbc.controllers.effort_bounds import StanceBraking
-from wbc.controllers.reachable import (
-    ARRIVAL,
-    BRAKING,
-    MARGIN_BRAKING,
-    SETTLE,
-    arrival_box,
-    reachable_rows,
-)
+from wbc.controllers.reachable import MARGIN_BRAKING, reachable_rows
 from wbc.laws import Rows
 from wbc.robot import Robot
+from wbc.tasks import PostureTask
 
 DT = 0.002
+A = 10.0  # what joints can brake [rad/s^2]
+# Time constants [s] of joints that are on their way to a limit and too fast for it, and the hardest
+# braking that limits ask for, by A.
+ARRIVAL, SETTLE, BRAKING = 0.02, 0.02, 2.0
 
 
-A = 10.0
+def box_of(limits: Limits) -> Callable[[np.ndarray, np.ndarray], Box]:
+    """Return what ticks keep v+ in by q and v, of a robot in the air without torque bounds."""
+    robot = limits.robot
+    task = PostureTask(robot, robot.posture("standing"))
+    controller = TorqueController(
+        robot, [task], contacts=(), limits=limits, torque_limits=None, dt=DT
+    )
 
+    def box(q: np.ndarray, v: np.ndarray) -> Box:
+        tick = controller.step(robot.snapshot(q, v))
+        assert tick.ok and tick.policy is None, tick.report()
+        return tick.qp.lower[: robot.nv], tick.qp.upper[: robot.nv]
 
-def bounds(limits: Limits, q: np.ndarray, v: np.ndarray, slow: float = A) -> Box:
-    snapshot = limits.robot.snapshot(q, v)
-    return arrival_box(limits, snapshot, np.full(limits.robot.nv - 6, slow), DT)
+    return box
 
 
 def test_boxes_hold_what_braking_can_reach(robot_named: Callable[[str], Robot]) -> None:
     robot = robot_named("hoap2_like")
-    limits, q, v = Limits(robot), robot.posture("standing"), np.zeros(robot.nv)
+    bounds, q, v = (
+        box_of(Limits(robot, acceleration=A)),
+        robot.posture("standing"),
+        np.zeros(robot.nv),
+    )
     q[7] = robot.limits.upper[0]
     v[6] = 3.0
-    lower, upper = bounds(limits, q, v)
-    assert upper[6] == 3.0 - BRAKING * A * DT  # braked as hard as it can be
+    lower, upper = bounds(q, v)
+    assert upper[6] == pytest.approx(3.0 - BRAKING * A * DT)  # braked as hard as it can be
     assert lower[6] < upper[6]
     v[6], q[7] = 0.0, robot.limits.upper[0] + 1e-4
-    assert bounds(limits, q, v)[1][6] == pytest.approx(-1e-4 / ARRIVAL * DT / SETTLE)  # it is back
+    assert bounds(q, v)[1][6] == pytest.approx(-1e-4 / ARRIVAL * DT / SETTLE)  # it is back
 
 
 def test_no_state_leaves_an_empty_box(robot_named: Callable[[str], Robot]) -> None:
     robot, rng = robot_named("hoap2_like"), np.random.default_rng(4)
     kinds = [Limits(robot), Limits(robot, braking="bounded", velocity=None, acceleration=np.inf)]
+    boxes = [box_of(limits) for limits in kinds]
     for _ in range(200):
         q = robot.posture("standing")
         q[7:] = rng.uniform(-4.0, 4.0, robot.nv - 6)
         v = rng.normal(size=robot.nv) * 10.0 ** rng.uniform(-6.0, 2.0)
-        slow = 10.0 ** rng.uniform(-1.0, 3.0)
-        for limits in kinds:
-            lower, upper = bounds(limits, q, v, slow)
+        kinds[0].acceleration = 10.0 ** rng.uniform(-1.0, 3.0)
+        for bounds in boxes:
+            lower, upper = bounds(q, v)
             assert (lower <= upper).all()
 
 
@@ -62,11 +74,15 @@ def test_joints_arrive_by_one_deceleration(
 ) -> None:
     """Moved by what is allowed, the acceleration held over a tick, as motors and physics do."""
     robot = robot_named("hoap2_like")
-    limits, q, v = Limits(robot), robot.posture("standing"), np.zeros(robot.nv)
+    bounds, q, v = (
+        box_of(Limits(robot, acceleration=A)),
+        robot.posture("standing"),
+        np.zeros(robot.nv),
+    )
     most, left, used = robot.limits.upper[0], [], []
     q[7], v[6] = most - speed * ARRIVAL - speed**2 / (2.0 * A), speed
     for _ in range(500):
-        asked = bounds(limits, q, v)[1][6]
+        asked = bounds(q, v)[1][6]
         used.append((asked - v[6]) / DT)
         q[7] += 0.5 * DT * (v[6] + asked)
         v[6] = asked
@@ -81,11 +97,12 @@ def test_joints_arrive_by_one_deceleration(
 def test_small_errors_ask_for_small_accelerations(robot_named: Callable[[str], Robot]) -> None:
     """Joints at the end of their range, where contacts leave them 1e-2 rad/s and 1e-4 rad off."""
     robot, rng = robot_named("hoap2_like"), np.random.default_rng(1)
-    limits, q, v = Limits(robot), robot.posture("standing"), np.zeros(robot.nv)
+    limits = Limits(robot, acceleration=1e3)
+    bounds, q, v = box_of(limits), robot.posture("standing"), np.zeros(robot.nv)
     for _ in range(50):
         off, rate = rng.normal(size=2) * [1e-4, 1e-2]
         q[7], v[6] = robot.limits.upper[0] - off, rate
-        asked = (bounds(limits, q, v, 1e3)[1][6] - rate) / DT
+        asked = (bounds(q, v)[1][6] - rate) / DT
         assert abs(asked) < 1.2 * (abs(rate) * (1 / SETTLE + 1 / ARRIVAL) + abs(off) / ARRIVAL**2)
 
 

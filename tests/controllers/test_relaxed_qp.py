@@ -10,11 +10,12 @@ from wbc.constraints.contact import Contact
 from wbc.constraints.mechanics import BoltedBase
 from wbc.constraints.rows import Bounds
 from wbc.controllers import TorqueController, relaxation
-from wbc.controllers.plan import Decision, Physics, Plan
-from wbc.controllers.relaxation import given_way, relaxed_qp
+from wbc.controllers.plan import Decision, Plan
+from wbc.controllers.relaxation import Physical, given_way, relaxed_qp
 from wbc.controllers.slack import Slacks
 from wbc.laws import Rows
 from wbc.qp import QP
+from wbc.qp.problem import Labels
 from wbc.robot import Robot
 from wbc.tasks import PostureTask
 
@@ -28,6 +29,29 @@ def robot(robot_named) -> Robot:
 
 def rows_of(rng: np.random.Generator, k: int, n: int) -> Rows:
     return Rows(rng.normal(size=(k, n)), rng.normal(size=k), rng.uniform(0.5, 3.0, k))
+
+
+def qp_of(plan: Plan, tasks, equalities, rows: Bounds | None, box, rest) -> QP:
+    """Return the QP of some rows, written out; rest is where x is damped to."""
+    decision = plan.decision
+
+    def wide(matrix: np.ndarray) -> np.ndarray:
+        return np.hstack((matrix, np.zeros((len(matrix), decision.size - matrix.shape[1]))))
+
+    P, g = np.diag(decision.damping), -decision.damping * rest
+    for row in tasks:
+        J = wide(row.weight[:, None] * row.matrix)
+        P, g = P + J.T @ J, g - (row.weight * row.target) @ J
+    given = {} if rows is None else {"C": rows.matrix, "l": rows.lower, "u": rows.upper}
+    names = () if rows is None else rows.labels
+    qp = QP.build(
+        P, g, **given,
+        A=np.vstack([np.zeros((0, decision.size)), *(wide(row.matrix) for row in equalities)]),
+        b=np.concatenate([np.zeros(0), *(row.target for row in equalities)]),
+        lower=np.concatenate((box[0], decision.lower)),
+        upper=np.concatenate((box[1], decision.upper)),
+    )  # fmt: skip
+    return qp._replace(labels=Labels(plan.labels[0].equality, names, decision.names))
 
 
 def outside(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
@@ -64,9 +88,9 @@ def test_costs_are_those_declared(robot: Robot, rng, bounded: bool) -> None:
     tasks = [rows_of(rng, 5, nv), rows_of(rng, 3, n)]
     held = [rows_of(rng, 6, nv), rows_of(rng, 6, nv)]
     equalities = rows_of(rng, 6, n)
-    cone = Bounds(("cone a", "cone b"), rng.normal(size=(2, n)), np.full(2, -np.inf), np.ones(2))
+    ends = np.array([-np.inf, 0.5]), np.ones(2)  # the second must bear something
+    cone = Bounds(("cone a", "cone b"), rng.normal(size=(2, n)), *ends)
     rest = rng.normal(size=n)
-    physics = Physics([equalities], cone if bounded else None, [], rest)
     own_slack = np.array([0.3, np.inf])
     margins = [
         Bounds(("m a", "m b"), rng.normal(size=(2, nv)), np.full(2, -0.1), np.full(2, np.inf)),
@@ -76,7 +100,11 @@ def test_costs_are_those_declared(robot: Robot, rng, bounded: bool) -> None:
     ]  # fmt: skip
     lower, upper = np.full(nv, -np.inf), np.full(nv, np.inf)
     lower[6:10], upper[8:12] = -0.5, 0.4
-    relaxed = relaxed_qp(plan, tasks, held, (lower, upper), margins, physics)
+    hard_rows = cone if bounded else None
+    given = qp_of(plan, tasks, [equalities, *held], hard_rows, (lower, upper), rest)
+    physical = Physical(6, 2 if bounded else 0, slice(1, 2))
+    unit = max(np.square(row.weight).max() for row in tasks)
+    relaxed = relaxed_qp(plan, given, physical, margins, unit)
     qp = relaxed.qp
     # Hard: what physics and the bolt say, and the cone; forces keep their bounds, v+ has none.
     np.testing.assert_array_equal(qp.A[:6, :n], equalities.matrix)
@@ -87,12 +115,13 @@ def test_costs_are_those_declared(robot: Robot, rng, bounded: bool) -> None:
     hard = [k for k in range(len(qp.l)) if not qp.C[k, n:].any()]
     assert hard == ([0, 1] if bounded else [])
     np.testing.assert_array_equal(qp.C[hard, :n], cone.matrix[: len(hard)])
+    assert (qp.l[hard] == -np.inf).all(), "no foot must be loaded"
+    np.testing.assert_array_equal(qp.u[hard], 1.0)
     np.testing.assert_array_equal(qp.lower[:n], np.r_[np.full(nv, -np.inf), np.zeros(FORCES)])
     assert (qp.upper[:n] == np.inf).all()
     named = [label for k, label in enumerate(qp.labels.inequality) if k not in hard]
     assert named == ["m a", "m b", "m c", "m d", *decision.names[6:12]]
     # Soft: half the squares, weighed as the heaviest row of a task.
-    unit = max(np.square(row.weight).max() for row in tasks)
 
     def cost(x: np.ndarray) -> float:
         def squares(row: Rows) -> float:
@@ -117,12 +146,12 @@ def test_costs_are_those_declared(robot: Robot, rng, bounded: bool) -> None:
         assert cost(point) - least_cost(qp, point) == pytest.approx(constant, rel=1e-9)
     # What is missed is told by name, in its own units, unless it is what solvers leave.
     full = np.concatenate((points[0], np.zeros(qp.g.size - n)))
-    told = given_way(plan, held, relaxed, full)
+    told = given_way(plan, given, physical, relaxed, full)
     values = np.concatenate([row.matrix @ points[0][:nv] - row.target for row in held])
     expected = {name: v for name, v in zip(plan.held.labels, values, strict=True) if abs(v) > 1e-5}
     assert told == pytest.approx(expected)
     full[n + 1], full[n + 2] = 2e-5, 0.5e-5
-    told = given_way(plan, held, relaxed, full)
+    told = given_way(plan, given, physical, relaxed, full)
     assert told["m b"] == 2e-5 and "m c" not in told
 
 
@@ -134,10 +163,12 @@ def test_weightless_tasks_leave_a_scale_and_no_rows_no_bounds(robot: Robot, rng)
     plan = Plan.of(decision, [PostureTask(robot, here.q)], (), Slacks({}, (), ()))
     idle = rows_of(rng, 3, nv)._replace(weight=np.zeros(3))
     free = np.full(nv, np.inf)
-    qp = relaxed_qp(plan, [idle], [], (-free, free), [], Physics()).qp
+    given = qp_of(plan, [idle], [], None, (-free, free), np.zeros(nv))
+    nothing = Physical(0, 0, slice(0, 0))
+    qp = relaxed_qp(plan, given, nothing, [], 0.0).qp
     assert qp.C.shape == (0, nv) and qp.A.shape == (0, nv)
     one = Bounds(("m",), np.ones((1, nv)), np.zeros(1), np.ones(1))
-    qp = relaxed_qp(plan, [idle], [], (-free, free), [one], Physics()).qp
+    qp = relaxed_qp(plan, given, nothing, [one], 0.0).qp
     assert qp.P[nv, nv] == pytest.approx(1e-6)
 
 
@@ -193,6 +224,7 @@ def test_bodies_cost_by_the_levers_of_the_joints_that_part_them(robot: Robot) ->
                    (), Slacks({}, (), ()))  # fmt: skip
     task = Rows(np.eye(3, nv), np.zeros(3), np.array([1.0, 2.0, 0.5]))
     free = np.full(nv, np.inf)
-    found = relaxed_qp(plan, [task], [], (-free, free), [bodies, frames], Physics())
+    given = qp_of(plan, [task], [], None, (-free, free), np.zeros(nv))
+    found = relaxed_qp(plan, given, Physical(0, 0, slice(0, 0)), [bodies, frames], 4.0)
     expected = [4.0 * 100.0 / lever**2 for lever in (0.03, 0.05, 0.5, 0.03)]
     np.testing.assert_allclose(found.weights, [*expected, 4.0, 4.0, 4.0, 4.0], rtol=1e-12)

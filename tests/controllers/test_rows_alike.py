@@ -1,17 +1,16 @@
 """What must not change an answer: rows that repeat each other, say nothing, or are scaled.
 
-And the linear algebra of levels against pseudo-inverses and a linear program.
+And the linear algebra of ticks against NumPy's eigenvalues and pseudo-inverses.
 """
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog
 
 from wbc.constraints.rows import Bounds, relax_for_contacts
-from wbc.controllers.active_set import ActiveSet, _beside, _positive_kernel, achieved_rows
-from wbc.controllers.plan import convexified
+from wbc.controllers import KinematicController
 from wbc.controllers.singular import reduce_singular
 from wbc.laws import Rows
+from wbc.tasks import InertiaTask
 
 N = 9
 
@@ -91,83 +90,25 @@ def test_one_singular_direction_is_scaled_by_its_square_over_the_threshold(rng) 
         assert found[4] == pytest.approx(s)
 
 
-def test_beside_rows_of_zeros_nothing_is_lost(rng) -> None:
-    """Of a frame that no free joint moves; an IndexError before."""
-    vectors = rng.normal(size=(3, 7))
-    np.testing.assert_array_equal(_beside(np.zeros((2, 7)), vectors), vectors)
-    np.testing.assert_array_equal(_beside(np.zeros((0, 7)), vectors), vectors)
+def test_curvature_is_made_positive_at_its_own_scale(robot_named) -> None:
+    """Eigenvalues become their sizes, at least 1e-5 of the largest; vectors stay.
 
-
-def test_what_lies_beside_rows_is_orthogonal_to_them(rng) -> None:
-    """Oracle: the projector of the pseudo-inverse."""
-    vectors = rng.normal(size=(4, N))
-    A = rng.normal(size=(3, N))
-    for held in (np.zeros((0, N)), A, np.vstack((A, 2.0 * A)), np.vstack((np.zeros(N), A)),
-                 A * [[1e-6], [1.0], [1e6]], rng.normal(size=(N + 2, N))):  # fmt: skip
-        unit = held / np.maximum(np.linalg.norm(held, axis=1), 1e-300)[:, None]
-        expected = vectors - vectors @ np.linalg.pinv(unit, rcond=1e-9) @ unit
-        np.testing.assert_allclose(_beside(held, vectors), expected, atol=1e-9)
-
-
-def in_some_combination(vectors: np.ndarray, k: int) -> bool:
-    """Whether z >= 0 with z_k = 1 and z @ vectors = 0 exists; by HiGHS."""
-    bounds = [(1.0, 1.0) if j == k else (0.0, None) for j in range(len(vectors))]
-    found = linprog(np.zeros(len(vectors)), A_eq=vectors.T, b_eq=np.zeros(vectors.shape[1]),
-                    bounds=bounds)  # fmt: skip
-    return found.status == 0
-
-
-def test_those_returned_take_part_in_a_positive_combination(rng) -> None:
-    """A cone that holds a line, and vectors beside it that do not."""
-    several = 0
-    for _ in range(30):
-        within = rng.normal(size=(4, 2)) @ rng.normal(size=(2, 5))
-        within = np.vstack((within, -rng.uniform(0.5, 2.0, 4) @ within))
-        lone = np.vstack((within, rng.normal(size=(2, 5))))
-        guess = rng.uniform(0.5, 2.0, len(lone))
-        kept = _positive_kernel(lone, guess)
-        assert all(in_some_combination(lone, int(k)) for k in kept)
-        several += len(kept) >= 3
-        assert not {5, 6} & set(kept.tolist())
-        assert _positive_kernel(rng.normal(size=(3, 5)), np.ones(3)).size == 0
-    assert several > 15
-    assert _positive_kernel(np.zeros((0, 5)), np.zeros(0)).size == 0
-    # z is known: all are kept, as are all of a multiple of it.
-    vectors = rng.normal(size=(3, 5))
-    z = np.array([1.0, 2.0, 0.5, 1.0])
-    vectors = np.vstack((vectors, -(z[:3] @ vectors)))
-    for factor in (1.0, 1e-3, 1e3):
-        assert _positive_kernel(vectors, factor * z).tolist() == [0, 1, 2, 3]
-
-
-def test_what_is_achieved_is_kept_but_for_rows_without_weight(rng) -> None:
-    rows, x = task(rng, 4, 0.0), rng.normal(size=N + 3)
-    rows = rows._replace(weight=np.array([1.0, 0.0, 1e-9, 2.0]))
-    (held,) = achieved_rows([rows], x)
-    np.testing.assert_array_equal(held.matrix, rows.matrix[[0, 2, 3]])
-    np.testing.assert_allclose(held.target, rows.matrix[[0, 2, 3]] @ x[:N])
-    np.testing.assert_array_equal(held.weight, 1.0)
-
-
-def test_what_is_active_above_stays_active(rng) -> None:
-    one, other = rng.random((2, 6)) < 0.5, rng.random((2, 6)) < 0.5
-    x = rng.normal(size=(2, 6))
-    above, below = ActiveSet(one[0], one[1], x[0]), ActiveSet(other[0], other[1], x[1])
-    both = below.union(above)
-    np.testing.assert_array_equal(both.variables, one[0] | other[0])
-    np.testing.assert_array_equal(both.rows, one[1] | other[1])
-    assert both.x is x[1] or (both.x == x[1]).all()
-    assert (both.variables != (one[0] & other[0])).any()
-    assert below.union(None) is below
-
-
-def test_curvature_is_made_positive_at_its_own_scale(rng) -> None:
-    """Eigenvalues become their sizes, at least 1e-5 of the largest; vectors stay."""
-    V = np.linalg.qr(rng.normal(size=(5, 5)))[0]
-    H = V @ np.diag([3.0, -2.0, 1e-9, 0.0, 5e-5]) @ V.T
-    expected = V @ np.diag([3.0, 2.0, 3e-5, 3e-5, 5e-5]) @ V.T
-    np.testing.assert_allclose(convexified(H), expected,
-                               atol=1e-12)  # fmt: skip
+    Oracle: NumPy's eigenvalues of the cost, its curvature the residual's in Python.
+    """
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    damping = 1e-3
+    for factor, indefinite in ((0.5, True), (1.0 + 1e-6, False), (4.0, True)):
+        task = InertiaTask(robot, factor * here.inertia, weight=10.0, second_order=True)
+        residual = task.residual(here)
+        J = task.weight[:, None] * residual.jacobian
+        H = J.T @ J + residual.curvature
+        values, vectors = np.linalg.eigh(H)
+        assert bool(values.min() < -1e-3 * values.max()) is indefinite
+        sizes = np.maximum(np.abs(values), 1e-5 * np.abs(values).max())
+        expected = (vectors * sizes) @ vectors.T + damping * np.eye(robot.nv)
+        tick = KinematicController(robot, [task], contacts=(), damping=damping).step(here)
+        np.testing.assert_allclose(tick.qp.P, expected, atol=1e-9 * np.abs(values).max())
 
 
 def test_margins_give_way_to_contacts_and_never_ask_for_more(rng) -> None:

@@ -296,19 +296,3 @@ def test_motors_have_bounds_and_what_follows_them_has_none(geared: Robot, share:
         np.testing.assert_allclose(unit * (qp.u - values), bounds - torques, atol=1e-7 * unit)
         crossed += np.count_nonzero(np.abs(torques) > bounds)
     assert crossed
-
-
-def test_rows_of_motors_and_base_are_not_copied_where_they_lie_together(
-    robot_named: Load, geared: Robot
-) -> None:
-    """They are parts of one matrix, unless a joint without a motor is among them."""
-    for robot, together in ((robot_named("hoap2_like"), True), (geared, False)):
-        here = standing(robot) if together else robot.snapshot(robot.posture())
-        contacts = wbc.support(here, "double") if together else ()
-        tasks = [wbc.PostureTask(robot, here.q)]
-        physics = wbc.TorqueController(robot, tasks, contacts=contacts)._physics(here)
-        assert physics.bounds is not None
-        rows = physics.equalities[0].matrix, physics.bounds.matrix
-        motors = robot.nv - 6 - len(robot.couplings)
-        assert len(rows[0]) == robot.nv - motors and len(rows[1]) >= motors
-        assert (rows[0].base is not None and rows[0].base is rows[1].base) is together

@@ -39,7 +39,10 @@ def worst_miss(qp: QP) -> float:
 
 
 def only(qp: QP, rows: list[ConflictRow]) -> QP:
-    """Return the QP with the sides of rows and bounds that are named, and no others."""
+    """Return the QP with the sides of rows and bounds that are named, and no others.
+
+    Inequality rows may share a name, such as those of a corner's friction: all of it are kept.
+    """
     names = qp.labels
     low, up = np.full(qp.u.size, -np.inf), np.full(qp.u.size, np.inf)
     lower, upper = np.full(qp.g.size, -np.inf), np.full(qp.g.size, np.inf)
@@ -48,9 +51,10 @@ def only(qp: QP, rows: list[ConflictRow]) -> QP:
         if row.side == "equality":
             equal[names.equality.index(row.label)] = True
         elif row.side.endswith("limit"):
-            k = names.inequality.index(row.label)
+            assert row.label in names.inequality
+            called = np.array([name == row.label for name in names.inequality])
             end = (up, qp.u) if row.side == "upper limit" else (low, qp.l)
-            end[0][k] = end[1][k]
+            end[0][called] = end[1][called]
         else:
             k = names.variables.index(row.label)
             end = (upper, qp.upper) if row.side == "upper bound" else (lower, qp.lower)

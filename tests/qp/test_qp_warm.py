@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from wbc.controllers.asking import Solvers
 
 from tests.qp.conftest import recorded
-from wbc.controllers.asking import Solvers
 from wbc.controllers.slack import GivingQP
 from wbc.qp import QP, ProxQP, Status, make_backend
 from wbc.qp.active_set import NO_RESIDUALS, ActiveSet

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from wbc.controllers.asking import Solvers
 
 from tests.qp.conflicts import blamed_in_vain
-from wbc.controllers.asking import Solvers
 from wbc.controllers.slack import GivingQP
 from wbc.errors import InvalidInputError
 from wbc.qp.active_set import ActiveSet

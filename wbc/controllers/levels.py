@@ -22,7 +22,7 @@ from wbc.controllers.singular import reduce_singular
 from wbc.laws import Rows
 from wbc.qp.active_set import NAME, NO_RESIDUALS
 from wbc.qp.problem import check_qp
-from wbc.qp.solution import RawSolution, Solution, Status
+from wbc.qp.solution import Solution, Status
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
@@ -156,6 +156,7 @@ class Levels:
 
 
 def _not_measured(found: CoreTick) -> Solution:
-    """Return what is said where the core has no QP to solve."""
-    none = RawSolution.none(found.qp_of(0), Status.FAILED, "not measured by the core")
-    return Solution(*none[:4], none.claim, NO_RESIDUALS, 0, 0.0, NAME, message=none.message)
+    """Return what is said where the core has no QP: rows of its margin are not written."""
+    a, message = found.views, "not measured by the core"
+    x, y, z, box = (np.full(one.size, np.nan) for one in (a.x, a.y, a.z, a.z_box))
+    return Solution(x, y, z, box, Status.FAILED, NO_RESIDUALS, 0, 0.0, NAME, message=message)

@@ -1,0 +1,73 @@
+"""Once the deadline is over nothing is solved again: commands are safe, and say what they lack."""
+
+import numpy as np
+import pytest
+
+from tests.controllers.test_look_ahead import Slow, moving
+from wbc.constraints import FrictionCone, Limits, SelfCollision, support
+from wbc.controllers import KinematicController, TorqueController
+from wbc.controllers.look_ahead import CUTS
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.tasks import ComTask, PostureTask
+
+AT_ONCE = 1e-9  # s
+
+
+@pytest.fixture
+def robot(robot_named) -> Robot:
+    return robot_named("hoap2_like")
+
+
+def test_ticks_of_one_attempt_lack_nothing(robot) -> None:
+    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    tasks = [ComTask(robot, here.com + 0.01), PostureTask(robot, here.q, priority=1)]
+    for kind in (KinematicController, TorqueController):
+        parts = {"contacts": support(here, "double"), "constraints": [SelfCollision(robot)]}
+        free, late = (
+            kind(robot, tasks, limits=Limits(robot), deadline=deadline, **parts).step(here)
+            for deadline in (None, AT_ONCE)
+        )
+        assert late.ok and late.left_out == () and late.report() == "solved"
+        np.testing.assert_array_equal(late.velocity, free.velocity)
+
+
+def test_cuts_that_came_too_late_are_said_and_the_step_is_shorter(robot) -> None:
+    """All of the step would break the margin; a quarter, which needs no QP, does not."""
+    here = robot.snapshot(robot.posture("standing"))
+    ticks = []
+    for deadline in (None, AT_ONCE):
+        constraint = Slow(robot, 0.5, useful=True)
+        constraint.start = here.q
+        control = moving(robot, constraint, "left_elbow_pitch", deadline=deadline)
+        tick = control.step(here)
+        lower, upper = control.limits.box(here, control.dt)
+        assert tick.ok and (tick.velocity >= lower).all() and (tick.velocity <= upper).all()
+        assert np.abs(tick.velocity).max() <= 0.5 + 1e-6
+        ticks.append(tick)
+    free, late = ticks
+    assert free.left_out == () and free.step_scale == 1.0
+    assert late.left_out == (CUTS,) and 0.0 < late.step_scale < 1.0
+    assert late.report() == f"solved, but no time for {CUTS}"
+
+
+def test_torque_ticks_give_way_in_time(robot) -> None:
+    """What is relaxed once the deadline is over keeps physics and torque bounds all the same."""
+    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    contacts = support(here, "double", friction=FrictionCone(least=10.0 * robot.weight))
+    control = TorqueController(
+        robot, [PostureTask(robot, here.q)], contacts=contacts, limits=Limits(robot),
+        force_ramp=0.0, deadline=AT_ONCE,
+    )  # fmt: skip
+    tick = control.step(here)
+    assert tick.policy == "relax" and np.isfinite(tick.velocity).all()
+    assert (np.abs(tick.torque) <= control.torque_bounds).all()
+    assert "not everything could be kept" in tick.report()
+    assert tick.conflict is not None or tick.left_out
+
+
+@pytest.mark.parametrize("deadline", [0.0, -1.0, np.nan, "soon"])
+def test_what_is_no_deadline_is_refused(robot, deadline) -> None:
+    task = PostureTask(robot, robot.posture("standing"))
+    with pytest.raises(InvalidInputError, match="controller, deadline"):
+        KinematicController(robot, [task], contacts=(), deadline=deadline)

@@ -1,0 +1,75 @@
+"""Joints outside their limits are moved back by the core as ``Limits.box_and_recovery`` says."""
+
+import numpy as np
+import pytest
+
+from wbc.constraints import Limits
+from wbc.controllers import KinematicController
+from wbc.robot import Robot, Snapshot
+from wbc.tasks import ComTask, PostureTask
+
+DT = 0.005
+OUTWEIGHS = 100.0  # the heaviest of the tasks, squared
+
+
+@pytest.fixture
+def robot(robot_named) -> Robot:
+    return robot_named("hoap2_like")
+
+
+def beyond(robot: Robot, by: dict[str, float], v: np.ndarray | None = None) -> Snapshot:
+    """Return the standing posture with joints beyond their upper (> 0) or lower (< 0) limits."""
+    q = robot.posture("standing")
+    joints = robot.limits.joint_positions(q).copy()
+    step = np.zeros(robot.nv)
+    for name, excess in by.items():
+        k = robot.joint_index(name) - 6
+        end = robot.limits.upper[k] if excess > 0.0 else robot.limits.lower[k]
+        step[6 + k] = end + excess - joints[k]
+    return robot.snapshot(robot.integrate(q, step, 1.0), np.zeros(robot.nv) if v is None else v)
+
+
+@pytest.mark.parametrize("braking", ["free", "bounded"])
+@pytest.mark.parametrize("levels", [1, 2])
+def test_joints_outside_are_moved_back_as_limits_say(robot, rng, braking: str, levels: int) -> None:
+    """Two of them, one so far that its speed bounds how fast: box, cost and command."""
+    limits = Limits(robot, recovery=0.3, braking=braking)
+    v = 0.05 * rng.normal(size=robot.nv)
+    here = beyond(robot, {"left_knee_pitch": 1e-3, "right_elbow_pitch": -0.3}, v)
+    box, recovery = limits.box_and_recovery(here, DT)
+    assert recovery is not None and len(recovery.target) == 2
+    k = robot.joint_index("right_elbow_pitch")
+    assert recovery.target[recovery.matrix[:, k] == 1.0] == limits.speed[k - 6]
+    # At its target, so that no gain is lowered for it where braking is bounded.
+    tasks = [PostureTask(robot, here.q, weight=3.0), ComTask(robot, here.com, priority=levels - 1)]
+    qps, ticks = [], []
+    for bounds in (limits, None):
+        controller = KinematicController(robot, tasks, contacts=(), limits=bounds, dt=DT)
+        qps.append(controller.core.tick(here, solve=False).qp_of(0))
+        ticks.append(controller.step(here))
+    assert ticks[0].ok, ticks[0].report()
+    np.testing.assert_allclose(qps[0].lower, box[0], atol=1e-12)
+    np.testing.assert_allclose(qps[0].upper, box[1], atol=1e-12)
+    heaviest = 9.0  # a row of the posture: those of the CoM are shorter
+    assert np.square(here.com_jacobian).sum(axis=1).max() < heaviest
+    M, weight = recovery.matrix, OUTWEIGHS * heaviest
+    np.testing.assert_allclose(qps[0].P - qps[1].P, weight * M.T @ M, atol=1e-9)
+    np.testing.assert_allclose(qps[0].g - qps[1].g, -weight * recovery.target @ M, atol=1e-9)
+    joints = M.argmax(axis=1)
+    wanted = np.clip(recovery.target, box[0][joints], box[1][joints])
+    # The posture, a hundredth as heavy, holds a joint back by that part.
+    np.testing.assert_allclose(ticks[0].velocity[joints], wanted, rtol=0.02)
+
+
+def test_joints_that_rounding_leaves_outside_are_at_their_limits(robot) -> None:
+    """A nanometre; a cost that outweighs all tasks appears beyond that."""
+    limits = Limits(robot)
+    P = []
+    for excess in (-0.5e-9, 0.5e-9, 2e-9):
+        here = beyond(robot, {"left_knee_pitch": excess})
+        assert (limits.box_and_recovery(here, DT)[1] is not None) is (excess == 2e-9)
+        task = PostureTask(robot, here.q)
+        P.append(KinematicController(robot, [task], contacts=(), limits=limits).step(here).qp.P)
+    np.testing.assert_array_equal(P[0], P[1])
+    joint = robot.joint_index("left_knee_pitch")
+    assert P[2][joint, joint] - P[1][joint, joint] == pytest.approx(OUTWEIGHS)
