@@ -39,7 +39,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "0.0 -> 0.001",
     ): "2e-18, where a tenth of 1e-12 is the least that is asked for",
     (
-        "wbc/controllers/shaping/unknowns.py",
+        "wbc/shaping/unknowns.py",
         'x = ca.SX.sym("x", n + 3 + 3 * count)',
         "3 -> 4",
     ): "unknowns that nothing uses",

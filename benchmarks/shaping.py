@@ -48,8 +48,8 @@ from shaping_scipy import Target, axes, scipy_search, targets
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
-from wbc.controllers.shaping import GlobalShaping, Motion
 from wbc.robot import Robot
+from wbc.shaping import GlobalShaping, Motion
 from wbc.spatial import FROBENIUS_WEIGHTS
 from wbc.tasks import InertiaTask
 

@@ -7,7 +7,7 @@ starts, then runs the same QP towards the best posture that it can really reach.
 import numpy as np
 
 import wbc
-from wbc.controllers.shaping import GlobalShaping
+from wbc.shaping import GlobalShaping
 
 robot = wbc.Robot.load("hoap2_like")
 q, dt = robot.posture("standing"), 0.005

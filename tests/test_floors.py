@@ -31,6 +31,7 @@ FLOORS = {
     "reduction": 2,
     "tracking": 2,
     "controllers": 3,
+    "shaping": 3,
     "gait": 4,
     "flight": 4,
     "motion": 4,
@@ -50,8 +51,8 @@ INNER = {"rmp/balance": 2}
 STRANGERS = [{"robot", "rmp", "qp"}]
 # Third-party packages and the only rooms, or files of a room, that may import them.
 ONLY_IN = {
-    "casadi": {"rmp", "flight", "robot/placement", "robot/symbolic", "controllers/shaping"},
-    "pinocchio": {"robot", "rotations"},
+    "casadi": {"rmp", "flight", "robot/placement", "robot/symbolic", "shaping"},
+    "pinocchio": {"robot", "rotations", "gait/legs"},
     "coal": {"robot"},
     "proxsuite": {"qp"},
     "qpsolvers": {"qp"},

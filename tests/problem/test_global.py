@@ -14,11 +14,11 @@ from typer.testing import CliRunner
 
 from wbc.cli import app, progress
 from wbc.constraints import ComSupport, Limits
-from wbc.controllers.shaping import Candidate, GlobalShaping, NoPostureError
-from wbc.controllers.shaping.evaluation import Tolerances
 from wbc.problem import Problem, Result, RunStatus, load_problem
 from wbc.qp.proxqp import ProxQP
 from wbc.qp.solution import Status
+from wbc.shaping import Candidate, GlobalShaping, NoPostureError
+from wbc.shaping.evaluation import Tolerances
 
 SHIPPED = Path(__file__).parents[2] / "problems" / "global_tall_hoap2.yaml"
 MARGIN = 0.02
@@ -251,7 +251,7 @@ def test_without_a_posture_there_is_no_result(
 ) -> None:
     """As if limits were a radian narrower than the search knows: nothing it finds is allowed."""
     narrow = Tolerances(contact=1e-6, limit=-1.0, support=1e-7, clearance=1e-6)
-    monkeypatch.setattr("wbc.controllers.shaping.evaluation.FOUND", narrow)
+    monkeypatch.setattr("wbc.shaping.evaluation.FOUND", narrow)
     with pytest.raises(NoPostureError, match=r"none of .* starts led to a posture that keeps"):
         one.run()
     answer = CliRunner().invoke(app, ["run", one.source.name])

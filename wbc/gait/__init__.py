@@ -2,10 +2,10 @@
 
 from wbc.gait.command import Admitted, CommandLimits, Velocity
 from wbc.gait.given import Footstep, Landing
+from wbc.gait.legs import Legs
 from wbc.gait.settings import GaitSettings
 from wbc.gait.walker import Walker
 from wbc.gait.whole_body import WalkingWeights
-from wbc.robot.legs import Legs
 
 __all__ = [
     "Admitted",

@@ -6,8 +6,8 @@ import logging
 
 import numpy as np
 
+from wbc.gait.legs import SIDES, leg_joints
 from wbc.robot import Snapshot
-from wbc.robot.legs import SIDES, leg_joints
 from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
 from wbc.validate import Array

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from wbc.gait.legs import Legs
 from wbc.gait.settings import GaitSettings
 from wbc.minimum_jerk import PEAK
-from wbc.robot.legs import Legs
 from wbc.validate import finite_number
 
 # Largest acceleration on the minimum-jerk way, over distance by time squared: 10/sqrt(3).

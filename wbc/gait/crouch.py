@@ -6,8 +6,8 @@ import logging
 
 import numpy as np
 
+from wbc.gait.legs import SIDES, STRETCH, Legs, knee_bends
 from wbc.robot import Snapshot
-from wbc.robot.legs import SIDES, STRETCH, Legs, knee_bends
 from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
 from wbc.validate import Array

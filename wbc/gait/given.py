@@ -13,12 +13,12 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.command import PEAK_ACCELERATION, CommandLimits, Velocity
 from wbc.gait.dcm import StepTimes, dcm_offsets, shift_gain
 from wbc.gait.footsteps import SIGN, other
+from wbc.gait.legs import SIDES, Legs
 from wbc.gait.settings import GaitSettings
 from wbc.gait.swing import turned
 from wbc.minimum_jerk import PEAK
 from wbc.polygon import half_planes
 from wbc.robot import Robot
-from wbc.robot.legs import SIDES, Legs
 from wbc.validate import Array, check_fields, finite_number
 
 # The time in the air may shrink to this part of what is usual, and last so long, in 1/omega: what

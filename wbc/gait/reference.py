@@ -14,12 +14,12 @@ from wbc.gait.command import CommandLimits, Velocity
 from wbc.gait.dcm import VrpSegment, shift_gain
 from wbc.gait.footsteps import SIGN, Footsteps, other
 from wbc.gait.given import SHORTEST, Footstep, given_offsets, velocity_on
+from wbc.gait.legs import Legs
 from wbc.gait.phases import DoubleSupport, Measured, Phase, SingleSupport, landing_pose
 from wbc.gait.settings import GaitSettings
 from wbc.gait.swing import FootPose, turned, yaw_of
 from wbc.polygon import convex_hull, nearest_point
 from wbc.robot import Robot
-from wbc.robot.legs import Legs
 from wbc.validate import Array
 
 # The time in the air may grow to this part of it.

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.dcm import StepTimes
-from wbc.robot.legs import Legs
+from wbc.gait.legs import Legs
 from wbc.validate import check_fields, finite_number
 
 # The hip's height over the ankle, in parts of the leg's length: knees stay bent in a long step.

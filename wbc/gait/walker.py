@@ -33,6 +33,7 @@ from wbc.controllers.torque_tick import TorqueTick
 from wbc.gait.command import Admitted, CommandLimits, Velocity
 from wbc.gait.footsteps import first_swing, other
 from wbc.gait.given import SHIFT, Footstep, Landing, StepRange
+from wbc.gait.legs import Legs
 from wbc.gait.phases import (
     DoubleSupport,
     Measured,
@@ -49,7 +50,6 @@ from wbc.gait.swing import Motion, unit
 from wbc.gait.whole_body import WalkingWeights, WholeBody, heading_of
 from wbc.qp.backend import Backend
 from wbc.robot import Robot, Snapshot
-from wbc.robot.legs import Legs
 from wbc.robot.postures import STANDING
 from wbc.tasks.task import Task
 from wbc.validate import Array, by_name, finite_number, finite_vector

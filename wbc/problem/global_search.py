@@ -15,7 +15,7 @@ from wbc.robot import Snapshot
 from wbc.run.standing import held_feet
 
 if TYPE_CHECKING:
-    from wbc.controllers.shaping import GlobalShaping
+    from wbc.shaping import GlobalShaping
 
 
 def check_global(spec: ProblemSpec, mistakes: Mistakes) -> None:
@@ -63,7 +63,7 @@ def global_shaping(parts: Parts, spec: ProblemSpec, controller: GlobalSpec) -> G
         A support margin without a sole to stand on, or one that leaves nothing of it.
     """
     # Only now: a problem without a search need not wait for CasADi to load.
-    from wbc.controllers.shaping import GlobalShaping
+    from wbc.shaping import GlobalShaping
 
     limits = parts.limits
     if limits is None:

@@ -12,15 +12,6 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from wbc.controllers.closed_loop import LoopTick
-from wbc.controllers.shaping import (
-    GlobalShaping,
-    Motion,
-    ShapingOutcome,
-    ShapingStatistics,
-    Stopped,
-)
-from wbc.controllers.shaping.motion import MakeController
-from wbc.controllers.shaping.problem import ShapingProblem, posture_errors
 from wbc.run.callbacks import Callbacks, Cancelled, Observe, Progress, Show, progress_info
 from wbc.run.conclusion import conclude
 from wbc.run.history import Recorder
@@ -29,6 +20,15 @@ from wbc.run.shaping_report import Posture, SearchEffort, ShapingReport, relativ
 from wbc.run.simulate import DEFAULT_STOP, ticks_in
 from wbc.run.standing import Standing
 from wbc.run.stopping import RunStatus, Stop
+from wbc.shaping import (
+    GlobalShaping,
+    Motion,
+    ShapingOutcome,
+    ShapingStatistics,
+    Stopped,
+)
+from wbc.shaping.motion import MakeController
+from wbc.shaping.problem import ShapingProblem, posture_errors
 from wbc.tasks import InertiaTask, PrincipalInertiaTask, Task
 from wbc.validate import Array
 
@@ -61,7 +61,7 @@ def shape_globally(
 ) -> Result:
     """Search for the best posture, then run from rest at ``q`` (nq,) to one that can be reached.
 
-    For ``starts`` to ``seed`` see :meth:`~wbc.controllers.shaping.GlobalShaping.solve`, for ``dt``,
+    For ``starts`` to ``seed`` see :meth:`~wbc.shaping.GlobalShaping.solve`, for ``dt``,
     ``attempts``, ``tolerance`` and ``make_controller`` its method ``reach``, for the rest
     :func:`wbc.run.simulate`.
 

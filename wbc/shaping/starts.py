@@ -14,9 +14,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
-from wbc.controllers.shaping.nlp import BuiltNlp, Start
-from wbc.controllers.shaping.unknowns import with_joints
 from wbc.robot import Robot
+from wbc.shaping.nlp import BuiltNlp, Start
+from wbc.shaping.unknowns import with_joints
 from wbc.validate import Array
 
 DRAWN_PER_START = 8

@@ -21,7 +21,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wbc.constraints import Contact, Limits
-from wbc.controllers.shaping.problem import ShapingProblem
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.formats.description import Coupling
@@ -29,6 +28,7 @@ from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
 from wbc.robot.placement import Placement, from_mrp
 from wbc.robot.symbolic import LocalRobot, SymbolicPosture, angle_turns
+from wbc.shaping.problem import ShapingProblem
 from wbc.validate import Array
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from wbc.controllers.shaping.planes import ENTRIES, UNKNOWNS, PlaneRows, Side, Slot, plane_rows
+from wbc.shaping.planes import ENTRIES, UNKNOWNS, PlaneRows, Side, Slot, plane_rows
 
 BOX = np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.2, 0.2) for z in (-0.05, 0.05)])
 SEGMENT = np.array([[0.0, 0.0, -0.2], [0.0, 0.0, 0.2]])

@@ -19,13 +19,13 @@ from wbc.constraints import (
 )
 from wbc.constraints.margin import Margin
 from wbc.constraints.rows import Distances, SymbolicRows
-from wbc.controllers.shaping import GlobalShaping, NoPostureError, separation
-from wbc.controllers.shaping.nlp import build_nlp
-from wbc.controllers.shaping.planes import UNKNOWNS, Corners, plane_rows
-from wbc.controllers.shaping.separation import NlpParts, with_planes
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.collision import Body, Capsule, CollisionModel, Obstacle
+from wbc.shaping import GlobalShaping, NoPostureError, separation
+from wbc.shaping.nlp import build_nlp
+from wbc.shaping.planes import UNKNOWNS, Corners, plane_rows
+from wbc.shaping.separation import NlpParts, with_planes
 from wbc.tasks import ComTask, InertiaTask, PositionTask, PostureTask, Task
 
 ARMS = ("*hand*", "*forearm*")

@@ -20,12 +20,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from wbc.controllers.shaping.multi_start import MultiStart
-from wbc.controllers.shaping.nlp import Ipopt, Local, Nlp, Start
-from wbc.controllers.shaping.outcome import Stopped
-from wbc.controllers.shaping.separation import SeparatedIpopt, searcher
 from wbc.errors import WbcError
 from wbc.processes import blocked_interrupt, terminate
+from wbc.shaping.multi_start import MultiStart
+from wbc.shaping.nlp import Ipopt, Local, Nlp, Start
+from wbc.shaping.outcome import Stopped
+from wbc.shaping.separation import SeparatedIpopt, searcher
 
 MOMENT = 0.05  # s to wait for a result, before looking whether Ctrl-C was pressed
 AHEAD = 2  # searches that each process has been given, so that none waits for this one

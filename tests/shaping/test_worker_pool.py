@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wbc.controllers.shaping import GlobalShaping, worker_pool
-from wbc.controllers.shaping import shaping as shaping_module
-from wbc.controllers.shaping.nlp import Local, Start
-from wbc.controllers.shaping.worker_pool import AHEAD, WorkerPool, _load, _search
 from wbc.errors import InvalidInputError, WbcError
 from wbc.robot import Robot
+from wbc.shaping import GlobalShaping, worker_pool
+from wbc.shaping import shaping as shaping_module
+from wbc.shaping.nlp import Local, Start
+from wbc.shaping.worker_pool import AHEAD, WorkerPool, _load, _search
 from wbc.tasks import InertiaTask
 
 
@@ -216,7 +216,7 @@ def test_a_script_without_the_guard_is_told_and_answered(tmp_path: Path) -> None
     script = tmp_path / "script.py"
     script.write_text(
         "import numpy as np\n"
-        "from wbc.controllers.shaping import GlobalShaping\n"
+        "from wbc.shaping import GlobalShaping\n"
         "from wbc.robot import Robot\n"
         "from wbc.tasks import InertiaTask\n"
         "robot = Robot.load('hoap2_like')\n"

@@ -7,10 +7,10 @@ from scipy.optimize import minimize
 from scipy.spatial import ConvexHull
 
 from wbc.constraints import ComSupport, Limits, PointContact, support
-from wbc.controllers.shaping import GlobalShaping, NoPostureError
-from wbc.controllers.shaping import shaping as shaping_module
-from wbc.controllers.shaping.problem import posture_cost
 from wbc.robot import Robot
+from wbc.shaping import GlobalShaping, NoPostureError
+from wbc.shaping import shaping as shaping_module
+from wbc.shaping.problem import posture_cost
 from wbc.tasks import ComTask, InertiaTask, PostureTask, PrincipalInertiaTask
 
 

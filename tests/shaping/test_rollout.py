@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from wbc.constraints import Limits
-from wbc.controllers.shaping.motion import INTERRUPTED, Reach
-from wbc.controllers.shaping.outcome import Candidate, Kept
-from wbc.controllers.shaping.problem import ShapingProblem
 from wbc.robot import Robot
+from wbc.shaping.motion import INTERRUPTED, Reach
+from wbc.shaping.outcome import Candidate, Kept
+from wbc.shaping.problem import ShapingProblem
 from wbc.tasks import InertiaTask
 
 DT = 0.1

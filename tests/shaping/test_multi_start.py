@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from wbc.constraints import Contact, support
-from wbc.controllers.shaping import GlobalShaping, Stopped
-from wbc.controllers.shaping import multi_start as multi_start_module
-from wbc.controllers.shaping.basin_hopping import ELITE, Elite
-from wbc.controllers.shaping.evaluation import SAME_POSTURE, merged
-from wbc.controllers.shaping.multi_start import ENOUGH, LAG, MET, StoppingRule
-from wbc.controllers.shaping.outcome import Candidate, Kept, Rejected
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
+from wbc.shaping import GlobalShaping, Stopped
+from wbc.shaping import multi_start as multi_start_module
+from wbc.shaping.basin_hopping import ELITE, Elite
+from wbc.shaping.evaluation import SAME_POSTURE, merged
+from wbc.shaping.multi_start import ENOUGH, LAG, MET, StoppingRule
+from wbc.shaping.outcome import Candidate, Kept, Rejected
 from wbc.tasks import AxisTask, InertiaTask
 
 LIMBS, LIMIT = 12, 3.0  # rad

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from wbc.constraints import Limits, SelfCollision
-from wbc.controllers.shaping import multi_start as module
-from wbc.controllers.shaping.multi_start import LAG, SPREAD, MultiStart
-from wbc.controllers.shaping.nlp import BuiltNlp, Local, Start, build_nlp
-from wbc.controllers.shaping.outcome import Candidate, Kept, Rejected, Stopped
-from wbc.controllers.shaping.problem import ShapingProblem
-from wbc.controllers.shaping.separation import LATE, ROUNDS, SeparatedIpopt, searcher
 from wbc.robot import Robot
+from wbc.shaping import multi_start as module
+from wbc.shaping.multi_start import LAG, SPREAD, MultiStart
+from wbc.shaping.nlp import BuiltNlp, Local, Start, build_nlp
+from wbc.shaping.outcome import Candidate, Kept, Rejected, Stopped
+from wbc.shaping.problem import ShapingProblem
+from wbc.shaping.separation import LATE, ROUNDS, SeparatedIpopt, searcher
 from wbc.tasks import InertiaTask
 
 

@@ -1,6 +1,6 @@
 """Global inertia shaping: the globally best posture for the tasks, and a motion that reaches it."""
 
-from wbc.controllers.shaping.outcome import (
+from wbc.shaping.outcome import (
     Attempt,
     Candidate,
     Motion,
@@ -10,7 +10,7 @@ from wbc.controllers.shaping.outcome import (
     ShapingStatistics,
     Stopped,
 )
-from wbc.controllers.shaping.shaping import GlobalShaping
+from wbc.shaping.shaping import GlobalShaping
 
 __all__ = [
     "Attempt",

@@ -9,11 +9,11 @@ import pytest
 from wbc.constraints import ComSupport, Contact, Limits, PositionBox, SelfCollision, support
 from wbc.controllers import KinematicController
 from wbc.controllers.closed_loop import LoopTick
-from wbc.controllers.shaping import GlobalShaping, Motion, ShapingOutcome
-from wbc.controllers.shaping.motion import worst_kept
-from wbc.controllers.shaping.problem import posture_cost
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
+from wbc.shaping import GlobalShaping, Motion, ShapingOutcome
+from wbc.shaping.motion import worst_kept
+from wbc.shaping.problem import posture_cost
 from wbc.tasks import ComTask, InertiaTask, PostureTask, Task
 
 

@@ -16,9 +16,9 @@ import casadi as ca
 import numpy as np
 
 from wbc.constraints.rows import SeparatedPairs, SymbolicRows
-from wbc.controllers.shaping.planes import Bodies
-from wbc.controllers.shaping.problem import ShapingProblem
-from wbc.controllers.shaping.unknowns import ConfigurationMap, Unknowns
+from wbc.shaping.planes import Bodies
+from wbc.shaping.problem import ShapingProblem
+from wbc.shaping.unknowns import ConfigurationMap, Unknowns
 from wbc.validate import Array
 
 IPOPT: Mapping[str, Any] = {
@@ -65,7 +65,7 @@ class Nlp:
     """Minimise f(x, p) subject to bounds on x and g(x, p); can be sent to another process.
 
     ``p`` ends with the factor on f and the value of every unknown of
-    :class:`~wbc.controllers.shaping.unknowns.Unknowns`, from which those that do not matter are
+    :class:`~wbc.shaping.unknowns.Unknowns`, from which those that do not matter are
     taken.
     """
 
@@ -152,7 +152,7 @@ def build_nlp(problem: ShapingProblem, seconds: float | None = None) -> BuiltNlp
 
     Rows are contacts, but for the anchor, which is kept by construction, and what constraints ask
     of the posture. Bodies are kept apart by rows that are there only while they are needed: see
-    :mod:`~wbc.controllers.shaping.separation`.
+    :mod:`~wbc.shaping.separation`.
 
     Raises
     ------

@@ -9,15 +9,15 @@ import pytest
 
 from wbc.constraints import ComSupport, Limits, Obstacles, PositionBox, SelfCollision, support
 from wbc.constraints.margin import SKIN, USED
-from wbc.controllers.shaping.evaluation import FOUND, Tolerances, kept_constraints, violations
-from wbc.controllers.shaping.motion import INTERRUPTED, GuidingTasks, Reach, worst_kept
-from wbc.controllers.shaping.nlp import BuiltNlp, build_nlp
-from wbc.controllers.shaping.outcome import Candidate, Kept, Motion, ShapingOutcome
-from wbc.controllers.shaping.problem import ShapingProblem, posture_cost
-from wbc.controllers.shaping.separation import ActivePairs, SeparatedIpopt, searcher
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.collision import Obstacle
+from wbc.shaping.evaluation import FOUND, Tolerances, kept_constraints, violations
+from wbc.shaping.motion import INTERRUPTED, GuidingTasks, Reach, worst_kept
+from wbc.shaping.nlp import BuiltNlp, build_nlp
+from wbc.shaping.outcome import Candidate, Kept, Motion, ShapingOutcome
+from wbc.shaping.problem import ShapingProblem, posture_cost
+from wbc.shaping.separation import ActivePairs, SeparatedIpopt, searcher
 from wbc.tasks import ComTask, InertiaTask, PostureTask
 
 KEPT = Kept(0.0, 1.0, None, None, ())
@@ -360,7 +360,7 @@ def test_the_cost_that_is_reached_may_be_above_by_the_tolerance(robot) -> None:
     reach = Reach(problem, far, 0.01, 0.01, None, None, lambda tasks: None, None)  # type: ignore
 
     def reason(end, cost: float, at_rest: bool = True) -> str:
-        from wbc.controllers.shaping.motion import _Rollout
+        from wbc.shaping.motion import _Rollout
 
         rollout = _Rollout([states[0], end], at_rest, "")
         object.__setattr__(reach, "_rollout", lambda *_: rollout)

@@ -22,7 +22,10 @@ import casadi as ca
 import numpy as np
 
 from wbc.constraints.margin import USED
-from wbc.controllers.shaping.nlp import (
+from wbc.robot import Snapshot
+from wbc.robot.names import BASE
+from wbc.robot.postures import STANDING
+from wbc.shaping.nlp import (
     Ipopt,
     Local,
     Nlp,
@@ -31,10 +34,7 @@ from wbc.controllers.shaping.nlp import (
     ipopt_options,
     local_of,
 )
-from wbc.controllers.shaping.planes import Corners, PlaneRows, plane_rows
-from wbc.robot import Snapshot
-from wbc.robot.names import BASE
-from wbc.robot.postures import STANDING
+from wbc.shaping.planes import Corners, PlaneRows, plane_rows
 from wbc.validate import Array
 
 ROUNDS = 25

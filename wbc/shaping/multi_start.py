@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from wbc.controllers.shaping.basin_hopping import BasinHopping, Elite
-from wbc.controllers.shaping.evaluation import evaluate, merged
-from wbc.controllers.shaping.nlp import BuiltNlp, Local, Start
-from wbc.controllers.shaping.outcome import Candidate, Rejected, Stopped
-from wbc.controllers.shaping.starts import CLOSED, Sampling, make_starts
+from wbc.shaping.basin_hopping import BasinHopping, Elite
+from wbc.shaping.evaluation import evaluate, merged
+from wbc.shaping.nlp import BuiltNlp, Local, Start
+from wbc.shaping.outcome import Candidate, Rejected, Stopped
+from wbc.shaping.starts import CLOSED, Sampling, make_starts
 from wbc.validate import Array
 
 # Called with searches done, searches in all, and the least cost so far (None: nothing yet).

@@ -9,10 +9,10 @@ import numpy as np
 
 from wbc.constraints import ComSupport
 from wbc.constraints.margin import SKIN, Margin
-from wbc.controllers.shaping.nlp import BuiltNlp, Local, Start
-from wbc.controllers.shaping.outcome import Candidate, Kept, Rejected
-from wbc.controllers.shaping.problem import ShapingProblem, posture_cost, posture_errors
 from wbc.robot import Robot, Snapshot
+from wbc.shaping.nlp import BuiltNlp, Local, Start
+from wbc.shaping.outcome import Candidate, Kept, Rejected
+from wbc.shaping.problem import ShapingProblem, posture_cost, posture_errors
 from wbc.validate import Array, read_only
 
 SAME_POSTURE = 1e-2  # rad or m, the largest difference of any joint or of the base

@@ -7,13 +7,13 @@ from scipy.spatial.transform import Rotation
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
-from wbc.controllers.shaping import GlobalShaping
-from wbc.controllers.shaping.nlp import build_nlp
-from wbc.controllers.shaping.problem import ShapingProblem, posture_cost
-from wbc.controllers.shaping.unknowns import Unknowns
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.symbolic import SymbolicPosture
+from wbc.shaping import GlobalShaping
+from wbc.shaping.nlp import build_nlp
+from wbc.shaping.problem import ShapingProblem, posture_cost
+from wbc.shaping.unknowns import Unknowns
 from wbc.tasks import (
     AxisTask,
     ComTask,

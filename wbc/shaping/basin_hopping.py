@@ -20,10 +20,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wbc.controllers.shaping.nlp import Start
-from wbc.controllers.shaping.outcome import Candidate
-from wbc.controllers.shaping.starts import CLOSED, Sampling, uniform_rotation
 from wbc.robot import Robot
+from wbc.shaping.nlp import Start
+from wbc.shaping.outcome import Candidate
+from wbc.shaping.starts import CLOSED, Sampling, uniform_rotation
 from wbc.validate import Array
 
 ELITE = 8  # postures that are hopped from

@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import minimize
 
 from wbc.constraints import Limits, support
-from wbc.controllers.shaping import GlobalShaping
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
+from wbc.shaping import GlobalShaping
 from wbc.tasks import PositionTask, PostureTask
 
 BODY = (

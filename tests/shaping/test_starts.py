@@ -13,12 +13,12 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import kstest
 
 from wbc.constraints import Limits, support
-from wbc.controllers.shaping.basin_hopping import BasinHopping
-from wbc.controllers.shaping.nlp import BuiltNlp, build_nlp
-from wbc.controllers.shaping.outcome import Candidate, Kept
-from wbc.controllers.shaping.problem import ShapingProblem, posture_cost
-from wbc.controllers.shaping.starts import Sampling, make_starts, uniform_rotation
 from wbc.robot import Robot
+from wbc.shaping.basin_hopping import BasinHopping
+from wbc.shaping.nlp import BuiltNlp, build_nlp
+from wbc.shaping.outcome import Candidate, Kept
+from wbc.shaping.problem import ShapingProblem, posture_cost
+from wbc.shaping.starts import Sampling, make_starts, uniform_rotation
 from wbc.tasks import InertiaTask
 
 Load = Callable[[str], Robot]

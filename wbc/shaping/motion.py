@@ -15,12 +15,12 @@ import numpy as np
 
 from wbc.controllers.closed_loop import LoopTick, closed_loop, ticks_of
 from wbc.controllers.controller import Controller
-from wbc.controllers.shaping.evaluation import Tolerances, kept_constraints, violations
-from wbc.controllers.shaping.outcome import Attempt, Candidate, Kept, Motion, ShapingOutcome
-from wbc.controllers.shaping.problem import ShapingProblem, posture_cost
 from wbc.minimum_jerk import PEAK, minimum_jerk
 from wbc.robot import Snapshot
 from wbc.robot.names import BASE
+from wbc.shaping.evaluation import Tolerances, kept_constraints, violations
+from wbc.shaping.outcome import Attempt, Candidate, Kept, Motion, ShapingOutcome
+from wbc.shaping.problem import ShapingProblem, posture_cost
 from wbc.tasks import ComTask, PoseTask, PostureTask, Task
 from wbc.validate import Array, read_only
 

@@ -14,14 +14,14 @@ from numpy.typing import ArrayLike
 
 from wbc.constraints import Constraint, Contact, Limits
 from wbc.controllers.kinematic import KinematicController
-from wbc.controllers.shaping.motion import AT_REST, MakeController, Reach, Watch
-from wbc.controllers.shaping.multi_start import MultiStart, Progress
-from wbc.controllers.shaping.nlp import build_nlp
-from wbc.controllers.shaping.outcome import Motion, ShapingOutcome, ShapingStatistics, Stopped
-from wbc.controllers.shaping.problem import ShapingProblem, check_parts
-from wbc.controllers.shaping.worker_pool import WorkerPool, search_all
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
+from wbc.shaping.motion import AT_REST, MakeController, Reach, Watch
+from wbc.shaping.multi_start import MultiStart, Progress
+from wbc.shaping.nlp import build_nlp
+from wbc.shaping.outcome import Motion, ShapingOutcome, ShapingStatistics, Stopped
+from wbc.shaping.problem import ShapingProblem, check_parts
+from wbc.shaping.worker_pool import WorkerPool, search_all
 from wbc.tasks import Task
 from wbc.validate import finite_number
 
@@ -92,7 +92,7 @@ class GlobalShaping:
             some 300 to 10,000 a second, which counts but is not cut short.
         workers:
             Processes, this one included, of which those beyond 16 are seldom of use; others are
-            started fresh, see :class:`~wbc.controllers.shaping.worker_pool.WorkerPool`.
+            started fresh, see :class:`~wbc.shaping.worker_pool.WorkerPool`.
         seed:
             Of the samples and the hops.
         progress:
