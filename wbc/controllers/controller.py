@@ -400,7 +400,7 @@ class Controller(DeclaredAttributes, ABC):
         self.slacks = Slacks(self._slack, contacts, self.constraints, self._going_slack)
         decision, physics, forces = self._decision(), self._physics_names(), self._force_tasks
         self.plan = plan = Plan.of(decision, self._motion, contacts, self.slacks, physics, forces)
-        first, limits = FirstLevel(self.backend), self.limits
+        first, limits = FirstLevel(self.backend, self._bears), self.limits
         self._levels = Levels(plan, first, limits, self.dt, self.joint_weights, self._bears)
         kept_apart = None
         if not self._levels.looked_into and solves(self.backend):

@@ -24,10 +24,16 @@ ENOUGH = 1000.0
 
 
 class FirstLevel:
-    """A backend, and who is asked where it gives no answer."""
+    """A backend, and who is asked where it gives no answer.
 
-    def __init__(self, backend: Backend) -> None:
-        self._backend = backend
+    Parameters
+    ----------
+    torque:
+        Whether it is for the torque level, where other backends are asked for a bounded attempt.
+    """
+
+    def __init__(self, backend: Backend, torque: bool) -> None:
+        self._backend, self._torque = backend, torque
         self._own = isinstance(backend, ActiveSet | ProxQP)
         self._core = ActiveSet(backend.eps if isinstance(backend, ActiveSet | ProxQP) else 1e-8)
         self._said = False
@@ -58,7 +64,7 @@ class FirstLevel:
             return self._core.solve_soft(qp, weights)
         if said is not None:  # the core had no answer that is accurate enough, and no proof
             exact = self._core.solve(qp, quick=hurried)
-            if hurried or exact.solved or exact.status is Status.INFEASIBLE:
+            if hurried or self._torque or exact.solved or exact.status is Status.INFEASIBLE:
                 return exact
         return self._asked(qp, workspace, hurried)
 
@@ -73,7 +79,9 @@ class FirstLevel:
         return self._core.solve(qp, quick=True)
 
     def _asked(self, qp: QP, workspace: Hashable, hurried: bool) -> Solution:
-        options: dict[str, Any] = {"quick": True} if hurried else {}
+        # Solvers that qpsolvers knows take up to 150 ms for what they do not solve in the end.
+        quick = hurried or (self._torque and not self._own)
+        options: dict[str, Any] = {"quick": True} if quick else {}
         solution = self._backend.solve(qp, workspace=workspace, **options)
         if self._own or solution.solved or solution.status is Status.INFEASIBLE:
             return solution

@@ -11,7 +11,7 @@ are no unknowns, and relaxed QPs no larger than others.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable
 from time import perf_counter
 from typing import Final
 
@@ -110,13 +110,18 @@ class ActiveSet:
             if conflict is not None:
                 nowhere = found._replace(x=np.full(qp.g.size, np.nan), residuals=NO_RESIDUALS)
                 return _solution(nowhere, Status.INFEASIBLE, start, conflict)
-        elif give is None:
-            for accuracy, point in self._points(qp, found, eps):
-                check = SolveCheck(NAME, accuracy, start, explain=False)
-                settled = check.accept(qp, point)
+        conflict = None
+        if give is None:
+            raw = RawSolution(*found[1:5], Status.SOLVED, found.iterations)
+            check = SolveCheck(NAME, eps, start, explain=False)
+            if found.iterations >= 0:  # relative to the QP's numbers it may be accurate
+                settled = check.accept(qp, raw)
                 if settled is not None:
                     return settled
-        conflict = None if quick or give is not None else find_conflict(qp)
+            conflict = None if quick else find_conflict(qp)
+            settled = None if conflict else self._settled(qp, check, raw)
+            if settled is not None:
+                return settled
         claim = Status.FAILED if conflict is None else Status.INFEASIBLE
         message = "" if conflict else "no answer whose residuals are small, and no proof of none"
         none = RawSolution.none(qp, claim, message)
@@ -124,18 +129,15 @@ class ActiveSet:
             *none[:4], claim, NO_RESIDUALS, 0, perf_counter() - start, NAME, conflict, 1, message
         )
 
-    def _points(self, qp: QP, found: CoreAnswer, eps: float) -> Iterator[tuple[float, RawSolution]]:
-        """Yield what may do in place of an accurate answer, and how accurate it has to be."""
-        raw = RawSolution(found.x, found.y, found.z, found.z_box, Status.SOLVED)
-        raw = raw._replace(iterations=found.iterations)
-        if found.iterations >= 0:  # relative to the QP's numbers it may be accurate
-            yield eps, raw
-        near = proximal(qp, eps, self.max_iterations)
-        if near is not None:
-            yield eps, near
+    def _settled(self, qp: QP, check: SolveCheck, raw: RawSolution) -> Solution | None:
+        """Return what may do in place of an accurate answer."""
+        near = proximal(qp, self.eps, self.max_iterations)
+        settled = None if near is None else check.accept(qp, near)
+        nearly = check._replace(eps=NEARLY * check.eps)
         for last in (raw, near):
-            if last is not None and last.iterations >= 0:
-                yield NEARLY * eps, last
+            if settled is None and last is not None and last.iterations >= 0:
+                settled = nearly.accept(qp, last)
+        return settled
 
 
 def proximal(qp: QP, eps: float, max_iterations: int) -> RawSolution | None:

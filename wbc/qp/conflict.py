@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.qp.core import INFEASIBLE, solve_in_core
+from wbc.qp.core import DONE, INFEASIBLE, solve_in_core
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, ConflictRow
 from wbc.validate import Array
@@ -27,7 +27,7 @@ from wbc.validate import Array
 _LIGHTEST = 1e-7
 # Part of the tolerance that must survive the check: the core looked at it in other numbers.
 _SURVIVING = 0.5
-# A row that the others nearly give back: its direction is not one of the certificate alone.
+# Singular values of the rows below this part of the largest are rounding.
 _UNIQUE = 1e-9
 # Unknowns are assumed to stay within this: what rounding leaves of y'A + z'C + z_box' counts so
 # often.
@@ -35,6 +35,14 @@ REACH = 1e6
 # Rows scaled to unit length count as met within this, by 1 + their ends.
 TOLERANCE = 1e-7
 _MOST_ITERATIONS = 1000
+# What unknowns are damped by, which need not be determined by the rows that are missed least.
+_DAMPING = 1e-10
+# A bound counts as active within this; rows below this share of the heaviest one are missed by
+# rounding.
+_NEAR, _SHARE = 1e-8, 1e-3
+_EPS = 1e-11
+# Parts of the heaviest below which its rows are left out, if they can be.
+_SHARES = 1e-3, 1e-6, 1e-9, 1e-13
 
 
 def find_conflict(
@@ -64,13 +72,56 @@ def find_conflict(
             return None
     nearest = qp._replace(P=np.eye(qp.g.size), g=-start)
     found = solve_in_core(nearest, 1e-8, _MOST_ITERATIONS)
-    if found.said != INFEASIBLE:
+    if found.said == DONE:
         return None
-    return conflict_of(qp, found.y, found.z, found.z_box, tolerance)
+    if found.said == INFEASIBLE:
+        proved = conflict_of(qp, found.y, found.z, found.z_box, tolerance)
+        if proved is not None:
+            return proved
+    return _by_least_violation(qp, tolerance)
+
+
+def _by_least_violation(qp: QP, tolerance: float) -> Conflict | None:
+    """Return the conflict that the point of least violation shows: by how much it misses rows.
+
+    Of many rows that nearly repeat each other the active-set method loses its way; slacks of all
+    rows leave it none to lose. What they name is then proved anew without all other rows, which
+    leaves those that are needless out.
+    """
+    rows, me, n = UnitRows.of(qp), qp.b.size, qp.g.size
+    _, violation = least_violation(qp)
+    missed = violation / rows.norms
+    weights, z_box = missed / rows.norms, -missed @ rows.matrix
+    multipliers = weights[:me], weights[me:], z_box
+    shares = (conflict_of(qp, *multipliers, tolerance, share) for share in _SHARES)
+    whole = next((found for found in shares if found is not None), None)
+    if whole is None:
+        return None
+    heavy = np.abs(missed) > _LIGHTEST * np.abs(missed).max()
+    pulled = np.abs(z_box) > _LIGHTEST * np.abs(missed).max()
+    equal, bounded = heavy[:me], heavy[me:]
+    above = weights[me:] > 0.0
+    part = qp._replace(
+        P=np.eye(n), g=np.zeros(n), A=qp.A[equal], b=qp.b[equal], C=qp.C[bounded],
+        l=np.where(above, -np.inf, qp.l)[bounded], u=np.where(above, qp.u, np.inf)[bounded],
+        lower=np.where(pulled & (z_box < 0.0), qp.lower, -np.inf),
+        upper=np.where(pulled & (z_box > 0.0), qp.upper, np.inf),
+    )  # fmt: skip
+    found = solve_in_core(part, 1e-8, _MOST_ITERATIONS)
+    if found.said != INFEASIBLE:
+        return whole
+    y, z = np.zeros(me), np.zeros(qp.u.size)
+    y[equal], z[bounded] = found.y, found.z
+    return conflict_of(qp, y, z, found.z_box, tolerance) or whole
 
 
 def conflict_of(
-    qp: QP, y: Array, z: Array, z_box: Array, tolerance: float = TOLERANCE
+    qp: QP,
+    y: Array,
+    z: Array,
+    z_box: Array,
+    tolerance: float = TOLERANCE,
+    lightest: float = _LIGHTEST,
 ) -> Conflict | None:
     """Return the rows of a certificate, the heaviest first; None: it proves nothing.
 
@@ -78,17 +129,19 @@ def conflict_of(
     ----------
     y, z, z_box:
         (me,), (mi,), (n,) multipliers, as those of a solution: what one points at is violated.
+    lightest:
+        Rows lighter than this part of the heaviest are left out, if it is proved without them.
     """
     rows = UnitRows.of(qp)
     weights = np.concatenate((np.concatenate((y, z)) * rows.norms, z_box))
     if not np.isfinite(weights).all() or not weights.any():
         return None
-    named = np.flatnonzero(np.abs(weights) > _LIGHTEST * np.abs(weights).max())
-    ends = _ends(qp, rows, weights)[named]
+    every = _ends(qp, rows, weights)
+    heavy = np.abs(weights) > lightest * np.abs(weights).max()
+    named = np.flatnonzero(heavy & np.isfinite(every))  # other pulls are what rounding leaves
+    ends = every[named]
     matrix = np.concatenate((rows.matrix, np.eye(qp.g.size)))[named]  # (s, n)
     weights = _exactly(matrix, weights[named])
-    if not np.isfinite(ends).all():
-        return None
     leak = REACH * float(np.abs(weights @ matrix).sum())
     gap = -float(weights @ ends)
     if not gap - leak >= _SURVIVING * tolerance * float(np.abs(weights) @ (1.0 + np.abs(ends))):
@@ -103,16 +156,14 @@ def _ends(qp: QP, rows: UnitRows, weights: Array) -> Array:
 
 
 def _exactly(matrix: Array, weights: Array) -> Array:
-    """Return the combination (s,) of the rows (s, n) that is 0 to rounding, if it is the only one.
+    """Return the combination (s,) of the rows (s, n) nearest to this one that is 0 to rounding.
 
-    The core knows it to what its pivots leave.
+    The core knows it to what its pivots leave, or damping.
     """
     left, values, _ = np.linalg.svd(matrix)
     rank = int(np.count_nonzero(values > _UNIQUE * values[0])) if values.size else 0
-    if rank != len(matrix) - 1:
-        return weights
-    exact: Array = left[:, -1]
-    exact = exact * (exact @ weights)
+    free = left[:, rank:]
+    exact: Array = free @ (weights @ free)
     return exact if (np.sign(exact) == np.sign(weights)).all() else weights
 
 
@@ -169,3 +220,50 @@ class UnitRows(NamedTuple):
         """Return (m,) by how much x violates each row: positive above, negative below."""
         values = self.matrix @ x
         return values - np.clip(values, self.lower, self.upper)
+
+
+def least_violation(qp: QP) -> tuple[Array, Array]:
+    """Return the point within the bounds that violates the rows least, and by how much.
+
+    Returns
+    -------
+    x : Array
+        (n,).
+    violation : Array
+        (me + mi,), equality rows first, in the rows' own units: positive above, negative below.
+        "Least" is in the sense of least squares over rows scaled to unit length.
+    """
+    rows, n = UnitRows.of(qp), qp.g.size
+    if not rows.norms.size:
+        return np.clip(np.zeros(n), qp.lower, qp.upper), np.zeros(0)
+    none = np.zeros((0, n))
+    elastic = qp._replace(
+        P=_DAMPING * np.eye(n), g=np.zeros(n), A=none, b=np.zeros(0),
+        C=rows.matrix, l=rows.lower, u=rows.upper,
+    )  # fmt: skip
+    found = solve_in_core(elastic, _EPS, _MOST_ITERATIONS, np.ones(rows.norms.size))
+    rough = np.where(np.isfinite(found.x), found.x, 0.0) if found.iterations >= 0 else np.zeros(n)
+    rough = np.clip(rough, qp.lower, qp.upper)
+    points = _polished(qp, rows, rough), rough
+    x = min(points, key=lambda point: np.square(rows.violation(point)).sum())
+    return x, rows.violation(x) * rows.norms
+
+
+def _polished(qp: QP, rows: UnitRows, x: Array) -> Array:
+    """Return the exact least violation for the bounds and rows that are active at x.
+
+    With these fixed it is a plain least-squares problem, whose residual is orthogonal to the free
+    columns to rounding.
+    """
+    violation = rows.violation(x)
+    gradient = np.abs(violation @ rows.matrix)
+    clearance = np.minimum(x - qp.lower, qp.upper - x)
+    least = _SHARE * np.abs(violation).max()
+    free = (clearance > _NEAR) | (gradient <= least)
+    violated = np.abs(violation) > least
+    violated[: qp.b.size] = True
+    target = np.where(violation > 0.0, rows.upper, rows.lower)[violated]
+    active = rows.matrix[violated]
+    polished = np.where(free, 0.0, x)
+    polished[free] = np.linalg.lstsq(active[:, free], target - active @ polished, rcond=None)[0]
+    return np.clip(polished, qp.lower, qp.upper)

@@ -15,8 +15,7 @@ from time import perf_counter
 import numpy as np
 
 from wbc.qp.active_set import ActiveSet
-from wbc.qp.conflict import UnitRows
-from wbc.qp.core import solve_in_core
+from wbc.qp.conflict import least_violation
 from wbc.qp.problem import QP
 from wbc.validate import Array
 
@@ -24,12 +23,6 @@ from wbc.validate import Array
 _RELAXED = 1e-9
 # A row violated by less than this, scaled to unit length, counts as met.
 _MET = 1e-7
-# What unknowns are damped by, which need not be determined by the rows that are missed least.
-_DAMPING = 1e-10
-# A bound counts as active within this; rows below this share of the heaviest one are missed by
-# rounding.
-_NEAR, _SHARE = 1e-8, 1e-3
-_EPS, _ITERATIONS = 1e-11, 1000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,53 +64,6 @@ def least_infeasible(qp: QP, eps: float = 1e-8) -> LeastInfeasible:
     solution = ActiveSet(eps=eps).solve(_relaxed(qp, violation, margin), quick=True)
     x = np.clip(solution.x if solution.solved else point, qp.lower, qp.upper)
     return LeastInfeasible(x, _violated(qp, x), solution.solved, perf_counter() - began)
-
-
-def least_violation(qp: QP) -> tuple[Array, Array]:
-    """Return the point within the bounds that violates the rows least, and by how much.
-
-    Returns
-    -------
-    x : Array
-        (n,).
-    violation : Array
-        (me + mi,), equality rows first, in the rows' own units: positive above, negative below.
-        "Least" is in the sense of least squares over rows scaled to unit length.
-    """
-    rows, n = UnitRows.of(qp), qp.g.size
-    if not rows.norms.size:
-        return np.clip(np.zeros(n), qp.lower, qp.upper), np.zeros(0)
-    none = np.zeros((0, n))
-    elastic = qp._replace(
-        P=_DAMPING * np.eye(n), g=np.zeros(n), A=none, b=np.zeros(0),
-        C=rows.matrix, l=rows.lower, u=rows.upper,
-    )  # fmt: skip
-    found = solve_in_core(elastic, _EPS, _ITERATIONS, np.ones(rows.norms.size))
-    rough = np.where(np.isfinite(found.x), found.x, 0.0) if found.iterations >= 0 else np.zeros(n)
-    rough = np.clip(rough, qp.lower, qp.upper)
-    points = _polished(qp, rows, rough), rough
-    x = min(points, key=lambda point: np.square(rows.violation(point)).sum())
-    return x, rows.violation(x) * rows.norms
-
-
-def _polished(qp: QP, rows: UnitRows, x: Array) -> Array:
-    """Return the exact least violation for the bounds and rows that are active at x.
-
-    With these fixed it is a plain least-squares problem, whose residual is orthogonal to the free
-    columns to rounding.
-    """
-    violation = rows.violation(x)
-    gradient = np.abs(violation @ rows.matrix)
-    clearance = np.minimum(x - qp.lower, qp.upper - x)
-    least = _SHARE * np.abs(violation).max()
-    free = (clearance > _NEAR) | (gradient <= least)
-    violated = np.abs(violation) > least
-    violated[: qp.b.size] = True
-    target = np.where(violation > 0.0, rows.upper, rows.lower)[violated]
-    active = rows.matrix[violated]
-    polished = np.where(free, 0.0, x)
-    polished[free] = np.linalg.lstsq(active[:, free], target - active @ polished, rcond=None)[0]
-    return np.clip(polished, qp.lower, qp.upper)
 
 
 def _relaxed(qp: QP, violation: Array, margin: float) -> QP:
