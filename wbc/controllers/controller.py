@@ -77,7 +77,7 @@ class Controller(DeclaredAttributes, ABC):
         A backend, or its name: ``"proxqp"`` or any that qpsolvers finds installed. Controllers that
         share a backend share its warm starts, one for each set of contacts.
     formulation:
-        ``"equality"``: contacts are equality rows. ``"reduced"``: they are eliminated first, to a
+        ``"equality"`` or ``"reduced"``: both are the same now, the core eliminates contacts to a
         smaller QP with the same optimum (paper eqs. 34-37).
     damping:
         Weight of 1/2 |v|^2 in the cost, [1/(rad/s)^2]: picks one among equally good velocities.

@@ -77,7 +77,9 @@ class SolverSettings(ControllerSpec):
     formulation: Annotated[str, Words(FORMULATIONS)] = default_of(
         KinematicController, "formulation"
     )
-    """equality: contacts are rows of the QP; reduced: they are eliminated first."""
+    """equality or reduced: both are the same, contacts are eliminated by the core."""
+    deadline: Positive | None = default_of(KinematicController, "deadline")
+    """Time that a tick may take [s]; once it is over nothing is solved again. null: no deadline."""
 
     def backend(self) -> Backend:
         """Return the solver.
@@ -101,7 +103,7 @@ class QpSettings(SolverSettings):
 
     def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> KinematicController:
         """Return a new controller."""
-        keys = {"dt", "joint_weights", "damping", "formulation", "on_failure"}
+        keys = {"dt", "joint_weights", "damping", "formulation", "on_failure", "deadline"}
         settings = self.model_dump(include=keys)
         return KinematicController(robot, tasks, solver=self.backend(), **settings, **parts)
 

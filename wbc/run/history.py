@@ -153,7 +153,7 @@ class Recorder:
     standings:
         What was held and kept in each tick.
     left_out:
-        In how many ticks each of the things was left out that a budget of work did not afford.
+        In how many ticks each thing was left out, for want of time or of a level's solution.
     """
 
     def __init__(self, robot: Robot, tasks: Iterable[Task]) -> None:

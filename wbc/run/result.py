@@ -127,8 +127,7 @@ class Result:
     failures:
         Every tick without solution.
     left_out:
-        What ticks left out that their budget of work did not afford, and in how many of them; see
-        :mod:`wbc.controllers.work`.
+        What ticks left out, their deadline being over or a level not solved, and in how many.
     history:
         Every tick.
     provenance:
