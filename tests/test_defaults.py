@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 import wbc
-from wbc import qp
-from wbc.controllers import shaping
+from wbc import qp, shaping
 
 INF = math.inf
 # Of every task that hands keywords on to its laws, unless it says otherwise.
@@ -89,7 +88,7 @@ DEFAULTS: dict[str, dict[str, Any]] = {
     "TorqueTask": {"target": 0.0, "joints": ("*",), "weight": 0.03, "priority": 0},
     "TorqueTick": {"step_scale": 1.0},
     "stance_torques": {"torque_limits": 1.0},
-    "ProxQP": {"eps": 1e-08, "max_iterations": 20, "warm": True},
+    "ProxQP": {"eps": 1e-08, "max_iterations": 20, "warm": True, "always": False},
     "ProxQP.solve": {"workspace": "default", "quick": False},
     "find_conflict": {"tolerance": 1e-07},
     "GlobalShaping": {"contacts": (), "constraints": ()},

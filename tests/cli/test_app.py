@@ -12,6 +12,7 @@ import typer
 from typer.testing import CliRunner, Result
 
 import wbc
+from tests.failing_ticks import let_ticks_fail
 from wbc.cli import app, progress
 from wbc.errors import ModelError
 from wbc.problem import History
@@ -94,18 +95,8 @@ def test_exit_codes(file: Path, assignments: list[str], code: int, words: str) -
 
 
 def test_a_failed_qp_has_its_own_exit_code(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from wbc.qp.proxqp import ProxQP
-    from wbc.qp.solution import Status
-
-    solve = ProxQP.solve
-    monkeypatch.setattr(
-        ProxQP,
-        "solve",
-        lambda *arguments, **named: solve(*arguments, **named)._replace(status=Status.FAILED),
-    )
-    answer = wbc_command(
-        "run", file, "--set", "stop.duration=0.02", "--set", "controller.formulation=reduced"
-    )
+    let_ticks_fail(monkeypatch)
+    answer = wbc_command("run", file, "--set", "stop.duration=0.02")
     assert answer.exit_code == 4
     assert "4 of 4 ticks failed; the first, tick 0: QP failed" in " ".join(answer.stdout.split())
 

@@ -130,6 +130,7 @@ def test_commands_parse(path: Path) -> None:
         else:
             assert words[:2] in (
                 ["pip", "install"],
+                [".venv/bin/python", "setup.py"],
                 ["git", "clone"],
                 [".", ".venv/bin/activate"],
             ) or words[0] in (

@@ -42,7 +42,7 @@ def test_runs_are_the_product_of_everything(tmp_path: Path) -> None:
         ("stand", "soft"), ("stand", "hard"), ("push", "soft"), ("push", "hard")
     ]  # fmt: skip
     assert runs[4].overrides == {
-        "controller.solver": "daqp", "tasks.posture.weight": 10, "limits.margin": 0.01
+        "controller.solver": "active_set", "tasks.posture.weight": 10, "limits.margin": 0.01
     }  # fmt: skip
     assert "run 4 (stand, case hard" in runs[4].describe()
     assert set(campaign.texts) == {"stand", "push"} and campaign.texts["push"] == TORQUE

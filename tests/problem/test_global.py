@@ -12,10 +12,10 @@ import pinocchio as pin
 import pytest
 from typer.testing import CliRunner
 
+from tests.failing_ticks import let_ticks_fail
 from wbc.cli import app, progress
 from wbc.constraints import ComSupport, Limits
 from wbc.problem import Problem, Result, RunStatus, load_problem
-from wbc.qp.proxqp import ProxQP
 from wbc.qp.solution import Status
 from wbc.shaping import Candidate, GlobalShaping, NoPostureError
 from wbc.shaping.evaluation import Tolerances
@@ -234,11 +234,7 @@ def test_no_posture_reached_is_no_success(tmp_path: Path) -> None:
 def test_a_qp_that_fails_is_told(
     tmp_path: Path, policy: str, ticks: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    solve = ProxQP.solve
-    refuse = {"status": Status.CONTRADICTED}
-    monkeypatch.setattr(
-        ProxQP, "solve", lambda *arguments, **named: solve(*arguments, **named)._replace(**refuse)
-    )
+    let_ticks_fail(monkeypatch, Status.CONTRADICTED)
     overrides = {"controller.on_failure": policy, "controller.attempts": 1, "controller.starts": 1}
     told = problem(tmp_path, TEXT, overrides).run()
     assert told.status is RunStatus.QP_FAILED

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 import wbc
 from wbc.constraints.limits import BRAKING
-from wbc.controllers.levels import FORMULATIONS
+from wbc.controllers.controller import FORMULATIONS
 from wbc.controllers.tick import POLICIES
 from wbc.controllers.torque import POLICIES as TORQUE_POLICIES
 from wbc.problem.controller_spec import GlobalSpec

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.failing_ticks import let_ticks_fail
 from tests.texts import CHEAP
 from wbc.cli.printing import print_result
 from wbc.errors import ProblemFileError
 from wbc.problem import Problem, RunStatus, load_problem
-from wbc.qp.proxqp import ProxQP
 from wbc.qp.solution import Status
 from wbc.spatial import vech
 
@@ -195,15 +195,7 @@ def test_progress_is_told(tmp_path: Path) -> None:
 def test_failed_ticks_end_as_qp_failed(
     tmp_path: Path, policy: str, ticks: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-
-    solve = ProxQP.solve
-
-    def refuse(self: ProxQP, qp: Any, workspace: Any = "default") -> Any:
-
-        return solve(self, qp, workspace)._replace(status=Status.CONTRADICTED)
-
-    monkeypatch.setattr(ProxQP, "solve", refuse)
-    monkeypatch.setattr(ProxQP, "solve_for", lambda *_: None)  # nor for the native core
+    let_ticks_fail(monkeypatch, Status.CONTRADICTED)
     overrides = {"stop.duration": 0.1, "controller.on_failure": policy}
     result = problem(tmp_path, FLOATING, overrides).run()
     assert result.status is RunStatus.QP_FAILED

@@ -310,10 +310,9 @@ def test_how_small_a_conflict_is_proved(rows, steep, c, most, tolerance) -> None
     """steep x <= steep c and steep x >= steep (c + d), within -most <= x <= most; by hand.
 
     Rows of unit length miss each other by d. Half of that must be left when each end gives way by
-    ``tolerance`` of 1 + |end|; and the core proves nothing below 2e-7 of that, nor of equalities
-    that miss each other by 1e-6 in their own units.
+    ``tolerance`` of 1 + |end|; and of inequalities the core proves nothing below 2e-7 of that.
     """
-    core = 1e-6 / steep if rows == "equalities" else 2e-7 * (1.0 + abs(c))
+    core = 0.0 if rows == "equalities" else 2e-7 * (1.0 + abs(c))
     least = max(core, tolerance * (1.0 + abs(c)))
     for share, proved in ((0.9, False), (1.1, True)):
         d = share * least

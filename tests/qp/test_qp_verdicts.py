@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wbc.qp import QP
-from wbc.qp.conflict import REACH, UnitRows, conflict_of, find_conflict
+from wbc.qp.conflict import REACH, UnitRows, _polished, conflict_of, find_conflict
 from wbc.qp.kkt import (
     DOUBT,
     MOST,
@@ -16,7 +16,6 @@ from wbc.qp.kkt import (
     is_accurate,
     kkt_residuals,
 )
-from wbc.qp.least_infeasible import _polished
 from wbc.qp.problem import Labels
 
 NONE = np.zeros(0)

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from wbc.controllers.asking import Solvers
 
 from tests.qp.conftest import recorded
-from wbc.controllers.slack import GivingQP
+from wbc.controllers.first_level import FirstLevel
 from wbc.qp import QP, ProxQP, Status, make_backend
 from wbc.qp.active_set import NO_RESIDUALS, ActiveSet
 from wbc.qp.proxqp_workspace import Workspace
@@ -215,7 +214,7 @@ def test_the_last_who_is_asked_looks_twice(k: int) -> None:
     A TALOS that leant with its CoM 40 mm beyond its toes was, 14 ticks in a row, and fell sooner.
     """
     qp = recorded(f"curvatures_far_apart {k}")
-    assert Solvers(ActiveSet(), quick=True).solve_giving(GivingQP(qp, None)).solved
+    assert FirstLevel(ActiveSet(), torque=True).solve_relaxed(qp, None).solved
 
 
 def test_what_will_not_come_again_leaves_no_warm_start(ticks, monkeypatch) -> None:

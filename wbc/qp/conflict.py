@@ -139,6 +139,8 @@ def conflict_of(
     every = _ends(qp, rows, weights)
     heavy = np.abs(weights) > lightest * np.abs(weights).max()
     named = np.flatnonzero(heavy & np.isfinite(every))  # other pulls are what rounding leaves
+    if not named.size:
+        return None
     ends = every[named]
     matrix = np.concatenate((rows.matrix, np.eye(qp.g.size)))[named]  # (s, n)
     weights = _exactly(matrix, weights[named])
