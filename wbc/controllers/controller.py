@@ -114,6 +114,9 @@ class Controller(DeclaredAttributes, ABC):
     contacts: tuple[Task, ...]
     constraints: tuple[Constraint, ...]
     deadline: float | None
+    _core: CorePlan
+    _second: CorePlan | None
+    _asked: CorePlan
 
     _fixed = parts.PLANNED
     _policies: tuple[str, ...] = POLICIES
@@ -212,9 +215,13 @@ class Controller(DeclaredAttributes, ABC):
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command: the tick, from top to bottom."""
-        begun = perf_counter()
-        if not self._core.serves(self.limits, self.dt):
+        begun, plan = perf_counter(), self._core
+        if not plan.serves(self.limits, self.dt):
             self._plan(self.contacts)
+        elif self._plain:  # most ticks are the core's alone
+            found = plan.tick(snapshot, (), None, self._ramped, begun)
+            if found is not None and found.solved:
+                return self._command(snapshot, found)
         if self._margins_in_core or not self.constraints:
             outcome = self._solve(snapshot, self._core, None, None, begun)
             if outcome.solved or not self._margins_in_core:
@@ -270,7 +277,8 @@ class Controller(DeclaredAttributes, ABC):
             self._plan(self.contacts, frozenset(curved))
             plan = self._second if second and self._second is not None else self._core
             found = plan.tick(snapshot, given, bounds, self._ramped, begun, solve)
-        self._asked = plan
+        if plan is not self._asked:
+            self._asked = plan
         return found
 
     def _is_over(self, begun: float) -> bool:
@@ -383,6 +391,10 @@ class Controller(DeclaredAttributes, ABC):
         return solve_with_look_ahead(solve, margins, held, over), []
 
     @abstractmethod
+    def _command(self, snapshot: Snapshot, found: CoreTick) -> Tick:
+        """Return the command of a tick that the core solved."""
+
+    @abstractmethod
     def _answer(self, snapshot: Snapshot, outcome: Outcome, rows: Sequence[Bounds]) -> Tick:
         """Return the command; ``rows`` of margins are those that the outcome took."""
 
@@ -406,10 +418,14 @@ class Controller(DeclaredAttributes, ABC):
         if not self._levels.looked_into and solves(self.backend):
             kept_apart = only_self_collision(self.constraints, self.slacks)
         self._margins_in_core, self._second = False, None
-        self._core = self._core_plan(None, curved)
+        self._asked = self._core = self._core_plan(None, curved)
         if kept_apart is not None and kept_apart.watched() is not None:
             self._margins_in_core, self._second = True, self._core
             self._core = self._core_plan(kept_apart, curved)
+        core = self._core
+        python = core.python_tasks or core.force_tasks or self._levels.looked_into
+        kept = self._margins_in_core or not self.constraints
+        self._plain = kept and core.solves and not python
 
     def _core_plan(self, constraint: SelfCollision | None, curved: frozenset[str]) -> CorePlan:
         return CorePlan(

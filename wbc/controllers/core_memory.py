@@ -125,6 +125,7 @@ class CoreMemory:
         self._reduced: dict[int, QP] = {}  # by its number of rows
         self.said, self.below = DONE, np.empty(0)
         self._fit(0)
+        self.layout, self.given_rows = self.layout_of(0, 0), 0
         self.begin()
 
     def _point(self, solver: ActiveSet | ProxQP | None) -> None:
@@ -146,13 +147,12 @@ class CoreMemory:
 
     def begin(self) -> None:
         """Make memory for the next tick: that of the last is its evidence."""
-        layout = self.layout_of(0, self.struct.given_rows)
-        self.layout = layout
-        self.out = np.empty(layout.out)
-        self.struct.out = doubles(self.out)
+        layout, struct = self.layout, self.struct
+        self.out = out = np.empty(layout.out)
+        struct.out = doubles(out)
         if layout.below:
             self.below = np.empty(layout.below)
-            self.struct.below = doubles(self.below)
+            struct.below = doubles(self.below)
 
     def call(self, measured: bytes, state: Array | None, solve: bool = True) -> int:
         """Run the core in memory that is the tick's own; return what it said.
@@ -251,6 +251,7 @@ class CoreMemory:
         count = 0 if bounds is None else bounds.lower.size
         if count != struct.given_rows:
             self._fit(count)
+            self.layout, self.given_rows = self.layout_of(0, count), count
         struct.given_rows, struct.pushes, struct.soft = count, 0, 0
         if bounds is None:
             return

@@ -198,7 +198,7 @@ class CorePlan:
                     return None
             if memory.forces is not None and self._robot.passive:
                 memory.forces.load[:] = self._robot.passive_forces(snapshot.q, snapshot.v)
-            if bounds is not None or memory.struct.given_rows:
+            if bounds is not None or memory.given_rows:
                 memory.write_bounds(bounds)
             called = perf_counter()
             said = memory.call(snapshot.measured, state, solve and self._solver is not None)

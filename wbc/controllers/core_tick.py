@@ -72,8 +72,6 @@ class CoreTick:
         What there was no time for.
     relaxed:
         The QP in which only physics is hard, where the other had no solution.
-    singular:
-        Of each task with a singular threshold.
     """
 
     status, policy = Status.SOLVED, None
@@ -82,6 +80,19 @@ class CoreTick:
     relaxed: GivingQP | None = None
     hurried: tuple[str, ...] = ()
     solved = False
+    _memory: CoreMemory
+    _names: Names
+    given: Sequence[PythonRows]
+    _layout: Layout
+    _out: Array
+    _below: Array
+    _given_rows: int
+    _forced: tuple[str, ...]
+    _rows: tuple[str, ...]
+    _slack_weights: Array | None
+    begun: float
+    _called: float
+    done: float
 
     def __init__(
         self,
@@ -93,14 +104,19 @@ class CoreTick:
         begun: float,
         called: float,
     ) -> None:
-        self._memory, self._names, self.given = memory, names, given
-        self._layout: Layout = memory.layout
-        self._out, self._below = memory.out, memory.below
-        self._given_rows = int(memory.struct.given_rows)
-        self._forced = () if memory.forces is None else memory.forces.labels  # these of this tick
-        self._rows, self._slack_weights = rows, slack
-        self.begun, self._called, self.done = begun, called, called
-        self.singular: dict[str, Singularity] = {}
+        layout: Layout = memory.layout
+        forces = memory.forces
+        self.__dict__.update(  # one call for all, in every tick
+            _memory=memory, _names=names, given=given, _layout=layout, _out=memory.out,
+            _below=memory.below, _given_rows=memory.given_rows,
+            _forced=() if forces is None else forces.labels,  # these of this tick
+            _rows=rows, _slack_weights=slack, begun=begun, _called=called, done=called,
+        )  # fmt: skip
+
+    @cached_property
+    def singular(self) -> dict[str, Singularity]:
+        """What was found of each task with a singular threshold."""
+        return {}
 
     def take(self, solution: Solution) -> None:
         """Let a first level's answer from outside the core be that of the tick."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from wbc.constraints.rows import Bounds
 from wbc.controllers.controller import Controller
+from wbc.controllers.core_tick import CoreTick
 from wbc.controllers.outcome import Outcome
 from wbc.controllers.tick import Tick
 from wbc.errors import ControllerFailure
@@ -30,16 +31,18 @@ class KinematicController(Controller):
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
         return rows_of(task, task.law, residual, task.weight, self.dt)
 
+    def _command(self, snapshot: Snapshot, found: CoreTick) -> Tick:
+        known = self._known(Outcome(found), snapshot) if self._deviating else None
+        return Tick.reading(found, found.velocity, known)
+
     def _answer(self, snapshot: Snapshot, outcome: Outcome, rows: Sequence[Bounds]) -> Tick:
         found = outcome.found
         if outcome.solved:
-            known = self._known(outcome, snapshot) if self._deviating or rows else None
-            velocity = found.velocity
-            if outcome.step_scale < 1.0:
-                known = self._known(outcome, snapshot)
-                velocity = outcome.step_scale * velocity
-                velocity.setflags(write=False)
-            return Tick.reading(found, velocity, known)
+            if outcome.step_scale == 1.0:
+                return self._command(snapshot, found)
+            velocity = outcome.step_scale * found.velocity
+            velocity.setflags(write=False)
+            return Tick.reading(found, velocity, self._known(outcome, snapshot))
         known = self._failed(outcome, snapshot)
         tick = Tick.reading(found, known["velocity"], known)
         if tick.policy == "raise":

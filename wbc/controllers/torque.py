@@ -190,7 +190,7 @@ class TorqueController(Controller):
             left = tuple(one for one in self.contacts if one.name not in gone)
             self._keep_slack([one for one in left if one.name in self._going_slack])
             self._plan(left)
-        self._ramped = self._ramps.most
+        self.__dict__["_ramped"] = self._ramps.most
         return super()._step(snapshot)
 
     # ------------------------------------------------------------------ what the level says
@@ -272,32 +272,42 @@ class TorqueController(Controller):
         outcome, rows, _ = solve_with_cuts(solve, margins, partial(self._is_over, begun))
         return outcome, rows
 
+    def _command(self, snapshot: Snapshot, found: CoreTick) -> Tick:
+        known = self._known(Outcome(found), snapshot) if self._deviating else {}
+        return self._commanded(snapshot, found, known, found.velocity, found.torque, found.forces)
+
     def _answer(self, snapshot: Snapshot, outcome: Outcome, rows: Sequence[Bounds]) -> Tick:
         found = outcome.found
-        known: dict[str, Any] = {}
         if outcome.solved:
-            if self._deviating:
-                known = self._known(outcome, snapshot)
-        else:
-            known = self._relaxed(snapshot, outcome, rows)
+            return self._command(snapshot, found)
+        known = self._relaxed(snapshot, outcome, rows)
         velocity, torque, f = found.velocity, found.torque, found.forces
-        if known.get("policy") not in (None, RELAX):  # joints come to rest, on no sure ground
+        if known["policy"] != RELAX:  # joints come to rest, on no sure ground
             velocity, f = known.pop("velocity"), np.zeros(self.contact_forces.size)
             x = np.concatenate((velocity, f))
             torque = self._dynamics(found, snapshot).torques(x)
-        bounds = self.torque_bounds
-        np.minimum(np.maximum(torque, -bounds, out=torque), bounds, out=torque)
-        self._last = Reaction(self.contact_forces, snapshot, f)
-        known |= {
-            "torque": read_only(torque),
-            "acceleration": read_only((velocity - snapshot.v) / self.dt),
-            "reaction": self._last,
-            "ramps": self._ramped,
-        }
-        tick = TorqueTick.reading(found, velocity, known)
-        if known.get("policy") == "raise":
+        tick = self._commanded(snapshot, found, known, velocity, torque, f)
+        if tick.policy == "raise":
             raise ControllerFailure(tick.report(), tick)
         return tick
+
+    def _commanded(
+        self,
+        snapshot: Snapshot,
+        found: CoreTick,
+        known: dict[str, Any],
+        velocity: Array,
+        torque: Array,
+        f: Array,
+    ) -> TorqueTick:
+        """Return a tick with the torques within their bounds."""
+        bounds = self.torque_bounds
+        np.minimum(np.maximum(torque, -bounds, out=torque), bounds, out=torque)
+        self.__dict__["_last"] = last = Reaction(self.contact_forces, snapshot, f)
+        known["torque"] = read_only(torque)
+        known["acceleration"] = read_only((velocity - snapshot.v) / self.dt)
+        known["reaction"], known["ramps"] = last, self._ramped
+        return TorqueTick.reading(found, velocity, known)
 
     def _relaxed(
         self, snapshot: Snapshot, failed: Outcome, margins: Sequence[Bounds]
