@@ -117,6 +117,8 @@ def compare(before: Outcome, after: Outcome) -> Comparison:
     """Compare all entries that both outcomes hold."""
     old, new = {new_name(name): one for name, one in before.entries.items()}, after.entries
     found = Comparison()
+    if not (old or new):
+        found.words.append(f"no result of either: {after.message}")
     if before.code != after.code:
         found.words.append(f"exit code {before.code} -> {after.code} {after.message}")
     if old.keys() - new.keys():  # what is new is no difference
@@ -264,11 +266,14 @@ def compare_times(before: Path, after: Path, rounds: int, ticks: int) -> None:
 
 @contextmanager
 def files_of(revision: str) -> Iterator[Path]:
-    """Yield a temporary work tree of a revision."""
+    """Yield a temporary work tree of a revision, its core compiled."""
     git = ["git", "-C", str(HERE), "worktree"]
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run([*git, "add", "--quiet", "--detach", folder, revision], check=True)
         try:
+            if (Path(folder) / "setup.py").exists():  # older ones compile their core when asked
+                build = [sys.executable, "setup.py", "--quiet", "build_ext", "--inplace"]
+                subprocess.run(build, check=True, cwd=folder, stdout=subprocess.DEVNULL)
             yield Path(folder)
         finally:
             subprocess.run([*git, "remove", "--force", folder], check=True)

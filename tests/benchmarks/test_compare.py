@@ -26,6 +26,12 @@ def test_a_pattern_that_matches_nothing_is_no_agreement() -> None:
         compare_results(HERE, HERE, "plan_*.yaml", repeat=0)
 
 
+def test_two_runs_that_wrote_nothing_do_not_agree() -> None:
+    found = compare(Outcome(1, {}, "no core"), Outcome(1, {}, "no core"))
+    assert not found.agrees
+    assert found.words == ["no result of either: no core"]
+
+
 def test_rounding_and_new_entries_agree() -> None:
     assert compare(outcome(q=[1.0, 1000.0]), outcome(q=[1.0, 1000.0005], v=[0.0])).agrees
 
