@@ -61,7 +61,7 @@ def test_parts_of_a_torque_soak_are_left_aside(tmp_path: Path, monkeypatch, caps
         ran.append(given)
         return torque_soak.Record(ticks=1, timed=[torque_soak.Timed(1e-3, "solved")], once=[1e-3])
 
-    command = "torque_soak --robots hoap2_like --solver daqp --ticks 1 --state"
+    command = "torque_soak --robots hoap2_like --solver active_set --ticks 1 --state"
     monkeypatch.setattr(sys, "argv", [*command.split(), str(state)])
     monkeypatch.setattr(torque_soak, "soak", part)
     monkeypatch.setattr(torque_soak.gc, "disable", lambda: None)  # other tests need it

@@ -23,7 +23,7 @@ def test_parts_that_are_kept_are_not_run_again(tmp_path: Path, monkeypatch, caps
     monkeypatch.setattr(torque_soak, "EPISODE", 50)
 
     def lines(ticks: int) -> list[str]:
-        command = f"torque_soak --robots hoap2_like --solver daqp --runs 1 --ticks {ticks}"
+        command = f"torque_soak --robots hoap2_like --solver active_set --runs 1 --ticks {ticks}"
         monkeypatch.setattr(sys, "argv", [*command.split(), "--state", str(state)])
         torque_soak.main()
         return capsys.readouterr().out.splitlines()
@@ -33,6 +33,6 @@ def test_parts_that_are_kept_are_not_run_again(tmp_path: Path, monkeypatch, caps
         file.write('[["hoap2_like", "da')  # as if ended here
     both = lines(100)
     assert len(ran) == 2, "the first part is read, the second is run"
-    assert both[0].startswith("hoap2_like daqp: 100 ticks, 0 wrong")
+    assert both[0].startswith("hoap2_like active_set: 100 ticks, 0 wrong")
     assert lines(100) == both
     assert len(ran) == 2
