@@ -7,7 +7,7 @@
 /* Not of the library's interface. */
 #pragma GCC visibility push(hidden)
 
-/* Behind each other in plan->out, in the order in which wbc/controllers/native_memory.py reads. */
+/* Behind each other in plan->out, in the order in which wbc/controllers/core_memory.py reads. */
 void lay_out(const wbc_plan *plan, wbc_qp *qp);
 
 /* Of a level's QP: those of the contacts and of physics, and what the levels above achieve. */
