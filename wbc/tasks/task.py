@@ -197,7 +197,7 @@ class Task(DeclaredAttributes, ABC):
         set_target: Callable[[ArrayLike], None] | None = getattr(self, "set_target", None)
         if set_target is None:
             raise InvalidInputError(
-                f"{self}: a {type(self).__name__} has no set_target, which assigning "
+                f"{self}: {type(self).__name__} has no set_target, which assigning "
                 "a target calls; define it"
             )
         set_target(value)
