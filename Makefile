@@ -62,7 +62,7 @@ build/lowest/stamp: $(CORE)
 	$(PYTHON) -m venv build/lowest
 	build/lowest/bin/pip install -qq uv
 	UV_SYSTEM_CERTS=1 build/lowest/bin/uv pip install -q --python build/lowest/bin/python --resolution lowest-direct \
-		--editable '.[robots,plot,sim,view,batch,cluster,bench]' 'pytest>=8.2' 'pytest-xdist>=3.6.1'
+		--editable '.[robots,plot,sim,view,mcap,batch,cluster,bench]' 'pytest>=8.2' 'pytest-xdist>=3.6.1'
 	touch $@
 
 # Solvers, the loop beside its neighbours, campaigns and ticks, each into its section of the page of results.
