@@ -39,6 +39,7 @@ KINDS = {
     "three priorities": {"trunk": 1, "posture": 2},
     "own task": {"own": True},
     "bounds": {"speed": 0.1},
+    "bounds, active_set": {"speed": 0.1, "solver": "active_set"},
     "torques": {"torque": True},
     "torques, two priorities": {"torque": True, "posture": 1},
 }
@@ -94,7 +95,12 @@ class Loop:
             limits.speed = np.full(robot.nv - 6, asked["speed"])
         level = wbc.TorqueController if asked.get("torque") else wbc.KinematicController
         self.controller = level(
-            robot, tasks, contacts=wbc.support(start, "double"), limits=limits, dt=DT
+            robot,
+            tasks,
+            contacts=wbc.support(start, "double"),
+            limits=limits,
+            dt=DT,
+            solver=asked.get("solver", "proxqp"),
         )
 
     def advance(self, ticks: int) -> None:
