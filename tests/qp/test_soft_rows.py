@@ -44,7 +44,7 @@ def giving_qp(rng: np.random.Generator, n: int, me: int, mi: int, soft: float) -
     return GivingQP(qp, weights)
 
 
-def solved_as_by_proxqp(given: GivingQP, atol: float) -> Solution:
+def assert_solved_as_by_proxqp(given: GivingQP, atol: float) -> Solution:
     """The answer, which meets the QP with slacks and is where ProxQP's is."""
     full, found = given.qp, ActiveSet().solve_soft(*given)
     assert found.solved
@@ -135,7 +135,7 @@ def test_corners_of_many_rows(seed: int) -> None:
     u[len(cone) :] = -1.0
     weights = np.r_[np.full(len(cone), np.inf), 10.0 ** rng.uniform(0, 3, size=6)]
     qp = QP.build(J.T @ J + 1e-4 * np.eye(n), pull, C=C, l=lower, u=u)
-    solved_as_by_proxqp(GivingQP(qp, weights), atol=1e-5)
+    assert_solved_as_by_proxqp(GivingQP(qp, weights), atol=1e-5)
 
 
 def test_slacks_that_hardly_count() -> None:
@@ -177,7 +177,7 @@ def test_many_rows_that_are_missed_at_once() -> None:
     u = C @ rng.normal(size=n) - 3.0 * rng.random(m)
     weights = np.where(np.arange(m) < 20, np.inf, 10.0 ** rng.uniform(0, 4, size=m))
     qp = QP.build(J.T @ J + 1e-3 * np.eye(n), 30.0 * rng.normal(size=n), C=C, u=u)
-    found = solved_as_by_proxqp(GivingQP(qp, weights), atol=1e-6)
+    found = assert_solved_as_by_proxqp(GivingQP(qp, weights), atol=1e-6)
     assert np.count_nonzero(found.z) > n
     assert found.iterations < 600  # 770 when rows came one at a time; 367
 

@@ -187,7 +187,7 @@ class Case:
             q[7 + k] = limits.upper[k] + outside
         return q, speed * rng.normal(size=robot.nv)
 
-    def compare(self, ticks: int, by_level: dict, size=3e-4, speed=0.2, outside=0.0) -> None:
+    def assert_agrees(self, ticks: int, by_level: dict, size=3e-4, speed=0.2, outside=0.0) -> None:
         """Compare ticks at random states, most of which must have a solution."""
         controller, compared, tolerances = self.controller(), 0, by_level[self.torque]
         parts = textbook.Parts(
@@ -254,14 +254,14 @@ Build = Callable[[Case], None]
 def test_tick_of_every_kind_of_task_agrees_with_the_textbook(name: str, level: str) -> None:
     case = Case(load(name), LEVELS[level], np.random.default_rng(1))
     every_kind(case)
-    case.compare(1, ONE_LEVEL)
+    case.assert_agrees(1, ONE_LEVEL)
 
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_tick_of_three_priorities_agrees_with_the_cascade(level: str) -> None:
     case = Case(load("hoap2_like"), LEVELS[level], np.random.default_rng(2))
     three_levels(case)
-    case.compare(1, CASCADE)
+    case.assert_agrees(1, CASCADE)
 
 
 @pytest.mark.slow
@@ -274,7 +274,7 @@ def test_random_ticks_of_one_level_agree_with_the_textbook(
     for seed in range(3):
         case = Case(load(name), LEVELS[level], np.random.default_rng([seed, 3]))
         build(case)
-        case.compare(4, ONE_LEVEL)
+        case.assert_agrees(4, ONE_LEVEL)
 
 
 @pytest.mark.slow
@@ -289,7 +289,7 @@ def test_random_ticks_of_priorities_agree_with_the_cascade(
     for seed in range(3):
         case = Case(load(name), LEVELS[level], np.random.default_rng([seed, 4]))
         build(case)
-        case.compare(4, CASCADE)
+        case.assert_agrees(4, CASCADE)
 
 
 @pytest.mark.slow
@@ -297,7 +297,7 @@ def test_random_ticks_of_priorities_agree_with_the_cascade(
 def test_random_ticks_of_second_order_inertia_agree_with_the_textbook(name: str) -> None:
     case = Case(load(name), False, np.random.default_rng(5))
     second_order(case)
-    case.compare(6, ONE_LEVEL)
+    case.assert_agrees(6, ONE_LEVEL)
 
 
 @pytest.mark.slow
@@ -307,7 +307,7 @@ def test_random_ticks_outside_limits_agree_with_the_textbook(name: str, level: s
     for seed in range(2):
         case = Case(load(name), LEVELS[level], np.random.default_rng([seed, 6]))
         on_one_foot(case)
-        case.compare(4, ONE_LEVEL, outside=0.01)
+        case.assert_agrees(4, ONE_LEVEL, outside=0.01)
 
 
 @pytest.mark.slow
@@ -317,4 +317,4 @@ def test_random_ticks_at_many_bounds_agree_with_the_textbook(name: str, level: s
     """Joints anywhere, at speeds from which they cannot go on; nothing is held."""
     case = Case(load(name), LEVELS[level], np.random.default_rng(7))
     case.add("com", "position", "posture")
-    case.compare(6, ONE_LEVEL, size=0.5, speed=0.5 if case.torque else 2.0)
+    case.assert_agrees(6, ONE_LEVEL, size=0.5, speed=0.5 if case.torque else 2.0)

@@ -100,8 +100,10 @@ def verdict(series: RmpSeries) -> Text:
     """Return a line about CoP, flight and axes; of what noise can do, nothing is claimed."""
     count, line = len(series), Text()
     unjudged = int(series.cop_unknown.sum())
-    judged = series.cop_margin is not None and bool(np.isfinite(series.cop_margin).any())
-    if series.cop_margin is None:
+    margin, noise = series.cop_margin, series.uncertainty
+    judged = margin is not None and bool(np.isfinite(margin).any())
+    judged = margin is not None and bool(np.isfinite(margin).any())
+    if margin is None:
         line.append("CoP not judged: no feet. ")
     elif unjudged and not judged:
         line.append(
@@ -110,12 +112,12 @@ def verdict(series: RmpSeries) -> Text:
             style="yellow",
         )
     elif series.infeasible.any():
-        line.append(*_outside(series))
-    elif series.cop_outside.any():
-        line.append(*_perhaps_outside(series))
+        line.append(*_outside(series, margin))
+    elif series.cop_outside.any() and noise is not None and noise.cop_margin is not None:
+        line.append(*_perhaps_outside(series, margin, noise.cop_margin))
     else:
         line.append("CoP inside the support polygon wherever there is one. ", style="green")
-        unsure = int((np.isfinite(series.cop_margin) & ~series.surely_inside).sum())
+        unsure = int((np.isfinite(margin) & ~series.surely_inside).sum())
         if unsure:
             line.append(f"In {unsure} of {count} frames noise could hide that it is outside. ")
     if unjudged and judged:
@@ -130,11 +132,10 @@ def verdict(series: RmpSeries) -> Text:
     return line
 
 
-def _outside(series: RmpSeries) -> tuple[str, str]:
+def _outside(series: RmpSeries, margin: Array) -> tuple[str, str]:
     """Return what is said, and in which colour, where the CoP is outside for sure."""
     sure = series.infeasible
-    assert series.cop_margin is not None
-    first, farthest = series.time[sure][0], -series.cop_margin[sure].min()
+    first, farthest = series.time[sure][0], -margin[sure].min()
     # What was measured was possible: of a recorded simulation 4.2 mm, without filter 0.02 mm.
     why = "the motion is infeasible there"
     if series.measured:
@@ -154,13 +155,11 @@ def _outside(series: RmpSeries) -> tuple[str, str]:
     return text, "yellow" if series.measured else "red"
 
 
-def _perhaps_outside(series: RmpSeries) -> tuple[str, str]:
+def _perhaps_outside(series: RmpSeries, margin: Array, noise: Array) -> tuple[str, str]:
     """Return what is said, and in which colour, where noise alone may take the CoP outside."""
     outside = series.cop_outside
-    assert series.cop_margin is not None and series.uncertainty is not None
-    assert series.uncertainty.cop_margin is not None
-    farthest = -series.cop_margin[outside].min()
-    band = BAND * float(np.median(series.uncertainty.cop_margin[outside]))
+    farthest = -margin[outside].min()
+    band = BAND * float(np.median(noise[outside]))
     text = (
         f"CoP outside the support polygon in {outside.sum()} of {len(series)} frames, by"
         f" {1e3 * farthest:.2g} mm at most: not distinguishable from the recording's noise (95 %"

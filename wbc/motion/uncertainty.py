@@ -131,7 +131,7 @@ def propagated(pendulum: Pendulum, moving: Trajectory, noise: FilteredNoise) -> 
             for name, columns in (("cop", slice(0, 2)), ("cmp", slice(2, 4)), ("leg", slice(4, 7))):
                 found[name][inner] = values[:, columns]
             if pendulum.margin is not None:
-                inward = _of_margin(pendulum, inner, slopes[:, :2])
+                inward = _of_margin(pendulum, pendulum.margin, inner, slopes[:, :2])
                 found["margin"][inner] = _deviations(inward, pushed)
     # Of sqrt(c lambda / M), the derivative by lambda is sqrt(c) times this.
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -206,15 +206,16 @@ def _ground(state: Array, height: float) -> Array:
     return np.column_stack((cop[:, :2], cmp[:, :2], length, angles))
 
 
-def _of_margin(pendulum: Pendulum, frames: NDArray[np.intp], cop: Array) -> Array:
+def _of_margin(
+    pendulum: Pendulum, margin: SupportMargin, frames: NDArray[np.intp], cop: Array
+) -> Array:
     """Return slopes (m, 1, r) of the margin, given those of the CoP (m, 2, r).
 
     It changes by what the CoP moves against the nearest point of the edge, which is between soles.
     """
-    assert pendulum.margin is not None
     relative = cop.copy()
     for k, name in enumerate(pendulum.feet):
         first = SOLES + 2 * list(pendulum.robot.feet).index(name)
         for xy in range(2):
-            relative[:, xy, first + xy] -= pendulum.margin.shares[frames, k]
-    return np.asarray(pendulum.margin.slope[frames, None] @ relative)
+            relative[:, xy, first + xy] -= margin.shares[frames, k]
+    return np.asarray(margin.slope[frames, None] @ relative)

@@ -29,7 +29,7 @@ def load(content: str, **options: Any) -> tuple[Robot, Any]:
     return Robot.load(content, feet={}, **options), mujoco.MjModel.from_xml_string(content)
 
 
-def agree(robot: Robot, model: Any, seed: int = 0, root: str = "trunk") -> None:
+def assert_agree(robot: Robot, model: Any, seed: int = 0, root: str = "trunk") -> None:
     """Frames, mass, CoM and the joints' mass matrix at random joint positions."""
     rng, data = np.random.default_rng(seed), mujoco.MjData(model)
     joints = [model.joint(name) for name in robot.joint_names]

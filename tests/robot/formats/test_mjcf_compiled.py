@@ -9,7 +9,16 @@ import pinocchio as pin
 import pytest
 
 import wbc.robot.formats.mjcf as reading
-from tests.robot.formats.mjcf_texts import INERTIAL, LEGS, TRUNK, agree, arm, load, mujoco, text
+from tests.robot.formats.mjcf_texts import (
+    INERTIAL,
+    LEGS,
+    TRUNK,
+    arm,
+    assert_agree,
+    load,
+    mujoco,
+    text,
+)
 from wbc.errors import MissingPackageError, ModelError
 from wbc.robot import Robot
 from wbc.simulation import Plant
@@ -35,7 +44,7 @@ REFS = {
 
 @pytest.mark.parametrize("case", REFS)
 def test_the_coordinate_of_a_joint_with_ref_is_qpos(case: str) -> None:
-    agree(*load(REFS[case][0]))
+    assert_agree(*load(REFS[case][0]))
 
 
 def test_key_frames_and_couplings_are_in_the_same_coordinates() -> None:
@@ -81,7 +90,7 @@ WEIGHED = {
 @pytest.mark.parametrize("case", WEIGHED)
 def test_masses_are_those_that_mujoco_takes_from_geoms(case: str) -> None:
     geoms, head = WEIGHED[case]
-    agree(*load(text(HINGED + geoms + "</body>", head=head)))
+    assert_agree(*load(text(HINGED + geoms + "</body>", head=head)))
 
 
 RANGES = {
@@ -104,7 +113,7 @@ RANGES = {
 @pytest.mark.parametrize("case", RANGES)
 def test_ranges_are_those_that_mujoco_keeps(case: str) -> None:
     bodies, head = RANGES[case]
-    agree(*load(text(bodies, head=head)))
+    assert_agree(*load(text(bodies, head=head)))
 
 
 ROOTS = {
@@ -126,7 +135,7 @@ def test_robots_without_a_free_joint_are_where_mujoco_has_them(root: str, base: 
     values = " ".join(str(0.1 * (k + 1)) for k in range(count))
     keys = f'<keyframe><key name="home" qpos="{values}"/><key/></keyframe>'
     robot, model = load(text(arm(), root=ROOTS[root], tail=keys), base=base)
-    agree(robot, model)
+    assert_agree(robot, model)
     assert robot.fixed_base
     np.testing.assert_allclose(robot.postures["home"][7:], 0.1 * np.arange(1, count + 1))
     np.testing.assert_allclose(robot.postures["key_1"][7:], model.qpos0)
@@ -148,7 +157,7 @@ def test_a_planar_walker_with_feet_has_a_fixed_base_too() -> None:
     robot = Robot.load(content)
     assert robot.fixed_base and list(robot.feet) == ["left", "right"]
     assert "the base is fixed, since the root moves by joints of its own" in robot.notes
-    agree(robot, mujoco.MjModel.from_xml_string(content))
+    assert_agree(robot, mujoco.MjModel.from_xml_string(content))
     with pytest.raises(ModelError, match="the root moves by joints of its own"):
         Robot.load(content, base="floating")
 
@@ -169,7 +178,7 @@ def test_six_joints_of_the_root_are_its_floating_base() -> None:
     assert not robot.fixed_base and robot.joint_names == ("left_hip", "right_hip")
     assert list(robot.feet) == ["left", "right"]
     assert any("floating base: tx, ty, tz, tilt, list, turn" in note for note in robot.notes)
-    agree(robot, model)
+    assert_agree(robot, model)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
@@ -259,7 +268,7 @@ def test_included_files_are_found_beside_the_including_one(tmp_path: Path) -> No
     path = tmp_path / "robot.xml"
     path.write_text(text('<include file="sub/outer.xml"/>'))
     robot = Robot.load(path, feet={})
-    agree(robot, mujoco.MjModel.from_xml_path(str(path)))
+    assert_agree(robot, mujoco.MjModel.from_xml_path(str(path)))
 
 
 def test_what_mujoco_made_is_read_as_its_file(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.robot.formats.mjcf_texts import INERTIAL, TRUNK, agree, arm, load, mujoco, text
+from tests.robot.formats.mjcf_texts import INERTIAL, TRUNK, arm, assert_agree, load, mujoco, text
 from wbc.errors import ModelError
 from wbc.simulation import Plant
 
@@ -23,7 +23,7 @@ def test_passive_forces_are_mujocos_in_the_robot_and_in_the_plant(case: str, gra
     fore = f'<body name="fore" gravcomp=".5"><joint name="j2" range="-1 1"/>{INERTIAL.format(2)}'
     lifted = arm(SPRUNG[case], fore + "</body>").replace("<body", '<body gravcomp="1"', 1)
     robot, model = load(text(lifted, head=f'<option gravity="{gravity}"/>'))
-    agree(robot, model)
+    assert_agree(robot, model)
     assert any("springs act on j1" in note for note in robot.notes)
     np.testing.assert_array_equal(robot.model.gravity.linear, model.opt.gravity)
     rng, data, plant = np.random.default_rng(1), mujoco.MjData(model), Plant(robot)
@@ -57,7 +57,7 @@ def test_rotors_of_motors_are_in_the_mass_matrix() -> None:
         robot, model = load(content)
     except ModelError:
         pytest.skip("an older MuJoCo")
-    agree(robot, model)
+    assert_agree(robot, model)
     assert robot.armature[0] == pytest.approx(0.01 + 9 * 0.05)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.robot.formats.mjcf_texts import INERTIAL, LEGS, agree, mujoco, text
+from tests.robot.formats.mjcf_texts import INERTIAL, LEGS, assert_agree, mujoco, text
 from wbc.robot import Robot
 from wbc.robot.collision import robot_bodies, select_pairs
 
@@ -52,7 +52,7 @@ def test_meshes_are_where_mujoco_has_them(tmp_path: Path, case: str, weighs: boo
     path = tmp_path / "robot.xml"
     path.write_text(text(HINGED + own + geom + "</body>", head=assets + "</asset>"))
     robot, model = Robot.load(path, feet={}), mujoco.MjModel.from_xml_path(str(path))
-    agree(robot, model)
+    assert_agree(robot, model)
     (shape,) = robot.collision_model.geometryObjects
     pose = shape.placement
     vertices = np.array(shape.geometry.vertices()) @ pose.rotation.T + pose.translation
@@ -69,7 +69,7 @@ def test_shapes_fitted_to_a_mesh_are_read(tmp_path: Path, kind: str) -> None:
     head = '<asset><mesh name="m" file="m.obj"/></asset>'
     path.write_text(text(HINGED + f'<geom type="{kind}" mesh="m"/></body>', head=head))
     robot, model = Robot.load(path, feet={}), mujoco.MjModel.from_xml_path(str(path))
-    agree(robot, model)
+    assert_agree(robot, model)
     (body,) = robot_bodies(robot)
     if kind == "box":
         assert float(np.abs(body.shape.core).max()) == pytest.approx(
