@@ -25,7 +25,7 @@ import numpy as np
 import wbc
 from wbc.constraints.com_support import support_polygon
 from wbc.laws import AccelerationLaw
-from wbc.rmp.balance.law import Bounds
+from wbc.rmp.balance.law import LawBounds
 from wbc.rmp.balance.static_lean import StaticLean
 from wbc.rmp.planar import PlanarRmp
 from wbc.simulation import Plant
@@ -105,7 +105,7 @@ def predicted(robot: wbc.Robot, q: Array, angle: float, beyond: float) -> float:
     start = robot.snapshot(q)
     leg = np.hypot(beyond, start.com[2])
     theta, radius = np.arccos(beyond / leg), np.sqrt(start.inertia[1, 1] / robot.mass)
-    law = StaticLean(PlanarRmp(robot.mass), theta, leg, radius, Bounds(wheel_angle=angle))
+    law = StaticLean(PlanarRmp(robot.mass), theta, leg, radius, LawBounds(wheel_angle=angle))
     return law.time_left((0.0, theta, leg, 0.0, radius), np.zeros(5))
 
 

@@ -9,8 +9,8 @@ from functools import partial
 
 from wbc.errors import UnknownNameError
 from wbc.rmp.plan import (
-    Limits,
-    Phase,
+    PathLimits,
+    PlanPhase,
     PlanProblem,
     State,
     Weights,
@@ -24,7 +24,7 @@ MASS = 30.0  # kg
 HEIGHT = 0.75  # m, of the CoM
 RADII = (0.22, 0.2, 0.15)  # m: an upright body is longest along z, so thin about it
 SOLE = (0.22, 0.12)  # m
-LIMITS = Limits(
+LIMITS = PathLimits(
     friction=0.7,
     torsion=0.03,
     normal_force=(30.0, 1200.0),
@@ -44,7 +44,7 @@ def push_recovery(impulse: float = 9.0, mass: float = MASS) -> PlanProblem:
     stance = rectangle(0.0, 0.0, *(SOLE[0], 0.3))
     return PlanProblem(
         SolidRmp(mass),
-        (Phase("absorb", 2.0, stance, 40),),
+        (PlanPhase("absorb", 2.0, stance, 40),),
         start=start,
         goal=at_rest((0.0, 0.0, HEIGHT), RADII),
         nominal=UPRIGHT,
@@ -59,9 +59,9 @@ def push_recovery_step(impulse: float = 24.0, step: float = 0.3, mass: float = M
     return PlanProblem(
         SolidRmp(mass),
         (
-            Phase("swing", (0.25, 0.5), left, 10),
-            Phase("both", 0.2, hull(left, right), 6),
-            Phase("stop", 1.6, hull(left, right), 24),
+            PlanPhase("swing", (0.25, 0.5), left, 10),
+            PlanPhase("both", 0.2, hull(left, right), 6),
+            PlanPhase("stop", 1.6, hull(left, right), 24),
         ),
         start=start,
         goal=at_rest((step / 2.0, 0.0, HEIGHT), RADII),
@@ -79,9 +79,9 @@ def squat(depth: float = 0.2, duration: float = 1.0) -> PlanProblem:
     return PlanProblem(
         SolidRmp(MASS),
         (
-            Phase("down", duration, stance, 16, down),
-            Phase("hold", 0.3, stance, 6, hold),
-            Phase("up", duration, stance, 16, down),
+            PlanPhase("down", duration, stance, 16, down),
+            PlanPhase("hold", 0.3, stance, 6, hold),
+            PlanPhase("up", duration, stance, 16, down),
         ),
         start=at_rest((0.0, 0.0, HEIGHT), RADII),
         goal=at_rest((0.0, 0.0, HEIGHT), RADII),
@@ -95,7 +95,7 @@ def lean(distance: float = 0.07, duration: float = 1.5) -> PlanProblem:
     stance = rectangle(0.0, 0.0, SOLE[0], 0.3)
     return PlanProblem(
         SolidRmp(MASS),
-        (Phase("lean", duration, stance, 30),),
+        (PlanPhase("lean", duration, stance, 30),),
         start=at_rest((0.0, 0.0, HEIGHT), RADII),
         goal=at_rest((0.0, distance, HEIGHT), RADII),
         nominal=UPRIGHT,
@@ -110,9 +110,9 @@ def hop(forward: float = 0.3, rise: float = 0.15) -> PlanProblem:
     return PlanProblem(
         SolidRmp(MASS),
         (
-            Phase("crouch and push", (0.4, 1.0), first, 16),
-            Phase("flight", (flight, 1.5 * flight), None, 10),
-            Phase("land", (0.4, 1.0), second, 16),
+            PlanPhase("crouch and push", (0.4, 1.0), first, 16),
+            PlanPhase("flight", (flight, 1.5 * flight), None, 10),
+            PlanPhase("land", (0.4, 1.0), second, 16),
         ),
         start=at_rest((0.0, 0.0, HEIGHT), RADII),
         goal=at_rest((forward, 0.0, HEIGHT), RADII),
@@ -151,9 +151,9 @@ def hop_with_turn(turn: float = math.pi, axis: str = "z") -> PlanProblem:
     return PlanProblem(
         SolidRmp(MASS),
         (
-            Phase("wind up", (0.4, 1.0), stance, 20, end=State(rotation=first)),
-            Phase("flight", (0.4, 0.6), None, 20, tucked, State(rotation=last)),
-            Phase("land", (0.4, 1.0), stance, 20),
+            PlanPhase("wind up", (0.4, 1.0), stance, 20, end=State(rotation=first)),
+            PlanPhase("flight", (0.4, 0.6), None, 20, tucked, State(rotation=last)),
+            PlanPhase("land", (0.4, 1.0), stance, 20),
         ),
         start=rest,
         goal=rest,
@@ -172,8 +172,8 @@ def walk(
     feet = [rectangle(k * stride, width / 2.0 * (-1.0) ** k, *SOLE) for k in range(-1, steps + 1)]
     schedule = []
     for k in range(steps):
-        schedule.append(Phase(f"both {k + 1}", double, hull(feet[k], feet[k + 1]), 4))
-        schedule.append(Phase(f"step {k + 1}", single, feet[k + 1], 8))
+        schedule.append(PlanPhase(f"both {k + 1}", double, hull(feet[k], feet[k + 1]), 4))
+        schedule.append(PlanPhase(f"step {k + 1}", single, feet[k + 1], 8))
     return PlanProblem(
         SolidRmp(MASS),
         tuple(schedule),

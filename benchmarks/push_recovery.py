@@ -25,11 +25,11 @@ from region_of_attraction import rest_error
 from wbc.errors import InvalidInputError
 from wbc.polygon import inset
 from wbc.qp import make_backend
-from wbc.rmp.balance.law import Bounds, Command
+from wbc.rmp.balance.law import Command, LawBounds
 from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.balance.push_limits import PushLimits, Wheel, compass, push_limits, unit_directions
 from wbc.rmp.balance.record import Ending, Simulation
-from wbc.rmp.balance.simulate import Push, simulate
+from wbc.rmp.balance.simulate import Blow, simulate
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, finite_array, finite_number, finite_vector
 
@@ -102,7 +102,7 @@ def recover(law: MomentumQp, impulse: ArrayLike, *, duration: float = 8.0) -> Re
         duration,
         dt=law.dt,
         bounds=law.bounds,
-        pushes=[Push(0.0, (*level, 0.0))],
+        pushes=[Blow(0.0, (*level, 0.0))],
         stop=settled,
     )
     broken = tuple(run.broken())
@@ -193,7 +193,7 @@ class Body:
 
     def law(self, dt: float, solver: str = "proxqp_cold") -> MomentumQp:
         """The law; with a cold solver a run does not depend on the run before it."""
-        bounds = Bounds(
+        bounds = LawBounds(
             polygon=self.polygon(),
             friction=0.8,
             leg_force=(0.0, 3.0 * self.mass * 9.81),

@@ -49,7 +49,7 @@ from shaping_scipy import Target, axes, scipy_search, targets
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.robot import Robot
-from wbc.shaping import GlobalShaping, Motion
+from wbc.shaping import GlobalShaping, ShapingMotion
 from wbc.spatial import FROBENIUS_WEIGHTS
 from wbc.tasks import InertiaTask
 
@@ -129,7 +129,7 @@ def measure(target: Target, options: argparse.Namespace, pool) -> dict[str, obje
     shaping = GlobalShaping(robot, [task], contacts)
     outcome = shaping.solve(q, options.starts, workers=options.workers, patience=options.patience)
     wall, cpu = perf_counter() - wall, cpu_seconds() - cpu
-    motion: Motion = shaping.reach(q, outcome)
+    motion: ShapingMotion = shaping.reach(q, outcome)
     theirs = scipy_figures(target, options, pool)
     ours = outcome.best.cost / start_cost
     return {

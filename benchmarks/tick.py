@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 from tick_history import FORMAT, NothingToCompareError, changes_since, last_like
 
-from wbc.bench.compare import Verdict
+from wbc.bench.compare import SpeedVerdict
 from wbc.bench.measure import reference_time
 from wbc.bench.page import put_section
 from wbc.bench.summary import machine
@@ -241,7 +241,7 @@ def added(path: Path, figures: dict[str, Any]) -> int:
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a", encoding="utf-8") as file:
         file.write(json.dumps(figures) + "\n")
-    return 3 if any(one.verdict == Verdict.SLOWER for one in changes.values()) else 0
+    return 3 if any(one.verdict == SpeedVerdict.SLOWER for one in changes.values()) else 0
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ from wbc.motion import analyse, read_motion
 from wbc.polygon import inset
 from wbc.problem import load_problem
 from wbc.qp import make_backend
-from wbc.rmp.balance.law import Bounds
+from wbc.rmp.balance.law import LawBounds
 from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.balance.push_limits import Wheel, compass, push_limits
 from wbc.rmp.balance.stabiliser import PointStabiliser
@@ -266,7 +266,7 @@ def pendulum_picture(name: str) -> None:
 def pushes_picture(name: str) -> None:
     """Draw pushes all around that a pendulum absorbs, by theory and by simulation."""
     square = HALF * np.array(((-1, -1), (1, -1), (1, 1), (-1, 1)))
-    bounds = Bounds(polygon=square, friction=0.8, wheel_torque=TORQUE, wheel_angle=ANGLE)
+    bounds = LawBounds(polygon=square, friction=0.8, wheel_torque=TORQUE, wheel_angle=ANGLE)
     cold = make_backend("proxqp_cold")  # no run depends on the run before it
     law = MomentumQp(SolidRmp(MASS), bounds, (0.0, 0.0, HEIGHT), RADII, dt=1e-3, backend=cold)
     inertia = MASS * 2 / 3 * RADII[0] ** 2
@@ -286,7 +286,7 @@ def region_picture(name: str) -> None:
     """Draw the region of attraction of a pendulum's stabiliser."""
     leans = np.radians(np.linspace(-16.0, 16.0, 33))
     rest = np.array((0.0, 0.0, np.pi / 2, 0.0, HEIGHT, 0.0, 0.0, 0.0, 1.0, *RADII))
-    stabiliser = PointStabiliser(SolidRmp(MASS), Bounds(wheel_torque=TORQUE), HEIGHT, RADII)
+    stabiliser = PointStabiliser(SolidRmp(MASS), LawBounds(wheel_torque=TORQUE), HEIGHT, RADII)
     region = region_of_attraction(stabiliser, rest, lean_grid(rest, leans, leans))
     settling = region.settling.reshape(len(leans), len(leans))
     times = {"Leaning, and back to rest by PointStabiliser": settling}

@@ -7,7 +7,7 @@ Needs the extra `sim`.
 import numpy as np
 
 import wbc
-from wbc.rmp.plan import Limits, Phase, PlanProblem, State, solve
+from wbc.rmp.plan import PathLimits, PlanPhase, PlanProblem, State, solve
 from wbc.simulation import Plant
 
 FEET = ("left", "right")
@@ -21,13 +21,15 @@ plan = solve(
     PlanProblem(
         own.pendulum,
         schedule=(
-            Phase("down", 0.5, soles, 8, end=State(com=(x, y, z - 0.02), rotation=(0, 0.03, 0))),
-            Phase("up", 0.5, soles, 8),
+            PlanPhase(
+                "down", 0.5, soles, 8, end=State(com=(x, y, z - 0.02), rotation=(0, 0.03, 0))
+            ),
+            PlanPhase("up", 0.5, soles, 8),
         ),
         start=own.rest,
         goal=own.rest,
         nominal=own.rest,
-        limits=Limits(friction=0.5, torsion=0.02, normal_force=(5.0, 200.0)),
+        limits=PathLimits(friction=0.5, torsion=0.02, normal_force=(5.0, 200.0)),
         reference=own.reference,
     )
 )

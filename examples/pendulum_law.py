@@ -6,16 +6,16 @@ their motors and ranges let them.
 
 import numpy as np
 
-from wbc.rmp.balance.law import Bounds
+from wbc.rmp.balance.law import LawBounds
 from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.balance.push_limits import Wheel, push_limits
-from wbc.rmp.balance.simulate import Push, simulate
+from wbc.rmp.balance.simulate import Blow, simulate
 from wbc.rmp.solid import SolidRmp
 
 mass, height, radii = 35.0, 0.7, (0.3, 0.3, 0.3)  # kg, m, m
 square = 0.1 * np.array(((-1, -1), (1, -1), (1, 1), (-1, 1)))
 model = SolidRmp(mass)
-bounds = Bounds(polygon=square, friction=0.8, wheel_torque=50.0, wheel_angle=0.6)
+bounds = LawBounds(polygon=square, friction=0.8, wheel_torque=50.0, wheel_angle=0.6)
 law = MomentumQp(model, bounds, (0.0, 0.0, height), radii, dt=1e-3)
 
 forward = np.array([[1.0, 0.0]])
@@ -25,7 +25,7 @@ print(f"forward: ankle {theory.ankle[0]:.1f} N s, with reaction mass {theory.whe
 
 rest = np.array((0.0, 0.0, np.pi / 2, 0.0, height, 0.0, 0.0, 0.0, 1.0, *radii))
 for part in (0.9, 0.97, 1.1):
-    push = Push(0.2, (part * theory.wheel[0], 0.0, 0.0))
+    push = Blow(0.2, (part * theory.wheel[0], 0.0, 0.0))
     run = simulate(law, rest, np.zeros(len(model.V)), 4.0, bounds=bounds, pushes=[push])
     com, speed = (series[-1] for series in run.com())
     print(

@@ -79,7 +79,7 @@ def test_it_says_what_matters(shown: dict[str, str]) -> None:
     assert shown["fuller tick"] == "Tick(solved, nv=31, errors: com, posture, left and 1 more)"
     controller = "KinematicController('hoap2_like', 3 tasks, 2 contacts, 0 constraints, dt=0.005)"
     assert shown["controller"] == controller
-    assert shown["limits of the model"] == "Limits(25 joints, 0 missing)"
+    assert shown["limits of the model"] == "JointLimits(25 joints, 0 missing)"
     assert shown["history"] == "History(4 ticks, 0 to 0.015 s)"
     assert shown["result"] == "Result(timeout, 'hoap2_like', 4 ticks, 1 tasks)"
     assert "in the air" in shown["flight"]

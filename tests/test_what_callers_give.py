@@ -17,7 +17,7 @@ from wbc.motion.forces import MeasuredForces
 from wbc.polygon import inset, polygon_margin
 from wbc.qp.problem import QP
 from wbc.rmp.axes import follow, track
-from wbc.rmp.balance.law import Bounds
+from wbc.rmp.balance.law import LawBounds
 from wbc.rmp.balance.push_limits import Wheel, push_limits
 from wbc.rmp.ellipsoid import (
     equimomental,
@@ -26,7 +26,7 @@ from wbc.rmp.ellipsoid import (
     second_moment,
 )
 from wbc.rmp.integrators import rollout, runge_kutta
-from wbc.rmp.plan.schedule import Phase, at_rest, hull, radii_for
+from wbc.rmp.plan.schedule import PlanPhase, at_rest, hull, radii_for
 from wbc.rmp.planar import PlanarRmp
 from wbc.robot.collision.shapes import Capsule, HalfSpace, Hull, Obstacle
 from wbc.simulation.impulse import capture_impulse
@@ -235,8 +235,8 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         lambda start, inputs: rollout(runge_kutta(FLAT, 0.01), start, inputs, 2),
         {"start": [*FLAT_STATE["q"], *FLAT_STATE["v"]],
          "inputs": np.zeros(runge_kutta(FLAT, 0.01).size1_in(1))}),
-    "bounds": (Bounds, {"polygon": SQUARE, "cop_margin": 0.01}),
-    "flat bounds": (Bounds, {"polygon": (-0.1, 0.1)}),
+    "bounds": (LawBounds, {"polygon": SQUARE, "cop_margin": 0.01}),
+    "flat bounds": (LawBounds, {"polygon": (-0.1, 0.1)}),
     "wheel": (Wheel, {"inertia": [1.0, 1.0], "torque": 1.0, "angle": 1.0, "rate": 1.0}),
     "push limits": (
         partial(push_limits, wheel=Wheel(1.0, 1.0)),
@@ -246,7 +246,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "plan's state": (at_rest, {"com": ZERO, "radii": np.ones(3)}),
     "plan's radii": (radii_for, {"mass": 9.0, "inertia": MOMENTS}),
     "plan's phase": (
-        lambda duration, support: Phase("p", duration, support),
+        lambda duration, support: PlanPhase("p", duration, support),
         {"duration": 1.0, "support": SQUARE}),
     "capture": (partial(capture_impulse, HERE, ["left", "right"]), {"direction": EYE[0]}),
 }  # fmt: skip

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wbc.bench.compare import Verdict, compare
+from wbc.bench.compare import SpeedVerdict, compare
 
 
 def figures(
@@ -31,7 +31,7 @@ def figures(
     }
 
 
-def verdicts(slower: float, seeds: int) -> list[Verdict]:
+def verdicts(slower: float, seeds: int) -> list[SpeedVerdict]:
     found = []
     for seed in range(seeds):
         (change,), notes = compare(figures(2 * seed), figures(2 * seed + 1, slower))
@@ -41,17 +41,19 @@ def verdicts(slower: float, seeds: int) -> list[Verdict]:
 
 
 def test_the_same_solver_is_never_called_slower_or_faster() -> None:
-    assert verdicts(1.0, 300) == [Verdict.SAME] * 300
+    assert verdicts(1.0, 300) == [SpeedVerdict.SAME] * 300
 
 
 def test_a_change_that_nobody_should_act_upon_is_none() -> None:
-    assert set(verdicts(1.03, 100)) == {Verdict.SAME}
+    assert set(verdicts(1.03, 100)) == {SpeedVerdict.SAME}
 
 
-@pytest.mark.parametrize(("slower", "told"), [(1.3, Verdict.SLOWER), (0.77, Verdict.FASTER)])
-def test_a_real_change_is_found(slower: float, told: Verdict) -> None:
+@pytest.mark.parametrize(
+    ("slower", "told"), [(1.3, SpeedVerdict.SLOWER), (0.77, SpeedVerdict.FASTER)]
+)
+def test_a_real_change_is_found(slower: float, told: SpeedVerdict) -> None:
     found = verdicts(slower, 100)
-    assert set(found) <= {told, Verdict.SAME} and found.count(told) >= 99
+    assert set(found) <= {told, SpeedVerdict.SAME} and found.count(told) >= 99
 
 
 def test_the_interval_holds_the_true_ratio() -> None:
@@ -65,14 +67,17 @@ def test_the_interval_holds_the_true_ratio() -> None:
 
 def test_lost_answers_count_more_than_time() -> None:
     (worse,), _ = compare(figures(0), figures(1, 0.5, success=0.97))
-    assert worse.verdict is Verdict.FAILS_MORE and worse.success == (1.0, 0.97)
+    assert worse.verdict is SpeedVerdict.FAILS_MORE and worse.success == (1.0, 0.97)
     (better,), _ = compare(figures(0, success=0.97), figures(1))
-    assert better.verdict is Verdict.FAILS_LESS
+    assert better.verdict is SpeedVerdict.FAILS_LESS
 
 
 def test_too_few_passes_give_no_verdict() -> None:
     (change,), _ = compare(figures(0, passes=2), figures(1, 3.0))
-    assert change.verdict is Verdict.UNKNOWN and "needs 3 passes each, has 2 and 5" in change.reason
+    assert (
+        change.verdict is SpeedVerdict.UNKNOWN
+        and "needs 3 passes each, has 2 and 5" in change.reason
+    )
 
 
 def test_only_the_same_qps_are_compared_and_the_rest_is_said() -> None:

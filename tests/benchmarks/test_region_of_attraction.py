@@ -13,7 +13,7 @@ from benchmarks.region_of_attraction import (
     rest_error,
 )
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import Bounds
+from wbc.rmp.balance.law import LawBounds
 from wbc.rmp.balance.lqr import Lqr
 from wbc.rmp.balance.stabiliser import PointStabiliser
 from wbc.rmp.solid import SolidRmp
@@ -28,7 +28,7 @@ LIMIT = float(np.arcsin(REACH / Z))
 
 @pytest.fixture(scope="module")
 def law() -> PointStabiliser:
-    return PointStabiliser(SolidRmp(M, G), Bounds(wheel_torque=TORQUE), Z, RADII)
+    return PointStabiliser(SolidRmp(M, G), LawBounds(wheel_torque=TORQUE), Z, RADII)
 
 
 @pytest.fixture(scope="module")

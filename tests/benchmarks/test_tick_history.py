@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.tick_history import FORMAT, NothingToCompareError, changes_since, last_like
-from wbc.bench.compare import Verdict
+from wbc.bench.compare import SpeedVerdict
 from wbc.errors import InvalidInputError
 
 
@@ -33,9 +33,9 @@ def test_noise_is_no_change_and_a_change_is_one() -> None:
             for k in range(200)
         ]
         told[factor] = found
-    assert set(told[1.0]) == {Verdict.SAME}
-    assert told[1.3].count(Verdict.SLOWER) > 190 and Verdict.FASTER not in told[1.3]
-    assert told[0.75].count(Verdict.FASTER) > 190 and Verdict.SLOWER not in told[0.75]
+    assert set(told[1.0]) == {SpeedVerdict.SAME}
+    assert told[1.3].count(SpeedVerdict.SLOWER) > 190 and SpeedVerdict.FASTER not in told[1.3]
+    assert told[0.75].count(SpeedVerdict.FASTER) > 190 and SpeedVerdict.SLOWER not in told[0.75]
 
 
 def test_the_last_run_alike_is_taken(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from wbc.constraints.contact import Contact
 from wbc.constraints.mechanics import BoltedBase
 from wbc.constraints.rows import Bounds
 from wbc.controllers import TorqueController, relaxation
-from wbc.controllers.plan import Decision, Plan
+from wbc.controllers.plan import Decision, LevelPlan
 from wbc.controllers.relaxation import Physical, given_way, relaxed_qp
 from wbc.controllers.slack import Slacks
 from wbc.laws import Rows
@@ -31,7 +31,7 @@ def rows_of(rng: np.random.Generator, k: int, n: int) -> Rows:
     return Rows(rng.normal(size=(k, n)), rng.normal(size=k), rng.uniform(0.5, 3.0, k))
 
 
-def qp_of(plan: Plan, tasks, equalities, rows: Bounds | None, box, rest) -> QP:
+def qp_of(plan: LevelPlan, tasks, equalities, rows: Bounds | None, box, rest) -> QP:
     """Return the QP of some rows, written out; rest is where x is damped to."""
     decision = plan.decision
 
@@ -83,7 +83,7 @@ def test_costs_are_those_declared(robot: Robot, rng, bounded: bool) -> None:
         np.full(FORCES, 0.5),
     )  # fmt: skip
     physics_names = tuple(f"dynamics {k}" for k in range(6))
-    plan = Plan.of(decision, [PostureTask(robot, here.q)], contacts, Slacks({}, contacts, ()),
+    plan = LevelPlan.of(decision, [PostureTask(robot, here.q)], contacts, Slacks({}, contacts, ()),
                    physics_names)  # fmt: skip
     tasks = [rows_of(rng, 5, nv), rows_of(rng, 3, n)]
     held = [rows_of(rng, 6, nv), rows_of(rng, 6, nv)]
@@ -160,7 +160,7 @@ def test_weightless_tasks_leave_a_scale_and_no_rows_no_bounds(robot: Robot, rng)
     here = robot.snapshot(robot.posture())
     nv = robot.nv
     decision = Decision.velocity(robot, np.ones(nv))
-    plan = Plan.of(decision, [PostureTask(robot, here.q)], (), Slacks({}, (), ()))
+    plan = LevelPlan.of(decision, [PostureTask(robot, here.q)], (), Slacks({}, (), ()))
     idle = rows_of(rng, 3, nv)._replace(weight=np.zeros(3))
     free = np.full(nv, np.inf)
     given = qp_of(plan, [idle], [], None, (-free, free), np.zeros(nv))
@@ -220,8 +220,8 @@ def test_bodies_cost_by_the_levers_of_the_joints_that_part_them(robot: Robot) ->
     measured = SimpleNamespace(found=object())
     bodies = Bounds(tuple("abcd"), rows, *ends, distances=measured)
     frames = bodies._replace(distances=SimpleNamespace(found=None))
-    plan = Plan.of(Decision.velocity(robot, np.ones(nv)), [PostureTask(robot, robot.posture())],
-                   (), Slacks({}, (), ()))  # fmt: skip
+    tasks = [PostureTask(robot, robot.posture())]
+    plan = LevelPlan.of(Decision.velocity(robot, np.ones(nv)), tasks, (), Slacks({}, (), ()))
     task = Rows(np.eye(3, nv), np.zeros(3), np.array([1.0, 2.0, 0.5]))
     free = np.full(nv, np.inf)
     given = qp_of(plan, [task], [], None, (-free, free), np.zeros(nv))

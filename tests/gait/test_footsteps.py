@@ -10,7 +10,7 @@ from wbc.gait import CommandLimits, GaitSettings, Legs, Velocity
 from wbc.gait.dcm import dcm_offsets
 from wbc.gait.foothold import Foothold
 from wbc.gait.footsteps import SIGN, Footsteps, first_swing, other
-from wbc.gait.phases import DoubleSupport, Measured, SingleSupport, Standing
+from wbc.gait.phases import DoubleSupport, GaitState, SingleSupport, Standing
 from wbc.gait.reference import StepPlanner
 from wbc.gait.swing import SwingFoot, turned
 from wbc.robot import Robot
@@ -89,7 +89,7 @@ def test_feet_never_cross_whatever_is_commanded_and_measured(legs: Legs, seed: i
         heading = float(rng.uniform(-3.0, 3.0))
         places = {foot: np.array((*rng.normal(size=2), 0.0)) for foot in SIGN}
         dcm = places[support][:2] + rng.normal(scale=0.3, size=2)
-        now = Measured(dcm, places, dict.fromkeys(SIGN, np.eye(3)))
+        now = GaitState(dcm, places, dict.fromkeys(SIGN, np.eye(3)))
         elapsed = float(rng.uniform(0.0, 0.9 * gait.single))
         phase = on_one_foot(support, elapsed, gait.single - elapsed)
         after = planner.adapted(phase, now, heading, velocity)
@@ -113,7 +113,7 @@ def test_what_no_step_catches_is_pressed_against_with_all_of_the_sole(
     planner = planner_of(legs, gait)
     places = {"left": np.zeros(3), "right": np.array((0.0, -gait.width, 0.0))}
     dcm = np.array((0.0, side * planner.limits.apart))
-    now = Measured(dcm, places, dict.fromkeys(SIGN, np.eye(3)))
+    now = GaitState(dcm, places, dict.fromkeys(SIGN, np.eye(3)))
     phase = planner.adapted(on_one_foot("left", 0.0, gait.single), now, 0.0, Velocity())
     reference = planner.single(phase, now)
     vrp = reference.vrp + (1.0 + gait.gain) * (now.dcm - reference.dcm)
@@ -127,7 +127,7 @@ def test_the_com_sinks_to_where_the_leg_behind_reaches_the_ground(
     gait = GaitSettings.of(legs)
     planner, R = planner_of(legs, gait), turned(heading)
     measured = [
-        Measured(ORIGIN, {"left": R @ (0.3, y, 0.0), "right": np.zeros(3)}, {})
+        GaitState(ORIGIN, {"left": R @ (0.3, y, 0.0), "right": np.zeros(3)}, {})
         for y in (gait.width, 0.5)
     ]
     here = Standing()
@@ -151,7 +151,7 @@ def test_the_com_sinks_for_a_step_that_is_longer_than_in_a_walk(legs: Legs) -> N
     walking, catching = planner.limits.step, planner.limits.catch
     assert catching > 1.1 * walking
     places = {"left": np.array((0.0, legs.width, 0.0)), "right": np.zeros(3)}
-    now = Measured(ORIGIN, places, {})
+    now = GaitState(ORIGIN, places, {})
     sunk = [
         planner.sunk(on_one_foot("right", 0.1, 0.1, np.array((far, legs.width))), now, 0.0)
         for far in (walking - 1e-9, catching)
@@ -174,7 +174,7 @@ def test_between_two_feet_the_pressure_is_wanted_where_they_are(legs: Legs) -> N
     """A push outwards over the left foot, as the right one lands and then bears alone."""
     gait = GaitSettings.of(legs)
     places = {"left": np.array((0.0, 0.2, 0.0)), "right": np.array((0.3, 0.0, 0.0))}
-    now = Measured(np.zeros(2), places, dict.fromkeys(SIGN, np.eye(3)))
+    now = GaitState(np.zeros(2), places, dict.fromkeys(SIGN, np.eye(3)))
     planner, far = planner_of(legs, gait), np.array((0.0, 0.8))
 
     def within(vrp: Array, left: float, unloading: bool = False) -> Array:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from wbc.gait import Walker
-from wbc.gait.phases import Measured
+from wbc.gait.phases import GaitState
 from wbc.gait.push import PushObserver
 from wbc.gait.whole_body import heaviest_link
 from wbc.robot import Robot
@@ -31,7 +31,7 @@ def observed(robot: Robot) -> tuple[Array, Array, PushObserver]:
     plant.push(heaviest_link(robot), FORCE, start=START, duration=LASTING)
     while plant.time < START + LASTING + 0.16:
         snapshot, forces = plant.snapshot(), plant.contact_forces
-        now = Measured.of(snapshot, frames, gait.omega, gait.height)
+        now = GaitState.of(snapshot, frames, gait.omega, gait.height)
         felt = {foot: forces[frame] for foot, frame in frames.items()}
         observer, ahead = observer.seen(snapshot, now, felt, 0.002)
         np.testing.assert_array_equal(ahead.dcm, observer.ahead(now).dcm)
@@ -52,7 +52,7 @@ def test_a_push_is_seen_and_a_walk_is_none(robot_named: Load) -> None:
     assert np.linalg.norm(found[quiet], axis=1).max() < 0.35 * np.linalg.norm(pushed)
     start = robot.snapshot(robot.posture("standing"))
     frames = {foot: sole.frame for foot, sole in robot.feet.items()}
-    now = Measured.of(start, frames, observer.omega, observer.height)
+    now = GaitState.of(start, frames, observer.omega, observer.height)
     blind, same = observer.seen(start, now, {}, 0.002)  # not felt any more
     assert blind.expected is None and not blind.push.any() and same is now
 
@@ -60,7 +60,7 @@ def test_a_push_is_seen_and_a_walk_is_none(robot_named: Load) -> None:
 def test_the_capture_point_is_where_the_push_takes_it() -> None:
     """After a quarter of the time constant, by a simulation of the pendulum itself."""
     omega, a = 4.0, np.array((1.0, -2.0))
-    now = Measured(np.array((0.02, 0.01)), {}, {})
+    now = GaitState(np.array((0.02, 0.01)), {}, {})
     ahead = PushObserver(omega, 0.6, np.zeros(2), a).ahead(now)
     xi, steps = now.dcm, 1000
     for _ in range(steps):  # the pressure is at the DCM, so that only the push moves it

@@ -5,14 +5,23 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from wbc.gait.swing import FootPose, Lift, Motion, SwingFoot, towards, turned, upright_on, yaw_of
+from wbc.gait.swing import (
+    FootPose,
+    Lift,
+    SwingFoot,
+    SwingMotion,
+    towards,
+    turned,
+    upright_on,
+    yaw_of,
+)
 
 DT = 0.002
 
 
 def test_an_unchanged_goal_is_met_on_one_curve_of_least_jerk() -> None:
     goal, T = np.array((0.4, -0.1, 0.2)), 0.4
-    now = Motion.rest(np.zeros(3))
+    now = SwingMotion.rest(np.zeros(3))
     for k in range(1, 186):  # until 0.03 s before the end
         now = towards(now, goal, T - (k - 1) * DT, DT)
         x = k * DT / T
@@ -21,7 +30,7 @@ def test_an_unchanged_goal_is_met_on_one_curve_of_least_jerk() -> None:
 
 
 def test_rates_are_derivatives_though_the_goal_moves(rng: np.random.Generator) -> None:
-    now, path = Motion.rest(np.zeros(2)), []
+    now, path = SwingMotion.rest(np.zeros(2)), []
     goal = np.array((0.3, 0.1))
     for k in range(180):
         if k % 30 == 0:
@@ -35,7 +44,7 @@ def test_rates_are_derivatives_though_the_goal_moves(rng: np.random.Generator) -
 
 
 def test_the_goal_is_met_at_rest() -> None:
-    now, goal = Motion.rest(np.zeros(2)), np.array((0.3, 0.1))
+    now, goal = SwingMotion.rest(np.zeros(2)), np.array((0.3, 0.1))
     for k in range(220):
         goal = goal + (1e-3 if k < 150 else 0.0)
         now = towards(now, goal, 0.4 - k * DT, DT)

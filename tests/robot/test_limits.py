@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wbc.robot import Limits, Robot
+from wbc.robot import JointLimits, Robot
 
 Load = Callable[[str], Robot]
 INERTIAL = (
@@ -100,7 +100,7 @@ def test_joint_positions_are_a_view_without_continuous_joints(robot_named: Load)
 
 def test_limits_cannot_be_changed(robot_named: Load) -> None:
     limits = robot_named("hoap2_like").limits
-    copied: Limits = pickle.loads(pickle.dumps(limits))
+    copied: JointLimits = pickle.loads(pickle.dumps(limits))
     for each in (limits, copied):
         for array in (each.lower, each.upper, each.velocity, each.effort):
             with pytest.raises(ValueError, match="read-only"):

@@ -11,7 +11,7 @@ from wbc.controllers import KinematicController
 from wbc.controllers.closed_loop import LoopTick
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.shaping import GlobalShaping, Motion, ShapingOutcome
+from wbc.shaping import GlobalShaping, ShapingMotion, ShapingOutcome
 from wbc.shaping.motion import worst_kept
 from wbc.shaping.problem import posture_cost
 from wbc.tasks import ComTask, InertiaTask, PostureTask, Task
@@ -24,7 +24,9 @@ def tall(robot: Robot, q: np.ndarray, frame: str) -> InertiaTask:
     )
 
 
-def check_motion(robot: Robot, motion: Motion, contacts: tuple[Contact, ...], dt: float) -> None:
+def check_motion(
+    robot: Robot, motion: ShapingMotion, contacts: tuple[Contact, ...], dt: float
+) -> None:
     """Every row follows from the one before, within limits, on its feet, and no faster than may."""
     data = robot.model.createData()
     limits = robot.limits

@@ -13,9 +13,9 @@ from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.collision import Obstacle
 from wbc.shaping.evaluation import FOUND, Tolerances, kept_constraints, violations
-from wbc.shaping.motion import INTERRUPTED, GuidingTasks, Reach, worst_kept
+from wbc.shaping.motion import INTERRUPTED, GuidingTasks, PostureReach, worst_kept
 from wbc.shaping.nlp import BuiltNlp, build_nlp
-from wbc.shaping.outcome import Candidate, Kept, Motion, ShapingOutcome
+from wbc.shaping.outcome import Candidate, Kept, ShapingMotion, ShapingOutcome
 from wbc.shaping.problem import ShapingProblem, posture_cost
 from wbc.shaping.separation import ActivePairs, SeparatedIpopt, searcher
 from wbc.tasks import ComTask, InertiaTask, PostureTask
@@ -257,10 +257,10 @@ def test_a_search_goes_on_from_its_start_unless_only_standing_is_free(robot) -> 
 # ---------------------------------------------------------------------- the motion
 
 
-def scripted(q: np.ndarray, cost: float, arrived: bool, broken: tuple[str, ...]) -> Motion:
+def scripted(q: np.ndarray, cost: float, arrived: bool, broken: tuple[str, ...]) -> ShapingMotion:
     kept = replace(KEPT, broken=broken)
-    return Motion(np.zeros(1), q[None], np.zeros((1, 3)), np.array([9.0, cost]), candidate(q), kept,
-                  arrived, True, ())  # fmt: skip
+    return ShapingMotion(np.zeros(1), q[None], np.zeros((1, 3)), np.array([9.0, cost]),
+                         candidate(q), kept, arrived, True, ())  # fmt: skip
 
 
 def test_candidates_are_tried_until_one_is_reached_and_the_best_motion_is_kept(robot) -> None:
@@ -271,10 +271,10 @@ def test_candidates_are_tried_until_one_is_reached_and_the_best_motion_is_kept(r
         candidates = [candidate(q, float(k)) for k in range(len(script))]
         outcome = ShapingOutcome(tuple(candidates), (), None)  # type: ignore[arg-type]
         problem = problem_of(robot, [PostureTask(robot, q)])
-        reach = Reach(problem, q, 0.01, 0.01, None, None, lambda tasks: None, None)  # type: ignore
+        reach = PostureReach(problem, q, 0.01, 0.01, None, None, lambda tasks: None, None)  # type: ignore
         asked: list[int] = []
 
-        def motion(one: Candidate, number: int) -> tuple[Motion, str]:
+        def motion(one: Candidate, number: int) -> tuple[ShapingMotion, str]:
             assert one is candidates[number]
             asked.append(number)
             cost, arrived, reason = script[number]
@@ -357,7 +357,7 @@ def test_the_cost_that_is_reached_may_be_above_by_the_tolerance(robot) -> None:
     states = [robot.snapshot(far), robot.snapshot(q, np.zeros(robot.nv))]
     off = robot.snapshot(robot.integrate(q, np.r_[np.zeros(6), np.full(robot.nv - 6, 1e-3)], 1.0))
     problem = problem_of(robot, [task])
-    reach = Reach(problem, far, 0.01, 0.01, None, None, lambda tasks: None, None)  # type: ignore
+    reach = PostureReach(problem, far, 0.01, 0.01, None, None, lambda tasks: None, None)  # type: ignore
 
     def reason(end, cost: float, at_rest: bool = True) -> str:
         from wbc.shaping.motion import _Rollout

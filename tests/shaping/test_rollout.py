@@ -9,7 +9,7 @@ import pytest
 
 from wbc.constraints import Limits
 from wbc.robot import Robot
-from wbc.shaping.motion import INTERRUPTED, Reach
+from wbc.shaping.motion import INTERRUPTED, PostureReach
 from wbc.shaping.outcome import Candidate, Kept
 from wbc.shaping.problem import ShapingProblem
 from wbc.tasks import InertiaTask
@@ -50,7 +50,7 @@ def rollout(robot: Robot, script: Script, *, longest=None, rest_speed=1e-5, watc
         made.append(tuple(one.name for one in tasks))
         return Controller(robot, script, log)
 
-    reach = Reach(problem, q, 0.01, DT, longest, rest_speed, make, watch)  # type: ignore[arg-type]
+    reach = PostureReach(problem, q, 0.01, DT, longest, rest_speed, make, watch)  # type: ignore[arg-type]
     kept = Kept(0.0, 1.0, None, None, ())
     found = reach._rollout(Candidate(q, 1.0, {}, kept, "ok", True, 1, (0,)), 3)
     assert made == [("guide: posture",), ("inertia",)]

@@ -5,7 +5,7 @@ from functools import cache
 
 import pytest
 
-from wbc.rmp.plan import Limits, Phase, Plan, PlanProblem, State, solve
+from wbc.rmp.plan import PathLimits, Plan, PlanPhase, PlanProblem, State, solve
 from wbc.robot import Robot, Snapshot
 from wbc.tracking.pendulum import RobotPendulum, pendulum_of
 
@@ -39,11 +39,11 @@ def crouching(own: RobotPendulum, margin: float = 0.005, **changes: object) -> P
         "start": own.rest,
         "goal": own.rest,
         "schedule": (
-            Phase("down", 0.4, soles, 6, end=crouched),
-            Phase("up", 0.4, soles, 6),
+            PlanPhase("down", 0.4, soles, 6, end=crouched),
+            PlanPhase("up", 0.4, soles, 6),
         ),
         "nominal": own.rest,
-        "limits": Limits(friction=0.5, torsion=0.02, normal_force=(5.0, 200.0)),
+        "limits": PathLimits(friction=0.5, torsion=0.02, normal_force=(5.0, 200.0)),
         "reference": own.reference,
     }
     return PlanProblem(**(problem | changes))
@@ -64,9 +64,9 @@ def hopping() -> Plan:
     own = pendulum_of(standing())
     soles = own.soles(FEET)
     schedule = (
-        Phase("off", 0.3, soles, 6),
-        Phase("fly", (0.02, 0.1), None, 3),
-        Phase("land", 0.3, soles, 6),
+        PlanPhase("off", 0.3, soles, 6),
+        PlanPhase("fly", (0.02, 0.1), None, 3),
+        PlanPhase("land", 0.3, soles, 6),
     )
     return solve(crouching(own, schedule=schedule, goal=replace(own.rest, momentum=None)))
 

@@ -4,7 +4,7 @@ import pytest
 
 from tests.tracking.conftest import FEET, crouching
 from wbc import PlanMismatchError
-from wbc.rmp.plan import Phase, Plan, at_rest, rectangle, solve
+from wbc.rmp.plan import Plan, PlanPhase, at_rest, rectangle, solve
 from wbc.rmp.solid import SolidRmp
 from wbc.robot import Snapshot
 from wbc.tracking.fit import check_fit
@@ -23,7 +23,7 @@ def test_everything_that_differs_is_told(start: Snapshot, own: RobotPendulum) ->
             pendulum=SolidRmp(2.0 * own.pendulum.mass, 1.62),
             start=at_rest((x, y, z + 0.1), (0.2, 0.2, 0.2)),
             goal=own.rest,
-            schedule=(Phase("stand", 0.5, rectangle(0.0, 0.0, 0.4, 0.4), 4),),
+            schedule=(PlanPhase("stand", 0.5, rectangle(0.0, 0.0, 0.4, 0.4), 4),),
         )
     )
     with pytest.raises(PlanMismatchError) as caught:

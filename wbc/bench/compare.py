@@ -24,7 +24,7 @@ CONFIDENCE = 0.999  # one-sided, of the interval
 PASSES = 3  # below which nothing is known of the scatter
 
 
-class Verdict(StrEnum):
+class SpeedVerdict(StrEnum):
     """What became of a solver."""
 
     FASTER = "faster"
@@ -36,12 +36,12 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True)
-class Change:
+class SpeedChange:
     """A solver then and now, on the sequences that both files have."""
 
     eps: str
     solver: str
-    verdict: Verdict
+    verdict: SpeedVerdict
     # ratio, low and high: time now over time then, and the interval that it lies in; NaN if that
     # is not known.
     ratio: float
@@ -51,7 +51,7 @@ class Change:
     reason: str = ""  # why nothing is known, in words; else empty
 
 
-def compare(old: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[list[Change], list[str]]:
+def compare(old: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[list[SpeedChange], list[str]]:
     """Return the changes from one summary to another, and what could not be compared, in words."""
     common, notes = [], []
     if old["machine"] != new["machine"]:
@@ -80,19 +80,19 @@ def compare(old: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[list[Change
 
 def _change(
     eps: str, solver: str, common: list[str], old: Mapping[str, Any], new: Mapping[str, Any]
-) -> Change:
+) -> SpeedChange:
     then, now = ([one["sequences"][name] for name in common] for one in (old, new))
     success = (_success(then), _success(now))
     before, after = _logs(then), _logs(now)
     if min(before.size, after.size) < PASSES:
         nan = float("nan")
         reason = f"needs {PASSES} passes each, has {before.size} and {after.size}"
-        return Change(eps, solver, Verdict.UNKNOWN, nan, nan, nan, success, reason)
+        return SpeedChange(eps, solver, SpeedVerdict.UNKNOWN, nan, nan, nan, success, reason)
     found = time_ratio(before, after)
     verdict = found.verdict
     if success[1] != success[0]:
-        verdict = Verdict.FAILS_MORE if success[1] < success[0] else Verdict.FAILS_LESS
-    return Change(eps, solver, verdict, found.ratio, found.low, found.high, success)
+        verdict = SpeedVerdict.FAILS_MORE if success[1] < success[0] else SpeedVerdict.FAILS_LESS
+    return SpeedChange(eps, solver, verdict, found.ratio, found.low, found.high, success)
 
 
 class TimeRatio(NamedTuple):
@@ -101,7 +101,7 @@ class TimeRatio(NamedTuple):
     ratio: float
     low: float
     high: float
-    verdict: Verdict
+    verdict: SpeedVerdict
 
 
 def time_ratio(before: Array, after: Array) -> TimeRatio:
@@ -110,11 +110,11 @@ def time_ratio(before: Array, after: Array) -> TimeRatio:
     scatter = before.var(ddof=1) / before.size + after.var(ddof=1) / after.size
     wide = float(stdtrit(before.size + after.size - 2, CONFIDENCE)) * math.sqrt(scatter)
     low, high = middle - wide, middle + wide
-    verdict = Verdict.SAME
+    verdict = SpeedVerdict.SAME
     if low > math.log(LEAST):
-        verdict = Verdict.SLOWER
+        verdict = SpeedVerdict.SLOWER
     elif high < -math.log(LEAST):
-        verdict = Verdict.FASTER
+        verdict = SpeedVerdict.FASTER
     return TimeRatio(math.exp(middle), math.exp(low), math.exp(high), verdict)
 
 

@@ -22,7 +22,7 @@ ITERATIONS = 20  # outer ones of ProxQP with the settings of this package
 PREFIX = "qpsolvers:"
 
 
-class Candidate(Protocol):
+class SolverCandidate(Protocol):
     """Solves the QPs of a sequence in order; made anew for each pass."""
 
     def answer(self, qp: QP) -> RawSolution:
@@ -77,7 +77,7 @@ class CheckedProxQp:
         )
 
 
-CANDIDATES: Mapping[str, Callable[[float], Candidate]] = {
+CANDIDATES: Mapping[str, Callable[[float], SolverCandidate]] = {
     "proxqp_checked": CheckedProxQp,
     "proxqp": WarmProxQp,
     "proxqp_cold": lambda eps: WarmProxQp(eps, warm=False),
@@ -100,7 +100,7 @@ def candidate_names() -> tuple[str, ...]:
     return (*CANDIDATES, *(f"{PREFIX}{name}" for name in qpsolvers_names()))
 
 
-def make_candidate(name: str, eps: float) -> Candidate:
+def make_candidate(name: str, eps: float) -> SolverCandidate:
     """Return a candidate by name, asked for an accuracy.
 
     Raises

@@ -84,7 +84,7 @@ def record(job: Job, ticks: int) -> QpSequence:
     robot = _robot(job.robot)
     q = robot.posture("standing" if robot.feet else "neutral", joints=_bent(robot))
     start = robot.snapshot(q)
-    targets = Targets.of(start)
+    targets = JobTargets.of(start)
     tasks = [targets.inertia, targets.com, targets.trunk, targets.posture]
     contacts = support(start, "double" if robot.feet else "floating")
     margins = [SelfCollision(robot, pairs=job.pairs)] if job.pairs else []
@@ -128,7 +128,7 @@ def record_problem(path: Path, ticks: int) -> QpSequence:
 
 
 @dataclass(frozen=True)
-class Targets:
+class JobTargets:
     """The tasks of a standard job, and where their targets begin."""
 
     start: Snapshot
@@ -138,7 +138,7 @@ class Targets:
     posture: PostureTask
 
     @classmethod
-    def of(cls, start: Snapshot) -> Targets:
+    def of(cls, start: Snapshot) -> JobTargets:
         """Return the tasks of a robot at its start."""
         robot = start.robot
         trunk = "torso" if "torso" in robot.frame_names else robot.frame_names[-1]

@@ -7,7 +7,7 @@ import html
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from wbc.bench.compare import Change
+from wbc.bench.compare import SpeedChange
 from wbc.bench.solvers import ABOUT
 from wbc.bench.summary import LIMIT, SHIFT
 
@@ -64,7 +64,7 @@ def tables(summary: Mapping[str, Any]) -> list[Table]:
     return found
 
 
-def changes_table(changes: Sequence[Change]) -> Table:
+def changes_table(changes: Sequence[SpeedChange]) -> Table:
     """Return the table of a comparison."""
     header = ("solver", "accuracy", "time now / then", "between", "solved then", "now", "verdict")
     rows = [
@@ -100,7 +100,7 @@ def introduction(summary: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def markdown(summary: Mapping[str, Any], changes: Sequence[Change] = ()) -> str:
+def markdown(summary: Mapping[str, Any], changes: Sequence[SpeedChange] = ()) -> str:
     """Return everything as a page of Markdown."""
     parts = ["## Solvers", *introduction(summary)]
     parts += [one.markdown() for one in _all(summary, changes)]
@@ -108,7 +108,7 @@ def markdown(summary: Mapping[str, Any], changes: Sequence[Change] = ()) -> str:
 
 
 def html_page(
-    summary: Mapping[str, Any], changes: Sequence[Change] = (), picture: bytes | None = None
+    summary: Mapping[str, Any], changes: Sequence[SpeedChange] = (), picture: bytes | None = None
 ) -> str:
     """Return everything as one page, with a PNG picture inside."""
     told = "".join(f"<p>{html.escape(one)}</p>\n" for one in introduction(summary))
@@ -124,7 +124,7 @@ def html_page(
     )
 
 
-def _all(summary: Mapping[str, Any], changes: Sequence[Change]) -> list[Table]:
+def _all(summary: Mapping[str, Any], changes: Sequence[SpeedChange]) -> list[Table]:
     return [*tables(summary), *([changes_table(changes)] if changes else [])]
 
 

@@ -18,7 +18,7 @@ from wbc.cli.options import Quiet
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from wbc.bench import Change, QpSequence
+    from wbc.bench import QpSequence, SpeedChange
     from wbc.cli.outputs import Outputs
 
 BENCH_EXIT_CODES = (
@@ -84,7 +84,7 @@ def bench(
         if qpbenchmark is not None:
             _export(qpbenchmark, found, quiet)
         summary = _measure(found, solver, eps or [1e-6], repeats, quiet)
-        changes: Sequence[Change] = ()
+        changes: Sequence[SpeedChange] = ()
         if old is not None:
             changes = _compared(old, summary)
         outputs = _write_all(places, summary, changes)
@@ -199,7 +199,7 @@ def _measure(
     return summarise(sequences, measured, shlex.join(["wbc", *sys.argv[1:]]))
 
 
-def _compared(old: dict[str, Any], new: dict[str, Any]) -> Sequence[Change]:
+def _compared(old: dict[str, Any], new: dict[str, Any]) -> Sequence[SpeedChange]:
     from wbc.bench import compare
 
     changes, notes = compare(old, new)
@@ -208,7 +208,9 @@ def _compared(old: dict[str, Any], new: dict[str, Any]) -> Sequence[Change]:
     return changes
 
 
-def _write_all(places: list[Path], summary: dict[str, Any], changes: Sequence[Change]) -> Outputs:
+def _write_all(
+    places: list[Path], summary: dict[str, Any], changes: Sequence[SpeedChange]
+) -> Outputs:
     from wbc.cli.outputs import Outputs
 
     outputs = Outputs()
@@ -220,7 +222,7 @@ def _write_all(places: list[Path], summary: dict[str, Any], changes: Sequence[Ch
     return outputs
 
 
-def _write(path: Path, summary: dict[str, Any], changes: Sequence[Change]) -> None:
+def _write(path: Path, summary: dict[str, Any], changes: Sequence[SpeedChange]) -> None:
     from wbc.bench.page import has_section, with_section
     from wbc.bench.tables import html_page, markdown
     from wbc.files import write_text
@@ -248,7 +250,7 @@ def _draw(summary: dict[str, Any], path: Path) -> None:
     plot_bench(summary, path)
 
 
-def _print(summary: dict[str, Any], changes: Sequence[Change], places: list[Path]) -> None:
+def _print(summary: dict[str, Any], changes: Sequence[SpeedChange], places: list[Path]) -> None:
     from wbc.bench.tables import changes_table, tables
 
     for table in [*tables(summary)[::2], *([changes_table(changes)] if changes else [])]:

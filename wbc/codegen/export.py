@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from wbc.codegen.known import CodegenError
-from wbc.codegen.recording import Recording, check_kind, record
+from wbc.codegen.recording import TickRecording, check_kind, record
 from wbc.codegen.texts import plan_header, plan_source, recording_text
 from wbc.files import write_text
 from wbc.native.sources import FLAGS
@@ -23,7 +23,7 @@ class Export(NamedTuple):
     """What was written."""
 
     folder: Path
-    recording: Recording
+    recording: TickRecording
     solver: str | None  # the problem's own, if that is not the core's, which the C has
 
 
@@ -80,7 +80,7 @@ def _load(path: Path, overrides: Mapping[str, Any]) -> Problem:
     return problem
 
 
-def _title(problem: Problem, recording: Recording) -> str:
+def _title(problem: Problem, recording: TickRecording) -> str:
     """Return what the files are about."""
     name, robot = problem.source.name, recording.controller.robot.name
     return f"{name} for {robot}; made by wbc codegen, do not edit."

@@ -41,7 +41,7 @@ class RecordedTick(NamedTuple):
     torque: Array | None
 
 
-class Recording:
+class TickRecording:
     """The first ticks of a run.
 
     Attributes
@@ -95,7 +95,7 @@ class Recording:
         self.ticks.append(RecordedTick(seen.q, seen.v, targets, now.tick.velocity, torque))
 
 
-def record(problem: Problem, ticks: int) -> Recording:
+def record(problem: Problem, ticks: int) -> TickRecording:
     """Run a problem of a kind that was checked, of the torque level in simulation.
 
     Return its first ticks.
@@ -105,7 +105,7 @@ def record(problem: Problem, ticks: int) -> Recording:
     CodegenError
         It has something that the core does not know, or no tick that the core makes alone.
     """
-    found = Recording(ticks)
+    found = TickRecording(ticks)
     torque = isinstance(problem.spec.controller, TorqueSpec)
     run: Mapping[str, Any] = {"cancelled": found.full, "show": found.add}
     (problem.simulate if torque else problem.run)(**run)

@@ -19,7 +19,7 @@ from wbc.validate import Array
 _WORDS = {Kind.POINT: "position", Kind.ORIENTATION: "orientation"}
 
 
-class Part(NamedTuple):
+class TargetPart(NamedTuple):
     """A block of rows: one of a task's, or a contact's."""
 
     name: str  # in C
@@ -28,7 +28,7 @@ class Part(NamedTuple):
     kind: Kind
 
 
-class Targets(NamedTuple):
+class PartTargets(NamedTuple):
     """What a part should be, with rate and acceleration: sizes as in source/controller.h."""
 
     target: Array
@@ -36,44 +36,44 @@ class Targets(NamedTuple):
     acceleration: Array
 
 
-def task_parts(controller: Controller) -> list[Part]:
+def task_parts(controller: Controller) -> list[TargetPart]:
     """Return the parts of all tasks, as the core numbers them; contacts come behind them."""
     return _parts(controller.tasks, "WBC_TASK")
 
 
-def contact_parts(controller: Controller) -> list[Part]:
+def contact_parts(controller: Controller) -> list[TargetPart]:
     """Return the parts of contacts, of gears and of a bolted base."""
     return _parts(controller.plan.held.contacts, "WBC_CONTACT")
 
 
-def _parts(tasks: Sequence[Task], prefix: str) -> list[Part]:
+def _parts(tasks: Sequence[Task], prefix: str) -> list[TargetPart]:
     found, taken = [], set[str]()
     for task in tasks:
         rows = task.native() or ()
         for number, one in enumerate(rows):
             words = [prefix, task.name, *([_WORDS[one.kind]] if len(rows) > 1 else [])]
             name = identifier("_".join(words), taken)
-            found.append(Part(name, task, number, Kind(one.kind)))
+            found.append(TargetPart(name, task, number, Kind(one.kind)))
     return found
 
 
-def targets_of(part: Part) -> Targets | None:
+def targets_of(part: TargetPart) -> PartTargets | None:
     """Return the present targets of a task's part; None if it has none."""
     task = part.task
     rows = (task.native() or ())[part.number]
     match part.kind:
         case Kind.POINT:
-            return Targets(rows.numbers[0], *_rates(rows, 3))
+            return PartTargets(rows.numbers[0], *_rates(rows, 3))
         case Kind.ORIENTATION:
             target, rate, acceleration = rows.numbers
-            return Targets(target, rate, acceleration)
+            return PartTargets(target, rate, acceleration)
         case Kind.INERTIA if isinstance(task, InertiaTask):
-            return Targets(task.target, task.target_rate, task.target_acceleration)
+            return PartTargets(task.target, task.target_rate, task.target_acceleration)
         case Kind.JOINTS:
             size = task.robot.nv - 6
-            return Targets(_spread(rows.numbers[0], rows, size), *_rates(rows, size))
+            return PartTargets(_spread(rows.numbers[0], rows, size), *_rates(rows, size))
         case Kind.MOMENTUM:
-            return Targets(*_rates(rows, 6), np.zeros(0))
+            return PartTargets(*_rates(rows, 6), np.zeros(0))
     return None
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wbc.codegen.c_text import comment, literal
 from wbc.codegen.known import CodegenError
-from wbc.codegen.recording import Recording
+from wbc.codegen.recording import TickRecording
 from wbc.codegen.targets import contact_parts, task_parts
 from wbc.native import ffi
 
@@ -19,7 +19,7 @@ _PER_LINE = 6
 _OWN = ("state", "out", "scratch", "order", "rows", "below", "given", "push")
 
 
-def plan_header(recording: Recording, title: str) -> str:
+def plan_header(recording: TickRecording, title: str) -> str:
     """Return plan.h: sizes and names."""
     controller, memory = recording.controller, recording.plan.memory
     solver, robot = recording.solver, controller.robot
@@ -64,7 +64,7 @@ def plan_header(recording: Recording, title: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def plan_source(recording: Recording, title: str) -> str:
+def plan_source(recording: TickRecording, title: str) -> str:
     """Return plan.c: all that was planned."""
     controller, memory = recording.controller, recording.plan.memory
     names = ",\n".join(f"    {literal(name)}" for name in controller.robot.joint_names)
@@ -109,7 +109,7 @@ def plan_source(recording: Recording, title: str) -> str:
     )
 
 
-def recording_text(recording: Recording) -> str:
+def recording_text(recording: TickRecording) -> str:
     """Return recording.txt, which main.c reads."""
     robot = recording.controller.robot
     torque = int(recording.plan.memory.struct.torque)

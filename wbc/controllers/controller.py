@@ -38,7 +38,7 @@ from wbc.controllers.look_ahead import MarginRows, solve_with_look_ahead
 from wbc.controllers.margin_rows import only_self_collision
 from wbc.controllers.missing_velocity import MissingVelocity
 from wbc.controllers.outcome import Box, Outcome
-from wbc.controllers.plan import Decision, Plan
+from wbc.controllers.plan import Decision, LevelPlan
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.controllers.tick import POLICIES, Began, Tick
 from wbc.errors import InvalidInputError
@@ -108,7 +108,7 @@ class Controller(DeclaredAttributes, ABC):
     backend: Backend
     formulation: str
     on_failure: str
-    plan: Plan
+    plan: LevelPlan
     slacks: Slacks
     tasks: tuple[Task, ...]
     contacts: tuple[Task, ...]
@@ -411,7 +411,9 @@ class Controller(DeclaredAttributes, ABC):
         self._deviating = [t for t in self._motion if type(t).deviation is not Task.deviation]
         self.slacks = Slacks(self._slack, contacts, self.constraints, self._going_slack)
         decision, physics, forces = self._decision(), self._physics_names(), self._force_tasks
-        self.plan = plan = Plan.of(decision, self._motion, contacts, self.slacks, physics, forces)
+        self.plan = plan = LevelPlan.of(
+            decision, self._motion, contacts, self.slacks, physics, forces
+        )
         first, limits = FirstLevel(self.backend, self._bears), self.limits
         self._levels = Levels(plan, first, limits, self.dt, self.joint_weights, self._bears)
         kept_apart = None

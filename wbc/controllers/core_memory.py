@@ -15,7 +15,7 @@ from wbc.controllers.blocks import Part
 from wbc.controllers.core_layout import Layout
 from wbc.controllers.force_rows import NativeForces, TorqueRows
 from wbc.controllers.margin_rows import NativeMargin
-from wbc.controllers.plan import Plan
+from wbc.controllers.plan import LevelPlan
 from wbc.native import doubles, ffi, integers, lib, pointer
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.problem import QP, Labels
@@ -61,7 +61,7 @@ class CoreMemory:
         self,
         robot: Robot,
         tree: NativeTree,
-        plan: Plan,
+        plan: LevelPlan,
         parts: Sequence[Part],
         limits: Limits | None,
         dt: float,

@@ -20,10 +20,10 @@ from wbc.constraints.rows import Bounds
 from wbc.controllers.blocks import Part, PythonPart, PythonRows
 from wbc.controllers.contact_forces import NO_RAMPS
 from wbc.controllers.core_memory import DONE, REDUCED, CoreMemory
-from wbc.controllers.core_tick import CoreTick, Names
+from wbc.controllers.core_tick import CoreTick, TickNames
 from wbc.controllers.force_rows import TorqueRows
 from wbc.controllers.margin_rows import NativeMargin
-from wbc.controllers.plan import Plan
+from wbc.controllers.plan import LevelPlan
 from wbc.laws import Rows
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.backend import Backend
@@ -75,7 +75,7 @@ class CorePlan:
         robot: Robot,
         tasks: Sequence[Task],
         forces: Sequence[ForceTask],
-        plan: Plan,
+        plan: LevelPlan,
         limits: Limits | None,
         dt: float,
         backend: Backend,
@@ -130,7 +130,7 @@ class CorePlan:
             f"level {k}: {', '.join(costs[i].name for i in members)}"
             for k, members in enumerate(plan.levels)
         ]
-        self._names = Names(errors, plan.labels, called)
+        self._names = TickNames(errors, plan.labels, called)
         self._costs, self._ends = costs, ends
         self.shares_state, self._braking = shares_state, limits and limits.braking
 

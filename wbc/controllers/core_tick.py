@@ -30,7 +30,7 @@ _NONE: Array = read_only(np.zeros(0))
 NO_SOLVER = "cholesky"
 
 
-class Names(NamedTuple):
+class TickNames(NamedTuple):
     """What is the same in every tick of a plan.
 
     Attributes
@@ -81,7 +81,7 @@ class CoreTick:
     hurried: tuple[str, ...] = ()
     solved = False
     _memory: CoreMemory
-    _names: Names
+    _names: TickNames
     given: Sequence[PythonRows]
     _layout: Layout
     _out: Array
@@ -97,7 +97,7 @@ class CoreTick:
     def __init__(
         self,
         memory: CoreMemory,
-        names: Names,
+        names: TickNames,
         given: Sequence[PythonRows],
         rows: tuple[str, ...],
         slack: Array | None,

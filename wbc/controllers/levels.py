@@ -17,7 +17,7 @@ from wbc.controllers.core_plan import CorePlan
 from wbc.controllers.core_tick import CoreTick
 from wbc.controllers.first_level import FirstLevel
 from wbc.controllers.outcome import Box, Outcome
-from wbc.controllers.plan import Plan
+from wbc.controllers.plan import LevelPlan
 from wbc.controllers.singular import reduce_singular
 from wbc.laws import Rows
 from wbc.qp.active_set import NAME, NO_RESIDUALS
@@ -49,7 +49,7 @@ class Levels:
 
     def __init__(
         self,
-        plan: Plan,
+        plan: LevelPlan,
         first: FirstLevel,
         limits: Limits | None,
         dt: float,

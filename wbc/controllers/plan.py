@@ -1,6 +1,7 @@
 """The plan of a controller: unknowns, priority levels and row names, which ticks have in common.
 
-A :class:`Plan` is made once for each set of tasks and contacts; a tick then only fills in numbers.
+A :class:`LevelPlan` is made once for each set of tasks and contacts; a tick then only fills in
+numbers.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ class Decision:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class LevelPlan:
     """The levels of a controller.
 
     Attributes
@@ -108,7 +109,7 @@ class Plan:
         slacks: Slacks,
         physics: tuple[str, ...] = (),
         forces: Sequence[Task] = (),
-    ) -> Plan:
+    ) -> LevelPlan:
         """Return the plan; ``physics`` names the equality rows that a level puts before contacts.
 
         ``forces`` are the tasks about forces.

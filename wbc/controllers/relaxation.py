@@ -23,7 +23,7 @@ import numpy as np
 
 from wbc.constraints.mechanics import BoltedBase, Gear
 from wbc.constraints.rows import Bounds, stack, take
-from wbc.controllers.plan import Plan
+from wbc.controllers.plan import LevelPlan
 from wbc.controllers.slack import GivingQP
 from wbc.laws import stacked
 from wbc.qp.problem import QP, Labels
@@ -64,7 +64,7 @@ class Physical(NamedTuple):
 
 
 def relaxed_qp(
-    plan: Plan,
+    plan: LevelPlan,
     qp: QP,
     physical: Physical,
     margins: Sequence[Bounds],
@@ -118,7 +118,7 @@ def relaxed_qp(
 
 
 def given_way(
-    plan: Plan, qp: QP, physical: Physical, relaxed: GivingQP, x: Array
+    plan: LevelPlan, qp: QP, physical: Physical, relaxed: GivingQP, x: Array
 ) -> dict[str, float]:
     """Return what a relaxed QP's solution misses, by the name of contact row, limit or margin."""
     begin = physical.equalities

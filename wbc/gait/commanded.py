@@ -13,7 +13,7 @@ from wbc.gait.command import Velocity
 from wbc.gait.given import Landing
 from wbc.gait.walker import Walker
 from wbc.robot import Snapshot
-from wbc.run.standing import Standing
+from wbc.run.standing import PhaseSupport
 from wbc.tasks import Task
 from wbc.validate import Array, finite_number
 
@@ -96,10 +96,10 @@ class CommandedWalk:
         if self._move_world is not None:
             self._move_world(time)
 
-    def _standing(self) -> Standing:
+    def _standing(self) -> PhaseSupport:
         made = self.controller
         contacts = [one for one in made.contacts if isinstance(one, Contact)]
-        return Standing.on("", contacts, made.constraints, made.limits, made.slacks.is_hard)
+        return PhaseSupport.on("", contacts, made.constraints, made.limits, made.slacks.is_hard)
 
 
 def landings_in_words(landings: Sequence[Landing], count: int) -> str:

@@ -22,7 +22,7 @@ from wbc.validate import Array
 DESCENT = 0.16
 
 
-class Measured(NamedTuple):
+class GaitState(NamedTuple):
     """What a gait knows of the robot.
 
     With the centre of pressure at p and the angular momentum k about the CoM, the horizontal motion
@@ -106,7 +106,7 @@ class SingleSupport:
     def begun(
         cls,
         foot: str,
-        now: Measured,
+        now: GaitState,
         normal: Array,
         gait: GaitSettings,
         half: Array,
@@ -123,7 +123,7 @@ class SingleSupport:
         stands = Foothold.whole(now.rotations[other(foot)], normal, half)
         return cls(other(foot), swing, 0.0, single, pose[:2], np.zeros(2), stands, given)
 
-    def felt(self, now: Measured, wrench: Array, weight: float) -> Self:
+    def felt(self, now: GaitState, wrench: Array, weight: float) -> Self:
         """Return it with what is known of the foothold now; ``wrench`` (6,) is on its sole [N]."""
         known = self.foothold.felt(now.rotations[self.support], wrench, weight)
         return replace(self, foothold=known)
@@ -161,7 +161,9 @@ def landing_pose(phase: SingleSupport, heading: float, velocity: Velocity) -> Ar
     return np.append(phase.goal, phase.given[0].yaw if phase.given else turned)
 
 
-def feet_after(phase: Phase, now: Measured, heading: float, velocity: Velocity) -> dict[str, Array]:
+def feet_after(
+    phase: Phase, now: GaitState, heading: float, velocity: Velocity
+) -> dict[str, Array]:
     """Return x, y [m] and yaw [rad] of both feet (3,), of one in the air where it lands."""
     feet = {foot: now.pose(foot) for foot in now.places}
     if isinstance(phase, SingleSupport):

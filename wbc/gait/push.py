@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.gait.phases import Measured
+from wbc.gait.phases import GaitState
 from wbc.robot import Snapshot
 from wbc.spatial import skew
 from wbc.validate import Array
@@ -23,7 +23,7 @@ class PushObserver(NamedTuple):
     """Observes the acceleration that is left when that by the soles is taken away.
 
     With forces f on the soles and their moment tau about the CoM, the velocity of the DCM (see
-    :class:`~wbc.gait.phases.Measured`), s = c' + (k_y, -k_x) / (M h), has the rate
+    :class:`~wbc.gait.phases.GaitState`), s = c' + (k_y, -k_x) / (M h), has the rate
 
         s' = f / M + (tau_y, -tau_x) / (M h) + a,
 
@@ -47,8 +47,8 @@ class PushObserver(NamedTuple):
     push: Array = NONE
 
     def seen(
-        self, snapshot: Snapshot, now: Measured, felt: Mapping[str, Array], dt: float
-    ) -> tuple[PushObserver, Measured]:
+        self, snapshot: Snapshot, now: GaitState, felt: Mapping[str, Array], dt: float
+    ) -> tuple[PushObserver, GaitState]:
         """Return it ``dt`` later, and what is measured with the DCM :meth:`ahead`.
 
         ``felt`` are the wrenches (6,) on the soles by foot [N, N m]; if none are, it begins anew.
@@ -67,7 +67,7 @@ class PushObserver(NamedTuple):
         later = self._replace(expected=expected + (1.0 - pole**2) * off, push=push)
         return later, later.ahead(now)
 
-    def ahead(self, now: Measured) -> Measured:
+    def ahead(self, now: GaitState) -> GaitState:
         """Return what is measured with the DCM that the push will have made of it.
 
         A push is half done when it is seen. A footstep that waits for the rest of it is decided too

@@ -15,7 +15,7 @@ from wbc.gait.dcm import VrpSegment, shift_gain
 from wbc.gait.footsteps import SIGN, Footsteps, other
 from wbc.gait.given import SHORTEST, Footstep, given_offsets, velocity_on
 from wbc.gait.legs import Legs
-from wbc.gait.phases import DoubleSupport, Measured, Phase, SingleSupport, landing_pose
+from wbc.gait.phases import DoubleSupport, GaitState, Phase, SingleSupport, landing_pose
 from wbc.gait.settings import GaitSettings
 from wbc.gait.swing import FootPose, turned, yaw_of
 from wbc.polygon import convex_hull, nearest_point
@@ -77,7 +77,7 @@ class StepPlanner:
         """Where feet go."""
         return Footsteps(self.gait)
 
-    def standing(self, now: Measured) -> Reference:
+    def standing(self, now: GaitState) -> Reference:
         """Return the reference of a robot that stands: between its feet."""
         middle = now.middle
         return Reference(middle[:2], middle[:2], float(middle[2]))
@@ -85,7 +85,7 @@ class StepPlanner:
     def double(
         self,
         phase: DoubleSupport,
-        now: Measured,
+        now: GaitState,
         heading: float,
         velocity: Velocity,
         coming: Sequence[Footstep] = (),
@@ -111,7 +111,7 @@ class StepPlanner:
             (1.0 - done) * float(old[2]) + done * ground,
         )
 
-    def single(self, phase: SingleSupport, now: Measured) -> Reference:
+    def single(self, phase: SingleSupport, now: GaitState) -> Reference:
         """Return the reference on one foot: back from the footstep that is planned."""
         omega, double = self.gait.omega, self.gait.double
         foot = now.places[phase.support]
@@ -122,7 +122,7 @@ class StepPlanner:
             base, base + math.exp(-omega * max(phase.left, 0.0)) * leaving, float(foot[2])
         )
 
-    def sunk(self, phase: Phase, now: Measured, heading: float) -> float:
+    def sunk(self, phase: Phase, now: GaitState, heading: float) -> float:
         """Return how much lower than usual the CoM should be [m].
 
         Where feet are far apart sideways, or will be, the leg behind reaches the ground from less
@@ -157,7 +157,7 @@ class StepPlanner:
         return (pressed and phase.swing.done > DONE) or phase.swing.late > LATEST / self.gait.omega
 
     def swung(
-        self, phase: SingleSupport, now: Measured, heading: float, velocity: Velocity, dt: float
+        self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity, dt: float
     ) -> tuple[SingleSupport, FootPose]:
         """Return the phase with the foot in the air led on by ``dt``, and where that should be."""
         goal = landing_pose(phase, heading, velocity)
@@ -176,7 +176,7 @@ class StepPlanner:
         hurried = phase.elapsed + phase.left < HURRIED * self.single_time(phase)
         return self.gait.double + (0.0 if hurried else max(phase.left, 0.0))
 
-    def velocity_on_steps(self, phase: Phase, now: Measured, heading: float) -> Velocity | None:
+    def velocity_on_steps(self, phase: Phase, now: GaitState, heading: float) -> Velocity | None:
         """Return the velocity of the footstep that is being made, if it was given."""
         if not (isinstance(phase, SingleSupport) and phase.given):
             return None
@@ -184,7 +184,7 @@ class StepPlanner:
         return velocity_on(now.pose(phase.support), phase.given[0], heading, left, self.gait)
 
     def at_its_end(
-        self, phase: SingleSupport, now: Measured, heading: float, velocity: Velocity
+        self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity
     ) -> bool:
         """Return whether a robot that is to stand can do so, as its foot lands."""
         if phase.given:
@@ -194,7 +194,7 @@ class StepPlanner:
         return velocity.at_rest and float(np.linalg.norm(place - nominal)) < BESIDE
 
     def adapted(
-        self, phase: SingleSupport, now: Measured, heading: float, velocity: Velocity
+        self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity
     ) -> SingleSupport:
         """Return the phase with the footstep for the DCM that is measured.
 
@@ -242,7 +242,7 @@ class StepPlanner:
         # would be no error then, and the pressure would go back to the middle of the sole.
         return replace(phase, left=plan.left, goal=goal, offset=offset, adapted=plan.adapted)
 
-    def within(self, phase: Phase, vrp: Array, now: Measured) -> Array:
+    def within(self, phase: Phase, vrp: Array, now: GaitState) -> Array:
         """Return the point (2,) nearest to ``vrp`` that can be pressed, on one sole or between two.
 
         About a point outside the moment of the forces would be least where there are none: led

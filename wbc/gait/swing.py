@@ -30,7 +30,7 @@ QUINTIC = np.array(
 )
 
 
-class Motion(NamedTuple):
+class SwingMotion(NamedTuple):
     """Values (k,), their rates and accelerations."""
 
     value: Array
@@ -42,13 +42,13 @@ class Motion(NamedTuple):
         """Return no motion at all."""
         return cls(value, np.zeros_like(value), np.zeros_like(value))
 
-    def plus(self, other: Motion) -> Motion:
+    def plus(self, other: SwingMotion) -> SwingMotion:
         """Return the sum of both."""
-        return Motion(*(mine + its for mine, its in zip(self, other, strict=True)))
+        return SwingMotion(*(mine + its for mine, its in zip(self, other, strict=True)))
 
-    def less(self, other: Motion) -> Motion:
+    def less(self, other: SwingMotion) -> SwingMotion:
         """Return what it is beyond the other."""
-        return Motion(*(mine - its for mine, its in zip(self, other, strict=True)))
+        return SwingMotion(*(mine - its for mine, its in zip(self, other, strict=True)))
 
     def sprung(self, goal: float, rate: float, dt: float) -> Self:
         """Return it ``dt`` later on a critically damped spring to ``goal`` of ``rate`` [1/s]."""
@@ -57,7 +57,7 @@ class Motion(NamedTuple):
         return type(self)(self.value + v * dt, v, acceleration)
 
 
-def towards(now: Motion, goal: Array, left: float, dt: float) -> Motion:
+def towards(now: SwingMotion, goal: Array, left: float, dt: float) -> SwingMotion:
     """Return the motion ``dt`` later on the quintic that ends at rest at ``goal`` after ``left``.
 
     Of all that begin as ``now`` it has the least integrated squared jerk (Flash & Hogan 1985), so
@@ -72,7 +72,7 @@ def towards(now: Motion, goal: Array, left: float, dt: float) -> Motion:
         (0.0, 0.0, 2.0, 6.0 * s, 12.0 * s**2, 20.0 * s**3),
     )
     value, rate, acceleration = np.array(powers) @ QUINTIC @ motion
-    return Motion(value, rate / T, acceleration / (T * T))
+    return SwingMotion(value, rate / T, acceleration / (T * T))
 
 
 class Lift(NamedTuple):
@@ -146,8 +146,8 @@ class SwingFoot:
         How long it should have been on the ground [s].
     """
 
-    level: Motion
-    height: Motion
+    level: SwingMotion
+    height: SwingMotion
     lifted_from: float
     normal: Array
     clearance: float
@@ -167,8 +167,8 @@ class SwingFoot:
         descent: float,
     ) -> Self:
         """Return one that leaves the ground, from ``pose`` (x, y, yaw)."""
-        still = Motion.rest(np.array((height,)))
-        return cls(Motion.rest(pose), still, height, normal, clearance, usual, descent)
+        still = SwingMotion.rest(np.array((height,)))
+        return cls(SwingMotion.rest(pose), still, height, normal, clearance, usual, descent)
 
     def advanced(self, goal: Array, ground: float, left: float, dt: float) -> SwingFoot:
         """Return it ``dt`` later on its way to ``goal`` (x, y, yaw); it lands after ``left``.
@@ -188,14 +188,14 @@ class SwingFoot:
         off = towards(self.height.less(curve), np.zeros(1), left, dt)
         return replace(then, height=off.plus(later))
 
-    def _curve(self, ground: float, rate: float) -> Motion:
+    def _curve(self, ground: float, rate: float) -> SwingMotion:
         """Return the height (1,) of one that does its way at ``rate`` [1/s]; 0 if it is late."""
         if rate == 0.0:
             below = ground - self.descent * self.late
-            return Motion(np.array((below,)), np.array((-self.descent,)), np.zeros(1))
+            return SwingMotion(np.array((below,)), np.array((-self.descent,)), np.zeros(1))
         clearance = self.clearance * min(1.0, 1.0 / (rate * self.usual)) ** 2
         lift = Lift(self.lifted_from, ground, clearance).at(self.done, rate)
-        return Motion(*(np.array((one,)) for one in lift))
+        return SwingMotion(*(np.array((one,)) for one in lift))
 
     def pose(self) -> FootPose:
         """Return where it should be."""

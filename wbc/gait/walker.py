@@ -11,7 +11,7 @@ the DCM that is measured (:mod:`wbc.gait.adaptation`). The centre of pressure is
     vrp + (1 + k) (xi - xi_ref),
 
 within the sole: by a task about the forces, so that the angular momentum of the swinging leg, which
-comes and goes by itself, takes nothing from the sole (:class:`~wbc.gait.phases.Measured`).
+comes and goes by itself, takes nothing from the sole (:class:`~wbc.gait.phases.GaitState`).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from wbc.gait.given import SHIFT, Footstep, Landing, StepRange
 from wbc.gait.legs import Legs
 from wbc.gait.phases import (
     DoubleSupport,
-    Measured,
+    GaitState,
     Phase,
     SingleSupport,
     Standing,
@@ -46,7 +46,7 @@ from wbc.gait.phases import (
 from wbc.gait.push import PushObserver
 from wbc.gait.reference import Reference, StepPlanner, half_sizes
 from wbc.gait.settings import GaitSettings
-from wbc.gait.swing import Motion, unit
+from wbc.gait.swing import SwingMotion, unit
 from wbc.gait.whole_body import WalkingWeights, WholeBody, heading_of
 from wbc.qp.backend import Backend
 from wbc.robot import Robot, Snapshot
@@ -143,9 +143,9 @@ class Walker:
         self._frames = {foot: robot.feet[foot].frame for foot in robot.feet}
         self._planner = StepPlanner(self.gait, self.limits, legs, half_sizes(robot))
         self._range = StepRange.of(robot, self.gait)
-        now = Measured.of(start, self._frames, self.gait.omega, self.gait.height)
+        now = GaitState.of(start, self._frames, self.gait.omega, self.gait.height)
         self.heading = heading_of(now.rotations.values())
-        self._ground = Motion.rest(np.array((now.middle[2],)))
+        self._ground = SwingMotion.rest(np.array((now.middle[2],)))
         self._normal = unit(now.normal)
         self._whole_body = WholeBody(
             start,
@@ -274,7 +274,7 @@ class Walker:
 
     # ------------------------------------------------------------------ parts of a tick
 
-    def _lead(self, snapshot: Snapshot, now: Measured, reference: Reference) -> None:
+    def _lead(self, snapshot: Snapshot, now: GaitState, reference: Reference) -> None:
         """Set the goals of CoM and trunk."""
         vrp = reference.vrp + (1.0 + self.gait.gain) * (now.dcm - reference.dcm)
         sunk = self._planner.sunk(self.phase, now, self.heading)
@@ -291,8 +291,8 @@ class Walker:
             logging.getLogger(__name__).warning(told)
         self.unadapted += not phase.adapted
 
-    def _measured(self, snapshot: Snapshot) -> Measured:
-        return Measured.of(snapshot, self._frames, self.gait.omega, self.gait.height)
+    def _measured(self, snapshot: Snapshot) -> GaitState:
+        return GaitState.of(snapshot, self._frames, self.gait.omega, self.gait.height)
 
     def _felt(self, forces: Mapping[str, ArrayLike] | None) -> dict[str, Array]:
         """Return the wrenches (6,) on the soles, by foot; none if they are not felt."""
@@ -304,7 +304,7 @@ class Walker:
             for foot, frame in self._frames.items()
         }
 
-    def _next_phase(self, snapshot: Snapshot, now: Measured, felt: Mapping[str, Array]) -> Phase:
+    def _next_phase(self, snapshot: Snapshot, now: GaitState, felt: Mapping[str, Array]) -> Phase:
         """Return the phase a tick later, and change what is held where it ends."""
         phase, dt = self.phase, self.dt
         if isinstance(phase, Standing):
@@ -327,7 +327,7 @@ class Walker:
         load = felt[other(phase.support)][2] / self.robot.weight if felt else None
         return self._landed(snapshot, phase, now) if self._planner.touches(phase, load) else phase
 
-    def _lifted(self, phase: DoubleSupport, now: Measured) -> SingleSupport:
+    def _lifted(self, phase: DoubleSupport, now: GaitState) -> SingleSupport:
         """Return the single support that begins."""
         foot = other(phase.support)
         sole = now.rotations[phase.support][:, 2]  # it has settled now
@@ -336,7 +336,7 @@ class Walker:
         half = self._planner.soles[phase.support]
         return SingleSupport.begun(foot, now, self._normal, self.gait, half, given)
 
-    def _landed(self, snapshot: Snapshot, phase: SingleSupport, now: Measured) -> DoubleSupport:
+    def _landed(self, snapshot: Snapshot, phase: SingleSupport, now: GaitState) -> DoubleSupport:
         """Return the double support that begins."""
         foot, start = other(phase.support), now.places[phase.support][:2]
         self.steps += 1

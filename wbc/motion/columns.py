@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import UnknownNameError
-from wbc.motion.table import RecordingError, Table, shortened
+from wbc.motion.table import MotionTable, RecordingError, shortened
 from wbc.robot import Robot
 from wbc.robot.series import turning_joints
 from wbc.validate import Array
@@ -64,7 +64,7 @@ def configuration_columns(robot: Robot) -> tuple[str, ...]:
     return tuple(names)
 
 
-def with_angles(table: Table, robot: Robot) -> Table:
+def with_angles(table: MotionTable, robot: Robot) -> MotionTable:
     """Return the table with the (cos, sin) of continuous joints replaced by their angles."""
     columns, values = list(table.columns), table.values
     for k in robot.limits.unbounded:
@@ -75,11 +75,11 @@ def with_angles(table: Table, robot: Robot) -> Table:
             values[:, c] = np.arctan2(values[:, s], values[:, c])
             columns[c] = name
             values, columns = np.delete(values, s, axis=1), columns[:s] + columns[s + 1 :]
-    return Table(table.source, tuple(columns), values, table.lines)
+    return MotionTable(table.source, tuple(columns), values, table.lines)
 
 
 def read_columns(
-    table: Table, robot: Robot, ignore: Sequence[str], degrees: bool
+    table: MotionTable, robot: Robot, ignore: Sequence[str], degrees: bool
 ) -> tuple[dict[str, int], Array]:
     """Return which column holds ``time``, a joint or a part of the base; and numbers in SI units.
 
@@ -159,7 +159,7 @@ def _unit_factors(name: str, turns: bool, degrees: bool) -> dict[str | None, flo
     return {unit: 1.0, f"m{unit}": 1e-3, None: 1.0}
 
 
-def base_from(table: Table, values: Array, where: Mapping[str, int]) -> Array | None:
+def base_from(table: MotionTable, values: Array, where: Mapping[str, int]) -> Array | None:
     """Return the base (n, 7), position and quaternion xyzw, or None if the file has none.
 
     Roll, pitch and yaw turn about the fixed axes x, y, z in this order (R = Rz Ry Rx).
@@ -198,7 +198,7 @@ def base_from(table: Table, values: Array, where: Mapping[str, int]) -> Array | 
 # ---------------------------------------------------------------------- checks
 
 
-def check_times(table: Table, time: Array, column: int) -> None:
+def check_times(table: MotionTable, time: Array, column: int) -> None:
     """Raise RecordingError if times (n,) are not finite or do not increase."""
     unknown = np.flatnonzero(~np.isfinite(time))
     if len(unknown):
@@ -213,7 +213,7 @@ def check_times(table: Table, time: Array, column: int) -> None:
         raise table.error(what, column, row)
 
 
-def check_finite(table: Table, values: Array, columns: Sequence[int], fill: bool) -> None:
+def check_finite(table: MotionTable, values: Array, columns: Sequence[int], fill: bool) -> None:
     """Raise RecordingError for infinite numbers, and for missing ones unless ``fill`` is given."""
     used = values[:, list(columns)]
     wrong = np.isinf(used) if fill else ~np.isfinite(used)
@@ -228,7 +228,7 @@ def check_finite(table: Table, values: Array, columns: Sequence[int], fill: bool
 
 
 def check_limits(
-    table: Table, joints: Array, columns: Sequence[int | None], robot: Robot, beyond: float
+    table: MotionTable, joints: Array, columns: Sequence[int | None], robot: Robot, beyond: float
 ) -> None:
     """Raise RecordingError where joints (n, nv-6) are past their limits by more than ``beyond``.
 

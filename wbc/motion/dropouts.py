@@ -12,7 +12,7 @@ from scipy.interpolate import PchipInterpolator
 
 from wbc.errors import InvalidInputError, listed
 from wbc.motion.columns import PLACE
-from wbc.motion.table import Table
+from wbc.motion.table import MotionTable
 from wbc.robot import Robot
 from wbc.rotations import same_sign
 from wbc.validate import Array
@@ -52,7 +52,7 @@ class Dropout:
 
 
 def fill_gaps(
-    table: Table,
+    table: MotionTable,
     time: Array,
     content: Array,
     names: tuple[str, ...],

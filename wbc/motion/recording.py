@@ -22,7 +22,7 @@ from wbc.motion.columns import (
 )
 from wbc.motion.dropouts import Dropout, fill_gaps
 from wbc.motion.forces import MeasuredForces, read_forces
-from wbc.motion.table import RecordingError, Table, read_csv, read_npz
+from wbc.motion.table import MotionTable, RecordingError, read_csv, read_npz
 from wbc.robot import Robot
 from wbc.validate import Array, finite_array, finite_number, read_only, real_array, set_fields
 
@@ -175,7 +175,7 @@ def read_motion(
     return Motion(robot, time, joints, place, dropouts, table.source, forces)
 
 
-def _table(path: Path, robot: Robot) -> Table:
+def _table(path: Path, robot: Robot) -> MotionTable:
     ending = path.suffix.lower()
     if ending == ".csv":
         return read_csv(path)
@@ -184,7 +184,7 @@ def _table(path: Path, robot: Robot) -> Table:
     raise RecordingError("a motion is read from .csv or .npz", str(path))
 
 
-def _times(table: Table, values: Array, column: int | None, rate: float | None) -> Array:
+def _times(table: MotionTable, values: Array, column: int | None, rate: float | None) -> Array:
     if column is None:
         if rate is None:
             what = "there is no column 'time'; add one, or give the rate in rows per second"
@@ -197,7 +197,7 @@ def _times(table: Table, values: Array, column: int | None, rate: float | None) 
 
 
 def _joints(
-    table: Table, values: Array, where: Mapping[str, int], missing: str | None, robot: Robot
+    table: MotionTable, values: Array, where: Mapping[str, int], missing: str | None, robot: Robot
 ) -> Array:
     """Return joint positions (n, nv-6), those that the file lacks from the posture ``missing``."""
     if missing is not None and missing not in robot.postures:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.motion.filtered_noise import FilteredNoise
-from wbc.motion.smoothing import Trajectory
+from wbc.motion.smoothing import SmoothMotion
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ
 from wbc.robot.series import centroidal_derivatives
@@ -31,7 +31,7 @@ SOLES = 21
 
 
 def covariances(
-    robot: Robot, moving: Trajectory, noise: FilteredNoise
+    robot: Robot, moving: SmoothMotion, noise: FilteredNoise
 ) -> Iterator[tuple[slice, Array]]:
     """Yield frames and, of each, the covariance (r, r) of CoM, momentum, rate, inertia and soles.
 
@@ -62,7 +62,7 @@ def _nodes(time: Array, filtered: Array) -> NDArray[np.intp]:
 
 
 def _covariances(
-    robot: Robot, moving: Trajectory, noise: FilteredNoise, frames: NDArray[np.intp]
+    robot: Robot, moving: SmoothMotion, noise: FilteredNoise, frames: NDArray[np.intp]
 ) -> Array:
     """Return covariances (m, r, r) in some frames."""
     maps, carried = _by_derivative(robot, moving, frames)  # each (m, r, nv), by xi, xi', xi''
@@ -91,7 +91,7 @@ def _roots(matrices: Array) -> Array:
 
 
 def _by_derivative(
-    robot: Robot, moving: Trajectory, frames: NDArray[np.intp]
+    robot: Robot, moving: SmoothMotion, frames: NDArray[np.intp]
 ) -> tuple[list[Array], Array | None]:
     """Return the derivatives (m, r, nv) of all rows by xi, xi' and xi''.
 
@@ -122,7 +122,7 @@ def _by_derivative(
     return [by_q, by_v, by_a], rest[0] if rest else None
 
 
-def _rows(robot: Robot, moving: Trajectory, frames: NDArray[np.intp]) -> tuple[Array, ...]:
+def _rows(robot: Robot, moving: SmoothMotion, frames: NDArray[np.intp]) -> tuple[Array, ...]:
     """Return the derivatives (m, r, nv) of all rows by q (in the tangent), v and its rate.
 
     And the base's by the joints (m, 6, nv-6), in base axes, if a planted sole does not move.

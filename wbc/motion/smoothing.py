@@ -34,7 +34,7 @@ UNEVEN = 1e-3  # of a step: times less off than this are even, but for rounding
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class SmoothMotion:
     """A smooth motion at even times."""
 
     time: Array  # (n,) [s]
@@ -58,7 +58,7 @@ def smooth_trajectory(
     height: float,
     noise: Noise | str | None,
     progress: Progress | None = None,
-) -> Trajectory:
+) -> SmoothMotion:
     """Return the trajectory of a recorded motion; see :func:`wbc.motion.analyse`."""
     if (motion.base is None) == (planted is None):
         raise InvalidInputError(
@@ -97,7 +97,7 @@ def smooth_trajectory(
         density = (len(grid) - 1) / (len(motion.time) - 1)
         covariances = noise_covariances(len(grid), own_rate, cutoff, passes)
         left = FilteredNoise(noise, density * covariances[nearest])
-    return Trajectory(
+    return SmoothMotion(
         time=time,
         q=q,
         v=v,

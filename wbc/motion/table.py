@@ -61,7 +61,7 @@ def shortened(text: str, most: int = 60) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class MotionTable:
     """Rows of numbers."""
 
     source: str  # the file, as it was named
@@ -104,7 +104,7 @@ def _unreadable(path: Path, error: Exception) -> RecordingError:
 # ---------------------------------------------------------------------- CSV
 
 
-def read_csv(path: Path) -> Table:
+def read_csv(path: Path) -> MotionTable:
     """Return what a CSV file holds; its first line names the columns. Empty cells are NaN.
 
     That line may begin with ``#``, as NumPy writes it. Remarks, which do too, may come before it.
@@ -137,7 +137,7 @@ def read_csv(path: Path) -> Table:
         plain = False
     if not plain:  # empty cells, which mean NaN, or a mistake: look at each cell
         values = _cell_by_cell(source, columns, rows, numbers, delimiter)
-    return Table(source, columns, values, numbers)
+    return MotionTable(source, columns, values, numbers)
 
 
 def _header(source: str, numbered: list[tuple[int, str]]) -> tuple[str, list[tuple[int, str]]]:
@@ -210,7 +210,7 @@ def _cell_by_cell(
 # ---------------------------------------------------------------------- NPZ
 
 
-def read_npz(path: Path, configuration: Sequence[str]) -> Table:
+def read_npz(path: Path, configuration: Sequence[str]) -> MotionTable:
     """Return what an NPZ file holds.
 
     Either ``time`` and ``q`` (n, nq), as ``wbc run`` writes; or ``time``, ``names`` (k,) and
@@ -265,4 +265,4 @@ def read_npz(path: Path, configuration: Sequence[str]) -> Table:
             what = f"it has {len(values)} rows, but {first!r} has {length}"
             raise RecordingError(what, source, name)
     numbers = np.column_stack([*columns.values()]).astype(np.float64)
-    return Table(source, tuple(columns), numbers)
+    return MotionTable(source, tuple(columns), numbers)

@@ -12,7 +12,7 @@ from wbc.motion.filtered_noise import FilteredNoise
 from wbc.motion.ground import GroundReaction, SupportMargin
 from wbc.motion.noise import Noise
 from wbc.motion.sensitivity import COM, INERTIA, MOMENTUM, RATE, SOLES, covariances
-from wbc.motion.smoothing import Trajectory
+from wbc.motion.smoothing import SmoothMotion
 from wbc.rmp.axes import TrackedAxes
 from wbc.rmp.ground import centre_of_pressure, centroidal_moment_pivot, leg_of
 from wbc.robot import Robot
@@ -107,7 +107,7 @@ class Pendulum:
     measured: bool
 
 
-def propagated(pendulum: Pendulum, moving: Trajectory, noise: FilteredNoise) -> Uncertainty:
+def propagated(pendulum: Pendulum, moving: SmoothMotion, noise: FilteredNoise) -> Uncertainty:
     """Return the uncertainty of the pendulum of a trajectory with some noise left in it."""
     robot, axes, reaction = pendulum.robot, pendulum.axes, pendulum.reaction
     count = len(moving.time)

@@ -28,7 +28,7 @@ from wbc.problem.task_spec import TaskSpec
 from wbc.robot import Snapshot
 from wbc.run.phases import Change, Phase
 from wbc.run.ramps import TargetedTask
-from wbc.run.standing import Standing, carrier, held_joints, off_the_ground, touchdowns
+from wbc.run.standing import PhaseSupport, carrier, held_joints, off_the_ground, touchdowns
 
 
 def single_phase(spec: ProblemSpec, built: Mapping[str, TargetedTask]) -> Phase:
@@ -121,7 +121,7 @@ class _Planner:
         contacts: tuple[Contact, ...] = ()
         with self._mistakes.at(*where):
             contacts = contacts_of(self._support, self._start, self._friction)
-            standing = Standing.on("", contacts).feet
+            standing = PhaseSupport.on("", contacts).feet
             lifted = (off_the_ground(self._start, foot, self._ground) for foot in standing)
             for complaint in filter(None, lifted if first else ()):
                 raise InvalidInputError(complaint)
@@ -247,7 +247,7 @@ def _check_touchdowns(
 
 
 def _check_feet_below(spec: TaskSpec, start: Snapshot, contacts: Iterable[Contact]) -> None:
-    standing = Standing.on("", tuple(contacts)).feet
+    standing = PhaseSupport.on("", tuple(contacts)).feet
     for foot in spec.feet_below(start.robot):
         if foot not in standing:
             raise Misplaced(

@@ -5,7 +5,7 @@ The only folder that knows Pinocchio.
 
 from wbc.robot.feet import Foot, FootSpec
 from wbc.robot.library import robot_names
-from wbc.robot.limits import Limits
+from wbc.robot.limits import JointLimits
 from wbc.robot.model import Robot, Snapshot
 
-__all__ = ["Foot", "FootSpec", "Limits", "Robot", "Snapshot", "robot_names"]
+__all__ = ["Foot", "FootSpec", "JointLimits", "Robot", "Snapshot", "robot_names"]

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.errors import InvalidInputError, listed
-from wbc.robot.limits import Limits
+from wbc.robot.limits import JointLimits
 from wbc.robot.names import matching
 from wbc.validate import by_name, finite_number
 
@@ -63,7 +63,7 @@ def _by_joint(what: str, given: JointValues, names: Sequence[str]) -> dict[int, 
     return values
 
 
-def effort_note(limits: Limits) -> tuple[str, ...]:
+def effort_note(limits: JointLimits) -> tuple[str, ...]:
     """Return a note that names the joints without a limit of torque; none if all have one."""
     without = limits.without_effort
     if not without:

@@ -54,7 +54,7 @@ class NamedRobot:
 
 
 @dataclass(frozen=True)
-class Source:
+class RobotSource:
     """Where a robot is to be read from."""
 
     name: str | None
@@ -169,7 +169,7 @@ def robot_names() -> tuple[str, ...]:
     return tuple(ROBOTS)
 
 
-def find_robot(source: Any) -> Source:
+def find_robot(source: Any) -> RobotSource:
     """Return where to read a robot from: a file, a name, XML text, or what MuJoCo made.
 
     A string is taken as XML if it begins with ``<``, as a file if it has a folder in it or a
@@ -186,23 +186,23 @@ def find_robot(source: Any) -> Source:
     """
     for kind in ("MjModel", "MjSpec"):
         if is_mujoco(source, kind):
-            return Source(name=None, path=Path(kind), given=source)
+            return RobotSource(name=None, path=Path(kind), given=source)
     if isinstance(source, str) and source.lstrip().startswith("<"):
-        return Source(name=None, path=Path("XML text"), given=source)
+        return RobotSource(name=None, path=Path("XML text"), given=source)
     if not isinstance(source, str | Path):
         raise InvalidInputError(f"robot: expected a file or a name such as 'g1', got {source!r}")
     text = str(source)
     if isinstance(source, str) and text.startswith(MENAGERIE):
         robot = text.removeprefix(MENAGERIE).partition("/")[0]
-        return Source(name=robot, path=from_menagerie(text).path)
+        return RobotSource(name=robot, path=from_menagerie(text).path)
     if isinstance(source, Path) or is_file_name(text):
-        return Source(name=None, path=Path(source).expanduser())
+        return RobotSource(name=None, path=Path(source).expanduser())
     known = ROBOTS.get(text)
     if known is None:
         return _from_packages(text)
     folder = _HERE if known.shipped else _data_folder(text, known.urdf)
     srdf = None if known.srdf is None else folder / known.srdf
-    return Source(name=text, path=folder / known.urdf, srdf=srdf, known=known)
+    return RobotSource(name=text, path=folder / known.urdf, srdf=srdf, known=known)
 
 
 def is_file_name(text: str) -> bool:
@@ -239,7 +239,7 @@ def _data_folders() -> Iterator[Path]:
     yield from (Path(entry) / _DATA for entry in sys.path)
 
 
-def _from_packages(name: str) -> Source:
+def _from_packages(name: str) -> RobotSource:
     """Return the files of a robot that another package has; may download them."""
     found = from_robot_descriptions(name)
     if found is None:
@@ -250,6 +250,6 @@ def _from_packages(name: str) -> Source:
         more = f", or pip install {' or '.join(lacking)} for its many" if lacking else ""
         remedy = f"{known}; or give the path of a URDF or MJCF file{more}"
         raise UnknownNameError("robot", name, robot_names(), remedy)
-    return Source(
+    return RobotSource(
         name=name.removeprefix(DESCRIPTIONS), path=found.path, package_dirs=found.package_dirs
     )

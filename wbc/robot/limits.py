@@ -16,7 +16,7 @@ BASE_NQ, BASE_NV = 7, 6  # coordinates and velocities of the free-flyer, always 
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class JointLimits:
     """Limits of the actuated joints, in velocity order: entry k belongs to ``v[6 + k]``.
 
     Attributes
@@ -52,13 +52,13 @@ class Limits:
             read_only(array)
 
     def __repr__(self) -> str:
-        return f"Limits({len(self.names)} joints, {len(self.missing)} missing)"
+        return f"JointLimits({len(self.names)} joints, {len(self.missing)} missing)"
 
     def __reduce__(self) -> tuple[object, ...]:
         return type(self), tuple(getattr(self, field.name) for field in fields(self))
 
     @classmethod
-    def of(cls, model: pin.Model) -> Limits:
+    def of(cls, model: pin.Model) -> JointLimits:
         """Return the limits of a model of which every joint but the root has one velocity.
 
         Joints that have more (not supported, see :mod:`wbc.robot.model_checks`) are left out.

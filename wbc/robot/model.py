@@ -19,8 +19,8 @@ from wbc.robot.feet import FootSpec
 from wbc.robot.formats import read_description
 from wbc.robot.formats.description import Coupling, Description, GeometrySource, lock_joints
 from wbc.robot.formats.srdf import read_srdf
-from wbc.robot.library import NamedRobot, Source, find_robot
-from wbc.robot.limits import BASE_NQ, Limits
+from wbc.robot.library import NamedRobot, RobotSource, find_robot
+from wbc.robot.limits import BASE_NQ, JointLimits
 from wbc.robot.model_checks import check_supported
 from wbc.robot.moving_state import MovingState
 from wbc.robot.names import add_base_frame, matches
@@ -149,7 +149,7 @@ class Robot(KinematicTree):
         found = find_robot(source)
         description, model, couplings, notes = _read(found, locked or {}, package_dirs)
         _set_drives(model, found.known, armature, damping, friction, effort)
-        limits = Limits.of(model)
+        limits = JointLimits.of(model)
         states_file = found.srdf if srdf is None else Path(srdf)
         said = read_srdf(states_file, description.model) if states_file else None
         states = {**description.states, **(said.states if said else {})}
@@ -264,7 +264,7 @@ class Robot(KinematicTree):
 
 
 def _read(
-    found: Source, locked: Mapping[str, float], package_dirs: Iterable[str | Path]
+    found: RobotSource, locked: Mapping[str, float], package_dirs: Iterable[str | Path]
 ) -> tuple[Description, pin.Model, Mapping[str, Coupling], tuple[str, ...]]:
     """Return what a robot's file says, its model with joints locked, mimic joints, and notes."""
     if isinstance(package_dirs, str | Path):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.robot.limits import BASE_NV, Limits
+from wbc.robot.limits import BASE_NV, JointLimits
 from wbc.validate import Array, read_only
 
 
@@ -27,7 +27,7 @@ class Spring(NamedTuple):
     rest: float
 
 
-class Lift(NamedTuple):
+class GravityCompensation(NamedTuple):
     """An upward force on a body that takes its weight, or a part of it, off the joints."""
 
     frame: str  # the body's
@@ -51,13 +51,13 @@ class PassiveForces:
     """
 
     springs: Mapping[str, Spring] = field(default_factory=dict)
-    lifts: tuple[Lift, ...] = ()
+    lifts: tuple[GravityCompensation, ...] = ()
     curved_damping: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
         return bool(self.springs or self.lifts or self.curved_damping)
 
-    def of(self, model: pin.Model, limits: Limits) -> PassiveForces:
+    def of(self, model: pin.Model, limits: JointLimits) -> PassiveForces:
         """Return those of the joints that ``model`` has: what is locked needs no spring."""
         names = set(limits.names)
         lifts = tuple(one for one in self.lifts if _joint_of(model, one) > 0)
@@ -67,7 +67,7 @@ class PassiveForces:
             {joint: curve for joint, curve in self.curved_damping.items() if joint in names},
         )
 
-    def forces(self, model: pin.Model, limits: Limits, q: Array, v: Array) -> Array:
+    def forces(self, model: pin.Model, limits: JointLimits, q: Array, v: Array) -> Array:
         """Return the generalised forces (nv,) [N, N m] at ``q`` (nq,) and ``v`` (nv,).
 
         They stand on the side of the torques: M a + bias = S' tau + J' f + forces - friction.
@@ -103,9 +103,9 @@ class PassiveForces:
 NONE = PassiveForces()
 
 
-def _frame_of(model: pin.Model, lift: Lift) -> int:
+def _frame_of(model: pin.Model, lift: GravityCompensation) -> int:
     return int(model.getFrameId(lift.frame, pin.FrameType.BODY))
 
 
-def _joint_of(model: pin.Model, lift: Lift) -> int:
+def _joint_of(model: pin.Model, lift: GravityCompensation) -> int:
     return int(model.frames[_frame_of(model, lift)].parentJoint)

@@ -11,7 +11,7 @@ from wbc.polygon import centroid, convex_hull, polygon_margin
 from wbc.robot.feet import Foot
 from wbc.robot.formats.description import Coupling, State
 from wbc.robot.library import NamedRobot
-from wbc.robot.limits import BASE_NQ, Limits
+from wbc.robot.limits import BASE_NQ, JointLimits
 from wbc.robot.names import frame_table, matches, matching
 from wbc.spatial import skew
 from wbc.validate import Array, by_name
@@ -22,7 +22,7 @@ LEVEL = 1e-3  # m: corners of soles no further apart than this stand on one grou
 
 
 def named_postures(
-    limits: Limits, neutral: Array, states: Mapping[str, State], known: NamedRobot | None
+    limits: JointLimits, neutral: Array, states: Mapping[str, State], known: NamedRobot | None
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Return the postures of a robot by name, not yet set on the ground, and notes.
 
@@ -46,7 +46,9 @@ def named_postures(
     return postures, tuple(notes)
 
 
-def _posture_of(limits: Limits, neutral: Array, name: str, state: State) -> tuple[Array, list[str]]:
+def _posture_of(
+    limits: JointLimits, neutral: Array, name: str, state: State
+) -> tuple[Array, list[str]]:
     """Return the posture of a state; joints that the model does not have (locked) are skipped."""
     q = neutral.copy()
     outside = []
@@ -67,7 +69,7 @@ def _posture_of(limits: Limits, neutral: Array, name: str, state: State) -> tupl
     return q, []
 
 
-def set_joints(limits: Limits, q: Array, joints: Mapping[str, float]) -> None:
+def set_joints(limits: JointLimits, q: Array, joints: Mapping[str, float]) -> None:
     """Write joint values into ``q``; keys are joint names or patterns such as ``left_*``.
 
     Raises
@@ -82,7 +84,7 @@ def set_joints(limits: Limits, q: Array, joints: Mapping[str, float]) -> None:
             limits.set_joint(q, limits.names[k], value)
 
 
-def follow(limits: Limits, q: Array, couplings: Mapping[str, Coupling]) -> None:
+def follow(limits: JointLimits, q: Array, couplings: Mapping[str, Coupling]) -> None:
     """Put mimic joints in ``q`` where their drivers put them, as far as their limits allow."""
     for joint, coupling in couplings.items():
         driver = q[limits.starts[limits.names.index(coupling.driver)]]
@@ -119,7 +121,7 @@ def stands(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> bool:
 
 
 def settled(
-    model: pin.Model, limits: Limits, q: Array, feet: Mapping[str, Foot]
+    model: pin.Model, limits: JointLimits, q: Array, feet: Mapping[str, Foot]
 ) -> tuple[Array, tuple[str, ...]]:
     """Return a posture near ``q`` that stands on all feet, or ``q`` itself and a note.
 

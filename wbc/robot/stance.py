@@ -11,8 +11,8 @@ from wbc.errors import ModelError
 from wbc.robot.feet import Foot, FootSpec, find_feet
 from wbc.robot.foot_guess import arm_reason, upright
 from wbc.robot.formats.description import Description, GeometrySource
-from wbc.robot.library import NamedRobot, Source
-from wbc.robot.limits import Limits
+from wbc.robot.library import NamedRobot, RobotSource
+from wbc.robot.limits import JointLimits
 from wbc.robot.model_checks import link_of
 from wbc.robot.postures import grounded, settled
 from wbc.robot.sole import body_points
@@ -21,7 +21,7 @@ from wbc.validate import Array, by_name
 LOWER = 5e-3  # m: a shape that much lower than the soles would touch the ground first
 
 
-class Stance(NamedTuple):
+class StandingPose(NamedTuple):
     """How a robot stands."""
 
     q: Array  # (nq,) its posture, on the ground
@@ -31,14 +31,14 @@ class Stance(NamedTuple):
 
 
 def find_stance(
-    found: Source,
+    found: RobotSource,
     description: Description,
     model: pin.Model,
-    limits: Limits,
+    limits: JointLimits,
     q: Array,
     feet: Mapping[str, FootSpec | Mapping[str, Any]] | None,
     base: str | None,
-) -> Stance:
+) -> StandingPose:
     """Return how a robot stands whose posture is about ``q`` (nq,).
 
     Parameters
@@ -75,7 +75,7 @@ def find_stance(
     q = grounded(model, q, soles)
     if found.known is None:
         notes += _below_soles(model, description.geometry, q, soles)
-    return Stance(q, soles, base == "fixed" or bool(bolted), notes)
+    return StandingPose(q, soles, base == "fixed" or bool(bolted), notes)
 
 
 def _below_soles(

@@ -19,9 +19,9 @@ from wbc.robot.feet import NO_FEET, Foot
 from wbc.robot.formats.description import Coupling
 from wbc.robot.kernel import NativePass, NativeTree
 from wbc.robot.kernel_check import checked_tree
-from wbc.robot.limits import BASE_NQ, BASE_NV, Limits
+from wbc.robot.limits import BASE_NQ, BASE_NV, JointLimits
 from wbc.robot.names import frame_table, matching
-from wbc.robot.workspace import Workspace
+from wbc.robot.workspace import ModelScratch
 from wbc.validate import Array, finite_array, finite_number, plain_copy, read_only
 
 UNIT = 1e-3  # how far the norm of a measured quaternion may be from 1
@@ -34,7 +34,7 @@ LARGEST = 1e6
 class _PerThread(threading.local):
     """What each thread has its own of."""
 
-    workspace: Workspace
+    workspace: ModelScratch
     native: NativePass
 
 
@@ -68,7 +68,7 @@ class KinematicTree:
     name: str
     path: Path
     model: pin.Model
-    limits: Limits
+    limits: JointLimits
     feet: Mapping[str, Foot]
     fixed_base: bool
     couplings: Mapping[str, Coupling]
@@ -205,12 +205,12 @@ class KinematicTree:
         return _PerThread()
 
     @property
-    def workspace(self) -> Workspace:
+    def workspace(self) -> ModelScratch:
         """Scratch memory of snapshots, one for each thread and for each copy of the robot."""
         try:
             return self.scratch.workspace
         except AttributeError:  # the first time in this thread
-            self.scratch.workspace = Workspace(self.model)
+            self.scratch.workspace = ModelScratch(self.model)
             return self.scratch.workspace
 
     @property

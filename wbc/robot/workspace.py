@@ -10,7 +10,7 @@ import pinocchio as pin
 from wbc.validate import Array
 
 
-class Workspace:
+class ModelScratch:
     """Scratch memory for passes over a model: making a ``pin.Data`` takes longer than a tick."""
 
     def __init__(self, model: pin.Model) -> None:

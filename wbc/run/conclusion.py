@@ -9,9 +9,9 @@ import numpy as np
 
 from wbc.robot import Snapshot
 from wbc.robot.names import COM
-from wbc.run.history import History, Measured, Recorder
+from wbc.run.history import History, HistoryRecorder, StateRecord
 from wbc.run.result import Failure, HeldBack, InertiaReading, PhaseResult, Result, TaskResult, Worst
-from wbc.run.standing import Standing
+from wbc.run.standing import PhaseSupport
 from wbc.run.stopping import Stop, ending
 from wbc.spatial import COMPONENTS, DIAGONAL, vech_inverse
 from wbc.tasks import ForceTask, InertiaTask, PrincipalInertiaTask, Task
@@ -22,8 +22,8 @@ from wbc.validate import Array
 def conclude(
     tasks: Sequence[Task],
     stop: Stop,
-    recorder: Recorder,
-    standing: Standing,
+    recorder: HistoryRecorder,
+    standing: PhaseSupport,
     end: Snapshot,
     at_rest: bool,
     broken_off: str | None = None,
@@ -111,12 +111,12 @@ def _entries(rows: tuple[str, ...], s: Array) -> Array:
     return s[[COMPONENTS.index(row) for row in rows]]
 
 
-def _worst_margin(states: list[Measured]) -> Worst:
+def _worst_margin(states: list[StateRecord]) -> Worst:
     tick = min(range(len(states)), key=lambda k: states[k].margin)
     return Worst(states[tick].margin, states[tick].margin_joint, tick)
 
 
-def _worst_slip(states: list[Measured]) -> Worst | None:
+def _worst_slip(states: list[StateRecord]) -> Worst | None:
     slips = (
         Worst(distance, frame, tick)
         for tick, state in enumerate(states)
@@ -125,7 +125,7 @@ def _worst_slip(states: list[Measured]) -> Worst | None:
     return max(slips, key=lambda slip: slip.value, default=None)
 
 
-def _worst_balance(states: list[Measured], history: History) -> Worst | None:
+def _worst_balance(states: list[StateRecord], history: History) -> Worst | None:
     margins = np.array([state.balance for state in states])
     if np.isnan(margins).all():
         return None
@@ -133,7 +133,7 @@ def _worst_balance(states: list[Measured], history: History) -> Worst | None:
     return Worst(float(margins[tick]), str(history.phase[min(tick, len(history) - 1)]), tick)
 
 
-def _worst_clearance(states: Sequence[Measured]) -> dict[str, Worst]:
+def _worst_clearance(states: Sequence[StateRecord]) -> dict[str, Worst]:
     """Return the least clearance of each margin."""
     worst = dict[str, Worst]()
     for tick, state in enumerate(states):
@@ -153,7 +153,10 @@ def _held_back(history: History) -> dict[str, HeldBack]:
 
 
 def _not_kept(
-    stop: Stop, states: Sequence[Measured], standings: Sequence[Standing], balance: Worst | None
+    stop: Stop,
+    states: Sequence[StateRecord],
+    standings: Sequence[PhaseSupport],
+    balance: Worst | None,
 ) -> Iterator[str]:
     """Yield in words every condition that was not kept all the time."""
     if stop.balance is not None and balance is not None and balance.value < stop.balance:
@@ -179,7 +182,7 @@ def _not_kept(
 
 
 def _exceeded(
-    states: Sequence[Measured], standings: Sequence[Standing], tolerance: float
+    states: Sequence[StateRecord], standings: Sequence[PhaseSupport], tolerance: float
 ) -> dict[str, Worst]:
     """Return by how much limits and margins were exceeded once they were kept in a phase.
 

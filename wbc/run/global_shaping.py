@@ -14,15 +14,15 @@ from numpy.typing import ArrayLike
 from wbc.controllers.closed_loop import LoopTick
 from wbc.run.callbacks import Callbacks, Cancelled, Observe, Progress, Show, progress_info
 from wbc.run.conclusion import conclude
-from wbc.run.history import Recorder
+from wbc.run.history import HistoryRecorder
 from wbc.run.result import Result
 from wbc.run.shaping_report import Posture, SearchEffort, ShapingReport, relative_error
 from wbc.run.simulate import DEFAULT_STOP, ticks_in
-from wbc.run.standing import Standing
+from wbc.run.standing import PhaseSupport
 from wbc.run.stopping import RunStatus, Stop
 from wbc.shaping import (
     GlobalShaping,
-    Motion,
+    ShapingMotion,
     ShapingOutcome,
     ShapingStatistics,
     Stopped,
@@ -140,13 +140,13 @@ class _WayThere:
     ) -> None:
         self.problem, self.tasks = problem, tasks
         self.total, self.dt, self.calls = total, dt, calls
-        self.standing = Standing.on("", problem.contacts, problem.constraints, problem.limits)
-        self.recorders: list[Recorder] = []
+        self.standing = PhaseSupport.on("", problem.contacts, problem.constraints, problem.limits)
+        self.recorders: list[HistoryRecorder] = []
 
     def watch(self, attempt: int, now: LoopTick) -> bool:
         """Take a tick of an attempt; return whether the motion is to end."""
         if attempt == len(self.recorders):
-            self.recorders.append(Recorder(self.problem.robot, self.tasks))
+            self.recorders.append(HistoryRecorder(self.problem.robot, self.tasks))
         recorder = self.recorders[attempt]
         errors = posture_errors(self.problem.tasks, now.snapshot)
         recorder.add(now, self.standing, errors)
@@ -175,7 +175,7 @@ def _with_search(
     result: Result,
     tasks: Sequence[Task],
     outcome: ShapingOutcome,
-    motion: Motion,
+    motion: ShapingMotion,
     effort: SearchEffort,
 ) -> Result:
     """Return the result of a motion together with the search that it followed.
@@ -218,7 +218,7 @@ def _with_search(
     return replace(result, status=status, reason=reason, shaping=report)
 
 
-def _led_to(outcome: ShapingOutcome, motion: Motion) -> int:
+def _led_to(outcome: ShapingOutcome, motion: ShapingMotion) -> int:
     """Return the index of the candidate that a motion was led to."""
     return next(k for k, one in enumerate(outcome.candidates) if one is motion.candidate)
 

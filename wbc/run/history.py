@@ -17,7 +17,7 @@ from wbc.controllers.tick import ACTIVE, NEGLIGIBLE
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import Shape
 from wbc.robot.names import BASE, COM
-from wbc.run.standing import Standing
+from wbc.run.standing import PhaseSupport
 from wbc.run.surroundings import ObstacleTrack, obstacles_of, place_of
 from wbc.spatial import vech
 from wbc.tasks import InertiaTask, PrincipalInertiaTask, Task
@@ -126,7 +126,7 @@ class History:
         return flat
 
 
-class Measured(NamedTuple):
+class StateRecord(NamedTuple):
     """What is read off a state, beside what the controller says of it."""
 
     com: Array  # (3,)
@@ -141,7 +141,7 @@ class Measured(NamedTuple):
     nearest: dict[str, str]  # where the clearance is least
 
 
-class Recorder:
+class HistoryRecorder:
     """Measures states and collects ticks.
 
     Attributes
@@ -157,9 +157,9 @@ class Recorder:
     """
 
     def __init__(self, robot: Robot, tasks: Iterable[Task]) -> None:
-        self.states: list[Measured] = []
+        self.states: list[StateRecord] = []
         self.failures: dict[int, str] = {}
-        self.standings: list[Standing] = []
+        self.standings: list[PhaseSupport] = []
         self.left_out: Counter[str] = Counter()
         # By tick what the history keeps: not snapshots and QPs, which are a hundred times larger.
         self._rows: list[dict[str, Any]] = []
@@ -175,7 +175,7 @@ class Recorder:
     def add(
         self,
         now: LoopTick,
-        standing: Standing,
+        standing: PhaseSupport,
         errors: Mapping[str, Array] | None = None,
         truth: Snapshot | None = None,
     ) -> None:
@@ -230,12 +230,12 @@ class Recorder:
         last = next((errors[task.name] for errors in rows if task.name in errors), None)
         return np.full(len(task.reported_rows), np.nan) if last is None else last
 
-    def measure(self, snapshot: Snapshot, standing: Standing) -> Measured:
+    def measure(self, snapshot: Snapshot, standing: PhaseSupport) -> StateRecord:
         """Return what the summary needs to know of a state."""
         drifts = {contact.frame: contact.residual(snapshot).error for contact in standing.contacts}
         margin, joint = self._limits.worst_margin(snapshot.q)
         clearance = standing.clearance(snapshot)
-        return Measured(
+        return StateRecord(
             com=snapshot.com,
             inertia=vech(snapshot.inertia),
             task_inertia={

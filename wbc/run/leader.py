@@ -7,7 +7,7 @@ from typing import Protocol
 
 from wbc.controllers import Controller
 from wbc.robot import Snapshot
-from wbc.run.standing import Standing
+from wbc.run.standing import PhaseSupport
 from wbc.tasks import Task
 
 
@@ -15,7 +15,7 @@ class Leader(Protocol):
     """Leads from tick to tick, as :class:`~wbc.run.phases.PhaseExecutor` does."""
 
     controller: Controller  # in charge now
-    standing: Standing  # what it holds and keeps
+    standing: PhaseSupport  # what it holds and keeps
     complaint: str | None  # why it could not go on, which ended the run; else None
 
     @property

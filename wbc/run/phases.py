@@ -17,7 +17,7 @@ from wbc.controllers import Controller
 from wbc.controllers.closed_loop import ticks_of
 from wbc.robot import Snapshot
 from wbc.run.ramps import Goal, MinimumJerk, MovingTarget, SetTarget, TargetedTask
-from wbc.run.standing import FLAT, Ground, Standing, keep_anchors, off_the_ground, touchdowns
+from wbc.run.standing import FLAT, Ground, PhaseSupport, keep_anchors, off_the_ground, touchdowns
 from wbc.tasks import Task
 from wbc.validate import Array
 
@@ -237,7 +237,7 @@ class PhaseExecutor:
     def _enter(self, phase: Phase, contacts: tuple[Contact, ...]) -> None:
         """Take note of the phase that the controller is in from now on."""
         self._present, now = phase, self.controller
-        self.standing = Standing.on(
+        self.standing = PhaseSupport.on(
             phase.name, contacts, now.constraints, now.limits, now.slacks.is_hard
         )
 

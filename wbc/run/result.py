@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.robot import Robot
 from wbc.run.columns import history_columns
-from wbc.run.history import History, Measured
+from wbc.run.history import History, StateRecord
 from wbc.run.saving import save_result
 from wbc.run.shaping_report import ShapingReport
 from wbc.run.stopping import RunStatus
@@ -141,7 +141,7 @@ class Result:
     reason: str
     q: Array
     v: Array
-    final: Measured
+    final: StateRecord
     tasks: Mapping[str, TaskResult]
     inertia: Mapping[str, InertiaReading]
     margin: Worst

@@ -12,7 +12,7 @@ from wbc.controllers import Controller
 from wbc.controllers.closed_loop import closed_loop, ticks_of
 from wbc.run.callbacks import Callbacks, Cancelled, Observe, Progress, Show, progress_info
 from wbc.run.conclusion import conclude
-from wbc.run.history import Recorder
+from wbc.run.history import HistoryRecorder
 from wbc.run.phases import PhaseExecutor
 from wbc.run.result import Result
 from wbc.run.stopping import RestWatch, Stop
@@ -64,7 +64,7 @@ def simulate(
     first = phases.controller
     robot, dt = first.robot, first.dt
     total = ticks_in(stop.duration, dt)
-    recorder = Recorder(robot, phases.tasks)
+    recorder = HistoryRecorder(robot, phases.tasks)
     watch = RestWatch(stop.speed, phases.ramps_over)
     at_rest = False
     for now in closed_loop(first, q, total, phases.update):

@@ -20,7 +20,7 @@ Ground = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class PhaseSupport:
     """What is held and kept in a phase."""
 
     phase: str  # the phase's name; empty in a run without phases
@@ -41,7 +41,7 @@ class Standing:
         constraints: Iterable[Constraint] = (),
         limits: Limits | None = None,
         is_hard: Callable[[str], bool] = lambda _: True,
-    ) -> Standing:
+    ) -> PhaseSupport:
         """Return the conditions of standing on ``contacts`` and of keeping constraints and limits.
 
         Parameters

@@ -69,7 +69,7 @@ class RunStatus(StrEnum):
         return self in (RunStatus.CONVERGED, RunStatus.ACCEPTED, RunStatus.COMPLETED)
 
 
-class Ending(NamedTuple):
+class StopReason(NamedTuple):
     """A status and the reason for it, in words."""
 
     status: RunStatus
@@ -101,7 +101,7 @@ def ending(
     broken_off: str | None = None,
     not_kept: Sequence[str] = (),
     interrupted: float | None = None,
-) -> Ending:
+) -> StopReason:
     """Return how a run ended.
 
     Parameters
@@ -118,13 +118,13 @@ def ending(
         When the run was asked to end [s], if that is why it did.
     """
     if failed:
-        return Ending(RunStatus.QP_FAILED, f"{failed} of {ticks} ticks had no solution")
+        return StopReason(RunStatus.QP_FAILED, f"{failed} of {ticks} ticks had no solution")
     if broken_off is not None:
-        return Ending(RunStatus.NOT_STANDING, broken_off)
+        return StopReason(RunStatus.NOT_STANDING, broken_off)
     if interrupted is not None:
         also = f"; {'; '.join(not_kept)}" if not_kept else ""
         reason = f"at {interrupted:.4g} s of at most {stop.duration:g} s{also}"
-        return Ending(RunStatus.INTERRUPTED, reason)
+        return StopReason(RunStatus.INTERRUPTED, reason)
     missed = [
         f"{name} (error {norms[name]:.3g}, tolerance {tolerance:g})"
         for name, tolerance in stop.accept.items()
@@ -135,13 +135,15 @@ def ending(
         how = f"ran for {stop.duration:g} s"
     if not_kept:
         also = f"; not within tolerance: {', '.join(missed)}" if missed else ""
-        return Ending(RunStatus.NOT_KEPT, f"{how}, but {'; '.join(not_kept)}{also}")
+        return StopReason(RunStatus.NOT_KEPT, f"{how}, but {'; '.join(not_kept)}{also}")
     if missed:
-        return Ending(RunStatus.NOT_REACHED, f"{how}; not within tolerance: {', '.join(missed)}")
+        return StopReason(
+            RunStatus.NOT_REACHED, f"{how}; not within tolerance: {', '.join(missed)}"
+        )
     within = "; every tolerance met" if stop.accept else ""
     if at_rest:
-        return Ending(RunStatus.CONVERGED, how + within)
+        return StopReason(RunStatus.CONVERGED, how + within)
     if stop.accept:
-        return Ending(RunStatus.ACCEPTED, how + within)
+        return StopReason(RunStatus.ACCEPTED, how + within)
     status = RunStatus.COMPLETED if stop.speed is None else RunStatus.TIMEOUT
-    return Ending(status, how)
+    return StopReason(status, how)

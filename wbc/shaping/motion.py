@@ -19,7 +19,7 @@ from wbc.minimum_jerk import PEAK, minimum_jerk
 from wbc.robot import Snapshot
 from wbc.robot.names import BASE
 from wbc.shaping.evaluation import Tolerances, kept_constraints, violations
-from wbc.shaping.outcome import Attempt, Candidate, Kept, Motion, ShapingOutcome
+from wbc.shaping.outcome import Attempt, Candidate, Kept, ShapingMotion, ShapingOutcome
 from wbc.shaping.problem import ShapingProblem, posture_cost
 from wbc.tasks import ComTask, PoseTask, PostureTask, Task
 from wbc.validate import Array, read_only
@@ -130,7 +130,7 @@ class _Rollout(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
+class PostureReach:
     """Runs the controller towards candidates; see :meth:`~.shaping.GlobalShaping.reach`."""
 
     problem: ShapingProblem
@@ -142,10 +142,10 @@ class Reach:
     make_controller: MakeController
     watch: Watch | None
 
-    def best(self, outcome: ShapingOutcome, attempts: int) -> Motion:
+    def best(self, outcome: ShapingOutcome, attempts: int) -> ShapingMotion:
         """Try candidates, the best first, until one is reached."""
         tried: list[Attempt] = []
-        motions: list[Motion] = []
+        motions: list[ShapingMotion] = []
         for number, candidate in enumerate((outcome.best, *outcome.candidates[1:attempts])):
             motion, reason = self.motion(candidate, number)
             tried.append(Attempt(number, float(motion.cost[-1]), reason))
@@ -156,7 +156,7 @@ class Reach:
         chosen = min(motions, key=lambda m: (not m.arrived, bool(m.kept.broken), m.cost[-1]))
         return replace(chosen, attempts=tuple(tried))
 
-    def motion(self, candidate: Candidate, number: int) -> tuple[Motion, str]:
+    def motion(self, candidate: Candidate, number: int) -> tuple[ShapingMotion, str]:
         """Return the motion towards a candidate, and why it does not count, or ``"arrived"``."""
         states, at_rest, fault = self._rollout(candidate, number)
         costs = np.array([posture_cost(self.problem.tasks, state) for state in states])
@@ -167,7 +167,7 @@ class Reach:
             how = "came to rest" if at_rest else "was still moving when the time was over,"
             reason = f"{how} at cost {costs[-1]:.4g} instead of {candidate.cost:.4g}"
         v = np.array([state.v for state in states[1:]] + [np.zeros(self.problem.robot.nv)])
-        motion = Motion(
+        motion = ShapingMotion(
             time=read_only(self.dt * np.arange(len(states))),
             q=read_only(np.array([state.q for state in states])),
             v=read_only(v),

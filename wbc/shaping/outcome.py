@@ -183,7 +183,7 @@ class Attempt:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class ShapingMotion:
     """A motion from the current posture, tick by tick.
 
     Attributes

@@ -16,10 +16,10 @@ from wbc.constraints import Constraint, Contact, Limits
 from wbc.controllers.kinematic import KinematicController
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.shaping.motion import AT_REST, MakeController, Reach, Watch
+from wbc.shaping.motion import AT_REST, MakeController, PostureReach, Watch
 from wbc.shaping.multi_start import MultiStart, Progress
 from wbc.shaping.nlp import build_nlp
-from wbc.shaping.outcome import Motion, ShapingOutcome, ShapingStatistics, Stopped
+from wbc.shaping.outcome import ShapingMotion, ShapingOutcome, ShapingStatistics, Stopped
 from wbc.shaping.problem import ShapingProblem, check_parts
 from wbc.shaping.worker_pool import WorkerPool, search_all
 from wbc.tasks import Task
@@ -148,7 +148,7 @@ class GlobalShaping:
         longest: float | None = None,
         rest_speed: float | None = AT_REST,
         watch: Watch | None = None,
-    ) -> Motion:
+    ) -> ShapingMotion:
         """Run the QP controller from ``q_start`` to the best posture that it can reach.
 
         Parameters
@@ -196,7 +196,7 @@ class GlobalShaping:
                 dt=dt,
             )
 
-        reach = Reach(
+        reach = PostureReach(
             problem,
             problem.robot.check_configuration(q_start),
             finite_number("reach, tolerance", tolerance, least=0.0),

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.controllers.closed_loop import LoopTick
 from wbc.robot import Snapshot
-from wbc.run.history import Recorder as RunRecorder
+from wbc.run.history import HistoryRecorder as RunRecorder
 from wbc.run.leader import Leader
 from wbc.simulation.falling import FallLimits, Verdict
 from wbc.simulation.loop import SimulationTick

@@ -10,14 +10,14 @@ from wbc.extras import require
 
 if TYPE_CHECKING:
     from wbc.view.exposures import exposures_figure, plot_exposures
-    from wbc.view.history import History
+    from wbc.view.history import HistoryLike
     from wbc.view.live.viewer import Viewer
     from wbc.view.pendulum import pendulum_figure, plot_pendulum
     from wbc.view.robots import plot_robot, robot_figure
     from wbc.view.run import plot_run, run_figure
 
 __all__ = [
-    "History",
+    "HistoryLike",
     "Viewer",
     "exposures_figure",
     "pendulum_figure",
@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 _PICTURES = {
-    "History": "wbc.view.history",
+    "HistoryLike": "wbc.view.history",
     "exposures_figure": "wbc.view.exposures",
     "plot_exposures": "wbc.view.exposures",
     "pendulum_figure": "wbc.view.pendulum",

@@ -24,7 +24,7 @@ from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array, finite_number
 from wbc.view import style
 from wbc.view.camera import Camera
-from wbc.view.history import History, Run, read_history
+from wbc.view.history import HistoryLike, Run, read_history
 from wbc.view.options import View
 from wbc.view.panel import Panel
 from wbc.view.portrait import (
@@ -92,7 +92,7 @@ def film_rows(time: Array, fps: int, speed: float) -> list[int]:
 
 def film_run(
     robot: Robot,
-    history: History,
+    history: HistoryLike,
     path: str | Path,
     *,
     title: str,

@@ -19,7 +19,7 @@ from wbc.view.portrait import Aimed, Pose
 from wbc.view.series import Series, error_series, moment_series
 
 
-class History(Protocol):
+class HistoryLike(Protocol):
     """What a run leaves behind; more is drawn if there is more, see :func:`plot_run`."""
 
     @property
@@ -36,7 +36,7 @@ class History(Protocol):
 
 
 @dataclass(frozen=True)
-class Phase:
+class PhaseSpan:
     """A phase: its name, what was stood on, its time [s] and the row in which it has ended."""
 
     name: str
@@ -51,7 +51,7 @@ class Phase:
         return f"on {' and '.join(self.support.split(','))}" if self.support else ""
 
 
-NO_PHASE = Phase("", "", 0.0, 0.0, 0)
+NO_PHASE = PhaseSpan("", "", 0.0, 0.0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class Run:
     q: Array  # (n, nq)
     errors: Sequence[Series]
     moments: Sequence[Series]
-    phases: Sequence[Phase]
+    phases: Sequence[PhaseSpan]
     balance: Array | None  # (n,) margin [m], NaN where there is none
     supports: Sequence[str] | None
     clearance: Mapping[str, Array]  # (n,) [m]
@@ -117,7 +117,7 @@ class Run:
                 yield Aimed(name, point, targets[row] if now else targets[there[-1]])
 
 
-def read_history(robot: Robot, history: History, terrain: Terrain = LEVEL) -> Run:
+def read_history(robot: Robot, history: HistoryLike, terrain: Terrain = LEVEL) -> Run:
     """Return what is to be drawn of a history, on a terrain.
 
     Raises
@@ -164,7 +164,7 @@ def read_history(robot: Robot, history: History, terrain: Terrain = LEVEL) -> Ru
     )
 
 
-def _rows(history: History, name: str, shape: tuple[int, ...]) -> dict[str, Array]:
+def _rows(history: HistoryLike, name: str, shape: tuple[int, ...]) -> dict[str, Array]:
     """Return arrays by name, NaN where there is nothing; none if the history has none."""
     given: Mapping[str, Any] = getattr(history, name, None) or {}
     rows = dict[str, Array]()
@@ -177,7 +177,7 @@ def _rows(history: History, name: str, shape: tuple[int, ...]) -> dict[str, Arra
     return rows
 
 
-def _phases(history: History, time: Array) -> list[Phase]:
+def _phases(history: HistoryLike, time: Array) -> list[PhaseSpan]:
     """Return the phases of a history in order; none if it has no phases."""
     names = _words(history, "phase", len(time))
     if not any(names):
@@ -187,12 +187,12 @@ def _phases(history: History, time: Array) -> list[Phase]:
     # A phase has ended in the state with which the next one begins.
     lasts = [*firsts[1:], len(names) - 1]
     return [
-        Phase(names[k], supports[k], float(time[k]), float(time[last]), last)
+        PhaseSpan(names[k], supports[k], float(time[k]), float(time[last]), last)
         for k, last in zip(firsts, lasts, strict=True)
     ]
 
 
-def _words(history: History, name: str, count: int) -> list[str]:
+def _words(history: HistoryLike, name: str, count: int) -> list[str]:
     """Return a word for each time, all empty if the history has none."""
     given = getattr(history, name, None)
     if given is None:

@@ -21,7 +21,7 @@ from wbc.motion.dropouts import runs
 from wbc.robot import Robot
 from wbc.validate import Array
 from wbc.view import style
-from wbc.view.history import History, Phase, Run, read_history
+from wbc.view.history import HistoryLike, PhaseSpan, Run, read_history
 from wbc.view.options import View
 from wbc.view.portrait import (
     DEFAULT,
@@ -41,7 +41,7 @@ BELOW = 0.36  # inches of the semi-axes below a picture
 
 
 def plot_run(
-    robot: Robot, history: History, path: str | Path, *, title: str, view: View = DEFAULT
+    robot: Robot, history: HistoryLike, path: str | Path, *, title: str, view: View = DEFAULT
 ) -> Path:
     """Draw a run: the robot before and after, its tasks' errors and its principal moments.
 
@@ -75,7 +75,7 @@ def plot_run(
     return path
 
 
-def run_figure(robot: Robot, history: History, *, title: str, view: View = DEFAULT) -> Figure:
+def run_figure(robot: Robot, history: HistoryLike, *, title: str, view: View = DEFAULT) -> Figure:
     """Return the figure that :func:`plot_run` writes."""
     run = read_history(robot, history)
     if run.phases:
@@ -235,7 +235,7 @@ def _draw_plots(axes: Sequence[Axes], run: Run, plots: Sequence[Callable[[Axes],
         one.set_xlabel("")
 
 
-def _write_names(axes: Axes, phases: Sequence[Phase]) -> None:
+def _write_names(axes: Axes, phases: Sequence[PhaseSpan]) -> None:
     """Write the phases' names above the first plot, slanted, so that short phases have room."""
     axes.set_title("", loc="left")  # the names take its place; the axis says what is drawn
     for k, phase in enumerate(phases, start=1):

@@ -10,10 +10,10 @@ from scipy.linalg import solve_continuous_lyapunov
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import Bounds, Command
+from wbc.rmp.balance.law import Command, LawBounds
 from wbc.rmp.balance.lqr import Lqr, riccati_gain
 from wbc.rmp.balance.record import Ending
-from wbc.rmp.balance.simulate import Push, simulate
+from wbc.rmp.balance.simulate import Blow, simulate
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 
@@ -30,10 +30,10 @@ LEANING_SOLID = UP_SOLID + np.array((0, 0, -0.03, 0.02, *np.zeros(8)))
 HANGING = UP_PLANAR * np.array((1, -1, 1, 1, 1))
 CASES = {
     "planar point": lambda: Lqr(PLANAR, UP_PLANAR),
-    "planar foot": lambda: Lqr(PLANAR, LEANING_PLANAR, True, Bounds(polygon=(-0.1, 0.15))),
-    "planar hanging": lambda: Lqr(PLANAR, HANGING, bounds=Bounds(leg_force=(0.0, 1e9))),
+    "planar foot": lambda: Lqr(PLANAR, LEANING_PLANAR, True, LawBounds(polygon=(-0.1, 0.15))),
+    "planar hanging": lambda: Lqr(PLANAR, HANGING, bounds=LawBounds(leg_force=(0.0, 1e9))),
     "solid point": lambda: Lqr(SOLID, UP_SOLID),
-    "solid foot": lambda: Lqr(SOLID, LEANING_SOLID, True, Bounds(polygon=SQUARE)),
+    "solid foot": lambda: Lqr(SOLID, LEANING_SOLID, True, LawBounds(polygon=SQUARE)),
 }
 
 
@@ -122,7 +122,7 @@ def test_it_holds_with_wrong_mass_and_inertia(
     """From 0.1 rad of the leg with both 20 percent off; on a foot the leg may stray by less."""
     model, q0 = (PLANAR, UP_PLANAR) if kind == "planar" else (SOLID, UP_SOLID)
     polygon = None if not foot else ((-0.05, 0.2) if kind == "planar" else SQUARE)
-    bounds = Bounds(polygon=polygon)
+    bounds = LawBounds(polygon=polygon)
     law = Lqr(model, q0, foot, bounds)
     radii = 1 if kind == "planar" else 3
     offset = (np.sqrt(inertia / mass) - 1.0) * q0[-radii:]
@@ -151,7 +151,7 @@ def test_it_recovers_from_a_push_to_where_it_was(case: str) -> None:
     law = CASES[case]()
     impulse = (2.0, 0.5) if "planar" in case else (2.0, -1.0, 0.5)
     still = np.zeros(len(law.model.V))
-    run = simulate(law, law.q0, still, 8.0, dt=4e-3, pushes=[Push(0.5, impulse)], bounds=law.bounds)
+    run = simulate(law, law.q0, still, 8.0, dt=4e-3, pushes=[Blow(0.5, impulse)], bounds=law.bounds)
     assert run.ending is Ending.COMPLETE
     assert np.abs(law.state(run.q[150], run.v[150])).max() > 0.02
     assert np.abs(law.state(run.q[-1], run.v[-1])).max() < 1e-3
@@ -184,7 +184,7 @@ def test_state_is_the_rotation_and_the_rates_in_the_axes_at_rest() -> None:
 def test_torques_are_clipped_to_bounds(kind: str) -> None:
     """A lean that the foot alone cannot hold; the wheel's and the leg's limits are low."""
     polygon = (-0.05, 0.1) if kind == "planar" else SQUARE
-    bounds = Bounds(polygon=polygon, wheel_torque=5.0, leg_force=(0.0, 1.1 * M * G))
+    bounds = LawBounds(polygon=polygon, wheel_torque=5.0, leg_force=(0.0, 1.1 * M * G))
     model, q0 = (PLANAR, UP_PLANAR) if kind == "planar" else (SOLID, UP_SOLID)
     law = Lqr(model, q0, True, bounds)
     q = q0.copy()
@@ -204,7 +204,7 @@ def test_torques_are_clipped_to_bounds(kind: str) -> None:
 
 
 def test_a_foot_beyond_its_edge_is_told() -> None:
-    law = Lqr(PLANAR, UP_PLANAR, True, Bounds(polygon=(-0.1, 0.2)))
+    law = Lqr(PLANAR, UP_PLANAR, True, LawBounds(polygon=(-0.1, 0.2)))
     # The foot stands 0.15 m out; torque of the foot is wanted that takes the CoP farther.
     q = UP_PLANAR + np.array((0.3, 0, 0, 0, 0))
     command = law.command(q, np.array((0, -0.1, 0, 0, 0)), 0.0)
@@ -214,7 +214,7 @@ def test_a_foot_beyond_its_edge_is_told() -> None:
 
 
 def test_a_ground_that_would_have_to_pull_is_told() -> None:
-    law = Lqr(PLANAR, UP_PLANAR, True, Bounds(polygon=(-0.1, 0.2)))
+    law = Lqr(PLANAR, UP_PLANAR, True, LawBounds(polygon=(-0.1, 0.2)))
     command = law.command(UP_PLANAR + np.array((0, 0, 0.5, 0, 0)), np.zeros(5), 0.0)
     assert not command.ok
     assert "pull" in command.note
@@ -227,11 +227,11 @@ def test_a_ground_that_would_have_to_pull_is_told() -> None:
         (lambda: Lqr(PLANAR, LEANING_PLANAR), "would have to give 5.297 N m"),
         (lambda: Lqr(SOLID, LEANING_SOLID), "point contact"),
         (lambda: Lqr(PLANAR, UP_PLANAR, True), "without extent"),
-        (lambda: Lqr(PLANAR, UP_PLANAR, True, Bounds(polygon=SQUARE)), "least x"),
-        (lambda: Lqr(SOLID, UP_SOLID, True, Bounds(polygon=(0, 1))), "corners"),
+        (lambda: Lqr(PLANAR, UP_PLANAR, True, LawBounds(polygon=SQUARE)), "least x"),
+        (lambda: Lqr(SOLID, UP_SOLID, True, LawBounds(polygon=(0, 1))), "corners"),
         (
             # The CoM is at 0.05 + 0.9 sin(0.03) = 0.077.
-            lambda: Lqr(PLANAR, LEANING_PLANAR, True, Bounds(polygon=(0.0, 0.06))),
+            lambda: Lqr(PLANAR, LEANING_PLANAR, True, LawBounds(polygon=(0.0, 0.06))),
             "0.017 m out of the support",
         ),
         (lambda: Lqr(PlanarRmp(M, 0.0), UP_PLANAR), "no input reaches"),

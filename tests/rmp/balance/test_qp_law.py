@@ -15,11 +15,11 @@ from wbc.polygon import inset, polygon_margin
 from wbc.qp import QP, ProxQP, Solution, make_backend
 from wbc.rmp.balance.capture import CaptureGains, braking_debt, nearest
 from wbc.rmp.balance.foot import acceleration_range
-from wbc.rmp.balance.law import Bounds
-from wbc.rmp.balance.momentum_qp import MomentumQp, Weights
+from wbc.rmp.balance.law import LawBounds
+from wbc.rmp.balance.momentum_qp import MomentumQp, MomentumWeights
 from wbc.rmp.balance.push_limits import PushLimits, Wheel, compass, push_limits
 from wbc.rmp.balance.record import Ending
-from wbc.rmp.balance.simulate import Push, simulate
+from wbc.rmp.balance.simulate import Blow, simulate
 from wbc.rmp.ground import centre_of_pressure
 from wbc.rmp.solid import SolidRmp, quaternion_rate, rotation, rotation_vector
 
@@ -36,7 +36,7 @@ BODIES = {
 def body(name: str) -> tuple[MomentumQp, PushLimits]:
     mass, height, (front, back, side), radii, torque, angle = BODIES[name]
     sole = np.array(((-back, -side), (front, -side), (front, side), (-back, side)))
-    bounds = Bounds(
+    bounds = LawBounds(
         polygon=sole,
         friction=0.8,
         leg_force=(0.0, 30.0 * mass),
@@ -197,7 +197,7 @@ def test_another_mass_than_believed_makes_no_difference_but_in_height(mass: floa
             dt=DT,
             plant=SolidRmp(mass),
             bounds=law.bounds,
-            pushes=[Push(0.0, (impulse, 0.0, 0.0))],
+            pushes=[Blow(0.0, (impulse, 0.0, 0.0))],
         )
         assert run.ending is Ending.COMPLETE
         assert run.cop_violation == 0.0
@@ -290,7 +290,7 @@ def test_a_push_near_the_bound_makes_the_wheel_bang_bang_by_itself() -> None:
 
 def test_rate_limit_of_the_wheel_is_kept_and_costs_what_theory_says() -> None:
     law, _ = body("g1")
-    bounds = Bounds(
+    bounds = LawBounds(
         polygon=law.bounds.polygon,
         friction=0.8,
         wheel_torque=50.0,
@@ -309,7 +309,7 @@ def test_rate_limit_of_the_wheel_is_kept_and_costs_what_theory_says() -> None:
 
 def test_without_angle_friction_and_leg_limits_the_program_has_only_what_is_left() -> None:
     law, limits = body("g1")
-    bounds = Bounds(polygon=law.bounds.polygon, wheel_torque=50.0)
+    bounds = LawBounds(polygon=law.bounds.polygon, wheel_torque=50.0)
     free = MomentumQp(law.model, bounds, law.com, law.radii, dt=DT)
     q, v = standing(free)
     assert len(free.program(q, v).u) == 4 + 2
@@ -319,8 +319,8 @@ def test_without_angle_friction_and_leg_limits_the_program_has_only_what_is_left
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"bounds": Bounds(wheel_torque=1.0)}, "PointStabiliser"),
-        ({"bounds": Bounds(polygon=[(-1, -1), (1, -1), (0, 1)])}, "finite wheel_torque"),
+        ({"bounds": LawBounds(wheel_torque=1.0)}, "PointStabiliser"),
+        ({"bounds": LawBounds(polygon=[(-1, -1), (1, -1), (0, 1)])}, "finite wheel_torque"),
         ({"com": (0.2, 0.0, 0.7)}, "0.1 m beyond its edge"),
         ({"com": (0.0, 0.0, 2.0)}, "no length of the leg"),
         ({"radii": (0.3, 0.3, 0.01)}, "radii"),
@@ -338,7 +338,7 @@ def test_unusable_gains_and_weights_are_refused() -> None:
     for make in (
         lambda: CaptureGains(capture=0.0),
         lambda: CaptureGains(reserve=0.0),
-        lambda: Weights(wheel=-1.0),
+        lambda: MomentumWeights(wheel=-1.0),
     ):
         with pytest.raises(InvalidInputError):
             make()

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from wbc.errors import InvalidInputError, SolverError
-from wbc.rmp.balance.law import Bounds, Command, Pendulum
+from wbc.rmp.balance.law import Command, LawBounds, Pendulum
 from wbc.rmp.balance.record import Ending, Simulation
-from wbc.rmp.balance.simulate import Push, simulate, velocity_jump
+from wbc.rmp.balance.simulate import Blow, simulate, velocity_jump
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 
@@ -122,7 +122,7 @@ def test_a_push_changes_the_coms_velocity_and_nothing_else(kind: str) -> None:
             seen.append(v)
             return super().command(q, v, time)
 
-    parts = (Push(0.0102, 0.5 * impulse), Push(0.01, 0.5 * impulse))
+    parts = (Blow(0.0102, 0.5 * impulse), Blow(0.01, 0.5 * impulse))
     run = simulate(Watching(law.model, law.force), q, v, 0.02, pushes=parts)
     calm = simulate(law, q, v, 0.02)
     np.testing.assert_array_equal(run.v[:10], calm.v[:10])
@@ -149,7 +149,7 @@ def test_every_ending(kind: str) -> None:
     run(hold, Ending.COMPLETE, "", 0.2)
     whole = run(point, Ending.FELL, "above the ground")
     assert 100 < run(point, Ending.FELL, "above the ground", fallen=np.radians(70)) < whole
-    run(hold * 1.5, Ending.FELL, "out of [0.5, 1]", bounds=Bounds(leg_length=(0.5, 1.0)))
+    run(hold * 1.5, Ending.FELL, "out of [0.5, 1]", bounds=LawBounds(leg_length=(0.5, 1.0)))
     assert run(0.0 * hold, Ending.CONTACT_LOST, "push up") == 0
     run(0.0 * hold, Ending.COMPLETE, "", 0.2, pivot=True)
     assert run(hold * np.nan, Ending.LAW_FAILED, "not finite") == 0
@@ -196,7 +196,7 @@ def test_a_hanging_pendulum_has_no_cop() -> None:
 def test_margins_are_the_least_distances() -> None:
     """At rest, upright and turned: every number is known."""
     q = np.array((0, 0, np.pi / 2, 0, 0.9, 0, 0, np.sin(0.2), np.cos(0.2), 0.35, 0.3, 0.25))
-    bounds = Bounds(
+    bounds = LawBounds(
         polygon=((-0.1, -0.05), (0.2, -0.05), (0.2, 0.05), (-0.1, 0.05)),
         friction=0.7,
         leg_force=(0.0, 2 * M * G),
@@ -224,7 +224,7 @@ def test_margins_are_the_least_distances() -> None:
         (0, np.pi / 2, 1, 0, 0.3),
         np.zeros(5),
         0.001,
-        bounds=Bounds(polygon=(-0.1, 0.15)),
+        bounds=LawBounds(polygon=(-0.1, 0.15)),
     )
     # tau_theta / f_z beyond the foot, and its horizontal force over the leg's length.
     assert flat.cop[0, 0] == pytest.approx(0.2, abs=1e-12)
@@ -236,7 +236,7 @@ def test_margins_are_the_least_distances() -> None:
 def test_what_is_broken_and_that_a_pivot_bounds_no_ground_force() -> None:
     # At rest and upright, with a foot's torque that takes the CoP 5 cm beyond the polygon.
     law = Constant(PLANAR, np.array((0.2 * M * G, M * G, 0, 0)))
-    bounds = Bounds(polygon=(-0.1, 0.15), friction=0.1, leg_force=(0, 1), radius=(0.4, 0.5))
+    bounds = LawBounds(polygon=(-0.1, 0.15), friction=0.1, leg_force=(0, 1), radius=(0.4, 0.5))
     start = ((0, np.pi / 2, 1, 0, 0.3), np.zeros(5), 0.001)
     broken = simulate(law, *start, bounds=bounds).broken()
     expected = {"cop": 0.05, "friction": 0.1, "leg_force": M * G - 1, "radius": 0.1}
@@ -251,8 +251,8 @@ def test_bounds_are_judged_between_ticks_too() -> None:
     """A foot's torque that is right at the tick only: the CoP wanders off while it is held."""
     q, v = (0, np.pi / 2 - 0.1, 1, 0, 0.3), np.array((0, 1.0, 0.5, 0, 0))
     law = Constant(PLANAR, np.array((0.1 * M * G, M * G, 0, 0)))
-    coarse = simulate(law, q, v, 0.02, dt=0.02, bounds=Bounds(polygon=(-0.5, 0.15)))
-    fine = simulate(law, q, v, 0.02, dt=1e-4, bounds=Bounds(polygon=(-0.5, 0.15)))
+    coarse = simulate(law, q, v, 0.02, dt=0.02, bounds=LawBounds(polygon=(-0.5, 0.15)))
+    fine = simulate(law, q, v, 0.02, dt=1e-4, bounds=LawBounds(polygon=(-0.5, 0.15)))
     assert abs(fine.cop[-1, 0] - fine.cop[0, 0]) > 1e-5
     # Its extremes are at the ends of the step here, so both see the same.
     assert coarse.margins()["cop"] == pytest.approx(fine.margins()["cop"], abs=1e-8)
@@ -286,9 +286,9 @@ def test_another_plant_stop_and_progress() -> None:
         ({"v0": np.full(5, np.nan)}, "v: NaN"),
         ({"v0": np.zeros(4)}, "v: expected shape"),
         ({"plant": SOLID}, "cannot stand for"),
-        ({"bounds": Bounds(polygon=((0, 0), (1, 0), (0, 1)))}, "polygon"),
-        ({"pushes": [Push(0.5, (1, 0, 0))]}, "impulse at 0.5"),
-        ({"pushes": [Push(1.0, (1, 0))]}, "not before the end"),
+        ({"bounds": LawBounds(polygon=((0, 0), (1, 0), (0, 1)))}, "polygon"),
+        ({"pushes": [Blow(0.5, (1, 0, 0))]}, "impulse at 0.5"),
+        ({"pushes": [Blow(1.0, (1, 0))]}, "not before the end"),
     ],
 )
 def test_bad_input_is_refused(change: dict[str, object], words: str) -> None:
@@ -300,4 +300,4 @@ def test_bad_input_is_refused(change: dict[str, object], words: str) -> None:
 @pytest.mark.parametrize("given", [(-1.0, (1, 0)), (0.0, (1,)), (0.0, (np.inf, 0))])
 def test_a_bad_push_is_refused(given: tuple[float, tuple[float, ...]]) -> None:
     with pytest.raises(InvalidInputError, match="push"):
-        Push(*given)
+        Blow(*given)

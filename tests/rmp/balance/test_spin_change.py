@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import Bounds, Pendulum
+from wbc.rmp.balance.law import LawBounds, Pendulum
 from wbc.rmp.balance.record import Ending, Simulation
 from wbc.rmp.balance.simulate import simulate
 from wbc.rmp.balance.spin_change import SpinChange, reachable_spins
@@ -16,8 +16,8 @@ Array = NDArray[np.float64]
 M = 20.0
 PLANAR, SOLID = PlanarRmp(M), SolidRmp(M)
 SQUARE = ((-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1))
-FOOT = {PLANAR: Bounds(polygon=(-0.1, 0.1), radius=(0.05, 0.6))}
-FOOT[SOLID] = Bounds(polygon=SQUARE, radius=(0.05, 0.6))
+FOOT = {PLANAR: LawBounds(polygon=(-0.1, 0.1), radius=(0.05, 0.6))}
+FOOT[SOLID] = LawBounds(polygon=SQUARE, radius=(0.05, 0.6))
 Q_PLANAR, V_PLANAR = np.array((0, np.pi / 2, 0.9, 0, 0.4)), np.array((0, 0, 0, 3.0, 0))
 HALF = np.sqrt(0.5)
 Q_SOLID = np.array((0, 0, np.pi / 2, 0, 0.9, HALF, 0, 0, HALF, 0.35, 0.3, 0.2))
@@ -84,7 +84,7 @@ def test_spin_momentum_and_work(
 ) -> None:
     bounds = FOOT[model]
     if not ground:
-        model, bounds = type(model)(M, 0.0), Bounds(radius=bounds.radius)
+        model, bounds = type(model)(M, 0.0), LawBounds(radius=bounds.radius)
     law = SpinChange(model, q, v, wanted, 0.6, bounds)
     run = simulate(law, q, v, 1.8, bounds=bounds, pivot=not ground)
     assert run.ending is Ending.COMPLETE
@@ -189,15 +189,15 @@ def test_reference_is_smooth_and_ends_at_rest() -> None:
         ({"spin": -9.0}, "1.33333 to 192"),
         ({"spin": np.nan}, "spin"),
         # Without a limit of the radius the range begins at zero, which is not reached.
-        ({"spin": 0.0, "bounds": Bounds()}, "infinitely far"),
-        ({"spin": 5e-324, "bounds": Bounds()}, "infinitely far"),
+        ({"spin": 0.0, "bounds": LawBounds()}, "infinitely far"),
+        ({"spin": 5e-324, "bounds": LawBounds()}, "infinitely far"),
         ({"v0": np.zeros(5)}, "do not spin"),
         ({"v0": V_PLANAR + (0, 0, 0, 0, 0.1)}, "must not slide"),
         ({"q0": Q_PLANAR + (0, 0, 0, 0, 0.3)}, "out of bounds"),
         ({"duration": 0.0}, "duration"),
         ({"rate": -1.0}, "rate"),
         ({"v0": np.zeros(4)}, "v0: expected shape"),
-        ({"bounds": Bounds(polygon=SQUARE)}, "polygon"),
+        ({"bounds": LawBounds(polygon=SQUARE)}, "polygon"),
         ({"model": SOLID, "q0": Q_SOLID, "v0": spinning(0, 3.0) + spinning(1, 1e-3)}, "tumble"),
     ],
 )

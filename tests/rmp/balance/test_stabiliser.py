@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.region_of_attraction import lean_grid, rest_error
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import Bounds
+from wbc.rmp.balance.law import LawBounds
 from wbc.rmp.balance.lqr import Lqr
 from wbc.rmp.balance.record import Ending, Simulation
 from wbc.rmp.balance.simulate import simulate
@@ -18,7 +18,7 @@ from wbc.rmp.solid import SolidRmp
 Array = NDArray[np.float64]
 M, G, Z, TORQUE = 35.0, 9.81, 0.7, 50.0
 RADII = np.full(3, 0.3)
-BOUNDS = Bounds(wheel_torque=TORQUE, leg_force=(50.0, 600.0))
+BOUNDS = LawBounds(wheel_torque=TORQUE, leg_force=(50.0, 600.0))
 REST = np.array((0.05, -0.02, np.pi / 2, 0.0, Z, 0.0, 0.0, 0.0, 1.0, *RADII))
 # Largest lean at rest that the torque can turn back: sin(lean) Z = tau / (M g).
 LIMIT = float(np.arcsin(TORQUE / (M * G) / Z))
@@ -152,15 +152,15 @@ def test_leg_and_radii_come_back_too_and_unlike_radii_do_no_harm() -> None:
 @pytest.mark.parametrize(
     ("bounds", "height", "radii", "message"),
     [
-        (Bounds(), Z, RADII, "wheel_torque"),
-        (Bounds(wheel_torque=1.0, wheel_angle=0.5), Z, RADII, "MomentumQp"),
-        (Bounds(wheel_torque=1.0, wheel_rate=0.5), Z, RADII, "MomentumQp"),
+        (LawBounds(), Z, RADII, "wheel_torque"),
+        (LawBounds(wheel_torque=1.0, wheel_angle=0.5), Z, RADII, "MomentumQp"),
+        (LawBounds(wheel_torque=1.0, wheel_rate=0.5), Z, RADII, "MomentumQp"),
         (BOUNDS, 0.0, RADII, "height"),
         (BOUNDS, Z, (0.3, 0.0, 0.3), "radii"),
     ],
 )
 def test_unusable_arguments_are_refused(
-    bounds: Bounds, height: float, radii: Array, message: str
+    bounds: LawBounds, height: float, radii: Array, message: str
 ) -> None:
     with pytest.raises(InvalidInputError, match=message):
         PointStabiliser(SolidRmp(M, G), bounds, height, radii)

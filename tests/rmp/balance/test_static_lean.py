@@ -7,21 +7,21 @@ import pytest
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import Bounds, Command
+from wbc.rmp.balance.law import Command, LawBounds
 from wbc.rmp.balance.record import Ending
-from wbc.rmp.balance.simulate import Push, Simulation, simulate
+from wbc.rmp.balance.simulate import Blow, Simulation, simulate
 from wbc.rmp.balance.static_lean import StaticLean
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 
 Array = NDArray[np.float64]
 G, LENGTH, RADIUS = 9.81, 0.9, 0.35
-RATE, ANGLE = Bounds(wheel_rate=30.0), Bounds(wheel_angle=20.0)
+RATE, ANGLE = LawBounds(wheel_rate=30.0), LawBounds(wheel_angle=20.0)
 # dq and v: leg, wheel, length and radius all off.
 OFF = (np.array((0, 0.02, 0.01, 0.3, 0.003)), np.array((0, 0.1, -0.05, 0.4, 0.02)))
 
 
-def lean(mass: float, degrees: float, bounds: Bounds) -> tuple[StaticLean, Array]:
+def lean(mass: float, degrees: float, bounds: LawBounds) -> tuple[StaticLean, Array]:
     angle = math.radians(degrees)
     law = StaticLean(PlanarRmp(mass, G), angle, LENGTH, RADIUS, bounds)
     return law, np.array((0.0, angle, LENGTH, 0.0, RADIUS))
@@ -61,7 +61,7 @@ def test_the_leg_stays_until_the_wheel_is_at_its_limit(mass: float, degrees: flo
 @pytest.mark.parametrize("degrees", [75.0, 85.0, 95.0, 110.0])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_errors_decay_and_the_time_left_counts_them(
-    bounds: Bounds, degrees: float, sign: float
+    bounds: LawBounds, degrees: float, sign: float
 ) -> None:
     law, q = lean(20.0, degrees, bounds)
     q, v = q + sign * OFF[0], sign * OFF[1]
@@ -99,8 +99,8 @@ def test_the_time_left_is_known_less_well_from_far_off(
 
 def test_the_mean_torque_is_the_static_one() -> None:
     """k_P' = -M g r_l cos: over a run with a push, the wheel takes what gravity gives."""
-    law, q = lean(20.0, 80.0, Bounds())
-    run = simulate(law, q, np.zeros(5), 4.0, pushes=[Push(1.0, (1.5, 0.0))])
+    law, q = lean(20.0, 80.0, LawBounds())
+    run = simulate(law, q, np.zeros(5), 4.0, pushes=[Blow(1.0, (1.5, 0.0))])
     assert np.degrees(np.abs(run.q[-1, 1] - law.angle)) < 1e-3
     late = run.time[:-1] > 3.0
     np.testing.assert_allclose(run.force[late, 2], law.static_torque, rtol=1e-6)
@@ -122,7 +122,7 @@ def test_after_saturation_it_says_so_and_carries_the_wheel_along() -> None:
     law, q = lean(20.0, 85.0, ANGLE)
     q[3] = 20.0
     # Carrying the wheel along takes 17.9 N m here: more than there is.
-    bounds = Bounds(wheel_rate=30.0, wheel_torque=16.0)
+    bounds = LawBounds(wheel_rate=30.0, wheel_torque=16.0)
     falling = q + np.array((0, -0.8, 0, -20.0, 0))
     spinning = np.array((0, -1.0, 0, -30.0, 0))
     weak = StaticLean(law.model, law.angle, LENGTH, RADIUS, bounds).command(falling, spinning, 0.0)
@@ -138,13 +138,13 @@ def test_a_balanced_leg_lasts_for_ever_or_as_long_as_the_wheel_turns() -> None:
     assert law.time_left(q, np.zeros(5)) > 1e6
     v = np.array((0.0, 0.0, 0.0, -4.0, 0.0))
     assert law.time_left(q, v) == pytest.approx(20.0 / 4.0, rel=1e-6)
-    law, q = lean(20.0, 80.0, Bounds())
+    law, q = lean(20.0, 80.0, LawBounds())
     assert law.time_left(q, v) == math.inf
 
 
 def test_limits_are_kept_and_told() -> None:
     """Static torque 20 * 9.81 * 0.9 * cos(80 degrees) = 30.7 N m."""
-    bounds = Bounds(wheel_torque=35.0, leg_force=(0.0, 200.0))
+    bounds = LawBounds(wheel_torque=35.0, leg_force=(0.0, 200.0))
     law, q = lean(20.0, 80.0, bounds)
     off = q - np.array((0, 0.03, 0, 0, 0))
     clipped = law.command(off, np.zeros(5), 0.0)
@@ -166,7 +166,7 @@ def test_limits_are_kept_and_told() -> None:
         ({"rate": 0.0}, "rate"),
         ({"model": SolidRmp(20.0)}, "needs a PlanarRmp"),
         # 20 * 9.81 * 0.9 * cos(1) = 95.41
-        ({"bounds": Bounds(wheel_torque=50.0)}, "takes 95.41 N m of the wheel, 45.41 more"),
+        ({"bounds": LawBounds(wheel_torque=50.0)}, "takes 95.41 N m of the wheel, 45.41 more"),
     ],
 )
 def test_nonsense_is_refused(change: dict[str, object], words: str) -> None:

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import Bounds, Command
+from wbc.rmp.balance.law import Command, LawBounds
 from wbc.rmp.balance.record import Ending, Simulation
 from wbc.rmp.balance.simulate import simulate
 from wbc.rmp.balance.swing_up import SwingUp
@@ -30,7 +30,7 @@ def make(
 ) -> tuple[SwingUp, Array]:
     """Return the law for a torque as a part of M g r_l, and the hanging rest."""
     mass, length, radius = BODIES[body]
-    bounds = Bounds(wheel_torque=ratio * mass * G * length, wheel_rate=rate)
+    bounds = LawBounds(wheel_torque=ratio * mass * G * length, wheel_rate=rate)
     law = SwingUp(PlanarRmp(mass, G), length, radius, bounds, dt)
     return law, np.array((0.0, -np.pi / 2, length, 0.0, radius))
 
@@ -183,10 +183,13 @@ def test_other_plants_and_starts() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"bounds": Bounds()}, "wheel_torque must be finite"),
-        ({"bounds": Bounds(wheel_torque=20.0, wheel_angle=1.0)}, "without end"),
+        ({"bounds": LawBounds()}, "wheel_torque must be finite"),
+        ({"bounds": LawBounds(wheel_torque=20.0, wheel_angle=1.0)}, "without end"),
         # 2 sqrt(9.81 / 0.9) = 6.603
-        ({"bounds": Bounds(wheel_torque=20.0, wheel_rate=6.0)}, "6.603 rad/s.* 0.603 too little"),
+        (
+            {"bounds": LawBounds(wheel_torque=20.0, wheel_rate=6.0)},
+            "6.603 rad/s.* 0.603 too little",
+        ),
         ({"model": PlanarRmp(20.0, 0.0)}, "gravity"),
         ({"model": SolidRmp(20.0)}, "needs a PlanarRmp"),
         ({"length": 0.0}, "length"),
@@ -194,7 +197,10 @@ def test_other_plants_and_starts() -> None:
         ({"dt": -1.0}, "dt"),
         ({"dt": 0.02}, r"too long to hold the masses' radius; at most 0\.0167 s"),
         # 3 (w dt)^2 = 0.00327, and M g r_l = 176.6 N m.
-        ({"dt": 0.01, "bounds": Bounds(wheel_torque=0.5)}, r"at most 0\.00931 s, or 0\.577 N m"),
+        (
+            {"dt": 0.01, "bounds": LawBounds(wheel_torque=0.5)},
+            r"at most 0\.00931 s, or 0\.577 N m",
+        ),
     ],
 )
 def test_nonsense_is_refused(change: dict[str, object], words: str) -> None:
@@ -202,7 +208,7 @@ def test_nonsense_is_refused(change: dict[str, object], words: str) -> None:
         "model": PlanarRmp(20.0, G),
         "length": 0.9,
         "radius": 0.35,
-        "bounds": Bounds(wheel_torque=20.0),
+        "bounds": LawBounds(wheel_torque=20.0),
     }
     with pytest.raises(InvalidInputError, match=words):
         SwingUp(**(given | change))  # type: ignore[arg-type]
@@ -210,7 +216,7 @@ def test_nonsense_is_refused(change: dict[str, object], words: str) -> None:
 
 @pytest.mark.parametrize("broken", [np.full(5, np.nan), np.zeros(4)])
 def test_a_state_that_is_none_is_refused(broken: Array) -> None:
-    law = SwingUp(PlanarRmp(20.0, G), 0.9, 0.35, Bounds(wheel_torque=20.0))
+    law = SwingUp(PlanarRmp(20.0, G), 0.9, 0.35, LawBounds(wheel_torque=20.0))
     for q, v in ((broken, np.zeros(5)), (np.array((0.0, 1.4, 0.9, 0.0, 0.35)), broken)):
         with pytest.raises(InvalidInputError):
             law.command(q, v, 0.0)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes, inset
 from wbc.rmp.balance.foot import FlatFoot, physical_rows, torsion_rows
-from wbc.rmp.balance.law import Bounds
+from wbc.rmp.balance.law import LawBounds
 from wbc.rmp.balance.lqr import Lqr
 from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.balance.spin_change import SpinChange
@@ -55,7 +55,7 @@ def corner_forces_exist(corners: np.ndarray, axes: np.ndarray, wrench: np.ndarra
 @pytest.mark.parametrize("turn", [0.0, 0.4])
 def test_rows_hold_exactly_where_corners_can_hold_the_wrench(turn: float) -> None:
     foot = FlatFoot(SolidRmp(35.0))
-    bounds = Bounds(polygon=rectangle(turn), friction=FRICTION, cop_margin=MARGIN, torsion=True)
+    bounds = LawBounds(polygon=rectangle(turn), friction=FRICTION, cop_margin=MARGIN, torsion=True)
     normals, offsets = half_planes(bounds.polygon)
     # the pyramid along world axes is another one on a turned sole
     rows = [row for row in physical_rows(foot, bounds, normals, offsets - MARGIN)
@@ -89,7 +89,7 @@ def test_rows_hold_exactly_where_corners_can_hold_the_wrench(turn: float) -> Non
 def test_rows_are_there_where_they_are_asked_for() -> None:
     foot = FlatFoot(SolidRmp(35.0))
     for asked, count in ((False, 0), (True, 8)):
-        bounds = Bounds(polygon=rectangle(0.0), friction=FRICTION, torsion=asked)
+        bounds = LawBounds(polygon=rectangle(0.0), friction=FRICTION, torsion=asked)
         rows = physical_rows(foot, bounds, *half_planes(bounds.polygon))
         assert sum(row.label.startswith("torsion") for row in rows) == count
 
@@ -98,7 +98,7 @@ def test_rows_are_there_where_they_are_asked_for() -> None:
 def test_where_they_cannot_be_they_are_not_left_out_silently(given: dict) -> None:
     asked = {"polygon": rectangle(0.0), "friction": FRICTION, "wheel_torque": 50.0, "torsion": True}
     with pytest.raises(InvalidInputError, match="torsion needs a finite friction and a rectang"):
-        MomentumQp(SolidRmp(35.0), Bounds(**asked | given), (0.0, 0.0, 0.7), (0.3, 0.3, 0.3))
+        MomentumQp(SolidRmp(35.0), LawBounds(**asked | given), (0.0, 0.0, 0.7), (0.3, 0.3, 0.3))
 
 
 @pytest.mark.parametrize(
@@ -111,15 +111,15 @@ def test_where_they_cannot_be_they_are_not_left_out_silently(given: dict) -> Non
         lambda bounds: PointStabiliser(SolidRmp(35.0), bounds, 0.7, (0.3, 0.3, 0.3)),
     ],
 )
-def test_laws_that_cannot_keep_it_say_so(law: Callable[[Bounds], object]) -> None:
+def test_laws_that_cannot_keep_it_say_so(law: Callable[[LawBounds], object]) -> None:
     with pytest.raises(InvalidInputError, match="cannot keep torsion within what friction holds"):
-        law(Bounds(torsion=True, wheel_torque=50.0))
+        law(LawBounds(torsion=True, wheel_torque=50.0))
 
 
 def test_only_rectangles_have_such_rows() -> None:
     foot = FlatFoot(SolidRmp(35.0))
     count = {
-        name: len(torsion_rows(foot, Bounds(polygon=polygon, friction=FRICTION), SLOPE))
+        name: len(torsion_rows(foot, LawBounds(polygon=polygon, friction=FRICTION), SLOPE))
         for name, polygon in {
             "rectangle": rectangle(0.3),
             "triangle": [(-0.1, -0.1), (0.1, -0.1), (0.0, 0.1)],

@@ -9,8 +9,8 @@ import pytest
 from benchmarks.plan_examples import HEIGHT, LIMITS
 from wbc.errors import InvalidInputError
 from wbc.rmp.plan import (
-    Phase,
     Plan,
+    PlanPhase,
     PlanProblem,
     State,
     Weights,
@@ -49,7 +49,7 @@ def _flat(pendulum: PlanarRmp | SolidRmp) -> PlanProblem:
     start = replace(at_rest((0.0, 0.0, HEIGHT), radii), com_velocity=(0.3, 0.0, 0.0))
     return PlanProblem(
         pendulum,
-        (Phase("stand", 1.5, SQUARE, 20),),
+        (PlanPhase("stand", 1.5, SQUARE, 20),),
         start=start,
         goal=at_rest((0.0, 0.0, HEIGHT), radii),
         nominal=State(com=(None, None, HEIGHT), rotation=STILL, radii=radii),

@@ -9,10 +9,10 @@ import pytest
 from benchmarks.plan_examples import EXAMPLES, HEIGHT, LIMITS, RADII, push_recovery
 from wbc.errors import InvalidInputError
 from wbc.rmp.plan import (
-    Limits,
-    Phase,
+    PathLimits,
     Plan,
     PlanError,
+    PlanPhase,
     PlanProblem,
     State,
     Weights,
@@ -30,12 +30,12 @@ Planned = Callable[[str], Plan]
 
 def test_linear_inverted_pendulum_in_closed_form() -> None:
     """At constant height, without spin, c'' = omega^2 (c - p): for CoPs linear in time."""
-    flat = Limits(leg_length=(0.5, 1.0), radius=(0.05, 0.4))
+    flat = PathLimits(leg_length=(0.5, 1.0), radius=(0.05, 0.4))
     start = replace(at_rest((0.0, 0.0, HEIGHT), RADII), com_velocity=(0.2, 0.1, 0.0))
     plan = solve(
         PlanProblem(
             SolidRmp(30.0),
-            (Phase("stand", 1.0, SQUARE, 20),),
+            (PlanPhase("stand", 1.0, SQUARE, 20),),
             start=start,
             goal=State(com=(0.0, 0.0, None), com_velocity=STILL),
             nominal=State(com=(None, None, HEIGHT)),
@@ -63,7 +63,7 @@ def test_radii_are_bounded_by_default() -> None:
     """Only the CoM's start and the end at rest are given, and no cost holds the masses."""
     standing = PlanProblem(
         SolidRmp(30.0),
-        (Phase("stand", 2.0, SQUARE, 20),),
+        (PlanPhase("stand", 2.0, SQUARE, 20),),
         start=State(com=(0.0, 0.0, HEIGHT)),
         goal=State(com=(0.0, 0.0, HEIGHT), com_velocity=STILL, rotation=STILL, momentum=STILL),
         weights=Weights(radii=0.0, radius_acceleration=0.0),
@@ -75,7 +75,7 @@ def test_radii_are_bounded_by_default() -> None:
     assert "radius (greatest)" in [each.quantity for each in seen.limits]
     with pytest.raises(InvalidInputError, match="radii: 2 is not within"):
         replace(standing, start=State(radii=(2.0, 2.0, 2.0)))
-    replace(standing, start=State(radii=(2.0, 2.0, 2.0)), limits=Limits(radius=(0.1, np.inf)))
+    replace(standing, start=State(radii=(2.0, 2.0, 2.0)), limits=PathLimits(radius=(0.1, np.inf)))
 
 
 def test_walk_repeats_itself(planned: Planned) -> None:
@@ -98,7 +98,7 @@ def test_a_plan_that_cannot_be_names_what_is_in_the_way() -> None:
     # In 0.1 s gravity alone brings the CoM down by 5 cm, not 20.
     sunk = PlanProblem(
         SolidRmp(30.0),
-        (Phase("stand", 0.1, SQUARE, 8),),
+        (PlanPhase("stand", 0.1, SQUARE, 8),),
         start=at_rest((0.0, 0.0, HEIGHT), RADII),
         goal=at_rest((0.0, 0.0, HEIGHT - 0.2), RADII),
         limits=LIMITS,

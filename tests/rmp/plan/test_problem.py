@@ -7,12 +7,12 @@ import pytest
 
 from benchmarks.plan_examples import HEIGHT, LIMITS, RADII
 from wbc.errors import InvalidInputError
-from wbc.rmp.plan import Phase, PlanProblem, State, at_rest, rectangle
+from wbc.rmp.plan import PlanPhase, PlanProblem, State, at_rest, rectangle
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 
-STAND = Phase("stand", 1.0, rectangle(0.0, 0.0, 0.2, 0.2), 8)
-FLY = Phase("fly", 0.3, None, 8)
+STAND = PlanPhase("stand", 1.0, rectangle(0.0, 0.0, 0.2, 0.2), 8)
+FLY = PlanPhase("fly", 0.3, None, 8)
 REST = at_rest((0.0, 0.0, HEIGHT), RADII)
 
 

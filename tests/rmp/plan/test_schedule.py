@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.plan_examples import RADII
 from wbc.errors import InvalidInputError
-from wbc.rmp.plan import Limits, Phase, State, hull, radii_for, rectangle
+from wbc.rmp.plan import PathLimits, PlanPhase, State, hull, radii_for, rectangle
 from wbc.rmp.plan.schedule import overlap, support_bounds
 
 SQUARE = rectangle(0.0, 0.0, 0.2, 0.2)
@@ -14,14 +14,14 @@ SQUARE = rectangle(0.0, 0.0, 0.2, 0.2)
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (lambda: Phase("a", -1.0, SQUARE), "duration"),
-        (lambda: Phase("a", (1.0, 0.5), SQUARE), "crossed"),
-        (lambda: Phase("a", 1.0, ((0, 0), (1, 0), (0.2, 0.2), (0, 1))), "convex"),
-        (lambda: Phase("a", 1.0, SQUARE, 0), "intervals"),
-        (lambda: Phase("", 1.0, SQUARE), "name"),
-        (lambda: Limits(leg_length=(0.0, 1.0)), "leg_length"),
-        (lambda: Limits(radius=(0.3, 0.1)), "radius"),
-        (lambda: Limits(friction=-1.0), "friction"),
+        (lambda: PlanPhase("a", -1.0, SQUARE), "duration"),
+        (lambda: PlanPhase("a", (1.0, 0.5), SQUARE), "crossed"),
+        (lambda: PlanPhase("a", 1.0, ((0, 0), (1, 0), (0.2, 0.2), (0, 1))), "convex"),
+        (lambda: PlanPhase("a", 1.0, SQUARE, 0), "intervals"),
+        (lambda: PlanPhase("", 1.0, SQUARE), "name"),
+        (lambda: PathLimits(leg_length=(0.0, 1.0)), "leg_length"),
+        (lambda: PathLimits(radius=(0.3, 0.1)), "radius"),
+        (lambda: PathLimits(friction=-1.0), "friction"),
     ],
 )
 def test_impossible_data_are_refused(build: object, message: str) -> None:

@@ -7,7 +7,7 @@ import pytest
 from wbc.errors import InvalidInputError
 from wbc.view.live import clock as module
 from wbc.view.live.clock import BEHIND, Clock
-from wbc.view.live.messages import Play, Release, Restart, Speed, Step
+from wbc.view.live.messages import Play, Release, Restart, Speed, StepRequest
 
 
 class Wall:
@@ -57,8 +57,8 @@ def test_pause_step_and_play(wall: Wall) -> None:
     clock = Clock()
     clock.receive(Play(False))
     assert [clock.remaining(0.005) for _ in range(3)] == [math.inf] * 3
-    clock.receive(Step())
-    clock.receive(Step())
+    clock.receive(StepRequest())
+    clock.receive(StepRequest())
     assert [clock.remaining(0.005) for _ in range(3)] == [0.0, 0.0, math.inf]
     clock.receive(Play(True))
     assert run(clock, wall, 10) == pytest.approx(0.05, rel=0.2)

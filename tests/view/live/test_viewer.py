@@ -16,7 +16,7 @@ from wbc.errors import InvalidInputError, WbcError
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.view.live import process
 from wbc.view.live.messages import Restart, Setup
-from wbc.view.live.process import HOST, Place, free_place
+from wbc.view.live.process import HOST, PageAddress, free_place
 from wbc.view.live.viewer import Viewer
 from wbc.view.live.watching import Watching
 
@@ -42,7 +42,7 @@ def test_the_page_is_told_of_the_terrain(robot: wbc.Robot, monkeypatch: pytest.M
     told: list[Setup] = []
     start = process.PageProcess.__init__
 
-    def remembered(page: process.PageProcess, place: Place, setup: Setup) -> None:
+    def remembered(page: process.PageProcess, place: PageAddress, setup: Setup) -> None:
         told.append(setup)
         start(page, place, setup)
 

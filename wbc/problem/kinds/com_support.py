@@ -9,7 +9,7 @@ from wbc.constraints import ComSupport, Contact, Limits
 from wbc.problem.constraint_spec import BuiltConstraint, ConstraintSpec
 from wbc.problem.section import Names, NonNegative, default_of
 from wbc.robot import Snapshot
-from wbc.run.standing import Standing
+from wbc.run.standing import PhaseSupport
 
 
 class ComSupportSpec(ConstraintSpec):
@@ -27,7 +27,7 @@ class ComSupportSpec(ConstraintSpec):
             ComSupport.over(start, self.feet, margin=self.margin)
 
         def during(snapshot: Snapshot, contacts: Sequence[Contact]) -> ComSupport | None:
-            feet = self.feet or Standing.on("", contacts).feet
+            feet = self.feet or PhaseSupport.on("", contacts).feet
             return ComSupport.over(snapshot, feet, margin=self.margin) if feet else None
 
         return BuiltConstraint(during)

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from wbc.problem.section import NonEmpty, Number, OneOf, Point, Positive, Section
-from wbc.rmp.balance.law import BalanceLaw, Bounds
+from wbc.rmp.balance.law import BalanceLaw, LawBounds
 from wbc.rmp.balance.lqr import Lqr
 from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.balance.spin_change import SpinChange
@@ -31,7 +31,7 @@ class Setting:
     """What a law is made for."""
 
     pendulum: Any  # a PlanarRmp or a SolidRmp
-    bounds: Bounds
+    bounds: LawBounds
     q: Array  # (nq,) at the start
     v: Array  # (nv,) at the start
     dt: float  # time between commands [s]

@@ -31,9 +31,9 @@ from wbc.problem.targets import Offset
 from wbc.rmp.ground import centroidal_moment_pivot
 from wbc.rmp.plan import (
     Corners,
-    Limits,
-    Phase,
+    PathLimits,
     Plan,
+    PlanPhase,
     PlanProblem,
     State,
     Weights,
@@ -60,7 +60,7 @@ _Com = Annotated[
     Forms("[x, y, z] in metres, null where free, or {offset: [x, y, z]} from the robot's"),
 ]
 _State = Annotated[dict[str, Any], KeysOf(State, com=_Com)]
-_Limits = Annotated[dict[str, Any], KeysOf(Limits)]
+_Limits = Annotated[dict[str, Any], KeysOf(PathLimits)]
 
 
 class RectangleSpec(Section):
@@ -124,14 +124,14 @@ class PlanPhaseSpec(Section):
     """How long it lasts [s], or [least, greatest] to choose from."""
     support: _Support
     """Where the ground may push, or flight."""
-    intervals: Annotated[int, Field(ge=1, le=MOST_INTERVALS)] = Phase.intervals
+    intervals: Annotated[int, Field(ge=1, le=MOST_INTERVALS)] = PlanPhase.intervals
     """Number of intervals of the collocation."""
     limits: _Limits = Field(default_factory=dict)
     """What differs from the plan's limits in this phase."""
     end: _State = Field(default_factory=dict)
     """Components of the state that are given where the phase ends."""
 
-    def build(self, name: str, limits: Limits, robot: RobotPendulum | None) -> Phase:
+    def build(self, name: str, limits: PathLimits, robot: RobotPendulum | None) -> PlanPhase:
         """Return the phase; ``limits`` are those of the plan.
 
         Raises
@@ -147,7 +147,7 @@ class PlanPhaseSpec(Section):
             support = robot.soles(feet, support.margin)
         elif isinstance(support, RectangleSpec | HullSpec):
             support = support.corners()
-        return Phase(
+        return PlanPhase(
             name=name,
             duration=self.duration,  # type: ignore[arg-type]  # one number or two, as validated
             support=None if support == "flight" else support,
@@ -209,9 +209,9 @@ class PlanSpec(Section):
         ProblemFileError
             With every mistake found.
         """
-        given: dict[str, Any] = {"limits": Limits(), "schedule": ()}
+        given: dict[str, Any] = {"limits": PathLimits(), "schedule": ()}
         with mistakes.at("plan", "limits"):
-            given["limits"] = Limits(**self.limits)
+            given["limits"] = PathLimits(**self.limits)
         for name in ("start", "goal", "nominal"):
             with mistakes.at("plan", name):
                 given[name] = _state(getattr(self, name), robot, whole=True)

@@ -16,9 +16,9 @@ from wbc.problem.pendulum.laws import LawChoice, LawSpec, Setting
 from wbc.problem.pendulum.result import PendulumHistory, PendulumResult, PendulumStatus, Support
 from wbc.problem.pendulum.spec import PendulumSpec, PendulumStopSpec
 from wbc.rmp.balance.foot import require_support
-from wbc.rmp.balance.law import BalanceLaw, Bounds, Pendulum
+from wbc.rmp.balance.law import BalanceLaw, LawBounds, Pendulum
 from wbc.rmp.balance.record import Ending, Simulation
-from wbc.rmp.balance.simulate import Push, impulses_by_step, simulate, whole_steps
+from wbc.rmp.balance.simulate import Blow, impulses_by_step, simulate, whole_steps
 from wbc.rmp.ground import centroidal_moment_pivot
 from wbc.rmp.planar import PlanarRmp
 from wbc.rotations import rotations_from
@@ -44,7 +44,7 @@ class Balance:
     law: BalanceLaw
     setting: Setting
     plant: Pendulum  # the pendulum that moves
-    pushes: tuple[Push, ...]
+    pushes: tuple[Blow, ...]
     stop: PendulumStopSpec
 
     def run(
@@ -106,7 +106,7 @@ def build_balance(
     with mistakes.at("start"):
         # Refuses a leg or masses that cannot move.
         pendulum.forward_dynamics(q, v, np.zeros(len(pendulum.F)))
-    bounds = mistakes.require(("bounds",), lambda: Bounds(**spec.bounds))
+    bounds = mistakes.require(("bounds",), lambda: LawBounds(**spec.bounds))
     mistakes.require(("bounds",), partial(require_support, pendulum, bounds))
     setting = Setting(pendulum, bounds, q, v, spec.stop.dt)
     if law_spec.needs not in (None, spec.model):
@@ -118,10 +118,10 @@ def build_balance(
     if accept.spin is not None and "spin" not in law_spec.measures(law, v):
         mistakes.note(("stop", "accept", "spin"), Misplaced("only a law of type spin has this"))
     steps = mistakes.require(("stop",), partial(whole_steps, stop.duration, stop.dt))
-    pushes = list[Push]()
+    pushes = list[Blow]()
     for k, push in enumerate(spec.pushes):
         with mistakes.at("pushes", k):
-            pushes.append(Push(push.time, push.impulse))
+            pushes.append(Blow(push.time, push.impulse))
             impulses_by_step(pushes[-1:], pendulum, stop.dt, steps)
     mistakes.raise_any()
     plant = type(pendulum)(pendulum.mass * spec.plant.mass, spec.gravity)

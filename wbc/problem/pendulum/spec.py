@@ -22,7 +22,7 @@ from wbc.problem.section import (
     Section,
     Size,
 )
-from wbc.rmp.balance.law import Bounds
+from wbc.rmp.balance.law import LawBounds
 from wbc.spatial import STANDARD_GRAVITY
 
 _Polygon = Annotated[
@@ -31,7 +31,7 @@ _Polygon = Annotated[
 ]
 
 
-class PushSpec(Section):
+class BlowSpec(Section):
     """A blow to the CoM: its velocity jumps."""
 
     time: NonNegative
@@ -94,13 +94,13 @@ class PendulumSpec(Section):
     """[m/s^2], downward."""
     start: PendulumStartSpec | None = None
     """Where it starts, under a law."""
-    bounds: Annotated[dict[str, Any], KeysOf(Bounds, polygon=_Polygon, torsion=bool)] = Field(
+    bounds: Annotated[dict[str, Any], KeysOf(LawBounds, polygon=_Polygon, torsion=bool)] = Field(
         default_factory=dict
     )
     """What it may do, under a law, which respects it; the simulation judges by it."""
     law: LawChoice | None = None
     """The balance law to simulate; this or plan."""
-    pushes: ListOf[PushSpec] = ()
+    pushes: ListOf[BlowSpec] = ()
     """Blows to the CoM, under a law."""
     plant: PlantSpec = PlantSpec()
     """What moves instead of the pendulum that the law believes in."""

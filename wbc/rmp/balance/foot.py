@@ -20,7 +20,7 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes, inset
-from wbc.rmp.balance.law import FREE, Bounds, Pendulum
+from wbc.rmp.balance.law import FREE, LawBounds, Pendulum
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp, quaternion_rate, rotation, rotation_vector
@@ -42,7 +42,7 @@ SKEW = 1e-6
 LEG_BRAKE = 0.5
 
 
-def require_support(model: Pendulum, bounds: Bounds) -> None:
+def require_support(model: Pendulum, bounds: LawBounds) -> None:
     """Raise InvalidInputError for a polygon of the other kind of pendulum; none is fine."""
     flat = isinstance(model, PlanarRmp)
     if bounds.polygon is not None and (np.ndim(bounds.polygon) == 1) != flat:
@@ -50,7 +50,7 @@ def require_support(model: Pendulum, bounds: Bounds) -> None:
         raise InvalidInputError(f"bounds: polygon of a {type(model).__name__} must be {want}")
 
 
-class Foot:
+class SupportFoot:
     """The support polygon of a foot that stays, as a limit on torques about the leg's foot.
 
     Raises
@@ -59,7 +59,7 @@ class Foot:
         Bounds without a polygon, or with one of the other kind of pendulum.
     """
 
-    def __init__(self, model: Pendulum, bounds: Bounds) -> None:
+    def __init__(self, model: Pendulum, bounds: LawBounds) -> None:
         polygon = bounds.polygon
         if polygon is None:
             raise InvalidInputError(
@@ -132,7 +132,7 @@ def _pressure(model: Pendulum) -> ca.Function:
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class AffineRow:
     """A row lower <= expression <= upper of a QP; the expression is affine in x."""
 
     label: str
@@ -176,31 +176,36 @@ class FlatFoot:
         self.force = ca.vertcat(leg_force, x[3:6], sliding)
 
 
-def physical_rows(foot: FlatFoot, bounds: Bounds, normals: Array, offsets: Array) -> list[Row]:
+def physical_rows(
+    foot: FlatFoot, bounds: LawBounds, normals: Array, offsets: Array
+) -> list[AffineRow]:
     """Return what no command may break: CoP in the polygon, friction, force along the leg.
 
     Forces are in parts of the weight, so that all rows are of one size. The friction cone is
     replaced by the pyramid inside it. What friction gives about the vertical: :func:`torsion_rows`.
     """
-    rows, weight = list[Row](), foot.model.mass * foot.model.gravity
+    rows, weight = list[AffineRow](), foot.model.mass * foot.model.gravity
     f, moment, height = foot.push / weight, foot.moment / weight, foot.com[2]
     # The CoP times f_z, so that it is affine.
     cop = foot.com[:2] * f[2] - height * f[:2] + ca.vertcat(-moment[1], moment[0])
     for k, (normal, offset) in enumerate(zip(normals, offsets, strict=True)):
         inside = ca.dot(ca.DM(normal), cop) - float(offset) * f[2]
-        rows.append(Row(f"CoP inside edge {k}", inside, -ca.inf, 0.0))
+        rows.append(AffineRow(f"CoP inside edge {k}", inside, -ca.inf, 0.0))
     if bounds.friction < FREE:
         slope = bounds.friction / np.sqrt(2.0)
         for axis, name in enumerate("xy"):
             for sign in (1.0, -1.0):
                 label = f"friction {'+' if sign > 0 else '-'}{name}"
-                rows.append(Row(label, sign * f[axis] - slope * f[2], -ca.inf, 0.0))
+                rows.append(AffineRow(label, sign * f[axis] - slope * f[2], -ca.inf, 0.0))
         rows += torsion_rows(foot, bounds, slope) if bounds.torsion else []
     low, high = bounds.leg_force
-    return [*rows, Row("force along the leg", foot.force[2] / weight, low / weight, high / weight)]
+    return [
+        *rows,
+        AffineRow("force along the leg", foot.force[2] / weight, low / weight, high / weight),
+    ]
 
 
-def torsion_rows(foot: FlatFoot, bounds: Bounds, slope: float) -> list[Row]:
+def torsion_rows(foot: FlatFoot, bounds: LawBounds, slope: float) -> list[AffineRow]:
     """Return the torques about the vertical that friction holds; none for soles of other shapes.
 
     With the CoP at a corner there is none: a sole that is not looked after turns about it and is
@@ -229,7 +234,7 @@ def torsion_rows(foot: FlatFoot, bounds: Bounds, slope: float) -> list[Row]:
         used += first * (half[1] * along[0] + turn * slope * about[0])
         used += second * (half[0] * along[1] + turn * slope * about[1])
         label = TORSION + "".join("-+"[sign > 0.0] for sign in (turn, first, second))
-        rows.append(Row(label, used - most, -ca.inf, 0.0))
+        rows.append(AffineRow(label, used - most, -ca.inf, 0.0))
     return rows
 
 
@@ -238,14 +243,14 @@ def _lengths(vectors: Array) -> Array:
     return lengths
 
 
-def elastic_rows(foot: FlatFoot, bounds: Bounds, dt: float) -> list[Row]:
+def elastic_rows(foot: FlatFoot, bounds: LawBounds, dt: float) -> list[AffineRow]:
     """Return the leg's length and the wheel's angle, by braking; each row has its own slack."""
     slack, g = foot.x[9:], foot.model.gravity
     low, high = acceleration_range(
         foot.q[4], foot.leg_rate, bounds.leg_length, (LEG_BRAKE * g, LEG_BRAKE * g), dt, INSIST
     )
     length = (foot.leg_acceleration - slack[0]) / g
-    rows = [Row("length of the leg", length, low / g, high / g)]
+    rows = [AffineRow("length of the leg", length, low / g, high / g)]
     if bounds.wheel_angle < FREE:
         strength = COUNTED * bounds.wheel_torque / foot.inertia
         edge = (1.0 - ANGLE_MARGIN) * bounds.wheel_angle
@@ -257,11 +262,11 @@ def elastic_rows(foot: FlatFoot, bounds: Bounds, dt: float) -> list[Row]:
         for k, axis in enumerate("123"):
             turn = (foot.angle_acceleration[k] - slack[1 + k]) * scale[k]
             label = f"angle of the masses {axis}"
-            rows.append(Row(label, turn, low[k] * scale[k], high[k] * scale[k]))
+            rows.append(AffineRow(label, turn, low[k] * scale[k], high[k] * scale[k]))
     return rows
 
 
-def box(foot: FlatFoot, bounds: Bounds, dt: float) -> tuple[ca.SX, ca.SX]:
+def box(foot: FlatFoot, bounds: LawBounds, dt: float) -> tuple[ca.SX, ca.SX]:
     """Return lower and upper bounds (13,) of x: torque, rate of the masses, strokes, slacks."""
     g = foot.model.gravity
     most = bounds.wheel_torque

@@ -28,7 +28,7 @@ Pendulum = PlanarRmp | SolidRmp
 
 
 @dataclass(frozen=True, eq=False)
-class Bounds:
+class LawBounds:
     """Limits that a balance law respects and a simulation judges by.
 
     Parameters
@@ -90,7 +90,7 @@ class Bounds:
             set_fields(self, **{name: pair})
 
 
-def refuse_torsion(bounds: Bounds, law: object) -> None:
+def refuse_torsion(bounds: LawBounds, law: object) -> None:
     """Refuse to leave out what was asked for: for laws that cannot keep ``torsion``.
 
     Raises

@@ -10,8 +10,8 @@ from scipy.linalg import LinAlgError, solve_continuous_are
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.foot import Foot
-from wbc.rmp.balance.law import Bounds, Command, Pendulum, refuse_torsion
+from wbc.rmp.balance.foot import SupportFoot
+from wbc.rmp.balance.law import Command, LawBounds, Pendulum, refuse_torsion
 from wbc.rmp.pendulum import AT_REST
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
@@ -57,20 +57,20 @@ class Lqr:
     model: Pendulum
     q0: Array  # where it should rest (nq,)
     foot: bool = False  # whether torque about the leg's foot is an input; this needs a polygon
-    bounds: Bounds = field(default_factory=Bounds)  # what is clipped to
+    bounds: LawBounds = field(default_factory=LawBounds)  # what is clipped to
     errors: ArrayLike | None = None
     efforts: ArrayLike | None = None
     gain: Array = field(init=False, repr=False)  # K (nu, 2 n)
     cost: Array = field(init=False, repr=False)  # P (2 n, 2 n)
     open_loop: tuple[Array, Array] = field(init=False, repr=False)  # (A, B) on x and u
     _rest: Array = field(init=False, repr=False)
-    _foot: Foot | None = field(init=False, repr=False)
+    _foot: SupportFoot | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         refuse_torsion(self.bounds, self)
         q0 = read_only(finite_vector("q0", self.q0, len(self.model.Q)))
         rest = self.model.holding_force(q0)
-        foot = Foot(self.model, self.bounds) if self.foot else None
+        foot = SupportFoot(self.model, self.bounds) if self.foot else None
         _require_rest(self.model, q0, rest, foot)
         A, B = _open_loop(self.model, q0, rest, self.foot)
         default_errors, default_efforts = _largest_wanted(self.model, q0)
@@ -182,7 +182,7 @@ def _require_stabilisable(a: Array, b: Array) -> None:
             )
 
 
-def _require_rest(model: Pendulum, q0: Array, rest: Array, foot: Foot | None) -> None:
+def _require_rest(model: Pendulum, q0: Array, rest: Array, foot: SupportFoot | None) -> None:
     if foot is not None:
         out = -foot.cop_margin(q0, np.zeros(len(model.V)), rest)
         if out > 0.0:

@@ -14,7 +14,7 @@ from wbc.polygon import half_planes, inset
 from wbc.qp import QP, Backend, Labels, make_backend
 from wbc.rmp.balance.capture import CaptureGains, beyond_reserve, braking_debt, nearest, wanted_cmp
 from wbc.rmp.balance.foot import TORSION, FlatFoot, box, elastic_rows, physical_rows
-from wbc.rmp.balance.law import FREE, Bounds, Command
+from wbc.rmp.balance.law import FREE, Command, LawBounds
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
@@ -33,7 +33,7 @@ GIVEN_WAY = 0.01
 
 
 @dataclass(frozen=True)
-class Weights:
+class MomentumWeights:
     """Weights of the squares of what each unknown is off, in parts of its scale.
 
     The scale of accelerations is g, that of torques their limit, that of the slacks g and what the
@@ -90,13 +90,13 @@ class MomentumQp:
     """
 
     model: SolidRmp
-    bounds: Bounds
+    bounds: LawBounds
     com: ArrayLike  # where the CoM rests (3,) [m], above the inside of the polygon
     radii: ArrayLike  # distances of the masses at rest (3,) [m]
     dt: float = 1e-3  # time between commands [s], which braking reckons with
     # Their defaults were tuned for pendulums of 35 and 90 kg.
     gains: CaptureGains = field(default_factory=CaptureGains)
-    weights: Weights = field(default_factory=Weights)
+    weights: MomentumWeights = field(default_factory=MomentumWeights)
     backend: Backend = field(default_factory=lambda: make_backend("proxqp"))
     _program: _Program = field(init=False, repr=False)
 
@@ -155,7 +155,7 @@ class MomentumQp:
         return f"too fast to be stopped before a limit, which gives way: {', '.join(gave)}"
 
 
-def _require_foot(bounds: Bounds) -> None:
+def _require_foot(bounds: LawBounds) -> None:
     if bounds.polygon is None or np.ndim(bounds.polygon) != 2:
         raise InvalidInputError(
             "bounds: MomentumQp needs a support polygon (k, 2); for a foot without extent there is"
@@ -165,7 +165,7 @@ def _require_foot(bounds: Bounds) -> None:
         raise InvalidInputError("bounds: MomentumQp needs a finite wheel_torque")
 
 
-def _require_rest(bounds: Bounds, com: Array, radii: Array) -> None:
+def _require_rest(bounds: LawBounds, com: Array, radii: Array) -> None:
     normals, offsets = half_planes(np.asarray(bounds.polygon))
     inside = float((offsets - normals @ com[:2]).min())
     if inside <= bounds.cop_margin:

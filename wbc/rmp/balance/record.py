@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc.polygon import polygon_margin
 from wbc.rmp.balance.foot import ground_loads
-from wbc.rmp.balance.law import FREE, Bounds, Pendulum
+from wbc.rmp.balance.law import FREE, LawBounds, Pendulum
 from wbc.rmp.ground import centre_of_pressure, in_contact
 from wbc.rmp.integrators import runge_kutta
 from wbc.rmp.planar import PlanarRmp
@@ -43,7 +43,7 @@ class Simulation:
     """
 
     model: Pendulum  # that moved
-    bounds: Bounds  # that it is judged by
+    bounds: LawBounds  # that it is judged by
     pivot: bool
     time: Array  # (n + 1,) [s]
     q: Array  # (n + 1, nq)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, WbcError
 from wbc.rmp.balance.foot import ground_loads, require_support
-from wbc.rmp.balance.law import BalanceLaw, Bounds, Command, Pendulum
+from wbc.rmp.balance.law import BalanceLaw, Command, LawBounds, Pendulum
 from wbc.rmp.balance.record import Ending, Simulation, ground_push
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.ground import FLIGHT
@@ -33,7 +33,7 @@ Stop = Callable[[float, Array, Array, Command], bool]
 
 
 @dataclass(frozen=True, eq=False)
-class Push:
+class Blow:
     """A blow to the CoM: its velocity jumps by impulse / M, the masses' spin does not.
 
     It acts at the nearest instant at which the law is asked, before it is asked.
@@ -84,8 +84,8 @@ def simulate(
     *,
     dt: float = 1e-3,
     plant: Pendulum | None = None,
-    bounds: Bounds | None = None,
-    pushes: Iterable[Push] = (),
+    bounds: LawBounds | None = None,
+    pushes: Iterable[Blow] = (),
     pivot: bool = False,
     fallen: float = FALLEN,
     stop: Stop | None = None,
@@ -124,7 +124,7 @@ def simulate(
     InvalidInputError
         A start, duration, push or plant that is unusable; the message says which and why.
     """
-    bounds = bounds or Bounds()
+    bounds = bounds or LawBounds()
     steps = whole_steps(duration, dt)
     model, fallen = plant or law.model, finite_number("fallen", fallen)
     if type(model) is not type(law.model):
@@ -159,7 +159,7 @@ class _Run:
     law: BalanceLaw
     model: Pendulum
     dt: float
-    bounds: Bounds
+    bounds: LawBounds
     pivot: bool
     fallen: float
     states: list[Array]
@@ -277,7 +277,7 @@ def whole_steps(duration: float, dt: float) -> int:
 
 
 def impulses_by_step(
-    pushes: Iterable[Push], model: Pendulum, dt: float, steps: int
+    pushes: Iterable[Blow], model: Pendulum, dt: float, steps: int
 ) -> dict[int, Array]:
     """Return the impulses (2,) or (3,) by the number of the step that they act before.
 

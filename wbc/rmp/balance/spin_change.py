@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
-from wbc.rmp.balance.foot import Foot
-from wbc.rmp.balance.law import Bounds, Command, Pendulum, refuse_torsion
+from wbc.rmp.balance.foot import SupportFoot
+from wbc.rmp.balance.law import Command, LawBounds, Pendulum, refuse_torsion
 from wbc.rmp.planar import PlanarRmp
 from wbc.validate import Array, check_fields, finite_vector, read_only, set_fields
 
@@ -59,11 +59,13 @@ class SpinChange:
     v0: Array  # a solid pendulum's body rate must be along one axis of the masses
     spin: float  # wanted rate of the masses in space [rad/s], of the sign that it has
     duration: float  # of the change [s], > 0
-    bounds: Bounds = field(default_factory=Bounds)  # radius, polygon and leg_force are respected
+    bounds: LawBounds = field(
+        default_factory=LawBounds
+    )  # radius, polygon and leg_force are respected
     rate: float = 20.0  # a, at which errors of radii, leg and lean decay [1/s]
     radii: tuple[Array, Array] = field(init=False)  # r_0 and r_1, (1,) or (3,) each [m]
     axis: int = field(init=False)  # of the masses, that they spin about; 0 for a planar pendulum
-    _foot: Foot | None = field(init=False, repr=False)
+    _foot: SupportFoot | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         refuse_torsion(self.bounds, self)
@@ -86,7 +88,7 @@ class SpinChange:
                 f"spin: {self.spin:g} rad/s would take masses that are infinitely far out"
             )
         end = _final_radii(start, axis, spin0 / self.spin, self.bounds)
-        foot = None if self.bounds.polygon is None else Foot(model, self.bounds)
+        foot = None if self.bounds.polygon is None else SupportFoot(model, self.bounds)
         radii = (read_only(start), read_only(end))
         set_fields(self, q0=q0, v0=v0, axis=axis, radii=radii, _foot=foot)
 
@@ -141,7 +143,7 @@ class SpinChange:
 
 
 def reachable_spins(
-    model: Pendulum, q0: ArrayLike, v0: ArrayLike, bounds: Bounds
+    model: Pendulum, q0: ArrayLike, v0: ArrayLike, bounds: LawBounds
 ) -> tuple[float, float]:
     """Return the (least, greatest) spin [rad/s] that the radii can give at this momentum.
 
@@ -161,7 +163,7 @@ def reachable_spins(
     return min(ends), max(ends)
 
 
-def _resting_radii(q0: Array, v0: Array, count: int, bounds: Bounds) -> Array:
+def _resting_radii(q0: Array, v0: Array, count: int, bounds: LawBounds) -> Array:
     radii, (low, high) = q0[-count:].copy(), bounds.radius
     if np.abs(v0[-count:]).max() > 0.0:
         raise InvalidInputError("v0: the masses must not slide at the start")
@@ -189,7 +191,7 @@ def _spin(model: Pendulum, v: Array) -> tuple[int, float]:
     return axis, spin
 
 
-def _final_radii(start: Array, axis: int, growth: float, bounds: Bounds) -> Array:
+def _final_radii(start: Array, axis: int, growth: float, bounds: LawBounds) -> Array:
     """Return radii with ``growth`` times the inertia about the axis.
 
     Those of both pairs across it grow alike, unless one of them comes to its end.

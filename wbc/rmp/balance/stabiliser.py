@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.balance.foot import LIGHTEST, FlatFoot
-from wbc.rmp.balance.law import FREE, Bounds, Command, refuse_torsion
+from wbc.rmp.balance.law import FREE, Command, LawBounds, refuse_torsion
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.solid import SolidRmp, rotation
 from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
@@ -77,7 +77,7 @@ class PointStabiliser:
     """
 
     model: SolidRmp
-    bounds: Bounds
+    bounds: LawBounds
     height: float  # of the CoM at rest [m]
     radii: ArrayLike  # distances of the masses at rest (3,) [m], > 0
     gains: StabiliserGains = field(default_factory=StabiliserGains)
@@ -112,7 +112,7 @@ class PointStabiliser:
 
 
 def _force(
-    foot: FlatFoot, bounds: Bounds, height: float, radii: Array, gains: StabiliserGains
+    foot: FlatFoot, bounds: LawBounds, height: float, radii: Array, gains: StabiliserGains
 ) -> ca.SX:
     """Return the generalised forces (9,)."""
     model, most = foot.model, bounds.wheel_torque

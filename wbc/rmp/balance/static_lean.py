@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import FREE, Bounds, Command, refuse_torsion
+from wbc.rmp.balance.law import FREE, Command, LawBounds, refuse_torsion
 from wbc.rmp.planar import LENGTH_RATE, Held, PlanarRmp
 from wbc.validate import Array, check_fields, finite_number, finite_vector, set_fields
 
@@ -45,7 +45,7 @@ class StaticLean:
     radius: float  # of the wheel [m], likewise
     # Torque, rate and angle of the wheel (from alpha = 0), force along the leg; the torque is
     # clipped. Of the support only that the foot stays where it is.
-    bounds: Bounds = field(default_factory=Bounds)
+    bounds: LawBounds = field(default_factory=LawBounds)
     rate: float = 10.0  # w, at which errors decay [1/s]
     held: Held = field(init=False, repr=False)
 

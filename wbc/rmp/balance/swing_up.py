@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import FREE, Bounds, Command, refuse_torsion
+from wbc.rmp.balance.law import FREE, Command, LawBounds, refuse_torsion
 from wbc.rmp.balance.lqr import riccati_gain
 from wbc.rmp.planar import Held, PlanarRmp
 from wbc.validate import Array, finite_vector, set_fields
@@ -77,7 +77,7 @@ class SwingUp:
     model: PlanarRmp  # its gravity must not be zero
     length: float  # of the leg [m]
     radius: float  # of the wheel [m]
-    bounds: Bounds
+    bounds: LawBounds
     dt: float = 1e-3  # time between commands [s]
     held: Held = field(init=False, repr=False)
     gain: tuple[float, float] = field(init=False, repr=False)
@@ -157,7 +157,7 @@ class SwingUp:
         return torque * min(max((limit - abs(rate)) / (_FADE * limit), 0.0), 1.0)
 
 
-def _require_means(held: Held, bounds: Bounds) -> None:
+def _require_means(held: Held, bounds: LawBounds) -> None:
     if held.model.gravity == 0.0:
         raise InvalidInputError("model: without gravity there is no up to swing to")
     if bounds.wheel_torque == FREE:

@@ -4,16 +4,25 @@ from wbc.rmp.plan.check import Check, check
 from wbc.rmp.plan.plan import Plan, Stats, generalised
 from wbc.rmp.plan.planner import PlanError, solve
 from wbc.rmp.plan.problem import PlanProblem, Weights
-from wbc.rmp.plan.schedule import Corners, Limits, Phase, State, at_rest, hull, radii_for, rectangle
+from wbc.rmp.plan.schedule import (
+    Corners,
+    PathLimits,
+    PlanPhase,
+    State,
+    at_rest,
+    hull,
+    radii_for,
+    rectangle,
+)
 from wbc.rmp.plan.store import load_plan, plan_arrays, problem_from_data, problem_to_data, save_plan
 
 __all__ = [
     "Check",
     "Corners",
-    "Limits",
-    "Phase",
+    "PathLimits",
     "Plan",
     "PlanError",
+    "PlanPhase",
     "PlanProblem",
     "State",
     "Stats",

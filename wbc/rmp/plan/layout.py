@@ -53,14 +53,14 @@ class PhaseLayout:
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class PlanLayout:
     """Places of all ``count`` variables, by phase."""
 
     phases: tuple[PhaseLayout, ...]
     count: int
 
 
-def lay_out(problem: PlanProblem) -> Layout:
+def lay_out(problem: PlanProblem) -> PlanLayout:
     """Return the places of a problem's variables, phase by phase, knot by knot."""
     count = 0
 
@@ -97,7 +97,7 @@ def lay_out(problem: PlanProblem) -> Layout:
         )
         for phase in phases
     )
-    return Layout(numbered, len(used))
+    return PlanLayout(numbered, len(used))
 
 
 def moving(problem: PlanProblem, name: str, size: int = 3) -> list[int]:
@@ -135,7 +135,7 @@ def units_of(problem: PlanProblem) -> dict[str, float]:
     }
 
 
-def scale_of(problem: PlanProblem, layout: Layout) -> Array:
+def scale_of(problem: PlanProblem, layout: PlanLayout) -> Array:
     """Return one scaled unit of each variable (n,), SI."""
     units, scale = units_of(problem), np.ones(layout.count)
     for places in layout.phases:

@@ -96,7 +96,7 @@ def lagrange(nodes: Sequence[float]) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class IntervalMotion:
     """Polynomials of the motion over an interval, SI; see :func:`motion`."""
 
     z: ca.SX  # scaled (nz,): state and controls at both knots, inner nodes of sigma, duration
@@ -117,7 +117,7 @@ def controls_of(flies: bool) -> dict[str, int]:
 
 def motion(
     problem: PlanProblem, units: dict[str, float], flies: bool, intervals: int = 1
-) -> Motion:
+) -> IntervalMotion:
     """Return the motion over one of ``intervals`` equal intervals of a phase.
 
     ``units`` are those of :func:`~wbc.rmp.plan.layout.units_of`.
@@ -152,7 +152,7 @@ def motion(
         for i, s in enumerate(places, start=1)
     ]
     orientation = Polynomial([nodes @ ca.DM(L[:, k]) for k in range(degree + 1)])
-    return Motion(
+    return IntervalMotion(
         z=z,
         duration=h,
         right=right,

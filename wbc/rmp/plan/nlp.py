@@ -39,7 +39,7 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
-class Nlp:
+class PlanNlp:
     """min f(w) subject to bounds on g(w); all Functions of (w, p), p empty, as IPOPT wants them."""
 
     w: ca.MX
@@ -80,7 +80,7 @@ def piece(name: str, z: ca.SX, cost: ca.SX, rows: ca.SX) -> Piece:
     )
 
 
-def assemble(count: int, blocks: Sequence[Block], linear: ca.DM) -> Nlp:
+def assemble(count: int, blocks: Sequence[Block], linear: ca.DM) -> PlanNlp:
     """Return the programme in ``count`` variables: the blocks' rows in order, then linear ones.
 
     ``linear`` (rows, count) is their matrix.
@@ -110,7 +110,7 @@ def assemble(count: int, blocks: Sequence[Block], linear: ca.DM) -> Nlp:
         hessians.append((places[row], places[column], hessian))
     row, column = (np.array(x, dtype=int) for x in linear.sparsity().get_triplet())
     jacobians.append((firsts[-1] + row, column, ca.MX(linear)))
-    return Nlp(
+    return PlanNlp(
         w=w,
         f=f,
         g=ca.vertcat(*g, linear @ w),
@@ -122,7 +122,7 @@ def assemble(count: int, blocks: Sequence[Block], linear: ca.DM) -> Nlp:
     )
 
 
-def elastic(nlp: Nlp, rows: Indices, price: float) -> Nlp:
+def elastic(nlp: PlanNlp, rows: Indices, price: float) -> PlanNlp:
     """Return the programme with a slack e in some rows, for price * e^2: to find conflicting ones.
 
     Squares, not absolute values, because they regularise the very rows that contradict each other;
@@ -136,7 +136,7 @@ def elastic(nlp: Nlp, rows: Indices, price: float) -> Nlp:
     inputs = [nlp.w, nlp.weight, nlp.multipliers]
     hessian = ca.Function("hessian", inputs, [nlp.hessian])(w[:count], *inputs[1:])
     e = w[count:]
-    return Nlp(
+    return PlanNlp(
         w=w,
         f=f + price * ca.sumsqr(e),
         g=g + E @ e,

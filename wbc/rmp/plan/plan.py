@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.plan.layout import Layout, lay_out, units_of
+from wbc.rmp.plan.layout import PlanLayout, lay_out, units_of
 from wbc.rmp.plan.motion import (
     body_rate,
     motion,
@@ -78,7 +78,7 @@ class Plan:
     solution: Array  # the programme's variables (n,), scaled
     duals: tuple[Array, Array]  # multipliers of bounds (n,) and rows (m,), for a warm start
     stats: Stats
-    layout: Layout = field(init=False, repr=False)
+    layout: PlanLayout = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         set_fields(self, layout=lay_out(self.problem))

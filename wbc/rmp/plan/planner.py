@@ -11,7 +11,7 @@ import numpy as np
 from wbc.errors import InvalidInputError, WbcError
 from wbc.rmp.plan.check import Excess, check
 from wbc.rmp.plan.layout import scale_of, units_of
-from wbc.rmp.plan.nlp import Nlp, elastic
+from wbc.rmp.plan.nlp import PlanNlp, elastic
 from wbc.rmp.plan.plan import Plan, Stats
 from wbc.rmp.plan.problem import PlanProblem
 from wbc.rmp.plan.transcription import Transcription, first_guess, transcribe
@@ -120,7 +120,7 @@ def solve(
 
 def _search(
     t: Transcription,
-    nlp: Nlp,
+    nlp: PlanNlp,
     start: Array,
     duals: tuple[Array, Array] | None,
     options: dict[str, Any],

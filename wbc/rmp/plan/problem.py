@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.polygon import polygon_margin
-from wbc.rmp.plan.schedule import STATE, Limits, Phase, State, overlap
+from wbc.rmp.plan.schedule import STATE, PathLimits, PlanPhase, State, overlap
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import UNIT, SolidRmp
 from wbc.validate import Array, check_fields, finite_vector, set_fields
@@ -93,11 +93,11 @@ class PlanProblem:
     """
 
     pendulum: Pendulum  # mass and gravity, and the space
-    schedule: tuple[Phase, ...]  # contact phases in order of time, with different names
+    schedule: tuple[PlanPhase, ...]  # contact phases in order of time, with different names
     start: State  # what is given of the first state; the rest is free
     goal: State = field(default_factory=State)  # of the last state
     nominal: State = field(default_factory=State)  # towards which the cost draws the motion
-    limits: Limits = field(default_factory=Limits)  # for phases that have none of their own
+    limits: PathLimits = field(default_factory=PathLimits)  # for phases that have none of their own
     weights: Weights = field(default_factory=Weights)
     periodic: tuple[float, float] | None = None
     reference: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
@@ -166,7 +166,7 @@ class PlanProblem:
         stride, none = np.array((dx, dy, 0.0)), np.zeros(3)
         return {name: stride if name in ("com", "cop") else none for name in names}
 
-    def limits_of(self, phase: int) -> Limits:
+    def limits_of(self, phase: int) -> PathLimits:
         """Return the limits that hold in a phase, by its place in the schedule."""
         own = self.schedule[phase].limits
         return self.limits if own is None else own
@@ -177,7 +177,7 @@ def _check_schedule(problem: PlanProblem) -> None:
     if not schedule:
         raise InvalidInputError("schedule: needs at least one phase")
     for phase in schedule:
-        if not isinstance(phase, Phase):
+        if not isinstance(phase, PlanPhase):
             raise InvalidInputError(f"schedule: expected phases, got {phase!r}")
     names = [phase.name for phase in schedule]
     twice = sorted({name for name in names if names.count(name) > 1})
@@ -226,7 +226,7 @@ def _check_sizes(problem: PlanProblem) -> None:
 
 
 def _check_state(
-    problem: PlanProblem, which: str, state: State, limits: Limits, phase: Phase
+    problem: PlanProblem, which: str, state: State, limits: PathLimits, phase: PlanPhase
 ) -> None:
     """Raise if a state given is past limits of its phase, or above no possible CoP."""
     given = state.values(problem.mass)

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from wbc.rmp.plan.layout import Layout, moving
-from wbc.rmp.plan.motion import Motion, Polynomial
+from wbc.rmp.plan.layout import PlanLayout, moving
+from wbc.rmp.plan.motion import IntervalMotion, Polynomial
 from wbc.rmp.plan.problem import PlanProblem, Weights
-from wbc.rmp.plan.schedule import FREE, Limits, overlap, support_bounds
+from wbc.rmp.plan.schedule import FREE, PathLimits, overlap, support_bounds
 from wbc.validate import Array
 
 # Largest component of an orientation's parameters: 80 degrees before the singular full turn.
@@ -22,7 +22,7 @@ TURN = 2.7
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class PlanRow:
     """Rows of one constraint: lower <= value <= upper.
 
     ``hard`` rows are equations of motion, which no search for conflicts may relax.
@@ -35,7 +35,7 @@ class Row:
     hard: bool = False
 
 
-def boxes(limits: Limits) -> dict[str, tuple[Array, Array]]:
+def boxes(limits: PathLimits) -> dict[str, tuple[Array, Array]]:
     """Return (lower, upper) of states and controls at a knot, by name, SI."""
 
     def within(*greatest: float) -> tuple[Array, Array]:
@@ -62,7 +62,9 @@ def boxes(limits: Limits) -> dict[str, tuple[Array, Array]]:
     }
 
 
-def dynamics(m: Motion, units: dict[str, float], kept: dict[str, list[int]]) -> list[Row]:
+def dynamics(
+    m: IntervalMotion, units: dict[str, float], kept: dict[str, list[int]]
+) -> list[PlanRow]:
     """Return the equations of motion: each polynomial ends where the next begins.
 
     ``kept`` holds the components that are not implied by others (slice, flight).
@@ -71,21 +73,21 @@ def dynamics(m: Motion, units: dict[str, float], kept: dict[str, list[int]]) -> 
     for name, p in m.states.items():
         if name != "orientation" and kept[name]:
             defect = (p(1.0) - m.right[name]) / units[name]
-            rows.append(Row(f"dynamics of {name}", defect[kept[name]], 0.0, 0.0, hard=True))
+            rows.append(PlanRow(f"dynamics of {name}", defect[kept[name]], 0.0, 0.0, hard=True))
     turning = m.collocation.numel() // 3
     chosen = [3 * i + k for i in range(turning) for k in kept["orientation"]]
-    rows.append(Row("dynamics of orientation", m.collocation[chosen], 0.0, 0.0, hard=True))
+    rows.append(PlanRow("dynamics of orientation", m.collocation[chosen], 0.0, 0.0, hard=True))
     return rows
 
 
-def between_knots(m: Motion, units: dict[str, float], limits: Limits) -> list[Row]:
+def between_knots(m: IntervalMotion, units: dict[str, float], limits: PathLimits) -> list[PlanRow]:
     """Return what keeps the limits between knots: bounds on Bernstein's inner coefficients."""
     rows = []
 
     def enclose(name: str, p: Polynomial, pair: tuple[float, float], unit: float) -> None:
         if pair != (-FREE, FREE):
             inner = ca.vertcat(*p.bernstein()[1:-1])
-            rows.append(Row(name, inner / unit, pair[0] / unit, pair[1] / unit))
+            rows.append(PlanRow(name, inner / unit, pair[0] / unit, pair[1] / unit))
 
     enclose("height", m.states["com"][2], limits.height, units["com"])
     enclose("radius", m.states["radii"], limits.radius, units["radii"])
@@ -101,11 +103,11 @@ def between_knots(m: Motion, units: dict[str, float], limits: Limits) -> list[Ro
     if limits.torque < FREE:
         # The ball is convex: it holds the polynomial if it holds all its coefficients.
         inner = [ca.sumsqr(b) / limits.torque**2 for b in m.torque.bernstein()[1:-1]]
-        rows.append(Row("torque", ca.vertcat(*inner), -FREE, 1.0))
+        rows.append(PlanRow("torque", ca.vertcat(*inner), -FREE, 1.0))
     return rows
 
 
-def at_stance_knot(m: Motion, units: dict[str, float], limits: Limits) -> list[Row]:
+def at_stance_knot(m: IntervalMotion, units: dict[str, float], limits: PathLimits) -> list[PlanRow]:
     """Return the limits at the left knot of an interval in stance that no box can hold.
 
     Those on force and CoP are convex, and both are linear in time: they hold in between too.
@@ -114,24 +116,28 @@ def at_stance_knot(m: Motion, units: dict[str, float], limits: Limits) -> list[R
     weight, length = units["force"], units["com"]
     short, long = limits.leg_length
     rows = [
-        Row("leg_length", ca.sumsqr(leg) / length**2, (short / length) ** 2, (long / length) ** 2),
-        Row("leg_push", ca.dot(leg, f) / (weight * length), 0.0, FREE),
+        PlanRow(
+            "leg_length", ca.sumsqr(leg) / length**2, (short / length) ** 2, (long / length) ** 2
+        ),
+        PlanRow("leg_push", ca.dot(leg, f) / (weight * length), 0.0, FREE),
     ]
     if limits.friction < FREE:
         cone = limits.friction**2 * f[2] ** 2 - f[0] ** 2 - f[1] ** 2
-        rows.append(Row("friction", cone / weight**2, 0.0, FREE))
+        rows.append(PlanRow("friction", cone / weight**2, 0.0, FREE))
     if limits.force < FREE:
-        rows.append(Row("force", ca.sumsqr(f) / weight**2, -FREE, (limits.force / weight) ** 2))
+        rows.append(PlanRow("force", ca.sumsqr(f) / weight**2, -FREE, (limits.force / weight) ** 2))
     if limits.torsion > 0.0:
         m_z, most = m.controls["moment"](0.0), limits.torsion * f[2]
         both = ca.vertcat(most - m_z, most + m_z) / units["moment"]
-        rows.append(Row("torsion", both, 0.0, FREE))
+        rows.append(PlanRow("torsion", both, 0.0, FREE))
     if limits.torque < FREE:
-        rows.append(Row("torque", ca.sumsqr(torque) / limits.torque**2, -FREE, 1.0))
+        rows.append(PlanRow("torque", ca.sumsqr(torque) / limits.torque**2, -FREE, 1.0))
     return rows
 
 
-def running_cost(m: Motion, weights: Weights, nominal: dict[str, Array], mass: float) -> ca.SX:
+def running_cost(
+    m: IntervalMotion, weights: Weights, nominal: dict[str, Array], mass: float
+) -> ca.SX:
     """Return the cost of an interval; ``nominal`` holds values with NaN where there is none."""
     h, u = m.duration, m.controls
 
@@ -180,7 +186,9 @@ def matrix_of(rows: Sequence[LinearRow], count: int) -> ca.DM:
     return ca.DM.triplet([int(k) for k in row], [int(k) for k in column], values, len(rows), count)
 
 
-def linear_rows(problem: PlanProblem, layout: Layout, units: dict[str, float]) -> list[LinearRow]:
+def linear_rows(
+    problem: PlanProblem, layout: PlanLayout, units: dict[str, float]
+) -> list[LinearRow]:
     """Return all linear rows of a plan: supports, continuity, waypoints and goal, period."""
     rows = [*_supports(problem, layout, units["cop"]), *_continuity(problem, layout)]
     for where, k, state in problem.waypoints:
@@ -192,7 +200,7 @@ def linear_rows(problem: PlanProblem, layout: Layout, units: dict[str, float]) -
     return [*rows, *_period(problem, layout, units)]
 
 
-def _supports(problem: PlanProblem, layout: Layout, unit: float) -> Iterator[LinearRow]:
+def _supports(problem: PlanProblem, layout: PlanLayout, unit: float) -> Iterator[LinearRow]:
     """Keep the CoP inside its support."""
     for phase, places in zip(problem.schedule, layout.phases, strict=True):
         if phase.support is None:
@@ -205,7 +213,7 @@ def _supports(problem: PlanProblem, layout: Layout, unit: float) -> Iterator[Lin
                 yield LinearRow(f"{phase.name}: cop", terms, low / unit, high / unit)
 
 
-def _continuity(problem: PlanProblem, layout: Layout) -> Iterator[LinearRow]:
+def _continuity(problem: PlanProblem, layout: PlanLayout) -> Iterator[LinearRow]:
     """Make the force continuous from stance to stance; and the CoP, unless feet must jump."""
     schedule = problem.schedule
     for k in range(1, len(schedule)):
@@ -221,7 +229,9 @@ def _continuity(problem: PlanProblem, layout: Layout) -> Iterator[LinearRow]:
                 yield LinearRow(f"{schedule[k].name}: {name} at its start", terms, 0.0, 0.0)
 
 
-def _period(problem: PlanProblem, layout: Layout, units: dict[str, float]) -> Iterator[LinearRow]:
+def _period(
+    problem: PlanProblem, layout: PlanLayout, units: dict[str, float]
+) -> Iterator[LinearRow]:
     """Make the last state, force and CoP those of the first knot, moved by the stride."""
     for name, change in problem.period.items():
         start, end = layout.phases[0].named[name][0], layout.phases[-1].named[name][-1]

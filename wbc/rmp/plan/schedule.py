@@ -158,7 +158,7 @@ def _components(name: str, value: Components) -> tuple[float | None, ...]:
 
 
 @dataclass(frozen=True)
-class Limits:
+class PathLimits:
     """Limits that hold at every moment of a phase, not only at its knots.
 
     Those on ground forces are idle in flight.
@@ -218,7 +218,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Phase:
+class PlanPhase:
     """One phase of the schedule.
 
     Raises
@@ -233,7 +233,7 @@ class Phase:
     # corners are an edge and one is a point. None is flight.
     support: Corners | None
     intervals: int = 10  # equal intervals of time, 1 to 1000; knots are their ends
-    limits: Limits | None = None  # in place of the problem's for this phase
+    limits: PathLimits | None = None  # in place of the problem's for this phase
     end: State = field(default_factory=State)  # what is given where the phase ends
 
     def __post_init__(self) -> None:

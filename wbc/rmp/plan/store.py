@@ -18,7 +18,7 @@ from wbc.files import read_arrays, write_whole
 from wbc.rmp.plan.layout import lay_out
 from wbc.rmp.plan.plan import Plan, Stats
 from wbc.rmp.plan.problem import Pendulum, PlanProblem, Weights
-from wbc.rmp.plan.schedule import Limits, Phase, State
+from wbc.rmp.plan.schedule import PathLimits, PlanPhase, State
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 
@@ -146,17 +146,17 @@ def _pendulum(data: Any) -> Pendulum:
     return _made("pendulum", _PENDULUMS[kind], body)
 
 
-def _schedule(data: Any) -> tuple[Phase, ...]:
+def _schedule(data: Any) -> tuple[PlanPhase, ...]:
     if not isinstance(data, list | tuple):
         raise InvalidInputError("schedule: expected a list of phases")
     phases = [{"name": "", **_mapping("phase", each)} for each in data]
     for phase in phases:
         if phase.get("limits") is None:
             phase.pop("limits", None)
-    return tuple(_made(f"phase {phase['name']!r}", Phase, phase) for phase in phases)
+    return tuple(_made(f"phase {phase['name']!r}", PlanPhase, phase) for phase in phases)
 
 
-def _limits(data: Any) -> Limits:
+def _limits(data: Any) -> PathLimits:
     def number(value: Any) -> Any:
         return math.inf if value is None else value
 
@@ -164,7 +164,7 @@ def _limits(data: Any) -> Limits:
         name: tuple(map(number, value)) if isinstance(value, list | tuple) else number(value)
         for name, value in _mapping("limits", data).items()
     }
-    return _made("limits", Limits, given)
+    return _made("limits", PathLimits, given)
 
 
 # What turns plain data into the value of a field, by the field's name, where they differ.

@@ -12,9 +12,17 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.plan import rows as constraint
-from wbc.rmp.plan.layout import Indices, Layout, fixed_in_plane, lay_out, moving, scale_of, units_of
+from wbc.rmp.plan.layout import (
+    Indices,
+    PlanLayout,
+    fixed_in_plane,
+    lay_out,
+    moving,
+    scale_of,
+    units_of,
+)
 from wbc.rmp.plan.motion import CONTROLS, motion
-from wbc.rmp.plan.nlp import Block, Nlp, Piece, assemble, piece
+from wbc.rmp.plan.nlp import Block, Piece, PlanNlp, assemble, piece
 from wbc.rmp.plan.problem import PlanProblem
 from wbc.rmp.plan.schedule import STATE
 from wbc.validate import Array
@@ -25,8 +33,8 @@ class Transcription:
     """A planning problem as a programme in scaled variables."""
 
     problem: PlanProblem
-    layout: Layout
-    nlp: Nlp
+    layout: PlanLayout
+    nlp: PlanNlp
     scale: Array  # one scaled unit of each variable (n,), SI
     lower: Array  # bounds on variables (n,)
     upper: Array
@@ -46,8 +54,8 @@ def transcribe(problem: PlanProblem) -> Transcription:
     """
     units, layout = units_of(problem), lay_out(problem)
     # Phases that are alike in these share their pieces.
-    pieces: dict[tuple[object, ...], tuple[Piece, list[constraint.Row]]] = {}
-    blocks, listed = list[Block](), list[tuple[str, constraint.Row]]()
+    pieces: dict[tuple[object, ...], tuple[Piece, list[constraint.PlanRow]]] = {}
+    blocks, listed = list[Block](), list[tuple[str, constraint.PlanRow]]()
     for k, (phase, places) in enumerate(zip(problem.schedule, layout.phases, strict=True)):
         alike: tuple[object, ...] = (phase.flies, phase.intervals, problem.limits_of(k))
         parts = [(_interval_piece, alike, places.intervals)]
@@ -79,7 +87,7 @@ def transcribe(problem: PlanProblem) -> Transcription:
 
 def _interval_piece(
     problem: PlanProblem, k: int, units: dict[str, float]
-) -> tuple[Piece, list[constraint.Row]]:
+) -> tuple[Piece, list[constraint.PlanRow]]:
     """Return dynamics, cost and limits between knots of an interval of phase k."""
     phase, limits = problem.schedule[k], problem.limits_of(k)
     m = motion(problem, units, phase.flies, phase.intervals)
@@ -94,7 +102,7 @@ def _interval_piece(
 
 def _knot_piece(
     problem: PlanProblem, k: int, units: dict[str, float]
-) -> tuple[Piece, list[constraint.Row]]:
+) -> tuple[Piece, list[constraint.PlanRow]]:
     """Return limits at a knot of the stance k."""
     m = motion(problem, units, flies=False)
     rows = constraint.at_stance_knot(m, units, problem.limits_of(k))
@@ -102,7 +110,7 @@ def _knot_piece(
     return piece("knot", z, ca.SX(0), ca.vertcat(*(row.value for row in rows))), rows
 
 
-def _bounds(problem: PlanProblem, layout: Layout) -> tuple[Array, Array]:
+def _bounds(problem: PlanProblem, layout: PlanLayout) -> tuple[Array, Array]:
     """Return the bounds on variables, SI."""
     lower, upper = np.full(layout.count, -np.inf), np.full(layout.count, np.inf)
     for k, (phase, places) in enumerate(zip(problem.schedule, layout.phases, strict=True)):

@@ -12,7 +12,7 @@ from typing import Protocol
 import pinocchio as pin
 
 from wbc.errors import ModelError
-from wbc.robot.limits import Limits
+from wbc.robot.limits import JointLimits
 from wbc.robot.names import matching
 from wbc.robot.passive import NONE, PassiveForces
 from wbc.validate import Array, finite_number
@@ -195,7 +195,7 @@ def lock_joints(
     if not locked:
         return model.copy(), couplings
     reference = pin.neutral(model)
-    limits = Limits.of(model)
+    limits = JointLimits.of(model)
     for name, value in locked.items():
         limits.set_joint(reference, name, value)
     return _reduced(model, [*locked], reference), couplings

@@ -13,7 +13,7 @@ from wbc.errors import listed
 from wbc.robot.formats.mujoco_part import Names, RobotPart, motors_on_joints
 from wbc.robot.formats.mujoco_tree import kind_of
 from wbc.robot.limits import BASE_NV
-from wbc.robot.passive import Lift, PassiveForces, Spring
+from wbc.robot.passive import GravityCompensation, PassiveForces, Spring
 
 
 def set_joints(mujoco: Any, model: Any, part: RobotPart, names: Names, tree: pin.Model) -> None:
@@ -179,7 +179,7 @@ def passive_forces(mujoco: Any, model: Any, part: RobotPart, names: Names) -> Pa
             curves[name] = curve
     heavy = not disabled & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
     lifts = tuple(
-        Lift(
+        GravityCompensation(
             names.bodies[body],
             tuple(model.body_ipos[body].tolist()),
             float(model.body_gravcomp[body] * model.body_mass[body]),

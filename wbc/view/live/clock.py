@@ -7,7 +7,7 @@ import time
 
 from wbc.errors import InvalidInputError
 from wbc.validate import finite_number
-from wbc.view.live.messages import Play, Request, Restart, Speed, Step
+from wbc.view.live.messages import Play, Request, Restart, Speed, StepRequest
 
 BEHIND = 0.1  # s: a loop later than this does not try to catch up
 
@@ -50,7 +50,7 @@ class Clock:
         match request:
             case Play(playing):
                 self.playing, self._steps, self._due = playing, 0, None
-            case Step():
+            case StepRequest():
                 self.playing, self._steps = False, self._steps + 1
             case Speed(factor):
                 self.set_speed(factor)

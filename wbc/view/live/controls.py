@@ -10,7 +10,7 @@ import numpy as np
 from viser import GuiApi
 
 from wbc.validate import Array
-from wbc.view.live.messages import Play, PushRobot, Request, Restart, Speed, Step
+from wbc.view.live.messages import Play, PushRobot, Request, Restart, Speed, StepRequest
 from wbc.view.live.recording import Recording
 
 SETTLED = 0.3  # s after the last move of the slider: it is no longer in somebody's hand
@@ -18,7 +18,7 @@ SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "m
 BUTTONS: Mapping[str, Request] = {
     "Play": Play(True),
     "Pause": Play(False),
-    "Step": Step(),
+    "StepRequest": StepRequest(),
     "Restart": Restart(),
 }
 FIRST = 0.25  # of the largest push: what the slider begins with

@@ -152,7 +152,7 @@ class Play(NamedTuple):
     playing: bool
 
 
-class Step(NamedTuple):
+class StepRequest(NamedTuple):
     """Do one tick, and pause."""
 
 
@@ -187,4 +187,4 @@ class LetGo(NamedTuple):
 
 
 Wish = SetTarget | SetWeight | Release  # of the tasks; the others are of who moves the robot
-Request = Wish | PushRobot | PullRobot | LetGo | Play | Step | Speed | Restart
+Request = Wish | PushRobot | PullRobot | LetGo | Play | StepRequest | Speed | Restart

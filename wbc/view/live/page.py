@@ -29,7 +29,7 @@ from wbc.view.live.layers.robot import RobotLayer, RobotShapes
 from wbc.view.live.layers.targets import HandlesLayer, TargetsLayer
 from wbc.view.live.messages import Cast, Frame, Replay, Request, Restart, Setup
 from wbc.view.live.origin import own_pages_only
-from wbc.view.live.panel import Panel
+from wbc.view.live.panel import LivePanel
 from wbc.view.live.process import Failed, Ready
 from wbc.view.live.recording import Recording
 from wbc.view.live.shown import Shown
@@ -124,7 +124,7 @@ class Page:
                     PullLayer(scene, size, self._robot),
                 ]
                 self._grip = Grip(size, self._robot, robot.links, self.send)
-            self._panel = Panel(gui, shapes.note)
+            self._panel = LivePanel(gui, shapes.note)
         self._sliders: Sliders | None = None
         if setup.steer:
             self._sliders = Sliders(gui, tabs.add_tab("Steer"), self.send, size)

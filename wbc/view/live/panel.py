@@ -19,7 +19,7 @@ _NONE = "<span style='color:#999'>none</span>"
 _BAD, _WARN = "#c92a2a", "#b35900"
 
 
-class Panel:
+class LivePanel:
     """The page's words and numbers about the frame that is shown."""
 
     def __init__(self, gui: GuiApi, note: str) -> None:

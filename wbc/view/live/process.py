@@ -28,7 +28,7 @@ _PROGRAM = (
 )
 
 
-class Place(NamedTuple):
+class PageAddress(NamedTuple):
     """Where the page is to be served; another port will do unless it is ``exact``."""
 
     host: str
@@ -48,7 +48,7 @@ class Failed(NamedTuple):
     reason: str
 
 
-def free_place(host: str, port: int | None) -> Place:
+def free_place(host: str, port: int | None) -> PageAddress:
     """Return where a page can be served; the first free port from the default on if None.
 
     Raises
@@ -60,11 +60,11 @@ def free_place(host: str, port: int | None) -> Place:
         reason = _taken(host, port)
         if reason:
             raise InvalidInputError(f"viewer: cannot serve on {host}:{port}: {reason}")
-        return Place(host, port, exact=True)
+        return PageAddress(host, port, exact=True)
     for candidate in range(PORT, PORT + TRIED):
         reason = _taken(host, candidate)
         if not reason:
-            return Place(host, candidate)
+            return PageAddress(host, candidate)
     raise InvalidInputError(
         f"viewer: cannot serve on {host}, ports {PORT} to {PORT + TRIED - 1}: {reason}"
     )
@@ -98,7 +98,7 @@ class PageProcess:
         The page did not start; the message says why.
     """
 
-    def __init__(self, place: Place, setup: object) -> None:
+    def __init__(self, place: PageAddress, setup: object) -> None:
         ours, theirs = socket.socketpair()
         path = json.dumps([entry or os.getcwd() for entry in sys.path])
         with theirs:

@@ -20,7 +20,7 @@ from wbc.problem.pendulum.result import PendulumHistory, unit_of
 from wbc.robot import Robot
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.view import style
-from wbc.view.history import History, read_history
+from wbc.view.history import HistoryLike, read_history
 from wbc.view.pendulum_plots import plots_of
 from wbc.view.report.replay import pendulum_replay, replay_data, replay_rows
 from wbc.view.run import reasons
@@ -40,7 +40,7 @@ def report_format(path: str | Path) -> None:
 
 def write_report(
     robot: Robot,
-    history: History,
+    history: HistoryLike,
     summary: Mapping[str, Any],
     path: str | Path,
     *,
@@ -77,7 +77,7 @@ def write_report(
 
 def report_text(
     robot: Robot,
-    history: History,
+    history: HistoryLike,
     summary: Mapping[str, Any],
     title: str,
     simulation: Mapping[str, Any] | None = None,
