@@ -85,7 +85,12 @@ class Part:
         self._motion_of = _reader(())  # what reads the latter
         self._motion: tuple[object, ...] = ()  # what they were when they were written
         self._law: VelocityLaw | AccelerationLaw | None = None
-        self._second = self.second
+        self._second, self._singular = self.second, self.singular
+
+    @property
+    def singular(self) -> bool:
+        """Whether others look into its rows: see :mod:`wbc.controllers.singular`."""
+        return not self.torque and self.task.singular_threshold > 0.0
 
     @property
     def second(self) -> bool:
@@ -133,7 +138,7 @@ class Part:
         found = described(task, self.torque)
         if found is None or planned is None or len(found) != len(planned):
             return False
-        if self.second != self._second:
+        if self.second != self._second or self.singular != self._singular:
             return False
         for k, now in enumerate(found):
             if now[:3] != planned[k][:3] or not self._places[k].write(now, self.kept):
@@ -211,7 +216,7 @@ class PythonPart(Part):
     def write(self, dt: float) -> bool:
         """Take note of a change: all is written in each tick."""
         self.changes, self.assigned = self.task._changes, self.task._assigned
-        return True
+        return self.singular == self._singular
 
     def fill(self, given: PythonRows) -> bool:
         """Write the rows of a tick; False: they have a curvature that was not there before."""

@@ -116,7 +116,6 @@ class Controller(DeclaredAttributes, ABC):
     deadline: float | None
     _core: CorePlan
     _second: CorePlan | None
-    _asked: CorePlan
 
     _fixed = parts.PLANNED
     _policies: tuple[str, ...] = POLICIES
@@ -215,7 +214,7 @@ class Controller(DeclaredAttributes, ABC):
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command: the tick, from top to bottom."""
-        begun, plan = perf_counter(), self._core
+        begun, plan, found = perf_counter(), self._core, None
         if not plan.serves(self.limits, self.dt):
             self._plan(self.contacts)
         elif self._plain:  # most ticks are the core's alone
@@ -223,13 +222,12 @@ class Controller(DeclaredAttributes, ABC):
             if found is not None and found.solved:
                 return self._command(snapshot, found)
         if self._margins_in_core or not self.constraints:
-            outcome = self._solve(snapshot, self._core, None, None, begun)
+            outcome = self._solve(snapshot, self._core, None, None, begun, found)
             if outcome.solved or not self._margins_in_core:
                 return self._answer(snapshot, outcome, [])
         # Constraints in Python; or the core's margin has no answer, or one that leads inside.
         margins = self._margins(snapshot)
-        plan = self._core if self._second is None else self._second
-        outcome, rows = self._solve_kept_apart(snapshot, plan, margins, begun)
+        outcome, rows = self._solve_kept_apart(snapshot, margins, begun)
         return self._answer(snapshot, outcome, rows)
 
     def _solve(
@@ -239,6 +237,7 @@ class Controller(DeclaredAttributes, ABC):
         bounds: Bounds | None,
         box: Box | None,
         begun: float,
+        found: CoreTick | None = None,
     ) -> Outcome:
         """Return what comes of all levels, with inequality rows of constraints in Python.
 
@@ -247,38 +246,43 @@ class Controller(DeclaredAttributes, ABC):
         levels = self._levels
         if not levels.braked:
             box = None  # that of the limits, in each round
-        given = self._python_rows(plan, snapshot) if plan.python_tasks or plan.force_tasks else ()
         simple = box is None and not levels.looked_into
-        found = self._ask(plan, snapshot, given, bounds, begun, simple)
+        if found is None:
+            given = self._python_rows(plan, snapshot)
+            found = plan.tick(snapshot, given, bounds, self._ramped, begun, simple)
+            if found is None:
+                plan = self._planned_anew(plan, given)
+                return self._solve(snapshot, plan, bounds, box, begun)
         if found.solved:
             return Outcome(found)
         hurried = self._is_over(begun)
-        outcome = levels.solve(self._asked, found, snapshot, box, simple, hurried)
+        outcome = levels.solve(plan, found, snapshot, box, simple, hurried)
         if not outcome.solved and box is None and levels.braked:
             wider = levels.relaxed_box(found, snapshot)
             if wider is not None:
                 return self._solve(snapshot, plan, bounds, wider, begun)
         return outcome
 
-    def _ask(
-        self,
-        plan: CorePlan,
-        snapshot: Snapshot,
-        given: Sequence[PythonRows],
-        bounds: Bounds | None,
-        begun: float,
-        solve: bool,
-    ) -> CoreTick:
-        """Return what the core makes of a snapshot; the plan is made anew where it has to be."""
-        found = plan.tick(snapshot, given, bounds, self._ramped, begun, solve)
-        while found is None:
-            curved = [one.task.name for one in given if one.rows.curvature is not None]
-            second = plan is self._second
-            self._plan(self.contacts, frozenset(curved))
-            plan = self._second if second and self._second is not None else self._core
-            found = plan.tick(snapshot, given, bounds, self._ramped, begun, solve)
-        if plan is not self._asked:
-            self._asked = plan
+    @property
+    def _marginless(self) -> CorePlan:
+        """The plan in which no margin is the core's: theirs are rows that come from here."""
+        return self._core if self._second is None else self._second
+
+    def _planned_anew(self, plan: CorePlan, given: Sequence[PythonRows]) -> CorePlan:
+        """Plan again where tasks are others than those planned; return what stands for ``plan``."""
+        second = plan is self._second
+        curved = (one.task.name for one in given if one.rows.curvature is not None)
+        self._plan(self.contacts, frozenset(curved))
+        return self._marginless if second else self._core
+
+    def _set_up(self, snapshot: Snapshot, begun: float) -> CoreTick:
+        """Return a tick whose first QP is set up, without margins, and not solved."""
+        plan = self._marginless
+        given = self._python_rows(plan, snapshot)
+        found = plan.tick(snapshot, given, None, self._ramped, begun, solve=False)
+        if found is None:
+            self._planned_anew(plan, given)
+            return self._set_up(snapshot, begun)
         return found
 
     def _is_over(self, begun: float) -> bool:
@@ -374,18 +378,16 @@ class Controller(DeclaredAttributes, ABC):
         return MarginRows.at(snapshot, *given, self._bears)
 
     def _solve_kept_apart(
-        self, snapshot: Snapshot, plan: CorePlan, margins: MarginRows, begun: float
+        self, snapshot: Snapshot, margins: MarginRows, begun: float
     ) -> tuple[Outcome, list[Bounds]]:
         """Return the outcome with margins kept where it leads, and the rows that it took."""
 
         def solve(bounds: Bounds | None, box: Box | None) -> Outcome:
-            return self._solve(snapshot, plan, bounds, box, begun)
+            return self._solve(snapshot, self._marginless, bounds, box, begun)
 
         def held() -> list[Rows]:
-            qp = plan.tick(snapshot, self._python_rows(plan, snapshot), solve=False)
-            if qp is None:
-                return []
-            return [Rows(qp.views.A, qp.views.b, np.ones(qp.views.b.size))]
+            qp = self._set_up(snapshot, begun).views
+            return [Rows(qp.A, qp.b, np.ones(qp.b.size))]
 
         over = partial(self._is_over, begun)
         return solve_with_look_ahead(solve, margins, held, over), []
@@ -420,7 +422,7 @@ class Controller(DeclaredAttributes, ABC):
         if not self._levels.looked_into and solves(self.backend):
             kept_apart = only_self_collision(self.constraints, self.slacks)
         self._margins_in_core, self._second = False, None
-        self._asked = self._core = self._core_plan(None, curved)
+        self._core = self._core_plan(None, curved)
         if kept_apart is not None and kept_apart.watched() is not None:
             self._margins_in_core, self._second = True, self._core
             self._core = self._core_plan(kept_apart, curved)

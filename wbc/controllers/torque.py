@@ -260,12 +260,12 @@ class TorqueController(Controller):
     # ------------------------------------------------------------------ parts of the tick
 
     def _solve_kept_apart(
-        self, snapshot: Snapshot, plan: CorePlan, margins: MarginRows, begun: float
+        self, snapshot: Snapshot, margins: MarginRows, begun: float
     ) -> tuple[Outcome, list[Bounds]]:
         within_reach = [reachable_rows(part, snapshot.v, self.dt) for part in margins.parts]
 
         def solve(bounds: Bounds | None, box: Box | None) -> Outcome:
-            return self._solve(snapshot, plan, bounds, box, begun)
+            return self._solve(snapshot, self._marginless, bounds, box, begun)
 
         # No part of a step is safer than all of it.
         margins = margins._replace(parts=within_reach)
@@ -313,10 +313,8 @@ class TorqueController(Controller):
         self, snapshot: Snapshot, failed: Outcome, margins: Sequence[Bounds]
     ) -> dict[str, Any]:
         """Return the answer of the relaxed QP, where not everything can be kept, by field."""
-        plan = self._core if self._second is None else self._second
-        given = self._python_rows(plan, snapshot)
-        found = self._ask(plan, snapshot, given, None, failed.found.begun, False)
-        qp = found.qp_of(0)
+        found = self._set_up(snapshot, failed.found.begun)
+        plan, qp = self._marginless, found.qp_of(0)
         if len(self.plan.levels) > 1:
             P, g = plan.memory.cost(-1)
             qp = qp._replace(P=P, g=g)

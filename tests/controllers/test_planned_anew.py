@@ -1,0 +1,96 @@
+"""What is assigned to a task between ticks counts in the next; a new controller is the oracle."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.robot import Robot, Snapshot
+
+
+class OwnLaw(wbc.VelocityLaw):
+    """The same law, which the core does not know."""
+
+
+class OwnAccelerationLaw(wbc.AccelerationLaw):
+    """The same."""
+
+
+def tasks_of(robot: Robot, start: Snapshot) -> list[wbc.Task]:
+    hand = wbc.PositionTask(robot, "left_palm", start.position("left_palm") + [0.1, 0.0, 0.1])
+    trunk = wbc.PoseTask(robot, "base", *pose(start), name="trunk", weight=2.0)
+    return [hand, trunk, wbc.ComTask(robot, start.com), wbc.PostureTask(robot, start.q, weight=0.1)]
+
+
+def pose(start: Snapshot) -> tuple[np.ndarray, np.ndarray]:
+    return start.position("base") + [0.02, 0.0, 0.0], start.rotation("base")
+
+
+def damped(tasks: list[wbc.Task]) -> None:
+    tasks[1].lm_damping = 1e-3
+
+
+def damped_in_place_of_another(tasks: list[wbc.Task]) -> None:
+    tasks[0].lm_damping, tasks[1].lm_damping = 0.0, 1e-3
+
+
+def with_a_law_of_its_own(tasks: list[wbc.Task]) -> None:
+    tasks[2].law = OwnLaw(gain=0.2)
+    tasks[2].acceleration_law = OwnAccelerationLaw(kp=30.0)
+
+
+def near_singular(tasks: list[wbc.Task]) -> None:
+    tasks[0].singular_threshold = 0.5
+
+
+def no_longer_singular(tasks: list[wbc.Task]) -> None:
+    tasks[2].singular_threshold = 0.0
+
+
+Change = Callable[[list[wbc.Task]], None]
+
+
+@pytest.mark.parametrize("kind", [wbc.KinematicController, wbc.TorqueController])
+@pytest.mark.parametrize("apart", [False, True])
+@pytest.mark.parametrize(
+    "change",
+    [
+        damped,
+        damped_in_place_of_another,
+        with_a_law_of_its_own,
+        near_singular,
+        no_longer_singular,
+    ],
+)
+def test_a_task_that_is_changed_commands_as_if_it_had_always_been_so(
+    kind: type[wbc.Controller], apart: bool, change: Change
+) -> None:
+    robot = Robot.load("hoap2_like")
+    start = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    v = 0.1 * np.random.default_rng(1).standard_normal(robot.nv)
+    moving = robot.snapshot(start.q, v)
+
+    def controller(tasks: list[wbc.Task]) -> wbc.Controller:
+        return kind(
+            robot,
+            tasks,
+            contacts=wbc.support(start, "double"),
+            limits=wbc.Limits(robot, acceleration=100.0),
+            constraints=[wbc.SelfCollision(robot, margin=0.005)] if apart else [],
+            solver="active_set",
+        )
+
+    tasks, fresh = tasks_of(robot, start), tasks_of(robot, start)
+    for one in (tasks, fresh):
+        one[0].lm_damping = 1e-4 if change is damped_in_place_of_another else 0.0
+        one[2].singular_threshold = 0.3 if change is no_longer_singular else 0.0
+    changed = controller(tasks)
+    before = changed.step(start)
+    change(tasks)
+    change(fresh)
+    wanted = controller(fresh).step(moving)
+    found = changed.step(moving)
+    assert before.ok and found.ok and wanted.ok
+    np.testing.assert_allclose(found.velocity, wanted.velocity, rtol=0.0, atol=1e-8)
+    assert found.singular.keys() == wanted.singular.keys()
