@@ -1,4 +1,4 @@
-/* Rows that were worked out by others, for all unknowns: wbc/controllers/native_given.py. */
+/* Rows that were worked out by others, for all unknowns: wbc/controllers/blocks.py. */
 #include "linear.h"
 #include "problem.h"
 

@@ -34,7 +34,7 @@ static void command(const wbc_plan *plan, const wbc_qp *qp) {
 static void lay_out_below(const wbc_plan *plan, const wbc_qp *first, wbc_qp *qp) {
     const int64_t n = first->n, most = most_equalities(plan), m = first->m;
     double *at = plan->below;
-    if (qp != first) *qp = *first;
+    *qp = *first;
     qp->P = at, at += n * n;
     qp->A = at, at += most * n;
     qp->g = at, at += n;

@@ -14,8 +14,6 @@ static const double SKIN = 1e-4, USED = 0.5e-4, ROUNDING = 1e-7, INTERIOR = 1e-3
 static const double LEVER = 1.0, ABLE = 1e-6;
 /* As in wbc/controllers/reachable.py. */
 static const double MARGIN_BRAKING = 20.0;
-/* As in problem.c: a margin pushes as limits do. */
-static const double RECOVERY_FACTOR = 1e2, IDLE = 1e-6;
 
 /* Where the margin's rows begin among all. */
 static int64_t first_row(const wbc_plan *plan, const wbc_qp *qp) {
@@ -36,18 +34,6 @@ static double approach(const wbc_plan *plan, const double *row, double clearance
     }
     const double braked = 2.0 * left / (sqrt(2.0 * left / deceleration + dt * dt) + dt);
     return smaller(braked, margin->gain / dt * left);
-}
-
-/* A dominating cost that asks a row for a rate. */
-static void push(const wbc_plan *plan, const double *row, double rate, const wbc_qp *qp) {
-    const int64_t nv = plan->tree->nv, n = qp->n;
-    const double heaviest = *qp->heaviest > IDLE ? *qp->heaviest : IDLE;
-    const double weight = RECOVERY_FACTOR * heaviest; /* squared */
-    for (int64_t i = 0; i < nv; i++) {
-        if (row[i] == 0.0) continue;
-        for (int64_t j = i; j < nv; j++) qp->P[i * n + j] += weight * row[i] * row[j];
-        qp->g[i] -= weight * rate * row[i];
-    }
 }
 
 /* How bodies stop at v. */
@@ -103,7 +89,7 @@ int add_margin(const wbc_plan *plan, const double *state, const double *v, doubl
             least = smaller(margin->recovery / plan->dt * lost, margin->recovery_speed);
         }
         if (least > 0.0) {
-            push(plan, row, smaller(least, reach), qp);
+            push(plan, row, smaller(least, reach), 1.0, qp);
             least = -smaller(INTERIOR, PART * least);
         }
         memcpy(to, row, nv * sizeof *to);

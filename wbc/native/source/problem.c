@@ -110,9 +110,24 @@ static double arriving(double distance, double towards, double speed, double fas
     return most < reach ? reach : most;
 }
 
+/* The weight, squared, of a cost that outweighs all others. */
+static double dominating(const wbc_qp *qp) {
+    return RECOVERY_FACTOR * (*qp->heaviest > IDLE ? *qp->heaviest : IDLE);
+}
+
+void push(const wbc_plan *plan, const double *row, double rate, double weight, const wbc_qp *qp) {
+    const int64_t nv = plan->tree->nv, n = qp->n;
+    const double size = dominating(qp) * weight * weight;
+    for (int64_t i = 0; i < nv; i++) {
+        if (row[i] == 0.0) continue;
+        for (int64_t j = i; j < nv; j++) qp->P[i * n + j] += size * row[i] * row[j];
+        qp->g[i] -= size * rate * row[i];
+    }
+}
+
 /* A joint outside its limits is moved back by a cost that outweighs all others. */
 static void recover(const wbc_plan *plan, int64_t c, double outside, double speed, const wbc_qp *qp) {
-    const double weight = RECOVERY_FACTOR * (*qp->heaviest > IDLE ? *qp->heaviest : IDLE);
+    const double weight = dominating(qp);
     double rate = -plan->recovery / plan->dt * outside;
     rate = rate > speed ? speed : rate < -speed ? -speed : rate;
     qp->P[c * qp->n + c] += weight;
@@ -391,16 +406,8 @@ static void add_given_bounds(const wbc_plan *plan, const wbc_qp *qp) {
         memset(to + nv, 0, (n - nv) * sizeof *to);
         qp->l[begin + r] = lower[r], qp->u[begin + r] = upper[r];
     }
-    const double most = *qp->heaviest > IDLE ? *qp->heaviest : IDLE;
     const double *target = plan->push + plan->pushes * nv, *weight = target + plan->pushes;
-    for (int64_t r = 0; r < plan->pushes; r++) {
-        const double *row = plan->push + r * nv, size = RECOVERY_FACTOR * most * weight[r] * weight[r];
-        for (int64_t i = 0; i < nv; i++) {
-            if (row[i] == 0.0) continue;
-            for (int64_t j = i; j < nv; j++) qp->P[i * n + j] += size * row[i] * row[j];
-            qp->g[i] -= size * target[r] * row[i];
-        }
-    }
+    for (int64_t r = 0; r < plan->pushes; r++) push(plan, plan->push + r * nv, target[r], weight[r], qp);
 }
 
 INLINE int is_sound(const double *values, int64_t n) {

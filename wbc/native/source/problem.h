@@ -7,8 +7,11 @@
 /* Not of the library's interface. */
 #pragma GCC visibility push(hidden)
 
-/* Behind each other in plan->out, in the order in which wbc/controllers/core_memory.py reads. */
+/* Behind each other in plan->out; wbc_layout says where. */
 void lay_out(const wbc_plan *plan, wbc_qp *qp);
+
+/* A dominating cost that asks a row (nv) for a rate, weight times as heavy as others of its kind. */
+void push(const wbc_plan *plan, const double *row, double rate, double weight, const wbc_qp *qp);
 
 /* Of a level's QP: those of the contacts and of physics, and what the levels above achieve. */
 static inline int64_t most_equalities(const wbc_plan *plan) {
