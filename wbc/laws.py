@@ -50,8 +50,6 @@ class Residual(NamedTuple):
         A bound on that sum where it is not given, by which the law damps: a number on its norm, or
         (nv,) numbers that make a diagonal matrix above it, such as the sums of its rows' sizes. Or
         a function that returns it: only the velocity level asks for it.
-    columns:
-        Where each row of the Jacobian is one of the identity: which, for they cost less in a QP.
     """
 
     error: Array
@@ -59,7 +57,6 @@ class Residual(NamedTuple):
     bias: Array
     curvature: Array | None = None
     curvature_bound: float | Array | Callable[[], float | Array] = 0.0
-    columns: Columns | None = None
 
     def rate(self, v: Array) -> Array:
         """Return the time derivative (k,) of the error at velocity ``v``."""
@@ -81,7 +78,6 @@ class Rows(NamedTuple):
     # that are not of this form.
     rate: float = 0.0
     bias: Array | None = None
-    columns: Columns | None = None  # as of Residual
 
 
 def stacked(matrices: Sequence[Array], n: int) -> Array:
@@ -153,7 +149,7 @@ class VelocityLaw:
 
     def rows(self, residual: Residual, weight: Array, dt: float) -> Rows:
         """Return the rows on the velocity: matrix and target as in :class:`Rows`."""
-        error, jacobian, bias, curvature, bound, columns = residual
+        error, jacobian, bias, curvature, bound = residual
         gain = self.gain if self.gain_per_second is None else self.fraction(dt)
         rate = gain / dt
         target = -rate * error
@@ -166,7 +162,7 @@ class VelocityLaw:
             weighted = weight * error
             damping = damping + self.lm_damping * math.sqrt(float(weighted @ weighted))
         threshold = self.singular_threshold
-        return Rows(jacobian, target, weight, damping, curvature, threshold, rate, bias, columns)
+        return Rows(jacobian, target, weight, damping, curvature, threshold, rate, bias)
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,4 +238,4 @@ class AccelerationLaw:
         wanted -= drift
         wanted *= dt
         wanted += moving
-        return Rows(residual.jacobian, wanted, weight, columns=residual.columns)
+        return Rows(residual.jacobian, wanted, weight)

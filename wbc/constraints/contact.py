@@ -7,7 +7,7 @@ a cost. The anchor is given once, by the caller. Any other task may be held the 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Self, Unpack
 
 import numpy as np
@@ -17,7 +17,7 @@ from wbc.attributes import ArrayAttribute
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Index
 from wbc.errors import InvalidInputError, UnknownNameError, shown
-from wbc.laws import Residual, Rows
+from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot, check_snapshot
@@ -26,7 +26,6 @@ from wbc.rotations import check_rotation, log_rotation
 from wbc.tasks.frame import TURNS
 from wbc.tasks.keywords import LawKeywords, spell_out
 from wbc.tasks.point import AXES
-from wbc.tasks.returned import residual_of
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_array, read_only, real_array
 
@@ -233,18 +232,6 @@ class ContactRows:
             for contact, own in zip(self.contacts, self.kept, strict=True)
             for k in (range(len(contact.rows)) if own is None else own)
         )
-
-    def rows(
-        self, snapshot: Snapshot, law: Callable[[Task, Residual, Snapshot], Rows]
-    ) -> list[Rows]:
-        """Return the rows of each contact by a level's law: hold, and take back the drift."""
-        every = []
-        for contact, kept in zip(self.contacts, self.kept, strict=True):
-            row = law(contact, residual_of(contact, snapshot), snapshot)
-            if kept is not None:
-                row = Rows(row.matrix[kept], row.target[kept], row.weight[kept])
-            every.append(row)
-        return every
 
 
 def support(

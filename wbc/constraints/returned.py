@@ -78,9 +78,7 @@ def _checked(constraint: Constraint, method: Method, found: object) -> Bounds:
     if not isinstance(labels, tuple | list) or not all(isinstance(name, str) for name in labels):
         raise InvalidInputError(f"{what}, labels: expected a tuple of words, got {shown(labels)}")
     labels, m = tuple(labels), len(labels)
-    # Rows of this package may speak of unknowns behind the velocity.
-    wide = np.shape(matrix)[1:] if constraint._tested else (nv,)
-    matrix = returned_array(f"{what}, matrix", matrix, (m, *wide))
+    matrix = returned_array(f"{what}, matrix", matrix, (m, nv))
     lower, upper = _ends(f"{what}, lower", lower, m), _ends(f"{what}, upper", upper, m)
     for k in np.flatnonzero(lower > upper)[:1]:
         raise InvalidInputError(

@@ -282,7 +282,6 @@ class CoreMemory:
         self.struct.solving = solving
         if "scratch" not in self.arrays or self.arrays["scratch"].size < scratch:
             self._put("scratch", np.zeros(scratch))
-            self._reduced.clear()
         if "order" not in self.arrays or self.arrays["order"].size < order:
             self._put("order", np.zeros(order, dtype=np.int64))
         self._reduced.clear()

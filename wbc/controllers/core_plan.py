@@ -29,13 +29,13 @@ from wbc.qp.active_set import ActiveSet
 from wbc.qp.backend import Backend
 from wbc.qp.proxqp import ProxQP
 from wbc.robot import Robot, Snapshot
+from wbc.robot.kernel import NativeState
 from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
 from wbc.validate import Array
 
 # A command may exceed a bound of its box by this [rad/s or m/s]: what accepted solutions leave.
 TOLERANCE = 1e-6
-_LATER = object()  # of a snapshot that was not asked for anything yet
 
 
 class CorePlan:
@@ -113,7 +113,6 @@ class CorePlan:
         self.force_tasks, self.plan, self._robot = tuple(forces), plan, robot
         self._dt, self._lock = dt, threading.Lock()
         self._limits, self._rates = limits, _rates(limits)
-        self._workspace = False, *plan.workspace
         self._solver = solver = backend if solves(backend) else None
         self.margin = None if constraint is None else NativeMargin.of(constraint, tree)
         self.memory = CoreMemory(
@@ -184,11 +183,10 @@ class CorePlan:
         """
         if begun is None:
             begun = perf_counter()
-        if self.shares_state:
+        known: NativeState | None = snapshot.__dict__.get("native_state")
+        if known is None and self.shares_state:
             known = snapshot.native_state
-        else:
-            known = snapshot.__dict__.get("native_state", _LATER)
-        state = None if known is _LATER or known is None else known.array
+        state = None if known is None else known.array
         memory = self.memory
         with self._lock:
             if not self._write(ramps):
@@ -216,19 +214,20 @@ class CorePlan:
             if level == 0 and self._solver is None:
                 return False
             said = self.memory.solve_level(level)
-            if said == REDUCED and isinstance(self._solver, ProxQP):
-                bounded = self.memory.forces is not None
-                answered = self._solver.solve_reduced(self.memory, self._workspace, bounded)
-                found.answered = answered
-                return answered is not None
-            return said == DONE
+            return self._is_answered(found) if said == REDUCED else said == DONE
+
+    def _is_answered(self, found: CoreTick) -> bool:
+        """Ask ProxQP for the first level, whose QP the core has reduced."""
+        if not isinstance(self._solver, ProxQP):
+            return False
+        bounded = self.memory.forces is not None
+        found.answered = self._solver.solve_reduced(self.memory, self.plan.workspace, bounded)
+        return found.answered is not None
 
     def _conclude(self, found: CoreTick, said: int) -> None:
         """Ask ProxQP for what it is to answer; note whether there is a command."""
-        if said == REDUCED and isinstance(self._solver, ProxQP):
-            bounded = self.memory.forces is not None
-            found.answered = self._solver.solve_reduced(self.memory, self._workspace, bounded)
-            said = self.memory.said if found.answered is None else self.memory.descend()
+        if said == REDUCED:
+            said = self.memory.descend() if self._is_answered(found) else self.memory.said
         found.solved = said == DONE and self._solver is not None
 
     def rows_of(self, found: CoreTick, level: int) -> list[tuple[Task, Rows]]:

@@ -234,11 +234,6 @@ class CoreTick:
         return Solution(a.x.copy(), a.y.copy(), a.z.copy(), a.z_box.copy(), *done)
 
     @property
-    def held_above(self) -> Array | None:
-        """Multipliers (m,) of the first level's inequality rows, if there are levels below it."""
-        return self.views.z if self.level else None
-
-    @property
     def velocity(self) -> Array:
         """A copy, read-only, of the command v+ (nv,), with the base's dynamics met where it has."""
         if self._memory.forces is None and self.level:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,8 +118,3 @@ class NativeForces:
         self.labels, self._ramps = self.rows.labels + cones.labels, dict(ramps)
         self.stale = False
         return True
-
-
-def unbearable(rows: TorqueRows, held: Sequence[Task]) -> bool:
-    """Whether forces belong to contacts that are not among those met exactly."""
-    return any(part.contact not in held for part in rows.forces.parts)

@@ -61,7 +61,6 @@ class Levels:
         self.braked = limits is not None and limits.braking == "bounded" and not torque
         singular = any(task.singular_threshold > 0.0 for task in plan.motion)
         self.looked_into = self.braked or (singular and not torque)
-        self._workspace = False, *plan.workspace
 
     def solve(
         self,
@@ -98,7 +97,7 @@ class Levels:
             return Outcome(found, _not_measured(found))
         if said == NOT_FINITE:
             check_qp(found.qp_of(0))
-        workspace = None if box is not None else self._workspace
+        workspace = None if box is not None else self._plan.workspace
         solution = self.first.solve(found, said, workspace, hurried)
         if not solution.solved:
             if hurried:
@@ -129,7 +128,7 @@ class Levels:
             if level:
                 break
             said = memory.said if core.solves else None
-            solution = self.first.solve(found, said, self._workspace, False)
+            solution = self.first.solve(found, said, self._plan.workspace, False)
             if not solution.solved:
                 return said
             found.take(solution)

@@ -22,8 +22,8 @@ class Outcome(NamedTuple):
     ----------
     found:
         Their QPs and answers.
-    solution:
-        Of the first level, if it could not be solved; None: it was.
+    failed:
+        The first level's solution, if it could not be solved; None: it was.
     step_scale:
         The part of the velocity that is safe to command.
     """

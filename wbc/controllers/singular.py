@@ -151,7 +151,6 @@ def _weighty(row: Rows) -> Rows:
         matrix=row.matrix[wanted],
         target=row.target[wanted],
         weight=row.weight[wanted],
-        columns=None,
     )
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.errors import InvalidInputError, UnknownNameError, shown
-from wbc.laws import Rows
 from wbc.qp.problem import QP, Labels
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number
@@ -73,10 +72,6 @@ class Slacks:
         """Return the hard contacts and the soft ones."""
         hard = tuple(contact for contact in contacts if self.is_hard(contact.name))
         return hard, tuple(contact for contact in contacts if contact not in hard)
-
-    def cost(self, contact: Task, rows: Rows) -> Rows:
-        """Return the rows of a soft contact as a cost."""
-        return rows._replace(weight=np.sqrt(self.weights[contact.name]) * rows.weight)
 
     def soften(self, constraint: Constraint, bounds: Bounds) -> Bounds:
         """Return a constraint's rows with their slack weights, if it is soft.
@@ -152,15 +147,3 @@ def with_slack(qp: QP, weights: Array) -> QP:
         upper=np.concatenate((qp.upper, free)),
         labels=Labels(qp.labels.equality, qp.labels.inequality, qp.labels.variables + names),
     )
-
-
-def slacks_of(qp: QP, x: Array) -> dict[str, float]:
-    """Return by how much each row that may give way has given way, by its name."""
-    if not qp.labels.variables[-1].startswith(SLACK_OF):  # most ticks: slacks are the last unknowns
-        return {}
-    names = qp.labels.variables
-    return {
-        names[k].removeprefix(SLACK_OF): float(x[k])
-        for k in np.flatnonzero(np.abs(x) > NEGLIGIBLE).tolist()
-        if names[k].startswith(SLACK_OF)
-    }

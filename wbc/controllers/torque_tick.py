@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Self
 
 from wbc.controllers.contact_forces import Reaction, displaced
 from wbc.controllers.tick import RELAX, Tick
@@ -40,13 +39,6 @@ class TorqueTick(Tick):
     refuted: Solution | None = None
 
     __repr__ = Tick.__repr__
-
-    @classmethod
-    def extending(cls, tick: Tick, **known: Any) -> Self:
-        """Return ``tick`` with what is ``known`` besides, or instead."""
-        extended = object.__new__(cls)
-        extended.__dict__.update(tick.__dict__, **known)
-        return extended
 
     @property
     def forces(self) -> dict[str, Array]:

@@ -20,7 +20,8 @@ PACKAGES = ("numpy", "pin", "proxsuite", "qpsolvers")
 def versions() -> dict[str, str]:
     """Return the versions of this package, of Python and of what a result depends on.
 
-    After proxsuite's: its build, if that is one whose last bits vary (:mod:`wbc.qp.native`).
+    After proxsuite's: its build, if that is one whose last bits vary
+    (:mod:`wbc.qp.proxqp_workspace`).
     """
     found = {
         "wbc": __version__,

@@ -37,7 +37,7 @@ class Stacked:
     lower, upper:
         (n + mi + me,) of the unknowns, of C x, and b twice.
     x, multipliers:
-        (n,) and (n + mi + me,), for who solves it to write to; ``point`` holds both, x last.
+        (n,) and (n + mi + me,); ``point`` holds both, x last.
     inequalities:
         How many multipliers are not those of equalities, n + mi.
     """
@@ -45,13 +45,11 @@ class Stacked:
     def __init__(self, n: int, mi: int, me: int) -> None:
         m, every = mi + me, n + mi + me
         self.inequalities = n + mi
-        # Rows above P, and the rows' multipliers before x: one product gives the gradient. All that
-        # must be finite is side by side: b, the last of the lower ends, the matrices, g.
+        # Rows above P, and the rows' multipliers before x: one product gives the gradient.
         block = np.empty((every + 1) * (n + 1) - 1)
         self.lower, self.upper = block[:every], np.empty(every)
         self._matrices, self.g = block[every:-n].reshape(every, n), block[-n:]
         self.rows, self.P = self._matrices[:m], self._matrices[m:]
-        self._finite = block[n + mi :]
         # Where the fields of a QP go, in their order; b goes to the upper ends as well.
         lower, l, b = np.split(self.lower, (n, n + mi))  # noqa: E741
         upper, u, self._b = np.split(self.upper, (n, n + mi))
@@ -74,10 +72,6 @@ class Stacked:
         for place, numbers in zip(self._fields, qp[:9], strict=True):
             place[...] = numbers
         self._b[...] = qp.b
-
-    def is_finite(self) -> bool:
-        """Whether all numbers but the bounds are finite, see :func:`wbc.qp.problem.is_sound`."""
-        return math.isfinite(np.vdot(self._finite, self._finite))
 
     def residuals(self) -> KktResiduals:
         """Return the residuals of ``x`` and ``multipliers``; 6 us at n = 35.

@@ -141,11 +141,11 @@ def check_qp(qp: QP) -> None:
     raise InvalidInputError(next(_faults(qp), "QP: entries too large to be squared"))
 
 
-def is_sound(qp: QP, shapes_only: bool = False) -> bool:
+def is_sound(qp: QP) -> bool:
     """Whether shapes agree and all numbers but the bounds are finite: half of :func:`check_qp`.
 
     Enough before a solver whose answer is then seen to keep the bounds, which no answer does if
-    they are not fit to be some. ``shapes_only``: who asks looks at the numbers elsewhere.
+    they are not fit to be some.
     """
     n, me, mi, names = qp.g.size, qp.b.size, qp.u.size, qp.labels
     P, A, C, g, b = qp.P, qp.A, qp.C, qp.g, qp.b
@@ -159,11 +159,8 @@ def is_sound(qp: QP, shapes_only: bool = False) -> bool:
         and (len(names.variables), len(names.equality), len(names.inequality)) == (n, me, mi)
         # A sum of squares is finite exactly when every entry is; three times cheaper than
         # np.isfinite(...).all(), and unlike a plain sum it never meets inf - inf.
-        and (
-            shapes_only
-            or math.isfinite(
-                np.vdot(P, P) + np.vdot(g, g) + np.vdot(A, A) + np.vdot(b, b) + np.vdot(C, C)
-            )
+        and math.isfinite(
+            np.vdot(P, P) + np.vdot(g, g) + np.vdot(A, A) + np.vdot(b, b) + np.vdot(C, C)
         )
     )
 

@@ -70,12 +70,12 @@ class DampingTask(Task):
             priority=priority,
             **law,
         )
-        self._jacobian, self._columns = read_only(np.eye(robot.nv)[chosen]), chosen
+        self._jacobian = read_only(np.eye(robot.nv)[chosen])
         self._still = self._zeros()
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return a zero error whose rate is the velocity."""
-        return Residual(self._still, self._jacobian, self._still, columns=self._columns)
+        return Residual(self._still, self._jacobian, self._still)
 
     @property
     def units(self) -> tuple[str, ...]:

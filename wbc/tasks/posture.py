@@ -98,7 +98,7 @@ class PostureTask(Task):
         for k in self.robot.limits.unbounded:
             error[k] = math.remainder(error[k], math.tau)
         error = error[self._joints]
-        return Residual(error, self._jacobian, self._bias, columns=self._columns)
+        return Residual(error, self._jacobian, self._bias)
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return one row for each joint."""

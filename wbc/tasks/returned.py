@@ -1,10 +1,9 @@
 """What tasks of one's own return, looked at in every tick; those of this package are tested.
 
-Types, shapes and numbers are looked at before they are used, in a microsecond or two; but where the
-native core takes a Jacobian as it is, the QP shows whether it is finite, and what is not comes to
-the tick in Python. Integers, numbers of single precision and lists are converted; what NumPy would
-have to guess at (imaginary parts, masks, words, objects, ``np.matrix``, sparse matrices) is
-refused. What a task raises itself is raised, with a note that names the task.
+Types, shapes and numbers are looked at before they are used, in a microsecond or two. Integers,
+numbers of single precision and lists are converted; what NumPy would have to guess at (imaginary
+parts, masks, words, objects, ``np.matrix``, sparse matrices) is refused. What a task raises itself
+is raised, with a note that names the task.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import InvalidInputError, shown
-from wbc.laws import AccelerationLaw, Columns, Residual, Rows, VelocityLaw
+from wbc.laws import AccelerationLaw, Residual, Rows, VelocityLaw
 from wbc.robot import Snapshot
 from wbc.tasks.task import Task
 from wbc.validate import (
@@ -36,8 +35,8 @@ def is_tested(task: Task, method: str) -> bool:
     return task._tested and method not in task.__dict__
 
 
-def residual_of(task: Task, snapshot: Snapshot, core: bool = False) -> Residual:
-    """Return the residual of a task; ``core``: its Jacobian goes to the native core as it is.
+def residual_of(task: Task, snapshot: Snapshot) -> Residual:
+    """Return the residual of a task.
 
     Raises
     ------
@@ -54,7 +53,7 @@ def residual_of(task: Task, snapshot: Snapshot, core: bool = False) -> Residual:
         _name(raised, task, "residual")
         raise
     if type(found) is Residual:
-        error, jacobian, bias, curvature, bound, columns = found
+        error, jacobian, bias, curvature, bound = found
         of_rows, of_jacobian = own.get("_shapes") or _shapes(task)
         # Written out: in functions of their own these lines took twice as long.
         if (
@@ -63,11 +62,10 @@ def residual_of(task: Task, snapshot: Snapshot, core: bool = False) -> Residual:
             and error.shape == bias.shape == of_rows
             and jacobian.shape == of_jacobian
             and curvature is None
-            and columns is None
             and type(bound) is float
             and 0.0 <= bound <= LARGEST
             and _hypot(*(error.tolist() + bias.tolist())) <= LARGEST  # NaN is not
-            and (core or np.vdot(jacobian, jacobian) <= LARGEST * LARGEST)
+            and np.vdot(jacobian, jacobian) <= LARGEST * LARGEST
         ):
             return found
     return _checked(task, found)
@@ -75,15 +73,10 @@ def residual_of(task: Task, snapshot: Snapshot, core: bool = False) -> Residual:
 
 def drift_of(task: Task, snapshot: Snapshot) -> Array:
     """Return the drift (k,) of a task; raises as :func:`residual_of` does."""
-    own = task.__dict__
-    if task._tested and "drift" not in own:
+    if is_tested(task, "drift"):
         return task.drift(snapshot)
-    try:
-        found = task.drift(snapshot)
-    except Exception as raised:
-        _name(raised, task, "drift")
-        raise
-    of_rows, _ = own.get("_shapes") or _shapes(task)
+    found = asked(task, "drift", snapshot)
+    of_rows, _ = task.__dict__.get("_shapes") or _shapes(task)
     if (
         type(found) is _ARRAY
         and found.dtype is FLOAT
@@ -182,15 +175,12 @@ def _checked(task: Task, found: object) -> Residual:
         if callable(bound)
         else _bound(f"{what}, curvature_bound", bound, nv)
     )
-    if found.columns is not None:
-        _check_columns(what, jacobian, found.columns)
     return Residual(
         returned_array(f"{what}, error", found.error, (k,)),
         jacobian,
         returned_array(f"{what}, bias", found.bias, (k,)),
         curvature,
         bound,
-        found.columns,
     )
 
 
@@ -211,24 +201,3 @@ def _bound(what: str, value: Any, nv: int) -> float | Array:
     if bound.min() < 0.0:
         raise InvalidInputError(f"{what}: must be at least 0, got {bound.min():g}")
     return bound
-
-
-def _check_columns(what: str, jacobian: Array, columns: Columns) -> None:
-    """Refuse columns that are not those in which the Jacobian's rows are rows of the identity."""
-    k, nv = jacobian.shape
-    fits = isinstance(columns, slice) or (
-        type(columns) is np.ndarray and columns.dtype.kind == "i" and columns.ndim == 1
-    )
-    try:
-        chosen = np.arange(nv)[columns] if fits else np.empty(0)
-    except (IndexError, TypeError) as error:
-        raise InvalidInputError(
-            f"{what}, columns: no entries of v, got {shown(columns)}"
-        ) from error
-    alike = chosen.size == k and (jacobian[np.arange(k), chosen] == 1.0).all()
-    if not (alike and np.count_nonzero(jacobian) == k):
-        raise InvalidInputError(
-            f"{what}, columns: the jacobian is not one there and zero elsewhere, row by row; got"
-            f" {shown(columns)} (leave it out, or give a slice of v or an array of {k} whole"
-            " numbers)"
-        )
