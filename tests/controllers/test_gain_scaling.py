@@ -168,7 +168,7 @@ def least_factor(tasks: list[Task], here: Snapshot, limits: Limits) -> float:
     nv = robot.nv
     P, pull, way = 1e-6 * np.eye(nv), np.zeros(nv), np.zeros(nv)
     for task in tasks:
-        error, J, *_, bound, _ = task.residual(here)
+        error, J, *_, bound = task.residual(here)
         bound = bound() if callable(bound) else bound
         W = np.diag(task.weight**2)
         P += J.T @ W @ J
