@@ -24,8 +24,9 @@ from wbc.validate import Array
 
 Episode = Mapping[str, Any]
 LEVELS = {"velocity": wbc.KinematicController, "torque": wbc.TorqueController}
-# Solvers by names that came and went: the first of those that a code knows is taken.
-SUCCESSORS = {"daqp": ("daqp", "active_set"), "active_set": ("active_set", "daqp")}
+# The exact method's names, new and old: the first that a code knows is taken.
+_EXACT = ("active_set", "daqp")
+SUCCESSORS = dict.fromkeys(_EXACT, _EXACT)
 
 
 class HeightTask(wbc.Task):
@@ -116,6 +117,7 @@ def self_collision(robot: wbc.Robot) -> wbc.SelfCollision:
     return wbc.SelfCollision(robot, limits=wbc.Limits(robot))
 
 
+@cache
 def solver_known(name: str) -> str:
     """Return the name by which this code knows a solver."""
     for known in SUCCESSORS.get(name, (name,)):

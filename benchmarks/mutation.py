@@ -29,12 +29,12 @@ NOTICED = ("killed", "endless")
 # Faults that change nothing that anyone could see: file, line's text, fault -> why.
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     (
-        "wbc/qp/native.py",
+        "wbc/qp/proxqp_workspace.py",
         "return 2.0 ** math.ceil(-math.log2(largest)) if 1e-12 < largest < 1.0 else 1.0",
         "Lt -> LtE",
     ): "at the one number where it differs nothing depends on it",
     (
-        "wbc/qp/native.py",
+        "wbc/qp/proxqp_workspace.py",
         "largest = max(np.abs(part).max(initial=0.0) for part in (P, g, qp.b))",
         "0.0 -> 0.001",
     ): "2e-18, where a tenth of 1e-12 is the least that is asked for",
@@ -43,11 +43,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         'x = ca.SX.sym("x", n + 3 + 3 * count)',
         "3 -> 4",
     ): "unknowns that nothing uses",
-    (
-        "wbc/qp/conflict.py",
-        "if len(conflict.rows) > MOST_ROWS or _feasible(qp, conflict.rows):",
-        "Gt -> GtE",
-    ): "a conflict of exactly as many rows is reduced or not",
     (
         "wbc/qp/conflict.py",
         "target = np.where(violation > 0.0, rows.upper, rows.lower)[violated]",
@@ -60,15 +55,9 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "rows that are met are left out of all that it is used for",
     (
         "wbc/qp/conflict.py",
-        "pulls[np.abs(pulls) <= rounding] = 0.0",
-        "LtE -> Lt",
-    ): "rounding is 0 only where the pull is 0, and what is just as large is one number of many",
-    (
-        "wbc/qp/conflict.py",
         'upper = "upper" if weight > 0.0 else "lower"',
         "Gt -> GtE",
     ): "weights of 0 are left out before",
-    ("wbc/controllers/braking.py", "if factor >= 1.0:", "GtE -> Gt"): "a factor of 1 is none",
     (
         "wbc/controllers/braking.py",
         'lengths = np.sqrt(np.einsum("ij,ij->i", A, A) + TINY)',

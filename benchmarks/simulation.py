@@ -93,9 +93,7 @@ def walked(name: str, seconds: float) -> str:
         clock.append(thread_time())
         plant.step(tick.torque)
         times.append(np.diff([*clock, thread_time()]))
-        native += (
-            tick.solution.solver in ("cholesky", "active_set") and controller.native is not None
-        )
+        native += tick.solution.solver in ("cholesky", "active_set")
     medians = (f"{1e6 * one:.0f}" for one in np.median(times, axis=0))
     worst = f"{1e6 * np.percentile(np.sum(times, axis=1), 99):.0f}"
     return f"| {name} | {' | '.join(medians)} | {worst} | {native} of {len(times)} |"

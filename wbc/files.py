@@ -8,7 +8,7 @@ import math
 import os
 import tempfile
 import zipfile
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -95,9 +95,20 @@ def write_text(path: str | Path, text: str) -> None:
     write_whole(path, lambda file: file.write(text.encode()))
 
 
-def why(error: OSError) -> str:
+def write_arrays(path: str | Path, arrays: Mapping[str, Any]) -> None:
+    """Write a compressed ``.npz``, whole or not at all, as :func:`write_whole` does; its errors.
+
+    It is packed in memory: a ZIP file that cannot be closed, on a full disk say, complains
+    once more when it is collected, wherever the program is by then.
+    """
+    packed = io.BytesIO()
+    np.savez_compressed(packed, **arrays)
+    write_whole(path, lambda file: file.write(packed.getbuffer()))
+
+
+def why(error: Exception) -> str:
     """Return what the system says, without the file: some libraries' errors have no number."""
-    return error.strerror or str(error) or type(error).__name__
+    return getattr(error, "strerror", None) or str(error) or type(error).__name__
 
 
 def _umask() -> int:
@@ -150,8 +161,7 @@ def read_arrays(
     except ArrayFileError:
         raise
     except Exception as error:  # damaged files end in errors of zip, zlib, struct, tokenize, ...
-        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        raise ArrayFileError(path, f"cannot be read: {reason[:200]}") from error
+        raise ArrayFileError(path, f"cannot be read: {why(error)[:200]}") from error
 
 
 def _array(file: zipfile.ZipFile, entry: zipfile.ZipInfo, kinds: str) -> NDArray[Any]:

@@ -173,9 +173,8 @@ def finite_number(
     if type(value) is float and above < value >= least and -LARGEST <= value <= LARGEST:
         return value  # what is given in every tick
     try:
-        if np.ndim(value) or np.iscomplexobj(value) or isinstance(value, _NO_NUMBER):
-            raise TypeError("no real scalar")
-        if _kind(value) == "b":
+        odd = np.ndim(value) or np.iscomplexobj(value) or isinstance(value, _NO_NUMBER)
+        if odd or _kind(value) == "b":
             raise TypeError("no real scalar")
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.files import ArrayFileError, read_arrays, write_whole
+from wbc.files import ArrayFileError, read_arrays, write_arrays
 from wbc.qp import QP, Labels, check_qp
 
 FORMAT = "wbc qp sequence 1"
@@ -60,7 +60,7 @@ def save_sequence(path: Path, sequence: QpSequence) -> None:
             for _, run in _runs(sequence)
         ]
         entries[field] = np.concatenate([np.zeros(0, dtype=np.uint8), *parts])
-    write_whole(path, lambda file: np.savez_compressed(file, **entries))
+    write_arrays(path, entries)
 
 
 def load_sequence(path: Path) -> QpSequence:

@@ -91,7 +91,7 @@ def record(job: Job, ticks: int) -> QpSequence:
     parts: dict[str, Any] = {"contacts": contacts, "limits": Limits(robot), "constraints": margins}
     kind: Any = KinematicController if job.level == "velocity" else TorqueController
     dt = DT[job.level]
-    controller = kind(robot, tasks, dt=dt, solver="daqp", **parts)
+    controller = kind(robot, tasks, dt=dt, solver="active_set", **parts)
     rng = np.random.default_rng(0)
     v, qps = np.zeros(robot.nv), []
     for k in range(ticks):

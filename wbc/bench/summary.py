@@ -18,6 +18,7 @@ import numpy as np
 from wbc.bench.measure import Measured
 from wbc.bench.sequence import FIELDS, QpSequence
 from wbc.errors import InvalidInputError
+from wbc.files import why
 from wbc.problem.provenance import version_of, versions
 from wbc.validate import Array
 
@@ -67,7 +68,7 @@ def load_summary(path: Path) -> dict[str, Any]:
             return dict(found)
         what = f"is in the format {str(found['format'])[:60]!r}, and {FORMAT!r} is read"
     except OSError as error:
-        what = f"cannot be read: {error.strerror}"
+        what = f"cannot be read: {why(error)}"
     except (ValueError, TypeError, KeyError):
         what = "is not what wbc bench wrote as .json"
     raise InvalidInputError(f"{path}: {what}")

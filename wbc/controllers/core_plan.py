@@ -195,7 +195,7 @@ class CorePlan:
                 if not self._python[id(one.task)].fill(one):
                     return None
             if memory.forces is not None and self._robot.passive:
-                memory.forces.load[:] = self._robot.passive_forces(snapshot.q, snapshot.v)
+                memory.forces.load[:] = self._robot.passive_forces_at(snapshot)
             if bounds is not None or memory.given_rows:
                 memory.write_bounds(bounds)
             called = perf_counter()

@@ -85,7 +85,8 @@ def analyse(
     gap = finite_number("gap", gap, above=0.0)
     robot = motion.robot
     names = chosen_feet(robot, feet)
-    if not (noise is None or noise == ESTIMATED or isinstance(noise, Noise)):
+    estimated = isinstance(noise, str) and noise == ESTIMATED
+    if not (noise is None or estimated or isinstance(noise, Noise)):
         raise InvalidInputError(
             f"noise: expected a Noise, {ESTIMATED!r} or None, got {shown(noise)}"
         )

@@ -106,12 +106,12 @@ def _by_derivative(
     by_q, by_v, by_a, *rest = _rows(robot, moving, frames)
     inward = np.swapaxes(rotations_from(q[:, 3:BASE_NQ]), 1, 2)
     speed, spin = skews(v[:, :3]), skews(v[:, 3:6])
-    turn, turn_rate = slice(3, 6), slice(3, 6)
+    turn = slice(3, 6)
     to_v, to_a, to_a_rate = np.zeros((3, len(frames), 6, 6))
-    to_v[:, :3, turn], to_v[:, turn_rate, turn] = speed, spin
-    to_a[:, :3, turn], to_a[:, turn_rate, turn] = skews(a[:, :3]), skews(a[:, 3:6])
+    to_v[:, :3, turn], to_v[:, turn, turn] = speed, spin
+    to_a[:, :3, turn], to_a[:, turn, turn] = skews(a[:, :3]), skews(a[:, 3:6])
     to_a_rate[:, :3, :3], to_a_rate[:, :3, turn] = -spin @ inward, speed
-    to_a_rate[:, turn_rate, turn] = spin
+    to_a_rate[:, turn, turn] = spin
     base_v, base_a = by_v[:, :, :6].copy(), by_a[:, :, :6].copy()
     for one in (by_q, by_v, by_a):
         one[:, :, :3] = one[:, :, :3] @ inward

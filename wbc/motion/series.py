@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.files import ending_of, write_whole
+from wbc.files import ending_of, write_arrays, write_whole
 from wbc.motion.dropouts import Dropout
 from wbc.motion.uncertainty import Uncertainty
 from wbc.rmp.axes import Bools
@@ -274,7 +274,7 @@ class RmpSeries:
             **self.arrays(),
             **self._uncertain(),
         }
-        write_whole(path, lambda file: np.savez_compressed(file, **entries))
+        write_arrays(path, entries)
 
     def _uncertain(self) -> dict[str, Any]:
         """Return the uncertainty's arrays as they are saved, none without one."""

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from wbc.errors import InvalidInputError
-from wbc.files import ArrayFileError, read_arrays
+from wbc.files import ArrayFileError, read_arrays, why
 from wbc.validate import Array
 
 DELIMITERS = (",", ";", "\t")
@@ -97,8 +97,7 @@ def _check_file(path: Path) -> None:
 
 
 def _unreadable(path: Path, error: Exception) -> RecordingError:
-    reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-    return RecordingError(f"cannot be read: {shortened(reason, 200)}", str(path))
+    return RecordingError(f"cannot be read: {shortened(why(error), 200)}", str(path))
 
 
 # ---------------------------------------------------------------------- CSV

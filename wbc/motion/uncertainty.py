@@ -121,7 +121,7 @@ def propagated(pendulum: Pendulum, moving: SmoothMotion, noise: FilteredNoise) -
         inertia = covariance[:, INERTIA, INERTIA]
         found["second_moments"][frames] = _deviations(_of_moments(axes.axes[frames]), inertia)
         found["spin"][frames] = _deviations(
-            _of_spin(pendulum.whole, frames), covariance[:, 3:21, 3:21]
+            _of_spin(pendulum.whole, frames), covariance[:, SPINNING, SPINNING]
         )
         inner = frames.start + np.flatnonzero(pushing[frames])
         if len(inner):

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError
-from wbc.files import write_text
+from wbc.files import why, write_text
 from wbc.rmp.pendulum import ReactionMassPendulum
 from wbc.validate import Array
 
@@ -116,7 +116,7 @@ def compile_c(source: str | Path, compiler: str = "cc") -> Path:
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     except OSError as error:
-        raise CompilerError(f"cannot run the C compiler {compiler!r}: {error.strerror}") from error
+        raise CompilerError(f"cannot run the C compiler {compiler!r}: {why(error)}") from error
     if done.returncode:
         raise CompilerError(f"{compiler} failed on {source.name}:\n{done.stderr.strip()}")
     return library

@@ -67,10 +67,13 @@ class PassiveForces:
             {joint: curve for joint, curve in self.curved_damping.items() if joint in names},
         )
 
-    def forces(self, model: pin.Model, limits: JointLimits, q: Array, v: Array) -> Array:
+    def forces(
+        self, model: pin.Model, limits: JointLimits, q: Array, v: Array, placed: pin.Data | None
+    ) -> Array:
         """Return the generalised forces (nv,) [N, N m] at ``q`` (nq,) and ``v`` (nv,).
 
         They stand on the side of the torques: M a + bias = S' tau + J' f + forces - friction.
+        ``placed`` holds the joints' placements at q, and has to be given where there are lifts.
         """
         found = np.zeros(model.nv)
         positions = limits.joint_positions(q)
@@ -82,13 +85,12 @@ class PassiveForces:
         for joint, (b1, b2) in self.curved_damping.items():
             k = BASE_NV + limits.names.index(joint)
             found[k] -= v[k] * (b1 * abs(v[k]) + b2 * v[k] * v[k])
-        if self.lifts:
-            found += self._lifted(model, q)
+        if placed is not None:
+            found += self._lifted(model, placed)
         return read_only(found)
 
-    def _lifted(self, model: pin.Model, q: Array) -> Array:
-        data = model.createData()
-        pin.computeJointJacobians(model, data, q)
+    def _lifted(self, model: pin.Model, data: pin.Data) -> Array:
+        pin.computeJointJacobians(model, data)  # at the placements that are in it
         gravity, found = np.array(model.gravity.linear), np.zeros(model.nv)
         for lift in self.lifts:
             frame = model.frames[_frame_of(model, lift)]

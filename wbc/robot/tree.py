@@ -239,13 +239,8 @@ class KinematicTree:
         dt, native = finite_number("dt", dt), self.native
         if (plain := native.reached(q, v, dt)) is not None:
             return plain
-        if native is not None:  # what was given in lists is rounded likewise
-            given = finite_array("q", q, (self.nq,), LARGEST), self.check_velocity(v)
-            if (plain := native.reached(*given, dt)) is not None:
-                return plain
-        step = self.check_velocity(v)
         # Lists and unpickled arrays: the same numbers, the same bits.
-        numbers = finite_array("q", q, (self.nq,), LARGEST)
+        numbers, step = finite_array("q", q, (self.nq,), LARGEST), self.check_velocity(v)
         if (plain := native.reached(numbers, step, dt)) is not None:
             return plain
         # What the core refuses is beyond the bounds, before or after: this says where.

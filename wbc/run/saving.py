@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.files import ending_of, write_text, write_whole
+from wbc.files import ending_of, write_arrays, write_text
 from wbc.validate import Array
 
 FORMATS = (".json", ".npz", ".csv")
@@ -53,8 +53,7 @@ def save_result(
     """
     match result_format(path):
         case ".npz":
-            entries: dict[str, Any] = {"summary": np.array(json_text(summary)), **arrays()}
-            write_whole(Path(path), lambda file: np.savez_compressed(file, **entries))
+            write_arrays(path, {"summary": np.array(json_text(summary)), **arrays()})
         case ".csv":
             write_text(path, _csv_text(columns()))
         case _:

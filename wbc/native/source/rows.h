@@ -18,8 +18,7 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
               double *bound);
 
 /* What curvature an inertia block of errors e leaves out, which evaluate does not count: add factor times
- * the sums of its rows' sizes to to (nv), stride apart; add it to H (nv, nv). work holds nv (nv + 12)
- * numbers. */
+ * the sums of its rows' sizes to to (nv), stride apart; add it to H (nv, nv). work holds WORK */
 void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
                        const double *frames, const double *e, double factor, double *work,
                        double *to, int64_t stride);

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.files import read_arrays, write_whole
+from wbc.files import read_arrays, write_arrays
 from wbc.rmp.plan.layout import lay_out
 from wbc.rmp.plan.plan import Plan, Stats
 from wbc.rmp.plan.problem import Pendulum, PlanProblem, Weights
@@ -68,8 +68,7 @@ def save_plan(plan: Plan, path: str | Path) -> Path:
     path = Path(path)
     if path.suffix != ".npz" or not path.parent.is_dir():
         raise InvalidInputError(f"{path}: a plan is written as .npz, into a folder that exists")
-    entries: dict[str, Any] = plan_arrays(plan)
-    write_whole(path, lambda file: np.savez_compressed(file, **entries))
+    write_arrays(path, plan_arrays(plan))
     return path
 
 

@@ -19,6 +19,7 @@ from wbc.robot.formats.mujoco_part import Names, RobotPart, robot_part
 from wbc.robot.formats.mujoco_shapes import read_shapes
 from wbc.robot.formats.mujoco_tree import base_of, build_tree, is_mounted, key_frames
 from wbc.robot.formats.xml import LARGEST, LARGEST_GEAR
+from wbc.robot.passive import PassiveForces
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
@@ -51,6 +52,7 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
     confirm_against(mujoco, model, part, names, tree, path)
     geometry, shape_notes = read_shapes(mujoco, model, part, names, compiled.lost)
     x, y, z, w = pin.Quaternion(base.rotation).coeffs()
+    passive = passive_forces(mujoco, model, part, names)
     return Description(
         name=compiled.name,
         path=path,
@@ -65,8 +67,8 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
         + compiled.notes
         + shape_notes
         + drive_notes(mujoco, model, part, names)
-        + _other_notes(mujoco, names, part, model, tree),
-        passive=passive_forces(mujoco, model, part, names),
+        + _other_notes(names, part, model, tree, passive),
+        passive=passive,
     )
 
 
@@ -87,10 +89,9 @@ def _check_sizes(model: Any, part: RobotPart, names: Names, path: Path) -> None:
 
 
 def _other_notes(
-    mujoco: Any, names: Names, part: RobotPart, model: Any, tree: pin.Model
+    names: Names, part: RobotPart, model: Any, tree: pin.Model, passive: PassiveForces
 ) -> tuple[str, ...]:
     notes = []
-    passive = passive_forces(mujoco, model, part, names)
     if passive.springs:
         notes.append(f"springs act on {listed(list(passive.springs))} (robot.passive_forces)")
     if passive.lifts:
