@@ -284,8 +284,6 @@ def test_random_ticks_of_one_level_agree_with_the_textbook(
 def test_random_ticks_of_priorities_agree_with_the_cascade(
     name: str, level: str, build: Build
 ) -> None:
-    if (name, level, build) == ("icub", "torque", three_levels):
-        pytest.xfail("a tick is relaxed, at torque bounds, where the cascade has an optimum")
     for seed in range(3):
         case = Case(load(name), LEVELS[level], np.random.default_rng([seed, 4]))
         build(case)
