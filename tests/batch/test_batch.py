@@ -98,6 +98,7 @@ def test_no_scheduler(campaign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         run_batch(load_campaign(campaign), cluster="tcp://127.0.0.1:9")
 
 
+@pytest.mark.slow
 def test_a_worker_of_another_version_is_refused(
     campaign: Path, cluster: LocalCluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -36,6 +36,7 @@ def test_a_margin_that_raw_shapes_break_is_found(bolt: Robot) -> None:
     assert meeting > 0
 
 
+@pytest.mark.slow
 def test_the_nearest_pair_is_that_of_all_distances(bolt: Robot) -> None:
     raw = library_robots.RawShapes(bolt, SelfCollision(bolt, margin=0.01))
     random = np.random.default_rng(4)

@@ -55,6 +55,7 @@ def test_no_rule_is_broken() -> None:
     assert sum(record.faults.values()) > 0.02 * TICKS
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_where_it_was_killed(tmp_path: Path) -> None:
     whole, path = Record(seed=5), tmp_path / "soak.json"
     for number in range(2):

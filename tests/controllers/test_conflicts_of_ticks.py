@@ -46,6 +46,7 @@ def test_conflicts_of_wild_ticks_are_true_with_every_backend(
     assert conflicts_of(robot_named("hoap2_like"), formulation, solver, 40) >= LEAST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("formulation", ["equality", "reduced"])
 def test_conflicts_of_wild_ticks_are_true_in_both_formulations(
     robot_named, formulation: str

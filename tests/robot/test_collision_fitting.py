@@ -117,6 +117,7 @@ def test_every_vertex_of_a_robot_is_inside(name: str, fit: str, robot_named, mon
         assert 0.0 <= body.bulge < 0.2
 
 
+@pytest.mark.slow
 def test_parts_do_not_depend_on_the_last_bits(robot_named, rng, monkeypatch) -> None:
     """Parts that share a corner are as near as each other: rounding must not say which is cut."""
     robot: Robot = robot_named("icub")
@@ -168,11 +169,11 @@ def test_cylinders_and_boxes(fit: str, robot_named) -> None:
 def test_the_cache_gives_the_same_and_survives_damage(tmp_path: Path, monkeypatch, rng) -> None:
     monkeypatch.setenv(fitting.CACHE_VARIABLE, str(tmp_path))
     points = rng.normal(size=(60, 3))
-    calls = []
+    fit, calls = fit_capsule(points), []
 
     def counted(cloud):
         calls.append(1)
-        return fit_capsule(cloud)
+        return fit
 
     first = fitting.cached_fit("test", counted, points)
     again = fitting.cached_fit("test", counted, points)

@@ -196,6 +196,7 @@ def test_pairs_asked_for_in_turn_are_measured_anew(robot_named, random_snapshot,
         assert found.normal.shape == found.point.shape == (size, 3)
 
 
+@pytest.mark.slow
 def test_distances_depend_on_the_posture_alone(robot_named, rng) -> None:
     """Not on what was measured before, between parallel faces least of all: bit for bit."""
     robot = robot_named("g1_27")

@@ -243,6 +243,7 @@ def test_a_copy_of_bodies_that_coal_measures(how) -> None:
     np.testing.assert_array_equal(near, again)
 
 
+@pytest.mark.slow
 def test_more_pairs_are_asked_for_at_once_while_many_bodies_touch(rng, monkeypatch) -> None:
     """What was found to be too few is not asked for first in the next look; found is the same."""
     robot = loaded("icub")

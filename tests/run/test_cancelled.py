@@ -3,12 +3,15 @@
 from itertools import count
 from pathlib import Path
 
+import pytest
+
 from wbc.problem import load_problem
 from wbc.run import RunStatus
 
 SMALL = Path(__file__).parents[1] / "problem" / "global_small.yaml"
 
 
+@pytest.mark.slow
 def test_on_the_way_to_the_best_posture_the_search_is_kept() -> None:
     asked = count(1)
     ended = load_problem(SMALL).run(cancelled=lambda: next(asked) >= 15)

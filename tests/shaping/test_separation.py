@@ -102,6 +102,7 @@ def test_answers_do_not_depend_on_who_searched(robot_named) -> None:
         assert one.iterations == other.iterations
 
 
+@pytest.mark.slow
 def test_hulls_take_more_corners_as_they_need_them(robot_named) -> None:
     """Prisms of 32 corners for cylinders: none of the pairs in the program needs them all."""
     robot = robot_named("hoap2_like")

@@ -31,6 +31,7 @@ def assert_within_limits(robot: Robot, q: np.ndarray, margin: float = 0.0) -> No
     assert (joints <= robot.limits.upper - margin + 1e-9).all()
 
 
+@pytest.mark.slow
 def test_no_worse_than_scipy_and_not_to_be_improved(robot_named) -> None:
     """Fifteen L-BFGS-B searches from random postures, and one more from the answer itself."""
     robot = robot_named("hoap2_like")
@@ -69,6 +70,7 @@ def test_no_worse_than_scipy_and_not_to_be_improved(robot_named) -> None:
     np.testing.assert_array_equal(best.q[:7], q[:7])  # the base does not matter here
 
 
+@pytest.mark.slow
 def test_standing_on_both_feet_inside_the_polygon(robot_named) -> None:
     robot = robot_named("g1_27")
     q = robot.posture()
@@ -110,6 +112,7 @@ def test_standing_on_both_feet_inside_the_polygon(robot_named) -> None:
     assert inside[0] == pytest.approx(margin + 1e-4, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_free_base_turns_to_world_axes_and_to_principal_ones(robot_named) -> None:
     """In world axes a floating robot can do what it can for principal moments, and no more."""
     robot = robot_named("hoap2_like")

@@ -199,6 +199,7 @@ def test_the_log_of_another_campaign_is_refused_by_what_differs(tmp_path: Path) 
         CampaignLog(path, MADE_OF)
 
 
+@pytest.mark.slow
 def test_after_a_kill_it_goes_on_and_no_process_is_left(tmp_path: Path) -> None:
     """SIGKILL in the midst: the processes end by themselves, and what was done is not redone."""
     log = tmp_path / "log"

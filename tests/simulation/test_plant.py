@@ -178,6 +178,7 @@ def test_a_push_beside_the_com_turns_the_robot(load: Load) -> None:
     np.testing.assert_allclose(turned, expected, atol=0.005 * np.abs(expected).max())  # it moves
 
 
+@pytest.mark.slow
 def test_same_input_same_bits(load: Load, rng: np.random.Generator) -> None:
     robot = load("g1")
     plant, ends = Plant(robot), []
@@ -272,6 +273,7 @@ def test_a_step_carries_the_foot_that_stands_on_it(load: Load) -> None:
     assert sum(plant.contact_forces.values())[2] == pytest.approx(9.81 * robot.mass, rel=0.02)
 
 
+@pytest.mark.slow
 def test_an_arm_stops_at_the_body_if_links_may_meet(load: Load) -> None:
     """An arm that is driven across the body goes through it by default, as it says."""
     robot, ends = load("g1"), []
@@ -294,6 +296,7 @@ def test_an_arm_stops_at_the_body_if_links_may_meet(load: Load) -> None:
     assert ends[1] > ends[0] + 0.3
 
 
+@pytest.mark.slow
 def test_links_that_may_meet_do_not_when_standing(load: Load) -> None:
     for name in ("g1", "hoap2_like"):
         robot = load(name)

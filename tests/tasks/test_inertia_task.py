@@ -187,6 +187,7 @@ def task_target(task: InertiaTask) -> np.ndarray:
     return np.array(task.target)[[0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(3, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["floating", "double"])
 @pytest.mark.parametrize("name", ["hoap2_like", "g1"])
 @pytest.mark.parametrize("factors", [(3.0, 3.0, 3.0), (3.0, 3.0, 0.05), (0.3, 0.3, 0.3)])

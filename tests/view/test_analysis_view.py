@@ -77,6 +77,7 @@ def test_no_text_overlaps(still: RmpSeries, snapshots: int) -> None:
             assert not box.overlaps(another), f"{name!r} over {other!r}"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_flight_and_no_feet(tmp_path: Path) -> None:
     flying = series_of(0.2, None)

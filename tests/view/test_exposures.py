@@ -55,6 +55,7 @@ def test_robots_stand_where_they_were(robot: Robot, walk: dict[str, Array]) -> N
     assert not scene.glass
 
 
+@pytest.mark.slow
 def test_names_stand_above_the_robots_in_their_order(
     robot: Robot, walk: dict[str, Array], tmp_path: Path
 ) -> None:

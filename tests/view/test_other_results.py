@@ -81,6 +81,7 @@ def test_a_saved_simulation_knows_its_terrain(simulated: SimulationResult, tmp_p
             load_result(tmp_path / "bad.npz")
 
 
+@pytest.mark.slow
 def test_a_report_of_a_simulation_says_what_only_physics_knows(
     simulated: SimulationResult,
 ) -> None:

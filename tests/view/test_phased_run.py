@@ -97,6 +97,7 @@ def test_a_single_tick_is_drawn(robot: Robot, run: Run) -> None:
     assert plots(figure)[0].texts[0].get_text() == "least 30.0 mm"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_without_feet_there_is_no_plot_of_balance(robot: Robot, run: Run) -> None:
     for balance in (None, np.full(31, np.nan)):

@@ -98,6 +98,7 @@ def test_without_pushes_the_robot_is_drawn_now_and_then(robot: Robot, arrays: Ar
     assert {f"t = {t:.2f} s" for t in (0.0, 0.5, 1.0, 1.5, 2.0)} <= titles
 
 
+@pytest.mark.slow
 def test_the_ground_is_that_of_the_simulation(
     robot: Robot, arrays: Arrays, monkeypatch: pytest.MonkeyPatch
 ) -> None:

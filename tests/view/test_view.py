@@ -139,12 +139,14 @@ def test_inertias_of_the_history_are_used_if_given(robot: Robot, run: Run) -> No
     )
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_a_run_of_one_tick(robot: Robot, run: Run, tmp_path: Path) -> None:
     path = plot_run(robot, Run(run.time[:1], run.q[:1], {}), tmp_path / "one.PNG", title="one tick")
     assert path.read_bytes().startswith(MAGIC[".png"])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_robots_side_by_side(robot: Robot, tmp_path: Path) -> None:
     q = robot.postures["standing"]
@@ -161,6 +163,7 @@ def test_robots_side_by_side(robot: Robot, tmp_path: Path) -> None:
     assert height == pytest.approx((single.get_figheight() - less) * single.dpi, abs=3)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_the_same_run_gives_the_same_file(robot: Robot, run: Run, tmp_path: Path) -> None:
     short = Run(run.time[:2], run.q[:2], {"inertia": run.errors["inertia"][:2]})
@@ -281,6 +284,7 @@ def test_matplotlib_is_left_as_it_was() -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_a_figure_of_many_is_no_wider_than_one_of_three() -> None:
     """Eight side by side were 29 inches across, and no text could be read on a page."""
     robot = Robot.load("hoap2_like")

@@ -232,6 +232,7 @@ def test_toward_corners_both_motors_work() -> None:
     assert survives(swift, 1.04 * one_motor * limits.directions[2])
 
 
+@pytest.mark.slow
 def test_a_margin_of_the_cop_is_kept_and_costs_what_theory_says() -> None:
     law, limits = body("g1")
     bounds = replace(law.bounds, cop_margin=0.01)
@@ -247,6 +248,7 @@ def test_a_margin_of_the_cop_is_kept_and_costs_what_theory_says() -> None:
         MomentumQp(law.model, replace(law.bounds, cop_margin=0.05), edge, law.radii, dt=DT)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.5, 0.93])
 def test_left_and_right_are_mirror_images(share: float) -> None:
     law, limits = body("g1")

@@ -101,6 +101,7 @@ def test_rate_of_the_wheel_goes_to_zero() -> None:
     assert lean_of(run)[-1] < 1e-6
 
 
+@pytest.mark.slow
 def test_the_rate_of_the_wheel_is_bounded() -> None:
     """7 rad/s, where the leg alone swings through with 6.6; without a bound it reaches 11."""
     law, q = make("humanoid", 0.14, rate=7.0, dt=1e-3)
@@ -136,6 +137,7 @@ def test_the_unstable_part_moves_as_derived() -> None:
         assert law.energy(q, v) == pytest.approx(s * (s - 4 * math.sin(x / 2)) / 2, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_region_of_attraction() -> None:
     """From anywhere with |s| below half the torque ratio the catch succeeds, with any momentum;
     above the ratio, leaning, full torque is not enough: the leg falls through."""

@@ -26,6 +26,7 @@ def test_examples_are_in_order_between_knots(name: str, planned: Planned) -> Non
     assert seen.ok, seen.report()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FLIGHTS)
 def test_flight_is_a_parabola_with_constant_momentum_and_energy(
     name: str, planned: Planned

@@ -113,6 +113,7 @@ def test_a_plan_that_cannot_be_names_what_is_in_the_way() -> None:
     assert check(error.attempt).defect < 1e-6  # it is a motion
 
 
+@pytest.mark.slow
 def test_warm_start_takes_fewer_iterations_also_for_other_numbers() -> None:
     cold = solve(push_recovery(9.0))
     again = solve(push_recovery(9.0), warm=cold)

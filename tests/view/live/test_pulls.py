@@ -25,6 +25,7 @@ def placed(robot: Robot, q: np.ndarray) -> np.ndarray:
     return np.asarray(data.oMf[robot.model.getFrameId(HAND)].act(POINT))
 
 
+@pytest.mark.slow
 def test_a_pull_is_a_spring_until_it_is_let_go(tmp_path: Path) -> None:
     one = simulated_problem(tmp_path, "{duration: 0.2}")
     robot = one.parts.robot

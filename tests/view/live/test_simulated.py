@@ -35,6 +35,7 @@ def test_a_push_from_the_page_is_one_of_the_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(forces.sum(axis=0) * 0.002, IMPULSE, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_fall_is_said_and_restart_begins_again(tmp_path: Path) -> None:
     one = simulated_problem(tmp_path, "{duration: 0.2}")
     viewer = Watched()

@@ -37,6 +37,7 @@ def test_the_page_is_served_on_this_machine_only(viewer: Viewer, robot: wbc.Robo
     assert not viewer.error
 
 
+@pytest.mark.slow
 def test_the_page_is_told_of_the_terrain(robot: wbc.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """By a viewer, and by what shows a run while it is simulated."""
     told: list[Setup] = []

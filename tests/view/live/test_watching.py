@@ -103,6 +103,7 @@ def test_a_replay_takes_the_place_of_what_was_seen(
     assert held == [6, 4]
 
 
+@pytest.mark.slow
 def test_a_viewer_that_may_not_steer_leaves_tasks_alone() -> None:
     robot = wbc.Robot.load("hoap2_like")
     start = robot.snapshot(robot.posture("standing"))

@@ -167,6 +167,7 @@ def test_plots_know_where_time_runs(result: Result, page: str) -> None:
         assert base64.b64decode(plot["png"]).startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_by_the_command_line(result: Result, tmp_path: Path) -> None:
     result.save(tmp_path / "r.npz")
     command = ["report", str(tmp_path / "r.npz"), "-o"]
