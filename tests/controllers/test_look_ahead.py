@@ -17,7 +17,7 @@ from wbc.controllers.look_ahead import (
 )
 from wbc.controllers.outcome import Outcome
 from wbc.controllers.slack import Slacks
-from wbc.laws import Rows
+from wbc.laws import Residual, Rows
 from wbc.qp import Status
 from wbc.qp.solution import Conflict, ConflictRow, KktResiduals, Solution
 from wbc.robot import Robot
@@ -58,6 +58,16 @@ class Slow(Constraint):
         return Bounds((f"speed {k}",), matrix, -bound, bound)
 
 
+class OwnPosture(PostureTask):
+    """A posture in Python, which counts how often it is asked."""
+
+    asked = 0
+
+    def residual(self, snapshot) -> Residual:
+        type(self).asked += 1
+        return super().residual(snapshot)
+
+
 def moving(
     robot: Robot, constraint: Slow, joint: str, deadline: float | None = None
 ) -> KinematicController:
@@ -88,6 +98,22 @@ def test_cuts_are_added_until_the_place_is_good(robot) -> None:
     k = robot.joint_index("left_elbow_pitch")
     assert tick.active == (f"speed {k}",)
     assert tick.qp.labels.inequality == ("nothing", f"speed {k}")
+
+
+def test_a_task_in_python_is_asked_once_in_a_tick_of_several_rounds(robot) -> None:
+    constraint = Slow(robot, 0.5, useful=True)
+    here = robot.snapshot(robot.posture("standing"))
+    constraint.start = here.q
+    task = OwnPosture(robot, robot.posture("standing", {"left_elbow_pitch": -0.2}, on_ground=False))
+    limits = Limits(robot, acceleration=1e4)
+    control = KinematicController(robot, [task], limits=limits, constraints=[constraint], dt=DT)
+    plain = moving(robot, constraint, "left_elbow_pitch").step(here)
+    control.step(here)  # the first finds out what the task returns
+    constraint.tried, OwnPosture.asked = [], 0
+    tick = control.step(here)
+    assert len(constraint.tried) == 2
+    assert OwnPosture.asked == 1
+    np.testing.assert_allclose(tick.velocity, plain.velocity, atol=1e-9)
 
 
 def test_where_cuts_are_in_vain_a_part_is_commanded(robot) -> None:

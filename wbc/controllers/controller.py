@@ -12,8 +12,8 @@ and at the torque level the last forces and the ramps of those that come and go.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
 from time import perf_counter
 from typing import Any
 
@@ -51,6 +51,7 @@ from wbc.validate import Array, finite_number, read_only, time_step
 
 # How contacts are treated: as equality rows, which the core eliminates; both are the same now.
 FORMULATIONS = ("equality", "reduced")
+PythonRowsOf = Callable[[CorePlan], list[PythonRows]]
 
 
 class Controller(DeclaredAttributes, ABC):
@@ -222,7 +223,8 @@ class Controller(DeclaredAttributes, ABC):
             if found is not None and found.solved:
                 return self._command(snapshot, found)
         if self._margins_in_core or not self.constraints:
-            outcome = self._solve(snapshot, self._core, None, None, begun, found)
+            given = self._rows_once(snapshot)
+            outcome = self._solve(snapshot, self._core, None, None, begun, given, found)
             if outcome.solved or not self._margins_in_core:
                 return self._answer(snapshot, outcome, [])
         # Constraints in Python; or the core's margin has no answer, or one that leads inside.
@@ -237,22 +239,23 @@ class Controller(DeclaredAttributes, ABC):
         bounds: Bounds | None,
         box: Box | None,
         begun: float,
+        given: PythonRowsOf,
         found: CoreTick | None = None,
     ) -> Outcome:
         """Return what comes of all levels, with inequality rows of constraints in Python.
 
-        ``box``: on v+, of an earlier round of this tick; None in the first.
+        ``box``: on v+, of an earlier round of this tick; None in the first. ``given``: the rows of
+        tasks in Python, which are the same in all rounds.
         """
         levels = self._levels
         if not levels.braked:
             box = None  # that of the limits, in each round
         simple = box is None and not levels.looked_into
         if found is None:
-            given = self._python_rows(plan, snapshot)
-            found = plan.tick(snapshot, given, bounds, self._ramped, begun, simple)
+            found = plan.tick(snapshot, given(plan), bounds, self._ramped, begun, simple)
             if found is None:
-                plan = self._planned_anew(plan, given)
-                return self._solve(snapshot, plan, bounds, box, begun)
+                plan = self._planned_anew(plan, given(plan))
+                return self._solve(snapshot, plan, bounds, box, begun, given)
         if found.solved:
             return Outcome(found)
         hurried = self._is_over(begun)
@@ -260,7 +263,7 @@ class Controller(DeclaredAttributes, ABC):
         if not outcome.solved and box is None and levels.braked:
             wider = levels.relaxed_box(found, snapshot)
             if wider is not None:
-                return self._solve(snapshot, plan, bounds, wider, begun)
+                return self._solve(snapshot, plan, bounds, wider, begun, given)
         return outcome
 
     @property
@@ -288,6 +291,10 @@ class Controller(DeclaredAttributes, ABC):
     def _is_over(self, begun: float) -> bool:
         """Whether the deadline of a tick that began then is over."""
         return self.deadline is not None and perf_counter() - begun > self.deadline
+
+    def _rows_once(self, snapshot: Snapshot) -> PythonRowsOf:
+        """Return what works a plan's rows in Python out, once in a tick."""
+        return cache(lambda plan: self._python_rows(plan, snapshot))
 
     def _python_rows(self, plan: CorePlan, snapshot: Snapshot) -> list[PythonRows]:
         """Return the rows of tasks and contacts that the core does not know."""
@@ -381,9 +388,10 @@ class Controller(DeclaredAttributes, ABC):
         self, snapshot: Snapshot, margins: MarginRows, begun: float
     ) -> tuple[Outcome, list[Bounds]]:
         """Return the outcome with margins kept where it leads, and the rows that it took."""
+        given = self._rows_once(snapshot)
 
         def solve(bounds: Bounds | None, box: Box | None) -> Outcome:
-            return self._solve(snapshot, self._marginless, bounds, box, begun)
+            return self._solve(snapshot, self._marginless, bounds, box, begun, given)
 
         def held() -> list[Rows]:
             qp = self._set_up(snapshot, begun).views

@@ -264,8 +264,10 @@ class TorqueController(Controller):
     ) -> tuple[Outcome, list[Bounds]]:
         within_reach = [reachable_rows(part, snapshot.v, self.dt) for part in margins.parts]
 
+        given = self._rows_once(snapshot)
+
         def solve(bounds: Bounds | None, box: Box | None) -> Outcome:
-            return self._solve(snapshot, self._marginless, bounds, box, begun)
+            return self._solve(snapshot, self._marginless, bounds, box, begun, given)
 
         # No part of a step is safer than all of it.
         margins = margins._replace(parts=within_reach)
