@@ -43,7 +43,7 @@ def simulated(problem: Problem) -> tuple[SimulationResult, np.ndarray]:
     plant = problem.plant()
     forces = every_step(plant)
     result = run_trial(
-        problem.leader(plant),
+        problem.supervisor(plant),
         plant,
         Stop(**problem.spec.whole_stop.model_dump()),
         falls=FallLimits(**problem.spec.simulation.falls),

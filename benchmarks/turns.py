@@ -141,10 +141,10 @@ def corrected(axis: str, physics_dt: float) -> str:
     problem = torque_problem(axis, physics_dt)
     robot, start = problem.parts.robot, problem.parts.start
     plant = problem.plant()
-    leader = problem.leader(plant)
+    supervisor = problem.supervisor(plant)
     for tick in range(round(problem.spec.whole_stop.duration / plant.dt)):
         snapshot = plant.snapshot()
-        controller = leader.update(tick, snapshot)
+        controller = supervisor.update(tick, snapshot)
         assert controller is not None
         plant.step(controller.step(snapshot).torque)
     goal = rotation_from(start[3:7]) @ exp_rotation(0.5 * np.pi * np.eye(3)["xyz".index(axis)])
@@ -162,7 +162,7 @@ def corrected(axis: str, physics_dt: float) -> str:
     path = next(task for task in problem.parts.tasks if task.name == "path")
     for tick in range(round((rounds.duration + SETTLES) / plant.dt)):
         path.set_target(*rounds.at(tick * plant.dt))
-        plant.step(leader.controller.step(plant.snapshot()).torque)
+        plant.step(supervisor.controller.step(plant.snapshot()).torque)
     first, second = (np.round(turned(q, start), 3) for q in (before, plant.snapshot().q))
     return f"turned by {first} degrees, with one more round by {second}"
 

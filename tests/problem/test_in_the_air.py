@@ -245,7 +245,7 @@ def test_a_fall_of_30_cm_is_landed_softly(seed: int | None) -> None:
     plant.step = step_by_step  # type: ignore[method-assign, assignment]
     falls = FallLimits(**one.spec.simulation.falls)
     stop = Stop(**one.spec.whole_stop.model_dump())
-    result = run_trial(one.leader(plant), plant, stop, falls=falls)
+    result = run_trial(one.supervisor(plant), plant, stop, falls=falls)
     assert result.status.good, result.reason
     model, arrays = one.parts.robot.model, result.arrays
     phase = result.run.history.phase

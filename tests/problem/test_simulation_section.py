@@ -11,7 +11,7 @@ from tests.texts import STAND
 from wbc.errors import InvalidInputError
 from wbc.problem import Problem, load_problem
 from wbc.problem.simulation_spec import turned_with
-from wbc.run.standing import off_the_ground
+from wbc.run.phase_support import off_the_ground
 from wbc.simulation import SimulationStatus, capture_impulse
 
 PUSHED = (

@@ -13,7 +13,7 @@ from wbc.motion import read_motion
 from wbc.problem import load_problem
 from wbc.robot.collision import Capsule, HalfSpace, Hull, Obstacle
 from wbc.run import Result
-from wbc.run.surroundings import ObstacleTrack, obstacles_of, place_of
+from wbc.run.obstacles import ObstacleTrack, obstacles_of, place_of
 
 REACH = """\
 robot: hoap2_like

@@ -25,8 +25,8 @@ from wbc.constraints.rows import Bounds
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import skew
-from wbc.tasks.returned import residual_of
 from wbc.tasks.task import Task
+from wbc.tasks.validation import residual_of
 from wbc.validate import Array, read_only
 
 # A contact with less normal force than this [N] has no CoP worth speaking of.

@@ -24,7 +24,7 @@ from wbc.constraints.collision import SelfCollision
 from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Bounds, Constraint
-from wbc.controllers import parts
+from wbc.controllers import checks
 from wbc.controllers.blocks import PythonRows
 from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.contact_forces import NO_RAMPS
@@ -45,8 +45,8 @@ from wbc.errors import InvalidInputError
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, backend_of
 from wbc.robot import Robot, Snapshot
-from wbc.tasks.returned import deviation_of, residual_of
 from wbc.tasks.task import Task
+from wbc.tasks.validation import deviation_of, residual_of
 from wbc.validate import Array, finite_number, read_only, time_step
 
 # How contacts are treated: as equality rows, which the core eliminates; both are the same now.
@@ -118,7 +118,7 @@ class Controller(DeclaredAttributes, ABC):
     _core: CorePlan
     _second: CorePlan | None
 
-    _fixed = parts.PLANNED
+    _fixed = checks.PLANNED
     _policies: tuple[str, ...] = POLICIES
     _bears = False  # whether the level decides forces
     _going_slack: Mapping[str, float] = NO_SLACK  # of contacts that are leaving
@@ -146,15 +146,15 @@ class Controller(DeclaredAttributes, ABC):
         on_failure: str = "hold",
         deadline: float | None = None,
     ) -> None:
-        contacts, slack = parts.held_by(robot, contacts), NO_SLACK if slack is None else slack
+        contacts, slack = checks.held_by(robot, contacts), NO_SLACK if slack is None else slack
         self.robot, self.limits = robot, limits
         self._take(tasks, contacts, constraints, slack)
         self.dt = time_step("controller", dt)
         self.damping = finite_number("controller, damping", damping, above=0.0)
         self.joint_weights = weights_of(robot, joint_weights)
         self.backend = backend_of(solver)
-        self.formulation = parts.one_of("formulation", formulation, FORMULATIONS)
-        self.on_failure = parts.one_of("failure policy", on_failure, self._policies)
+        self.formulation = checks.one_of("formulation", formulation, FORMULATIONS)
+        self.on_failure = checks.one_of("failure policy", on_failure, self._policies)
         self._rest = bytes(8 * robot.nv)  # a velocity of 0
         self._missing_velocity = MissingVelocity(self.dt, damped=self._bears)
         if deadline is not None:
@@ -185,7 +185,7 @@ class Controller(DeclaredAttributes, ABC):
 
     def set_contacts(self, contacts: Sequence[Task]) -> None:
         """Change what is held: :meth:`change` for contacts alone."""
-        parts.check_list("contacts", contacts, Task)  # None would leave them as they are
+        checks.check_list("contacts", contacts, Task)  # None would leave them as they are
         self.change(contacts=contacts)
 
     def step(self, snapshot: Snapshot) -> Tick:
@@ -200,11 +200,11 @@ class Controller(DeclaredAttributes, ABC):
             The QP has no solution and the policy is ``raise``.
         """
         if type(snapshot) is not Snapshot or snapshot.robot is not self.robot:
-            parts.check_snapshot(self.robot, snapshot)
+            checks.check_snapshot(self.robot, snapshot)
         try:
             tick = self._step(snapshot)
         except (AttributeError, IndexError, InvalidInputError, TypeError, ValueError):
-            parts.look_closely(snapshot, self.dt, self._motion, self.contacts, self.constraints)
+            checks.look_closely(snapshot, self.dt, self._motion, self.contacts, self.constraints)
             raise
         measured, limits = snapshot.measured, self.limits
         if limits is not None:
@@ -348,11 +348,11 @@ class Controller(DeclaredAttributes, ABC):
         slack: Mapping[str, float],
     ) -> None:
         """Check all parts, and take over all but the contacts."""
-        parts.check_parts(self.robot, tasks, contacts, self.limits, constraints, slack)
+        checks.check_parts(self.robot, tasks, contacts, self.limits, constraints, slack)
         if tasks is not self.__dict__.get("tasks"):
-            parts.refuse_idle(tasks)
-            parts.say_unused_gains(tasks, self._bears)
-        kinds = parts.motion_and_forces(tasks, type(self).__name__, self._bears)
+            checks.refuse_idle(tasks)
+            checks.say_unused_gains(tasks, self._bears)
+        kinds = checks.motion_and_forces(tasks, type(self).__name__, self._bears)
         self._motion, self._force_tasks = kinds
         self.__dict__.update(tasks=tuple(tasks), constraints=tuple(constraints))
         self._slack = dict(slack)

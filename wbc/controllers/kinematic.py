@@ -16,8 +16,8 @@ from wbc.laws import Residual, Rows
 from wbc.qp.least_infeasible import least_infeasible
 from wbc.robot import Snapshot
 from wbc.robot.tree import LARGEST
-from wbc.tasks.returned import rows_of
 from wbc.tasks.task import Task
+from wbc.tasks.validation import rows_of
 from wbc.validate import Array
 
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
-from wbc.constraints.returned import bounds_of, cuts_of
 from wbc.constraints.rows import Bounds, Constraint, relax_for_contacts, stack
+from wbc.constraints.validation import bounds_of, cuts_of
 from wbc.controllers.outcome import Box, Outcome
 from wbc.controllers.slack import Slacks
 from wbc.laws import Rows

@@ -19,6 +19,8 @@ import numpy as np
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.blocks import PythonRows
+from wbc.controllers.bounded_margins import reachable_rows
+from wbc.controllers.checks import ANOTHER, PLANNED, check_parts
 from wbc.controllers.closed_loop import ticks_of
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.controller import Controller
@@ -31,9 +33,7 @@ from wbc.controllers.force_rows import TorqueRows
 from wbc.controllers.joint_weights import JointWeights
 from wbc.controllers.look_ahead import MarginRows, solve_with_cuts
 from wbc.controllers.outcome import Box, Outcome
-from wbc.controllers.parts import ANOTHER, PLANNED, check_parts
 from wbc.controllers.plan import Decision
-from wbc.controllers.reachable import reachable_rows
 from wbc.controllers.relaxation import Physical, given_way, relaxed_qp
 from wbc.controllers.tick import RELAX, Tick
 from wbc.controllers.torque_tick import TorqueTick
@@ -42,8 +42,8 @@ from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, doubt_at_torque_level
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
-from wbc.tasks.returned import drift_of, rows_of
 from wbc.tasks.task import Task
+from wbc.tasks.validation import drift_of, rows_of
 from wbc.validate import Array, finite_number, read_only
 
 BASE_FORCES = tuple(f"dynamics {row}" for row in ("fx", "fy", "fz", "mx", "my", "mz"))

@@ -13,7 +13,7 @@ from wbc.gait.command import Velocity
 from wbc.gait.given import Landing
 from wbc.gait.walker import Walker
 from wbc.robot import Snapshot
-from wbc.run.standing import PhaseSupport
+from wbc.run.phase_support import PhaseSupport
 from wbc.tasks import Task
 from wbc.validate import Array, finite_number
 
@@ -29,7 +29,7 @@ class TimedCommand(NamedTuple):
 
 
 class CommandedWalk:
-    """Leads a simulation by a walker and a schedule; see :class:`wbc.run.leader.Leader`.
+    """Leads a simulation by a walker and a schedule; see :class:`wbc.run.supervisor.Supervisor`.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from wbc.constraints import Limits
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Constraint
-from wbc.controllers.parts import check_snapshot
+from wbc.controllers.checks import check_snapshot
 from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.gait.command import Admitted, CommandLimits, Velocity

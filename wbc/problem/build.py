@@ -15,12 +15,12 @@ from wbc.constraints import Constraint, Contact, Limits, Obstacles
 from wbc.constraints.margin import SKIN
 from wbc.controllers.joint_weights import moved_by
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.problem.components import Parts
 from wbc.problem.constraint_spec import surroundings
 from wbc.problem.controller_spec import GlobalSpec, SolverSettings
 from wbc.problem.global_search import check_global, global_shaping
 from wbc.problem.levels import REMEDY, TORQUE, check_level
 from wbc.problem.mistakes import Mistakes
-from wbc.problem.parts import Parts
 from wbc.problem.plan import plan
 from wbc.problem.plan_targets import check_loops, follow_plan
 from wbc.problem.robot_spec import RobotSpec
@@ -30,9 +30,9 @@ from wbc.problem.spec import ProblemSpec
 from wbc.problem.support import check_said, check_stands, contacts_of, slack_by_frame
 from wbc.problem.walk import WalkSpec, walker_of
 from wbc.robot import Snapshot
+from wbc.run.phase_support import held_feet
 from wbc.run.phases import Phase
 from wbc.run.ramps import TargetedTask
-from wbc.run.standing import held_feet
 
 MAX_TICKS = 1_000_000
 OVERLAP = 0.05  # m: simple shapes may stick out of the bodies that they stand for by less

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from wbc.constraints import ComSupport, Contact, Limits
 from wbc.errors import InvalidInputError
+from wbc.problem.components import Parts
 from wbc.problem.controller_spec import GlobalSpec
 from wbc.problem.mistakes import Misplaced, Mistakes
-from wbc.problem.parts import Parts
 from wbc.problem.spec import ProblemSpec
 from wbc.robot import Snapshot
-from wbc.run.standing import held_feet
+from wbc.run.phase_support import held_feet
 
 if TYPE_CHECKING:
     from wbc.shaping import GlobalShaping

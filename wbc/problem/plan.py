@@ -26,9 +26,9 @@ from wbc.problem.support import contacts_of, slack_by_frame
 from wbc.problem.targets import FromPlan
 from wbc.problem.task_spec import TaskSpec
 from wbc.robot import Snapshot
+from wbc.run.phase_support import PhaseSupport, carrier, held_joints, off_the_ground, touchdowns
 from wbc.run.phases import Change, Phase
 from wbc.run.ramps import TargetedTask
-from wbc.run.standing import PhaseSupport, carrier, held_joints, off_the_ground, touchdowns
 
 
 def single_phase(spec: ProblemSpec, built: Mapping[str, TargetedTask]) -> Phase:

@@ -16,8 +16,8 @@ from wbc.problem.spec import ProblemSpec
 from wbc.problem.support import contacts_of
 from wbc.problem.targets import FromPlan, LoopTarget
 from wbc.robot import Snapshot
+from wbc.run.phase_support import held_feet
 from wbc.run.ramps import TargetedTask
-from wbc.run.standing import held_feet
 from wbc.tracking.reference import PlanReference
 from wbc.validate import Array
 

@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, Any
 
 from wbc.errors import InvalidInputError, ProblemFileError
 from wbc.problem.build import build
+from wbc.problem.components import Parts
 from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
 from wbc.problem.global_search import global_shaping
 from wbc.problem.overrides import apply_overrides
-from wbc.problem.parts import Parts
 from wbc.problem.provenance import provenance, version_of, versions
 from wbc.problem.reading import read_source
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.walk import WalkSpec, commanded_walk, read_problem
 from wbc.run.callbacks import Cancelled, Observe, Progress, Show
-from wbc.run.leader import Leader
+from wbc.run.phase_support import FLAT, held_feet
 from wbc.run.phases import Loads, PhaseExecutor
 from wbc.run.result import Result
 from wbc.run.simulate import simulate
-from wbc.run.standing import FLAT, held_feet
 from wbc.run.stopping import Stop
+from wbc.run.supervisor import Supervisor
 from wbc.simulation import FallLimits, Plant, SimulationResult, run_trial
 from wbc.validate import by_name
 
@@ -149,7 +149,7 @@ class Problem:
             )
         plant = self.plant()
         return run_trial(
-            self.leader(plant),
+            self.supervisor(plant),
             plant,
             Stop(**spec.whole_stop.model_dump()),
             falls=FallLimits(**spec.simulation.falls),
@@ -172,7 +172,7 @@ class Problem:
         feet = held_feet(parts.contacts)
         return spec.simulation.plant(parts.at_start, feet, spec.controller.dt)
 
-    def leader(self, plant: Plant) -> Leader:
+    def supervisor(self, plant: Plant) -> Supervisor:
         """Return what leads a simulation of ``plant`` from the start; it serves one run.
 
         Feet feel the plant's ground.

@@ -13,7 +13,7 @@ from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.problem.controller_spec import TorqueSpec
 from wbc.problem.problem import Problem, load_problem, load_unchanged
 from wbc.problem.provenance import plain, version_of, versions
-from wbc.run.standing import held_feet
+from wbc.run.phase_support import held_feet
 from wbc.simulation import FallLimits, PushOutcome, SimulationError, capture_impulse, simulate
 from wbc.simulation.push_bounds import PushBounds, push_bounds
 from wbc.validate import Array, check_fields, finite_number
@@ -93,7 +93,7 @@ class PushedProblem:
         if impulse > 0.0:
             plant.push(settings.body, force, "com", start=settings.at, duration=settings.duration)
         up = plant.body_rotation(falls.trunk)[2].copy()
-        phases = self.problem.leader(plant)
+        phases = self.problem.supervisor(plant)
         loop = simulate(phases.controller, plant, self.duration, update=phases.update, falls=falls)
         ticks = relaxed = 0
         least_upright, ending = 1.0, ""

@@ -21,8 +21,8 @@ from wbc.problem.saved_summary import REMEDY, read_summary
 from wbc.problem.walk import read_problem
 from wbc.robot import Robot
 from wbc.run.history import History
+from wbc.run.obstacles import ObstacleTrack
 from wbc.run.result import FORMAT, Result
-from wbc.run.surroundings import ObstacleTrack
 from wbc.simulation import SimulationResult, Terrain
 from wbc.simulation.terrain import LEVEL
 

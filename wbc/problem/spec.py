@@ -26,7 +26,7 @@ from wbc.problem.section import (
 from wbc.problem.simulation_spec import SimulationSpec
 from wbc.problem.support import Support
 from wbc.problem.task_spec import TaskSpec
-from wbc.run.standing import Ground
+from wbc.run.phase_support import Ground
 from wbc.run.stopping import Stop
 
 # The kinds that are imported above.

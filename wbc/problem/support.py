@@ -31,7 +31,7 @@ from wbc.problem.section import (
     Section,
 )
 from wbc.robot import Robot, Snapshot
-from wbc.run.standing import off_the_ground
+from wbc.run.phase_support import off_the_ground
 
 # How far corners of soles that stand may be from the ground at the start [m].
 FLAT = 0.02

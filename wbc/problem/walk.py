@@ -12,9 +12,9 @@ from wbc.gait.commanded import CommandedWalk, TimedCommand
 from wbc.gait.given import StepRange, in_world
 from wbc.gait.phases import planar_feet
 from wbc.gait.settings import GaitSettings
+from wbc.problem.components import Parts
 from wbc.problem.controller_spec import TorqueSpec
 from wbc.problem.mistakes import Misplaced, Mistakes, read_section
-from wbc.problem.parts import Parts
 from wbc.problem.section import KeysOf, NonEmpty, NonNegative, Number, Positive, Section
 from wbc.problem.source import Source
 from wbc.problem.spec import AnyTask, PlainName, ProblemSpec

@@ -10,8 +10,8 @@ import numpy as np
 from wbc.robot import Snapshot
 from wbc.robot.names import COM
 from wbc.run.history import History, HistoryRecorder, StateRecord
+from wbc.run.phase_support import PhaseSupport
 from wbc.run.result import Failure, HeldBack, InertiaReading, PhaseResult, Result, TaskResult, Worst
-from wbc.run.standing import PhaseSupport
 from wbc.run.stopping import Stop, ending
 from wbc.spatial import COMPONENTS, DIAGONAL, vech_inverse
 from wbc.tasks import ForceTask, InertiaTask, PrincipalInertiaTask, Task

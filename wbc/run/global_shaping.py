@@ -15,10 +15,10 @@ from wbc.controllers.closed_loop import LoopTick
 from wbc.run.callbacks import Callbacks, Cancelled, Observe, Progress, Show, progress_info
 from wbc.run.conclusion import conclude
 from wbc.run.history import HistoryRecorder
+from wbc.run.phase_support import PhaseSupport
 from wbc.run.result import Result
 from wbc.run.shaping_report import Posture, SearchEffort, ShapingReport, relative_error
 from wbc.run.simulate import DEFAULT_STOP, ticks_in
-from wbc.run.standing import PhaseSupport
 from wbc.run.stopping import RunStatus, Stop
 from wbc.shaping import (
     GlobalShaping,

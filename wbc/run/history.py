@@ -17,8 +17,8 @@ from wbc.controllers.tick import ACTIVE, NEGLIGIBLE
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import Shape
 from wbc.robot.names import BASE, COM
-from wbc.run.standing import PhaseSupport
-from wbc.run.surroundings import ObstacleTrack, obstacles_of, place_of
+from wbc.run.obstacles import ObstacleTrack, obstacles_of, place_of
+from wbc.run.phase_support import PhaseSupport
 from wbc.spatial import vech
 from wbc.tasks import InertiaTask, PrincipalInertiaTask, Task
 from wbc.validate import Array

@@ -16,8 +16,15 @@ from wbc.constraints import Contact
 from wbc.controllers import Controller
 from wbc.controllers.closed_loop import ticks_of
 from wbc.robot import Snapshot
+from wbc.run.phase_support import (
+    FLAT,
+    Ground,
+    PhaseSupport,
+    keep_anchors,
+    off_the_ground,
+    touchdowns,
+)
 from wbc.run.ramps import Goal, MinimumJerk, MovingTarget, SetTarget, TargetedTask
-from wbc.run.standing import FLAT, Ground, PhaseSupport, keep_anchors, off_the_ground, touchdowns
 from wbc.tasks import Task
 from wbc.validate import Array
 
@@ -102,7 +109,7 @@ class PhaseExecutor:
     move_world:
         Called before each tick with the time [s], for instance to move obstacles.
     ground, flat:
-        What a foot is put down on, and how flat: see :func:`wbc.run.standing.off_the_ground`.
+        What a foot is put down on, and how flat: see :func:`wbc.run.phase_support.off_the_ground`.
     loads:
         What feet feel, for phases that end at touchdown; without it they last their duration. What
         they end early, the last phase lasts longer.

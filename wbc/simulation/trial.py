@@ -13,9 +13,9 @@ from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.run.callbacks import Callbacks, Cancelled, Progress, Show
 from wbc.run.conclusion import conclude
-from wbc.run.leader import Leader
 from wbc.run.simulate import ticks_in
 from wbc.run.stopping import Stop
+from wbc.run.supervisor import Supervisor
 from wbc.simulation.falling import FallLimits
 from wbc.simulation.loop import STANDING_LIMITS, simulate
 from wbc.simulation.plant import Plant
@@ -26,7 +26,7 @@ from wbc.validate import Array
 
 
 def run_trial(
-    phases: Leader,
+    phases: Supervisor,
     plant: Plant,
     stop: Stop,
     *,

@@ -10,7 +10,7 @@ import numpy as np
 from wbc.controllers.closed_loop import LoopTick
 from wbc.robot import Snapshot
 from wbc.run.history import HistoryRecorder as RunRecorder
-from wbc.run.leader import Leader
+from wbc.run.supervisor import Supervisor
 from wbc.simulation.falling import FallLimits, Verdict
 from wbc.simulation.loop import SimulationTick
 from wbc.simulation.plant import Plant
@@ -39,7 +39,7 @@ class TrialRecord:
         Angles of the trunk from its first vertical [rad], of the first state and every period's.
     """
 
-    def __init__(self, plant: Plant, phases: Leader, falls: FallLimits) -> None:
+    def __init__(self, plant: Plant, phases: Supervisor, falls: FallLimits) -> None:
         self.truth, self.run = Recorder(plant), RunRecorder(plant.robot, phases.tasks)
         self.pushes = tuple(plant.pushes)
         self.verdict = Verdict(True, plant.time, "stood for 0 s")
@@ -51,7 +51,7 @@ class TrialRecord:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What physics and leader have to say."""
+        """What physics and supervisor have to say."""
         return (*self._plant.notes, *self._phases.notes)
 
     @property

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError, shown
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
-from wbc.tasks.returned import asked, is_tested
 from wbc.tasks.task import Task
+from wbc.tasks.validation import asked, is_tested
 from wbc.validate import Array, returned_array
 
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.run.surroundings import ObstacleTrack
+from wbc.run.obstacles import ObstacleTrack
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.spatial import vech
 from wbc.validate import Array, finite_array

@@ -18,12 +18,12 @@ from tests.view.live.browsing import BROWSER, SOFTWARE
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem
 from wbc.simulation.terrain import LEVEL, Terrain
+from wbc.view.live.collect import obstacles_of, targets_of, told_of
 from wbc.view.live.layers.layer import WORLD
 from wbc.view.live.messages import Frame, Pulled, Restart, Setup
 from wbc.view.live.page import Page, Server
 from wbc.view.live.process import HOST, free_place
 from wbc.view.live.session import checked
-from wbc.view.live.telling import obstacles_of, targets_of, told_of
 
 
 def client_of(url: str, origin: str | None = None) -> ClientConnection:

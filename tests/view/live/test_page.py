@@ -12,9 +12,9 @@ from wbc.rmp.ellipsoid import equimomental
 from wbc.robot.geometry import joint_placements
 from wbc.rotations import rotation_from
 from wbc.view.live import controls
+from wbc.view.live.collect import cast_of, told_of
 from wbc.view.live.layers.layer import WORLD
 from wbc.view.live.messages import Play
-from wbc.view.live.telling import cast_of, told_of
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import pytest
 import wbc
 from tests.view.live.conftest import Stage, client_of, frame_at
 from wbc.spatial import vech
+from wbc.view.live.collect import cast_of
 from wbc.view.live.messages import Release, SetTarget, SetWeight
-from wbc.view.live.telling import cast_of
 
 
 @pytest.fixture

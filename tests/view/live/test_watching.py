@@ -8,8 +8,8 @@ from tests.view.live.conftest import Stage
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem
 from wbc.run.result import Result
+from wbc.view.live.collect import cast_of
 from wbc.view.live.messages import Replay, SetTarget
-from wbc.view.live.telling import cast_of
 from wbc.view.live.viewer import Viewer
 from wbc.view.live.watching import Watching, frames_of
 

@@ -9,7 +9,7 @@ from wbc.constraints import ComSupport, Contact, Limits
 from wbc.problem.constraint_spec import BuiltConstraint, ConstraintSpec
 from wbc.problem.section import Names, NonNegative, default_of
 from wbc.robot import Snapshot
-from wbc.run.standing import PhaseSupport
+from wbc.run.phase_support import PhaseSupport
 
 
 class ComSupportSpec(ConstraintSpec):

@@ -9,7 +9,7 @@ from wbc.controllers import Controller
 from wbc.controllers.closed_loop import LoopTick, Update, closed_loop
 from wbc.errors import InvalidInputError
 from wbc.robot import Snapshot
-from wbc.run.leader import Leader
+from wbc.run.supervisor import Supervisor
 from wbc.validate import Array
 from wbc.view.live.clock import Clock
 from wbc.view.live.messages import Pulled, Request
@@ -56,7 +56,7 @@ class Session:
 
     def _run_once(self, last: int) -> tuple[LoopTick | None, str]:
         """Run from the start until the loop ends, and return its last tick and why it ended."""
-        viewer, phases = self._viewer, self._leader()
+        viewer, phases = self._viewer, self._supervisor()
 
         def update(tick: int, snapshot: Snapshot) -> Controller | None:
             controller = phases.update(tick, snapshot)
@@ -75,11 +75,11 @@ class Session:
         complaint = phases.complaint or self._why_ended(now)
         return now, f"{complaint}; {WAITING}"
 
-    def _leader(self) -> Leader:
+    def _supervisor(self) -> Supervisor:
         """Return what leads through the phases, from the start."""
         return self._problem.executor()
 
-    def _loop(self, phases: Leader, update: Update) -> Iterator[LoopTick]:
+    def _loop(self, phases: Supervisor, update: Update) -> Iterator[LoopTick]:
         """Return the ticks of the loop, without end unless the robot cannot go on."""
         return closed_loop(phases.controller, self._problem.parts.start, FOR_EVER, update)
 

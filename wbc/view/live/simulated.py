@@ -10,8 +10,8 @@ import numpy as np
 from wbc.controllers.closed_loop import LoopTick, Update
 from wbc.errors import InvalidInputError
 from wbc.robot import Snapshot
-from wbc.run.leader import Leader
-from wbc.run.standing import held_feet
+from wbc.run.phase_support import held_feet
+from wbc.run.supervisor import Supervisor
 from wbc.simulation import FallLimits, Plant, capture_impulse, simulate
 from wbc.simulation.push import Push
 from wbc.simulation.trial_record import as_loop_tick
@@ -42,11 +42,11 @@ class SimulatedSession(Session):
         self._wanted_pull: PullRobot | None = None
         self._pull: Push | None = None  # that of the last period
 
-    def _leader(self) -> Leader:
+    def _supervisor(self) -> Supervisor:
         self._plant, self._pull = self._problem.plant(), None
-        return self._problem.leader(self._plant)
+        return self._problem.supervisor(self._plant)
 
-    def _loop(self, phases: Leader, update: Update) -> Iterator[LoopTick]:
+    def _loop(self, phases: Supervisor, update: Update) -> Iterator[LoopTick]:
         plant, dt = self._plant, self._plant.dt
         loop = simulate(phases.controller, plant, FOR_EVER * dt, update=update, falls=self._falls)
         for now in loop:

@@ -15,17 +15,17 @@ from typing import NamedTuple
 from numpy.typing import ArrayLike
 
 from wbc.controllers import Controller, Tick
-from wbc.controllers.parts import check_parts
+from wbc.controllers.checks import check_parts
 from wbc.extras import require
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array
+from wbc.view.live.collect import cast_of, obstacles_of, targets_of, told_of
 from wbc.view.live.mailbox import Mailbox
 from wbc.view.live.messages import Frame, Pulled, Replay, Request, Setup, Wish
 from wbc.view.live.process import HOST, Failed, PageProcess, free_place
 from wbc.view.live.steering import Steering
-from wbc.view.live.telling import cast_of, obstacles_of, targets_of, told_of
 
 PERIOD = 1.0 / 25.0  # s between frames
 CLOSING = 2.0  # s to wait for the threads

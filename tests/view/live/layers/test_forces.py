@@ -5,10 +5,10 @@ import pytest
 
 import wbc
 from tests.view.live.conftest import Stage, frame_at
+from wbc.view.live.collect import cast_of
 from wbc.view.live.layers.forces import REACH, where_it_acts
 from wbc.view.live.layers.layer import GREEN, VERMILION
 from wbc.view.live.messages import Cast
-from wbc.view.live.telling import cast_of
 
 
 @pytest.fixture(scope="module")

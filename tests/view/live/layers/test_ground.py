@@ -11,9 +11,9 @@ from wbc.problem.simulation_spec import turned_with
 from wbc.rotations import rotation_from
 from wbc.simulation import Step, Terrain
 from wbc.validate import Array
+from wbc.view.live.collect import cast_of
 from wbc.view.live.layers.layer import ORANGE, WORLD
 from wbc.view.live.messages import Frame
-from wbc.view.live.telling import cast_of
 
 BOARD = Step(centre=(1.0, 0.0, 0.15), size=(0.6, 0.8, 0.02))
 TERRAIN = Terrain(slope=(0.1, -0.05), steps=(BOARD,))

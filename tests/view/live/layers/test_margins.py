@@ -7,8 +7,8 @@ import wbc
 from tests.view.live.conftest import Stage, frame_at
 from wbc.constraints.margin import SKIN
 from wbc.rotations import exp_rotation
+from wbc.view.live.collect import cast_of
 from wbc.view.live.layers.layer import surface_of
-from wbc.view.live.telling import cast_of
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ import wbc
 from tests.view.live.conftest import Stage, client_of, drag, frame_at
 from wbc.rmp.ellipsoid import equimomental
 from wbc.rotations import exp_rotation, rotation_from
+from wbc.view.live.collect import cast_of
 from wbc.view.live.messages import SetTarget
-from wbc.view.live.telling import cast_of
 
 TURN = exp_rotation(np.array([0.3, -0.2, 0.1]))
 

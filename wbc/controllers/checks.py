@@ -8,14 +8,14 @@ from typing import Any
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import mechanics_of
-from wbc.constraints.returned import look_closely_at
 from wbc.constraints.rows import Constraint
+from wbc.constraints.validation import look_closely_at
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.errors import InvalidInputError, UnknownNameError, shown
 from wbc.laws import AccelerationLaw, VelocityLaw
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
-from wbc.tasks import returned
+from wbc.tasks import validation
 from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
 
@@ -186,7 +186,7 @@ def look_closely(
         A task's residual or a constraint's rows are none, or not finite; the message names it.
     """
     for task in (*tasks, *contacts):
-        returned.look_closely(task, snapshot)
+        validation.look_closely(task, snapshot)
     for constraint in constraints:
         look_closely_at(constraint, snapshot, dt)
 

@@ -9,8 +9,8 @@ from wbc.constraints import Limits, support
 from wbc.constraints.limits import Box
 from wbc.constraints.rows import Bounds
 from wbc.controllers import TorqueController
+from wbc.controllers.bounded_margins import MARGIN_BRAKING, reachable_rows
 from wbc.controllers.effort_bounds import StanceBraking
-from wbc.controllers.reachable import MARGIN_BRAKING, reachable_rows
 from wbc.laws import Rows
 from wbc.robot import Robot
 from wbc.tasks import PostureTask

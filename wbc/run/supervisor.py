@@ -1,4 +1,4 @@
-"""Leaders of a simulation: which controller is in charge of each tick, and what it holds."""
+"""Supervisors of a simulation: which controller is in charge of each tick, and what it holds."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Protocol
 
 from wbc.controllers import Controller
 from wbc.robot import Snapshot
-from wbc.run.standing import PhaseSupport
+from wbc.run.phase_support import PhaseSupport
 from wbc.tasks import Task
 
 
-class Leader(Protocol):
-    """Leads from tick to tick, as :class:`~wbc.run.phases.PhaseExecutor` does."""
+class Supervisor(Protocol):
+    """Hands over from tick to tick, as :class:`~wbc.run.phases.PhaseExecutor` does."""
 
     controller: Controller  # in charge now
     standing: PhaseSupport  # what it holds and keeps
