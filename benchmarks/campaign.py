@@ -23,12 +23,12 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from qpbench.page import put_section
+from qpbench.summary import machine
+from qpbench.tables import Table
 
 from wbc.batch import BatchProgress, load_campaign, read_rows, run_batch
 from wbc.batch.row import Row, run_row
-from wbc.bench.page import put_section
-from wbc.bench.summary import machine
-from wbc.bench.tables import Table
 from wbc.journal import Journal
 
 COMMAND = "python benchmarks/campaign.py --only scaling --output benchmarks/RESULTS.md"

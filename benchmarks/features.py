@@ -19,11 +19,11 @@ from pathlib import Path
 from time import thread_time
 
 import numpy as np
+from qpbench.page import put_section
+from qpbench.summary import machine
+from qpbench.tables import Table
 
 import wbc
-from wbc.bench.page import put_section
-from wbc.bench.summary import machine
-from wbc.bench.tables import Table
 from wbc.problem.provenance import versions
 
 DT = 0.005

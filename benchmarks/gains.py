@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from qpbench.page import put_section
 
 import wbc
-from wbc.bench.page import put_section
 
 CASES = ((0.02, 0.5), (0.02, 0.02), (0.5, 0.5))  # gain of CoM and hand, of trunk and posture
 TICKS, DT = 1500, 0.005

@@ -12,7 +12,7 @@ Every round is a process of its own: where memory happens to lie is a part of th
         [--output benchmarks/RESULTS.md] [--history ticks.jsonl]
 
 A history has a line of figures for each run; a run is compared with the last one before it of the
-same robot and machine: see wbc/bench/compare.py. The exit code is 3 if a tick is slower.
+same robot and machine: see benchmarks/qpbench/compare.py. The exit code is 3 if a tick is slower.
 """
 
 import os
@@ -30,13 +30,13 @@ from time import perf_counter, thread_time
 from typing import Any
 
 import numpy as np
+from qpbench.compare import SpeedVerdict
+from qpbench.measure import reference_time
+from qpbench.page import put_section
+from qpbench.summary import machine
+from qpbench.tables import Table
 from tick_history import FORMAT, NothingToCompareError, changes_since, last_like
 
-from wbc.bench.compare import SpeedVerdict
-from wbc.bench.measure import reference_time
-from wbc.bench.page import put_section
-from wbc.bench.summary import machine
-from wbc.bench.tables import Table
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.controllers.controller import Controller

@@ -1,7 +1,7 @@
 """A history of tick benchmarks, a line of JSON for each run, and what changed since the last alike.
 
 Every run has rounds, each a process of its own, with a median tick of each kind in units of a fixed
-computation made just before and after: see :mod:`wbc.bench.compare`.
+computation made just before and after: see :mod:`qpbench.compare`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from qpbench.compare import PASSES, TimeRatio, time_ratio
 
-from wbc.bench.compare import PASSES, TimeRatio, time_ratio
 from wbc.errors import InvalidInputError
 
 FORMAT = "wbc ticks 1"

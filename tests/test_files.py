@@ -10,9 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from qpbench.page import put_section
 from typer.testing import CliRunner
 
-from wbc.bench.page import put_section
 from wbc.cli import app
 from wbc.cli.outputs import Outputs
 from wbc.files import write_text, write_whole

@@ -40,7 +40,6 @@ FLOORS = {
     "problem": 5,
     "view": 6,
     "batch": 6,
-    "bench": 6,
     "codegen": 6,
     "cli": 6,
     "__main__": 6,

@@ -28,11 +28,14 @@ from typing import Any
 
 import numpy as np
 
-from wbc.bench.page import put_section
-from wbc.bench.summary import machine
 from wbc.robot import Robot
 
 HERE = Path(__file__).resolve().parent
+sys.path.append(str(HERE.parent))  # the folder of benchmarks, which this one is called without
+
+from qpbench.page import put_section  # noqa: E402
+from qpbench.summary import machine  # noqa: E402
+
 BUILD = HERE.parents[1] / "build" / "peers"
 DT = {
     "velocity": 0.005, "velocity, 25 pairs": 0.005, "velocity, slow joints": 0.005, "torque": 0.002,

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from qpbench.compare import SpeedVerdict
 
 from benchmarks.tick_history import FORMAT, NothingToCompareError, changes_since, last_like
-from wbc.bench.compare import SpeedVerdict
 from wbc.errors import InvalidInputError
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import IO
 
 import pytest
+from qpbench.sequence import load_sequence
 from typer.testing import CliRunner, Result
 
 import wbc.files
-from wbc.bench import load_sequence
 from wbc.cli import app
 
 SMALL = (

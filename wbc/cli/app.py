@@ -15,7 +15,7 @@ import typer
 from wbc import __version__
 from wbc.cli.analyze import analyze
 from wbc.cli.batch import BATCH_EXIT_CODES, batch
-from wbc.cli.bench import BENCH_EXIT_CODES, bench
+from wbc.cli.bench import add_bench
 from wbc.cli.codegen import codegen
 from wbc.cli.doctor import doctor
 from wbc.cli.errors import BAD_INPUT, complain, refused
@@ -79,7 +79,7 @@ app.command(epilog=EXIT_CODES)(run)
 app.command(epilog=SIM_EXIT_CODES)(sim)
 app.command(epilog=PUSH_EXIT_CODES)(push)
 app.command(epilog=BATCH_EXIT_CODES)(batch)
-app.command(epilog=BENCH_EXIT_CODES)(bench)
+add_bench(app)
 app.command()(view)
 app.command()(render)
 app.command()(report)

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from wbc.bench.measure import Measured
-from wbc.bench.sequence import FIELDS, QpSequence
+from qpbench.measure import Measured
+from qpbench.sequence import FIELDS, QpSequence
 from wbc.errors import InvalidInputError
 from wbc.files import why
 from wbc.problem.provenance import version_of, versions

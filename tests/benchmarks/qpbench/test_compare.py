@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from wbc.bench.compare import SpeedVerdict, compare
+from qpbench.compare import SpeedVerdict, compare
 
 
 def figures(

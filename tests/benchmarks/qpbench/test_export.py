@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import qpsolvers
 from pyarrow import parquet
+from qpbench.export import NAME, export_qpbenchmark
 
-from tests.bench.test_measure import solvable
-from wbc.bench.export import NAME, export_qpbenchmark
+from tests.benchmarks.qpbench.test_measure import solvable
 from wbc.errors import MissingPackageError
 from wbc.qp.active_set import ActiveSet
 

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 import qpsolvers
+from qpbench.export import problem_of
+from qpbench.measure import Measured, measure
+from qpbench.sequence import QpSequence
+from qpbench.solvers import CANDIDATES, candidate_names, make_candidate
+from qpbench.suite import STANDARD, Job, record
+from qpbench.summary import LIMIT, RATIOS, performance_profile, shifted_geometric_mean, summarise
 from scipy.sparse import csc_matrix
 
-from tests.bench.test_sequence import random_qp
-from wbc.bench.export import problem_of
-from wbc.bench.measure import Measured, measure
-from wbc.bench.sequence import QpSequence
-from wbc.bench.solvers import CANDIDATES, candidate_names, make_candidate
-from wbc.bench.suite import STANDARD, Job, record
-from wbc.bench.summary import LIMIT, RATIOS, performance_profile, shifted_geometric_mean, summarise
+from tests.benchmarks.qpbench.test_sequence import random_qp
 from wbc.errors import UnknownNameError
 from wbc.qp import QP
 from wbc.qp.active_set import ActiveSet

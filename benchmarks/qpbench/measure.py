@@ -11,8 +11,8 @@ from time import thread_time
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.bench.sequence import QpSequence
-from wbc.bench.solvers import make_candidate
+from qpbench.sequence import QpSequence
+from qpbench.solvers import make_candidate
 from wbc.qp import Status
 from wbc.qp.kkt import acceptable, kkt_residuals
 from wbc.qp.solution import RawSolution

@@ -7,9 +7,9 @@ import html
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from wbc.bench.compare import SpeedChange
-from wbc.bench.solvers import ABOUT
-from wbc.bench.summary import LIMIT, SHIFT
+from qpbench.compare import SpeedChange
+from qpbench.solvers import ABOUT
+from qpbench.summary import LIMIT, SHIFT
 
 STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em;
 color:#222}table{border-collapse:collapse;margin:1em 0}th,td{padding:.3em .7em;text-align:right;

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.bench.sequence import QpSequence
+from qpbench.sequence import QpSequence
 from wbc.constraints import Limits, SelfCollision, support
 from wbc.controllers import KinematicController, TorqueController
 from wbc.errors import InvalidInputError

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.bench.summary import RATIOS
+from qpbench.summary import RATIOS
 from wbc.view import style
 
 WIDTH, HEIGHT, TITLE = 10.5, 4.4, 0.45  # inches

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from qpbench.sequence import QpSequence
 from wbc.batch.table import write_lists
-from wbc.bench.sequence import QpSequence
 from wbc.extras import require
 from wbc.files import write_text
 from wbc.qp import QP

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from qpbench.sequence import ENDING, FIELDS, QpSequence, load_sequence, save_sequence
 
-from wbc.bench.sequence import ENDING, FIELDS, QpSequence, load_sequence, save_sequence
 from wbc.errors import InvalidInputError
 from wbc.files import ArrayFileError
 from wbc.qp import QP

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from wbc.bench.page import has_section, put_section, with_section
+from qpbench.page import has_section, put_section, with_section
 
 PAGE = "# Results\n\n<!-- ticks -->\n\nold\n\n<!-- /ticks -->\n\n## Campaigns\n\nby hand\n"
 

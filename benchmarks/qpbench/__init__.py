@@ -1,0 +1,1 @@
+"""Solver benchmarks on recorded sequences of QPs, and their comparison with earlier ones."""
