@@ -53,10 +53,11 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/python tests/typing/check.py
 
 # The tests with the lowest versions that pyproject.toml allows, in an environment of their own;
-# `make lowest SELECT="not slow"`: the quick ones.
+# `make lowest SELECT="not slow"`: the quick ones; TESTS="tests/qp": those of a room.
 SELECT ?= slow or not slow
+TESTS ?= tests
 lowest: build/lowest/stamp
-	build/lowest/bin/python -m pytest -n auto -m '$(SELECT)'
+	build/lowest/bin/python -m pytest -n auto -m '$(SELECT)' $(TESTS)
 
 build/lowest/stamp: $(CORE)
 	$(PYTHON) -m venv build/lowest
