@@ -15,7 +15,7 @@ from wbc.polygon import convex_hull
 from wbc.robot.foot_guess import guess_links
 from wbc.robot.formats.description import GeometrySource
 from wbc.robot.names import frame_table
-from wbc.robot.sole import SMALL, centred, found_sole, sole_share
+from wbc.robot.sole import SMALL, centred, found_sole
 from wbc.validate import Array, finite_array, finite_number, read_only
 
 SAME_PLACE, SAME_TILT = 1e-3, np.deg2rad(1.0)  # m, rad: a frame of the file is the sole's frame
@@ -132,7 +132,7 @@ def find_feet(
             return {}, (f"no feet were found: {lacking}; {GIVE_FEET}",)
         notes += [f"not all feet were found: {lacking}; {GIVE_FEET}"] if lacking else []
     for name, spec in specs.items():
-        placement, polygon = _sole(model, data, geometry, name, spec)
+        placement, polygon, share = _sole(model, data, geometry, name, spec)
         small = spec.polygon is None and float(np.ptp(polygon, axis=0).max()) < POINT
         if small and len(specs) > 2:  # two have to balance on what they have
             polygon = np.zeros((1, 2))
@@ -140,14 +140,11 @@ def find_feet(
         frame, polygon, note = _sole_frame(model, name, parent, placement, polygon)
         feet[name] = Foot(name, frame, spec.link, polygon)
         notes += note
-        if spec.polygon is None and len(polygon) > 2:
-            share = sole_share(model, geometry, model.frames[_frame_id(model, frame)], polygon)
-            if share < SMALL:
-                notes.append(
-                    f"the sole that was found of the {name} foot is {share:.0%} of the rectangle"
-                    " round its body: no more of it touches level ground; give its polygon if it"
-                    " should"
-                )
+        if len(polygon) > 2 and share < SMALL:
+            notes.append(
+                f"the sole that was found of the {name} foot is {share:.0%} of the rectangle round"
+                " its body: no more of it touches level ground; give its polygon if it should"
+            )
     return feet, tuple(notes)
 
 
@@ -161,8 +158,11 @@ def _frame_id(model: pin.Model, link: str) -> int:
 
 def _sole(
     model: pin.Model, data: pin.Data, geometry: GeometrySource, name: str, spec: FootSpec
-) -> tuple[pin.SE3, Array]:
-    """Return the sole's placement in the foot's joint, and its polygon (k, 2) there."""
+) -> tuple[pin.SE3, Array, float]:
+    """Return the sole's placement in the foot's joint, its polygon (k, 2) there, and its share.
+
+    That is of the rectangle round the body; 1 of a polygon that was given.
+    """
     frame_id = _frame_id(model, spec.link)
     frame, pose = model.frames[frame_id], data.oMf[frame_id]
     if spec.polygon is not None:
@@ -172,7 +172,7 @@ def _sole(
                 " a polygon; name a frame at the sole, or leave the polygon out"
             )
         polygon = convex_hull(np.asarray(spec.polygon, dtype=float))
-        return centred(frame.placement, polygon, -float(spec.height))
+        return *centred(frame.placement, polygon, -float(spec.height)), 1.0
     found = found_sole(model, geometry, frame, pose.rotation)
     if found is None:
         raise InvalidInputError(

@@ -86,10 +86,11 @@ def body_points(model: pin.Model, geometry: GeometrySource, joint: int, up: Arra
 
 def found_sole(
     model: pin.Model, geometry: GeometrySource, frame: pin.Frame, R: Array
-) -> tuple[pin.SE3, Array] | None:
+) -> tuple[pin.SE3, Array, float] | None:
     """Return the placement and polygon (k, 2) of the sole below the body of ``frame``, or None.
 
     The sole is the convex hull of the body's lowest points; its placement is in the body's joint.
+    With it comes its area in parts of the rectangle round the body.
     Where these are an edge, a corner or a strip of a larger flat face of the body's hull, as of a
     foot that is not drawn level, it is that face, if it points down within 20 degrees.
     ``R`` (3, 3) takes the frame's axes to the world's in a posture with the sole about level.
@@ -107,7 +108,9 @@ def found_sole(
             touching = points[points @ axes[:, 2] <= lowest + FLAT] @ face[:, 2] <= height + FLAT
             if touching.all() and polygon_area(larger) > 2.0 * polygon_area(polygon):
                 lowest, polygon, axes = height, larger, face
-    return centred(pin.SE3(axes, np.zeros(3)), polygon, lowest)
+    whole = _footprint(points, axes)
+    share = polygon_area(polygon) / whole if whole > 0.0 else 1.0
+    return *centred(pin.SE3(axes, np.zeros(3)), polygon, lowest), share
 
 
 def _flat_part(points: Array, axes: Array) -> tuple[float, Array]:
@@ -141,19 +144,6 @@ def _tilted_face(points: Array, axes: Array) -> Array | None:
     forward = axes[:, 0] - up * (up @ axes[:, 0])
     forward /= np.linalg.norm(forward)
     return np.stack([forward, np.cross(up, forward), up], axis=1)
-
-
-def sole_share(
-    model: pin.Model, geometry: GeometrySource, frame: pin.Frame, polygon: Array
-) -> float:
-    """Return the area of a sole in parts of the rectangle round its body; 1 if that has no shapes.
-
-    ``frame`` is the sole's own, z upwards.
-    """
-    axes = frame.placement.rotation
-    points = body_points(model, geometry, frame.parentJoint, axes[:, 2])
-    whole = _footprint(points, axes) if len(points) else 0.0
-    return polygon_area(polygon) / whole if whole > 0.0 else 1.0
 
 
 def _footprint(points: Array, axes: Array) -> float:
