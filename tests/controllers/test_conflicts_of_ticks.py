@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from conflict_judge import blamed_in_vain, only, worst_miss
 
 import wbc
 from tests.needs import needs_bench
-from tests.qp.conflicts import blamed_in_vain, only, worst_miss
 from wbc.constraints.contact import Contact
 from wbc.qp import Status
 

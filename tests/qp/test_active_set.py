@@ -8,10 +8,10 @@ from functools import partial
 import numpy as np
 import pytest
 from cffi import FFI
+from conflict_judge import blamed_in_vain
 from scipy.optimize import linprog
 
 from tests.needs import needs_bench, needs_compiler
-from tests.qp.conflicts import blamed_in_vain
 from wbc.errors import InvalidInputError
 from wbc.native import sources
 from wbc.qp import core as in_core

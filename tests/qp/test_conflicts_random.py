@@ -7,9 +7,9 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from conflict_judge import blamed_in_vain
 
 from tests.needs import needs_bench
-from tests.qp.conflicts import blamed_in_vain
 from tests.qp.random_qps import contradicting, equalities_alone, feasible, without_unknowns_left
 from wbc.qp import ProxQP, Status, find_conflict, make_backend
 from wbc.qp.active_set import ActiveSet

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from conflict_judge import blamed_in_vain
 from scipy.optimize import linprog
 
-from tests.qp.conflicts import blamed_in_vain
 from wbc.qp import QP, Labels, ProxQP, Status, core, find_conflict, installed_solvers, make_backend
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.solution import Conflict, ConflictRow

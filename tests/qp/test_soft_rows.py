@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conflict_judge import blamed_in_vain
 
-from tests.qp.conflicts import blamed_in_vain
 from wbc.controllers.first_level import FirstLevel
 from wbc.controllers.slack import GivingQP
 from wbc.errors import InvalidInputError

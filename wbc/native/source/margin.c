@@ -1,5 +1,5 @@
 /* The margin between a robot's bodies: the law of wbc/constraints/margin.py, at the torque level
- * within the reach that wbc/controllers/reachable.py says, and the look-ahead of
+ * within the reach that wbc/controllers/bounded_margins.py says, and the look-ahead of
  * wbc/controllers/look_ahead.py up to where a cut is needed, which is made in Python.
  */
 #include "margin.h"
@@ -12,7 +12,7 @@
 static const double SKIN = 1e-4, USED = 0.5e-4, ROUNDING = 1e-7, INTERIOR = 1e-3, PART = 0.01;
 /* As in wbc/constraints/margin.py. */
 static const double LEVER = 1.0, ABLE = 1e-6;
-/* As in wbc/controllers/reachable.py. */
+/* As in wbc/controllers/bounded_margins.py. */
 static const double MARGIN_BRAKING = 20.0;
 
 /* Where the margin's rows begin among all. */

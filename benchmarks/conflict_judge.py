@@ -1,4 +1,4 @@
-"""Conflicts checked by a solver that shares nothing with those under test: HiGHS."""
+"""Conflicts judged by a solver that shares nothing with those that name them: HiGHS."""
 
 from __future__ import annotations
 
@@ -10,32 +10,41 @@ from wbc.qp.solution import ConflictRow
 
 # Unknowns without bounds stay within this: as far as conflicts are defined (wbc.qp.conflict).
 REACH = 1e6
+# Whether a row is needed is no matter of reach: what the others leave may be far away.
+ANYWHERE = 1e9
 
 
-def worst_miss(qp: QP) -> float:
+def worst_miss(qp: QP, reach: float = REACH) -> float:
     """Return by how much rows must be missed: the largest, of unit length, within the bounds.
 
     By HiGHS; so no verdict hangs on what it takes for 0. Bounds give way as rows do.
+
+    Raises
+    ------
+    RuntimeError
+        HiGHS finds no answer, neither by its simplex nor by its interior-point method.
     """
     n = qp.g.size
     rows = np.concatenate((qp.A, qp.C, np.eye(n)))
-    lower = np.concatenate((qp.b, qp.l, np.maximum(qp.lower, -REACH)))
-    upper = np.concatenate((qp.b, qp.u, np.minimum(qp.upper, REACH)))
+    lower = np.concatenate((qp.b, qp.l, np.maximum(qp.lower, -reach)))
+    upper = np.concatenate((qp.b, qp.u, np.minimum(qp.upper, reach)))
     length = np.linalg.norm(rows, axis=1)
     length[length == 0.0] = 1.0
     rows, lower, upper = rows / length[:, None], lower / length, upper / length
     above, below = np.isfinite(upper), np.isfinite(lower)
     miss = -np.ones((above.sum() + below.sum(), 1))
-    found = linprog(
-        np.append(np.zeros(n), 1.0),
-        A_ub=np.hstack((np.concatenate((rows[above], -rows[below])), miss)),
-        b_ub=np.concatenate((upper[above], -lower[below])),
-        bounds=[(None, None)] * n + [(0.0, None)],
-        method="highs-ds",
-        options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
-    )
-    assert found.status == 0, found.message
-    return float(found.fun)
+    for method in ("highs-ds", "highs-ipm"):
+        found = linprog(
+            np.append(np.zeros(n), 1.0),
+            A_ub=np.hstack((np.concatenate((rows[above], -rows[below])), miss)),
+            b_ub=np.concatenate((upper[above], -lower[below])),
+            bounds=[(None, None)] * n + [(0.0, None)],
+            method=method,
+            options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+        )
+        if found.status == 0:
+            return float(found.fun)
+    raise RuntimeError(found.message)
 
 
 def only(qp: QP, rows: list[ConflictRow]) -> QP:
@@ -77,5 +86,5 @@ def blamed_in_vain(qp: QP, conflict: Conflict) -> list[str]:
     return [
         f"{rows[k].label!r} ({rows[k].side}) is not needed: missed by {left:.1e} of {missed:.1e}"
         for k in range(len(rows))
-        if (left := worst_miss(only(qp, rows[:k] + rows[k + 1 :]))) > 0.01 * missed + 1e-9
+        if (left := worst_miss(only(qp, rows[:k] + rows[k + 1 :]), ANYWHERE)) > 0.01 * missed + 1e-9
     ]
