@@ -116,6 +116,23 @@ def test_a_task_in_python_is_asked_once_in_a_tick_of_several_rounds(robot) -> No
     np.testing.assert_allclose(tick.velocity, plain.velocity, atol=1e-9)
 
 
+def test_joints_brake_harder_for_a_cut_of_a_later_round_too(robot) -> None:
+    """Bounded braking gives way to margins, whenever in the tick they are seen."""
+    constraint = Slow(robot, 0.5, useful=True)
+    q, v = robot.posture("standing"), np.zeros(robot.nv)
+    v[6 + robot.joint_index("left_elbow_pitch")] = -1.0
+    limits = Limits(robot, acceleration=10.0, braking="bounded")  # 0.05 rad/s in a tick
+    task = PostureTask(robot, q, gain=0.01)
+    control = KinematicController(robot, [task], limits=limits, constraints=[constraint], dt=DT)
+    here = robot.snapshot(q, v)
+    constraint.start = here.q
+    tick = control.step(here)
+    assert tick.ok and tick.step_scale == 1.0, tick.report()
+    assert constraint.tried[0] > 0.9
+    assert np.abs(tick.velocity).max() <= 0.5 + 1e-6
+    assert "brakes harder" in tick.report()
+
+
 def test_where_cuts_are_in_vain_a_part_is_commanded(robot) -> None:
     constraint = Slow(robot, 0.5, useful=False)
     control = moving(robot, constraint, "left_elbow_pitch")

@@ -241,10 +241,12 @@ class Controller(DeclaredAttributes, ABC):
         begun: float,
         given: PythonRowsOf,
         found: CoreTick | None = None,
+        opened: bool = False,
     ) -> Outcome:
         """Return what comes of all levels, with inequality rows of constraints in Python.
 
-        ``box``: on v+, of an earlier round of this tick; None in the first. ``given``: the rows of
+        ``box``: on v+, of an earlier round of this tick; None in the first. ``opened``: whether it
+        was opened in this round, as far as rows needed it. ``given``: the rows of
         tasks in Python, which are the same in all rounds.
         """
         levels = self._levels
@@ -260,10 +262,10 @@ class Controller(DeclaredAttributes, ABC):
             return Outcome(found)
         hurried = self._is_over(begun)
         outcome = levels.solve(plan, found, snapshot, box, simple, hurried)
-        if not outcome.solved and box is None and levels.braked:
+        if not outcome.solved and not opened and levels.braked:
             wider = levels.relaxed_box(found, snapshot)
             if wider is not None:
-                return self._solve(snapshot, plan, bounds, wider, begun, given)
+                return self._solve(snapshot, plan, bounds, wider, begun, given, opened=True)
         return outcome
 
     @property
