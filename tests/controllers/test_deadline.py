@@ -48,7 +48,7 @@ def test_cuts_that_came_too_late_are_said_and_the_step_is_shorter(robot) -> None
     free, late = ticks
     assert free.left_out == () and free.step_scale == 1.0
     assert late.left_out == (CUTS,) and 0.0 < late.step_scale < 1.0
-    assert late.report() == f"solved, but no time for {CUTS}"
+    assert late.report() == f"solved, but left out: {CUTS}"
 
 
 def test_torque_ticks_give_way_in_time(robot) -> None:

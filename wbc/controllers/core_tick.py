@@ -69,7 +69,7 @@ class CoreTick:
     first:
         The first level's solution where it was found outside the core.
     hurried:
-        What there was no time for.
+        What was left out: there was no time for it, or no answer.
     relaxed:
         The QP in which only physics is hard, where the other had no solution.
     """

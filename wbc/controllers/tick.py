@@ -181,7 +181,7 @@ class Tick:
         braked = f"; brakes harder than its acceleration limit: {braked}" if braked else ""
         if self.ok:
             left_out = "; ".join(self.left_out)
-            return ("solved" + f", but no time for {left_out}" * bool(left_out)) + braked
+            return ("solved" + f", but left out: {left_out}" * bool(left_out)) + braked
         conflict = self.conflict
         reason = self.solution.message or str(self.solution.residuals)
         if conflict is not None:
