@@ -160,8 +160,8 @@ def _rest(result: Result) -> Table:
 def _qp(result: Result) -> str:
     if not result.failures:
         counts = ", ".join(f"{what} in {n} ticks" for what, n in result.left_out.items())
-        no_time = f"; left out: {counts}" if counts else ""
-        return f"every tick solved, KKT residual {result.worst_kkt:.1g} at most{no_time}"
+        without = f"; left out: {counts}" if counts else ""
+        return f"every tick solved, KKT residual {result.worst_kkt:.1g} at most{without}"
     first = result.failures[0]
     count, ticks = len(result.failures), len(result.history)
     return f"{count} of {ticks} ticks failed; the first, tick {first.tick}: {first.report}"
