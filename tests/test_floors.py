@@ -19,6 +19,7 @@ FLOORS = {
     "polygon": 0,
     "braking": 0,
     "native": 0,
+    "pickled": 0,
     "processes": 0,
     "journal": 0,
     "workers": 0,

@@ -71,6 +71,12 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")
 Watched = Annotated[
     bool, typer.Option("--view", help="Watch it in a browser; the page stays until Ctrl-C.")
 ]
+SaveTick = Annotated[
+    Path | None,
+    typer.Option(
+        help="Save the first tick that fails, or in which something gives way: for wbc replay."
+    ),
+]
 SavedOrProblem = Annotated[
     Path,
     typer.Argument(
