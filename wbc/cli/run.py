@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -86,9 +86,11 @@ def _run(wanted: _Wanted, look: tuple[str, str], overrides: dict[str, Any]) -> i
     from wbc.cli.interrupts import Interrupts, noted_interrupts
     from wbc.cli.printing import print_pendulum_result, print_result
     from wbc.cli.progress import shown_progress
-    from wbc.problem import Problem, Result, load_problem
 
-    problem = load_problem(wanted.path, overrides)
+    with wanted.starting():
+        from wbc.problem import Problem, Result, load_problem
+
+        problem = load_problem(wanted.path, overrides)
     if isinstance(problem, Problem) and not wanted.quiet:
         print_notes(problem.parts.robot)
     watching = wanted.watching(problem)
@@ -165,10 +167,12 @@ def _simulate(wanted: _Wanted, overrides: dict[str, Any]) -> int:
     from wbc.cli.progress import shown_progress
     from wbc.cli.sim_report import print_simulation
     from wbc.errors import InvalidInputError
-    from wbc.problem import Problem, load_problem
 
     path = wanted.path
-    problem = load_problem(path, overrides)
+    with wanted.starting():
+        from wbc.problem import Problem, load_problem
+
+        problem = load_problem(path, overrides)
     if not isinstance(problem, Problem):
         raise InvalidInputError(f"{path}: a pendulum's problem simulates itself: wbc run {path}")
     if not wanted.quiet:
@@ -229,6 +233,12 @@ class _Wanted:
             require("viser", "--view")
         if self.save_tick is not None:
             check_place("--save-tick", self.save_tick)
+
+    def starting(self) -> AbstractContextManager[None]:
+        """Return what says what is being loaded, if that takes a while."""
+        from wbc.cli.starting import starting
+
+        return starting(f"loading {self.path}", self.quiet)
 
     def shown_by(self, watching: Watching | None) -> ShowTick | None:
         """Return what looks at every tick: the viewer, and who saves the first that gave way."""
