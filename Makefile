@@ -51,6 +51,7 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python tests/typing/check.py
+	$(BIN)/codespell README.md CHANGELOG.md docs examples wbc benchmarks problems Makefile .ci
 
 # The tests with the lowest versions that pyproject.toml allows, in an environment of their own;
 # `make lowest SELECT="not slow"`: the quick ones; TESTS="tests/qp": those of a room.
