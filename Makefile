@@ -15,8 +15,11 @@ demo: $(VENV)/demo.stamp
 view: $(VENV)/view.stamp
 	$(BIN)/wbc view problems/astronaut_expand.yaml
 
+# COVER=1: with branch coverage of wbc/, of which LEAST % are wanted.
+LEAST ?= 97
+COVERAGE = --cov=wbc --cov-branch --cov-report=term:skip-covered --cov-fail-under=$(LEAST)
 test: $(VENV)/dev.stamp
-	$(BIN)/python -m pytest -n auto -m "not slow"
+	$(BIN)/python -m pytest -n auto -m "not slow" $(if $(COVER),$(COVERAGE))
 
 # Those that take more than 1.5 s each: whole runs, searches, robots, campaigns.
 test-slow: $(VENV)/dev.stamp

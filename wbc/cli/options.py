@@ -49,7 +49,7 @@ Output = Annotated[
     typer.Option(
         "--output",
         "-o",
-        help="Write the result: .json, .npz with histories, .csv a table; repeatable.",
+        help="Write the result: .json, .npz with histories, .csv or .parquet a table; repeatable.",
     ),
 ]
 Plot = Annotated[Path | None, typer.Option(help="Draw it into a picture.")]

@@ -12,6 +12,7 @@ import numpy as np
 from wbc.constraints.limits import Limits
 from wbc.controllers.singular import Singularity
 from wbc.errors import InvalidInputError
+from wbc.notebook import as_html, some
 from wbc.pickled import write_pickled
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, Solution, Status
@@ -221,6 +222,19 @@ class Tick:
     def conflict(self) -> Conflict | None:
         """Rows that contradict each other, each of them to blame, or None: the solution's."""
         return self.solution.conflict
+
+    def _repr_html_(self) -> str:
+        """Return how a notebook shows it."""
+        fastest, names = int(np.argmax(np.abs(self.velocity))), self.qp.labels.variables
+        largest = f"{self.qp.labels.variables[fastest]} {self.velocity[fastest]:+.3g}"
+        facts = [
+            ("held back by", some(self.active)),
+            ("largest velocity", largest),
+            ("solver", f"{self.solution.solver}, {1e6 * self.times.total:.0f} us"),
+        ]
+        errors = [(f"error of {name}", np.array2string(error, precision=3, threshold=6))
+                  for name, error in self.errors.items()]  # fmt: skip
+        return as_html(f"{type(self).__name__}: {self.report()}", facts, errors)
 
     def answer(self) -> dict[str, Any]:
         """Return what the controller answered, as plain data: see :class:`SavedTick`."""

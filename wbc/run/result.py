@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wbc.notebook import as_html, some
 from wbc.robot import Robot
-from wbc.run.columns import history_columns
+from wbc.run.columns import Column, history_columns
+from wbc.run.frame import frame_of
 from wbc.run.history import History, StateRecord
 from wbc.run.saving import save_result
 from wbc.run.shaping_report import ShapingReport
 from wbc.run.stopping import RunStatus
 from wbc.validate import Array
+
+if TYPE_CHECKING:
+    import pandas
 
 FORMAT = "wbc result 1"
 SHOWN_FAILURES = 5
@@ -252,22 +257,53 @@ class Result:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write the summary as ``.json``, summary and history as ``.npz``, or a table as ``.csv``.
+        """Write the summary (.json), with the history (.npz), or a table (.csv, .parquet).
 
         Errors and guarantees are those of :func:`wbc.run.saving.save_result`; for the table see
         :func:`wbc.run.columns.history_columns`. An ``.npz`` also names its joints, ``joint_names``.
         """
         names = np.array(self.robot.joint_names, dtype=str)
-        rows = {
-            name: [f"{row} [{unit}]" for row, unit in zip(task.rows, task.units, strict=True)]
-            for name, task in self.tasks.items()
-        }
         save_result(
             path,
             self.summary(),
             lambda: {"joint_names": names, **self.history.arrays()},
-            lambda: history_columns(self.robot, self.history, rows),
+            self._columns,
         )
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the history as a pandas data frame: a row per tick, the columns of a table.
+
+        Raises
+        ------
+        MissingPackageError
+            pandas is not installed.
+        """
+        return frame_of(self._columns(), "result.to_frame()")
+
+    def _columns(self) -> list[Column]:
+        rows = {
+            name: [f"{row} [{unit}]" for row, unit in zip(task.rows, task.units, strict=True)]
+            for name, task in self.tasks.items()
+        }
+        return history_columns(self.robot, self.history, rows)
+
+    def _repr_html_(self) -> str:
+        """Return how a notebook shows it."""
+        errors = [
+            (name, f"{task.norm:.3g} {', '.join(dict.fromkeys(task.units))}")
+            for name, task in self.tasks.items()
+        ]
+        held = some([f"{name} for {one.ticks * self.dt:.2f} s" for name, one in
+                     self.held_back.items()])  # fmt: skip
+        facts = [
+            ("robot", self.robot.name),
+            ("ran", f"{len(self.history)} ticks of {self.dt:g} s"),
+            ("held back by", held),
+            ("not kept", "; ".join(self.not_kept)),
+            ("failed ticks", str(len(self.failures) or "")),
+        ]
+        title = f"{self.status.value.replace('_', ' ')}: {self.reason}"
+        return as_html(title, facts, [(f"error of {name}", text) for name, text in errors])
 
 
 def _task_summary(task: TaskResult) -> dict[str, Any]:
