@@ -225,7 +225,7 @@ class Tick:
 
     def _repr_html_(self) -> str:
         """Return how a notebook shows it."""
-        fastest, names = int(np.argmax(np.abs(self.velocity))), self.qp.labels.variables
+        fastest = int(np.argmax(np.abs(self.velocity)))
         largest = f"{self.qp.labels.variables[fastest]} {self.velocity[fastest]:+.3g}"
         facts = [
             ("held back by", some(self.active)),

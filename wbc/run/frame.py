@@ -5,19 +5,17 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
 
 from wbc.extras import require
 from wbc.files import write_whole
 from wbc.run.columns import Column
 
-if TYPE_CHECKING:
-    import pandas
-
+Frame: TypeAlias = Any  # a pandas.DataFrame
 SUMMARY = "wbc.summary"  # the key of the file's metadata under which its JSON text is
 
 
-def frame_of(columns: Sequence[Column], what: str) -> pandas.DataFrame:
+def frame_of(columns: Sequence[Column], what: str) -> Frame:
     """Return columns as a data frame, a row per tick, heads with units.
 
     Raises

@@ -5,22 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from wbc.notebook import as_html, some
 from wbc.robot import Robot
 from wbc.run.columns import Column, history_columns
-from wbc.run.frame import frame_of
+from wbc.run.frame import Frame, frame_of
 from wbc.run.history import History, StateRecord
 from wbc.run.saving import save_result
 from wbc.run.shaping_report import ShapingReport
 from wbc.run.stopping import RunStatus
 from wbc.validate import Array
-
-if TYPE_CHECKING:
-    import pandas
 
 FORMAT = "wbc result 1"
 SHOWN_FAILURES = 5
@@ -270,7 +267,7 @@ class Result:
             self._columns,
         )
 
-    def to_frame(self) -> pandas.DataFrame:
+    def to_frame(self) -> Frame:
         """Return the history as a pandas data frame: a row per tick, the columns of a table.
 
         Raises

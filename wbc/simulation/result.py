@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from wbc.notebook import as_html, some
 from wbc.polygon import polygon_margin
 from wbc.robot import Robot, Snapshot
 from wbc.run.columns import Column
-from wbc.run.frame import frame_of
+from wbc.run.frame import Frame, frame_of
 from wbc.run.result import Result
 from wbc.run.saving import save_result
 from wbc.run.stopping import RunStatus
@@ -29,9 +29,6 @@ from wbc.simulation.trial_record import TrialRecord
 from wbc.tracking.deviation import PlanTracking, judge
 from wbc.tracking.reference import PlanReference
 from wbc.validate import Array
-
-if TYPE_CHECKING:
-    import pandas
 
 # A foot that bears less than this part of the robot's weight does not widen the support.
 LOADED = 1e-3
@@ -236,7 +233,7 @@ class SimulationResult:
         """
         save_result(path, self.summary(), lambda: self.arrays, self._columns)
 
-    def to_frame(self) -> pandas.DataFrame:
+    def to_frame(self) -> Frame:
         """Return the states as a pandas data frame: a row per state, the columns of a table.
 
         Raises

@@ -6,19 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.notebook import as_html
-from wbc.run.frame import frame_of
+from wbc.run.frame import Frame, frame_of
 from wbc.run.saving import save_result
 from wbc.validate import Array
-
-if TYPE_CHECKING:
-    import pandas
 
 FORMAT = "wbc pendulum result 1"
 PLACES = ("com", "com_velocity", "foot", "cop", "cmp", "radii", "momentum")  # (n, 3)
@@ -136,7 +133,7 @@ class PendulumResult:
         """
         save_result(path, self.summary(), lambda: {**self._motion(), **self.arrays}, self._columns)
 
-    def to_frame(self) -> pandas.DataFrame:
+    def to_frame(self) -> Frame:
         """Return the motion as a pandas data frame: a row per time, the columns of a table.
 
         Raises
