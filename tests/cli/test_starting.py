@@ -9,6 +9,11 @@ from wbc.cli import starting as module
 from wbc.cli.starting import DOING, starting
 
 
+@pytest.fixture(autouse=True)
+def terminal(monkeypatch) -> None:
+    monkeypatch.setattr(module.sys.stderr, "isatty", lambda: True, raising=False)
+
+
 def test_what_takes_long_is_said_as_it_comes(monkeypatch, capfd) -> None:
     monkeypatch.setattr(module, "SECONDS", 0.0)
     late = threading.Event()
@@ -33,6 +38,14 @@ def test_what_is_quick_or_quiet_says_nothing(monkeypatch, capfd, quiet: bool) ->
     assert not logger.handlers and logger.propagate
     assert not [one for one in threading.enumerate() if isinstance(one, threading.Timer)
                 and not one.finished.is_set()]  # fmt: skip
+
+
+def test_where_nobody_waits_nothing_is_said(monkeypatch, capfd) -> None:
+    monkeypatch.setattr(module.sys.stderr, "isatty", lambda: False)
+    monkeypatch.setattr(module, "SECONDS", 0.0)
+    with starting("loading p.yaml"):
+        logging.getLogger(DOING).info("fitting")
+    assert capfd.readouterr() == ("", "")
 
 
 def test_one_that_fails_leaves_nothing_behind(monkeypatch) -> None:

@@ -111,6 +111,7 @@ def _run(wanted: _Wanted, look: tuple[str, str], overrides: dict[str, Any]) -> i
 
         title = f"{wanted.name}: {result.status.value.replace('_', ' ')}"
         if isinstance(result, Result):
+            title += f", {result.reach.partition(', held')[0]}" if result.reach else ""
             plot_run(result.robot, result.history, path, title=title, view=View.of(*look))
         else:
             plot_pendulum(result.history, path, title=title)

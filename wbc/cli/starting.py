@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -39,14 +40,14 @@ def _say(text: str) -> None:
 
 @contextmanager
 def starting(what: str, quiet: bool = False) -> Iterator[None]:
-    """Say what is done meanwhile to stderr, if it takes over a second.
+    """Say what is done meanwhile on the terminal, if there is one and it takes over a second.
 
     Parameters
     ----------
     what:
         What begins, such as ``"loading p.yaml"``; the library says the rest as it comes to it.
     """
-    if quiet:
+    if quiet or not sys.stderr.isatty():
         yield
         return
     told, logger = _Told(what), logging.getLogger(DOING)

@@ -21,6 +21,7 @@ from wbc.validate import Array
 
 FORMAT = "wbc result 1"
 SHOWN_FAILURES = 5
+ARRIVED = 0.01  # part of a wanted inertia that may be missing
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,16 @@ class InertiaReading:
     start: Array
     wanted: Array
     reached: Array
+
+    def share(self, k: int) -> float:
+        """Return how much of what was wanted of an entry was reached."""
+        return float(self.reached[k] / self.wanted[k]) if self.wanted[k] else float("nan")
+
+    @property
+    def arrived(self) -> bool:
+        """Whether what was wanted was reached, but for a hundredth."""
+        off = np.linalg.norm(self.reached - self.wanted)
+        return bool(off <= ARRIVED * np.linalg.norm(self.wanted))
 
 
 @dataclass(frozen=True)
@@ -175,6 +186,35 @@ class Result:
         """Time step of the run [s]; 0 of a run of one tick."""
         return float(self.history.time[1] - self.history.time[0]) if len(self.history) > 1 else 0.0
 
+    @property
+    def held_at_end(self) -> tuple[str, ...]:
+        """Labels of the rows and bounds that held the last command back, the longest first."""
+        active = self.history.active
+        return tuple(name for name in self.held_back if name in active and active[name][-1])
+
+    @property
+    def reach(self) -> str:
+        """How far a robot at rest came towards an inertia out of reach, in words; else empty.
+
+        Such as "as far as its joints allow: shape 20 to 45 % of what is wanted, held by ...".
+        """
+        short = {name: one for name, one in self.inertia.items() if not one.arrived}
+        held = self.held_at_end
+        if self.status is not RunStatus.CONVERGED or not short or not held:
+            return ""
+        bounds = [name.endswith(" bound") for name in held]
+        what = " and ".join(["joints"] * any(bounds) + ["margins"] * (not all(bounds)))
+        parts = []
+        for name, one in short.items():
+            shares = sorted(
+                100 * one.share(k) for k in range(len(one.components)) if one.wanted[k] > 0.0
+            )
+            if shares:
+                ends = dict.fromkeys((f"{shares[0]:.0f}", f"{shares[-1]:.0f}"))
+                parts.append(f"{name} {' to '.join(ends)} % of what is wanted")
+        told = "; ".join(parts) or "a nearest inertia"
+        return f"as far as its {what} allow: {told}, held by {some(held, 2)}"
+
     def tick_times(self) -> dict[str, dict[str, float]]:
         """Return median, 99th percentile and maximum of the tick's wall and CPU time [s]."""
         both = {"wall": self.history.tick_time, "cpu": self.history.tick_cpu_time}
@@ -193,6 +233,7 @@ class Result:
             "format": FORMAT,
             "status": self.status.value,
             "reason": self.reason,
+            "reach": self.reach,
             "ticks": len(self.history),
             "robot": self.robot.name,
             "final": self._final(),

@@ -213,6 +213,8 @@ def test_a_browser_shows_it_with_the_network_off(page: str, tmp_path: Path) -> N
         clock = tab.inner_text("#clock")
         tab.uncheck("#layers input >> nth=0")
         bare = tab.evaluate("canvas.toDataURL()")
+        tab.set_viewport_size({"width": 390, "height": 844})  # a telephone's
+        assert tab.evaluate("document.documentElement.scrollWidth") == 390
         browser.close()
     assert complaints == []
     assert len({begins, ends, bare}) == 3
