@@ -11,7 +11,7 @@ from wbc.cli.starting import DOING, starting
 
 @pytest.fixture(autouse=True)
 def terminal(monkeypatch) -> None:
-    monkeypatch.setattr(module.sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(module, "is_watched", lambda: True)
 
 
 def test_what_takes_long_is_said_as_it_comes(monkeypatch, capfd) -> None:
@@ -41,7 +41,7 @@ def test_what_is_quick_or_quiet_says_nothing(monkeypatch, capfd, quiet: bool) ->
 
 
 def test_where_nobody_waits_nothing_is_said(monkeypatch, capfd) -> None:
-    monkeypatch.setattr(module.sys.stderr, "isatty", lambda: False)
+    monkeypatch.setattr(module, "is_watched", lambda: False)
     monkeypatch.setattr(module, "SECONDS", 0.0)
     with starting("loading p.yaml"):
         logging.getLogger(DOING).info("fitting")

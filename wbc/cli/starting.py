@@ -34,6 +34,11 @@ class _Told(logging.Handler):
             _say(self._last)
 
 
+def is_watched() -> bool:
+    """Whether somebody waits at a terminal."""
+    return sys.stderr.isatty()
+
+
 def _say(text: str) -> None:
     typer.echo(f"{text} ...", err=True)
 
@@ -47,7 +52,7 @@ def starting(what: str, quiet: bool = False) -> Iterator[None]:
     what:
         What begins, such as ``"loading p.yaml"``; the library says the rest as it comes to it.
     """
-    if quiet or not sys.stderr.isatty():
+    if quiet or not is_watched():
         yield
         return
     told, logger = _Told(what), logging.getLogger(DOING)
