@@ -105,7 +105,8 @@ def read_pickled(
     head_line, _, packed = Path(path).read_bytes().partition(b"\n")
     head = _head(head_line)
     if head is None or head["format"] != kind:
-        raise InvalidInputError(f"{path}: is not a {kind!r}")
+        what = f"is a {head['format']!r}" if head else "is no file that this package wrote so"
+        raise InvalidInputError(f"{path}: expected a {kind!r}, it {what}")
     versions = {str(name): str(version) for name, version in head["versions"].items()}
     own = None if code is None else _module(code)
     try:

@@ -210,3 +210,23 @@ def test_damaged_files_are_refused_by_name(robot_named, rng, tmp_path: Path) -> 
         path.write_bytes(data)
         with pytest.raises(InvalidInputError, match=r"tick\.wbc: "):
             SavedTick.load(path)
+
+
+def test_other_files_are_told_from_ticks(tmp_path: Path) -> None:
+    path = tmp_path / "r.json"
+    path.write_text('{"format": "wbc result 1", "versions": {}}\n')
+    with pytest.raises(InvalidInputError, match=r"expected a 'wbc tick 1', it is a 'wbc result 1'"):
+        SavedTick.load(path)
+    path.write_text("no")
+    with pytest.raises(InvalidInputError, match="it is no file that this package wrote so"):
+        SavedTick.load(path)
+
+
+def test_what_is_of_torque_ticks_is_said(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    q = robot.posture("standing")
+    controller = wbc.KinematicController(robot, [wbc.PostureTask(robot, q)], contacts=[])
+    with pytest.raises(AttributeError, match="of a TorqueController's ticks"):
+        _ = controller.step(robot.snapshot(q)).torque  # type: ignore[attr-defined]
+    with pytest.raises(InvalidInputError, match="position and quaternion come before the joints"):
+        robot.snapshot(q[7:])

@@ -165,7 +165,11 @@ class Tick:
                 return found
             evidence = self.__dict__.get("_evidence")
             if evidence is None or name not in _LATER:
-                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+                hint = ""
+                if name in ("torque", "forces", "cop", "acceleration", "reaction", "relaxed"):
+                    hint = "; torques and forces are of a TorqueController's ticks"
+                what = f"{type(self).__name__!r} object has no attribute {name!r}"
+                raise AttributeError(what + hint)
             value = self.__dict__[name] = getattr(evidence, name)
             return value
 
