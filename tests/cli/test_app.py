@@ -349,7 +349,7 @@ def test_a_file_that_is_not_there_is_answered_with_the_one_that_is(
     (file.parent / "problems" / "walk.yaml").write_text(GOOD)
     for asked, meant in (("p.yml", "p.yaml"), ("walk.yaml", "problems/walk.yaml")):
         assert refused("run", asked) == f"{asked}: no such file; did you mean {meant}?"
-    assert refused("run", "pp.yaml") == "pp.yaml: no such file; did you mean 'p.yaml'?"
+    assert refused("run", "pp.yaml") == "pp.yaml: no such file; did you mean p.yaml?"
     assert refused("run", "else/where.yaml") == "else/where.yaml: no such file"
 
 

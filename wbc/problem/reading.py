@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import re
 import sys
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from ruamel.yaml.events import (
 )
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from wbc.errors import ProblemFileError, suggest
+from wbc.errors import ProblemFileError
 from wbc.problem.source import KeyPath, Source, written
 
 DASH, STDIN = Path("-"), "<stdin>"
@@ -100,8 +101,9 @@ def _meant(path: Path) -> str:
         found = next((one for one in places if one.is_file()), None)
         if found is not None:
             return f"; did you mean {found}?"
-        names = [one.name for one in path.parent.glob("*.y*ml")]
-        return suggest(path.name, names, listed=0) if names else ""
+        names = {one.stem: one for one in path.parent.glob("*.y*ml")}
+        for stem in get_close_matches(path.stem, names, n=1):
+            return f"; did you mean {names[stem]}?"
     return ""
 
 
