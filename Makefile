@@ -6,7 +6,7 @@ export OMP_NUM_THREADS := 1
 # What the installed package is compiled from: it is built again where one of these changed.
 CORE := $(wildcard wbc/native/source/*) wbc/native/sources.py setup.py build_backend.py pyproject.toml
 
-.PHONY: demo view test test-slow docs fuzz soak mutation lint lowest bench clean
+.PHONY: demo view test test-slow docs fuzz soak mutation lint lowest bench dist clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/wbc run problems/astronaut_expand.yaml --output result.json --plot result.png
@@ -15,8 +15,11 @@ demo: $(VENV)/demo.stamp
 view: $(VENV)/view.stamp
 	$(BIN)/wbc view problems/astronaut_expand.yaml
 
+# COVER=1: with branch coverage of wbc/, of which LEAST % are wanted.
+LEAST ?= 97
+COVERAGE = --cov=wbc --cov-branch --cov-report=term:skip-covered --cov-fail-under=$(LEAST)
 test: $(VENV)/dev.stamp
-	$(BIN)/python -m pytest -n auto -m "not slow"
+	$(BIN)/python -m pytest -n auto -m "not slow" $(if $(COVER),$(COVERAGE))
 
 # Those that take more than 1.5 s each: whole runs, searches, robots, campaigns.
 test-slow: $(VENV)/dev.stamp
@@ -51,6 +54,7 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python tests/typing/check.py
+	$(BIN)/codespell README.md CHANGELOG.md docs examples wbc benchmarks problems Makefile .ci
 
 # The tests with the lowest versions that pyproject.toml allows, in an environment of their own;
 # `make lowest SELECT="not slow"`: the quick ones; TESTS="tests/qp": those of a room.
@@ -77,6 +81,22 @@ bench: $(VENV)/dev.stamp
 	$(BIN)/python benchmarks/peers/run.py --output $(RESULTS)
 	$(BIN)/python benchmarks/campaign.py --only scaling --output $(RESULTS)
 	$(BIN)/python benchmarks/tick.py --output $(RESULTS) --history build/ticks.jsonl
+
+# sdist and a wheel for any Linux (of Python's stable ABI: one for all versions), into dist/, and the
+# wheel tried with each of PYTHONS that is here, in a clean environment without a compiler.
+PYTHONS ?= python3.11 python3.12 python3.13
+dist: $(VENV)/dev.stamp
+	rm -rf dist build/dist
+	$(BIN)/python -m build --outdir build/dist .
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/auditwheel repair --wheel-dir dist build/dist/*.whl
+	cp build/dist/*.tar.gz dist
+	mkdir -p build/empty
+	@set -e; for python in $(PYTHONS); do \
+		if ! $$python -c "" 2>/dev/null; then echo "== LEFT OUT: no $$python here"; continue; fi; \
+		$$python -m venv --clear build/dist-$$python; \
+		build/dist-$$python/bin/pip install -q dist/*.whl; \
+		(cd build/empty && env -u CC PATH="$$PWD" ../dist-$$python/bin/wbc doctor); \
+	done
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info result.json result.png

@@ -19,6 +19,8 @@ FLOORS = {
     "polygon": 0,
     "braking": 0,
     "native": 0,
+    "notebook": 0,
+    "pickled": 0,
     "processes": 0,
     "journal": 0,
     "workers": 0,
@@ -63,7 +65,8 @@ ONLY_IN = {
     "rich": {"cli"},
     "mujoco": {"simulation", "robot/formats"},
     "distributed": {"batch"},
-    "pyarrow": {"batch"},
+    "pyarrow": {"batch", "run/frame"},
+    "pandas": {"run/frame"},
 }
 FILES = sorted(PACKAGE.rglob("*.py"))
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # "as" tells type checkers that a name is public
     from wbc.tracking.pendulum import pendulum_of as pendulum_of
     from wbc.tracking.reference import PlanReference as PlanReference
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # Rooms of which every public name is wbc's too: a task is exported by its room, and nowhere else.
 # Loaded when first used, so that the command line can print its help without loading Pinocchio.

@@ -15,6 +15,7 @@ EXTRAS = {
     "mcap": "mcap",
     "mujoco": "sim",
     "mujoco_menagerie": "menagerie",
+    "pandas": "frames",
     "pyarrow": "batch",
     "robot_descriptions": "descriptions",
     "viser": "view",

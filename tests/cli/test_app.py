@@ -339,3 +339,21 @@ def test_units_stand_in_the_help() -> None:
         said = [command.help, *(getattr(p, "help", None) for p in command.params)]
         for text in said:
             assert not re.search(r"\[[a-zA-Z/^0-9 ]+\]", text or ""), f"wbc {name}: {text}"
+
+
+def test_a_file_that_is_not_there_is_answered_with_the_one_that_is(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(file.parent)
+    (file.parent / "problems").mkdir()
+    (file.parent / "problems" / "walk.yaml").write_text(GOOD)
+    for asked, meant in (("p.yml", "p.yaml"), ("walk.yaml", "problems/walk.yaml")):
+        assert refused("run", asked) == f"{asked}: no such file; did you mean {meant}?"
+    assert refused("run", "pp.yaml") == "pp.yaml: no such file; did you mean p.yaml?"
+    assert refused("run", "else/where.yaml") == "else/where.yaml: no such file"
+
+
+def test_a_problem_is_no_campaign(file: Path) -> None:
+    pytest.importorskip("pyarrow")
+    told = refused("batch", file)
+    assert "is a problem, not a campaign of problems: wbc run" in told and "\n" not in told

@@ -9,6 +9,8 @@ from urllib.parse import unquote
 
 import pytest
 
+from tests.needs import BROWSER, SOFTWARE
+
 SITE = Path(__file__).parents[2] / "docs" / "site" / "mkdocs.yml"
 QUIET = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
 LOADED = re.compile(r'<(?:script|link|img)\b[^>]*?\b(?:src|href)="?([^"\s>]+)')
@@ -35,3 +37,22 @@ def test_site_opens_without_a_server(tmp_path: Path) -> None:
     (bundle,) = (tmp_path / "assets" / "javascripts").glob("bundle.*.js")
     assert "search/search_index.js" in bundle.read_text(encoding="utf-8")
     assert "IFrameWorker" in (tmp_path / "assets" / "iframe-worker.js").read_text()
+    if BROWSER:
+        search_in_a_browser(tmp_path)
+
+
+def search_in_a_browser(site: Path) -> None:
+    """Open a page as a file, without a network, search for a word, and follow what is found."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as running:
+        browser = running.chromium.launch(executable_path=BROWSER, args=list(SOFTWARE))
+        tab = browser.new_context(offline=True, viewport={"width": 1300, "height": 800}).new_page()
+        tab.set_default_timeout(120_000.0)
+        tab.goto((site / "howto" / "failed-tick.html").as_uri())
+        tab.click("input.md-search__input")
+        tab.keyboard.type("replay")
+        tab.wait_for_selector("a.md-search-result__link")
+        found = tab.locator("a.md-search-result__link").first
+        address = found.get_attribute("href")
+        browser.close()
+    assert address is not None and address.startswith("file:") and ".html" in address

@@ -21,6 +21,7 @@ from wbc.cli.doctor import doctor
 from wbc.cli.errors import BAD_INPUT, complain, refused
 from wbc.cli.problems import check, init, schema
 from wbc.cli.push import PUSH_EXIT_CODES, push
+from wbc.cli.replay import REPLAY_EXIT_CODES, replay
 from wbc.cli.robots import collisions, robots
 from wbc.cli.run import EXIT_CODES, SIM_EXIT_CODES, run, sim
 from wbc.cli.saved import export, render, report
@@ -84,6 +85,7 @@ app.command()(view)
 app.command()(render)
 app.command()(report)
 app.command()(export)
+app.command(epilog=REPLAY_EXIT_CODES)(replay)
 app.command()(init)
 app.command()(check)
 app.command()(analyze)

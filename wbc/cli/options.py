@@ -49,7 +49,7 @@ Output = Annotated[
     typer.Option(
         "--output",
         "-o",
-        help="Write the result: .json, .npz with histories, .csv a table; repeatable.",
+        help="Write the result: .json, .npz with histories, .csv or .parquet a table; repeatable.",
     ),
 ]
 Plot = Annotated[Path | None, typer.Option(help="Draw it into a picture.")]
@@ -70,6 +70,12 @@ Assign = Annotated[
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Watched = Annotated[
     bool, typer.Option("--view", help="Watch it in a browser; the page stays until Ctrl-C.")
+]
+SaveTick = Annotated[
+    Path | None,
+    typer.Option(
+        help="Save the first tick that fails, or in which something gives way: for wbc replay."
+    ),
 ]
 SavedOrProblem = Annotated[
     Path,

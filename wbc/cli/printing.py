@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console, JustifyMethod
+from rich.cells import cell_len
+from rich.console import Console, ConsoleOptions, JustifyMethod, RenderResult
 from rich.table import Table
 from rich.text import Text
 
@@ -17,6 +18,7 @@ from wbc.run.shaping_report import ShapingReport
 from wbc.simulation import SimulationStatus
 
 SHOWN = 5
+GAP = 3  # between columns
 _STOPPED = {
     "met": "; it stopped once the tasks were met",
     "settled": "; it stopped when nothing better was found for long",
@@ -30,7 +32,8 @@ def print_result(result: Result, written: Iterable[Path]) -> None:
     console = Console(highlight=False)
     time = result.history.time
     seconds = len(time) * float(time[1] - time[0]) if time.size > 1 else 0.0
-    reason = f"{result.reason} ({len(result.history)} ticks, {seconds:.2f} s)"
+    reach = f", {result.reach}" if result.reach else ""
+    reason = f"{result.reason}{reach} ({len(result.history)} ticks, {seconds:.2f} s)"
     console.print(head(result.status, reason))
     console.print(tasks_table(result))
     if result.inertia:
@@ -89,12 +92,13 @@ def tasks_table(result: Result) -> Table:
 
 
 def _inertia(result: Result) -> Table:
-    table = heads("inertia [kg m^2]", "start", "wanted", "reached")
+    table = heads("inertia [kg m^2]", "start", "wanted", "reached", "of it")
     for name, one in result.inertia.items():
         for k, component in enumerate(one.components):
             numbers = (f"{values[k]:.4f}" for values in (one.start, one.wanted, one.reached))
             about = "" if one.about == COM else f" about {_words_of(one.about)}"
-            table.add_row(Text(f"{name}: {component} in {one.axes} axes{about}"), *numbers)
+            part = f"{100 * one.share(k):.0f} %" if one.wanted[k] > 0.0 else ""
+            table.add_row(Text(f"{name}: {component} in {one.axes} axes{about}"), *numbers, part)
     return table
 
 
@@ -217,9 +221,31 @@ def _above(part: float) -> str:
     return f"{100 * abs(part):.2g} % {side} that of the best posture"
 
 
+class WholeWords(Table):
+    """A table that breaks lines between words: in columns no narrower than their longest one.
+
+    Where the terminal is too narrow even for that, columns stand closer, and at last words break.
+    """
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """See rich's protocol."""
+        longest = [max(map(_longest_word, (one.header, *one.cells))) for one in self.columns]
+        for gap in (GAP, 1):
+            if sum(longest) + gap * len(longest) <= options.max_width:
+                self.padding = (0, gap, 0, 0)
+                for column, width in zip(self.columns, longest, strict=True):
+                    column.min_width = width
+                break
+        yield from super().__rich_console__(console, options)
+
+
+def _longest_word(cell: object) -> int:
+    return max((cell_len(word) for word in str(cell).split()), default=0)
+
+
 def facts() -> Table:
     """Return an empty table of names and facts, below an empty line."""
-    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), show_header=False)
+    table = WholeWords(box=None, pad_edge=False, padding=(0, 3, 0, 0), show_header=False)
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     table.add_row("", "")
@@ -228,7 +254,7 @@ def facts() -> Table:
 
 def heads(*columns: str) -> Table:
     """Return an empty table under a line of heads: the first column to the left, numbers right."""
-    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="dim")
+    table = WholeWords(box=None, pad_edge=False, padding=(0, GAP, 0, 0), header_style="dim")
     for k, column in enumerate(columns):
         justify: JustifyMethod = "left" if k == 0 else "right"
         table.add_column(Text(f"\n{column}"), justify=justify, overflow="fold")

@@ -86,6 +86,7 @@ def push(
     """
     with errors_in_one_line():
         from wbc.cli.outputs import check_outputs
+        from wbc.cli.starting import starting
         from wbc.problem.pushing import LoadPushed, PushSettings
         from wbc.simulation import PushGrid
 
@@ -94,7 +95,8 @@ def push(
         check_outputs(output or [], plot)
         overrides = overrides_of(assign, solver)
         paths = [problem] if compare is None else [problem, compare]
-        loads = [LoadPushed.of(path, overrides, settings) for path in paths]
+        with starting(f"loading {', '.join(map(str, paths))}", quiet):
+            loads = [LoadPushed.of(path, overrides, settings) for path in paths]
         count = workers or len(os.sched_getaffinity(0))
         code = _campaign(paths, loads, settings, grid, count, output or [], plot, quiet)
     raise typer.Exit(code)

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import NOT_REACHED, QP_FAILED, complain, errors_in_one_line, print_notes
+from wbc.cli.errors import (
+    NOT_REACHED,
+    QP_FAILED,
+    complain,
+    errors_in_one_line,
+    print_note,
+    print_notes,
+)
 from wbc.cli.options import (
     Assign,
     Output,
     Plot,
     Quiet,
+    SaveTick,
     Show,
     Solver,
     ViewFrom,
@@ -27,6 +35,8 @@ from wbc.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from wbc.controllers import Controller
+    from wbc.controllers.closed_loop import LoopTick
     from wbc.problem import Problem, Result
     from wbc.problem.pendulum.problem import PendulumProblem
     from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
@@ -61,11 +71,12 @@ def run(
     assign: Assign = None,
     quiet: Quiet = False,
     view: Watched = False,
+    save_tick: SaveTick = None,
 ) -> None:
     """Run a problem and say what came of it."""
     with errors_in_one_line():
         check_view(view_from, show)
-        wanted = _Wanted(problem, output or [], plot, quiet, view)
+        wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick)
         code = _run(wanted, (view_from, show), overrides_of(assign, solver))
     raise typer.Exit(code)
 
@@ -75,9 +86,11 @@ def _run(wanted: _Wanted, look: tuple[str, str], overrides: dict[str, Any]) -> i
     from wbc.cli.interrupts import Interrupts, noted_interrupts
     from wbc.cli.printing import print_pendulum_result, print_result
     from wbc.cli.progress import shown_progress
-    from wbc.problem import Problem, Result, load_problem
 
-    problem = load_problem(wanted.path, overrides)
+    with wanted.starting():
+        from wbc.problem import Problem, Result, load_problem
+
+        problem = load_problem(wanted.path, overrides)
     if isinstance(problem, Problem) and not wanted.quiet:
         print_notes(problem.parts.robot)
     watching = wanted.watching(problem)
@@ -87,7 +100,7 @@ def _run(wanted: _Wanted, look: tuple[str, str], overrides: dict[str, Any]) -> i
     result: Result | PendulumResult
     with shown_progress(wanted.quiet) as progress, listening as interrupts:
         if isinstance(problem, Problem):
-            result = problem.run(progress, cancelled=interrupts, show=_shown_by(watching))
+            result = problem.run(progress, cancelled=interrupts, show=wanted.shown_by(watching))
         else:
             result = problem.run(progress, cancelled=interrupts)
     interrupted = interrupts() or _search_interrupted(result)
@@ -98,6 +111,7 @@ def _run(wanted: _Wanted, look: tuple[str, str], overrides: dict[str, Any]) -> i
 
         title = f"{wanted.name}: {result.status.value.replace('_', ' ')}"
         if isinstance(result, Result):
+            title += f", {result.reach.partition(', held')[0]}" if result.reach else ""
             plot_run(result.robot, result.history, path, title=title, view=View.of(*look))
         else:
             plot_pendulum(result.history, path, title=title)
@@ -139,10 +153,11 @@ def sim(
     assign: Assign = None,
     quiet: Quiet = False,
     view: Watched = False,
+    save_tick: SaveTick = None,
 ) -> None:
     """Simulate a problem of the torque level and say whether the robot stood."""
     with errors_in_one_line():
-        wanted = _Wanted(problem, output or [], plot, quiet, view)
+        wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick)
         code = _simulate(wanted, overrides_of(assign, solver))
     raise typer.Exit(code)
 
@@ -153,17 +168,19 @@ def _simulate(wanted: _Wanted, overrides: dict[str, Any]) -> int:
     from wbc.cli.progress import shown_progress
     from wbc.cli.sim_report import print_simulation
     from wbc.errors import InvalidInputError
-    from wbc.problem import Problem, load_problem
 
     path = wanted.path
-    problem = load_problem(path, overrides)
+    with wanted.starting():
+        from wbc.problem import Problem, load_problem
+
+        problem = load_problem(path, overrides)
     if not isinstance(problem, Problem):
         raise InvalidInputError(f"{path}: a pendulum's problem simulates itself: wbc run {path}")
     if not wanted.quiet:
         print_notes(problem.parts.robot)
     watching = wanted.watching(problem)
     with shown_progress(wanted.quiet) as progress, noted_interrupts() as interrupts:
-        result = problem.simulate(progress, cancelled=interrupts, show=_shown_by(watching))
+        result = problem.simulate(progress, cancelled=interrupts, show=wanted.shown_by(watching))
 
     def draw(picture: Path) -> None:
         from wbc.view.simulation import plot_simulation
@@ -201,6 +218,7 @@ class _Wanted:
     plot: Path | None
     quiet: bool
     view: bool
+    save_tick: Path | None = None
 
     @property
     def name(self) -> str:
@@ -208,12 +226,33 @@ class _Wanted:
         return name_of(self.path)
 
     def __post_init__(self) -> None:
-        from wbc.cli.outputs import check_outputs
+        from wbc.cli.outputs import check_outputs, check_place
         from wbc.extras import require
 
         check_outputs(self.output, self.plot)
         if self.view:
             require("viser", "--view")
+        if self.save_tick is not None:
+            check_place("--save-tick", self.save_tick)
+
+    def starting(self) -> AbstractContextManager[None]:
+        """Return what says what is being loaded, if that takes a while."""
+        from wbc.cli.starting import starting
+
+        return starting(f"loading {self.path}", self.quiet)
+
+    def shown_by(self, watching: Watching | None) -> ShowTick | None:
+        """Return what looks at every tick: the viewer, and who saves the first that gave way."""
+        if self.save_tick is None:
+            return None if watching is None else watching.show
+        keeper = _Keeper(self.save_tick)
+
+        def look(now: LoopTick, controller: Controller | None) -> None:
+            keeper(now)
+            if watching is not None:
+                watching.show(now, controller)
+
+        return look
 
     def watching(self, problem: Problem | PendulumProblem) -> Watching | None:
         """Return what shows the run, if that is wanted.
@@ -237,8 +276,21 @@ class _Wanted:
         return Watching(problem.parts.robot, title=self.name, terrain=terrain)
 
 
-def _shown_by(watching: Watching | None) -> ShowTick | None:
-    return None if watching is None else watching.show
+class _Keeper:
+    """Saves the first tick that failed, or in which something gave way."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._done = path, False
+
+    def __call__(self, now: LoopTick) -> None:
+        if now.tick.policy is None or self._done:
+            return
+        self._done = True
+        now.tick.save(self._path)
+        print_note(
+            f"t = {now.time:.3f} s: {now.tick.report()}; saved: ask again by wbc replay"
+            f" {self._path}"
+        )
 
 
 def _exit_code(status: RunStatus | SimulationStatus | PendulumStatus) -> int:

@@ -164,6 +164,7 @@ def _saved_or_run(path: Path, robot: str | None, quiet: bool) -> SavedRun | Save
         Another file than a result.
     """
     from wbc.cli.progress import shown_progress
+    from wbc.cli.starting import starting
     from wbc.errors import InvalidInputError
     from wbc.problem import Problem, load_problem
     from wbc.problem.pendulum.result import SavedPendulum
@@ -174,7 +175,8 @@ def _saved_or_run(path: Path, robot: str | None, quiet: bool) -> SavedRun | Save
         return load_result(path, None if robot is None else Robot.load(robot))
     if robot is not None:
         raise InvalidInputError("--robot: only for a result's .npz; a problem names its robot")
-    problem, name = load_problem(path), name_of(path)
+    with starting(f"loading {path}", quiet):
+        problem, name = load_problem(path), name_of(path)
     with shown_progress(quiet) as progress:
         if not isinstance(problem, Problem):
             moved = problem.run(progress)

@@ -13,7 +13,7 @@ from wbc.constraints.margin import SKIN, USED, BrakingParameters
 from wbc.constraints.rows import Distances, SeparatedPairs
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
-from wbc.robot.collision import CollisionModel, PairDistances, robot_bodies, select_pairs
+from wbc.robot.collision import CollisionModel, PairDistances, chosen_pairs
 from wbc.robot.collision.native_pairs import NativePairs
 from wbc.robot.collision.pairs import BY_DESCRIPTION
 from wbc.validate import Array, finite_number, read_only
@@ -100,9 +100,8 @@ class SelfCollision(BodyMargin):
                 " exclude and fit, or the model"
             )
         if model is None:
-            bodies = robot_bodies(robot, fit)
-            chosen = select_pairs(
-                robot, bodies, include=include, exclude=exclude, clearance=self.margin
+            chosen = chosen_pairs(
+                robot, fit, include=include, exclude=exclude, clearance=self.margin
             )
             model = CollisionModel(robot, chosen.bodies, chosen.pairs)
             margins = chosen.margins

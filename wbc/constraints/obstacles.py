@@ -13,7 +13,7 @@ from wbc.constraints.margin import SKIN, BrakingParameters
 from wbc.constraints.rows import Distances, SeparatedPairs
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
-from wbc.robot.collision import Body, CollisionModel, Obstacle, PairDistances, robot_bodies
+from wbc.robot.collision import Body, CollisionModel, Obstacle, PairDistances, fitted_bodies
 from wbc.robot.names import matching
 from wbc.validate import Array, finite_number
 
@@ -80,7 +80,7 @@ class Obstacles(BodyMargin):
         if not obstacles:
             raise InvalidInputError("obstacles: none given; name at least one, or leave this out")
         self.obstacles = tuple(obstacles)
-        own = _bodies_of(robot_bodies(robot, fit), links)
+        own = _bodies_of(fitted_bodies(robot, fit), links)
         around = [Body(one.name, one.name, 0, one.shape) for one in self.obstacles]
         self._first = len(own)
         self.model = CollisionModel(

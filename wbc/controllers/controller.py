@@ -41,7 +41,7 @@ from wbc.controllers.outcome import Box, Outcome
 from wbc.controllers.plan import Decision, LevelPlan
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.controllers.tick import POLICIES, Began, Tick
-from wbc.errors import InvalidInputError
+from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, backend_of
 from wbc.robot import Robot, Snapshot
@@ -115,6 +115,7 @@ class Controller(DeclaredAttributes, ABC):
     contacts: tuple[Task, ...]
     constraints: tuple[Constraint, ...]
     deadline: float | None
+    ticks: int  # that were answered
     _core: CorePlan
     _second: CorePlan | None
 
@@ -147,7 +148,7 @@ class Controller(DeclaredAttributes, ABC):
         deadline: float | None = None,
     ) -> None:
         contacts, slack = checks.held_by(robot, contacts), NO_SLACK if slack is None else slack
-        self.robot, self.limits = robot, limits
+        self.robot, self.limits, self.ticks = robot, limits, 0
         self._take(tasks, contacts, constraints, slack)
         self.dt = time_step("controller", dt)
         self.damping = finite_number("controller, damping", damping, above=0.0)
@@ -201,14 +202,21 @@ class Controller(DeclaredAttributes, ABC):
         """
         if type(snapshot) is not Snapshot or snapshot.robot is not self.robot:
             checks.check_snapshot(self.robot, snapshot)
+        own, before = self.__dict__, self._kept()
+        own["ticks"] = number = own["ticks"] + 1
+        measured, limits = snapshot.measured, self.limits
+        fast = None if limits is None else limits.acceleration
+        began = Began(limits, measured, fast, self.dt, self, before, number)
         try:
             tick = self._step(snapshot)
+        except ControllerFailure as failure:
+            if isinstance(failure.tick, Tick):
+                failure.tick.__dict__["_began"] = began
+            raise
         except (AttributeError, IndexError, InvalidInputError, TypeError, ValueError):
             checks.look_closely(snapshot, self.dt, self._motion, self.contacts, self.constraints)
             raise
-        measured, limits = snapshot.measured, self.limits
-        if limits is not None:
-            tick.__dict__["_began"] = Began(limits, measured, limits.acceleration, self.dt)
+        tick.__dict__["_began"] = began
         if measured.endswith(self._rest):
             self._missing_velocity.watch(snapshot, tick.velocity, limits)
         return tick
@@ -332,6 +340,21 @@ class Controller(DeclaredAttributes, ABC):
             "slack": slack,
             "singular": outcome.found.singular,
         }
+
+    def changed(self) -> str | None:
+        """Return what was changed since the last tick, in words, or None."""
+        return self._core.changed()
+
+    def _kept(self) -> tuple[object, ...]:
+        """Return what is kept from tick to tick, but for warm starts: what a tick changes."""
+        second = self._second
+        return self._core.memory.usual, b"" if second is None else second.memory.usual
+
+    def _return_to(self, kept: tuple[Any, ...]) -> None:
+        """Take up what was kept before a tick."""
+        self._core.memory.usual, usual = kept
+        if self._second is not None:
+            self._second.memory.usual = usual
 
     @property
     def core(self) -> CorePlan:

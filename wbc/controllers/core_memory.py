@@ -117,6 +117,7 @@ class CoreMemory:
             self.struct.limited, self.struct.recovery = True, limits.recovery
             self.struct.braked = limits.braking == "bounded"
         self._frames = len(frames)
+        self._usual, self._outside = np.zeros(0, dtype=np.int64), False
         self._point(solver)
         self._tick: Any = lib.wbc_problem if solver is None else lib.wbc_tick
         self._state_pointer = doubles(self.state)
@@ -141,6 +142,7 @@ class CoreMemory:
         if solver is not None:
             own = solver if isinstance(solver, ActiveSet) else solver.active_set
             struct.eps, struct.most, struct.outside = own.eps, own.max_iterations, own is not solver
+            self._outside = own is not solver
             struct.always = isinstance(solver, ProxQP) and solver.always
 
     # ------------------------------------------------------------------ calls
@@ -213,6 +215,16 @@ class CoreMemory:
         return P, g
 
     @property
+    def usual(self) -> bytes:
+        """Columns that the last tick eliminated: the next prefers them, where ProxQP is asked."""
+        return self._usual.tobytes() if self._outside else b""
+
+    @usual.setter
+    def usual(self, columns: bytes) -> None:
+        if len(columns) == self._usual.nbytes:
+            self._usual[:] = np.frombuffer(columns, dtype=np.int64)
+
+    @property
     def qp(self) -> QP:
         """What the core left to be solved, a QP without equalities: views on its memory."""
         rows = int(self.out[self.layout.found][0])
@@ -283,7 +295,11 @@ class CoreMemory:
         if "scratch" not in self.arrays or self.arrays["scratch"].size < scratch:
             self._put("scratch", np.zeros(scratch))
         if "order" not in self.arrays or self.arrays["order"].size < order:
+            before = self._usual
             self._put("order", np.zeros(order, dtype=np.int64))
+            begin = 2 * n + k + 1  # as usual_columns in source/problem.h
+            self._usual = self.arrays["order"][begin : begin + k]
+            self._usual[: before.size] = before
         self._reduced.clear()
 
     def _layout_of(self, level: int, given: int) -> Layout:

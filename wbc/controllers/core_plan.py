@@ -134,7 +134,15 @@ class CorePlan:
         self.shares_state, self._braking = shares_state, limits and limits.braking
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self), self._made_of  # a copy has memory of its own
+        return type(self)._with_columns, (*self._made_of, self.memory.usual)
+
+    @classmethod
+    def _with_columns(cls, *parts: object) -> CorePlan:
+        """Return a copy, with memory of its own."""
+        *made_of, usual = parts
+        made = cls(*made_of)  # type: ignore[arg-type]
+        made.memory.usual = usual  # type: ignore[assignment]
+        return made
 
     @property
     def solves(self) -> bool:
@@ -147,6 +155,14 @@ class CorePlan:
         costs = (part for part in self._parts if not part.held)
         weights = [place.weight for part in costs for place in part._places]
         return max(float(np.square(weight).max(initial=0.0)) for weight in weights)
+
+    def changed(self) -> str | None:
+        """Return which task was changed since it was last written, in words, or None."""
+        for part in self._parts:
+            task = part.task
+            if task._changes != part.changes or task._assigned != part.assigned:
+                return f"{task.name!r} was changed since"
+        return None
 
     def serves(self, limits: Limits | None, dt: float) -> bool:
         """Whether limits and time step are still those that the plan was made for."""

@@ -48,6 +48,15 @@ class ForceRamps:
         self._going: dict[str, Ramp] = {}
 
     @property
+    def running(self) -> tuple[Mapping[str, Ramp], Mapping[str, Ramp]]:
+        """The ramps of contacts that come, and of those that go; may be assigned."""
+        return self._coming, self._going
+
+    @running.setter
+    def running(self, ramps: tuple[Mapping[str, Ramp], Mapping[str, Ramp]]) -> None:
+        self._coming, self._going = dict(ramps[0]), dict(ramps[1])
+
+    @property
     def most(self) -> Mapping[str, float]:
         """The bound of each contact that comes or goes [N]."""
         return {name: ramp.most for name, ramp in (self._coming | self._going).items()}

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
 from wbc.constraints.limits import Limits
 from wbc.controllers.singular import Singularity
+from wbc.errors import InvalidInputError
+from wbc.notebook import as_html, some
+from wbc.pickled import write_pickled
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, Solution, Status
 from wbc.robot.limits import BASE_NV
 from wbc.validate import Array
 
 POLICIES = ("hold", "damp", "closest", "raise")
+TICK_FILE = "wbc tick 1"
 RELAX = "relax"  # the policy of a tick in which something gave way, at the torque level
 # Multipliers below this part of the largest, or below this, are what solvers leave: not active.
 ACTIVE, NEGLIGIBLE = 1e-6, 1e-9
@@ -38,28 +43,48 @@ class Times(NamedTuple):
 ROUNDED = 1e-3
 
 
+class Answering(Protocol):
+    """A controller, as its ticks see it."""
+
+    ticks: int
+
+    def changed(self) -> str | None:
+        """Return what was changed since the last tick, in words, or None."""
+
+
 class Began(NamedTuple):
-    """Where a tick began: what its command is compared with.
+    """Where a tick began: what its command is compared with, and what asks for it again.
 
     Attributes
     ----------
     limits:
-        That were kept.
+        That were kept, or None.
     measured:
         The bytes of q, and of v behind it.
     acceleration:
-        (nv - 6,) limits of the joints in this tick; they may be assigned later.
+        (nv - 6,) limits of the joints in this tick, or None; they may be assigned later.
     dt:
         Time step [s].
+    asked:
+        The controller.
+    before:
+        What it kept between ticks until this one, but for warm starts.
+    number:
+        Of this tick among those of the controller.
     """
 
-    limits: Limits
+    limits: Limits | None
     measured: bytes
-    acceleration: Array
+    acceleration: Array | None
     dt: float
+    asked: Answering
+    before: tuple[object, ...]
+    number: int
 
     def braked(self, velocity: Array) -> dict[str, float]:
         """Return how much harder joints brake than their limit, by name: see :class:`Tick`."""
+        if self.limits is None or self.acceleration is None:
+            return {}
         v = np.frombuffer(self.measured)[-velocity.size :]
         part = np.abs(velocity - v)[BASE_NV:] / (self.dt * self.acceleration)
         names = self.limits.robot.joint_names
@@ -140,7 +165,11 @@ class Tick:
                 return found
             evidence = self.__dict__.get("_evidence")
             if evidence is None or name not in _LATER:
-                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+                hint = ""
+                if name in ("torque", "forces", "cop", "acceleration", "reaction", "relaxed"):
+                    hint = "; torques and forces are of a TorqueController's ticks"
+                what = f"{type(self).__name__!r} object has no attribute {name!r}"
+                raise AttributeError(what + hint)
             value = self.__dict__[name] = getattr(evidence, name)
             return value
 
@@ -197,3 +226,53 @@ class Tick:
     def conflict(self) -> Conflict | None:
         """Rows that contradict each other, each of them to blame, or None: the solution's."""
         return self.solution.conflict
+
+    def _repr_html_(self) -> str:
+        """Return how a notebook shows it."""
+        fastest = int(np.argmax(np.abs(self.velocity)))
+        largest = f"{self.qp.labels.variables[fastest]} {self.velocity[fastest]:+.3g}"
+        facts = [
+            ("held back by", some(self.active)),
+            ("largest velocity", largest),
+            ("solver", f"{self.solution.solver}, {1e6 * self.times.total:.0f} us"),
+        ]
+        errors = [(f"error of {name}", np.array2string(error, precision=3, threshold=6))
+                  for name, error in self.errors.items()]  # fmt: skip
+        return as_html(f"{type(self).__name__}: {self.report()}", facts, errors)
+
+    def answer(self) -> dict[str, Any]:
+        """Return what the controller answered, as plain data: see :class:`SavedTick`."""
+        told = {"velocity": self.velocity, "torque": getattr(self, "torque", None)}
+        plain = {name: float(by) for name, by in self.slack.items()}
+        said = {"status": self.status.value, "policy": self.policy, "slack": plain}
+        report = {"solver": self.solution.solver, "report": self.report()}
+        return {name: value for name, value in told.items() if value is not None} | said | report
+
+    def save(self, path: str | Path) -> None:
+        """Write the controller, the state that it was asked with, and this answer into a file.
+
+        ``wbc replay FILE``, or :class:`wbc.SavedTick`, asks again, on any
+        machine; the file holds the robot, but for its meshes' files. Save a tick before the
+        controller takes the next step.
+
+        Raises
+        ------
+        InvalidInputError
+            The controller has gone on, or a target was changed since; or a part of yours cannot be
+            pickled.
+        OSError
+            The file cannot be written.
+        """
+        began = self.__dict__.get("_began")
+        if began is None:
+            raise InvalidInputError(f"{path}: a copied tick has no controller; save the original")
+        changed = began.asked.changed()
+        if began.number != began.asked.ticks:
+            changed = f"{began.asked.ticks - began.number} ticks were taken since"
+        if changed:
+            raise InvalidInputError(
+                f"{path}: {changed}, and the file would tell of another tick; save a tick before"
+                " anything is changed and before the next step"
+            )
+        content = began.asked, began.before, began.measured, self.answer()
+        write_pickled(path, TICK_FILE, content)

@@ -193,6 +193,18 @@ class TorqueController(Controller):
         self.__dict__["_ramped"] = self._ramps.most
         return super()._step(snapshot)
 
+    def _kept(self) -> tuple[object, ...]:
+        own = self._last, self._ramps.running, self.contacts, dict(self._going_slack)
+        return *super()._kept(), *own
+
+    def _return_to(self, kept: tuple[Any, ...]) -> None:
+        *of_all, self._last, running, contacts, going_slack = kept
+        self._ramps.running = running
+        if contacts != self.contacts:
+            self._going_slack = going_slack
+            self._plan(contacts)
+        super()._return_to(tuple(of_all))
+
     # ------------------------------------------------------------------ what the level says
 
     def _next_contacts(

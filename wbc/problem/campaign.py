@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, ProblemFileError
 from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
 from wbc.problem.mistakes import Mistakes, read_section
 from wbc.problem.overrides import apply_overrides
@@ -101,6 +101,11 @@ def load_campaign(path: str | Path) -> Campaign:
         raise InvalidInputError(f"load_campaign: expected the path of a file, got {str(path)!r}")
     path = Path(path)
     source = read_source(path, "'problems:'")
+    if "problems" not in source.data and source.data.keys() & {"robot", "tasks", "model"}:
+        raise ProblemFileError(
+            f"{path}: is a problem, not a campaign of problems: wbc run {path}; a campaign names"
+            f" it: problems: [{path.name}]"
+        )
     spec = read_section(CampaignSpec, source)
     mistakes = Mistakes(source)
     if spec.draw and spec.seeds is None:

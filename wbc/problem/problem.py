@@ -243,12 +243,23 @@ def load_problem(
     overrides = dict(by_name("load_problem, overrides", overrides or {}))
     source = read_source(Path(path))
     refuse_result(source)
+    return problem_of(source, overrides)
+
+
+def problem_of(source: Source, overrides: Mapping[str, Any]) -> Problem | PendulumProblem:
+    """Return the problem of a file that was read; see :func:`load_problem`.
+
+    Raises
+    ------
+    ProblemFileError
+        With every mistake found.
+    """
     source = apply_overrides(source, overrides)
     if isinstance(source.data, dict) and "model" in source.data:
         # Only now: a robot's problem need not wait for CasADi to load.
         from wbc.problem.pendulum.problem import load_pendulum
 
-        return load_pendulum(source, overrides, Path(path).parent)
+        return load_pendulum(source, overrides, Path(source.name).parent)
     return _made_of(source, overrides)
 
 

@@ -7,8 +7,10 @@ merge keys are refused, and so are duplicate keys, of which plain YAML keeps eit
 
 from __future__ import annotations
 
+import contextlib
 import re
 import sys
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,7 @@ from wbc.errors import ProblemFileError
 from wbc.problem.source import KeyPath, Source, written
 
 DASH, STDIN = Path("-"), "<stdin>"
+PROBLEMS = Path("problems")  # where a clone has its own
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 32
 MAX_ALIASES = 50
@@ -76,7 +79,7 @@ def _text_of(path: Path, name: str) -> str:
             with path.open("rb") as file:
                 content = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise ProblemFileError(f"{name}: no such file") from None
+        raise ProblemFileError(f"{name}: no such file{_meant(path)}") from None
     except IsADirectoryError:
         raise ProblemFileError(f"{name}: a folder; name a problem file in it") from None
     except (OSError, ValueError) as error:
@@ -88,6 +91,20 @@ def _text_of(path: Path, name: str) -> str:
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise ProblemFileError(f"{name}:{line}: not UTF-8 text; save the file as UTF-8") from error
+
+
+def _meant(path: Path) -> str:
+    """Return which file was meant instead of one that is not there, or an empty text."""
+    stems = (path.with_suffix(".yaml"), path.with_suffix(".yml"))
+    places = (*stems, *(PROBLEMS / one.name for one in stems))
+    with contextlib.suppress(OSError, ValueError):
+        found = next((one for one in places if one.is_file()), None)
+        if found is not None:
+            return f"; did you mean {found}?"
+        names = {one.stem: one for one in path.parent.glob("*.y*ml")}
+        for stem in get_close_matches(path.stem, names, n=1):
+            return f"; did you mean {names[stem]}?"
+    return ""
 
 
 def parse(text: str, name: str) -> Source:

@@ -14,6 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError, shown
+from wbc.notebook import as_html, some
 from wbc.robot.drives import JointValues, armature_note, effort_note, set_drives
 from wbc.robot.feet import FootSpec
 from wbc.robot.formats import read_description
@@ -84,6 +85,18 @@ class Robot(KinematicTree):
         for q in self.postures.values():
             read_only(q)
         object.__setattr__(self, "postures", MappingProxyType(dict(self.postures)))
+
+    def _repr_html_(self) -> str:
+        """Return how a notebook shows it."""
+        facts = [
+            ("mass", f"{self.mass:.2f} kg"),
+            ("joints", f"{len(self.joint_names)}: {some(self.joint_names, 6)}"),
+            ("feet", ", ".join(self.feet)),
+            ("postures", ", ".join(self.postures)),
+            ("base", "bolted down" if self.fixed_base else "floating"),
+            ("limits missing", some(self.limits.missing)),
+        ]
+        return as_html(f"{self.name}", facts, [("note", note) for note in self.notes])
 
     @classmethod
     def load(

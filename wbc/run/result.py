@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from wbc.notebook import as_html, some
 from wbc.robot import Robot
-from wbc.run.columns import history_columns
+from wbc.run.columns import Column, history_columns
+from wbc.run.frame import Frame, frame_of
 from wbc.run.history import History, StateRecord
 from wbc.run.saving import save_result
 from wbc.run.shaping_report import ShapingReport
@@ -19,6 +21,7 @@ from wbc.validate import Array
 
 FORMAT = "wbc result 1"
 SHOWN_FAILURES = 5
+ARRIVED = 0.01  # part of a wanted inertia that may be missing
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +52,16 @@ class InertiaReading:
     start: Array
     wanted: Array
     reached: Array
+
+    def share(self, k: int) -> float:
+        """Return how much of what was wanted of an entry was reached."""
+        return float(self.reached[k] / self.wanted[k]) if self.wanted[k] else float("nan")
+
+    @property
+    def arrived(self) -> bool:
+        """Whether what was wanted was reached, but for a hundredth."""
+        off = np.linalg.norm(self.reached - self.wanted)
+        return bool(off <= ARRIVED * np.linalg.norm(self.wanted))
 
 
 @dataclass(frozen=True)
@@ -173,6 +186,35 @@ class Result:
         """Time step of the run [s]; 0 of a run of one tick."""
         return float(self.history.time[1] - self.history.time[0]) if len(self.history) > 1 else 0.0
 
+    @property
+    def held_at_end(self) -> tuple[str, ...]:
+        """Labels of the rows and bounds that held the last command back, the longest first."""
+        active = self.history.active
+        return tuple(name for name in self.held_back if name in active and active[name][-1])
+
+    @property
+    def reach(self) -> str:
+        """How far a robot at rest came towards an inertia out of reach, in words; else empty.
+
+        Such as "as far as its joints allow: shape 20 to 45 % of what is wanted, held by ...".
+        """
+        short = {name: one for name, one in self.inertia.items() if not one.arrived}
+        held = self.held_at_end
+        if self.status is not RunStatus.CONVERGED or not short or not held:
+            return ""
+        bounds = [name.endswith(" bound") for name in held]
+        what = " and ".join(["joints"] * any(bounds) + ["margins"] * (not all(bounds)))
+        parts = []
+        for name, one in short.items():
+            shares = sorted(
+                100 * one.share(k) for k in range(len(one.components)) if one.wanted[k] > 0.0
+            )
+            if shares:
+                ends = dict.fromkeys((f"{shares[0]:.0f}", f"{shares[-1]:.0f}"))
+                parts.append(f"{name} {' to '.join(ends)} % of what is wanted")
+        told = "; ".join(parts) or "a nearest inertia"
+        return f"as far as its {what} allow: {told}, held by {some(held, 2)}"
+
     def tick_times(self) -> dict[str, dict[str, float]]:
         """Return median, 99th percentile and maximum of the tick's wall and CPU time [s]."""
         both = {"wall": self.history.tick_time, "cpu": self.history.tick_cpu_time}
@@ -191,6 +233,7 @@ class Result:
             "format": FORMAT,
             "status": self.status.value,
             "reason": self.reason,
+            "reach": self.reach,
             "ticks": len(self.history),
             "robot": self.robot.name,
             "final": self._final(),
@@ -252,22 +295,53 @@ class Result:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write the summary as ``.json``, summary and history as ``.npz``, or a table as ``.csv``.
+        """Write the summary (.json), with the history (.npz), or a table (.csv, .parquet).
 
         Errors and guarantees are those of :func:`wbc.run.saving.save_result`; for the table see
         :func:`wbc.run.columns.history_columns`. An ``.npz`` also names its joints, ``joint_names``.
         """
         names = np.array(self.robot.joint_names, dtype=str)
-        rows = {
-            name: [f"{row} [{unit}]" for row, unit in zip(task.rows, task.units, strict=True)]
-            for name, task in self.tasks.items()
-        }
         save_result(
             path,
             self.summary(),
             lambda: {"joint_names": names, **self.history.arrays()},
-            lambda: history_columns(self.robot, self.history, rows),
+            self._columns,
         )
+
+    def to_frame(self) -> Frame:
+        """Return the history as a pandas data frame: a row per tick, the columns of a table.
+
+        Raises
+        ------
+        MissingPackageError
+            pandas is not installed.
+        """
+        return frame_of(self._columns(), "result.to_frame()")
+
+    def _columns(self) -> list[Column]:
+        rows = {
+            name: [f"{row} [{unit}]" for row, unit in zip(task.rows, task.units, strict=True)]
+            for name, task in self.tasks.items()
+        }
+        return history_columns(self.robot, self.history, rows)
+
+    def _repr_html_(self) -> str:
+        """Return how a notebook shows it."""
+        errors = [
+            (name, f"{task.norm:.3g} {', '.join(dict.fromkeys(task.units))}")
+            for name, task in self.tasks.items()
+        ]
+        held = some([f"{name} for {one.ticks * self.dt:.2f} s" for name, one in
+                     self.held_back.items()])  # fmt: skip
+        facts = [
+            ("robot", self.robot.name),
+            ("ran", f"{len(self.history)} ticks of {self.dt:g} s"),
+            ("held back by", held),
+            ("not kept", "; ".join(self.not_kept)),
+            ("failed ticks", str(len(self.failures) or "")),
+        ]
+        title = f"{self.status.value.replace('_', ' ')}: {self.reason}"
+        return as_html(title, facts, [(f"error of {name}", text) for name, text in errors])
 
 
 def _task_summary(task: TaskResult) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Writing results: strict JSON, .npz and .csv, whole or not at all."""
+"""Writing results: strict JSON, .npz, .csv and .parquet, whole or not at all."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.extras import require
 from wbc.files import ending_of, write_arrays, write_text
+from wbc.run.frame import write_parquet
 from wbc.validate import Array
 
-FORMATS = (".json", ".npz", ".csv")
+FORMATS = (".json", ".npz", ".csv", ".parquet")
 DIGITS = "%.9g"  # of numbers in a table
 
 
@@ -26,11 +28,16 @@ def result_format(path: str | Path) -> str:
 
     Raises
     ------
+    MissingPackageError
+        ``.parquet`` needs pyarrow.
     InvalidInputError
-        None of ``.json``, ``.npz`` and ``.csv``.
+        None of ``.json``, ``.npz``, ``.csv`` and ``.parquet``.
     """
-    what = "a result is written as .json (summary), .npz (summary and histories) or .csv"
-    return ending_of(path, FORMATS, f"{what} (a table with a row per tick)")
+    what = "a result is written as .json (summary), .npz (summary and histories), .csv or .parquet"
+    ending = ending_of(path, FORMATS, f"{what} (a table with a row per tick)")
+    if ending == ".parquet":
+        require("pyarrow", "a result as .parquet")
+    return ending
 
 
 def save_result(
@@ -39,10 +46,11 @@ def save_result(
     arrays: Callable[[], Mapping[str, NDArray[np.generic]]],
     columns: Callable[[], Sequence[tuple[str, Array]]],
 ) -> None:
-    """Write a summary as ``.json``, summary and arrays as ``.npz``, or columns as ``.csv``.
+    """Write a summary as ``.json``, summary and arrays as ``.npz``, or columns as a table.
 
     The file appears whole or not at all. JSON is strict: what is not finite is null. In an ``.npz``
-    the entry ``summary`` holds the JSON text. A table has its columns' names in the first line.
+    the entry ``summary`` holds the JSON text. A ``.csv`` has its columns' names in the first line;
+    a ``.parquet`` has the JSON text in its metadata, ``wbc.summary``.
 
     Raises
     ------
@@ -56,6 +64,8 @@ def save_result(
             write_arrays(path, {"summary": np.array(json_text(summary)), **arrays()})
         case ".csv":
             write_text(path, _csv_text(columns()))
+        case ".parquet":
+            write_parquet(path, columns(), json_text(summary))
         case _:
             write_text(path, json_text(summary))
 

@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.constraints.com_support import support_polygon
+from wbc.notebook import as_html, some
 from wbc.polygon import polygon_margin
 from wbc.robot import Robot, Snapshot
 from wbc.run.columns import Column
+from wbc.run.frame import Frame, frame_of
 from wbc.run.result import Result
 from wbc.run.saving import save_result
 from wbc.run.stopping import RunStatus
@@ -214,7 +216,7 @@ class SimulationResult:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write the summary as ``.json``, summary and arrays as ``.npz``, or a table as ``.csv``.
+        """Write the summary (.json), with the arrays (.npz), or a table (.csv, .parquet).
 
         Rows of the arrays are the states between ticks, from the first to the last: those of
         :class:`~wbc.simulation.recorder.Recorder`, ``tilt`` of the trunk [rad] and ``cop_margin``,
@@ -230,6 +232,30 @@ class SimulationResult:
             The file cannot be written.
         """
         save_result(path, self.summary(), lambda: self.arrays, self._columns)
+
+    def to_frame(self) -> Frame:
+        """Return the states as a pandas data frame: a row per state, the columns of a table.
+
+        Raises
+        ------
+        MissingPackageError
+            pandas is not installed.
+        """
+        return frame_of(self._columns(), "result.to_frame()")
+
+    def _repr_html_(self) -> str:
+        """Return how a notebook shows it."""
+        facts = [
+            ("robot", self.robot.name),
+            ("simulated", f"{self.duration:g} s"),
+            ("gave way", some([f"{name} in {100 * part:.2g} % of ticks" for name, part in
+                               self.gave_way.items()])),
+            ("CoP inside soles", f"{1e3 * self.least_cop_margin:.1f} mm at least"),
+            ("trunk's tilt", f"{np.degrees(self.peak_tilt):.2g} degrees at most"),
+            ("at torque bound", some([f"{name} for {100 * part:.2g} %" for name, part in
+                                      self.saturated.items()])),
+        ]  # fmt: skip
+        return as_html(f"{self.status.value.replace('_', ' ')}: {self.reason}", facts)
 
     def _columns(self) -> list[Column]:
         return [

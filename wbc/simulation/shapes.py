@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.errors import ModelError
 from wbc.robot import Foot, Robot
-from wbc.robot.collision import Body, Capsule, Hull, robot_bodies, select_pairs
+from wbc.robot.collision import Body, Capsule, Hull, chosen_pairs, fitted_bodies
 from wbc.validate import Array
 
 # Soles are balls at the corners of their polygons, lowest at the sole: all corners touch the plane
@@ -55,14 +55,14 @@ def add_shapes(
     raw, pairs = tuple[Body, ...](), tuple[tuple[int, int], ...]()
     if options.links or options.self_collision:
         try:
-            raw = robot_bodies(robot, fit="hull")
+            raw = fitted_bodies(robot, "hull")
         except ModelError as error:
             if options.self_collision:
                 raise
             notes.append(f"only soles touch the ground: {error}")
     every = raw
     if options.self_collision:
-        selection = select_pairs(robot, raw)
+        selection = chosen_pairs(robot, "hull")
         every, pairs = selection.bodies, selection.pairs
     feet = {int(robot.frame(foot.frame).parentJoint) for foot in robot.feet.values()}
     paired = {k for pair in pairs for k in pair}

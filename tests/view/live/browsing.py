@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from wbc.problem import load_problem
 from wbc.robot import Snapshot
@@ -18,18 +17,9 @@ from wbc.view.live.session import Session, checked
 from wbc.view.live.simulated import SimulatedSession, strongest_push
 from wbc.view.live.viewer import Viewer
 
-BROWSER = os.environ.get("WBC_BROWSER", "")
 PICTURES = os.environ.get("WBC_BROWSER_PICTURES", "")  # a folder to leave screenshots in
-needs_browser = pytest.mark.skipif(not BROWSER, reason="WBC_BROWSER names no Chromium")
 
 PATIENCE = 180.0  # s for anything to happen: software draws a frame in seconds
-SOFTWARE = (
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
-)
 SIZE = {"width": 1000, "height": 700}
 
 

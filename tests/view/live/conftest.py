@@ -13,8 +13,8 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
 import wbc
+from tests.needs import BROWSER, SOFTWARE
 from tests.texts import STAND
-from tests.view.live.browsing import BROWSER, SOFTWARE
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem
 from wbc.simulation.terrain import LEVEL, Terrain

@@ -9,19 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.view.live.browsing import (
-    Live,
-    enter,
-    needs_browser,
-    on_screen,
-    opened,
-    picture,
-    scrub,
-    time_on,
-    typed,
-)
+from tests.needs import needs_browser
+from tests.view.live.browsing import Live, enter, on_screen, opened, picture, scrub, time_on, typed
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 
 SMALL = {"width": 700, "height": 300}
 PROBLEM = """

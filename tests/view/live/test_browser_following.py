@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.view.live.browsing import PATIENCE, needs_browser, on_screen, opened, picture
+from tests.needs import needs_browser
+from tests.view.live.browsing import PATIENCE, on_screen, opened, picture
 from wbc.view.live.messages import LetGo, PullRobot
 from wbc.view.live.viewer import Viewer
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 
 FAR = np.array([3.0, -2.0, 0.0])
 

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.needs import needs_browser
 from tests.texts import STAND
-from tests.view.live.browsing import Live, needs_browser, on_screen, opened, picture
+from tests.view.live.browsing import Live, on_screen, opened, picture
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 
 
 @pytest.fixture

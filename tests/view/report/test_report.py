@@ -3,7 +3,6 @@
 import base64
 import json
 import re
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
+from tests.needs import BROWSER, SOFTWARE, needs_browser
 from tests.texts import REACH
 from wbc.cli import app
 from wbc.errors import InvalidInputError
@@ -192,17 +192,12 @@ def test_a_run_of_one_tick_and_another_ending(result: Result, tmp_path: Path) ->
         write_report(result.robot, result.history, {}, tmp_path / "r.pdf", title="x")
 
 
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
+@needs_browser
 def test_a_browser_shows_it_with_the_network_off(page: str, tmp_path: Path) -> None:
     playwright = pytest.importorskip("playwright.sync_api")
     (tmp_path / "r.html").write_text(page, encoding="utf-8")
-    options = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
-    options.append("--enable-unsafe-swiftshader")
     with playwright.sync_playwright() as running:
-        browser = running.chromium.launch(executable_path=CHROMIUM, args=options)
+        browser = running.chromium.launch(executable_path=BROWSER, args=list(SOFTWARE))
         tab = browser.new_context(offline=True).new_page()
         complaints: list[str] = []
         tab.on("pageerror", lambda error: complaints.append(str(error)))
@@ -218,6 +213,8 @@ def test_a_browser_shows_it_with_the_network_off(page: str, tmp_path: Path) -> N
         clock = tab.inner_text("#clock")
         tab.uncheck("#layers input >> nth=0")
         bare = tab.evaluate("canvas.toDataURL()")
+        tab.set_viewport_size({"width": 390, "height": 844})  # a telephone's
+        assert tab.evaluate("document.documentElement.scrollWidth") == 390
         browser.close()
     assert complaints == []
     assert len({begins, ends, bare}) == 3

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
+from wbc.notebook import as_html
+from wbc.run.frame import Frame, frame_of
 from wbc.run.saving import save_result
 from wbc.validate import Array
 
@@ -125,11 +127,26 @@ class PendulumResult:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write the summary as ``.json``, summary and motion as ``.npz``, or a table as ``.csv``.
+        """Write the summary as ``.json``, summary and motion as ``.npz``, or a table.
 
         Errors and guarantees are those of :func:`wbc.run.saving.save_result`.
         """
         save_result(path, self.summary(), lambda: {**self._motion(), **self.arrays}, self._columns)
+
+    def to_frame(self) -> Frame:
+        """Return the motion as a pandas data frame: a row per time, the columns of a table.
+
+        Raises
+        ------
+        MissingPackageError
+            pandas is not installed.
+        """
+        return frame_of(self._columns(), "result.to_frame()")
+
+    def _repr_html_(self) -> str:
+        """Return how a notebook shows it."""
+        rows = [(name, f"{value:.4g} {self.unit(name)}") for name, value in self.measures.items()]
+        return as_html(f"{self.status.value.replace('_', ' ')}: {self.reason}", (), rows)
 
     def _columns(self) -> list[tuple[str, Array]]:
         """Return the columns of a table of the motion, with their units."""

@@ -1,6 +1,7 @@
 """Collision shapes of a robot: simple, conservative, and fast to ask for distances."""
 
 from wbc.robot.collision.bodies import robot_bodies
+from wbc.robot.collision.cached_pairs import chosen_pairs, fitted_bodies
 from wbc.robot.collision.fitting import cache_folder
 from wbc.robot.collision.model import CollisionModel, PairDistances
 from wbc.robot.collision.pairs import Selection, select_pairs
@@ -17,6 +18,8 @@ __all__ = [
     "Selection",
     "Shape",
     "cache_folder",
+    "chosen_pairs",
+    "fitted_bodies",
     "robot_bodies",
     "select_pairs",
 ]

@@ -58,7 +58,7 @@ def named_shapes(robot: Robot) -> list[tuple[str, str, pin.GeometryObject]]:
         See :func:`robot_bodies`.
     """
     shapes = robot.collision_model
-    _refuse_missing(robot)
+    refuse_missing(robot)
     if not shapes.ngeoms:
         raise ModelError(
             f"{robot.path}: no collision shapes; give the links <collision> elements (their"
@@ -137,7 +137,7 @@ def _prism(radius: float, half: float) -> Fit:
     return Fit(Hull(np.concatenate(ends)), outer - radius)
 
 
-def _refuse_missing(robot: Robot) -> None:
+def refuse_missing(robot: Robot) -> None:
     """Refuse a robot whose collision shapes are not all there: a part of it is unseen."""
     if robot.geometry.lost:
         raise ModelError(

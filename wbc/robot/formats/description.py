@@ -117,6 +117,16 @@ class GeometrySource(Protocol):
         """What the file says of pairs of links and shapes."""
         ...
 
+    def content(self) -> Iterable[bytes]:
+        """Yield all that the shapes are made of: the text, the bytes of each mesh's file.
+
+        Raises
+        ------
+        OSError
+            A mesh cannot be read.
+        """
+        ...
+
     def load(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
     ) -> pin.GeometryModel:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import pickle
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,6 +45,10 @@ class MujocoGeometry:
     meshes: tuple[Triangles, ...]
     lost: tuple[str, ...]
     rules: ContactRules = NO_RULES
+
+    def content(self) -> Iterator[bytes]:
+        """See :class:`wbc.robot.formats.description.GeometrySource`."""
+        yield pickle.dumps((self.shapes, self.meshes))
 
     def load(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None

@@ -68,6 +68,13 @@ class UrdfGeometry:
     lost: tuple[str, ...]
     rules: ContactRules = NO_RULES  # a URDF has none
 
+    def content(self) -> Iterator[bytes]:
+        """See :class:`wbc.robot.formats.description.GeometrySource`."""
+        yield self.text.encode()
+        meshes = ET.fromstring(self.text).iterfind(f".//{SHAPES[pin.GeometryType.COLLISION]}//mesh")
+        for file in sorted({mesh.get("filename", "") for mesh in meshes}):
+            yield Path(file).read_bytes()
+
     def load(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
     ) -> pin.GeometryModel:

@@ -18,7 +18,7 @@ SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "m
 BUTTONS: Mapping[str, Request] = {
     "Play": Play(True),
     "Pause": Play(False),
-    "StepRequest": StepRequest(),
+    "Step": StepRequest(),
     "Restart": Restart(),
 }
 FIRST = 0.25  # of the largest push: what the slider begins with

@@ -1,0 +1,58 @@
+"""Tables that break no words, and how an inertia out of reach reads."""
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from wbc.cli.printing import heads
+from wbc.problem import load_problem
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+WORDS = ("left_shoulder_roll_joint", "upper", "bound", "right_ankle_pitch_joint +0.123")
+NUMBERS = ("0.1114", "0.3300", "0.1480", "kg m^2")
+
+
+@pytest.mark.parametrize("width", [100, 80, 74])
+def test_words_are_whole_where_they_can_be(width: int) -> None:
+    table = heads("inertia [kg m^2]", "start", "wanted", "reached", "largest entry")
+    table.add_row(" ".join(WORDS[:3]), *NUMBERS[:3], WORDS[3])
+    table.add_row("a text of many short words that is folded", *NUMBERS[1:])
+    text = io.StringIO()
+    Console(file=text, width=width).print(table)
+    told = text.getvalue()
+    assert max(map(len, told.splitlines())) <= width
+    for word in " ".join((*WORDS, *NUMBERS, "inertia", "reached", "largest")).split():
+        assert word in told.replace("\n", " ").split()
+
+
+def test_what_no_width_can_hold_is_folded() -> None:
+    table = heads("a", "b")
+    table.add_row("x" * 30, "y" * 30)
+    text = io.StringIO()
+    Console(file=text, width=40).print(table)
+    assert max(map(len, text.getvalue().splitlines())) <= 40
+    assert text.getvalue().count("x") == 30
+
+
+def test_an_inertia_out_of_reach_says_how_far_and_what_held_it() -> None:
+    result = load_problem(PROBLEMS / "astronaut_expand.yaml").run()
+    reading = result.inertia["shape"]
+    assert [f"{reading.share(k):.2f}" for k in range(3)] == ["0.45", "0.28", "0.20"]
+    assert result.reach.startswith(
+        "as far as its joints allow: shape 20 to 45 % of what is wanted, held by "
+    )
+    assert result.held_at_end[0] in result.reach
+    held = [name for name, on in result.history.active.items() if on[-1]]
+    assert sorted(held) == sorted(result.held_at_end)
+    assert result.summary()["reach"] == result.reach
+
+
+def test_one_that_arrives_or_is_still_on_its_way_says_nothing() -> None:
+    near = {"tasks.shape.target": [0.112, 0.098, 0.023], "stop.duration": 3.0}
+    result = load_problem(PROBLEMS / "astronaut_expand.yaml", near).run()
+    assert result.status.value == "converged" and result.inertia["shape"].arrived
+    assert result.reach == ""
+    short = load_problem(PROBLEMS / "astronaut_expand.yaml", {"stop.duration": 0.1}).run()
+    assert not short.inertia["shape"].arrived and short.reach == ""

@@ -1,0 +1,232 @@
+"""Ticks in files: asked for again they give the same bits, and a file runs nobody else's code."""
+
+import copy
+import json
+import os
+import pickle
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.controllers.saved_tick import SavedTick
+from wbc.controllers.tick import TICK_FILE
+from wbc.errors import ControllerFailure, InvalidInputError
+from wbc.robot import Robot
+
+
+def wild(robot: Robot, level: str, rng: np.random.Generator, **options: object) -> wbc.Controller:
+    """A controller whose tasks ask for much."""
+    start = robot.snapshot(robot.posture("standing"))
+    tasks: list[wbc.Task] = [
+        wbc.ComTask(robot, start.com + rng.normal(size=3), weight=10.0),
+        wbc.PostureTask(robot, start.q, weight=0.1),
+    ]
+    kind = wbc.TorqueController if level == "torque" else wbc.KinematicController
+    return kind(
+        robot,
+        tasks,
+        contacts=wbc.support(start, "double"),
+        limits=wbc.Limits(robot),
+        constraints=[wbc.SelfCollision(robot)],
+        **options,
+    )
+
+
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    ("name", "level", "ticks"),
+    [
+        ("hoap2_like", "torque", 8),
+        pytest.param("hoap2_like", "velocity", 40, marks=SLOW),
+        pytest.param("g1", "torque", 16, marks=SLOW),
+        pytest.param("g1", "velocity", 16, marks=SLOW),
+    ],
+)
+def test_failed_and_relaxed_ticks_are_answered_to_the_last_bit(
+    robot_named, rng, tmp_path: Path, name: str, level: str, ticks: int
+) -> None:
+    """After wild states, so that everything that a controller keeps has been used."""
+    robot = robot_named(name)
+    controller = wild(robot, level, rng)
+    q, given_up, path = robot.posture("standing"), 0, tmp_path / "tick.wbc"
+    for k in range(ticks):
+        rough = 1.0 if k % 4 == 3 else 0.02
+        tick = controller.step(robot.snapshot(q, rough * 5.0 * rng.normal(size=robot.nv)))
+        away = np.concatenate((np.zeros(6), rng.normal(size=robot.nv - 6)))
+        q = robot.integrate(robot.posture("standing"), rough * 0.3 * away, 1.0)
+        if tick.policy is None:
+            continue
+        given_up += 1
+        tick.save(path)
+        again = SavedTick.load(path).replay()
+        assert again.same, again.differences
+        assert again.tick.velocity.tobytes() == tick.velocity.tobytes()
+        assert again.tick.report() == tick.report()
+    assert given_up >= 2
+
+
+def test_a_contradiction_is_answered_again_with_its_names(robot_named, tmp_path: Path) -> None:
+    robot = robot_named("hoap2_like")
+    start = robot.snapshot(robot.posture("standing"))
+    here = start.position("left_sole")
+    contacts = [
+        wbc.PositionTask(robot, "left_sole", here + (0, 0, 0.1), name="up", gain=0.5),
+        wbc.PositionTask(robot, "left_sole", here - (0, 0, 0.1), name="down", gain=0.5),
+    ]
+    tasks = [wbc.ComTask(robot, start.com)]
+    controller = wbc.KinematicController(robot, tasks, contacts=contacts, on_failure="raise")
+    with pytest.raises(ControllerFailure) as caught:
+        controller.step(start)
+    path = tmp_path / "tick.wbc"
+    caught.value.tick.save(path)
+    again = SavedTick.load(path).replay()
+    assert again.same
+    assert "up" in again.tick.report() and "down" in again.tick.report()
+
+
+def test_ramps_and_last_forces_are_those_before_the_tick(robot_named, rng, tmp_path: Path) -> None:
+    """A foot that is let go is dropped in the very tick that is saved, or is on its way."""
+    robot = robot_named("hoap2_like")
+    start = robot.snapshot(robot.posture("standing"))
+    controller = wild(robot, "torque", rng, force_ramp=0.01, dt=0.002)
+    assert isinstance(controller, wbc.TorqueController)
+    controller.step(start)
+    controller.set_contacts(wbc.support(start, "left"))
+    path = tmp_path / "tick.wbc"
+    for _ in range(8):
+        tick = controller.step(start)
+        tick.save(path)
+        saved = SavedTick.load(path)
+        again = saved.replay()
+        assert again.tick.ramps == tick.ramps
+        assert tuple(c.name for c in saved.controller.contacts) == tuple(
+            c.name for c in controller.contacts
+        )
+        np.testing.assert_allclose(again.tick.torque, tick.torque, atol=1e-6)  # of warm starts
+    assert not tick.ramps
+
+
+@pytest.mark.slow
+def test_a_copied_controller_gives_the_same_bits_where_the_core_solves(robot_named, rng) -> None:
+    robot = robot_named("g1")
+    controller = wild(robot, "torque", rng, solver="active_set")
+    q, v = robot.posture("standing"), np.zeros(robot.nv)
+    others = []
+    for k in range(30):
+        if k == 10:
+            others = [copy.deepcopy(controller), pickle.loads(pickle.dumps(controller))]
+        tick = controller.step(robot.snapshot(q, v))
+        for other in others:
+            same = other.step(other.robot.snapshot(q, v))
+            assert same.torque.tobytes() == tick.torque.tobytes()
+            assert same.velocity.tobytes() == tick.velocity.tobytes()
+        v = tick.velocity
+        q = robot.integrate(q, v, controller.dt)
+
+
+def test_what_would_be_another_tick_is_not_saved(robot_named, rng, tmp_path: Path) -> None:
+    robot = robot_named("hoap2_like")
+    start = robot.snapshot(robot.posture("standing"))
+    controller, path = wild(robot, "velocity", rng), tmp_path / "t"
+    first = controller.step(start)
+    with pytest.raises(InvalidInputError, match="a copied tick has no controller"):
+        copy.copy(first).save(path)
+    com = controller.tasks[0]
+    assert isinstance(com, wbc.ComTask)
+    com.set_target(start.com)
+    with pytest.raises(InvalidInputError, match="'com' was changed since"):
+        first.save(path)
+    controller.step(start).save(path)
+    with pytest.raises(InvalidInputError, match="1 ticks were taken since"):
+        first.save(path)
+
+
+class Mine(wbc.PostureTask):
+    """A task of a user."""
+
+
+def test_own_code_is_run_only_where_its_file_is_given(robot_named, tmp_path: Path) -> None:
+    robot = robot_named("hoap2_like")
+    code, path = tmp_path / "mine.py", tmp_path / "tick.wbc"
+    code.write_text("import wbc\nclass Mine(wbc.PostureTask):\n    pass\n")
+    Mine.__module__ = "__main__"
+    try:
+        import __main__
+
+        __main__.Mine = Mine  # type: ignore[attr-defined]
+        q = robot.posture("standing")
+        controller = wbc.KinematicController(robot, [Mine(robot, q)], contacts=[])
+        controller.step(robot.snapshot(q)).save(path)
+    finally:
+        del __main__.Mine  # type: ignore[attr-defined]
+        Mine.__module__ = __name__
+    with pytest.raises(InvalidInputError, match=r"names __main__\.Mine.*--code FILE\.py"):
+        SavedTick.load(path)
+    assert SavedTick.load(path, code).replay().same
+    for bad, said in (("raise ValueError('no')", "cannot be run"), ("x = 1", "Mine is not in")):
+        code.write_text(bad)
+        with pytest.raises(InvalidInputError, match=said):
+            SavedTick.load(path, code)
+
+
+class Evil:
+    def __reduce__(self) -> tuple[object, ...]:
+        return os.system, ("touch /tmp/wbc_was_here",)
+
+
+class Sly:
+    """Asks getattr for what lies behind a class of the package."""
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return getattr, (Robot, "load")
+
+
+@pytest.mark.parametrize("thing", [Evil(), Sly(), os.path.join, wbc.files.write_text])
+def test_a_file_of_a_stranger_runs_nothing(tmp_path: Path, thing: object) -> None:
+    path = tmp_path / "tick.wbc"
+    head = json.dumps({"format": TICK_FILE, "versions": {"wbc": "0"}}).encode()
+    path.write_bytes(head + b"\n" + zlib.compress(pickle.dumps(thing)))
+    with pytest.raises(InvalidInputError, match=r"not wbc's|never writes"):
+        SavedTick.load(path)
+    assert not Path("/tmp/wbc_was_here").exists()
+
+
+def test_damaged_files_are_refused_by_name(robot_named, rng, tmp_path: Path) -> None:
+    robot = robot_named("hoap2_like")
+    path = tmp_path / "tick.wbc"
+    wild(robot, "velocity", rng).step(robot.snapshot(robot.posture("standing"))).save(path)
+    whole = path.read_bytes()
+    for k in range(60):
+        data = bytearray(whole)
+        if k % 2:
+            data[rng.integers(whole.index(b"\n") + 1, len(data))] ^= 1 << int(rng.integers(8))
+        else:
+            del data[rng.integers(len(data)) :]
+        path.write_bytes(data)
+        with pytest.raises(InvalidInputError, match=r"tick\.wbc: "):
+            SavedTick.load(path)
+
+
+def test_other_files_are_told_from_ticks(tmp_path: Path) -> None:
+    path = tmp_path / "r.json"
+    path.write_text('{"format": "wbc result 1", "versions": {}}\n')
+    with pytest.raises(InvalidInputError, match=r"expected a 'wbc tick 1', it is a 'wbc result 1'"):
+        SavedTick.load(path)
+    path.write_text("no")
+    with pytest.raises(InvalidInputError, match="it is no file that this package wrote so"):
+        SavedTick.load(path)
+
+
+def test_what_is_of_torque_ticks_is_said(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    q = robot.posture("standing")
+    controller = wbc.KinematicController(robot, [wbc.PostureTask(robot, q)], contacts=[])
+    with pytest.raises(AttributeError, match="of a TorqueController's ticks"):
+        _ = controller.step(robot.snapshot(q)).torque  # type: ignore[attr-defined]
+    with pytest.raises(InvalidInputError, match="position and quaternion come before the joints"):
+        robot.snapshot(q[7:])

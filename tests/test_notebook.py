@@ -1,0 +1,111 @@
+"""What notebooks show, and results as data frames and Parquet files."""
+
+import json
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc import extras
+from wbc.errors import MissingPackageError
+from wbc.notebook import as_html, some
+from wbc.problem import load_problem
+
+PROBLEMS = Path(__file__).parents[1] / "problems"
+STAND = """\
+robot: hoap2_like
+start: {posture: standing}
+support: double
+tasks: {com: {type: com, target: start}, posture: {type: posture, weight: 0.1}}
+controller: {level: torque, dt: 0.004}
+simulation: {duration: 0.05}
+"""
+
+
+class Cells(HTMLParser):
+    """Takes what an HTML table says apart; tags must match."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.words: list[str] = []
+        self.feed(text)
+        assert not self.open
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+def test_names_are_text_and_long_lists_end() -> None:
+    rows = [(f"<b>{k}", "1 & 2") for k in range(20)]
+    told = Cells(as_html("a <title>", [("empty", "")], rows)).words
+    assert told[:3] == ["a <title>", "<b>0", "1 & 2"]
+    assert "empty" not in told and told[-1] == "and 8 more"
+    assert some("abcdef") == "a, b, c, d and 2 more" and some("ab") == "a, b"
+
+
+def test_robot_and_ticks_show_what_one_asks_first() -> None:
+    robot = wbc.Robot.load("hoap2_like")
+    assert {"7.10 kg", "left, right", "floating"} <= set(Cells(robot._repr_html_()).words)
+    start = robot.snapshot(robot.posture("standing"))
+    tasks = [wbc.ComTask(robot, start.com + (0.1, 0, 0)), wbc.PostureTask(robot, start.q)]
+    for kind in (wbc.KinematicController, wbc.TorqueController):
+        controller = kind(robot, tasks, contacts=wbc.support(start, "double"))
+        told = Cells(controller.step(start)._repr_html_()).words
+        assert told[0].endswith("Tick: solved")
+        assert "[-0.1  0.   0. ]" in told[told.index("error of com") + 1]
+
+
+@pytest.fixture(scope="module")
+def result() -> wbc.run.Result:
+    return load_problem(PROBLEMS / "astronaut_expand.yaml", {"stop.duration": 0.05}).run()
+
+
+def test_results_show_themselves(result) -> None:
+    told = Cells(result._repr_html_()).words
+    assert told[0].startswith("timeout: ") and "error of shape" in told
+    pendulum = load_problem(PROBLEMS / "rmp_spin.yaml").run()
+    assert len(Cells(pendulum._repr_html_()).words) > 3
+    assert len(pendulum.to_frame()) == len(pendulum.history.time)
+
+
+def test_a_simulation_is_shown_and_framed(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    (tmp_path / "p.yaml").write_text(STAND)
+    result = load_problem(tmp_path / "p.yaml").simulate()
+    told = Cells(result._repr_html_()).words
+    assert "CoP inside soles" in told
+    frame = result.to_frame()
+    np.testing.assert_array_equal(frame["time [s]"], result.arrays["time"])
+
+
+def test_frames_and_parquet_hold_what_the_table_does(result, tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    frame = result.to_frame()
+    result.save(tmp_path / "r.csv")
+    result.save(tmp_path / "r.parquet")
+    table = pandas.read_csv(tmp_path / "r.csv")
+    assert [*table] == [*frame]
+    np.testing.assert_allclose(table.to_numpy(), frame.to_numpy(dtype=float), rtol=1e-8)
+    found = parquet.read_table(tmp_path / "r.parquet")
+    for name in frame:
+        np.testing.assert_array_equal(found[name].to_numpy(), frame[name])
+    told = json.loads(found.schema.metadata[b"wbc.summary"])
+    assert told["robot"] == "hoap2_like"
+
+
+def test_a_missing_package_is_named_with_its_extra(result, monkeypatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(extras, "find_spec", lambda _: None)
+    with pytest.raises(MissingPackageError, match=r"to_frame\(\) needs pandas.*wbc\[frames\]"):
+        result.to_frame()
+    with pytest.raises(MissingPackageError, match=r"\.parquet needs pyarrow.*wbc\[batch\]"):
+        result.save(tmp_path / "r.parquet")

@@ -1,0 +1,37 @@
+"""What objects of this package show in a notebook: light tables of what their users ask first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+Row = tuple[str, str]
+_STYLE = "text-align:left;vertical-align:top;padding:1px 12px 1px 0;font-weight:normal"
+MOST = 12  # rows of a kind
+
+
+def as_html(title: str, facts: Iterable[Row], rows: Iterable[Row] = ()) -> str:
+    """Return a title and a table of names and values as HTML, in the page's own colours.
+
+    Parameters
+    ----------
+    facts:
+        Names and values; those without a value are left out.
+    rows:
+        The same, of a kind of which there may be many: the first twelve, and how many there are.
+    """
+    rows = list(rows)
+    told = [(name, text) for name, text in (*facts, *rows[:MOST]) if text]
+    if len(rows) > MOST:
+        told.append(("", f"and {len(rows) - MOST} more"))
+    lines = [
+        f'<tr><th style="{_STYLE}">{escape(name)}</th><td style="{_STYLE}">{escape(text)}</td></tr>'
+        for name, text in told
+    ]
+    return f"<div><b>{escape(title)}</b><table>{''.join(lines)}</table></div>"
+
+
+def some(words: Sequence[str], most: int = 4) -> str:
+    """Return the first of many words, and how many others there are."""
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return ", ".join(words[:most]) + more

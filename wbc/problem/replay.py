@@ -1,0 +1,170 @@
+"""A recorded run, run again from what its file holds, and compared to the last bit."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError, listed
+from wbc.files import read_arrays
+from wbc.problem.problem import Problem, problem_of
+from wbc.problem.reading import parse
+from wbc.problem.saved import FORMATS, LARGEST
+from wbc.problem.saved_summary import read_summary
+from wbc.run.callbacks import Cancelled, Progress
+
+# Of a result, what no two runs share: how long something took, and what it took it with.
+CLOCKS = ("tick_time", "tick_cpu_time", "seconds", "build_seconds", "search_seconds", "workers")
+# Told, not compared: it follows from what is.
+TOLD = ("versions", "problem")
+
+
+class RunReplay(NamedTuple):
+    """A recorded run that was run again.
+
+    Attributes
+    ----------
+    ticks:
+        That were compared, from the first on; 0: only the summary was.
+    differences:
+        What is not the same to the last bit, in words; empty if all is.
+    versions:
+        That differ: of the recorded run, and here.
+    """
+
+    ticks: int
+    differences: tuple[str, ...]
+    versions: tuple[str, ...]
+
+    @property
+    def same(self) -> bool:
+        """Whether everything that was compared is the same to the last bit."""
+        return not self.differences
+
+
+def replay_run(
+    path: str | Path, progress: Progress | None = None, cancelled: Cancelled | None = None
+) -> RunReplay:
+    """Run what a result's ``.json`` or ``.npz`` came from again, and compare.
+
+    The file holds the problem's text and its overrides. All arrays, of an ``.npz``, and the whole
+    summary are compared but for times; of a run that was interrupted the ticks that it has.
+
+    Raises
+    ------
+    InvalidInputError
+        Not a result, or damaged.
+    ProblemFileError
+        Its problem cannot be loaded: robot or motion files are elsewhere, say.
+    """
+    path = Path(path)
+    summary, arrays = read_result(path)
+    made_of = summary.get("problem")
+    if not isinstance(made_of, Mapping):
+        raise InvalidInputError(f"{path}: does not hold the problem that it came from")
+    name, text = str(made_of.get("file") or path), str(made_of.get("text", ""))
+    problem = problem_of(parse(text, name), dict(made_of.get("overrides") or {}))
+    with tempfile.TemporaryDirectory(prefix="wbc-") as folder:
+        again = Path(folder) / f"again{path.suffix.lower()}"
+        result: Any
+        if isinstance(problem, Problem) and problem.spec.controller.level == "torque":
+            result = problem.simulate(progress, cancelled=cancelled)
+        else:
+            result = problem.run(progress, cancelled=cancelled)
+        result.save(again)
+        now, now_arrays = read_result(again)
+    ticks = min((len(a["time"]) for a in (arrays, now_arrays) if "time" in a), default=0)
+    found = list(_array_differences(arrays, now_arrays, ticks))
+    if summary.get("status") != "interrupted":
+        found += _differences(summary, now, "")
+    return RunReplay(ticks, tuple(found), _other_versions(summary, now))
+
+
+def read_result(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return the summary in a result's file, and its arrays; a ``.json`` has none.
+
+    Raises
+    ------
+    InvalidInputError
+        Not a result, or damaged.
+    """
+    if path.suffix.lower() == ".npz":
+        arrays = read_arrays(path, list, lambda _: "Ubfiu", LARGEST)
+        text = str(arrays.pop("summary", ""))
+        return read_summary(path, text, FORMATS), arrays
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise InvalidInputError(f"{path}: neither a result nor a saved tick") from error
+    return read_summary(path, text, FORMATS), {}
+
+
+def _array_differences(
+    before: Mapping[str, NDArray[Any]], now: Mapping[str, NDArray[Any]], ticks: int
+) -> list[str]:
+    found = []
+    whole = len(before.get("time", ()))
+    for name, one in before.items():
+        if name.partition("/")[0] in CLOCKS:
+            continue
+        old, new = one, now.get(name)
+        if new is None:
+            found.append(f"{name}: is not there any more")
+            continue
+        if one.ndim and len(old) == whole:  # a row per tick
+            old, new = old[:ticks], new[:ticks]
+        if old.shape != new.shape:
+            found.append(f"{name}: shape {old.shape}, now {new.shape}")
+        elif old.dtype.kind in "US":
+            if not np.array_equal(old, new):
+                found.append(f"{name}: other words")
+        elif old.tobytes() != new.tobytes():
+            found.append(f"{name}{_first(old, new)}")
+    return found
+
+
+def _first(old: NDArray[Any], new: NDArray[Any]) -> str:
+    """Return in which row two arrays begin to differ, and by how much at most."""
+    both = old.astype(float), new.astype(float)
+    differs = ~np.isclose(*both, rtol=0.0, atol=0.0, equal_nan=True)
+    row = int(np.argwhere(differs)[0][0]) if differs.any() and old.ndim else 0
+    by = float(np.nanmax(np.abs(both[0] - both[1]), initial=0.0))
+    return f": from tick {row} on, by at most {by:.3g}"
+
+
+def _differences(before: Any, now: Any, where: str) -> list[str]:
+    """Return which entries of a summary are not the same."""
+    if isinstance(before, Mapping) and isinstance(now, Mapping):
+        found = []
+        for key in before:
+            if key not in CLOCKS and not (key in TOLD and not where):
+                inner = f"{where}.{key}" if where else str(key)
+                found += _differences(before[key], now.get(key), inner)
+        return found
+    if json.dumps(before) == json.dumps(now):
+        return []
+    if isinstance(before, list) or isinstance(now, list):
+        return [f"{where}: another list"]
+    return [f"{where}: was {before}, is {now}"]
+
+
+def _other_versions(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, ...]:
+    was, here = before.get("versions") or {}, now.get("versions") or {}
+    return tuple(
+        f"{name} {was[name]}, here {here.get(name)}" for name in was if was[name] != here.get(name)
+    )
+
+
+def told(replay: RunReplay) -> str:
+    """Return in words what came of a replay."""
+    what = f"{replay.ticks} ticks and the summary" if replay.ticks else "the summary"
+    if replay.same:
+        return f"{what}: the same to the last bit"
+    reasons = f"; versions differ: {', '.join(replay.versions)}" if replay.versions else ""
+    return f"{what}: not the same: {listed(replay.differences, 6)}{reasons}"
