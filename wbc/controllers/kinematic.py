@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.constraints.rows import Bounds
+from wbc.controllers.closing import Closing
 from wbc.controllers.controller import Controller
 from wbc.controllers.core_tick import CoreTick
 from wbc.controllers.outcome import Outcome
@@ -28,6 +29,19 @@ class KinematicController(Controller):
     :class:`~wbc.controllers.controller.Controller` for the parameters.
     """
 
+    _closing: Closing
+
+    def _plan(self, contacts: tuple[Task, ...], curved: frozenset[str] = frozenset()) -> None:
+        super()._plan(contacts, curved)
+        self._closing = Closing(self.contacts, self.dt)
+
+    def _step(self, snapshot: Snapshot) -> Tick:
+        """Return the command of every controller, at whose end loops are closed."""
+        tick = super()._step(snapshot)
+        if self._closing.curved and not self._closing.busy and tick.ok:
+            return self._closing.closed(snapshot, tick, super()._step)
+        return tick
+
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
         return rows_of(task, task.law, residual, task.weight, self.dt)
 
@@ -43,9 +57,17 @@ class KinematicController(Controller):
             velocity = outcome.step_scale * found.velocity
             velocity.setflags(write=False)
             return Tick.reading(found, velocity, self._known(outcome, snapshot))
+        closing = self._closing
+        if closing.parts and not closing.busy:  # a gear or loop that is off may be the reason
+            step = super()._step
+            within = closing.within_reach(snapshot, outcome.box, step)
+            if within is not None:
+                tick, late = within
+                tick.__dict__["late"] = tuple(late)
+                return tick
         known = self._failed(outcome, snapshot)
         tick = Tick.reading(found, known["velocity"], known)
-        if tick.policy == "raise":
+        if tick.policy == "raise" and not closing.busy:
             raise ControllerFailure(tick.report(), tick)
         return tick
 
