@@ -24,6 +24,7 @@ from wbc.validate import Array
 CLOSED = 1e-11  # m, rad: smaller gaps at the end of a tick stay
 ROUNDS = 5  # each leaves a gap by that part which joints move in a tick [rad]
 OFF = 1e-9  # m, rad: smaller errors are no reason why a tick cannot be had
+DEPENDENT = 1e-6  # singular values below this part of the largest: rows that follow from others
 HALVINGS = 6  # of the part of errors that is taken back
 INSIDE = 1.0 - 1e-9  # of what limits allow
 
@@ -52,6 +53,8 @@ class Closing:
             if isinstance(one, ClosedLoop) or (isinstance(one, Gear) and not one.is_linear)
         )
         self._dt, self.busy = dt, False
+        # Whether rows of loops follow from others': second-order errors then contradict each other.
+        self._dependent = False
 
     def closed(self, snapshot: Snapshot, tick: Tick, step: Step) -> Tick:
         """Return the tick whose command ends with closed loops; ``step`` does it again."""
@@ -64,15 +67,35 @@ class Closing:
                 missed = [one.gap(there) for one in self.curved]
                 if max(float(np.abs(error).max()) for error in missed) <= CLOSED:
                     break
-                for one, error in zip(self.curved, missed, strict=True):
-                    one.add(one.added + error)
-                again = step(snapshot)
+                before = [one.added for one in self.curved]
+                if self._dependent:
+                    missed = self._reached(snapshot, missed)
+                again = self._with(snapshot, before, missed, step)
+                if not again.ok and not self._dependent:
+                    self._dependent = True
+                    missed = self._reached(snapshot, missed)
+                    again = self._with(snapshot, before, missed, step)
                 if not again.ok:
                     break
                 found = again
         finally:
             self._forget()
         return found
+
+    def _with(
+        self, snapshot: Snapshot, added: Sequence[Array], more: Sequence[Array], step: Step
+    ) -> Tick:
+        for one, before, error in zip(self.curved, added, more, strict=True):
+            one.add(before + error)
+        return step(snapshot)
+
+    def _reached(self, snapshot: Snapshot, errors: Sequence[Array]) -> list[Array]:
+        """Return the parts of errors that rows can give together."""
+        J = np.concatenate([one.residual(snapshot).jacobian for one in self.curved])
+        U, sizes, _ = np.linalg.svd(J, full_matrices=False)
+        U = U[:, sizes > DEPENDENT * sizes.max(initial=0.0)]
+        together = U @ (U.T @ np.concatenate(errors))
+        return np.split(together, np.cumsum([one.size for one in errors])[:-1])
 
     def within_reach(
         self, snapshot: Snapshot, box: Box, step: Step
