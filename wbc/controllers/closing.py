@@ -21,7 +21,7 @@ from wbc.robot import Snapshot
 from wbc.tasks.task import Task
 from wbc.validate import Array
 
-CLOSED = 1e-11  # m, rad: smaller gaps at the end of a tick stay
+CLOSED = 1e-10  # m, rad: smaller gaps at the end of a tick stay
 ROUNDS = 5  # each leaves a gap by that part which joints move in a tick [rad]
 OFF = 1e-9  # m, rad: smaller errors are no reason why a tick cannot be had
 DEPENDENT = 1e-6  # singular values below this part of the largest: rows that follow from others
