@@ -256,7 +256,6 @@ def test_loops_are_refused_by_name(loops: object, words: str) -> None:
 def test_what_does_not_know_loops_says_so() -> None:
     from wbc.codegen.known import CodegenError, known
     from wbc.flight.planner import plan_turn
-    from wbc.gait import Walker
     from wbc.shaping import GlobalShaping
 
     robot = load()
@@ -264,8 +263,6 @@ def test_what_does_not_know_loops_says_so() -> None:
     words = re.escape("four_bar has loop pin, and closed loops are not supported here")
     with pytest.raises(WbcError, match=f"global shaping: {words}"):
         GlobalShaping(robot, [task])
-    with pytest.raises(WbcError, match=f"walker: {words}"):
-        Walker(robot)
     with pytest.raises(WbcError, match=f"turn: {words}"):
         plan_turn(robot, (0.1, 0.0, 0.0))
     controller = KinematicController(robot, [task], solver="active_set")

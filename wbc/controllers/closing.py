@@ -10,6 +10,7 @@ one tick may be faster than the limits allow; then as much of it is taken back a
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -26,6 +27,7 @@ ROUNDS = 5  # each leaves a gap by that part which joints move in a tick [rad]
 OFF = 1e-9  # m, rad: smaller errors are no reason why a tick cannot be had
 DEPENDENT = 1e-6  # singular values below this part of the largest: rows that follow from others
 HALVINGS = 6  # of the part of errors that is taken back
+REST = "what loops miss to second order"
 INSIDE = 1.0 - 1e-9  # of what limits allow
 
 Step = Callable[[Snapshot], Tick]
@@ -42,6 +44,8 @@ class Closing:
         Those whose rows are linear in the command to first order only.
     busy:
         Whether a tick is being done again.
+    lock:
+        Held while one is: threads that share a controller take turns.
     """
 
     def __init__(self, contacts: Sequence[Task], dt: float) -> None:
@@ -52,12 +56,20 @@ class Closing:
             for one in self.parts
             if isinstance(one, ClosedLoop) or (isinstance(one, Gear) and not one.is_linear)
         )
-        self._dt, self.busy = dt, False
+        self._dt, self.busy, self.lock = dt, False, threading.RLock()
         # Whether rows of loops follow from others': second-order errors then contradict each other.
         self._dependent = False
 
-    def closed(self, snapshot: Snapshot, tick: Tick, step: Step) -> Tick:
-        """Return the tick whose command ends with closed loops; ``step`` does it again."""
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.parts, self._dt)  # a copy has a lock of its own
+
+    def closed(
+        self, snapshot: Snapshot, tick: Tick, step: Step, is_over: Callable[[], bool]
+    ) -> Tick:
+        """Return the tick whose command ends with closed loops; ``step`` does it again.
+
+        Not once the deadline ``is_over``: what is open then is taken back in the next tick.
+        """
         robot, found = snapshot.robot, tick
         self.busy = True
         try:
@@ -66,6 +78,9 @@ class Closing:
                 there = robot.snapshot(q)
                 missed = [one.gap(there) for one in self.curved]
                 if max(float(np.abs(error).max()) for error in missed) <= CLOSED:
+                    break
+                if is_over():
+                    found.__dict__["left_out"] = (*found.left_out, REST)
                     break
                 before = [one.added for one in self.curved]
                 if self._dependent:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
+from time import perf_counter
 
 import numpy as np
 
@@ -37,10 +39,13 @@ class KinematicController(Controller):
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command of every controller, at whose end loops are closed."""
-        tick = super()._step(snapshot)
-        if self._closing.curved and not self._closing.busy and tick.ok:
-            return self._closing.closed(snapshot, tick, super()._step)
-        return tick
+        closing, step = self._closing, super()._step
+        if not closing.curved or closing.busy:
+            return step(snapshot)
+        over = partial(self._is_over, perf_counter())
+        with closing.lock:
+            tick = step(snapshot)
+            return closing.closed(snapshot, tick, step, over) if tick.ok else tick
 
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
         return rows_of(task, task.law, residual, task.weight, self.dt)

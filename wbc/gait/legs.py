@@ -13,7 +13,6 @@ from wbc.errors import InvalidInputError
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import Robot, check_robot
 from wbc.robot.postures import STANDING
-from wbc.robot.tree import refuse_loops
 from wbc.validate import Array
 
 SIDES = ("left", "right")
@@ -111,11 +110,9 @@ def check_walker(robot: Robot) -> None:
     Raises
     ------
     InvalidInputError
-        No robot, one on a fixed base or with closed loops, or one whose feet are not ``left`` and
-        ``right`` with soles.
+        No robot, one on a fixed base, or one whose feet are not ``left`` and ``right`` with soles.
     """
     check_robot("walker, robot", robot)
-    refuse_loops("walker", robot)
     if set(robot.feet) != set(SIDES):
         feet = ", ".join(robot.feet) or "none"
         raise InvalidInputError(
