@@ -226,7 +226,10 @@ def main() -> None:
     told = ", ".join(f"{name} {one}" for name, one in versions().items())
     header = ["tick", "nv", "median us", "p99 us", "by serial", "gap m", "not solved"]
     walk = ["seed", "steps", "", "m ahead", "m/s", "gap mm", "relaxed"]
-    rows = [walked(seed, options.steps) for seed in range(options.seeds)]
+    rows = []
+    for seed in range(options.seeds):
+        rows.append(walked(seed, options.steps))
+        print(*rows[-1], flush=True)
     text = "\n\n".join(
         [
             "## Closed loops",
