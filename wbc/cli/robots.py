@@ -71,7 +71,7 @@ def _describe(robot: Robot) -> None:
         follows += "".join(f" {by:+g} {drive.driver}{power}" for power, by in powers if by)
         console.print(f"{name} follows: {follows}", markup=False)
     for name, loop in robot.loops.items():
-        console.print(f"loop {name} ({loop.kind}): {' at '.join(loop.frames)}", markup=False)
+        console.print(f"loop {name} ({loop.kind}): {' = '.join(loop.frames)}", markup=False)
     if robot.unactuated:
         console.print(f"without a motor: {', '.join(robot.unactuated)}", markup=False)
     console.print(f"\nmissing limits: {missing or 'none'}", markup=False)

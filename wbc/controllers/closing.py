@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from wbc.constraints.mechanics import BoltedBase, ClosedLoop, Gear, Mechanics
+from wbc.controllers.loop_gaps import LoopGaps
 from wbc.controllers.outcome import Box
 from wbc.controllers.tick import Tick
 from wbc.robot import Snapshot
@@ -25,6 +26,7 @@ from wbc.validate import Array
 CLOSED = 1e-10  # m, rad: smaller gaps at the end of a tick stay
 ROUNDS = 5  # each leaves a gap by that part which joints move in a tick [rad]
 OFF = 1e-9  # m, rad: smaller errors are no reason why a tick cannot be had
+FAR = 1.0  # m, rad: a larger gap is no matter of curvature
 DEPENDENT = 1e-6  # singular values below this part of the largest: rows that follow from others
 HALVINGS = 6  # of the part of errors that is taken back
 REST = "what loops miss to second order"
@@ -41,7 +43,7 @@ class Closing:
     parts:
         All of them.
     curved:
-        Those whose rows are linear in the command to first order only.
+        Those whose rows are linear in the command to first order only, gears first.
     busy:
         Whether a tick is being done again.
     lock:
@@ -57,6 +59,7 @@ class Closing:
             if isinstance(one, ClosedLoop) or (isinstance(one, Gear) and not one.is_linear)
         )
         self._dt, self.busy, self.lock = dt, False, threading.RLock()
+        self._gaps: LoopGaps | None = None
         # Whether rows of loops follow from others': second-order errors then contradict each other.
         self._dependent = False
 
@@ -70,14 +73,13 @@ class Closing:
 
         Not once the deadline ``is_over``: what is open then is taken back in the next tick.
         """
-        robot, found = snapshot.robot, tick
+        found = tick
         self.busy = True
         try:
             for _ in range(ROUNDS):
-                q = robot.integrate(snapshot.q, found.velocity, self._dt)
-                there = robot.snapshot(q)
-                missed = [one.gap(there) for one in self.curved]
-                if max(float(np.abs(error).max()) for error in missed) <= CLOSED:
+                missed = self._gaps_after(snapshot, self._dt * found.velocity)
+                worst = max([float(np.abs(error).max()) for error in missed])
+                if worst <= CLOSED or not worst < FAR:
                     break
                 if is_over():
                     found.__dict__["left_out"] = (*found.left_out, REST)
@@ -96,6 +98,19 @@ class Closing:
         finally:
             self._forget()
         return found
+
+    def _gaps_after(self, snapshot: Snapshot, step: Array) -> list[Array]:
+        """Return the gaps of :attr:`curved` parts where a displacement (nv,) leads."""
+        if self._gaps is None:
+            loops = [one for one in self.curved if isinstance(one, ClosedLoop)]
+            self._gaps = LoopGaps(snapshot.robot, loops) if loops else None
+        found = [] if self._gaps is None else self._gaps.after(snapshot.q, step)
+        gears = self.curved[: len(self.curved) - len(found)]
+        if not gears:
+            return found
+        q = snapshot.robot.integrate(snapshot.q, step, 1.0)
+        there = snapshot.robot.snapshot(q)
+        return [one.gap(there) for one in gears] + found
 
     def _with(
         self, snapshot: Snapshot, added: Sequence[Array], more: Sequence[Array], step: Step

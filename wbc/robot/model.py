@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, UnknownNameError, shown
+from wbc.errors import InvalidInputError, UnknownNameError, listed, shown
 from wbc.robot.drives import JointValues, armature_note, effort_note, set_drives
 from wbc.robot.feet import FootSpec
 from wbc.robot.formats import read_description
@@ -174,9 +174,11 @@ class Robot(KinematicTree):
         for q in (q for key, q in postures.items() if key != NEUTRAL):
             follow(limits, q, couplings)
         ties, loop_notes = loops_within(model, {**description.loops, **loops_of(loops or {})})
-        if unactuated is None:
-            unactuated = tuple(set(description.unactuated or ()) & {*limits.names}) if ties else ()
-        free = without_motors(limits.names, unactuated)
+        if unactuated is None and ties:
+            unactuated = tuple(set(description.unactuated or ()) & {*limits.names})
+            if unactuated and not description.loops:
+                loop_notes += (f"with loops, no torque is asked of {listed(sorted(unactuated))}",)
+        free = without_motors(limits.names, unactuated or ())
         closure = Closure(model, limits, ties, couplings, free)
         posture_notes += close_postures(closure, postures, description.drawn, found.path)
         stance = find_stance(
