@@ -55,6 +55,13 @@ def test_hand_target(capsys: pytest.CaptureFixture[str]) -> None:
     assert "held by: com vs support edge" in far
 
 
+def test_closed_loop(capsys: pytest.CaptureFixture[str]) -> None:
+    text = outcome("closed_loop", capsys)
+    assert number(text, "motor at # rad") == pytest.approx(-0.6, abs=1e-3)
+    assert number(text, "open by # nm") < 0.1
+    assert number(text, "and # N m elsewhere") == 0.0
+
+
 def test_squat(capsys: pytest.CaptureFixture[str]) -> None:
     text = outcome("squat", capsys)
     assert number(text, "CoM down by # mm") == pytest.approx(30.0, abs=0.2)

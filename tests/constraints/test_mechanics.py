@@ -101,3 +101,43 @@ def test_an_equality_of_joints_is_a_gear(tmp_path: Path) -> None:
     )
     robot = Robot.load(path)
     assert joints(robot, robot.posture("neutral", {"a": 0.2}))["b"] == pytest.approx(0.7)
+
+
+OFF = {"ratio -2": 1.0, "ratio -2, a little": 0.05, "follower of a follower": -0.6}
+
+
+@pytest.mark.parametrize("braking", ["free", "bounded"])
+@pytest.mark.parametrize("case", OFF)
+def test_gears_that_begin_off_come_back_as_fast_as_limits_allow(
+    tmp_path: Path, case: str, braking: str
+) -> None:
+    """At 2 rad/s, from rest at 20 rad/s^2: as measured after power-up, or in a posture of zeros."""
+    robot = Robot.load(arm(tmp_path))
+    q, v, dt = robot.posture("neutral"), np.zeros(robot.nv), 0.01
+    q[robot.joint_index("d" if "follower" in case else "c") + 1] += OFF[case]
+    wanted = robot.posture("neutral", {"a": 0.3, "b": -0.4})
+    limits = Limits(robot, braking=braking)
+    controller = KinematicController(
+        robot, [PostureTask(robot, wanted)], limits=limits, dt=dt, on_failure="raise"
+    )
+    together, late = None, 0
+    for k in range(300):
+        tick = controller.step(robot.snapshot(q, v))
+        assert tick.ok and (np.abs(tick.velocity[6:]) <= 2.0 + 1e-6).all()
+        late += bool(tick.late)
+        if tick.late:
+            assert "off, and limits let it come back only so fast: gear of c" in tick.report() or (
+                "gear of d" in tick.report()
+            )
+        v = tick.velocity
+        q = robot.integrate(q, v, dt)
+        found = joints(robot, q)
+        off = max(abs(found["c"] + 2.0 * found["b"] - 0.1), abs(found["d"] - 0.5 * found["c"]))
+        if off > 1e-9:
+            together = None
+        elif together is None:
+            together = k * dt
+    # Both ends move: 3 rad/s of the gear of c, up to 2.5 of that of d.
+    assert together is not None and together < abs(OFF[case]) / 2.0 + 0.2
+    assert late > 0
+    np.testing.assert_allclose(q[7:], wanted[7:], atol=1e-6)

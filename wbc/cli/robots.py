@@ -67,7 +67,13 @@ def _describe(robot: Robot) -> None:
     missing = missing_limits(robot)
     for name, drive in robot.couplings.items():
         follows = f"{drive.ratio:g} {drive.driver} {drive.offset:+g}"
+        powers = zip(("^2", "^3", "^4"), drive.curved, strict=True)
+        follows += "".join(f" {by:+g} {drive.driver}{power}" for power, by in powers if by)
         console.print(f"{name} follows: {follows}", markup=False)
+    for name, loop in robot.loops.items():
+        console.print(f"loop {name} ({loop.kind}): {' = '.join(loop.frames)}", markup=False)
+    if robot.unactuated:
+        console.print(f"without a motor: {', '.join(robot.unactuated)}", markup=False)
     console.print(f"\nmissing limits: {missing or 'none'}", markup=False)
     console.print("\nframes:", markup=False)
     console.print(Columns(robot.frame_names, padding=(0, 2), column_first=True))

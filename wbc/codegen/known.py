@@ -53,6 +53,8 @@ def _unknown(controller: Controller) -> str | None:
         return f"contacts that may give way: {names}; leave their slack out"
     if controller.limits is not None and controller.limits.braking != "free":
         return f"the braking {controller.limits.braking!r} of limits; set it to free"
+    if controller.robot.loops:
+        return f"closed loops: {', '.join(map(repr, controller.robot.loops))}"
     torque = isinstance(controller, TorqueController)
     if torque and controller.robot.passive:
         return "springs and other forces that no motor gives"

@@ -151,7 +151,7 @@ def _groups(robot: Robot, held: Sequence[Contact]) -> Iterator[list[int]]:
     """Yield places in v in the order in which they are eliminated; some more than once."""
     model = robot.model
     yield list(range(BASE_NV))
-    yield [robot.joint_index(joint) for joint in robot.couplings]
+    yield [robot.joint_index(joint) for joint in robot.motorless]
     chains = [
         {int(model.idx_vs[j]) for j in model.supports[robot.frame(one.frame).parentJoint] if j > 1}
         for one in held

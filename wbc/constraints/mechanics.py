@@ -1,4 +1,4 @@
-"""What a robot's own mechanics hold, met exactly: gears of mimic joints, and a bolted base."""
+"""What a robot's own mechanics hold, met exactly: gears, closed loops, and a bolted base."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from wbc.constraints.contact import Contact
 from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
+from wbc.robot.formats.ties import Loop
+from wbc.robot.loops import gap_at, gap_of
 from wbc.robot.names import BASE
 from wbc.tasks.frame import TURNS
 from wbc.tasks.point import AXES
@@ -17,51 +19,149 @@ from wbc.tasks.task import Task
 from wbc.validate import Array, read_only
 
 
-class Gear(Task):
-    """One joint at ``ratio * driver + offset``, as the robot's file says (one row).
+class Mechanics(Task):
+    """What a robot's mechanics hold; controllers hold it by themselves, see :func:`mechanics_of`.
 
-    Controllers hold the gears of their robot by themselves; see :func:`mechanics_of`.
+    Attributes
+    ----------
+    added:
+        (k,) what controllers add to the error: what rows, which are linear, miss by the end of a
+        tick (:mod:`wbc.controllers.closing`).
     """
 
-    _kind = "gear"
+    added: Array
 
-    def __init__(self, robot: Robot, joint: str) -> None:
-        super().__init__(robot, f"gear of {joint}", ("gear",), gain=1.0)
-        coupling = robot.couplings[joint]
-        self._ends = [robot.joint_index(joint) - 6, robot.joint_index(coupling.driver) - 6]
-        self._signs = np.array([1.0, -coupling.ratio])
-        self._offset = coupling.offset
-        jacobian = np.zeros((1, robot.nv))
-        jacobian[0, [6 + k for k in self._ends]] = self._signs
-        self._jacobian = read_only(jacobian)
+    def __init__(self, robot: Robot, name: str, rows: Sequence[str]) -> None:
+        super().__init__(robot, name, rows, gain=1.0)
         self._still = self._zeros()
+        self.add(self._still)
 
-    def residual(self, snapshot: Snapshot) -> Residual:
-        """Return the gear's error [rad or m]."""
-        positions = snapshot.robot.limits.joint_positions(snapshot.q)[self._ends]
-        return Residual(
-            np.array([self._signs @ positions - self._offset]), self._jacobian, self._still
-        )
+    def add(self, error: Array) -> None:
+        """Set what is added to the error (k,)."""
+        self._assign(added=error)
 
-    def native(self) -> tuple[NativeRows, ...]:
-        """Return the one row, linear in the joints."""
-        numbers = self._jacobian.ravel(), np.array((self._offset,))
-        return (NativeRows(Kind.LINEAR, None, (0,), self._still, self._still, numbers),)
+    def gap(self, snapshot: Snapshot) -> Array:
+        """Return the error (k,) without what is added."""
+        return np.asarray(self.residual(snapshot).error - self.added)
 
     def drift(self, snapshot: Snapshot) -> Array:
-        """Return zero: the row is linear in the joints."""
+        """Return zero: the rows are linear in the joints."""
         return self._still
 
 
-class BoltedBase(Task):
+class Gear(Mechanics):
+    """One joint at a polynomial of its driver's position, as the robot's file says (one row)."""
+
+    _kind = "gear"
+    _wanted: Array  # (1,) what the joints' linear combination should be
+
+    def __init__(self, robot: Robot, joint: str) -> None:
+        self._coupling = coupling = robot.couplings[joint]
+        self._ends = [robot.joint_index(joint) - 6, robot.joint_index(coupling.driver) - 6]
+        super().__init__(robot, f"gear of {joint}", ("gear",))
+        self._jacobian = self._by_driver(coupling.ratio)
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether its row is linear in the joints."""
+        return self._coupling.is_linear
+
+    def add(self, error: Array) -> None:
+        """Set what is added to the error (1,)."""
+        self._assign(added=error, _wanted=read_only(self._coupling.offset - error))
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return the gear's error [rad or m]."""
+        follower, driver = snapshot.robot.limits.joint_positions(snapshot.q)[self._ends].tolist()
+        coupling, jacobian = self._coupling, self._jacobian
+        if not coupling.is_linear:
+            jacobian = self._by_driver(coupling.slope(driver))
+        error = np.array((follower - coupling.value(driver),)) + self.added
+        return Residual(error, jacobian, self._still)
+
+    def native(self) -> tuple[NativeRows, ...] | None:
+        """Return the one row if it is linear in the joints."""
+        if not self._coupling.is_linear:
+            return None
+        numbers, still = (self._jacobian.ravel(), self._wanted), self._still
+        moving = ("", "", "", "_wanted")
+        return (NativeRows(Kind.LINEAR, None, (0,), still, still, numbers, moving=moving),)
+
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return minus the polynomial's second derivative by the driver's rate squared."""
+        if self._coupling.is_linear:
+            return self._still
+        k = self._ends[1]
+        driver = float(snapshot.robot.limits.joint_positions(snapshot.q)[k])
+        return np.array((-self._coupling.curvature(driver) * float(snapshot.v[6 + k]) ** 2,))
+
+    def _by_driver(self, slope: float) -> Array:
+        jacobian = np.zeros((1, self.robot.nv))
+        jacobian[0, [6 + k for k in self._ends]] = 1.0, -slope
+        return read_only(jacobian)
+
+
+class ClosedLoop(Mechanics):
+    """Two frames of the robot that are one: their origins (three rows), or their axes too (six).
+
+    The error is where the first frame is as seen from the second, see
+    :func:`wbc.robot.loops.gap_of`; forces along the rows act on the first frame.
+    """
+
+    loop: Loop
+
+    _kind = "loop"
+
+    def __init__(self, robot: Robot, name: str) -> None:
+        self.loop = loop = robot.loops[name]
+        super().__init__(robot, f"loop {name}", AXES if loop.kind == "point" else AXES + TURNS)
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return how far it is open, [m] above [rad], in axes of the second frame."""
+        frame, other = (
+            (*snapshot.placement(name), snapshot.jacobian(name)) for name in self.loop.frames
+        )
+        error, jacobian = gap_of(frame, other)
+        k = len(self.rows)
+        return Residual(error[:k] + self.added, jacobian[:k], self._still)
+
+    def gap(self, snapshot: Snapshot) -> Array:
+        """Return the error (k,) without what is added."""
+        frame, other = self.loop.frames
+        return gap_at(snapshot.placement(frame), snapshot.placement(other))[: len(self.rows)]
+
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return the second derivative of the position, and that of the turn's rate, at v' = 0."""
+        name, held_at = self.loop.frames
+        arm, R = snapshot.position(name) - snapshot.position(held_at), snapshot.rotation(held_at)
+        v, w = np.split(snapshot.jacobian(name) @ snapshot.v, 2)
+        v_other, w_other = np.split(snapshot.jacobian(held_at) @ snapshot.v, 2)
+        speeding, spinning = np.split(snapshot.drift(name) - snapshot.drift(held_at), 2)
+        carried = np.cross(w_other, arm) - 2.0 * (v - v_other)
+        linear = speeding - np.cross(snapshot.drift(held_at)[3:], arm) + np.cross(w_other, carried)
+        angular = spinning - np.cross(w_other, w)
+        return np.concatenate((R.T @ linear, R.T @ angular))[: len(self.rows)]
+
+    def native(self) -> tuple[NativeRows, ...]:
+        """Return its rows, six or the first three."""
+        index, still = tuple(range(len(self.rows))), self._still
+        frame, other = self.loop.frames
+        moving = ("", "", "added")
+        return (
+            NativeRows(
+                *(Kind.LOOP, frame, index, still, still, (self.added,)), moving=moving, other=other
+            ),
+        )
+
+
+class BoltedBase(Mechanics):
     """A fixed base that does not move, wherever it is (six rows)."""
 
     _kind = "bolted"
 
     def __init__(self, robot: Robot) -> None:
-        super().__init__(robot, "bolted base", AXES + TURNS, gain=1.0)
+        super().__init__(robot, "bolted base", AXES + TURNS)
         self._jacobian = read_only(np.eye(6, robot.nv))
-        self._still = self._zeros()
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return no error, and the base's own six columns."""
@@ -73,14 +173,11 @@ class BoltedBase(Task):
         still = self._still
         return (NativeRows(Kind.LINEAR, None, tuple(range(6)), still, still, numbers),)
 
-    def drift(self, snapshot: Snapshot) -> Array:
-        """Return zero."""
-        return self._still
-
 
 def mechanics_of(robot: Robot, contacts: Sequence[Task]) -> tuple[Task, ...]:
-    """Return ``contacts`` behind what holds mimic joints and, if they do not, a fixed base."""
-    given = [contact for contact in contacts if not isinstance(contact, Gear | BoltedBase)]
+    """Return ``contacts`` behind gears, loops and, if they do not hold it, a fixed base."""
+    given = [contact for contact in contacts if not isinstance(contact, Mechanics)]
     held = any(isinstance(one, Contact) and one.frame == BASE for one in given)
     bolted = (BoltedBase(robot),) if robot.fixed_base and not held else ()
-    return (*bolted, *(Gear(robot, joint) for joint in robot.couplings), *given)
+    gears = (Gear(robot, joint) for joint in robot.couplings)
+    return (*bolted, *gears, *(ClosedLoop(robot, name) for name in robot.loops), *given)

@@ -2,8 +2,8 @@
 
 A surface bears a force at each of its corners, in the contact frame's axes with the normal along z;
 a point bears one, in the world's. What pulls and twists as well (a grip, a bolted base, the gear of
-a mimic joint) bears a free force along each of its rows. Tasks that are held exactly without being
-any of these, such as a CoM held over a point, bear none: motors alone hold them.
+a mimic joint, a closed loop) bears a free force along each of its rows. Tasks that are held exactly
+without being any of these, such as a CoM held over a point, bear none: motors alone hold them.
 
 The unknowns are not forces but what they do in one tick to a robot of this mass, ``f dt / m`` in
 m/s. They are then as large as velocities, which the QP's conditioning needs: beside tasks of
@@ -18,9 +18,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.constraints.contact import Contact, PointContact
-from wbc.constraints.mechanics import BoltedBase, Gear
+from wbc.constraints.mechanics import ClosedLoop, Mechanics
 from wbc.constraints.rows import Bounds
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
@@ -119,6 +120,14 @@ class ContactForces:
             if part.surface is not None:
                 self.lower[part.columns][2::3] = 0.0
         self._read_cones()
+
+    @cached_property
+    def internal(self) -> NDArray[np.bool_]:
+        """(k,) which are of closed loops."""
+        found = np.zeros(self.size, dtype=bool)
+        for part in self.parts:
+            found[part.columns] = isinstance(part.contact, ClosedLoop)
+        return found
 
     def generalized(self, snapshot: Snapshot) -> Array:
         """Return J' G (nv, k): generalized forces by the forces of all contacts."""
@@ -292,7 +301,7 @@ def _part(contact: Task, begin: int) -> ContactPart | None:
             grasp[:3, 3 * k : 3 * k + 3] = np.eye(3)
             grasp[3:, 3 * k : 3 * k + 3] = skew(corner)
         return ContactPart(contact, slice(begin, begin + grasp.shape[1]), grasp)
-    if isinstance(contact, Contact | Gear | BoltedBase):
+    if isinstance(contact, Contact | Mechanics):
         return ContactPart(contact, slice(begin, begin + len(contact.rows)), None)
     return None
 

@@ -319,8 +319,9 @@ class CoreMemory:
         for part in parts:
             for rows in part.rows or ():
                 kept = part.chosen(rows)
-                if rows.frame is not None and rows.frame not in frames:
-                    frames.append(rows.frame)
+                for frame in (rows.frame, rows.other):
+                    if frame is not None and frame not in frames:
+                        frames.append(frame)
                 blocks.append(
                     {
                         "kind": rows.kind,
@@ -332,6 +333,7 @@ class CoreMemory:
                         "number": size,
                         "level": part.level,
                         "second": part.second,
+                        "other": -1 if rows.other is None else frames.index(rows.other),
                     }
                 )
                 index += [rows.entries[i] for i in kept]

@@ -23,8 +23,13 @@ MOST = 64  # sets of contacts that are remembered
 
 
 def limits_within(limits: Limits | None, torques: Array) -> Limits | None:
-    """Return limits that the torques can keep; what is none is refused by the controller."""
-    return limits.within_torques(torques) if isinstance(limits, Limits) else limits
+    """Return limits that the torques can keep; what is none is refused by the controller.
+
+    Joints without a motor brake by those of others, through their loops.
+    """
+    if not isinstance(limits, Limits):
+        return limits
+    return limits.within_torques(_without_motors(limits.robot, torques, np.inf))
 
 
 class StanceBraking:
@@ -44,7 +49,7 @@ class StanceBraking:
     """
 
     def __init__(self, robot: Robot, torques: Array) -> None:
-        self._robot, self._torques = robot, torques
+        self._robot, self._torques = robot, _without_motors(robot, torques, np.inf)
         # By what is held: feet come and go, and a change of contacts must be quick.
         self._able: dict[bytes, Array] = {}
 
@@ -85,11 +90,11 @@ class StanceBraking:
 
 
 def effort_bounds(robot: Robot, factor: float | None) -> Array:
-    """Return the largest torques (nv - 6,), infinite where there is no bound."""
+    """Return the largest torques (nv - 6,): infinite without a bound, 0 without a motor."""
     check_robot("controller", robot)
     if factor is None:
-        return read_only(np.full(robot.nv - 6, np.inf))
-    without = robot.limits.without_effort
+        return _without_motors(robot, np.full(robot.nv - 6, np.inf), 0.0)
+    without = [name for name in robot.limits.without_effort if name not in robot.unactuated]
     if without:
         logging.getLogger(__name__).warning(
             "controller: %s has no effort limit for %s; torques are not bounded there: give"
@@ -98,6 +103,12 @@ def effort_bounds(robot: Robot, factor: float | None) -> Array:
             ", ".join(without),
             without[0],
         )
-    return read_only(
-        finite_number("controller, torque_limits", factor, above=0.0) * robot.limits.effort
-    )
+    most = finite_number("controller, torque_limits", factor, above=0.0) * robot.limits.effort
+    return _without_motors(robot, most, 0.0)
+
+
+def _without_motors(robot: Robot, torques: Array, value: float) -> Array:
+    """Return torques (nv - 6,) with ``value`` where a joint has no motor."""
+    found = torques.copy()
+    found[[robot.joint_index(name) - BASE_NV for name in robot.unactuated]] = value
+    return read_only(found)

@@ -138,7 +138,7 @@ def stance_torques(
     weight = robot.weight
     forces = ContactForces(robot, mechanics_of(robot, tuple(contacts)), weight)
     most = factor * robot.limits.effort
-    most[[robot.joint_index(name) - 6 for name in robot.couplings]] = 0.0  # they have no motor
+    most[[robot.joint_index(name) - 6 for name in robot.motorless]] = 0.0
     known, by_force = rest.bias / weight, forces.generalized(rest)
     qp = _statics(forces, known, by_force, most / weight)
     solution = ActiveSet().solve(qp, quick=True)

@@ -131,6 +131,9 @@ class Tick:
     left_out:
         Levels of lower priority that are not in the command, in words: their QPs were not solved,
         or the deadline was over.
+    late:
+        Gears and loops that are off, and of which limits let a part only be taken back in this
+        tick.
     """
 
     velocity: Array
@@ -145,6 +148,7 @@ class Tick:
     singular: Mapping[str, Singularity] = field(default_factory=dict)
     left_out: tuple[str, ...] = field(default_factory=tuple)
     braked: Mapping[str, float] = field(default_factory=dict)
+    late: tuple[str, ...] = ()
 
     @classmethod
     def reading(cls, evidence: object, velocity: Array, known: Mapping[str, Any] | None) -> Self:
@@ -210,7 +214,9 @@ class Tick:
         braked = f"; brakes harder than its acceleration limit: {braked}" if braked else ""
         if self.ok:
             left_out = "; ".join(self.left_out)
-            return ("solved" + f", but left out: {left_out}" * bool(left_out)) + braked
+            off = ", ".join(self.late)
+            off = f"; off, and limits let it come back only so fast: {off}" if off else ""
+            return ("solved" + f", but left out: {left_out}" * bool(left_out)) + braked + off
         conflict = self.conflict
         reason = self.solution.message or str(self.solution.residuals)
         if conflict is not None:

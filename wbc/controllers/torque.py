@@ -48,6 +48,9 @@ from wbc.validate import Array, finite_number, read_only
 
 BASE_FORCES = tuple(f"dynamics {row}" for row in ("fx", "fy", "fz", "mx", "my", "mz"))
 POLICIES = ("damp", "raise")
+# Factor on the damping of forces in closed loops: the motion asks for them, and they are the least
+# only where loops are held twice over.
+INTERNAL = 1e-4
 # How long contacts take to come and go [s], unless told.
 RAMP = 0.05
 # Time constants of the last resort [s]: joints come to rest this fast, as far as torques go.
@@ -232,7 +235,7 @@ class TorqueController(Controller):
         self._unit = robot.mass / self.dt  # N per unit of a force unknown
         self.contact_forces = forces = ContactForces(robot, self.contacts, self._unit)
         self._deceleration = self._braking.decelerations(self.limits, self.contacts)
-        followers = [robot.joint_index(name) for name in robot.couplings]
+        followers = [robot.joint_index(name) for name in robot.motorless]
         bounded = np.isfinite(self.torque_bounds)
         bounded[[k - 6 for k in followers]] = False
         self._bounded = 6 + np.flatnonzero(bounded)
@@ -242,10 +245,11 @@ class TorqueController(Controller):
         self._torque_labels = tuple(f"{robot.joint_names[k - 6]} torque" for k in self._bounded)
         velocity = Decision.velocity(robot, read_only(self.damping * self.joint_weights))
         damping = np.full(forces.size, self.force_damping)
+        damping[forces.internal] *= INTERNAL
         return velocity.extended(forces.names, forces.lower, forces.upper, damping)
 
     def _physics_names(self) -> tuple[str, ...]:
-        followers = tuple(f"dynamics {name}" for name in self.robot.couplings)
+        followers = tuple(f"dynamics {name}" for name in self.robot.motorless)
         return BASE_FORCES + followers
 
     def _force_rows(self) -> TorqueRows:

@@ -22,6 +22,7 @@ from wbc.flight.connection import rotation_of, turning_rate
 from wbc.flight.rounds import Loop, Rounds, even_phases, harmonics
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
+from wbc.robot.tree import refuse_loops
 from wbc.rotations import log_rotation
 from wbc.validate import Array, finite_array, finite_number, read_only
 
@@ -92,12 +93,13 @@ def plan_turn(
     Raises
     ------
     InvalidInputError
-        A rotation of nothing or beyond half a turn, or no cycles.
+        A rotation of nothing or beyond half a turn, no cycles, or a robot with closed loops.
     UnknownNameError
         A pattern that matches no joint.
     NoTurnError
         No start led to a turn; more cycles make it easier.
     """
+    refuse_loops("turn", robot)
     whole = finite_array("turn, rotation", rotation, (3,))
     angle = float(np.linalg.norm(whole))
     if not 0.0 < angle <= np.pi:

@@ -6,6 +6,7 @@ import logging
 
 import numpy as np
 
+from wbc.constraints.mechanics import BoltedBase, mechanics_of
 from wbc.gait.legs import SIDES, leg_joints
 from wbc.robot import Snapshot
 from wbc.robot.limits import BASE_NV
@@ -57,7 +58,8 @@ def bearing_torques(posture: Snapshot, sole: str) -> Array:
 
     The CoM is where it is between the feet, and the robot moves as one body without turning, as a
     linear inverted pendulum: c'' = g/h (c - p) with the pressure p at the sole's frame. The force
-    M (c'' + g) then goes through the CoM, and the base's own equations hold by themselves.
+    M (c'' + g) then goes through the CoM, and the base's own equations hold by themselves. Joints
+    without a motor get none: what they would need goes through loops and gears to the motors.
     """
     robot, p = posture.robot, posture.position(sole)
     up = -robot.model.gravity.linear
@@ -66,4 +68,13 @@ def bearing_torques(posture: Snapshot, sole: str) -> Array:
     rate = np.zeros(robot.nv)
     rate[:3] = posture.rotation(BASE).T @ (force / robot.mass - up)
     borne = posture.jacobian(sole)[:3].T @ force
-    return np.asarray((posture.mass_matrix @ rate + posture.bias - borne)[BASE_NV:])
+    needed = np.asarray((posture.mass_matrix @ rate + posture.bias - borne)[BASE_NV:])
+    without = [robot.joint_index(name) - BASE_NV for name in robot.motorless]
+    if not without:
+        return needed
+    ties = [one for one in mechanics_of(robot, ()) if not isinstance(one, BoltedBase)]
+    J = np.concatenate([one.residual(posture).jacobian[:, BASE_NV:] for one in ties])
+    forces = np.linalg.lstsq(J[:, without].T, needed[without], rcond=1e-9)[0]
+    needed -= J.T @ forces
+    needed[without] = 0.0
+    return needed

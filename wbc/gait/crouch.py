@@ -38,6 +38,9 @@ def walking_posture(start: Snapshot, height: float) -> Array:
     goal = start.com - [0.0, 0.0, legs.com_height - height]
     for _ in range(ROUNDS):
         error, J = _missing(start, robot.snapshot(q), goal)
+        if robot.loops:
+            open_by, rows = robot.closure.errors(q)
+            error, J = np.concatenate((error, open_by)), np.concatenate((J, rows))
         if np.abs(error).max() < CLOSE:
             return q
         step = J.T @ np.linalg.solve(J @ J.T + DAMPING * np.eye(len(J)), error)

@@ -18,6 +18,7 @@ from wbc.motion.uncertainty import Pendulum, propagated
 from wbc.rmp.axes import GAP, TrackedAxes, track, turning_rate
 from wbc.robot.limits import BASE_NV
 from wbc.robot.series import CentroidalSeries, Progress, centroidal_series
+from wbc.robot.tree import refuse_loops
 from wbc.spatial import COLUMNS, ROWS
 from wbc.validate import Array, finite_array, finite_number
 
@@ -84,6 +85,7 @@ def analyse(
     height = finite_number("ground_height", ground_height)
     gap = finite_number("gap", gap, above=0.0)
     robot = motion.robot
+    refuse_loops("analyse", robot)
     names = chosen_feet(robot, feet)
     estimated = isinstance(noise, str) and noise == ESTIMATED
     if not (noise is None or estimated or isinstance(noise, Noise)):

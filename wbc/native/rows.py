@@ -20,6 +20,7 @@ class Kind(IntEnum):
     MOMENTUM = lib.MOMENTUM_ENTRIES  # none; entries
     CONTACT = lib.CONTACT  # position (3,), rotation (3, 3); entries: rows
     LINEAR = lib.LINEAR  # matrix (k, nv), offset (k,): error = matrix @ (0, joints) - offset
+    LOOP = lib.LOOP  # what is added to the error (k,); entries: rows
     GIVEN = lib.GIVEN  # worked out in Python: matrix (k, n), target (k,), error (k,), damping (nv,)
 
 
@@ -43,6 +44,8 @@ class NativeRows(NamedTuple):
     moving:
         The task's attributes that bias, drift and numbers are, in this order; "" for what stays.
         Where a target was set these are read again, and nothing is described anew.
+    other:
+        The frame that a loop's is held at.
     """
 
     kind: Kind
@@ -53,3 +56,4 @@ class NativeRows(NamedTuple):
     numbers: tuple[Array, ...]
     curved: bool = True
     moving: tuple[str, ...] = ()
+    other: str | None = None

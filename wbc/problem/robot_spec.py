@@ -29,7 +29,9 @@ from wbc.problem.section import (
     default_of,
 )
 from wbc.robot import FootSpec, Robot
+from wbc.robot.formats.ties import Loop
 from wbc.robot.library import is_file_name
+from wbc.robot.loops import KINDS
 
 
 class FootSection(Section):
@@ -41,6 +43,15 @@ class FootSection(Section):
     """Corners [x, y] of the sole [m] in that frame; found from the collision shapes if missing."""
     height: Number = default_of(FootSpec, "height")
     """How far the frame's origin is above the sole [m]; used with polygon only."""
+
+
+class LoopSection(Section):
+    """A closed loop: two frames, on different links, that are one."""
+
+    frames: Annotated[ListOf[Name], Field(min_length=2, max_length=2)]
+    """The one that is held, and the one that it is held at."""
+    kind: Annotated[str, Words(KINDS)] = default_of(Loop, "kind")
+    """point: their origins meet; pose: their axes too."""
 
 
 class RobotSpec(Section):
@@ -69,6 +80,11 @@ class RobotSpec(Section):
     """Dry friction of the joints [N m or N], likewise."""
     effort: PositiveJointNumbers | None = None
     """Largest torque [N m] or force [N] of the joints, likewise."""
+    loops: dict[Name, LoopSection] | None = None
+    """Closed loops by name, besides those of an MJCF."""
+    unactuated: Names | None = None
+    """Joints without a motor, by name or pattern; left out: those that no motor of an MJCF with
+    closed loops drives."""
 
     def load(self, folder: Path) -> Robot:
         """Return the robot; relative paths start from ``folder``.
@@ -91,6 +107,8 @@ class RobotSpec(Section):
             damping=self.damping,
             friction=self.friction,
             effort=self.effort,
+            loops={name: one.model_dump() for name, one in (self.loops or {}).items()},
+            unactuated=self.unactuated,
         )
 
 

@@ -4,8 +4,9 @@ The only folder that knows Pinocchio.
 """
 
 from wbc.robot.feet import Foot, FootSpec
+from wbc.robot.formats.ties import Loop
 from wbc.robot.library import robot_names
 from wbc.robot.limits import JointLimits
 from wbc.robot.model import Robot, Snapshot
 
-__all__ = ["Foot", "FootSpec", "JointLimits", "Robot", "Snapshot", "robot_names"]
+__all__ = ["Foot", "FootSpec", "JointLimits", "Loop", "Robot", "Snapshot", "robot_names"]

@@ -63,9 +63,12 @@ def _by_joint(what: str, given: JointValues, names: Sequence[str]) -> dict[int, 
     return values
 
 
-def effort_note(limits: JointLimits) -> tuple[str, ...]:
-    """Return a note that names the joints without a limit of torque; none if all have one."""
-    without = limits.without_effort
+def effort_note(limits: JointLimits, motorless: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return a note that names the joints without a limit of torque; none if all have one.
+
+    Those without a motor need none.
+    """
+    without = tuple(name for name in limits.without_effort if name not in motorless)
     if not without:
         return ()
     which = "any joint" if len(without) == len(limits.names) else listed(without)

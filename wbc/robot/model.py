@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -13,23 +13,26 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, UnknownNameError, shown
+from wbc.errors import InvalidInputError, UnknownNameError, listed, shown
 from wbc.notebook import as_html, some
 from wbc.robot.drives import JointValues, armature_note, effort_note, set_drives
 from wbc.robot.feet import FootSpec
 from wbc.robot.formats import read_description
-from wbc.robot.formats.description import Coupling, Description, GeometrySource, lock_joints
+from wbc.robot.formats.description import Description, GeometrySource, lock_joints
 from wbc.robot.formats.srdf import read_srdf
+from wbc.robot.formats.ties import Coupling, Loop
 from wbc.robot.library import NamedRobot, RobotSource, find_robot
 from wbc.robot.limits import BASE_NQ, JointLimits
+from wbc.robot.loops import Closure, loops_of, loops_within, without_motors
 from wbc.robot.model_checks import check_supported
 from wbc.robot.moving_state import MovingState
-from wbc.robot.names import add_base_frame, matches
+from wbc.robot.names import add_base_frame, matches, matching
 from wbc.robot.notes import warn_of
 from wbc.robot.passive import PassiveForces
 from wbc.robot.postures import (
     NEUTRAL,
     STANDING,
+    close_postures,
     follow,
     grounded,
     named_postures,
@@ -113,6 +116,8 @@ class Robot(KinematicTree):
         damping: JointValues | None = None,
         friction: JointValues | None = None,
         effort: JointValues | None = None,
+        loops: Mapping[str, Loop | Mapping[str, Any] | Sequence[str]] | None = None,
+        unactuated: Sequence[str] | None = None,
     ) -> Self:
         """Read a robot from a URDF or MJCF file, by name, or from what MuJoCo compiled.
 
@@ -143,6 +148,14 @@ class Robot(KinematicTree):
             entries win. What is not given stays as in the file, 0 if that is silent.
         effort:
             Largest torque [N m] or force [N], likewise; a note says which joints have none.
+        loops:
+            Closed loops by name, besides the file's: two frames, or ``{"frames": [...], "kind":
+            "pose"}``. With ``"point"``, the default, their origins meet, with ``"pose"`` their axes
+            too. Postures are closed by moving joints without a motor, or all where they do not
+            suffice.
+        unactuated:
+            Joints without a motor, by name or pattern: no torques there. By default those that no
+            motor of an MJCF with closed loops drives, none of other robots.
 
         Raises
         ------
@@ -155,7 +168,8 @@ class Robot(KinematicTree):
             Unknown robot, locked joint, or foot link.
         InvalidInputError
             A locked value outside its joint's limits, a foot that makes no sense, another word for
-            ``base``, a negative friction, inertia or effort, or a source that is no path or name.
+            ``base``, a negative friction, inertia or effort, a source that is no path or name, or
+            loops that cannot be closed.
         """
         if base not in (None, *BASES):
             raise InvalidInputError(f"base: expected {' or '.join(BASES)}, got {base!r}")
@@ -172,9 +186,20 @@ class Robot(KinematicTree):
         postures, posture_notes = named_postures(limits, neutral, states, found.known)
         for q in (q for key, q in postures.items() if key != NEUTRAL):
             follow(limits, q, couplings)
-        stance = find_stance(found, description, model, limits, postures[STANDING], feet, base)
+        ties, loop_notes = loops_within(model, {**description.loops, **loops_of(loops or {})})
+        if unactuated is None and ties:
+            unactuated = tuple(set(description.unactuated or ()) & {*limits.names})
+            if unactuated and not description.loops:
+                loop_notes += (f"with loops, no torque is asked of {listed(sorted(unactuated))}",)
+        free = without_motors(limits.names, unactuated or ())
+        closure = Closure(model, limits, ties, couplings, free)
+        posture_notes += close_postures(closure, postures, description.drawn, found.path)
+        stance = find_stance(
+            found, description, model, limits, postures[STANDING], feet, base, closure
+        )
         postures[STANDING] = stance.q
-        notes += posture_notes + stance.notes + armature_note(model) + effort_note(limits)
+        notes += posture_notes + stance.notes + armature_note(model) + loop_notes
+        notes += effort_note(limits, free)
         # That an arm is bolted down is no fault of its file.
         warn_of(
             found.path, (note for note in notes if not (stance.bolted and note in stance.notes))
@@ -187,6 +212,8 @@ class Robot(KinematicTree):
             feet=stance.feet,
             fixed_base=stance.bolted,
             couplings=couplings,
+            loops=ties,
+            unactuated=free,
             postures=postures,
             notes=notes,
             srdf=states_file,
@@ -222,7 +249,7 @@ class Robot(KinematicTree):
         ----------
         joints:
             Joint names, or patterns such as ``*_knee*``, and their values [rad or m]. Mimic joints
-            follow their drivers.
+            follow their drivers, and loops are closed by the joints that are not named.
         on_ground:
             Put the lowest corner of the soles at z = 0; otherwise the base stays where it is in
             the named posture.
@@ -232,7 +259,7 @@ class Robot(KinematicTree):
         UnknownNameError
             No such posture or joint.
         InvalidInputError
-            A value outside the joint's limits.
+            A value outside the joint's limits, or one with which loops cannot be closed.
         """
         if not isinstance(reference, str) or reference not in self.postures:
             first = f"its name comes first, then joints: posture({STANDING!r}, {{joint: value}})"
@@ -241,6 +268,9 @@ class Robot(KinematicTree):
         q = self.postures[reference].copy()
         set_joints(self.limits, q, joints or {})
         follow(self.limits, q, self.couplings)
+        if self.loops and joints:
+            names = self.joint_names
+            q = self.closed(q, [names[k] for key in joints for k in matching(key, names)])
         return grounded(self.model, q, self.feet) if on_ground else q
 
     def passive_forces(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:

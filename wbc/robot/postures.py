@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
+from wbc.errors import InvalidInputError, ModelError
 from wbc.polygon import centroid, convex_hull, polygon_margin
 from wbc.robot.feet import Foot
-from wbc.robot.formats.description import Coupling, State
+from wbc.robot.formats.description import State
+from wbc.robot.formats.ties import Coupling
 from wbc.robot.library import NamedRobot
 from wbc.robot.limits import BASE_NQ, JointLimits
+from wbc.robot.loops import CLOSED, Closure
 from wbc.robot.names import frame_table, matches, matching
 from wbc.spatial import skew
 from wbc.validate import Array, by_name
@@ -89,8 +94,39 @@ def follow(limits: JointLimits, q: Array, couplings: Mapping[str, Coupling]) -> 
     for joint, coupling in couplings.items():
         driver = q[limits.starts[limits.names.index(coupling.driver)]]
         k = limits.names.index(joint)
-        value = coupling.ratio * float(driver) + coupling.offset
-        q[limits.starts[k]] = limits.nearest(k, value)
+        q[limits.starts[k]] = limits.nearest(k, coupling.value(float(driver)))
+
+
+def close_postures(
+    closure: Closure, postures: dict[str, Array], drawn: State, path: Path
+) -> tuple[str, ...]:
+    """Close the loops in all postures, in place; return notes of those that stay open.
+
+    ``standing`` is closed from itself, or from where the file draws the joints.
+
+    Raises
+    ------
+    ModelError
+        ``standing`` cannot be closed.
+    """
+    if not closure.loops:
+        return ()
+    open_ones = []
+    for name, q in postures.items():
+        try:
+            postures[name] = closure.closed(q)
+        except InvalidInputError as error:
+            if name != STANDING:
+                open_ones.append(name)
+                continue
+            other, _ = _posture_of(closure.limits, q, name, drawn)
+            try:
+                postures[name] = closure.closed(other)
+            except InvalidInputError:
+                raise ModelError(f"{path}: posture {name!r}: {error}") from error
+    if not open_ones:
+        return ()
+    return (f"loops are open in the postures {', '.join(open_ones)}, and none near closes them",)
 
 
 def grounded(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Array:
@@ -121,7 +157,7 @@ def stands(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> bool:
 
 
 def settled(
-    model: pin.Model, limits: JointLimits, q: Array, feet: Mapping[str, Foot]
+    model: pin.Model, limits: JointLimits, q: Array, feet: Mapping[str, Foot], closure: Closure
 ) -> tuple[Array, tuple[str, ...]]:
     """Return a posture near ``q`` that stands on all feet, or ``q`` itself and a note.
 
@@ -133,13 +169,21 @@ def settled(
     found = q.copy()
     for _ in range(100):
         error, J = _standing_error(model, found, feet)
+        if closure.loops:
+            error, J = (
+                np.concatenate(both) for both in zip((error, J), closure.errors(found), strict=True)
+            )
         step = J.T @ np.linalg.solve(J @ J.T + 1e-6 * np.eye(len(J)), error)
         step *= -min(1.0, 0.2 / max(float(np.abs(step).max()), 1e-12))  # rad or m
         found = limits.clamped(pin.integrate(model, found, step))
         if float(np.abs(error).max()) < 1e-7:
             break
+    if closure.loops:
+        with suppress(InvalidInputError):  # or it does not stand
+            found = closure.closed(found)
     far = np.abs(limits.joint_positions(found) - limits.joint_positions(q)).max(initial=0.0)
-    if far < NEAR and stands(model, found, feet):
+    is_closed = max(closure.gaps(found).values(), default=0.0) <= CLOSED
+    if far < NEAR and is_closed and stands(model, found, feet):
         return found, ()
     corners = sum(len(foot.polygon) for foot in feet.values())
     why = "no posture near it balances on level soles"

@@ -13,6 +13,7 @@ from wbc.robot.foot_guess import arm_reason, upright
 from wbc.robot.formats.description import Description, GeometrySource
 from wbc.robot.library import NamedRobot, RobotSource
 from wbc.robot.limits import JointLimits
+from wbc.robot.loops import Closure
 from wbc.robot.model_checks import link_of
 from wbc.robot.postures import grounded, settled
 from wbc.robot.sole import body_points
@@ -38,6 +39,7 @@ def find_stance(
     q: Array,
     feet: Mapping[str, FootSpec | Mapping[str, Any]] | None,
     base: str | None,
+    closure: Closure,
 ) -> StandingPose:
     """Return how a robot stands whose posture is about ``q`` (nq,).
 
@@ -45,6 +47,8 @@ def find_stance(
     ----------
     feet, base:
         What the user says of them, as in :meth:`wbc.robot.Robot.load`.
+    closure:
+        Of loops, which are closed in ``q`` and stay so.
     """
     specs = _foot_specs(found.known, feet, base)
     notes: tuple[str, ...] = ()
@@ -70,7 +74,7 @@ def find_stance(
         foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
     notes += foot_notes
     if found.known is None:
-        q, unsettled = settled(model, limits, q, soles)
+        q, unsettled = settled(model, limits, q, soles, closure)
         notes += unsettled
     q = grounded(model, q, soles)
     if found.known is None:

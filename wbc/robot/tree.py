@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -14,12 +14,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError, listed
 from wbc.robot.feet import NO_FEET, Foot
-from wbc.robot.formats.description import Coupling
+from wbc.robot.formats.ties import Coupling, Loop
 from wbc.robot.kernel import NativePass, NativeTree
 from wbc.robot.kernel_check import checked_tree
 from wbc.robot.limits import BASE_NQ, BASE_NV, JointLimits
+from wbc.robot.loops import Closure
 from wbc.robot.names import frame_table, matching
 from wbc.robot.workspace import ModelScratch
 from wbc.validate import Array, finite_array, finite_number, plain_copy, read_only
@@ -63,6 +64,10 @@ class KinematicTree:
     couplings:
         Mimic joints, and what they follow; controllers hold them to it (see
         :mod:`wbc.constraints.mechanics`).
+    loops:
+        Closed loops by name: frames that are one; controllers hold them likewise.
+    unactuated:
+        Joints without a motor: torques are 0 there.
     """
 
     name: str
@@ -72,9 +77,12 @@ class KinematicTree:
     feet: Mapping[str, Foot]
     fixed_base: bool
     couplings: Mapping[str, Coupling]
+    loops: Mapping[str, Loop]
+    unactuated: tuple[str, ...]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "couplings", MappingProxyType(dict(self.couplings)))
+        object.__setattr__(self, "loops", MappingProxyType(dict(self.loops)))
         object.__setattr__(self, "feet", MappingProxyType(dict(self.feet)))
 
     def __repr__(self) -> str:
@@ -131,6 +139,11 @@ class KinematicTree:
     def joint_names(self) -> tuple[str, ...]:
         """Actuated joints: entry k belongs to ``v[6 + k]``."""
         return self.limits.names
+
+    @property
+    def motorless(self) -> tuple[str, ...]:
+        """Joints without a motor of their own: mimic joints, and those that are unactuated."""
+        return (*self.couplings, *(name for name in self.unactuated if name not in self.couplings))
 
     @property
     def frame_names(self) -> tuple[str, ...]:
@@ -252,6 +265,29 @@ class KinematicTree:
         start, end = self.check_configuration(q0), self.check_configuration(q1)
         return pin.difference(self.model, start, end)
 
+    @cached_property
+    def closure(self) -> Closure:
+        """What closes the loops."""
+        return Closure(self.model, self.limits, self.loops, self.couplings, self.unactuated)
+
+    def closed(self, q: ArrayLike, kept: Sequence[str] = ()) -> Array:
+        """Return the configuration (nq,) near ``q`` at which all loops are closed, within limits.
+
+        Joints without a motor move first, then all but those called ``kept``, as little as
+        possible; the base does not. A robot without loops stays as it is.
+
+        Raises
+        ------
+        InvalidInputError
+            No such configuration is found, or see :meth:`check_configuration`.
+        """
+        start = self.check_configuration(q)
+        return self.closure.closed(start, kept) if self.loops else start
+
+    def gaps(self, q: ArrayLike) -> dict[str, float]:
+        """Return how far each loop is open at ``q``, by name: its largest error [m or rad]."""
+        return self.closure.gaps(self.check_configuration(q))
+
     def check_configuration(self, q: ArrayLike) -> Array:
         """Return ``q`` as a fresh (nq,) array with quaternion (and cos, sin) normalised.
 
@@ -303,3 +339,20 @@ def _normalise(part: Array, what: str) -> None:
         raise InvalidInputError(f"{what} has norm {1.0 + off:.6g}, expected 1; normalise it")
     if abs(off) > ROUNDING:
         part /= 1.0 + off
+
+
+def refuse_loops(what: str, robot: KinematicTree) -> None:
+    """Refuse a robot with closed loops, or with gears that are no plain ratios.
+
+    Raises
+    ------
+    InvalidInputError
+        The message names ``what`` does not know them, and them.
+    """
+    curved = [f"gear of {name}" for name, one in robot.couplings.items() if not one.is_linear]
+    known = [f"loop {name}" for name in robot.loops] + curved
+    if known:
+        raise InvalidInputError(
+            f"{what}: {robot.name} has {listed(known)}, and closed loops are not supported here;"
+            " controllers and plants know them"
+        )

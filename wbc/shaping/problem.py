@@ -9,6 +9,7 @@ from wbc.constraints import ComSupport, Constraint, Contact, Limits
 from wbc.constraints.margin import Margin
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
+from wbc.robot.tree import refuse_loops
 from wbc.tasks import Task
 from wbc.validate import Array
 
@@ -71,6 +72,7 @@ def check_parts(
     InvalidInputError
         One of these, or a constraint without a margin to measure; the message names the part.
     """
+    refuse_loops("global shaping", robot)
     if not tasks:
         raise InvalidInputError("global shaping: no task given; there is nothing to optimise")
     parts: list[Task | Contact | Limits | Constraint] = [*tasks, *contacts, limits, *constraints]

@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 from wbc.constraints import Contact, Limits
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.robot.formats.description import Coupling
+from wbc.robot.formats.ties import Coupling
 from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
 from wbc.robot.placement import Placement, from_mrp

@@ -79,6 +79,7 @@ def build(
     bodies = _add_tree(mujoco, spec, robot, inertias)
     labels, notes = add_shapes(mujoco, spec, bodies, robot, shapes)
     _add_gears(mujoco, spec, robot, physics_dt)
+    _add_loops(mujoco, spec, bodies, robot, physics_dt)
     _add_lifts(mujoco, spec, bodies, robot)
     try:
         model = spec.compile()
@@ -288,6 +289,27 @@ def _add_gears(mujoco: Any, spec: Any, robot: Robot, physics_dt: float) -> None:
         gear = spec.add_equality(name=f"gear of {joint}", type=mujoco.mjtEq.mjEQ_JOINT, name1=joint)
         gear.name2, gear.objtype = coupling.driver, mujoco.mjtObj.mjOBJ_JOINT
         data = np.zeros(np.shape(gear.data))
-        data[:2] = coupling.offset, coupling.ratio
+        data[:5] = coupling.offset, coupling.ratio, *coupling.curved
         gear.data = data
         gear.solref, gear.solimp = [GEAR_TIME * physics_dt, 1.0], GEAR_IMPEDANCE
+
+
+def _add_loops(
+    mujoco: Any, spec: Any, bodies: Sequence[Any], robot: Robot, physics_dt: float
+) -> None:
+    """Tie the frames of loops, at sites, as stiff as gears are."""
+    kinds = {"point": mujoco.mjtEq.mjEQ_CONNECT, "pose": mujoco.mjtEq.mjEQ_WELD}
+    for name, loop in robot.loops.items():
+        sites = [f"loop {name} {k}" for k in range(2)]
+        for site, frame in zip(sites, map(robot.frame, loop.frames), strict=True):
+            place = frame.placement
+            quaternion = _quaternion(mujoco, np.array(place.rotation))
+            body = bodies[int(frame.parentJoint)]
+            body.add_site(name=site, pos=np.array(place.translation), quat=quaternion)
+        tie = spec.add_equality(name=f"loop {name}", type=kinds[loop.kind])
+        tie.name1, tie.name2, tie.objtype = *sites, mujoco.mjtObj.mjOBJ_SITE
+        if loop.kind == "pose":
+            data = np.zeros(np.shape(tie.data))
+            data[10] = 1.0  # what turning counts beside moving
+            tie.data = data
+        tie.solref, tie.solimp = [GEAR_TIME * physics_dt, 1.0], GEAR_IMPEDANCE

@@ -39,7 +39,8 @@ class Plant:
     Parameters
     ----------
     robot:
-        Floating or fixed base; mimic joints are held by stiff springs, and take torques, too.
+        Floating or fixed base; mimic joints and closed loops are held by stiff springs. Mimic
+        joints take torques, too, unactuated ones none.
     dt:
         Control period: how long :meth:`step` holds a torque [s].
     physics_dt:
@@ -122,6 +123,10 @@ class Plant:
         self._drift = ContactDrift(self.model) if terrain.drift else None
         self.states = StateMap(robot, self.model)
         self._most_torque = robot.limits.effort if saturate else np.full(robot.nv - BASE_NV, np.inf)
+        if robot.unactuated:
+            self._most_torque = self._most_torque.copy()
+            without = [robot.joint_index(name) - BASE_NV for name in robot.unactuated]
+            self._most_torque[without] = 0.0
         self.reset(robot.postures[STANDING])
 
     def __repr__(self) -> str:

@@ -115,7 +115,8 @@ class SimulationResult:
     ) -> SimulationResult:
         """Return the result of a trial; ``bounds`` (nv - 6,) are those on the torques."""
         robot, truth, ticks = plant.robot, record.truth.arrays(), record.ticks
-        used = np.abs(truth["torque"][1:]) / bounds
+        given = np.abs(truth["torque"][1:])
+        used = np.divide(given, bounds, out=np.zeros_like(given), where=bounds > 0.0)  # 0: no motor
         parts = dict(zip(robot.joint_names, used.max(axis=0, initial=0.0).tolist(), strict=True))
         at_bound = (used >= AT_BOUND).mean(axis=0) if len(used) else np.zeros(len(bounds))
         shares = zip(robot.joint_names, at_bound.tolist(), strict=True)

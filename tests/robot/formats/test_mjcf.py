@@ -73,10 +73,13 @@ REFUSED_MJCFS = {
         {"shank": '<frame quat="0 0 0 0"><geom size=".1"/></frame>'},
         ("zero quaternion", "'frame'"),
     ),
-    "loop": ({"end": '<equality><weld name="w" body1="shank"/></equality>'}, ("weld", "loops")),
-    "coupled": (
-        {"end": '<equality><joint joint1="knee"/></equality>'},
-        ("'knee'", "locked={"),
+    "tied to the world": (
+        {"end": '<equality><weld name="w" body1="shank"/></equality>'},
+        ("weld", "floating base"),
+    ),
+    "held beyond its range": (
+        {"end": '<equality><joint joint1="knee" polycoef="9"/></equality>'},
+        ("'knee'", "outside its limits"),
     ),
     "mesh inertia": (
         {"shank": MESH, "compiler": '<asset><mesh name="m" file="m.stl"/></asset>'},

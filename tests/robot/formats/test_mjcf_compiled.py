@@ -369,12 +369,14 @@ LOOP = (
 )
 
 
-def test_closed_loops_are_refused_while_they_act() -> None:
-    assert load(text(arm(), tail=LOOP.format("false")))[0].joint_names == ("j1",)
-    off = '<option><flag equality="disable"/></option>'
-    assert load(text(arm(), head=off, tail=LOOP.format("true")))[0].joint_names == ("j1",)
-    with pytest.raises(ModelError, match=r"<connect name='c'>: closed loops are not supported"):
-        load(text(arm(), tail=LOOP.format("true")))
+def test_equality_constraints_act_while_they_are_active() -> None:
+    passed = "equality constraints that are not active: c"
+    for content in (
+        text(arm(), tail=LOOP.format("false")),
+        text(arm(), head='<option><flag equality="disable"/></option>', tail=LOOP.format("true")),
+    ):
+        robot, _ = load(content)
+        assert robot.joint_names == ("j1",) and not robot.loops and passed in robot.notes
     tied = '<equality><tendon name="c" tendon1="t"/></equality>'
     with pytest.raises(ModelError, match=r"<tendon name='c'>: constraints of tendons"):
         load(text(arm(), tail=PULLED + tied))

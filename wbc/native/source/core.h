@@ -120,13 +120,13 @@ typedef struct {
 
 /* What a row asks for: the kinds that wbc/native/rows.py describes. */
 enum row_kind { POINT = 0, ORIENTATION = 1, INERTIA_ENTRIES = 2, JOINTS = 3, MOMENTUM_ENTRIES = 4,
-                CONTACT = 5, LINEAR = 6, GIVEN = 7 };
+                CONTACT = 5, LINEAR = 6, GIVEN = 7, LOOP = 8 };
 /* A block of rows: what they are, where they stand among the costs or the contacts, where their
  * selection begins in index and their numbers in number, which frame they are about (-1: the CoM, or
  * the world), their level among the costs, and whether the curvature that they leave out is in the cost
- * (second: of INERTIA_ENTRIES), or damped. */
+ * (second: of INERTIA_ENTRIES), or damped; other is the frame that a LOOP's is held at. */
 typedef struct {
-    int64_t kind, held, rows, first, frame, index, number, level, second;
+    int64_t kind, held, rows, first, frame, index, number, level, second, other;
 } wbc_block;
 /* Numbers of a block: those of its law; weights (rows); biases (rows); what the target's motion adds
  * to the drifts (rows); then those of its kind. GIVEN rows were worked out by others: matrix (rows, n),

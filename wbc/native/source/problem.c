@@ -193,6 +193,10 @@ static void add_forces(const wbc_plan *plan, const double *frames, double *D) {
         static const double world[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
         const double *axes = force->aligned ? world : R;
         double *to = D + nv + force->column;
+        if (block->kind == LOOP) {
+            for (int64_t r = 0; r < force->count; r++) loop_row(plan, block, frames, r, -1.0, to + r, n);
+            continue;
+        }
         if (force->corners == 0) { /* along the contact's own rows, all of them */
             const double *own = plan->number + block->number + WEIGHTS + 3 * block->rows;
             const double *rows = block->frame < 0 ? own : J;
@@ -311,7 +315,8 @@ WIDE static void add_block(const wbc_plan *plan, const wbc_block *block, const w
     const int is_diagonal = block->kind == JOINTS && !block->held;
     evaluate(plan, block, at->state, at->frames, at->q, J, error, bias, &curved);
     if (plan->torque)
-        drift_of(plan, block, at->state, at->frames, at->motion, at->accelerations, error, drift);
+        drift_of(plan, block, at->state, at->frames, at->motion, at->accelerations, at->v, error,
+                 drift);
     else {
         memset(drift, 0, k * sizeof *drift);
         if (!block->held) add_damping(plan, block, at, error, curved, wanted + k, qp, damping);

@@ -25,11 +25,15 @@ void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const doubl
 void add_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
                    const double *frames, const double *e, double *work, double *H);
 
+/* Write row i of a LOOP's matrix (nv), times scale, its entries stride apart. */
+void loop_row(const wbc_plan *plan, const wbc_block *block, const double *frames, int64_t i,
+              double scale, double *row, int64_t stride);
+
 /* Second derivatives of a block's errors e at zero acceleration of v; the accelerations (6) are
  * those of the plan's frames. */
 void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
               const double *frames, const double *motion, const double *accelerations,
-              const double *e, double *drift);
+              const double *v, const double *e, double *drift);
 
 #pragma GCC visibility pop
 

@@ -12,6 +12,7 @@ from typing import Protocol
 import pinocchio as pin
 
 from wbc.errors import ModelError
+from wbc.robot.formats.ties import Coupling, Loop
 from wbc.robot.limits import JointLimits
 from wbc.robot.names import matching
 from wbc.robot.passive import NONE, PassiveForces
@@ -20,15 +21,6 @@ from wbc.validate import Array, finite_number
 State = Mapping[str, tuple[float, ...]]  # joint name -> its coordinates in q
 
 MOST_JOINTS = 160  # moving ones; Pinocchio's memory and time grow with their cube
-
-
-@dataclass(frozen=True)
-class Coupling:
-    """A joint that follows another one: ``ratio * driver + offset`` [rad or m]."""
-
-    driver: str
-    ratio: float = 1.0
-    offset: float = 0.0
 
 
 def check_joint_count(count: int, path: Path) -> None:
@@ -162,6 +154,11 @@ class Description:
     mounted: bool = False  # whether the root moves by joints of its own, on a base without mass
     notes: tuple[str, ...] = ()  # what was tolerated, in words
     passive: PassiveForces = NONE  # springs and the like of all joints
+    loops: Mapping[str, Loop] = field(default_factory=dict)
+    # Joints that no motor drives; None if the file does not tell.
+    unactuated: tuple[str, ...] | None = None
+    # Where the file draws the joints, from which loops may be closed.
+    drawn: State = field(default_factory=dict)
 
 
 def lock_joints(
@@ -183,7 +180,7 @@ def lock_joints(
     InvalidInputError
         A value that is not finite or outside the joint's limits.
     ModelError
-        A coupling that is not linear, in a circle, or of joints that turn without end.
+        A coupling beyond degree 4, in a circle, or of joints that turn without end.
     """
     model = description.model
     names = [name for name, nv in zip(model.names, model.nvs, strict=True) if nv == 1]
@@ -197,9 +194,11 @@ def lock_joints(
         if joint in locked:
             continue
         coupling = _driven(description, joint, locked)
-        if coupling.driver in locked:
+        if coupling.is_constant:
+            locked[joint] = _constant(description, joint, coupling.offset)
+        elif coupling.driver in locked:
             value = finite_number(f"joint {coupling.driver!r}", locked[coupling.driver])
-            locked[joint] = coupling.ratio * value + coupling.offset
+            locked[joint] = coupling.value(value)
         else:
             couplings[joint] = coupling
     if not locked:
@@ -209,6 +208,18 @@ def lock_joints(
     for name, value in locked.items():
         limits.set_joint(reference, name, value)
     return _reduced(model, [*locked], reference), couplings
+
+
+def _constant(description: Description, joint: str, value: float) -> float:
+    """Return the value at which a file holds a joint, within its limits."""
+    limits = JointLimits.of(description.model)
+    k = limits.names.index(joint) if joint in limits.names else -1
+    if k < 0 or abs(limits.nearest(k, value) - value) > 1e-6:
+        raise ModelError(
+            f"{description.path}: joint {joint!r} is held at {value:g} by an equality constraint,"
+            " outside its limits; correct either"
+        )
+    return value
 
 
 def _reduced(model: pin.Model, locked: Iterable[str], reference: Array) -> pin.Model:
@@ -234,15 +245,17 @@ def _driven(description: Description, joint: str, locked: Mapping[str, float]) -
     found, seen = Coupling(joint), [joint]
     while found.driver in description.coupled and found.driver not in locked:
         step = description.coupled[found.driver]
-        found = Coupling(
-            step.driver, found.ratio * step.ratio, found.ratio * step.offset + found.offset
-        )
-        if step.driver in seen or not _usable(description.model, joint, step.driver):
+        if step.is_constant:
+            return Coupling("", 0.0, found.value(step.offset))
+        after = found.after(step)
+        usable = after is not None and _usable(description.model, joint, step.driver)
+        found = found if after is None else after
+        if step.driver in seen or not usable:
             remedy = ", ".join(f"{name!r}: 0.0" for name in _unusable(description, {*locked}))
             raise ModelError(
                 f"{description.path}: joint {joint!r} is coupled to {step.driver!r} (mimic or"
-                " equality) in a way that is not supported: not linear, in a circle, or of joints"
-                " that turn without end or are not there; lock every such joint:"
+                " equality) in a way that is not supported: beyond degree 4, in a circle, or of"
+                " joints that turn without end or are not there; lock every such joint:"
                 f" locked={{{remedy}}}"
             )
         seen.append(step.driver)
@@ -263,6 +276,8 @@ def _unusable(description: Description, locked: Collection[str]) -> list[str]:
         name, seen = joint, [joint]
         while name in description.coupled and name not in locked:
             name = description.coupled[name].driver
+            if not name:  # a constant
+                break
             if name in seen or not _usable(description.model, joint, name):
                 found.append(joint)
                 break

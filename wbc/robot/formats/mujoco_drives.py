@@ -95,8 +95,19 @@ def _motor_force(mujoco: Any, model: Any, motor: int) -> float:
     return gear * force if gear else 0.0
 
 
-def drive_notes(mujoco: Any, model: Any, part: RobotPart, names: Names) -> tuple[str, ...]:
-    """Return notes of what drives or holds the robot in MuJoCo and is not used here."""
+def undriven(mujoco: Any, model: Any, part: RobotPart, names: Names) -> tuple[str, ...] | None:
+    """Return the joints that no motor drives; None if the file has no motors."""
+    driven = {*motors_on_joints(mujoco, model).values()} & {*part.joints}
+    return tuple(names.joints[k] for k in part.joints if k not in driven) if driven else None
+
+
+def drive_notes(
+    mujoco: Any, model: Any, part: RobotPart, names: Names, looped: bool
+) -> tuple[str, ...]:
+    """Return notes of what drives or holds the robot in MuJoCo and is not used here.
+
+    ``looped``: whether it has closed loops, in which joints without a motor get none here.
+    """
     notes = []
     mine = {*part.joints}
     acting = motors_on_joints(mujoco, model)
@@ -107,9 +118,12 @@ def drive_notes(mujoco: Any, model: Any, part: RobotPart, names: Names) -> tuple
             f" {listed(elsewhere)}"
         )
     driven = {joint for joint in acting.values() if joint in mine}
-    still = [names.joints[joint] for joint in part.joints if joint not in driven]
-    if driven and still:
-        notes.append(f"no motor of the file drives {listed(still)}; here each joint has one")
+    still = undriven(mujoco, model, part, names)
+    if still:
+        here = "none does here" if looped else "here each joint has one"
+        notes.append(f"no motor of the file drives {listed(still)}; {here}")
+    elif still is None and looped:
+        notes.append("the file has no motors: here each joint has one, but for unactuated=[...]")
     one_way = [names.joints[j] for j in sorted(driven) if _one_sided(model, acting, j)]
     if one_way:
         notes.append(

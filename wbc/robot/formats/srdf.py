@@ -46,7 +46,7 @@ class Semantics:
         if passive:
             notes.append(
                 f"SRDF, passive_joint: torques are asked of {listed(passive)} all the same; what"
-                " has no motor can be locked"
+                " has no motor can be locked, or named in unactuated=[...]"
             )
         return tuple(notes)
 

@@ -19,7 +19,6 @@ from wbc.errors import ModelError, listed
 from wbc.robot.formats.description import (
     NO_RULES,
     ContactRules,
-    Coupling,
     Description,
     check_joint_count,
     confirm,
@@ -31,6 +30,7 @@ from wbc.robot.formats.mesh_files import (
     refuse_huge_meshes,
     resolve_meshes,
 )
+from wbc.robot.formats.ties import Coupling
 from wbc.robot.formats.urdf_check import confirm_by_mujoco
 from wbc.robot.formats.urdf_exporters import (
     LIMITS,

@@ -1,0 +1,154 @@
+"""An ankle that two rods drive, its loops given to a URDF: closed form, both levels, and a file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.loops import ankle
+from wbc import (
+    KinematicController,
+    Limits,
+    OrientationTask,
+    PostureTask,
+    TorqueController,
+    load_problem,
+)
+from wbc.constraints.mechanics import mechanics_of
+from wbc.robot import Robot
+
+MOTORS = ["left_motor", "right_motor"]
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Robot:
+    return Robot.load(
+        ankle.urdf(tmp_path), base="fixed", loops=ankle.LOOPS, unactuated=ankle.UNACTUATED
+    )
+
+
+def angles(robot: Robot, q: np.ndarray, *names: str) -> np.ndarray:
+    return np.array([q[robot.joint_index(name) + 1] for name in names])
+
+
+@pytest.mark.parametrize(("pitch", "roll"), ankle.POSES)
+def test_postures_velocities_and_torques_are_the_closed_forms(
+    robot: Robot, pitch: float, roll: float
+) -> None:
+    wanted = [ankle.crank_angle(pitch, roll, side) for side in ankle.SIDES]
+    q = robot.posture("standing", {"pitch": pitch, "roll": roll})
+    np.testing.assert_allclose(angles(robot, q, *MOTORS), wanted, atol=1e-11)
+    again = robot.posture("standing", dict(zip(MOTORS, wanted, strict=True)))
+    np.testing.assert_allclose(angles(robot, again, "pitch", "roll"), [pitch, roll], atol=1e-9)
+
+    here = robot.snapshot(q)
+    J = np.concatenate([one.residual(here).jacobian for one in mechanics_of(robot, ())])
+    free = np.linalg.svd(J)[2][np.linalg.matrix_rank(J, 1e-9) :].T  # (nv, 2): what loops leave
+    by_ankle = [robot.joint_index(name) for name in ("pitch", "roll")]
+    rates = free @ np.linalg.inv(free[by_ankle])
+    by_motors = [robot.joint_index(name) for name in MOTORS]
+    slopes = ankle.crank_slopes(pitch, roll)
+    np.testing.assert_allclose(rates[by_motors], slopes, atol=1e-9)  # differences leave 1e-11
+
+    controller = TorqueController(robot, [PostureTask(robot, q)], force_damping=1e-9)
+    tick = controller.step(here)
+    motors = [k - 6 for k in by_motors]
+    np.testing.assert_allclose(tick.torque[motors], ankle.static_torques(pitch, roll), atol=1e-8)
+    assert not np.delete(tick.torque, motors).any()
+
+
+def swing(robot: Robot, ticks: int, dt: float = 0.005) -> tuple[float, float]:
+    """Let the foot nod and sway; return the largest gap, and distance of motors from the form."""
+    q, v = robot.posture("standing"), np.zeros(robot.nv)
+    foot = OrientationTask(robot, "foot", np.eye(3), gain=0.3)
+    controller = KinematicController(
+        robot, [foot], limits=Limits(robot), dt=dt, solver="active_set"
+    )
+    gap, off = 0.0, 0.0
+    for k in range(ticks):
+        pitch, roll = 0.35 * np.sin(1.1 * k * dt), 0.2 * np.sin(1.7 * k * dt)
+        cp, sp, cr, sr = np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)
+        foot.target = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]]) @ np.array(
+            [[1, 0, 0], [0, cr, -sr], [0, sr, cr]]
+        )
+        tick = controller.step(robot.snapshot(q, v))
+        assert tick.ok, tick.report()
+        v = tick.velocity
+        q = robot.integrate(q, v, dt)
+        gap = max(gap, *robot.gaps(q).values())
+        now = angles(robot, q, "pitch", "roll")
+        form = [ankle.crank_angle(*now, side) for side in ankle.SIDES]
+        off = max(off, float(np.abs(angles(robot, q, *MOTORS) - form).max()))
+    assert abs(now[0] - pitch) < 0.05
+    return gap, off
+
+
+def test_a_swing_keeps_to_the_closed_form(robot: Robot) -> None:
+    gap, off = swing(robot, 200)
+    assert gap < 1e-9 and off < 1e-8  # angles are gaps by the crank of 0.04 m
+
+
+@pytest.mark.slow
+def test_ten_thousand_ticks_do_not_drift(robot: Robot) -> None:
+    gap, off = swing(robot, 10_000)
+    assert gap < 1e-9 and off < 1e-8
+
+
+@pytest.mark.slow
+def test_ten_seconds_of_torques_do_not_drift(robot: Robot) -> None:
+    """Integrated, and in the plant, where what nobody drives is held by the rods alone."""
+    pytest.importorskip("mujoco")
+    from wbc.simulation import Plant
+
+    start = robot.posture("standing")
+    foot = OrientationTask(robot, "foot", np.eye(3), kp=100.0)
+    plant = Plant(robot)
+    for in_plant in (True, False):
+        controller = TorqueController(robot, [foot], limits=Limits(robot), damping=1e-6)
+        plant.reset(start)
+        q, v, gap = start, np.zeros(robot.nv), 0.0
+        for k in range(5000):
+            angle = 0.3 * np.sin(2.0 * k * controller.dt)
+            c, s = np.cos(angle), np.sin(angle)
+            foot.target = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+            tick = controller.step(plant.snapshot() if in_plant else robot.snapshot(q, v))
+            assert tick.ok
+            if in_plant:
+                plant.step(tick.torque)
+                q = plant.state()[0]
+            else:
+                v = tick.velocity
+                q = robot.integrate(q, v, controller.dt)
+            gap = max(gap, *robot.gaps(q).values())
+        assert gap < 1e-4
+
+
+def test_loops_in_a_file(tmp_path: Path) -> None:
+    ankle.urdf(tmp_path)
+    path = tmp_path / "task.yaml"
+    path.write_text(
+        """
+robot:
+  model: ankle.urdf
+  base: fixed
+  loops:
+    left: {frames: [left_rod_end, left_ball]}
+    right: {frames: [right_rod_end, right_ball], kind: point}
+  unactuated: [pitch, roll, "*_rod_?"]
+start: {posture: standing, joints: {pitch: 0.2}}
+support: floating
+tasks:
+  foot: {type: frame, frame: foot, control: orientation, target: {rpy: [0.1, -0.2, 0.0]}}
+stop: {duration: 1.0}
+"""
+    )
+    problem = load_problem(path)
+    robot, result = problem.parts.robot, problem.run()
+    rows = result.history.q
+    assert list(robot.loops) == ["left", "right"] and len(robot.unactuated) == 6
+    assert max(robot.gaps(rows[0]).values()) < 1e-12
+    assert max(max(robot.gaps(q).values()) for q in rows) < 1e-9
+    np.testing.assert_allclose(angles(robot, result.q, "pitch", "roll"), [-0.2, 0.1], atol=0.01)
+    path.write_text(path.read_text().replace("left_ball", "left_bal"))
+    with pytest.raises(Exception, match=r"frame of loop 'left'.*did you mean 'left_ball'"):
+        load_problem(path)

@@ -1,0 +1,184 @@
+"""Equality constraints of a compiled MuJoCo model: joints that follow others, and closed loops."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.polynomial import Polynomial
+
+from wbc.errors import ModelError, listed
+from wbc.robot.formats.mujoco_part import Names, RobotPart
+from wbc.robot.formats.mujoco_tree import kind_of, pose_of
+from wbc.robot.formats.ties import Coupling, Loop
+from wbc.robot.formats.xml import LARGEST_GEAR
+from wbc.validate import Array
+
+
+def couplings(
+    mujoco: Any, model: Any, part: RobotPart, names: Names, path: Path
+) -> Iterator[tuple[str, Coupling]]:
+    """Yield the joints that follow others, or none: these are held at a constant.
+
+    MuJoCo's polynomial is of joint values measured from ``ref``, ours is not.
+
+    Raises
+    ------
+    ModelError
+        A coefficient beyond any gear's; or an active constraint of tendons or soft bodies.
+    """
+    mine = {*part.joints}
+    for number in _active(mujoco, model):
+        kind = mujoco.mjtEq(int(model.eq_type[number]))
+        if kind != mujoco.mjtEq.mjEQ_JOINT:
+            if not _is_tie(mujoco, kind) and _touches(mujoco, model, part, number):
+                raise ModelError(
+                    f"{path}: equality constraint <{kind.name[5:].lower()}"
+                    f" name={names.equalities[number]!r}>: constraints of tendons and soft bodies"
+                    ' are not supported; remove it, or give it active="false"'
+                )
+            continue
+        joint, driver = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
+        if joint not in mine or not (driver < 0 or driver in mine):
+            continue
+        name = names.joints[joint]
+        powers = model.eq_data[number][:5]
+        if not np.all(np.abs(powers) <= LARGEST_GEAR):
+            raise ModelError(
+                f"{path}: equality constraint of joint {name!r}: <joint polycoef> is larger than"
+                f" {LARGEST_GEAR:g}"
+            )
+        drawn = float(model.qpos0[model.jnt_qposadr[joint]])
+        if driver < 0:
+            yield name, Coupling("", 0.0, float(powers[0]) + drawn)
+            continue
+        there = float(model.qpos0[model.jnt_qposadr[driver]])
+        yield name, _from_drawn(names.joints[driver], powers.tolist(), drawn, there)
+
+
+def _from_drawn(driver: str, powers: list[float], drawn: float, there: float) -> Coupling:
+    """Return a polynomial of the driver's distance from where it is drawn as one of its place."""
+    offset, ratio, *curved = powers
+    if not any(curved):
+        return Coupling(driver, ratio, offset + drawn - ratio * there)
+    shifted = np.zeros(5)
+    found = Polynomial(powers)(Polynomial((-there, 1.0))).coef
+    shifted[: found.size] = found
+    shifted[0] += drawn
+    offset, ratio, *curved = shifted.tolist()
+    return Coupling(driver, ratio, offset, (curved[0], curved[1], curved[2]))
+
+
+def add_loops(
+    mujoco: Any,
+    model: Any,
+    part: RobotPart,
+    names: Names,
+    tree: pin.Model,
+    base: pin.SE3,
+    path: Path,
+) -> tuple[dict[str, Loop], tuple[str, ...]]:
+    """Add the frames of active ``connect`` and ``weld`` constraints to ``tree``.
+
+    Return the loops by name, and notes. An end on the world is one on a root that is fixed.
+
+    Raises
+    ------
+    ModelError
+        A constraint ties a floating base to the world.
+    """
+    loops = dict[str, Loop]()
+    tied = set(_active(mujoco, model))
+    for number in range(model.neq):
+        kind = mujoco.mjtEq(int(model.eq_type[number]))
+        if not _is_tie(mujoco, kind) or not _touches(mujoco, model, part, number):
+            continue
+        ends, places = _ends(mujoco, model, number)
+        name = names.equalities[number] or " to ".join(names.bodies[body] for body in ends)
+        while name in loops:
+            name += "'"
+        if number not in tied:
+            continue
+        if 0 in ends and part.floats:
+            raise ModelError(
+                f"{path}: equality constraint <{kind.name[5:].lower()} name={name!r}> ties the"
+                " floating base to the world; remove it, and hold the frame by a contact with"
+                " friction=None"
+            )
+        frames = []
+        for body, place in zip(ends, places, strict=True):
+            joint, above, pose = 1, 0, base.inverse() * place
+            if body:
+                above = int(tree.getFrameId(names.bodies[body], pin.FrameType.BODY))
+                joint = int(tree.frames[above].parentJoint)
+                pose = tree.frames[above].placement * place
+            frames.append(f"{name} at {names.bodies[body]}")
+            frame = pin.Frame(frames[-1], joint, above, pose, pin.FrameType.OP_FRAME)
+            tree.addFrame(frame, False)
+        is_point = kind == mujoco.mjtEq.mjEQ_CONNECT or model.eq_data[number][10] == 0.0
+        # The one that is held, as seen from the first body.
+        loops[name] = Loop((frames[1], frames[0]), "point" if is_point else "pose")
+    passed = [names.equalities[k] or f"number {k}" for k in range(model.neq) if k not in tied]
+    notes: tuple[str, ...] = ()
+    if passed:
+        notes = (f"equality constraints that are not active: {listed(passed)}",)
+    if loops:
+        notes += (
+            f"closed loops: {listed([f'{name} ({one.kind})' for name, one in loops.items()])}",
+        )
+    return loops, notes
+
+
+def _ends(mujoco: Any, model: Any, number: int) -> tuple[list[int], list[pin.SE3]]:
+    """Return the bodies of a connect or weld, and where its two frames are on them."""
+    ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
+    data, identity = np.array(model.eq_data[number]), np.array((1.0, 0.0, 0.0, 0.0))
+    if int(model.eq_objtype[number]) == int(mujoco.mjtObj.mjOBJ_SITE):
+        places = [pose_of(model.site_pos[site], model.site_quat[site]) for site in ends]
+        return [int(model.site_bodyid[site]) for site in ends], places
+    if int(model.eq_type[number]) == int(mujoco.mjtEq.mjEQ_CONNECT):
+        return ends, [pose_of(data[:3], identity), pose_of(data[3:6], identity)]
+    # Of a weld: the point on the second body, then that on the first, and how the second is turned.
+    return ends, [pose_of(data[3:6], data[6:10]), pose_of(data[:3], identity)]
+
+
+def _active(mujoco: Any, model: Any) -> list[int]:
+    """Return the numbers of the constraints that act."""
+    if int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EQUALITY):
+        return []
+    return [number for number in range(model.neq) if model.eq_active0[number]]
+
+
+def _is_tie(mujoco: Any, kind: Any) -> bool:
+    return kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+
+
+def _touches(mujoco: Any, model: Any, part: RobotPart, number: int) -> bool:
+    """Return whether a constraint ties a body (or tendon) of the robot, and nothing beside it.
+
+    One end may be on the world.
+    """
+    kinds = mujoco.mjtObj
+    ends = {int(model.eq_obj1id[number]), int(model.eq_obj2id[number])}
+    kind = int(model.eq_objtype[number])
+    if kind == kinds.mjOBJ_SITE:
+        ends = {int(model.site_bodyid[site]) for site in ends}
+    elif kind != kinds.mjOBJ_BODY:
+        return True
+    known = {0, *part.bodies}
+    return ends <= known and ends != {0}
+
+
+def drawn_joints(
+    mujoco: Any, model: Any, part: RobotPart, names: Names
+) -> Mapping[str, tuple[float, ...]]:
+    """Return where the file draws the joints, which is mostly where its loops are closed."""
+    at: Array = np.array(model.qpos0)
+    return {
+        names.joints[joint]: (float(at[model.jnt_qposadr[joint]]),)
+        for joint in part.joints
+        if kind_of(mujoco, model, joint) != "ball"
+    }
