@@ -1,0 +1,102 @@
+"""What a recording of markers lacks: gaps, swapped markers and ghosts; found, told and filled."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from wbc.motion.dropouts import MISSING, Dropout
+from wbc.validate import Array
+
+GHOST = 0.12  # m from where the fit has it, and
+FARTHER = 6.0  # times its usual residual: what is farther is no longer that marker
+NEAR = 0.05  # m: how near two swapped markers must be to each other's places
+SWAPPED, GHOSTS = "swapped markers", "ghost"
+
+
+def runs(flags: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """Yield first and last + 1 of each run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(int)))
+    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+
+
+def filled_shortly(
+    time: Array, positions: Array, labels: tuple[str, ...], longest: float
+) -> tuple[Array, list[Dropout]]:
+    """Return positions (n, m, 3) with gaps up to ``longest`` [s] interpolated, and which."""
+    positions, found = positions.copy(), list[Dropout]()
+    for k, label in enumerate(labels):
+        lost = np.asarray(~np.isfinite(positions[:, k]).all(axis=1))
+        if not lost.any() or lost.sum() > len(time) - 4:
+            continue
+        curve = PchipInterpolator(time[~lost], positions[~lost, k])
+        for first, end in runs(lost):
+            if first == 0 or end == len(time) or time[end] - time[first - 1] > longest:
+                continue
+            positions[first:end, k] = curve(time[first:end])
+            span = float(time[first - 1]), float(time[end])
+            found.append(Dropout(MISSING, *span, (label,), True))
+    return positions, found
+
+
+def filled_by_fit(
+    time: Array, observed: Array, fitted: Array, labels: tuple[str, ...]
+) -> tuple[Array, list[Dropout]]:
+    """Return positions (n, m, 3) in which gaps follow the fit, and which.
+
+    A marker that comes or goes would move the fit by its residual at once; so the fit's place with
+    the residual carried across the gap, linearly, stands in for it. Markers that were never seen
+    stay unseen.
+    """
+    observed, found = observed.copy(), list[Dropout]()
+    for k, label in enumerate(labels):
+        seen = np.asarray(np.isfinite(observed[:, k]).all(axis=1))
+        if not seen.any() or seen.all():
+            continue
+        rest = observed[seen, k] - fitted[seen, k]
+        carried = np.column_stack([np.interp(time, time[seen], part) for part in rest.T])
+        observed[~seen, k] = (fitted[:, k] + carried)[~seen]
+        for first, end in runs(~seen):
+            span = float(time[max(first - 1, 0)]), float(time[min(end, len(time) - 1)])
+            found.append(Dropout(MISSING, *span, (label,), True))
+    return observed, found
+
+
+def without_ghosts(
+    time: Array, observed: Array, fitted: Array, labels: tuple[str, ...]
+) -> tuple[Array, list[Dropout]]:
+    """Return positions in which swapped markers are swapped back and ghosts are NaN, and which.
+
+    A ghost is farther from where the fit has the marker than 12 cm and than six times its median
+    residual; two of them that lie where the other should be are swapped.
+    """
+    observed, found = observed.copy(), list[Dropout]()
+    off = np.linalg.norm(observed - fitted, axis=2)
+    usual = np.array([np.median(c[np.isfinite(c)]) if np.isfinite(c).any() else 0.0 for c in off.T])
+    far = np.nan_to_num(off) > np.maximum(GHOST, FARTHER * usual)
+    swaps: dict[tuple[int, int], NDArray[np.bool_]] = {}
+    for frame in np.flatnonzero(far.any(axis=1)):
+        bad = np.flatnonzero(far[frame]).tolist()
+        for a in bad:
+            for b in bad:
+                near = max(
+                    float(np.linalg.norm(observed[frame, a] - fitted[frame, b])),
+                    float(np.linalg.norm(observed[frame, b] - fitted[frame, a])),
+                )
+                if a < b and near < NEAR:
+                    observed[frame, [a, b]] = observed[frame, [b, a]]
+                    far[frame, [a, b]] = False
+                    swaps.setdefault((a, b), np.zeros(len(time), dtype=bool))[frame] = True
+    for (a, b), flags in swaps.items():
+        for first, end in runs(flags):
+            span = float(time[first]), float(time[end - 1])
+            found.append(Dropout(SWAPPED, *span, (labels[a], labels[b]), True))
+    observed[far] = np.nan
+    for k, label in enumerate(labels):
+        for first, end in runs(far[:, k]):
+            span = float(time[first]), float(time[end - 1])
+            found.append(Dropout(GHOSTS, *span, (label,), True))
+    return observed, found
