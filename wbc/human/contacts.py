@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.human.gaps import runs
+from wbc.motion.dropouts import runs
 from wbc.motion.ground import sole_corners
 from wbc.robot import Robot
 from wbc.validate import Array
@@ -36,7 +36,7 @@ def feet_down(robot: Robot, soles: dict[str, Array], time: Array, height: float)
     down = low & slow
     for flags in down.T:
         for value in (False, True):  # short gaps first, then short contacts
-            for first, end in list(runs(flags == value)):
+            for first, end in runs(flags == value):
                 short = time[end - 1] - time[first] < SHORTEST
                 if short and first > 0 and end < len(time):
                     flags[first:end] = not value

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from wbc.motion.dropouts import MISSING, Dropout
+from wbc.motion.dropouts import MISSING, Dropout, runs
 from wbc.validate import Array
 
 GHOST = 0.12  # m from where the fit has it, and
 FARTHER = 6.0  # times its usual residual: what is farther is no longer that marker
 NEAR = 0.05  # m: how near two swapped markers must be to each other's places
 SWAPPED, GHOSTS = "swapped markers", "ghost"
-
-
-def runs(flags: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """Yield first and last + 1 of each run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(int)))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
 def filled_shortly(

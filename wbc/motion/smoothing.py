@@ -92,8 +92,15 @@ def smooth_trajectory(
     left = None
     if noise is not None and not isinstance(noise, Noise | str):
         covariance, root = noise.filtered(cutoff)
-        everywhere = np.tile(covariance, (len(time), 1, 1))
-        left = FilteredNoise(noise.recorded(), everywhere, root, noise.constant)
+        # Near the ends it grows as white noise does.
+        white = np.diagonal(noise_covariances(len(grid), own_rate, cutoff), axis1=1, axis2=2)
+        growth = np.sqrt(white / white[len(white) // 2])[nearest]
+        left = FilteredNoise(
+            noise.recorded(),
+            growth[:, :, None] * covariance * growth[:, None],
+            root,
+            noise.constant,
+        )
     elif noise is not None:
         if not isinstance(noise, Noise):
             noise = estimated_noise(rows, motion.rate, cutoff)
