@@ -146,7 +146,7 @@ def _forward(joints: list[_Joint], values: Array) -> tuple[list[Array], list[Arr
             if kind == "position":
                 local[:, "XYZ".index(axis)] = values[:, column]
             else:
-                R = R @ Rotation.from_euler(axis, values[:, column], degrees=True).as_matrix()
+                R = R @ Rotation.from_euler(axis, values[:, [column]], degrees=True).as_matrix()
             column += 1
         if joint.parent >= 0:
             parent = turns[joint.parent]

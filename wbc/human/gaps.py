@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from wbc.motion.dropouts import MISSING, Dropout, runs
@@ -11,7 +10,9 @@ from wbc.validate import Array
 
 GHOST = 0.12  # m from where the fit has it, and
 FARTHER = 6.0  # times its usual residual: what is farther is no longer that marker
-NEAR = 0.05  # m: how near two swapped markers must be to each other's places
+# Swapped: both moved by this much [m] from one frame to the next, the other's place being nearer
+# by this factor.
+JUMP, CLOSER = 0.04, 0.4
 SWAPPED, GHOSTS = "swapped markers", "ghost"
 
 
@@ -57,35 +58,50 @@ def filled_by_fit(
     return observed, found
 
 
+def unswapped(
+    time: Array, positions: Array, labels: tuple[str, ...]
+) -> tuple[Array, list[Dropout]]:
+    """Return positions (n, m, 3) in which swapped labels are swapped back, and which.
+
+    Two markers are swapped from a frame on if each goes on where the other was, and not where it
+    was itself.
+    """
+    positions, found = positions.copy(), list[Dropout]()
+    since = dict[tuple[int, int], int]()
+    for frame in range(1, len(time)):
+        before, now = positions[frame - 1], positions[frame]
+        own = np.linalg.norm(now - before, axis=1)
+        jumped = np.flatnonzero(np.nan_to_num(own) > JUMP).tolist()
+        for number, a in enumerate(jumped):
+            for b in jumped[number + 1 :]:
+                crossed = np.linalg.norm(now[[a, b]] - before[[b, a]], axis=1)
+                if not (crossed < CLOSER * own[[a, b]]).all():
+                    continue
+                positions[frame:, [a, b]] = positions[frame:, [b, a]]
+                own[[a, b]] = crossed
+                if (a, b) in since:
+                    span = float(time[since.pop((a, b))]), float(time[frame])
+                    found.append(Dropout(SWAPPED, *span, (labels[a], labels[b]), True))
+                else:
+                    since[(a, b)] = frame
+    for (a, b), frame in since.items():
+        span = float(time[frame]), float(time[-1])
+        found.append(Dropout(SWAPPED, *span, (labels[a], labels[b]), True))
+    return positions, found
+
+
 def without_ghosts(
     time: Array, observed: Array, fitted: Array, labels: tuple[str, ...]
 ) -> tuple[Array, list[Dropout]]:
-    """Return positions in which swapped markers are swapped back and ghosts are NaN, and which.
+    """Return positions in which ghosts are NaN, and which.
 
-    A ghost is farther from where the fit has the marker than 12 cm and than six times its median
-    residual; two of them that lie where the other should be are swapped.
+    A ghost is farther from where the fit has the marker than 12 cm, and than six times its median
+    residual.
     """
     observed, found = observed.copy(), list[Dropout]()
     off = np.linalg.norm(observed - fitted, axis=2)
     usual = np.array([np.median(c[np.isfinite(c)]) if np.isfinite(c).any() else 0.0 for c in off.T])
     far = np.nan_to_num(off) > np.maximum(GHOST, FARTHER * usual)
-    swaps: dict[tuple[int, int], NDArray[np.bool_]] = {}
-    for frame in np.flatnonzero(far.any(axis=1)):
-        bad = np.flatnonzero(far[frame]).tolist()
-        for a in bad:
-            for b in bad:
-                near = max(
-                    float(np.linalg.norm(observed[frame, a] - fitted[frame, b])),
-                    float(np.linalg.norm(observed[frame, b] - fitted[frame, a])),
-                )
-                if a < b and near < NEAR:
-                    observed[frame, [a, b]] = observed[frame, [b, a]]
-                    far[frame, [a, b]] = False
-                    swaps.setdefault((a, b), np.zeros(len(time), dtype=bool))[frame] = True
-    for (a, b), flags in swaps.items():
-        for first, end in runs(flags):
-            span = float(time[first]), float(time[end - 1])
-            found.append(Dropout(SWAPPED, *span, (labels[a], labels[b]), True))
     observed[far] = np.nan
     for k, label in enumerate(labels):
         for first, end in runs(far[:, k]):

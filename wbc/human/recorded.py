@@ -14,7 +14,7 @@ from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
 from wbc.human.comparison import plates_mass
 from wbc.human.contacts import Bools, chosen_cutoff, feet_down
 from wbc.human.fit import MarkerSet, fit_poses, residuals
-from wbc.human.gaps import filled_by_fit, filled_shortly, without_ghosts
+from wbc.human.gaps import filled_by_fit, filled_shortly, unswapped, without_ghosts
 from wbc.human.kinematics import Poses, place
 from wbc.human.landmarks import Landmark, lacking, landmark, landmark_of
 from wbc.human.markers import MarkerRecording
@@ -146,9 +146,9 @@ def human_motion(
     notes = (*recording.notes, *notes, *axis)
     time = recording.time
     columns = [recording.labels.index(n) for n in names if n in recording.labels]
-    observed, gaps = filled_shortly(
-        time, recording.positions[:, columns], names[: len(columns)], longest_gap
-    )
+    own = names[: len(columns)]
+    observed, swaps = unswapped(time, recording.positions[:, columns], own)
+    observed, gaps = filled_shortly(time, observed, own, longest_gap)
     extra = len(names) - len(columns)
     observed = np.concatenate((observed, np.full((len(time), extra, 3), np.nan)), axis=1)
     frames = key_frames(observed, KEY_FRAMES)
@@ -163,7 +163,7 @@ def human_motion(
     body = Body(found.dimensions, 70.0 if mass is None else mass, found.stature, sex)
     ground, soles, told = ground_and_soles(place(poses, body.dimensions), time, body, ground_height)
     notes += told
-    dropouts = tuple(sorted((*gaps, *more), key=lambda one: one.start))
+    dropouts = tuple(sorted((*swaps, *gaps, *more), key=lambda one: one.start))
     robot = human_robot(body, soles)
     motion = _motion(robot, recording, poses, dropouts)
     down, cutoff = _contacts(motion, ground)
