@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.errors import InvalidInputError
 from wbc.human.c3d_parameters import BLOCK, MIPS, C3dFile, floats, read_c3d_head
 from wbc.human.markers import ForcePlate, MarkerRecording
 from wbc.human.plates import plate_wrench
-from wbc.motion.table import RecordingError, read_bytes
+from wbc.motion.table import read_bytes
 from wbc.validate import Array
 
 LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "dm": 0.1}
@@ -38,7 +39,8 @@ def read_c3d(path: Path) -> MarkerRecording:
         raise file.error(f"its rate is {rate:g} frames per second")
     if not 0 < points <= MOST_POINTS:
         raise file.error(f"it has {points} points; at least 1 and at most {MOST_POINTS} are read")
-    marked, analog = _data(file, frames, points, per_frame)
+    with np.errstate(all="ignore"):  # what is no number was not seen
+        marked, analog = _data(file, frames, points, per_frame)
     unit = next(iter(file.texts("POINT:UNITS")), "mm").lower()
     if unit not in LENGTHS:
         raise file.error(f"POINT:UNITS: expected mm, cm or m, got {unit[:20]!r}")
@@ -128,8 +130,9 @@ def _plates(
     plates, notes = list[ForcePlate](), list[str]()
     for k in range(min(used, 32)):
         try:
-            plates.append(_plate(file, k, signals, time, unit))
-        except (RecordingError, IndexError, ValueError) as error:
+            with np.errstate(all="ignore"):  # what is not finite is refused
+                plates.append(_plate(file, k, signals, time, unit))
+        except (InvalidInputError, IndexError, ValueError) as error:
             notes.append(f"force plate {k + 1} was left out: {error}")
     return tuple(plates), tuple(notes)
 
@@ -144,7 +147,8 @@ def _scaled(file: C3dFile, signals: Array) -> Array:
     unsigned = "UNSIGNED" in [text.upper() for text in file.texts("ANALOG:FORMAT")]
     if unsigned:
         offset, signals = offset % 65536, np.where(signals < 0.0, signals + 65536.0, signals)
-    return np.asarray((signals - offset) * scale * gain)
+    with np.errstate(all="ignore"):
+        return np.asarray((signals - offset) * scale * gain)
 
 
 def _plate(file: C3dFile, k: int, signals: Array, time: Array, unit: float) -> ForcePlate:

@@ -87,12 +87,13 @@ def read_c3d_head(data: bytes, source: str) -> C3dFile:
 
 def floats(data: bytes, processor: int) -> Array:
     """Return the 4-byte floats of a processor."""
-    if processor == DEC:  # VAX: halves swapped, exponent larger by 2
-        halves = np.frombuffer(data, dtype="<u2").reshape(-1, 2)
-        bits = (halves[:, 0].astype(np.uint32) << 16) | halves[:, 1]
-        return np.asarray(bits.view(np.float32).astype(np.float64) / 4.0)
-    found: NDArray[Any] = np.frombuffer(data, dtype=">f4" if processor == MIPS else "<f4")
-    return np.asarray(found.astype(np.float64))
+    with np.errstate(all="ignore"):  # bits that are no numbers become NaN
+        if processor == DEC:  # VAX: halves swapped, exponent larger by 2
+            halves = np.frombuffer(data, dtype="<u2").reshape(-1, 2)
+            bits = (halves[:, 0].astype(np.uint32) << 16) | halves[:, 1]
+            return np.asarray(bits.view(np.float32).astype(np.float64) / 4.0)
+        found: NDArray[Any] = np.frombuffer(data, dtype=">f4" if processor == MIPS else "<f4")
+        return np.asarray(found.astype(np.float64))
 
 
 def _parameters(
@@ -135,6 +136,8 @@ def _value(data: bytes, at: int, order: str, processor: int, source: str) -> Val
         width = shape[0] if shape else 1
         lines = [raw[k : k + width] for k in range(0, len(raw), width)] if width else []
         return [line.decode("latin-1").strip(" \0") for line in lines]
+    if not size:
+        return np.zeros(0)
     if kind == 4:
         numbers = floats(raw, processor)
     else:
