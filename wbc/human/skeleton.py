@@ -26,6 +26,7 @@ from wbc.human.kinematics import Poses
 from wbc.robot import Robot
 from wbc.robot.feet import FootSpec
 from wbc.robot.limits import BASE_NQ
+from wbc.robot.notes import untold
 from wbc.rotations import same_sign
 from wbc.validate import Array
 
@@ -63,7 +64,8 @@ def human_robot(body: Body, soles: Mapping[str, Sole] | None = None, name: str =
     for side in SIDES:
         polygon = _sole_polygon(body)
         feet[side] = FootSpec(f"{side}_sole_link", polygon, 0.0)
-    return Robot.load(_urdf(body, soles or {}, name), feet=feet, base="floating", name=name)
+    with untold():
+        return Robot.load(_urdf(body, soles or {}, name), feet=feet, base="floating", name=name)
 
 
 def _sole_polygon(body: Body) -> list[list[float]]:
