@@ -1,9 +1,8 @@
 """Segments of the human body: masses, centres and gyration radii, and the usual proportions.
 
-Masses, centres and radii are those of de Leva (1996), Table 4, with the lower halves of which the
-trunk is made; lengths are the means of the same table, as parts of the mean stature. Where joints
-are beside the long axes is from Harrington et al. (2007) for the hips and from drawings of the
-same proportions for the rest: they are only where a fit to markers starts.
+Masses, centres and radii are those of de Leva (1996, J. Biomech. 29, 1223-1230), Table 4; lengths
+are the means of the same table. De Leva has centres on the long axes; how far those of the legs are
+behind them is from Dumas, Cheze and Verriest (2007).
 """
 
 from __future__ import annotations
@@ -80,6 +79,14 @@ DE_LEVA: Mapping[str, Mapping[str, SegmentInertia]] = MappingProxyType(
                 "foot": _row(1.37, 44.15, 25.7, 24.5, 12.4, 258.1),
             }
         ),
+    }
+)
+# How far the centre is behind the long axis, as a part of the length, where de Leva has it on the
+# axis: Dumas, Cheze and Verriest (2007, J. Biomech. 40, 543-553), Table 2.
+BEHIND: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "female": MappingProxyType({"thigh": 0.077, "shank": 0.049}),
+        "male": MappingProxyType({"thigh": 0.041, "shank": 0.048}),
     }
 )
 PAIRED = ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")

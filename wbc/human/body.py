@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.human.anthropometry import MEAN_STATURE, SegmentInertia, check_sex, segment_table
+from wbc.human.anthropometry import BEHIND, MEAN_STATURE, SegmentInertia, check_sex, segment_table
 from wbc.validate import Array, finite_array, finite_number, read_only, set_fields
 
 # Dimensions [m] of a body whose stature is 1.741 m, and how much people of one stature differ.
@@ -246,6 +246,13 @@ def masses(body: Body) -> dict[str, Mass]:
         "head": along(table["head"], top, zero),
     }
     up = np.array((0.0, 0.0, 1.0))
+
+    def behind(name: str) -> Mass:
+        length = body.size(name)
+        on_axis = along(table[name], zero, -up * length)
+        off = np.array((-BEHIND[body.sex][name] * length, 0.0, 0.0))
+        return Mass(on_axis.mass, on_axis.centre + off, on_axis.inertia)
+
     hand = table["hand"].length / MEAN_STATURE[body.sex] * body.stature
     heel, toe = foot_ends(body)
     for side in SIDES:
@@ -253,8 +260,8 @@ def masses(body: Body) -> dict[str, Mass]:
             f"{side}_upper_arm": along(table["upper_arm"], zero, -up * body.size("upper_arm")),
             f"{side}_forearm": along(table["forearm"], zero, -up * body.size("forearm")),
             f"{side}_hand": along(table["hand"], zero, -up * hand),
-            f"{side}_thigh": along(table["thigh"], zero, -up * body.size("thigh")),
-            f"{side}_shank": along(table["shank"], zero, -up * body.size("shank")),
+            f"{side}_thigh": behind("thigh"),
+            f"{side}_shank": behind("shank"),
             f"{side}_foot": along(table["foot"], heel, toe, up),
         }
     return found

@@ -82,12 +82,12 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
     "foot": ("_foot", "_foot", (60, 10, -40), 80, 8, "MIDFOOTSUP MIDFOOTLAT MIDFOOT FOOT FOOT1"
              " FOOT2 FOOT3 P1MT P5MT P1M P5M MIDFOOTMED NAV LCAL MCAL STL"),
     "acromion": ("trunk", "_upper_arm", (0, 5, 45), 25, 15, "SHO SHOULDER ACR ACROMION ACROMIUM AC"
-                 " CAJ ACRO SHLD SHD"),
+                 " CAJ ACRO SHLD SHD SAE SAJ"),
     "shoulder_centre": ("trunk", "_upper_arm", (0, 0, 0), 15, 12, "SJC SHOULDERCENTRE GHJC"
                         " SHOULDERCENTER SHOULDERJOINT SHOULDERJC"),
     "clavicle": ("trunk", "trunk", (65, 30, 380), 40, 10, "CLAVICLE CLA SC SCJ CLAV"),
-    "scapula": ("trunk", "trunk", (-110, 90, 320), 80, 15, "SCAP BAK SIA SAA SCAPULA ACRB SCAPINF"
-                " IAS2"),
+    "scapula": ("trunk", "trunk", (-110, 90, 320), 80, 15, "SCAP BAK SIA SAA SRS SCAPULA ACRB"
+                " SCAPINF IAS2"),
     "upper_arm": ("_upper_arm", "_upper_arm", (0, 45, -150), 90, 12, "UPA BICEP BICEPS UPPERARM UA"
                   " UA1 UA2 UA3 UARM ARM UPPERARM1 HUMERUS UPARM TRICEP TRICEPS DELT"),
     "elbow_lateral": ("_upper_arm", "_forearm", (0, 38, 0), 15, 10, "ELB ELBOW ELBOWLAT LATELBOW"
@@ -102,7 +102,7 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
     "wrist_radial": ("_forearm", "_hand", (32, 0, 0), 12, 8, "WRA RSP WRISTRAD WRISTLAT LATWRIST"
                      " LWRIST FARADIUS RAD RADIUS RS WRR WRISTRADIUS WRISTTHUMB"),
     "wrist_ulnar": ("_forearm", "_hand", (-32, 0, 0), 12, 8, "WRB USP WRISTULN WRISTMED MEDWRIST"
-                    " MWRIST FAULNA ULN ULNA US WRU WRISTULNA WRISTPINKY"),
+                    " MWRIST FAULNA ULN ULNA UHE US WRU WRISTULNA WRISTPINKY"),
     "wrist_centre": ("_forearm", "_hand", (0, 0, 0), 10, 10, "WJC WRISTCENTRE WRISTCENTER"
                      " WRISTJOINT WRISTJC"),
     "hand": ("_hand", "_hand", (0, 20, -75), 35, 8, "FIN HAND HM3 HM2 HM5 FIN1 HANDTOP MCP3 MCP2"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.errors import InvalidInputError, listed
+from wbc.errors import InvalidInputError
 from wbc.human.anthropometry import MEAN_BODY_MASS_INDEX, check_sex
 from wbc.human.body import Body
 from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
@@ -16,7 +16,8 @@ from wbc.human.contacts import Bools, chosen_cutoff, feet_down
 from wbc.human.fit import MarkerSet, fit_poses, residuals
 from wbc.human.gaps import filled_by_fit, filled_shortly, unswapped, without_ghosts
 from wbc.human.kinematics import Poses, place
-from wbc.human.landmarks import Landmark, lacking, landmark, landmark_of
+from wbc.human.known import known_markers, upright
+from wbc.human.landmarks import Landmark
 from wbc.human.markers import MarkerRecording
 from wbc.human.residual_noise import ResidualNoise, residual_noise
 from wbc.human.skeleton import configurations, human_robot
@@ -25,14 +26,12 @@ from wbc.motion.dropouts import Dropout
 from wbc.motion.filtering import low_passed
 from wbc.motion.recording import LONGEST_GAP, Motion
 from wbc.motion.smoothing import even_grid, on_grid
-from wbc.motion.table import RecordingError
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ
 from wbc.robot.series import sole_series
 from wbc.validate import Array, finite_number
 
 STATIC_FRAMES = 6  # of a static trial, which hardly differ
-UPRIGHT = 0.8  # cosine between the way from feet to trunk and the axis that is taken for up
 LEAST_CUTOFF_PERIODS = 2.0
 
 
@@ -141,8 +140,8 @@ def human_motion(
     longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
     mass = None if mass is None else finite_number("mass", mass, above=0.0)
     stature = None if stature is None else finite_number("stature", stature, above=0.0)
-    names, marks, notes = _known(recording, static)
-    recording, axis = _upright(recording, names, marks, up)
+    names, marks, notes = known_markers(recording, static)
+    recording, axis = upright(recording, names, marks, up)
     notes = (*recording.notes, *notes, *axis)
     time = recording.time
     columns = [recording.labels.index(n) for n in names if n in recording.labels]
@@ -181,77 +180,6 @@ def human_motion(
     )
 
 
-def _known(
-    recording: MarkerRecording, static: MarkerRecording | None
-) -> tuple[tuple[str, ...], tuple[Landmark, ...], tuple[str, ...]]:
-    """Return labels and landmarks of the markers that can be used, and notes on the others."""
-    found, unknown = dict[str, Landmark](), list[str]()
-    for one in (recording, *(() if static is None else (static,))):
-        given = one.landmarks or (None,) * len(one.labels)
-        for label, mark in zip(one.labels, given, strict=True):
-            name = landmark_of(label)
-            if mark is None and name is None:
-                unknown += [label] if label not in unknown else []
-            elif label not in found:
-                found[label] = mark if mark is not None else landmark(str(name))
-    seen = np.isfinite(recording.positions).reshape(len(recording.time), -1, 3)
-    empty = [
-        label
-        for k, label in enumerate(recording.labels)
-        if label in found and not seen[:, k].all(axis=1).any()
-    ]
-    own = [label for label in recording.labels if label in found and label not in empty]
-    if not recording.landmarks:
-        wanted = lacking(found[label].name for label in own)
-        if wanted:
-            raise RecordingError(
-                f"markers that a human needs are not there: {'; '.join(wanted)}. Known by name:"
-                f" {listed([f'{n} ({found[n].name})' for n in own], 20) or 'none'}; not known:"
-                f" {listed(unknown, 20) or 'none'}. Rename them, as in Plug-in Gait",
-                recording.source,
-            )
-    notes = list[str]()
-    if unknown:
-        notes.append(f"markers of no known place left out: {listed(unknown, 8)}")
-    if empty:
-        notes.append(f"markers never seen: {listed(empty, 8)}")
-    rest = [label for label in found if label not in own and label not in empty]
-    names = (*own, *rest)
-    arms = {found[n].segment for n in own}
-    without = [s for s in ("head", "left_forearm", "right_forearm") if s not in arms]
-    if without:
-        notes.append(f"no markers on {', '.join(without)}: held as they usually are")
-    return names, tuple(found[name] for name in names), tuple(notes)
-
-
-def _upright(
-    recording: MarkerRecording, names: tuple[str, ...], marks: tuple[Landmark, ...], up: str | None
-) -> tuple[MarkerRecording, tuple[str, ...]]:
-    """Return the recording with z up, and a note if that axis was found, not said."""
-    axis = up if up is not None else recording.up
-    if axis is not None:
-        return recording.upright(axis), ()
-    high, low = (
-        [
-            recording.labels.index(name)
-            for name, mark in zip(names, marks, strict=True)
-            if name in recording.labels and any(part in mark.segment for part in parts)
-        ]
-        for parts in (("trunk", "pelvis"), ("foot", "shank"))
-    )
-    way = np.nanmedian(recording.positions[:, high], axis=(0, 1))
-    way = way - np.nanmedian(recording.positions[:, low], axis=(0, 1))
-    way /= np.linalg.norm(way)
-    k = int(np.abs(way).argmax())
-    if not way[k] > UPRIGHT:
-        raise RecordingError(
-            f"from feet to trunk leads ({way[0]:.2f}, {way[1]:.2f}, {way[2]:.2f}), along none of"
-            " the axes x, y, z: say which one points up (up)",
-            recording.source,
-        )
-    return recording.upright("xyz"[k]), (f"{'xyz'[k]} taken for up, from feet to trunk",)
-
-
 def _static(
     static: MarkerRecording | None,
     names: tuple[str, ...],
@@ -263,7 +191,7 @@ def _static(
         return np.zeros((0, len(names), 3))
     mine = tuple(name for name in names if name in static.labels)
     kinds = tuple(mark for name, mark in zip(names, marks, strict=True) if name in static.labels)
-    standing, _ = _upright(static, mine, kinds, up)
+    standing, _ = upright(static, mine, kinds, up)
     found = np.full((len(static.time), len(names), 3), np.nan)
     for k, name in enumerate(names):
         if name in static.labels:

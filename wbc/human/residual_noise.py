@@ -27,8 +27,8 @@ from wbc.validate import Array
 # one walk held what its force plates measured; what that gives is in docs/howto/humans.md.
 TOGETHER = 1.4
 # The CoM's place in the body, one standard deviation [m] along each axis: tables of segments differ
-# by some 10 to 20 mm in it (Dumas et al. 2007; Pearsall and Costigan 1999).
-CENTRE = 0.010
+# by some 10 mm in it (Dumas et al. 2007; Pearsall and Costigan 1999).
+CENTRE = 0.007
 MOST_FRAMES = 100  # of which the gains are averaged
 LEAST_LEFT = 0.1  # a coordinate that nothing else tells of leaves no residual
 
