@@ -130,7 +130,7 @@ def analyze_human(
         )
     if not quiet:
         print_human(human)
-        print_analysis(series, [])
+        print_analysis(series, [], human=True)
         if human.recording.plates:
             print_plates(found)
         if outputs.written:
