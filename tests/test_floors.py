@@ -37,6 +37,7 @@ FLOORS = {
     "gait": 4,
     "flight": 4,
     "motion": 4,
+    "human": 4,
     "run": 4,
     "simulation": 5,
     "problem": 5,

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 # Kept in step with wbc.motion, which is not imported only to print the help.
 CUTOFF, LONGEST_GAP, BEYOND, SNAPSHOTS, FEET = "10", 0.1, 0.1, "6", "auto"
+SEX = "male"
 
 
 class Missing(StrEnum):
@@ -33,15 +34,28 @@ class NoiseOption(StrEnum):
 
 
 def analyze(
-    motion: Annotated[Path, typer.Argument(help="The recording: .csv or .npz.", metavar="MOTION")],
-    robot: Annotated[str, typer.Option(help="The robot: a name, or a URDF or MJCF file.")],
+    motion: Annotated[
+        Path,
+        typer.Argument(
+            help="A robot's recording, .csv or .npz; or a human's, .c3d, .trc, .bvh, or .npz of"
+            " SMPL poses.",
+            metavar="MOTION",
+        ),
+    ],
+    robot: Annotated[
+        str | None,
+        typer.Option(help="The robot: a name, or a URDF or MJCF file; none for a human."),
+    ] = None,
     planted: Annotated[
         str | None, typer.Option(help="Flat foot, if no base was recorded: left, right, auto.")
     ] = None,
     feet: Annotated[
         str, typer.Option(help="Feet that stand, as in left,right; auto: by height; or none.")
     ] = FEET,
-    ground: Annotated[float, typer.Option(help="Height of the ground, in m.")] = 0.0,
+    ground: Annotated[
+        float | None,
+        typer.Option(help="Height of the ground, in m; by default 0, or where a human stands."),
+    ] = None,
     rate: Annotated[
         float | None, typer.Option(help="Rows per second of a file without times, in Hz.")
     ] = None,
@@ -49,12 +63,12 @@ def analyze(
         float | None, typer.Option(help="Frames per second of the result, in Hz.")
     ] = None,
     cutoff: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="Of the zero-phase low-pass, in Hz; none or 0: no filter; residual: as high as"
-            " the recording's noise allows."
+            f" the recording's noise allows. By default {CUTOFF}; a human's by the steps."
         ),
-    ] = CUTOFF,
+    ] = None,
     noise: Annotated[
         NoiseOption,
         typer.Option(help="Estimated from the recording, for bands and verdicts; none: no bands."),
@@ -82,9 +96,29 @@ def analyze(
         str, typer.Option(help="In the picture: how many, or their times in s, as in 0,2.5,4.")
     ] = SNAPSHOTS,
     quiet: Quiet = False,
+    static: Annotated[
+        Path | None, typer.Option(help="Human: a trial in which it stands, .trc or .c3d.")
+    ] = None,
+    forces: Annotated[
+        Path | None, typer.Option(help="Human: force plates, .mot, .sto or .c3d.")
+    ] = None,
+    mass: Annotated[
+        float | None, typer.Option(help="Human: in kg; by default as the plates weigh it.")
+    ] = None,
+    stature: Annotated[
+        float | None, typer.Option(help="Human: in m; by default by the lengths found.")
+    ] = None,
+    sex: Annotated[str, typer.Option(help="Human: male or female, for the segments' table.")] = SEX,
+    up: Annotated[
+        str | None, typer.Option(help="Human: the file's vertical axis, x, y or z.")
+    ] = None,
+    unit: Annotated[
+        str | None, typer.Option(help="Human: of a BVH file's lengths, cm, m, inch or mm.")
+    ] = None,
 ) -> None:
     """Reduce a recorded motion to its reaction mass pendulum over time."""
     with errors_in_one_line():
+        from wbc.cli.analyze_human import HumanOptions, analyze_human, is_human
         from wbc.cli.analyze_report import print_analysis
         from wbc.cli.outputs import Outputs
         from wbc.cli.progress import shown_progress
@@ -92,8 +126,26 @@ def analyze(
         from wbc.robot import Robot
 
         moments = _snapshots(snapshots)
-        low_pass = _cutoff(cutoff)
+        low_pass = _cutoff(CUTOFF if cutoff is None else cutoff)
         _check_outputs(motion, output or [], plot, moments)
+        options = HumanOptions(static, forces, mass, stature, sex, up, unit)
+        if is_human(motion, robot, options):
+            code = analyze_human(
+                motion,
+                options,
+                cutoff=None if cutoff is None else (low_pass,),
+                ground=ground,
+                rate=resample,
+                noise=noise is not NoiseOption.NONE,
+                feet=_feet(feet),
+                longest_gap=longest_gap,
+                output=output or [],
+                plot=plot,
+                snapshots=moments,
+                quiet=quiet,
+            )
+            raise typer.Exit(code)
+        assert robot is not None
         loaded = Robot.load(robot)
         if not quiet:
             print_notes(loaded)
@@ -115,7 +167,7 @@ def analyze(
                 cutoff=low_pass,
                 planted=planted,
                 feet=_feet(feet),
-                ground_height=ground,
+                ground_height=0.0 if ground is None else ground,
                 noise=None if noise is NoiseOption.NONE else noise.value,
                 progress=progress,
             )
@@ -182,6 +234,7 @@ def _check_outputs(
 
 
 def _draw(series: RmpSeries, path: Path, snapshots: int | list[float]) -> None:
+    """Draw a robot's series into a picture."""
     from wbc.view.analysis import plot_analysis
 
     title = f"{Path(series.source).name}: {series.robot.name}, {series.robot.mass:.1f} kg"

@@ -17,7 +17,7 @@ from wbc.validate import Array
 SHOWN_DROPOUTS = 10
 
 
-def print_analysis(series: RmpSeries, written: list[Path]) -> None:
+def print_analysis(series: RmpSeries, written: list[Path], human: bool = False) -> None:
     """Print what the motion came to, what it lacked, and the files written."""
     console = Console(highlight=False)
     seconds = float(series.time[-1] - series.time[0])
@@ -47,7 +47,7 @@ def print_analysis(series: RmpSeries, written: list[Path]) -> None:
             table.add_row(Text(name), *numbers, f"± {np.median(half):.2g}" if half.any() else "")
     console.print(table)
     console.print()
-    console.print(verdict(series))
+    console.print(verdict(series, human))
     print_written(console, written, 9)
 
 
@@ -96,7 +96,7 @@ def _rows(series: RmpSeries) -> Iterator[tuple[str, float, Array, Array | None]]
     yield "turning of the axes [rad/s]", 1.0, np.linalg.norm(axes, axis=1), None
 
 
-def verdict(series: RmpSeries) -> Text:
+def verdict(series: RmpSeries, human: bool = False) -> Text:
     """Return a line about CoP, flight and axes; of what noise can do, nothing is claimed."""
     count, line = len(series), Text()
     unjudged = int(series.cop_unknown.sum())
@@ -112,7 +112,7 @@ def verdict(series: RmpSeries) -> Text:
             style="yellow",
         )
     elif series.infeasible.any():
-        line.append(*_outside(series, margin))
+        line.append(*_outside(series, margin, human))
     elif series.cop_outside.any() and noise is not None and noise.cop_margin is not None:
         line.append(*_perhaps_outside(series, margin, noise.cop_margin))
     else:
@@ -132,12 +132,14 @@ def verdict(series: RmpSeries) -> Text:
     return line
 
 
-def _outside(series: RmpSeries, margin: Array) -> tuple[str, str]:
+def _outside(series: RmpSeries, margin: Array, human: bool) -> tuple[str, str]:
     """Return what is said, and in which colour, where the CoP is outside for sure."""
     sure = series.infeasible
     first, farthest = series.time[sure][0], -margin[sure].min()
     # What was measured was possible: of a recorded simulation 4.2 mm, without filter 0.02 mm.
     why = "the motion is infeasible there"
+    if human:
+        why = "it was done, so the fit, the sole's shape or, near the ends, the filter is off"
     if series.measured:
         why = "it was measured, so the forces, the soles' shape or the ground's height are off"
         if series.cutoff is not None:
@@ -152,7 +154,7 @@ def _outside(series: RmpSeries, margin: Array) -> tuple[str, str]:
     perhaps = int((series.cop_outside & ~sure).sum())
     if perhaps:
         text += f"In {perhaps} more it is outside by no more than noise can do. "
-    return text, "yellow" if series.measured else "red"
+    return text, "yellow" if series.measured or human else "red"
 
 
 def _perhaps_outside(series: RmpSeries, margin: Array, noise: Array) -> tuple[str, str]:

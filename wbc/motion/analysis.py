@@ -9,7 +9,7 @@ import numpy as np
 from wbc.errors import InvalidInputError, shown
 from wbc.motion.forces import ground_wrench
 from wbc.motion.ground import chosen_feet, ground_reaction, standing_feet
-from wbc.motion.noise import Noise
+from wbc.motion.noise import CorrelatedNoise, Noise
 from wbc.motion.planted import AUTO
 from wbc.motion.recording import Motion
 from wbc.motion.series import RmpSeries
@@ -35,7 +35,7 @@ def analyse(
     feet: str | Iterable[str] | None = AUTO,
     ground_height: float = 0.0,
     gap: float = GAP,
-    noise: Noise | str | None = ESTIMATED,
+    noise: Noise | CorrelatedNoise | str | None = ESTIMATED,
     progress: Progress | None = None,
 ) -> RmpSeries:
     """Return the reaction mass pendulum of a recorded motion, frame by frame.
@@ -64,7 +64,8 @@ def analyse(
         Axes with second moments closer than this fraction of the largest are undefined.
     noise:
         Of the recording, which sets the series' ``uncertainty``; ``estimated`` from the recording
-        itself, see :mod:`wbc.motion.noise`; None: it has none, and every verdict stands.
+        itself, see :mod:`wbc.motion.noise`; that of a human's fit (``HumanMotion.noise``); None: it
+        has none, and every verdict stands.
     progress:
         Called with frames done and frames in all, every 500 frames; with a planted foot twice over.
 
@@ -88,7 +89,8 @@ def analyse(
     refuse_loops("analyse", robot)
     names = chosen_feet(robot, feet)
     estimated = isinstance(noise, str) and noise == ESTIMATED
-    if not (noise is None or estimated or isinstance(noise, Noise)):
+    correlated = hasattr(noise, "filtered") and motion.base is not None
+    if not (noise is None or estimated or isinstance(noise, Noise) or correlated):
         raise InvalidInputError(
             f"noise: expected a Noise, {ESTIMATED!r} or None, got {shown(noise)}"
         )

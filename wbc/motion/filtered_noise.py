@@ -29,6 +29,10 @@ class FilteredNoise:
     # Of noise of variance 1 (n, 3 p, 3 p): see noise_covariances. With p = 2 passes, the base went
     # through the filter twice.
     covariances: Array
+    # Of errors that are correlated among the channels: roots (nv, k) of their covariance, in place
+    # of the standard deviations of ``recorded``; and of such as do not change over time.
+    root: Array | None = None
+    constant: Array | None = None
 
 
 def noise_covariances(count: int, rate: float, cutoff: float | None, passes: int = 1) -> Array:

@@ -7,6 +7,7 @@ to the pendulum is in :mod:`wbc.motion.uncertainty`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.stats import chi2
@@ -67,6 +68,30 @@ class Noise:
             for name, (values, unit) in kinds.items()
             if (values > 0.0).any()
         }
+
+
+class CorrelatedNoise(Protocol):
+    """Errors of a posture that are correlated, among its coordinates or over time."""
+
+    @property
+    def constant(self) -> Array:
+        """(nv, k): errors that do not change over time.
+
+        Of the base along world axes [m], about its own axes [rad], of joints [rad or m].
+        """
+        ...
+
+    def recorded(self) -> Noise:
+        """Return the standard deviations of the channels, unfiltered."""
+        ...
+
+    def filtered(self, cutoff: float | None) -> tuple[Array, Array]:
+        """Return what is left after the low-pass [Hz]: a covariance (3, 3), and a root (nv, k).
+
+        The root times k independent errors gives those of the posture's tangent; the covariance is
+        that of value, velocity and acceleration of one of these.
+        """
+        ...
 
 
 def estimated_noise(rows: Array, rate: float, cutoff: float | None) -> Noise:

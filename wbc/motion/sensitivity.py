@@ -67,6 +67,8 @@ def _covariances(
     """Return covariances (m, r, r) in some frames."""
     maps, carried = _by_derivative(robot, moving, frames)  # each (m, r, nv), by xi, xi', xi''
     recorded = noise.recorded
+    if noise.root is not None:
+        return _of_roots(maps, noise, noise.root, frames)
     if carried is None:
         deviations = np.concatenate((recorded.position, recorded.rotation, recorded.joints))
         processes = maps
@@ -81,6 +83,20 @@ def _covariances(
     stacked = np.stack(processes, axis=1) * deviations  # (m, 3 p, r, channels)
     mixed = np.einsum("mij,mirc->mrjc", roots, stacked).reshape(len(frames), stacked.shape[2], -1)
     return np.asarray(mixed @ np.swapaxes(mixed, 1, 2))
+
+
+def _of_roots(
+    maps: list[Array], noise: FilteredNoise, root: Array, frames: NDArray[np.intp]
+) -> Array:
+    """Return covariances (m, r, r) of noise whose channels are correlated."""
+    stacked = np.stack([one @ root for one in maps], axis=1)  # (m, 3, r, k)
+    roots = _roots(noise.covariances[frames])
+    mixed = np.einsum("mij,mirc->mrjc", roots, stacked).reshape(len(frames), stacked.shape[2], -1)
+    found = mixed @ np.swapaxes(mixed, 1, 2)
+    if noise.constant is not None:
+        held = maps[0] @ noise.constant
+        found = found + held @ np.swapaxes(held, 1, 2)
+    return np.asarray(found)
 
 
 def _roots(matrices: Array) -> Array:

@@ -20,7 +20,7 @@ from wbc.motion.dropouts import check_count, unwrap
 from wbc.motion.filtered_noise import FilteredNoise, noise_covariances
 from wbc.motion.filtering import low_passed
 from wbc.motion.forces import MeasuredForces
-from wbc.motion.noise import Noise, estimated_noise
+from wbc.motion.noise import CorrelatedNoise, Noise, estimated_noise
 from wbc.motion.planted import planted_base
 from wbc.motion.recording import Motion
 from wbc.motion.residual_analysis import chosen_cutoff
@@ -56,7 +56,7 @@ def smooth_trajectory(
     cutoff: float | str | None,
     planted: str | None,
     height: float,
-    noise: Noise | str | None,
+    noise: Noise | CorrelatedNoise | str | None,
     progress: Progress | None = None,
 ) -> SmoothMotion:
     """Return the trajectory of a recorded motion; see :func:`wbc.motion.analyse`."""
@@ -90,7 +90,18 @@ def smooth_trajectory(
     nearest = np.minimum(np.rint((time - grid[0]) * own_rate).astype(int), len(grid) - 1)
     q, v, acceleration = _read_off(motion.robot, grid, smooth, time)
     left = None
-    if noise is not None:
+    if noise is not None and not isinstance(noise, Noise | str):
+        covariance, root = noise.filtered(cutoff)
+        # Near the ends it grows as white noise does.
+        white = np.diagonal(noise_covariances(len(grid), own_rate, cutoff), axis1=1, axis2=2)
+        growth = np.sqrt(white / white[len(white) // 2])[nearest]
+        left = FilteredNoise(
+            noise.recorded(),
+            growth[:, :, None] * covariance * growth[:, None],
+            root,
+            noise.constant,
+        )
+    elif noise is not None:
         if not isinstance(noise, Noise):
             noise = estimated_noise(rows, motion.rate, cutoff)
         # A grid with more rows than the recording has no more noise: its density stays.

@@ -83,7 +83,40 @@ class MotionTable:
         return RecordingError(what, self.source, name, None if row is None else row + 1, line)
 
 
-def _check_file(path: Path) -> None:
+def read_text(path: Path, strict: bool = True) -> str:
+    """Return the text of a file; unless ``strict``, what is not UTF-8 is replaced by a mark.
+
+    Raises
+    ------
+    RecordingError
+        Unreadable, too large, or not UTF-8.
+    """
+    check_file(path)
+    try:
+        return path.read_text(encoding="utf-8-sig", errors="strict" if strict else "replace")
+    except UnicodeDecodeError as error:
+        what = "it is not text in UTF-8; export it as CSV UTF-8"
+        raise RecordingError(what, str(path)) from error
+    except OSError as error:
+        raise _unreadable(path, error) from error
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the bytes of a file.
+
+    Raises
+    ------
+    RecordingError
+        Unreadable or too large.
+    """
+    check_file(path)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise _unreadable(path, error) from error
+
+
+def check_file(path: Path) -> None:
     """Raise RecordingError unless there is a regular file of a size that can be read."""
     source = str(path)
     try:
@@ -114,14 +147,7 @@ def read_csv(path: Path) -> MotionTable:
         Unreadable or too large, no rows, no names, a row of another length, a cell that is not a
         number, or a column name that is there twice.
     """
-    _check_file(path)
-    source = str(path)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise RecordingError("it is not text in UTF-8; export it as CSV UTF-8", source) from error
-    except OSError as error:
-        raise _unreadable(path, error) from error
+    source, text = str(path), read_text(path)
     numbered = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
     header, numbered = _header(source, numbered)
     delimiter = _delimiter(header)
@@ -225,7 +251,7 @@ def read_npz(path: Path, configuration: Sequence[str]) -> MotionTable:
     RecordingError
         Unreadable or too large, arrays of other shapes or not of numbers, or no rows.
     """
-    _check_file(path)
+    check_file(path)
     source = str(path)
     try:  # of what ``wbc run`` writes only time and q are read
         arrays = read_arrays(

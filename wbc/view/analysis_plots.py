@@ -29,7 +29,7 @@ def plot_ground(
     axes: Axes, series: RmpSeries, frames: Sequence[int], k: int, direction: str
 ) -> None:
     """Plot CoM, CoP and CMP along a horizontal axis: x (k = 0) or y (1)."""
-    _prepare(axes, series, frames, f"Ground, along {direction}", "mm")
+    prepare(axes, series, frames, f"Ground, along {direction}", "mm")
     for name, label, colour in (
         ("com", "CoM", style.BLACK),
         ("cmp", "CMP", style.ORANGE),
@@ -37,8 +37,8 @@ def plot_ground(
     ):
         if name != "cmp":  # as wide as that of the CoP, which it would hide
             _band(axes, series, name, MM, colour, k)
-        _curve(axes, series, MM * getattr(series, name)[:, k], label, colour)
-    _legend(axes)
+        curve(axes, series, MM * getattr(series, name)[:, k], label, colour)
+    legend(axes)
 
 
 def plot_margin(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
@@ -46,7 +46,7 @@ def plot_margin(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
 
     Filled where the motion is infeasible: where it is outside by more than noise can do.
     """
-    _prepare(axes, series, frames, "CoP inside the support polygon by", "mm")
+    prepare(axes, series, frames, "CoP inside the support polygon by", "mm")
     if series.cop_margin is None or np.isnan(series.cop_margin).all():
         why = "no feet to judge by" if series.cop_margin is None else "no foot stands"
         axes.text(
@@ -57,7 +57,7 @@ def plot_margin(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
         return
     margin = MM * series.cop_margin
     band = _band(axes, series, "cop_margin", MM, style.BLUE)
-    _curve(axes, series, margin, "margin", style.BLUE)
+    curve(axes, series, margin, "margin", style.BLUE)
     axes.axhline(0.0, color=style.VERMILION, linewidth=0.9)
     axes.fill_between(
         series.time, margin, 0.0, where=series.infeasible, color=style.VERMILION, alpha=0.35,
@@ -70,43 +70,43 @@ def plot_margin(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
 
 def plot_radii(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     """Plot the reaction masses' radii; thin and dashed where the axis is undefined."""
-    _prepare(axes, series, frames, "Reaction mass radii", "mm")
+    prepare(axes, series, frames, "Reaction mass radii", "mm")
     for k, colour in enumerate(style.PRINCIPAL):
         radius, defined = MM * series.radii[:, k], series.axes_defined[:, k]
         if not defined.all():
             axes.plot(series.time, radius, color=colour, linewidth=0.7, linestyle=":")
         label = f"r{style.INDEX[k]}"
         _band(axes, series, "radii", MM, colour, k)
-        _curve(axes, series, np.where(defined, radius, np.nan), label, colour)
+        curve(axes, series, np.where(defined, radius, np.nan), label, colour)
     axes.set_ylim(0.0, 1.08 * MM * float(series.radii.max()))
-    _legend(axes)
+    legend(axes)
 
 
 def plot_leg(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     """Plot the leg's lean from the vertical, forward and left, and its length on the right."""
-    _prepare(axes, series, frames, "Leg from CoP to CoM", "lean [deg]")
+    prepare(axes, series, frames, "Leg from CoP to CoM", "lean [deg]")
     lean = DEGREES * (series.leg_angles - [0.5 * np.pi, 0.0])
     # Theta turns the leg from x to z: what leans forward has a theta below 90 degrees.
     for k, colour in enumerate((style.BLUE, style.VERMILION)):
         _band(axes, series, "leg_angles", DEGREES, colour, k, (-1.0, 1.0)[k] * lean[:, k])
-    _curve(axes, series, -lean[:, 0], "forward", style.BLUE)
-    _curve(axes, series, lean[:, 1], "left", style.VERMILION)
+    curve(axes, series, -lean[:, 0], "forward", style.BLUE)
+    curve(axes, series, lean[:, 1], "left", style.VERMILION)
     other = style.right_axis(axes, "length [mm]", style.GREY)
     length = MM * series.leg_length
     other.plot(series.time, length, "--", color=style.GREY, linewidth=WIDTH, label="length")
-    _legend(axes, other)
+    legend(axes, other)
 
 
 def plot_rotation(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     """Plot the momentum's average angular velocity against that of the principal axes."""
-    _prepare(axes, series, frames, "Rotation", "rad/s")
+    prepare(axes, series, frames, "Rotation", "rad/s")
     for k, colour in enumerate(XYZ):
         _band(axes, series, "average_angular_velocity", 1.0, colour, k)
-        _curve(axes, series, series.average_angular_velocity[:, k], "xyz"[k], colour)
-        _curve(axes, series, series.axes_angular_velocity[:, k], None, colour, "--")
+        curve(axes, series, series.average_angular_velocity[:, k], "xyz"[k], colour)
+        curve(axes, series, series.axes_angular_velocity[:, k], None, colour, "--")
     axes.plot([], [], color=style.BLACK, linewidth=WIDTH, label="I⁻¹k")
     axes.plot([], [], color=style.BLACK, linewidth=WIDTH, linestyle="--", label="axes")
-    _legend(axes)
+    legend(axes)
 
 
 PLOTS: tuple[Plot, ...] = (
@@ -122,7 +122,7 @@ PLOTS: tuple[Plot, ...] = (
 # ---------------------------------------------------------------------- shared by all
 
 
-def _prepare(axes: Axes, series: RmpSeries, frames: Sequence[int], title: str, unit: str) -> None:
+def prepare(axes: Axes, series: RmpSeries, frames: Sequence[int], title: str, unit: str) -> None:
     """Give a plot its look, the moments of the snapshots, and a ground where the robot flies."""
     place = axes.get_subplotspec()
     lowest = place is None or place.is_last_row()
@@ -144,9 +144,10 @@ def _prepare(axes: Axes, series: RmpSeries, frames: Sequence[int], title: str, u
         )
 
 
-def _curve(
+def curve(
     axes: Axes, series: RmpSeries, values: Array, label: str | None, colour: str, dashes: str = "-"
 ) -> None:
+    """Plot values over time; a single frame as a dot."""
     marker = "o" if len(series) == 1 else None
     look: dict[str, Any] = {
         "color": colour,
@@ -182,7 +183,7 @@ def _band(
     return np.asarray(np.nan_to_num(half))
 
 
-def _legend(axes: Axes, other: Axes | None = None) -> None:
+def legend(axes: Axes, other: Axes | None = None) -> None:
     """Write what the curves are on the title's line, at its right end."""
     handles, labels = axes.get_legend_handles_labels()
     if other is not None:

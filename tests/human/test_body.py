@@ -1,0 +1,92 @@
+"""The body against Pinocchio, the published table and finite differences."""
+
+import numpy as np
+import pytest
+
+from tests.human.walker import marching
+from wbc.errors import InvalidInputError
+from wbc.human.anthropometry import DE_LEVA, segment_table
+from wbc.human.body import NAMES, SEGMENT_NAMES, Body, masses
+from wbc.human.fit import MarkerSet
+from wbc.human.kinematics import DOFS, dimension_jacobian, place, point_jacobian
+from wbc.human.landmarks import landmark, landmark_of
+from wbc.human.skeleton import configurations, human_robot
+
+BODY = Body.of(1.80, 80.0, "male")
+
+
+def test_places_are_those_of_pinocchio() -> None:
+    _, poses = marching(0.3)
+    robot = human_robot(BODY)
+    q, placed = configurations(robot, poses), place(poses, BODY.dimensions)
+    for frame in (0, 17):
+        state = robot.snapshot(q[frame])
+        for k, name in enumerate(SEGMENT_NAMES):  # rounding
+            np.testing.assert_allclose(state.position(name), placed.origin[frame, k], atol=1e-12)
+            np.testing.assert_allclose(state.rotation(name), placed.rotation[frame, k], atol=1e-12)
+
+
+@pytest.mark.parametrize("sex", ["female", "male"])
+def test_masses_are_the_tables(sex: str) -> None:
+    body = Body.of(1.7, 70.0, sex)
+    assert human_robot(body).mass == pytest.approx(70.0, rel=1e-12)
+    rows, found = DE_LEVA[sex], masses(body)
+    trunk = sum(rows[part].mass for part in ("upper_trunk", "middle_trunk", "lower_trunk"))
+    assert found["trunk"].mass + found["pelvis"].mass == pytest.approx(70.0 * trunk, rel=2e-4)
+    thigh = found["left_thigh"]  # about its own end: m (r^2 + c^2) L^2, as the paper has it
+    length, row = body.size("thigh"), segment_table(sex)["thigh"]
+    about_hip = thigh.inertia[1, 1] + thigh.mass * thigh.centre[2] ** 2
+    expected = 70.0 * row.mass * length**2 * (row.radii[1] ** 2 + row.centre**2)
+    assert about_hip == pytest.approx(expected, rel=1e-12)
+    for part in found.values():  # inertias of real bodies
+        moments = np.linalg.eigvalsh(part.inertia)
+        assert 0.0 < moments[2] < moments[0] + moments[1]
+
+
+def test_derivatives_are_those_of_differences() -> None:
+    _, poses = marching(0.05)
+    poses = poses[np.array([2])]
+    marks = tuple(landmark(str(landmark_of(n))) for n in ("LASI", "RWRA", "LTOE", "C7", "RKNE"))
+    markers = MarkerSet(("a", "b", "c", "d", "e"), marks, np.array([m.place for m in marks]))
+    placed = place(poses, BODY.dimensions)
+    J = point_jacobian(placed, markers.segments, markers.at(placed))[0]
+    h = 1e-6  # central differences: errors of h^2 = 1e-12 and of rounding, 1e-10
+    for k in range(DOFS):
+        step = np.zeros((1, DOFS))
+        step[0, k] = h
+        ahead, behind = (
+            markers.at(place(poses.moved(s * step), BODY.dimensions))[0] for s in (1, -1)
+        )
+        np.testing.assert_allclose(J[:, :, k], (ahead - behind) / (2 * h), atol=1e-8)
+    D = dimension_jacobian(placed, markers.anchors)[0]
+    for k in range(len(NAMES)):
+        size = BODY.dimensions.copy()
+        size[k] += 1.0  # linear
+        moved = markers.at(place(poses, size))[0] - markers.at(placed)[0]
+        np.testing.assert_allclose(D[:, :, k], moved, atol=1e-12)
+
+
+def test_what_is_no_body_is_refused() -> None:
+    with pytest.raises(InvalidInputError, match="sex: expected female or male"):
+        Body.of(1.7, 70.0, "human")
+    with pytest.raises(InvalidInputError, match="mass"):
+        Body.of(1.7, -1.0, "male")
+
+
+@pytest.mark.parametrize(
+    ("label", "name"),
+    [
+        ("R.ASIS", "right_asis"),
+        ("Subject:LASI", "left_asis"),
+        ("r_mknee_study", "right_knee_medial"),
+        ("knee_r_lat", "right_knee_lateral"),
+        ("LMED", "left_ankle_medial"),
+        ("SACR", "sacrum"),
+        ("R.Wrist.Med", "right_wrist_ulnar"),
+        ("LFLE", "left_knee_lateral"),
+        ("R.HeelGround", None),
+        ("RPower", None),
+    ],
+)
+def test_labels(label: str, name: str | None) -> None:
+    assert landmark_of(label) == name

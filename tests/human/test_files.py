@@ -1,0 +1,247 @@
+"""Readers of C3D, TRC, MOT, BVH and SMPL poses, against other readers and closed forms."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tests.human.walker import LABELS, recorded, write_trc
+from wbc.human import human_motion, is_human_recording, read_markers
+from wbc.human.body import Body
+from wbc.human.plates import plate_wrench
+from wbc.motion.table import RecordingError
+
+BODY = Body.of(1.76, 72.0, "male")
+CORNERS = np.array(((0.9, 0.4, 0.0), (-0.1, 0.4, 0.0), (-0.1, -0.3, 0.0), (0.9, -0.3, 0.0)))
+DOWN = CORNERS[[3, 2, 1, 0]]  # corners in the other turn: z points into the ground
+
+
+def write_c3d(path: Path, seconds: float = 0.2) -> np.ndarray:
+    """Write a march with ezc3d: mm, z up, a plate of type 2; return true force and moment."""
+    ezc3d = pytest.importorskip("ezc3d")
+    recording, _ = recorded(BODY, seconds=seconds, plates=True)
+    plate, file = recording.plates[0], ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = [100.0]
+    file["parameters"]["POINT"]["LABELS"]["value"] = list(recording.labels)
+    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    points = np.ones((4, len(recording.labels), len(recording.time)))
+    points[:3] = 1e3 * recording.positions.transpose(2, 1, 0)
+    points[:3, LABELS.index("LFIN"), 3] = np.nan  # ezc3d writes a residual of -1
+    file["data"]["points"] = points
+    R = np.column_stack(((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)))  # of DOWN
+    sensor = DOWN.mean(axis=0) + R @ np.array((0.0, 0.0, 0.04))  # 40 mm under the surface
+    force = -plate.force @ R  # on the plate, in its axes
+    moment = -(plate.moment - np.cross(sensor, plate.force)) @ R
+    file["parameters"]["ANALOG"]["RATE"]["value"] = [100.0]
+    names = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
+    file["parameters"]["ANALOG"]["LABELS"]["value"] = names
+    file["parameters"]["ANALOG"]["UNITS"]["value"] = ["N", "N", "N", "Nmm", "Nmm", "Nmm"]
+    file["data"]["analogs"] = np.hstack((force, 1e3 * moment)).T[None]
+    for name, value in {
+        "USED": [1.0],
+        "TYPE": [2.0],
+        "CORNERS": 1e3 * DOWN.T[:, :, None],
+        "ORIGIN": np.array(((0.0,), (0.0,), (-40.0,))),
+        "CHANNEL": np.arange(1.0, 7.0)[:, None],
+        "ZERO": [1.0, 0.0],
+    }.items():
+        file.add_parameter("FORCE_PLATFORM", name, value)
+    file.write(str(path))
+    return np.hstack((plate.force, plate.moment))
+
+
+def test_c3d_with_a_plate(tmp_path: Path) -> None:
+    path = tmp_path / "march.c3d"
+    truth = write_c3d(path)
+    found = read_markers(path)
+    recording, _ = recorded(BODY, seconds=0.2)
+    assert found.labels == tuple(LABELS) and found.rate == pytest.approx(100.0)
+    lost = np.isnan(found.positions).any(axis=2)
+    assert lost[3, LABELS.index("LFIN")] and lost.sum() == 1
+    seen = ~lost
+    np.testing.assert_allclose(found.positions[seen], recording.positions[seen], atol=1e-6)
+    plate = found.upright("z").plates[0]
+    # 4-byte floats: 1e-7 of 1.5 kN and 1.5e6 N mm.
+    np.testing.assert_allclose(plate.force, truth[:, :3], atol=1e-3)
+    np.testing.assert_allclose(plate.moment, truth[:, 3:], atol=2e-3)
+
+
+def test_plates_of_all_types_agree() -> None:
+    """One wrench, as the four types of the C3D manual record it, on a plate that is turned."""
+    rng = np.random.default_rng(0)
+    force, point, free = rng.standard_normal((3, 5, 3)) * np.reshape((30, 0.2, 3), (3, 1, 1))
+    force[:, 2] = -700.0
+    point[:, 2], free[:, :2] = 0.0, 0.0
+    depth, unit = -0.03, 1.0
+    turn = Rotation.from_euler("z", 0.7).as_matrix()
+    corners = CORNERS @ turn.T + (0.4, -0.2, 0.0)
+    moment = np.cross(point - (0.0, 0.0, -depth), force) + free  # about the sensor
+    a, b = 0.2, 0.1
+    solve = np.zeros((6, 8))  # the eight sensors' sums of type 3
+    solve[0, :2], solve[1, 2:4], solve[2, 4:] = 1.0, 1.0, 1.0
+    solve[3, 4:] = b, b, -b, -b
+    solve[4, 4:] = -a, a, a, -a
+    solve[5, :4] = -b, b, a, -a
+    eight = np.hstack((force, moment)) @ np.linalg.pinv(solve).T
+    six, zero = np.hstack((force, moment)), np.array((0.0, 0.0, depth))
+    first = np.hstack((force, point[:, :2], free[:, 2:]))
+    found = {
+        1: plate_wrench(1, first, corners, np.zeros(3), unit, 1.0),
+        2: plate_wrench(2, six, corners, zero, unit, 1.0),
+        3: plate_wrench(3, eight, corners, np.array((a, b, depth)), unit, 1.0),
+        4: plate_wrench(4, six, corners, zero, unit, 1.0),
+    }
+    middle = corners.mean(axis=0)
+    for f, m in found.values():
+        np.testing.assert_allclose(f, force @ turn.T, atol=1e-10)
+        expected = np.cross(middle + point @ turn.T, force @ turn.T) + free @ turn.T
+        np.testing.assert_allclose(m, expected, atol=1e-9)
+
+
+def test_mot_plates(tmp_path: Path) -> None:
+    write_trc(tmp_path / "a.trc", recorded(BODY, seconds=0.1)[0])
+    rows = [
+        "0.0 10 700 -5 0.1 0 0.2 0 3 0",
+        "0.1 20 800 5 0.1 0 0.2 0 4 0",
+        "0.2 0 1 0 9 0 9 0 0 0",
+    ]
+    names = [f"ground_{k}" for k in ("force_vx", "force_vy", "force_vz", "force_px", "force_py")]
+    names += ["ground_force_pz", *(f"ground_torque_{axis}" for axis in "xyz")]
+    text = "grf\nnRows=3\nnColumns=10\nendheader\n" + "\n".join(["time " + " ".join(names), *rows])
+    (tmp_path / "a.mot").write_text(text)
+    found = read_markers(tmp_path / "a.trc", forces=tmp_path / "a.mot")
+    plate = found.plates[0]
+    assert plate.force[0].tolist() == [10.0, 700.0, -5.0]
+    expected = np.cross((0.1, 0.0, 0.2), (10.0, 700.0, -5.0)) + (0.0, 3.0, 0.0)
+    np.testing.assert_allclose(plate.moment[0], expected)
+    assert not plate.force[2].any() and not plate.moment[2].any()  # 1 N: its point is noise
+    up = found.upright("y").plates[0]
+    assert up.force[0].tolist() == [10.0, 5.0, 700.0]
+
+
+BVH = """HIERARCHY
+ROOT Hips
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+%s
+  JOINT Neck
+  {
+    OFFSET 0 60 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+%s
+    JOINT Head
+    {
+      OFFSET 0 10 0
+      CHANNELS 3 Zrotation Xrotation Yrotation
+      End Site
+      {
+        OFFSET 0 20 0
+      }
+    }
+  }
+}
+MOTION
+Frames: %d
+Frame Time: 0.01
+%s
+"""
+LIMB = """    JOINT {0}
+    {{
+      OFFSET {1}
+      CHANNELS 3 Zrotation Xrotation Yrotation
+      JOINT {2}
+      {{
+        OFFSET {3}
+        CHANNELS 3 Zrotation Xrotation Yrotation
+        JOINT {4}
+        {{
+          OFFSET {5}
+          CHANNELS 3 Zrotation Xrotation Yrotation
+          End Site
+          {{
+            OFFSET {6}
+          }}
+        }}
+      }}
+    }}
+"""
+
+
+def write_bvh(path: Path, frames: int = 12, fall: float = 0.0) -> np.ndarray:
+    """Write a skeleton in cm that bends its left knee; return the true left ankle [m]."""
+    legs = arms = ""
+    for side, s in (("Left", 1), ("Right", -1)):
+        names = [f"{side}{part}" for part in ("UpLeg", "Leg", "Foot")]
+        legs += LIMB.format(names[0], f"{9 * s} 0 0", names[1], "0 -42 0", names[2], "0 -43 0",
+                            "0 -7 18")  # fmt: skip
+        names = [f"{side}{part}" for part in ("Arm", "ForeArm", "Hand")]
+        arms += LIMB.format(names[0], f"{18 * s} -8 0", names[1], f"{28 * s} 0 0", names[2],
+                            f"{26 * s} 0 0", f"{9 * s} 0 0")  # fmt: skip
+    width = 6 + 3 * 14
+    bend = np.linspace(0.0, 60.0, frames)
+    rows = np.zeros((frames, width))
+    rows[:, 1] = 93.0 - fall
+    rows[:, 6 + 3 + 1] = bend  # X rotation of the left shin, behind the left thigh's three
+    lines = "\n".join(" ".join(f"{v:g}" for v in row) for row in rows)
+    path.write_text(BVH % (legs, arms, frames, lines))
+    a = np.radians(bend)
+    shin = 0.43 * np.column_stack((np.zeros(frames), -np.cos(a), -np.sin(a)))
+    return np.array((0.09, 0.51, 0.0)) + shin
+
+
+def test_bvh(tmp_path: Path) -> None:
+    path = tmp_path / "bend.bvh"
+    ankle = write_bvh(path)
+    found = read_markers(path)
+    at = found.positions[:, found.labels.index("LeftFoot")]
+    np.testing.assert_allclose(at, ankle, atol=1e-5)
+    assert any("lengths taken for cm" in note for note in found.notes)
+    human = human_motion(found, mass=70.0)
+    knee = human.motion.joints[:, human.motion.robot.joint_names.index("left_knee_flexion")]
+    np.testing.assert_allclose(np.degrees(knee - knee[0]), np.linspace(0.0, 60.0, 12), atol=3.0)
+    assert human.rms < 0.01
+    write_bvh(path)
+    path.write_text(path.read_text().replace("LeftUpLeg", "Wheel"))
+    with pytest.raises(RecordingError, match="no left_hip_centre by the usual names"):
+        read_markers(path)
+
+
+def test_smpl_poses(tmp_path: Path) -> None:
+    path, frames = tmp_path / "amass.npz", 10
+    poses = np.zeros((frames, 156))
+    poses[:, 0] = np.pi / 2  # y up to z up, as AMASS has it
+    poses[:, 3 * 4] = np.linspace(0.0, 1.0, frames)  # the left knee bends
+    trans = np.tile((0.0, 0.0, 0.95), (frames, 1))
+    np.savez(path, poses=poses, trans=trans, mocap_framerate=120.0, gender=np.array("male"))
+    assert is_human_recording(path)
+    human = human_motion(read_markers(path, stature=1.8), mass=70.0, stature=1.8)
+    robot = human.motion.robot
+    knee = human.motion.joints[:, robot.joint_names.index("left_knee_flexion")]
+    np.testing.assert_allclose(knee - knee[0], np.linspace(0.0, 1.0, frames), atol=0.05)
+    assert human.motion.rate == pytest.approx(120.0)
+    arms = human.motion.robot.snapshot(np.r_[human.motion.base[0], human.motion.joints[0]])
+    span = arms.position("left_hand") - arms.position("right_hand")
+    # A T-pose, facing against y of the world: the left hand is at +x.
+    assert span[0] == pytest.approx(2 * 1.8 / 1.741 * (0.175 + 0.282 + 0.269), rel=0.03)
+    np.savez(tmp_path / "robot.npz", time=np.arange(9.0), knee=np.zeros(9))
+    assert not is_human_recording(tmp_path / "robot.npz")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: t.replace("PathFileType", "Path"), "does not begin as a TRC file"),
+        (lambda t: t.replace("\tmm\t", "\tfurlong\t"), "Units: expected mm"),
+        (lambda t: t.replace("0.00000", "soon", 1), "row 1 .line 7.: 'soon' is not a number"),
+        (lambda t: t.replace("RASI", "LASI"), "'LASI' is there twice"),
+        (lambda t: "\n".join(t.splitlines()[:9]), "at least 8 are needed"),
+    ],
+)
+def test_trc_mistakes(tmp_path: Path, change, words: str) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / "a.trc"
+    write_trc(path, recorded(BODY, seconds=0.1)[0])
+    path.write_text(change(path.read_text()))
+    with pytest.raises(RecordingError, match=words):
+        read_markers(path)

@@ -1,0 +1,112 @@
+"""Damaged recordings: typed errors, or a recording, and nothing else."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.human.test_files import write_bvh, write_c3d
+from tests.human.walker import recorded, write_trc
+from wbc.errors import WbcError
+from wbc.human import human_motion, read_markers
+from wbc.human.body import Body
+
+BODY = Body.of(1.76, 72.0, "male")
+MOT = """grf
+nRows=3
+nColumns=10
+endheader
+time\tground_force_vx\tground_force_vy\tground_force_vz\tground_force_px\tground_force_py\tground_force_pz\tground_torque_x\tground_torque_y\tground_torque_z
+0\t10\t700\t-5\t0.1\t0\t0.2\t0\t3\t0
+0.1\t10\t700\t-5\t0.1\t0\t0.2\t0\t3\t0
+0.2\t10\t700\t-5\t0.1\t0\t0.2\t0\t3\t0
+"""
+TEXTS = (b"nan", b"inf", b"-1", b"1e308", b"999999999", b"", b"\t", b"x", b"{", b"}", b"\xff")
+
+
+def write_smpl(path: Path) -> None:
+    poses = np.random.default_rng(0).standard_normal((9, 72))
+    np.savez(path, poses=poses, trans=np.zeros((9, 3)), mocap_framerate=60.0)
+
+
+def write_mot(path: Path) -> None:
+    path.write_text(MOT)
+
+
+WRITERS: dict[str, Callable[[Path], object]] = {
+    "c3d": lambda path: write_c3d(path, 0.1),
+    "trc": lambda path: write_trc(path, recorded(BODY, seconds=0.1)[0]),
+    "bvh": write_bvh,
+    "npz": write_smpl,
+    "mot": write_mot,
+}
+
+
+def mutated(data: bytes, rng: np.random.Generator) -> bytes:
+    """Return a file with some bytes, words or lines changed, or cut off."""
+    out = bytearray(data)
+    for _ in range(int(rng.integers(1, 5))):
+        size = len(out)
+        # Where lengths and counts are, more often than among the numbers.
+        at = int(rng.integers(0, min(size, 3000) if rng.random() < 0.7 else size))
+        match int(rng.integers(0, 6)):
+            case 0:
+                out[at] = int(rng.integers(0, 256))
+            case 1:
+                out[at : at + 2] = int(rng.integers(0, 65536)).to_bytes(2, "little")
+            case 2:
+                out = out[: max(at, 1)]
+            case 3:
+                out[at : at + int(rng.integers(1, 9))] = TEXTS[rng.integers(len(TEXTS))]
+            case 4:
+                lines = bytes(out).split(b"\n")
+                k = int(rng.integers(len(lines)))
+                lines[k : k + 1] = [lines[k]] * int(rng.integers(0, 3))
+                out = bytearray(b"\n".join(lines))
+            case 5:
+                out[at:at] = out[at : at + int(rng.integers(1, 100))]
+        if not out:
+            return b""
+    return bytes(out)
+
+
+def tried(folder: Path, ending: str, count: int, seed: int) -> dict[str, int]:
+    """Read mutations of a file; return how many were refused, and how many read."""
+    whole = folder / f"whole.{ending}"
+    WRITERS[ending](whole)
+    WRITERS["trc"](folder / "beside.trc")
+    data, rng = whole.read_bytes(), np.random.default_rng(seed)
+    found = {"refused": 0, "read": 0, "fitted": 0}
+    path = folder / f"damaged.{ending}"
+    for number in range(count):
+        path.write_bytes(mutated(data, rng))
+        try:
+            if ending == "mot":
+                recording = read_markers(folder / "beside.trc", forces=path)
+            else:
+                recording = read_markers(path)
+            found["read"] += 1
+            assert np.isfinite(recording.time).all() and not np.isinf(recording.positions).any()
+            if number % 50 == 0 and len(recording.time) < 30:
+                human = human_motion(recording, mass=70.0)
+                assert np.isfinite(human.motion.joints).all()
+                found["fitted"] += 1
+        except WbcError as error:
+            found["refused"] += 1
+            assert len(str(error)) < 3000
+    return found
+
+
+@pytest.mark.parametrize("ending", ["c3d", "trc", "bvh", "npz", "mot"])
+def test_a_few_damaged_files(tmp_path: Path, ending: str) -> None:
+    found = tried(tmp_path, ending, 49, 1)
+    assert found["refused"] > 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", ["c3d", "trc", "bvh", "npz", "mot"])
+def test_many_damaged_files(tmp_path: Path, ending: str) -> None:
+    """2,500 of each: 12,500 in all."""
+    found = tried(tmp_path, ending, 2500, 2)
+    assert found["refused"] > 100 and found["read"] > 10

@@ -1,0 +1,129 @@
+"""A human fitted to the markers of a motion that is known."""
+
+import numpy as np
+import pytest
+
+import wbc
+from tests.human.walker import LABELS, recorded, write_trc
+from wbc.human import MarkerRecording, compared, human_motion, read_markers
+from wbc.human.body import NAMES, Body
+from wbc.human.fit import MarkerSet, first_poses, fit_poses
+from wbc.human.kinematics import place
+from wbc.human.landmarks import landmark, landmark_of
+from wbc.human.skeleton import configurations, human_robot
+from wbc.motion.table import RecordingError
+
+BODY = Body.of(1.76, 72.0, "male")
+
+
+def com_of(body: Body, poses: object) -> np.ndarray:
+    robot = human_robot(body)
+    return np.array([robot.snapshot(q).com for q in configurations(robot, poses)])
+
+
+def test_a_known_body_is_followed_exactly() -> None:
+    recording, truth = recorded(BODY, seconds=0.5)
+    marks = tuple(landmark(str(landmark_of(label))) for label in LABELS)
+    places = BODY.scale * np.array([mark.place for mark in marks])
+    markers = MarkerSet(tuple(LABELS), marks, places)
+    start = first_poses(recording.positions, markers, BODY.dimensions)
+    found, _ = fit_poses(start, recording.positions, markers, BODY.dimensions)
+    seen = place(found, BODY.dimensions).origin - place(truth, BODY.dimensions).origin
+    # Joints lean to neutral by (10 mm / lever / spread)^2 of their angle: a mm or so.
+    assert np.abs(seen).max() < 3e-3
+    assert np.sqrt((seen**2).mean()) < 5e-4
+
+
+@pytest.fixture(scope="module")
+def marched() -> tuple[MarkerRecording, object, wbc.human.HumanMotion]:
+    """A body that is not usual, markers 0.6 spreads beside where they should be, 1 mm of noise."""
+    rng = np.random.default_rng(3)
+    usual = Body.of(1.82, 72.0, "male")
+    sizes = usual.dimensions * (1.0 + 0.02 * rng.standard_normal(len(NAMES)))
+    body = Body(sizes, 72.0, 1.82, "male")
+    recording, poses = recorded(body, off=0.6, noise=1e-3, seed=5, plates=True)
+    holes = recording.positions.copy()
+    k = LABELS.index
+    holes[100:106, k("LKNE")] = np.nan  # short: interpolated
+    holes[150:210, k("C7")] = np.nan  # long: follows the fit
+    holes[60:70, [k("LANK"), k("LTOE")]] = holes[60:70, [k("LTOE"), k("LANK")]]
+    holes[240, k("RELB")] += 0.6  # a ghost
+    seen = MarkerRecording(recording.time, recording.labels, holes, recording.plates, "z")
+    return recording, (body, poses), human_motion(seen)
+
+
+@pytest.mark.slow
+def test_an_unknown_body_is_found(marched: tuple) -> None:  # type: ignore[type-arg]
+    _, (body, poses), human = marched
+    assert human.rms < 6e-3
+    off = np.abs(human.body.dimensions - body.dimensions)
+    lengths = [NAMES.index(name) for name in ("thigh", "shank", "upper_arm", "forearm")]
+    assert off[lengths].max() < 0.03  # of 0.3 to 0.45 m: markers hide the rest
+    robot = human.motion.robot
+    q = np.hstack((human.motion.base, human.motion.joints))
+    com = np.array([robot.snapshot(one).com for one in q])
+    off = com - com_of(body, poses)
+    assert np.sqrt((off**2).sum(axis=1).mean()) < 0.02
+    assert np.sqrt(((off - off.mean(axis=0)) ** 2).sum(axis=1).mean()) < 5e-3
+
+
+@pytest.mark.slow
+def test_what_was_lacking_is_told_and_mended(marched: tuple) -> None:  # type: ignore[type-arg]
+    _, _, human = marched
+    told = {(one.kind, one.columns) for one in human.motion.dropouts}
+    assert ("missing numbers", ("LKNE",)) in told
+    assert ("missing numbers", ("C7",)) in told
+    assert ("swapped markers", ("LANK", "LTOE")) in told
+    assert ("ghost", ("RELB",)) in told
+    joints = human.motion.robot.joint_names
+    knees = [joints.index(f"left_{name}") for name in ("knee_flexion", "ankle_dorsiflexion")]
+    jumps = np.diff(human.motion.joints[:, knees], n=2, axis=0)
+    # Noise of 1 mm makes 0.02 rad of the ankle; a swap that was followed would be several tenths.
+    assert np.abs(jumps).max() < 0.1
+
+
+@pytest.mark.slow
+def test_forces_are_those_of_the_true_motion(marched: tuple) -> None:  # type: ignore[type-arg]
+    recording, (body, _), human = marched
+    assert human.body.mass == pytest.approx(body.mass, rel=0.01)  # weighed by the plate
+    series = wbc.analyse(human.motion, cutoff=6.0, noise=human.noise, feet=None)
+    plate = recording.plates[0].force
+    inner = slice(40, -40)
+    off = series.ground_force[inner] - plate[inner]
+    rms = np.sqrt((off**2).mean(axis=0))
+    assert rms[2] < 0.02 * plate[:, 2].max()
+    assert rms[:2].max() < 0.02 * plate[:, 2].max()
+    held = np.abs(off) < 1.96 * series.uncertainty.momentum_rate[inner, :3]
+    assert held.mean() > 0.85
+
+
+@pytest.mark.slow
+def test_plates_that_have_not_all_are_not_compared(marched: tuple) -> None:  # type: ignore[type-arg]
+    _, _, human = marched
+    series = wbc.analyse(human.motion, cutoff=6.0, noise=None, feet=None)
+    nowhere = np.zeros((len(human.motion.time), 2), dtype=bool)
+    assert compared(series, human.recording.plates, nowhere, human.motion.time) is None
+    assert compared(series, (), human.down, human.motion.time) is None
+
+
+def test_y_up_in_mm_is_found(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    recording, _ = recorded(BODY, seconds=0.15)
+    write_trc(tmp_path / "march.trc", recording)
+    read = read_markers(tmp_path / "march.trc")
+    assert read.labels == tuple(LABELS)
+    turned = read.upright("y").positions
+    np.testing.assert_allclose(turned, recording.positions, atol=6e-7)  # three decimals of mm
+    human = human_motion(read, mass=72.0)
+    assert any("y taken for up" in note for note in human.notes)
+    assert human.motion.base[:, 2].mean() == pytest.approx(0.93, abs=0.03)
+
+
+def test_missing_markers_are_named() -> None:
+    labels = [label for label in LABELS if label not in ("LKNE", "LANK")] + ["Foo"]
+    recording, _ = recorded(BODY, labels=labels[:-1], seconds=0.2)
+    more = np.concatenate((recording.positions, recording.positions[:, :1]), axis=1)
+    with pytest.raises(RecordingError) as caught:
+        human_motion(MarkerRecording(recording.time, tuple(labels), more, up="z"))
+    text = str(caught.value)
+    assert "the left knee (LKNE); the left ankle (LANK)" in text
+    assert "LASI (left_asis)" in text and "not known: Foo" in text

@@ -1,0 +1,179 @@
+"""``wbc analyze`` of a human's recording: who moved, how well that fits, and what plates say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+
+from wbc.cli.printing import heads
+from wbc.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from wbc.human import Comparison, HumanMotion
+
+WORST = 4  # markers that are named
+
+
+@dataclass(frozen=True)
+class HumanOptions:
+    """Options of a human's recording, as they were given."""
+
+    static: Path | None
+    forces: Path | None
+    mass: float | None
+    stature: float | None
+    sex: str
+    up: str | None
+    unit: str | None
+
+    @property
+    def given(self) -> list[str]:
+        """Return the names of those that were."""
+        found = {
+            "--static": self.static,
+            "--forces": self.forces,
+            "--mass": self.mass,
+            "--stature": self.stature,
+            "--up": self.up,
+            "--unit": self.unit,
+        }
+        return [name for name, value in found.items() if value is not None]
+
+
+def is_human(motion: Path, robot: str | None, options: HumanOptions) -> bool:
+    """Return whether a recording is a human's.
+
+    Raises
+    ------
+    InvalidInputError
+        A human's with a robot, or a robot's without one, or with a human's options.
+    """
+    from wbc.human import is_human_recording
+
+    human = is_human_recording(motion)
+    if human and robot is not None:
+        raise InvalidInputError(f"{motion}: it is a human's recording; leave --robot out")
+    if not human and robot is None:
+        raise InvalidInputError(
+            f"{motion}: say whose motion it is: --robot NAME or FILE; humans' recordings end in"
+            " .c3d, .trc or .bvh, or are .npz with poses and trans"
+        )
+    if not human and options.given:
+        raise InvalidInputError(f"{', '.join(options.given)}: only of a human's recording")
+    return human
+
+
+def analyze_human(
+    path: Path,
+    options: HumanOptions,
+    *,
+    cutoff: tuple[float | str | None] | None,
+    ground: float | None,
+    rate: float | None,
+    noise: bool,
+    feet: str | list[str] | None,
+    longest_gap: float,
+    output: Sequence[Path],
+    plot: Path | None,
+    snapshots: int | list[float],
+    quiet: bool,
+) -> int:
+    """Analyse a human's recording and print, write and draw it; return the exit code."""
+    from wbc.cli.analyze_report import print_analysis
+    from wbc.cli.outputs import Outputs
+    from wbc.cli.progress import shown_progress
+    from wbc.human import compared, human_motion, read_markers
+    from wbc.motion import analyse
+
+    recording = read_markers(
+        path, forces=options.forces, unit=options.unit, stature=options.stature
+    )
+    static = None if options.static is None else read_markers(options.static)
+    human = human_motion(
+        recording,
+        static=static,
+        mass=options.mass,
+        stature=options.stature,
+        sex=options.sex,
+        up=options.up,
+        ground_height=ground,
+        longest_gap=longest_gap,
+    )
+    with shown_progress(quiet) as progress:
+        series = analyse(
+            human.motion,
+            rate=rate,
+            cutoff=human.cutoff if cutoff is None else cutoff[0],
+            feet=feet,
+            ground_height=human.ground_height,
+            noise=human.noise if noise else None,
+            progress=progress,
+        )
+    found = compared(series, human.recording.plates, human.down, human.motion.time)
+    outputs = Outputs()
+    for target in output:
+        outputs.save(target, series.save)
+    if plot is not None:
+        from wbc.view.human import plot_human
+
+        body = human.body
+        title = f"{path.name}: a human of {body.stature:.2f} m and {body.mass:.1f} kg"
+        outputs.draw(
+            plot,
+            lambda picture: plot_human(series, found, picture, title=title, snapshots=snapshots),
+        )
+    if not quiet:
+        print_human(human)
+        print_analysis(series, [], human=True)
+        if human.recording.plates:
+            print_plates(found)
+        if outputs.written:
+            Console(highlight=False).print(*(f"wrote {one}" for one in outputs.written), sep="\n")
+    return outputs.exit_code()
+
+
+def print_human(human: HumanMotion) -> None:
+    """Print whose motion it is, how well markers fit, and what was tolerated."""
+    console, body = Console(highlight=False), human.body
+    head = f"{body.sex}, {body.stature:.2f} m, {body.mass:.1f} kg"
+    console.print(Text.assemble(("human    ", "dim"), head))
+    by_marker = sorted(human.rms_by_marker.items(), key=lambda item: -item[1])
+    worst = ", ".join(f"{name} {1e3 * rms:.1f}" for name, rms in by_marker[:WORST])
+    text = f"{1e3 * human.rms:.1f} mm rms of {len(by_marker)} (largest: {worst})"
+    console.print(Text.assemble(("markers  ", "dim"), text))
+    for note in human.notes:
+        console.print(Text.assemble(("note     ", "yellow"), note))
+
+
+def print_plates(found: Comparison | None) -> None:
+    """Print the motion's ground force and CoP against those of force plates."""
+    console = Console(highlight=False)
+    if found is None:
+        text = "in no frame do they have all of the ground's force: nothing to compare"
+        console.print(Text.assemble(("plates   ", "yellow"), text))
+        return
+    count, both = len(found.time), int((~found.single).sum())
+    table = heads("force plates, from the motion alone", "rms", "of the peak", "in the band")
+    rms = np.sqrt((found.force_error**2).mean(axis=0))
+    level = float(np.sqrt((rms[:2] ** 2).sum()))
+    held = {name: f"{100 * part:.0f} %" for name, part in found.held.items()}
+    table.add_row("vertical force [N]", f"{rms[2]:.1f}", f"{100 * found.vertical:.1f} %",
+                  held.get("force z", ""))  # fmt: skip
+    across = " ".join(held.get(f"force {axis}", "") for axis in "xy")
+    table.add_row(
+        "horizontal force, x and y [N]", f"{level:.1f}", f"{100 * found.horizontal:.1f} %", across
+    )
+    cop = " ".join(held.get(f"cop {axis}", "") for axis in "xy")
+    for single, name in ((True, "single"), (False, "double")):
+        off = found.cop_rms(single)
+        if np.isfinite(off):
+            table.add_row(f"CoP in {name} support [mm]", f"{1e3 * off:.1f}", "", cop)
+    console.print(table)
+    span = f"{found.time[0]:.4g} s to {found.time[-1]:.4g} s"
+    console.print(f"in {count} frames from {span}, {both} of them on both feet")

@@ -1,0 +1,139 @@
+"""Skeletons of animation as markers: at joints, and beside them, where bones turn.
+
+What an animation calls a joint is taken for the joint's centre. Three more points move with each
+bone; where they are on the human's segment is found in the fit, since rest poses differ.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.human.landmarks import Landmark, landmark
+from wbc.human.markers import MarkerRecording
+from wbc.motion.table import RecordingError
+from wbc.validate import Array
+
+REACH = 0.1  # m: of a bone's points from its joint
+FREE, LOOSE = 0.3, 0.02  # m: spread and noise of such points
+# Names of joints after the side, in the order in which they are preferred.
+_PAIRED = {
+    "hip_centre": "UPLEG UPPERLEG HIP THIGH UPLEGROLL FEMUR HIPJOINT",
+    "knee_centre": "LEG LOWLEG LOWERLEG KNEE SHIN CALF TIBIA",
+    "ankle_centre": "FOOT ANKLE",
+    "toe": "TOEBASE TOE TOES BALL TOE0 FOOTINDEX FOOT/END ANKLE/END",
+    "shoulder_centre": "ARM UPARM UPPERARM SHLDR SHOULDER HUMERUS",
+    "elbow_centre": "FOREARM LOWARM LOWERARM ELBOW RADIUS",
+    "wrist_centre": "HAND WRIST",
+}
+_MIDDLE = {
+    "root": "HIPS PELVIS HIP ROOT REFERENCE",
+    "neck_centre": "NECK NECK1 LOWERNECK",
+    "head_centre": "HEAD",
+    "head_top": "HEAD/END",
+}
+SEGMENT_OF = {
+    "hip_centre": "thigh",
+    "knee_centre": "shank",
+    "ankle_centre": "foot",
+    "shoulder_centre": "upper_arm",
+    "elbow_centre": "forearm",
+    "wrist_centre": "hand",
+    "root": "pelvis",
+    "neck_centre": None,
+    "head_centre": "head",
+    "head_top": None,
+    "toe": None,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Bone:
+    """A joint of an animation, and the bone that turns with it."""
+
+    name: str
+    place: Array  # (n, 3) [m]
+    rotation: Array  # (n, 3, 3)
+    landmark: str | None  # what its joint is; None: nothing that a human's model has
+
+
+def joint_landmarks(names: Sequence[str], source: str) -> dict[int, str]:
+    """Return which landmark some joints of an animation are, by their number.
+
+    Raises
+    ------
+    RecordingError
+        Hips, knees or ankles are not found.
+    """
+    found = dict[int, str]()
+    plain = [_plain(name) for name in names]
+    for side, marks in (("left", ("LEFT", "L")), ("right", ("RIGHT", "R"))):
+        for name, words in _PAIRED.items():
+            for word in words.split():
+                hit = next((k for k, p in enumerate(plain) if p in _sided(word, marks)), None)
+                if hit is not None and hit not in found:
+                    found[hit] = f"{side}_{name}"
+                    break
+    for name, words in _MIDDLE.items():
+        hit = next((plain.index(word) for word in words.split() if word in plain), None)
+        if hit is not None and hit not in found:
+            found[hit] = name
+    wanted = {f"{s}_{n}_centre" for s in ("left", "right") for n in ("hip", "knee", "ankle")}
+    lost = sorted(wanted - set(found.values()))
+    if lost:
+        raise RecordingError(
+            f"its skeleton has no {', '.join(lost)} by the usual names (LeftUpLeg, LeftLeg,"
+            " LeftFoot, ...); rename its joints",
+            source,
+        )
+    return found
+
+
+def _plain(name: str) -> str:
+    name = name.rpartition(":")[2].upper()
+    name = re.sub(r"^(MIXAMORIG|BIP01|BIP001|CHARACTER1)_?", "", name)
+    return re.sub(r"[^A-Z0-9/]+", "", name)
+
+
+def _sided(word: str, marks: Sequence[str]) -> set[str]:
+    base, slash, end = word.partition("/")
+    tail = slash + end
+    return {f"{mark}{base}{tail}" for mark in marks} | {f"{base}{mark}{tail}" for mark in marks}
+
+
+def bone_markers(
+    time: Array, bones: Sequence[Bone], source: str, notes: tuple[str, ...]
+) -> MarkerRecording:
+    """Return a recording of markers at the joints and on the bones of an animation.
+
+    The spine's highest bone below the neck, or whatever carries both shoulders, tells of the trunk.
+    """
+    labels, tracks, marks = list[str](), list[Array](), list[Landmark | None]()
+    for bone in bones:
+        if bone.landmark is None:
+            continue
+        labels.append(bone.name)
+        tracks.append(bone.place)
+        marks.append(landmark(bone.landmark))
+        side, _, rest = bone.landmark.partition("_")
+        paired = side in ("left", "right")
+        segment = SEGMENT_OF[rest if paired else bone.landmark]
+        if segment is None:
+            continue
+        segment = f"{side}_{segment}" if paired else segment
+        for axis, letter in enumerate("xyz"):
+            label = f"{bone.name}/{letter}"
+            labels.append(label)
+            tracks.append(bone.place + REACH * bone.rotation[:, :, axis])
+            marks.append(Landmark(label, segment, segment, (0.0, 0.0, 0.0), FREE, LOOSE))
+    return MarkerRecording(
+        time,
+        tuple(labels),
+        np.stack(tracks, axis=1),
+        source=source,
+        notes=notes,
+        landmarks=tuple(marks),
+    )

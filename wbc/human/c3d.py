@@ -1,0 +1,179 @@
+"""Markers and force plates of a C3D file (www.c3d.org)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError
+from wbc.human.c3d_parameters import BLOCK, MIPS, C3dFile, floats, read_c3d_head
+from wbc.human.markers import ForcePlate, MarkerRecording
+from wbc.human.plates import plate_wrench
+from wbc.motion.table import read_bytes
+from wbc.validate import Array
+
+LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "dm": 0.1}
+MOST_POINTS = 1000
+LARGEST_RATE = 1e6  # Hz
+
+
+def read_c3d(path: Path) -> MarkerRecording:
+    """Return what a C3D file holds: all points whose residual is not negative, and force plates.
+
+    Intel, DEC and MIPS; integers and floats; plates of types 1 to 4.
+
+    Raises
+    ------
+    RecordingError
+        Unreadable, not such a file, or one whose header, parameters and data contradict each other.
+    """
+    source = str(path)
+    file = read_c3d_head(read_bytes(path), source)
+    points, per_frame = file.header[1], file.header[2]
+    samples = file.header[9]  # of each channel in a frame
+    frames, notes = _frames(file)
+    rate = file.number("POINT:RATE", file.rate)
+    if not 0.0 < rate <= LARGEST_RATE:
+        raise file.error(f"its rate is {rate:g} frames per second")
+    if not 0 < points <= MOST_POINTS:
+        raise file.error(f"it has {points} points; at least 1 and at most {MOST_POINTS} are read")
+    with np.errstate(all="ignore"):  # what is no number was not seen
+        marked, analog = _data(file, frames, points, per_frame)
+    unit = next(iter(file.texts("POINT:UNITS")), "mm").lower()
+    if unit not in LENGTHS:
+        raise file.error(f"POINT:UNITS: expected mm, cm or m, got {unit[:20]!r}")
+    labels, keep = _labels(file, points)
+    positions = marked[:, :, :3] * LENGTHS[unit]
+    positions[marked[:, :, 3] < 0.0] = np.nan
+    positions[(positions == 0.0).all(axis=2)] = np.nan
+    first = file.header[3]
+    time = np.arange(len(marked)) / rate
+    plates, told = _plates(file, analog, rate, samples, LENGTHS[unit])
+    if first > 1:
+        notes += (f"its first frame has the number {first}; times begin at 0 there",)
+    return MarkerRecording(
+        time, labels, positions[:, keep], plates, source=source, notes=notes + told
+    )
+
+
+def _frames(file: C3dFile) -> tuple[int, tuple[str, ...]]:
+    """Return how many frames the file tells of; words of 16 bits are too short for long ones."""
+    first, last = file.header[3], file.header[4]
+    count = last - first + 1
+    start, end = (file.numbers(f"TRIAL:ACTUAL_{name}_FIELD") for name in ("START", "END"))
+    if start.size == end.size == 2:
+        low = [int(v[0]) % 65536 + 65536 * (int(v[1]) % 65536) for v in (start, end)]
+        count = low[1] - low[0] + 1
+    told = file.number("POINT:LONG_FRAMES", file.number("POINT:FRAMES", count)) % 2**32
+    if last == 65535 and told > count:
+        count = int(told)
+    if count < 1:
+        raise file.error(f"its header tells of {count} frames")
+    return count, ()
+
+
+def _data(file: C3dFile, frames: int, points: int, per_frame: int) -> tuple[Array, Array]:
+    """Return points (n, m, 4) in the file's unit, with residual, and analog samples (n, k)."""
+    start = int(file.number("POINT:DATA_START", file.header[8])) or file.header[8]
+    start = BLOCK * (start - 1)
+    real = file.scale < 0.0
+    width, words = (4 if real else 2), 4 * points + per_frame
+    wanted = frames * words * width
+    if start < BLOCK or start + wanted > len(file.data):
+        there = max(0, len(file.data) - start) // (words * width)
+        what = f"it should have {frames} frames of {points} points, and has bytes for {there}"
+        raise file.error(f"{what}; is it cut off?")
+    raw = file.data[start : start + wanted]
+    if real:
+        table = floats(raw, file.processor).reshape(frames, words)
+    else:
+        dtype = ">i2" if file.processor == MIPS else "<i2"
+        table = np.frombuffer(raw, dtype=dtype).astype(np.float64).reshape(frames, words)
+    marked = table[:, : 4 * points].reshape(frames, points, 4).copy()
+    if not real:
+        marked[:, :, :3] *= file.scale
+    else:
+        marked[:, :, 3] = np.where(np.isfinite(marked[:, :, 3]), marked[:, :, 3], -1.0)
+    return marked, table[:, 4 * points :]
+
+
+def _labels(file: C3dFile, points: int) -> tuple[tuple[str, ...], list[int]]:
+    """Return the labels of markers, and which points they are; angles, powers and such are not."""
+    labels = file.texts("POINT:LABELS")
+    names = [labels[k] if k < len(labels) and labels[k] else f"*{k + 1}" for k in range(points)]
+    other = set[str]()
+    for kind in ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS"):
+        other |= set(file.texts(f"POINT:{kind}"))
+    keep, seen = list[int](), set[str]()
+    for k, name in enumerate(names):
+        if name not in other and name not in seen:
+            keep.append(k)
+            seen.add(name)
+    return tuple(names[k] for k in keep), keep
+
+
+def _plates(
+    file: C3dFile, analog: Array, rate: float, samples: int, unit: float
+) -> tuple[tuple[ForcePlate, ...], tuple[str, ...]]:
+    """Return force plates, and notes on those that cannot be read."""
+    used = int(file.number("FORCE_PLATFORM:USED", 0.0))
+    if used < 1 or samples < 1 or not analog.size:
+        return (), ()
+    channels = analog.shape[1] // samples
+    signals = analog.reshape(-1, channels)
+    if samples * channels != analog.shape[1]:
+        raise file.error(f"{analog.shape[1]} analog values in a frame are no {samples} per channel")
+    signals = _scaled(file, signals)
+    time = np.arange(len(signals)) / (rate * samples)
+    plates, notes = list[ForcePlate](), list[str]()
+    for k in range(min(used, 32)):
+        try:
+            with np.errstate(all="ignore"):  # what is not finite is refused
+                plates.append(_plate(file, k, signals, time, unit))
+        except (InvalidInputError, IndexError, ValueError) as error:
+            notes.append(f"force plate {k + 1} was left out: {error}")
+    return tuple(plates), tuple(notes)
+
+
+def _scaled(file: C3dFile, signals: Array) -> Array:
+    count = signals.shape[1]
+    gain = file.number("ANALOG:GEN_SCALE", 1.0)
+    scale, offset = np.ones(count), np.zeros(count)
+    for values, name in ((scale, "ANALOG:SCALE"), (offset, "ANALOG:OFFSET")):
+        given = file.numbers(name).ravel(order="F")[:count]
+        values[: len(given)] = given
+    unsigned = "UNSIGNED" in [text.upper() for text in file.texts("ANALOG:FORMAT")]
+    if unsigned:
+        offset, signals = offset % 65536, np.where(signals < 0.0, signals + 65536.0, signals)
+    with np.errstate(all="ignore"):
+        return np.asarray((signals - offset) * scale * gain)
+
+
+def _plate(file: C3dFile, k: int, signals: Array, time: Array, unit: float) -> ForcePlate:
+    kinds = file.numbers("FORCE_PLATFORM:TYPE").ravel(order="F")
+    corners = file.numbers("FORCE_PLATFORM:CORNERS")
+    origin = file.numbers("FORCE_PLATFORM:ORIGIN")
+    channel = file.numbers("FORCE_PLATFORM:CHANNEL")
+    if corners.ndim != 3 or origin.ndim != 2 or channel.ndim != 2 or k >= len(kinds):
+        raise file.error("its corners, origin or channels are missing")
+    columns: NDArray[np.intp] = channel[:, k].astype(np.intp) - 1
+    kind = int(kinds[k])
+    many = 8 if kind == 3 else 6
+    columns = columns[:many]
+    if len(columns) < many or columns.min() < 0 or columns.max() >= signals.shape[1]:
+        raise file.error(f"its channels are not among the {signals.shape[1]} recorded")
+    values = signals[:, columns]
+    if kind == 4:
+        calibration = file.numbers("FORCE_PLATFORM:CAL_MATRIX")
+        if calibration.ndim != 3 or calibration.shape[:2] != (6, 6):
+            raise file.error("it is of type 4 without a calibration matrix")
+        values = values @ calibration[:, :, k].T
+    texts = [text.lower().replace(".", "") for text in file.texts("ANALOG:UNITS")]
+    torque = texts[columns[-1]] if columns[-1] < len(texts) else ""
+    arm = {"nmm": 1e-3, "nm": 1.0, "ncm": 1e-2}.get(torque, unit)
+    force, moment = plate_wrench(
+        kind, values, unit * corners[:, :, k].T, unit * origin[:, k], unit, arm
+    )
+    return ForcePlate(f"plate {k + 1}", time, force, moment)

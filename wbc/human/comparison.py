@@ -1,0 +1,198 @@
+"""A human's motion against force plates: where they have all of the ground's force, and how near.
+
+From the motion alone; the plates tell nothing but the body's mass, where it is not given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import binary_dilation, binary_erosion
+
+from wbc.human.contacts import Bools
+from wbc.human.markers import ForcePlate
+from wbc.motion.analysis import analyse
+from wbc.motion.filtering import low_passed
+from wbc.motion.recording import Motion
+from wbc.motion.series import RmpSeries
+from wbc.motion.smoothing import even_grid
+from wbc.motion.uncertainty import BAND
+from wbc.rmp.ground import centre_of_pressure
+from wbc.spatial import STANDARD_GRAVITY
+from wbc.validate import Array
+
+LOADED = 20.0  # N: a plate that is pushed less is empty
+BESIDE = 0.15  # m: how far a plate's CoP may be from a sole that stands on it
+LATE = 0.06  # s: how much a foot's landing on a plate and its landing by the motion may differ
+LEAST_FRAMES = 5
+PRESSED = 0.3  # of the weight: below it neither CoP means much
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A motion's ground force and CoP less those of force plates, in m frames.
+
+    Attributes
+    ----------
+    time:
+        (m,) [s]: frames in which every foot that is down stands on a plate.
+    force, cop:
+        Of the plates (m, 3) [N], (m, 2) [m], low-passed as the motion is.
+    force_error, cop_error:
+        Of the motion, less those.
+    single:
+        Whether one foot is down (m,), rather than two.
+    held:
+        Parts of the frames in which the plates are within the motion's 95 % bands, by ``force x``,
+        ``force y``, ``force z``, ``cop x``, ``cop y``; empty without bands.
+    """
+
+    time: Array
+    force: Array
+    cop: Array
+    force_error: Array
+    cop_error: Array
+    single: Bools
+    held: dict[str, float]
+
+    @property
+    def vertical(self) -> float:
+        """Rms error of the vertical force, as a part of its peak."""
+        return float(_rms(self.force_error[:, 2]) / self.force[:, 2].max())
+
+    @property
+    def horizontal(self) -> float:
+        """Rms error of the horizontal force, a vector, as a part of its peak."""
+        level = np.linalg.norm(self.force[:, :2], axis=1).max()
+        return float(_rms(np.linalg.norm(self.force_error[:, :2], axis=1)) / level)
+
+    def cop_rms(self, single: bool) -> float:
+        """Rms distance of the CoPs in single or double support [m]; NaN without such frames."""
+        frames = self.single == single
+        if not frames.any():
+            return float("nan")
+        return _rms(np.linalg.norm(self.cop_error[frames], axis=1))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def compared(
+    series: RmpSeries, plates: tuple[ForcePlate, ...], down: Bools, time: Array
+) -> Comparison | None:
+    """Return a series against force plates, or None if they never have all of the force.
+
+    Parameters
+    ----------
+    down:
+        Which feet are down (n, f) at times ``time`` (n,) [s].
+    """
+    if not plates:
+        return None
+    nearest = np.abs(time[None] - series.time[:, None]).argmin(axis=1)
+    feet = down[nearest]
+    soles = _sole_places(series)
+    whole, force, moment = _complete(plates, series, feet, soles)
+    whole &= force[:, 2] > PRESSED * series.robot.weight
+    if whole.sum() < LEAST_FRAMES:
+        return None
+    force, moment = force[whole], moment[whole]
+    cop = centre_of_pressure(np.zeros_like(force), force, moment, series.ground_height)
+    error, off = series.ground_force[whole] - force, series.cop[whole] - cop
+    return Comparison(
+        time=series.time[whole],
+        force=force,
+        cop=cop[:, :2],
+        force_error=error,
+        cop_error=off[:, :2],
+        single=feet[whole].sum(axis=1) == 1,
+        held=_held(series, whole, error, off),
+    )
+
+
+def plates_mass(
+    motion: Motion, plates: tuple[ForcePlate, ...], down: Bools, cutoff: float, height: float
+) -> float | None:
+    """Return a human's mass [kg]: the plates' vertical force by g + c'', both summed over time.
+
+    None if the plates never have all of the force.
+    """
+    if not plates:
+        return None
+    series = analyse(motion, cutoff=cutoff, noise=None, feet=None, ground_height=height)
+    nearest = np.abs(motion.time[None] - series.time[:, None]).argmin(axis=1)
+    whole, force, _ = _complete(plates, series, down[nearest], _sole_places(series))
+    whole &= force[:, 2] > LOADED
+    if whole.sum() < LEAST_FRAMES:
+        return None
+    needed = STANDARD_GRAVITY + series.com_acceleration[whole, 2]
+    return float(force[whole, 2].sum() / needed.sum())
+
+
+def _sole_places(series: RmpSeries) -> Array:
+    """Return the middles of the soles (n, f, 2) [m]."""
+    robot = series.robot
+    found = np.empty((len(series), len(robot.feet), 2))
+    for k, q in enumerate(series.q):
+        state = robot.snapshot(q)
+        for number, foot in enumerate(robot.feet.values()):
+            found[k, number] = state.position(foot.frame)[:2]
+    return found
+
+
+def _complete(
+    plates: tuple[ForcePlate, ...], series: RmpSeries, down: Bools, soles: Array
+) -> tuple[Bools, Array, Array]:
+    """Return in which frames the plates have all of the force, the force and its moment (n, 3)."""
+    time = series.time
+    step = float(time[1] - time[0])
+    on = np.zeros(down.shape, dtype=bool)
+    force, moment = np.zeros((2, len(time), 3))
+    inside = np.ones(len(time), dtype=bool)
+    stray = np.zeros(len(time), dtype=bool)
+    for plate in plates:
+        f, m = _at(plate, time, series.cutoff)
+        force, moment = force + f, moment + m
+        inside &= (time >= plate.time[0]) & (time <= plate.time[-1])
+        raw, turning = _at(plate, time, None)
+        loaded = raw[:, 2] > LOADED
+        lift = np.where(loaded, raw[:, 2], 1.0)
+        spot = np.column_stack((-turning[:, 1], turning[:, 0])) / lift[:, None]
+        spot += raw[:, :2] / lift[:, None] * series.ground_height
+        reach = 0.5 * max(np.ptp(foot.polygon, axis=0).max() for foot in series.robot.feet.values())
+        near = np.linalg.norm(soles - spot[:, None], axis=2) < reach + BESIDE
+        on |= near & loaded[:, None]
+        stray |= loaded & ~near.any(axis=1)
+    late = max(1, round(LATE / step))
+    around = np.ones((2 * late + 1, 1), dtype=bool)
+    covered = binary_dilation(on, around) | ~down
+    whole = covered.all(axis=1) & (on & down).any(axis=1) & inside & ~stray
+    return np.asarray(binary_erosion(whole, around[:, 0])), force, moment
+
+
+def _at(plate: ForcePlate, time: Array, cutoff: float | None) -> tuple[Array, Array]:
+    """Return force and moment (n, 3) of a plate at some times, low-passed."""
+    values = np.hstack((plate.force, plate.moment))
+    if cutoff is not None:
+        grid = even_grid(plate.time)
+        rate = (len(grid) - 1) / float(grid[-1] - grid[0])
+        even = np.column_stack([np.interp(grid, plate.time, part) for part in values.T])
+        values = np.column_stack(
+            [np.interp(plate.time, grid, part) for part in low_passed(even, rate, cutoff).T]
+        )
+    found = np.column_stack([np.interp(time, plate.time, part) for part in values.T])
+    return found[:, :3], found[:, 3:]
+
+
+def _held(series: RmpSeries, whole: Bools, force: Array, cop: Array) -> dict[str, float]:
+    if series.uncertainty is None:
+        return {}
+    bands = {"force": series.uncertainty.momentum_rate, "cop": series.uncertainty.cop}
+    errors = {"force": force, "cop": cop}
+    return {
+        f"{name} {axis}": float((np.abs(errors[name][:, k]) <= BAND * bands[name][whole, k]).mean())
+        for name, axes in (("force", "xyz"), ("cop", "xy"))
+        for k, axis in enumerate(axes)
+    }

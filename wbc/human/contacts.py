@@ -1,0 +1,57 @@
+"""Which feet are on the ground, by the motion alone: low and slow."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.motion.dropouts import runs
+from wbc.motion.ground import sole_corners
+from wbc.robot import Robot
+from wbc.validate import Array
+
+LOW, SLOW = 0.035, 0.6  # m above the ground and m/s: of the lowest corner of a sole
+SHORTEST = 0.06  # s: shorter contacts, and gaps in them, are noise
+# Of steps, whose third harmonic is the last in which most of the ground's force is (Antonsson and
+# Mann 1985, J. Biomech. 18, 39-47); above it markers tell more of skin than of bones.
+HARMONICS = 2.6
+USUAL_CUTOFF, CUTOFFS = 6.0, (4.0, 12.0)  # Hz: without steps, and at least and most with them
+
+Bools = NDArray[np.bool_]
+
+
+def feet_down(robot: Robot, soles: dict[str, Array], time: Array, height: float) -> Bools:
+    """Return which feet touch the ground (n, f), in the order of ``robot.feet``.
+
+    Parameters
+    ----------
+    soles:
+        Placements of the sole frames (n, 4, 4), of a smooth motion.
+    """
+    corners = sole_corners(robot, soles)  # (n, f, k, 3)
+    speed = np.linalg.norm(np.gradient(corners, time, axis=0), axis=3)
+    lowest = corners[..., 2].argmin(axis=2)[..., None]
+    low = np.take_along_axis(corners[..., 2], lowest, axis=2)[..., 0] - height < LOW
+    slow = np.take_along_axis(speed, lowest, axis=2)[..., 0] < SLOW
+    down = low & slow
+    for flags in down.T:
+        for value in (False, True):  # short gaps first, then short contacts
+            for first, end in runs(flags == value):
+                short = time[end - 1] - time[first] < SHORTEST
+                if short and first > 0 and end < len(time):
+                    flags[first:end] = not value
+    return np.asarray(down)
+
+
+def step_rate(down: Bools, time: Array) -> float | None:
+    """Return steps per second, by the median time between landings; None with fewer than three."""
+    landings = np.sort(time[1:][(down[1:] & ~down[:-1]).any(axis=1)])
+    if len(landings) < 3:
+        return None
+    return 1.0 / float(np.median(np.diff(landings)))
+
+
+def chosen_cutoff(down: Bools, time: Array) -> float:
+    """Return the low-pass for a human's motion [Hz]: three times its steps per second."""
+    rate = step_rate(down, time)
+    return USUAL_CUTOFF if rate is None else float(np.clip(HARMONICS * rate, *CUTOFFS))

@@ -1,0 +1,88 @@
+"""Files of recorded humans: which reader reads which."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+from wbc.errors import InvalidInputError
+from wbc.human.bvh import read_bvh
+from wbc.human.c3d import read_c3d
+from wbc.human.markers import ForcePlate, MarkerRecording
+from wbc.human.opensim_files import read_plates, read_trc
+from wbc.human.smpl import is_smpl, read_smpl
+from wbc.motion.table import RecordingError
+
+ENDINGS = (".c3d", ".trc", ".bvh", ".npz")
+PLATES = (".mot", ".sto", ".c3d")
+
+
+def is_human_recording(path: str | Path) -> bool:
+    """Return whether a file is read as a human's: C3D, TRC, BVH, or an NPZ of SMPL poses."""
+    path = Path(path)
+    ending = path.suffix.lower()
+    if ending != ".npz":
+        return ending in ENDINGS
+    try:
+        with zipfile.ZipFile(path) as file:
+            return is_smpl([name.removesuffix(".npy") for name in file.namelist()])
+    except (OSError, ValueError, zipfile.BadZipFile, NotImplementedError, RuntimeError):
+        return False  # its reader says what is wrong
+
+
+def read_markers(
+    path: str | Path,
+    *,
+    forces: str | Path | None = None,
+    unit: str | None = None,
+    stature: float | None = None,
+) -> MarkerRecording:
+    """Read a human's recording from a C3D, TRC or BVH file, or an NPZ of SMPL poses.
+
+    C3D: markers and force plates of types 1 to 4. TRC: markers; force plates from an OpenSim MOT or
+    STO file (``forces``). BVH and AMASS-like NPZ: joints and bones of the skeleton.
+
+    Parameters
+    ----------
+    forces:
+        File with force plates of the same world and time, ``.mot``, ``.sto`` or ``.c3d``; in place
+        of those of the recording.
+    unit:
+        Of a BVH file's lengths, ``cm``, ``m``, ``inch`` or ``mm``; None: by the skeleton's height.
+    stature:
+        Of the human whose SMPL poses are read [m].
+
+    Raises
+    ------
+    RecordingError
+        A file cannot be read, or is none of these.
+    InvalidInputError
+        What it holds is no recording: see :class:`MarkerRecording`.
+    """
+    path, source = Path(path), str(path)
+    try:
+        match path.suffix.lower():
+            case ".c3d":
+                found = read_c3d(path)
+            case ".trc":
+                found = read_trc(path)
+            case ".bvh":
+                found = read_bvh(path, unit)
+            case ".npz":
+                found = read_smpl(path, stature)
+            case _:
+                what = f"a human is read from {', '.join(ENDINGS)}"
+                raise RecordingError(what, source)
+        return found if forces is None else found.with_plates(_plates(Path(forces)))
+    except RecordingError:
+        raise
+    except InvalidInputError as error:
+        raise RecordingError(str(error).removeprefix(f"{source}: "), source) from error
+
+
+def _plates(path: Path) -> tuple[ForcePlate, ...]:
+    if path.suffix.lower() == ".c3d":
+        return read_c3d(path).plates
+    if path.suffix.lower() in PLATES:
+        return read_plates(path)
+    raise RecordingError(f"force plates are read from {', '.join(PLATES)}", str(path))

@@ -1,0 +1,177 @@
+"""Postures of a human fitted to markers, in all frames at once, by damped Gauss-Newton.
+
+Weighted least squares: markers by how much skin moves there, joints by how far they usually are
+from neutral, which decides only what no marker tells. Far residuals count linearly (Huber).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.human.body import HINGES
+from wbc.human.kinematics import DOFS, Placed, Poses, joined_poses, place, point_jacobian
+from wbc.human.landmarks import Landmark, segment_index
+from wbc.validate import Array
+
+SPREADS = np.array([hinge.spread for hinge in HINGES])  # rad
+HUBER = 3.0  # standard deviations beyond which a residual counts linearly
+STEPS = 40
+SETTLED = 1e-6  # relative decrease of the cost below which a frame is done
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-9, 1e6
+FRAMES_AT_ONCE = 250
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerSet:
+    """Markers on a human: where each one is, and how sure that is.
+
+    A marker is at ``origin(anchor) + R(segment) place`` in the world.
+    """
+
+    names: tuple[str, ...]  # labels of the recording (m)
+    landmarks: tuple[Landmark, ...]  # (m)
+    place: Array  # (m, 3) [m]
+
+    @property
+    def segments(self) -> NDArray[np.intp]:
+        """The segments they move with (m,)."""
+        return np.array([segment_index(one.segment) for one in self.landmarks], dtype=np.intp)
+
+    @property
+    def anchors(self) -> NDArray[np.intp]:
+        """The segments at whose origins their places are counted from (m,)."""
+        return np.array([segment_index(one.anchor) for one in self.landmarks], dtype=np.intp)
+
+    @property
+    def noise(self) -> Array:
+        """Standard deviations (m,) [m]."""
+        return np.array([one.noise for one in self.landmarks])
+
+    def at(self, placed: Placed) -> Array:
+        """Return where they are in n frames (n, m, 3) [m]."""
+        turned = (placed.rotation[:, self.segments] @ self.place[None, :, :, None])[..., 0]
+        return np.asarray(placed.origin[:, self.anchors] + turned)
+
+
+def weights(residual: Array, noise: Array) -> tuple[Array, Array]:
+    """Return weights (n, m) of squares and the cost (n,) of residuals (n, m, 3); NaN weighs 0."""
+    size = np.linalg.norm(residual, axis=2) / noise
+    known = np.isfinite(size)
+    size = np.where(known, size, 0.0)
+    far = size > HUBER
+    factor = np.where(far, HUBER / np.maximum(size, HUBER), 1.0)
+    cost = np.where(far, HUBER * (2.0 * size - HUBER), size**2)
+    return np.where(known, factor / noise**2, 0.0), cost.sum(axis=1)
+
+
+def residuals(poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array) -> Array:
+    """Return where markers are in the fit, less where they were seen (n, m, 3) [m]."""
+    return np.asarray(markers.at(place(poses, dimensions)) - observed)
+
+
+def fit_poses(
+    start: Poses, observed: Array, markers: MarkerSet, dimensions: Array, steps: int = STEPS
+) -> tuple[Poses, Array]:
+    """Return the postures (n) that fit markers (n, m, 3) [m], and their costs (n,).
+
+    Parameters
+    ----------
+    start:
+        Where the search begins.
+    observed:
+        Marker positions in world axes, z up; NaN where one is not seen.
+    """
+    parts, costs = list[Poses](), list[Array]()
+    for first in range(0, len(start), FRAMES_AT_ONCE):
+        frames = slice(first, first + FRAMES_AT_ONCE)
+        found, cost = _fit(start[frames], observed[frames], markers, dimensions, steps)
+        parts.append(found)
+        costs.append(cost)
+    return joined_poses(parts), np.concatenate(costs)
+
+
+def _fit(
+    poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array, steps: int
+) -> tuple[Poses, Array]:
+    poses = Poses(poses.position.copy(), poses.rotation.copy(), poses.angles.copy())
+    cost = _cost(poses, observed, markers, dimensions)
+    damping = np.full(len(poses), FIRST_DAMPING)
+    active: NDArray[np.intp] = np.arange(len(poses))
+    for _ in range(steps):
+        if not len(active):
+            break
+        now = poses[active]
+        H, g = normal_equations(now, observed[active], markers, dimensions)
+        diagonal = np.arange(DOFS)
+        H[:, diagonal, diagonal] *= 1.0 + damping[active, None]
+        step = -np.linalg.solve(H, g[..., None])[..., 0]
+        tried = now.moved(step)
+        new = _cost(tried, observed[active], markers, dimensions)
+        better = new <= cost[active]
+        taken, kept = active[better], active[~better]
+        gain = cost[taken] - new[better]
+        poses.position[taken] = tried.position[better]
+        poses.rotation[taken] = tried.rotation[better]
+        poses.angles[taken] = tried.angles[better]
+        done = taken[gain <= SETTLED * cost[taken] + 1e-12]
+        cost[taken] = new[better]
+        damping[taken] = np.maximum(0.1 * damping[taken], LEAST_DAMPING)
+        damping[kept] *= 10.0
+        stuck = kept[damping[kept] > MOST_DAMPING]
+        active = np.setdiff1d(active, np.concatenate((done, stuck)))
+    return poses, cost
+
+
+def normal_equations(
+    poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array
+) -> tuple[Array, Array]:
+    """Return Gauss-Newton's matrices (n, 40, 40) and gradients (n, 40) of half the cost."""
+    placed = place(poses, dimensions)
+    at = markers.at(placed)
+    residual = at - observed
+    weight, _ = weights(residual, markers.noise)
+    J = point_jacobian(placed, markers.segments, at).reshape(len(poses), -1, DOFS)
+    W = np.repeat(weight, 3, axis=1)
+    JW = np.swapaxes(J * W[:, :, None], 1, 2)
+    H = JW @ J
+    r = np.nan_to_num(residual).reshape(len(poses), -1)
+    g = (JW @ r[..., None])[..., 0]
+    hinges = np.arange(6, DOFS)
+    H[:, hinges, hinges] += SPREADS**-2
+    g[:, 6:] += poses.angles * SPREADS**-2
+    # A pelvis that no marker tells of stays where it is, and the matrix regular.
+    base = np.arange(6)
+    H[:, base, base] += 1e-9
+    return H, g
+
+
+def _cost(poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array) -> Array:
+    _, cost = weights(residuals(poses, observed, markers, dimensions), markers.noise)
+    return np.asarray(cost + ((poses.angles / SPREADS) ** 2).sum(axis=1))
+
+
+def first_poses(observed: Array, markers: MarkerSet, dimensions: Array) -> Poses:
+    """Return upright postures (n) put where the markers of pelvis and trunk are, by Kabsch (1976).
+
+    The rotation is the one that brings the neutral posture's markers nearest; without three of
+    them in a frame, as in the frame before.
+    """
+    count = len(observed)
+    neutral = Poses(np.zeros((1, 3)), np.eye(3)[None], np.zeros((1, len(HINGES))))
+    model = markers.at(place(neutral, dimensions))[0]
+    core = [k for k, one in enumerate(markers.landmarks) if one.segment in ("pelvis", "trunk")]
+    position, rotation = np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1))
+    R, p = np.eye(3), np.zeros(3)
+    for k in range(count):
+        seen = [j for j in core if np.isfinite(observed[k, j]).all()]
+        if len(seen) >= 3:
+            there, here = observed[k, seen], model[seen]
+            U, _, Vt = np.linalg.svd((here - here.mean(axis=0)).T @ (there - there.mean(axis=0)))
+            sign = np.sign(np.linalg.det(Vt.T @ U.T))
+            R = Vt.T @ np.diag((1.0, 1.0, sign)) @ U.T
+            p = there.mean(axis=0) - R @ here.mean(axis=0)
+        position[k], rotation[k] = p, R
+    return Poses(position, rotation, np.zeros((count, len(HINGES))))

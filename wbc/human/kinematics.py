@@ -1,0 +1,116 @@
+"""Points on a human's segments in many frames at once, with their derivatives.
+
+Pinocchio goes frame by frame; a fit to markers needs thousands of frames at once, and derivatives
+by the body's dimensions, which Pinocchio does not have. Tests compare both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.human.body import HINGES, SEGMENTS, origin_maps, subtree
+from wbc.spatial import skews
+from wbc.validate import Array
+
+ORIGIN_MAPS = origin_maps()
+CARRIED = np.array([subtree(k) for k in range(len(SEGMENTS))])  # (segments, segments)
+HINGE_SEGMENTS = np.array([k for k, s in enumerate(SEGMENTS) for _ in s.hinges])
+BASE_DOFS = 6
+DOFS = BASE_DOFS + len(HINGES)
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Postures of a human in n frames."""
+
+    position: Array  # of the pelvis (n, 3) [m]
+    rotation: Array  # of the pelvis (n, 3, 3)
+    angles: Array  # of the hinges (n, 34) [rad]
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def __getitem__(self, frames: slice | NDArray[np.intp]) -> Poses:
+        return Poses(self.position[frames], self.rotation[frames], self.angles[frames])
+
+    def moved(self, step: Array) -> Poses:
+        """Return the postures after steps (n, 40): of the pelvis in world axes, then of hinges."""
+        turned = rotations(step[:, 3:6]) @ self.rotation
+        return Poses(self.position + step[:, :3], turned, self.angles + step[:, 6:])
+
+
+def joined_poses(parts: list[Poses]) -> Poses:
+    """Return the frames of several postures in a row."""
+    return Poses(
+        np.concatenate([part.position for part in parts]),
+        np.concatenate([part.rotation for part in parts]),
+        np.concatenate([part.angles for part in parts]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Where segments and hinges are in n frames, in world axes."""
+
+    rotation: Array  # of the segments (n, s, 3, 3)
+    origin: Array  # of the segments (n, s, 3) [m]
+    axis: Array  # of the hinges (n, h, 3)
+
+
+def rotations(vectors: Array) -> Array:
+    """Return the rotation matrices (n, 3, 3) of rotation vectors (n, 3) [rad], by Rodrigues."""
+    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
+    K = skews(vectors)
+    first = np.sinc(angle / np.pi)
+    second = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2  # (1 - cos t) / t^2
+    return np.asarray(np.eye(3) + first * K + second * (K @ K))
+
+
+def place(poses: Poses, dimensions: Array) -> Placed:
+    """Return where the segments of a body of these dimensions (12,) are."""
+    count = len(poses)
+    offsets = ORIGIN_MAPS @ dimensions
+    rotation = np.empty((count, len(SEGMENTS), 3, 3))
+    origin, axis = np.empty((count, len(SEGMENTS), 3)), np.empty((count, len(HINGES), 3))
+    rotation[:, 0], origin[:, 0] = poses.rotation, poses.position
+    number = 0
+    for k, segment in enumerate(SEGMENTS[1:], 1):
+        R = rotation[:, segment.parent]
+        origin[:, k] = origin[:, segment.parent] + R @ offsets[k]
+        for hinge in segment.hinges:
+            direction = np.array(hinge.axis)
+            axis[:, number] = R @ direction
+            R = R @ rotations(poses.angles[:, number, None] * direction)
+            number += 1
+        rotation[:, k] = R
+    return Placed(rotation, origin, axis)
+
+
+def points(placed: Placed, segments: NDArray[np.intp], local: Array) -> Array:
+    """Return points (n, m, 3) given their segments (m,) and places there (m, 3) [m]."""
+    turned = (placed.rotation[:, segments] @ local[None, :, :, None])[..., 0]
+    return np.asarray(placed.origin[:, segments] + turned)
+
+
+def point_jacobian(placed: Placed, segments: NDArray[np.intp], at: Array) -> Array:
+    """Return derivatives (n, m, 3, 40) of points ``at`` (n, m, 3) by steps of the postures."""
+    count, many = at.shape[:2]
+    J = np.zeros((count, many, 3, DOFS))
+    J[..., :3] = np.eye(3)
+    J[..., 3:6] = -skews((at - placed.origin[:, None, 0]).reshape(-1, 3)).reshape(count, many, 3, 3)
+    arms = at[:, :, None] - placed.origin[:, None, HINGE_SEGMENTS]  # (n, m, h, 3)
+    moved = np.cross(placed.axis[:, None], arms)
+    moved *= CARRIED[HINGE_SEGMENTS][:, segments].T[None, :, :, None]
+    J[..., 6:] = np.swapaxes(moved, 2, 3)
+    return J
+
+
+def dimension_jacobian(placed: Placed, segments: NDArray[np.intp]) -> Array:
+    """Return derivatives (n, m, 3, 12) of points on these segments (m,) by the dimensions."""
+    by = np.zeros((len(placed.origin), len(SEGMENTS), 3, ORIGIN_MAPS.shape[2]))
+    for k, segment in enumerate(SEGMENTS[1:], 1):
+        by[:, k] = by[:, segment.parent] + placed.rotation[:, segment.parent] @ ORIGIN_MAPS[k]
+    return np.asarray(by[:, segments])

@@ -1,0 +1,212 @@
+"""Places on a human that markers are put on, and the names that laboratories give to them.
+
+Names are those of Plug-in Gait and CGM2 (Vicon), Helen Hayes, IOR (Leardini 2007), ISB (Wu 2002,
+2005), OpenSim's gait2392, Rajagopal and OpenCap, CMU and Visual3D. Spelling, separators and the
+place of the side do not matter: ``R.ASIS``, ``RASI``, ``r_asis_study``, ``ASIS_R``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from wbc.human.body import SEGMENT_NAMES
+
+
+@dataclass(frozen=True)
+class Landmark:
+    """A place on a segment.
+
+    Attributes
+    ----------
+    name:
+        Such as ``left_asis``.
+    segment:
+        The segment it moves with.
+    anchor:
+        The segment at whose origin, a joint on ``segment``, places are counted from.
+    place:
+        In the axes of ``segment`` [m], of the reference stature.
+    spread:
+        How far it may be from there, one standard deviation [m].
+    noise:
+        How much skin and marker move against the bone, one standard deviation [m].
+    """
+
+    name: str
+    segment: str
+    anchor: str
+    place: tuple[float, float, float]
+    spread: float
+    noise: float
+
+
+# What the left or right ones are called besides the side: segment, anchor, place on the left [mm],
+# spread and noise [mm].
+_PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]] = {
+    "asis": ("pelvis", "pelvis", (46, 120, 83), 12, 8, "ASIS ASI IAS FWT FRONTWAIST"),
+    "psis": ("pelvis", "pelvis", (-105, 45, 83), 15, 8, "PSIS PSI IPS BWT BACKWAIST"),
+    "iliac_crest": ("pelvis", "pelvis", (-10, 135, 150), 40, 10, "ICR ILC IC ILIACCREST CREST"),
+    "hip_centre": ("pelvis", "_thigh", (0, 0, 0), 10, 8, "HJC HIPCENTRE HIPCENTER HIPJOINT HIPJC"),
+    "trochanter": ("_thigh", "_thigh", (0, 85, 0), 30, 15, "GT GTR FTC TROC TROCH GTROC TROCHANTER"
+                   " GREATERTROCHANTER GTROCHANTER HIP"),
+    "thigh": ("_thigh", "_thigh", (0, 70, -220), 120, 15, "THI THIGH TH TH1 TH2 TH3 TH4 TH5 TH6"
+              " THIGH1 THIGH2 THIGH3 THIGH4 THIGHUPPER THIGHFRONT THIGHREAR THIGHLAT THAP THAD THLD"
+              " UTHIGH LTHIGH THIGHLOWER THIGHDIST THIGHPROX QUAD"),
+    "knee_lateral": ("_thigh", "_shank", (0, 58, 0), 12, 10, "KNE KNEE KNEELAT LATKNEE LKNEE LKNE"
+                     " KNEEOUT LFC FLE LE LEP LK KNEEEXT KNL KNEL LFEP LFE LCON FLC KNEELATERAL"),
+    "knee_medial": ("_thigh", "_shank", (0, -58, 0), 12, 10, "MKNEE MKNE KNEEMED MEDKNEE KNM KNEM"
+                    " MFC FME ME MEP MK KNEEIN KNEEINT MFEP MFE MCON FMC KNEEMEDIAL"),
+    "knee_centre": ("_thigh", "_shank", (0, 0, 0), 10, 8, "KJC KNEEJOINT KNEECENTRE KNEECENTER"
+                    " KNEEJC"),
+    "fibula_head": ("_shank", "_shank", (-15, 55, -50), 20, 10, "HF FH FAX FIBHEAD FIBULA FIBHD"),
+    "tibial_tuberosity": ("_shank", "_shank", (45, 0, -65), 25, 10, "TT TTC TTUB TIBTUB TUB"),
+    "shank": ("_shank", "_shank", (20, 40, -200), 120, 10, "TIB TIBIA SHANK SH SH1 SH2 SH3 SH4 SH5"
+              " SH6 SHN SHIN SHANK1 SHANK2 SHANK3 SHANK4 SHANKUPPER SHANKFRONT SHANKREAR SHANKLAT"
+              " TIAP TIAD TB TB1 TB2 TB3 TB4 TIB1 TIB2 TIB3 SK1 SK2 SK3 SK4 LEG CALF"),
+    "ankle_lateral": ("_shank", "_foot", (0, 42, 0), 10, 8, "ANK ANKLE ANKLELAT LATANKLE LANKLE"
+                      " LANK LMAL MAL LM FAL ANKLEOUT ANKLEEXT ANL LMA ANKLELATERAL"),
+    "ankle_medial": ("_shank", "_foot", (8, -42, 5), 10, 8, "MANKLE MANK ANKLEMED MEDANKLE MMAL MED"
+                     " MM TAM ANKLEIN ANKLEINT ANM MMA ANKLEMEDIAL"),
+    "ankle_centre": ("_shank", "_foot", (0, 0, 0), 10, 8, "AJC ANKLEJOINT ANKLECENTRE ANKLECENTER"
+                     " ANKLEJC"),
+    "heel": ("_foot", "_foot", (-65, 0, -55), 25, 6, "HEE HEEL CAL CALC CALCANEUS CA FCC HL HEEL1"
+             " HEE1 PHEEL CALCBACK"),
+    "toe": ("_foot", "_foot", (150, 0, -55), 50, 8, "TOE TOES SMH FM2 SM MT2 TOETIP TOEMID FOREFOOT"
+            " MTP TOE2 2META TOECENTER MT3 D2M MH2"),
+    "metatarsal_1": ("_foot", "_foot", (125, -35, -58), 30, 8, "MT1 FMH FM1 FM TOEMED 1META MTP1"
+                     " D1M MH1 1MT 1MTP TOE1"),
+    "metatarsal_5": ("_foot", "_foot", (105, 50, -65), 30, 8, "MT5 VMH FM5 VM TOELAT 5META MTP5 D5M"
+                     " MH5 5MT 5MTP TOE5 MH5 MT5HEAD"),
+    "foot": ("_foot", "_foot", (60, 10, -40), 80, 8, "MIDFOOTSUP MIDFOOTLAT MIDFOOT FOOT FOOT1"
+             " FOOT2 FOOT3 P1MT P5MT P1M P5M MIDFOOTMED NAV LCAL MCAL STL"),
+    "acromion": ("trunk", "_upper_arm", (0, 5, 45), 25, 15, "SHO SHOULDER ACR ACROMION ACROMIUM AC"
+                 " CAJ ACRO SHLD SHD SAE SAJ"),
+    "shoulder_centre": ("trunk", "_upper_arm", (0, 0, 0), 15, 12, "SJC SHOULDERCENTRE GHJC"
+                        " SHOULDERCENTER SHOULDERJOINT SHOULDERJC"),
+    "clavicle": ("trunk", "trunk", (65, 30, 380), 40, 10, "CLAVICLE CLA SC SCJ CLAV"),
+    "scapula": ("trunk", "trunk", (-110, 90, 320), 80, 15, "SCAP BAK SIA SAA SRS SCAPULA ACRB"
+                " SCAPINF IAS2"),
+    "upper_arm": ("_upper_arm", "_upper_arm", (0, 45, -150), 90, 12, "UPA BICEP BICEPS UPPERARM UA"
+                  " UA1 UA2 UA3 UARM ARM UPPERARM1 HUMERUS UPARM TRICEP TRICEPS DELT"),
+    "elbow_lateral": ("_upper_arm", "_forearm", (0, 38, 0), 15, 10, "ELB ELBOW ELBOWLAT LATELBOW"
+                      " LELBOW LEL HLE ELBOWOUT ELBL LELB ELBLAT ELL ELBOWLATERAL EL LHE"),
+    "elbow_medial": ("_upper_arm", "_forearm", (0, -38, 0), 15, 10, "MELBOW ELBOWMED MEDELBOW MEL"
+                     " HME ELBOWIN ELBM MELB ELBMED ELM ELBOWMEDIAL EM MHE"),
+    "elbow_centre": ("_upper_arm", "_forearm", (0, 0, 0), 10, 10, "EJC ELBOWCENTRE ELBOWCENTER"
+                     " ELBOWJOINT ELBOWJC"),
+    "forearm": ("_forearm", "_forearm", (20, 30, -140), 90, 10, "FRM FOREARM FRA FARM FA FA1 FA2"
+                " FASUPERIOR FORE FOREARM1 RADULN"),
+    "wrist": ("_forearm", "_hand", (0, 25, 0), 30, 10, "WRIST WRI WR"),
+    "wrist_radial": ("_forearm", "_hand", (32, 0, 0), 12, 8, "WRA RSP WRISTRAD WRISTLAT LATWRIST"
+                     " LWRIST FARADIUS RAD RADIUS RS WRR WRISTRADIUS WRISTTHUMB"),
+    "wrist_ulnar": ("_forearm", "_hand", (-32, 0, 0), 12, 8, "WRB USP WRISTULN WRISTMED MEDWRIST"
+                    " MWRIST FAULNA ULN ULNA UHE US WRU WRISTULNA WRISTPINKY"),
+    "wrist_centre": ("_forearm", "_hand", (0, 0, 0), 10, 10, "WJC WRISTCENTRE WRISTCENTER"
+                     " WRISTJOINT WRISTJC"),
+    "hand": ("_hand", "_hand", (0, 20, -75), 35, 8, "FIN HAND HM3 HM2 HM5 FIN1 HANDTOP MCP3 MCP2"
+             " MC3 MCP5 MCP MC2 MC5 HND"),
+    "head_front": ("head", "head", (110, 70, 165), 40, 6, "FHD HDF FRONTHEAD HEADFRONT FH1"),
+    "head_back": ("head", "head", (-75, 70, 165), 40, 6, "BHD HDB BACKHEAD HEADBACK REARHEAD"),
+    "ear": ("head", "head", (15, 75, 125), 30, 6, "EAR TRAGUS TRAG HEAD HD"),
+}  # fmt: skip
+_MIDDLE: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]] = {
+    "sacrum": ("pelvis", "pelvis", (-110, 0, 75), 20, 8, "SACR SACRUM S2 S1 VSACRAL VSAC SAC MPSIS"
+               " SACRAL MIDPSIS"),
+    "mid_asis": ("pelvis", "pelvis", (46, 0, 83), 12, 8, "MIDASIS"),
+    "root": ("pelvis", "pelvis", (0, 0, 20), 30, 8, "PELVISROOT"),
+    "spine_low": ("trunk", "trunk", (-100, 0, 60), 80, 12, "L1 L2 L3 L4 L5 LV1 LV3 LV5 LUMBAR"),
+    "spine": ("trunk", "trunk", (-115, 0, 230), 90, 10, "T10 TV10 T8 TV8 T12 TV12 T6 T7 T4 T5 T9"
+              " T11 THORAX SPINE"),
+    "spine_high": ("trunk", "head", (-60, 0, -50), 40, 10, "T2 TV2 T1 TV1 T3"),
+    "c7": ("trunk", "head", (-55, 0, 0), 15, 10, "C7 CV7 CERV7 C7T1"),
+    "jugular": ("trunk", "trunk", (65, 0, 386), 30, 10, "CLAV SJN IJ SUP JN MANUBRIUM JUG CLAVICLE"
+                " SUPR MIDCLAVICLE INCJ SS"),
+    "xiphoid": ("trunk", "trunk", (95, 0, 240), 60, 12, "STRN STERNUM SXS PX XIPH XYPH XIPHOID STER"
+                " XP CHEST"),
+    "back": ("trunk", "trunk", (-110, -70, 300), 90, 12, "RBAK LBAK OFFSET ROFFSET RSCAP BACK"
+             " BACKOFFSET"),
+    "head_top": ("head", "head", (20, 0, 250), 30, 6, "TOPHEAD HEADTOP TOP HDTP VERTEX HTOP HEAD"),
+    "head_mid_front": ("head", "head", (120, 0, 165), 40, 6, "FRONTHEAD FOREHEAD HEADFRONT HDFR"
+                       " GLAB GLABELLA NASION"),
+    "head_mid_back": ("head", "head", (-90, 0, 165), 40, 6, "BACKHEAD REARHEAD HEADBACK HDBK OCC"),
+    "neck_centre": ("trunk", "head", (0, 0, 0), 15, 10, "CJC NECKJOINT NECKCENTRE"),
+    "head_centre": ("head", "head", (20, 0, 90), 40, 8, "HEADCENTRE HEADJOINT"),
+}  # fmt: skip
+SIDES = {"L": "left", "R": "right", "LEFT": "left", "RIGHT": "right"}
+_SUFFIXES = ("STUDY", "MARKER", "REFERENCE")
+
+
+def _aliases(table: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]]
+             ) -> dict[str, str]:  # fmt: skip
+    found = dict[str, str]()
+    for name, row in table.items():
+        for alias in row[5].split():
+            found.setdefault(alias, name)
+    return found
+
+
+_PAIRED_ALIASES, _MIDDLE_ALIASES = _aliases(_PAIRED), _aliases(_MIDDLE)
+
+
+def landmark_of(label: str) -> str | None:
+    """Return the name of the landmark that a marker's label means, or None.
+
+    ``left_asis`` from ``Subject1:LASI``, ``L.ASIS``, ``asis_left`` and the like.
+    """
+    text = re.sub(r"[^A-Z0-9]+", " ", label.rpartition(":")[2].upper()).strip()
+    for suffix in _SUFFIXES:
+        text = text.removesuffix(suffix).strip()
+    parts = text.split()
+    words = "".join(parts)
+    if words in _MIDDLE_ALIASES:
+        return _MIDDLE_ALIASES[words]
+    for side in sorted(SIDES, key=len, reverse=True):
+        rests = [words.removeprefix(side)] if words.startswith(side) else []
+        # Elsewhere a side is one only where something parts it: SACR is no right one.
+        if len(parts) > 1 and parts.count(side) == 1:
+            rests.append("".join(part for part in parts if part != side))
+        if len(side) > 1 and words.endswith(side):
+            rests.append(words.removesuffix(side))
+        for rest in rests:
+            if rest in _PAIRED_ALIASES:
+                return f"{SIDES[side]}_{_PAIRED_ALIASES[rest]}"
+    return None
+
+
+def landmark(name: str) -> Landmark:
+    """Return a landmark by its name, as :func:`landmark_of` gives it."""
+    side, _, rest = name.partition("_")
+    paired = side in ("left", "right")
+    row = _PAIRED[rest] if paired else _MIDDLE[name]
+    segment, anchor, (x, y, z), spread, noise, _ = row
+    sign = -1.0 if side == "right" else 1.0
+    carrier, counted = (side + part if part.startswith("_") else part for part in (segment, anchor))
+    place = (1e-3 * x, sign * 1e-3 * y, 1e-3 * z)
+    return Landmark(name, carrier, counted, place, 1e-3 * spread, 1e-3 * noise)
+
+
+def segment_index(name: str) -> int:
+    """Return the index of a segment."""
+    return SEGMENT_NAMES.index(name)
+
+
+def lacking(names: Iterable[str]) -> list[str]:
+    """Return what a set of landmarks lacks for a fit, in words; empty if nothing."""
+    found, wanted = set(names), list[str]()
+    pelvis = {n for n in found if landmark(n).segment == "pelvis"}
+    if len(pelvis) < 3:
+        wanted.append("three on the pelvis (RASI, LASI, and RPSI and LPSI, or SACR)")
+    trunk = {n for n in found if landmark(n).segment == "trunk"}
+    if len(trunk) < 3:
+        wanted.append("three on the trunk (RSHO, LSHO, and C7, CLAV or STRN)")
+    for side in ("left", "right"):
+        mark = side[0].upper()
+        if not found & {f"{side}_knee_{part}" for part in ("lateral", "medial", "centre")}:
+            wanted.append(f"the {side} knee ({mark}KNE)")
+        if not found & {f"{side}_ankle_{part}" for part in ("lateral", "medial", "centre")}:
+            wanted.append(f"the {side} ankle ({mark}ANK)")
+        if not any(landmark(n).segment == f"{side}_foot" for n in found):
+            wanted.append(f"the {side} foot ({mark}TOE, {mark}HEE)")
+    return wanted

@@ -1,0 +1,161 @@
+"""A recording of a human: marker positions over time, and what force plates measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.errors import InvalidInputError
+from wbc.human.landmarks import Landmark
+from wbc.motion.recording import LEAST_ROWS
+from wbc.validate import Array, finite_array, read_only, real_array, set_fields
+
+UPS = ("y", "z", "x")
+# Rotations that bring the vertical axis of a file to z, by its name.
+_TO_Z = {
+    "z": np.eye(3),
+    "y": np.array(((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))),
+    "x": np.array(((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))),
+}
+FARTHEST = 1e3  # m from the origin: beyond, it is another unit
+
+
+@dataclass(frozen=True, eq=False)
+class ForcePlate:
+    """What one force plate measured: the ground's wrench on the human.
+
+    Raises
+    ------
+    InvalidInputError
+        Arrays of other shapes, or not finite.
+    """
+
+    name: str
+    time: Array  # (k,) [s]
+    force: Array  # (k, 3) [N], of the ground on the human
+    moment: Array  # (k, 3) about the world's origin [N m]
+
+    def __post_init__(self) -> None:
+        count = real_array(f"{self.name}: time", self.time).size
+        time = finite_array(f"{self.name}: time", self.time, (count,))
+        force = finite_array(f"{self.name}: force", self.force, (count, 3))
+        moment = finite_array(f"{self.name}: moment", self.moment, (count, 3))
+        if count < 2 or not (np.diff(time) > 0.0).all():
+            raise InvalidInputError(f"{self.name}: times must increase, at least two of them")
+        set_fields(self, time=read_only(time), force=read_only(force), moment=read_only(moment))
+
+    def pushing(self) -> ForcePlate:
+        """Return it with the sign for which the ground pushes up (z) rather than pulls."""
+        sign = -1.0 if float(self.force[:, 2].sum()) < 0.0 else 1.0
+        return ForcePlate(self.name, self.time, sign * self.force, sign * self.moment)
+
+    def rotated(self, R: Array) -> ForcePlate:
+        """Return it in world axes turned by ``R`` (3, 3)."""
+        return ForcePlate(self.name, self.time, self.force @ R.T, self.moment @ R.T)
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerRecording:
+    """Markers on a human over time; made by :func:`wbc.human.read_markers`, or from arrays.
+
+    Attributes
+    ----------
+    time:
+        (n,) [s], increasing.
+    labels:
+        Names of the markers (m).
+    positions:
+        (n, m, 3) [m]; NaN where a marker was not seen.
+    plates:
+        Force plates, in the same world and time.
+    up:
+        Axis of the world that points up: ``x``, ``y``, ``z``, or None: to be found from the
+        markers.
+    source:
+        Where it comes from, for messages.
+    notes:
+        What was tolerated while reading, in words.
+    landmarks:
+        What some markers are, by label, where their names do not say it.
+
+    Raises
+    ------
+    InvalidInputError
+        Arrays of a wrong shape, infinite or in another unit than m, fewer than 8 rows, times that
+        do not increase, a label twice.
+    """
+
+    time: Array
+    labels: tuple[str, ...]
+    positions: Array
+    plates: tuple[ForcePlate, ...] = ()
+    up: str | None = None
+    source: str = "markers"
+    notes: tuple[str, ...] = ()
+    landmarks: tuple[Landmark | None, ...] = ()
+
+    def __repr__(self) -> str:
+        seconds = self.time[-1] - self.time[0]
+        return (
+            f"MarkerRecording({len(self.labels)} markers, {len(self.time)} frames, {seconds:.4g} s)"
+        )
+
+    def __post_init__(self) -> None:
+        source, labels = self.source, tuple(str(label) for label in self.labels)
+        count = real_array(f"{source}: time", self.time).size
+        if count < LEAST_ROWS:
+            raise InvalidInputError(f"{source}: {count} frames; at least {LEAST_ROWS} are needed")
+        time = finite_array(f"{source}: time", self.time, (count,))
+        if not (np.diff(time) > 0.0).all():
+            raise InvalidInputError(f"{source}: time must increase from frame to frame")
+        if len(set(labels)) < len(labels):
+            twice = next(label for label in labels if labels.count(label) > 1)
+            raise InvalidInputError(f"{source}: marker {twice[:60]!r} is there twice; rename one")
+        positions = real_array(f"{source}: positions", self.positions)
+        if positions.shape != (count, len(labels), 3):
+            raise InvalidInputError(
+                f"{source}: positions have shape {positions.shape}, expected"
+                f" {(count, len(labels), 3)}"
+            )
+        positions[~np.isfinite(positions).all(axis=2)] = np.nan
+        if len(labels) and np.nanmax(np.abs(positions), initial=0.0) > FARTHEST:
+            raise InvalidInputError(
+                f"{source}: a marker is over {FARTHEST:g} m from the origin; are its units right?"
+            )
+        if self.up is not None and self.up not in UPS:
+            raise InvalidInputError(f"{source}: up: expected x, y, z or None, got {self.up!r}")
+        if self.landmarks and len(self.landmarks) != len(labels):
+            raise InvalidInputError(f"{source}: {len(self.landmarks)} landmarks for {len(labels)}")
+        set_fields(self, time=read_only(time), labels=labels, positions=read_only(positions))
+
+    @property
+    def rate(self) -> float:
+        """Frames per second, by the median step [Hz]."""
+        return 1.0 / float(np.median(np.diff(self.time)))
+
+    def with_plates(self, plates: tuple[ForcePlate, ...]) -> MarkerRecording:
+        """Return the recording with other force plates."""
+        return self._with(self.positions, plates, self.up)
+
+    def upright(self, up: str) -> MarkerRecording:
+        """Return the recording in a world whose z axis is this one's ``up``."""
+        if up not in UPS:
+            raise InvalidInputError(f"up: expected x, y or z, got {up!r}")
+        R = _TO_Z[up]
+        plates = tuple(plate.rotated(R).pushing() for plate in self.plates)
+        return self._with(self.positions @ R.T, plates, "z")
+
+    def _with(
+        self, positions: Array, plates: tuple[ForcePlate, ...], up: str | None
+    ) -> MarkerRecording:
+        return MarkerRecording(
+            self.time,
+            self.labels,
+            positions,
+            plates,
+            up,
+            self.source,
+            self.notes,
+            self.landmarks,
+        )

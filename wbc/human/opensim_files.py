@@ -1,0 +1,141 @@
+"""Text files of OpenSim: marker positions (TRC), and force plates (MOT, STO)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from wbc.human.markers import ForcePlate, MarkerRecording
+from wbc.motion.table import RecordingError, read_text, shortened
+from wbc.validate import Array
+
+UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "meters": 1.0, "millimeters": 1e-3}
+MOST_MARKERS = 1000
+PRESSED = 10.0  # N: below it a plate's point is noise, and what it pushes with is none
+
+
+def read_trc(path: Path) -> MarkerRecording:
+    """Return what a TRC file holds.
+
+    Empty cells, and markers at exactly (0, 0, 0), were not seen.
+
+    Raises
+    ------
+    RecordingError
+        Unreadable, no such header, an unknown unit, or a row that does not fit.
+    """
+    source, lines = str(path), read_text(path, strict=False).splitlines()
+    if len(lines) < 6 or not lines[0].startswith("PathFileType"):
+        raise RecordingError("it does not begin as a TRC file does (PathFileType ...)", source)
+    fields = dict(zip(lines[1].split(), lines[2].split(), strict=False))
+    unit = fields.get("Units", "").lower()
+    if unit not in UNITS:
+        raise RecordingError(f"Units: expected mm, cm or m, got {shortened(unit)!r}", source)
+    head = lines[3].split("\t") if "\t" in lines[3] else lines[3].split()
+    labels = [cell.strip() for cell in head[2:] if cell.strip()]
+    if not labels or len(labels) > MOST_MARKERS:
+        raise RecordingError(f"line 4 names {len(labels)} markers", source)
+    notes = list[str]()
+    told = fields.get("NumMarkers", "")
+    if told.isdigit() and int(told) != len(labels):
+        notes.append(f"the header tells of {told} markers, {len(labels)} are named")
+    width = 2 + 3 * len(labels)
+    rows = _rows(lines, 5, width, source)
+    positions = rows[:, 2:].reshape(len(rows), -1, 3) * UNITS[unit]
+    zero = (positions == 0.0).all(axis=2)
+    if zero.any():
+        positions[zero] = np.nan
+        notes.append(f"{int(zero.sum())} positions at exactly 0, 0, 0 were taken as not seen")
+    if not np.isfinite(rows[:, 1]).all():
+        raise RecordingError("a row has no time", source, "Time")
+    return MarkerRecording(rows[:, 1], tuple(labels), positions, source=source, notes=tuple(notes))
+
+
+def _rows(lines: list[str], first: int, width: int, source: str) -> Array:
+    """Return the numbers of a table's lines (n, width), NaN where a cell is empty or missing."""
+    found = list[list[float]]()
+    for number, line in enumerate(lines[first:], first + 1):
+        if not line.strip():
+            continue
+        cells = line.split("\t") if "\t" in line else line.split()
+        while len(cells) > width and not cells[-1].strip():
+            cells.pop()
+        if len(cells) > width:
+            what = f"it has {len(cells)} cells, the header has {width}"
+            raise RecordingError(what, source, None, len(found) + 1, number)
+        try:
+            row = [float(cell) if cell.strip() else np.nan for cell in cells]
+        except ValueError:
+            bad = next(cell for cell in cells if cell.strip() and not _is_number(cell))
+            what = f"{shortened(bad.strip())!r} is not a number"
+            raise RecordingError(what, source, None, len(found) + 1, number) from None
+        found.append(row + [np.nan] * (width - len(row)))
+    if not found:
+        raise RecordingError("it holds no rows of numbers", source)
+    return np.array(found)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def read_plates(path: Path) -> tuple[ForcePlate, ...]:
+    """Return the force plates of an OpenSim MOT or STO file.
+
+    Columns ``..._vx`` to ``..._vz`` are the force, ``..._px`` to ``..._pz`` its point, and those
+    with ``torque`` or ``moment`` in their names the free torque there, in N, m and N m.
+
+    Raises
+    ------
+    RecordingError
+        Unreadable, no such header, no forces, or numbers that are missing.
+    """
+    source, lines = str(path), read_text(path, strict=False).splitlines()
+    end = next((k for k, line in enumerate(lines[:200]) if line.strip() == "endheader"), None)
+    if end is None or end + 2 > len(lines):
+        raise RecordingError("it has no line 'endheader', as MOT and STO files have", source)
+    names = [name.lower() for name in lines[end + 1].split()]
+    if not names or names[0] != "time":
+        raise RecordingError("its first column is not time", source)
+    rows = _rows([line.replace("\t", " ") for line in lines], end + 2, len(names), source)
+    if not np.isfinite(rows).all():
+        bad = int(np.flatnonzero(~np.isfinite(rows).all(axis=1))[0])
+        raise RecordingError("a number is missing", source, None, bad + 1)
+    if not (np.diff(rows[:, 0]) > 0.0).all():
+        raise RecordingError("times must increase from row to row", source, "time")
+    columns = _by_plate(names)
+    if not columns:
+        raise RecordingError("no force is in it: three columns such as ground_force_vx", source)
+    plates = []
+    for plate, found in columns.items():
+        force, point, torque = (
+            rows[:, found[kind]] if kind in found else np.zeros((len(rows), 3)) for kind in "vpt"
+        )
+        pressed = np.linalg.norm(force, axis=1) > PRESSED
+        force = np.where(pressed[:, None], force, 0.0)
+        moment = np.where(pressed[:, None], np.cross(point, force) + torque, 0.0)
+        plates.append(ForcePlate(plate, rows[:, 0], force, moment))
+    return tuple(plates)
+
+
+def _by_plate(names: list[str]) -> dict[str, dict[str, list[int]]]:
+    """Return columns x, y, z of force v, point p and torque t by plate; those that have a force."""
+    found = dict[str, dict[str, list[int]]]()
+    for k, name in enumerate(names):
+        plain = name.replace("torque", "force").replace("moment", "force")
+        if name[-1:] not in ("x", "y", "z") or "force" not in plain:
+            continue
+        kind = "t" if plain != name else name[-2:-1]
+        plate = (plain[:-1] if kind == "t" else plain[:-2]).strip("_")
+        if kind in "vpt":
+            found.setdefault(plate, {}).setdefault(kind, [-1, -1, -1])["xyz".index(name[-1])] = k
+    return {
+        plate: {kind: columns for kind, columns in kinds.items() if -1 not in columns}
+        for plate, kinds in found.items()
+        if -1 not in kinds.get("v", [-1])
+    }

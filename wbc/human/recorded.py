@@ -1,0 +1,251 @@
+"""From markers to a human's motion: who moves, how, and how well that fits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError
+from wbc.human.anthropometry import MEAN_BODY_MASS_INDEX, check_sex
+from wbc.human.body import Body
+from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
+from wbc.human.comparison import plates_mass
+from wbc.human.contacts import Bools, chosen_cutoff, feet_down
+from wbc.human.fit import MarkerSet, fit_poses, residuals
+from wbc.human.gaps import filled_by_fit, filled_shortly, unswapped, without_ghosts
+from wbc.human.kinematics import Poses, place
+from wbc.human.known import known_markers, upright
+from wbc.human.landmarks import Landmark
+from wbc.human.markers import MarkerRecording
+from wbc.human.residual_noise import ResidualNoise, residual_noise
+from wbc.human.skeleton import configurations, human_robot
+from wbc.human.soles import ground_and_soles
+from wbc.motion.dropouts import Dropout
+from wbc.motion.filtering import low_passed
+from wbc.motion.recording import LONGEST_GAP, Motion
+from wbc.motion.smoothing import even_grid, on_grid
+from wbc.robot import Robot
+from wbc.robot.limits import BASE_NQ
+from wbc.robot.series import sole_series
+from wbc.validate import Array, finite_number
+
+STATIC_FRAMES = 6  # of a static trial, which hardly differ
+LEAST_CUTOFF_PERIODS = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class HumanMotion:
+    """A human's motion, fitted to markers; made by :func:`wbc.human.human_motion`.
+
+    Attributes
+    ----------
+    motion:
+        For :func:`wbc.analyse`; its robot is the human.
+    body:
+        The human's dimensions, mass, stature and sex.
+    recording:
+        The markers, z up, gaps filled; and force plates.
+    markers:
+        Names and places of those that were fitted, in the order of ``residual``.
+    residual:
+        (n, m, 3) [m]: where the fit has markers less where they were seen; NaN where not seen.
+    down:
+        Which feet touch the ground (n, f), by height and speed.
+    cutoff:
+        Low-pass for this motion [Hz], three times its steps per second, 6 Hz without steps.
+    ground_height:
+        Height of the ground [m].
+    noise:
+        What markers and skin leave uncertain of the posture, for ``analyse(noise=...)``.
+    notes:
+        What was guessed, left out and tolerated, in words.
+    """
+
+    motion: Motion
+    body: Body
+    recording: MarkerRecording
+    markers: MarkerSet
+    residual: Array
+    down: Bools
+    cutoff: float
+    ground_height: float
+    noise: ResidualNoise
+    notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        span = f"{len(self.motion.time)} frames, {1e3 * self.rms:.1f} mm rms"
+        return f"HumanMotion({self.body!r}, {span})"
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of all markers' residuals [m]."""
+        return float(np.sqrt(np.nanmean((self.residual**2).sum(axis=2))))
+
+    @property
+    def rms_by_marker(self) -> dict[str, float]:
+        """The same marker by marker [m], without those that were never seen."""
+        squares = (self.residual**2).sum(axis=2)
+        return {
+            name: float(np.sqrt(np.nanmean(column)))
+            for name, column in zip(self.markers.names, squares.T, strict=True)
+            if np.isfinite(column).any()
+        }
+
+
+def human_motion(
+    recording: MarkerRecording,
+    *,
+    static: MarkerRecording | None = None,
+    mass: float | None = None,
+    stature: float | None = None,
+    sex: str = "male",
+    up: str | None = None,
+    ground_height: float | None = None,
+    longest_gap: float = LONGEST_GAP,
+) -> HumanMotion:
+    """Fit a human of rigid segments to markers.
+
+    Which marker is where is known by its name (see :mod:`wbc.human.landmarks`). Dimensions, places
+    of markers and postures of some frames are adjusted together, then all frames are fitted.
+
+    Parameters
+    ----------
+    static:
+        A trial in which the human stands, for the same body; may have more markers.
+    mass:
+        [kg]; None: what the force plates weighed, or without them by the stature.
+    stature:
+        [m]; None: by the lengths found.
+    sex:
+        ``male`` or ``female``, which table of segments is taken.
+    up:
+        Vertical axis of the file, ``x``, ``y`` or ``z``; None: the recording's, or the one from
+        feet to trunk.
+    ground_height:
+        [m]; None: 0, unless the feet say otherwise.
+    longest_gap:
+        Longest time [s] over which a marker that was not seen is interpolated; over longer ones it
+        follows the fit.
+
+    Raises
+    ------
+    RecordingError
+        Markers that a fit cannot do without are not there by any name known; no axis is up.
+    InvalidInputError
+        Numbers that are not positive, another sex or axis.
+    """
+    check_sex(sex)
+    longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
+    mass = None if mass is None else finite_number("mass", mass, above=0.0)
+    stature = None if stature is None else finite_number("stature", stature, above=0.0)
+    names, marks, notes = known_markers(recording, static)
+    recording, axis = upright(recording, names, marks, up)
+    notes = (*recording.notes, *notes, *axis)
+    time = recording.time
+    columns = [recording.labels.index(n) for n in names if n in recording.labels]
+    own = names[: len(columns)]
+    observed, swaps = unswapped(time, recording.positions[:, columns], own)
+    observed, gaps = filled_shortly(time, observed, own, longest_gap)
+    extra = len(names) - len(columns)
+    observed = np.concatenate((observed, np.full((len(time), extra, 3), np.nan)), axis=1)
+    frames = key_frames(observed, KEY_FRAMES)
+    keyed, still = observed[frames], _static(static, names, up, marks)
+    found = calibrate(np.concatenate((still, keyed)), names, marks, stature)
+    poses = _fitted(found, len(still), frames, observed)
+    observed, more = _repaired(time, observed, poses, found)
+    if more:
+        poses, _ = fit_poses(poses, observed, found.markers, found.dimensions)
+    fit = residuals(poses, observed, found.markers, found.dimensions)
+    lost = ~np.isfinite(recording.positions[:, columns]).all(axis=2)
+    body = Body(found.dimensions, 70.0 if mass is None else mass, found.stature, sex)
+    ground, soles, told = ground_and_soles(place(poses, body.dimensions), time, body, ground_height)
+    notes += told
+    dropouts = tuple(sorted((*swaps, *gaps, *more), key=lambda one: one.start))
+    robot = human_robot(body, soles)
+    motion = _motion(robot, recording, poses, dropouts)
+    down, cutoff = _contacts(motion, ground)
+    if mass is None:
+        weighed = plates_mass(motion, recording.plates, down, cutoff, ground)
+        guess = MEAN_BODY_MASS_INDEX[sex] * found.stature**2
+        notes += _mass_note(weighed, guess, bool(recording.plates))
+        body = replace(body, mass=guess if weighed is None else weighed)
+        robot = human_robot(body, soles)
+        motion = _motion(robot, recording, poses, dropouts)
+    fit[:, : len(columns)][lost] = np.nan
+    noise = residual_noise(time, poses, observed, fit, found.markers, found.dimensions, robot)
+    return HumanMotion(
+        motion, body, recording, found.markers, fit, down, cutoff, ground, noise, notes
+    )
+
+
+def _static(
+    static: MarkerRecording | None,
+    names: tuple[str, ...],
+    up: str | None,
+    marks: tuple[Landmark, ...],
+) -> Array:
+    """Return frames (k, m, 3) of a static trial, z up; none without one."""
+    if static is None:
+        return np.zeros((0, len(names), 3))
+    mine = tuple(name for name in names if name in static.labels)
+    kinds = tuple(mark for name, mark in zip(names, marks, strict=True) if name in static.labels)
+    standing, _ = upright(static, mine, kinds, up)
+    found = np.full((len(static.time), len(names), 3), np.nan)
+    for k, name in enumerate(names):
+        if name in static.labels:
+            found[:, k] = standing.positions[:, static.labels.index(name)]
+    if not np.isfinite(found).any():
+        raise InvalidInputError(f"{static.source}: it shares no marker with the recording")
+    return found[key_frames(found, STATIC_FRAMES)]
+
+
+def _fitted(found: Calibration, still: int, frames: NDArray[np.intp], observed: Array) -> Poses:
+    """Return the postures of all frames, begun from those of the nearest key frames."""
+    nearest = np.abs(frames[None] - np.arange(len(observed))[:, None]).argmin(axis=1)
+    start = found.poses[still + nearest]
+    poses, _ = fit_poses(start, observed, found.markers, found.dimensions)
+    return poses
+
+
+def _repaired(
+    time: Array, observed: Array, poses: Poses, found: Calibration
+) -> tuple[Array, list[Dropout]]:
+    """Return markers without ghosts, swaps and gaps, and what they were."""
+    names = found.markers.names
+    fitted = found.markers.at(place(poses, found.dimensions))
+    observed, ghosts = without_ghosts(time, observed, fitted, names)
+    observed, gaps = filled_by_fit(time, observed, fitted, names)
+    told = [one for one in gaps if not any(one.columns == g.columns for g in ghosts)]
+    return observed, [*ghosts, *told]
+
+
+def _motion(
+    robot: Robot, recording: MarkerRecording, poses: Poses, dropouts: tuple[Dropout, ...]
+) -> Motion:
+    q = configurations(robot, poses)
+    return Motion(robot, recording.time, q[:, BASE_NQ:], q[:, :BASE_NQ], dropouts, recording.source)
+
+
+def _contacts(motion: Motion, ground: float) -> tuple[Bools, float]:
+    """Return which feet are down (n, f), and the cutoff [Hz] that the steps ask for."""
+    assert motion.base is not None
+    rows = np.hstack((motion.base, motion.joints))
+    grid = even_grid(motion.time)
+    rate = (len(grid) - 1) / float(grid[-1] - grid[0])
+    even = on_grid(motion.time, rows, grid)
+    low = min(10.0, 0.4 * rate)
+    if low * len(grid) > LEAST_CUTOFF_PERIODS * rate:
+        even = low_passed(even, rate, low)
+    even[:, 3:BASE_NQ] /= np.linalg.norm(even[:, 3:BASE_NQ], axis=1)[:, None]
+    down = feet_down(motion.robot, sole_series(motion.robot, even), grid, ground)
+    nearest = np.abs(np.searchsorted(grid, motion.time - 0.5 / rate)).clip(0, len(grid) - 1)
+    return down[nearest], min(chosen_cutoff(down, grid), 0.45 * rate)
+
+
+def _mass_note(weighed: float | None, guess: float, plates: bool) -> tuple[str, ...]:
+    if weighed is not None:
+        return (f"mass {weighed:.1f} kg, as the force plates weighed it",)
+    why = "no frame has all feet on force plates" if plates else "there are no force plates"
+    return (f"mass guessed by the stature, {guess:.0f} kg ({why}): forces scale with it; say mass",)

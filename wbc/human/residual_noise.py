@@ -1,0 +1,122 @@
+"""How uncertain a fitted posture and its derivatives are, from what markers leave unexplained.
+
+Skin moves against bone: an error that is not white, and of which a fit sees only the part in which
+markers contradict each other. Its size at each time scale is taken from the residuals themselves,
+filtered and differentiated as the motion will be; how it reaches the posture from the fit's normal
+matrix. What leaves no residual is allowed for by a factor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from wbc.human.fit import MarkerSet, normal_equations
+from wbc.human.kinematics import DOFS, Poses, place, point_jacobian
+from wbc.human.skeleton import hinge_order
+from wbc.motion.filtering import low_passed
+from wbc.motion.noise import Noise
+from wbc.motion.smoothing import even_grid, on_grid
+from wbc.robot import Robot
+from wbc.validate import Array
+
+# Markers of one segment also slide together (Barre et al. 2013, IEEE Trans. Biomed. Eng. 60, 3131:
+# most of what skin does), which joints to other segments show only in part. Chosen so that bands of
+# one walk held what its force plates measured; what that gives is in docs/howto/humans.md.
+TOGETHER = 1.4
+# The CoM's place in the body, one standard deviation [m] along each axis: tables of segments differ
+# by some 10 mm in it (Dumas et al. 2007; Pearsall and Costigan 1999).
+CENTRE = 0.007
+MOST_FRAMES = 100  # of which the gains are averaged
+LEAST_LEFT = 0.1  # a coordinate that nothing else tells of leaves no residual
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualNoise:
+    """Errors of a fitted posture, correlated among its coordinates and over time.
+
+    Attributes
+    ----------
+    time:
+        Of the frames (n,) [s].
+    residual:
+        Of the markers' coordinates (n, k) [m], without gaps, each by the root of the part of its
+        error that the fit leaves in it (one less its leverage).
+    gain:
+        (f, nv, k): from errors of the markers' coordinates to those of the posture in some frames:
+        base along world axes [m], about its own axes [rad], joints [rad].
+    constant:
+        (nv, 3): errors that do not change over time, likewise.
+    """
+
+    time: Array
+    residual: Array
+    gain: Array
+    constant: Array
+
+    def recorded(self) -> Noise:
+        """Return the standard deviations of the channels, unfiltered."""
+        root = self._root((self.residual**2).mean(axis=0))
+        deviation = np.sqrt((root**2).sum(axis=1))
+        return Noise(deviation[6:], deviation[:3], deviation[3:6], coloured=False)
+
+    def filtered(self, cutoff: float | None) -> tuple[Array, Array]:
+        """Return what is left after the low-pass [Hz]: a covariance (3, 3), and a root (nv, nv).
+
+        The errors' accelerations are the root times independent ones of size 1; the covariance is
+        that of value, velocity and acceleration of one of these.
+        """
+        grid = even_grid(self.time)
+        rate = (len(grid) - 1) / float(grid[-1] - grid[0])
+        even = low_passed(on_grid(self.time, self.residual, grid), rate, cutoff)
+        curve = make_interp_spline(grid, even, k=5)
+        inner = slice(len(grid) // 20, len(grid) - len(grid) // 20)
+        parts = np.stack([curve(grid, order)[inner] for order in range(3)])
+        root = self._root((parts[2] ** 2).mean(axis=0))
+        flat = parts.reshape(3, -1)
+        covariance = flat @ flat.T
+        return np.asarray(covariance / covariance[2, 2]), root
+
+    def _root(self, variances: Array) -> Array:
+        """Return a root (nv, nv) of the posture's covariance, given the markers' variances (k,)."""
+        whole = ((self.gain * variances) @ np.swapaxes(self.gain, 1, 2)).mean(axis=0)
+        values, vectors = np.linalg.eigh(whole)
+        return np.asarray(TOGETHER * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def residual_noise(
+    time: Array,
+    poses: Poses,
+    observed: Array,
+    residual: Array,
+    markers: MarkerSet,
+    dimensions: Array,
+    robot: Robot,
+) -> ResidualNoise:
+    """Return what a fit's residuals (n, m, 3) tell of its errors (White 1980; MacKinnon 1985, HC2).
+
+    Each coordinate of a marker has an error of its own size; of its square the fit leaves the part
+    1 - h in the residual, h being the coordinate's leverage.
+    """
+    seen = np.asarray(np.isfinite(residual).all(axis=2))
+    always = np.flatnonzero(seen.mean(axis=0) > 0.5)
+    rest = np.where(seen[:, always, None], residual[:, always], 0.0)
+    frames = np.unique(np.linspace(0, len(poses) - 1, MOST_FRAMES).astype(int))
+    some = poses[frames]
+    placed = place(some, dimensions)
+    H, _ = normal_equations(some, observed[frames], markers, dimensions)
+    J = point_jacobian(placed, markers.segments[always], markers.at(placed)[:, always])
+    J = J.reshape(len(frames), -1, DOFS)
+    weight = np.repeat(markers.noise[always] ** -2, 3)
+    gain = np.linalg.solve(H, np.swapaxes(J, 1, 2) * weight)
+    leverage = np.einsum("nki,nik->k", J, gain) / len(frames)
+    # From steps of the fit to the robot's tangent: about the base's own axes, joints in its order.
+    turned = np.swapaxes(some.rotation, 1, 2) @ gain[:, 3:6]
+    gain = np.concatenate((gain[:, :3], turned, gain[:, 6:][:, hinge_order(robot)]), axis=1)
+    scaled = rest.reshape(len(time), -1) / np.sqrt(np.maximum(1.0 - leverage, LEAST_LEFT))
+    scaled = scaled - scaled.mean(axis=0)  # what is constant, the calibration has taken in
+    constant = np.zeros((DOFS, 3))
+    constant[:3] = CENTRE * np.eye(3)
+    return ResidualNoise(time, scaled, gain, constant)

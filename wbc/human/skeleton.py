@@ -1,0 +1,186 @@
+"""A human as a robot: the URDF of a body, so that all that takes a robot takes a human."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wbc.human.body import (
+    ANKLE_HEIGHT,
+    HINGE_NAMES,
+    LIMIT,
+    SEGMENTS,
+    SIDES,
+    SOLE_WIDTH,
+    Body,
+    Mass,
+    foot_ends,
+    masses,
+    origin_maps,
+)
+from wbc.human.kinematics import Poses
+from wbc.robot import Robot
+from wbc.robot.feet import FootSpec
+from wbc.robot.limits import BASE_NQ
+from wbc.robot.notes import untold
+from wbc.rotations import same_sign
+from wbc.validate import Array
+
+NAME = "human"
+# Half widths of capsules to draw, as parts of the stature.
+_THICK = {"thigh": 0.045, "shank": 0.03, "upper_arm": 0.027, "forearm": 0.022, "hand": 0.02}
+
+
+@dataclass(frozen=True, eq=False)
+class Sole:
+    """The ground under a foot that stands flat, in the foot's axes."""
+
+    height: float  # of the foot's origin, the ankle, above the ground [m]
+    # Rotation (3, 3) from the axes of the ground, z up and x forwards, to those of the foot.
+    rotation: Array
+
+
+def usual_sole(body: Body) -> Sole:
+    """Return the sole of usual proportions."""
+    return Sole(ANKLE_HEIGHT * body.scale, np.eye(3))
+
+
+def human_robot(body: Body, soles: Mapping[str, Sole] | None = None, name: str = NAME) -> Robot:
+    """Return a human as a robot with 40 velocities.
+
+    Hinges have the names and directions of ``wbc.human.body``; segments are links. Joints have no
+    efforts and are not limited.
+
+    Parameters
+    ----------
+    soles:
+        By side (``left``, ``right``); by default those of usual proportions.
+    """
+    feet = {}
+    for side in SIDES:
+        polygon = _sole_polygon(body)
+        feet[side] = FootSpec(f"{side}_sole_link", polygon, 0.0)
+    with untold():
+        return Robot.load(_urdf(body, soles or {}, name), feet=feet, base="floating", name=name)
+
+
+def _sole_polygon(body: Body) -> list[list[float]]:
+    """Return the corners of a sole [m] around the point of the ground below the ankle."""
+    heel, toe = foot_ends(body)
+    half = 0.5 * SOLE_WIDTH * float(toe[0] - heel[0])
+    back, front = float(heel[0]), float(toe[0])
+    wide = back + 0.75 * (front - back)  # where the ball is; toes and heel are narrower
+    return [
+        [back, -0.6 * half],
+        [wide, -half],
+        [front, -0.5 * half],
+        [front, 0.5 * half],
+        [wide, half],
+        [back, 0.6 * half],
+    ]
+
+
+def configurations(robot: Robot, poses: Poses) -> Array:
+    """Return configurations (n, nq) of a human's robot in some postures."""
+    q = np.empty((len(poses), robot.nq))
+    q[:, :3] = poses.position
+    q[:, 3:BASE_NQ] = same_sign(Rotation.from_matrix(poses.rotation).as_quat())
+    q[:, BASE_NQ:] = poses.angles[:, hinge_order(robot)]
+    return q
+
+
+def hinge_order(robot: Robot) -> list[int]:
+    """Return, for each joint of a human's robot, which of the body's hinges it is."""
+    return [HINGE_NAMES.index(name) for name in robot.joint_names]
+
+
+def _urdf(body: Body, soles: Mapping[str, Sole], name: str) -> str:
+    root = ET.Element("robot", name=name)
+    offsets, found = origin_maps() @ body.dimensions, masses(body)
+    for k, segment in enumerate(SEGMENTS):
+        link = ET.SubElement(root, "link", name=segment.name)
+        _inertial(link, found[segment.name])
+        _shape(link, segment.name, body, found[segment.name])
+        if segment.parent < 0:
+            continue
+        parent, place = SEGMENTS[segment.parent].name, offsets[k]
+        for number, hinge in enumerate(segment.hinges, 1):
+            last = number == len(segment.hinges)
+            child = segment.name if last else f"{hinge.name}_link"
+            if not last:
+                ET.SubElement(root, "link", name=child)
+            _joint(root, hinge.name, "revolute", parent, child, place, hinge.axis)
+            parent, place = child, np.zeros(3)
+    for side in SIDES:
+        sole = soles.get(side, usual_sole(body))
+        under = f"{side}_sole_link"
+        ET.SubElement(root, "link", name=under)
+        up = sole.rotation[:, 2]
+        rpy = Rotation.from_matrix(sole.rotation).as_euler("xyz")
+        _joint(root, f"{side}_sole", "fixed", f"{side}_foot", under, -sole.height * up, None, rpy)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _joint(
+    root: ET.Element,
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    place: Array,
+    axis: tuple[float, float, float] | None,
+    rpy: Array | None = None,
+) -> None:
+    joint = ET.SubElement(root, "joint", name=name, type=kind)
+    ET.SubElement(joint, "origin", xyz=_text(place), rpy=_text(np.zeros(3) if rpy is None else rpy))
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+    if axis is not None:
+        ET.SubElement(joint, "axis", xyz=_text(np.array(axis)))
+        bounds = {"lower": str(-LIMIT), "upper": str(LIMIT), "effort": "0", "velocity": "0"}
+        ET.SubElement(joint, "limit", bounds)
+
+
+def _inertial(link: ET.Element, mass: Mass) -> None:
+    part = ET.SubElement(link, "inertial")
+    ET.SubElement(part, "origin", xyz=_text(mass.centre))
+    ET.SubElement(part, "mass", value=repr(float(mass.mass)))
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = mass.inertia.tolist()
+    entries = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
+    ET.SubElement(part, "inertia", {key: repr(value) for key, value in entries.items()})
+
+
+def _shape(link: ET.Element, name: str, body: Body, mass: Mass) -> None:
+    """Add an ellipsoid's box or a capsule, to be drawn; sizes are for the eye only."""
+    kind = name.partition("_")[2] if name.startswith(("left_", "right_")) else name
+    lengths = {"hand": 0.11 * body.stature}
+    visual = ET.SubElement(link, "visual")
+    if kind in _THICK:
+        length = lengths.get(kind) or body.size(kind)
+        radius = _THICK[kind] * body.stature
+        at = np.array((0.0, 0.0, -0.5 * length))
+        ET.SubElement(visual, "origin", xyz=_text(at))
+        shape = ET.SubElement(visual, "geometry")
+        long = max(length - radius, 0.2 * radius)
+        ET.SubElement(shape, "capsule", radius=repr(radius), length=repr(long))
+        return
+    heel, toe = foot_ends(body)
+    boxes = {
+        "pelvis": (0.11, 0.17, 0.11),
+        "trunk": (0.12, 0.19, 0.26),
+        "foot": (float(toe[0] - heel[0]) / body.stature, 0.05, 0.035),
+    }
+    ET.SubElement(visual, "origin", xyz=_text(mass.centre))
+    shape = ET.SubElement(visual, "geometry")
+    if kind == "head":
+        ET.SubElement(shape, "sphere", radius=repr(0.06 * body.stature))
+        return
+    ET.SubElement(shape, "box", size=_text(body.stature * np.array(boxes[kind])))
+
+
+def _text(values: Array) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -1,0 +1,131 @@
+"""Pose parameters of SMPL, SMPL-H and SMPL-X as AMASS has them, as markers on the bones.
+
+Only the arrays of a file are read. Its body's shape needs a model that is not free; the bones here
+are those of usual proportions.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wbc.files import ArrayFileError, read_arrays
+from wbc.human.body import MIDDLE_TRUNK, Body
+from wbc.human.bones import Bone, bone_markers
+from wbc.human.markers import MarkerRecording
+from wbc.motion.table import LARGEST, RecordingError, check_file
+from wbc.validate import Array, finite_array
+
+STATURE, MASS, SEX = 1.70, 70.0, "male"  # of the bones; a mass is needed by nothing here
+RATES = ("mocap_framerate", "mocap_frame_rate", "fps", "framerate")
+PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
+JOINTS = (  # noqa: SIM905
+    "pelvis left_hip right_hip spine1 left_knee right_knee spine2 left_ankle right_ankle spine3"
+    " left_foot right_foot neck left_collar right_collar head left_shoulder right_shoulder"
+    " left_elbow right_elbow left_wrist right_wrist"
+).split()
+_LANDMARKS = {"pelvis": "root", "neck": "neck_centre", "head": "head_centre"}
+_PAIRED = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
+
+
+def is_smpl(names: list[str]) -> bool:
+    """Return whether arrays of these names are pose parameters."""
+    return "trans" in names and ("poses" in names or "pose_body" in names)
+
+
+def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
+    """Return an AMASS-like NPZ's motion as markers at joints and on bones.
+
+    Arrays ``poses`` (n, 66 or more), rotation vectors of pelvis and joints, or ``root_orient`` and
+    ``pose_body``; ``trans`` (n, 3) [m]; and ``mocap_framerate`` (or ``mocap_frame_rate``) [Hz].
+    The world's z axis points up, as in AMASS.
+
+    Parameters
+    ----------
+    stature:
+        Of the bones [m].
+
+    Raises
+    ------
+    RecordingError
+        Unreadable, without these arrays, or of other shapes.
+    """
+    source = str(path)
+    check_file(path)
+    wanted = ("poses", "pose_body", "root_orient", "trans", *RATES)
+    try:
+        arrays = read_arrays(path, lambda _: wanted, lambda _: "iuf", LARGEST)
+    except ArrayFileError as error:
+        raise RecordingError(error.what, source, error.name) from error
+    if "poses" in arrays:
+        poses = arrays["poses"]
+    elif "pose_body" in arrays and "root_orient" in arrays:
+        parts = arrays["root_orient"], arrays["pose_body"]
+        if any(part.ndim != 2 for part in parts) or len(parts[0]) != len(parts[1]):
+            raise RecordingError("root_orient and pose_body differ in length", source)
+        poses = np.hstack(parts)
+    else:
+        raise RecordingError("it has no array poses", source)
+    if poses.ndim != 2 or poses.shape[1] < 66:
+        raise RecordingError(f"poses have shape {poses.shape}; expected (n, 66 or more)", source)
+    rate = next((arrays[name] for name in RATES if name in arrays), None)
+    if rate is None or rate.size != 1 or not 0.0 < float(rate.ravel()[0]) <= 1e5:
+        raise RecordingError(f"it has no rate ({', '.join(RATES[:2])})", source)
+    count = len(poses)
+    vectors = finite_array(f"{source}: poses", poses[:, :66].astype(float), (count, 66))
+    trans = finite_array(f"{source}: trans", arrays.get("trans", np.zeros(0)), (count, 3))
+    bones = _bones(vectors.reshape(count, 22, 3), trans, STATURE if stature is None else stature)
+    note = "bones of usual proportions: the file's body shape needs a model that is not read"
+    time = np.arange(count) / float(rate.ravel()[0])
+    return bone_markers(time, bones, source, (note,))
+
+
+def _bones(vectors: Array, trans: Array, stature: float) -> list[Bone]:
+    offsets = _rest(stature)
+    count = len(vectors)
+    local = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(count, 22, 3, 3)
+    bones = list[Bone]()
+    for k, name in enumerate(JOINTS):
+        R, at = local[:, k], trans
+        if PARENTS[k] >= 0:
+            parent = bones[PARENTS[k]]
+            R = parent.rotation @ R
+            at = parent.place + parent.rotation @ offsets[k]
+        side, _, rest = name.partition("_")
+        mark = _LANDMARKS.get(name)
+        if rest in _PAIRED:
+            mark = f"{name}_centre"
+        elif rest == "foot":
+            mark = f"{side}_toe"
+        bones.append(Bone(name, at, R, mark))
+    return bones
+
+
+def _rest(stature: float) -> Array:
+    """Return offsets (22, 3) [m] from joint to joint: T-pose, x to the left, y up, z forward."""
+    body, found = Body.of(stature, MASS, SEX), np.zeros((22, 3))
+    low, high = body.size("lumbar_z"), body.size("neck_z")
+    chest = MIDDLE_TRUNK * high
+    for name, (x, y, z) in {
+        "hip": (body.size("hip_y"), 0.0, 0.0),
+        "knee": (0.0, -body.size("thigh"), 0.0),
+        "ankle": (0.0, -body.size("shank"), 0.0),
+        "foot": (0.0, -0.055 * body.scale, 0.15 * body.scale),
+        "collar": (0.05 * body.scale, body.size("shoulder_z") - chest - 0.03, 0.0),
+        "shoulder": (body.size("shoulder_y") - 0.05 * body.scale, 0.03, 0.0),
+        "elbow": (body.size("upper_arm"), 0.0, 0.0),
+        "wrist": (body.size("forearm"), 0.0, 0.0),
+    }.items():
+        found[JOINTS.index(f"left_{name}")] = x, y, z
+        found[JOINTS.index(f"right_{name}")] = -x, y, z
+    for name, rise in {
+        "spine1": low,
+        "spine2": 0.5 * chest,
+        "spine3": 0.5 * chest,
+        "neck": high - chest,
+        "head": 0.09 * body.scale,
+    }.items():
+        found[JOINTS.index(name)] = 0.0, rise, 0.0
+    return found

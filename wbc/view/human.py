@@ -1,0 +1,168 @@
+"""A human's recording as a pendulum, with what force plates measured beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from wbc.human import Comparison
+from wbc.motion import RmpSeries
+from wbc.motion.uncertainty import BAND
+from wbc.view import style
+from wbc.view.analysis import (
+    CAPTION,
+    COLUMNS,
+    HEADING,
+    HIGHEST,
+    PANEL_SHAPE,
+    ROW,
+    TIME,
+    WIDTH,
+    Snapshots,
+    draw_snapshots,
+    snapshot_frames,
+    snapshot_portraits,
+)
+from wbc.view.analysis_plots import (
+    MM,
+    SHADE,
+    XYZ,
+    curve,
+    legend,
+    plot_radii,
+    plot_rotation,
+    prepare,
+)
+from wbc.view.portrait import shape_of
+from wbc.view.style import picture_file, save
+
+EXPLANATION = (
+    "equimomental ellipsoid with reaction masses at radii r [mm], leg from the CoP to the CoM;"
+    " shaded: 95 % bands"
+)
+DOTTED = "; dotted: force plates, at the same low-pass"
+DOTS = (0, (1, 1))
+EDGE = 12  # part of the frames at each end that does not set the limits of a plot
+
+
+def plot_human(
+    series: RmpSeries,
+    plates: Comparison | None,
+    path: str | Path,
+    *,
+    title: str,
+    snapshots: Snapshots = 6,
+) -> Path:
+    """Draw a human's pendulum: snapshots, ground force, CoP, angular momentum, radii, rotation.
+
+    Parameters
+    ----------
+    plates:
+        The series against force plates, or None.
+    path:
+        The file, which is returned: png, svg or pdf by its suffix.
+
+    Raises
+    ------
+    InvalidInputError
+        As :func:`wbc.view.analysis.plot_analysis`.
+    """
+    path = picture_file(path)
+    save(human_figure(series, plates, title=title, snapshots=snapshots), path)
+    return path
+
+
+def human_figure(
+    series: RmpSeries, plates: Comparison | None, *, title: str, snapshots: Snapshots = 6
+) -> Figure:
+    """Return the figure that :func:`plot_human` writes."""
+    frames = snapshot_frames(series.time, snapshots)
+    portraits = snapshot_portraits(series, frames)
+    wide = WIDTH / max(len(portraits), 4)
+    high = min(HIGHEST, wide * float(np.clip(shape_of(portraits), *PANEL_SHAPE)))
+    rows = 3
+    below = rows * ROW + TIME
+    total = HEADING + high + CAPTION + below
+    figure = style.sheet(WIDTH, total, title, below)
+    left, bottom = 0.5 * (WIDTH - wide * len(portraits)), below + CAPTION
+    places = [left + wide * k for k in range(len(portraits))]
+    draw_snapshots([style.place(figure, x, bottom, wide, high) for x in places], portraits)
+    figure.text(
+        0.5, (bottom - 0.30) / total, EXPLANATION + (DOTTED if plates else ""),
+        ha="center", va="top", fontsize=7.0, color=style.GREY,
+    )  # fmt: skip
+    grid = figure.subplots(rows, COLUMNS)
+    _force(grid[0, 0], series, plates, frames)
+    _cop(grid[0, 1], series, plates, frames)
+    _momentum(grid[1, 0], series, frames)
+    _heights(grid[1, 1], series, frames)
+    plot_radii(grid[2, 0], series, frames)
+    plot_rotation(grid[2, 1], series, frames)
+    return figure
+
+
+def _force(axes: Axes, series: RmpSeries, plates: Comparison | None, frames: Sequence[int]) -> None:
+    prepare(axes, series, frames, "Ground force by the weight", "")
+    weight = series.robot.weight
+    for k, colour in enumerate(XYZ):
+        values = series.ground_force[:, k] / weight
+        if series.uncertainty is not None:
+            half = BAND * series.uncertainty.momentum_rate[:, k] / weight
+            axes.fill_between(
+                series.time, values - half, values + half, color=colour, alpha=SHADE, linewidth=0.0
+            )
+        curve(axes, series, values, "xyz"[k], colour)
+        if plates is not None:
+            axes.plot(plates.time, plates.force[:, k] / weight, linestyle=DOTS, color=style.BLACK)
+    legend(axes)
+
+
+def _cop(axes: Axes, series: RmpSeries, plates: Comparison | None, frames: Sequence[int]) -> None:
+    prepare(axes, series, frames, "CoP from the CoM", "mm")
+    for k, colour in enumerate(XYZ[:2]):
+        values = MM * (series.cop[:, k] - series.com[:, k])
+        if series.uncertainty is not None:
+            half = BAND * MM * series.uncertainty.cop[:, k]
+            axes.fill_between(
+                series.time, values - half, values + half, color=colour, alpha=SHADE, linewidth=0.0
+            )
+        curve(axes, series, values, "xy"[k], colour)
+        if plates is not None:
+            com = np.interp(plates.time, series.time, series.com[:, k])
+            off = MM * (plates.cop[:, k] - com)
+            axes.plot(plates.time, off, linestyle=DOTS, color=style.BLACK)
+    # Near the ends, where accelerations are guesses, it may be anywhere.
+    inner = slice(len(series) // EDGE, len(series) - len(series) // EDGE)
+    off = MM * (series.cop[inner, :2] - series.com[inner, :2])
+    if np.isfinite(off).any():
+        low, high = float(np.nanmin(off)), float(np.nanmax(off))
+        room = 0.15 * (high - low) + 10.0
+        axes.set_ylim(low - room, high + room)
+    legend(axes)
+
+
+def _momentum(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
+    """Plot the angular momentum by mass, height and the speed that height gives."""
+    prepare(axes, series, frames, "Angular momentum by M h √(g h)", "")
+    scale = momentum_scale(series)
+    for k, colour in enumerate(XYZ):
+        curve(axes, series, series.momentum[:, 3 + k] / scale, "xyz"[k], colour)
+    legend(axes)
+
+
+def momentum_scale(series: RmpSeries) -> float:
+    """Return M h (g h)^(1/2) [kg m^2/s], h the CoM's mean height over the ground."""
+    height = float(series.com[:, 2].mean()) - series.ground_height
+    return series.robot.mass * height * float(np.sqrt(series.robot.gravity * height))
+
+
+def _heights(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
+    prepare(axes, series, frames, "CoM, from its mean", "mm")
+    for k, name in ((2, "height"), (1, "left")):
+        values = MM * (series.com[:, k] - series.com[:, k].mean())
+        curve(axes, series, values, name, XYZ[k])
+    legend(axes)
