@@ -34,6 +34,7 @@ FLOORS = {
     "shaping": 3,
     "gait": 4,
     "flight": 4,
+    "estimation": 4,
     "motion": 4,
     "run": 4,
     "simulation": 5,
