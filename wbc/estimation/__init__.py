@@ -6,7 +6,7 @@ from wbc.estimation.estimator import StateEstimator
 from wbc.estimation.imus import ImuMount
 from wbc.estimation.joint_velocity import JointVelocityFilter
 from wbc.estimation.measurement import ImuReading, Measurement
-from wbc.estimation.momentum_observer import MomentumObserver, foot_wrenches
+from wbc.estimation.momentum_observer import MomentumObserver
 from wbc.estimation.settings import EstimatorSettings
 
 __all__ = [
@@ -20,5 +20,4 @@ __all__ = [
     "Measurement",
     "MomentumObserver",
     "StateEstimator",
-    "foot_wrenches",
 ]

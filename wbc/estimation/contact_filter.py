@@ -13,7 +13,7 @@ core's (``source/filter.c``).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,8 +33,8 @@ FAR = 10.0  # m from the filter's origin, from where the origin moves along
 class FilterNoise:
     """How much an IMU and standing feet are believed, as densities of white noise.
 
-    The IMU's are those of its data sheet; the defaults are an Xsens MTi-1's (see
-    :class:`~wbc.simulation.sensors_imu.Imu`), doubled, since no walk is as calm as a test bench.
+    The IMU's are those of its data sheet; the defaults are an Xsens MTi-1's, rounded up. Those of
+    the feet cover what simulated soles creep on their ground.
 
     Attributes
     ----------
@@ -46,12 +46,12 @@ class FilterNoise:
         Of the motion of feet that stand [m/s/Hz^(1/2)], [rad/s/Hz^(1/2)].
     """
 
-    gyroscope: float = 2.5e-4
-    accelerometer: float = 2.4e-3
+    gyroscope: float = 1.5e-4
+    accelerometer: float = 2.0e-3
     gyroscope_walk: float = 1.0e-5
     accelerometer_walk: float = 1.0e-4
-    creep: float = 5.0e-3
-    roll: float = 2.0e-2
+    creep: float = 2.0e-3
+    roll: float = 1.0e-2
 
     def __post_init__(self) -> None:
         check_fields(self, "filter noise, ", *self.__dataclass_fields__, least=0.0)
@@ -251,6 +251,23 @@ class ContactFilter:
                 " or without any noise"
             )
         return Correction(said == lib.DONE, float(self._said[0]), self._said[1:].copy())
+
+    def base(self, nv: int, imu: Any, rate: Array, rates: Array, q: Array, v: Array) -> None:
+        """Write the base's pose to ``q`` (nq,), and the velocity (nv,) of all.
+
+        Parameters
+        ----------
+        imu:
+            The IMU's frame as the core writes it, with the base at the origin; see
+            :class:`~wbc.robot.mounted.MountedFrames`.
+        rate:
+            (3,) by the gyroscope [rad/s].
+        rates:
+            Of the joints (nv-6,).
+        """
+        given = doubles(rate), doubles(rates), doubles(q), doubles(v)
+        lib.wbc_filter_base(self._struct, nv, imu, *given)
+        q[:3] += self._origin
 
     def widen(self, velocity: float) -> None:
         """Add a variance to the velocity's, ``velocity`` [m/s] squared: for what was not seen."""

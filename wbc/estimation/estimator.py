@@ -16,44 +16,34 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, listed, shown
+from wbc.errors import InvalidInputError, shown
+from wbc.estimation.beginning import SWAYED, Beginning, bias_covariance, level
 from wbc.estimation.contact_filter import SHOWN, ContactFilter, Counts
 from wbc.estimation.estimate import Estimate
 from wbc.estimation.imus import ImuMount, ImuWatch, Inertial
-from wbc.estimation.joint_velocity import JointVelocityFilter
+from wbc.estimation.joint_readings import JointMemory, JointReadings
 from wbc.estimation.measurement import Measurement
-from wbc.estimation.momentum_observer import MomentumObserver, foot_wrenches
+from wbc.estimation.momentum_observer import MomentumObserver
 from wbc.estimation.settings import EstimatorSettings
+from wbc.estimation.sight import Sight
 from wbc.estimation.standing_feet import FootSeen, FootWatch, track
-from wbc.native import doubles, lib
 from wbc.robot import Robot
-from wbc.robot.limits import BASE_NQ, BASE_NV
+from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
-from wbc.robot.mounted import Mount, MountedFrames
-from wbc.rotations import exp_rotation, quaternion_from, rotation_from
 from wbc.spatial import skew
 from wbc.validate import Array, read_only
-
-TILT = 0.05  # rad: standard deviation of the tilt by the mean specific force of a robot at rest
-SWAYED = 0.1  # rad/s: mean of a gyroscope's reading, beyond which the robot does not stand still
-JUMP = 3.0  # times what a joint's speed limit allows in one period: a reading is wrong
-LEEWAY = 5e-3  # rad or m, besides
-# A joint whose readings jumped is believed after so many that agree: it is where they say.
-AGREE = 5
 
 
 class _Memory(NamedTuple):
     """All that an estimator knows between two messages."""
 
     filter: tuple[Array, Counts]
-    velocity: tuple[Array, Array, int]
-    observer: tuple[Array, tuple[Array, Array, Array] | None]
+    joints: JointMemory
+    observer: Array
     imus: ImuWatch | None
     feet: tuple[FootWatch, ...]
     forces: Mapping[str, Array]
     time: float
-    positions: Array | None
-    distrusted: Counts
     lost_since: float | None
 
 
@@ -109,21 +99,13 @@ class StateEstimator:
         names = [one.name for one in self.imus]
         if len(set(names)) < len(names):
             raise InvalidInputError(f"estimator, imus: names must differ, got {names}")
-        self._foot_names = tuple(robot.feet)
-        soles = [Mount(foot.frame, np.zeros(3), np.eye(3)) for foot in robot.feet.values()]
-        self._mounted = MountedFrames(robot, [*(one.mount for one in self.imus), *soles])
-        self._flat = tuple(len(foot.polygon) > 2 for foot in robot.feet.values())
         s = self.settings
-        self._velocity = JointVelocityFilter(robot.nv - BASE_NV, s.velocity_window, dt)
-        self.velocity_delay = self._velocity.delay
+        self._sight = Sight(robot, self.imus, s)
+        self._joints = JointReadings(robot, s.velocity_window, dt)
+        self.velocity_delay = self._joints.delay
         self._observer = MomentumObserver(robot, s.bandwidth)
-        gravity = np.array(robot.model.gravity.linear)
-        self._filter = ContactFilter(len(robot.feet), s.noise, gravity)
-        self._floor = np.array((s.place_floor, s.turn_floor)) ** 2
-        self._variance = s.encoder_deviation**2
-        self._places = np.zeros((len(robot.feet), 12))
-        self._noises = np.zeros((len(robot.feet), 6, 6))
-        self._most = JUMP * robot.limits.velocity
+        self._gravity = np.array(robot.model.gravity.linear)
+        self._filter = ContactFilter(len(robot.feet), s.noise, self._gravity)
         self.notes = (
             "heading and position are relative to the start: nothing observes them, and their"
             " variance grows",
@@ -133,7 +115,7 @@ class StateEstimator:
 
     def __repr__(self) -> str:
         names = ", ".join(one.name for one in self.imus)
-        state = "standing to begin" if self._started is None else f"t={self._time:.3f} s"
+        state = "standing to begin" if self._beginning else f"t={self._time:.3f} s"
         return f"StateEstimator({self.robot.name!r}, {names}, {state})"
 
     # ------------------------------------------------------------------ to begin
@@ -152,79 +134,35 @@ class StateEstimator:
         InvalidInputError
             An unusable configuration.
         """
-        self._begin = None if q is None else self.robot.check_configuration(q)
-        self._waiting: list[Measurement] = []
-        self._started: float | None = None
+        self._start = None if q is None else self.robot.check_configuration(q)
+        self._beginning: Beginning | None = Beginning(
+            self.imus[0].name, self.settings.standing_time
+        )
         self._past: deque[tuple[Measurement, _Memory]] = deque(maxlen=self.settings.history)
         self._forget(0.0)
 
     def _forget(self, time: float) -> None:
-        self._velocity.reset()
+        self._joints.reset()
         self._observer.reset()
         self._imus: ImuWatch | None = None
-        self._feet = (FootWatch(),) * len(self._foot_names)
+        self._feet = (FootWatch(),) * len(self._sight.feet)
         self._forces: Mapping[str, Array] = {}
         self._time = time
-        self._positions: Array | None = None
-        self._distrusted: Counts = np.zeros(self.robot.nv - BASE_NV, dtype=np.int64)
         self._lost_since: float | None = None
 
-    def _stand(self, measurement: Measurement) -> Estimate | None:
+    def _stand(self, beginning: Beginning, measurement: Measurement) -> Estimate | None:
         """Wait until it stood still long enough; then begin, with all that was measured."""
-        if self._waiting and measurement.time <= self._waiting[-1].time:
-            return None  # late, or twice: standing, nothing is lost with it
-        leader = self.imus[0].name
-        if not self._waiting and all(one.name != leader for one in measurement.imus):
+        waited = beginning.collect(measurement)
+        if waited is None:
             return None
-        self._waiting.append(measurement)
-        first = self._waiting[0]
-        if measurement.time - first.time < self.settings.standing_time - 1e-9:
-            return None
-        readings = [one for m in self._waiting for one in m.imus if one.name == leader]
-        if not readings:  # heard first, then not any more
-            raise InvalidInputError(
-                f"estimator: no reading of IMU {leader!r} in {self.settings.standing_time:g} s"
-                f" (heard: {sorted({one.name for m in self._waiting for one in m.imus})})"
-            )
-        rate = np.mean([one.angular_velocity for one in readings], axis=0)
-        force = np.mean([one.specific_force for one in readings], axis=0)
-        way = float(np.abs(measurement.positions - first.positions).max())
-        if np.linalg.norm(rate) > SWAYED or way > SWAYED * self.settings.standing_time:
-            self._waiting = [measurement]  # it moves: begin to wait anew
-            return None
-        self._mounted.at(first.positions)
-        self._forget(first.time)
-        self._level(force)
-        self._started = first.time
-        waiting, self._waiting = self._waiting, []
-        for one in waiting:
+        self._sight.look(waited[0].positions)
+        self._forget(waited[0].time)
+        force = beginning.specific_force
+        level(self._filter, self._sight, force, self._gravity, self._start, self.settings)
+        self._beginning = None
+        for one in waited:
             estimate = self._take(one, standing=True)
         return estimate
-
-    def _level(self, force: Array) -> None:
-        """Begin with the tilt that a specific force at rest has, and nothing moving."""
-        up = -np.array(self.robot.model.gravity.linear)
-        up /= np.linalg.norm(up)
-        seen = force / np.linalg.norm(force)
-        mounted, q = self._mounted, self._begin
-        R_imu = _shortest(seen, up)  # some heading
-        forwards = (R_imu @ mounted.rotation(0).T)[:, 0]
-        wanted = rotation_from(q[3:BASE_NQ])[:, 0] if q is not None else np.eye(3)[0]
-        turn = math.atan2(wanted[1], wanted[0]) - math.atan2(forwards[1], forwards[0])
-        R_imu = exp_rotation(np.array((0.0, 0.0, turn))) @ R_imu
-        R = R_imu @ mounted.rotation(0).T
-        if q is None:
-            first = len(self.imus)
-            soles = [R @ mounted.origin(first + k) for k in range(len(self._foot_names))]
-            base = -np.mean(soles, axis=0)
-        else:
-            base = q[:3]
-        s, P = self.settings, np.zeros((SHOWN, SHOWN))
-        across = np.eye(3) - np.outer(up, up)
-        P[:3, :3] = TILT**2 * across
-        P[9:12, 9:12] = s.gyroscope_bias**2 * np.eye(3)
-        P[12:, 12:] = s.accelerometer_bias**2 * np.eye(3)
-        self._filter.reset(R_imu, base + R @ mounted.origin(0), covariance=P)
 
     # ------------------------------------------------------------------ messages
 
@@ -245,8 +183,8 @@ class StateEstimator:
             raise InvalidInputError(
                 f"estimator: expected a Measurement of {joints} joints, got {shown(measurement)}"
             )
-        if self._started is None:
-            return self._stand(measurement)
+        if self._beginning is not None:
+            return self._stand(self._beginning, measurement)
         if measurement.time > self._time:
             return self._take(measurement)
         return self._file(measurement)
@@ -279,36 +217,19 @@ class StateEstimator:
         self._imus, inertial = watch.seen(m.time, {one.name: one for one in m.imus})
         notes += inertial.notes
         dt, self._time = m.time - self._time, m.time
-        positions = self._believed(m.positions, dt, notes)
-        rates = self._velocity.update(m.time, positions)
-        rates = rates if m.velocities is None else m.velocities
+        positions, rates = self._joints.take(m, dt, notes)
         if self.settings.encoder_delay:
             positions = positions + self.settings.encoder_delay * rates
         if inertial.leader != before:
             self._follow(before, inertial.leader)
         if dt > 0.0:
             self._filter.predict(inertial.rate, inertial.force, dt, inertial.scale)
-        self._mounted.at(positions)
+        self._sight.look(positions)
         squared, rows = self._see_feet(m, inertial, rates, standing, notes)
-        q, v = self._base(positions, rates, inertial)
+        q, v = self._sight.state(self._filter, inertial.leader, inertial.rate, positions, rates)
         self._feel(m, q, v, dt)
         self._last = self._estimate(q, v, (squared, rows), notes)
         return self._last
-
-    def _believed(self, positions: Array, dt: float, notes: list[str]) -> Array:
-        """Return joint positions, those that jumped beyond all speed as they were."""
-        before = self._positions
-        if before is not None:
-            jumped = np.abs(positions - before) > self._most * dt + LEEWAY
-            if jumped.any() or self._distrusted.any():
-                self._distrusted = np.where(jumped, self._distrusted + 1, 0)
-                doubted = jumped & (self._distrusted < AGREE)
-                if doubted.any():
-                    names = [self.robot.joint_names[k] for k in np.flatnonzero(doubted)]
-                    notes.append(f"joint {listed(names)}: position jumped; held")
-                    positions = np.where(doubted, before, positions)
-        self._positions = positions
-        return positions
 
     # ------------------------------------------------------------------ feet
 
@@ -316,71 +237,52 @@ class StateEstimator:
         self, m: Measurement, inertial: Inertial, rates: Array, standing: bool, notes: list[str]
     ) -> tuple[float, int]:
         """Hold, correct by or release each foot; return NIS and rows."""
-        frames, filter_, first = self._mounted.frames, self._filter, len(self.imus)
-        leader = inertial.leader
+        filter_, sight = self._filter, self._sight
         loads, shares = self._loads(m, standing)
         if loads is None:
-            notes.append("no contacts, forces or torques: both feet are taken to bear always")
-            loads = np.ones(len(self._feet))
-        imu = doubles(frames[leader])
-        moved = self._mounted.jacobian(leader)[:, BASE_NV:] @ rates
-        R_imu, velocity, rate = (
-            self._mounted.rotation(leader),
-            filter_.rotation.T @ filter_.velocity,
-            inertial.rate - filter_.gyroscope_bias,
-        )
-        squared, rows, held, bears, feet = 0.0, 0, False, False, []
-        for k, name in enumerate(self._foot_names):
-            place, noise = self._places[k], self._noises[k]
-            lib.wbc_foot_place(
-                self.robot.nv,
-                *(imu, doubles(frames[first + k]), self._variance, doubles(self._floor)),
-                *(doubles(place), doubles(noise)),
-            )
-            watch = self._feet[k].loaded(m.time, float(loads[k]), shares)
+            notes.append("no contacts, forces or torques: all feet are taken to bear always")
+            loads = (1.0,) * len(sight.feet)
+        squared, rows, feet, held = 0.0, 0, list[FootWatch](), filter_.held
+        lost = self._lost_since is not None and m.time - self._lost_since > self.settings.lost
+        for k, name in enumerate(sight.feet):
+            watch = self._feet[k].loaded(m.time, loads[k], shares)
+            if not (watch.bears or held[k]):
+                feet.append(watch)
+                continue
+            place, noise = sight.place(k, inertial.leader)
             speed = 0.0
-            if watch.bears and not filter_.held[k]:
-                J = self._mounted.jacobian(first + k)[:3, BASE_NV:]
-                arm = frames[first + k, :3] - frames[leader, :3]
-                of_joints = J @ rates - moved[:3] - np.cross(moved[3:], arm)
-                of_foot = velocity + np.cross(rate, place[:3]) + R_imu.T @ of_joints
-                speed = math.hypot(*of_foot.tolist())
-                if self._lost_since is not None and (
-                    m.time - self._lost_since > self.settings.lost
-                ):
-                    notes.append(
-                        f"no foot for {1e3 * (m.time - self._lost_since):.0f} ms: {name}"
-                        f" is counted on at {speed:.2f} m/s"
-                    )
+            if watch.bears and not held[k]:
+                speed = sight.speed(k, inertial.leader, filter_, inertial.rate, rates)
+                if lost:
+                    notes.append(f"no foot is still: {name} is counted on at {speed:.2f} m/s")
                     filter_.widen(speed)
                     speed, watch = 0.0, replace(watch, since=-math.inf)
-            seen = FootSeen(place, noise, speed, self._flat[k])
+            seen = FootSeen(place, noise, speed, sight.flat[k])
             found = track(filter_, k, name, watch, seen, m.time, self.settings)
             feet.append(found.watch)
             squared, rows = squared + found.squared, rows + found.rows
             if found.note:
                 notes.append(found.note)
-            held, bears = held or filter_.held[k], bears or found.watch.bears
         self._feet = tuple(feet)
-        if held or not bears:
+        if any(filter_.held) or not any(one.bears for one in feet):
             self._lost_since = None
         elif self._lost_since is None:
             self._lost_since = m.time
         return squared, rows
 
-    def _loads(self, m: Measurement, standing: bool) -> tuple[Array | None, tuple[float, float]]:
+    def _loads(
+        self, m: Measurement, standing: bool
+    ) -> tuple[Sequence[float] | None, tuple[float, float]]:
         """Return the loads of the feet by the weight, and from which share on one bears."""
-        s, names = self.settings, self._foot_names
+        s, names, weight = self.settings, self._sight.feet, self.robot.weight
         if standing:
-            return np.ones(len(names)), s.load
+            return (1.0,) * len(names), s.load
         if m.forces is not None:
-            loads = [m.forces.get(name, 0.0) / self.robot.weight for name in names]
-            return np.array(loads), s.load
+            return [m.forces.get(name, 0.0) / weight for name in names], s.load
         if m.contacts is not None:
-            return np.array([float(m.contacts.get(name, False)) for name in names]), s.load
+            return [float(m.contacts.get(name, False)) for name in names], s.load
         if self._forces:
-            loads = [self._forces[name][2] / self.robot.weight for name in names]
-            return np.array(loads), s.estimated_load
+            return [float(self._forces[name][2]) / weight for name in names], s.estimated_load
         return None, s.load
 
     def _feel(self, m: Measurement, q: Array, v: Array, dt: float) -> None:
@@ -388,44 +290,21 @@ class StateEstimator:
         if m.torques is None:
             self._forces = {}
             return
-        snapshot = self.robot.snapshot(q, v)
-        residual = self._observer.update(snapshot, m.torques, dt)
-        self._forces = foot_wrenches(snapshot, residual)
-
-    # ------------------------------------------------------------------ the base
-
-    def _base(self, positions: Array, rates: Array, inertial: Inertial) -> tuple[Array, Array]:
-        """Return configuration and velocity by the filter's IMU and the joints."""
-        k, mounted, filter_, robot = inertial.leader, self._mounted, self._filter, self.robot
-        R_imu = mounted.rotation(k)
-        R = filter_.rotation @ R_imu.T
-        q, v = np.empty(robot.nq), np.empty(robot.nv)
-        q[:3] = filter_.position - R @ mounted.origin(k)
-        q[3:BASE_NQ] = quaternion_from(R)
-        robot.limits.write_positions(q, positions)
-        moved = mounted.jacobian(k)[:, BASE_NV:] @ rates
-        v[3:6] = R_imu @ (inertial.rate - filter_.gyroscope_bias) - moved[3:]
-        v[:3] = filter_.velocity @ R - np.cross(v[3:6], mounted.origin(k)) - moved[:3]
-        v[BASE_NV:] = rates
-        return q, v
+        self._observer.update(q, v, m.torques, dt)
+        self._forces = self._observer.wrenches
 
     def _follow(self, before: int, leader: int) -> None:
         """Go on with another IMU: the same body, another place and biases nobody knows."""
-        filter_, mounted, s = self._filter, self._mounted, self.settings
-        R, P = filter_.rotation, filter_.covariance
-        turn = mounted.rotation(before).T @ mounted.rotation(leader)
-        arm = mounted.rotation(before).T @ (mounted.origin(leader) - mounted.origin(before))
+        filter_, sight = self._filter, self._sight
+        R, P, own = filter_.rotation, filter_.covariance, sight.imu_rotation(before).T
+        arm = R @ own @ (sight.imu_origin(leader) - sight.imu_origin(before))
         P[9:], P[:, 9:] = 0.0, 0.0
-        P[9:12, 9:12] = s.gyroscope_bias**2 * np.eye(3)
-        P[12:, 12:] = s.accelerometer_bias**2 * np.eye(3)
+        P[9:, 9:] = bias_covariance(self.settings)
         by = np.eye(SHOWN)
-        by[6:9, :3] = -skew(R @ arm)  # how the new place turns with the old one
-        filter_.reset(
-            R @ turn,
-            filter_.position + R @ arm,
-            filter_.velocity,
-            covariance=by @ P @ by.T,
-        )
+        by[6:9, :3] = -skew(arm)  # how the new place turns with the old one
+        turned = R @ own @ sight.imu_rotation(leader)
+        velocity, place = filter_.velocity, filter_.position + arm
+        filter_.reset(turned, place, velocity, covariance=by @ P @ by.T)
         filter_.widen(SWAYED)
 
     def _estimate(
@@ -439,8 +318,8 @@ class StateEstimator:
             read_only(q),
             read_only(v),
             read_only(filter_.covariance),
-            tuple(n for n, held in zip(self._foot_names, filter_.held, strict=True) if held),
-            tuple(n for n, one in zip(self._foot_names, feet, strict=True) if one.slips),
+            tuple(n for n, held in zip(self._sight.feet, filter_.held, strict=True) if held),
+            tuple(n for n, one in zip(self._sight.feet, feet, strict=True) if one.slips),
             read_only(filter_.gyroscope_bias),
             read_only(filter_.accelerometer_bias),
             self._forces,
@@ -453,32 +332,18 @@ class StateEstimator:
     def _memory(self) -> _Memory:
         return _Memory(
             self._filter.memory(),
-            self._velocity.memory(),
+            self._joints.memory(),
             self._observer.memory(),
             self._imus,
             self._feet,
             self._forces,
             self._time,
-            self._positions,
-            self._distrusted,
             self._lost_since,
         )
 
     def _restore(self, memory: _Memory) -> None:
         self._filter.restore(memory.filter)
-        self._velocity.restore(memory.velocity)
+        self._joints.restore(memory.joints)
         self._observer.restore(memory.observer)
         self._imus, self._feet, self._forces = memory.imus, memory.feet, memory.forces
-        self._time, self._positions = memory.time, memory.positions
-        self._distrusted, self._lost_since = memory.distrusted, memory.lost_since
-
-
-def _shortest(a: Array, b: Array) -> Array:
-    """Return the shortest rotation (3, 3) from one unit vector to another."""
-    axis = np.cross(a, b)
-    sine, cosine = float(np.linalg.norm(axis)), float(a @ b)
-    if sine < 1e-12:
-        across = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))])
-        axis = across / np.linalg.norm(across)
-        return np.eye(3) if cosine > 0.0 else exp_rotation(np.pi * axis)
-    return exp_rotation(math.atan2(sine, cosine) / sine * axis)
+        self._time, self._lost_since = memory.time, memory.lost_since

@@ -7,7 +7,10 @@ M_k (v_{k+1} - v_k) + (M_{k+1} - M_k) v_{k+1}, and the second term is what M' v 
 
     r += (1 - exp(-K dt)) (M_k (v_{k+1} - v_k) / dt + h_k - S' tau - r)
 
-needs no derivative of M either.
+needs no derivative of M either. The wrenches on the soles are those of least squares over all rows
+of J' f = r, a little damped, so that a straight leg gives no wild forces; the base's rows, with
+accelerations of the whole mass in them, count less. The arithmetic is the core's
+(``source/momentum.c``).
 """
 
 from __future__ import annotations
@@ -16,90 +19,107 @@ import math
 
 import numpy as np
 
-from wbc.robot import Robot, Snapshot
-from wbc.robot.limits import BASE_NV
+from wbc.errors import InvalidInputError
+from wbc.native import doubles, ffi, lib, pointer
+from wbc.robot import Robot
+from wbc.robot.kernel import frame_places
 from wbc.validate import Array, finite_number
-
-# Least joint speed [rad/s or m/s] at which dry friction is taken for all that it is.
-CREEP = 0.05
-DAMPING = 1e-3  # m^2: squared lever of a joint below which it says little of a force
 
 
 class MomentumObserver:
-    """Generalised force from outside (nv,), base first in base axes, low-passed.
+    """Generalised force from outside, low-passed, and the wrenches on the soles that explain it.
 
     Parameters
     ----------
     bandwidth:
         K [1/s]: what acts is seen with a delay of 1/K.
+    base_trust:
+        Weight of the base's rows by the joints' when wrenches are found.
 
     Attributes
     ----------
-    residual:
-        (nv,) [N, N m].
+    feet:
+        Names, in the order of :attr:`wrenches`.
+
+    Raises
+    ------
+    InvalidInputError
+        More than four feet, or a number out of range.
     """
 
-    def __init__(self, robot: Robot, bandwidth: float = 150.0) -> None:
-        self.robot = robot
+    def __init__(self, robot: Robot, bandwidth: float = 150.0, base_trust: float = 0.1) -> None:
+        self.robot, self.feet = robot, tuple(robot.feet)
         self.bandwidth = finite_number("momentum observer, bandwidth", bandwidth, above=0.0)
-        self.residual: Array = np.zeros(robot.nv)
-        self._last: tuple[Array, Array, Array] | None = None
+        trust = finite_number("momentum observer, base_trust", base_trust, least=0.0)
+        if len(self.feet) > lib.MOMENTUM_MOST_FEET:
+            raise InvalidInputError(
+                f"momentum observer: {robot.name} has {len(self.feet)} feet; at most"
+                f" {lib.MOMENTUM_MOST_FEET} are supported"
+            )
+        tree, nv, k = robot.native.tree, robot.nv, len(self.feet)
+        ids = [robot.frame_id(foot.frame) for foot in robot.feet.values()]
+        joints, placements = frame_places(robot.model, ids)
+        sizes = {"residual": nv, "velocity": nv, "motion": tree.motion_size, "wrenches": 6 * k}
+        # What changes and is kept, one array; then what each update finds anew.
+        self._memory = np.zeros(sum(sizes.values()) + 1)
+        ends = np.cumsum(list(sizes.values())).tolist()
+        parts = dict(zip(sizes, np.split(self._memory, ends), strict=False))
+        self._residual, self._wrenches = parts["residual"], parts["wrenches"].reshape(k, 6)
+        self._known = self._memory[-1:]  # whether a state was taken in
+        scratch = 13 * tree.joints + 17 * nv
+        made = {
+            "state": np.zeros(tree.frames),
+            "frames": np.zeros(max(k, 1) * tree.frame_size),
+            "scratch": np.zeros(scratch),
+        }
+        given = {
+            "placement": placements.reshape(-1),
+            "damping": robot.damping.copy(),
+            "friction": robot.friction.copy(),
+        }
+        self._kept = tree, joints, made, given, parts  # the struct points at them
+        arrays = {name: pointer(array) for name, array in (parts | made | given).items()}
+        self._struct = ffi.new(
+            "wbc_momentum *",
+            {
+                "tree": tree.struct,
+                "feet": k,
+                "joint": pointer(joints),
+                "base_trust": trust,
+                **arrays,
+            },
+        )
+
+    @property
+    def residual(self) -> Array:
+        """Generalised force from outside (nv,) [N, N m], the base's in its axes; a copy."""
+        return self._residual.copy()
+
+    @property
+    def wrenches(self) -> dict[str, Array]:
+        """Wrench (6,) on each sole by foot, at its frame's origin in world axes [N, N m]."""
+        found = self._wrenches.copy()
+        return dict(zip(self.feet, found, strict=True))
 
     def reset(self) -> None:
         """Forget everything; nothing acts."""
-        self.residual = np.zeros(self.robot.nv)
-        self._last = None
+        self._memory[:] = 0.0
 
-    def update(self, snapshot: Snapshot, torque: Array, dt: float) -> Array:
+    def update(self, q: Array, v: Array, torque: Array, dt: float) -> None:
         """Take in the state now and the motors' torques (nv-6,) over the ``dt`` [s] before.
 
-        Return the residual (nv,). The joints' damping and dry friction, as the robot has them, are
-        taken off the torques.
+        The joints' damping and dry friction, as the robot has them, are taken off the torques.
         """
-        v, robot = snapshot.v, self.robot
-        if self._last is not None and dt > 0.0:
-            M, h, before = self._last
-            outside = M @ (v - before)
-            outside /= dt
-            outside += h
-            rates = 0.5 * (before[BASE_NV:] + v[BASE_NV:])
-            outside[BASE_NV:] -= torque - robot.damping * rates
-            outside[BASE_NV:] += robot.friction * np.clip(rates / CREEP, -1.0, 1.0)
-            self.residual = self.residual + (1.0 - math.exp(-self.bandwidth * dt)) * (
-                outside - self.residual
-            )
-        self._last = snapshot.mass_matrix, snapshot.bias, v
-        return self.residual
+        step = dt if self._known[0] and dt > 0.0 else 0.0
+        share = 1.0 - math.exp(-self.bandwidth * dt)
+        given = doubles(q), doubles(v), doubles(torque)
+        lib.wbc_momentum_update(self._struct, *given, step, share)
+        self._known[0] = 1.0
 
-    def memory(self) -> tuple[Array, tuple[Array, Array, Array] | None]:
-        """Return all that it knows, for :meth:`restore`; nothing of it is written to later."""
-        return self.residual, self._last
+    def memory(self) -> Array:
+        """Return all that it knows, for :meth:`restore`."""
+        return self._memory.copy()
 
-    def restore(self, memory: tuple[Array, tuple[Array, Array, Array] | None]) -> None:
+    def restore(self, memory: Array) -> None:
         """Go back to what :meth:`memory` returned."""
-        self.residual, self._last = memory
-
-
-def foot_wrenches(snapshot: Snapshot, residual: Array, base_trust: float = 0.1) -> dict[str, Array]:
-    """Return wrenches (6,) on the soles by foot that explain a generalised force best.
-
-    Least squares over all rows of J' f = r, moments counted by the size of a sole, a little
-    damped, so that a straight leg gives no wild forces. World axes, at the sole's frame.
-
-    Parameters
-    ----------
-    base_trust:
-        Weight of the base's rows by the joints': accelerations of the whole mass are in them.
-    """
-    robot = snapshot.robot
-    names = tuple(robot.feet)
-    if not names:
-        return {}
-    J = np.concatenate([snapshot.jacobian(robot.feet[name].frame) for name in names])  # (6k, nv)
-    weights = np.ones(robot.nv)
-    weights[:BASE_NV] = base_trust
-    weighted = J * weights
-    A = weighted @ J.T
-    A.flat[:: len(A) + 1] += DAMPING
-    f = np.linalg.solve(A, weighted @ residual)
-    return {name: f[6 * k : 6 * k + 6] for k, name in enumerate(names)}
+        self._memory[:] = memory

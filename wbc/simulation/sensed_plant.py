@@ -22,7 +22,7 @@ class SensedPlant(Plant):
     :meth:`measure` gives the estimate, predicted over the age of the last message by its own
     velocities, and :attr:`felt_forces` the estimated forces on the soles; :meth:`state` and
     :attr:`contact_forces` are still the truth, for verdicts and comparisons. At the reset it is
-    held where it stands for as long as the estimator stands to begin: its devices run before time 0.
+    held where it stands for as long as the estimator stands to begin; devices run before time 0.
 
     Parameters
     ----------

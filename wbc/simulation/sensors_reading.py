@@ -138,7 +138,9 @@ class Sensing:
             pressed,
         )
 
-    def _inertial(self, time: float, q: Array, v: Array, positions: Array) -> tuple[ImuReading, ...]:
+    def _inertial(
+        self, time: float, q: Array, v: Array, positions: Array
+    ) -> tuple[ImuReading, ...]:
         mounted, R = self._mounted, rotation_from(q[3:7])
         mounted.at(positions)
         found = []

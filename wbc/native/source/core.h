@@ -284,4 +284,27 @@ int wbc_filter_covariance(const wbc_filter *filter, double *out);
 int wbc_foot_place(int64_t nv, const double *imu, const double *foot, double variance, const double *floor,
                    double *place, double *noise);
 
+/* Write the base's position and quaternion x y z w (7), and the velocity (nv) of all, by the filter and the
+ * IMU's rate (3), with joints that move at rates (nv - 6). imu: its frame, the base at the origin. Returns 0. */
+int wbc_filter_base(const wbc_filter *filter, int64_t nv, const double *imu, const double *rate,
+                    const double *rates, double *q, double *v);
+
+/* Forces from outside by residuals of the momentum (source/momentum.c). From call to call it keeps what is
+ * known at the last state, residual (nv), velocity (nv) and motion, in base axes; wrenches (feet, 6) on the
+ * soles, world axes. scratch: as of wbc_state and wbc_motion, whichever is more. */
+enum { MOMENTUM_MOST_FEET = 4 };
+typedef struct {
+    const wbc_tree *tree;
+    int64_t feet;
+    const int64_t *joint;    /* (feet), and placements there (feet, 12) */
+    const double *placement;
+    const double *damping, *friction; /* (nv - 6) */
+    double base_trust;                /* weight of the base's rows by the joints' */
+    double *residual, *velocity, *motion, *state, *frames, *wrenches, *scratch;
+} wbc_momentum;
+/* Take in a state (q, v) and the torques (nv - 6) over the dt before; share: of what is seen that comes into
+ * the residual. dt 0: the first. Returns 0. */
+int wbc_momentum_update(const wbc_momentum *momentum, const double *q, const double *v,
+                        const double *torque, double dt, double share);
+
 #endif
