@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections import deque
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,10 +13,15 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.estimation import Estimate, EstimatorSettings, StateEstimator
 from wbc.robot import Robot
-from wbc.simulation.plant import Plant
+from wbc.simulation.estimate_errors import EstimateErrors
+from wbc.simulation.plant import PERFECT, Plant
 from wbc.simulation.sensors_devices import Devices
 from wbc.simulation.sensors_reading import Sensing
 from wbc.validate import Array
+
+TRUTHS = 64  # control periods for which a message may be under way and still be compared
+MOST_NOTES = 5
+NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
 class SensedPlant(Plant):
@@ -31,7 +39,7 @@ class SensedPlant(Plant):
     settings:
         Of the estimator; the encoders' delay is known to it unless they say otherwise.
     others:
-        As of :class:`~wbc.simulation.Plant`, but ``sensors``, which this one has none of.
+        As of :class:`~wbc.simulation.Plant`; of ``sensors`` only the latency of torques.
 
     Attributes
     ----------
@@ -41,8 +49,10 @@ class SensedPlant(Plant):
         Reads the devices.
     estimate:
         The last one.
+    errors:
+        Of the estimates so far, by the truth.
     told:
-        What estimates noted, each note once, with how often.
+        What estimates noted, numbers left out, with how often.
     """
 
     def __init__(
@@ -54,15 +64,18 @@ class SensedPlant(Plant):
         dt: float = 0.002,
         **others: Any,
     ) -> None:
-        if "sensors" in others:
+        sensors = others.get("sensors", PERFECT)
+        if replace(sensors, latency=0.0, seed=0) != PERFECT:
             raise InvalidInputError(
-                "plant: sensors add noise to the true state, which is not told here; give devices"
+                "plant, sensors: noise on the true state, which is not told here; of these give"
+                " latency only, and devices"
             )
         self.devices = devices or Devices()
         known = settings or EstimatorSettings(encoder_delay=self.devices.encoders.delay)
         mounts = [one.mount for one in self.devices.imus]
         self.estimator = StateEstimator(robot, mounts, known, dt=dt)
         self.told: dict[str, int] = {}
+        self.errors = EstimateErrors()
         super().__init__(robot, dt=dt, **others)
 
     def reset(self, q: ArrayLike, v: ArrayLike | None = None) -> None:
@@ -73,12 +86,13 @@ class SensedPlant(Plant):
         InvalidInputError
             An unusable state, or one that moves: a robot stands while its estimator begins.
         """
+        self._truths = deque[tuple[float, Array, Array]](maxlen=TRUTHS)
         super().reset(q, v)
         if v is not None and np.any(v):
             raise InvalidInputError(
                 "plant, v: a robot whose state is estimated begins at rest; leave it out"
             )
-        self.sensing, self.told = Sensing(self, self.devices), {}
+        self.sensing, self.told, self.errors = Sensing(self, self.devices), {}, EstimateErrors()
         self.estimate: Estimate | None = None
         self.estimator.reset(q)
         count = int(np.ceil(self.estimator.settings.standing_time / self.dt))
@@ -94,6 +108,7 @@ class SensedPlant(Plant):
         """
         if not self._read:
             self.sensing.read(self)
+            self._truths.append((self.time, *self.state()))
             self._take(self.time)
             self._read = True
         found = self.estimate
@@ -112,13 +127,43 @@ class SensedPlant(Plant):
 
     @property
     def felt_forces(self) -> dict[str, Array]:
-        """Wrench (6,) on each sole by its frame, as estimated from torques; without any: empty."""
+        """Wrench (6,) on each sole by its frame, as estimated from torques; else empty."""
         forces = self.estimate.forces if self.estimate is not None else {}
         return {self.robot.feet[name].frame: force for name, force in forces.items()}
 
+    @property
+    def felt_loads(self) -> dict[str, float]:
+        """Vertical force by foot [N] as estimated; a foot that is counted on bears by any means."""
+        forces = self.estimate.forces if self.estimate is not None else {}
+        held = self.estimate.contacts if self.estimate is not None else ()
+        return {
+            name: float(forces[name][2]) if name in forces else self.robot.weight * (name in held)
+            for name in self.robot.feet
+        }
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the physics leaves out, how good the estimates were, and what they noted most."""
+        if not self.errors.count:
+            return super().notes
+        most = sorted(self.told.items(), key=lambda one: -one[1])[:MOST_NOTES]
+        told = (f"estimate, {count} times: {note}" for note, count in most)
+        lost = (f"bus: {self.sensing.lost} messages lost",) if self.sensing.lost else ()
+        return (*super().notes, str(self.errors), *lost, *told)
+
     def _take(self, time: float) -> None:
+        fresh = False
         for message in self.sensing.received(time):
             estimate = self.estimator.update(message)
-            self.estimate = estimate or self.estimate
-            for note in estimate.notes if estimate is not None else ():
-                self.told[note] = self.told.get(note, 0) + 1
+            if estimate is None:
+                continue
+            self.estimate, fresh = estimate, True
+            for note in estimate.notes:
+                kind = NUMBER.sub("#", note)
+                self.told[kind] = self.told.get(kind, 0) + 1
+        if self.estimate is None or not fresh:
+            return
+        for when, q, v in reversed(self._truths):
+            if abs(when - self.estimate.time) < 1e-9:
+                self.errors.add(self.estimate, q, v)
+                break

@@ -71,6 +71,22 @@ class Imu:
         place = self.name, self.frame, self.position, self.rotation
         return ImuMount(*place, 0.999 * self.most_rate, 0.999 * self.most_force)
 
+    def period(self, dt: float) -> float:
+        """Return the time between readings [s], a multiple of the control period ``dt``.
+
+        Raises
+        ------
+        InvalidInputError
+            It is none.
+        """
+        periods = 1.0 if self.rate is None else 1.0 / (self.rate * dt)
+        if abs(periods - round(periods)) > 1e-6 or round(periods) < 1:
+            raise InvalidInputError(
+                f"IMU {self.name!r}, rate: {self.rate:g} readings a second are not one in a whole"
+                f" number of control periods of {dt:g} s"
+            )
+        return round(periods) * dt
+
 
 DEVICES = "gyroscope", "accelerometer"
 

@@ -7,7 +7,6 @@ from collections import deque
 
 import numpy as np
 
-from wbc.errors import InvalidInputError
 from wbc.estimation.measurement import ImuReading, Measurement
 from wbc.robot.limits import BASE_NV
 from wbc.robot.mounted import MountedFrames
@@ -65,7 +64,7 @@ class Sensing:
         robot = plant.robot
         self._robot, self._devices = robot, devices
         self._random = random = np.random.default_rng((devices.seed, 20261126))
-        self._imus = [_ImuState(one, self._period(one, plant.dt), random) for one in devices.imus]
+        self._imus = [_ImuState(one, one.period(plant.dt), random) for one in devices.imus]
         mounts = [one.mount.mount for one in devices.imus]
         self._mounted = MountedFrames(robot, mounts)
         joints = robot.nv - BASE_NV
@@ -82,16 +81,6 @@ class Sensing:
     def biases(self) -> tuple[Array, ...]:
         """True biases (6,) of the IMUs: gyroscope [rad/s], accelerometer [m/s^2]."""
         return tuple(one.bias.copy() for one in self._imus)
-
-    @staticmethod
-    def _period(imu: Imu, dt: float) -> float:
-        periods = 1.0 if imu.rate is None else 1.0 / (imu.rate * dt)
-        if abs(periods - round(periods)) > 1e-6 or round(periods) < 1:
-            raise InvalidInputError(
-                f"IMU {imu.name!r}, rate: {imu.rate:g} readings a second are not one in a whole"
-                f" number of control periods of {dt:g} s"
-            )
-        return round(periods) * dt
 
     def read(self, plant: Plant, time: float | None = None) -> None:
         """Measure the plant as it is now, and send a message; ``time``, if not the plant's own."""
