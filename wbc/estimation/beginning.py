@@ -47,7 +47,7 @@ class Beginning:
         waiting.append(m)
         if m.time - waiting[0].time < self._duration - 1e-9:
             return None
-        rate = np.mean([one.angular_velocity for one in self._readings()], axis=0)
+        rate = self.mean.angular_velocity
         way = float(np.abs(m.positions - waiting[0].positions).max(initial=0.0))
         if np.linalg.norm(rate) > SWAYED or way > SWAYED * self._duration:
             self._waiting = [m] if heard else []
@@ -55,9 +55,11 @@ class Beginning:
         return waiting
 
     @property
-    def specific_force(self) -> Array:
-        """Mean of what the leading IMU said (3,) [m/s^2]."""
-        return np.mean([one.specific_force for one in self._readings()], axis=0)
+    def mean(self) -> ImuReading:
+        """What the leading IMU said, on the mean."""
+        rate = np.mean([one.angular_velocity for one in self._readings()], axis=0)
+        force = np.mean([one.specific_force for one in self._readings()], axis=0)
+        return ImuReading(self._leader, rate, force)
 
     def _readings(self) -> list[ImuReading]:
         return [one for m in self._waiting for one in m.imus if one.name == self._leader]
@@ -66,12 +68,15 @@ class Beginning:
 def level(
     filter_: ContactFilter,
     sight: Sight,
-    force: Array,
+    mean: ImuReading,
     gravity: Array,
     q: Array | None,
     settings: EstimatorSettings,
 ) -> None:
-    """Begin a filter with the tilt that a specific force (3,) at rest has, and nothing moving.
+    """Begin a filter with the tilt that an IMU at rest has on the mean, and nothing moving.
+
+    Tilt and the gyroscope's bias by the mean are where the filter begins; what it knows of them it
+    learns from the readings, one by one.
 
     Parameters
     ----------
@@ -81,6 +86,7 @@ def level(
         (nq,) whose base position and heading it is; None: heading 0, and the soles' middle at the
         world's origin.
     """
+    force = mean.specific_force
     if np.linalg.norm(force) < 0.5 * np.linalg.norm(gravity):
         raise InvalidInputError(
             f"estimator: a robot at rest feels {np.linalg.norm(gravity):.2f} m/s^2, the IMU says"
@@ -98,7 +104,8 @@ def level(
     P = np.zeros((SHOWN, SHOWN))
     P[:3, :3] = TILT**2 * (np.eye(3) - np.outer(up, up))
     P[9:, 9:] = bias_covariance(settings)
-    filter_.reset(R_imu, base + R @ sight.imu_origin(0), covariance=P)
+    place, bias = base + R @ sight.imu_origin(0), mean.angular_velocity
+    filter_.reset(R_imu, place, gyroscope_bias=bias, covariance=P)
 
 
 def bias_covariance(settings: EstimatorSettings) -> Array:

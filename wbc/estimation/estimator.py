@@ -157,8 +157,8 @@ class StateEstimator:
             return None
         self._sight.look(waited[0].positions)
         self._forget(waited[0].time)
-        force = beginning.specific_force
-        level(self._filter, self._sight, force, self._gravity, self._start, self.settings)
+        mean = beginning.mean
+        level(self._filter, self._sight, mean, self._gravity, self._start, self.settings)
         self._beginning = None
         for one in waited:
             estimate = self._take(one, standing=True)

@@ -93,16 +93,16 @@ def track(
     found = filter_.correct(k, seen.place, seen.noise, GATES[rows], seen.flat)
     if found.taken:
         return FootOutcome(replace(watch, strikes=0), found.squared, rows)
-    if seen.flat:  # a foot that rolls over an edge still stands on it, nearly
+    if seen.flat:  # a foot that rolls over an edge may still stand on it, for once
         found = filter_.correct(k, seen.place, seen.noise, GATES[3], rotation=False)
         if found.taken:
             note = f"{name} foot turns by {1e3 * np.linalg.norm(found.residual[3:]):.0f} mrad"
-            strikes = watch.strikes + 1
-            if strikes < STRIKES:
-                return FootOutcome(replace(watch, strikes=strikes), found.squared, 3, note)
+            if watch.strikes + 1 < STRIKES:
+                watch = replace(watch, strikes=watch.strikes + 1)
+                return FootOutcome(watch, found.squared, 3, note)
             filter_.release(k)
-            filter_.hold(k, seen.place, seen.noise)
-            return FootOutcome(replace(watch, strikes=0), found.squared, 3, f"{note}; held anew")
+            note = f"{note}; not counted on until it is still"
+            return FootOutcome(FootWatch(True, time, slips=True), found.squared, 3, note)
     off = 1e3 * float(np.linalg.norm(found.residual[:3]))
     if watch.strikes + 1 < STRIKES:
         note = f"{name} foot seen {off:.1f} mm off: an outlier, not used"

@@ -21,6 +21,7 @@ from wbc.validate import Array
 
 TRUTHS = 64  # control periods for which a message may be under way and still be compared
 MOST_NOTES = 5
+MORE = 50  # control periods to stand, since messages may be lost and IMUs slow
 NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
@@ -95,10 +96,16 @@ class SensedPlant(Plant):
         self.sensing, self.told, self.errors = Sensing(self, self.devices), {}, EstimateErrors()
         self.estimate: Estimate | None = None
         self.estimator.reset(q)
-        count = int(np.ceil(self.estimator.settings.standing_time / self.dt))
-        for k in range(-count - 1, 0):
+        bus = self.devices.bus
+        before = self.estimator.settings.standing_time + bus.delay + bus.jitter
+        for k in range(-int(np.ceil(before / self.dt)) - MORE, 0):
             self.sensing.read(self, k * self.dt)
             self._take(k * self.dt)
+        if self.estimate is None:
+            raise InvalidInputError(
+                f"plant, devices: of the messages of {before:g} s so many were lost that the"
+                " estimator could not begin"
+            )
         self._read = False
 
     def measure(self) -> tuple[Array, Array] | None:
