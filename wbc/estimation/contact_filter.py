@@ -252,6 +252,19 @@ class ContactFilter:
             )
         return Correction(said == lib.DONE, float(self._said[0]), self._said[1:].copy())
 
+    def foot_speed(self, rate: Array, place: Array) -> float:
+        """Return the speed of a foot in the world [m/s], by the filter and the gyroscope.
+
+        Parameters
+        ----------
+        rate:
+            (3,) by the gyroscope [rad/s].
+        place:
+            (15,) where it is seen, its velocity there behind it; see
+            :meth:`~wbc.estimation.sight.Sight.place`.
+        """
+        return float(lib.wbc_filter_foot_speed(self._struct, doubles(rate), doubles(place)))
+
     def base(self, nv: int, imu: Any, rate: Array, rates: Array, q: Array, v: Array) -> None:
         """Write the base's pose to ``q`` (nq,), and the velocity (nv,) of all.
 

@@ -26,7 +26,7 @@ from wbc.estimation.measurement import Measurement
 from wbc.estimation.momentum_observer import MomentumObserver
 from wbc.estimation.settings import EstimatorSettings
 from wbc.estimation.sight import Sight
-from wbc.estimation.standing_feet import FootSeen, FootWatch, track
+from wbc.estimation.standing_feet import FeetApart, FootSeen, FootWatch, track
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
@@ -42,6 +42,7 @@ class _Memory(NamedTuple):
     observer: Array
     imus: ImuWatch | None
     feet: tuple[FootWatch, ...]
+    apart: FeetApart
     forces: Mapping[str, Array]
     time: float
     lost_since: float | None
@@ -145,7 +146,8 @@ class StateEstimator:
         self._joints.reset()
         self._observer.reset()
         self._imus: ImuWatch | None = None
-        self._feet = (FootWatch(),) * len(self._sight.feet)
+        count = len(self._sight.feet)
+        self._feet, self._apart = (FootWatch(),) * count, FeetApart({}, (0.0,) * count)
         self._forces: Mapping[str, Array] = {}
         self._time = time
         self._lost_since: float | None = None
@@ -243,26 +245,36 @@ class StateEstimator:
             notes.append("no contacts, forces or torques: all feet are taken to bear always")
             loads = (1.0,) * len(sight.feet)
         squared, rows, feet, held = 0.0, 0, list[FootWatch](), filter_.held
+        speeds = [0.0] * len(held)
         lost = self._lost_since is not None and m.time - self._lost_since > self.settings.lost
         for k, name in enumerate(sight.feet):
             watch = self._feet[k].loaded(m.time, loads[k], shares)
             if not (watch.bears or held[k]):
                 feet.append(watch)
                 continue
-            place, noise = sight.place(k, inertial.leader)
-            speed = 0.0
-            if watch.bears and not held[k]:
-                speed = sight.speed(k, inertial.leader, filter_, inertial.rate, rates)
-                if lost:
-                    notes.append(f"no foot is still: {name} is counted on at {speed:.2f} m/s")
-                    filter_.widen(speed)
-                    speed, watch = 0.0, replace(watch, since=-math.inf)
+            place, noise = sight.place(k, inertial.leader, rates)
+            speed = speeds[k] = filter_.foot_speed(inertial.rate, place)
+            if lost and watch.bears and not held[k]:
+                notes.append(f"no foot is still: {name} is counted on at {speed:.2f} m/s")
+                filter_.widen(speed)
+                speed, watch = 0.0, replace(watch, since=-math.inf)
             seen = FootSeen(place, noise, speed, sight.flat[k])
             found = track(filter_, k, name, watch, seen, m.time, self.settings)
             feet.append(found.watch)
             squared, rows = squared + found.squared, rows + found.rows
             if found.note:
                 notes.append(found.note)
+        places = sight.places[:, :3]
+        self._apart, slipped, way = self._apart.seen(
+            filter_.held, places, speeds, self.settings.apart
+        )
+        if slipped is not None:
+            filter_.release(slipped)
+            feet[slipped] = FootWatch(True, m.time, slips=True)
+            name, far = sight.feet[slipped], 1e3 * way
+            notes.append(
+                f"{name} foot slips: feet are {far:.1f} mm nearer or farther; not counted on"
+            )
         self._feet = tuple(feet)
         if any(filter_.held) or not any(one.bears for one in feet):
             self._lost_since = None
@@ -336,6 +348,7 @@ class StateEstimator:
             self._observer.memory(),
             self._imus,
             self._feet,
+            self._apart,
             self._forces,
             self._time,
             self._lost_since,
@@ -346,4 +359,5 @@ class StateEstimator:
         self._joints.restore(memory.joints)
         self._observer.restore(memory.observer)
         self._imus, self._feet, self._forces = memory.imus, memory.feet, memory.forces
+        self._apart = memory.apart
         self._time, self._lost_since = memory.time, memory.lost_since

@@ -18,6 +18,8 @@ POSITIVE = (
     "gyroscope_bias",
     "accelerometer_bias",
     "still",
+    "slides",
+    "apart",
     "lost",
 )
 
@@ -55,6 +57,14 @@ class EstimatorSettings:
         How long a foot bears before it is counted on to stand [s]: it lands with a blow.
     still:
         Largest speed of a foot that is counted on from now on [m/s].
+    slides:
+        A foot that is counted on, and faster than this [m/s] for ``sliding`` [s], slips: at its
+        first, before the estimate follows it.
+    sliding:
+        See above.
+    apart:
+        By how much two feet that are counted on may come nearer to each other, or farther [m]:
+        beyond it the one that moved faster of late slips.
     lost:
         After how long without any foot one that bears is counted on whatever its speed [s].
     timeout:
@@ -76,7 +86,10 @@ class EstimatorSettings:
     estimated_load: tuple[float, float] = (0.15, 0.25)
     bandwidth: float = 150.0
     settle: float = 0.01
-    still: float = 0.15
+    still: float = 0.1
+    slides: float = 0.12
+    sliding: float = 0.01
+    apart: float = 4.0e-3
     lost: float = 0.1
     timeout: float = 0.05
     history: int = 25
@@ -84,7 +97,7 @@ class EstimatorSettings:
     def __post_init__(self) -> None:
         what = "estimator, "
         check_fields(self, what, *POSITIVE, "bandwidth", above=0.0)
-        check_fields(self, what, "encoder_delay", "settle", "timeout", least=0.0)
+        check_fields(self, what, "encoder_delay", "settle", "sliding", "timeout", least=0.0)
         shares = {key: interval(f"estimator {key}", getattr(self, key)) for key in LOADS}
         set_fields(self, **shares)
         for key, least in (("velocity_window", 2), ("history", 0)):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,7 +11,6 @@ from wbc.estimation.imus import ImuMount
 from wbc.estimation.settings import EstimatorSettings
 from wbc.native import doubles, lib
 from wbc.robot import Robot
-from wbc.robot.limits import BASE_NV
 from wbc.robot.mounted import Mount, MountedFrames
 from wbc.validate import Array
 
@@ -26,6 +24,8 @@ class Sight:
         Names.
     flat:
         Which have soles, whose rotation says something; points' does not.
+    places:
+        (feet, 15) as :meth:`place` left them.
     """
 
     def __init__(self, robot: Robot, imus: Sequence[ImuMount], settings: EstimatorSettings) -> None:
@@ -37,7 +37,7 @@ class Sight:
         self._rows = [doubles(row) for row in self._mounted.frames]
         self._variance = settings.encoder_deviation**2
         self._floor = np.array((settings.place_floor, settings.turn_floor)) ** 2
-        self._places = np.zeros((len(soles), 12))
+        self.places = np.zeros((len(soles), int(lib.PLACE_SIZE)))
         self._noises = np.zeros((len(soles), 6, 6))
 
     def look(self, positions: Array) -> None:
@@ -56,34 +56,19 @@ class Sight:
         """Return the mean of the soles' places from the base (3,) [m], in its axes."""
         return self._mounted.frames[self._first :, :3].mean(axis=0)
 
-    def place(self, foot: int, imu: int) -> tuple[Array, Array]:
+    def place(self, foot: int, imu: int, rates: Array) -> tuple[Array, Array]:
         """Return where an IMU sees a foot, and how surely; see ``ContactFilter.correct``.
 
-        Both are overwritten by the next call.
+        Behind position and rotation stands its velocity (3,) in the IMU's axes by joints that move
+        at ``rates`` (nv-6,). All is overwritten by the next call.
         """
-        place, noise = self._places[foot], self._noises[foot]
+        place, noise = self.places[foot], self._noises[foot]
         lib.wbc_foot_place(
             self._robot.nv,
-            *(self._rows[imu], self._rows[self._first + foot], self._variance),
+            *(self._rows[imu], self._rows[self._first + foot], doubles(rates), self._variance),
             *(doubles(self._floor), doubles(place), doubles(noise)),
         )
         return place, noise
-
-    def speed(
-        self, foot: int, imu: int, filter_: ContactFilter, rate: Array, rates: Array
-    ) -> float:
-        """Return the speed of a sole [m/s] by the filter's velocity and the joints' rates (nv-6,).
-
-        ``rate`` (3,) is what the IMU's gyroscope says [rad/s].
-        """
-        mounted, sole = self._mounted, self._first + foot
-        R = mounted.rotation(imu)
-        moved = mounted.jacobian(imu)[:, BASE_NV:] @ rates
-        arm = mounted.origin(sole) - mounted.origin(imu)
-        own = mounted.jacobian(sole)[:3, BASE_NV:] @ rates - moved[:3] - np.cross(moved[3:], arm)
-        carried = np.cross(rate - filter_.gyroscope_bias, R.T @ arm)
-        total = filter_.rotation.T @ filter_.velocity + carried + R.T @ own
-        return math.hypot(*total.tolist())
 
     def state(
         self, filter_: ContactFilter, imu: int, rate: Array, positions: Array, rates: Array

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -10,6 +13,8 @@ from wbc.estimation.contact_filter import ContactFilter
 from wbc.estimation.settings import GATES, EstimatorSettings
 from wbc.validate import Array
 
+RECENT = 0.9  # share of a foot's pace that is left after a message
+CALMER = 3.0
 STRIKES = 2  # places beyond the gate in a row that make a slip; one is an outlier
 
 
@@ -27,12 +32,15 @@ class FootWatch:
         Whether it bears, but moved since it was last counted on.
     strikes:
         Places in a row that were beyond the gate.
+    moves:
+        Since when it moves too fast to stand [s]; infinity: it does not.
     """
 
     bears: bool = False
     since: float = 0.0
     slips: bool = False
     strikes: int = 0
+    moves: float = math.inf
 
     def loaded(self, time: float, load: float, shares: tuple[float, float]) -> FootWatch:
         """Return it at a load, in parts of the robot's weight."""
@@ -81,14 +89,24 @@ def track(
 ) -> FootOutcome:
     """Hold, correct by, or release one foot."""
     if not filter_.held[k]:
-        settled = watch.bears and time - watch.since >= settings.settle - 1e-9
-        if settled and seen.speed < settings.still:
+        # One that slipped must be calmer, for longer: slipping on, it would drag the estimate.
+        calm = CALMER if watch.slips else 1.0
+        settled = watch.bears and time - watch.since >= calm * settings.settle - 1e-9
+        if settled and seen.speed < settings.still / calm:
             filter_.hold(k, seen.place, seen.noise)
             return FootOutcome(FootWatch(True, watch.since))
         return FootOutcome(watch)
     if not watch.bears:
         filter_.release(k)
         return FootOutcome(watch)
+    if seen.speed <= settings.slides:
+        watch = watch if watch.moves == math.inf else replace(watch, moves=math.inf)
+    elif watch.moves == math.inf:
+        watch = replace(watch, moves=time)
+    elif time - watch.moves >= settings.sliding - 1e-9:
+        filter_.release(k)
+        note = f"{name} foot slips at {seen.speed:.2f} m/s; not counted on until it is still"
+        return FootOutcome(FootWatch(True, time, slips=True), note=note)
     rows = 6 if seen.flat else 3
     found = filter_.correct(k, seen.place, seen.noise, GATES[rows], seen.flat)
     if found.taken:
@@ -110,3 +128,46 @@ def track(
     filter_.release(k)
     note = f"{name} foot slips: seen {off:.1f} mm off; not counted on until it is still"
     return FootOutcome(FootWatch(True, time, slips=True), note=note)
+
+
+@dataclass(frozen=True)
+class FeetApart:
+    """How far feet that stand are from each other: the joints know, whatever the base does.
+
+    A slip that is too slow to be seen as a speed is seen here. Not changed, replaced.
+
+    Attributes
+    ----------
+    distances:
+        By pairs of feet, since both are counted on [m].
+    paces:
+        Speeds of the feet of late [m/s].
+    """
+
+    distances: Mapping[tuple[int, int], float]
+    paces: tuple[float, ...]
+
+    def seen(
+        self, held: Sequence[bool], places: Array, speeds: Sequence[float], most: float
+    ) -> tuple[FeetApart, int | None, float]:
+        """Return it now, which foot slipped, if any, and by how much [m].
+
+        Parameters
+        ----------
+        places:
+            (feet, 3) in the IMU's axes [m].
+        most:
+            The change that is no slip [m].
+        """
+        paces = tuple(
+            RECENT * old + (1.0 - RECENT) * new for old, new in zip(self.paces, speeds, strict=True)
+        )
+        distances = dict[tuple[int, int], float]()
+        for i, j in combinations([k for k, one in enumerate(held) if one], 2):
+            now = math.dist(places[i], places[j])
+            first = self.distances.get((i, j), now)
+            if abs(now - first) > most:
+                slipped = i if paces[i] > paces[j] else j
+                return FeetApart({}, paces), slipped, abs(now - first)
+            distances[i, j] = first
+        return FeetApart(distances, paces), None, 0.0

@@ -278,12 +278,14 @@ int wbc_filter_correct(const wbc_filter *filter, int64_t foot, const double *pla
                        int64_t rows, double gate, double *innovation);
 /* Write the covariance (15, 15) of errors as differences, estimate minus truth, in world axes. Returns 0. */
 int wbc_filter_covariance(const wbc_filter *filter, double *out);
-/* Write where a foot is seen from the IMU, place (12), and how surely, noise (6, 6): by the variance of the
- * joints' positions, and floor (2), variances of position and rotation besides. imu, foot: frames, as
- * wbc_frames writes them. Returns 0. */
-int wbc_foot_place(int64_t nv, const double *imu, const double *foot, double variance, const double *floor,
-                   double *place, double *noise);
-
+/* Write where a foot is seen from the IMU, place (15): position, rotation, and velocity by joints that move at
+ * rates (nv - 6); and how surely, noise (6, 6): by the variance of the joints' positions, and floor (2), of
+ * position and rotation besides. imu, foot: frames, as wbc_frames writes them. Returns 0. */
+enum { PLACE_VELOCITY = 12, PLACE_SIZE = 15 };
+int wbc_foot_place(int64_t nv, const double *imu, const double *foot, const double *rates, double variance,
+                   const double *floor, double *place, double *noise);
+/* Speed in the world of a foot that is seen there, by the filter's velocity and the IMU's rate (3). */
+double wbc_filter_foot_speed(const wbc_filter *filter, const double *rate, const double *place);
 /* Write the base's position and quaternion x y z w (7), and the velocity (nv) of all, by the filter and the
  * IMU's rate (3), with joints that move at rates (nv - 6). imu: its frame, the base at the origin. Returns 0. */
 int wbc_filter_base(const wbc_filter *filter, int64_t nv, const double *imu, const double *rate,

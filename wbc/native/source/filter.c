@@ -324,13 +324,14 @@ int wbc_filter_covariance(const wbc_filter *filter, double *out) {
     return DONE;
 }
 
-int wbc_foot_place(int64_t nv, const double *imu, const double *foot, double variance, const double *floor,
-                   double *place, double *noise) {
+int wbc_foot_place(int64_t nv, const double *imu, const double *foot, const double *rates, double variance,
+                   const double *floor, double *place, double *noise) {
     const double *R = imu + FRAME_ROTATION, *own = imu + FRAME_JACOBIAN, *other = foot + FRAME_JACOBIAN;
     double arm[3], J[6], sum[21] = {0.0};
     for (int i = 0; i < 3; i++) arm[i] = foot[i] - imu[i];
     transposed_times3(R, arm, place);
     transposed_product3(R, foot + FRAME_ROTATION, place + 3);
+    for (int i = 0; i < 3; i++) place[PLACE_VELOCITY + i] = 0.0;
     for (int64_t j = 6; j < nv; j++) { /* how joint j moves the foot, seen from the IMU */
         double column[6], carried[3];
         int moves = 0;
@@ -342,6 +343,7 @@ int wbc_foot_place(int64_t nv, const double *imu, const double *foot, double var
         if (!moves) continue;
         transposed_times3(R, column, J);
         transposed_times3(R, column + 3, J + 3);
+        for (int i = 0; i < 3; i++) place[PLACE_VELOCITY + i] += J[i] * rates[j - 6];
         for (int i = 0, at = 0; i < 6; i++)
             for (int k = 0; k <= i; k++) sum[at++] += J[i] * J[k];
     }
@@ -390,4 +392,13 @@ int wbc_filter_base(const wbc_filter *filter, int64_t nv, const double *imu, con
     for (int i = 0; i < 3; i++) v[i] = along[i] - carried[i] - moved[i];
     memcpy(v + 6, rates, (nv - 6) * sizeof *v);
     return DONE;
+}
+
+double wbc_filter_foot_speed(const wbc_filter *filter, const double *rate, const double *place) {
+    double turn[3], carried[3], own[3];
+    for (int i = 0; i < 3; i++) turn[i] = rate[i] - filter->x[FILTER_GYRO + i];
+    cross3(turn, place, carried);
+    transposed_times3(filter->x, filter->x + FILTER_V, own);
+    for (int i = 0; i < 3; i++) own[i] += carried[i] + place[PLACE_VELOCITY + i];
+    return sqrt(dot3(own, own));
 }
