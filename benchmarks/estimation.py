@@ -4,7 +4,8 @@
 by two feet: in how many the normalised innovation squared is within its 95 % bounds of chi-square,
 and how far biases still are from the truth.
 
-``plain``: the same world, begun 20 degrees (one deviation, each axis) and 0.5 m/s wrong, by the
+``plain``: the same world, begun 20 degrees of tilt (one deviation, each
+axis), 5 degrees of heading and 0.5 m/s wrong, by the
 invariant filter and by a plain one (:mod:`plain_filter`): errors in the first second and after, and
 in how many runs the heading is wrong by more than twice the deviation that the filter says.
 
@@ -51,6 +52,7 @@ RUNS, CORRECTIONS = 100, 400
 SPEED, WALKED = 1.0, 20  # m/s, steps
 FAR_OFF = PRIOR.copy()
 FAR_OFF[[0, 1], [0, 1]], FAR_OFF[[3, 4, 5], [3, 4, 5]] = math.radians(20.0) ** 2, 0.5**2
+FAR_OFF[2, 2] = math.radians(5.0) ** 2
 MADE_OF = {"wbc": wbc.__version__, "code": code_of(), "dt": DT, "speed": SPEED}
 
 
