@@ -259,15 +259,14 @@ class StateEstimator:
                 filter_.widen(speed)
                 speed, watch = 0.0, replace(watch, since=-math.inf)
             seen = FootSeen(place, noise, speed, sight.flat[k])
-            found = track(filter_, k, name, watch, seen, m.time, self.settings)
+            found = track(filter_, held[k], k, name, watch, seen, m.time, self.settings)
             feet.append(found.watch)
             squared, rows = squared + found.squared, rows + found.rows
             if found.note:
                 notes.append(found.note)
         places = sight.places[:, :3]
-        self._apart, slipped, way = self._apart.seen(
-            filter_.held, places, speeds, self.settings.apart
-        )
+        held = filter_.held
+        self._apart, slipped, way = self._apart.seen(held, places, speeds, self.settings.apart)
         if slipped is not None:
             filter_.release(slipped)
             feet[slipped] = FootWatch(True, m.time, slips=True)
@@ -276,7 +275,8 @@ class StateEstimator:
                 f"{name} foot slips: feet are {far:.1f} mm nearer or farther; not counted on"
             )
         self._feet = tuple(feet)
-        if any(filter_.held) or not any(one.bears for one in feet):
+        stands = sum(held) > (slipped is not None)
+        if stands or not any(one.bears for one in feet):
             self._lost_since = None
         elif self._lost_since is None:
             self._lost_since = m.time
@@ -323,7 +323,7 @@ class StateEstimator:
         self, q: Array, v: Array, innovation: tuple[float, int], notes: list[str]
     ) -> Estimate:
         filter_, feet = self._filter, self._feet
-        if not np.isfinite(q).all():
+        if not np.isfinite(q.sum()):  # NaN of any entry is one of the sum
             raise InvalidInputError("estimator: the estimate is not finite; reset it")
         return Estimate(
             self._time,

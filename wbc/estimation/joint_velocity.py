@@ -64,9 +64,12 @@ class JointVelocityFilter:
             self._count = min(self._count + 1, n)
         if self._count < 2:
             return np.zeros(len(positions))
-        times = self._times[n - self._count :]
-        offsets = times - times.sum() / self._count
-        return (offsets / (offsets @ offsets)) @ self._positions[n - self._count :]
+        times = self._times[n - self._count :].tolist()  # few numbers: Python is quicker
+        mean = sum(times) / self._count
+        offsets = [time - mean for time in times]
+        weight = 1.0 / sum(offset * offset for offset in offsets)
+        weights = np.array([weight * offset for offset in offsets])
+        return weights @ self._positions[n - self._count :]
 
     def memory(self) -> tuple[Array, Array, int]:
         """Return all that it knows, for :meth:`restore`."""

@@ -80,6 +80,7 @@ class FootOutcome:
 
 def track(
     filter_: ContactFilter,
+    held: bool,
     k: int,
     name: str,
     watch: FootWatch,
@@ -88,7 +89,7 @@ def track(
     settings: EstimatorSettings,
 ) -> FootOutcome:
     """Hold, correct by, or release one foot."""
-    if not filter_.held[k]:
+    if not held:
         # One that slipped must be calmer, for longer: slipping on, it would drag the estimate.
         calm = CALMER if watch.slips else 1.0
         settled = watch.bears and time - watch.since >= calm * settings.settle - 1e-9
@@ -110,7 +111,8 @@ def track(
     rows = 6 if seen.flat else 3
     found = filter_.correct(k, seen.place, seen.noise, GATES[rows], seen.flat)
     if found.taken:
-        return FootOutcome(replace(watch, strikes=0), found.squared, rows)
+        watch = replace(watch, strikes=0) if watch.strikes else watch
+        return FootOutcome(watch, found.squared, rows)
     if seen.flat:  # a foot that rolls over an edge may still stand on it, for once
         found = filter_.correct(k, seen.place, seen.noise, GATES[3], rotation=False)
         if found.taken:
@@ -162,9 +164,9 @@ class FeetApart:
         paces = tuple(
             RECENT * old + (1.0 - RECENT) * new for old, new in zip(self.paces, speeds, strict=True)
         )
-        distances = dict[tuple[int, int], float]()
+        distances, points = dict[tuple[int, int], float](), places.tolist()
         for i, j in combinations([k for k, one in enumerate(held) if one], 2):
-            now = math.dist(places[i], places[j])
+            now = math.dist(points[i], points[j])
             first = self.distances.get((i, j), now)
             if abs(now - first) > most:
                 slipped = i if paces[i] > paces[j] else j

@@ -76,6 +76,7 @@ class SensedPlant(Plant):
         mounts = [one.mount for one in self.devices.imus]
         self.estimator = StateEstimator(robot, mounts, known, dt=dt)
         self.told: dict[str, int] = {}
+        self._read = False
         self.errors = EstimateErrors()
         super().__init__(robot, dt=dt, **others)
 

@@ -8,10 +8,10 @@ others). A data sheet's in-run instability is not a random walk: the walks here 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, shown
@@ -48,13 +48,13 @@ class Imu:
     position: ArrayLike = (0.0, 0.0, 0.0)
     rotation: ArrayLike = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     rate: float | None = None
-    gyroscope_noise: float = np.deg2rad(0.007)
+    gyroscope_noise: float = math.radians(0.007)
     accelerometer_noise: float = 120e-6 * _G
-    gyroscope_bias: float = np.deg2rad(0.5)
+    gyroscope_bias: float = math.radians(0.5)
     accelerometer_bias: float = 0.02
-    gyroscope_walk: float = np.deg2rad(10.0) / 3600.0 / 60.0**0.5
+    gyroscope_walk: float = math.radians(10.0) / 3600.0 / 60.0**0.5
     accelerometer_walk: float = 30e-6 * _G / 60.0**0.5
-    most_rate: float = np.deg2rad(2000.0)
+    most_rate: float = math.radians(2000.0)
     most_force: float = 16.0 * _G
 
     def __post_init__(self) -> None:
@@ -109,7 +109,7 @@ class Encoders:
         White noise of these [rad/s or m/s].
     """
 
-    resolution: float = 2.0 * np.pi / 2**14
+    resolution: float = 2.0 * math.pi / 2**14
     noise: float = 0.0
     delay: float = 0.0
     rates: bool = False
