@@ -5,7 +5,15 @@ from functools import cache
 import numpy as np
 
 import wbc
-from wbc.simulation import ModelMismatch, Plant, Sensors, Terrain
+from wbc.simulation import (
+    Devices,
+    Imu,
+    ModelMismatch,
+    Plant,
+    SensedPlant,
+    Sensors,
+    Terrain,
+)
 from wbc.validate import Array
 
 DT = 0.002  # s
@@ -33,5 +41,15 @@ def plant_of(robot: wbc.Robot, seed: int, terrain: Terrain, q: Array) -> Plant:
     """Return the simulation of a robot, begun at ``q``."""
     sensors, wrong = Sensors(**NOISE, seed=seed), ModelMismatch(mass=mass_of(seed))
     plant = Plant(robot, dt=DT, terrain=terrain, sensors=sensors, mismatch=wrong)
+    plant.reset(q)
+    return plant
+
+
+def sensed_plant_of(robot: wbc.Robot, seed: int, terrain: Terrain, q: Array) -> SensedPlant:
+    """Return the simulation of a robot that knows of itself only what its devices tell."""
+    frame = "imu_in_pelvis" if "imu_in_pelvis" in robot.frame_names else "base"
+    devices = Devices(imus=(Imu(frame=frame),), seed=seed)
+    wrong = ModelMismatch(mass=mass_of(seed))
+    plant = SensedPlant(robot, dt=DT, terrain=terrain, devices=devices, mismatch=wrong)
     plant.reset(q)
     return plant

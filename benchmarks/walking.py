@@ -14,8 +14,11 @@ The group ``sideways`` pushes every robot to both sides by as many M omega d, of
 (G1) to a half (Romeo) of the CoM's height, so that the same impulse moves the capture point
 farther.
 
+With ``--estimated`` robots know of themselves only what an IMU, encoders and motor torques tell
+(``sensed_plant_of``), and feet feel what follows from the torques.
+
     python benchmarks/walking.py JOURNAL.jsonl [--only speed push sideways ground schedule meshes]
-        [--robots g1] [--walks back left "turn 360"] [--seeds 10] [--workers 2]
+        [--robots g1] [--walks back left "turn 360"] [--seeds 10] [--workers 2] [--estimated]
 """
 
 import os
@@ -26,12 +29,12 @@ import argparse
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from disturbed import ARMATURE, DT, mass_of, plant_of, robot_named
+from disturbed import ARMATURE, DT, mass_of, plant_of, robot_named, sensed_plant_of
 from raw_shapes import RawShapes
 from sources import code_of
 
@@ -44,7 +47,7 @@ from wbc.gait.whole_body import heaviest_link
 from wbc.journal import Journal
 from wbc.problem.simulation_spec import turned_with
 from wbc.robot import Snapshot
-from wbc.simulation import SimulationError, Step, Terrain, capture_impulse, simulate
+from wbc.simulation import SensedPlant, SimulationError, Step, Terrain, capture_impulse, simulate
 from wbc.workers import Workers
 
 SPEED = {"g1": 0.8, "talos": 0.5, "hoap2_like": 0.15, "g1_27": 0.3, "icub": 0.2, "romeo": 0.15}
@@ -88,6 +91,8 @@ class Trial:
         ``level``, ``steps``, or slopes and friction: (along x, along y, friction).
     bodies:
         Whether they are kept apart by a constraint.
+    estimated:
+        Whether the state is estimated from devices.
     """
 
     group: str
@@ -100,10 +105,12 @@ class Trial:
     through_com: bool = False
     ground: tuple[float, float, float] | str = "level"
     bodies: bool = False  # kept apart
+    estimated: bool = False
 
     @property
     def key(self) -> str:
-        return f"{self.group}/{self.robot}/{self.name}/{self.seed}"
+        by = "/estimated" * self.estimated
+        return f"{self.group}/{self.robot}/{self.name}/{self.seed}{by}"
 
     @property
     def kind(self) -> str:
@@ -208,12 +215,13 @@ def walked(trial: Trial) -> dict[str, Any]:
     robot = robot_named(trial.robot)
     terrain = terrain_of(trial.ground, trial.seed)
     flat = turned_with(robot.posture("standing"), terrain.normal)  # soles lie flat on the ground
-    plant = plant_of(robot, trial.seed, terrain, flat)
+    made = sensed_plant_of if trial.estimated else plant_of
+    plant = made(robot, trial.seed, terrain, flat)
     margins = [kept_apart(robot)] if trial.bodies else []
     walker = Walker(robot, constraints=margins, dt=DT)
     nearest = Nearest(robot) if trial.group == "meshes" else None
     commands = [TimedCommand(at, Velocity(*velocity)) for at, *velocity in trial.commands]
-    walk = CommandedWalk(walker, commands, lambda: plant.contact_forces)
+    walk = CommandedWalk(walker, commands, lambda: plant.felt_forces)
     end = commands[-1].at + 3.0 if trial.steps is None else MOST
     begin = plant.com.copy()
     ticks = relaxed = 0
@@ -250,6 +258,7 @@ def walked(trial: Trial) -> dict[str, Any]:
         "time": plant.time,
         "speed": float(np.linalg.norm(way[:2])) / max(plant.time, DT),
         "heading": walker.heading,
+        **({"estimate": str(plant.errors)} if isinstance(plant, SensedPlant) else {}),
         "relaxed": relaxed / max(ticks, 1),
         **({} if nearest is None else {"nearest": nearest.least[0], "pair": nearest.least[1]}),
     }
@@ -314,6 +323,7 @@ def main() -> None:
     parser.add_argument("--walks", nargs="+", help="only walks of these names, as in the table")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--estimated", action="store_true", help="no true state, no foot forces")
     given = parser.parse_args()
     names = {one.kind for one in trials(1)}
     if unknown := set(given.walks or ()) - names:
@@ -323,7 +333,7 @@ def main() -> None:
         known = {row["key"] for row in rows}
         wanted = [
             one
-            for one in trials(given.seeds)
+            for one in (replace(each, estimated=given.estimated) for each in trials(given.seeds))
             if one.group in given.only
             and one.robot in given.robots
             and (given.walks is None or one.kind in given.walks)
@@ -332,7 +342,13 @@ def main() -> None:
         for row in walk_in_processes(wanted, given.workers):
             journal.add(row)
             rows.append(row)
-    shown = [row for row in rows if row["group"] in given.only and row["robot"] in given.robots]
+    shown = [
+        row
+        for row in rows
+        if row["group"] in given.only
+        and row["robot"] in given.robots
+        and row.get("estimated", False) == given.estimated
+    ]
     print(table(shown))
 
 

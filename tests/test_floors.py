@@ -36,6 +36,7 @@ FLOORS = {
     "shaping": 3,
     "gait": 4,
     "flight": 4,
+    "estimation": 4,
     "motion": 4,
     "human": 4,
     "run": 4,

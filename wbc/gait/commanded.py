@@ -38,7 +38,7 @@ class CommandedWalk:
     commands:
         In order of time; before the first the robot stands, or makes its footsteps.
     forces:
-        What the soles feel; None: feet land when they should.
+        What the soles feel; None, or nothing felt: feet land when they should.
     move_world:
         Called before each tick with the time [s], for instance to move obstacles.
 
@@ -86,7 +86,7 @@ class CommandedWalk:
             reason = self.walker.command(*command.velocity).reason
             if reason:
                 self._beyond = (*self._beyond, f"command at {command.at:g} s: {reason}")
-        self.walker.prepare(snapshot, None if self._forces is None else self._forces())
+        self.walker.prepare(snapshot, (self._forces() or None) if self._forces else None)
         if self.controller.contacts != self.standing.contacts:
             self.standing = self._standing()
         return self.controller

@@ -179,7 +179,7 @@ class Problem:
         """
         if isinstance(self.spec, WalkSpec):
             return commanded_walk(self.spec, self.parts, plant)
-        return self.executor(lambda: {foot: plant.contacts.load(foot) for foot in plant.robot.feet})
+        return self.executor(lambda: plant.felt_loads)
 
     def executor(self, loads: Loads | None = None) -> PhaseExecutor:
         """Return what leads a run through the phases, from the start; it serves one run.

@@ -10,6 +10,8 @@ import numpy as np
 from pydantic import Field
 
 from wbc.errors import InvalidInputError
+from wbc.estimation import StateEstimator
+from wbc.problem.devices_spec import DevicesSpec, Seed
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.section import (
     Forms,
@@ -34,6 +36,7 @@ from wbc.simulation import (
     ModelMismatch,
     Plant,
     Push,
+    SensedPlant,
     Sensors,
     Step,
     Terrain,
@@ -42,7 +45,6 @@ from wbc.simulation import (
 from wbc.simulation.push import PROFILES
 from wbc.validate import Array
 
-Seed = Annotated[int, Field(ge=0)]
 Strength = Annotated[
     Positive | Point, Forms("a number (with angle or direction), or a list [x, y, z]")
 ]
@@ -215,6 +217,11 @@ class SimulationSpec(Section):
     """Whether the links' collision shapes meet the ground too, not only the soles."""
     sensors: Annotated[dict[str, Any], KeysOf(Sensors, seed=Seed)] = Field(default_factory=dict)
     """Noise, bias, delay and loss of what is measured; all off by default."""
+    estimate: bool = False
+    """Whether the controller gets the state that is estimated from devices, in place of the true
+    one with the noise of sensors; feet then feel what the estimate says."""
+    devices: DevicesSpec = DevicesSpec()
+    """The sensors from which the state is estimated, with estimate: true."""
     model_error: Annotated[dict[str, Any], KeysOf(ModelMismatch, com=Point, seed=Seed)] = Field(
         default_factory=dict
     )
@@ -252,6 +259,7 @@ class SimulationSpec(Section):
         for key, make in (("sensors", Sensors), ("model_error", ModelMismatch)):
             with mistakes.at("simulation", key):
                 make(**getattr(self, key))
+        self._check_devices(start, dt, mistakes)
         with mistakes.at("simulation", "falls"):
             limits = FallLimits(**self.falls)
             start.robot.frame_id(limits.trunk)
@@ -264,6 +272,29 @@ class SimulationSpec(Section):
                     text = f"begins after the end of the simulation ({duration:g} s)"
                     raise Misplaced(text, "at")
 
+    def _check_devices(self, start: Snapshot, dt: float, mistakes: Mistakes) -> None:
+        """Note devices that cannot be, or are there for nothing."""
+        if not self.estimate:
+            if self.devices.model_fields_set:
+                with mistakes.at("simulation", "devices"):
+                    raise InvalidInputError("nothing is estimated; add estimate: true")
+            return
+        with mistakes.at("simulation", "devices"):
+            devices = self.devices.made()
+            mounts = [one.mount for one in devices.imus]
+            StateEstimator(start.robot, mounts, self.devices.settings(), dt=dt)
+            for one in devices.imus:
+                one.period(dt)
+        with mistakes.at("simulation", "sensors"):
+            unused = sorted(set(self.sensors) - {"latency", "seed"})
+            if unused:
+                raise Misplaced("adds to the true state, which is estimated here", unused[0])
+        with mistakes.at("simulation", "start"):
+            if np.any((*self.start.velocity, *self.start.angular_velocity)) or self.start.height:
+                raise InvalidInputError(
+                    "a robot whose state is estimated begins at rest: leave out"
+                )
+
     def plant(self, start: Snapshot, feet: Sequence[str], dt: float) -> Plant:
         """Return the robot in its physics, at its start, with all pushes to come.
 
@@ -274,16 +305,20 @@ class SimulationSpec(Section):
         ModelError
             MuJoCo refuses the robot.
         """
-        plant = Plant(
-            start.robot,
-            dt=dt,
-            physics_dt=self.physics_dt,
-            terrain=self.ground(),
-            shapes=self.shapes,
-            sensors=Sensors(**self.sensors),
-            mismatch=ModelMismatch(**self.model_error),
-            gravity=None if self.gravity is None else (0.0, 0.0, -self.gravity),
-        )
+        settings: dict[str, Any] = {
+            "dt": dt,
+            "physics_dt": self.physics_dt,
+            "terrain": self.ground(),
+            "shapes": self.shapes,
+            "mismatch": ModelMismatch(**self.model_error),
+            "gravity": None if self.gravity is None else (0.0, 0.0, -self.gravity),
+            "sensors": Sensors(**self.sensors),
+        }
+        if self.estimate:
+            settings |= {"devices": self.devices.made(), "settings": self.devices.settings()}
+            plant: Plant = SensedPlant(start.robot, **settings)
+        else:
+            plant = Plant(start.robot, **settings)
         plant.reset(*self.start.state(start))
         plant.pushes += [push.push(start, feet) for push in self.pushes]
         return plant

@@ -90,8 +90,8 @@ class GaitSpec(Section):
     gain: Positive | None = None
     """How far beyond the capture point the pressure goes, by its error."""
     feel: bool = True
-    """Whether feet land when they feel the ground, by its true forces, without noise or delay;
-    false: when they should."""
+    """Whether feet land when they feel the ground, by its true forces, without noise or delay, or
+    with simulation.estimate by estimated ones; false: when they should."""
     weights: Annotated[dict[str, Any], KeysOf(WalkingWeights)] = Field(default_factory=dict)
     """Weights of the walking tasks and their stiffness."""
 
@@ -184,7 +184,7 @@ def walker_of(spec: WalkSpec, parts: Parts) -> Walker:
 
 def commanded_walk(spec: WalkSpec, parts: Parts, plant: Plant) -> CommandedWalk:
     """Return what leads the walk; its feet feel the ground of ``plant``."""
-    forces = partial(getattr, plant, "contact_forces") if spec.gait.feel else None
+    forces = partial(getattr, plant, "felt_forces") if spec.gait.feel else None
     commands = [command.timed for command in spec.gait.commands]
     walker = walker_of(spec, parts)
     if spec.gait.footsteps:

@@ -102,6 +102,16 @@ class JointLimits:
             positions[k] = np.arctan2(q[start + 1], q[start])
         return positions
 
+    def write_positions(self, q: Array, positions: Array) -> None:
+        """Write joint positions (nv-6,) [rad or m] into ``q`` (nq,), whatever their limits."""
+        if not self.unbounded:
+            q[BASE_NQ:] = positions
+            return
+        q[list(self.starts)] = positions
+        for k in self.unbounded:
+            start = self.starts[k]
+            q[start : start + 2] = np.cos(positions[k]), np.sin(positions[k])
+
     def set_joint(self, q: Array, name: str, value: float) -> None:
         """Write the value of one joint [rad or m] into ``q`` (nq,).
 

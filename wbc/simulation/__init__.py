@@ -15,21 +15,37 @@ from wbc.simulation.push import Push
 from wbc.simulation.push_map import PushMap
 from wbc.simulation.recorder import Recorder
 from wbc.simulation.result import SimulationResult, SimulationStatus
+from wbc.simulation.sensed_plant import SensedPlant
 from wbc.simulation.sensors import Sensors
+from wbc.simulation.sensors_devices import (
+    Bus,
+    Devices,
+    Encoders,
+    FootSwitches,
+    Imu,
+    MotorTorques,
+)
 from wbc.simulation.terrain import Step, Terrain
 from wbc.simulation.trial import run_trial
 
 __all__ = [
+    "Bus",
     "Contacts",
+    "Devices",
+    "Encoders",
     "FallLimits",
     "FallWatch",
+    "FootSwitches",
+    "Imu",
     "ModelMismatch",
+    "MotorTorques",
     "Plant",
     "Push",
     "PushGrid",
     "PushMap",
     "PushOutcome",
     "Recorder",
+    "SensedPlant",
     "Sensors",
     "SimulationError",
     "SimulationResult",

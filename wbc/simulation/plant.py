@@ -75,8 +75,6 @@ class Plant:
         Sum of the pushes (3,) in the last step of the physics [N].
     saturated:
         How often each joint (nv-6,) was asked for more than its effort limit, in control periods.
-    notes:
-        What the physics leaves out, in words.
 
     Raises
     ------
@@ -116,7 +114,7 @@ class Plant:
         self.terrain = terrain
         options = ShapeOptions(shapes, bool(terrain.steps), self_collision)
         self._built = build(self._mujoco, robot, terrain, mismatch, options, self.physics_dt)
-        self.notes, self.model = self._built.notes, self._built.model
+        self.model = self._built.model
         if gravity is not None:
             self.model.opt.gravity = finite_array("plant, gravity", gravity, (3,))
         self.data = self._mujoco.MjData(self.model)
@@ -140,6 +138,11 @@ class Plant:
         import mujoco
 
         return mujoco
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the physics leaves out, in words."""
+        return self._built.notes
 
     # ------------------------------------------------------------------ time and state
 
@@ -310,6 +313,16 @@ class Plant:
             )
             for sole in self._built.soles
         }
+
+    @property
+    def felt_forces(self) -> dict[str, Array]:
+        """What feet feel: :attr:`contact_forces`, without noise; see :class:`SensedPlant`."""
+        return self.contact_forces
+
+    @property
+    def felt_loads(self) -> dict[str, float]:
+        """Normal force by foot [N] as feet feel it."""
+        return {foot: self.contacts.load(foot) for foot in self.robot.feet}
 
     @property
     def cop(self) -> Array | None:

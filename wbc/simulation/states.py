@@ -46,11 +46,6 @@ class StateMap:
             coordinates[at_q] = velocities[at_v] = name
         self.coordinates, self.velocities = tuple(coordinates), tuple(velocities)
         self.nq, self.nv = int(model.nq), int(model.nv)
-        limits = robot.limits
-        starts = np.array(limits.starts, dtype=np.int64)
-        self._unbounded = np.array(limits.unbounded, dtype=np.int64)
-        self._bounded = np.setdiff1d(np.arange(len(starts)), self._unbounded)
-        self._cos, self._single = starts[self._unbounded], starts[self._bounded]
 
     # ------------------------------------------------------------------ from the robot to MuJoCo
 
@@ -86,10 +81,6 @@ class StateMap:
             v[:3], v[3:6] = qvel[:3] @ rotation_from(q[3:7]), qvel[3:6]
         else:
             q[:BASE_NQ] = self.base
-        joints = qpos[self._at_q]
-        q[self._single] = joints[self._bounded]
-        if self._unbounded.size:
-            angles = joints[self._unbounded]
-            q[self._cos], q[self._cos + 1] = np.cos(angles), np.sin(angles)
+        self.robot.limits.write_positions(q, qpos[self._at_q])
         v[BASE_NV:] = qvel[self._at_v]
         return q, v

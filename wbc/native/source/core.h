@@ -209,7 +209,7 @@ typedef struct {
  * LEADS_INSIDE: a margin, or it cannot be seen where the answer leads. MORE_ROWS: of pairs that could not
  * stop in time, than the plan has. REDUCED: to who solves it, outside. */
 enum said { INFEASIBLE = -2, UNSOLVED = -1, DONE = 0, NOT_FINITE = 3, NOT_MEASURED = 4,
-            LEADS_INSIDE = 5, MORE_ROWS = 6, REDUCED = 7 };
+            LEADS_INSIDE = 5, MORE_ROWS = 6, REDUCED = 7, OUTLIER = 8 };
 /* Write the QP of the first level. state is what wbc_state wrote at (q, v) without frames, or 0: then it
  * is found here. v may be 0, here and below: it lies behind q then. */
 int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v);
@@ -249,5 +249,64 @@ int wbc_layout(const wbc_plan *plan, int64_t level, int64_t *at);
  * Farkas certificate: y'A + z'C + z_box' = 0, and their sum by the ends that they point at is below 0. */
 int wbc_solve_qp(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
                  int64_t *order);
+
+/* An invariant filter of an IMU and of feet that stand (source/filter.c). x: rotation of the IMU, velocity,
+ * position, biases of gyroscope and accelerometer, then of each foot position and rotation; world axes, the
+ * biases in the IMU's. P (n, n), n = 15 + 6 feet: of the errors of rotation, velocity, position, biases, then
+ * of each foot position and rotation; rows of feet that are not held are 0. */
+enum { FILTER_V = 9, FILTER_P = 12, FILTER_GYRO = 15, FILTER_ACCEL = 18, FILTER_FEET = 21,
+       FILTER_FOOT_SIZE = 12 };
+typedef struct {
+    int64_t feet;
+    int64_t *held;                                     /* (feet) whether they stand */
+    double *x, *P, *scratch;                           /* scratch: 7 n */
+    double gravity[3];
+    double gyroscope, accelerometer;                   /* noise densities, squared */
+    double gyroscope_walk, accelerometer_walk;         /* of the biases, squared */
+    double creep, roll;                                /* of feet that stand, squared */
+} wbc_filter;
+/* Move on by dt with the IMU's mean rate and specific force (3) over it; scale: of its variance. Returns 0. */
+int wbc_filter_predict(const wbc_filter *filter, const double *rate, const double *force, double dt,
+                       double scale);
+/* Let a foot stand where it is: place, position (3) and rotation (3, 3) seen from the IMU, noise (6, 6) of it
+ * in the IMU's axes. Returns 0. */
+int wbc_filter_hold(const wbc_filter *filter, int64_t foot, const double *place, const double *noise);
+int wbc_filter_release(const wbc_filter *filter, int64_t foot);
+/* Correct by where a foot that stands is seen, by its position (rows 3) or its rotation, too (6). innovation:
+ * normalised square, then position and rotation (7). DONE, OUTLIER: beyond gate, nothing was changed. */
+int wbc_filter_correct(const wbc_filter *filter, int64_t foot, const double *place, const double *noise,
+                       int64_t rows, double gate, double *innovation);
+/* Write the covariance (15, 15) of errors as differences, estimate minus truth, in world axes. Returns 0. */
+int wbc_filter_covariance(const wbc_filter *filter, double *out);
+/* Write where a foot is seen from the IMU, place (15): position, rotation, and velocity by joints that move at
+ * rates (nv - 6); and how surely, noise (6, 6): by the variance of the joints' positions, and floor (2), of
+ * position and rotation besides. imu, foot: frames, as wbc_frames writes them. Returns 0. */
+enum { PLACE_VELOCITY = 12, PLACE_SIZE = 15 };
+int wbc_foot_place(int64_t nv, const double *imu, const double *foot, const double *rates, double variance,
+                   const double *floor, double *place, double *noise);
+/* Speed in the world of a foot that is seen there, by the filter's velocity and the IMU's rate (3). */
+double wbc_filter_foot_speed(const wbc_filter *filter, const double *rate, const double *place);
+/* Write the base's position and quaternion x y z w (7), and the velocity (nv) of all, by the filter and the
+ * IMU's rate (3), with joints that move at rates (nv - 6). imu: its frame, the base at the origin. Returns 0. */
+int wbc_filter_base(const wbc_filter *filter, int64_t nv, const double *imu, const double *rate,
+                    const double *rates, double *q, double *v);
+
+/* Forces from outside by residuals of the momentum (source/momentum.c). From call to call it keeps what is
+ * known at the last state, residual (nv), velocity (nv) and motion, in base axes; wrenches (feet, 6) on the
+ * soles, world axes. scratch: as of wbc_state and wbc_motion, whichever is more. */
+enum { MOMENTUM_MOST_FEET = 4 };
+typedef struct {
+    const wbc_tree *tree;
+    int64_t feet;
+    const int64_t *joint;    /* (feet), and placements there (feet, 12) */
+    const double *placement;
+    const double *damping, *friction; /* (nv - 6) */
+    double base_trust;                /* weight of the base's rows by the joints' */
+    double *residual, *velocity, *motion, *state, *frames, *wrenches, *scratch;
+} wbc_momentum;
+/* Take in a state (q, v) and the torques (nv - 6) over the dt before; share: of what is seen that comes into
+ * the residual. dt 0: the first. Returns 0. */
+int wbc_momentum_update(const wbc_momentum *momentum, const double *q, const double *v,
+                        const double *torque, double dt, double share);
 
 #endif

@@ -1,0 +1,226 @@
+"""The estimator on messages of a robot that stands, slips, and whose sensors fail."""
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError, WbcError
+from wbc.estimation import (
+    Estimate,
+    EstimatorSettings,
+    ImuMount,
+    ImuReading,
+    JointVelocityFilter,
+    Measurement,
+    StateEstimator,
+)
+from wbc.robot import Robot
+from wbc.rotations import exp_rotation, rotation_from
+from wbc.validate import Array
+
+DT = 0.002
+ALL = {"left": True, "right": True}
+MOUNTS = (
+    ImuMount("chest", "base", (0.02, 0.0, 0.1), exp_rotation(np.array((0.4, -0.2, 1.0)))),
+    ImuMount("spare", "base", (-0.05, 0.03, 0.0)),
+)
+BIAS = np.array((0.01, -0.02, 0.015))
+
+
+@pytest.fixture
+def hoap(robot_named: Callable[[str], Robot]) -> Robot:
+    return robot_named("hoap2_like")
+
+
+def messages(
+    robot: Robot, count: int, rng: np.random.Generator, tilt: Array | None = None
+) -> list[Measurement]:
+    """Of a robot at rest, tilted by a rotation vector; its chest's gyroscope has a bias."""
+    q = robot.posture()
+    R = np.eye(3) if tilt is None else exp_rotation(tilt)
+    found = []
+    for k in range(count):
+        imus = []
+        for n, one in enumerate(MOUNTS):
+            force = (R @ one.mount.rotation).T @ (0.0, 0.0, 9.81) + 1e-3 * rng.normal(size=3)
+            rate = (BIAS if n == 0 else 0.0) + 1e-4 * rng.normal(size=3)
+            imus.append(ImuReading(one.name, rate, force))
+        found.append(Measurement(k * DT, q[7:].copy(), imus=tuple(imus), contacts=ALL))
+    return found
+
+
+def fed(estimator: StateEstimator, sent: Iterable[Measurement]) -> Estimate:
+    for one in sent:
+        last = estimator.update(one)
+    assert last is not None
+    return last
+
+
+def changed(m: Measurement, **values: object) -> Measurement:
+    return Measurement(**{**m.__dict__, **values})  # type: ignore[arg-type]
+
+
+def test_it_begins_from_standing_with_the_tilt_that_it_has(
+    hoap: Robot, rng: np.random.Generator
+) -> None:
+    tilt = np.array((0.1, -0.15, 0.0))
+    e = StateEstimator(hoap, MOUNTS)
+    sent = messages(hoap, 600, rng, tilt)
+    assert all(e.update(one) is None for one in sent[:250])
+    found = fed(e, sent[250:])
+    R = rotation_from(found.q[3:7])
+    # Tilt by mean of 1e-3 m/s^2 noise; heading is 0 by definition: that of the base's x axis.
+    assert np.allclose(R[2], exp_rotation(tilt)[2], atol=3e-4)
+    assert abs(np.arctan2(R[1, 0], R[0, 0])) < 1e-3
+    assert np.allclose(found.gyroscope_bias, BIAS, atol=3e-4)
+    assert np.linalg.norm(found.v) < 2e-3
+    assert found.contacts == ("left", "right")
+    # A bias of the accelerometer looks like a tilt: what is not known of one is said of the other.
+    assert found.tilt_deviation == pytest.approx(2**0.5 * 0.05 / 9.81, rel=0.3)
+    assert found.yaw_deviation < 0.05
+    q = hoap.posture()
+    q[:3] += (1.0, 2.0, 3.0)
+    e.reset(q)
+    assert np.allclose(fed(e, sent).q[:3], q[:3], atol=2e-3)
+
+
+def test_late_messages_are_filed_to_the_same_bits(hoap: Robot, rng: np.random.Generator) -> None:
+    sent = messages(hoap, 320, rng)
+    inorder, shuffled = StateEstimator(hoap, MOUNTS), StateEstimator(hoap, MOUNTS)
+    expected = fed(inorder, sent)
+    late = [*sent[:300], *sent[301:306], sent[300], *sent[306:]]
+    found = [shuffled.update(one) for one in late]
+    assert found[-1] is not None
+    assert found[-1].q.tobytes() == expected.q.tobytes()
+    assert found[-1].covariance.tobytes() == expected.covariance.tobytes()
+    filed = found[305]
+    assert filed is not None
+    assert filed.time == sent[305].time
+    assert "10.0 ms late; 5 were taken in again" in filed.notes[-1]
+    for again, word in ((sent[319], "twice"), (sent[260], "dropped")):
+        answer = shuffled.update(again)
+        assert answer is not None
+        assert word in answer.notes[-1]
+        assert answer.q.tobytes() == expected.q.tobytes()
+
+
+def test_a_foot_that_slips_by_two_centimetres_is_not_followed(
+    hoap: Robot, rng: np.random.Generator
+) -> None:
+    """The left hip rolls; the base is still: in 60 ms the sole moves by 2 cm."""
+    k = hoap.joint_index("left_hip_roll") - 6 if "left_hip_roll" in hoap.joint_names else None
+    J = hoap.snapshot(hoap.posture()).jacobian(hoap.feet["left"].frame)
+    k = int(np.abs(J[1, 6:]).argmax()) if k is None else k
+    angle = 0.02 / abs(J[1, 6 + k])
+    sent = messages(hoap, 450, rng)
+    for n in range(300, 450):
+        positions = sent[n].positions.copy()
+        positions[k] += angle * min((n - 299) / 30, 1.0)
+        sent[n] = changed(sent[n], positions=positions)
+    e = StateEstimator(hoap, MOUNTS)
+    before = fed(e, sent[:300])
+    found = [e.update(one) for one in sent[300:]]
+    notes = [note for one in found if one is not None for note in one.notes]
+    assert any("left foot" in note and "not counted on" in note for note in notes)
+    off = np.array([one.q[:3] - before.q[:3] for one in found if one is not None])
+    speeds = [np.linalg.norm(one.v[:3]) for one in found if one is not None]
+    said = [one.position_deviation for one in found if one is not None]
+    # A tenth of the slip at most, and never more than 4 deviations that it said itself.
+    assert np.abs(off).max() < 2e-3
+    assert np.all(np.linalg.norm(off, axis=1) < 4.0 * np.array(said))
+    assert max(speeds) < 0.05
+    assert found[-1] is not None
+    assert found[-1].contacts == ("left", "right")  # it is still again
+
+
+def test_sensors_that_fail_are_named_and_done_without(
+    hoap: Robot, rng: np.random.Generator
+) -> None:
+    sent = messages(hoap, 400, rng)
+    expected = StateEstimator(hoap, MOUNTS)
+    good = fed(expected, sent)
+
+    def spoilt(change: Callable[[int, Measurement], Measurement]) -> tuple[Estimate, list[str]]:
+        e = StateEstimator(hoap, MOUNTS)
+        fed(e, sent[:300])
+        notes = list[str]()
+        for n, one in enumerate(sent[300:]):
+            found = e.update(change(n, one))
+            assert found is not None
+            notes += found.notes
+        return found, notes
+
+    def spike(n: int, m: Measurement) -> Measurement:
+        wild = ImuReading("chest", np.full(3, 100.0), m.imus[0].specific_force)
+        return changed(m, imus=(wild, m.imus[1])) if n == 20 else m
+
+    def hung(n: int, m: Measurement) -> Measurement:
+        return changed(m, imus=(sent[305].imus[0], m.imus[1])) if n > 5 else m
+
+    def dead(n: int, m: Measurement) -> Measurement:
+        return changed(m, imus=m.imus[1:]) if n > 5 else m
+
+    def jumped(n: int, m: Measurement) -> Measurement:
+        positions = m.positions.copy()
+        positions[3] += 1.0
+        return changed(m, positions=positions) if n == 30 else m
+
+    for change, word in (
+        (spike, "beyond its range"),
+        (hung, "readings in a row are the same"),
+        (dead, "'spare' takes over"),
+        (jumped, "position jumped"),
+    ):
+        found, notes = spoilt(change)
+        assert any(word in note for note in notes), (word, notes)
+        assert np.allclose(found.q, good.q, atol=2e-3), word
+        assert np.linalg.norm(found.v[:6]) < 0.02, word
+
+
+def test_without_contacts_it_says_what_it_takes_for_granted(
+    hoap: Robot, rng: np.random.Generator
+) -> None:
+    sent = [changed(one, contacts=None) for one in messages(hoap, 300, rng)]
+    assert any("taken to bear" in note for note in fed(StateEstimator(hoap, MOUNTS), sent).notes)
+
+
+def test_what_it_cannot_be_is_a_typed_error(
+    hoap: Robot, robot_named: Callable[[str], Robot]
+) -> None:
+    zeros = np.zeros(hoap.nv - 6)
+    with pytest.raises(InvalidInputError, match="measurement, positions: NaN"):
+        Measurement(0.0, zeros * np.nan)
+    with pytest.raises(InvalidInputError, match="angular_velocity"):
+        ImuReading("imu", (0.0, np.inf, 0.0), np.zeros(3))  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match=r"expected a Measurement of .* joints"):
+        StateEstimator(hoap).update(Measurement(0.0, np.zeros(3)))
+    with pytest.raises(InvalidInputError, match="names must differ"):
+        StateEstimator(hoap, (ImuMount(), ImuMount()))
+    with pytest.raises(WbcError, match="nowhere"):
+        StateEstimator(hoap, ImuMount(frame="nowhere"))
+    with pytest.raises(InvalidInputError, match="estimator, history"):
+        EstimatorSettings(history=-1)
+    with pytest.raises(InvalidInputError, match="are its units g"):
+        e = StateEstimator(hoap, settings=EstimatorSettings(standing_time=0.01))
+        for k in range(10):
+            one = ImuReading("imu", np.zeros(3), np.array((0.0, 0.0, 1.0 + 1e-6 * k)))
+            e.update(Measurement(k * DT, zeros, imus=(one,)))
+
+
+def test_joint_velocities_have_the_delay_and_the_noise_that_is_stated(
+    rng: np.random.Generator,
+) -> None:
+    f = JointVelocityFilter(1, 5, DT)
+    assert f.delay == pytest.approx(0.004)
+    for k in range(10):  # a parabola of acceleration 3: its slope 4 ms ago
+        t = k * DT
+        found = f.update(t, np.array((1.5 * t * t,)))
+    assert found[0] == pytest.approx(3.0 * (t - f.delay), rel=1e-9)
+    noisy = JointVelocityFilter(2000, 5, DT)
+    for k in range(5):
+        white = noisy.update(k * DT, 1e-3 * rng.normal(size=2000))
+    # 2000 samples: their deviation is known to 1 / 4000^(1/2), 1.6 %; here 4 of these.
+    assert white.std() == pytest.approx(1e-3 * noisy.gain, rel=0.065)
+    with pytest.raises(InvalidInputError, match="window"):
+        JointVelocityFilter(1, 1)

@@ -1,0 +1,47 @@
+"""Forces from outside, by torques: against the equations of motion that Pinocchio integrates."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.estimation import MomentumObserver
+from wbc.robot import Robot
+
+
+@pytest.mark.parametrize("name", ["hoap2_like", "g1_27"])
+def test_wrenches_on_the_soles_are_found(
+    name: str, robot_named: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    """A robot that moves under torques and constant wrenches on its soles."""
+    robot = robot_named(name)
+    q, v = robot.posture(joints={"*knee*": 0.6}), 0.1 * rng.normal(size=robot.nv)
+    data, dt = robot.model.createData(), 1e-4
+    weight = robot.weight
+    true = {
+        "left": np.array((0.05, -0.03, 0.7, 0.0, 0.01, 0.002)) * weight,
+        "right": np.array((-0.02, 0.04, 0.3, 0.01, 0.0, 0.0)) * weight,
+    }
+    observer = MomentumObserver(robot, bandwidth=400.0, base_trust=1.0)
+    torque = 0.02 * weight * rng.normal(size=robot.nv - 6)
+    observer.update(q, v, torque, 0.0)
+    for _ in range(400):  # 40 ms, 16 time constants
+        s = robot.snapshot(q, v)
+        outside = sum(s.jacobian(robot.feet[foot].frame).T @ f for foot, f in true.items())
+        motors = np.concatenate((np.zeros(6), torque))
+        motors[6:] -= robot.damping * v[6:]
+        a = pin.aba(robot.model, data, q, v, motors + outside)
+        v = v + dt * a
+        q = robot.integrate(q, v, dt)
+        observer.update(q, v, torque, dt)
+    # The lag of 2.5 ms times what J' f changes by meanwhile, and what damping gives: 2 %.
+    for foot, f in true.items():
+        assert np.allclose(observer.wrenches[foot][:3], f[:3], atol=0.03 * weight), foot
+    assert np.allclose(observer.residual, outside, atol=0.03 * np.abs(outside).max())
+    kept = observer.memory()
+    observer.update(q, v, torque, dt)
+    observer.restore(kept)
+    assert observer.memory().tobytes() == kept.tobytes()
+    observer.reset()
+    assert not observer.residual.any()

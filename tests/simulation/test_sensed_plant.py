@@ -1,0 +1,184 @@
+"""Devices of a simulated robot, and a robot that is controlled by what they tell."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.errors import InvalidInputError, ProblemFileError
+from wbc.estimation import ContactFilter, EstimatorSettings
+from wbc.gait import Walker
+from wbc.problem import load_problem
+from wbc.robot import Robot
+from wbc.rotations import exp_rotation, rotation_from
+from wbc.simulation import (
+    Bus,
+    Devices,
+    Encoders,
+    FootSwitches,
+    Imu,
+    Plant,
+    SensedPlant,
+    Sensors,
+    simulate,
+)
+from wbc.simulation.sensors_reading import Sensing
+
+TURNED = exp_rotation(np.array((0.3, -0.5, 1.2)))
+EXACT = {f"{of}_{what}": 0.0 for of in ("gyroscope", "accelerometer") for what in ("noise", "bias")}
+EXACT |= {"gyroscope_walk": 0.0, "accelerometer_walk": 0.0}
+
+
+@pytest.fixture
+def hoap(robot_named: Callable[[str], Robot]) -> Robot:
+    return robot_named("hoap2_like")
+
+
+def standing(robot: Robot) -> wbc.TorqueController:
+    start = robot.snapshot(robot.posture())
+    tasks = [
+        wbc.ComTask(robot, start.com, weight=10.0),
+        wbc.OrientationTask(robot, "torso", start.rotation("torso"), name="torso"),
+        wbc.PostureTask(robot, start.q, weight=0.1),
+    ]
+    contacts = wbc.support(start, "double")
+    return wbc.TorqueController(robot, tasks, contacts=contacts, limits=wbc.Limits(robot), dt=0.002)
+
+
+def test_an_exact_imu_integrates_to_where_the_plant_goes(hoap: Robot) -> None:
+    """In free fall, turning: 0.2 s of readings from a turned mount off the base's origin."""
+    imu = Imu(position=(0.05, -0.02, 0.1), rotation=TURNED, **EXACT)
+    plant = Plant(hoap, shapes=False)
+    q, v = hoap.posture(), np.zeros(hoap.nv)
+    q[2] += 5.0
+    v[:6] = 0.5, -0.2, 1.0, 1.0, 2.0, -1.5
+    plant.reset(q, v)
+    sensing = Sensing(plant, Devices(imus=(imu,)))
+    f = ContactFilter(0)
+
+    def truth() -> tuple[np.ndarray, np.ndarray]:
+        q, _ = plant.state()
+        R = rotation_from(q[3:7])
+        arm = np.array(imu.position)
+        return R @ TURNED, q[:3] + R @ arm
+
+    R, p = truth()
+    own = v[:3] + np.cross(v[3:6], imu.position)
+    f.reset(R, p, rotation_from(q[3:7]) @ own)
+    sensing.read(plant)
+    for _ in range(100):
+        plant.step(np.zeros(hoap.nv - 6))
+        sensing.read(plant)
+    for message in sensing.received(plant.time):
+        for reading in message.imus:
+            f.predict(reading.angular_velocity, reading.specific_force, 0.002)
+    R, p = truth()
+    # Means of 2 ms turned to their middle, and the physics' own steps: of second order.
+    assert np.allclose(f.rotation, R, atol=1e-3)
+    assert np.allclose(f.position, p, atol=2e-3)
+
+
+def test_devices_measure_as_they_are_said_to(hoap: Robot) -> None:
+    bus = Bus(delay=0.002, jitter=0.004, loss=0.2)
+    encoders = Encoders(resolution=0.01, delay=0.003, rates=True, rate_noise=0.0)
+    devices = Devices(
+        imus=(Imu(rate=250.0),), encoders=encoders, torques=None, feet=FootSwitches(), bus=bus
+    )
+    plant = Plant(hoap)
+    sensing = Sensing(plant, devices)
+    torque, sent, came = np.zeros(hoap.nv - 6), dict[float, np.ndarray](), []
+    for _ in range(200):
+        sensing.read(plant)
+        sent[round(plant.time, 6)] = plant.state()[0][7:]
+        came += [(m, plant.time) for m in sensing.received(plant.time)]
+        plant.step(torque)
+    found = [m for m, _ in came]
+    assert 20 <= sensing.lost <= 60  # 40 of 200 on the mean; a deviation is 5.7
+    assert all(0.002 - 1e-9 <= at - m.time <= 0.008 + 1e-9 for m, at in came)
+    assert any(b.time < a.time for a, b in pairwise(found))
+    assert sum(len(m.imus) for m in found) == pytest.approx(0.5 * len(found), abs=15)
+    assert all(m.torques is None and m.velocities is not None for m in found)
+    assert any(m.contacts == {"left": True, "right": True} for m in found[5:])
+    for m in found[10:]:
+        assert np.allclose(m.positions, 0.01 * np.round(m.positions / 0.01))
+        then = 0.5 * (sent[round(m.time - 0.002, 6)] + sent[round(m.time - 0.004, 6)])
+        assert np.abs(m.positions - then).max() <= 0.005 + 1e-9
+    for wrong in (lambda: Imu(rate=300.0).period(0.002), lambda: Devices(imus=(Imu(), Imu()))):
+        with pytest.raises(InvalidInputError):
+            wrong()
+    with pytest.raises(InvalidInputError, match="bus, loss"):
+        Bus(loss=1.0)
+
+
+def test_a_robot_stands_on_what_it_feels_and_to_the_same_bits(hoap: Robot) -> None:
+    imus = (Imu(frame="torso", rotation=TURNED, position=(0.0, 0.02, 0.05)),)
+    ends = []
+    for _ in range(2):
+        plant = SensedPlant(hoap, devices=Devices(imus=imus, seed=3))
+        plant.reset(hoap.posture())
+        plant.push("base", (6.0, 0.0, 0.0), start=0.1, duration=0.1)
+        *_, last = simulate(standing(hoap), plant, 0.5)
+        assert last.verdict.stood
+        ends.append(plant.state()[0].tobytes())
+    assert ends[0] == ends[1]
+    assert plant.errors.velocity < 0.02
+    assert plant.errors.tilt < np.deg2rad(0.5)
+    assert plant.notes[-1].startswith("estimate") or "estimated state" in plant.notes[-1]
+    forces = plant.felt_forces
+    assert sum(f[2] for f in forces.values()) == pytest.approx(hoap.weight, rel=0.15)
+    with pytest.raises(InvalidInputError, match="begins at rest"):
+        plant.reset(hoap.posture(), np.ones(hoap.nv))
+    with pytest.raises(InvalidInputError, match="plant, sensors"):
+        SensedPlant(hoap, sensors=Sensors(position_noise=1e-3))
+
+
+def problem(folder: Path, simulation: str) -> Path:
+    path = folder / "walk.yaml"
+    path.write_text(
+        "robot: hoap2_like\ngait:\n  commands: [{at: 0.1, vx: 0.1}]\nsimulation:\n" + simulation
+    )
+    return path
+
+
+def test_problem_files_describe_devices_and_name_mistakes(tmp_path: Path) -> None:
+    text = (
+        "  duration: 1\n  estimate: true\n  devices:\n    imus: [{frame: %s, gyroscope_bias: 0}]\n"
+    )
+    more = "    feet: {}\n    torques: null\n    bus: {delay: 0.004}\n    seed: 4\n"
+    plant = load_problem(problem(tmp_path, text % "torso" + more)).plant()
+    assert isinstance(plant, SensedPlant)
+    assert plant.devices.torques is None and plant.devices.feet is not None
+    assert plant.devices.bus.delay == 0.004 and plant.devices.imus[0].gyroscope_bias == 0.0
+    for wrong, told in (
+        (text % "trso", "unknown frame 'trso'"),
+        ("  duration: 1\n  devices: {seed: 1}\n", "add estimate: true"),
+        (text % "torso" + "  sensors: {position_noise: 0.1}\n", "sensors.position_noise: adds"),
+        (text % "torso" + "    bus: {delya: 1}\n", "did you mean 'delay'"),
+        (text % "torso" + "    estimator: {history: -1}\n", "history"),
+    ):
+        with pytest.raises(ProblemFileError, match=told):
+            load_problem(problem(tmp_path, wrong))
+
+
+@pytest.mark.slow
+def test_a_g1_walks_on_what_it_feels(robot_named: Callable[[str], Robot]) -> None:
+    """At 0.5 m/s for 4 s; messages late by 2 to 4 ms, one in a hundred lost."""
+    robot = Robot.load("g1", armature=0.003)
+    bus = Bus(delay=0.002, jitter=0.002, loss=0.01)
+    plant = SensedPlant(robot, devices=Devices(bus=bus, seed=7), settings=EstimatorSettings())
+    plant.reset(robot.posture())
+    walker = Walker(robot)
+    for k in range(2000):
+        if k == 100:
+            walker.command(0.5)
+        state = plant.measure()
+        assert state is not None
+        plant.step(walker.step(robot.snapshot(*state), plant.felt_forces).torque)
+    assert plant.com[2] > 0.5
+    assert walker.steps >= 6
+    assert plant.errors.velocity < 0.05
+    assert plant.errors.tilt < np.deg2rad(0.4)
+    assert plant.errors.drift < 0.02 * plant.errors.way

@@ -1,0 +1,311 @@
+"""A contact-aided right-invariant extended Kalman filter of an IMU and feet that stand.
+
+After Hartley, Ghaffari, Eustice and Grizzle, *Contact-aided invariant extended Kalman filtering for
+robot state estimation* (IJRR 2020). Rotation, velocity, position and the feet's positions are one
+element of the group SE_{2+k}(3); the feet's rotations stand beside it, each an element of SO(3).
+The error of a group element is log(X^ X^-1), in world axes; of a bias it is the difference. Its
+dynamics and the rows of a foot's place do not depend on the state but through the biases, so
+neither do gains: an estimate that begins far off converges like one that does not, and yaw and
+position, which nothing observes, gain no information by linearising anew. The arithmetic is the
+core's (``source/filter.c``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wbc.errors import InvalidInputError
+from wbc.native import doubles, ffi, integers, lib
+from wbc.rotations import check_rotation
+from wbc.spatial import skew
+from wbc.validate import Array, check_fields, finite_array
+
+SHOWN = 15  # rotation, velocity, position, biases of gyroscope and accelerometer
+Counts: TypeAlias = NDArray[np.int64]
+FAR = 10.0  # m from the filter's origin, from where the origin moves along
+
+
+@dataclass(frozen=True)
+class FilterNoise:
+    """How much an IMU and standing feet are believed, as densities of white noise.
+
+    The IMU's are those of its data sheet; the defaults are an Xsens MTi-1's, rounded up. Those of
+    the feet cover what simulated soles creep on their ground.
+
+    Attributes
+    ----------
+    gyroscope, accelerometer:
+        Of the readings [rad/s/Hz^(1/2)], [m/s^2/Hz^(1/2)].
+    gyroscope_walk, accelerometer_walk:
+        Of the biases' rates [rad/s^2/Hz^(1/2)], [m/s^3/Hz^(1/2)].
+    creep, roll:
+        Of the motion of feet that stand [m/s/Hz^(1/2)], [rad/s/Hz^(1/2)].
+    """
+
+    gyroscope: float = 1.5e-4
+    accelerometer: float = 2.0e-3
+    gyroscope_walk: float = 1.0e-5
+    accelerometer_walk: float = 1.0e-4
+    creep: float = 2.0e-3
+    roll: float = 1.0e-2
+
+    def __post_init__(self) -> None:
+        check_fields(self, "filter noise, ", *self.__dataclass_fields__, least=0.0)
+
+
+class Correction(NamedTuple):
+    """What came of a foot's place.
+
+    Attributes
+    ----------
+    taken:
+        Whether it was within the gate, and corrected the estimate.
+    squared:
+        Normalised innovation squared: chi-square of as many degrees of freedom as rows.
+    residual:
+        (6,) innovation: position [m] and rotation [rad], world axes.
+    """
+
+    taken: bool
+    squared: float
+    residual: Array
+
+
+class ContactFilter:
+    """The filter; see the module. At rest at the origin, upright, until :meth:`reset`.
+
+    Parameters
+    ----------
+    feet:
+        How many there are; none is held in the beginning.
+    gravity:
+        (3,) [m/s^2], world axes.
+    """
+
+    def __init__(
+        self,
+        feet: int,
+        noise: FilterNoise | None = None,
+        gravity: ArrayLike = (0.0, 0.0, -9.81),
+    ) -> None:
+        noise = noise or FilterNoise()
+        self.noise, self.feet = noise, feet
+        self._n = n = SHOWN + 6 * feet
+        # All that changes: the state, the covariance, the origin; copied and put back as one.
+        self._memory = np.zeros(int(lib.FILTER_FEET) + 12 * feet + n * n + 3)
+        at = int(lib.FILTER_FEET) + 12 * feet
+        self._x, self._P = self._memory[:at], self._memory[at : at + n * n].reshape(n, n)
+        self._origin = self._memory[at + n * n :]
+        self._held = np.zeros(feet, dtype=np.int64)
+        self._scratch, self._said = np.zeros(7 * n), np.zeros(7)
+        g = finite_array("filter, gravity", gravity, (3,))
+        squares = {name: getattr(noise, name) ** 2 for name in FilterNoise.__dataclass_fields__}
+        self._struct = ffi.new(
+            "wbc_filter *",
+            {
+                "feet": feet,
+                "held": integers(self._held) if feet else ffi.NULL,
+                "x": doubles(self._x),
+                "P": doubles(self._P),
+                "scratch": doubles(self._scratch),
+                "gravity": g.tolist(),
+                **squares,
+            },
+        )
+        self._x[:9] = np.eye(3).ravel()
+
+    # ------------------------------------------------------------------ what is known
+
+    @property
+    def rotation(self) -> Array:
+        """Of the IMU to the world (3, 3); a copy, as all here."""
+        return self._x[:9].reshape(3, 3).copy()
+
+    @property
+    def velocity(self) -> Array:
+        """Of the IMU (3,) [m/s], world axes."""
+        return self._x[9:12].copy()
+
+    @property
+    def position(self) -> Array:
+        """Of the IMU (3,) [m], world axes."""
+        return self._x[12:15] + self._origin
+
+    @property
+    def gyroscope_bias(self) -> Array:
+        """(3,) [rad/s], in the IMU's axes."""
+        return self._x[15:18].copy()
+
+    @property
+    def accelerometer_bias(self) -> Array:
+        """(3,) [m/s^2], in the IMU's axes."""
+        return self._x[18:21].copy()
+
+    @property
+    def held(self) -> tuple[bool, ...]:
+        """Which feet are counted on to stand."""
+        return tuple(bool(one) for one in self._held.tolist())
+
+    @property
+    def covariance(self) -> Array:
+        """(15, 15) of estimate minus truth, as in :class:`~wbc.estimation.Estimate`."""
+        out = np.empty((SHOWN, SHOWN))
+        lib.wbc_filter_covariance(self._struct, doubles(out))
+        return out
+
+    @property
+    def invariant_covariance(self) -> Array:
+        """(n, n) of the invariant error: rotation, velocity, position, biases, each foot."""
+        return self._P.copy()
+
+    def foot(self, k: int) -> tuple[Array, Array]:
+        """Return position (3,) and rotation (3, 3) of a foot that is held, world axes."""
+        own = self._x[21 + 12 * k : 33 + 12 * k]
+        return own[:3] + self._origin, own[3:].reshape(3, 3).copy()
+
+    # ------------------------------------------------------------------ what changes it
+
+    def reset(
+        self,
+        rotation: Array,
+        position: Array,
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        gyroscope_bias: ArrayLike = (0.0, 0.0, 0.0),
+        accelerometer_bias: ArrayLike = (0.0, 0.0, 0.0),
+        covariance: Array | None = None,
+    ) -> None:
+        """Begin anew with a state, no foot held, and a covariance (15, 15), 0 if None.
+
+        The covariance is of estimate minus truth in world axes, as :attr:`covariance`.
+
+        Raises
+        ------
+        InvalidInputError
+            Something is NaN, of another shape, or no rotation.
+        """
+        R = finite_array("filter, rotation", rotation, (3, 3))
+        check_rotation("filter, rotation", R)
+        self._memory[:] = 0.0
+        self._held[:] = 0
+        self._x[:9] = R.ravel()
+        self._x[9:12] = finite_array("filter, velocity", velocity, (3,))
+        self._origin[:] = finite_array("filter, position", position, (3,))
+        self._x[15:18] = finite_array("filter, gyroscope_bias", gyroscope_bias, (3,))
+        self._x[18:21] = finite_array("filter, accelerometer_bias", accelerometer_bias, (3,))
+        if covariance is not None:
+            P = finite_array("filter, covariance", covariance, (SHOWN, SHOWN))
+            by = np.eye(SHOWN)  # the invariant error of the velocity is v^ - exp(r) v
+            by[3:6, :3] = skew(self._x[9:12])
+            self._P[:SHOWN, :SHOWN] = by @ P @ by.T
+
+    def predict(self, rate: Array, force: Array, dt: float, scale: float = 1.0) -> None:
+        """Move on by ``dt`` [s] with the mean angular velocity and specific force (3,) over it.
+
+        Exact where both are constant in the IMU's axes. ``scale`` multiplies the variance of both
+        readings, for those that were guessed.
+        """
+        lib.wbc_filter_predict(self._struct, doubles(rate), doubles(force), dt, scale)
+        if abs(self._x[12]) + abs(self._x[13]) + abs(self._x[14]) > FAR:
+            self._move_origin()
+
+    def hold(self, k: int, place: Array, noise: Array) -> None:
+        """Count on foot ``k`` to stand from now on where it is seen; see :meth:`correct`."""
+        lib.wbc_filter_hold(self._struct, k, doubles(place), doubles(noise))
+
+    def release(self, k: int) -> None:
+        """Count on foot ``k`` no longer."""
+        lib.wbc_filter_release(self._struct, k)
+
+    def correct(
+        self, k: int, place: Array, noise: Array, gate: float = np.inf, rotation: bool = True
+    ) -> Correction:
+        """Correct by where a foot that is held is seen.
+
+        Parameters
+        ----------
+        place:
+            (12,) position, then rotation row by row, of the foot in the IMU's axes.
+        noise:
+            (6, 6) covariance of both in these axes [m^2, rad^2].
+        gate:
+            Largest normalised innovation squared; beyond, nothing is changed.
+        rotation:
+            Whether the foot's rotation says something, too; not of a foot that rolls.
+
+        Raises
+        ------
+        InvalidInputError
+            The innovation has no covariance, as with noise 0.
+        """
+        rows, to = (6 if rotation else 3), doubles(self._said)
+        said = lib.wbc_filter_correct(
+            self._struct, k, doubles(place), doubles(noise), rows, gate, to
+        )
+        if said == lib.NOT_FINITE:
+            raise InvalidInputError(
+                f"filter: the innovation of foot {k} has no positive covariance; its place is NaN,"
+                " or without any noise"
+            )
+        return Correction(said == lib.DONE, float(self._said[0]), self._said[1:].copy())
+
+    def foot_speed(self, rate: Array, place: Array) -> float:
+        """Return the speed of a foot in the world [m/s], by the filter and the gyroscope.
+
+        Parameters
+        ----------
+        rate:
+            (3,) by the gyroscope [rad/s].
+        place:
+            (15,) where it is seen, its velocity there behind it; see
+            :meth:`~wbc.estimation.sight.Sight.place`.
+        """
+        return float(lib.wbc_filter_foot_speed(self._struct, doubles(rate), doubles(place)))
+
+    def base(self, nv: int, imu: Any, rate: Array, rates: Array, q: Array, v: Array) -> None:
+        """Write the base's pose to ``q`` (nq,), and the velocity (nv,) of all.
+
+        Parameters
+        ----------
+        imu:
+            The IMU's frame as the core writes it, with the base at the origin; see
+            :class:`~wbc.robot.mounted.MountedFrames`.
+        rate:
+            (3,) by the gyroscope [rad/s].
+        rates:
+            Of the joints (nv-6,).
+        """
+        given = doubles(rate), doubles(rates), doubles(q), doubles(v)
+        lib.wbc_filter_base(self._struct, nv, imu, *given)
+        q[:3] += self._origin
+
+    def widen(self, velocity: float) -> None:
+        """Add a variance to the velocity's, ``velocity`` [m/s] squared: for what was not seen."""
+        rows = np.arange(3, 6)
+        self._P[rows, rows] += velocity * velocity
+
+    def memory(self) -> tuple[Array, Counts]:
+        """Return all that it knows, for :meth:`restore`."""
+        return self._memory.copy(), self._held.copy()
+
+    def restore(self, memory: tuple[Array, Counts]) -> None:
+        """Go back to what :meth:`memory` returned."""
+        self._memory[:], self._held[:] = memory
+
+    def _move_origin(self) -> None:
+        """Put the origin where the IMU is: rounding grows with the square of the distance.
+
+        With p' = p - s the invariant error becomes p^ - s - exp(r) (p - s) = e_p - [s] r.
+        """
+        s = self._x[12:15].copy()
+        self._origin += s
+        by, cross = np.eye(self._n), skew(s)
+        for row in (6, *(SHOWN + 6 * k for k in range(self.feet) if self._held[k])):
+            by[row : row + 3, :3] = -cross
+        self._x[12:15] = 0.0
+        for k in range(self.feet):
+            self._x[21 + 12 * k : 24 + 12 * k] -= s
+        self._P[:] = by @ self._P @ by.T

@@ -1,0 +1,108 @@
+"""What a robot's sensors say at one instant: one message of its bus."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError, shown
+from wbc.validate import Array, by_name, finite_array, finite_number, read_only, set_fields
+
+
+@dataclass(frozen=True, eq=False)
+class ImuReading:
+    """One IMU, in its own axes; means over the time since its last reading, as devices integrate.
+
+    Attributes
+    ----------
+    name:
+        Which IMU, as the estimator knows it.
+    angular_velocity:
+        (3,) [rad/s].
+    specific_force:
+        Acceleration minus gravity (3,) [m/s^2]: of a device at rest +9.81 upwards.
+
+    Raises
+    ------
+    InvalidInputError
+        Other shapes, or NaN.
+    """
+
+    name: str
+    angular_velocity: Array
+    specific_force: Array
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise InvalidInputError(f"IMU reading, name: expected a name, got {shown(self.name)}")
+        for key in ("angular_velocity", "specific_force"):
+            value = finite_array(f"IMU {self.name!r}, {key}", getattr(self, key), (3,))
+            object.__setattr__(self, key, read_only(value))
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """What the sensors say, stamped with the time at which they said it; joints as in v[6:].
+
+    Attributes
+    ----------
+    time:
+        When it was measured by the robot's clock [s], not when it arrived.
+    positions:
+        Of the joints (nv-6,) [rad or m].
+    velocities:
+        Their rates (nv-6,) [rad/s or m/s]; None: no such sensor, see
+        :class:`~wbc.estimation.joint_velocity.JointVelocityFilter`.
+    torques:
+        Of the motors (nv-6,) [N m or N]; None: unknown.
+    imus:
+        Readings of IMUs; one that has nothing new is left out.
+    contacts:
+        Foot switches by foot: whether each is pressed; None: there are none.
+    forces:
+        Normal forces by foot [N]; None: no such sensor.
+
+    Raises
+    ------
+    InvalidInputError
+        What is no number or NaN, by name.
+    """
+
+    time: float
+    positions: Array
+    velocities: Array | None = None
+    torques: Array | None = None
+    imus: tuple[ImuReading, ...] = ()
+    contacts: Mapping[str, bool] | None = None
+    forces: Mapping[str, float] | None = field(default=None)
+
+    def __post_init__(self) -> None:
+        positions = np.shape(self.positions)
+        if len(positions) != 1:
+            raise InvalidInputError(
+                f"measurement, positions: expected one number per joint, got shape {positions}"
+            )
+        checked: dict[str, object] = {"time": finite_number("measurement, time", self.time)}
+        for key in ("positions", "velocities", "torques"):
+            value: ArrayLike | None = getattr(self, key)
+            if value is not None:
+                checked[key] = read_only(finite_array(f"measurement, {key}", value, positions))
+        for reading in (imus := tuple(self.imus)):
+            if not isinstance(reading, ImuReading):
+                raise InvalidInputError(
+                    f"measurement, imus: expected ImuReading, got {shown(reading)}"
+                )
+        checked["imus"] = imus
+        if self.contacts is not None:
+            pressed = by_name("measurement, contacts", self.contacts)
+            checked["contacts"] = {name: bool(one) for name, one in pressed.items()}
+        if self.forces is not None:
+            felt = by_name("measurement, forces", self.forces)
+            checked["forces"] = {
+                name: finite_number(f"measurement, forces, {name}", one)
+                for name, one in felt.items()
+            }
+        set_fields(self, **checked)

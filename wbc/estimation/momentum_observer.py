@@ -1,0 +1,125 @@
+"""External forces from joint torques: residuals of the generalised momentum.
+
+With p = M v, M a + h = S' tau + J' f gives what acts from outside as J' f = p' - M' v + h - S' tau,
+of which the observer r' = K (J' f - r) needs no acceleration (De Luca and Mattone, *Actuator
+failure detection and isolation using generalized momenta*, ICRA 2003). Over a period M v grows by
+M_k (v_{k+1} - v_k) + (M_{k+1} - M_k) v_{k+1}, and the second term is what M' v takes off, so that
+
+    r += (1 - exp(-K dt)) (M_k (v_{k+1} - v_k) / dt + h_k - S' tau - r)
+
+needs no derivative of M either. The wrenches on the soles are those of least squares over all rows
+of J' f = r, a little damped, so that a straight leg gives no wild forces; the base's rows, with
+accelerations of the whole mass in them, count less. The arithmetic is the core's
+(``source/momentum.c``).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wbc.errors import InvalidInputError
+from wbc.native import doubles, ffi, lib, pointer
+from wbc.robot import Robot
+from wbc.robot.kernel import frame_places
+from wbc.validate import Array, finite_number
+
+
+class MomentumObserver:
+    """Generalised force from outside, low-passed, and the wrenches on the soles that explain it.
+
+    Parameters
+    ----------
+    bandwidth:
+        K [1/s]: what acts is seen with a delay of 1/K.
+    base_trust:
+        Weight of the base's rows by the joints' when wrenches are found.
+
+    Attributes
+    ----------
+    feet:
+        Names, in the order of :attr:`wrenches`.
+
+    Raises
+    ------
+    InvalidInputError
+        More than four feet, or a number out of range.
+    """
+
+    def __init__(self, robot: Robot, bandwidth: float = 150.0, base_trust: float = 0.1) -> None:
+        self.robot, self.feet = robot, tuple(robot.feet)
+        self.bandwidth = finite_number("momentum observer, bandwidth", bandwidth, above=0.0)
+        trust = finite_number("momentum observer, base_trust", base_trust, least=0.0)
+        if len(self.feet) > lib.MOMENTUM_MOST_FEET:
+            raise InvalidInputError(
+                f"momentum observer: {robot.name} has {len(self.feet)} feet; at most"
+                f" {lib.MOMENTUM_MOST_FEET} are supported"
+            )
+        tree, nv, k = robot.native.tree, robot.nv, len(self.feet)
+        ids = [robot.frame_id(foot.frame) for foot in robot.feet.values()]
+        joints, placements = frame_places(robot.model, ids)
+        sizes = {"residual": nv, "velocity": nv, "motion": tree.motion_size, "wrenches": 6 * k}
+        # What changes and is kept, one array; then what each update finds anew.
+        self._memory = np.zeros(sum(sizes.values()) + 1)
+        ends = np.cumsum(list(sizes.values())).tolist()
+        parts = dict(zip(sizes, np.split(self._memory, ends), strict=False))
+        self._residual, self._wrenches = parts["residual"], parts["wrenches"].reshape(k, 6)
+        self._known = self._memory[-1:]  # whether a state was taken in
+        scratch = 13 * tree.joints + 17 * nv
+        made = {
+            "state": np.zeros(tree.frames),
+            "frames": np.zeros(max(k, 1) * tree.frame_size),
+            "scratch": np.zeros(scratch),
+        }
+        given = {
+            "placement": placements.reshape(-1),
+            "damping": robot.damping.copy(),
+            "friction": robot.friction.copy(),
+        }
+        self._kept = tree, joints, made, given, parts  # the struct points at them
+        arrays = {name: pointer(array) for name, array in (parts | made | given).items()}
+        self._struct = ffi.new(
+            "wbc_momentum *",
+            {
+                "tree": tree.struct,
+                "feet": k,
+                "joint": pointer(joints),
+                "base_trust": trust,
+                **arrays,
+            },
+        )
+
+    @property
+    def residual(self) -> Array:
+        """Generalised force from outside (nv,) [N, N m], the base's in its axes; a copy."""
+        return self._residual.copy()
+
+    @property
+    def wrenches(self) -> dict[str, Array]:
+        """Wrench (6,) on each sole by foot, at its frame's origin in world axes [N, N m]."""
+        found = self._wrenches.copy()
+        return dict(zip(self.feet, found, strict=True))
+
+    def reset(self) -> None:
+        """Forget everything; nothing acts."""
+        self._memory[:] = 0.0
+
+    def update(self, q: Array, v: Array, torque: Array, dt: float) -> None:
+        """Take in the state now and the motors' torques (nv-6,) over the ``dt`` [s] before.
+
+        The joints' damping and dry friction, as the robot has them, are taken off the torques.
+        """
+        step = dt if self._known[0] and dt > 0.0 else 0.0
+        share = 1.0 - math.exp(-self.bandwidth * dt)
+        given = doubles(q), doubles(v), doubles(torque)
+        lib.wbc_momentum_update(self._struct, *given, step, share)
+        self._known[0] = 1.0
+
+    def memory(self) -> Array:
+        """Return all that it knows, for :meth:`restore`."""
+        return self._memory.copy()
+
+    def restore(self, memory: Array) -> None:
+        """Go back to what :meth:`memory` returned."""
+        self._memory[:] = memory

@@ -1,0 +1,68 @@
+"""The sensors of a robot whose state is estimated, as a file describes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from wbc.estimation import EstimatorSettings, FilterNoise
+from wbc.problem.section import KeysOf, ListOf, Name, Point, Positive, Section, Three
+from wbc.simulation import Bus, Devices, Encoders, FootSwitches, Imu, MotorTorques
+
+Seed = Annotated[int, Field(ge=0)]
+ImuKeys = Annotated[
+    dict[str, Any],
+    KeysOf(Imu, name=Name, frame=Name, position=Point, rotation=Three[Point], rate=Positive),
+]
+NoiseKeys = Annotated[dict[str, Any], KeysOf(FilterNoise)]
+
+
+class DevicesSpec(Section):
+    """The sensors of the robot, from which its state is estimated.
+
+    What is left out is as in a common humanoid; see :mod:`wbc.simulation.sensors_devices`.
+    """
+
+    imus: ListOf[ImuKeys] = ()
+    """Where they are and how good; left out: one at the base."""
+    encoders: Annotated[dict[str, Any], KeysOf(Encoders, rates=bool)] = Field(default_factory=dict)
+    """Of all joints."""
+    torques: Annotated[dict[str, Any], KeysOf(MotorTorques)] | None = Field(default_factory=dict)
+    """Of the motors; null: not measured. Without foot switches they tell which feet bear."""
+    feet: Annotated[dict[str, Any], KeysOf(FootSwitches)] | None = None
+    """Switches under the soles; {} for those; left out: there are none."""
+    bus: Annotated[dict[str, Any], KeysOf(Bus)] = Field(default_factory=dict)
+    """How messages come from the robot."""
+    seed: Seed = 0
+    """Of the random numbers."""
+    estimator: Annotated[
+        dict[str, Any],
+        KeysOf(EstimatorSettings, noise=NoiseKeys, velocity_window=int, history=int),
+    ] = Field(default_factory=dict)
+    """What the estimator counts on; the encoders' delay is known to it."""
+
+    def made(self) -> Devices:
+        """Return them.
+
+        Raises
+        ------
+        InvalidInputError
+            Numbers that do not go together.
+        """
+        others = {"imus": tuple(Imu(**one) for one in self.imus)} if self.imus else {}
+        return Devices(
+            **others,
+            encoders=Encoders(**self.encoders),
+            torques=None if self.torques is None else MotorTorques(**self.torques),
+            feet=None if self.feet is None else FootSwitches(**self.feet),
+            bus=Bus(**self.bus),
+            seed=self.seed,
+        )
+
+    def settings(self) -> EstimatorSettings:
+        """Return those of the estimator."""
+        known: Mapping[str, Any] = {"encoder_delay": Encoders(**self.encoders).delay}
+        given = {**known, **self.estimator}
+        return EstimatorSettings(**{**given, "noise": FilterNoise(**given.get("noise", {}))})

@@ -1,0 +1,84 @@
+"""How far an estimate is from the truth that only a simulation knows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wbc.estimation import Estimate
+from wbc.rotations import log_rotation, rotation_from
+from wbc.validate import Array
+
+
+class EstimateErrors:
+    """Errors of the base's estimates over a run, and how often they were as large as was said.
+
+    Attributes
+    ----------
+    count:
+        Estimates seen.
+    way:
+        Horizontal distance that the base went [m], by its places every quarter of a second, so
+        that its sway does not count in full.
+    drift, yaw:
+        Horizontal error of the position [m] and of the heading [rad] at the last estimate.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.way = self.drift = self.yaw = 0.0
+        self._squares = np.zeros(5)  # velocity, tilt; normalised: velocity, tilt, and innovation
+        self._rows = 0
+        self._place: tuple[float, Array] | None = None
+
+    def add(self, estimate: Estimate, q: Array, v: Array) -> None:
+        """Compare an estimate with the configuration (nq,) and velocity (nv,) of its time."""
+        R, own = rotation_from(q[3:7]), rotation_from(estimate.q[3:7])
+        turn, P = log_rotation(own @ R.T), estimate.covariance
+        velocity = own @ estimate.v[:3] - R @ v[:3]
+        squares = (
+            velocity @ velocity,
+            turn[:2] @ turn[:2],
+            velocity @ np.linalg.solve(P[3:6, 3:6], velocity) / 3.0,
+            turn[:2] @ np.linalg.solve(P[:2, :2], turn[:2]) / 2.0,
+            estimate.innovation[0],
+        )
+        self._squares += np.array(squares, dtype=float)
+        self._rows += estimate.innovation[1]
+        self.count += 1
+        self.drift = math.hypot(*(estimate.q[:2] - q[:2]).tolist())
+        self.yaw = float(turn[2])
+        if self._place is None or estimate.time - self._place[0] >= 0.25:
+            if self._place is not None:
+                self.way += math.hypot(*(q[:2] - self._place[1]).tolist())
+            self._place = estimate.time, q[:2].copy()
+
+    @property
+    def velocity(self) -> float:
+        """Root mean square error of the linear velocity, all axes together [m/s]."""
+        return math.sqrt(float(self._squares[0]) / max(self.count, 1))
+
+    @property
+    def tilt(self) -> float:
+        """Root mean square error of the tilt [rad]."""
+        return math.sqrt(float(self._squares[1]) / max(self.count, 1))
+
+    @property
+    def normalised(self) -> tuple[float, float]:
+        """Mean squares of velocity and tilt by their covariances, per degree of freedom: 1."""
+        v, tilt = (self._squares[2:4] / max(self.count, 1)).tolist()
+        return v, tilt
+
+    @property
+    def innovation(self) -> float:
+        """Mean normalised innovation squared per row: 1 where the noise is as the filter has it."""
+        return float(self._squares[4]) / max(self._rows, 1)
+
+    def __str__(self) -> str:
+        share = f" ({100.0 * self.drift / self.way:.1f} % of the way)" if self.way > 1.0 else ""
+        return (
+            f"estimated state: velocity off by {self.velocity:.3f} m/s (rms), tilt by"
+            f" {math.degrees(self.tilt):.2f} degrees; in the end heading by"
+            f" {math.degrees(self.yaw):.1f} degrees, position by {1e3 * self.drift:.0f} mm{share}"
+        )

@@ -1,0 +1,214 @@
+"""The sensors that a humanoid has: IMUs, encoders, motor currents, foot switches, and their bus.
+
+Defaults are those of devices that are common in humanoids, from public data sheets. IMU: Xsens
+MTi-1 series, noise densities 0.007 degrees/s/Hz^(1/2) and 120 ug/Hz^(1/2), in-run bias
+instabilities 10 degrees/h and 30 ug. Encoders: 14 bits a turn at the joint (ams AS5047P and
+others). A data sheet's in-run instability is not a random walk: the walks here pass it in a minute.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError, shown
+from wbc.estimation.imus import ImuMount
+from wbc.simulation.mismatch import check_seed
+from wbc.validate import check_fields, set_fields
+
+_G = 9.80665
+
+
+@dataclass(frozen=True, eq=False)
+class Imu:
+    """An IMU: it integrates over its period, as devices do, and gives the mean.
+
+    Attributes
+    ----------
+    name, frame, position, rotation:
+        As in :class:`~wbc.estimation.ImuMount`.
+    rate:
+        Readings a second [1/s]; None: one in each control period.
+    gyroscope_noise, accelerometer_noise:
+        Densities of white noise [rad/s/Hz^(1/2)], [m/s^2/Hz^(1/2)].
+    gyroscope_bias, accelerometer_bias:
+        Standard deviations of the biases [rad/s], [m/s^2], which are drawn at the reset.
+    gyroscope_walk, accelerometer_walk:
+        Densities of the white noise that the biases integrate [rad/s^2/Hz^(1/2)],
+        [m/s^3/Hz^(1/2)].
+    most_rate, most_force:
+        Ends of its ranges [rad/s], [m/s^2], where readings stay.
+    """
+
+    name: str = "imu"
+    frame: str = "base"
+    position: ArrayLike = (0.0, 0.0, 0.0)
+    rotation: ArrayLike = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    rate: float | None = None
+    gyroscope_noise: float = math.radians(0.007)
+    accelerometer_noise: float = 120e-6 * _G
+    gyroscope_bias: float = math.radians(0.5)
+    accelerometer_bias: float = 0.02
+    gyroscope_walk: float = math.radians(10.0) / 3600.0 / 60.0**0.5
+    accelerometer_walk: float = 30e-6 * _G / 60.0**0.5
+    most_rate: float = math.radians(2000.0)
+    most_force: float = 16.0 * _G
+
+    def __post_init__(self) -> None:
+        what = f"IMU {self.name!r}, "
+        noises = [f"{of}_{what}" for of in DEVICES for what in ("noise", "bias", "walk")]
+        check_fields(self, what, *noises, least=0.0)
+        if self.rate is not None:
+            check_fields(self, what, "rate", above=0.0)
+        _ = self.mount
+
+    @property
+    def mount(self) -> ImuMount:
+        """Where it is, as the estimator knows it."""
+        place = self.name, self.frame, self.position, self.rotation
+        return ImuMount(*place, 0.999 * self.most_rate, 0.999 * self.most_force)
+
+    def period(self, dt: float) -> float:
+        """Return the time between readings [s], a multiple of the control period ``dt``.
+
+        Raises
+        ------
+        InvalidInputError
+            It is none.
+        """
+        periods = 1.0 if self.rate is None else 1.0 / (self.rate * dt)
+        if abs(periods - round(periods)) > 1e-6 or round(periods) < 1:
+            raise InvalidInputError(
+                f"IMU {self.name!r}, rate: {self.rate:g} readings a second are not one in a whole"
+                f" number of control periods of {dt:g} s"
+            )
+        return round(periods) * dt
+
+
+DEVICES = "gyroscope", "accelerometer"
+
+
+@dataclass(frozen=True)
+class Encoders:
+    """Encoders of all joints.
+
+    Attributes
+    ----------
+    resolution:
+        Step of a reading [rad or m].
+    noise:
+        White, before it is rounded [rad or m].
+    delay:
+        How much older than the message a reading is [s].
+    rates:
+        Whether the drives tell velocities, too; else there are none.
+    rate_noise:
+        White noise of these [rad/s or m/s].
+    """
+
+    resolution: float = 2.0 * math.pi / 2**14
+    noise: float = 0.0
+    delay: float = 0.0
+    rates: bool = False
+    rate_noise: float = 0.02
+
+    def __post_init__(self) -> None:
+        check_fields(self, "encoders, ", "resolution", "noise", "delay", "rate_noise", least=0.0)
+
+
+@dataclass(frozen=True)
+class MotorTorques:
+    """Joint torques by the currents of the motors.
+
+    Attributes
+    ----------
+    noise:
+        White [N m or N].
+    friction:
+        What a gear takes that its model does not know of, against its motion, in parts of the
+        joint's largest torque: in readings, not in the physics.
+    gain:
+        Standard deviation of the factors on the readings, by joint, drawn at the reset.
+    """
+
+    noise: float = 0.1
+    friction: float = 0.01
+    gain: float = 0.02
+
+    def __post_init__(self) -> None:
+        check_fields(self, "motor torques, ", "noise", "friction", "gain", least=0.0)
+
+
+@dataclass(frozen=True)
+class FootSwitches:
+    """Switches under the soles.
+
+    Attributes
+    ----------
+    force:
+        Normal force from which one is pressed [N].
+    """
+
+    force: float = 20.0
+
+    def __post_init__(self) -> None:
+        check_fields(self, "foot switches, ", "force", above=0.0)
+
+
+@dataclass(frozen=True)
+class Bus:
+    """How messages come from the robot; stamped when they were measured.
+
+    Attributes
+    ----------
+    delay:
+        How long each takes at least [s].
+    jitter:
+        How much longer it may take, uniformly [s]; one that is late may be overtaken.
+    loss:
+        Probability that one never comes.
+    """
+
+    delay: float = 0.0
+    jitter: float = 0.0
+    loss: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_fields(self, "bus, ", "delay", "jitter", "loss", least=0.0)
+        if self.loss >= 1.0:
+            raise InvalidInputError(f"bus, loss: a probability below 1, got {self.loss:g}")
+
+
+@dataclass(frozen=True, eq=False)
+class Devices:
+    """All sensors of a robot, and their bus.
+
+    Attributes
+    ----------
+    imus:
+        At least one.
+    torques, feet:
+        None: there are none.
+    seed:
+        Of the random numbers, which begin anew at each reset.
+    """
+
+    imus: Sequence[Imu] = field(default_factory=lambda: (Imu(),))
+    encoders: Encoders = field(default_factory=Encoders)
+    torques: MotorTorques | None = field(default_factory=MotorTorques)
+    feet: FootSwitches | None = None
+    bus: Bus = field(default_factory=Bus)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        imus = (self.imus,) if isinstance(self.imus, Imu) else tuple(self.imus)
+        if not imus or not all(isinstance(one, Imu) for one in imus):
+            raise InvalidInputError(f"devices, imus: expected IMUs, got {shown(self.imus)}")
+        names = [one.name for one in imus]
+        if len(set(names)) < len(names):
+            raise InvalidInputError(f"devices, imus: names must differ, got {names}")
+        check_seed("devices, seed", self.seed)
+        set_fields(self, imus=imus)
