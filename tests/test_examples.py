@@ -179,3 +179,9 @@ def test_hardware_loop(capsys: pytest.CaptureFixture[str]) -> None:
     assert 5 < number(text, "stood 4 s, # frames lost") < 50
     assert number(text, "CoM within # mm") < 2.0
     assert number(text, "# ticks gave way") <= 5
+
+
+def test_ros2_node(capsys: pytest.CaptureFixture[str]) -> None:
+    """ROS 2 is on no machine that tests: it says so, after all else was imported."""
+    with pytest.raises(SystemExit, match="ROS 2 is not here"):
+        outcome("ros2_node", capsys)

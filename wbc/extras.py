@@ -10,6 +10,7 @@ from typing import Any
 from wbc.errors import MissingPackageError
 
 EXTRAS = {
+    "cyclonedds": "unitree",
     "distributed": "cluster",
     "matplotlib": "plot",
     "mcap": "mcap",

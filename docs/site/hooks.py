@@ -62,11 +62,20 @@ def _math(found: re.Match[str]) -> str:
     return made
 
 
+def _commands(group: Any, before: str = "") -> list[tuple[str, Any]]:
+    """Return all commands by their names, those of groups as ``group command``."""
+    found = list[tuple[str, Any]]()
+    for name, command in group.commands.items():
+        inner = hasattr(command, "commands")
+        found += _commands(command, f"{name} ") if inner else [(before + name, command)]
+    return found
+
+
 def command_reference() -> str:
     """Return the reference of the command line as Markdown."""
     group = typer.main.get_command(app)
     parts = ["# Command line\n\nMade from the program. `wbc COMMAND --help` says the same.\n"]
-    for name, command in group.commands.items():
+    for name, command in _commands(group):
         arguments = [p for p in command.params if p.param_type_name == "argument"]
         options = [p for p in command.params if p.param_type_name == "option"]
         usage = " ".join(["wbc", name, *(p.metavar or p.name.upper() for p in arguments)])

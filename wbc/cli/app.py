@@ -19,6 +19,7 @@ from wbc.cli.bench import add_bench
 from wbc.cli.codegen import codegen
 from wbc.cli.doctor import doctor
 from wbc.cli.errors import BAD_INPUT, complain, refused
+from wbc.cli.hardware import hardware
 from wbc.cli.problems import check, init, schema
 from wbc.cli.push import PUSH_EXIT_CODES, push
 from wbc.cli.replay import REPLAY_EXIT_CODES, replay
@@ -93,4 +94,5 @@ app.command()(robots)
 app.command()(collisions)
 app.command()(schema)
 app.command()(codegen)
+app.add_typer(hardware, name="hardware")
 app.command()(doctor)

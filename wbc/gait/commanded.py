@@ -60,7 +60,7 @@ class CommandedWalk:
         self.complaint: str | None = None
         self.controller: Controller = walker.controller
         self._beyond: tuple[str, ...] = ()
-        self._given = len(walker.coming)
+        self._given, self._tick = len(walker.coming), -1
         self._coming, self._forces, self._move_world = list(commands), forces, move_world
         self.standing = self._standing()
 
@@ -78,18 +78,32 @@ class CommandedWalk:
         return (*told, landings_in_words(self.walker.landings, self._given))
 
     def update(self, tick: int, snapshot: Snapshot) -> Controller:
-        """Give the commands that are due; return the controller, its goals set."""
-        time = tick * self.walker.dt
+        """Give the commands that are due; return the controller, its goals set.
+
+        Where ticks were left out since the last call, the gait goes on by their time, too.
+        """
+        dt = self.walker.dt
+        time, passed = tick * dt, max(tick - self._tick, 1)
+        self._tick = tick
         self.move_to(time)
         while self._coming and time >= self._coming[0].at - 1e-9:
             command = self._coming.pop(0)
             reason = self.walker.command(*command.velocity).reason
             if reason:
                 self._beyond = (*self._beyond, f"command at {command.at:g} s: {reason}")
-        self.walker.prepare(snapshot, (self._forces() or None) if self._forces else None)
+        self.walker.dt = passed * dt
+        try:
+            self.walker.prepare(snapshot, (self._forces() or None) if self._forces else None)
+        finally:
+            self.walker.dt = dt
         if self.controller.contacts != self.standing.contacts:
             self.standing = self._standing()
         return self.controller
+
+    def stop(self) -> None:
+        """Come to rest: commands that are not given yet are forgotten."""
+        self._coming.clear()
+        self.walker.command(0.0)
 
     def move_to(self, time: float) -> None:
         """Set obstacles to where they are at ``time`` [s]."""

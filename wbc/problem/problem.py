@@ -178,8 +178,28 @@ class Problem:
         Feet feel the plant's ground.
         """
         if isinstance(self.spec, WalkSpec):
-            return commanded_walk(self.spec, self.parts, plant)
+            forces = partial(getattr, plant, "felt_forces")
+            return commanded_walk(self.spec, self.parts, forces)
         return self.executor(lambda: plant.felt_loads)
+
+    def supervisor_on_robot(self) -> Supervisor:
+        """Return what supervises a robot without foot sensors, from the start; it serves one run.
+
+        Feet land when they should.
+
+        Raises
+        ------
+        InvalidInputError
+            A problem of the velocity level.
+        """
+        if not isinstance(self.spec.controller, TorqueSpec):
+            raise InvalidInputError(
+                f"{self.source.name}: controller.level is velocity: a robot is commanded torques;"
+                " write controller: {level: torque}"
+            )
+        if isinstance(self.spec, WalkSpec):
+            return commanded_walk(self.spec, self.parts, None)
+        return self.executor()
 
     def executor(self, loads: Loads | None = None) -> PhaseExecutor:
         """Return what leads a run through the phases, from the start; it serves one run.

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from wbc.gait import Footstep, Legs, Velocity, Walker, WalkingWeights
-from wbc.gait.commanded import CommandedWalk, TimedCommand
+from wbc.gait.commanded import CommandedWalk, Forces, TimedCommand
 from wbc.gait.given import StepRange, in_world
 from wbc.gait.phases import planar_feet
 from wbc.gait.settings import GaitSettings
@@ -20,7 +19,6 @@ from wbc.problem.source import Source
 from wbc.problem.spec import AnyTask, PlainName, ProblemSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import MinimumJerk
-from wbc.simulation import Plant
 
 
 class CommandSpec(Section):
@@ -182,9 +180,9 @@ def walker_of(spec: WalkSpec, parts: Parts) -> Walker:
     )
 
 
-def commanded_walk(spec: WalkSpec, parts: Parts, plant: Plant) -> CommandedWalk:
-    """Return what leads the walk; its feet feel the ground of ``plant``."""
-    forces = partial(getattr, plant, "felt_forces") if spec.gait.feel else None
+def commanded_walk(spec: WalkSpec, parts: Parts, forces: Forces | None) -> CommandedWalk:
+    """Return what leads the walk; its feet feel ``forces``, unless they are not to feel any."""
+    forces = forces if spec.gait.feel else None
     commands = [command.timed for command in spec.gait.commands]
     walker = walker_of(spec, parts)
     if spec.gait.footsteps:

@@ -1,0 +1,244 @@
+"""Messages of both buses: fields, sums, damage, order; and what needs no bus: logs, ROS fields."""
+
+import socket
+import struct
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.hardware.bus import BaseTruth, BusError, Command, Reading
+from wbc.hardware.ring_log import RingLog
+from wbc.hardware.ros import fill, joint_state, odometry, state_of
+from wbc.hardware.udp import (
+    UdpBus,
+    UdpRobotBus,
+    pack_command,
+    pack_reading,
+    unpack_command,
+    unpack_reading,
+)
+from wbc.hardware.unitree import profile_named
+from wbc.hardware.unitree.conversion import Converter
+from wbc.hardware.unitree.layout import CDR_HEAD, LAYOUTS, crc32
+from wbc.robot import Robot
+
+N = 29
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+        own.bind(("127.0.0.1", 0))
+        return int(own.getsockname()[1])
+
+
+@pytest.fixture
+def reading() -> Reading:
+    draw = np.random.default_rng(0).normal
+    turn = draw(size=4)
+    joints = (draw(size=N) for _ in range(3))
+    truth = BaseTruth(draw(size=7), draw(size=6))
+    imu = (turn / np.linalg.norm(turn), draw(size=3), draw(size=3))
+    return Reading(42, 0.042, *joints, np.arange(N) + 20.0, *imu, True, truth)
+
+
+@pytest.fixture
+def command() -> Command:
+    draw = np.random.default_rng(1).normal
+    return Command(7, *(draw(size=N) for _ in range(5)))
+
+
+def assert_same(one: object, other: object, places: float) -> None:
+    for name, value in vars(one).items():
+        if isinstance(value, np.ndarray):
+            np.testing.assert_allclose(getattr(other, name), value, rtol=0.0, atol=places)
+
+
+@pytest.fixture(scope="module")
+def g1() -> Robot:
+    return Robot.load("g1")
+
+
+# ---------------------------------------------------------------------- UDP
+
+
+def test_packets_return_what_was_packed(reading: Reading, command: Command) -> None:
+    back = unpack_reading(pack_reading(reading), N)
+    told = unpack_command(pack_command(command), N)
+    assert back is not None and told is not None and back.base_truth is not None
+    assert_same(reading, back, 0.0)
+    assert_same(command, told, 0.0)
+    assert_same(reading.base_truth, back.base_truth, 0.0)
+    assert (back.sequence, back.time, back.stop) == (42, 0.042, True)
+    assert (told.sequence, told.enabled) == (7, True)
+
+
+def test_a_packet_with_any_byte_changed_is_thrown_away(command: Command) -> None:
+    packet = pack_command(command)
+    for place in range(0, len(packet), 7):
+        wrong = bytearray(packet)
+        wrong[place] ^= 0x10
+        assert unpack_command(bytes(wrong), N) is None, place
+    assert unpack_command(packet[:-8], N) is None and unpack_command(b"", N) is None
+    assert unpack_command(packet, N - 1) is None and unpack_reading(packet, N) is None
+
+
+def test_udp_takes_each_command_once_and_the_newest_reading(
+    reading: Reading, command: Command
+) -> None:
+    ports = free_port(), free_port()
+    robot = UdpRobotBus(N, port=ports[0], controller_port=ports[1])
+    bus = UdpBus(N, port=ports[1], robot_port=ports[0])
+    try:
+        assert robot.receive() is None and bus.read() is None
+        for number in (3, 2, 3):
+            bus.write(command.numbered(number))
+        taken = robot.receive()
+        assert taken is not None and taken.sequence == 3 and robot.receive() is None
+        assert robot.dropped["repeated or out of order"] == 2
+        for number in (5, 6, 4):
+            robot.send(replace(reading, sequence=number))
+        newest = bus.read()
+        assert newest is not None and newest.sequence == 6
+        with pytest.raises(BusError, match="is another process of this robot"):
+            UdpBus(N, port=ports[1])
+    finally:
+        robot.close()
+        bus.close()
+
+
+# ---------------------------------------------------------------------- Unitree
+
+
+def test_sizes_of_c_structs_are_those_that_unitree_gives() -> None:
+    sizes = {name: tuple(one.packed_size for one in pair) for name, pair in LAYOUTS.items()}
+    assert sizes == {"hg": (2092, 1004), "go": (1180, 812)}
+
+
+def test_crc_is_that_of_the_bitwise_definition() -> None:
+    words = np.random.default_rng(2).integers(0, 2**32, 50, dtype=np.uint32)
+    crc = 0xFFFFFFFF
+    for word in words.tolist():
+        for bit in range(31, -1, -1):
+            high = (crc >> 31) & 1
+            crc = (crc << 1) & 0xFFFFFFFF
+            crc ^= 0x04C11DB7 * (high ^ ((word >> bit) & 1))
+    assert crc32(words.astype("<u4").tobytes()) == crc
+    assert crc32(struct.pack("<I", 0x31323334)) == crc_mpeg2(b"1234")
+
+
+def crc_mpeg2(data: bytes) -> int:
+    crc = 0xFFFFFFFF
+    for byte in data:
+        crc ^= byte << 24
+        for _ in range(8):
+            crc = ((crc << 1) ^ (0x04C11DB7 if crc & 0x80000000 else 0)) & 0xFFFFFFFF
+    return crc
+
+
+@pytest.mark.parametrize("family", ["hg", "go"])
+def test_layouts_are_what_cyclonedds_encodes_field_by_field(family: str) -> None:
+    pytest.importorskip("cyclonedds")
+    from wbc.hardware.unitree.dds import _struct
+
+    random = np.random.default_rng(3)
+    for layout in LAYOUTS[family]:
+        message = _struct(layout.typename, layout.fields).deserialize(
+            CDR_HEAD + random.integers(0, 100, layout.size, dtype=np.uint8).tobytes()
+        )
+        data = message.serialize(use_version_2=False)[len(CDR_HEAD) :]
+        assert len(data) == layout.size
+        motors = getattr(message, layout.motors)
+        for name in ("q", "dq", "mode"):
+            told = [getattr(motor, name) for motor in motors]
+            np.testing.assert_array_equal(layout.motor_values(data, name), told)
+        assert layout.view(data, "crc")[0] == message.crc
+
+
+def test_unitree_messages_return_what_was_sent_in_single_precision(
+    g1: Robot, reading: Reading, command: Command
+) -> None:
+    convert = Converter(profile_named("unitree_g1"), g1)
+    back = convert.reading(bytes(convert.low_state(reading)))
+    told = convert.commanded(bytes(convert.low_command(command)))
+    assert back is not None and told is not None and back.stop
+    assert_same(replace(reading, temperature=np.floor(reading.temperature)), back, 1e-6)
+    assert_same(command, told, 1e-6)  # of single precision, for numbers below 4
+    assert told.sequence == 7 and told.enabled
+    data = convert.low_command(command)
+    data[100] ^= 1
+    assert convert.commanded(bytes(data)) is None
+
+
+def test_joints_are_at_the_motors_that_unitree_numbers(g1: Robot, command: Command) -> None:
+    convert = Converter(profile_named("unitree_g1"), g1)
+    position = np.zeros(N)
+    position[g1.joint_names.index("right_elbow_joint")] = 1.5
+    data = convert.low_command(replace(command, position=position))
+    sent = convert.command.motor_values(data, "q")
+    assert np.flatnonzero(sent).tolist() == [25]  # RightElbow of G1JointIndex
+    assert convert.command.motor_values(data, "mode").tolist() == [1] * 29 + [0] * 6
+
+
+def test_another_robot_is_refused_by_its_joints(robot_named: object) -> None:
+    with pytest.raises(InvalidInputError, match=r"no motor for joint .*; lock them"):
+        profile_named("unitree_g1").order(Robot.load("hoap2_like"))
+    with pytest.raises(UnknownNameError, match="did you mean 'unitree_g1'"):
+        profile_named("unitree_g")
+
+
+# ---------------------------------------------------------------------- log and ROS
+
+
+def test_a_ring_log_has_the_last_rows_in_order() -> None:
+    ring = RingLog({"time": 1, "torque": 2}, seconds=0.010, dt=0.002)
+    for k in range(12):
+        ring.add({"time": k, "torque": (k, -k)} if k != 9 else {"time": k})
+    arrays = ring.arrays()
+    assert arrays["time"].tolist() == [7, 8, 9, 10, 11]
+    assert arrays["torque"][1].tolist() == [8, -8] and np.isnan(arrays["torque"][2]).all()
+    assert ring.arrays(2)["time"].tolist() == [10, 11]
+    with pytest.raises(InvalidInputError, match="no field 'torqe'"):
+        ring.add({"torqe": (0, 0)})
+
+
+def test_ros_fields_return_the_state(g1: Robot, reading: Reading) -> None:
+    q = g1.postures["standing"].copy()
+    q[:3] = 1.0, 2.0, 3.0
+    v = np.random.default_rng(4).normal(size=g1.nv)
+    v[6:] = reading.velocity
+    joints = joint_state(g1, reading)
+    base = odometry(q, v, 12.25, pose_covariance=np.eye(6))
+    assert base["header"]["stamp"] == {"sec": 12, "nanosec": 250_000_000}
+    shuffled = np.random.default_rng(5).permutation(N)
+    mixed = {key: [joints[key][k] for k in shuffled] for key in ("name", "position", "velocity")}
+    found_q, found_v = state_of(g1, mixed, base)
+    np.testing.assert_array_equal(found_q, np.concatenate((q[:7], reading.position)))
+    np.testing.assert_array_equal(found_v, v)
+    lacking = {key: values[1:] for key, values in mixed.items()}
+    with pytest.raises(InvalidInputError, match="JointState, position"):
+        state_of(g1, lacking, base)
+    message = SimpleNamespace(header=SimpleNamespace(stamp=SimpleNamespace()))
+    fill(message, {"header": joints["header"], "name": joints["name"]})
+    assert message.header.stamp.nanosec == 42_000_000 and message.name == list(g1.joint_names)
+
+
+def test_a_ring_is_shared_with_the_process_that_writes(tmp_path: Path) -> None:
+    from wbc.hardware.ring_log import LogWriter
+    from wbc.hardware.worker import can_fork
+
+    if not can_fork():
+        pytest.skip("no fork here")
+    ring = RingLog({"time": 1}, seconds=1.0, dt=0.1)
+    writer = LogWriter(ring, tmp_path / "log.npz", 5, forked=True)
+    for k in range(8):
+        ring.add({"time": k})
+    writer.write(["one", "two"], "a test")
+    writer.close()
+    assert writer.written == [tmp_path / "log.npz"] and not writer.complaints
+    with np.load(tmp_path / "log.npz") as log:
+        assert log["time"].tolist() == [3, 4, 5, 6, 7]
+        assert log["events"].tolist() == ["one", "two"] and log["about"] == "a test"

@@ -1,0 +1,173 @@
+"""Every fault has its answer: which mode the loop is in afterwards, and what it was told."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hardware_faults import (
+    CONTROLLER_FAULTS,
+    DT,
+    READING_FAULTS,
+    HungWorker,
+    Rig,
+    after,
+    soak,
+)
+
+from wbc.hardware.operator import Wish
+from wbc.hardware.safety import RULES, TRANSITIONS, Fault, Mode
+
+
+@pytest.fixture
+def rig() -> Rig:
+    made = Rig()
+    made.start()
+    return made
+
+
+@pytest.mark.parametrize("name", READING_FAULTS)
+def test_a_fault_of_readings_is_answered(name: str, rig: Rig) -> None:
+    change, mode = READING_FAULTS[name]
+    rig.cycles(0.13)  # the swing is neither in its middle nor at its end
+    rig.bus.inject(change)
+    before = rig.bus.command
+    for _ in range(250):
+        command = rig.cycle()
+        assert not rig.excess(command, before)
+        before = command
+    assert not after(name, mode, rig)
+
+
+@pytest.mark.parametrize("name", CONTROLLER_FAULTS)
+def test_a_fault_of_the_controller_is_answered_by_going_down(name: str, rig: Rig) -> None:
+    if name == "hangs":
+        rig.loop._worker = HungWorker()  # type: ignore[assignment]
+    rig.controller.wrong = name
+    before = rig.bus.command
+    seen = set()
+    for _ in range(250):
+        command = rig.cycle()
+        assert not rig.excess(command, before)
+        before = command
+        seen.add(rig.safety.mode)
+    assert not after(name, CONTROLLER_FAULTS[name], rig)
+    assert Mode.SOFT_STOP in seen or name == "huge"
+
+
+def test_late_cycles_are_answered_by_going_down(rig: Rig) -> None:
+    for _ in range(40):
+        rig.cycle(late=0.005, missed=2)
+    assert rig.safety.counts[Fault.LATE_CYCLE] == 40
+    assert any(event.mode is Mode.SOFT_STOP for event in rig.safety.events)
+
+
+def test_one_late_cycle_is_only_noted(rig: Rig) -> None:
+    rig.cycle(late=0.006, missed=3)
+    rig.cycles(0.2)
+    assert rig.safety.mode is Mode.RUNNING and rig.safety.counts[Fault.LATE_CYCLE] == 1
+
+
+def test_a_process_that_was_stopped_commands_nothing_old(rig: Rig) -> None:
+    assert np.abs(rig.bus.command.torque).max() > 0.0
+    command = rig.cycle(late=0.3, missed=150)
+    assert rig.safety.mode is Mode.STOP and command.is_passive
+
+
+def test_a_robot_that_is_gone_ends_the_loop_within_50_ms_and_is_logged(tmp_path: Path) -> None:
+    rig = Rig(log=tmp_path / "log.npz")
+    rig.start()
+    rig.bus.inject(READING_FAULTS["messages lost for good"][0])
+    began = rig.time
+    while not rig.loop._now.ended:
+        rig.cycle()
+    assert rig.time - began <= 0.050
+    rig.loop._leave()
+    result = rig.loop.result()
+    assert "gone" in result.reason and not result.good
+    with np.load(result.logs[0]) as log:
+        assert log["time"][0] <= DT and len(log["position"]) == len(log["time"]) > 125
+        assert any("no usable reading" in line for line in log["events"])
+
+
+def test_commands_that_cannot_be_sent_stop_it(rig: Rig) -> None:
+    rig.bus.refuses = True
+    rig.cycles(0.1)
+    assert rig.safety.mode is Mode.STOP and rig.safety.counts[Fault.BUS_FAILED]
+
+
+def test_a_full_disk_loses_the_log_with_a_word_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("wbc.hardware.ring_log.write_arrays", full)
+    rig = Rig(log=tmp_path / "log.npz")
+    rig.start()
+    rig.bus.inject(READING_FAULTS["stop button"][0])
+    rig.cycles(1.2)
+    assert rig.safety.mode is Mode.STOP and rig.bus.command.is_passive
+    result = rig.loop.result()
+    assert not result.logs
+    assert any("No space left" in note and "lost" in note for note in result.notes)
+
+
+def test_wishes_that_are_not_allowed_change_nothing(rig: Rig) -> None:
+    for wish in (Wish.ARM, Wish.STAND, Wish.RUN, Wish.RESET, Wish.QUIT):
+        rig.wanted.append(wish)
+        rig.cycle()
+        assert rig.safety.mode is Mode.RUNNING, wish
+    assert sum("not allowed" in event.what for event in rig.safety.events) == 4
+
+
+def test_sitting_down_ends_in_damping_and_stands_up_again(rig: Rig) -> None:
+    rig.wanted.append(Wish.SIT)
+    rig.cycles(0.3)
+    assert rig.safety.mode is Mode.DAMPING and rig.bus.command.is_passive
+    rig.wanted.append(Wish.STAND)
+    rig.cycles(0.2)
+    rig.wanted.append(Wish.RUN)
+    rig.cycle()
+    assert rig.safety.mode is Mode.RUNNING
+
+
+def test_after_a_stop_only_a_reset_by_hand_leads_on(rig: Rig) -> None:
+    rig.wanted.append(Wish.STOP)
+    rig.cycles(0.1)
+    for wish in (Wish.ARM, Wish.STAND, Wish.RUN, Wish.SIT):
+        rig.wanted.append(wish)
+        rig.cycle()
+        assert rig.safety.mode is Mode.STOP
+    rig.wanted.append(Wish.RESET)
+    assert not rig.cycle().enabled
+    assert rig.safety.mode is Mode.IDLE
+
+
+def test_nobody_stands_up_while_a_fault_is_there() -> None:
+    rig = Rig()
+    rig.wanted.append(Wish.ARM)
+    rig.cycles(0.1)
+    rig.bus.inject(READING_FAULTS["motor warm"][0])
+    rig.cycles(0.01)
+    rig.wanted.append(Wish.STAND)
+    rig.cycle()
+    assert rig.safety.mode is Mode.DAMPING
+    assert any("cannot stand up: motor warm" in event.what for event in rig.safety.events)
+
+
+@pytest.mark.slow
+def test_no_command_is_outside_the_limits_whatever_goes_wrong() -> None:
+    found = soak(10_000, seed=3)
+    assert found["outside limits"] == {}
+    assert set(found["modes"]) == {str(mode) for mode in Mode}
+    assert len(found["faults found"]) >= 15  # of 29; a million cycles find 25
+
+
+def test_the_page_has_the_tables_of_the_code() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "howto" / "hardware.md").read_text()
+    for fault, rule in RULES.items():
+        answer = rule.answer.name.lower().replace("_", " ")
+        assert f"| {fault} | {1e3 * rule.patience:.0f} | {answer} |" in page, fault
+    for mode in Mode:
+        line = next(line for line in page.splitlines() if line.startswith(f"| {mode} |"))
+        assert all(str(one) in line.split("|")[3] for one in TRANSITIONS[mode]), mode

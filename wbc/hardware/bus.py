@@ -1,0 +1,166 @@
+"""What passes between a controller and a robot: readings one way, commands the other."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from wbc.errors import WbcError
+from wbc.validate import Array
+
+
+class BusError(WbcError):
+    """A bus cannot be opened, or the system refuses what is sent; the message says what to do."""
+
+
+@dataclass(frozen=True, eq=False)
+class BaseTruth:
+    """Where the base really is: only a simulated robot can tell.
+
+    Attributes
+    ----------
+    pose:
+        Position [m] and quaternion x y z w (7,), as q[:7].
+    velocity:
+        Linear [m/s] and angular [rad/s] in the base's axes (6,), as v[:6].
+    """
+
+    pose: Array
+    velocity: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One message of a robot, as it came: nothing of it is believed before it was checked.
+
+    Joints are in the order of the robot's model, v[6:], whatever the order on the bus.
+
+    Attributes
+    ----------
+    sequence:
+        Number of the message, by which repeated and late ones are known.
+    time:
+        Of the measurement by the robot's clock [s].
+    position, velocity, torque:
+        Of the joints (n,) [rad or m, and per second], [N m or N].
+    temperature:
+        Of the motors (n,) [degrees C].
+    quaternion:
+        Rotation x y z w of the IMU to the world (4,), as the IMU's own filter has it; its heading
+        drifts.
+    angular_velocity, specific_force:
+        Of the IMU (3,), in its axes [rad/s], [m/s^2]; at rest the force is +9.81 upwards.
+    stop:
+        Whether the stop button of the robot's remote control is pressed.
+    base_truth:
+        The base's true state, from a simulated robot that was told to send it; else None.
+    """
+
+    sequence: int
+    time: float
+    position: Array
+    velocity: Array
+    torque: Array
+    temperature: Array
+    quaternion: Array
+    angular_velocity: Array
+    specific_force: Array
+    stop: bool = False
+    base_truth: BaseTruth | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Command:
+    """What motors are told: tau = torque + kp (position - q) + kd (velocity - q'), at their rate.
+
+    Joints are in the order of the robot's model, v[6:].
+
+    Attributes
+    ----------
+    sequence:
+        Number of the message, by which a robot knows repeated and late ones.
+    position, velocity, torque:
+        (n,) [rad or m, and per second], [N m or N].
+    kp, kd:
+        Gains (n,) [N m/rad], [N m s/rad].
+    enabled:
+        Whether motors are powered at all.
+    """
+
+    sequence: int
+    position: Array
+    velocity: Array
+    torque: Array
+    kp: Array
+    kd: Array
+    enabled: bool = True
+
+    @classmethod
+    def damping(cls, kd: Array, *, enabled: bool = True) -> Command:
+        """Return the command that only brakes: zero torque, no stiffness, gains ``kd`` (n,)."""
+        zero = np.zeros(len(kd))
+        return cls(0, zero, zero, zero, zero, kd if enabled else zero, enabled)
+
+    @property
+    def is_passive(self) -> bool:
+        """Whether it can only take energy out of the robot."""
+        still = not (self.kp.any() or self.torque.any())
+        return not self.enabled or (still and not (self.kd * self.velocity).any())
+
+    def numbered(self, sequence: int) -> Command:
+        """Return the same with another number."""
+        return replace(self, sequence=sequence)
+
+    def motor_torque(self, position: Array, velocity: Array) -> Array:
+        """Return what motors make of it (n,) at a state, before their limits [N m or N]."""
+        if not self.enabled:
+            return np.zeros(len(self.torque))
+        feedback = self.kp * (self.position - position) + self.kd * (self.velocity - velocity)
+        return self.torque + feedback
+
+
+class Bus(Protocol):
+    """The controller's end of a robot's bus."""
+
+    dropped: Counter[str]
+    """How many messages were thrown away, by reason."""
+
+    def read(self) -> Reading | None:
+        """Return the newest reading that came since the last call; None if none came.
+
+        It never waits.
+        """
+
+    def write(self, command: Command) -> None:
+        """Send a command; it never waits.
+
+        Raises
+        ------
+        BusError
+            The system refuses it.
+        """
+
+    def close(self) -> None:
+        """Leave the bus."""
+
+
+class RobotBus(Protocol):
+    """The robot's end of a bus: what ``wbc hardware sim`` serves."""
+
+    dropped: Counter[str]
+    """How many messages were thrown away, by reason."""
+
+    def receive(self) -> Command | None:
+        """Return the newest command that came since the last call; None if none came.
+
+        Repeated ones, and such as come after a later one, are thrown away. It never waits.
+        """
+
+    def send(self, reading: Reading) -> None:
+        """Send a reading; it never waits."""
+
+    def close(self) -> None:
+        """Leave the bus."""

@@ -1,0 +1,39 @@
+"""What a loop remembers from cycle to cycle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from wbc.hardware.bus import Command, Reading
+from wbc.hardware.robot_controller import Answer
+from wbc.hardware.safety import Mode
+
+
+@dataclass
+class LoopMemory:
+    """All that changes while a loop runs, but for the safety layer and the checks."""
+
+    reading: Reading | None = None
+    heard: float = -math.inf  # when the last usable reading came
+    before: Reading | None = None  # the one before
+    turn: int = 0  # cycles since the controller was last to be asked
+    answered: float = 0.0  # when it last answered
+    held: int = 0  # cycles for which a command was wanted that was not there
+    waiting: Reading | None = None  # what the controller is to be asked about
+    stands: bool = False  # whether the controller was told that the robot stands
+    runs: bool = False  # and that it runs
+    time: float = 0.0  # of this cycle
+    answer: Answer | None = None
+    command: Command | None = None
+    sequence: int = 0
+    mode: Mode = Mode.IDLE
+    mode_began: float = 0.0
+    sits_by: float | None = None  # when going down begins at the latest
+    log_at: float | None = None
+    event: str = ""
+    ended: str = ""
+    notes: tuple[str, ...] = ()
+    missed: int = 0
+    lateness: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)

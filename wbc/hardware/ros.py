@@ -1,0 +1,138 @@
+"""Readings and estimates as ROS messages, field by field; it needs no ROS.
+
+What is returned are plain dictionaries with the fields of ``sensor_msgs/JointState``,
+``sensor_msgs/Imu`` and ``nav_msgs/Odometry``, nested as they are; :func:`fill` writes one into a
+message object. ``examples/ros2_node.py`` is a node.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wbc.hardware.bus import Reading
+from wbc.hardware.robot_controller import configuration
+from wbc.robot import Robot
+from wbc.robot.limits import BASE_NV
+from wbc.validate import Array, finite_array
+
+NANO = 1_000_000_000
+ROWS = 6  # of a pose's and a twist's covariance: linear, then angular
+
+
+def stamp(time: float) -> dict[str, int]:
+    """Return a time [s] as ``builtin_interfaces/Time``."""
+    nanoseconds = round(time * NANO)
+    return {"sec": nanoseconds // NANO, "nanosec": nanoseconds % NANO}
+
+
+def joint_state(robot: Robot, reading: Reading) -> dict[str, Any]:
+    """Return a reading as ``sensor_msgs/JointState``."""
+    return {
+        "header": {"stamp": stamp(reading.time), "frame_id": ""},
+        "name": list(robot.joint_names),
+        "position": reading.position.tolist(),
+        "velocity": reading.velocity.tolist(),
+        "effort": reading.torque.tolist(),
+    }
+
+
+def imu(reading: Reading, frame: str = "imu") -> dict[str, Any]:
+    """Return a reading as ``sensor_msgs/Imu``; its covariances are unknown (zeros)."""
+    return {
+        "header": {"stamp": stamp(reading.time), "frame_id": frame},
+        "orientation": _named("xyzw", reading.quaternion),
+        "orientation_covariance": [0.0] * 9,
+        "angular_velocity": _named("xyz", reading.angular_velocity),
+        "angular_velocity_covariance": [0.0] * 9,
+        "linear_acceleration": _named("xyz", reading.specific_force),
+        "linear_acceleration_covariance": [0.0] * 9,
+    }
+
+
+def odometry(
+    q: Array,
+    v: Array,
+    time: float,
+    *,
+    pose_covariance: Array | None = None,
+    twist_covariance: Array | None = None,
+    frame: str = "odom",
+    child: str = "base",
+) -> dict[str, Any]:
+    """Return a state's base as ``nav_msgs/Odometry``; its twist is in the base's axes, as v[:6].
+
+    Parameters
+    ----------
+    q, v:
+        Configuration (nq,) and velocity (nv,).
+    pose_covariance, twist_covariance:
+        (6, 6), linear first; zeros, which mean unknown, if None.
+
+    Raises
+    ------
+    InvalidInputError
+        A covariance of another shape.
+    """
+    return {
+        "header": {"stamp": stamp(time), "frame_id": frame},
+        "child_frame_id": child,
+        "pose": {
+            "pose": {"position": _named("xyz", q[:3]), "orientation": _named("xyzw", q[3:7])},
+            "covariance": _flat("pose_covariance", pose_covariance),
+        },
+        "twist": {
+            "twist": {"linear": _named("xyz", v[:3]), "angular": _named("xyz", v[3:6])},
+            "covariance": _flat("twist_covariance", twist_covariance),
+        },
+    }
+
+
+def state_of(
+    robot: Robot, joints: Mapping[str, Any], base: Mapping[str, Any]
+) -> tuple[Array, Array]:
+    """Return configuration (nq,) and velocity (nv,) of a ``JointState`` and an ``Odometry``.
+
+    Joints may come in any order; other joints' values are left out.
+
+    Raises
+    ------
+    InvalidInputError
+        A joint of the robot is missing, or numbers that are not finite.
+    """
+    places = {name: k for k, name in enumerate(joints["name"])}
+    order = [places.get(name, -1) for name in robot.joint_names]
+    padded = {key: [*joints[key], math.nan] for key in ("position", "velocity")}
+    n = (len(order),)
+    position, rates = (
+        finite_array(f"JointState, {key}", np.array([values[k] for k in order]), n)
+        for key, values in padded.items()
+    )
+    pose, twist = base["pose"]["pose"], base["twist"]["twist"]
+    at = [*pose["position"].values(), *pose["orientation"].values()]
+    moving = [*twist["linear"].values(), *twist["angular"].values()]
+    q = configuration(robot, finite_array("Odometry, pose", at, (7,)), position)
+    return q, np.concatenate((finite_array("Odometry, twist", moving, (BASE_NV,)), rates))
+
+
+def fill(message: Any, fields: Mapping[str, Any]) -> Any:
+    """Write fields into a message object, nested ones into its parts; return it."""
+    for name, value in fields.items():
+        if isinstance(value, Mapping):
+            fill(getattr(message, name), value)
+        else:
+            setattr(message, name, value)
+    return message
+
+
+def _named(names: str, values: Array) -> dict[str, float]:
+    return dict(zip(names, values.tolist(), strict=True))
+
+
+def _flat(what: str, covariance: Array | None) -> list[float]:
+    if covariance is None:
+        return [0.0] * ROWS**2
+    return finite_array(f"odometry, {what}", covariance, (ROWS, ROWS)).ravel().tolist()

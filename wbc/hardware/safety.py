@@ -1,0 +1,414 @@
+"""The safety layer: what a robot may be told, and what is done when something goes wrong.
+
+It knows nothing of the controller. In each cycle it is told what the sensors said and what went
+wrong (:meth:`Safety.report`), judges by one table (:data:`RULES`), changes its mode by another
+(:data:`TRANSITIONS`), and lets a command pass only within limits (:meth:`Safety.admit`).
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.errors import InvalidInputError, WbcError
+from wbc.hardware.bus import Command, Reading
+from wbc.robot import Robot
+from wbc.validate import Array, check_fields, finite_array
+
+# ---------------------------------------------------------------------- modes
+
+
+class Mode(StrEnum):
+    """What the robot is doing."""
+
+    IDLE = "idle"  # motors off
+    DAMPING = "damping"  # joints brake, nothing else
+    STANDING_UP = "standing up"  # joints are led to the posture at the start
+    RUNNING = "running"  # the controller commands
+    SOFT_STOP = "soft stop"  # joints are led down to a crouch
+    STOP = "stop"  # joints brake until somebody resets by hand
+
+
+TRANSITIONS: Mapping[Mode, frozenset[Mode]] = MappingProxyType(
+    {
+        Mode.IDLE: frozenset({Mode.DAMPING}),  # armed by hand
+        Mode.DAMPING: frozenset({Mode.IDLE, Mode.STANDING_UP, Mode.STOP}),
+        Mode.STANDING_UP: frozenset({Mode.RUNNING, Mode.SOFT_STOP, Mode.STOP}),
+        Mode.RUNNING: frozenset({Mode.SOFT_STOP, Mode.STOP}),
+        Mode.SOFT_STOP: frozenset({Mode.DAMPING, Mode.STOP}),  # once it is down
+        Mode.STOP: frozenset({Mode.IDLE}),  # reset by hand
+    }
+)
+"""Where each mode may lead. Down, to a soft stop or a stop, leads a way from all that move."""
+
+# ---------------------------------------------------------------------- faults
+
+
+class Answer(IntEnum):
+    """What a fault is answered with, from least to most."""
+
+    NOTE = 0  # counted and logged
+    SOFT_STOP = 1
+    STOP = 2
+
+
+class Rule(NamedTuple):
+    """An answer, and for how long a fault is borne before [s]; meanwhile commands are held."""
+
+    answer: Answer
+    patience: float = 0.0
+
+
+class Fault(StrEnum):
+    """What can go wrong."""
+
+    SILENT = "no usable reading"
+    NOT_FINITE = "reading with NaN"
+    OUT_OF_ORDER = "reading repeated or out of order"
+    OLD_READING = "reading too old"
+    CLOCK_JUMPED = "the robot's clock jumped"
+    IMPLAUSIBLE = "reading beyond the possible"
+    JUMPED = "position jumped"
+    IMU_FROZEN = "IMU frozen"
+    ENCODER_DISAGREES = "position and velocity of a joint disagree"
+    IMU_DISAGREES = "gyroscope and orientation disagree"
+    GRAVITY_DISAGREES = "accelerometer and orientation disagree"
+    TORQUE_DISAGREES = "torque is not what was commanded"
+    POSITION = "joint out of range"
+    VELOCITY = "joint too fast"
+    OVERLOAD = "torque beyond the limit"
+    WARM = "motor warm"
+    HOT = "motor hot"
+    TILT = "tilted"
+    COMMAND_NOT_FINITE = "command with NaN"
+    CLIPPED = "command clipped"
+    NO_COMMAND = "no command in time"
+    TICK_FAILED = "tick without solution"
+    CONTROLLER_RAISED = "controller raised"
+    ESTIMATOR_FAILED = "no estimate"
+    LATE_CYCLE = "late cycle"
+    STALLED = "process stalled"
+    BUS_FAILED = "command could not be sent"
+    BUTTON = "stop button"
+    LOG_FAILED = "log not written"
+
+
+RULES: Mapping[Fault, Rule] = MappingProxyType(
+    {
+        # Readings that are thrown away count as lost: they add to SILENT, which stops.
+        Fault.SILENT: Rule(Answer.STOP, 0.020),
+        Fault.NOT_FINITE: Rule(Answer.STOP, 0.020),
+        Fault.OUT_OF_ORDER: Rule(Answer.NOTE),
+        Fault.OLD_READING: Rule(Answer.STOP, 0.020),
+        Fault.CLOCK_JUMPED: Rule(Answer.STOP, 0.020),
+        Fault.IMPLAUSIBLE: Rule(Answer.STOP, 0.010),
+        Fault.JUMPED: Rule(Answer.STOP, 0.010),
+        # Sensors that contradict each other: which one is wrong cannot be known.
+        Fault.IMU_FROZEN: Rule(Answer.STOP, 0.020),
+        Fault.ENCODER_DISAGREES: Rule(Answer.STOP, 0.020),
+        Fault.IMU_DISAGREES: Rule(Answer.STOP, 0.040),
+        Fault.GRAVITY_DISAGREES: Rule(Answer.STOP, 0.050),
+        Fault.TORQUE_DISAGREES: Rule(Answer.STOP, 0.100),
+        # The robot, as it is measured.
+        Fault.POSITION: Rule(Answer.SOFT_STOP, 0.020),
+        Fault.VELOCITY: Rule(Answer.STOP, 0.010),
+        Fault.OVERLOAD: Rule(Answer.SOFT_STOP, 0.100),
+        Fault.WARM: Rule(Answer.SOFT_STOP, 0.200),
+        Fault.HOT: Rule(Answer.STOP, 0.050),
+        Fault.TILT: Rule(Answer.STOP, 0.006),
+        # The controller. A crouch needs none.
+        Fault.COMMAND_NOT_FINITE: Rule(Answer.SOFT_STOP, 0.006),
+        Fault.CLIPPED: Rule(Answer.NOTE),
+        Fault.NO_COMMAND: Rule(Answer.SOFT_STOP, 0.030),
+        Fault.TICK_FAILED: Rule(Answer.SOFT_STOP, 0.010),
+        Fault.CONTROLLER_RAISED: Rule(Answer.SOFT_STOP),
+        Fault.ESTIMATOR_FAILED: Rule(Answer.SOFT_STOP, 0.020),
+        # The machine.
+        Fault.LATE_CYCLE: Rule(Answer.SOFT_STOP, 0.020),
+        Fault.STALLED: Rule(Answer.STOP),
+        Fault.BUS_FAILED: Rule(Answer.STOP, 0.020),
+        Fault.BUTTON: Rule(Answer.STOP),
+        Fault.LOG_FAILED: Rule(Answer.NOTE),
+    }
+)
+"""The answer to each fault. A fault that comes and goes is borne as long in sum: what was borne is
+forgotten half as fast as it comes."""
+
+
+class Event(NamedTuple):
+    """Something that happened: a change of mode, or a fault that began."""
+
+    time: float  # of the loop's clock [s]
+    what: str
+    mode: Mode  # afterwards
+    answer: Answer = Answer.NOTE
+
+
+class ForbiddenTransition(WbcError):
+    """A mode was asked for to which the present one does not lead."""
+
+
+# ---------------------------------------------------------------------- limits
+
+
+@dataclass(frozen=True, eq=False)
+class SafetyLimits:
+    """What commands and readings must keep.
+
+    Attributes
+    ----------
+    lower, upper, velocity, effort:
+        Of the joints (n,) [rad or m, per second, N m or N]; effort must be finite.
+    kp, kd:
+        Largest gains (n,).
+    torque_rate:
+        Largest change of the torque (n,) [N m/s].
+    overrun:
+        How far a joint may be beyond its range [rad or m].
+    overspeed, overload:
+        Part of the velocity and effort limits that may be measured.
+    warm, hot:
+        Of the motors [degrees C].
+    tilt:
+        Of the IMU's axis ``up`` from the vertical [rad].
+    up:
+        The axis of the IMU (3,) that is vertical when the robot stands.
+    """
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    effort: Array
+    kp: Array
+    kd: Array
+    torque_rate: Array
+    overrun: float = 0.1
+    overspeed: float = 1.2
+    overload: float = 1.2
+    warm: float = 80.0
+    hot: float = 95.0
+    tilt: float = 0.8
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self, "safety limits, ", "overrun", "overspeed", "overload", "tilt", above=0.0)
+        n = (len(self.effort),)
+        for name in ("effort", "kp", "kd", "torque_rate"):
+            value = finite_array(f"safety limits, {name}", getattr(self, name), n)
+            if not (value >= 0.0).all():
+                raise InvalidInputError(f"safety limits, {name}: must not be negative")
+
+    @classmethod
+    def of(cls, robot: Robot, kp: Array, kd: Array) -> SafetyLimits:
+        """Return a robot's limits; the torque may change from one bound to the other in 10 ms.
+
+        Raises
+        ------
+        InvalidInputError
+            Joints without an effort limit: what motors can bear must be known.
+        """
+        found = robot.limits
+        if found.without_effort:
+            raise InvalidInputError(
+                f"safety limits: {found.without_effort[0]!r} of {robot.name} has no effort limit;"
+                " write it into the robot's file"
+            )
+        rate = 2.0 * found.effort / 0.010
+        return cls(found.lower, found.upper, found.velocity, found.effort, kp, kd, rate)
+
+
+# ---------------------------------------------------------------------- the layer
+
+
+class Safety:
+    """Judges faults, keeps the mode, and limits commands.
+
+    Parameters
+    ----------
+    limits:
+        Of this robot.
+    damping:
+        Gains kd (n,) with which joints brake [N m s/rad].
+    dt:
+        Period of the loop [s].
+
+    Attributes
+    ----------
+    mode:
+        Now; it begins with idle.
+    events:
+        The last ones, in order.
+    counts:
+        How many cycles had each fault.
+    """
+
+    def __init__(self, limits: SafetyLimits, damping: Array, dt: float) -> None:
+        self.limits, self.dt = limits, dt
+        self.mode = Mode.IDLE
+        self.events = deque[Event](maxlen=1000)
+        self.counts = Counter[Fault]()
+        self._brake = Command.damping(np.minimum(damping, limits.kd))
+        self._off = Command.damping(damping, enabled=False)
+        self._present = dict[Fault, str]()  # reported in this cycle
+        self._borne = dict[Fault, float]()  # for how long [s]
+        self._measured: tuple[Array, Array] | None = None
+        self._last = self._off
+
+    # ------------------------------------------------------------------ modes
+
+    def arm(self, now: float) -> None:
+        """Power the motors, which brake: by hand only."""
+        self._to(Mode.DAMPING, now, "armed by hand")
+
+    def reset(self, now: float) -> None:
+        """Switch the motors off: by hand only."""
+        self._to(Mode.IDLE, now, "reset by hand")
+        self._borne.clear()
+
+    def stand_up(self, now: float) -> None:
+        """Begin to stand up.
+
+        Raises
+        ------
+        ForbiddenTransition
+            Not from this mode, or while a fault is there.
+        """
+        waiting = [f for f in self._borne if RULES[f].answer > Answer.NOTE]
+        if waiting or self._measured is None:
+            why = ", ".join(waiting) or "no reading yet"
+            raise ForbiddenTransition(f"cannot stand up: {why}")
+        self._to(Mode.STANDING_UP, now, "asked to stand up")
+
+    def run(self, now: float) -> None:
+        """Let the controller command."""
+        self._to(Mode.RUNNING, now, "the controller commands")
+
+    def soft_stop(self, now: float, why: str = "asked to stop") -> None:
+        """Go down to a crouch."""
+        self._to(Mode.SOFT_STOP, now, why)
+
+    def is_down(self, now: float) -> None:
+        """Brake, after the crouch is reached."""
+        self._to(Mode.DAMPING, now, "the crouch is reached")
+
+    def stop(self, now: float, why: str = "asked to stop at once") -> None:
+        """Brake at once, until :meth:`reset`. From idle there is nothing to stop."""
+        if self.mode not in (Mode.IDLE, Mode.STOP):
+            self._to(Mode.STOP, now, why)
+
+    def _to(self, mode: Mode, now: float, why: str) -> None:
+        if mode not in TRANSITIONS[self.mode]:
+            allowed = ", ".join(sorted(TRANSITIONS[self.mode]))
+            raise ForbiddenTransition(f"{mode} is not allowed in {self.mode}; from here: {allowed}")
+        self.mode = mode
+        answer = {Mode.SOFT_STOP: Answer.SOFT_STOP, Mode.STOP: Answer.STOP}.get(mode, Answer.NOTE)
+        self.events.append(Event(now, why, mode, answer))
+
+    # ------------------------------------------------------------------ faults
+
+    @property
+    def present(self) -> tuple[Fault, ...]:
+        """Faults that are borne now, whatever their answer."""
+        return tuple(self._borne)
+
+    def report(self, fault: Fault, detail: str = "") -> None:
+        """Tell of a fault in this cycle."""
+        self._present[fault] = detail
+
+    def measured(self, reading: Reading) -> None:
+        """Look at a usable reading: joints, motors, tilt, button."""
+        limits, q, v = self.limits, reading.position, reading.velocity
+        self._measured = q, v
+        beyond = np.maximum(q - limits.upper, limits.lower - q)
+        self._worst(Fault.POSITION, beyond, limits.overrun)
+        self._worst(Fault.VELOCITY, np.abs(v) - limits.overspeed * limits.velocity, 0.0)
+        self._worst(Fault.OVERLOAD, np.abs(reading.torque) - limits.overload * limits.effort, 0.0)
+        self._worst(Fault.WARM, reading.temperature, limits.warm)
+        self._worst(Fault.HOT, reading.temperature, limits.hot)
+        if vertical_part(reading.quaternion, limits.up) < np.cos(limits.tilt):
+            self.report(Fault.TILT, f"by more than {limits.tilt:g} rad")
+        if reading.stop:
+            self.report(Fault.BUTTON)
+
+    def _worst(self, fault: Fault, values: Array, most: float) -> None:
+        k = int(values.argmax())
+        if values[k] > most:
+            self.report(fault, f"joint {k}")
+
+    def judge(self, now: float) -> Mode:
+        """End a cycle's reports: change the mode where a fault was borne for too long."""
+        answer, cause = Answer.NOTE, ""
+        for fault, detail in self._present.items():
+            rule = RULES[fault]
+            if fault not in self._borne:
+                what = f"{fault}: {detail}" if detail else str(fault)
+                self.events.append(Event(now, what, self.mode))
+            self.counts[fault] += 1
+            self._borne[fault] = self._borne.get(fault, 0.0) + self.dt
+            if self._borne[fault] > rule.patience + 1e-9 and rule.answer > answer:
+                answer, cause = rule.answer, f"{fault} {detail}".rstrip()
+        for fault in self._borne.keys() - self._present.keys():
+            self._borne[fault] -= 0.5 * self.dt
+            if self._borne[fault] <= 0.0:
+                del self._borne[fault]
+        self._present.clear()
+        if answer is Answer.STOP:
+            self.stop(now, cause)
+        elif answer is Answer.SOFT_STOP and Mode.SOFT_STOP in TRANSITIONS[self.mode]:
+            self.soft_stop(now, cause)
+        return self.mode
+
+    # ------------------------------------------------------------------ commands
+
+    def admit(self, wanted: Command | None) -> Command:
+        """Return what the robot is told: ``wanted`` within limits; the last one if that is None.
+
+        Whatever is given, what returns is finite; positions are in range; gains, velocities and
+        torques within their limits; the torque that motors will make of it at the last reading,
+        too; and neither target nor torque changes faster than they may.
+        """
+        if self.mode is Mode.IDLE:
+            return self._given(self._off)
+        if self.mode in (Mode.DAMPING, Mode.STOP) or self._measured is None:
+            return self._given(self._brake)
+        if wanted is None:
+            return self._last
+        stacked = np.stack((wanted.position, wanted.velocity, wanted.torque, wanted.kp, wanted.kd))
+        if not np.isfinite(stacked).all():
+            self.report(Fault.COMMAND_NOT_FINITE)
+            return self._last
+        limits, last, (q, v) = self.limits, self._last, self._measured
+        kp, kd = np.clip(wanted.kp, 0.0, limits.kp), np.clip(wanted.kd, 0.0, limits.kd)
+        reach = limits.velocity * self.dt
+        held = np.where(last.kp > 0.0, last.position, q)
+        position = np.clip(wanted.position, held - reach, held + reach)
+        position = np.clip(position, limits.lower, limits.upper)
+        velocity = np.clip(wanted.velocity, -limits.velocity, limits.velocity)
+        feedback = kp * (position - q) + kd * (velocity - v)
+        share = np.minimum(1.0, limits.effort / np.maximum(np.abs(feedback), 1e-9))
+        kp, kd, feedback = share * kp, share * kd, share * feedback
+        step = limits.torque_rate * self.dt
+        torque = np.clip(wanted.torque, last.torque - step, last.torque + step)
+        torque = np.clip(torque + feedback, -limits.effort, limits.effort) - feedback
+        torque = np.clip(torque, -limits.effort, limits.effort)
+        if np.abs(torque - wanted.torque).max() > 1e-6:
+            self.report(Fault.CLIPPED)
+        return self._given(Command(wanted.sequence, position, velocity, torque, kp, kd))
+
+    def _given(self, command: Command) -> Command:
+        self._last = command
+        return command
+
+
+def vertical_part(quaternion: Array, axis: tuple[float, float, float]) -> float:
+    """Return the vertical part of an axis that is turned by a quaternion x y z w."""
+    x, y, z, w = quaternion.tolist()
+    ax, ay, az = axis
+    row = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+    return row[0] * ax + row[1] * ay + row[2] * az

@@ -1,0 +1,233 @@
+"""Whether readings can be believed: order, age, range, and sensors against each other."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.hardware.bus import Reading
+from wbc.hardware.safety import Fault
+from wbc.rotations import rotation_from
+from wbc.validate import Array
+
+OLDEST = 0.010  # s: readings that are older than the freshest were by more are no use
+CLOCK_JUMP = 0.050  # s
+AGREE_AGAIN = 5  # readings that agree on a new clock make it the clock
+FARTHEST = 0.5  # rad or m out of a joint's range: no joint can be there
+FASTEST = 3.0  # times the velocity limit
+FASTEST_TURN, HARDEST = 40.0, 400.0  # rad/s, m/s^2: beyond the ranges of IMUs
+NORM = 0.05  # of the quaternion, off 1
+JUMP = 0.03  # rad or m between two readings, above what the velocity limits allow
+WINDOW = 0.020  # s over which sensors are compared
+FROZEN = 0.020  # s without a bit of an IMU's sensor changing: real ones have noise
+RATE_OFF, RATE_PART = 0.7, 0.4  # rad/s, and part of the rate, that rates of one joint may differ
+TURN_OFF, TURN_PART = 1.0, 0.4  # as much of the IMU
+GRAVITY_OFF = 0.8  # rad
+GRAVITY_TIME = 0.3  # s over which the specific force is averaged
+TORQUE_OFF = 0.5  # of the effort limit
+COLDEST, HOTTEST = -30.0, 150.0  # degrees C that a thermometer can mean
+
+
+class Finding(NamedTuple):
+    """A fault that a reading shows."""
+
+    fault: Fault
+    detail: str = ""
+
+
+class SensorChecks:
+    """Looks at each reading; keeps what it compares with.
+
+    Parameters
+    ----------
+    lower, upper, velocity, effort:
+        Limits of the joints (n,).
+    """
+
+    def __init__(self, lower: Array, upper: Array, velocity: Array, effort: Array) -> None:
+        self._lower, self._upper, self._velocity = lower, upper, velocity
+        self._effort = effort
+        self._past = deque[Reading]()  # usable ones of the last WINDOW
+        self._velocities, self._spins = np.zeros(len(lower)), np.zeros(3)  # their sums
+        self._offset: float | None = None  # of the robot's clock from ours, at its freshest
+        self._strange = deque[float](maxlen=AGREE_AGAIN)
+        self._changed = [0.0, 0.0]  # when a bit of gyroscope and accelerometer last did
+        self._gravity: Array = np.array((0.0, 0.0, 9.81))  # mean specific force, world axes
+        self._sequence = -1
+
+    def look_at(
+        self, reading: Reading, now: float, commanded: Array | None = None
+    ) -> tuple[bool, tuple[Finding, ...]]:
+        """Return whether a reading is of use, and what is wrong with it or shown by it.
+
+        It is :meth:`refused` and :meth:`compared`, one after the other.
+        """
+        refused = self.refused(reading, now)
+        if refused is not None:
+            return False, (refused,)
+        return True, self.compared(reading, commanded)
+
+    def refused(self, reading: Reading, now: float) -> Finding | None:
+        """Return why a reading is of no use; None: it is.
+
+        Parameters
+        ----------
+        now:
+            When it was taken from the bus [s].
+        """
+        found = self._unusable(reading, now)
+        if found is None:
+            self._sequence = reading.sequence
+        return found
+
+    def compared(self, reading: Reading, commanded: Array | None = None) -> tuple[Finding, ...]:
+        """Return what a reading of use shows: sensors that contradict each other, or are frozen.
+
+        Parameters
+        ----------
+        commanded:
+            Torques (n,) that motors should have now; None: not known.
+        """
+        self._velocities = self._velocities + reading.velocity
+        self._spins = self._spins + reading.angular_velocity
+        found = [*self._comparisons(reading), *self._frozen(reading)]
+        found += self._torques(reading, commanded)
+        self._past.append(reading)
+        while reading.time - self._past[0].time > WINDOW + 1e-9:
+            old = self._past.popleft()
+            self._velocities = self._velocities - old.velocity
+            self._spins = self._spins - old.angular_velocity
+        return tuple(found)
+
+    def _forget(self) -> None:
+        self._past.clear()
+        self._velocities, self._spins = np.zeros(len(self._lower)), np.zeros(3)
+
+    # ------------------------------------------------------------------ readings of no use
+
+    def _unusable(self, reading: Reading, now: float) -> Finding | None:
+        r = reading
+        if r.sequence <= self._sequence and not self._restarted(reading):
+            return Finding(Fault.OUT_OF_ORDER, f"number {r.sequence} after {self._sequence}")
+        joints = np.stack((r.position, r.velocity, r.torque, r.temperature))
+        imu = np.concatenate((r.quaternion, r.angular_velocity, r.specific_force))
+        if not (np.isfinite(joints).all() and np.isfinite(imu).all() and np.isfinite(r.time)):
+            rows = ("position", "velocity", "torque", "temperature")
+            bad = [
+                name for name, row in zip(rows, joints, strict=True) if not np.isfinite(row).all()
+            ]
+            return Finding(Fault.NOT_FINITE, ", ".join(bad) or "IMU or time")
+        return self._timely(r.time, now) or self._possible(r) or self._jumped(r)
+
+    def _restarted(self, reading: Reading) -> bool:
+        """Return whether the robot counts anew: far back, so no message that came late."""
+        return reading.sequence < self._sequence - 1000
+
+    def _timely(self, time: float, now: float) -> Finding | None:
+        offset = now - time
+        if self._offset is None:
+            self._offset = offset
+        age = offset - self._offset
+        if -CLOCK_JUMP < age <= OLDEST:
+            # The freshest reading so far is new; 1e-4 of it is forgotten, for clocks that drift.
+            self._offset = min(offset, self._offset + 1e-4 * max(age, 0.0))
+            self._strange.clear()
+            return None
+        self._strange.append(offset)
+        spread = max(self._strange) - min(self._strange)
+        if len(self._strange) == AGREE_AGAIN and spread < OLDEST and abs(age) > CLOCK_JUMP:
+            self._offset = min(self._strange)
+            self._forget()
+            return Finding(Fault.CLOCK_JUMPED, f"by {-age:.3f} s; taken as it is now")
+        if age > CLOCK_JUMP or age < 0.0:
+            return Finding(Fault.CLOCK_JUMPED, f"by {-age:.3f} s")
+        return Finding(Fault.OLD_READING, f"by {1e3 * age:.0f} ms")
+
+    def _possible(self, r: Reading) -> Finding | None:
+        beyond = np.maximum(r.position - self._upper, self._lower - r.position)
+        if beyond.max() > FARTHEST:
+            return Finding(Fault.IMPLAUSIBLE, f"position of joint {int(beyond.argmax())}")
+        faster = np.abs(r.velocity) - FASTEST * self._velocity
+        if faster.max() > 0.0:
+            return Finding(Fault.IMPLAUSIBLE, f"velocity of joint {int(faster.argmax())}")
+        if r.temperature.min() < COLDEST or r.temperature.max() > HOTTEST:
+            return Finding(Fault.IMPLAUSIBLE, "temperature")
+        if abs(np.linalg.norm(r.quaternion) - 1.0) > NORM:
+            return Finding(Fault.IMPLAUSIBLE, "orientation is no rotation")
+        if np.abs(r.angular_velocity).max() > FASTEST_TURN:
+            return Finding(Fault.IMPLAUSIBLE, "angular velocity")
+        if np.abs(r.specific_force).max() > HARDEST:
+            return Finding(Fault.IMPLAUSIBLE, "specific force")
+        return None
+
+    def _jumped(self, r: Reading) -> Finding | None:
+        if not self._past:
+            return None
+        last = self._past[-1]
+        passed = max(r.time - last.time, 0.0)
+        if passed > WINDOW:  # too long ago to tell
+            self._forget()
+            return None
+        # Half of the velocity limit beyond what was measured: the limits alone allow 0.06 rad.
+        reach = JUMP + passed * np.minimum(self._velocity, np.abs(last.velocity) + 5.0)
+        over = np.abs(r.position - last.position) - reach
+        if over.max() > 0.0:
+            return Finding(Fault.JUMPED, f"joint {int(over.argmax())}")
+        turn = 2.0 * np.arccos(min(abs(float(r.quaternion @ last.quaternion)), 1.0))
+        if turn > 2.0 * JUMP + passed * (np.linalg.norm(last.angular_velocity) + 10.0):
+            return Finding(Fault.JUMPED, "orientation")
+        return None
+
+    # ------------------------------------------------------------------ sensors that contradict
+
+    def _comparisons(self, r: Reading) -> list[Finding]:
+        found = list[Finding]()
+        if self._past and r.time - self._past[0].time >= 0.8 * WINDOW:
+            first, passed = self._past[0], r.time - self._past[0].time
+            rate = (r.position - first.position) / passed
+            count = len(self._past) + 1
+            told = self._velocities / count
+            off = np.abs(rate - told) - RATE_OFF - RATE_PART * np.maximum(abs(rate), abs(told))
+            if off.max() > 0.0:
+                found.append(Finding(Fault.ENCODER_DISAGREES, f"joint {int(off.argmax())}"))
+            R = rotation_from(first.quaternion).T @ rotation_from(r.quaternion)
+            turn = (
+                0.5 * np.array((R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])) / passed
+            )
+            spun = self._spins / count
+            larger = max(np.linalg.norm(turn), np.linalg.norm(spun))
+            if np.linalg.norm(turn - spun) > TURN_OFF + TURN_PART * larger:
+                found.append(Finding(Fault.IMU_DISAGREES))
+        found += self._leaning(r)
+        return found
+
+    def _leaning(self, r: Reading) -> list[Finding]:
+        force = rotation_from(r.quaternion) @ r.specific_force
+        passed = r.time - self._past[-1].time if self._past else 0.0
+        self._gravity = self._gravity + min(passed / GRAVITY_TIME, 1.0) * (force - self._gravity)
+        size = float(np.linalg.norm(self._gravity))
+        falls = size < 4.0  # in free fall there is nothing to compare
+        if not falls and self._gravity[2] < size * np.cos(GRAVITY_OFF):
+            return [Finding(Fault.GRAVITY_DISAGREES)]
+        return []
+
+    def _frozen(self, r: Reading) -> list[Finding]:
+        last = self._past[-1] if self._past else None
+        now = (r.angular_velocity, r.specific_force)
+        before = now if last is None else (last.angular_velocity, last.specific_force)
+        found = list[Finding]()
+        for k, name in enumerate(("gyroscope", "accelerometer")):
+            if last is None or not np.array_equal(before[k], now[k]):
+                self._changed[k] = r.time
+            elif r.time - self._changed[k] > FROZEN:
+                found.append(Finding(Fault.IMU_FROZEN, name))
+        return found
+
+    def _torques(self, r: Reading, commanded: Array | None) -> list[Finding]:
+        if commanded is None:
+            return []
+        off = np.abs(r.torque - commanded) - TORQUE_OFF * self._effort
+        k = int(off.argmax())
+        return [Finding(Fault.TORQUE_DISAGREES, f"joint {k}")] if off[k] > 0.0 else []

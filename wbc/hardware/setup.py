@@ -1,0 +1,213 @@
+"""A loop, and a simulated robot, put together of a problem and a profile."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.hardware.bus import Bus, RobotBus
+from wbc.hardware.loop import PERIOD, HardwareLoop
+from wbc.hardware.operator import Operator
+from wbc.hardware.postures import CrouchPath, Motions, PostureMotion
+from wbc.hardware.robot_controller import (
+    BaseEstimator,
+    RobotController,
+    SensorEstimator,
+    TruthEstimator,
+)
+from wbc.hardware.robot_side import STEP, RobotSettings, SimulatedRobot
+from wbc.hardware.safety import Safety, SafetyLimits
+from wbc.hardware.sensor_checks import SensorChecks
+from wbc.hardware.udp import COMMAND_PORT, READING_PORT, UdpBus, UdpRobotBus
+from wbc.hardware.unitree.profiles import Profile, by_pattern
+from wbc.problem.problem import Problem
+from wbc.robot import Robot
+from wbc.run.supervisor import Supervisor
+from wbc.simulation import Plant
+from wbc.validate import Array, finite_number
+
+BUSES = ("unitree", "udp")
+ESTIMATORS: dict[str, Callable[[Robot], BaseEstimator]] = {
+    "sensors": SensorEstimator,
+    "truth": TruthEstimator,
+}
+GAIN_ROOM = 1.5  # the safety layer's bounds are so many times the profile's gains
+
+
+class Where(NamedTuple):
+    """How to reach a robot.
+
+    Attributes
+    ----------
+    bus:
+        ``unitree`` (DDS) or ``udp``.
+    interface:
+        Network interface of DDS; with UDP an address, ``lo`` for this machine.
+    domain:
+        Of DDS; with UDP it is added to the ports, so that several robots have room.
+    """
+
+    bus: str = "unitree"
+    interface: str = "lo"
+    domain: int = 0
+
+    @property
+    def is_here(self) -> bool:
+        """Whether only this machine can be reached."""
+        return self.interface == "lo" or self.interface.startswith("127.")
+
+    @property
+    def address(self) -> str:
+        """Of UDP."""
+        return "127.0.0.1" if self.interface == "lo" else self.interface
+
+    def open(self, profile: Profile, robot: Robot) -> Bus:
+        """Return the controller's end.
+
+        Raises
+        ------
+        UnknownNameError
+            No such bus.
+        BusError
+            It cannot be opened.
+        MissingPackageError
+            DDS without cyclonedds.
+        """
+        if self.bus == "udp":
+            ports = {"port": READING_PORT, "robot_port": COMMAND_PORT}
+            moved = {name: port + 2 * self.domain for name, port in ports.items()}
+            return UdpBus(len(robot.joint_names), self.address, **moved)
+        self._check()
+        from wbc.hardware.unitree.dds import UnitreeBus
+
+        return UnitreeBus(profile, robot, self.interface, self.domain)
+
+    def open_robot(self, profile: Profile, robot: Robot) -> RobotBus:
+        """Return the robot's end; it raises as :meth:`open` does."""
+        if self.bus == "udp":
+            ports = {"port": COMMAND_PORT, "controller_port": READING_PORT}
+            moved = {name: port + 2 * self.domain for name, port in ports.items()}
+            return UdpRobotBus(len(robot.joint_names), self.address, **moved)
+        self._check()
+        from wbc.hardware.unitree.dds import UnitreeRobotBus
+
+        return UnitreeRobotBus(profile, robot, self.interface, self.domain)
+
+    def _check(self) -> None:
+        if self.bus not in BUSES:
+            raise UnknownNameError("bus", self.bus, BUSES)
+
+
+def safety_of(robot: Robot, profile: Profile, dt: float) -> Safety:
+    """Return the safety layer of a robot."""
+    kp, kd = by_pattern(robot, profile.stiffness), by_pattern(robot, profile.holding)
+    damping = by_pattern(robot, profile.damping)
+    limits = SafetyLimits.of(robot, GAIN_ROOM * kp, GAIN_ROOM * kd)
+    return Safety(limits, damping, dt)
+
+
+def checks_of(robot: Robot) -> SensorChecks:
+    """Return what looks at the readings of a robot."""
+    limits = robot.limits
+    return SensorChecks(limits.lower, limits.upper, limits.velocity, limits.effort)
+
+
+def motions_of(robot: Robot, profile: Profile, path: CrouchPath) -> Motions:
+    """Return the ways up and down."""
+    kp, kd = by_pattern(robot, profile.stiffness), by_pattern(robot, profile.holding)
+    return Motions(PostureMotion(path, kp, kd, up=True), PostureMotion(path, kp, kd, up=False))
+
+
+def estimator_of(name: str, robot: Robot) -> BaseEstimator:
+    """Return an estimator by its name.
+
+    Raises
+    ------
+    UnknownNameError
+        No such estimator.
+    """
+    if name not in ESTIMATORS:
+        raise UnknownNameError("estimator", name, ESTIMATORS)
+    return ESTIMATORS[name](robot)
+
+
+def loop_of(
+    problem: Problem,
+    profile: Profile,
+    bus: Callable[[], Bus],
+    operator: Operator,
+    *,
+    estimator: str = "sensors",
+    log: Path | None = None,
+    forked: bool = True,
+    priority: int = 40,
+    cpus: Sequence[int] = (),
+    say: Callable[[str], None] = lambda text: None,
+) -> HardwareLoop:
+    """Return the loop that runs a problem of the torque level on a robot.
+
+    Parameters
+    ----------
+    bus:
+        Opens it, once the controller's process is forked: its threads must not be.
+
+    Raises
+    ------
+    InvalidInputError
+        A problem of the velocity level, a robot that cannot crouch from the problem's start, or
+        whose effort limits are not known.
+    """
+    robot, supervisor = problem.parts.robot, problem.supervisor_on_robot()
+    controller = controller_of(supervisor, robot, profile, problem.parts.start, estimator)
+    path = CrouchPath.of(problem.parts.at_start)
+    return HardwareLoop(
+        bus,
+        controller,
+        safety_of(robot, profile, PERIOD),
+        checks_of(robot),
+        motions_of(robot, profile, path),
+        operator,
+        log=log,
+        forked=forked,
+        priority=priority,
+        cpus=cpus,
+        say=say,
+    )
+
+
+def controller_of(
+    supervisor: Supervisor, robot: Robot, profile: Profile, start: Array, estimator: str
+) -> RobotController:
+    """Return what makes commands of readings."""
+    following, stiffness = (
+        by_pattern(robot, one) for one in (profile.following, profile.stiffness)
+    )
+    return RobotController(supervisor, estimator_of(estimator, robot), start, following, stiffness)
+
+
+def simulated_robot(
+    robot: Robot,
+    profile: Profile,
+    bus: RobotBus,
+    settings: RobotSettings,
+    start: Array | None = None,
+    *,
+    lifted: float = 0.0,
+) -> SimulatedRobot:
+    """Return a simulated robot in its crouch, or where ``start`` (nq,) is, hanging higher [m].
+
+    Raises
+    ------
+    InvalidInputError
+        A robot with a fixed base, or that cannot crouch.
+    """
+    if robot.fixed_base:
+        raise InvalidInputError(f"hardware sim: {robot.name} has a fixed base, and cannot stand up")
+    if start is None:
+        start = CrouchPath.of(robot.snapshot(robot.postures["standing"])).lowest
+    start = start.copy()
+    start[2] += finite_number("simulated robot, lifted", lifted, least=0.0)
+    plant = Plant(robot, dt=STEP, physics_dt=STEP)
+    return SimulatedRobot(plant, bus, start, by_pattern(robot, profile.damping), settings)

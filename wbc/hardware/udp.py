@@ -1,0 +1,223 @@
+"""The plain bus: one UDP packet for each message, which needs no package and no driver.
+
+A packet is a head (magic word, kind, number of joints, flags, sequence, time), doubles, and the
+CRC-32 of all before it, little-endian. A packet with any other length, head or sum is thrown away.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+import zlib
+from collections import Counter
+
+import numpy as np
+
+from wbc.errors import InvalidInputError
+from wbc.files import why
+from wbc.hardware.bus import BaseTruth, BusError, Command, Reading
+from wbc.validate import Array
+
+COMMAND_PORT, READING_PORT = 9750, 9751
+_HEAD = struct.Struct("<4sBBBxQd")
+_MAGIC = b"wbc1"
+_READING, _COMMAND = 1, 2
+_FLAG, _TRUTH = 1, 2
+_LARGEST = 65536
+
+
+def pack_reading(reading: Reading) -> bytes:
+    """Return the packet of a reading."""
+    r, truth = reading, reading.base_truth
+    parts = [r.position, r.velocity, r.torque, r.temperature]
+    parts += [r.quaternion, r.angular_velocity, r.specific_force]
+    parts += [] if truth is None else [truth.pose, truth.velocity]
+    flags = _FLAG * r.stop + _TRUTH * (truth is not None)
+    return _packed(_READING, len(r.position), flags, r.sequence, r.time, np.concatenate(parts))
+
+
+def unpack_reading(packet: bytes, joints: int) -> Reading | None:
+    """Return the reading of a packet; None if it is none of a robot with so many joints."""
+    found = _unpacked(packet, _READING, joints)
+    if found is None:
+        return None
+    flags, sequence, time, values = found
+    sizes = [joints] * 4 + [4, 3, 3] + ([7, 6] if flags & _TRUTH else [])
+    if len(values) != sum(sizes):
+        return None
+    parts = np.split(values, np.cumsum(sizes)[:-1])
+    truth = BaseTruth(parts[7], parts[8]) if flags & _TRUTH else None
+    position, velocity, torque, temperature, quaternion, rate, force = parts[:7]
+    stop = bool(flags & _FLAG)
+    return Reading(
+        sequence,
+        time,
+        position,
+        velocity,
+        torque,
+        temperature,
+        quaternion,
+        rate,
+        force,
+        stop,
+        truth,
+    )
+
+
+def pack_command(command: Command) -> bytes:
+    """Return the packet of a command."""
+    c = command
+    values = np.concatenate((c.position, c.velocity, c.torque, c.kp, c.kd))
+    return _packed(_COMMAND, len(c.position), _FLAG * c.enabled, c.sequence, 0.0, values)
+
+
+def unpack_command(packet: bytes, joints: int) -> Command | None:
+    """Return the command of a packet; None if it is none for a robot with so many joints."""
+    found = _unpacked(packet, _COMMAND, joints)
+    if found is None or len(found[3]) != 5 * joints:
+        return None
+    flags, sequence, _, values = found
+    position, velocity, torque, kp, kd = values.reshape(5, joints)
+    return Command(sequence, position, velocity, torque, kp, kd, bool(flags & _FLAG))
+
+
+class UdpBus:
+    """The controller's end; ``robot`` is the address to which commands go.
+
+    Raises
+    ------
+    BusError
+        The port is taken, or no such address.
+    """
+
+    def __init__(
+        self,
+        joints: int,
+        robot: str = "127.0.0.1",
+        *,
+        port: int = READING_PORT,
+        robot_port: int = COMMAND_PORT,
+    ) -> None:
+        self.joints, self.dropped = joints, Counter[str]()
+        self._socket, self._to = _opened(robot, port), (robot, robot_port)
+
+    def read(self) -> Reading | None:
+        """Return the newest reading since the last call, by its sequence; None if none came."""
+        newest: Reading | None = None
+        for packet in _waiting(self._socket):
+            found = unpack_reading(packet, self.joints)
+            if found is None:
+                self.dropped["damaged"] += 1
+            elif newest is not None and found.sequence <= newest.sequence:
+                self.dropped["repeated or out of order"] += 1
+            else:
+                newest = found
+        return newest
+
+    def write(self, command: Command) -> None:
+        """Send a command."""
+        _send(self._socket, pack_command(command), self._to)
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._socket.close()
+
+
+class UdpRobotBus:
+    """The robot's end; readings go to where the last command came from, at first to this machine.
+
+    Raises
+    ------
+    BusError
+        The port is taken, or no such address.
+    """
+
+    def __init__(
+        self,
+        joints: int,
+        address: str = "127.0.0.1",
+        *,
+        port: int = COMMAND_PORT,
+        controller_port: int = READING_PORT,
+    ) -> None:
+        self.joints, self.dropped = joints, Counter[str]()
+        self._socket, self._to = _opened(address, port), (address, controller_port)
+        self._last = -1
+
+    def receive(self) -> Command | None:
+        """Return the newest command since the last call; None if none came."""
+        newest: Command | None = None
+        for packet in _waiting(self._socket):
+            found = unpack_command(packet, self.joints)
+            if found is None:
+                self.dropped["damaged"] += 1
+            elif found.sequence <= self._last:
+                self.dropped["repeated or out of order"] += 1
+            else:
+                newest, self._last = found, found.sequence
+        return newest
+
+    def send(self, reading: Reading) -> None:
+        """Send a reading; that nobody listens is no error."""
+        with contextlib.suppress(BusError):
+            _send(self._socket, pack_reading(reading), self._to)
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._socket.close()
+
+
+def _packed(kind: int, joints: int, flags: int, sequence: int, time: float, values: Array) -> bytes:
+    if joints > 255:
+        raise InvalidInputError(f"UDP bus: {joints} joints, at most 255 fit its packets")
+    body = _HEAD.pack(_MAGIC, kind, joints, flags, sequence, time) + values.astype("<f8").tobytes()
+    return body + zlib.crc32(body).to_bytes(4, "little")
+
+
+def _unpacked(packet: bytes, kind: int, joints: int) -> tuple[int, int, float, Array] | None:
+    """Return flags, sequence, time and values of a packet; None if it is damaged or another."""
+    size = len(packet) - _HEAD.size - 4
+    if size < 0 or size % 8 or zlib.crc32(packet[:-4]) != int.from_bytes(packet[-4:], "little"):
+        return None
+    magic, its_kind, its_joints, flags, sequence, time = _HEAD.unpack_from(packet)
+    if (magic, its_kind, its_joints) != (_MAGIC, kind, joints):
+        return None
+    values = np.frombuffer(packet, "<f8", size // 8, _HEAD.size).astype(float)
+    return flags, sequence, time, values
+
+
+def _opened(address: str, port: int) -> socket.socket:
+    own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        own.setblocking(False)
+        own.bind(("127.0.0.1" if address.startswith("127.") else "0.0.0.0", port))
+        socket.inet_aton(address)
+    except OSError as error:
+        own.close()
+        raise BusError(
+            f"UDP bus: {address}, port {port}: {why(error)}; is another process of this robot"
+            " running?"
+        ) from error
+    return own
+
+
+def _waiting(own: socket.socket) -> list[bytes]:
+    """Return the packets that wait; a refused one, of a side that is not there, is no packet."""
+    packets = list[bytes]()
+    while True:
+        try:
+            packets.append(own.recv(_LARGEST))
+        except BlockingIOError:
+            return packets
+        except OSError:
+            continue
+
+
+def _send(own: socket.socket, packet: bytes, to: tuple[str, int]) -> None:
+    try:
+        own.sendto(packet, to)
+    except BlockingIOError:
+        pass  # the system's buffer is full: the next one is newer anyway
+    except OSError as error:
+        raise BusError(f"UDP bus: {to[0]}, port {to[1]}: {why(error)}") from error

@@ -1,0 +1,261 @@
+"""Unitree's bus over DDS, both ends, by ``cyclonedds`` (the extra ``unitree``)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+from wbc.errors import InvalidInputError
+from wbc.extras import require
+from wbc.hardware.bus import BaseTruth, BusError, Command, Reading
+from wbc.hardware.unitree.conversion import Converter
+from wbc.hardware.unitree.layout import CDR_HEAD, Field, Layout
+from wbc.hardware.unitree.profiles import Profile
+from wbc.robot import Robot
+
+STATE_TOPIC, COMMAND_TOPIC = "rt/lowstate", "rt/lowcmd"
+# Not Unitree's: where a simulated robot's base really is, if it was told to say so.
+TRUTH_TOPIC, TRUTH_TYPE = "rt/wbc/base_truth", "wbc.BaseTruth_"
+TRUTH = (Field("time", "f8"), Field("pose", "f8", 7), Field("velocity", "f8", 6))
+AT_MOST = 16  # messages that wait
+_STRUCTS = {
+    "motor_cmd": "MotorCmd_",
+    "motor_state": "MotorState_",
+    "imu_state": "IMUState_",
+    "bms_cmd": "BmsCmd_",
+    "bms_state": "BmsState_",
+}
+_NUMBERS = {"u1": "uint8", "u2": "uint16", "u4": "uint32", "i2": "int16", "i4": "int32"}
+_NUMBERS |= {"f4": "float32", "f8": "float64"}
+_DOMAINS: dict[int, tuple[str, Any]] = {}
+
+
+class UnitreeBus:
+    """The controller's end: reads LowState, writes LowCmd.
+
+    Parameters
+    ----------
+    profile, robot:
+        Which robot is on the bus, and its model.
+    interface:
+        Network interface, as ``eth0``; ``lo`` is this machine.
+    domain:
+        Of DDS.
+
+    Raises
+    ------
+    MissingPackageError
+        cyclonedds is not installed.
+    BusError
+        No such interface.
+    """
+
+    def __init__(self, profile: Profile, robot: Robot, interface: str, domain: int = 0) -> None:
+        self._convert = Converter(profile, robot)
+        self.dropped = Counter[str]()
+        self._ends = _Ends(interface, domain)
+        self._states = self._ends.reader(STATE_TOPIC, self._convert.state)
+        self._truths = self._ends.reader(TRUTH_TOPIC, _truth_layout())
+        self._commands = self._ends.writer(COMMAND_TOPIC, self._convert.command)
+        self._truth: BaseTruth | None = None  # the last: it may come after its reading
+
+    def read(self) -> Reading | None:
+        """Return the newest reading since the last call; None if none came."""
+        newest: Reading | None = None
+        for data in _taken(self._states):
+            found = self._convert.reading(data)
+            if found is None:
+                self.dropped["damaged"] += 1
+            elif newest is not None and found.sequence <= newest.sequence:
+                self.dropped["repeated or out of order"] += 1
+            else:
+                newest = found
+        for data in _taken(self._truths)[-1:]:
+            pose, velocity = (_truth_layout().view(data, one) for one in ("pose", "velocity"))
+            self._truth = BaseTruth(pose.copy(), velocity.copy())
+        return None if newest is None else replace(newest, base_truth=self._truth)
+
+    def write(self, command: Command) -> None:
+        """Send a command."""
+        _write(self._commands, self._convert.low_command(command))
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._ends.close()
+
+
+class UnitreeRobotBus:
+    """The robot's end: reads LowCmd, writes LowState; see :class:`UnitreeBus`."""
+
+    def __init__(self, profile: Profile, robot: Robot, interface: str, domain: int = 0) -> None:
+        self._convert = Converter(profile, robot)
+        self.dropped = Counter[str]()
+        self._ends = _Ends(interface, domain)
+        self._commands = self._ends.reader(COMMAND_TOPIC, self._convert.command)
+        self._states = self._ends.writer(STATE_TOPIC, self._convert.state)
+        self._truths = self._ends.writer(TRUTH_TOPIC, _truth_layout())
+        self._last = 0
+
+    def receive(self) -> Command | None:
+        """Return the newest command since the last call; None if none came.
+
+        Commands without a number, as of other programs, are taken in the order in which they came.
+        """
+        newest: Command | None = None
+        for data in _taken(self._commands):
+            found = self._convert.commanded(data)
+            if found is None:
+                self.dropped["damaged"] += 1
+            elif found.sequence and found.sequence <= self._last:
+                self.dropped["repeated or out of order"] += 1
+            else:
+                newest, self._last = found, found.sequence
+        return newest
+
+    def send(self, reading: Reading) -> None:
+        """Send a reading, and before it where the base really is, if it says so."""
+        if reading.base_truth is not None:
+            layout = _truth_layout()
+            data = layout.zeros()
+            layout.view(data, "time")[0] = reading.time
+            layout.view(data, "pose")[:] = reading.base_truth.pose
+            layout.view(data, "velocity")[:] = reading.base_truth.velocity
+            _write(self._truths, data)
+        _write(self._states, self._convert.low_state(reading))
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._ends.close()
+
+
+# ---------------------------------------------------------------------- DDS
+
+
+class _Ends:
+    """A participant of a domain on one interface."""
+
+    def __init__(self, interface: str, domain: int) -> None:
+        require("cyclonedds", "Unitree's bus")
+        from cyclonedds.domain import Domain, DomainParticipant
+
+        known = _DOMAINS.get(domain)
+        if known is None:
+            try:
+                _DOMAINS[domain] = interface, Domain(domain, _configuration(interface))
+                self._participant = DomainParticipant(domain)
+            except Exception as error:  # DDSException is one of many
+                _DOMAINS.pop(domain, None)
+                raise BusError(f"DDS on {interface!r}: {error}; see: ip addr") from error
+        elif known[0] != interface:
+            raise InvalidInputError(
+                f"DDS: domain {domain} is on {known[0]!r} in this process, not on {interface!r}"
+            )
+        else:
+            self._participant = DomainParticipant(domain)
+
+    def reader(self, topic: str, layout: Layout) -> Any:
+        from cyclonedds.core import Policy, Qos
+        from cyclonedds.sub import DataReader
+        from cyclonedds.topic import Topic
+
+        # Best effort fits every writer; a lost message is overtaken by the next.
+        qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(AT_MOST))
+        return DataReader(self._participant, Topic(self._participant, topic, _type(layout)), qos)
+
+    def writer(self, topic: str, layout: Layout) -> Any:
+        from cyclonedds.core import Policy, Qos
+        from cyclonedds.pub import DataWriter
+        from cyclonedds.topic import Topic
+
+        # Reliable fits every reader; with one message kept it never waits for a slow one.
+        qos = Qos(Policy.Reliability.Reliable(0), Policy.History.KeepLast(1))
+        return DataWriter(self._participant, Topic(self._participant, topic, _type(layout)), qos)
+
+    def close(self) -> None:
+        del self._participant
+
+
+def _configuration(interface: str) -> str:
+    """Return the settings of DDS for one network interface."""
+    local = interface == "lo"  # has no multicast: participants are asked one by one
+    found = '<Peers><Peer address="localhost"/></Peers>' if local else ""
+    return (
+        "<CycloneDDS><Domain><General><Interfaces>"
+        f'<NetworkInterface name="{interface}" priority="default" multicast="{_word(not local)}"/>'
+        f"</Interfaces><AllowMulticast>{_word(not local)}</AllowMulticast></General>"
+        f"<Discovery><ParticipantIndex>auto</ParticipantIndex>{found}</Discovery>"
+        "</Domain></CycloneDDS>"
+    )
+
+
+def _word(value: bool) -> str:
+    return "true" if value else "false"
+
+
+@cache
+def _truth_layout() -> Layout:
+    return Layout(TRUTH_TYPE, TRUTH, "")
+
+
+@cache
+def _type(layout: Layout) -> Any:
+    """Return the type of messages for cyclonedds, which are their CDR bytes.
+
+    What it declares is the whole type, by which the two ends know that they mean the same; only the
+    conversion field by field is left out.
+    """
+    whole = _struct(layout.typename, layout.fields)
+
+    class Message(whole):  # type: ignore[misc,valid-type]
+        def __init__(self, data: bytes | bytearray) -> None:
+            self.data = bytes(data)
+
+        def serialize(self, *_: object, **__: object) -> bytes:
+            return CDR_HEAD + self.data
+
+        @classmethod
+        def deserialize(cls, data: bytes, *given: Any, **named: Any) -> Any:
+            if bytes(data[: len(CDR_HEAD)]) == CDR_HEAD:
+                return cls(data[len(CDR_HEAD) : len(CDR_HEAD) + layout.size])
+            slow = whole.deserialize(data, *given, **named)  # another encoding: slowly, but right
+            return cls(slow.serialize(use_version_2=False)[len(CDR_HEAD) :])
+
+        @classmethod
+        def deserialize_key(cls, *_: Any, **__: Any) -> Any:
+            return cls(b"")  # of a writer that left: there is no message
+
+    return Message
+
+
+@cache
+def _struct(typename: str, fields: tuple[Field, ...]) -> Any:
+    from cyclonedds import idl
+    from cyclonedds.idl import annotations
+    from cyclonedds.idl import types as made_types
+
+    types: Any = made_types
+
+    module, name = typename.rsplit(".", 1)
+    declared = dict[str, Any]()
+    for field in fields:
+        one = (
+            getattr(types, _NUMBERS[field.kind])
+            if isinstance(field.kind, str)
+            else _struct(f"{module}.{_STRUCTS[field.name]}", field.kind)
+        )
+        declared[field.name] = types.array[one, field.size] if field.size > 1 else one
+    made = idl.make_idl_struct(name, typename, declared)
+    return annotations.autoid("sequential")(annotations.final(made))
+
+
+def _taken(reader: Any) -> list[bytes]:
+    return [one.data for one in reader.take(AT_MOST) if getattr(one, "data", b"")]
+
+
+def _write(writer: Any, data: bytes | bytearray) -> None:
+    try:
+        writer.write(writer.data_type(data))
+    except Exception as error:  # of cyclonedds
+        raise BusError(f"DDS: a message cannot be sent: {error}") from error

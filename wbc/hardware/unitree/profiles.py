@@ -1,0 +1,160 @@
+"""Unitree's robots by table: message family, motor of each joint, gains, modes.
+
+Motor numbers are those of the public examples of unitree_sdk2. Gains are ours: stiff enough to hold
+a posture on two feet in the simulator process; begin on the real robot, on its gantry, with less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError, UnknownNameError, listed
+from wbc.robot import Robot
+from wbc.validate import Array
+
+PITCH_ROLL = 0  # ankles and waist are commanded by pitch and roll, not by their two motors
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What of a robot is not in its model.
+
+    Attributes
+    ----------
+    name:
+        As ``--robot`` takes it.
+    family:
+        Of its messages: ``hg`` or ``go``.
+    model:
+        The robot's model that this was written for.
+    motors:
+        Number of the motor by a joint's name, or a pattern of names.
+    stiffness, holding:
+        kp [N m/rad] and kd [N m s/rad] by pattern of joints' names, for postures that are held: the
+        last pattern that fits counts.
+    damping:
+        kd [N m s/rad] by pattern, for robots that only brake.
+    following:
+        kd [N m s/rad] by pattern, while a controller commands torques and velocities.
+    mode_pr:
+        Of the messages of ``hg``: whether ankles are commanded by pitch and roll (0).
+    """
+
+    name: str
+    family: str
+    model: str
+    motors: Mapping[str, int]
+    stiffness: Mapping[str, float]
+    holding: Mapping[str, float]
+    damping: Mapping[str, float]
+    following: Mapping[str, float]
+    mode_pr: int = PITCH_ROLL
+
+    def order(self, robot: Robot) -> NDArray[np.int64]:
+        """Return the number of the motor of each joint (nv-6,).
+
+        Raises
+        ------
+        InvalidInputError
+            Joints without a motor, or two with one.
+        """
+        names = robot.joint_names
+        without = [name for name in names if name not in self.motors]
+        if without:
+            raise InvalidInputError(
+                f"{self.name}: no motor for joint {listed(without)} of {robot.name}; lock them, or"
+                f" take its model {self.model!r}"
+            )
+        return np.array([self.motors[name] for name in names], dtype=np.int64)
+
+
+def by_pattern(robot: Robot, table: Mapping[str, float]) -> Array:
+    """Return a value for each joint (nv-6,): that of the last pattern that fits its name.
+
+    Raises
+    ------
+    InvalidInputError
+        A joint that no pattern fits.
+    """
+    values = np.full(len(robot.joint_names), np.nan)
+    for pattern, value in table.items():
+        values[[fnmatchcase(name, pattern) for name in robot.joint_names]] = value
+    if np.isnan(values).any():
+        missing = [n for n, v in zip(robot.joint_names, values, strict=True) if np.isnan(v)]
+        raise InvalidInputError(f"no gain for joint {listed(missing)}; add the pattern '*'")
+    return values
+
+
+def _numbered(*names: str) -> Mapping[str, int]:
+    return MappingProxyType({f"{name}_joint": k for k, name in enumerate(names)})
+
+
+def _sides(*names: str) -> tuple[str, ...]:
+    return tuple(f"{side}_{name}" for side in ("left", "right") for name in names)
+
+
+_ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
+_WRIST = ("wrist_roll", "wrist_pitch", "wrist_yaw")
+_WAIST = ("waist_yaw", "waist_roll", "waist_pitch")
+_G1_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
+_H1_2_LEG = ("hip_yaw", "hip_pitch", "hip_roll", "knee", "ankle_pitch", "ankle_roll")
+_GO_LEGS = ("FR", "FL", "RR", "RL")
+
+_HUMANOID: Mapping[str, Mapping[str, float]] = {
+    "stiffness": {"*": 40.0, "*hip*": 200.0, "*knee*": 300.0, "*ankle*": 120.0, "*waist*": 200.0},
+    "holding": {"*": 1.0, "*hip*": 5.0, "*knee*": 6.0, "*ankle*": 3.0, "*waist*": 5.0},
+    "damping": {"*": 1.0, "*hip*": 5.0, "*knee*": 5.0, "*ankle*": 2.0, "*waist*": 5.0},
+    "following": {"*": 0.5, "*hip*": 1.0, "*knee*": 1.0, "*wrist*": 0.2},
+}
+PROFILES: Mapping[str, Profile] = {
+    "unitree_g1": Profile(
+        "unitree_g1",
+        "hg",
+        "g1",
+        _numbered(*_sides(*_G1_LEG), *_WAIST, *_sides(*_ARM, *_WRIST)),
+        _HUMANOID["stiffness"],
+        _HUMANOID["holding"],
+        _HUMANOID["damping"],
+        _HUMANOID["following"],
+    ),
+    "unitree_h1_2": Profile(
+        "unitree_h1_2",
+        "hg",
+        "h1_2",
+        _numbered(*_sides(*_H1_2_LEG), "torso", *_sides(*_ARM, *_WRIST)),
+        _HUMANOID["stiffness"],
+        _HUMANOID["holding"],
+        _HUMANOID["damping"],
+        _HUMANOID["following"],
+    ),
+    "unitree_go2": Profile(
+        "unitree_go2",
+        "go",
+        "go2",
+        _numbered(*(f"{leg}_{joint}" for leg in _GO_LEGS for joint in ("hip", "thigh", "calf"))),
+        stiffness={"*": 60.0},
+        holding={"*": 5.0},
+        damping={"*": 3.0},
+        following={"*": 0.5},
+    ),
+}
+"""Of each robot, by the name that ``--robot`` takes."""
+
+
+def profile_named(name: str) -> Profile:
+    """Return a robot's profile.
+
+    Raises
+    ------
+    UnknownNameError
+        None of that name.
+    """
+    if name not in PROFILES:
+        raise UnknownNameError("robot on a bus", name, PROFILES)
+    return PROFILES[name]
