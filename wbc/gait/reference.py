@@ -240,7 +240,14 @@ class StepPlanner:
         goal = base + R @ plan.place
         # Not the plan's own offset, which is where the DCM will be: what the step cannot catch
         # would be no error then, and the pressure would go back to the middle of the sole.
-        return replace(phase, left=plan.left, goal=goal, offset=offset, adapted=plan.adapted)
+        return replace(
+            phase,
+            left=plan.left,
+            goal=goal,
+            offset=offset,
+            adapted=plan.adapted,
+            multipliers=plan.multipliers,
+        )
 
     def within(self, phase: Phase, vrp: Array, now: GaitState) -> Array:
         """Return the point (2,) nearest to ``vrp`` that can be pressed, on one sole or between two.
