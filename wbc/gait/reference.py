@@ -137,7 +137,7 @@ class StepPlanner:
         for way in ways:
             ahead, beside = np.abs(way @ R).tolist()
             halfway = 0.5 * min(ahead, self.limits.catch)
-            wider = max(min(beside, self.limits.apart) - self.legs.width, 0.0)
+            wider = max(min(beside, self.limits.catch_aside) - self.legs.width, 0.0)
             height = self.legs.com_height_for(math.hypot(halfway, wider))
             found = max(found, self.gait.height - height)
         return found
@@ -219,7 +219,7 @@ class StepPlanner:
             offset = self.footsteps.offset(other(support), landing, velocity)
         nominal = StepPlan(R.T @ step, max(single - phase.elapsed, soon), R.T @ offset, np.zeros(2))
         sign, far = SIGN[other(support)], self.limits.catch
-        beside = sorted((sign * gait.least_width, sign * self.limits.apart))
+        beside = sorted((sign * gait.least_width, sign * self.limits.catch_aside))
         lower, upper = np.array((-far, beside[0])), np.array((far, beside[1]))
         level = phase.swing.level
         reach = Reach(
