@@ -17,13 +17,14 @@ from wbc.simulation import (
 from wbc.validate import Array
 
 DT = 0.002  # s
+DELAY = 0.002  # s, of what is measured
 ARMATURE = 0.003  # kg m^2, as in the problem files
 NOISE = {
     "position_noise": 1e-3,
     "velocity_noise": 0.05,
     "base_rotation_noise": 1e-3,
     "base_rate_noise": 0.05,
-    "delay": 0.002,
+    "delay": DELAY,
 }
 
 
@@ -37,9 +38,12 @@ def mass_of(seed: int) -> float:
     return float(np.random.default_rng((seed, 20261122)).uniform(0.9, 1.1))
 
 
-def plant_of(robot: wbc.Robot, seed: int, terrain: Terrain, q: Array) -> Plant:
+def plant_of(
+    robot: wbc.Robot, seed: int, terrain: Terrain, q: Array, *, delay: float = DELAY
+) -> Plant:
     """Return the simulation of a robot, begun at ``q``."""
-    sensors, wrong = Sensors(**NOISE, seed=seed), ModelMismatch(mass=mass_of(seed))
+    sensors = Sensors(**NOISE | {"delay": delay}, seed=seed)
+    wrong = ModelMismatch(mass=mass_of(seed))
     plant = Plant(robot, dt=DT, terrain=terrain, sensors=sensors, mismatch=wrong)
     plant.reset(q)
     return plant

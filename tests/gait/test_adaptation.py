@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from wbc.gait.adaptation import Reach, StepBounds, StepPlan, StepWeights, adapt_step, step_qp
+from wbc.gait.adaptation import (
+    Reach,
+    StepBounds,
+    StepPlan,
+    StepWeights,
+    adapt_step,
+    held_back_by,
+    step_qp,
+)
 from wbc.gait.dcm import StepTimes, VrpSegment, dcm_offsets
 
 OMEGA, TIMES = 3.9, StepTimes(0.4, 0.05)
@@ -173,3 +181,41 @@ def test_what_has_no_solution_is_finite_within_its_bounds_and_said() -> None:
         assert (plan.place <= bounds.upper + 1e-6).all()
         assert bounds.least <= plan.left <= bounds.most
     assert unsolved < 20
+
+
+@pytest.mark.parametrize(
+    ("push", "names"),
+    [
+        ((0.0, 0.0), ()),
+        ((0.3, 0.0), ("reach of the legs ahead",)),
+        ((-0.6, 0.0), ("reach of the legs behind",)),
+        ((0.0, -0.3), ("reach of the legs aside",)),
+        ((0.0, 0.3), ("the other foot",)),
+    ],
+)
+def test_what_holds_a_step_back_is_named(push: tuple[float, float], names: tuple[str, ...]) -> None:
+    """What is named is where the plan is: at that bound of its place, on either side."""
+    dcm = steady_dcm(0.3) + push
+    plan = adapt_step(dcm, nominal(0.3), BOUNDS, OMEGA, TIMES.double)
+    found = held_back_by(plan.multipliers, -1.0)
+    assert set(names) <= set(found) and bool(names) == bool(found)
+    at = {
+        "reach of the legs ahead": plan.place[0] - BOUNDS.upper[0],
+        "reach of the legs behind": plan.place[0] - BOUNDS.lower[0],
+        "reach of the legs aside": plan.place[1] - BOUNDS.lower[1],
+        "the other foot": plan.place[1] - BOUNDS.upper[1],
+        "least time in the air": plan.left - BOUNDS.least,
+    }
+    for name in set(found) & at.keys():
+        assert abs(at[name]) < 1e-6
+    mirror = np.array((1.0, -1.0))
+    turned = BOUNDS._replace(
+        lower=np.array((-0.5, 0.1)),
+        upper=np.array((0.5, 0.5)),
+        reach=Reach(STEP * mirror, np.zeros(2), 1e3),
+    )
+    wanted = nominal(0.3)
+    wanted = wanted._replace(place=wanted.place * mirror, offset=wanted.offset * mirror)
+    other = adapt_step(dcm * mirror, wanted, turned, OMEGA, TIMES.double)
+    assert held_back_by(other.multipliers, 1.0) == found
+    assert held_back_by(None, 1.0) == ()

@@ -31,6 +31,18 @@ def test_what_is_asked_beyond_the_limits_keeps_its_direction(legs: Legs) -> None
     assert not inside.reason and inside.velocity.vx == 0.3 * limits.forwards
 
 
+def test_a_step_aside_that_catches_is_as_wide_as_both_legs_reach(legs: Legs) -> None:
+    """From a pelvis half way both ankles are a leg's length from their hips, within stretching."""
+    gait = GaitSettings.of(legs)
+    limits = CommandLimits.of(legs, gait)
+    hip = legs.hip_height + gait.height - legs.com_height
+    beside = 0.5 * (limits.catch_aside - legs.width)
+    if limits.catch_aside > limits.apart:
+        assert math.hypot(hip, beside) == pytest.approx(0.98 * legs.length)
+    else:  # feet that walk far apart
+        assert limits.catch_aside == limits.apart
+
+
 def test_turns_are_limited_too(legs: Legs) -> None:
     limits = CommandLimits.of(legs, GaitSettings.of(legs))
     admitted = limits.admit(0.0, 0.0, -99.0)

@@ -98,9 +98,9 @@ def test_feet_never_cross_whatever_is_commanded_and_measured(legs: Legs, seed: i
             continue
         step = turned(-heading)[:2, :2] @ (after.goal - places[support][:2])
         beside = SIGN[other(support)] * step[1]
-        assert gait.least_width - 1e-7 <= beside <= limits.apart + 1e-7
+        assert gait.least_width - 1e-7 <= beside <= limits.catch_aside + 1e-7
         assert abs(step[0]) <= limits.catch + 1e-7
-        kept = {one.name for one in fields(phase)} - {"left", "goal", "offset"}
+        kept = {one.name for one in fields(phase)} - {"left", "goal", "offset", "multipliers"}
         assert all(getattr(after, name) is getattr(phase, name) for name in kept)
 
 
@@ -112,7 +112,7 @@ def test_what_no_step_catches_is_pressed_against_with_all_of_the_sole(
     gait = GaitSettings.of(legs)
     planner = planner_of(legs, gait)
     places = {"left": np.zeros(3), "right": np.array((0.0, -gait.width, 0.0))}
-    dcm = np.array((0.0, side * planner.limits.apart))
+    dcm = np.array((0.0, side * planner.limits.catch_aside))
     now = GaitState(dcm, places, dict.fromkeys(SIGN, np.eye(3)))
     phase = planner.adapted(on_one_foot("left", 0.0, gait.single), now, 0.0, Velocity())
     reference = planner.single(phase, now)

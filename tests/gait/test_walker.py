@@ -16,7 +16,7 @@ from wbc.qp.active_set import ActiveSet
 from wbc.qp.problem import QP
 from wbc.qp.solution import Solution, Status
 from wbc.robot import Robot
-from wbc.simulation import FallLimits, FallWatch, Plant, Step, Terrain, simulate
+from wbc.simulation import FallLimits, FallWatch, Plant, Sensors, Step, Terrain, simulate
 
 Load = Callable[[str], Robot]
 
@@ -203,3 +203,24 @@ def test_a_robot_without_limits_of_effort_and_speed_walks(
     walker.command(0.1)
     walked(walker, plant, 0.8)
     assert walker.steps >= 1
+
+
+def test_a_walk_goes_on_with_a_known_delay(robot_named: Load) -> None:
+    """Measured 8 ms late, forces too: told so it walks as without; its goals are of now."""
+    robot = robot_named("hoap2_like")
+    late, dt = 4, 0.002
+    walker = wbc.gait.Walker(robot, dt=dt, delay=late * dt)
+    plant = Plant(robot, dt=dt, sensors=Sensors(delay=late * dt))
+    watch, felt = FallWatch(plant, FallLimits()), [plant.contact_forces]
+    walker.command(0.15)
+    while walker.steps < 3:
+        felt = [*felt, plant.contact_forces][-late - 1 :]
+        measured = plant.measure()
+        assert measured is not None and plant.time < 3.0
+        snapshot = robot.snapshot(*measured)
+        tick = walker.step(snapshot, felt[0])
+        true, ahead = plant.state()[1], walker.controller.predicted(snapshot).v
+        if plant.time > 0.1 and isinstance(walker.phase, SingleSupport):
+            assert np.linalg.norm(ahead[:3] - true[:3]) < 0.05  # m/s
+        plant.step(tick.torque)
+        assert watch.verdict().stood

@@ -20,7 +20,7 @@ from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.blocks import PythonRows
 from wbc.controllers.bounded_margins import reachable_rows
-from wbc.controllers.checks import ANOTHER, PLANNED, check_parts
+from wbc.controllers.checks import ANOTHER, PLANNED, check_parts, check_snapshot
 from wbc.controllers.closed_loop import ticks_of
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.controller import Controller
@@ -34,6 +34,7 @@ from wbc.controllers.joint_weights import JointWeights
 from wbc.controllers.look_ahead import MarginRows, solve_with_cuts
 from wbc.controllers.outcome import Box, Outcome
 from wbc.controllers.plan import Decision
+from wbc.controllers.prediction import StatePrediction
 from wbc.controllers.relaxation import Physical, given_way, relaxed_qp
 from wbc.controllers.tick import RELAX, Tick
 from wbc.controllers.torque_tick import TorqueTick
@@ -86,6 +87,10 @@ class TorqueController(Controller):
     on_failure:
         ``"damp"`` or ``"raise"`` (:class:`~wbc.errors.ControllerFailure`), if even the relaxed QP
         has no solution.
+    delay:
+        How old states are when the torque that answers to them acts [s], where that is known: the
+        age of what is measured, and how late torques arrive. Each tick answers to the state that
+        :meth:`predicted` has for then.
 
     See :class:`~wbc.controllers.controller.Controller` for the others.
 
@@ -98,10 +103,11 @@ class TorqueController(Controller):
 
     force_damping: float
     force_ramp: float
+    delay: float
     torque_bounds: Array  # of the joints (nv - 6,) [N m]
     contact_forces: ContactForces
 
-    _fixed = PLANNED | dict.fromkeys(("torque_bounds", "force_damping"), ANOTHER)
+    _fixed = PLANNED | dict.fromkeys(("torque_bounds", "force_damping", "delay"), ANOTHER)
     _policies = POLICIES
     _bears = True
 
@@ -124,6 +130,7 @@ class TorqueController(Controller):
         joint_weights: JointWeights | None = None,
         on_failure: str = "damp",
         deadline: float | None = None,
+        delay: float = 0.0,
     ) -> None:
         check_robot(type(self).__name__, robot)
         for task in tasks:
@@ -152,6 +159,8 @@ class TorqueController(Controller):
             on_failure=on_failure,
             deadline=deadline,
         )
+        self.delay = finite_number("controller, delay", delay, least=0.0)
+        self._prediction = StatePrediction(robot, self.delay, self.dt) if self.delay else None
         doubt = doubt_at_torque_level(self.backend)
         if doubt is not None:
             logging.getLogger(__name__).warning(
@@ -160,7 +169,23 @@ class TorqueController(Controller):
 
     def step(self, snapshot: Snapshot) -> TorqueTick:
         """Return the command for ``snapshot``, torques in it; see :meth:`Controller.step`."""
-        return cast(TorqueTick, super().step(snapshot))
+        tick = cast(TorqueTick, super().step(self.predicted(snapshot)))
+        if self._prediction is not None:
+            self._prediction.commanded(tick.acceleration)
+        return tick
+
+    def predicted(self, snapshot: Snapshot) -> Snapshot:
+        """Return the state that a tick at ``snapshot`` is for: ``delay`` later.
+
+        Raises
+        ------
+        InvalidInputError
+            Not a snapshot, or one of another robot.
+        """
+        if self._prediction is None:
+            return snapshot
+        check_snapshot(self.robot, snapshot)
+        return self._prediction.ahead(snapshot)
 
     def set_contacts(self, contacts: Sequence[Task], ramp: float | None = None) -> None:
         """Change what is held; forces come and go over ``ramp`` seconds, so that no torque jumps.

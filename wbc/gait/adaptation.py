@@ -34,6 +34,15 @@ FREE = np.full(8, np.inf)
 # Of the rows of inequalities what does not change: w, and u of the reach.
 PARTS = np.zeros((8, 7))
 PARTS[:4, 5:] = PARTS[4:, :2] = BOTH
+# What holds a footstep back, by the bounds on u and sigma (below, above) and by the rows.
+BOUNDS = (
+    ("reach of the legs behind", "reach of the legs ahead"),
+    ("reach of the legs aside", "the other foot"),
+    ("least time in the air", "longest time in the air"),
+)
+ROWS_HOLD = ("the sole",) * 4 + ("acceleration of the foot",) * 4
+# Multipliers below this hold nothing back: a step could be 1 mm nearer for 1e-3 in the cost.
+NEGLIGIBLE = 1e-3
 # Of a foot that comes to rest on a curve of least jerk within T: how far from T/2 times its rate,
 # in units of a T^2, and in what time, in units of rate by a, if it takes no more acceleration than
 # a. (The extremes of 60 s - 180 s^2 + 120 s^3 and of 6 s - 6 s^2.)
@@ -129,6 +138,9 @@ class StepPlan(NamedTuple):
         (2,) how far the VRP should be from the standing foot until then [m].
     adapted:
         Whether the QP gave it; else it is what was wanted, as far as the bounds let it.
+    multipliers:
+        Of the rows (8,) and of the bounds (7,), positive at the upper ones; see
+        :func:`held_back_by`.
     """
 
     place: Array
@@ -136,6 +148,7 @@ class StepPlan(NamedTuple):
     offset: Array
     vrp: Array
     adapted: bool = True
+    multipliers: tuple[Array, Array] | None = None
 
 
 def step_qp(
@@ -209,4 +222,23 @@ def adapt_step(
     x = solution.x
     sigma = max(x[2] * math.exp(omega * nominal.left), 1e-9)
     left = min(max(math.log(sigma) / omega, bounds.least), bounds.most)
-    return StepPlan(x[:2], left, x[3:5], x[5:7] / math.expm1(omega * left))
+    vrp = x[5:7] / math.expm1(omega * left)
+    return StepPlan(x[:2], left, x[3:5], vrp, multipliers=(solution.z, solution.z_box))
+
+
+def held_back_by(multipliers: tuple[Array, Array] | None, sign: float) -> tuple[str, ...]:
+    """Return what holds a footstep back, in words, the strongest first.
+
+    Parameters
+    ----------
+    sign:
+        Of y on the side of the foot in the air.
+    """
+    if multipliers is None:
+        return ()
+    rows, box = multipliers
+    pull = list(zip(ROWS_HOLD, np.abs(rows).tolist(), strict=True))
+    for names, size, way in zip(BOUNDS, box[:3].tolist(), (1.0, -sign, 1.0), strict=True):
+        pull.append((names[size * way > 0.0], abs(size)))
+    strongest = sorted(pull, key=lambda one: -one[1])
+    return tuple(dict.fromkeys(name for name, size in strongest if size > NEGLIGIBLE))

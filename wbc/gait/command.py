@@ -72,8 +72,10 @@ class CommandLimits:
     swing:
         Largest acceleration of a foot in the air [m/s^2].
     catch:
-        Longest step that catches a push, for which the CoM sinks [m]. (Sideways, where the leg
-        behind is stretched from a pelvis over the other foot, going farther ends more walks.)
+        Longest step that catches a push, for which the CoM sinks [m].
+    catch_aside:
+        Farthest that feet are apart sideways in such a step: as far as both legs reach from a
+        pelvis half way [m].
     """
 
     forwards: float
@@ -85,6 +87,7 @@ class CommandLimits:
     turn: float
     swing: float
     catch: float
+    catch_aside: float
 
     @classmethod
     def of(cls, legs: Legs, gait: GaitSettings) -> CommandLimits:
@@ -123,6 +126,7 @@ class CommandLimits:
             turn,
             legs.swing_acceleration,
             2.0 * legs.reach(gait.height - SINK * hip),
+            max(apart, legs.width + 2.0 * reach),  # hips stand over feet
         )
 
     def admit(self, vx: float, vy: float, yaw_rate: float) -> Admitted:

@@ -101,6 +101,8 @@ class SingleSupport:
     # The footstep that it is asked to make, and those after it, if any.
     given: tuple[Footstep, ...] = ()
     adapted: bool = True  # whether the QP of the footstep was solved
+    # Its multipliers: see wbc.gait.adaptation.held_back_by.
+    multipliers: tuple[Array, Array] | None = None
 
     @classmethod
     def begun(

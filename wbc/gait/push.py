@@ -48,14 +48,14 @@ class PushObserver(NamedTuple):
 
     def seen(
         self, snapshot: Snapshot, now: GaitState, felt: Mapping[str, Array], dt: float
-    ) -> tuple[PushObserver, GaitState]:
-        """Return it ``dt`` later, and what is measured with the DCM :meth:`ahead`.
+    ) -> PushObserver:
+        """Return it ``dt`` later.
 
         ``felt`` are the wrenches (6,) on the soles by foot [N, N m]; if none are, it begins anew.
         """
         velocity = self.omega * (now.dcm - snapshot.com[:2])
         if not felt or self.expected is None:
-            return self._replace(expected=velocity if felt else None, push=NONE), now
+            return self._replace(expected=velocity if felt else None, push=NONE)
         f, tau = np.zeros(3), np.zeros(3)
         for foot, wrench in felt.items():
             f += wrench[:3]
@@ -64,13 +64,17 @@ class PushObserver(NamedTuple):
         expected = self.expected + (rate + self.push) * dt
         off, pole = velocity - expected, math.exp(-self.omega * dt / SEEN)
         push = self.push + (1.0 - pole) ** 2 / dt * off
-        later = self._replace(expected=expected + (1.0 - pole**2) * off, push=push)
-        return later, later.ahead(now)
+        return self._replace(expected=expected + (1.0 - pole**2) * off, push=push)
 
-    def ahead(self, now: GaitState) -> GaitState:
-        """Return what is measured with the DCM that the push will have made of it.
+    def ahead(self, now: GaitState, delay: float = 0.0) -> GaitState:
+        """Return a state with the DCM that the push will have made of it.
 
         A push is half done when it is seen. A footstep that waits for the rest of it is decided too
         late, and the pressure meets it only then.
+
+        Parameters
+        ----------
+        delay:
+            Over which the state was predicted, without the push [s].
         """
-        return now._replace(dcm=now.dcm + LASTS / self.omega**2 * self.push)
+        return now._replace(dcm=now.dcm + (LASTS / self.omega**2 + delay / self.omega) * self.push)

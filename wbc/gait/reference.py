@@ -137,7 +137,7 @@ class StepPlanner:
         for way in ways:
             ahead, beside = np.abs(way @ R).tolist()
             halfway = 0.5 * min(ahead, self.limits.catch)
-            wider = max(min(beside, self.limits.apart) - self.legs.width, 0.0)
+            wider = max(min(beside, self.limits.catch_aside) - self.legs.width, 0.0)
             height = self.legs.com_height_for(math.hypot(halfway, wider))
             found = max(found, self.gait.height - height)
         return found
@@ -219,7 +219,7 @@ class StepPlanner:
             offset = self.footsteps.offset(other(support), landing, velocity)
         nominal = StepPlan(R.T @ step, max(single - phase.elapsed, soon), R.T @ offset, np.zeros(2))
         sign, far = SIGN[other(support)], self.limits.catch
-        beside = sorted((sign * gait.least_width, sign * self.limits.apart))
+        beside = sorted((sign * gait.least_width, sign * self.limits.catch_aside))
         lower, upper = np.array((-far, beside[0])), np.array((far, beside[1]))
         level = phase.swing.level
         reach = Reach(
@@ -240,7 +240,14 @@ class StepPlanner:
         goal = base + R @ plan.place
         # Not the plan's own offset, which is where the DCM will be: what the step cannot catch
         # would be no error then, and the pressure would go back to the middle of the sole.
-        return replace(phase, left=plan.left, goal=goal, offset=offset, adapted=plan.adapted)
+        return replace(
+            phase,
+            left=plan.left,
+            goal=goal,
+            offset=offset,
+            adapted=plan.adapted,
+            multipliers=plan.multipliers,
+        )
 
     def within(self, phase: Phase, vrp: Array, now: GaitState) -> Array:
         """Return the point (2,) nearest to ``vrp`` that can be pressed, on one sole or between two.

@@ -30,10 +30,12 @@ from wbc.constraints.rows import Constraint
 from wbc.controllers.checks import check_snapshot
 from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
+from wbc.gait.adaptation import held_back_by
 from wbc.gait.command import Admitted, CommandLimits, Velocity
-from wbc.gait.footsteps import first_swing, other
+from wbc.gait.footsteps import SIGN, first_swing, other
 from wbc.gait.given import SHIFT, Footstep, Landing, StepRange
 from wbc.gait.legs import Legs
+from wbc.gait.pace import Paces
 from wbc.gait.phases import (
     DoubleSupport,
     GaitState,
@@ -61,6 +63,8 @@ TURN_UP = 2.0
 FOLLOW = 3.0
 # How much the sole that bears counts for the slope of the ground: it may be on an edge.
 LEVELLING = 0.2
+# So many steps before a speed is reached its settings are taken.
+AHEAD_OF_PACE = 2.0
 FRICTION = FrictionCone()
 
 
@@ -87,14 +91,17 @@ class Walker:
     dt:
         Period of the control loop [s].
     settings:
-        Others of the :class:`~wbc.controllers.torque.TorqueController`.
+        Others of the :class:`~wbc.controllers.torque.TorqueController`, such as the ``delay`` that
+        states and forces are measured with.
 
     Attributes
     ----------
     controller:
         The torque controller; :meth:`prepare` sets its goals.
     gait, limits:
-        Its settings, and largest velocities, :class:`~wbc.gait.command.CommandLimits`.
+        Its settings, which follow the speed where they are not given
+        (:class:`~wbc.gait.pace.Paces`), and largest velocities,
+        :class:`~wbc.gait.command.CommandLimits`.
     velocity:
         At which it walks now; it follows what was commanded.
     phase:
@@ -136,12 +143,17 @@ class Walker:
     ) -> None:
         legs = Legs.of(robot)
         self.robot = robot
-        self.gait = GaitSettings.of(legs, **by_name("walker, gait", {} if gait is None else gait))
-        self.limits = CommandLimits.of(legs, self.gait)
+        given = by_name("walker, gait", {} if gait is None else gait)
+        self.gait = GaitSettings.of(legs, **given)
+        limits_of_legs = CommandLimits.of(legs, self.gait)
         self.dt = finite_number("walker, dt", dt, above=0.0)
         start = robot.snapshot(robot.postures[STANDING] if posture is None else posture)
         self._frames = {foot: robot.feet[foot].frame for foot in robot.feet}
-        self._planner = StepPlanner(self.gait, self.limits, legs, half_sizes(robot))
+        weights = weights or WalkingWeights()
+        self._planner = StepPlanner(self.gait, limits_of_legs, legs, half_sizes(robot))
+        chosen = [name for name, value in given.items() if value is not None]
+        self._paces = Paces.of(self._planner, weights, chosen)
+        self.limits, self._usual = self._paces.limits, self.gait.height
         self._range = StepRange.of(robot, self.gait)
         now = GaitState.of(start, self._frames, self.gait.omega, self.gait.height)
         self.heading = heading_of(now.rotations.values())
@@ -151,7 +163,7 @@ class Walker:
             start,
             self.heading,
             self.gait.height,
-            weights or WalkingWeights(),
+            weights,
             friction,
             tasks=tasks,
             constraints=constraints,
@@ -181,6 +193,17 @@ class Walker:
     def lasting_tasks(self) -> tuple[Task, ...]:
         """The tasks whose errors mean something all the time: those of one phase left out."""
         return self._whole_body.lasting
+
+    @property
+    def held_back_by(self) -> tuple[str, ...]:
+        """What holds the next footstep back, the strongest first; empty in a steady walk.
+
+        Such as ``"reach of the legs ahead"``. Motors and limits that hold the tick back are in
+        ``tick.active``.
+        """
+        if not isinstance(self.phase, SingleSupport):
+            return ()
+        return held_back_by(self.phase.multipliers, SIGN[other(self.phase.support)])
 
     def command(self, vx: float, vy: float = 0.0, yaw_rate: float = 0.0) -> Admitted:
         """Walk at this velocity from now on; zeros to stop.
@@ -248,14 +271,20 @@ class Walker:
             :attr:`wbc.simulation.Plant.contact_forces`: feet then land when they touch. None: they
             land when they should.
         """
-        gait, planner, dt = self.gait, self._planner, self.dt
+        dt, acceleration = self.dt, self.gait.acceleration
         now, felt = self._measured(snapshot), self._felt(forces)
-        self._push, now = self._push.seen(snapshot, now, felt, dt)
-        wanted = planner.velocity_on_steps(self.phase, now, self.heading) or self.wanted
-        self.velocity = self.velocity.towards(wanted, gait.acceleration * dt, TURN_UP * dt)
+        self._push = self._push.seen(snapshot, now, felt, dt)
+        if self.controller.delay:
+            snapshot = self.controller.predicted(snapshot)
+            now = self._measured(snapshot)
+        now = self._push.ahead(now, self.controller.delay)
+        on_steps = self._planner.velocity_on_steps(self.phase, now, self.heading)
+        wanted = on_steps or self.wanted
+        self.velocity = self.velocity.towards(wanted, acceleration * dt, TURN_UP * dt)
         if not isinstance(self.phase, Standing):
             self.heading += self.velocity.yaw_rate * dt
         phase = self._next_phase(snapshot, now, felt)
+        planner = self._planner
         if isinstance(phase, SingleSupport):
             phase = planner.adapted(phase, now, self.heading, self.velocity)
             self._count(phase)
@@ -279,8 +308,9 @@ class Walker:
         vrp = reference.vrp + (1.0 + self.gait.gain) * (now.dcm - reference.dcm)
         sunk = self._planner.sunk(self.phase, now, self.heading)
         follow = FOLLOW * self.gait.omega
-        self._ground = self._ground.sprung(reference.ground - sunk, follow, self.dt)
-        height = np.concatenate(self._ground) + (self.gait.height, 0.0, 0.0)
+        lower = self._usual - self.gait.height + sunk
+        self._ground = self._ground.sprung(reference.ground - lower, follow, self.dt)
+        height = np.concatenate(self._ground) + (self._usual, 0.0, 0.0)
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
         pressure = np.append(self._planner.within(self.phase, vrp, now), reference.ground)
         self._whole_body.lead(snapshot, pressure, height, self.heading, turn)
@@ -333,8 +363,27 @@ class Walker:
         sole = now.rotations[phase.support][:, 2]  # it has settled now
         self._normal = unit((1.0 - LEVELLING) * self._normal + LEVELLING * sole)
         given, self.coming = self.coming, self.coming[1:]
+        self._walk_at(0.0 if given else self._coming_speed())
         half = self._planner.soles[phase.support]
         return SingleSupport.begun(foot, now, self._normal, self.gait, half, given)
+
+    def _coming_speed(self) -> float:
+        """Return how fast it goes, forwards or backwards, in the steps that it begins with [m/s].
+
+        The CoM takes most of a step to sink, so that begins before the speed is there.
+        """
+        gait, now = self.gait, self.velocity
+        change = AHEAD_OF_PACE * gait.times.total * gait.acceleration
+        return max(abs(now.vx), abs(now.towards(self.wanted, change, 0.0).vx))
+
+    def _walk_at(self, speed: float) -> None:
+        """Take the settings for a speed [m/s]; on footsteps that are given they are the usual."""
+        pace = self._paces.at(speed)
+        if pace.planner is self._planner:
+            return
+        self._planner, self.gait = pace.planner, pace.planner.gait
+        self._push = self._push._replace(omega=self.gait.omega, height=self.gait.height)
+        self._whole_body.weigh_swing(pace.swing, pace.lift)
 
     def _landed(self, snapshot: Snapshot, phase: SingleSupport, now: GaitState) -> DoubleSupport:
         """Return the double support that begins."""

@@ -114,7 +114,7 @@ class WholeBody:
         self._friction = friction
         self._frames = {foot: sole.frame for foot, sole in robot.feet.items()}
         self._exact_weight = w.swing
-        self._swing_weight = np.array((w.swing, w.swing, w.lift, w.swing, w.swing, w.swing))
+        self.weigh_swing(w.swing, w.lift)
         trunks = dict.fromkeys((BASE, heaviest_link(robot)))
         self._upright = {one: turned(-heading) @ start.rotation(one) for one in trunks}
         inertia = robot.mass * height**2
@@ -175,6 +175,10 @@ class WholeBody:
         self.controller.set_contacts(self._held(snapshot, feet), ramp=ramp)
         for foot in feet:
             self._swing[foot].switch_off()
+
+    def weigh_swing(self, swing: float, lift: float) -> None:
+        """Weigh feet in the air so from the next step on: in place and turn, and in height."""
+        self._swing_weight = np.array((swing, swing, lift, swing, swing, swing))
 
     def swing(self, foot: str, pose: FootPose, *, exact: bool = False) -> None:
         """Lead a foot through the air; ``exact``: without a height that comes before the place."""

@@ -39,7 +39,7 @@ class ControllerSpec(Section):
     """What all methods have in common."""
 
     elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("torque_limits", "force_damping", "force_ramp", "friction"), _TORQUE
+        ("torque_limits", "force_damping", "force_ramp", "friction", "delay"), _TORQUE
     )
 
     level: str
@@ -136,6 +136,9 @@ class TorqueSpec(SolverSettings):
     """Weight of 1/2 |f dt/m|^2, which shares the load among the corners of the soles."""
     force_ramp: NonNegative = default_of(TorqueController, "force_ramp")
     """How long contact forces take to come and go when the support changes [s]; 0: at once."""
+    delay: NonNegative = default_of(TorqueController, "delay")
+    """How old what is measured is when the torque that answers to it acts [s], where that is known:
+    the sum of the sensors' delay and latency. States are predicted over it."""
     friction: Friction = default_of(FrictionCone, "coefficient")
     """Friction coefficient that the controller counts on, or {coefficient: ..., facets: ...}; of
     contacts that the support gives none of their own."""
