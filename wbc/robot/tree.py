@@ -299,12 +299,15 @@ class KinematicTree:
         """
         array = plain_copy(q, (self.nq,), LARGEST)  # in every tick: no more unless it is needed
         if array is None:
-            if np.shape(q) == (self.nq - 7,):
+            try:
+                array = finite_array("q", q, (self.nq,), LARGEST)
+            except InvalidInputError as error:
+                if getattr(q, "shape", None) != (self.nq - 7,):
+                    raise
                 raise InvalidInputError(
-                    f"q: expected shape ({self.nq},), got ({self.nq - 7},): the base's position and"
-                    " quaternion come before the joints, as in robot.posture('standing')"
-                )
-            array = finite_array("q", q, (self.nq,), LARGEST)
+                    f"{error}: the base's position and quaternion come before the joints, as in"
+                    " robot.posture('standing')"
+                ) from None
         self._normalise(array)
         return array
 
