@@ -35,7 +35,8 @@ with tempfile.TemporaryDirectory() as folder:
         path, base="fixed", loops={"pin": ("coupler_end", "rocker_end")}, unactuated=["b", "d"]
     )
 
-q, v, dt = robot.posture("standing", {"motor": 0.4}), np.zeros(robot.nv), 0.005  # b, d follow
+q, dt = robot.posture("standing", {"motor": 0.4}), 0.005  # b, d follow
+v = robot.snapshot(q).v
 end = robot.posture("standing", {"motor": -0.6})
 posture = wbc.PostureTask(robot, end, gain=0.05)
 controller = wbc.KinematicController(robot, [posture], limits=wbc.Limits(robot), dt=dt)

@@ -23,6 +23,7 @@ PYRIGHT = {
     "enableTypeIgnoreComments": False,  # those are mypy's
     "reportPossiblyUnboundVariable": False,  # what a loop of so many rounds sets is set
 }
+UNTYPED = ("ros2_node.py",)  # rclpy comes with ROS 2 only, and has no types
 CACHE = str(FOLDER.with_name("typing-cache"))
 MYPY = ("--strict", "--follow-imports=silent", "--cache-dir", CACHE)
 
@@ -32,7 +33,8 @@ def users_files() -> None:
     shutil.rmtree(FOLDER, ignore_errors=True)
     FOLDER.mkdir(parents=True)
     for path in (*(CLONE / "examples").glob("*.py"), Path(__file__).with_name("users_code.py")):
-        shutil.copy(path, FOLDER)
+        if path.name not in UNTYPED:
+            shutil.copy(path, FOLDER)
     readme = (CLONE / "README.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
     (FOLDER / "readme.py").write_text("\n".join(blocks), encoding="utf-8")
