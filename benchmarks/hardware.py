@@ -86,6 +86,8 @@ class Pair:
                 process.send_signal(signal.SIGCONT)
                 process.kill()
             process.wait()
+            if process.stdout is not None:
+                process.stdout.close()
 
 
 def walk(bus: str, seconds: float, slower: float, domain: int) -> dict[str, Any]:

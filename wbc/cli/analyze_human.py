@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import typer
 from rich.console import Console
 from rich.text import Text
 
@@ -134,7 +135,8 @@ def analyze_human(
         if human.recording.plates:
             print_plates(found)
         if outputs.written:
-            Console(highlight=False).print(*(f"wrote {one}" for one in outputs.written), sep="\n")
+            for one in outputs.written:
+                typer.echo(f"wrote {one}")
     return outputs.exit_code()
 
 
