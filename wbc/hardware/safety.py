@@ -331,14 +331,14 @@ class Safety:
         self._worst(Fault.OVERLOAD, np.abs(reading.torque) - limits.overload * limits.effort, 0.0)
         self._worst(Fault.WARM, reading.temperature, limits.warm)
         self._worst(Fault.HOT, reading.temperature, limits.hot)
-        if vertical_part(reading.quaternion, limits.up) < np.cos(limits.tilt):
+        if not vertical_part(reading.quaternion, limits.up) >= np.cos(limits.tilt):  # NaN, too
             self.report(Fault.TILT, f"by more than {limits.tilt:g} rad")
         if reading.stop:
             self.report(Fault.BUTTON)
 
     def _worst(self, fault: Fault, values: Array, most: float) -> None:
         k = int(values.argmax())
-        if values[k] > most:
+        if not values[k] <= most:  # NaN, too, which argmax finds first
             self.report(fault, f"joint {k}")
 
     def judge(self, now: float) -> Mode:
