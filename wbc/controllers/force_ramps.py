@@ -13,6 +13,8 @@ from typing import NamedTuple
 from wbc.constraints.contact import Contact
 from wbc.tasks.task import Task
 
+NOTHING = 1e-6  # of a full load: less is what solvers leave of none, and must not decide
+
 
 class Ramp(NamedTuple):
     """The bound on one contact's normal force, over ``ticks`` from ``start`` to ``end`` [N]."""
@@ -85,7 +87,7 @@ class ForceRamps:
         going = {
             name: Ramp(normal_forces[name], 0.0, ticks)
             for name in before - after
-            if normal_forces.get(name, 0.0) > 0.0
+            if normal_forces.get(name, 0.0) > NOTHING * self._full
         }
         for task in wanted:
             if task.name not in before and _bears(task):
