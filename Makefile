@@ -34,6 +34,7 @@ FUZZ ?= 100000
 fuzz: $(VENV)/dev.stamp
 	WBC_FUZZ=$$(($(FUZZ) / 6)) $(BIN)/python -m pytest -n auto tests/robot/formats/test_fuzz.py
 	WBC_FUZZ=$$(($(FUZZ) / 2)) $(BIN)/python -m pytest -n auto tests/motion/test_hostile_files.py
+	WBC_FUZZ=$$(($(FUZZ) / 10)) $(BIN)/python -m pytest -n auto tests/human/test_hostile.py
 	WBC_FUZZ=$$(($(FUZZ) / 20)) $(BIN)/python -m pytest -n auto tests/problem/test_fuzz_problems.py
 	WBC_FUZZ=$$(($(FUZZ) / 10)) $(BIN)/python -m pytest -n auto tests/benchmarks/test_soak.py
 
