@@ -11,7 +11,7 @@ from wbc.qp.solution import ConflictRow
 # Unknowns without bounds stay within this: as far as conflicts are defined (wbc.qp.conflict).
 REACH = 1e6
 # Whether a row is needed is no matter of reach: what the others leave may be far away.
-ANYWHERE = 1e9
+ANYWHERE = 1e8
 
 
 def worst_miss(qp: QP, reach: float = REACH) -> float:
@@ -22,7 +22,7 @@ def worst_miss(qp: QP, reach: float = REACH) -> float:
     Raises
     ------
     RuntimeError
-        HiGHS finds no answer, neither by its simplex nor by its interior-point method.
+        HiGHS finds no answer, by its simplex, its interior-point method, or in coarser steps.
     """
     n = qp.g.size
     rows = np.concatenate((qp.A, qp.C, np.eye(n)))
@@ -33,14 +33,15 @@ def worst_miss(qp: QP, reach: float = REACH) -> float:
     rows, lower, upper = rows / length[:, None], lower / length, upper / length
     above, below = np.isfinite(upper), np.isfinite(lower)
     miss = -np.ones((above.sum() + below.sum(), 1))
-    for method in ("highs-ds", "highs-ipm"):
+    fine = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+    for method, options in (("highs-ds", fine), ("highs-ipm", fine), ("highs-ds", {})):
         found = linprog(
             np.append(np.zeros(n), 1.0),
             A_ub=np.hstack((np.concatenate((rows[above], -rows[below])), miss)),
             b_ub=np.concatenate((upper[above], -lower[below])),
             bounds=[(None, None)] * n + [(0.0, None)],
             method=method,
-            options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+            options=options,
         )
         if found.status == 0:
             return float(found.fun)
