@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.hardware.real_time import Clock, real_time
+from wbc.hardware.real_time import CycleClock, real_time
 
 PROBLEM = Path(__file__).parents[1] / "problems" / "walk_g1.yaml"
 RESULT = Path(__file__).with_name("hardware.json")
@@ -174,7 +174,7 @@ def empty_loop(seconds: float = 10.0) -> dict[str, float]:
     """Return how late an empty loop of 2 ms begins its cycles on this machine, now."""
     late = list[float]()
     with real_time(40):
-        clock = Clock(0.002)
+        clock = CycleClock(0.002)
         for _ in range(round(seconds / clock.dt)):
             late.append(clock.wait().lateness)
     share = float(np.mean(np.array(late) <= TOLERANCE))

@@ -26,7 +26,7 @@ import numpy as np
 import wbc
 from wbc.hardware.bus import BusError, Command, Reading
 from wbc.hardware.loop import HardwareLoop
-from wbc.hardware.operator import Status, Wish
+from wbc.hardware.operator import LoopStatus, Wish
 from wbc.hardware.postures import CrouchPath, Motions, PostureMotion
 from wbc.hardware.real_time import Beat
 from wbc.hardware.robot_controller import Answer, EstimateError
@@ -192,7 +192,7 @@ class Rig:
         )
         self.time, self.wanted = 0.0, deque[Wish]()
 
-    def wish(self, status: Status) -> Wish | None:
+    def wish(self, status: LoopStatus) -> Wish | None:
         """Return what was asked for; it is the loop's operator."""
         return self.wanted.popleft() if self.wanted else None
 

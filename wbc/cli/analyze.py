@@ -129,7 +129,8 @@ def analyze(
         low_pass = _cutoff(CUTOFF if cutoff is None else cutoff)
         _check_outputs(motion, output or [], plot, moments)
         options = HumanOptions(static, forces, mass, stature, sex, up, unit)
-        if is_human(motion, robot, options):
+        human = is_human(motion, robot, options)
+        if human or robot is None:
             code = analyze_human(
                 motion,
                 options,
@@ -145,7 +146,6 @@ def analyze(
                 quiet=quiet,
             )
             raise typer.Exit(code)
-        assert robot is not None
         loaded = Robot.load(robot)
         if not quiet:
             print_notes(loaded)

@@ -35,7 +35,7 @@ INSIDE = 1.0 - 1e-9  # of what limits allow
 Step = Callable[[Snapshot], Tick]
 
 
-class Closing:
+class LoopClosing:
     """What the velocity level does for the gears and loops among its contacts.
 
     Attributes

@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from wbc.constraints.rows import Bounds
-from wbc.controllers.closing import Closing
+from wbc.controllers.closing import LoopClosing
 from wbc.controllers.controller import Controller
 from wbc.controllers.core_tick import CoreTick
 from wbc.controllers.outcome import Outcome
@@ -31,11 +31,11 @@ class KinematicController(Controller):
     :class:`~wbc.controllers.controller.Controller` for the parameters.
     """
 
-    _closing: Closing
+    _closing: LoopClosing
 
     def _plan(self, contacts: tuple[Task, ...], curved: frozenset[str] = frozenset()) -> None:
         super()._plan(contacts, curved)
-        self._closing = Closing(self.contacts, self.dt)
+        self._closing = LoopClosing(self.contacts, self.dt)
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command of every controller, at whose end loops are closed."""

@@ -8,7 +8,7 @@ See the page *On a robot*; :mod:`wbc.hardware.safety` is the file to read first.
 from wbc.hardware.bus import BaseTruth, Bus, BusError, Command, Reading, RobotBus
 from wbc.hardware.loop import HardwareLoop
 from wbc.hardware.loop_result import LoopResult
-from wbc.hardware.operator import Keyboard, Operator, Script, Status, Wish
+from wbc.hardware.operator import Keyboard, LoopStatus, Operator, Script, Wish
 from wbc.hardware.postures import CrouchPath, Motions, PostureMotion
 from wbc.hardware.robot_controller import RobotController, SensorEstimator, TruthEstimator
 from wbc.hardware.robot_side import RobotReport, RobotSettings, SimulatedRobot
@@ -29,6 +29,7 @@ __all__ = [
     "HardwareLoop",
     "Keyboard",
     "LoopResult",
+    "LoopStatus",
     "Mode",
     "Motions",
     "Operator",
@@ -44,7 +45,6 @@ __all__ = [
     "SensorChecks",
     "SensorEstimator",
     "SimulatedRobot",
-    "Status",
     "TruthEstimator",
     "UdpBus",
     "UdpRobotBus",

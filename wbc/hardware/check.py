@@ -12,7 +12,7 @@ import numpy as np
 
 from wbc.errors import WbcError
 from wbc.hardware.bus import Bus, Command, Reading
-from wbc.hardware.real_time import Clock, now
+from wbc.hardware.real_time import CycleClock, now
 from wbc.hardware.safety import Mode, Safety, vertical_part
 from wbc.hardware.sensor_checks import SensorChecks
 from wbc.minimum_jerk import minimum_jerk
@@ -184,7 +184,7 @@ class _Mover:
 
     def __init__(self, bus: Bus, safety: Safety, checks: SensorChecks, gains: CheckGains) -> None:
         self._bus, self._safety, self._checks, self._gains = bus, safety, checks, gains
-        self._clock = Clock(safety.dt)
+        self._clock = CycleClock(safety.dt)
         self._number = 0
         self._last: Reading | None = None
         self.held: Array = np.zeros(len(gains.kp))

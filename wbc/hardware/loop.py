@@ -17,15 +17,15 @@ from wbc.hardware.bus import Bus, BusError, Command, Reading
 from wbc.hardware.log_row import log_fields, log_row
 from wbc.hardware.loop_memory import LoopMemory
 from wbc.hardware.loop_result import LoopResult, is_fault
-from wbc.hardware.operator import Operator, Status, Wish
+from wbc.hardware.operator import LoopStatus, Operator, Wish
 from wbc.hardware.postures import Motions
-from wbc.hardware.real_time import Beat, Clock, pin, real_time
+from wbc.hardware.real_time import Beat, CycleClock, pin, real_time
 from wbc.hardware.real_time import now as clock_now
 from wbc.hardware.ring_log import LogWriter, RingLog
 from wbc.hardware.robot_controller import RobotController
 from wbc.hardware.safety import Event, Fault, ForbiddenTransition, Mode, Safety
 from wbc.hardware.sensor_checks import SensorChecks
-from wbc.hardware.worker import ForkedWorker, Job, Outcome, Worker, can_fork
+from wbc.hardware.worker import ForkedWorker, Job, Worker, WorkerOutcome, can_fork
 from wbc.validate import Array
 
 PERIOD = 0.002  # s: of cycles
@@ -110,7 +110,7 @@ class HardwareLoop:
             self.bus = bus()
         self._began = 0.0
         self._now = LoopMemory()
-        self._clock: Clock | None = None
+        self._clock: CycleClock | None = None
         self.interrupted: Callable[[], bool] = lambda: False
 
     # ------------------------------------------------------------------ the whole
@@ -119,7 +119,7 @@ class HardwareLoop:
         """Run until the operator quits, the robot is gone, or ``most`` seconds are over."""
         notes: tuple[str, ...] = ()
         with real_time(self._priority) as refused:
-            self._clock = Clock(self.dt)
+            self._clock = CycleClock(self.dt)
             self._began = self._clock.due
             notes, asked = refused, False
             try:
@@ -243,10 +243,10 @@ class HardwareLoop:
         self._worker.submit(Job(now.waiting, begins, commands, now.sits_by is not None))
         now.runs, now.stands, now.waiting = commands, True, None
 
-    def _answered(self, time: float, fresh: Reading | None) -> Outcome | None:
+    def _answered(self, time: float, fresh: Reading | None) -> WorkerOutcome | None:
         """Return the controller's newest answer that is in time."""
         now, worker = self._now, self._worker
-        newest: Outcome | None = None
+        newest: WorkerOutcome | None = None
         while (outcome := worker.result(self._left())) is not None:
             newest, now.answered = outcome, time
             now.seconds.append(clock_now() - time)
@@ -260,7 +260,7 @@ class HardwareLoop:
                 self.safety.report(Fault.NO_COMMAND, f"for {1e3 * silence:.0f} ms")
         return newest
 
-    def _wanted(self, time: float, outcome: Outcome | None) -> Command | None:
+    def _wanted(self, time: float, outcome: WorkerOutcome | None) -> Command | None:
         """Return what this mode commands; None: what was last commanded."""
         now, safety, reading = self._now, self.safety, self._now.reading
         if outcome is not None:
@@ -282,7 +282,7 @@ class HardwareLoop:
             motion.begin(time, reading.position, torque)
         return motion.command(time)
 
-    def _judge_outcome(self, outcome: Outcome) -> None:
+    def _judge_outcome(self, outcome: WorkerOutcome) -> None:
         answer, safety = outcome.answer, self.safety
         if answer is None:
             if safety.mode is not Mode.RUNNING:
@@ -314,7 +314,7 @@ class HardwareLoop:
         hears = now.reading is not None and time - now.heard < SILENT_AFTER
         passed = time - now.mode_began
         is_up = self._motions.up.is_over(time) and now.answer is not None
-        status = Status(safety.mode, time - self._began, passed, hears, is_up)
+        status = LoopStatus(safety.mode, time - self._began, passed, hears, is_up)
         wish = self._operator.wish(status)
         try:
             if wish is not None:

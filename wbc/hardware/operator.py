@@ -24,7 +24,7 @@ class Wish(StrEnum):
     QUIT = "quit"
 
 
-class Status(NamedTuple):
+class LoopStatus(NamedTuple):
     """What who wishes should know."""
 
     mode: Mode
@@ -37,7 +37,7 @@ class Status(NamedTuple):
 class Operator(Protocol):
     """Asked once in each cycle."""
 
-    def wish(self, status: Status) -> Wish | None:
+    def wish(self, status: LoopStatus) -> Wish | None:
         """Return what is wanted now, if anything."""
 
 
@@ -56,7 +56,7 @@ class Keyboard:
         """Wish for something, as if it were typed."""
         self._said.put(wish)
 
-    def wish(self, status: Status) -> Wish | None:
+    def wish(self, status: LoopStatus) -> Wish | None:
         """Return the next word."""
         try:
             return self._said.get_nowait()
@@ -95,7 +95,7 @@ class Script:
         """Wish for something else now."""
         self._asked = wish
 
-    def wish(self, status: Status) -> Wish | None:
+    def wish(self, status: LoopStatus) -> Wish | None:
         """Return the next step when it is time."""
         if self._asked is not None:
             asked, self._asked = self._asked, None

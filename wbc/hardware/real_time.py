@@ -70,7 +70,7 @@ class Beat(NamedTuple):
     missed: int
 
 
-class Clock:
+class CycleClock:
     """Gives the beginnings of cycles, at whole periods from the first on.
 
     Parameters

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.hardware.bus import BaseTruth, Command, Reading, RobotBus
 from wbc.hardware.gantry import Gantry
-from wbc.hardware.real_time import Clock, now, real_time
+from wbc.hardware.real_time import CycleClock, now, real_time
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.rotations import rotation_from
 from wbc.simulation import Plant
@@ -172,7 +172,7 @@ class SimulatedRobot:
         with real_time(priority) as refused:
             for note in refused:
                 say(note)
-            clock = Clock(STEP)
+            clock = CycleClock(STEP)
             until = clock.due + duration
             while not cancelled():
                 beat = clock.wait()

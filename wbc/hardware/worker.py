@@ -43,7 +43,7 @@ class Job(NamedTuple):
     rests: bool
 
 
-class Outcome(NamedTuple):
+class WorkerOutcome(NamedTuple):
     """What came of a job: an answer, or the error instead, in words."""
 
     answer: Answer | None
@@ -56,7 +56,7 @@ class Worker:
 
     def __init__(self, controller: RobotController) -> None:
         self._controller = controller
-        self._outcome: Outcome | None = None
+        self._outcome: WorkerOutcome | None = None
 
     @property
     def busy(self) -> bool:
@@ -67,7 +67,7 @@ class Worker:
         """Begin a job; it must not be busy."""
         self._outcome = done(self._controller, job)
 
-    def result(self, timeout: float) -> Outcome | None:
+    def result(self, timeout: float) -> WorkerOutcome | None:
         """Return what came of the job, waiting at most so long [s]; None if it is not done."""
         found, self._outcome = self._outcome, None
         return found
@@ -116,7 +116,7 @@ class ForkedWorker:
         with contextlib.suppress(OSError):
             self._pipe.send(job)
 
-    def result(self, timeout: float) -> Outcome | None:
+    def result(self, timeout: float) -> WorkerOutcome | None:
         """Return what came of the job, waiting at most so long [s]; None if it is not done."""
         if not self.busy or not self._poll.poll(max(1e3 * timeout, 0.0)):
             return None
@@ -124,8 +124,8 @@ class ForkedWorker:
         try:
             found = self._pipe.recv()
         except (EOFError, OSError):
-            return Outcome(None, "the controller's process is gone")
-        return found if isinstance(found, Outcome) else Outcome(None, "no answer")
+            return WorkerOutcome(None, "the controller's process is gone")
+        return found if isinstance(found, WorkerOutcome) else WorkerOutcome(None, "no answer")
 
     def close(self) -> Sequence[str]:
         """End the process, by force if it hangs; return what the supervisor has to say."""
@@ -153,7 +153,7 @@ def can_fork() -> bool:
     return "fork" in multiprocessing.get_all_start_methods() and hasattr(select, "poll")
 
 
-def done(controller: RobotController, job: Job) -> Outcome:
+def done(controller: RobotController, job: Job) -> WorkerOutcome:
     """Return what comes of a job."""
     try:
         if job.begins:
@@ -164,13 +164,13 @@ def done(controller: RobotController, job: Job) -> Outcome:
         if job.rests:
             controller.come_to_rest()
         ask = controller.command if job.commands else controller.observe
-        return Outcome(ask(job.reading))
+        return WorkerOutcome(ask(job.reading))
     except EstimateError as error:
-        return Outcome(None, str(error), no_estimate=True)
+        return WorkerOutcome(None, str(error), no_estimate=True)
     except WbcError as error:
-        return Outcome(None, str(error))
+        return WorkerOutcome(None, str(error))
     except Exception as error:  # whatever it is, the robot must come down
-        return Outcome(None, f"{type(error).__name__}: {error}")
+        return WorkerOutcome(None, f"{type(error).__name__}: {error}")
 
 
 def _serve(

@@ -164,15 +164,16 @@ def human_motion(
     notes += told
     dropouts = tuple(sorted((*swaps, *gaps, *more), key=lambda one: one.start))
     robot = human_robot(body, soles)
-    motion = _motion(robot, recording, poses, dropouts)
-    down, cutoff = _contacts(motion, ground)
+    q = configurations(robot, poses)
+    motion = _motion(robot, recording, q, dropouts)
+    down, cutoff = _contacts(motion, q, ground)
     if mass is None:
         weighed = plates_mass(motion, recording.plates, down, cutoff, ground)
         guess = MEAN_BODY_MASS_INDEX[sex] * found.stature**2
         notes += _mass_note(weighed, guess, bool(recording.plates))
         body = replace(body, mass=guess if weighed is None else weighed)
         robot = human_robot(body, soles)
-        motion = _motion(robot, recording, poses, dropouts)
+        motion = _motion(robot, recording, q, dropouts)
     fit[:, : len(columns)][lost] = np.nan
     noise = residual_noise(time, poses, observed, fit, found.markers, found.dimensions, robot)
     return HumanMotion(
@@ -222,19 +223,16 @@ def _repaired(
 
 
 def _motion(
-    robot: Robot, recording: MarkerRecording, poses: Poses, dropouts: tuple[Dropout, ...]
+    robot: Robot, recording: MarkerRecording, q: Array, dropouts: tuple[Dropout, ...]
 ) -> Motion:
-    q = configurations(robot, poses)
     return Motion(robot, recording.time, q[:, BASE_NQ:], q[:, :BASE_NQ], dropouts, recording.source)
 
 
-def _contacts(motion: Motion, ground: float) -> tuple[Bools, float]:
+def _contacts(motion: Motion, q: Array, ground: float) -> tuple[Bools, float]:
     """Return which feet are down (n, f), and the cutoff [Hz] that the steps ask for."""
-    assert motion.base is not None
-    rows = np.hstack((motion.base, motion.joints))
     grid = even_grid(motion.time)
     rate = (len(grid) - 1) / float(grid[-1] - grid[0])
-    even = on_grid(motion.time, rows, grid)
+    even = on_grid(motion.time, q, grid)
     low = min(10.0, 0.4 * rate)
     if low * len(grid) > LEAST_CUTOFF_PERIODS * rate:
         even = low_passed(even, rate, low)

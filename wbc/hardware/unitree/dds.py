@@ -11,7 +11,7 @@ from wbc.errors import InvalidInputError
 from wbc.extras import require
 from wbc.hardware.bus import BaseTruth, BusError, Command, Reading
 from wbc.hardware.unitree.conversion import Converter
-from wbc.hardware.unitree.layout import CDR_HEAD, Field, Layout
+from wbc.hardware.unitree.layout import CDR_HEAD, Field, MessageLayout
 from wbc.hardware.unitree.profiles import Profile
 from wbc.robot import Robot
 
@@ -155,7 +155,7 @@ class _Ends:
         else:
             self._participant = DomainParticipant(domain)
 
-    def reader(self, topic: str, layout: Layout) -> Any:
+    def reader(self, topic: str, layout: MessageLayout) -> Any:
         from cyclonedds.core import Policy, Qos
         from cyclonedds.sub import DataReader
         from cyclonedds.topic import Topic
@@ -164,7 +164,7 @@ class _Ends:
         qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(AT_MOST))
         return DataReader(self._participant, Topic(self._participant, topic, _type(layout)), qos)
 
-    def writer(self, topic: str, layout: Layout) -> Any:
+    def writer(self, topic: str, layout: MessageLayout) -> Any:
         from cyclonedds.core import Policy, Qos
         from cyclonedds.pub import DataWriter
         from cyclonedds.topic import Topic
@@ -195,12 +195,12 @@ def _word(value: bool) -> str:
 
 
 @cache
-def _truth_layout() -> Layout:
-    return Layout(TRUTH_TYPE, TRUTH, "")
+def _truth_layout() -> MessageLayout:
+    return MessageLayout(TRUTH_TYPE, TRUTH, "")
 
 
 @cache
-def _type(layout: Layout) -> Any:
+def _type(layout: MessageLayout) -> Any:
     """Return the type of messages for cyclonedds, which are their CDR bytes.
 
     What it declares is the whole type, by which the two ends know that they mean the same; only the

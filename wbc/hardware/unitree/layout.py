@@ -126,7 +126,7 @@ LOW_STATE_GO = (
 )
 
 
-class Layout:
+class MessageLayout:
     """A message type: what it holds and where.
 
     Parameters
@@ -230,8 +230,7 @@ def _placed(flat: Sequence[Field]) -> tuple[dict[str, tuple[int, str, int]], int
     """Return offset, type and count of each field in CDR, and the size of the whole."""
     places, offset = dict[str, tuple[int, str, int]](), 0
     for name, kind, count in flat:
-        assert isinstance(kind, str)
-        width = np.dtype(kind).itemsize
+        width = np.dtype(str(kind)).itemsize  # flat: no field holds others
         offset += -offset % width
         places[name] = offset, f"<{kind}", count
         offset += width * count
@@ -253,10 +252,10 @@ def _c_places(fields: Sequence[Field]) -> list[tuple[str, int, int]]:
 
     def walk(inner: Sequence[Field], before: str, start: int) -> list[tuple[str, int, int]]:
         dtype, _ = _struct_dtype(inner)
-        assert dtype.fields is not None
+        places = dict(dtype.fields or {})
         found = list[tuple[str, int, int]]()
         for name, kind, count in inner:
-            offset = start + int(dtype.fields[name][1])
+            offset = start + int(places[name][1])
             if isinstance(kind, str):
                 found.append((before + name, offset, np.dtype(kind).itemsize * count))
             elif count == 1:
@@ -272,12 +271,12 @@ def _c_places(fields: Sequence[Field]) -> list[tuple[str, int, int]]:
 
 LAYOUTS = {
     "hg": (
-        Layout("unitree_hg.msg.dds_.LowState_", LOW_STATE_HG, "motor_state"),
-        Layout("unitree_hg.msg.dds_.LowCmd_", LOW_CMD_HG, "motor_cmd"),
+        MessageLayout("unitree_hg.msg.dds_.LowState_", LOW_STATE_HG, "motor_state"),
+        MessageLayout("unitree_hg.msg.dds_.LowCmd_", LOW_CMD_HG, "motor_cmd"),
     ),
     "go": (
-        Layout("unitree_go.msg.dds_.LowState_", LOW_STATE_GO, "motor_state"),
-        Layout("unitree_go.msg.dds_.LowCmd_", LOW_CMD_GO, "motor_cmd"),
+        MessageLayout("unitree_go.msg.dds_.LowState_", LOW_STATE_GO, "motor_state"),
+        MessageLayout("unitree_go.msg.dds_.LowCmd_", LOW_CMD_GO, "motor_cmd"),
     ),
 }
 """State and command of each family."""
