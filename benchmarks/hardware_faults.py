@@ -29,7 +29,7 @@ from wbc.hardware.loop import HardwareLoop
 from wbc.hardware.operator import LoopStatus, Wish
 from wbc.hardware.postures import CrouchPath, Motions, PostureMotion
 from wbc.hardware.real_time import Beat
-from wbc.hardware.robot_controller import Answer, EstimateError
+from wbc.hardware.robot_controller import ControllerAnswer, EstimateError
 from wbc.hardware.safety import Mode, Safety, SafetyLimits
 from wbc.hardware.sensor_checks import SensorChecks
 
@@ -126,10 +126,10 @@ class RailController:
     def begin(self, reading: Reading) -> None: ...
     def come_to_rest(self) -> None: ...
 
-    def observe(self, reading: Reading) -> Answer:
-        return Answer(None, *self.state)
+    def observe(self, reading: Reading) -> ControllerAnswer:
+        return ControllerAnswer(None, *self.state)
 
-    def command(self, reading: Reading) -> Answer:
+    def command(self, reading: Reading) -> ControllerAnswer:
         wrong, zero = self.wrong, self.zero
         if wrong == "raises":
             raise RuntimeError("a bug")
@@ -144,7 +144,7 @@ class RailController:
             torque, position, velocity = (1e4 * draw(size=len(zero)) for _ in range(3))
             kp = 1e4 * np.abs(draw(size=len(zero)))
         command = Command(0, position, velocity, torque, kp, kp)
-        return Answer(command, *self.state, ok=wrong != "unsolved", report="no solution")
+        return ControllerAnswer(command, *self.state, ok=wrong != "unsolved", report="no solution")
 
 
 @cache

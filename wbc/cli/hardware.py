@@ -307,7 +307,7 @@ def check(
 ) -> None:
     """Check a robot: bus, rates, sensors; then, after asking, order and sign of each joint."""
     with errors_in_one_line():
-        from wbc.hardware.check import CheckGains, Finding, listen, move_joints
+        from wbc.hardware.check import CheckFinding, CheckGains, listen, move_joints
         from wbc.hardware.real_time import real_time, slow_down
         from wbc.hardware.setup import Where, checks_of, safety_of
         from wbc.hardware.unitree import profile_named
@@ -320,7 +320,7 @@ def check(
         end = where.open(profile, loaded)
         wrong = 0
 
-        def told(finding: Finding) -> None:
+        def told(finding: CheckFinding) -> None:
             nonlocal wrong
             wrong += not finding.good
             mark = (

@@ -30,7 +30,7 @@ BEYOND = 0.05  # rad or m that a joint may be out of its range: where it rests a
 LATE = 0.5  # of the period by which a message may come late, on average
 
 
-class Finding(NamedTuple):
+class CheckFinding(NamedTuple):
     """What was looked at, whether it is as it should be, and what was seen."""
 
     what: str
@@ -46,7 +46,9 @@ class CheckGains:
     kd: Array
 
 
-def listen(bus: Bus, robot: Robot, checks: SensorChecks, seconds: float = 2.0) -> list[Finding]:
+def listen(
+    bus: Bus, robot: Robot, checks: SensorChecks, seconds: float = 2.0
+) -> list[CheckFinding]:
     """Listen without commanding anything; return what readings say of bus and sensors.
 
     Raises
@@ -78,20 +80,22 @@ def listen(bus: Bus, robot: Robot, checks: SensorChecks, seconds: float = 2.0) -
     period = float(np.median(robot_gaps))
     lost = int(np.round(robot_gaps / period - 1.0).clip(0).sum())
     found = [
-        Finding("rate", 0.0 < period <= 0.005, f"{1.0 / period:.0f} readings a second"),
-        Finding("lost", lost <= 0.01 * len(readings), f"{lost} of {len(readings) + lost} readings"),
-        Finding(
+        CheckFinding("rate", 0.0 < period <= 0.005, f"{1.0 / period:.0f} readings a second"),
+        CheckFinding(
+            "lost", lost <= 0.01 * len(readings), f"{lost} of {len(readings) + lost} readings"
+        ),
+        CheckFinding(
             "regular",
             float(np.std(gaps)) < LATE * period,
             f"they come every {1e3 * np.mean(gaps):.2f} ms, give or take {1e3 * np.std(gaps):.2f}",
         ),
-        Finding("damaged", not bus.dropped["damaged"], f"{bus.dropped['damaged']} messages"),
-        Finding("believable", not refused, refused[0] if refused else "all readings"),
+        CheckFinding("damaged", not bus.dropped["damaged"], f"{bus.dropped['damaged']} messages"),
+        CheckFinding("believable", not refused, refused[0] if refused else "all readings"),
     ]
     return found + _at_rest(robot, readings, last)
 
 
-def _at_rest(robot: Robot, readings: list[Reading], last: Reading) -> list[Finding]:
+def _at_rest(robot: Robot, readings: list[Reading], last: Reading) -> list[CheckFinding]:
     limits = robot.limits
     beyond = np.maximum(last.position - limits.upper, limits.lower - last.position)
     worst = int(beyond.argmax())
@@ -102,21 +106,21 @@ def _at_rest(robot: Robot, readings: list[Reading], last: Reading) -> list[Findi
     gravity = vertical_part(last.quaternion, (along[0], along[1], along[2]))
     lean = math.degrees(math.acos(min(max(gravity, -1.0), 1.0)))
     return [
-        Finding(
+        CheckFinding(
             "range",
             bool(beyond[worst] <= BEYOND),
             f"{robot.joint_names[worst]} is {abs(beyond[worst]):.3f} rad"
             f" {'outside' if beyond[worst] > 0.0 else 'inside'} its range",
         ),
-        Finding(
+        CheckFinding(
             "upright", up > 0.8, f"tilted by {math.degrees(math.acos(min(up, 1.0))):.1f} degrees"
         ),
-        Finding(
+        CheckFinding(
             "gravity",
             lean < 6.0 and 9.0 < float(np.linalg.norm(force)) < 10.6,
             f"{np.linalg.norm(force):.2f} m/s^2, {lean:.1f} degrees off what the orientation says",
         ),
-        Finding("gyroscope", spin < 0.05, f"{spin:.3f} rad/s at rest"),
+        CheckFinding("gyroscope", spin < 0.05, f"{spin:.3f} rad/s at rest"),
     ]
 
 
@@ -127,8 +131,8 @@ def move_joints(
     checks: SensorChecks,
     gains: CheckGains,
     *,
-    told: Callable[[Finding], None] = lambda finding: None,
-) -> list[Finding]:
+    told: Callable[[CheckFinding], None] = lambda finding: None,
+) -> list[CheckFinding]:
     """Hold all joints where they are, and move each by 2 degrees and back; the robot must hang.
 
     A joint should move in the direction of its command, and no other one with it.
@@ -139,7 +143,7 @@ def move_joints(
         The safety layer stopped it; the message says why.
     """
     mover = _Mover(bus, safety, checks, gains)
-    found = list[Finding]()
+    found = list[CheckFinding]()
     try:
         mover.begin()
         for k, name in enumerate(robot.joint_names):
@@ -156,27 +160,27 @@ def move_joints(
     return found
 
 
-def _judged(name: str, k: int, sign: float, moved: Array, names: tuple[str, ...]) -> Finding:
+def _judged(name: str, k: int, sign: float, moved: Array, names: tuple[str, ...]) -> CheckFinding:
     own = sign * float(moved[k])
     others = np.abs(moved)
     others[k] = 0.0
     other = int(others.argmax())
     seen = f"moved by {math.degrees(own):.2f} degrees"
     if own < -LEAST * MOVE:
-        return Finding(name, False, f"{seen}: its sign is swapped")
+        return CheckFinding(name, False, f"{seen}: its sign is swapped")
     if own < LEAST * MOVE:
         what = (
             f"; {names[other]} moved instead"
             if others[other] > LEAST * MOVE
             else ": blocked, or the robot brakes by itself"
         )
-        return Finding(name, False, seen + what)
+        return CheckFinding(name, False, seen + what)
     if own > MOST * MOVE:
-        return Finding(name, False, f"{seen}, {own / MOVE:.1f} times as far as told")
+        return CheckFinding(name, False, f"{seen}, {own / MOVE:.1f} times as far as told")
     if others[other] > OTHERS * own:
         by = math.degrees(others[other])
-        return Finding(name, False, f"{seen}; {names[other]} by {by:.2f} with it")
-    return Finding(name, True, seen)
+        return CheckFinding(name, False, f"{seen}; {names[other]} by {by:.2f} with it")
+    return CheckFinding(name, True, seen)
 
 
 class _Mover:

@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from wbc.hardware.bus import Command, Reading
 from wbc.hardware.real_time import Beat
-from wbc.hardware.robot_controller import Answer
+from wbc.hardware.robot_controller import ControllerAnswer
 from wbc.hardware.safety import Fault, Mode, Safety
 
 MODES = tuple(Mode)
@@ -38,7 +38,11 @@ def log_fields(joints: int, nq: int, nv: int) -> dict[str, int]:
 
 
 def log_row(
-    beat: Beat, safety: Safety, command: Command, reading: Reading | None, answer: Answer | None
+    beat: Beat,
+    safety: Safety,
+    command: Command,
+    reading: Reading | None,
+    answer: ControllerAnswer | None,
 ) -> dict[str, ArrayLike]:
     """Return a row: modes by their place in :class:`Mode`, faults as bits by theirs."""
     values: dict[str, ArrayLike] = {

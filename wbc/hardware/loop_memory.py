@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from wbc.hardware.bus import Command, Reading
-from wbc.hardware.robot_controller import Answer
+from wbc.hardware.robot_controller import ControllerAnswer
 from wbc.hardware.safety import Mode
 
 
@@ -24,7 +24,7 @@ class LoopMemory:
     stands: bool = False  # whether the controller was told that the robot stands
     runs: bool = False  # and that it runs
     time: float = 0.0  # of this cycle
-    answer: Answer | None = None
+    answer: ControllerAnswer | None = None
     command: Command | None = None
     sequence: int = 0
     mode: Mode = Mode.IDLE

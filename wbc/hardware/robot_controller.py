@@ -110,7 +110,7 @@ def configuration(robot: Robot, pose: Array, joints: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class ControllerAnswer:
     """What came of a reading.
 
     Attributes
@@ -173,9 +173,9 @@ class RobotController:
         """Begin to estimate: the robot stands still, on its feet."""
         self.estimator.reset()
 
-    def observe(self, reading: Reading) -> Answer:
+    def observe(self, reading: Reading) -> ControllerAnswer:
         """Estimate only, before it runs."""
-        return Answer(None, *self.estimator.update(reading))
+        return ControllerAnswer(None, *self.estimator.update(reading))
 
     def begin(self, reading: Reading) -> None:
         """Begin to run: the robot stands, on its feet."""
@@ -189,7 +189,7 @@ class RobotController:
         self._shift = np.array((*(self._start[:2] - moved[:2]), -soles))
         self._held = reading.position
 
-    def command(self, reading: Reading) -> Answer:
+    def command(self, reading: Reading) -> ControllerAnswer:
         """Return the command for a reading.
 
         Raises
@@ -220,7 +220,7 @@ class RobotController:
         rates = tick.velocity[BASE_NV:]
         command = Command(0, self._held, rates, tick.torque, left * self._kp, self._kd)
         ok = tick.ok or tick.policy in SOLVED_OR_RELAXED
-        return Answer(command, q, v, ok, "" if ok else tick.report(), self.is_at_rest)
+        return ControllerAnswer(command, q, v, ok, "" if ok else tick.report(), self.is_at_rest)
 
     def come_to_rest(self) -> None:
         """Stop walking; other problems go on."""

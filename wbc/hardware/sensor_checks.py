@@ -30,7 +30,7 @@ TORQUE_OFF = 0.5  # of the effort limit
 COLDEST, HOTTEST = -30.0, 150.0  # degrees C that a thermometer can mean
 
 
-class Finding(NamedTuple):
+class SensorFinding(NamedTuple):
     """A fault that a reading shows."""
 
     fault: Fault
@@ -59,7 +59,7 @@ class SensorChecks:
 
     def look_at(
         self, reading: Reading, now: float, commanded: Array | None = None
-    ) -> tuple[bool, tuple[Finding, ...]]:
+    ) -> tuple[bool, tuple[SensorFinding, ...]]:
         """Return whether a reading is of use, and what is wrong with it or shown by it.
 
         It is :meth:`refused` and :meth:`compared`, one after the other.
@@ -69,7 +69,7 @@ class SensorChecks:
             return False, (refused,)
         return True, self.compared(reading, commanded)
 
-    def refused(self, reading: Reading, now: float) -> Finding | None:
+    def refused(self, reading: Reading, now: float) -> SensorFinding | None:
         """Return why a reading is of no use; None: it is.
 
         Parameters
@@ -82,7 +82,9 @@ class SensorChecks:
             self._sequence = reading.sequence
         return found
 
-    def compared(self, reading: Reading, commanded: Array | None = None) -> tuple[Finding, ...]:
+    def compared(
+        self, reading: Reading, commanded: Array | None = None
+    ) -> tuple[SensorFinding, ...]:
         """Return what a reading of use shows: sensors that contradict each other, or are frozen.
 
         Parameters
@@ -107,10 +109,10 @@ class SensorChecks:
 
     # ------------------------------------------------------------------ readings of no use
 
-    def _unusable(self, reading: Reading, now: float) -> Finding | None:
+    def _unusable(self, reading: Reading, now: float) -> SensorFinding | None:
         r = reading
         if r.sequence <= self._sequence and not self._restarted(reading):
-            return Finding(Fault.OUT_OF_ORDER, f"number {r.sequence} after {self._sequence}")
+            return SensorFinding(Fault.OUT_OF_ORDER, f"number {r.sequence} after {self._sequence}")
         joints = np.stack((r.position, r.velocity, r.torque, r.temperature))
         imu = np.concatenate((r.quaternion, r.angular_velocity, r.specific_force))
         if not (np.isfinite(joints).all() and np.isfinite(imu).all() and np.isfinite(r.time)):
@@ -118,14 +120,14 @@ class SensorChecks:
             bad = [
                 name for name, row in zip(rows, joints, strict=True) if not np.isfinite(row).all()
             ]
-            return Finding(Fault.NOT_FINITE, ", ".join(bad) or "IMU or time")
+            return SensorFinding(Fault.NOT_FINITE, ", ".join(bad) or "IMU or time")
         return self._timely(r.time, now) or self._possible(r) or self._jumped(r)
 
     def _restarted(self, reading: Reading) -> bool:
         """Return whether the robot counts anew: far back, so no message that came late."""
         return reading.sequence < self._sequence - 1000
 
-    def _timely(self, time: float, now: float) -> Finding | None:
+    def _timely(self, time: float, now: float) -> SensorFinding | None:
         offset = now - time
         if self._offset is None:
             self._offset = offset
@@ -140,29 +142,29 @@ class SensorChecks:
         if len(self._strange) == AGREE_AGAIN and spread < OLDEST and abs(age) > CLOCK_JUMP:
             self._offset = min(self._strange)
             self._forget()
-            return Finding(Fault.CLOCK_JUMPED, f"by {-age:.3f} s; taken as it is now")
+            return SensorFinding(Fault.CLOCK_JUMPED, f"by {-age:.3f} s; taken as it is now")
         if age > CLOCK_JUMP or age < 0.0:
-            return Finding(Fault.CLOCK_JUMPED, f"by {-age:.3f} s")
-        return Finding(Fault.OLD_READING, f"by {1e3 * age:.0f} ms")
+            return SensorFinding(Fault.CLOCK_JUMPED, f"by {-age:.3f} s")
+        return SensorFinding(Fault.OLD_READING, f"by {1e3 * age:.0f} ms")
 
-    def _possible(self, r: Reading) -> Finding | None:
+    def _possible(self, r: Reading) -> SensorFinding | None:
         beyond = np.maximum(r.position - self._upper, self._lower - r.position)
         if beyond.max() > FARTHEST:
-            return Finding(Fault.IMPLAUSIBLE, f"position of joint {int(beyond.argmax())}")
+            return SensorFinding(Fault.IMPLAUSIBLE, f"position of joint {int(beyond.argmax())}")
         faster = np.abs(r.velocity) - FASTEST * self._velocity
         if faster.max() > 0.0:
-            return Finding(Fault.IMPLAUSIBLE, f"velocity of joint {int(faster.argmax())}")
+            return SensorFinding(Fault.IMPLAUSIBLE, f"velocity of joint {int(faster.argmax())}")
         if r.temperature.min() < COLDEST or r.temperature.max() > HOTTEST:
-            return Finding(Fault.IMPLAUSIBLE, "temperature")
+            return SensorFinding(Fault.IMPLAUSIBLE, "temperature")
         if abs(np.linalg.norm(r.quaternion) - 1.0) > NORM:
-            return Finding(Fault.IMPLAUSIBLE, "orientation is no rotation")
+            return SensorFinding(Fault.IMPLAUSIBLE, "orientation is no rotation")
         if np.abs(r.angular_velocity).max() > FASTEST_TURN:
-            return Finding(Fault.IMPLAUSIBLE, "angular velocity")
+            return SensorFinding(Fault.IMPLAUSIBLE, "angular velocity")
         if np.abs(r.specific_force).max() > HARDEST:
-            return Finding(Fault.IMPLAUSIBLE, "specific force")
+            return SensorFinding(Fault.IMPLAUSIBLE, "specific force")
         return None
 
-    def _jumped(self, r: Reading) -> Finding | None:
+    def _jumped(self, r: Reading) -> SensorFinding | None:
         if not self._past:
             return None
         last = self._past[-1]
@@ -174,16 +176,16 @@ class SensorChecks:
         reach = JUMP + passed * np.minimum(self._velocity, np.abs(last.velocity) + 5.0)
         over = np.abs(r.position - last.position) - reach
         if over.max() > 0.0:
-            return Finding(Fault.JUMPED, f"joint {int(over.argmax())}")
+            return SensorFinding(Fault.JUMPED, f"joint {int(over.argmax())}")
         turn = 2.0 * np.arccos(min(abs(float(r.quaternion @ last.quaternion)), 1.0))
         if turn > 2.0 * JUMP + passed * (np.linalg.norm(last.angular_velocity) + 10.0):
-            return Finding(Fault.JUMPED, "orientation")
+            return SensorFinding(Fault.JUMPED, "orientation")
         return None
 
     # ------------------------------------------------------------------ sensors that contradict
 
-    def _comparisons(self, r: Reading) -> list[Finding]:
-        found = list[Finding]()
+    def _comparisons(self, r: Reading) -> list[SensorFinding]:
+        found = list[SensorFinding]()
         if self._past and r.time - self._past[0].time >= 0.8 * WINDOW:
             first, passed = self._past[0], r.time - self._past[0].time
             rate = (r.position - first.position) / passed
@@ -191,7 +193,7 @@ class SensorChecks:
             told = self._velocities / count
             off = np.abs(rate - told) - RATE_OFF - RATE_PART * np.maximum(abs(rate), abs(told))
             if off.max() > 0.0:
-                found.append(Finding(Fault.ENCODER_DISAGREES, f"joint {int(off.argmax())}"))
+                found.append(SensorFinding(Fault.ENCODER_DISAGREES, f"joint {int(off.argmax())}"))
             R = rotation_from(first.quaternion).T @ rotation_from(r.quaternion)
             turn = (
                 0.5 * np.array((R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])) / passed
@@ -199,35 +201,35 @@ class SensorChecks:
             spun = self._spins / count
             larger = max(np.linalg.norm(turn), np.linalg.norm(spun))
             if np.linalg.norm(turn - spun) > TURN_OFF + TURN_PART * larger:
-                found.append(Finding(Fault.IMU_DISAGREES))
+                found.append(SensorFinding(Fault.IMU_DISAGREES))
         found += self._leaning(r)
         return found
 
-    def _leaning(self, r: Reading) -> list[Finding]:
+    def _leaning(self, r: Reading) -> list[SensorFinding]:
         force = rotation_from(r.quaternion) @ r.specific_force
         passed = r.time - self._past[-1].time if self._past else 0.0
         self._gravity = self._gravity + min(passed / GRAVITY_TIME, 1.0) * (force - self._gravity)
         size = float(np.linalg.norm(self._gravity))
         falls = size < 4.0  # in free fall there is nothing to compare
         if not falls and self._gravity[2] < size * np.cos(GRAVITY_OFF):
-            return [Finding(Fault.GRAVITY_DISAGREES)]
+            return [SensorFinding(Fault.GRAVITY_DISAGREES)]
         return []
 
-    def _frozen(self, r: Reading) -> list[Finding]:
+    def _frozen(self, r: Reading) -> list[SensorFinding]:
         last = self._past[-1] if self._past else None
         now = (r.angular_velocity, r.specific_force)
         before = now if last is None else (last.angular_velocity, last.specific_force)
-        found = list[Finding]()
+        found = list[SensorFinding]()
         for k, name in enumerate(("gyroscope", "accelerometer")):
             if last is None or not np.array_equal(before[k], now[k]):
                 self._changed[k] = r.time
             elif r.time - self._changed[k] > FROZEN:
-                found.append(Finding(Fault.IMU_FROZEN, name))
+                found.append(SensorFinding(Fault.IMU_FROZEN, name))
         return found
 
-    def _torques(self, r: Reading, commanded: Array | None) -> list[Finding]:
+    def _torques(self, r: Reading, commanded: Array | None) -> list[SensorFinding]:
         if commanded is None:
             return []
         off = np.abs(r.torque - commanded) - TORQUE_OFF * self._effort
         k = int(off.argmax())
-        return [Finding(Fault.TORQUE_DISAGREES, f"joint {k}")] if off[k] > 0.0 else []
+        return [SensorFinding(Fault.TORQUE_DISAGREES, f"joint {k}")] if off[k] > 0.0 else []

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from wbc.errors import WbcError
 from wbc.hardware.bus import Reading
 from wbc.hardware.real_time import pin, real_time
-from wbc.hardware.robot_controller import Answer, EstimateError, RobotController
+from wbc.hardware.robot_controller import ControllerAnswer, EstimateError, RobotController
 
 WAIT = 0.5  # s that a process gets to end by itself
 
@@ -46,7 +46,7 @@ class Job(NamedTuple):
 class WorkerOutcome(NamedTuple):
     """What came of a job: an answer, or the error instead, in words."""
 
-    answer: Answer | None
+    answer: ControllerAnswer | None
     error: str = ""
     no_estimate: bool = False
 
