@@ -29,14 +29,17 @@ _LIGHTEST = 1e-7
 _SURVIVING = 0.5
 # Singular values of the rows below this part of the largest are rounding.
 _UNIQUE = 1e-9
+# Weights below this part of the heaviest are rounding.
+_ROUNDING = 1e-13
 # Unknowns are assumed to stay within this: what rounding leaves of y'A + z'C + z_box' counts so
 # often.
 REACH = 1e6
 # Rows scaled to unit length count as met within this, by 1 + their ends.
 TOLERANCE = 1e-7
 _MOST_ITERATIONS = 1000
-# What unknowns are damped by, which need not be determined by the rows that are missed least.
-_DAMPING = 1e-10
+# What unknowns are damped by, which need not be determined by the rows that are missed least; with
+# the lightest, of many rows that nearly repeat each other, the active-set method can lose its way.
+_DAMPINGS = 1e-10, 1e-8, 1e-6
 # A bound counts as active within this; rows below this share of the heaviest one are missed by
 # rounding.
 _NEAR, _SHARE = 1e-8, 1e-3
@@ -93,10 +96,6 @@ def _by_least_violation(qp: QP, tolerance: float) -> Conflict | None:
     missed = violation / rows.norms
     weights, z_box = missed / rows.norms, -missed @ rows.matrix
     multipliers = weights[:me], weights[me:], z_box
-    shares = (conflict_of(qp, *multipliers, tolerance, share) for share in _SHARES)
-    whole = next((found for found in shares if found is not None), None)
-    if whole is None:
-        return None
     heavy = np.abs(missed) > _LIGHTEST * np.abs(missed).max()
     pulled = np.abs(z_box) > _LIGHTEST * np.abs(missed).max()
     equal, bounded = heavy[:me], heavy[me:]
@@ -108,11 +107,14 @@ def _by_least_violation(qp: QP, tolerance: float) -> Conflict | None:
         upper=np.where(pulled & (z_box > 0.0), qp.upper, np.inf),
     )  # fmt: skip
     found = solve_in_core(part, 1e-8, _MOST_ITERATIONS)
-    if found.said != INFEASIBLE:
-        return whole
-    y, z = np.zeros(me), np.zeros(qp.u.size)
-    y[equal], z[bounded] = found.y, found.z
-    return conflict_of(qp, y, z, found.z_box, tolerance) or whole
+    if found.said == INFEASIBLE:
+        y, z = np.zeros(me), np.zeros(qp.u.size)
+        y[equal], z[bounded] = found.y, found.z
+        proved = conflict_of(qp, y, z, found.z_box, tolerance)
+        if proved is not None:
+            return proved
+    shares = (conflict_of(qp, *multipliers, tolerance, share) for share in _SHARES)
+    return next((found for found in shares if found is not None), None)
 
 
 def conflict_of(
@@ -143,7 +145,9 @@ def conflict_of(
         return None
     ends = every[named]
     matrix = np.concatenate((rows.matrix, np.eye(qp.g.size)))[named]  # (s, n)
-    weights = _exactly(matrix, weights[named])
+    weights = _irreducible(matrix, ends, weights[named])
+    used = np.flatnonzero(weights)
+    named, ends, matrix, weights = named[used], ends[used], matrix[used], weights[used]
     leak = REACH * float(np.abs(weights @ matrix).sum())
     gap = -float(weights @ ends)
     if not gap - leak >= _SURVIVING * tolerance * float(np.abs(weights) @ (1.0 + np.abs(ends))):
@@ -157,16 +161,52 @@ def _ends(qp: QP, rows: UnitRows, weights: Array) -> Array:
     return np.where(weights > 0.0, np.concatenate((rows.upper, qp.upper)), lower)
 
 
-def _exactly(matrix: Array, weights: Array) -> Array:
-    """Return the combination (s,) of the rows (s, n) nearest to this one that is 0 to rounding.
+def _irreducible(matrix: Array, ends: Array, weights: Array) -> Array:
+    """Return the certificate (s,) of rows (s, n) near this one of which none can be spared.
 
-    The core knows it to what its pivots leave, or damping.
+    It is a combination that is 0 to rounding, which the core knows to what its pivots leave, or
+    damping. Rows with two dependencies among them hold two certificates: along their difference
+    one row after another comes to 0 while the gap lasts (Caratheodory's theorem).
     """
-    left, values, _ = np.linalg.svd(matrix)
-    rank = int(np.count_nonzero(values > _UNIQUE * values[0])) if values.size else 0
-    free = left[:, rank:]
-    exact: Array = free @ (weights @ free)
-    return exact if (np.sign(exact) == np.sign(weights)).all() else weights
+    kept, own, free = np.arange(weights.size), weights, _zeros(matrix.T)
+    while free.shape[1]:
+        own = free @ (own @ free)
+        gone = own * np.sign(weights[kept]) <= _ROUNDING * np.abs(own).max()
+        if not gone.any():
+            if free.shape[1] == 1:
+                found = np.zeros(weights.size)
+                found[kept] = own
+                return found
+            own, gone = _without_one(own, free, ends[kept])
+        else:  # the lightest of them, others may turn back without it
+            size = np.where(gone, np.abs(weights[kept]), np.inf)
+            gone = np.arange(size.size) == size.argmin()
+        free, kept, own = (part[~gone] for part in (free @ _zeros(free[gone]), kept, own))
+    return weights
+
+
+def _without_one(own: Array, free: Array, ends: Array) -> tuple[Array, Array]:
+    """Return a certificate (s,) in which a row comes to 0, and which (s,)."""
+    other: Array = free @ _zeros((own @ free)[None, :])[:, 0]  # at right angles
+    other *= -1.0 if other @ ends > 0.0 else 1.0  # the gap, -own @ ends, grows along it
+    shrinks = other * own < 0.0
+    if not shrinks.any():  # a certificate as well: one is left of the other when that is taken off
+        less = own - float((own[other != 0.0] / other[other != 0.0]).min()) * other
+        if not less @ ends < 0.0:
+            own, other = other, own
+        shrinks, other = other * own > 0.0, -other
+    ratio = np.where(own == 0.0, 0.0, np.inf)
+    ratio[shrinks] = np.abs(own[shrinks] / other[shrinks])
+    first = ratio.argmin()
+    return own + ratio[first] * other, np.arange(own.size) == first
+
+
+def _zeros(matrix: Array) -> Array:
+    """Return an orthonormal basis (n, k) of what a matrix (m, n) maps to 0, to rounding."""
+    _, values, right = np.linalg.svd(matrix, full_matrices=matrix.shape[0] < matrix.shape[1])
+    rank = np.count_nonzero(values > _UNIQUE * values.max(initial=_UNIQUE))
+    basis: Array = right[rank:].T
+    return basis
 
 
 def _named(
@@ -240,10 +280,13 @@ def least_violation(qp: QP) -> tuple[Array, Array]:
         return np.clip(np.zeros(n), qp.lower, qp.upper), np.zeros(0)
     none = np.zeros((0, n))
     elastic = qp._replace(
-        P=_DAMPING * np.eye(n), g=np.zeros(n), A=none, b=np.zeros(0),
-        C=rows.matrix, l=rows.lower, u=rows.upper,
-    )  # fmt: skip
-    found = solve_in_core(elastic, _EPS, _MOST_ITERATIONS, np.ones(rows.norms.size))
+        g=np.zeros(n), A=none, b=np.zeros(0), C=rows.matrix, l=rows.lower, u=rows.upper
+    )
+    for damping in _DAMPINGS:
+        damped = elastic._replace(P=damping * np.eye(n))
+        found = solve_in_core(damped, _EPS, _MOST_ITERATIONS, np.ones(rows.norms.size))
+        if found.said == DONE:
+            break
     rough = np.where(np.isfinite(found.x), found.x, 0.0) if found.iterations >= 0 else np.zeros(n)
     rough = np.clip(rough, qp.lower, qp.upper)
     points = _polished(qp, rows, rough), rough
