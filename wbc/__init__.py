@@ -60,14 +60,12 @@ if not TYPE_CHECKING:  # to a checker, a module with this function has every nam
     def __getattr__(name: str) -> Any:
         if name == "__all__":
             return __dir__()
-        if name in _NAMES:
-            return getattr(import_module(_NAMES[name]), name)
         if name in _PACKAGES:
             return import_module(f"wbc.{name}")
-        for room in _ROOMS if not name.startswith("_") else ():
-            module = import_module(room)
-            if name in module.__all__:
-                return getattr(module, name)
+        rooms = [_NAMES[name]] if name in _NAMES else [] if name.startswith("_") else _ROOMS
+        for module in map(import_module, rooms):
+            if name in _NAMES or name in module.__all__:
+                return globals().setdefault(name, getattr(module, name))  # not asked again
         hint = ""
         if not name.startswith("_"):
             hint = import_module("wbc.errors").suggest(name, __dir__(), listed=0)
