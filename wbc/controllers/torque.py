@@ -10,7 +10,7 @@ statements about v+.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, cast
 
@@ -285,18 +285,24 @@ class TorqueController(Controller):
         rows = super()._python_rows(plan, snapshot)
         if not self._force_tasks:
             return rows
-        # What forces and torques are by the unknowns is the core's: it is asked for that first.
-        found = plan.tick(snapshot, rows, None, self._ramped, solve=False)
-        if found is not None:
-            dynamics = self._dynamics(found, snapshot)
-            rows += [PythonRows(one, one.force_rows(dynamics), None) for one in self._force_tasks]
-        return rows
+        of_motion = tuple(rows)
 
-    def _dynamics(self, found: CoreTick, snapshot: Snapshot) -> TickDynamics:
+        def physics() -> tuple[Array, Array]:
+            # What torques are by the unknowns is the core's: it is asked for that first.
+            found = plan.tick(snapshot, of_motion, None, self._ramped, solve=False)
+            if found is None:  # in this plan there is no tick: another is made, and asks again
+                nv = snapshot.v.size
+                return np.zeros((nv, nv + self.contact_forces.size)), np.zeros(nv)
+            return found.views.D, found.views.offset
+
+        dynamics = self._dynamics(physics, snapshot)
+        return rows + [PythonRows(one, one.force_rows(dynamics), None) for one in self._force_tasks]
+
+    def _dynamics(
+        self, physics: Callable[[], tuple[Array, Array]], snapshot: Snapshot
+    ) -> TickDynamics:
         """Return what forces and torques are by the unknowns."""
-        last = None if self._last is None else self._last.wrenches()
-        a = found.views
-        return TickDynamics(snapshot, self.contact_forces, a.D, a.offset, last)
+        return TickDynamics(snapshot, self.contact_forces, physics, self._last)
 
     # ------------------------------------------------------------------ parts of the tick
 
@@ -328,7 +334,8 @@ class TorqueController(Controller):
         if known["policy"] != RELAX:  # joints come to rest, on no sure ground
             velocity, f = known.pop("velocity"), np.zeros(self.contact_forces.size)
             x = np.concatenate((velocity, f))
-            torque = self._dynamics(found, snapshot).torques(x)
+            a = found.views
+            torque = self._dynamics(lambda: (a.D, a.offset), snapshot).torques(x)
         tick = self._commanded(snapshot, found, known, velocity, torque, f)
         if tick.policy == "raise":
             raise ControllerFailure(tick.report(), tick)
