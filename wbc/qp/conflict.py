@@ -12,6 +12,7 @@ one that depends on them, so that no row can be spared: the conflict named is ir
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -23,12 +24,14 @@ from wbc.qp.solution import Conflict, ConflictRow
 from wbc.validate import Array
 
 # Rows of the certificate lighter than this part of the heaviest, scaled to unit length, are
-# rounding.
+# rounding; where that leads nowhere, others.
 _LIGHTEST = 1e-7
+_SHARES = _LIGHTEST, 1e-3, 1e-9, 1e-13
 # Part of the tolerance that must survive the check: the core looked at it in other numbers.
 _SURVIVING = 0.5
-# Singular values of the rows below this part of the largest are rounding.
-_UNIQUE = 1e-9
+# Combinations of rows of unit length that are shorter are 0: what is met only beyond REACH is not
+# met. And shorter still, where a certificate does not survive that.
+_ZERO = 1e-7, 1e-9
 # Weights below this part of the heaviest are rounding.
 _ROUNDING = 1e-13
 # Unknowns are assumed to stay within this: what rounding leaves of y'A + z'C + z_box' counts so
@@ -44,8 +47,6 @@ _DAMPINGS = 1e-10, 1e-8, 1e-6
 # rounding.
 _NEAR, _SHARE = 1e-8, 1e-3
 _EPS = 1e-11
-# Parts of the heaviest below which its rows are left out, if they can be.
-_SHARES = 1e-3, 1e-6, 1e-9, 1e-13
 
 
 def find_conflict(
@@ -95,7 +96,6 @@ def _by_least_violation(qp: QP, tolerance: float) -> Conflict | None:
     _, violation = least_violation(qp)
     missed = violation / rows.norms
     weights, z_box = missed / rows.norms, -missed @ rows.matrix
-    multipliers = weights[:me], weights[me:], z_box
     heavy = np.abs(missed) > _LIGHTEST * np.abs(missed).max()
     pulled = np.abs(z_box) > _LIGHTEST * np.abs(missed).max()
     equal, bounded = heavy[:me], heavy[me:]
@@ -113,8 +113,7 @@ def _by_least_violation(qp: QP, tolerance: float) -> Conflict | None:
         proved = conflict_of(qp, y, z, found.z_box, tolerance)
         if proved is not None:
             return proved
-    shares = (conflict_of(qp, *multipliers, tolerance, share) for share in _SHARES)
-    return next((found for found in shares if found is not None), None)
+    return conflict_of(qp, weights[:me], weights[me:], z_box, tolerance)
 
 
 def conflict_of(
@@ -123,7 +122,6 @@ def conflict_of(
     z: Array,
     z_box: Array,
     tolerance: float = TOLERANCE,
-    lightest: float = _LIGHTEST,
 ) -> Conflict | None:
     """Return the rows of a certificate, the heaviest first; None: it proves nothing.
 
@@ -131,28 +129,33 @@ def conflict_of(
     ----------
     y, z, z_box:
         (me,), (mi,), (n,) multipliers, as those of a solution: what one points at is violated.
-    lightest:
-        Rows lighter than this part of the heaviest are left out, if it is proved without them.
     """
     rows = UnitRows.of(qp)
     weights = np.concatenate((np.concatenate((y, z)) * rows.norms, z_box))
     if not np.isfinite(weights).all() or not weights.any():
         return None
-    every = _ends(qp, rows, weights)
-    heavy = np.abs(weights) > lightest * np.abs(weights).max()
-    named = np.flatnonzero(heavy & np.isfinite(every))  # other pulls are what rounding leaves
-    if not named.size:
-        return None
-    ends = every[named]
-    matrix = np.concatenate((rows.matrix, np.eye(qp.g.size)))[named]  # (s, n)
-    weights = _irreducible(matrix, ends, weights[named])
-    used = np.flatnonzero(weights)
-    named, ends, matrix, weights = named[used], ends[used], matrix[used], weights[used]
+    ends = _ends(qp, rows, weights)
+    every = np.concatenate((rows.matrix, np.eye(qp.g.size)))
+    reducible = None
+    for share in _SHARES:
+        heavy = np.abs(weights) > share * np.abs(weights).max()
+        named = np.flatnonzero(heavy & np.isfinite(ends))  # other pulls are what rounding leaves
+        matrix, end, own = every[named], ends[named], weights[named]
+        for free in _dependencies(matrix):
+            exact = _irreducible(own, free, end)
+            if exact is not None and (gap := _gap(matrix, end, exact, tolerance)) > 0.0:
+                return _named(qp, rows, named, exact, gap)
+        if reducible is None and (gap := _gap(matrix, end, own, tolerance)) > 0.0:
+            reducible = _named(qp, rows, named, own, gap)
+    return reducible
+
+
+def _gap(matrix: Array, ends: Array, weights: Array, tolerance: float) -> float:
+    """Return by how much a certificate (s,) of rows (s, n) contradicts itself; 0: not surely."""
     leak = REACH * float(np.abs(weights @ matrix).sum())
     gap = -float(weights @ ends)
-    if not gap - leak >= _SURVIVING * tolerance * float(np.abs(weights) @ (1.0 + np.abs(ends))):
-        return None
-    return _named(qp, rows, named, weights, gap)
+    enough = _SURVIVING * tolerance * float(np.abs(weights) @ (1.0 + np.abs(ends)))
+    return gap if gap - leak >= enough else 0.0
 
 
 def _ends(qp: QP, rows: UnitRows, weights: Array) -> Array:
@@ -161,14 +164,24 @@ def _ends(qp: QP, rows: UnitRows, weights: Array) -> Array:
     return np.where(weights > 0.0, np.concatenate((rows.upper, qp.upper)), lower)
 
 
-def _irreducible(matrix: Array, ends: Array, weights: Array) -> Array:
-    """Return the certificate (s,) of rows (s, n) near this one of which none can be spared.
+def _dependencies(matrix: Array) -> Iterator[Array]:
+    """Yield orthonormal bases (s, k) of the combinations of rows (s, n) that are nearly 0."""
+    last = 0
+    for zero in _ZERO:
+        basis = _zeros(matrix.T, zero)
+        if basis.shape[1] != last:
+            yield basis
+        last = basis.shape[1]
 
-    It is a combination that is 0 to rounding, which the core knows to what its pivots leave, or
-    damping. Rows with two dependencies among them hold two certificates: along their difference
-    one row after another comes to 0 while the gap lasts (Caratheodory's theorem).
+
+def _irreducible(weights: Array, free: Array, ends: Array) -> Array | None:
+    """Return the certificate (s,) near this one of which no row can be spared; None: none is.
+
+    It is a combination of rows that is 0, ``free`` (s, k) all of them; the core knows it to what
+    its pivots leave, or damping. Where there are several, rows hold two certificates: along their
+    difference one row after another comes to 0 while the gap lasts (Caratheodory's theorem).
     """
-    kept, own, free = np.arange(weights.size), weights, _zeros(matrix.T)
+    kept, own = np.arange(weights.size), weights
     while free.shape[1]:
         own = free @ (own @ free)
         gone = own * np.sign(weights[kept]) <= _ROUNDING * np.abs(own).max()
@@ -182,12 +195,14 @@ def _irreducible(matrix: Array, ends: Array, weights: Array) -> Array:
             size = np.where(gone, np.abs(weights[kept]), np.inf)
             gone = np.arange(size.size) == size.argmin()
         free, kept, own = (part[~gone] for part in (free @ _zeros(free[gone]), kept, own))
-    return weights
+    return None
 
 
 def _without_one(own: Array, free: Array, ends: Array) -> tuple[Array, Array]:
     """Return a certificate (s,) in which a row comes to 0, and which (s,)."""
-    other: Array = free @ _zeros((own @ free)[None, :])[:, 0]  # at right angles
+    other: Array = (
+        free @ _zeros((own @ free)[None, :] / np.linalg.norm(own))[:, 0]
+    )  # at right angles
     other *= -1.0 if other @ ends > 0.0 else 1.0  # the gap, -own @ ends, grows along it
     shrinks = other * own < 0.0
     if not shrinks.any():  # a certificate as well: one is left of the other when that is taken off
@@ -201,10 +216,10 @@ def _without_one(own: Array, free: Array, ends: Array) -> tuple[Array, Array]:
     return own + ratio[first] * other, np.arange(own.size) == first
 
 
-def _zeros(matrix: Array) -> Array:
-    """Return an orthonormal basis (n, k) of what a matrix (m, n) maps to 0, to rounding."""
+def _zeros(matrix: Array, zero: float = _ZERO[-1]) -> Array:
+    """Return an orthonormal basis (n, k) of what a matrix (m, n) maps to 0, up to ``zero``."""
     _, values, right = np.linalg.svd(matrix, full_matrices=matrix.shape[0] < matrix.shape[1])
-    rank = np.count_nonzero(values > _UNIQUE * values.max(initial=_UNIQUE))
+    rank = np.count_nonzero(values > zero * values.max(initial=1.0))
     basis: Array = right[rank:].T
     return basis
 
@@ -218,7 +233,7 @@ def _named(
     # Of the least sum of squares that a point within the bounds misses the rows by.
     share = gap / max(float(np.square(weights[named < m]).sum()), np.finfo(float).tiny)
     found = []
-    for k in np.argsort(-np.abs(weights), kind="stable").tolist():
+    for k in np.argsort(-np.abs(weights), kind="stable")[: np.count_nonzero(weights)].tolist():
         row, weight = int(named[k]), share * float(weights[k])
         length = float(rows.norms[row]) if row < m else 1.0
         missed = abs(weight) * length if row < m else 0.0
