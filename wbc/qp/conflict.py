@@ -31,9 +31,9 @@ _SHARES = _LIGHTEST, 1e-3, 1e-9, 1e-13
 _SURVIVING = 0.5
 # Combinations of rows of unit length that are shorter are 0: what is met only beyond REACH is not
 # met. And shorter still, where a certificate does not survive that.
-_ZERO = 1e-7, 1e-9
-# Weights below this part of the heaviest are rounding.
-_ROUNDING = 1e-13
+_ZERO = 1e-6, 1e-9
+# Weights below this part of the heaviest, by that, are what is left of 0.
+_ROUNDING = 1e-3
 # Unknowns are assumed to stay within this: what rounding leaves of y'A + z'C + z_box' counts so
 # often.
 REACH = 1e6
@@ -141,8 +141,8 @@ def conflict_of(
         heavy = np.abs(weights) > share * np.abs(weights).max()
         named = np.flatnonzero(heavy & np.isfinite(ends))  # other pulls are what rounding leaves
         matrix, end, own = every[named], ends[named], weights[named]
-        for free in _dependencies(matrix):
-            exact = _irreducible(own, free, end)
+        for free, zero in _dependencies(matrix):
+            exact = _irreducible(own, free, end, _ROUNDING * zero)
             if exact is not None and (gap := _gap(matrix, end, exact, tolerance)) > 0.0:
                 return _named(qp, rows, named, exact, gap)
         if reducible is None and (gap := _gap(matrix, end, own, tolerance)) > 0.0:
@@ -164,27 +164,28 @@ def _ends(qp: QP, rows: UnitRows, weights: Array) -> Array:
     return np.where(weights > 0.0, np.concatenate((rows.upper, qp.upper)), lower)
 
 
-def _dependencies(matrix: Array) -> Iterator[Array]:
-    """Yield orthonormal bases (s, k) of the combinations of rows (s, n) that are nearly 0."""
+def _dependencies(matrix: Array) -> Iterator[tuple[Array, float]]:
+    """Yield orthonormal bases (s, k) of combinations of rows (s, n) that are 0 but for so much."""
     last = 0
     for zero in _ZERO:
         basis = _zeros(matrix.T, zero)
         if basis.shape[1] != last:
-            yield basis
+            yield basis, zero
         last = basis.shape[1]
 
 
-def _irreducible(weights: Array, free: Array, ends: Array) -> Array | None:
+def _irreducible(weights: Array, free: Array, ends: Array, least: float) -> Array | None:
     """Return the certificate (s,) near this one of which no row can be spared; None: none is.
 
     It is a combination of rows that is 0, ``free`` (s, k) all of them; the core knows it to what
     its pivots leave, or damping. Where there are several, rows hold two certificates: along their
     difference one row after another comes to 0 while the gap lasts (Caratheodory's theorem).
+    Weights below ``least`` of the heaviest are 0.
     """
     kept, own = np.arange(weights.size), weights
     while free.shape[1]:
         own = free @ (own @ free)
-        gone = own * np.sign(weights[kept]) <= _ROUNDING * np.abs(own).max()
+        gone = own * np.sign(weights[kept]) <= least * np.abs(own).max()
         if not gone.any():
             if free.shape[1] == 1:
                 found = np.zeros(weights.size)
