@@ -34,6 +34,7 @@ _SURVIVING = 0.5
 _ZERO = 1e-6, 1e-9
 # Weights below this part of the heaviest, by that, are what is left of 0.
 _ROUNDING = 1e-3
+_SPARED = 0.01  # of the gap, what a row may close of it within REACH if it is spared
 # Unknowns are assumed to stay within this: what rounding leaves of y'A + z'C + z_box' counts so
 # often.
 REACH = 1e6
@@ -143,8 +144,13 @@ def conflict_of(
         matrix, end, own = every[named], ends[named], weights[named]
         for free, zero in _dependencies(matrix):
             exact = _irreducible(own, free, end, _ROUNDING * zero)
-            if exact is not None and (gap := _gap(matrix, end, exact, tolerance)) > 0.0:
-                return _named(qp, rows, named, exact, gap)
+            if exact is None or (gap := _gap(matrix, end, exact, tolerance)) == 0.0:
+                continue
+            # Rows so light that the others could only be met far beyond REACH can be spared.
+            less = np.where(REACH * np.abs(exact) < _SPARED * gap, 0.0, exact)
+            if (left := _gap(matrix, end, less, tolerance)) > 0.0:
+                exact, gap = less, left
+            return _named(qp, rows, named, exact, gap)
         if reducible is None and (gap := _gap(matrix, end, own, tolerance)) > 0.0:
             reducible = _named(qp, rows, named, own, gap)
     return reducible

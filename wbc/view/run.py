@@ -41,7 +41,7 @@ BELOW = 0.36  # inches of the semi-axes below a picture
 
 
 def plot_run(
-    robot: Robot, history: HistoryLike, path: str | Path, *, title: str, view: View = DEFAULT
+    robot: Robot, history: HistoryLike, path: str | Path, *, title: str = "", view: View = DEFAULT
 ) -> Path:
     """Draw a run: the robot before and after, its tasks' errors and its principal moments.
 
@@ -60,6 +60,8 @@ def plot_run(
         ``points`` and ``targets``.
     path:
         The file, which is returned: png, svg or pdf by its suffix.
+    title:
+        Above the picture.
     view:
         What is drawn of the robot, and from where.
 
@@ -75,7 +77,9 @@ def plot_run(
     return path
 
 
-def run_figure(robot: Robot, history: HistoryLike, *, title: str, view: View = DEFAULT) -> Figure:
+def run_figure(
+    robot: Robot, history: HistoryLike, *, title: str = "", view: View = DEFAULT
+) -> Figure:
     """Return the figure that :func:`plot_run` writes."""
     run = read_history(robot, history)
     if run.phases:
