@@ -117,7 +117,7 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
-class Replay:
+class WholeRun:
     """A whole run, instead of what was seen of it."""
 
     frames: tuple[Frame, ...]
