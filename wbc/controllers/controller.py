@@ -352,6 +352,10 @@ class Controller(DeclaredAttributes, ABC):
         """Return what was changed since the last tick, in words, or None."""
         return self._core.changed()
 
+    def _again(self, snapshot: Snapshot) -> Tick:
+        """Answer a saved tick's state again, once :meth:`_return_to` has been called."""
+        return self.step(snapshot)
+
     def _kept(self) -> tuple[object, ...]:
         """Return what is kept from tick to tick, but for warm starts: what a tick changes."""
         second = self._second

@@ -15,6 +15,7 @@ from functools import partial
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint
@@ -45,13 +46,14 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
 from wbc.tasks.task import Task
 from wbc.tasks.validation import drift_of, rows_of
-from wbc.validate import Array, finite_number, read_only
+from wbc.validate import Array, by_name, finite_array, finite_number, read_only
 
 BASE_FORCES = tuple(f"dynamics {row}" for row in ("fx", "fy", "fz", "mx", "my", "mz"))
 POLICIES = ("damp", "raise")
 # Factor on the damping of forces in closed loops: the motion asks for them, and they are the least
 # only where loops are held twice over.
 INTERNAL = 1e-4
+
 # How long contacts take to come and go [s], unless told.
 RAMP = 0.05
 # Time constants of the last resort [s]: joints come to rest this fast, as far as torques go.
@@ -144,6 +146,8 @@ class TorqueController(Controller):
         self._braking = StanceBraking(robot, self.torque_bounds)
         self._last: Reaction | None = None
         self._ramps = ForceRamps(robot.weight)
+        self._wrenches: Mapping[str, Array] = {}
+        self._told = np.zeros(robot.nv)
         super().__init__(
             robot,
             tasks,
@@ -167,12 +171,50 @@ class TorqueController(Controller):
                 "controller: %s; what it leaves, the core's 'active_set' answers", doubt
             )
 
-    def step(self, snapshot: Snapshot) -> TorqueTick:
-        """Return the command for ``snapshot``, torques in it; see :meth:`Controller.step`."""
-        tick = cast(TorqueTick, super().step(self.predicted(snapshot)))
+    def step(
+        self, snapshot: Snapshot, wrenches: Mapping[str, ArrayLike] | None = None
+    ) -> TorqueTick:
+        """Return the command for ``snapshot``, torques in it; see :meth:`Controller.step`.
+
+        Parameters
+        ----------
+        wrenches:
+            What acts on the robot from outside in this tick and is known, besides gravity and what
+            contacts bear: by frame a wrench (6,) on the robot at the frame's origin, world axes,
+            [N] then [N m]. Torques and contact forces bear it, so that nothing sags.
+
+        Raises
+        ------
+        UnknownNameError
+            A wrench at no frame of the robot.
+        InvalidInputError
+            A wrench that is not six finite numbers; or see :meth:`Controller.step`.
+        """
+        known = self.predicted(snapshot)
+        if wrenches or self._wrenches:
+            self._tell(known, {} if wrenches is None else wrenches)
+        tick = cast(TorqueTick, super().step(known))
         if self._prediction is not None:
             self._prediction.commanded(tick.acceleration)
         return tick
+
+    def _again(self, snapshot: Snapshot) -> Tick:
+        """Answer to a state as it was predicted, with the wrenches of then."""
+        self._tell(snapshot, self._wrenches)
+        return super().step(snapshot)
+
+    def _tell(self, snapshot: Snapshot, wrenches: Mapping[str, ArrayLike]) -> None:
+        """Take over the wrenches that are known."""
+        check_snapshot(self.robot, snapshot)
+        given = {
+            frame: read_only(finite_array(f"step, wrenches[{frame!r}]", wrench, (6,)))
+            for frame, wrench in by_name("step, wrenches", wrenches).items()
+        }
+        told = np.zeros(self.robot.nv)
+        for frame, wrench in given.items():
+            told += snapshot.jacobian(frame).T @ wrench
+        self._told[:] = told
+        self.__dict__["_wrenches"] = given
 
     def predicted(self, snapshot: Snapshot) -> Snapshot:
         """Return the state that a tick at ``snapshot`` is for: ``delay`` later.
@@ -223,10 +265,10 @@ class TorqueController(Controller):
 
     def _kept(self) -> tuple[object, ...]:
         own = self._last, self._ramps.running, self.contacts, dict(self._going_slack)
-        return *super()._kept(), *own
+        return *super()._kept(), *own, self._wrenches
 
     def _return_to(self, kept: tuple[Any, ...]) -> None:
-        *of_all, self._last, running, contacts, going_slack = kept
+        *of_all, self._last, running, contacts, going_slack, self._wrenches = kept
         self._ramps.running = running
         if contacts != self.contacts:
             self._going_slack = going_slack
@@ -279,7 +321,8 @@ class TorqueController(Controller):
 
     def _force_rows(self) -> TorqueRows:
         limits = self._bounded, self._most, self._torque_labels
-        return TorqueRows(self.contact_forces, self._passive, *limits, self._deceleration)
+        told = self._told
+        return TorqueRows(self.contact_forces, self._passive, *limits, self._deceleration, told)
 
     def _python_rows(self, plan: CorePlan, snapshot: Snapshot) -> list[PythonRows]:
         rows = super()._python_rows(plan, snapshot)
@@ -357,6 +400,7 @@ class TorqueController(Controller):
         known["torque"] = read_only(torque)
         known["acceleration"] = read_only((velocity - snapshot.v) / self.dt)
         known["reaction"], known["ramps"] = last, self._ramped
+        known["wrenches"] = self._wrenches
         return TorqueTick.reading(found, velocity, known)
 
     def _relaxed(

@@ -27,8 +27,10 @@ from wbc.simulation.sensors_devices import (
 )
 from wbc.simulation.terrain import Step, Terrain
 from wbc.simulation.trial import run_trial
+from wbc.simulation.wrench import AppliedWrench
 
 __all__ = [
+    "AppliedWrench",
     "Contacts",
     "Devices",
     "Encoders",

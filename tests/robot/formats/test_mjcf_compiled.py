@@ -391,3 +391,34 @@ def test_without_mujoco_the_extra_is_named(
     monkeypatch.setitem(sys.modules, "mujoco", None)  # as if it were not installed
     with pytest.raises(MissingPackageError, match=r"reading MJCF needs mujoco.*wbc\[sim\]"):
         Robot.load(path if given == "file" else path.read_text())
+
+
+def test_slides_and_a_ball_of_the_root_are_its_floating_base() -> None:
+    """As makers' files have it that began as a planar model; the ball may be turned at a key."""
+    ball = SIX[: SIX.index('<joint name="tilt"')] + '<joint name="turn" type="ball"/>'
+    root = TRUNK.replace("<freejoint/>", ball)
+    keys = '<keyframe><key name="bent" qpos=".1 .2 .3 .6 0 .8 0 .2 -.3"/></keyframe>'
+    content = text(LEGS, root=root, tail=keys)
+    robot, model = Robot.load(content), mujoco.MjModel.from_xml_string(content)
+    assert not robot.fixed_base and robot.joint_names == ("left_hip", "right_hip")
+    assert any("floating base: tx, ty, tz, turn" in note for note in robot.notes)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    s = robot.snapshot(robot.postures["bent"])
+    for side in ("left", "right"):
+        foot = model.body(f"{side}_foot").id
+        apart = s.position(f"{side}_foot") - s.position("base")
+        trunk = data.xpos[int(model.body_rootid[foot])]
+        np.testing.assert_allclose(apart, data.xpos[foot] - trunk, atol=1e-12)
+
+
+def test_what_mujoco_knows_no_more_is_left_out_and_said(tmp_path: Path) -> None:
+    old = '<option><flag sensornoise="enable"/></option><worldbody>'
+    content = text(LEGS).replace("<worldbody>", old, 1)
+    path = tmp_path / "old.xml"
+    path.write_text(content)
+    for source in (path, content):
+        robot = Robot.load(source)
+        assert any("<flag sensornoise>" in note for note in robot.notes)
+        assert list(robot.feet) == ["left", "right"]

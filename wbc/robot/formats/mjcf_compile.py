@@ -6,6 +6,7 @@ missing are left out and told of, unless a body's inertia is to come from them.
 
 from __future__ import annotations
 
+import copy
 import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -20,6 +21,8 @@ from wbc.robot.formats.xml import refuse_non_finite
 
 MOST_COPIES = 1000  # of what <replicate> and the like repeat
 REPEATING = ("replicate", "composite", "flexcomp")
+# Attributes of older files that MuJoCo knows no more, by element, and that no robot depends on.
+FORGOTTEN = {"flag": ("sensornoise",), "option": ("apirate",)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +71,39 @@ def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Com
     with quietly(mujoco), warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         try:
+            older = () if root is None else _forgotten(root)
+            source = _without(mujoco, source, root) if older and root is not None else source
             found = _compiled(mujoco, source, path)
         except (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError) as error:
             raise _refused(path, error) from error
     said = tuple(f"MuJoCo says: {' '.join(str(one.message).split())}" for one in told)
+    if older:
+        said += (f"left out, as MuJoCo knows them no more: {listed(list(older))}",)
     return replace(found, notes=found.notes + said)
+
+
+def _forgotten(root: ET.Element) -> tuple[str, ...]:
+    """Return what a document has of :data:`FORGOTTEN`, in words."""
+    return tuple(
+        f"<{tag} {name}>"
+        for tag, names in FORGOTTEN.items()
+        for element in root.iter(tag)
+        for name in names
+        if name in element.attrib
+    )
+
+
+def _without(mujoco: Any, source: Any, root: ET.Element) -> Any:
+    """Return the specification of a document without what MuJoCo knows no more."""
+    plain = copy.deepcopy(root)
+    for tag, names in FORGOTTEN.items():
+        for element in plain.iter(tag):
+            for name in names:
+                element.attrib.pop(name, None)
+    spec = mujoco.MjSpec.from_string(ET.tostring(plain, encoding="unicode"))
+    if isinstance(source, Path):
+        spec.modelfiledir = str(source.parent)
+    return spec
 
 
 def _refused(path: Path, error: Exception) -> ModelError:
