@@ -32,7 +32,7 @@ class Size(NamedTuple):
     slow: float
 
 
-SIZES = {"g1": Size(1.0, 1.0, 1.0, 1.0), "hoap2_like": Size(0.45, 0.42, 0.2, 1.0)}
+SIZES = {"g1": Size(1.0, 1.0, 1.0, 1.0), "hoap2_like": Size(0.43, 0.42, 0.2, 1.1)}
 
 
 def problem_of(kind: str, name: str, seed: int) -> Problem:
@@ -84,7 +84,7 @@ def measure(kind: str, name: str, seed: int) -> tuple[bool, str]:
         return False, f"{told} {error}"
     steps = next((note for note in result.notes if note.startswith("footsteps")), "")
     relaxed = f"{100 * result.relaxed:.2f} % of ticks relaxed"
-    return result.stood, f"{told} {result.reason}; {steps}; {relaxed}"
+    return result.verdict.stood, f"{told} {result.verdict.reason}; {steps}; {relaxed}"
 
 
 def main() -> None:

@@ -234,7 +234,7 @@ def test_feet_land_where_they_should(robot_named: Load) -> None:
     assert world == in_world(steps, sole_poses(plant.snapshot()))
     simulated(walker, plant, 4)
     for step in world[-2:]:
-        apart = really(plant)[step.foot] - step.pose
+        apart = really(plant)[step.foot] - step.pose(0.0)
         assert np.linalg.norm(apart[:2]) < 3e-3 and abs(apart[2]) < 0.01
     assert [landing.footstep for landing in walker.landings] == list(world)
     assert max(landing.distance for landing in walker.landings) < 3e-3

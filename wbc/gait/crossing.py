@@ -94,8 +94,11 @@ class Crossing(NamedTuple):
         yaw = float(start[2])
         ahead = math.cos(yaw) * way[0] + math.sin(yaw) * way[1]
         steep = (high - min(first, last)) * max(ahead, 0.0) / max(float(way @ way), 1e-9)
-        tip = min(STEEPER * steep, MOST_TIP)
-        toe = math.sin(tip) * float(np.abs(corners[:, 0]).max())  # how much lower than the middle
+        half, lift = float(np.abs(corners[:, 0]).max()), high + clearance - first
+        # The toe goes down sooner than the foot goes up, by this factor at first.
+        sooner = (0.5 / TIPPED) ** 3
+        tip = min(STEEPER * steep, MOST_TIP, lift / ((sooner - 1.0) * half))
+        toe = half * math.sin(tip)  # how much lower it is than the middle
         top, wanted = high + clearance + toe, below + ABOVE * clearance + toe
         ahead = np.interp(parts, PROGRESS, TIMES)
         # From either end, in which part of all the time each edge is cleared.
