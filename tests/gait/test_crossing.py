@@ -1,4 +1,4 @@
-"""Feet over edges that are known: they clear them, by the corners of the soles as they are turned."""
+"""Feet over edges that are known: they clear them, by the corners of soles as they are turned."""
 
 from collections.abc import Callable
 
