@@ -65,6 +65,8 @@ class StepSpec(Section):
     """How far it is turned about the vertical [rad]."""
     friction: NonNegative | None = None
     """Coefficient of friction; left out: that of the ground."""
+    slope: Pair = default_of(Step, "slope")
+    """Rise over run of its upper face along x and y before it is turned."""
 
 
 class TerrainSpec(Section):
