@@ -1,0 +1,163 @@
+"""Frame after frame by the controller's tick: limits and margins hard, feet on the ground exact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from wbc.constraints import Limits
+from wbc.constraints.rows import Constraint
+from wbc.controllers.kinematic import KinematicController
+from wbc.gait.legs import SIDES
+from wbc.retargeting.tasks import FrameTasks
+from wbc.robot import Robot
+from wbc.robot.limits import BASE_NQ
+from wbc.robot.names import BASE
+from wbc.robot.postures import STANDING
+from wbc.rotations import rotation_from
+from wbc.tasks import PoseTask, PostureTask
+from wbc.validate import Array
+
+Progress = Callable[[int, int], None]
+# Steps that a robot is given to get from standing to the first frame, and how long each is.
+GETTING_READY, READY_STEP = 400, 0.02
+REPORTED = 50  # frames from one call of ``progress`` to the next
+THERE = 1e-5  # rad or m per step: it has arrived
+
+
+def first_configuration(tasks: FrameTasks, constraints: Sequence[Constraint]) -> Array:
+    """Return a configuration (nq,) for the first frame, by steps from standing."""
+    robot, targets = tasks.robot, tasks.targets
+    q = robot.postures[STANDING].copy()
+    tasks.aim(0)
+    q[:3] += targets.com[0] - robot.snapshot(q).com
+    R = targets.rotation[tasks.body.pelvis][0] @ tasks.body.upright[tasks.body.pelvis].T
+    q = _turned(robot, q, float(np.arctan2(R[1, 0], R[0, 0])))
+    every = [*tasks.lasting, *tasks.feet.values()]
+    controller = KinematicController(
+        robot,
+        every,
+        contacts=(),
+        limits=Limits(robot, velocity=None),
+        constraints=constraints,
+        dt=READY_STEP,
+        damping=1e-4,
+    )
+    for task in every:
+        task.gain = 0.2
+    v = np.zeros(robot.nv)
+    for _ in range(GETTING_READY):
+        tick = controller.step(robot.snapshot(q, v))
+        q = robot.integrate(q, tick.velocity, READY_STEP)
+        if float(np.abs(tick.velocity).max()) * READY_STEP < THERE:
+            break
+    for task in every:
+        task.gain = 0.1 if task is tasks.posture else 1.0
+    return q
+
+
+def _turned(robot: Robot, q: Array, yaw: float) -> Array:
+    """Return a configuration turned about the vertical through its base."""
+    v = np.zeros(robot.nv)
+    R = robot.snapshot(q).rotation(BASE)
+    v[3:6] = R.T @ [0.0, 0.0, yaw]
+    return robot.integrate(q, v, 1.0)
+
+
+class TickPass:
+    """One pass over all frames.
+
+    Attributes
+    ----------
+    failed:
+        Frames in which a tick had no solution, and the robot was held.
+    """
+
+    def __init__(
+        self, tasks: FrameTasks, limits: Limits | None, constraints: Sequence[Constraint]
+    ) -> None:
+        self.tasks, self.limits, self.constraints = tasks, limits, constraints
+        self.failed = list[int]()
+
+    def run(self, start: Array, progress: Progress | None = None) -> Array:
+        """Return configurations (n, nq), the first of them ``start``."""
+        tasks, targets, robot = self.tasks, self.tasks.targets, self.tasks.robot
+        dt, count, down = targets.dt, len(targets.time), targets.down
+        controller = KinematicController(
+            robot,
+            [*tasks.lasting, tasks.momentum, *tasks.feet.values()],
+            contacts=(),
+            limits=self.limits,
+            constraints=self.constraints,
+            dt=dt,
+            damping=1e-5,
+        )
+        q = np.empty((count, robot.nq))
+        q[0], v = start, np.zeros(robot.nv)
+        held: tuple[str, ...] = ()
+        for k in range(1, count):
+            tasks.aim(k)
+            tasks.aim_momentum(0.5 * (targets.angular_momentum[k - 1] + targets.angular_momentum[k]))
+            stand = tuple(s for n, s in enumerate(SIDES) if down[k - 1, n] and down[k, n])
+            if stand != held:
+                controller.set_contacts([tasks.contacts[side] for side in stand])
+                for side in SIDES:
+                    if side in stand:
+                        tasks.feet[side].switch_off()
+                    else:
+                        tasks.feet[side].weight = tasks.foot_weight
+                held = stand
+            tick = controller.step(robot.snapshot(q[k - 1], v))
+            if not tick.ok:
+                self.failed.append(k)
+            v = tick.velocity
+            q[k] = robot.integrate(q[k - 1], v, dt)
+            if progress is not None and k % REPORTED == 0:
+                progress(k, count)
+        return q
+
+
+def followed(
+    tasks: FrameTasks,
+    wanted: Array,
+    limits: Limits,
+    constraints: Sequence[Constraint],
+    progress: Progress | None = None,
+) -> tuple[Array, dict[int, str]]:
+    """Return configurations (n, nq) as near to ``wanted`` as all that is hard allows, and failures.
+
+    Where that keeps limits, margins and feet already, the tick gives it back as it is.
+    """
+    targets, robot, dt = tasks.targets, tasks.robot, tasks.targets.dt
+    down = targets.down
+    posture = PostureTask(robot, wanted[0], weight=1.0, gain=1.0)
+    base = PoseTask(robot, BASE, wanted[0][:3], np.eye(3), weight=10.0, gain=1.0)
+    controller = KinematicController(
+        robot,
+        [posture, base],
+        contacts=(),
+        limits=limits,
+        constraints=constraints,
+        dt=dt,
+        damping=1e-6,
+    )
+    q, failed = wanted.copy(), dict[int, str]()
+    v = robot.difference(wanted[0], wanted[1]) / dt  # a motion that began before
+    held: tuple[str, ...] = ()
+    for k in range(1, len(wanted)):
+        posture.set_target(wanted[k])
+        base.set_target(wanted[k][:3], rotation_from(wanted[k][3:BASE_NQ]))
+        tasks.aim_feet(k)
+        stand = tuple(s for n, s in enumerate(SIDES) if down[k - 1, n] and down[k, n])
+        if stand != held:
+            controller.set_contacts([tasks.contacts[side] for side in stand])
+            held = stand
+        tick = controller.step(robot.snapshot(q[k - 1], v))
+        if not tick.ok:
+            failed[k] = tick.report()
+        v = tick.velocity
+        q[k] = robot.integrate(q[k - 1], v, dt)
+        if progress is not None and k % REPORTED == 0:
+            progress(k, len(wanted))
+    return q, failed
