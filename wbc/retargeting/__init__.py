@@ -3,7 +3,7 @@
 from wbc.retargeting.body_map import BodyMap, body_map
 from wbc.retargeting.ground_forces import Unbalanced
 from wbc.retargeting.result import Reached, Retargeted
-from wbc.retargeting.retarget import retarget
+from wbc.retargeting.passes import retarget
 from wbc.retargeting.scaling import Scale
 from wbc.retargeting.tasks import RetargetWeights
 

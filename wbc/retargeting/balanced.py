@@ -25,7 +25,7 @@ from wbc.polygon import convex_hull, inset, nearest_point
 from wbc.validate import Array
 
 # The CoP's distance from the edge of the soles, as a part of the smaller sole's length.
-INSIDE = 0.1
+INSIDE = 0.07
 LEAST_GRAVITY = 2.0  # m/s^2: below it, in the air or nearly so, there is no CoP
 
 

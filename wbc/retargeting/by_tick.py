@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from wbc.constraints import Limits
+from wbc.constraints import Limits, SelfCollision
 from wbc.constraints.rows import Constraint
 from wbc.controllers.kinematic import KinematicController
 from wbc.gait.legs import SIDES
 from wbc.retargeting.tasks import FrameTasks
-from wbc.robot import Robot
-from wbc.robot.limits import BASE_NQ
+from wbc.robot import Robot, Snapshot
+from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
 from wbc.rotations import rotation_from
@@ -118,19 +118,23 @@ class TickPass:
         return q
 
 
-def followed(
+def kept(
     tasks: FrameTasks,
     wanted: Array,
     limits: Limits,
-    constraints: Sequence[Constraint],
+    collision: SelfCollision | None,
     progress: Progress | None = None,
 ) -> tuple[Array, dict[int, str]]:
-    """Return configurations (n, nq) as near to ``wanted`` as all that is hard allows, and failures.
+    """Return configurations (n, nq) as near to ``wanted`` as limits and margins allow.
 
-    Where that keeps limits, margins and feet already, the tick gives it back as it is.
+    Frames that keep them are taken as they are; the tick makes what is nearest of others.
+
+    Returns
+    -------
+    tuple
+        The configurations, and by frame what ticks that had no solution say.
     """
-    targets, robot, dt = tasks.targets, tasks.robot, tasks.targets.dt
-    down = targets.down
+    robot, dt, down = tasks.robot, tasks.targets.dt, tasks.targets.down
     posture = PostureTask(robot, wanted[0], weight=1.0, gain=1.0)
     base = PoseTask(robot, BASE, wanted[0][:3], np.eye(3), weight=10.0, gain=1.0)
     controller = KinematicController(
@@ -138,7 +142,7 @@ def followed(
         [posture, base],
         contacts=(),
         limits=limits,
-        constraints=constraints,
+        constraints=[] if collision is None else [collision],
         dt=dt,
         damping=1e-6,
     )
@@ -146,6 +150,12 @@ def followed(
     v = robot.difference(wanted[0], wanted[1]) / dt  # a motion that began before
     held: tuple[str, ...] = ()
     for k in range(1, len(wanted)):
+        if progress is not None and k % REPORTED == 0:
+            progress(k, len(wanted))
+        there = robot.difference(q[k - 1], wanted[k]) / dt
+        if _within(robot.snapshot(wanted[k]), there, limits, collision):
+            v = there
+            continue
         posture.set_target(wanted[k])
         base.set_target(wanted[k][:3], rotation_from(wanted[k][3:BASE_NQ]))
         tasks.aim_feet(k)
@@ -158,6 +168,16 @@ def followed(
             failed[k] = tick.report()
         v = tick.velocity
         q[k] = robot.integrate(q[k - 1], v, dt)
-        if progress is not None and k % REPORTED == 0:
-            progress(k, len(wanted))
     return q, failed
+
+
+def _within(
+    snapshot: Snapshot, velocity: Array, limits: Limits, collision: SelfCollision | None
+) -> bool:
+    """Return whether a configuration, and the velocity on the way to it, keep all that is hard."""
+    joints = snapshot.joint_positions
+    if np.any(joints < limits.lower) or np.any(joints > limits.upper):
+        return False
+    if np.any(np.abs(velocity[BASE_NV:]) > limits.speed):
+        return False
+    return collision is None or bool((collision.distances(snapshot).clearance >= 0.0).all())

@@ -24,7 +24,7 @@ from wbc.robot.postures import STANDING
 from wbc.validate import Array
 
 # Feet come no nearer to each other than the sole's width and this part of the legs' length.
-BESIDE = 0.08
+BESIDE = 0.06
 CLEARANCE = 0.01  # m, of a human's foot: so high its corners pass over the ground
 LOW = 0.1  # part of that at which a foot counts as lifted
 # rad: pitches below the first are those of a foot that is flat, and little more until the second;
@@ -110,14 +110,20 @@ def pitched(heading: Array, pitch: Array) -> Array:
     return np.moveaxis(np.array([[one for one in row] for row in rows]), 2, 0)
 
 
-def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, length: float) -> FootPaths:
-    """Return the ways of a robot's feet, with a human's distances scaled by ``length``."""
+def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, spread: Array) -> FootPaths:
+    """Return the ways of a robot's feet.
+
+    Parameters
+    ----------
+    spread:
+        (3, 3), which takes a human's places to the robot's size.
+    """
     arms = {side: _from_under_ankle(robot, side) for side in SIDES}
     flat = {side: _flatness(source, side) for side in SIDES}
     prints = []
     for side in SIDES:
         place, heading = source.soles[side]
-        level = length * place + pitched(heading, np.zeros_like(heading)) @ arms[side]
+        level = place @ spread.T + pitched(heading, np.zeros_like(heading)) @ arms[side]
         for first, end in runs(source.down[side]):
             pose = _print(level, heading, flat[side], first, end)
             prints.append(Footprint(side, first, end, pose))
@@ -129,7 +135,7 @@ def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, length: float) -> 
     paths = {}
     for side in SIDES:
         own = sorted((one for one in prints if one.foot == side), key=lambda one: one.first)
-        paths[side] = _path(source, robot, side, length, arms[side], own, wider)
+        paths[side] = _path(source, robot, side, spread, arms[side], own, wider)
     return FootPaths(paths, tuple(prints), wider)
 
 
@@ -190,7 +196,7 @@ def _path(
     source: HumanFrames,
     robot: Robot,
     side: str,
-    length: float,
+    spread: Array,
     arm: Array,
     prints: list[Footprint],
     wider: float,
@@ -208,7 +214,7 @@ def _path(
     _swing(turn, np.column_stack((heading, free)), swings)
     yaw, pitch = turn.T
     R = pitched(yaw, pitch)
-    way = length * under + R @ arm
+    way = under @ spread.T + R @ arm
     way[:, :2] += SIGN[side] * wider * np.column_stack((-np.sin(heading), np.cos(heading)))
     place = way.copy()
     for one in prints:
@@ -220,10 +226,10 @@ def _path(
         u = (np.arange(first, end) - first + 1.0) / (end - first + 1.0)
         rise, sink = (u if first > 0 else 1.0), (1.0 - u if end < len(swings) else 1.0)
         lift = minimum_jerk(np.minimum(2.0 * np.minimum(rise, sink), np.ones(end - first)))
-        lack = CLEARANCE * length - lowest[first:end] / np.maximum(lift, LOW)
+        lack = CLEARANCE * float(spread[2, 2]) - lowest[first:end] / np.maximum(lift, LOW)
         place[first:end, 2] += max(0.0, float(lack.max())) * lift
     corners = place[:, None] + _touching(polygon, pitch) @ np.swapaxes(R, 1, 2)
-    shift = (place - length * under - R @ arm)[:, :2]
+    shift = (place - under @ spread.T - R @ arm)[:, :2]
     return FootPath(place, yaw, pitch, ~swings, corners, shift)
 
 

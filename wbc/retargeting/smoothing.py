@@ -5,10 +5,12 @@ angular momentum that it takes now it has to give back later. Here displacements
 x = (d_0, ..., d_n-1) in the robot's tangent space, minimise
 
     sum_k |W (e_k + J_k d_k)|^2                                    tasks, contacts with a high weight
-        + |w ((A_k (v_k + (d_k+1 - d_k)/dt) - h_k)|^2              momentum
+        + |w u_k|^2 + |w' (u_k+1 - u_k)/dt|^2                      momentum and its rate
         + |mu ((v_k+2 - 2 v_k+1 + v_k)/dt^2 + (D^3 d)_k/dt^3)|^2   jerk,
 
-by the very rows of the tasks (Gauss-Newton). Only neighbours within three frames are coupled, so
+by the very rows of the tasks (Gauss-Newton), u_k = A_k (v_k + (d_k+1 - d_k)/dt) - h_k. The rate of
+momentum is the ground's force: a CoM that is followed to a millimetre but trembles at 10 Hz puts the
+CoP outside the feet. Only neighbours within three frames are coupled, so
 the normal equations are banded: linear in the number of frames.
 """
 
@@ -27,14 +29,17 @@ from wbc.tasks import Task
 from wbc.validate import Array
 
 # By a leg's length and per rad: of contacts, of limits, and of margins that would be broken.
-EXACT, LIMITED, APART = 2e3, 200.0, 200.0
+EXACT, LIMITED, APART = 1e4, 200.0, 200.0
+PRESSED = 3.0  # by a leg's length: of where the momentum's rate puts the CoP
+# Of speeds by their limits, and of what is beyond this part of them.
+UNHURRIED, HURRIED, FASTEST = 0.05, 3.0, 0.9
 SPAN = 3  # frames that are coupled
 # What a task of weight 1 passes: it is cut off at this frequency, and others at that times the
 # third root of their weights.
 CUTOFF = 6.0  # Hz
-NEAR, KEPT = 5e-3, 1.5e-3  # m: bodies so near to their margin are looked at, and kept so far off
+NEAR, KEPT = 8e-3, 2e-3  # m: bodies so near to their margin are looked at, and kept so far off
 INSIDE = 2e-3  # rad: from the limits
-DAMPED = 0.3  # weight of displacements (Levenberg and Marquardt): rows are of first order only
+DAMPED = 1.0  # weight of displacements (Levenberg and Marquardt): rows are of first order only
 LARGEST = 0.3  # rad or m: of one frame in one round
 THIRD = np.array((-1.0, 3.0, -3.0, 1.0))
 
@@ -69,7 +74,7 @@ class WholeMotion:
         count, nv = len(q), robot.nv
         v = velocities(robot, q, dt)
         blocks = np.zeros((count, SPAN + 1, nv, nv))  # (k, m): of d_k and d_(k+m)
-        slope = np.zeros((count, nv))
+        slope, maps = np.zeros((count, nv)), np.empty((count - 1, 6, nv))
         for k in range(count):
             snapshot = robot.snapshot(q[k], v[min(k, count - 2)])
             self.tasks.aim(k)
@@ -77,8 +82,10 @@ class WholeMotion:
             blocks[k, 0] += J.T @ J
             slope[k] += J.T @ e
             if k < count - 1:
-                self._momentum(snapshot, k, v[k], blocks, slope)
+                maps[k] = snapshot.centroidal_map
+        self._momentum(maps, v, blocks, slope)
         self._jerk(v, blocks, slope)
+        self._speed(v, blocks, slope)
         every = np.arange(nv)
         blocks[:, 0, every, every] += DAMPED**2
         step = _solved(blocks, slope)
@@ -118,21 +125,20 @@ class WholeMotion:
                 errors.append(w * np.minimum(found.clearance[near] - KEPT, 0.0))
         return np.concatenate(rows), np.concatenate(errors)
 
-    def _momentum(
-        self, snapshot: Snapshot, k: int, v: Array, blocks: Array, slope: Array
-    ) -> None:
-        """Add the momentum's rows between frames ``k`` and ``k + 1``."""
-        task, targets = self.tasks.momentum, self.tasks.targets
-        wanted = 0.5 * (targets.angular_momentum[k] + targets.angular_momentum[k + 1])
-        A = task.weight[:, None] * snapshot.centroidal_map[3:]
-        e = A @ v - task.weight * wanted
-        A = A / targets.dt
-        square, push = A.T @ A, A.T @ e
-        blocks[k, 0] += square
-        blocks[k + 1, 0] += square
-        blocks[k, 1] -= square
-        slope[k] -= push
-        slope[k + 1] += push
+    def _momentum(self, maps: Array, v: Array, blocks: Array, slope: Array) -> None:
+        """Add the rows of the momentum between frames, and of its rate."""
+        tasks, targets = self.tasks, self.tasks.targets
+        dt, robot, k = targets.dt, tasks.robot, targets.angular_momentum
+        wanted = np.hstack((robot.mass * np.diff(targets.com, axis=0) / dt, 0.5 * (k[:-1] + k[1:])))
+        off = np.einsum("kij,kj->ki", maps, v) - wanted
+        w = np.concatenate((np.zeros(3), tasks.momentum.weight))
+        A = w[:, None] * maps / dt
+        _add(blocks, slope, (-A, A), w * off)
+        # By how far the CoP is moved, in legs' lengths.
+        height = float(np.mean(targets.com[:, 2]))
+        w = PRESSED / (robot.weight * self.leg) * np.array([height] * 3 + [1.0] * 3)
+        A = w[:, None] * maps / dt**2
+        _add(blocks, slope, (A[:-1], -A[:-1] - A[1:], A[1:]), w * np.diff(off, axis=0) / dt)
 
     def _jerk(self, v: Array, blocks: Array, slope: Array) -> None:
         """Add the jerk of all coordinates; lengths of the base by the legs'."""
@@ -147,6 +153,31 @@ class WholeMotion:
             for j in range(i, SPAN + 1):
                 own = mu**2 * THIRD[i] * THIRD[j] / dt**6
                 blocks[i : last + i, j - i, both, both] += own
+
+    def _speed(self, v: Array, blocks: Array, slope: Array) -> None:
+        """Add the speeds of joints by their limits, and firmly what is beyond a part of them."""
+        dt, fastest = self.tasks.targets.dt, self.tasks.robot.limits.velocity
+        joints = np.arange(BASE_NV, v.shape[1])
+        part = v[:, BASE_NV:] / fastest
+        beyond = np.abs(part) > FASTEST
+        w = np.where(beyond, HURRIED, UNHURRIED)
+        off = np.where(beyond, part - np.sign(part) * FASTEST, part)
+        by = 1.0 / (dt * fastest)
+        slope[:-1, joints] -= w**2 * off * by
+        slope[1:, joints] += w**2 * off * by
+        square = w**2 * by**2
+        blocks[:-1, 0, joints, joints] += square
+        blocks[1:, 0, joints, joints] += square
+        blocks[:-1, 1, joints, joints] -= square
+
+
+def _add(blocks: Array, slope: Array, parts: tuple[Array, ...], off: Array) -> None:
+    """Add rows (m, r, nv) on as many frames in a row, whose errors are ``off`` (m, r)."""
+    count = len(off)
+    for i, A in enumerate(parts):
+        slope[i : count + i] += np.einsum("kij,ki->kj", A, off)
+        for j in range(i, len(parts)):
+            blocks[i : count + i, j - i] += np.swapaxes(A, 1, 2) @ parts[j]
 
 
 def velocities(robot: Robot, q: Array, dt: float) -> Array:

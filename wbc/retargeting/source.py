@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.human import HumanMotion
-from wbc.human.contacts import feet_down
+from wbc.human.contacts import SHORTEST, feet_down
 from wbc.motion import RmpSeries, analyse
+from wbc.motion.dropouts import runs
 from wbc.robot.series import sole_series
 from wbc.validate import Array
 
@@ -73,7 +74,19 @@ def human_frames(human: HumanMotion, rate: float, cutoff: float | None) -> Human
         position = T[:, :3, 3] - [0.0, 0.0, human.ground_height]
         heading = np.unwrap(np.arctan2(T[:, 1, 0], T[:, 0, 0]))
         soles[side], turns[side] = (position, heading), T[:, :3, :3]
-        down[side] = flags[:, number]
+        down[side] = _without_short_ends(flags[:, number], series.time)
     pelvis = rotation["pelvis"]
     heading = np.unwrap(np.arctan2(pelvis[:, 1, 0], pelvis[:, 0, 0]))
     return HumanFrames(series, rotation, heading, hips - series.com, soles, turns, down)
+
+
+def _without_short_ends(flags: NDArray[np.bool_], time: Array) -> NDArray[np.bool_]:
+    """Return contacts in which what the recording just begins or ends with is left out."""
+    flags = flags.copy()
+    for first, end in (one for value in (True, False) for one in runs(flags == value)):
+        if time[end - 1] - time[first] < SHORTEST:
+            if first == 0 and end < len(flags):
+                flags[:end] = flags[end]
+            elif end == len(flags) and first > 0:
+                flags[first:] = flags[first - 1]
+    return flags

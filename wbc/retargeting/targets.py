@@ -23,6 +23,7 @@ LOWERED = 0.05
 SHORTEST = 0.5  # part of the human's scaled level distances that is left at least
 SEARCHES = 12
 STRAIGHTEST = 0.985  # part of the full length that standing legs are stretched to
+STRAIGHT = 0.9  # part of its way that the CoM is away at the end
 AHEAD = 0.08  # of the legs' length: so far the CoM is put ahead at most
 
 
@@ -85,9 +86,9 @@ def scaled_targets(
     dt = scale.time * float(series.time[1] - series.time[0])
     pelvis = source.rotation["pelvis"] @ body.upright[body.pelvis]
     share, lowered, notes = _within_reach(source, robot, legs, standing, scale, pelvis, body)
-    level = share * scale.length
-    feet = foot_paths(source, robot, legs, level)
-    com = _scaled_com(source, legs, standing, scale, level)
+    spread = _spread(source, scale, share)
+    feet = foot_paths(source, robot, legs, spread)
+    com = _scaled_com(source, legs, standing, scale, spread)
     com[:, 2] -= lowered
     if feet.wider > 0.0:
         notes += (f"feet set {1e3 * feet.wider:.0f} mm farther outwards each, to pass each other",)
@@ -126,19 +127,15 @@ def balanced(targets: Targets, robot: Robot, k: Array, com: Array | None = None)
     k:
         Angular momentum (n, 3) that the robot has, or is wanted to have [kg m^2/s].
     com:
-        Its CoM (n, 3) [m]; None: the wanted one, of which nothing was moved yet. Footprints that
-        were set elsewhere than the human's take its CoP with them.
+        Its CoM (n, 3) [m]; None: the wanted one.
     """
     dt, flags = targets.dt, targets.down
-    weight, paths = loads(flags), targets.feet.paths
+    paths = targets.feet.paths
     k_rate = np.gradient(k, dt, axis=0)
     cop, square = cop_of(
         targets.com if com is None else com, k_rate, robot.mass, robot.gravity, dt
     )
-    drawn = np.zeros_like(cop)
-    if com is None:
-        drawn = np.sum([weight[:, [n]] * _held(paths[s]) for n, s in enumerate(SIDES)], axis=0)
-    goal = clipped(cop + drawn, {side: paths[side].corners[..., :2] for side in SIDES}, flags)
+    goal = clipped(cop, {side: paths[side].corners[..., :2] for side in SIDES}, flags)
     moving = targets.com.copy()
     moving[:, :2] += moved(goal - cop, square, dt)
     return replace(targets, com=moving, cop=goal)
@@ -157,8 +154,24 @@ def _matrices(entries: Array) -> Array:
     return np.asarray(entries[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3))
 
 
+def _spread(source: HumanFrames, scale: Scale, share: float) -> Array:
+    """Return what takes a human's places to the robot's (3, 3), steps shortened to ``share``.
+
+    Who walks straight on is shortened along that way only: sideways steps stay as wide.
+    """
+    spread = scale.length * np.eye(3)
+    com = source.series.com[:, :2]
+    net, whole = com[-1] - com[0], float(np.linalg.norm(np.diff(com, axis=0), axis=1).sum())
+    length = float(np.linalg.norm(net))
+    if length > STRAIGHT * whole and length > 0.0:
+        spread[:2, :2] -= scale.length * (1.0 - share) * np.outer(net, net) / length**2
+    else:
+        spread[:2, :2] *= share
+    return spread
+
+
 def _scaled_com(
-    source: HumanFrames, legs: Legs, standing: Standing, scale: Scale, level: float
+    source: HumanFrames, legs: Legs, standing: Standing, scale: Scale, spread: Array
 ) -> Array:
     """Return the human's CoM, scaled (n, 3) [m], over the robot's ground.
 
@@ -171,7 +184,7 @@ def _scaled_com(
     ahead -= float(standing.hips[:, 0].mean())
     most = AHEAD * legs.length
     com = np.empty((len(source), 3))
-    com[:, :2] = level * source.series.com[:, :2]
+    com[:, :2] = source.series.com[:, :2] @ spread[:2, :2].T
     com[:, :2] += min(max(ahead, -most), most) * turns[:, :2, 0]
     com[:, 2] = scale.robot_height + scale.length * height
     return com
@@ -208,10 +221,10 @@ def _stretch(
     pelvis: Array, body: BodyMap, share: float,
 ) -> float:  # fmt: skip
     """Return by how much the CoM must be lowered for standing legs to be bent enough [m]."""
-    level = share * scale.length
-    feet = foot_paths(source, robot, legs, level)
+    spread = _spread(source, scale, share)
+    feet = foot_paths(source, robot, legs, spread)
     snapshot = robot.snapshot(robot.postures[STANDING])
-    com = _scaled_com(source, legs, standing, scale, level)
+    com = _scaled_com(source, legs, standing, scale, spread)
     upright, longest, worst = snapshot.rotation(body.pelvis), STRAIGHTEST * legs.length, 0.0
     weight = loads(feet.down)
     drawn = sum(weight[:, [n]] * _held(feet.paths[side]) for n, side in enumerate(SIDES))

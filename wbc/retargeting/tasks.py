@@ -23,7 +23,6 @@ from wbc.tasks import (
 )
 from wbc.validate import Array, check_fields
 
-
 @dataclass(frozen=True)
 class RetargetWeights:
     """Weights of the tasks; lengths count as parts of the legs', so one fits all robots.
@@ -53,7 +52,7 @@ class RetargetWeights:
     arms: float = 0.4
     momentum: float = 40.0
     inertia: float = 0.4
-    posture: float = 0.05
+    posture: float = 0.15
 
     def __post_init__(self) -> None:
         check_fields(self, "retarget, weights, ", *self.__dataclass_fields__, above=0.0)

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from wbc.constraints import Limits, SelfCollision
+from wbc.constraints import BrakingParameters, Limits, SelfCollision
 from wbc.errors import InvalidInputError, shown
 from wbc.gait.legs import Legs
 from wbc.human import HumanMotion
 from wbc.retargeting.body_map import body_map
-from wbc.retargeting.by_tick import Progress, TickPass, first_configuration, followed
+from wbc.retargeting.by_tick import Progress, TickPass, first_configuration, kept
 from wbc.retargeting.ground_forces import ground_forces
 from wbc.retargeting.reaching import reached
 from wbc.retargeting.result import Retargeted
@@ -31,8 +31,11 @@ from wbc.validate import Array, finite_number, read_only
 RATE = 50.0  # Hz: of what trainers of policies read
 ROUNDS = 3
 FRICTION, MARGIN = 0.6, 0.01
+# Targets do not run into margins: what comes near one is on its way past it.
+BRAKING = BrakingParameters(deceleration=50.0, gain=1.0)
 # Joints that would be faster than their limits make the whole motion slower, by so much more.
-SLOWER, TRIES = 1.05, 3
+SLOWER, TRIES = 1.03, 4
+NO_LIMIT = 1e6  # rad/s^2
 
 
 def retarget(
@@ -111,17 +114,21 @@ def retarget(
     legs, body = Legs.of(robot), body_map(robot, links)
     standing = standing_of(robot, legs, body)
     scale = scale_of(human, robot, legs, standing, duration)
-    collision = SelfCollision(robot, margin=margin) if self_collision else None
+    collision = None
+    if self_collision:
+        collision = SelfCollision(robot, margin=margin, braking=BRAKING)
     asked, notes = scale.time, list(body.notes)
     for _ in range(TRIES):
         source = human_frames(human, rate * scale.time, human.cutoff if cutoff is None else cutoff)
         targets = scaled_targets(source, robot, legs, body, standing, scale, balance)
         tasks = FrameTasks(robot, body, targets, weights, legs.length)
-        q, failed = _solved(tasks, legs, collision, source.series.axes, rounds, balance, progress)
-        speed, joint = _fastest(robot, q, targets.dt)
+        wanted = _solved(tasks, legs, collision, source.series.axes, rounds, balance, progress)
+        speed, joint = _fastest(robot, wanted, targets.dt)
         if speed <= 1.0:
             break
         scale = replace(scale, time=scale.time * SLOWER * speed)
+    limits = Limits(robot, acceleration=NO_LIMIT)  # what is too much is said by its torque
+    q, failed = kept(tasks, wanted, limits, collision, progress)
     if scale.time != asked:
         notes.append(
             f"{scale.time / asked:.2f} times as slow as asked for: {joint} of {robot.name} is no"
@@ -169,8 +176,8 @@ def _solved(
     rounds: int,
     balance: bool,
     progress: Progress | None,
-) -> tuple[Array, dict[int, str]]:
-    """Return configurations (n, nq), and frames of the last pass that had no solution."""
+) -> Array:
+    """Return configurations (n, nq) as near to the targets as they come."""
     robot, wanted = tasks.robot, tasks.targets
     constraints = [] if collision is None else [collision]
     start = first_configuration(tasks, constraints)
@@ -186,7 +193,7 @@ def _solved(
             k = np.array([one.momentum[3:] for one in states])
             tasks.targets = balanced(tasks.targets, robot, k, com)
         q = motion.improved(q)
-    return followed(tasks, q, Limits(robot), constraints, progress)
+    return q
 
 
 def _fastest(robot: Robot, q: Array, dt: float) -> tuple[float, str]:
