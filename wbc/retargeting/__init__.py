@@ -2,8 +2,8 @@
 
 from wbc.retargeting.body_map import BodyMap, body_map
 from wbc.retargeting.ground_forces import Unbalanced
-from wbc.retargeting.result import Reached, Retargeted
 from wbc.retargeting.passes import retarget
+from wbc.retargeting.result import Reached, Retargeted
 from wbc.retargeting.scaling import Scale
 from wbc.retargeting.tasks import RetargetWeights
 

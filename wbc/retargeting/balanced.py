@@ -36,7 +36,7 @@ def loads(flags: NDArray[np.bool_]) -> Array:
     a curve of least jerk; where both stood before or stand after, the middle is theirs. In the air
     it is halved.
     """
-    count, both = len(flags), flags.all(axis=1)
+    count, both = len(flags), flags[:, 0] & flags[:, 1]
     left = np.where(flags[:, 0] == flags[:, 1], 0.5, flags[:, 0].astype(float))
     for first, end in runs(both):
         start = left[first - 1] if first > 0 else 0.5
@@ -65,7 +65,9 @@ def cop_of(com: Array, k_rate: Array, mass: float, gravity: float, dt: float) ->
     return cop, square
 
 
-def clipped(cop: Array, corners: Mapping[str, Array], flags: Array, share: float = INSIDE) -> Array:
+def clipped(
+    cop: Array, corners: Mapping[str, Array], flags: NDArray[np.bool_], share: float = INSIDE
+) -> Array:
     """Return the nearest CoP (n, 2) inside the soles that stand; NaN stays, and where none does.
 
     Parameters

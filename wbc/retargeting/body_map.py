@@ -73,9 +73,10 @@ class BodyMap:
 def body_map(robot: Robot, links: Mapping[str, str] | None = None) -> BodyMap:
     """Return which frames of a robot stand for a human's pelvis, trunk, head and arms.
 
-    The pelvis is the link that carries both legs. Arms are the chains that end farthest to the left and to the right of the base, legs aside; the
-    trunk is the link that carries both; the elbow is the joint that shortens its arm most; the head
-    is the end of a chain in the middle that begins at the trunk.
+    The pelvis is the link that carries both legs. Arms are the chains that end farthest to the left
+    and to the right of the base, legs aside; the trunk is the link that carries both; the elbow is
+    the joint that shortens its arm most; the head is the end of a chain in the middle that begins
+    at the trunk.
 
     Parameters
     ----------
@@ -123,7 +124,9 @@ def body_map(robot: Robot, links: Mapping[str, str] | None = None) -> BodyMap:
             read_only(snapshot.rotation(frame).T @ way / length)
             for frame, way, length in zip(names[1:3], ways, lengths, strict=True)
         ]
-        arms[side] = Arm(*names, *axes, float(lengths.sum()))
+        shoulder, upper, forearm, hand = names
+        length = float(lengths.sum())
+        arms[side] = Arm(shoulder, upper, forearm, hand, axes[0], axes[1], length)
     head = found.get("head")
     if head is None:
         notes.append(f"{robot.name} has no head that moves: it looks where its trunk does")

@@ -94,11 +94,12 @@ class TickPass:
             damping=1e-5,
         )
         q = np.empty((count, robot.nq))
-        q[0], v = start, np.zeros(robot.nv)
+        q[0] = start
+        v: Array = np.zeros(robot.nv)
         held: tuple[str, ...] = ()
         for k in range(1, count):
             tasks.aim(k)
-            tasks.aim_momentum(0.5 * (targets.angular_momentum[k - 1] + targets.angular_momentum[k]))
+            tasks.aim_momentum(targets.angular_momentum[k - 1 : k + 1].mean(axis=0))
             stand = tuple(s for n, s in enumerate(SIDES) if down[k - 1, n] and down[k, n])
             if stand != held:
                 controller.set_contacts([tasks.contacts[side] for side in stand])

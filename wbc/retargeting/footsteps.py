@@ -107,7 +107,7 @@ def pitched(heading: Array, pitch: Array) -> Array:
     c, s, cp, sp = np.cos(heading), np.sin(heading), np.cos(pitch), np.sin(pitch)
     zero = np.zeros_like(c)
     rows = [[c * cp, -s, -c * sp], [s * cp, c, -s * sp], [sp, zero, cp]]
-    return np.moveaxis(np.array([[one for one in row] for row in rows]), 2, 0)
+    return np.moveaxis(np.array([[*row] for row in rows]), 2, 0)
 
 
 def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, spread: Array) -> FootPaths:
@@ -242,7 +242,7 @@ def _swing(values: Array, way: Array, swings: Bools) -> None:
     count = len(values)
     for first, end in runs(swings):
         T = end - first + 1.0
-        ends = []
+        ends = list[tuple[Array, Array] | None]()
         for at, inner in ((first - 1, -1), (end, 1)):
             if not 0 <= at < count:
                 ends.append(None)
@@ -252,10 +252,12 @@ def _swing(values: Array, way: Array, swings: Bools) -> None:
                 near = [near[0]] * 3
             rate = inner * (-1.5 * near[0] + 2.0 * near[1] - 0.5 * near[2])
             ends.append((near[0], T * rate))
-        if ends[0] is None and ends[1] is None:
+        known = [one for one in ends if one is not None]
+        if not known:
             values[first:end] = way[first:end]
             continue
-        start, goal = (ends[k] or (ends[1 - k][0], 0.0 * ends[1 - k][1]) for k in (0, 1))
+        still = known[0][0], 0.0 * known[0][1]  # beyond the recording's ends it stays so
+        start, goal = (still if one is None else one for one in ends)
         u = ((np.arange(first, end) - first + 1.0) / T)[:, None]
         s = minimum_jerk(u)
         # Hermite's quintics for a rate at one end, with no acceleration at either.

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from wbc.gait.legs import SIDES
@@ -88,7 +89,7 @@ def ground_forces(
     acceleration: Array,
     whole: CentroidalSeries,
     time: Array,
-    down: Array,
+    down: NDArray[np.bool_],
     corners: Mapping[str, Array],
     friction: float,
 ) -> GroundForces:

@@ -17,7 +17,7 @@ from wbc.retargeting.ground_forces import ground_forces
 from wbc.retargeting.reaching import reached
 from wbc.retargeting.result import Retargeted
 from wbc.retargeting.scaling import FROUDE, scale_of, standing_of
-from wbc.retargeting.smoothing import INSIDE, WholeMotion, velocities
+from wbc.retargeting.smoothing import WholeMotion, velocities
 from wbc.retargeting.source import human_frames
 from wbc.retargeting.targets import balanced, scaled_targets
 from wbc.retargeting.tasks import FrameTasks, RetargetWeights
@@ -29,7 +29,8 @@ from wbc.robot.tree import refuse_loops
 from wbc.validate import Array, finite_number, read_only
 
 RATE = 50.0  # Hz: of what trainers of policies read
-ROUNDS = 3
+# Of the whole motion: at least, and at most; it is done when this much was lacking before.
+LEAST_ROUNDS, ROUNDS, CLOSE = 3, 8, 2e-4
 FRICTION, MARGIN = 0.6, 0.01
 # Targets do not run into margins: what comes near one is on its way past it.
 BRAKING = BrakingParameters(deceleration=50.0, gain=1.0)
@@ -87,9 +88,15 @@ def retarget(
     links:
         Frames of the robot by part of the body, see :func:`wbc.retargeting.body_map.body_map`.
     rounds:
-        Of the whole motion at once.
+        Of the whole motion at once, at most: most take four.
     progress:
         Called with frames done and frames in all, of all passes.
+
+    Returns
+    -------
+    Retargeted
+        The motion with contacts, wrenches and torques; how near each task came; where it cannot be
+        balanced as it is, and why.
 
     Raises
     ------
@@ -183,8 +190,7 @@ def _solved(
     start = first_configuration(tasks, constraints)
     q = TickPass(tasks, Limits(robot, velocity=None), constraints).run(start, progress)
     tasks.shape_like(np.array([robot.snapshot(one).inertia for one in q]), axes)
-    limits = robot.limits
-    motion = WholeMotion(tasks, collision, limits.lower + INSIDE, limits.upper - INSIDE, legs.length)
+    motion = WholeMotion(tasks, collision, legs.length)
     for number in range(rounds):
         if balance and number > 0:
             v = velocities(robot, q, wanted.dt)
@@ -193,6 +199,8 @@ def _solved(
             k = np.array([one.momentum[3:] for one in states])
             tasks.targets = balanced(tasks.targets, robot, k, com)
         q = motion.improved(q)
+        if number + 1 >= LEAST_ROUNDS and motion.violation < CLOSE:
+            break
     return q
 
 

@@ -7,8 +7,8 @@ import numpy as np
 from wbc.gait.legs import SIDES
 from wbc.retargeting.body_map import BodyMap
 from wbc.retargeting.result import Reached
-from wbc.retargeting.tasks import FrameTasks
 from wbc.retargeting.targets import Targets
+from wbc.retargeting.tasks import FrameTasks
 from wbc.rmp.axes import told_apart, track
 from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries
@@ -38,7 +38,8 @@ def reached(
             room[k] = _angle(targets.rotation[frame][k].T @ snapshot.rotation(frame))
         for side, arm in body.arms.items():
             pairs = ((arm.upper_arm, arm.upper_axis), (arm.forearm, arm.forearm_axis))
-            for n, (name, (frame, axis)) in enumerate(zip(("upper arm", "forearm"), pairs, strict=True)):
+            for n, name in enumerate(("upper arm", "forearm")):
+                frame, axis = pairs[n]
                 cosine = snapshot.rotation(frame) @ axis @ targets.arms[side][k, n]
                 arms[side, name][k] = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
         for side in SIDES:

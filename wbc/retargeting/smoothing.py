@@ -4,17 +4,19 @@ A tick sees one frame, so what it does jitters where contacts, limits and margin
 angular momentum that it takes now it has to give back later. Here displacements of all frames,
 x = (d_0, ..., d_n-1) in the robot's tangent space, minimise
 
-    sum_k |W (e_k + J_k d_k)|^2                                    tasks, contacts with a high weight
+    sum_k |W (e_k + J_k d_k)|^2                                    tasks; contacts weigh most
         + |w u_k|^2 + |w' (u_k+1 - u_k)/dt|^2                      momentum and its rate
         + |mu ((v_k+2 - 2 v_k+1 + v_k)/dt^2 + (D^3 d)_k/dt^3)|^2   jerk,
 
 by the very rows of the tasks (Gauss-Newton), u_k = A_k (v_k + (d_k+1 - d_k)/dt) - h_k. The rate of
-momentum is the ground's force: a CoM that is followed to a millimetre but trembles at 10 Hz puts the
-CoP outside the feet. Only neighbours within three frames are coupled, so
-the normal equations are banded: linear in the number of frames.
+momentum is the ground's force: a CoM that is followed to a millimetre but trembles at 10 Hz puts
+the CoP outside the feet. Only neighbours within three frames are coupled, so the normal equations
+are banded: linear in the number of frames.
 """
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import LinAlgError, solveh_banded
@@ -36,7 +38,7 @@ UNHURRIED, HURRIED, FASTEST = 0.05, 3.0, 0.9
 SPAN = 3  # frames that are coupled
 # What a task of weight 1 passes: it is cut off at this frequency, and others at that times the
 # third root of their weights.
-CUTOFF = 6.0  # Hz
+CUTOFF = 5.0  # Hz
 NEAR, KEPT = 8e-3, 2e-3  # m: bodies so near to their margin are looked at, and kept so far off
 INSIDE = 2e-3  # rad: from the limits
 DAMPED = 1.0  # weight of displacements (Levenberg and Marquardt): rows are of first order only
@@ -49,24 +51,34 @@ class WholeMotion:
 
     Parameters
     ----------
-    lower, upper:
-        Of the joints (nv - 6,), less what is kept from them.
+    tasks:
+        With the targets.
+    collision:
+        Margins between bodies that are kept.
     leg:
         Length of the legs [m].
+
+    Attributes
+    ----------
+    violation:
+        How far feet on the ground, limits and margins were off at most before the last round
+        [m or rad].
     """
+
+    violation: float
 
     def __init__(
         self,
         tasks: FrameTasks,
         collision: SelfCollision | None,
-        lower: Array,
-        upper: Array,
         leg: float,
     ) -> None:
         self.tasks, self.collision, self.leg = tasks, collision, leg
-        self.lower, self.upper = lower, upper
+        limits = tasks.robot.limits
+        self.lower, self.upper = limits.lower + INSIDE, limits.upper - INSIDE
         w = EXACT * np.array([1.0 / leg] * 3 + [1.0] * 3)
         self._exact = w
+        self.violation = np.inf
 
     def improved(self, q: Array) -> Array:
         """Return configurations (n, nq) after one round."""
@@ -74,6 +86,7 @@ class WholeMotion:
         count, nv = len(q), robot.nv
         v = velocities(robot, q, dt)
         blocks = np.zeros((count, SPAN + 1, nv, nv))  # (k, m): of d_k and d_(k+m)
+        self.violation = 0.0
         slope, maps = np.zeros((count, nv)), np.empty((count - 1, 6, nv))
         for k in range(count):
             snapshot = robot.snapshot(q[k], v[min(k, count - 2)])
@@ -108,6 +121,8 @@ class WholeMotion:
             add(tasks.inertia, tasks.inertia.weight)
         for n, side in enumerate(SIDES):
             add(tasks.feet[side], self._exact if down[n] else tasks.foot_weight)
+            if down[n]:
+                self._violated(np.abs(errors[-1] / self._exact))
         joints = snapshot.joint_positions
         over = np.maximum(joints - self.upper, 0.0) + np.minimum(joints - self.lower, 0.0)
         out = np.flatnonzero(over)
@@ -116,6 +131,7 @@ class WholeMotion:
             J[np.arange(out.size), BASE_NV + out] = LIMITED
             rows.append(J)
             errors.append(LIMITED * over[out])
+            self._violated(np.abs(over[out]) - INSIDE)
         if self.collision is not None:
             found = self.collision.distances(snapshot)
             near = np.flatnonzero(found.clearance < NEAR)
@@ -123,7 +139,11 @@ class WholeMotion:
                 w = APART / self.leg
                 rows.append(w * found.jacobian[near])
                 errors.append(w * np.minimum(found.clearance[near] - KEPT, 0.0))
+                self._violated(-found.clearance[near])
         return np.concatenate(rows), np.concatenate(errors)
+
+    def _violated(self, by: Array) -> None:
+        self.violation = max(self.violation, float(by.max()))
 
     def _momentum(self, maps: Array, v: Array, blocks: Array, slope: Array) -> None:
         """Add the rows of the momentum between frames, and of its rate."""
@@ -182,7 +202,7 @@ def _add(blocks: Array, slope: Array, parts: tuple[Array, ...], off: Array) -> N
 
 def velocities(robot: Robot, q: Array, dt: float) -> Array:
     """Return the velocities from each frame to the next (n - 1, nv)."""
-    steps = [robot.difference(a, b) for a, b in zip(q[:-1], q[1:], strict=True)]
+    steps = [robot.difference(a, b) for a, b in pairwise(q)]
     return np.array(steps) / dt
 
 
@@ -203,4 +223,3 @@ def _solved(blocks: Array, slope: Array) -> Array:
     except LinAlgError as failure:
         raise SolverError(f"retarget: the motion's least squares failed: {failure}") from failure
     return np.asarray(found.reshape(count, nv))
-

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,10 @@ from wbc.validate import Array
 
 SEGMENTS = ("pelvis", "trunk", "head", "left_upper_arm", "left_forearm", "right_upper_arm",
             "right_forearm")  # fmt: skip
+
+
+EDGE = 0.5  # periods of the cutoff that are left out at both ends
+LEAST = 20  # frames that are left at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +59,21 @@ class HumanFrames:
 
 
 def human_frames(human: HumanMotion, rate: float, cutoff: float | None) -> HumanFrames:
-    """Return a human's motion at ``rate`` [Hz], low-passed at ``cutoff`` [Hz]."""
+    """Return a human's motion at ``rate`` [Hz], low-passed at ``cutoff`` [Hz].
+
+    Half a period of the cutoff is left out at both ends, unless little would be left.
+    """
     series = analyse(
         human.motion, rate=rate, cutoff=cutoff, noise=None, ground_height=human.ground_height
     )
+    # What a filter makes of a recording's ends is a guess.
+    dropped = round(EDGE / series.cutoff * rate) if series.cutoff else 0
+    inner = slice(dropped, len(series) - dropped)
+    if len(series) - 2 * dropped < LEAST:
+        inner = slice(None)
     robot = series.robot
+    cut: dict[str, Any] = {name: one[inner] for name, one in series.arrays().items()}
+    series = replace(series, **cut)
     places = sole_series(robot, series.q)
     flags = feet_down(robot, places, series.time, human.ground_height)
     rotation = {name: np.empty((len(series), 3, 3)) for name in SEGMENTS}

@@ -132,9 +132,7 @@ def balanced(targets: Targets, robot: Robot, k: Array, com: Array | None = None)
     dt, flags = targets.dt, targets.down
     paths = targets.feet.paths
     k_rate = np.gradient(k, dt, axis=0)
-    cop, square = cop_of(
-        targets.com if com is None else com, k_rate, robot.mass, robot.gravity, dt
-    )
+    cop, square = cop_of(targets.com if com is None else com, k_rate, robot.mass, robot.gravity, dt)
     goal = clipped(cop, {side: paths[side].corners[..., :2] for side in SIDES}, flags)
     moving = targets.com.copy()
     moving[:, :2] += moved(goal - cop, square, dt)
@@ -209,7 +207,7 @@ def _within_reach(
         share, needed = low, lacking(low)
     notes = list[str]()
     if share < 1.0:
-        notes.append(f"steps shortened to {share:.0%} of the human's, scaled: the legs reach so far")
+        notes.append(f"steps are {share:.0%} of the human's, scaled: the legs reach so far")
     lowered = min(max(needed, 0.0), max(most, 0.0))
     if lowered > 0.0:
         notes.append(f"the CoM is {1e3 * lowered:.0f} mm lower, for flat feet to reach the ground")

@@ -23,6 +23,7 @@ from wbc.tasks import (
 )
 from wbc.validate import Array, check_fields
 
+
 @dataclass(frozen=True)
 class RetargetWeights:
     """Weights of the tasks; lengths count as parts of the legs', so one fits all robots.
@@ -137,8 +138,8 @@ class FrameTasks:
         for frame, task in self.turns.items():
             task.set_target(targets.rotation[frame][k])
         for side, pair in self.arms.items():
-            for task, way in zip(pair, targets.arms[side][k], strict=True):
-                task.set_target(way)
+            for one, way in zip(pair, targets.arms[side][k], strict=True):
+                one.set_target(way)
         self.aim_feet(k)
         if self.ellipsoids is not None:
             self.inertia.set_target(self.ellipsoids[k])
