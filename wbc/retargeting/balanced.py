@@ -84,7 +84,7 @@ def clipped(
         if not stand or not np.isfinite(point).all():
             continue
         points = np.concatenate(stand)
-        key = points.tobytes()
+        key = np.round(points, 6).tobytes()
         if key not in known:
             known[key] = _shrunk(points, stand, share)
         found[k] = nearest_point(known[key], point)

@@ -24,7 +24,7 @@ from wbc.robot.postures import STANDING
 from wbc.validate import Array
 
 # Feet come no nearer to each other than the sole's width and this part of the legs' length.
-BESIDE = 0.06
+BESIDE = 0.08
 CLEARANCE = 0.01  # m, of a human's foot: so high its corners pass over the ground
 LOW = 0.1  # part of that at which a foot counts as lifted
 # rad: pitches below the first are those of a foot that is flat, and little more until the second;

@@ -17,7 +17,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -27,9 +27,6 @@ from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.rotations import quaternion_from, same_sign
 from wbc.validate import Array
-
-if TYPE_CHECKING:
-    from wbc.retargeting.result import Retargeted
 
 ENDINGS = {"wbc": ".npz", "tracking": ".npz", "unitree": ".csv"}
 LAYOUTS = tuple(ENDINGS)
@@ -51,10 +48,10 @@ def check_layout(path: str | Path, layout: str) -> None:
         raise InvalidInputError(f"{path}: the layout {layout!r} is written as {ENDINGS[layout]}")
 
 
-def save(motion: Retargeted, path: str | Path, layout: str) -> None:
-    """Write a motion; for errors see :meth:`wbc.retargeting.Retargeted.save`."""
+def save(motion: Any, path: str | Path, layout: str) -> None:
+    """Write a :class:`wbc.Retargeted`; for errors see :meth:`wbc.Retargeted.save`."""
     check_layout(path, layout)
-    writers: dict[str, Callable[[Retargeted, str | Path], None]] = {
+    writers: dict[str, Callable[[Any, str | Path], None]] = {
         "wbc": _save_own,
         "tracking": _save_tracking,
         "unitree": _save_unitree,
@@ -62,7 +59,7 @@ def save(motion: Retargeted, path: str | Path, layout: str) -> None:
     writers[layout](motion, path)
 
 
-def _save_own(motion: Retargeted, path: str | Path) -> None:
+def _save_own(motion: Any, path: str | Path) -> None:
     summary = {
         "format": "wbc retargeted motion 1",
         "robot": motion.robot.name,
@@ -95,7 +92,7 @@ def _save_own(motion: Retargeted, path: str | Path) -> None:
     write_arrays(path, arrays)
 
 
-def _save_tracking(motion: Retargeted, path: str | Path) -> None:
+def _save_tracking(motion: Any, path: str | Path) -> None:
     names, place, quaternion, velocity, spin = bodies(motion.robot, motion.q, motion.v)
     arrays = {
         "fps": np.array([motion.rate]),
@@ -113,12 +110,12 @@ def _save_tracking(motion: Retargeted, path: str | Path) -> None:
     write_arrays(path, {name: one.astype(np.float32) for name, one in arrays.items()} | texts)
 
 
-def _save_unitree(motion: Retargeted, path: str | Path) -> None:
+def _save_unitree(motion: Any, path: str | Path) -> None:
     rows = np.hstack((motion.q[:, :BASE_NQ], _angles(motion)))
     write_text(path, "".join(",".join(f"{v:.6f}" for v in row) + "\n" for row in rows.tolist()))
 
 
-def _angles(motion: Retargeted) -> Array:
+def _angles(motion: Any) -> Array:
     """Return the joints' positions (n, nv - 6) [rad or m]."""
     robot = motion.robot
     return np.array([robot.limits.joint_positions(q) for q in motion.q])

@@ -199,7 +199,8 @@ def _solved(
             k = np.array([one.momentum[3:] for one in states])
             tasks.targets = balanced(tasks.targets, robot, k, com)
         q = motion.improved(q)
-        if number + 1 >= LEAST_ROUNDS and motion.violation < CLOSE:
+        close = motion.violation < CLOSE and motion.speed < 1.0
+        if number + 1 >= LEAST_ROUNDS and close:
             break
     return q
 

@@ -16,34 +16,53 @@ are banded: linear in the number of frames.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import LinAlgError, solveh_banded
+from scipy.spatial.transform import Rotation
 
 from wbc.constraints.collision import SelfCollision
 from wbc.errors import SolverError
 from wbc.gait.legs import SIDES
 from wbc.retargeting.tasks import FrameTasks
-from wbc.robot import Robot, Snapshot
+from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
-from wbc.tasks import Task
+from wbc.spatial import COLUMNS, ROWS, skews, vech
 from wbc.validate import Array
 
 # By a leg's length and per rad: of contacts, of limits, and of margins that would be broken.
 EXACT, LIMITED, APART = 1e4, 200.0, 200.0
 PRESSED = 3.0  # by a leg's length: of where the momentum's rate puts the CoP
 # Of speeds by their limits, and of what is beyond this part of them.
-UNHURRIED, HURRIED, FASTEST = 0.05, 3.0, 0.9
+UNHURRIED, HURRIED, FASTEST = 0.3, 10.0, 0.9
 SPAN = 3  # frames that are coupled
 # What a task of weight 1 passes: it is cut off at this frequency, and others at that times the
 # third root of their weights.
 CUTOFF = 5.0  # Hz
 NEAR, KEPT = 8e-3, 2e-3  # m: bodies so near to their margin are looked at, and kept so far off
 INSIDE = 2e-3  # rad: from the limits
+ACTIVE_SETS = 4  # of joints at their limits, that are tried in a round
 DAMPED = 1.0  # weight of displacements (Levenberg and Marquardt): rows are of first order only
 LARGEST = 0.3  # rad or m: of one frame in one round
 THIRD = np.array((-1.0, 3.0, -3.0, 1.0))
+
+
+class _Gathered(NamedTuple):
+    """What rows are made of, of n frames and f frames of the robot; world axes."""
+
+    place: Array  # (n, f, 3)
+    rotation: Array  # (n, f, 3, 3)
+    jacobian: Array  # (n, f, 6, nv)
+    com: Array  # (n, 3)
+    com_jacobian: Array  # (n, 3, nv)
+    inertia: Array  # vech (n, 6)
+    inertia_jacobian: Array  # (n, 6, nv)
+    maps: Array  # centroidal (n, 6, nv)
+    joints: Array  # (n, nv - 6)
+    near: list[tuple[int, Array, Array]]  # of pairs of bodies: frame, weighted rows, errors
 
 
 class WholeMotion:
@@ -63,9 +82,12 @@ class WholeMotion:
     violation:
         How far feet on the ground, limits and margins were off at most before the last round
         [m or rad].
+    speed:
+        Of the fastest joint then, by its limit.
     """
 
     violation: float
+    speed: float
 
     def __init__(
         self,
@@ -78,7 +100,10 @@ class WholeMotion:
         self.lower, self.upper = limits.lower + INSIDE, limits.upper - INSIDE
         w = EXACT * np.array([1.0 / leg] * 3 + [1.0] * 3)
         self._exact = w
-        self.violation = np.inf
+        arms = [task.frame for pair in tasks.arms.values() for task in pair]
+        soles = [tasks.robot.feet[side].frame for side in SIDES]
+        self._frames = (*tasks.turns, *arms, *soles)
+        self.violation = self.speed = np.inf
 
     def improved(self, q: Array) -> Array:
         """Return configurations (n, nq) after one round."""
@@ -86,61 +111,123 @@ class WholeMotion:
         count, nv = len(q), robot.nv
         v = velocities(robot, q, dt)
         blocks = np.zeros((count, SPAN + 1, nv, nv))  # (k, m): of d_k and d_(k+m)
+        slope = np.zeros((count, nv))
         self.violation = 0.0
-        slope, maps = np.zeros((count, nv)), np.empty((count - 1, 6, nv))
-        for k in range(count):
-            snapshot = robot.snapshot(q[k], v[min(k, count - 2)])
-            self.tasks.aim(k)
-            J, e = self._rows(snapshot, k)
+        self.speed = float((np.abs(v[:, BASE_NV:]) / robot.limits.velocity).max())
+        found = self._gathered(q, v)
+        for J, e in self._rows(found):
+            _add(blocks, slope, (J,), e)
+        self._posture(found.joints, blocks, slope)
+        for k, J, e in found.near:
             blocks[k, 0] += J.T @ J
             slope[k] += J.T @ e
-            if k < count - 1:
-                maps[k] = snapshot.centroidal_map
-        self._momentum(maps, v, blocks, slope)
+        self._momentum(found.maps[:-1], v, blocks, slope)
         self._jerk(v, blocks, slope)
         self._speed(v, blocks, slope)
         every = np.arange(nv)
         blocks[:, 0, every, every] += DAMPED**2
-        step = _solved(blocks, slope)
+        step = self._within_limits(found.joints, blocks, slope)
         np.clip(step, -LARGEST, LARGEST, out=step)
         return np.array([robot.integrate(one, d, 1.0) for one, d in zip(q, step, strict=True)])
 
-    def _rows(self, snapshot: Snapshot, k: int) -> tuple[Array, Array]:
-        """Return weighted rows (m, nv) and errors (m,) of one frame."""
-        tasks, down = self.tasks, self.tasks.targets.down[k]
-        rows, errors = list[Array](), list[Array]()
-
-        def add(task: Task, weight: Array) -> None:
-            found = task.residual(snapshot)
-            rows.append(weight[:, None] * found.jacobian)
-            errors.append(weight * found.error)
-
-        for task in tasks.lasting:
-            add(task, task.weight)
-        if tasks.ellipsoids is not None:
-            add(tasks.inertia, tasks.inertia.weight)
-        for n, side in enumerate(SIDES):
-            add(tasks.feet[side], self._exact if down[n] else tasks.foot_weight)
-            if down[n]:
-                self._violated(np.abs(errors[-1] / self._exact))
-        joints = snapshot.joint_positions
-        over = np.maximum(joints - self.upper, 0.0) + np.minimum(joints - self.lower, 0.0)
-        out = np.flatnonzero(over)
-        if out.size:
-            J = np.zeros((out.size, snapshot.robot.nv))
-            J[np.arange(out.size), BASE_NV + out] = LIMITED
-            rows.append(J)
-            errors.append(LIMITED * over[out])
-            self._violated(np.abs(over[out]) - INSIDE)
-        if self.collision is not None:
-            found = self.collision.distances(snapshot)
-            near = np.flatnonzero(found.clearance < NEAR)
+    def _gathered(self, q: Array, v: Array) -> _Gathered:
+        """Return what rows are made of, of all frames."""
+        robot, count, nv = self.tasks.robot, len(q), self.tasks.robot.nv
+        frames = self._frames
+        found = _Gathered(
+            place=np.empty((count, len(frames), 3)),
+            rotation=np.empty((count, len(frames), 3, 3)),
+            jacobian=np.empty((count, len(frames), 6, nv)),
+            com=np.empty((count, 3)),
+            com_jacobian=np.empty((count, 3, nv)),
+            inertia=np.empty((count, 6)),
+            inertia_jacobian=np.empty((count, 6, nv)),
+            maps=np.empty((count, 6, nv)),
+            joints=np.empty((count, nv - BASE_NV)),
+            near=[],
+        )
+        for k in range(count):
+            snapshot = robot.snapshot(q[k], v[min(k, count - 2)])
+            for n, frame in enumerate(frames):
+                found.place[k, n], found.rotation[k, n] = snapshot.placement(frame)
+                found.jacobian[k, n] = snapshot.jacobian(frame)
+            found.com[k], found.com_jacobian[k] = snapshot.com, snapshot.com_jacobian
+            found.maps[k], found.joints[k] = snapshot.centroidal_map, snapshot.joint_positions
+            found.inertia[k] = vech(snapshot.inertia)
+            found.inertia_jacobian[k] = snapshot.inertia_jacobian
+            if self.collision is None:
+                continue
+            pairs = self.collision.distances(snapshot)
+            near = np.flatnonzero(pairs.clearance < NEAR)
             if near.size:
                 w = APART / self.leg
-                rows.append(w * found.jacobian[near])
-                errors.append(w * np.minimum(found.clearance[near] - KEPT, 0.0))
-                self._violated(-found.clearance[near])
-        return np.concatenate(rows), np.concatenate(errors)
+                e = w * np.minimum(pairs.clearance[near] - KEPT, 0.0)
+                found.near.append((k, w * pairs.jacobian[near], e))
+                self._violated(-pairs.clearance[near])
+        return found
+
+    def _rows(self, found: _Gathered) -> Iterator[tuple[Array, Array]]:
+        """Yield weighted rows (n, r, nv) and errors (n, r) of the tasks, frame by frame."""
+        tasks, targets = self.tasks, self.tasks.targets
+        w = tasks.com.weight
+        yield w[:, None] * found.com_jacobian, w * (found.com - targets.com)
+        number = 0
+        for frame, task in tasks.turns.items():
+            # With the error e of a rotation in world axes Jlog(e) e = e: the plain Jacobian does.
+            e = _rotation_vectors(found.rotation[:, number], targets.rotation[frame])
+            yield task.weight[:, None] * found.jacobian[:, number, 3:], task.weight * e
+            number += 1
+        for side, pair in tasks.arms.items():
+            for n, arm in enumerate(pair):
+                way = found.rotation[:, number] @ arm.axis
+                J = -skews(way) @ found.jacobian[:, number, 3:]
+                yield arm.weight[:, None] * J, arm.weight * (way - targets.arms[side][:, n])
+                number += 1
+        for side in SIDES:
+            path = targets.feet.paths[side]
+            turn = _rotation_vectors(found.rotation[:, number], path.rotation)
+            e = np.hstack((found.place[:, number] - path.place, turn))
+            if path.down.any():
+                self._violated(np.abs(e[path.down]))
+            weight = np.where(path.down[:, None], self._exact, tasks.foot_weight)
+            yield weight[..., None] * found.jacobian[:, number], weight * e
+            number += 1
+        if tasks.ellipsoids is not None:
+            w = tasks.inertia.weight[:, None] * tasks.inertia.selection
+            wanted = tasks.ellipsoids[:, ROWS, COLUMNS]
+            yield w @ found.inertia_jacobian, (found.inertia - wanted) @ w.T
+
+    def _posture(self, joints: Array, blocks: Array, slope: Array) -> None:
+        """Add the posture."""
+        wanted = self.tasks.robot.limits.joint_positions(self.tasks.posture.target)
+        columns = BASE_NV + np.arange(joints.shape[1])
+        w = self.tasks.posture.weight
+        slope[:, columns] += w**2 * (joints - wanted)
+        blocks[:, 0, columns, columns] += w**2
+
+    def _within_limits(self, joints: Array, blocks: Array, slope: Array) -> Array:
+        """Return displacements (n, nv) that lead past no limit, nearly.
+
+        Joints that would be past one are held there by rows of high weight, and let go again where
+        they are pulled inside.
+        """
+        columns = BASE_NV + np.arange(joints.shape[1])
+        past = np.maximum(self.lower - joints, joints - self.upper)
+        self._violated(past - INSIDE)
+        held = np.zeros(joints.shape, dtype=bool)
+        for _ in range(ACTIVE_SETS):
+            room = np.where(joints + 0.0 > 0.5 * (self.lower + self.upper), self.upper, self.lower)
+            room = np.where(np.isfinite(room), room, joints)
+            own, pull = blocks.copy(), slope.copy()
+            own[:, 0, columns, columns] += LIMITED**2 * held
+            pull[:, columns] += LIMITED**2 * held * (joints - room)
+            step = _solved(own, pull)
+            goal = joints + step[:, columns]
+            out = (goal > self.upper) | (goal < self.lower)
+            if np.array_equal(out, held):
+                break
+            held = out
+        return step
 
     def _violated(self, by: Array) -> None:
         self.violation = max(self.violation, float(by.max()))
@@ -198,6 +285,11 @@ def _add(blocks: Array, slope: Array, parts: tuple[Array, ...], off: Array) -> N
         slope[i : count + i] += np.einsum("kij,ki->kj", A, off)
         for j in range(i, len(parts)):
             blocks[i : count + i, j - i] += np.swapaxes(A, 1, 2) @ parts[j]
+
+
+def _rotation_vectors(actual: Array, wanted: Array) -> Array:
+    """Return the rotations (n, 3) [rad], world axes, from wanted to actual (n, 3, 3)."""
+    return np.asarray(Rotation.from_matrix(actual @ np.swapaxes(wanted, 1, 2)).as_rotvec())
 
 
 def velocities(robot: Robot, q: Array, dt: float) -> Array:
