@@ -1,9 +1,9 @@
-"""Human motion on humanoids: what is kept, how near it comes to the human, how fast, and in physics.
+"""Human motion on humanoids: what is kept, how near it comes, how fast, and in physics.
 
 Recordings are not part of the project: any files that `wbc analyze` reads. Feet, limits and margins
-are judged by other means than those that made the motion: margins by the shapes of the robot's files
-(Coal), torques by inverse dynamics. Frames per second are of CPU time of one process, everything
-behind the fit of the human included. With `--physics` the first recording's walk is walked in
+are judged by other means than those that made the motion: margins by the shapes of the robot's
+files (Coal), torques by inverse dynamics. Frames per second are of CPU time of one process, with
+everything behind the fit of the human. With `--physics` the first recording's walk is walked in
 MuJoCo, on its footsteps and with its arms, with noise, 2 ms of delay and masses that are wrong by
 up to 10 % (benchmarks/disturbed.py), over seeds.
 
@@ -37,7 +37,7 @@ from wbc.tasks import PostureTask
 
 ROBOTS = ("g1", "talos", "hoap2_like", "g1_27")
 MARGIN = 0.01  # m
-STEPS, MOST = 12, 20.0  # of the walk in physics, and s
+STEPS, MOST = 14, 20.0  # of the walk in physics, and s
 
 
 def figures(found: wbc.Retargeted, seconds: float) -> dict[str, Any]:
@@ -99,7 +99,7 @@ def walked(human: HumanMotion, name: str, seed: int) -> dict[str, Any]:
     arms = [n for n in robot.joint_names if any(p in n for p in ("shoulder", "elbow"))]
     start = robot.postures["standing"].copy()
     swing = PostureTask(robot, start, joints={"*": 0.0} | dict.fromkeys(arms, 1.0), name="arms",
-                        weight=3.0, kp=100.0)  # fmt: skip
+                        weight=0.5, kp=30.0)  # fmt: skip
     walker = Walker(robot, dt=DT, tasks=[swing], delay=0.002)
     plant = plant_of(robot, seed, Terrain(), start)
     watch = FallWatch(plant, FallLimits())

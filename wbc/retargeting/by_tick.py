@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.constraints import Limits, SelfCollision
 from wbc.constraints.rows import Constraint
@@ -22,6 +23,7 @@ from wbc.validate import Array
 Progress = Callable[[int, int], None]
 # Steps that a robot is given to get from standing to the first frame, and how long each is.
 GETTING_READY, READY_STEP = 400, 0.02
+COARSE = 25.0  # Hz
 REPORTED = 50  # frames from one call of ``progress`` to the next
 THERE = 1e-5  # rad or m per step: it has arrived
 
@@ -81,9 +83,16 @@ class TickPass:
         self.failed = list[int]()
 
     def run(self, start: Array, progress: Progress | None = None) -> Array:
-        """Return configurations (n, nq), the first of them ``start``."""
+        """Return configurations (n, nq), the first of them ``start``.
+
+        Some 25 frames a second are solved; those between are interpolated, for whoever has all of
+        them at once.
+        """
         tasks, targets, robot = self.tasks, self.tasks.targets, self.tasks.robot
-        dt, count, down = targets.dt, len(targets.time), targets.down
+        last, skipped = len(targets.time) - 1, max(1, round(1.0 / (COARSE * targets.dt)))
+        frames = np.unique(np.append(np.arange(0, last, skipped), last))
+        dt, count, down = skipped * targets.dt, len(frames), targets.down[frames]
+        k_wanted = targets.angular_momentum[frames]
         controller = KinematicController(
             robot,
             [*tasks.lasting, tasks.momentum, *tasks.feet.values()],
@@ -98,8 +107,8 @@ class TickPass:
         v: Array = np.zeros(robot.nv)
         held: tuple[str, ...] = ()
         for k in range(1, count):
-            tasks.aim(k)
-            tasks.aim_momentum(targets.angular_momentum[k - 1 : k + 1].mean(axis=0))
+            tasks.aim(int(frames[k]))
+            tasks.aim_momentum(k_wanted[k - 1 : k + 1].mean(axis=0))
             stand = tuple(s for n, s in enumerate(SIDES) if down[k - 1, n] and down[k, n])
             if stand != held:
                 controller.set_contacts([tasks.contacts[side] for side in stand])
@@ -111,12 +120,21 @@ class TickPass:
                 held = stand
             tick = controller.step(robot.snapshot(q[k - 1], v))
             if not tick.ok:
-                self.failed.append(k)
+                self.failed.append(int(frames[k]))
             v = tick.velocity
             q[k] = robot.integrate(q[k - 1], v, dt)
             if progress is not None and k % REPORTED == 0:
-                progress(k, count)
-        return q
+                progress(int(frames[k]), last)
+        return self._between(q, frames)
+
+    def _between(self, q: Array, frames: NDArray[np.intp]) -> Array:
+        """Return configurations of all frames, on straight ways between those of some."""
+        robot, found = self.tasks.robot, [q[0]]
+        for a, b, way in zip(q[:-1], q[1:], np.diff(frames), strict=True):
+            step = robot.difference(a, b)
+            found += [robot.integrate(a, step, m / way) for m in range(1, way)]
+            found.append(b)
+        return np.array(found)
 
 
 def kept(

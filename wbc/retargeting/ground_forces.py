@@ -153,11 +153,11 @@ def _spread(
 ) -> None:
     """Set the wrenches (2, 6) of feet that make a force and its moment about the origin."""
     ways = np.column_stack((friction * EDGES, np.ones(len(EDGES))))  # (4, 3)
-    points = [np.unique(corners, axis=0) for _, corners in stand]
+    points = [_distinct(corners) for _, corners in stand]
     at = np.repeat(np.concatenate(points), len(ways), axis=0)  # (m, 3)
     along = np.tile(ways, (len(at) // len(ways), 1))
     middle = at.mean(axis=0)  # about which moments count
-    G = np.vstack((along.T, np.cross(at - middle, along).T))
+    G = np.vstack((along.T, _crossed(at - middle, along).T))
     wanted = np.concatenate((force, moment - np.cross(middle, force)))
     size = float(np.linalg.norm(force)) + 1.0
     A = np.vstack((G, SPREAD * np.eye(len(at))))
@@ -167,7 +167,19 @@ def _spread(
     for n, _ in stand:
         own = owner == n
         wrenches[n, :3] = forces[own].sum(axis=0)
-        wrenches[n, 3:] = np.cross(at[own] - soles[n], forces[own]).sum(axis=0)
+        wrenches[n, 3:] = _crossed(at[own] - soles[n], forces[own]).sum(axis=0)
+
+
+def _distinct(corners: Array) -> Array:
+    """Return corners (k, 3) without those that repeat the one before."""
+    return corners[np.concatenate(([True], (np.diff(corners, axis=0) != 0.0).any(axis=1)))]
+
+
+def _crossed(a: Array, b: Array) -> Array:
+    """Return the cross products (m, 3) of rows: NumPy's own takes longer for few."""
+    x, y, z = a.T
+    u, v, w = b.T
+    return np.column_stack((y * w - z * v, z * u - x * w, x * v - y * u))
 
 
 def _stretches(what: str, by: Array, time: Array, where: Array) -> list[Unbalanced]:

@@ -30,7 +30,7 @@ from wbc.validate import Array, finite_number, read_only
 
 RATE = 50.0  # Hz: of what trainers of policies read
 # Of the whole motion: at least, and at most; it is done when this much was lacking before.
-LEAST_ROUNDS, ROUNDS, CLOSE = 3, 8, 2e-4
+LEAST_ROUNDS, ROUNDS, CLOSE = 3, 8, 5e-4
 FRICTION, MARGIN = 0.6, 0.01
 # Targets do not run into margins: what comes near one is on its way past it.
 BRAKING = BrakingParameters(deceleration=50.0, gain=1.0)
@@ -191,6 +191,7 @@ def _solved(
     q = TickPass(tasks, Limits(robot, velocity=None), constraints).run(start, progress)
     tasks.shape_like(np.array([robot.snapshot(one).inertia for one in q]), axes)
     motion = WholeMotion(tasks, collision, legs.length)
+    before = np.inf
     for number in range(rounds):
         if balance and number > 0:
             v = velocities(robot, q, wanted.dt)
@@ -199,7 +200,8 @@ def _solved(
             k = np.array([one.momentum[3:] for one in states])
             tasks.targets = balanced(tasks.targets, robot, k, com)
         q = motion.improved(q)
-        close = motion.violation < CLOSE and motion.speed < 1.0
+        close = motion.violation < CLOSE and (motion.speed < 1.0 or motion.speed > 0.98 * before)
+        before = motion.speed
         if number + 1 >= LEAST_ROUNDS and close:
             break
     return q

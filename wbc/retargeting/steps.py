@@ -15,14 +15,14 @@ from wbc.retargeting.footsteps import Footprint
 from wbc.retargeting.result import Retargeted
 from wbc.validate import Array, finite_number
 
-FIRST = 0.5  # part of the first step's length: it begins from standing
+RAMP = (0.4, 0.7)  # parts of their length of the first steps, and of the last ones
 
 
 def footsteps(motion: Retargeted, count: int) -> list[Footstep]:
     """Return ``count`` footsteps of a retargeted walk, each seen from the one before.
 
     For :meth:`wbc.gait.Walker.follow` with ``relative=True``: the walk in order, then its last
-    stride again and again; the first step is half as long and the last one ends beside the other
+    stride again and again; first and last steps are shorter, and the last one ends beside the other
     foot.
 
     Raises
@@ -49,9 +49,15 @@ def footsteps(motion: Retargeted, count: int) -> list[Footstep]:
     usual = float(np.mean(known)) if known else None
     steps = [Footstep(s.foot, s.x, s.y, s.yaw, s.duration or usual) for s in steps]
     found = [steps[k] if k < len(steps) else steps[_again(k, len(steps))] for k in range(count)]
-    first, last_one = found[0], found[-1]
-    found[0] = Footstep(first.foot, FIRST * first.x, first.y, first.yaw, first.duration)
-    found[-1] = Footstep(last_one.foot, 0.0, last_one.y, 0.0, last_one.duration)
+    parts = np.ones(count)
+    for k, part in enumerate(RAMP[: count // 2]):
+        parts[k] = min(parts[k], part)
+        parts[-2 - k] = min(parts[-2 - k], part)
+    parts[-1] = 0.0
+    found = [
+        Footstep(one.foot, part * one.x, one.y, min(1.0, part) * one.yaw, one.duration)
+        for one, part in zip(found, parts.tolist(), strict=True)
+    ]
     return found
 
 

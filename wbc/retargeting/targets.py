@@ -21,7 +21,7 @@ from wbc.validate import Array
 # The CoM may be lowered by this part of the legs' length for them to reach; then steps get shorter.
 LOWERED = 0.05
 SHORTEST = 0.5  # part of the human's scaled level distances that is left at least
-SEARCHES = 12
+SEARCHES = 8
 STRAIGHTEST = 0.985  # part of the full length that standing legs are stretched to
 STRAIGHT = 0.9  # part of its way that the CoM is away at the end
 AHEAD = 0.08  # of the legs' length: so far the CoM is put ahead at most
