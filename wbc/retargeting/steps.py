@@ -54,11 +54,10 @@ def footsteps(motion: Retargeted, count: int) -> list[Footstep]:
         parts[k] = min(parts[k], part)
         parts[-2 - k] = min(parts[-2 - k], part)
     parts[-1] = 0.0
-    found = [
+    return [
         Footstep(one.foot, part * one.x, one.y, min(1.0, part) * one.yaw, one.duration)
         for one, part in zip(found, parts.tolist(), strict=True)
     ]
-    return found
 
 
 def in_turn(motion: Retargeted) -> list[Footprint]:
