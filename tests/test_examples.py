@@ -30,7 +30,7 @@ def test_all_are_listed_and_tested() -> None:
     assert names == {name[5:] for name in globals() if name.startswith("test_")} - {
         "all_are_listed_and_tested"
     }
-    assert 10 <= len(names) <= 20
+    assert 10 <= len(names) <= 25
     for name in names:
         text = (FOLDER / f"{name}.py").read_text(encoding="utf-8")
         assert text.startswith('"""') and 15 <= text.count("\n") <= 90, name
@@ -151,6 +151,12 @@ def test_recorded_human(capsys: pytest.CaptureFixture[str]) -> None:
     assert number(text, "kg): # mm") < 1.0
     # It bows and rises once in 1 s: the push is the weight, 686 N, but for some per cent.
     assert number(text, "push # N") == pytest.approx(686.0, rel=0.1)
+
+
+def test_retarget(capsys: pytest.CaptureFixture[str]) -> None:
+    text = outcome("retarget", capsys)
+    assert number(text, "slide by # mm") < 1.0
+    assert number(text, "height: #") > 0.95
 
 
 @pytest.mark.slow

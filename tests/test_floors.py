@@ -39,6 +39,7 @@ FLOORS = {
     "estimation": 4,
     "motion": 4,
     "human": 4,
+    "retargeting": 4,
     "run": 4,
     "hardware": 5,
     "simulation": 5,

@@ -19,6 +19,9 @@ if TYPE_CHECKING:  # "as" tells type checkers that a name is public
     from wbc.problem import load_problem as load_problem
     from wbc.reduction import RmpState as RmpState
     from wbc.reduction import reduce as reduce
+    from wbc.retargeting import Retargeted as Retargeted
+    from wbc.retargeting import RetargetWeights as RetargetWeights
+    from wbc.retargeting import retarget as retarget
     from wbc.robot import Robot as Robot
     from wbc.robot import Snapshot as Snapshot
     from wbc.robot import robot_names as robot_names
@@ -42,6 +45,8 @@ _NAMES = {
     "PlanReference": "wbc.tracking.reference",
     "RmpSeries": "wbc.motion",
     "RmpState": "wbc.reduction",
+    "RetargetWeights": "wbc.retargeting",
+    "Retargeted": "wbc.retargeting",
     "Robot": "wbc.robot",
     "Snapshot": "wbc.robot",
     "VelocityLaw": "wbc.laws",
@@ -51,6 +56,7 @@ _NAMES = {
     "pendulum_of": "wbc.tracking.pendulum",
     "read_motion": "wbc.motion",
     "reduce": "wbc.reduction",
+    "retarget": "wbc.retargeting",
     "robot_names": "wbc.robot",
 }
 

@@ -24,6 +24,7 @@ from wbc.cli.hardware import hardware
 from wbc.cli.problems import check, init, schema
 from wbc.cli.push import PUSH_EXIT_CODES, push
 from wbc.cli.replay import REPLAY_EXIT_CODES, replay
+from wbc.cli.retarget import retarget
 from wbc.cli.robots import collisions, robots
 from wbc.cli.run import EXIT_CODES, SIM_EXIT_CODES, run, sim
 from wbc.cli.saved import export, render, report
@@ -91,6 +92,7 @@ app.command(epilog=REPLAY_EXIT_CODES)(replay)
 app.command()(init)
 app.command()(check)
 app.command()(analyze)
+app.command()(retarget)
 app.command()(robots)
 app.command()(collisions)
 app.command()(schema)

@@ -200,6 +200,11 @@ def knee_bends(robot: Robot, length: float) -> dict[str, float]:
     return bends
 
 
+def bending_joint(robot: Robot, joints: Sequence[int]) -> int:
+    """Return the joint of a chain that shortens it most, over its range: a knee or an elbow."""
+    return _knee(robot, joints)[0]
+
+
 def _knee(robot: Robot, joints: Sequence[int]) -> tuple[int, Array, Array]:
     """Return the knee of a leg's joints, angles over its range, and the leg's lengths there."""
     lengths = {joint: _lengths(robot, joints, joint) for joint in joints[1:-1]}

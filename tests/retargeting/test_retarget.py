@@ -1,0 +1,143 @@
+"""Human motion on humanoids: what is promised of feet, limits, margins, CoM and momentum."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import wbc
+from tests.retargeting.humans import crouching, stepping
+from wbc.retargeting import RetargetWeights, body_map
+from wbc.robot import Robot
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.load("hoap2_like")
+
+
+@pytest.fixture(scope="module")
+def crouch(robot: Robot) -> wbc.Retargeted:
+    return wbc.retarget(crouching(), robot)
+
+
+def kept(motion: wbc.Retargeted) -> None:
+    """Check what is hard, by other means than those that made the motion."""
+    robot, limits = motion.robot, motion.robot.limits
+    collision = wbc.SelfCollision(robot, margin=0.01)
+    for q in motion.q:
+        snapshot = robot.snapshot(q)
+        assert (snapshot.joint_positions <= limits.upper + 1e-9).all()
+        assert (snapshot.joint_positions >= limits.lower - 1e-9).all()
+        assert collision.distances(snapshot).clearance.min() > -1e-4  # m
+    assert np.all(np.abs(motion.v[:, 6:]) <= limits.velocity * 1.001)
+    assert motion.slide < 1e-3
+
+
+def test_a_crouch_keeps_the_feet_where_they_are(crouch: wbc.Retargeted) -> None:
+    kept(crouch)
+    robot = crouch.robot
+    assert crouch.contacts.all()
+    # Both soles by Pinocchio, in all frames: what a sole is off from where it first was.
+    data = robot.model.createData()
+    for foot in robot.feet.values():
+        frame = robot.model.getFrameId(foot.frame)
+        places = []
+        for q in crouch.q:
+            pin.framesForwardKinematics(robot.model, data, q)
+            places.append(data.oMf[frame].translation.copy())
+        assert np.ptp(places, axis=0).max() < 1e-3
+    assert crouch.com_correlation[2] > 0.99
+    # As deep as the human, by the legs' lengths.
+    depth = np.ptp(crouch.whole.com[:, 2])
+    assert depth == pytest.approx(np.ptp(crouch.targets.human_com[:, 2]), rel=0.1)
+
+
+def test_wrenches_are_those_of_the_motion(crouch: wbc.Retargeted) -> None:
+    """By Newton and Euler about the CoM, and by Pinocchio's inverse dynamics for the torques."""
+    robot, k = crouch.robot, len(crouch) // 3
+    force = crouch.wrenches[k, :, :3].sum(axis=0)
+    wanted = crouch.whole.momentum_rate[k, :3] + [0.0, 0.0, robot.weight]
+    assert force == pytest.approx(wanted, abs=0.01 * robot.weight)
+    assert (crouch.wrenches[..., 2] >= 0.0).all()
+    data = robot.model.createData()
+    tau = pin.rnea(robot.model, data, crouch.q[k], crouch.v[k], crouch.acceleration[k])
+    snapshot = robot.snapshot(crouch.q[k])
+    for n, foot in enumerate(robot.feet.values()):
+        tau -= snapshot.jacobian(foot.frame).T @ crouch.wrenches[k, n]
+    assert crouch.torque[k] == pytest.approx(tau[6:], abs=0.02 * np.abs(tau).max())
+    assert np.abs(tau[:6]).max() < 0.02 * robot.weight  # nothing holds the base
+
+
+def test_files_have_what_trainers_read(crouch: wbc.Retargeted, tmp_path: Path) -> None:
+    robot = crouch.robot
+    crouch.save(tmp_path / "own.npz")
+    again = wbc.read_motion(tmp_path / "own.npz", robot)
+    assert again.joints == pytest.approx(crouch.q[:, 7:])
+    with np.load(tmp_path / "own.npz") as file:
+        summary = json.loads(str(file["summary"]))
+        assert summary["robot"] == robot.name and file["wrenches"].shape == (len(crouch), 2, 6)
+    crouch.save(tmp_path / "rows.csv", "unitree")
+    rows = np.loadtxt(tmp_path / "rows.csv", delimiter=",")
+    assert rows == pytest.approx(crouch.q, abs=1e-6)
+    crouch.save(tmp_path / "track.npz", "tracking")
+    with np.load(tmp_path / "track.npz") as file:
+        names = [str(name) for name in file["body_names"]]
+        assert file["fps"][0] == pytest.approx(50.0)
+        assert file["joint_pos"] == pytest.approx(crouch.q[:, 7:], abs=1e-6)
+        place, quaternion = file["body_pos_w"], file["body_quat_w"]
+        velocity = file["body_lin_vel_w"]
+    assert place.shape == (len(crouch), robot.model.njoints - 1, 3)
+    hand = names.index("left_hand_link") if "left_hand_link" in names else len(names) - 1
+    # Velocities are those of the places; w comes first.
+    moved = np.gradient(place[:, hand], crouch.targets.dt, axis=0)[5:-5]
+    assert velocity[5:-5, hand] == pytest.approx(moved, abs=0.02)
+    assert quaternion[0, 0] == pytest.approx(crouch.q[0][[6, 3, 4, 5]], abs=1e-6)
+    with pytest.raises(wbc.WbcError, match=r"written as \.csv"):
+        crouch.save(tmp_path / "x.npz", "unitree")
+    with pytest.raises(wbc.WbcError, match="unknown layout"):
+        crouch.save(tmp_path / "x.npz", "mujoco")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["g1", "talos"])
+def test_a_step(name: str) -> None:
+    found = wbc.retarget(stepping(), Robot.load(name))
+    kept(found)
+    left, right = found.contacts.T
+    assert right.all() and 0.05 < (~left).mean() < 0.4
+    path = found.targets.feet.paths["left"].place
+    assert path[-1, 0] - path[0, 0] == pytest.approx(0.2 * found.scale.length, rel=0.35)
+    assert found.com_correlation[1] > 0.95  # it goes sideways; ahead this human is not balanced
+    assert found.angular_momentum_correlation.min() > 0.9
+    # One foot bears alone for a while, and the CoP lies in its sole.
+    assert not [one for one in found.unbalanced if one.what.startswith("CoP") and one.by > 0.01]
+
+
+def test_who_stands_for_whom() -> None:
+    found = body_map(Robot.load("g1"))
+    assert found.trunk == "waist_pitch_joint" and found.head is None
+    assert found.arms["left"].forearm == "left_elbow_joint"
+    assert any("no head" in note for note in found.notes)
+    other = body_map(Robot.load("g1"), {"trunk": "torso_link"})
+    assert other.trunk == "torso_link"
+
+
+def test_refusals(robot: Robot) -> None:
+    human = crouching(0.8)
+    with pytest.raises(wbc.WbcError, match="expected a human's motion"):
+        wbc.retarget(human.motion, robot)  # type: ignore[arg-type]
+    with pytest.raises(wbc.WbcError, match="duration: expected 'froude'"):
+        wbc.retarget(human, robot, duration="fast")
+    with pytest.raises(wbc.WbcError, match="rate"):
+        wbc.retarget(human, robot, rate=1.0)
+    with pytest.raises(wbc.WbcError, match="weights, com"):
+        RetargetWeights(com=0.0)
+    with pytest.raises(wbc.WbcError, match="part of a body"):
+        wbc.retarget(human, robot, links={"left_paw": "left_hand"})
+    with pytest.raises(wbc.WbcError, match="name all of the left arm"):
+        wbc.retarget(human, robot, links={"left_hand": "left_hand"})
+    with pytest.raises(wbc.WbcError, match="two feet"):
+        wbc.retarget(human, Robot.load("hoap2_like", feet={}))

@@ -1,0 +1,209 @@
+"""``wbc retarget``: a recorded human's motion on a humanoid."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from wbc.cli.errors import errors_in_one_line, print_notes
+from wbc.cli.options import Quiet, robots_beginning
+
+if TYPE_CHECKING:
+    from wbc.retargeting import Retargeted
+
+# Kept in step with wbc.retargeting, which is not imported only to print the help.
+RATE, DURATION, FRICTION, MARGIN, SEX = 50.0, "froude", 0.6, 0.01, "male"
+WORST = 12  # of what cannot be balanced, that are printed
+
+
+class Layout(StrEnum):
+    """What a file holds."""
+
+    WBC = "wbc"
+    TRACKING = "tracking"
+    UNITREE = "unitree"
+
+
+def retarget(
+    motion: Annotated[
+        Path,
+        typer.Argument(
+            help="A human's recording: .c3d, .trc, .bvh, or .npz of SMPL poses.", metavar="MOTION"
+        ),
+    ],
+    robot: Annotated[
+        str,
+        typer.Option(
+            help="The robot: a name, or a URDF or MJCF file.", autocompletion=robots_beginning
+        ),
+    ],
+    output: Annotated[
+        list[Path] | None,
+        typer.Option("--output", "-o", help="Write the robot's motion, .npz or .csv; repeatable."),
+    ] = None,
+    layout: Annotated[
+        Layout | None,
+        typer.Option(
+            help="Of the files: wbc (.npz, all), tracking (.npz, as mjlab and BeyondMimic read),"
+            " unitree (.csv, as the retargeted LAFAN1); by default wbc, of a .csv unitree."
+        ),
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Frames per second, in Hz.")] = RATE,
+    duration: Annotated[
+        str,
+        typer.Option(
+            help="froude: times scale with the square root of lengths; kept: the human's; or a"
+            " factor."
+        ),
+    ] = DURATION,
+    cutoff: Annotated[
+        float | None, typer.Option(help="Of the human's low-pass, in Hz; by default by the steps.")
+    ] = None,
+    balance: Annotated[
+        bool, typer.Option(help="Move the CoM so that the CoP is where feet stand.")
+    ] = True,
+    friction: Annotated[
+        float, typer.Option(help="Coefficient, by which the motion is judged.")
+    ] = FRICTION,
+    margin: Annotated[float, typer.Option(help="Kept between bodies, in m.")] = MARGIN,
+    link: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Frame of the robot for a part of the body, as in head=neck_link; repeatable."
+        ),
+    ] = None,
+    quiet: Quiet = False,
+    ground: Annotated[
+        float | None, typer.Option(help="Height of the human's ground, in m.")
+    ] = None,
+    static: Annotated[
+        Path | None, typer.Option(help="A trial in which the human stands, .trc or .c3d.")
+    ] = None,
+    forces: Annotated[
+        Path | None, typer.Option(help="Force plates, .mot, .sto or .c3d; they weigh the human.")
+    ] = None,
+    mass: Annotated[float | None, typer.Option(help="Of the human, in kg.")] = None,
+    stature: Annotated[float | None, typer.Option(help="Of the human, in m.")] = None,
+    sex: Annotated[str, typer.Option(help="male or female, for the segments' table.")] = SEX,
+    up: Annotated[str | None, typer.Option(help="The file's vertical axis, x, y or z.")] = None,
+    unit: Annotated[
+        str | None, typer.Option(help="Of a BVH file's lengths, cm, m, inch or mm.")
+    ] = None,
+) -> None:
+    """Make a humanoid move as a recorded human: feet, CoM, momentum, ellipsoid, trunk and arms."""
+    with errors_in_one_line():
+        from wbc.cli.outputs import Outputs, check_place
+        from wbc.cli.progress import shown_progress
+        from wbc.human import human_motion, read_markers
+        from wbc.retargeting import retarget as retargeted
+        from wbc.retargeting.layouts import check_layout
+        from wbc.robot import Robot
+
+        written = [(path, _layout(path, layout)) for path in output or []]
+        for path, kind in written:
+            check_layout(path, kind)
+            check_place("--output", path)
+        links = _links(link or [])
+        time = _duration(duration)
+        loaded = Robot.load(robot)
+        if not quiet:
+            print_notes(loaded)
+        recording = read_markers(motion, forces=forces, unit=unit, stature=stature)
+        human = human_motion(
+            recording,
+            static=None if static is None else read_markers(static),
+            mass=mass,
+            stature=stature,
+            sex=sex,
+            up=up,
+            ground_height=ground,
+        )
+        with shown_progress(quiet) as progress:
+            found = retargeted(
+                human,
+                loaded,
+                rate=rate,
+                duration=time,
+                cutoff=cutoff,
+                balance=balance,
+                friction=friction,
+                margin=margin,
+                links=links,
+                progress=progress,
+            )
+        outputs = Outputs()
+        for path, kind in written:
+            outputs.save(path, lambda place, kind=kind: found.save(place, kind))  # type: ignore[misc]
+        if not quiet:
+            from wbc.cli.analyze_human import print_human
+
+            print_human(human)
+            print_retargeted(found)
+            for path in outputs.written:
+                typer.echo(f"wrote {path}")
+        code = outputs.exit_code()
+    raise typer.Exit(code)
+
+
+def _layout(path: Path, layout: Layout | None) -> str:
+    if layout is not None:
+        return layout.value
+    return "unitree" if path.suffix.lower() == ".csv" else "wbc"
+
+
+def _links(given: list[str]) -> dict[str, str]:
+    from wbc.errors import InvalidInputError
+
+    found = {}
+    for text in given:
+        part, equals, frame = text.partition("=")
+        if not equals or not frame:
+            raise InvalidInputError(f"--link {text}: expected PART=FRAME, as in head=neck_link")
+        found[part.strip()] = frame.strip()
+    return found
+
+
+def _duration(text: str) -> str | float:
+    try:
+        return float(text)
+    except ValueError:
+        return text  # a word, or refused by its name
+
+
+def print_retargeted(found: Retargeted) -> None:
+    """Print how large robot and human are, what was reached, and what cannot be balanced."""
+    from rich.console import Console
+    from rich.text import Text
+
+    from wbc.cli.printing import heads
+
+    console, scale = Console(highlight=False), found.scale
+    sizes = f"lengths {scale.length:.3f}, times {scale.time:.3f}, masses {scale.mass:.3f}"
+    console.print(Text.assemble(("scale    ", "dim"), sizes))
+    for note in found.notes:
+        console.print(Text.assemble(("note     ", "yellow"), note))
+    table = heads("task", "rms", "largest", "at")
+    for one in found.reached:
+        size = f"{one.largest:.3g} {one.unit}"
+        table.add_row(one.task, f"{one.rms:.3g} {one.unit}", size, f"{one.at:.2f} s")
+    console.print(table)
+    for name, values in (
+        ("CoM", found.com_correlation),
+        ("angular momentum", found.angular_momentum_correlation),
+    ):
+        text = " ".join(f"{value:.3f}" for value in values)
+        console.print(Text.assemble(("follows  ", "dim"), f"{name}: correlation {text} (x y z)"))
+    text = f"{1e3 * found.slide:.2f} mm at most while they touch the ground"
+    console.print(Text.assemble(("soles    ", "dim"), f"slide by {text}"))
+    worst = sorted(found.unbalanced, key=lambda one: -one.by)
+    for lacking in worst[:WORST]:
+        console.print(Text.assemble(("balance  ", "yellow"), str(lacking)))
+    if len(worst) > WORST:
+        console.print(Text.assemble(("balance  ", "yellow"), f"{len(worst) - WORST} more"))
+    if not worst:
+        console.print(Text.assemble(("balance  ", "dim"), "the ground and the joints can do it"))
+    span = f"{len(found)} frames, {found.time[-1]:.4g} s at {found.rate:g} Hz"
+    console.print(f"{found.robot.name}: {span}")

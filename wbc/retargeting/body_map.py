@@ -1,0 +1,225 @@
+"""Which frame of a robot stands for which segment of a human, found by geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.gait.legs import SIDES, bending_joint, check_walker, leg_joints
+from wbc.robot import Robot
+from wbc.robot.names import BASE
+from wbc.robot.postures import STANDING
+from wbc.validate import Array, by_name, read_only
+
+# Of the CoM's height: what is nearer to the middle than this is no arm.
+ASIDE = 0.05
+# Frames that may be named by who knows better.
+ARM_PARTS = ("shoulder", "upper_arm", "forearm", "hand")
+PARTS = ("pelvis", "trunk", "head", *(f"{side}_{part}" for side in SIDES for part in ARM_PARTS))
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """Frames of one arm; ``shoulder``, ``forearm`` and ``hand`` have their origins in the joints.
+
+    Attributes
+    ----------
+    shoulder, upper_arm, forearm, hand:
+        Frames; the upper arm goes from the shoulder to the forearm's origin, that to the hand's.
+    upper_axis, forearm_axis:
+        Those directions (3,) in the axes of the upper arm and of the forearm, unit vectors.
+    length:
+        Of both [m].
+    """
+
+    shoulder: str
+    upper_arm: str
+    forearm: str
+    hand: str
+    upper_axis: Array
+    forearm_axis: Array
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMap:
+    """Frames of a robot that stand for a human's segments; made by :func:`body_map`.
+
+    Attributes
+    ----------
+    pelvis, trunk, head:
+        Frames; the trunk may be the pelvis, and there may be no head that moves.
+    arms:
+        By side; those that the robot has.
+    upright:
+        Rotation (3, 3) of these frames in the standing posture, in which a human's axes are those
+        of the world: x forwards, z up.
+    notes:
+        What the robot lacks.
+    """
+
+    pelvis: str
+    trunk: str
+    head: str | None
+    arms: Mapping[str, Arm]
+    upright: Mapping[str, Array]
+    notes: tuple[str, ...]
+
+
+def body_map(robot: Robot, links: Mapping[str, str] | None = None) -> BodyMap:
+    """Return which frames of a robot stand for a human's pelvis, trunk, head and arms.
+
+    The pelvis is the link that carries both legs. Arms are the chains that end farthest to the left
+    and to the right of the base, legs aside; the trunk is the link that carries both; the elbow is
+    the joint that shortens its arm most; the head is the end of a chain in the middle that begins
+    at the trunk.
+
+    Parameters
+    ----------
+    links:
+        Frames by part, for robots on which that is wrong: ``pelvis``, ``trunk``, ``head``,
+        ``left_shoulder``, ``left_upper_arm``, ``left_forearm``, ``left_hand`` and those of the
+        right arm. An arm that is named needs all four.
+
+    Raises
+    ------
+    InvalidInputError
+        A robot that is no biped with two soles; an arm of which parts are missing.
+    UnknownNameError
+        A part or a frame that does not exist.
+    """
+    check_walker(robot)
+    given = {} if links is None else dict(by_name("retarget, links", links))
+    for part, frame in given.items():
+        if part not in PARTS:
+            raise UnknownNameError("part of a body", part, PARTS)
+        robot.frame_id(frame)
+    found, notes = _found(robot), list[str]()
+    for side in SIDES:
+        named = [part for part in ARM_PARTS if f"{side}_{part}" in given]
+        if named and len(named) < len(ARM_PARTS):
+            lacking = ", ".join(f"{side}_{p}" for p in ARM_PARTS if p not in named)
+            raise InvalidInputError(f"retarget, links: name all of the {side} arm: {lacking} too")
+    found |= given
+    snapshot = robot.snapshot(robot.postures[STANDING])
+    arms = {}
+    for side in SIDES:
+        if f"{side}_hand" not in found:
+            notes.append(f"{robot.name} has no {side} arm that could be found: it is left out")
+            continue
+        names = [found[f"{side}_{part}"] for part in ARM_PARTS]
+        places = [snapshot.position(names[k]) for k in (0, 2, 3)]
+        ways = np.diff(places, axis=0)
+        lengths = np.linalg.norm(ways, axis=1)
+        if lengths.min() < 1e-3:
+            raise InvalidInputError(
+                f"retarget, links: shoulder, forearm and hand of the {side} arm of {robot.name}"
+                f" ({', '.join(names)}) must be at different places"
+            )
+        axes = [
+            read_only(snapshot.rotation(frame).T @ way / length)
+            for frame, way, length in zip(names[1:3], ways, lengths, strict=True)
+        ]
+        shoulder, upper, forearm, hand = names
+        length = float(lengths.sum())
+        arms[side] = Arm(shoulder, upper, forearm, hand, axes[0], axes[1], length)
+    head = found.get("head")
+    if head is None:
+        notes.append(f"{robot.name} has no head that moves: it looks where its trunk does")
+    frames = [found["pelvis"], found["trunk"]] + ([head] if head else [])
+    upright = {frame: snapshot.rotation(frame) for frame in frames}
+    return BodyMap(
+        found["pelvis"],
+        found["trunk"],
+        head,
+        MappingProxyType(arms),
+        MappingProxyType(upright),
+        tuple(notes),
+    )
+
+
+def _found(robot: Robot) -> dict[str, str]:
+    """Return frames by part, as far as geometry tells."""
+    model, snapshot = robot.model, robot.snapshot(robot.postures[STANDING])
+    names = [str(name) for name in model.names]
+    legs = {joint for side in SIDES for joint in leg_joints(robot, side)}
+    carriers = {int(model.parents[j]) for j in range(2, model.njoints)}
+    ends = [j for j in range(2, model.njoints) if j not in carriers and j not in legs]
+    chains = {end: _chain(robot, end) for end in ends}
+    aside = ASIDE * float(snapshot.com[2] - _ground(robot))
+    found = {"pelvis": BASE, "trunk": BASE}
+    to_feet = [_chain(robot, int(robot.frame(f.frame).parentJoint)) for f in robot.feet.values()]
+    carry = [joint for joint in to_feet[0] if joint in to_feet[1]]
+    if carry:  # a waist between the base and the legs
+        found["pelvis"] = names[carry[-1]]
+    sides = dict[str, list[int]]()
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
+        there = [
+            end for end in ends if sign * _seen(robot, names[end])[1] > aside and len(chains[end])
+        ]
+        if there:  # the longest way from the base
+            end = max(there, key=lambda one: _way(robot, [names[j] for j in chains[one]]))
+            sides[side] = chains[end]
+    if len(sides) == len(SIDES):
+        left, right = (sides[side] for side in SIDES)
+        shared = [joint for joint in left if joint in right]
+        if shared:
+            found["trunk"] = names[shared[-1]]
+        for side, chain in sides.items():
+            arm = _up_to_the_palm(robot, chain[len(shared) :])
+            if len(arm) >= 3:
+                elbow = arm.index(bending_joint(robot, arm))
+                parts = (arm[max(elbow - 2, 0)], arm[elbow - 1], arm[elbow])
+                hand = arm[min(elbow + 2, len(arm) - 1)]
+                frames = [names[joint] for joint in (*parts, hand)]
+                found |= dict(zip([f"{side}_{part}" for part in ARM_PARTS], frames, strict=True))
+        middle = [
+            end
+            for end in ends
+            if end not in (left[-1], right[-1])
+            and chains[end][: len(shared)] == shared
+            and len(chains[end]) > len(shared)
+            and abs(_seen(robot, names[end])[1]) <= aside
+            and _seen(robot, names[end])[2] > _seen(robot, names[left[len(shared)]])[2]
+        ]
+        if middle:
+            found["head"] = names[max(middle, key=lambda end: len(chains[end]))]
+    return found
+
+
+def _chain(robot: Robot, joint: int) -> list[int]:
+    """Return the joints from the base to one, without the base's."""
+    chain = list[int]()
+    while joint > 1:
+        chain.insert(0, joint)
+        joint = int(robot.model.parents[joint])
+    return chain
+
+
+def _up_to_the_palm(robot: Robot, chain: Sequence[int]) -> list[int]:
+    """Return a chain without what comes behind the first link with several joints: fingers."""
+    parents = [int(p) for p in robot.model.parents]
+    for number, joint in enumerate(chain):
+        if parents.count(joint) > 1:
+            return list(chain[: number + 1])
+    return list(chain)
+
+
+def _seen(robot: Robot, name: str) -> Array:
+    """Return where a joint is (3,) from the base in the standing posture [m]."""
+    snapshot = robot.snapshot(robot.postures[STANDING])
+    return snapshot.position(name) - snapshot.position(BASE)
+
+
+def _way(robot: Robot, names: Sequence[str]) -> float:
+    places = np.array([_seen(robot, name) for name in names])
+    return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+
+
+def _ground(robot: Robot) -> float:
+    snapshot = robot.snapshot(robot.postures[STANDING])
+    return float(np.mean([snapshot.position(foot.frame)[2] for foot in robot.feet.values()]))

@@ -1,0 +1,202 @@
+"""Frame after frame by the controller's tick: limits and margins hard, feet on the ground exact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.constraints import Limits, SelfCollision
+from wbc.constraints.rows import Constraint
+from wbc.controllers.kinematic import KinematicController
+from wbc.gait.legs import SIDES
+from wbc.retargeting.tasks import FrameTasks
+from wbc.robot import Robot, Snapshot
+from wbc.robot.limits import BASE_NQ, BASE_NV
+from wbc.robot.names import BASE
+from wbc.robot.postures import STANDING
+from wbc.rotations import rotation_from
+from wbc.tasks import PoseTask, PostureTask
+from wbc.validate import Array
+
+Progress = Callable[[int, int], None]
+# Steps that a robot is given to get from standing to the first frame, and how long each is.
+GETTING_READY, READY_STEP = 400, 0.02
+COARSE = 25.0  # Hz
+REPORTED = 50  # frames from one call of ``progress`` to the next
+THERE = 1e-5  # rad or m per step: it has arrived
+
+
+def first_configuration(tasks: FrameTasks, constraints: Sequence[Constraint]) -> Array:
+    """Return a configuration (nq,) for the first frame, by steps from standing."""
+    robot, targets = tasks.robot, tasks.targets
+    q = robot.postures[STANDING].copy()
+    tasks.aim(0)
+    q[:3] += targets.com[0] - robot.snapshot(q).com
+    R = targets.rotation[tasks.body.pelvis][0] @ tasks.body.upright[tasks.body.pelvis].T
+    q = _turned(robot, q, float(np.arctan2(R[1, 0], R[0, 0])))
+    every = [*tasks.lasting, *tasks.feet.values()]
+    controller = KinematicController(
+        robot,
+        every,
+        contacts=(),
+        limits=Limits(robot, velocity=None),
+        constraints=constraints,
+        dt=READY_STEP,
+        damping=1e-4,
+    )
+    for task in every:
+        task.gain = 0.2
+    v = np.zeros(robot.nv)
+    for _ in range(GETTING_READY):
+        tick = controller.step(robot.snapshot(q, v))
+        q = robot.integrate(q, tick.velocity, READY_STEP)
+        if float(np.abs(tick.velocity).max()) * READY_STEP < THERE:
+            break
+    for task in every:
+        task.gain = 0.1 if task is tasks.posture else 1.0
+    return q
+
+
+def _turned(robot: Robot, q: Array, yaw: float) -> Array:
+    """Return a configuration turned about the vertical through its base."""
+    v = np.zeros(robot.nv)
+    R = robot.snapshot(q).rotation(BASE)
+    v[3:6] = R.T @ [0.0, 0.0, yaw]
+    return robot.integrate(q, v, 1.0)
+
+
+class TickPass:
+    """One pass over all frames.
+
+    Attributes
+    ----------
+    failed:
+        Frames in which a tick had no solution, and the robot was held.
+    """
+
+    def __init__(
+        self, tasks: FrameTasks, limits: Limits | None, constraints: Sequence[Constraint]
+    ) -> None:
+        self.tasks, self.limits, self.constraints = tasks, limits, constraints
+        self.failed = list[int]()
+
+    def run(self, start: Array, progress: Progress | None = None) -> Array:
+        """Return configurations (n, nq), the first of them ``start``.
+
+        Some 25 frames a second are solved; those between are interpolated, for whoever has all of
+        them at once.
+        """
+        tasks, targets, robot = self.tasks, self.tasks.targets, self.tasks.robot
+        last, skipped = len(targets.time) - 1, max(1, round(1.0 / (COARSE * targets.dt)))
+        frames = np.unique(np.append(np.arange(0, last, skipped), last))
+        dt, count, down = skipped * targets.dt, len(frames), targets.down[frames]
+        k_wanted = targets.angular_momentum[frames]
+        controller = KinematicController(
+            robot,
+            [*tasks.lasting, tasks.momentum, *tasks.feet.values()],
+            contacts=(),
+            limits=self.limits,
+            constraints=self.constraints,
+            dt=dt,
+            damping=1e-5,
+        )
+        q = np.empty((count, robot.nq))
+        q[0] = start
+        v: Array = np.zeros(robot.nv)
+        held: tuple[str, ...] = ()
+        for k in range(1, count):
+            tasks.aim(int(frames[k]))
+            tasks.aim_momentum(k_wanted[k - 1 : k + 1].mean(axis=0))
+            stand = tuple(s for n, s in enumerate(SIDES) if down[k - 1, n] and down[k, n])
+            if stand != held:
+                controller.set_contacts([tasks.contacts[side] for side in stand])
+                for side in SIDES:
+                    if side in stand:
+                        tasks.feet[side].switch_off()
+                    else:
+                        tasks.feet[side].weight = tasks.foot_weight
+                held = stand
+            tick = controller.step(robot.snapshot(q[k - 1], v))
+            if not tick.ok:
+                self.failed.append(int(frames[k]))
+            v = tick.velocity
+            q[k] = robot.integrate(q[k - 1], v, dt)
+            if progress is not None and k % REPORTED == 0:
+                progress(int(frames[k]), last)
+        return self._between(q, frames)
+
+    def _between(self, q: Array, frames: NDArray[np.intp]) -> Array:
+        """Return configurations of all frames, on straight ways between those of some."""
+        robot, found = self.tasks.robot, [q[0]]
+        for a, b, way in zip(q[:-1], q[1:], np.diff(frames), strict=True):
+            step = robot.difference(a, b)
+            found += [robot.integrate(a, step, m / way) for m in range(1, way)]
+            found.append(b)
+        return np.array(found)
+
+
+def kept(
+    tasks: FrameTasks,
+    wanted: Array,
+    limits: Limits,
+    collision: SelfCollision | None,
+    progress: Progress | None = None,
+) -> tuple[Array, dict[int, str]]:
+    """Return configurations (n, nq) as near to ``wanted`` as limits and margins allow.
+
+    Frames that keep them are taken as they are; the tick makes what is nearest of others.
+
+    Returns
+    -------
+    tuple
+        The configurations, and by frame what ticks that had no solution say.
+    """
+    robot, dt, down = tasks.robot, tasks.targets.dt, tasks.targets.down
+    posture = PostureTask(robot, wanted[0], weight=1.0, gain=1.0)
+    base = PoseTask(robot, BASE, wanted[0][:3], np.eye(3), weight=10.0, gain=1.0)
+    controller = KinematicController(
+        robot,
+        [posture, base],
+        contacts=(),
+        limits=limits,
+        constraints=[] if collision is None else [collision],
+        dt=dt,
+        damping=1e-6,
+    )
+    q, failed = wanted.copy(), dict[int, str]()
+    v = robot.difference(wanted[0], wanted[1]) / dt  # a motion that began before
+    held: tuple[str, ...] = ()
+    for k in range(1, len(wanted)):
+        if progress is not None and k % REPORTED == 0:
+            progress(k, len(wanted))
+        there = robot.difference(q[k - 1], wanted[k]) / dt
+        if _within(robot.snapshot(wanted[k]), there, limits, collision):
+            v = there
+            continue
+        posture.set_target(wanted[k])
+        base.set_target(wanted[k][:3], rotation_from(wanted[k][3:BASE_NQ]))
+        tasks.aim_feet(k)
+        stand = tuple(s for n, s in enumerate(SIDES) if down[k - 1, n] and down[k, n])
+        if stand != held:
+            controller.set_contacts([tasks.contacts[side] for side in stand])
+            held = stand
+        tick = controller.step(robot.snapshot(q[k - 1], v))
+        if not tick.ok:
+            failed[k] = tick.report()
+        v = tick.velocity
+        q[k] = robot.integrate(q[k - 1], v, dt)
+    return q, failed
+
+
+def _within(
+    snapshot: Snapshot, velocity: Array, limits: Limits, collision: SelfCollision | None
+) -> bool:
+    """Return whether a configuration, and the velocity on the way to it, keep all that is hard."""
+    joints = snapshot.joint_positions
+    if np.any(joints < limits.lower) or np.any(joints > limits.upper):
+        return False
+    if np.any(np.abs(velocity[BASE_NV:]) > limits.speed):
+        return False
+    return collision is None or bool((collision.distances(snapshot).clearance >= 0.0).all())

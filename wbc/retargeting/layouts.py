@@ -1,0 +1,152 @@
+"""Files of a retargeted motion: our own, and those that trainers of policies read.
+
+``wbc`` (``.npz``)
+    Everything; ``time`` and ``q`` make it a recorded motion, for ``wbc analyze``.
+``tracking`` (``.npz``)
+    What mjlab's ``csv_to_npz`` and BeyondMimic write: ``fps``, ``joint_pos``, ``joint_vel``,
+    ``body_pos_w``, ``body_quat_w`` (w x y z), ``body_lin_vel_w``, ``body_ang_vel_w``; bodies are
+    the base and the link behind each joint, in the order of the joints. ``joint_names`` and
+    ``body_names`` say which; MuJoCo and PhysX number bodies each in their own way.
+``unitree`` (``.csv``)
+    Root x y z, quaternion x y z w, joint angles: one row a frame, no header, as in Unitree's
+    retargeted LAFAN1 dataset (there 30 frames a second).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.files import write_arrays, write_text
+from wbc.robot import Robot
+from wbc.robot.limits import BASE_NQ, BASE_NV
+from wbc.rotations import quaternion_from, same_sign
+from wbc.validate import Array
+
+ENDINGS = {"wbc": ".npz", "tracking": ".npz", "unitree": ".csv"}
+LAYOUTS = tuple(ENDINGS)
+
+
+def check_layout(path: str | Path, layout: str) -> None:
+    """Refuse a layout that does not exist, and a file with another ending than it has.
+
+    Raises
+    ------
+    UnknownNameError
+        No such layout.
+    InvalidInputError
+        Another ending.
+    """
+    if layout not in ENDINGS:
+        raise UnknownNameError("layout of a motion", layout, LAYOUTS)
+    if Path(path).suffix.lower() != ENDINGS[layout]:
+        raise InvalidInputError(f"{path}: the layout {layout!r} is written as {ENDINGS[layout]}")
+
+
+def save(motion: Any, path: str | Path, layout: str) -> None:
+    """Write a :class:`wbc.Retargeted`; for errors see :meth:`wbc.Retargeted.save`."""
+    check_layout(path, layout)
+    writers: dict[str, Callable[[Any, str | Path], None]] = {
+        "wbc": _save_own,
+        "tracking": _save_tracking,
+        "unitree": _save_unitree,
+    }
+    writers[layout](motion, path)
+
+
+def _save_own(motion: Any, path: str | Path) -> None:
+    summary = {
+        "format": "wbc retargeted motion 1",
+        "robot": motion.robot.name,
+        "source": motion.source,
+        "scale": {name: float(value) for name, value in vars(motion.scale).items()},
+        "reached": [vars(one) for one in motion.reached],
+        "unbalanced": [vars(one) for one in motion.unbalanced],
+        "notes": list(motion.notes),
+    }
+    names, targets, whole = motion.robot.joint_names, motion.targets, motion.whole
+    arrays = {
+        "summary": np.array(json.dumps(summary, indent=2, allow_nan=False)),
+        "joint_names": np.array(names, dtype=str),
+        "feet": np.array(["left", "right"], dtype=str),
+        "time": motion.time,
+        "q": motion.q,
+        "v": motion.v,
+        "acceleration": motion.acceleration,
+        "contacts": motion.contacts,
+        "wrenches": motion.wrenches,
+        "torque": motion.torque,
+        "cop": motion.cop,
+        "com": whole.com,
+        "momentum": whole.momentum,
+        "inertia": whole.inertia,
+        "human_com": targets.human_com,
+        "human_angular_momentum": targets.angular_momentum,
+        "human_inertia": targets.inertia,
+    }
+    write_arrays(path, arrays)
+
+
+def _save_tracking(motion: Any, path: str | Path) -> None:
+    names, place, quaternion, velocity, spin = bodies(motion.robot, motion.q, motion.v)
+    arrays = {
+        "fps": np.array([motion.rate]),
+        "joint_pos": _angles(motion),
+        "joint_vel": motion.v[:, BASE_NV:],
+        "body_pos_w": place,
+        "body_quat_w": quaternion,
+        "body_lin_vel_w": velocity,
+        "body_ang_vel_w": spin,
+    }
+    texts = {
+        "joint_names": np.array(motion.robot.joint_names, dtype=str),
+        "body_names": np.array(names, dtype=str),
+    }
+    write_arrays(path, {name: one.astype(np.float32) for name, one in arrays.items()} | texts)
+
+
+def _save_unitree(motion: Any, path: str | Path) -> None:
+    rows = np.hstack((motion.q[:, :BASE_NQ], _angles(motion)))
+    write_text(path, "".join(",".join(f"{v:.6f}" for v in row) + "\n" for row in rows.tolist()))
+
+
+def _angles(motion: Any) -> Array:
+    """Return the joints' positions (n, nv - 6) [rad or m]."""
+    robot = motion.robot
+    return np.array([robot.limits.joint_positions(q) for q in motion.q])
+
+
+def bodies(robot: Robot, q: Array, v: Array) -> tuple[tuple[str, ...], Array, Array, Array, Array]:
+    """Return names of the base and of the links behind the joints, and how they move.
+
+    Returns
+    -------
+    tuple
+        Names (b,), places of the links' origins (n, b, 3) [m], quaternions w x y z (n, b, 4),
+        velocities of the origins and angular velocities (n, b, 3), world axes.
+    """
+    model = robot.model
+    names, frames = list[str](), list[str]()
+    for joint in range(1, model.njoints):
+        own = [f for f in model.frames if f.parentJoint == joint and "BODY" in str(f.type)]
+        at = [f for f in own if f.placement.isIdentity(1e-9)] or own
+        names.append(str(at[0].name) if at else str(model.names[joint]))
+        frames.append(names[-1] if at else str(model.names[joint]))
+    count, many = len(q), len(frames)
+    place, velocity, spin = np.empty((3, count, many, 3))
+    turn = np.empty((count, many, 4))
+    for k in range(count):
+        snapshot = robot.snapshot(q[k])
+        for n, frame in enumerate(frames):
+            place[k, n], R = snapshot.placement(frame)
+            turn[k, n] = quaternion_from(R)
+            twist = snapshot.jacobian(frame) @ v[k]
+            velocity[k, n], spin[k, n] = twist[:3], twist[3:]
+    for n in range(many):
+        turn[:, n] = same_sign(turn[:, n])
+    return tuple(names), place, turn[..., [3, 0, 1, 2]], velocity, spin

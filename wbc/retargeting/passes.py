@@ -1,0 +1,222 @@
+"""From a human's motion to a robot's: the passes, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from wbc.constraints import BrakingParameters, Limits, SelfCollision
+from wbc.errors import InvalidInputError, shown
+from wbc.gait.legs import Legs
+from wbc.human import HumanMotion
+from wbc.retargeting.body_map import body_map
+from wbc.retargeting.by_tick import Progress, TickPass, first_configuration, kept
+from wbc.retargeting.ground_forces import ground_forces
+from wbc.retargeting.reaching import reached
+from wbc.retargeting.result import Retargeted
+from wbc.retargeting.scaling import FROUDE, scale_of, standing_of
+from wbc.retargeting.smoothing import WholeMotion, velocities
+from wbc.retargeting.source import human_frames
+from wbc.retargeting.targets import balanced, scaled_targets
+from wbc.retargeting.tasks import FrameTasks, RetargetWeights
+from wbc.robot import Robot
+from wbc.robot.limits import BASE_NV
+from wbc.robot.model import check_robot
+from wbc.robot.series import centroidal_series
+from wbc.robot.tree import refuse_loops
+from wbc.validate import Array, finite_number, read_only
+
+RATE = 50.0  # Hz: of what trainers of policies read
+# Of the whole motion: at least, and at most; it is done when this much was lacking before.
+LEAST_ROUNDS, ROUNDS, CLOSE = 3, 8, 5e-4
+FRICTION, MARGIN = 0.6, 0.01
+# Targets do not run into margins: what comes near one is on its way past it.
+BRAKING = BrakingParameters(deceleration=50.0, gain=1.0)
+# Joints that would be faster than their limits make the whole motion slower, by so much more.
+SLOWER, TRIES = 1.03, 4
+NO_LIMIT = 1e6  # rad/s^2
+
+
+def retarget(
+    human: HumanMotion,
+    robot: Robot,
+    *,
+    rate: float = RATE,
+    duration: str | float = FROUDE,
+    cutoff: float | None = None,
+    balance: bool = True,
+    friction: float = FRICTION,
+    margin: float = MARGIN,
+    self_collision: bool = True,
+    weights: RetargetWeights | None = None,
+    links: Mapping[str, str] | None = None,
+    rounds: int = ROUNDS,
+    progress: Progress | None = None,
+) -> Retargeted:
+    """Return a human's motion on a humanoid.
+
+    Lengths are scaled by those of the legs, angular momentum by m h sqrt(g h). Feet stand and roll
+    where the human's do, and do not slide; CoM, angular momentum, the ellipsoid, pelvis, trunk,
+    head and arms follow the human's. Frames are first solved one after the other by the tick, then
+    all at once with the jerk of the joints (:mod:`wbc.retargeting.smoothing`), and what comes out
+    is followed by the tick again, with all limits and margins hard.
+
+    Parameters
+    ----------
+    human:
+        From :func:`wbc.human.human_motion`.
+    robot:
+        A humanoid with two feet with soles.
+    rate:
+        Frames per second of the result [Hz].
+    duration:
+        ``froude``: times scale with the square root of lengths, as between animals of different
+        size; ``kept``: the human's time; or a factor. Either is stretched if joints would have to
+        be faster than they are, which is noted.
+    cutoff:
+        Of the human's low-pass [Hz]; None: by its steps.
+    balance:
+        Move the CoM so that the CoP is where the robot's feet stand.
+    friction:
+        Coefficient, by which wrenches are shared and judged.
+    margin:
+        Kept between bodies [m], with ``self_collision``.
+    weights:
+        Of the tasks.
+    links:
+        Frames of the robot by part of the body, see :func:`wbc.retargeting.body_map.body_map`.
+    rounds:
+        Of the whole motion at once, at most: most take four.
+    progress:
+        Called with frames done and frames in all, of all passes.
+
+    Returns
+    -------
+    Retargeted
+        The motion with contacts, wrenches and torques; how near each task came; where it cannot be
+        balanced as it is, and why.
+
+    Raises
+    ------
+    InvalidInputError
+        No human's motion, a robot that is no biped with soles or has closed loops, or numbers that
+        make no sense.
+    SolverError
+        The least squares of the whole motion have no solution.
+    """
+    if not isinstance(human, HumanMotion):
+        raise InvalidInputError(
+            f"retarget: expected a human's motion, as wbc.human.human_motion(...) returns it, got"
+            f" {shown(human)}"
+        )
+    check_robot("retarget", robot)
+    refuse_loops("retarget", robot)
+    rate = finite_number("retarget, rate", rate, least=10.0)
+    friction = finite_number("retarget, friction", friction, above=0.0)
+    margin = finite_number("retarget, margin", margin, least=0.0)
+    rounds = int(finite_number("retarget, rounds", rounds, least=1.0))
+    weights = RetargetWeights() if weights is None else weights
+    legs, body = Legs.of(robot), body_map(robot, links)
+    standing = standing_of(robot, legs, body)
+    scale = scale_of(human, robot, legs, standing, duration)
+    collision = None
+    if self_collision:
+        collision = SelfCollision(robot, margin=margin, braking=BRAKING)
+    asked, notes = scale.time, list(body.notes)
+    for _ in range(TRIES):
+        source = human_frames(human, rate * scale.time, human.cutoff if cutoff is None else cutoff)
+        targets = scaled_targets(source, robot, legs, body, standing, scale, balance)
+        tasks = FrameTasks(robot, body, targets, weights, legs.length)
+        wanted = _solved(tasks, legs, collision, source.series.axes, rounds, balance, progress)
+        speed, joint = _fastest(robot, wanted, targets.dt)
+        if speed <= 1.0:
+            break
+        scale = replace(scale, time=scale.time * SLOWER * speed)
+    limits = Limits(robot, acceleration=NO_LIMIT)  # what is too much is said by its torque
+    q, failed = kept(tasks, wanted, limits, collision, progress)
+    if scale.time != asked:
+        notes.append(
+            f"{scale.time / asked:.2f} times as slow as asked for: {joint} of {robot.name} is no"
+            " faster"
+        )
+    if failed:
+        first = min(failed)
+        notes.append(
+            f"{len(failed)} frames of the last pass had no solution, the first at"
+            f" {targets.time[first]:.2f} s: {failed[first]}"
+        )
+    v, acceleration = _rates(robot, q, targets.dt)
+    whole = centroidal_series(robot, q, v, acceleration)
+    paths = targets.feet.paths
+    corners = {side: path.corners for side, path in paths.items()}
+    ground = ground_forces(
+        robot, q, v, acceleration, whole, targets.time, targets.down, corners, friction
+    )
+    for array in (q, v, acceleration):
+        read_only(array)
+    return Retargeted(
+        robot=robot,
+        source=human.motion.source,
+        scale=scale,
+        time=targets.time,
+        q=q,
+        v=v,
+        acceleration=acceleration,
+        whole=whole,
+        targets=targets,
+        wrenches=ground.wrenches,
+        torque=ground.torque,
+        cop=ground.cop,
+        reached=reached(robot, body, tasks.targets, tasks, q, whole, standing.com_height),
+        unbalanced=ground.unbalanced,
+        notes=(*notes, *targets.notes),
+    )
+
+
+def _solved(
+    tasks: FrameTasks,
+    legs: Legs,
+    collision: SelfCollision | None,
+    axes: Array,
+    rounds: int,
+    balance: bool,
+    progress: Progress | None,
+) -> Array:
+    """Return configurations (n, nq) as near to the targets as they come."""
+    robot, wanted = tasks.robot, tasks.targets
+    constraints = [] if collision is None else [collision]
+    start = first_configuration(tasks, constraints)
+    q = TickPass(tasks, Limits(robot, velocity=None), constraints).run(start, progress)
+    tasks.shape_like(np.array([robot.snapshot(one).inertia for one in q]), axes)
+    motion = WholeMotion(tasks, collision, legs.length)
+    before = np.inf
+    for number in range(rounds):
+        if balance and number > 0:
+            v = velocities(robot, q, wanted.dt)
+            states = [robot.snapshot(a, b) for a, b in zip(q, [*v, v[-1]], strict=True)]
+            com = np.array([one.com for one in states])
+            k = np.array([one.momentum[3:] for one in states])
+            tasks.targets = balanced(tasks.targets, robot, k, com)
+        q = motion.improved(q)
+        close = motion.violation < CLOSE and (motion.speed < 1.0 or motion.speed > 0.98 * before)
+        before = motion.speed
+        if number + 1 >= LEAST_ROUNDS and close:
+            break
+    return q
+
+
+def _fastest(robot: Robot, q: Array, dt: float) -> tuple[float, str]:
+    """Return the largest speed of a joint by its limit, and which joint has it."""
+    speed = np.abs(velocities(robot, q, dt)[:, BASE_NV:]).max(axis=0) / robot.limits.velocity
+    joint = int(np.argmax(speed))
+    return float(speed[joint]), robot.joint_names[joint]
+
+
+def _rates(robot: Robot, q: Array, dt: float) -> tuple[Array, Array]:
+    """Return velocities and their rates (n, nv) by central differences, one-sided at the ends."""
+    steps = velocities(robot, q, dt)
+    v = np.vstack((steps[:1], 0.5 * (steps[:-1] + steps[1:]), steps[-1:]))
+    inner = np.diff(steps, axis=0) / dt
+    return v, np.vstack((inner[:1], inner, inner[-1:]))

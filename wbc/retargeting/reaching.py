@@ -1,0 +1,102 @@
+"""How near a motion came to what was wanted, task by task."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.gait.legs import SIDES
+from wbc.retargeting.body_map import BodyMap
+from wbc.retargeting.result import Reached
+from wbc.retargeting.targets import Targets
+from wbc.retargeting.tasks import FrameTasks
+from wbc.rmp.axes import told_apart, track
+from wbc.robot import Robot
+from wbc.robot.series import CentroidalSeries
+from wbc.validate import Array
+
+GAP = 0.2  # part of the largest second moment: nearer ones have axes that mean little
+
+
+def reached(
+    robot: Robot, body: BodyMap, targets: Targets, tasks: FrameTasks, q: Array,
+    whole: CentroidalSeries, height: float,
+) -> tuple[Reached, ...]:  # fmt: skip
+    """Return how near each task came, largest errors with their times.
+
+    Parameters
+    ----------
+    height:
+        Of the CoM with straight legs [m], by which momenta are told.
+    """
+    count = len(q)
+    turns = {name: np.empty(count) for name in targets.rotation}
+    arms = {(s, n): np.empty(count) for s in body.arms for n in ("upper arm", "forearm")}
+    feet = {side: np.full(count, np.nan) for side in SIDES}
+    for k in range(count):
+        snapshot = robot.snapshot(q[k])
+        for frame, room in turns.items():
+            room[k] = _angle(targets.rotation[frame][k].T @ snapshot.rotation(frame))
+        for side, arm in body.arms.items():
+            pairs = ((arm.upper_arm, arm.upper_axis), (arm.forearm, arm.forearm_axis))
+            for n, name in enumerate(("upper arm", "forearm")):
+                frame, axis = pairs[n]
+                cosine = snapshot.rotation(frame) @ axis @ targets.arms[side][k, n]
+                arms[side, name][k] = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        for side in SIDES:
+            path = targets.feet.paths[side]
+            if not path.down[k]:
+                place = snapshot.position(robot.feet[side].frame)
+                feet[side][k] = 1e3 * np.linalg.norm(place - path.place[k])
+    names = {body.pelvis: "pelvis", body.trunk: "trunk", body.head: "head"}
+    unit = robot.mass * height * np.sqrt(robot.gravity * height)
+    k_off = np.linalg.norm(whole.momentum[:, 3:] - targets.angular_momentum, axis=1)
+    com_off = 1e3 * np.linalg.norm(whole.com - targets.com, axis=1)
+    found = [_reached("CoM", com_off, targets.time, "mm")]
+    found.append(_reached("angular momentum", k_off / unit, targets.time, "m h sqrt(g h)"))
+    found += [_reached(names[frame], v, targets.time, "deg") for frame, v in turns.items()]
+    found += [_reached(f"{s} {n}", v, targets.time, "deg") for (s, n), v in arms.items()]
+    found += [
+        _reached(f"{side} foot in the air", v, targets.time, "mm")
+        for side, v in feet.items()
+        if np.isfinite(v).any()
+    ]
+    found += [
+        _reached(f"principal axis {n + 1}", v, targets.time, "deg")
+        for n, v in enumerate(axes_off(whole.inertia, targets.inertia).T)
+        if np.isfinite(v).any()
+    ]
+    return tuple(found)
+
+
+def axes_off(mine: Array, theirs: Array) -> Array:
+    """Return how far principal axes are from each other (n, 3) [deg], the longest first.
+
+    NaN where one of the two ellipsoids has another axis of nearly the same length.
+
+    Parameters
+    ----------
+    mine, theirs:
+        Inertias (n, 3, 3).
+    """
+    both = [track(one) for one in (mine, theirs)]
+    found = np.full((len(mine), 3), np.nan)
+    parts = []
+    for one in both:
+        order = np.argsort(-one.second_moments.mean(axis=0))
+        moments = one.second_moments[:, order]
+        parts.append((one.axes[:, :, order], told_apart(moments, GAP)))
+    (A, a), (B, b) = parts
+    cosines = np.abs(np.einsum("nij,nij->nj", A, B))
+    found[a & b] = np.degrees(np.arccos(np.clip(cosines, 0.0, 1.0)))[a & b]
+    return found
+
+
+def _angle(R: Array) -> float:
+    return float(np.degrees(np.arccos(np.clip(0.5 * (np.trace(R) - 1.0), -1.0, 1.0))))
+
+
+def _reached(name: str, errors: Array, time: Array, unit: str) -> Reached:
+    worst = int(np.nanargmax(errors))
+    return Reached(
+        name, float(np.sqrt(np.nanmean(errors**2))), float(errors[worst]), float(time[worst]), unit
+    )

@@ -1,0 +1,169 @@
+"""A human's motion on a robot, and how near it came."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.gait.legs import SIDES
+from wbc.motion.dropouts import runs
+from wbc.retargeting.ground_forces import Unbalanced
+from wbc.retargeting.scaling import Scale
+from wbc.retargeting.targets import Targets
+from wbc.robot import Robot
+from wbc.robot.series import CentroidalSeries, sole_series
+from wbc.validate import Array
+
+
+@dataclass(frozen=True)
+class Reached:
+    """How near a task came to its target over the motion.
+
+    Attributes
+    ----------
+    task:
+        Its name.
+    rms, largest:
+        Error [``unit``].
+    at:
+        When it was largest [s].
+    """
+
+    task: str
+    rms: float
+    largest: float
+    at: float
+    unit: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.task}: {self.rms:.3g} {self.unit} rms, {self.largest:.3g} {self.unit}"
+            f" at {self.at:.2f} s"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Retargeted:
+    """A human's motion on a robot, n frames; made by :func:`wbc.retarget`.
+
+    World axes, the ground at z = 0, SI units, linear before angular.
+
+    Attributes
+    ----------
+    robot, source:
+        Whose it is, and the recording it comes from.
+    scale:
+        From the human to the robot.
+    time:
+        (n,) [s], even, from 0.
+    q, v, acceleration:
+        Configurations (n, nq), velocities and their rates (n, nv).
+    whole:
+        CoM, momentum, inertia and their rates.
+    targets:
+        What was asked for.
+    wrenches:
+        On the feet, left and right, at their sole frames (n, 2, 6) [N, N m].
+    torque:
+        Of the joints (n, nv - 6).
+    cop:
+        (n, 2) [m]; NaN where the motion asks for no push of the ground.
+    reached:
+        How near each task came.
+    unbalanced:
+        Where the motion cannot be balanced as it is, and why.
+    notes:
+        What was changed, left out and guessed.
+    """
+
+    robot: Robot
+    source: str
+    scale: Scale
+    time: Array
+    q: Array
+    v: Array
+    acceleration: Array
+    whole: CentroidalSeries
+    targets: Targets
+    wrenches: Array
+    torque: Array
+    cop: Array
+    reached: tuple[Reached, ...]
+    unbalanced: tuple[Unbalanced, ...]
+    notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"Retargeted({self.robot.name!r}, {len(self.time)} frames, {self.time[-1]:.4g} s)"
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def contacts(self) -> NDArray[np.bool_]:
+        """Which feet touch the ground (n, 2), left and right."""
+        return self.targets.down
+
+    @property
+    def rate(self) -> float:
+        """Frames per second [Hz]."""
+        return 1.0 / self.targets.dt
+
+    @property
+    def com_correlation(self) -> Array:
+        """Of the CoM's way with the human's, scaled: x, y and z (3,)."""
+        return _correlation(self.whole.com, self.targets.human_com)
+
+    @property
+    def angular_momentum_correlation(self) -> Array:
+        """Of the angular momentum with the human's, scaled: x, y and z (3,)."""
+        return _correlation(self.whole.momentum[:, 3:], self.targets.angular_momentum)
+
+    @property
+    def slide(self) -> float:
+        """How far a corner of a sole moves at most while it touches the ground [m]."""
+        soles, worst = sole_series(self.robot, self.q), 0.0
+        for side in SIDES:
+            path, T = self.targets.feet.paths[side], soles[side]
+            R, place = path.rotation, path.place
+            for first, end in runs(path.down):
+                # The corners that touch, by the pitch that is wanted.
+                own = np.einsum("nji,nkj->nki", R, path.corners - place[:, None])[first:end]
+                same = np.abs(np.diff(own, axis=0)).max(axis=(1, 2)) < 1e-6
+                at = own @ np.swapaxes(T[first:end, :3, :3], 1, 2) + T[first:end, None, :3, 3]
+                for a, b in runs(np.concatenate((same, [False]))):
+                    way = np.linalg.norm(at[a : b + 1] - at[a], axis=2)
+                    worst = max(worst, float(way.max()))
+        return worst
+
+    def save(self, path: str | Path, layout: str = "wbc") -> None:
+        """Write the motion; see :mod:`wbc.retargeting.layouts` for what a layout has.
+
+        Parameters
+        ----------
+        layout:
+            ``wbc``, ``tracking`` (mjlab, BeyondMimic: ``.npz``) or ``unitree`` (``.csv``).
+
+        Raises
+        ------
+        InvalidInputError
+            Another ending than the layout's.
+        UnknownNameError
+            No such layout.
+        OSError
+            The file cannot be written.
+        """
+        from wbc.retargeting.layouts import save
+
+        save(self, path, layout)
+
+
+def _correlation(a: Array, b: Array) -> Array:
+    """Return Pearson's coefficients of the columns; 1 where neither changes, 0 where one does."""
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    sizes = np.sqrt((a**2).sum(axis=0) * (b**2).sum(axis=0))
+    still = sizes < 1e-12
+    both = np.where(np.maximum((a**2).sum(axis=0), (b**2).sum(axis=0)) < 1e-12, 1.0, 0.0)
+    return np.where(still, both, (a * b).sum(axis=0) / np.where(still, 1.0, sizes))

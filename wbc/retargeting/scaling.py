@@ -1,0 +1,146 @@
+"""From a human's size to a robot's: length, time, mass, momentum and inertia."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.constraints import Limits, support
+from wbc.controllers.kinematic import KinematicController
+from wbc.errors import InvalidInputError, shown
+from wbc.gait.legs import SIDES, Legs, leg_joints
+from wbc.human import HumanMotion
+from wbc.retargeting.body_map import BodyMap
+from wbc.robot import Robot
+from wbc.robot.postures import STANDING
+from wbc.tasks import AxisTask, OrientationTask, PostureTask, Task
+from wbc.validate import Array, finite_number
+
+FROUDE, KEPT = "froude", "kept"
+STEP, STEPS = 0.02, 60  # s: of the ticks that bring a robot from standing to hanging arms
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What a human's motion is multiplied by.
+
+    With lengths by L and times by sqrt(L) accelerations stay as they are, and so does the Froude
+    number v^2/(g l) (Alexander and Jayes 1983): CoP and friction then scale with the body, and
+    what balanced a human balances a robot of the same shape. With another time it does not, and
+    the CoM has to be moved for it (:mod:`wbc.retargeting.balanced`).
+
+    Attributes
+    ----------
+    length:
+        Of the legs, hip to sole, the robot's by the human's.
+    time:
+        Duration.
+    mass:
+        Masses.
+    human_height, robot_height:
+        Of the CoM over the soles with straight legs and arms hanging [m].
+    """
+
+    length: float
+    time: float
+    mass: float
+    human_height: float
+    robot_height: float
+
+    @property
+    def angular_momentum(self) -> float:
+        """Of m l^2 / t; with the Froude number's time that is m h sqrt(g h)."""
+        return self.mass * self.length**2 / self.time
+
+    @property
+    def inertia(self) -> float:
+        """Of m l^2."""
+        return self.mass * self.length**2
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A robot that stands as a human does, arms hanging.
+
+    Attributes
+    ----------
+    hips:
+        From the CoM (2, 3) [m], left and right; x forwards, z up.
+    com_height:
+        Of the CoM over the soles if the legs were straight [m].
+    ankle_height:
+        Of the ankles over the soles [m].
+    """
+
+    hips: Array
+    com_height: float
+    ankle_height: float
+
+
+def standing_of(robot: Robot, legs: Legs, body: BodyMap) -> Standing:
+    """Return how a robot stands with its trunk upright and its arms hanging."""
+    start = robot.snapshot(robot.postures[STANDING])
+    tasks: list[Task] = [PostureTask(robot, start.q, weight=0.02, gain=0.2)]
+    for frame, R in body.upright.items():
+        tasks.append(OrientationTask(robot, frame, R, name=frame, gain=0.2))
+    for side, arm in body.arms.items():
+        for frame, axis in ((arm.upper_arm, arm.upper_axis), (arm.forearm, arm.forearm_axis)):
+            name = f"{side} {frame}"
+            tasks.append(AxisTask(robot, frame, (0, 0, -1), axis=axis, name=name, gain=0.2))
+    controller = KinematicController(
+        robot,
+        tasks,
+        contacts=support(start, "double"),
+        limits=Limits(robot, velocity=None),
+        dt=STEP,
+        damping=1e-4,
+    )
+    q = start.q
+    for _ in range(STEPS):
+        q = robot.integrate(q, controller.step(robot.snapshot(q)).velocity, STEP)
+    found = robot.snapshot(q)
+    chains = [leg_joints(robot, side) for side in SIDES]
+    hips, ankles = (
+        np.array([found.position(str(robot.model.names[chain[k]])) for chain in chains])
+        for k in (0, -1)
+    )
+    soles = np.array([found.position(robot.feet[side].frame) for side in SIDES])
+    hip, ankle = float(np.mean(hips[:, 2])), float(np.mean(ankles[:, 2]))
+    up = float(found.com[2] - np.mean(soles[:, 2])) + legs.length - (hip - ankle)
+    return Standing(hips - found.com, up, ankle - float(np.mean(soles[:, 2])))
+
+
+def scale_of(
+    human: HumanMotion, robot: Robot, legs: Legs, standing: Standing, duration: str | float
+) -> Scale:
+    """Return the scale from a human to a robot with these legs.
+
+    Parameters
+    ----------
+    duration:
+        ``froude``: times scale with the square root of lengths; ``kept``: they stay; or a factor.
+
+    Raises
+    ------
+    InvalidInputError
+        Another word, or a number that is not positive.
+    """
+    body = human.motion.robot
+    q = np.zeros(body.nq)
+    q[6] = 1.0
+    upright = body.snapshot(q)
+    sole = np.mean([upright.position(foot.frame)[2] for foot in body.feet.values()])
+    length = (legs.length + standing.ankle_height) / float(upright.position("left_thigh")[2] - sole)
+    if isinstance(duration, str):
+        if duration not in (FROUDE, KEPT):
+            raise InvalidInputError(
+                f"retarget, duration: expected {FROUDE!r}, {KEPT!r} or a factor, got"
+                f" {shown(duration)}"
+            )
+        time = math.sqrt(length) if duration == FROUDE else 1.0
+    else:
+        time = finite_number("retarget, duration", duration, above=0.0)
+    height = float(upright.com[2] - sole)
+    return Scale(length, time, robot.mass / human.body.mass, height, standing.com_height)

@@ -1,0 +1,107 @@
+"""A human's motion as retargeting needs it: its pendulum, the directions of segments, its feet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.human import HumanMotion
+from wbc.human.contacts import SHORTEST, feet_down
+from wbc.motion import RmpSeries, analyse
+from wbc.motion.dropouts import runs
+from wbc.robot.series import sole_series
+from wbc.validate import Array
+
+SEGMENTS = ("pelvis", "trunk", "head", "left_upper_arm", "left_forearm", "right_upper_arm",
+            "right_forearm")  # fmt: skip
+
+
+EDGE = 0.5  # periods of the cutoff that are left out at both ends
+LEAST = 20  # frames that are left at least
+
+
+@dataclass(frozen=True, eq=False)
+class HumanFrames:
+    """A human's motion on an even grid, n frames, its own size and time, its ground at z = 0.
+
+    Attributes
+    ----------
+    series:
+        Its pendulum (:class:`wbc.RmpSeries`), heights as recorded.
+    rotation:
+        Of segments, by name (n, 3, 3).
+    heading:
+        Of the pelvis (n,) [rad].
+    hips:
+        The middle of the hips from the CoM (n, 3) [m], world axes.
+    soles:
+        Where the ground under the ankles is (n, 3) [m], and headings (n,) [rad], by side.
+    sole_rotation:
+        Of the soles, by side (n, 3, 3).
+    down:
+        Which feet touch the ground, by side (n,), bool.
+    """
+
+    series: RmpSeries
+    rotation: Mapping[str, Array]
+    heading: Array
+    hips: Array
+    soles: Mapping[str, tuple[Array, Array]]
+    sole_rotation: Mapping[str, Array]
+    down: Mapping[str, NDArray[np.bool_]]
+
+    def __len__(self) -> int:
+        return len(self.series)
+
+
+def human_frames(human: HumanMotion, rate: float, cutoff: float | None) -> HumanFrames:
+    """Return a human's motion at ``rate`` [Hz], low-passed at ``cutoff`` [Hz].
+
+    Half a period of the cutoff is left out at both ends, unless little would be left.
+    """
+    series = analyse(
+        human.motion, rate=rate, cutoff=cutoff, noise=None, ground_height=human.ground_height
+    )
+    # What a filter makes of a recording's ends is a guess.
+    dropped = round(EDGE / series.cutoff * rate) if series.cutoff else 0
+    inner = slice(dropped, len(series) - dropped)
+    if len(series) - 2 * dropped < LEAST:
+        inner = slice(None)
+    robot = series.robot
+    cut: dict[str, Any] = {name: one[inner] for name, one in series.arrays().items()}
+    series = replace(series, **cut)
+    places = sole_series(robot, series.q)
+    flags = feet_down(robot, places, series.time, human.ground_height)
+    rotation = {name: np.empty((len(series), 3, 3)) for name in SEGMENTS}
+    hips = np.empty((len(series), 3))
+    for k, q in enumerate(series.q):
+        snapshot = robot.snapshot(q)
+        hips[k] = 0.5 * (snapshot.position("left_thigh") + snapshot.position("right_thigh"))
+        for name, room in rotation.items():
+            room[k] = snapshot.rotation(name)
+    soles, turns, down = {}, {}, {}
+    for number, side in enumerate(robot.feet):
+        T = places[side]
+        position = T[:, :3, 3] - [0.0, 0.0, human.ground_height]
+        heading = np.unwrap(np.arctan2(T[:, 1, 0], T[:, 0, 0]))
+        soles[side], turns[side] = (position, heading), T[:, :3, :3]
+        down[side] = _without_short_ends(flags[:, number], series.time)
+    pelvis = rotation["pelvis"]
+    heading = np.unwrap(np.arctan2(pelvis[:, 1, 0], pelvis[:, 0, 0]))
+    return HumanFrames(series, rotation, heading, hips - series.com, soles, turns, down)
+
+
+def _without_short_ends(flags: NDArray[np.bool_], time: Array) -> NDArray[np.bool_]:
+    """Return contacts in which what the recording just begins or ends with is left out."""
+    flags = flags.copy()
+    for first, end in (one for value in (True, False) for one in runs(flags == value)):
+        if time[end - 1] - time[first] < SHORTEST:
+            if first == 0 and end < len(flags):
+                flags[:end] = flags[end]
+            elif end == len(flags) and first > 0:
+                flags[first:] = flags[first - 1]
+    return flags

@@ -1,0 +1,241 @@
+"""What a robot is asked to do in each frame: a human's motion, scaled to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.gait.legs import SIDES, Legs, leg_joints
+from wbc.retargeting.balanced import clipped, cop_of, loads, moved
+from wbc.retargeting.body_map import BodyMap
+from wbc.retargeting.footsteps import FootPath, FootPaths, foot_paths, pitched
+from wbc.retargeting.scaling import Scale, Standing
+from wbc.retargeting.source import HumanFrames
+from wbc.robot import Robot
+from wbc.robot.postures import STANDING
+from wbc.validate import Array
+
+# The CoM may be lowered by this part of the legs' length for them to reach; then steps get shorter.
+LOWERED = 0.05
+SHORTEST = 0.5  # part of the human's scaled level distances that is left at least
+SEARCHES = 8
+STRAIGHTEST = 0.985  # part of the full length that standing legs are stretched to
+STRAIGHT = 0.9  # part of its way that the CoM is away at the end
+AHEAD = 0.08  # of the legs' length: so far the CoM is put ahead at most
+
+
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """Targets of n frames, the robot's own size and time, its ground at z = 0.
+
+    Attributes
+    ----------
+    time:
+        (n,) [s], even.
+    com:
+        (n, 3) [m].
+    angular_momentum:
+        About the CoM (n, 3) [kg m^2/s].
+    rotation:
+        Of the robot's frames for pelvis, trunk and head (n, 3, 3).
+    arms:
+        Directions of upper arm and forearm (n, 2, 3), by side.
+    inertia:
+        The human's, scaled (n, 3, 3) [kg m^2].
+    feet:
+        Ways of the soles.
+    human_com:
+        The human's CoM, scaled, before it was moved for balance and reach (n, 3) [m].
+    cop:
+        Of the targets, where the feet can push (n, 2) [m]; NaN in the air.
+    notes:
+        What was changed, in words.
+    """
+
+    time: Array
+    com: Array
+    angular_momentum: Array
+    rotation: Mapping[str, Array]
+    arms: Mapping[str, Array]
+    inertia: Array
+    feet: FootPaths
+    human_com: Array
+    cop: Array
+    notes: tuple[str, ...]
+
+    @property
+    def down(self) -> NDArray[np.bool_]:
+        """Which feet touch the ground (n, 2), left and right."""
+        return self.feet.down
+
+    @property
+    def dt(self) -> float:
+        """[s]."""
+        return float(self.time[1] - self.time[0])
+
+
+def scaled_targets(
+    source: HumanFrames, robot: Robot, legs: Legs, body: BodyMap, standing: Standing,
+    scale: Scale, balance: bool,
+) -> Targets:  # fmt: skip
+    """Return a robot's targets, the CoM moved where the feet can push (``balance``)."""
+    series = source.series
+    dt = scale.time * float(series.time[1] - series.time[0])
+    pelvis = source.rotation["pelvis"] @ body.upright[body.pelvis]
+    share, lowered, notes = _within_reach(source, robot, legs, standing, scale, pelvis, body)
+    spread = _spread(source, scale, share)
+    feet = foot_paths(source, robot, legs, spread)
+    com = _scaled_com(source, legs, standing, scale, spread)
+    com[:, 2] -= lowered
+    if feet.wider > 0.0:
+        notes += (f"feet set {1e3 * feet.wider:.0f} mm farther outwards each, to pass each other",)
+    k = scale.angular_momentum * series.momentum[:, 3:]
+    rotation = {body.pelvis: pelvis}
+    for part, frame in (("trunk", body.trunk), ("head", body.head)):
+        if frame is not None and frame not in rotation:
+            rotation[frame] = source.rotation[part] @ body.upright[frame]
+    arms = {
+        side: -np.stack(
+            [source.rotation[f"{side}_{part}"][:, :, 2] for part in ("upper_arm", "forearm")],
+            axis=1,
+        )
+        for side in body.arms
+    }
+    targets = Targets(
+        time=dt * np.arange(len(source)),
+        com=com,
+        angular_momentum=k,
+        rotation=rotation,
+        arms=arms,
+        inertia=scale.inertia * _matrices(series.inertia),
+        feet=feet,
+        human_com=com.copy(),
+        cop=np.full((len(source), 2), np.nan),
+        notes=notes,
+    )
+    return balanced(targets, robot, k) if balance else targets
+
+
+def balanced(targets: Targets, robot: Robot, k: Array, com: Array | None = None) -> Targets:
+    """Return targets with the CoM moved so that the CoP is where feet stand.
+
+    Parameters
+    ----------
+    k:
+        Angular momentum (n, 3) that the robot has, or is wanted to have [kg m^2/s].
+    com:
+        Its CoM (n, 3) [m]; None: the wanted one.
+    """
+    dt, flags = targets.dt, targets.down
+    paths = targets.feet.paths
+    k_rate = np.gradient(k, dt, axis=0)
+    cop, square = cop_of(targets.com if com is None else com, k_rate, robot.mass, robot.gravity, dt)
+    goal = clipped(cop, {side: paths[side].corners[..., :2] for side in SIDES}, flags)
+    moving = targets.com.copy()
+    moving[:, :2] += moved(goal - cop, square, dt)
+    return replace(targets, com=moving, cop=goal)
+
+
+def _held(path: FootPath) -> Array:
+    """Return a foot's shift (n, 2) where it stands flat, interpolated between."""
+    frames, flat = np.arange(len(path.down)), path.down & (path.pitch == 0.0)
+    if not flat.any():
+        return np.zeros_like(path.shift)
+    return np.column_stack([np.interp(frames, frames[flat], one[flat]) for one in path.shift.T])
+
+
+def _matrices(entries: Array) -> Array:
+    """Return symmetric matrices (n, 3, 3) of their entries xx xy xz yy yz zz (n, 6)."""
+    return np.asarray(entries[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3))
+
+
+def _spread(source: HumanFrames, scale: Scale, share: float) -> Array:
+    """Return what takes a human's places to the robot's (3, 3), steps shortened to ``share``.
+
+    Who walks straight on is shortened along that way only: sideways steps stay as wide.
+    """
+    spread = scale.length * np.eye(3)
+    com = source.series.com[:, :2]
+    net, whole = com[-1] - com[0], float(np.linalg.norm(np.diff(com, axis=0), axis=1).sum())
+    length = float(np.linalg.norm(net))
+    if length > STRAIGHT * whole and length > 0.0:
+        spread[:2, :2] -= scale.length * (1.0 - share) * np.outer(net, net) / length**2
+    else:
+        spread[:2, :2] *= share
+    return spread
+
+
+def _scaled_com(
+    source: HumanFrames, legs: Legs, standing: Standing, scale: Scale, spread: Array
+) -> Array:
+    """Return the human's CoM, scaled (n, 3) [m], over the robot's ground.
+
+    A robot may have its hips farther behind its CoM than a human. By how much, on average over the
+    motion, the CoM is put ahead, so that legs have what they reach on both sides.
+    """
+    height = source.series.com[:, 2] - source.series.ground_height - scale.human_height
+    turns = pitched(source.heading, np.zeros(len(source)))
+    ahead = scale.length * float(np.mean(np.einsum("nji,nj->ni", turns, source.hips)[:, 0]))
+    ahead -= float(standing.hips[:, 0].mean())
+    most = AHEAD * legs.length
+    com = np.empty((len(source), 3))
+    com[:, :2] = source.series.com[:, :2] @ spread[:2, :2].T
+    com[:, :2] += min(max(ahead, -most), most) * turns[:, :2, 0]
+    com[:, 2] = scale.robot_height + scale.length * height
+    return com
+
+
+def _within_reach(
+    source: HumanFrames, robot: Robot, legs: Legs, standing: Standing, scale: Scale,
+    pelvis: Array, body: BodyMap,
+) -> tuple[float, float, tuple[str, ...]]:  # fmt: skip
+    """Return which part of level distances legs reach, and by how much the CoM is lowered [m]."""
+    most = LOWERED * legs.length
+
+    def lacking(share: float) -> float:
+        return _stretch(source, robot, legs, standing, scale, pelvis, body, share)
+
+    share, needed = 1.0, lacking(1.0)
+    if needed > most:
+        low, high = SHORTEST, 1.0
+        for _ in range(SEARCHES):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if lacking(middle) > most else (middle, high)
+        share, needed = low, lacking(low)
+    notes = list[str]()
+    if share < 1.0:
+        notes.append(f"steps are {share:.0%} of the human's, scaled: the legs reach so far")
+    lowered = min(max(needed, 0.0), max(most, 0.0))
+    if lowered > 0.0:
+        notes.append(f"the CoM is {1e3 * lowered:.0f} mm lower, for flat feet to reach the ground")
+    return share, lowered, tuple(notes)
+
+
+def _stretch(
+    source: HumanFrames, robot: Robot, legs: Legs, standing: Standing, scale: Scale,
+    pelvis: Array, body: BodyMap, share: float,
+) -> float:  # fmt: skip
+    """Return by how much the CoM must be lowered for standing legs to be bent enough [m]."""
+    spread = _spread(source, scale, share)
+    feet = foot_paths(source, robot, legs, spread)
+    snapshot = robot.snapshot(robot.postures[STANDING])
+    com = _scaled_com(source, legs, standing, scale, spread)
+    upright, longest, worst = snapshot.rotation(body.pelvis), STRAIGHTEST * legs.length, 0.0
+    weight = loads(feet.down)
+    drawn = sum(weight[:, [n]] * _held(feet.paths[side]) for n, side in enumerate(SIDES))
+    for side, hip in zip(SIDES, standing.hips, strict=True):
+        ankle = snapshot.position(str(robot.model.names[leg_joints(robot, side)[-1]]))
+        at = com + pelvis @ (upright.T @ hip)
+        at[:, :2] += drawn
+        sole = robot.feet[side].frame
+        arm = ankle - snapshot.position(sole)
+        path = feet.paths[side]
+        goal = path.place + path.rotation @ (snapshot.rotation(sole).T @ arm)
+        flat = np.linalg.norm((at - goal)[:, :2], axis=1)
+        highest = np.sqrt(np.maximum(longest**2 - flat**2, 0.0))
+        if path.down.any():
+            worst = max(worst, float(((at - goal)[:, 2] - highest)[path.down].max()))
+    return worst
