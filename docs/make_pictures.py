@@ -27,7 +27,7 @@ from wbc.gait.given import in_world
 from wbc.gait.phases import sole_poses
 from wbc.gait.swing import turned
 from wbc.minimum_jerk import minimum_jerk
-from wbc.motion import analyse, read_motion
+from wbc.motion import analyze, read_motion
 from wbc.polygon import inset
 from wbc.problem import load_problem
 from wbc.qp import make_backend
@@ -234,7 +234,7 @@ def draw_analysis(
     with TemporaryDirectory() as folder:
         recording = Path(folder) / f"{problem}.npz"
         result.save(recording)
-        series = analyse(read_motion(recording, result.robot))
+        series = analyze(read_motion(recording, result.robot))
     title = f"{recording.name}: {series.robot.name}{remark}"
     plot_analysis(series, place(name), title=title, snapshots=snapshots)
     smaller(name)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # "as" tells type checkers that a name is public
     from wbc.laws import VelocityLaw as VelocityLaw
     from wbc.motion import Motion as Motion
     from wbc.motion import RmpSeries as RmpSeries
-    from wbc.motion import analyse as analyse
+    from wbc.motion import analyze as analyze
     from wbc.motion import read_motion as read_motion
     from wbc.problem import load_problem as load_problem
     from wbc.reduction import RmpState as RmpState
@@ -51,7 +51,8 @@ _NAMES = {
     "Snapshot": "wbc.robot",
     "VelocityLaw": "wbc.laws",
     "WbcError": "wbc.errors",
-    "analyse": "wbc.motion",
+    "analyse": "wbc.motion",  # the name of analyze until 0.2
+    "analyze": "wbc.motion",
     "load_problem": "wbc.problem",
     "pendulum_of": "wbc.tracking.pendulum",
     "read_motion": "wbc.motion",
@@ -80,5 +81,5 @@ if not TYPE_CHECKING:  # to a checker, a module with this function has every nam
 
 def __dir__() -> list[str]:
     rooms = (import_module(room).__all__ for room in _ROOMS)
-    names = {"__version__", *_NAMES, *_PACKAGES}
+    names = {"__version__", *_NAMES, *_PACKAGES} - {"analyse"}
     return sorted(names | {name for each in rooms for name in each})

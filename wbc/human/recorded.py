@@ -42,7 +42,7 @@ class HumanMotion:
     Attributes
     ----------
     motion:
-        For :func:`wbc.analyse`; its robot is the human.
+        For :func:`wbc.analyze`; its robot is the human.
     body:
         The human's dimensions, mass, stature and sex.
     recording:
@@ -58,7 +58,7 @@ class HumanMotion:
     ground_height:
         Height of the ground [m].
     noise:
-        What markers and skin leave uncertain of the posture, for ``analyse(noise=...)``.
+        What markers and skin leave uncertain of the posture, for ``analyze(noise=...)``.
     notes:
         What was guessed, left out and tolerated, in words.
     """
