@@ -7,6 +7,7 @@ as the loaded robot, by name.
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,6 +18,7 @@ import numpy as np
 from wbc import Robot
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
+FORGOTTEN = r' sensornoise="\w*"'
 NO_LIMIT = 1e10  # a limit from here on stands for none
 MOVING = ("revolute", "continuous", "prismatic")
 
@@ -136,7 +138,8 @@ class UrdfReading:
     def at(self, joints: Mapping[str, float]) -> Placed:
         """See :class:`Reading`; joints that are not given are at 0."""
         children = {joint.child for joint in self.joints}
-        poses = {name: np.eye(4) for name in self.links if name not in children}
+        named = [*self.links, *(joint.parent for joint in self.joints)]  # Drake's world is no link
+        poses = {name: np.eye(4) for name in named if name not in children}
         above: dict[str, list[tuple[int, bool, Array, Array]]] = {name: [] for name in poses}
         left = list(self.joints)
         while left:
@@ -235,20 +238,38 @@ def _moved(joint: _Joint, value: float) -> Array:
     return T
 
 
-def _compiled(mujoco: Any, path: Path) -> Any:
-    """Return what MuJoCo compiles; without its meshes where their files are missing."""
+def spec_of(mujoco: Any, path: Path) -> tuple[Any, str]:
+    """Return MuJoCo's specification of a file that compiles, and what it is without, in words.
+
+    Meshes whose files are missing are left out with all meshes, and attributes of older files that
+    MuJoCo knows no more.
+    """
+    without, text = [], path.read_text(encoding="utf-8", errors="replace")
+    for attribute in re.findall(FORGOTTEN, text):
+        text = text.replace(attribute, "")
+        without.append(attribute.strip())
+    text = "" if not without else text
+
+    def read() -> Any:
+        if not text:
+            return mujoco.MjSpec.from_file(str(path))
+        spec = mujoco.MjSpec.from_string(text)
+        spec.modelfiledir = str(path.parent)
+        return spec
+
+    spec = read()
     try:
-        return mujoco.MjModel.from_xml_path(str(path))
+        spec.compile()
+        return read(), ", ".join(without)
     except ValueError as error:
         if "opening file" not in str(error):
             raise
-    spec = mujoco.MjSpec.from_file(str(path))
-    mesh = int(mujoco.mjtGeom.mjGEOM_MESH)
+    spec, mesh = read(), int(mujoco.mjtGeom.mjGEOM_MESH)
     for part in [geom for geom in spec.geoms if int(geom.type) == mesh] + list(spec.meshes):
         spec.delete(part)
     for part in [*spec.materials, *spec.textures, *spec.skins]:
         spec.delete(part)
-    return spec.compile()
+    return spec, ", ".join([*without, "meshes"])
 
 
 class MjcfReading:
@@ -258,7 +279,7 @@ class MjcfReading:
         import mujoco
 
         self.mujoco = mujoco
-        self.model = model = _compiled(mujoco, path)
+        self.model = model = spec_of(mujoco, path)[0].compile()
         self.data = mujoco.MjData(model)
         kinds = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
         single = [j for j in range(model.njnt) if int(model.jnt_type[j]) in kinds]

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from foreign_reading import spec_of
 
 import wbc
 from wbc import Robot
@@ -17,6 +18,7 @@ from wbc.errors import WbcError
 from wbc.gait import Velocity, Walker
 from wbc.gait.commanded import CommandedWalk, TimedCommand
 from wbc.robot.postures import stands
+from wbc.rotations import exp_rotation, rotation_from
 from wbc.simulation import Plant, SimulationError, capture_impulse, simulate
 
 DT = 0.002  # s
@@ -68,8 +70,8 @@ def standing_in_its_own(robot: Robot, path: Path) -> dict[str, Any]:
     import mujoco
 
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
-        spec.compile()
+        spec, without = spec_of(mujoco, path)
+        spec.copy().compile()
     except (ValueError, mujoco.FatalError) as error:  # its meshes are missing
         return {"stood": None, "why": f"MuJoCo: {' '.join(str(error).split())[:80]}"}
     plane = mujoco.mjtGeom.mjGEOM_PLANE
@@ -77,15 +79,9 @@ def standing_in_its_own(robot: Robot, path: Path) -> dict[str, Any]:
         spec.worldbody.add_geom(type=plane, size=[50.0, 50.0, 1.0])
     model = spec.compile()
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-    known = {model.joint(j).name: j for j in range(model.njnt)}
-    joints = [known[name] for name in robot.joint_names]
-    root = int(model.body_rootid[model.jnt_bodyid[joints[0]]])
-    kind = int(mujoco.mjtJoint.mjJNT_FREE)
-    free = [j for j in range(model.njnt) if int(model.jnt_type[j]) == kind]
-    mine = [j for j in free if int(model.jnt_bodyid[j]) == root]
-    if not mine:
+    raw = RawModel.of(mujoco, model, robot)
+    if raw is None:
         return {"stood": None, "why": "its root has no free joint there"}
-    raw = _Raw(mujoco, model, robot, mine[0], joints)
     every = max(1, round(DT / model.opt.timestep))
     controller = controller_of(robot, every * float(model.opt.timestep))
     start = robot.snapshot(robot.posture())
@@ -96,48 +92,103 @@ def standing_in_its_own(robot: Robot, path: Path) -> dict[str, Any]:
         now = robot.snapshot(*raw.state())
         tilt = float(np.arccos(np.clip(now.rotation("base")[2] @ up, -1.0, 1.0)))
         if now.com[2] < LEAST_HEIGHT * height or tilt > MOST_TILT:
-            return {"stood": False, "why": f"fell after {raw.data.time:.2f} s"}
+            lacks = f", without its {without}" if without else ""
+            return {"stood": False, "why": f"fell after {raw.data.time:.2f} s{lacks}"}
         acts = PUSHED <= raw.data.time < PUSHED + LASTING
         raw.step(controller.step(now).torque, every, push if acts else None, now.com)
-    return {"stood": True, "why": f"stood for {DURATION:g} s"}
+    return {"stood": True, "why": f"stood for {DURATION:g} s", "without": without}
 
 
-class _Raw:
-    """A compiled file in MuJoCo, and the robot's coordinates in it."""
+class RawModel:
+    """A compiled file in MuJoCo, and the robot's coordinates in it.
 
-    def __init__(self, mujoco: Any, model: Any, robot: Robot, free: int, joints: list[int]) -> None:
+    Balls, which are three hinges NAME:x, NAME:y and NAME:z of the robot, take no torque.
+    """
+
+    def __init__(self, mujoco: Any, model: Any, robot: Robot, free: int) -> None:
         self.mujoco, self.model, self.robot = mujoco, model, robot
         self.data = mujoco.MjData(model)
         self.at, self.dof = int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])
         self.body = int(model.jnt_bodyid[free])
-        self.places = np.array([model.jnt_qposadr[j] for j in joints])
-        self.rates = np.array([model.jnt_dofadr[j] for j in joints])
+        known = {model.joint(j).name: j for j in range(model.njnt)}
+        names = robot.joint_names
+        own = [(k, known[name]) for k, name in enumerate(names) if name in known]
+        self.single = np.array([k for k, _ in own])
+        self.places = np.array([model.jnt_qposadr[j] for _, j in own])
+        self.rates = np.array([model.jnt_dofadr[j] for _, j in own])
+        firsts = [(k, name.removesuffix(":x")) for k, name in enumerate(names)]
+        self.balls = [(k, known[name]) for k, name in firsts if names[k] == f"{name}:x"]
+
+    @classmethod
+    def of(cls, mujoco: Any, model: Any, robot: Robot) -> RawModel | None:
+        """Return a robot in a model; None if its root has no free joint there."""
+        known = {model.joint(j).name: j for j in range(model.njnt)}
+        mine = next(known[name] for name in robot.joint_names if name in known)
+        root, kind = int(model.body_rootid[model.jnt_bodyid[mine]]), mujoco.mjtJoint.mjJNT_FREE
+        for j in range(model.njnt):
+            if int(model.jnt_type[j]) == int(kind) and int(model.jnt_bodyid[j]) == root:
+                return cls(mujoco, model, robot, j)
+        return None
 
     def write(self, q: np.ndarray) -> None:
+        """Put the robot at a configuration (nq,), at rest; balls where their hinges have them."""
         data, at = self.data, self.at
         data.qpos[at : at + 3], data.qpos[at + 3 : at + 7] = q[:3], q[[6, 3, 4, 5]]
-        data.qpos[self.places] = self.robot.limits.joint_positions(q)
+        positions = self.robot.limits.joint_positions(q)
+        data.qpos[self.places] = positions[self.single]
+        for k, joint in self.balls:
+            R = np.eye(3)
+            for axis, angle in zip(np.eye(3), positions[k : k + 3], strict=True):
+                R = R @ exp_rotation(angle * axis)
+            place = int(self.model.jnt_qposadr[joint])
+            self.mujoco.mju_mat2Quat(data.qpos[place : place + 4], R.ravel())
         self.mujoco.mj_forward(self.model, data)
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return configuration (nq,) and velocity (nv,)."""
         data, at, dof = self.data, self.at, self.dof
         q, v = self.robot.posture("neutral", on_ground=False), np.zeros(self.robot.nv)
         q[:3], q[3:7] = data.qpos[at : at + 3], data.qpos[at + 3 : at + 7][[1, 2, 3, 0]]
         R = self.robot.snapshot(q).rotation("base")
         v[:3], v[3:6] = R.T @ data.qvel[dof : dof + 3], data.qvel[dof + 3 : dof + 6]
-        self.robot.limits.write_positions(q, data.qpos[self.places])
-        v[6:] = data.qvel[self.rates]
+        positions = np.zeros(self.robot.nv - 6)
+        positions[self.single] = data.qpos[self.places]
+        v[6 + self.single] = data.qvel[self.rates]
+        for k, joint in self.balls:
+            place, rate = int(self.model.jnt_qposadr[joint]), int(self.model.jnt_dofadr[joint])
+            positions[k : k + 3], E = hinge_angles(data.qpos[place : place + 4])
+            v[6 + k : 9 + k] = np.linalg.solve(E, data.qvel[rate : rate + 3])
+        self.robot.limits.write_positions(q, positions)
         return q, v
 
     def step(self, torque: np.ndarray, count: int, push: Any, com: np.ndarray) -> None:
+        """Hold torques (nv - 6,) for so many steps, and a push (3,) [N] at the CoM."""
         applied = self.data.qfrc_applied
         applied[:] = 0.0
-        applied[self.rates] = torque
+        applied[self.rates] = torque[self.single]
         if push is not None:
             self.mujoco.mj_applyFT(
                 self.model, self.data, push, np.zeros(3), com, self.body, applied
             )
         self.mujoco.mj_step(self.model, self.data, count)
+
+
+def hinge_angles(quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the angles (3,) of hinges about x, y, z in turn that a quaternion w x y z is.
+
+    With it E (3, 3), by which their rates become the angular velocity in the ball's own axes.
+    """
+    R = rotation_from(quaternion[[1, 2, 3, 0]])
+    angles = np.array(
+        (
+            np.arctan2(-R[1, 2], R[2, 2]),
+            np.arctan2(R[0, 2], np.hypot(R[0, 0], R[0, 1])),
+            np.arctan2(-R[0, 1], R[0, 0]),
+        )
+    )
+    x, y, z = np.eye(3)
+    last = exp_rotation(angles[2] * z).T
+    return angles, np.column_stack((last @ exp_rotation(angles[1] * y).T @ x, last @ y, z))
 
 
 def walking(robot: Robot) -> dict[str, Any]:

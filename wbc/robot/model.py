@@ -41,7 +41,7 @@ from wbc.robot.postures import (
     set_joints,
     settled,
 )
-from wbc.robot.stance import find_stance
+from wbc.robot.stance import stance_from
 from wbc.robot.tree import KinematicTree
 from wbc.validate import Array, by_name, read_only
 
@@ -200,9 +200,7 @@ class Robot(KinematicTree):
         free = without_motors(limits.names, unactuated or ())
         closure = Closure(model, limits, ties, couplings, free)
         posture_notes += close_postures(closure, postures, description.drawn, found.path)
-        stance = find_stance(
-            found, description, model, limits, postures[STANDING], feet, base, closure
-        )
+        stance = stance_from(found, description, model, limits, postures, feet, base, closure)
         postures[STANDING] = stance.q
         notes += posture_notes + stance.notes + armature_note(model) + loop_notes
         notes += effort_note(limits, free)

@@ -17,6 +17,7 @@ from typing import Any
 from wbc.errors import ModelError, listed
 from wbc.extras import quietly, require
 from wbc.robot.formats.mesh_files import is_lfs_pointer, refuse_huge_meshes
+from wbc.robot.formats.mjcf_balls import without_balls
 from wbc.robot.formats.xml import refuse_non_finite
 
 MOST_COPIES = 1000  # of what <replicate> and the like repeat
@@ -171,22 +172,23 @@ def _compiled(mujoco: Any, source: Any, path: Path) -> Compiled:
     name = _name_or_stem(str(spec.modelname), path)
     refuse_huge_meshes(file for _, file in _files(spec, spec.meshes) if file is not None)
     try:
-        return Compiled(mujoco, spec.compile(), name)
+        return _hinged(Compiled(mujoco, spec.compile(), name), spec)
     except ValueError:
         spec = _spec(mujoco, source)  # what failed to compile cannot be changed
         shapes, missing = _leave_out_missing(mujoco, spec, path)
         if not missing:
             raise
     some = listed(list(shapes), 3)
-    return Compiled(
-        mujoco,
-        spec.compile(),
-        name,
-        (f"{len(shapes)} shapes left out, as their meshes were not found: {some}",)
-        if shapes
-        else (),
-        tuple(words for words, collides in shapes.items() if collides),
-    )
+    notes = (f"{len(shapes)} shapes left out, as their meshes were not found: {some}",)
+    lost = tuple(words for words, collides in shapes.items() if collides)
+    found = Compiled(mujoco, spec.compile(), name, notes if shapes else (), lost)
+    return _hinged(found, spec)
+
+
+def _hinged(found: Compiled, spec: Any) -> Compiled:
+    """Return a compiled specification with hinges for ball joints."""
+    model, notes = without_balls(found.mujoco, spec, found.model)
+    return replace(found, model=model, notes=found.notes + notes)
 
 
 def _files(spec: Any, assets: Any) -> Iterator[tuple[Any, Path | None]]:
