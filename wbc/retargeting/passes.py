@@ -30,6 +30,8 @@ from wbc.validate import Array, finite_number, read_only
 
 RATE = 50.0  # Hz: of what trainers of policies read
 # Of the whole motion: at least, and at most; it is done when this much was lacking before.
+# A round that leaves WORSE times as much is taken back, if that is much, and damped MORE.
+WORSE, ASTRAY, MORE, TOLD = 2.0, 5e-3, 5.0, 1e-3
 LEAST_ROUNDS, ROUNDS, CLOSE = 3, 8, 5e-4
 FRICTION, MARGIN = 0.6, 0.01
 # Targets do not run into margins: what comes near one is on its way past it.
@@ -129,7 +131,9 @@ def retarget(
         source = human_frames(human, rate * scale.time, human.cutoff if cutoff is None else cutoff)
         targets = scaled_targets(source, robot, legs, body, standing, scale, balance)
         tasks = FrameTasks(robot, body, targets, weights, legs.length)
-        wanted = _solved(tasks, legs, collision, source.series.axes, rounds, balance, progress)
+        wanted, lacking = _solved(
+            tasks, legs, collision, source.series.axes, rounds, balance, progress
+        )
         speed, joint = _fastest(robot, wanted, targets.dt)
         if speed <= 1.0:
             break
@@ -140,6 +144,11 @@ def retarget(
         notes.append(
             f"{scale.time / asked:.2f} times as slow as asked for: {joint} of {robot.name} is no"
             " faster"
+        )
+    if lacking > TOLD:
+        notes.append(
+            f"all frames at once did not settle: feet, limits or margins were off by {lacking:.2g}"
+            " (m or rad) before the last pass; this motion is too much for the robot somewhere"
         )
     if failed:
         first = min(failed)
@@ -183,15 +192,15 @@ def _solved(
     rounds: int,
     balance: bool,
     progress: Progress | None,
-) -> Array:
-    """Return configurations (n, nq) as near to the targets as they come."""
+) -> tuple[Array, float]:
+    """Return configurations (n, nq) as near to the targets as they come, and what is violated."""
     robot, wanted = tasks.robot, tasks.targets
     constraints = [] if collision is None else [collision]
     start = first_configuration(tasks, constraints)
     q = TickPass(tasks, Limits(robot, velocity=None), constraints).run(start, progress)
     tasks.shape_like(np.array([robot.snapshot(one).inertia for one in q]), axes)
     motion = WholeMotion(tasks, collision, legs.length)
-    before = np.inf
+    before, best, least = np.inf, q, np.inf
     for number in range(rounds):
         if balance and number > 0:
             v = velocities(robot, q, wanted.dt)
@@ -199,12 +208,19 @@ def _solved(
             com = np.array([one.com for one in states])
             k = np.array([one.momentum[3:] for one in states])
             tasks.targets = balanced(tasks.targets, robot, k, com)
-        q = motion.improved(q)
+        further = motion.improved(q)
+        if motion.violation > max(WORSE * least, ASTRAY):  # it led astray: go on more carefully
+            q, motion.damping = best, MORE * motion.damping
+            continue
+        if motion.violation < least:
+            best, least = q, motion.violation
+        q = further
         close = motion.violation < CLOSE and (motion.speed < 1.0 or motion.speed > 0.98 * before)
         before = motion.speed
         if number + 1 >= LEAST_ROUNDS and close:
-            break
-    return q
+            return q, motion.violation
+    motion.judge(q)
+    return (q, motion.violation) if motion.violation < least else (best, least)
 
 
 def _fastest(robot: Robot, q: Array, dt: float) -> tuple[float, str]:

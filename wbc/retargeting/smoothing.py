@@ -84,10 +84,13 @@ class WholeMotion:
         [m or rad].
     speed:
         Of the fastest joint then, by its limit.
+    damping:
+        Weight of displacements.
     """
 
     violation: float
     speed: float
+    damping: float
 
     def __init__(
         self,
@@ -104,6 +107,7 @@ class WholeMotion:
         soles = [tasks.robot.feet[side].frame for side in SIDES]
         self._frames = (*tasks.turns, *arms, *soles)
         self.violation = self.speed = np.inf
+        self.damping = DAMPED
 
     def improved(self, q: Array) -> Array:
         """Return configurations (n, nq) after one round."""
@@ -125,10 +129,18 @@ class WholeMotion:
         self._jerk(v, blocks, slope)
         self._speed(v, blocks, slope)
         every = np.arange(nv)
-        blocks[:, 0, every, every] += DAMPED**2
+        blocks[:, 0, every, every] += self.damping**2
         step = self._within_limits(found.joints, blocks, slope)
         np.clip(step, -LARGEST, LARGEST, out=step)
         return np.array([robot.integrate(one, d, 1.0) for one, d in zip(q, step, strict=True)])
+
+    def judge(self, q: Array) -> None:
+        """Set what configurations (n, nq) violate."""
+        self.violation = 0.0
+        found = self._gathered(q, velocities(self.tasks.robot, q, self.tasks.targets.dt))
+        for _ in self._rows(found):
+            pass
+        self._violated(np.maximum(self.lower - found.joints, found.joints - self.upper) - INSIDE)
 
     def _gathered(self, q: Array, v: Array) -> _Gathered:
         """Return what rows are made of, of all frames."""
