@@ -31,6 +31,7 @@ from wbc.constraints import SelfCollision
 from wbc.gait import Walker
 from wbc.gait.phases import Standing
 from wbc.human import HumanMotion, human_motion, read_markers
+from wbc.retargeting.smoothing import able_accelerations
 from wbc.retargeting.steps import footsteps, posture_at
 from wbc.simulation import FallLimits, FallWatch, Terrain
 from wbc.tasks import PostureTask
@@ -47,8 +48,7 @@ def figures(found: wbc.Retargeted, seconds: float) -> dict[str, Any]:
     broken = max(raw.broken(q) for q in found.q)
     joints = np.array([robot.snapshot(q).joint_positions for q in found.q])
     past = np.maximum(limits.lower - joints, joints - limits.upper).max()
-    diagonal = np.array([np.diag(robot.snapshot(q).mass_matrix)[6:] for q in found.q])
-    able = limits.effort / diagonal
+    able = able_accelerations(robot)
     reached = {one.task: {"rms": one.rms, "largest": one.largest} for one in found.reached}
     worst: dict[str, float] = {}
     for one in found.unbalanced:

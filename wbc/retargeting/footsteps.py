@@ -156,7 +156,7 @@ def _pitches(source: HumanFrames, side: str) -> tuple[Array, Array]:
 
     On the ground a foot that is nearly flat is flat; two derivatives vanish where it no longer is.
     """
-    pitch = np.arcsin(np.clip(source.sole_rotation[side][:, 2, 0], -1.0, 1.0))
+    pitch = source.roll * np.arcsin(np.clip(source.sole_rotation[side][:, 2, 0], -1.0, 1.0))
     most = np.where(pitch < 0.0, *STEEPEST)
     beyond = np.maximum(np.abs(pitch) - FLAT, 0.0)
     eased = np.sign(pitch) * beyond**3 / (beyond**2 + EASED**2)

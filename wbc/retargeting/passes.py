@@ -48,6 +48,7 @@ def retarget(
     rate: float = RATE,
     duration: str | float = FROUDE,
     cutoff: float | None = None,
+    roll: float = 1.0,
     balance: bool = True,
     friction: float = FRICTION,
     margin: float = MARGIN,
@@ -79,6 +80,9 @@ def retarget(
         be faster than they are, which is noted.
     cutoff:
         Of the human's low-pass [Hz]; None: by its steps.
+    roll:
+        Part of the pitch of the human's feet that the robot's have, in [0, 1]. With 0 soles are
+        always level: steps get shorter, but ankles need not bear the weight on an edge.
     balance:
         Move the CoM so that the CoP is where the robot's feet stand.
     friction:
@@ -116,6 +120,9 @@ def retarget(
     check_robot("retarget", robot)
     refuse_loops("retarget", robot)
     rate = finite_number("retarget, rate", rate, least=10.0)
+    roll = finite_number("retarget, roll", roll, least=0.0)
+    if roll > 1.0:
+        raise InvalidInputError(f"retarget, roll: {roll:g} is above 1, the human's own")
     friction = finite_number("retarget, friction", friction, above=0.0)
     margin = finite_number("retarget, margin", margin, least=0.0)
     rounds = int(finite_number("retarget, rounds", rounds, least=1.0))
@@ -128,7 +135,8 @@ def retarget(
         collision = SelfCollision(robot, margin=margin, braking=BRAKING)
     asked, notes = scale.time, list(body.notes)
     for _ in range(TRIES):
-        source = human_frames(human, rate * scale.time, human.cutoff if cutoff is None else cutoff)
+        low = human.cutoff if cutoff is None else cutoff
+        source = human_frames(human, rate * scale.time, low, roll)
         targets = scaled_targets(source, robot, legs, body, standing, scale, balance)
         tasks = FrameTasks(robot, body, targets, weights, legs.length)
         wanted, lacking = _solved(

@@ -45,6 +45,8 @@ class HumanFrames:
         Of the soles, by side (n, 3, 3).
     down:
         Which feet touch the ground, by side (n,), bool.
+    roll:
+        Part of the soles' pitch that a robot's feet are to have.
     """
 
     series: RmpSeries
@@ -54,12 +56,15 @@ class HumanFrames:
     soles: Mapping[str, tuple[Array, Array]]
     sole_rotation: Mapping[str, Array]
     down: Mapping[str, NDArray[np.bool_]]
+    roll: float
 
     def __len__(self) -> int:
         return len(self.series)
 
 
-def human_frames(human: HumanMotion, rate: float, cutoff: float | None) -> HumanFrames:
+def human_frames(
+    human: HumanMotion, rate: float, cutoff: float | None, roll: float = 1.0
+) -> HumanFrames:
     """Return a human's motion at ``rate`` [Hz], low-passed at ``cutoff`` [Hz].
 
     Half a period of the cutoff is left out at both ends, unless little would be left.
@@ -94,7 +99,7 @@ def human_frames(human: HumanMotion, rate: float, cutoff: float | None) -> Human
         down[side] = _without_short_ends(stands, series.time)
     pelvis = rotation["pelvis"]
     heading = np.unwrap(np.arctan2(pelvis[:, 1, 0], pelvis[:, 0, 0]))
-    return HumanFrames(series, rotation, heading, hips - series.com, soles, turns, down)
+    return HumanFrames(series, rotation, heading, hips - series.com, soles, turns, down, roll)
 
 
 def _shuffles(position: Array, rotation: Array, time: Array) -> NDArray[np.bool_]:
