@@ -9,6 +9,7 @@ up to 10 % (benchmarks/disturbed.py), over seeds.
 
     python benchmarks/retarget.py walk.trc [more.bvh ...] [--forces walk_grf.mot]
         [--static static.trc] [--robots g1 talos ...] [--physics 10] [-o benchmarks/retarget.json]
+        [--page benchmarks/RESULTS.md] [--plot docs/pictures/retarget_g1.png]
 """
 
 import os
@@ -24,6 +25,7 @@ from typing import Any
 import numpy as np
 from disturbed import DT, plant_of, robot_named
 from human_walk import _rounded as rounded
+from qpbench.page import put_section
 from raw_shapes import RawShapes
 
 import wbc
@@ -31,12 +33,15 @@ from wbc.constraints import SelfCollision
 from wbc.gait import Walker
 from wbc.gait.phases import Standing
 from wbc.human import HumanMotion, human_motion, read_markers
+from wbc.retargeting.smoothing import able_accelerations
 from wbc.retargeting.steps import footsteps, posture_at
 from wbc.simulation import FallLimits, FallWatch, Terrain
 from wbc.tasks import PostureTask
 
 ROBOTS = ("g1", "talos", "hoap2_like", "g1_27")
 MARGIN = 0.01  # m
+KINDS = ("speed_by_limit", "acceleration_by_motor", "torque_by_limit")
+MOMENTS, HALF = 5, 640  # in a picture, and how wide a half of it is [pixels]
 STEPS, MOST = 14, 20.0  # of the walk in physics, and s
 
 
@@ -47,8 +52,7 @@ def figures(found: wbc.Retargeted, seconds: float) -> dict[str, Any]:
     broken = max(raw.broken(q) for q in found.q)
     joints = np.array([robot.snapshot(q).joint_positions for q in found.q])
     past = np.maximum(limits.lower - joints, joints - limits.upper).max()
-    diagonal = np.array([np.diag(robot.snapshot(q).mass_matrix)[6:] for q in found.q])
-    able = limits.effort / diagonal
+    able = able_accelerations(robot)
     reached = {one.task: {"rms": one.rms, "largest": one.largest} for one in found.reached}
     worst: dict[str, float] = {}
     for one in found.unbalanced:
@@ -128,15 +132,97 @@ def walked(human: HumanMotion, name: str, seed: int) -> dict[str, Any]:
     }
 
 
+def picture(human: HumanMotion, found: wbc.Retargeted, path: Path) -> None:
+    """Draw the human and the robot at the same moments, side by side."""
+    from PIL import Image
+
+    from wbc.view.exposures import plot_exposures
+
+    targets = found.targets
+    joints, base = human.motion.joints, human.motion.base
+    assert base is not None
+    q, begun = (
+        np.hstack((base, joints)),
+        float(human.motion.time[0]),
+    )  # the result's time begins later
+    rows = np.linspace(0, len(found) - 1, MOMENTS).round().astype(int)
+    # Both ends of the recording are left out of the result.
+    lost = 0.5 * (float(human.motion.time[-1]) - begun - found.time[-1] / found.scale.time)
+    moments = begun + lost + found.time[rows] / found.scale.time
+    at = np.abs(human.motion.time[None] - moments[:, None]).argmin(axis=1)
+    parts = []
+    for robot, configurations, way in (
+        (human.motion.robot, q[at], np.zeros((0, 3))),
+        (found.robot, found.q[rows], targets.com),
+    ):
+        named = {f"{found.time[k]:.1f} s": one for k, one in zip(rows, configurations, strict=True)}
+        plot_exposures(robot, named, path, path_of_com=way)
+        with Image.open(path) as image:
+            parts.append(image.convert("RGB"))
+    parts = [p.resize((HALF, round(p.height * HALF / p.width))) for p in parts]
+    sheet = Image.new("RGB", (2 * HALF, max(p.height for p in parts)), "white")
+    for n, part in enumerate(parts):
+        sheet.paste(part, (n * HALF, 0))
+    sheet.quantize(128).save(path, optimize=True)
+
+
+def section(known: dict[str, Any]) -> str:
+    """Return the tables of a page."""
+    lines = ["## Human motion on humanoids", ""]
+    for name, table in known.items():
+        rows = {robot: one for robot, one in table.items() if isinstance(one, dict)}
+        heads = (
+            "robot", "frames", "per s", "slide mm", "margin broken mm", "past limits rad",
+            "speed", "acceleration", "torque", "CoM x y z", "angular momentum x y z",
+            "long axis deg", "unbalanced frames %", "CoP outside mm", "time",
+        )  # fmt: skip
+        lines += [f"### {name}", "", f"| {' | '.join(heads)} |"]
+        lines += ["| --- |" + " ---: |" * (len(heads) - 1)]
+        for robot, one in rows.items():
+            axis = one["reached"].get("principal axis 1", {}).get("largest", float("nan"))
+            cells = (
+                robot, one["frames"], f"{one['frames_per_second']:.0f}", f"{one['slide_mm']:.2f}",
+                f"{one['margin_broken_mm']:.1f}", f"{one['past_limits_rad']:.0e}",
+                *(f"{one[k]:.2f}" for k in KINDS),
+                " ".join(f"{v:.3f}" for v in one["com_correlation"]),
+                " ".join(f"{v:.3f}" for v in one["angular_momentum_correlation"]),
+                f"{axis:.1f}", f"{one['unbalanced_frames_percent']:.0f}",
+                f"{1e3 * one['unbalanced'].get('CoP outside the feet', 0.0):.0f}",
+                f"{one['time_scale']:.2f}",
+            )  # fmt: skip
+            lines.append("| " + " | ".join(map(str, cells)) + " |")
+        for walks in (one for one in table.values() if isinstance(one, list)):
+            stood = sum(bool(one["stood"]) for one in walks)
+            off = [one["landings_off_mm"] for one in walks if one["landings_off_mm"]]
+            lines += [
+                "",
+                f"In physics: a G1 stands in {stood} of {len(walks)} walks of"
+                f" {max(one['steps'] for one in walks)} steps; feet land"
+                f" {np.mean([a for a, _ in off]):.1f} mm from their footsteps in the mean,"
+                f" {max(b for _, b in off):.1f} mm at most.",
+            ]
+        lines.append("")
+    lines.append(
+        "Speeds, accelerations and torques by what joints and motors can; correlations with the"
+        " human's, scaled; long axis: from the human's at most; time: by the human's. Frames per"
+        " second of CPU time on a machine that much other work shared. Command: `python"
+        " benchmarks/retarget.py RECORDING ... -o benchmarks/retarget.json --page"
+        " benchmarks/RESULTS.md`."
+    )
+    return "\n".join(lines)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("recordings", type=Path, nargs="+")
+    parser.add_argument("recordings", type=Path, nargs="*", help="none: only --page")
     parser.add_argument("--forces", type=Path)
     parser.add_argument("--static", type=Path)
     parser.add_argument("--robots", nargs="+", default=list(ROBOTS))
     parser.add_argument("--physics", type=int, default=0, help="seeds of the walk in MuJoCo")
     parser.add_argument("--only-physics", action="store_true")
+    parser.add_argument("--plot", type=Path, help="only draw the first robot beside the human")
     parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("--page", type=Path, help="page to write a section into, of the output")
     options = parser.parse_args()
     known: dict[str, Any] = {}
     if options.output is not None and options.output.exists():
@@ -146,6 +232,9 @@ def main() -> None:
         recording = read_markers(path, forces=options.forces if first else None)
         static = read_markers(options.static) if first and options.static else None
         human = human_motion(recording, static=static)
+        if options.plot is not None:
+            picture(human, retargeted(human, options.robots[0])[0], options.plot)
+            break
         table = known.setdefault(path.stem, {})
         for name in options.robots if not options.only_physics else []:
             found, seconds = retargeted(human, name)
@@ -159,6 +248,8 @@ def main() -> None:
             table["g1 in physics"] = rows
         if options.output is not None:
             options.output.write_text(json.dumps(known, indent=1) + "\n")
+    if options.page is not None:
+        put_section(options.page, "retarget", section(known))
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 # Kept in step with wbc.retargeting, which is not imported only to print the help.
 RATE, DURATION, FRICTION, MARGIN, SEX = 50.0, "froude", 0.6, 0.01, "male"
+ROLL = 1.0
 WORST = 12  # of what cannot be balanced, that are printed
 
 
@@ -62,6 +63,10 @@ def retarget(
     cutoff: Annotated[
         float | None, typer.Option(help="Of the human's low-pass, in Hz; by default by the steps.")
     ] = None,
+    roll: Annotated[
+        float,
+        typer.Option(help="Part of the pitch of the human's feet, 0 to 1; 0: soles always level."),
+    ] = ROLL,
     balance: Annotated[
         bool, typer.Option(help="Move the CoM so that the CoP is where feet stand.")
     ] = True,
@@ -128,6 +133,7 @@ def retarget(
                 rate=rate,
                 duration=time,
                 cutoff=cutoff,
+                roll=roll,
                 balance=balance,
                 friction=friction,
                 margin=margin,

@@ -25,6 +25,7 @@ from wbc.validate import Array
 
 # Feet come no nearer to each other than the sole's width and this part of the legs' length.
 BESIDE = 0.08
+DRAWN = 0.08  # part of the legs' length: what a level foot moves more in a contact is told
 CLEARANCE = 0.01  # m, of a human's foot: so high its corners pass over the ground
 LOW = 0.1  # part of that at which a foot counts as lifted
 # rad: pitches below the first are those of a foot that is flat, and little more until the second;
@@ -90,11 +91,14 @@ class FootPaths:
     ----------
     wider:
         By how much each foot was set outwards [m].
+    notes:
+        Of feet that are drawn along the ground.
     """
 
     paths: Mapping[str, FootPath]
     prints: tuple[Footprint, ...]
     wider: float
+    notes: tuple[str, ...]
 
     @property
     def down(self) -> Bools:
@@ -120,13 +124,21 @@ def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, spread: Array) -> 
     """
     arms = {side: _from_under_ankle(robot, side) for side in SIDES}
     flat = {side: _flatness(source, side) for side in SIDES}
-    prints = []
+    prints, notes, dt = [], list[str](), float(source.series.time[1] - source.series.time[0])
     for side in SIDES:
         place, heading = source.soles[side]
         level = place @ spread.T + pitched(heading, np.zeros_like(heading)) @ arms[side]
         for first, end in runs(source.down[side]):
             pose = _print(level, heading, flat[side], first, end)
             prints.append(Footprint(side, first, end, pose))
+            flatter = flat[side][first:end] > 0.3 * flat[side][first:end].max()
+            off = np.linalg.norm(level[first:end, :2] - pose[:2], axis=1)[flatter].max()
+            if off > DRAWN * legs.length:
+                span = f"{first * dt:.2f} to {(end - 1) * dt:.2f} s of the human's time"
+                notes.append(
+                    f"the {side} foot is drawn {1e3 * off:.0f} mm along the ground, {span}: it"
+                    " stands in between"
+                )
     wider = _outwards(prints, legs.sole_width + BESIDE * legs.length)
     prints = [
         Footprint(one.foot, one.first, one.end, _moved_out(one.pose, one.foot, wider))
@@ -136,7 +148,7 @@ def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, spread: Array) -> 
     for side in SIDES:
         own = sorted((one for one in prints if one.foot == side), key=lambda one: one.first)
         paths[side] = _path(source, robot, side, spread, arms[side], own, wider)
-    return FootPaths(paths, tuple(prints), wider)
+    return FootPaths(paths, tuple(prints), wider, tuple(notes))
 
 
 def _pitches(source: HumanFrames, side: str) -> tuple[Array, Array]:
@@ -144,7 +156,7 @@ def _pitches(source: HumanFrames, side: str) -> tuple[Array, Array]:
 
     On the ground a foot that is nearly flat is flat; two derivatives vanish where it no longer is.
     """
-    pitch = np.arcsin(np.clip(source.sole_rotation[side][:, 2, 0], -1.0, 1.0))
+    pitch = source.roll * np.arcsin(np.clip(source.sole_rotation[side][:, 2, 0], -1.0, 1.0))
     most = np.where(pitch < 0.0, *STEEPEST)
     beyond = np.maximum(np.abs(pitch) - FLAT, 0.0)
     eased = np.sign(pitch) * beyond**3 / (beyond**2 + EASED**2)

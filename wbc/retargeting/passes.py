@@ -30,6 +30,8 @@ from wbc.validate import Array, finite_number, read_only
 
 RATE = 50.0  # Hz: of what trainers of policies read
 # Of the whole motion: at least, and at most; it is done when this much was lacking before.
+# A round that leaves WORSE times as much is taken back, if that is much, and damped MORE.
+WORSE, ASTRAY, MORE, TOLD = 2.0, 5e-3, 5.0, 1e-3
 LEAST_ROUNDS, ROUNDS, CLOSE = 3, 8, 5e-4
 FRICTION, MARGIN = 0.6, 0.01
 # Targets do not run into margins: what comes near one is on its way past it.
@@ -46,6 +48,7 @@ def retarget(
     rate: float = RATE,
     duration: str | float = FROUDE,
     cutoff: float | None = None,
+    roll: float = 1.0,
     balance: bool = True,
     friction: float = FRICTION,
     margin: float = MARGIN,
@@ -77,6 +80,9 @@ def retarget(
         be faster than they are, which is noted.
     cutoff:
         Of the human's low-pass [Hz]; None: by its steps.
+    roll:
+        Part of the pitch of the human's feet that the robot's have, in [0, 1]. With 0 soles are
+        always level: steps get shorter, but ankles need not bear the weight on an edge.
     balance:
         Move the CoM so that the CoP is where the robot's feet stand.
     friction:
@@ -114,6 +120,9 @@ def retarget(
     check_robot("retarget", robot)
     refuse_loops("retarget", robot)
     rate = finite_number("retarget, rate", rate, least=10.0)
+    roll = finite_number("retarget, roll", roll, least=0.0)
+    if roll > 1.0:
+        raise InvalidInputError(f"retarget, roll: {roll:g} is above 1, the human's own")
     friction = finite_number("retarget, friction", friction, above=0.0)
     margin = finite_number("retarget, margin", margin, least=0.0)
     rounds = int(finite_number("retarget, rounds", rounds, least=1.0))
@@ -126,10 +135,13 @@ def retarget(
         collision = SelfCollision(robot, margin=margin, braking=BRAKING)
     asked, notes = scale.time, list(body.notes)
     for _ in range(TRIES):
-        source = human_frames(human, rate * scale.time, human.cutoff if cutoff is None else cutoff)
+        low = human.cutoff if cutoff is None else cutoff
+        source = human_frames(human, rate * scale.time, low, roll)
         targets = scaled_targets(source, robot, legs, body, standing, scale, balance)
         tasks = FrameTasks(robot, body, targets, weights, legs.length)
-        wanted = _solved(tasks, legs, collision, source.series.axes, rounds, balance, progress)
+        wanted, lacking = _solved(
+            tasks, legs, collision, source.series.axes, rounds, balance, progress
+        )
         speed, joint = _fastest(robot, wanted, targets.dt)
         if speed <= 1.0:
             break
@@ -140,6 +152,11 @@ def retarget(
         notes.append(
             f"{scale.time / asked:.2f} times as slow as asked for: {joint} of {robot.name} is no"
             " faster"
+        )
+    if lacking > TOLD:
+        notes.append(
+            f"all frames at once did not settle: feet, limits or margins were off by {lacking:.2g}"
+            " (m or rad) before the last pass; this motion is too much for the robot somewhere"
         )
     if failed:
         first = min(failed)
@@ -183,15 +200,15 @@ def _solved(
     rounds: int,
     balance: bool,
     progress: Progress | None,
-) -> Array:
-    """Return configurations (n, nq) as near to the targets as they come."""
+) -> tuple[Array, float]:
+    """Return configurations (n, nq) as near to the targets as they come, and what is violated."""
     robot, wanted = tasks.robot, tasks.targets
     constraints = [] if collision is None else [collision]
     start = first_configuration(tasks, constraints)
     q = TickPass(tasks, Limits(robot, velocity=None), constraints).run(start, progress)
     tasks.shape_like(np.array([robot.snapshot(one).inertia for one in q]), axes)
     motion = WholeMotion(tasks, collision, legs.length)
-    before = np.inf
+    before, best, least = np.inf, q, np.inf
     for number in range(rounds):
         if balance and number > 0:
             v = velocities(robot, q, wanted.dt)
@@ -199,12 +216,19 @@ def _solved(
             com = np.array([one.com for one in states])
             k = np.array([one.momentum[3:] for one in states])
             tasks.targets = balanced(tasks.targets, robot, k, com)
-        q = motion.improved(q)
+        further = motion.improved(q)
+        if motion.violation > max(WORSE * least, ASTRAY):  # it led astray: go on more carefully
+            q, motion.damping = best, MORE * motion.damping
+            continue
+        if motion.violation < least:
+            best, least = q, motion.violation
+        q = further
         close = motion.violation < CLOSE and (motion.speed < 1.0 or motion.speed > 0.98 * before)
         before = motion.speed
         if number + 1 >= LEAST_ROUNDS and close:
-            break
-    return q
+            return q, motion.violation
+    motion.judge(q)
+    return (q, motion.violation) if motion.violation < least else (best, least)
 
 
 def _fastest(robot: Robot, q: Array, dt: float) -> tuple[float, str]:

@@ -30,6 +30,7 @@ from wbc.gait.legs import SIDES
 from wbc.retargeting.tasks import FrameTasks
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
+from wbc.robot.postures import STANDING
 from wbc.spatial import COLUMNS, ROWS, skews, vech
 from wbc.validate import Array
 
@@ -38,6 +39,9 @@ EXACT, LIMITED, APART = 1e4, 200.0, 200.0
 PRESSED = 3.0  # by a leg's length: of where the momentum's rate puts the CoP
 # Of speeds by their limits, and of what is beyond this part of them.
 UNHURRIED, HURRIED, FASTEST = 0.3, 10.0, 0.9
+# Likewise of accelerations by what motors give: arms hang on them as well.
+UNFORCED, FORCED, STRONGEST = 0.2, 5.0, 0.8
+SECOND = (1.0, -2.0, 1.0)
 SPAN = 3  # frames that are coupled
 # What a task of weight 1 passes: it is cut off at this frequency, and others at that times the
 # third root of their weights.
@@ -84,10 +88,13 @@ class WholeMotion:
         [m or rad].
     speed:
         Of the fastest joint then, by its limit.
+    damping:
+        Weight of displacements.
     """
 
     violation: float
     speed: float
+    damping: float
 
     def __init__(
         self,
@@ -104,6 +111,8 @@ class WholeMotion:
         soles = [tasks.robot.feet[side].frame for side in SIDES]
         self._frames = (*tasks.turns, *arms, *soles)
         self.violation = self.speed = np.inf
+        self.damping = DAMPED
+        self.able = able_accelerations(tasks.robot)
 
     def improved(self, q: Array) -> Array:
         """Return configurations (n, nq) after one round."""
@@ -124,11 +133,20 @@ class WholeMotion:
         self._momentum(found.maps[:-1], v, blocks, slope)
         self._jerk(v, blocks, slope)
         self._speed(v, blocks, slope)
+        self._effort(v, blocks, slope)
         every = np.arange(nv)
-        blocks[:, 0, every, every] += DAMPED**2
+        blocks[:, 0, every, every] += self.damping**2
         step = self._within_limits(found.joints, blocks, slope)
         np.clip(step, -LARGEST, LARGEST, out=step)
         return np.array([robot.integrate(one, d, 1.0) for one, d in zip(q, step, strict=True)])
+
+    def judge(self, q: Array) -> None:
+        """Set what configurations (n, nq) violate."""
+        self.violation = 0.0
+        found = self._gathered(q, velocities(self.tasks.robot, q, self.tasks.targets.dt))
+        for _ in self._rows(found):
+            pass
+        self._violated(np.maximum(self.lower - found.joints, found.joints - self.upper) - INSIDE)
 
     def _gathered(self, q: Array, v: Array) -> _Gathered:
         """Return what rows are made of, of all frames."""
@@ -276,6 +294,31 @@ class WholeMotion:
         blocks[:-1, 0, joints, joints] += square
         blocks[1:, 0, joints, joints] += square
         blocks[:-1, 1, joints, joints] -= square
+
+    def _effort(self, v: Array, blocks: Array, slope: Array) -> None:
+        """Add accelerations of joints by what their motors can, and firmly what is beyond."""
+        dt = self.tasks.targets.dt
+        part = np.diff(v[:, BASE_NV:], axis=0) / dt / self.able
+        beyond = np.abs(part) > STRONGEST
+        w = np.where(beyond, FORCED, UNFORCED)
+        off = np.where(beyond, part - np.sign(part) * STRONGEST, part)
+        by = 1.0 / (dt**2 * self.able)
+        joints, count = np.arange(BASE_NV, v.shape[1]), len(off)
+        for i in range(3):
+            slope[i : count + i, joints] += w**2 * off * SECOND[i] * by
+            for j in range(i, 3):
+                square = w**2 * SECOND[i] * SECOND[j] * by**2
+                blocks[i : count + i, j - i, joints, joints] += square
+
+
+def able_accelerations(robot: Robot) -> Array:
+    """Return the accelerations (nv - 6,) of single joints that no motor is too weak for.
+
+    A joint that speeds up what hangs on it asks M_ij a_j of every motor i: arms of their elbows,
+    too. By the standing posture; infinite where no motor has an effort.
+    """
+    M = np.abs(robot.snapshot(robot.postures[STANDING]).mass_matrix[BASE_NV:, BASE_NV:])
+    return np.asarray((robot.limits.effort[:, None] / np.maximum(M, 1e-12)).min(axis=0))
 
 
 def _add(blocks: Array, slope: Array, parts: tuple[Array, ...], off: Array) -> None:

@@ -21,6 +21,7 @@ SEGMENTS = ("pelvis", "trunk", "head", "left_upper_arm", "left_forearm", "right_
 
 
 EDGE = 0.5  # periods of the cutoff that are left out at both ends
+LEVEL, DRAWN = 0.15, 0.25  # rad and m/s: a sole as level as this that is faster shuffles
 LEAST = 20  # frames that are left at least
 
 
@@ -44,6 +45,8 @@ class HumanFrames:
         Of the soles, by side (n, 3, 3).
     down:
         Which feet touch the ground, by side (n,), bool.
+    roll:
+        Part of the soles' pitch that a robot's feet are to have.
     """
 
     series: RmpSeries
@@ -53,12 +56,15 @@ class HumanFrames:
     soles: Mapping[str, tuple[Array, Array]]
     sole_rotation: Mapping[str, Array]
     down: Mapping[str, NDArray[np.bool_]]
+    roll: float
 
     def __len__(self) -> int:
         return len(self.series)
 
 
-def human_frames(human: HumanMotion, rate: float, cutoff: float | None) -> HumanFrames:
+def human_frames(
+    human: HumanMotion, rate: float, cutoff: float | None, roll: float = 1.0
+) -> HumanFrames:
     """Return a human's motion at ``rate`` [Hz], low-passed at ``cutoff`` [Hz].
 
     Half a period of the cutoff is left out at both ends, unless little would be left.
@@ -89,10 +95,21 @@ def human_frames(human: HumanMotion, rate: float, cutoff: float | None) -> Human
         position = T[:, :3, 3] - [0.0, 0.0, human.ground_height]
         heading = np.unwrap(np.arctan2(T[:, 1, 0], T[:, 0, 0]))
         soles[side], turns[side] = (position, heading), T[:, :3, :3]
-        down[side] = _without_short_ends(flags[:, number], series.time)
+        stands = flags[:, number] & ~_shuffles(position, T[:, :3, :3], series.time)
+        down[side] = _without_short_ends(stands, series.time)
     pelvis = rotation["pelvis"]
     heading = np.unwrap(np.arctan2(pelvis[:, 1, 0], pelvis[:, 0, 0]))
-    return HumanFrames(series, rotation, heading, hips - series.com, soles, turns, down)
+    return HumanFrames(series, rotation, heading, hips - series.com, soles, turns, down, roll)
+
+
+def _shuffles(position: Array, rotation: Array, time: Array) -> NDArray[np.bool_]:
+    """Return where a level sole is drawn along the ground (n,): no foot to stand on."""
+    speed = np.linalg.norm(np.gradient(position[:, :2], time, axis=0), axis=1)
+    drawn = (np.abs(rotation[:, 2, 0]) < LEVEL) & (speed > DRAWN)
+    for first, end in runs(drawn):
+        if time[end - 1] - time[first] < SHORTEST:
+            drawn[first:end] = False
+    return drawn
 
 
 def _without_short_ends(flags: NDArray[np.bool_], time: Array) -> NDArray[np.bool_]:

@@ -92,6 +92,7 @@ def scaled_targets(
     com[:, 2] -= lowered
     if feet.wider > 0.0:
         notes += (f"feet set {1e3 * feet.wider:.0f} mm farther outwards each, to pass each other",)
+    notes += feet.notes
     k = scale.angular_momentum * series.momentum[:, 3:]
     rotation = {body.pelvis: pelvis}
     for part, frame in (("trunk", body.trunk), ("head", body.head)):
