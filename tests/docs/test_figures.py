@@ -115,6 +115,20 @@ CLAIMS: dict[str, tuple[str, str, Figures]] = {
             ("all of these together", "%", "{:.1f}", "within_all_bands_percent"),
         )
     },
+    "a second human's markers, forces and CoP": (
+        "docs/howto/humans.md",
+        "markers {} mm; vertical force {} %, horizontal {} %; CoP {} mm in single and {} mm in"
+        " double support; {} % within the bands",
+        both(
+            from_json("human_walk_treadmill.json", "{:.1f}", "markers_mm",
+                      "against_plates/vertical_percent_of_peak",
+                      "against_plates/horizontal_percent_of_peak"),
+            from_json("human_walk_treadmill.json", "{:.0f}", "against_plates/cop_single_mm",
+                      "against_plates/cop_double_mm"),
+            from_json("human_walk_treadmill.json", "{:.1f}",
+                      "against_plates/within_all_bands_percent"),
+        ),
+    ),
     "noise without bands": (
         "docs/howto/analyze.md", '"infeasible in {} of {} frames',
         from_json("noise.json", "{}", *(
