@@ -66,6 +66,8 @@ FOLLOW = 3.0
 LEVELLING = 0.2
 # So many steps before a speed is reached its settings are taken.
 AHEAD_OF_PACE = 2.0
+# Of the robot's weight, what is counted on at least while the CoM sinks.
+LIGHTEST = 0.5
 FRICTION = FrictionCone()
 
 
@@ -332,7 +334,8 @@ class Walker:
         if reference.level is not None:
             # The rate of the DCM is as planned, at a constant omega, if the pressure is so much
             # nearer to the CoM as the pendulum is shorter, or its weight more.
-            com, up = snapshot.com, self.gait.gravity + float(self._ground.acceleration[0])
+            com, g = snapshot.com, self.gait.gravity
+            up = max(g + float(self._ground.acceleration[0]), LIGHTEST * g)
             share = self.gait.omega**2 * (float(com[2]) - reference.ground) / up
             vrp = com[:2] + share * (vrp - com[:2])
         height = np.concatenate(self._ground) + (self._usual, 0.0, 0.0)
