@@ -22,8 +22,8 @@ import numpy as np
 from disturbed import mass_of
 
 from wbc.gait import Footstep
-from wbc.gait.given import in_world
 from wbc.gait.phases import sole_poses
+from wbc.gait.prescribed_steps import in_world
 from wbc.problem import Problem, load_problem
 from wbc.simulation import SimulationResult
 

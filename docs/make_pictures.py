@@ -23,8 +23,8 @@ from push_recovery import largest_impulses
 from region_of_attraction import lean_grid, region_of_attraction
 
 from docs import subjects
-from wbc.gait.given import in_world
 from wbc.gait.phases import sole_poses
+from wbc.gait.prescribed_steps import in_world
 from wbc.gait.swing import turned
 from wbc.minimum_jerk import minimum_jerk
 from wbc.motion import analyze, read_motion

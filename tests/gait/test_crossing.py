@@ -8,8 +8,8 @@ import pytest
 from wbc.errors import InvalidInputError
 from wbc.gait import Footstep, GaitSettings, Legs, Walker
 from wbc.gait.crossing import Crossing
-from wbc.gait.given import StepRange
 from wbc.gait.phases import sole_poses
+from wbc.gait.prescribed_steps import StepRange
 from wbc.gait.swing import FootPose, SwingFoot
 from wbc.robot import Robot
 from wbc.rotations import upright_on

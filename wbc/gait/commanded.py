@@ -10,7 +10,7 @@ from wbc.constraints import Contact
 from wbc.controllers import Controller
 from wbc.errors import InvalidInputError
 from wbc.gait.command import Velocity
-from wbc.gait.given import Landing
+from wbc.gait.prescribed_steps import Landing
 from wbc.gait.walker import Walker
 from wbc.robot import Snapshot
 from wbc.run.phase_support import PhaseSupport

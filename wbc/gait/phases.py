@@ -11,7 +11,7 @@ from wbc.gait.command import Velocity
 from wbc.gait.crossing import Crossing
 from wbc.gait.foothold import Foothold
 from wbc.gait.footsteps import other
-from wbc.gait.given import Footstep
+from wbc.gait.prescribed_steps import Footstep
 from wbc.gait.settings import GaitSettings
 from wbc.gait.swing import SwingFoot, yaw_of
 from wbc.robot import Snapshot

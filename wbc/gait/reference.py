@@ -13,9 +13,9 @@ from wbc.gait.adaptation import WEIGHTS, Reach, StepBounds, StepPlan, StepWeight
 from wbc.gait.command import CommandLimits, Velocity
 from wbc.gait.dcm import VrpSegment, shift_gain
 from wbc.gait.footsteps import SIGN, Footsteps, other
-from wbc.gait.given import SHORTEST, Footstep, given_offsets, velocity_on
 from wbc.gait.legs import Legs
 from wbc.gait.phases import DoubleSupport, GaitState, Phase, SingleSupport, landing_pose
+from wbc.gait.prescribed_steps import SHORTEST, Footstep, given_offsets, velocity_on
 from wbc.gait.settings import GaitSettings
 from wbc.gait.swing import FootPose, turned, yaw_of
 from wbc.polygon import convex_hull, nearest_point

@@ -33,7 +33,6 @@ from wbc.controllers.torque_tick import TorqueTick
 from wbc.gait.adaptation import held_back_by
 from wbc.gait.command import Admitted, CommandLimits, Velocity
 from wbc.gait.footsteps import SIGN, first_swing, other
-from wbc.gait.given import SHIFT, Footstep, Landing, StepRange
 from wbc.gait.legs import Legs
 from wbc.gait.pace import Paces
 from wbc.gait.phases import (
@@ -45,6 +44,7 @@ from wbc.gait.phases import (
     feet_after,
     next_foot,
 )
+from wbc.gait.prescribed_steps import SHIFT, Footstep, Landing, StepRange
 from wbc.gait.push import PushObserver
 from wbc.gait.reference import Reference, StepPlanner, half_sizes
 from wbc.gait.settings import GaitSettings

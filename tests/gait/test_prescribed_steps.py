@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait import Footstep, GaitSettings, Legs, Walker
-from wbc.gait.given import Landing, StepRange, given_offsets, in_world, velocity_on
 from wbc.gait.phases import DoubleSupport, SingleSupport, Standing, sole_poses
+from wbc.gait.prescribed_steps import Landing, StepRange, given_offsets, in_world, velocity_on
 from wbc.polygon import polygon_margin
 from wbc.robot import Robot
 from wbc.simulation import FallLimits, FallWatch, Plant
