@@ -257,19 +257,25 @@ def spec_of(mujoco: Any, path: Path) -> tuple[Any, str]:
         spec.modelfiledir = str(path.parent)
         return spec
 
-    spec = read()
-    try:
-        spec.compile()
-        return read(), ", ".join(without)
-    except ValueError as error:
-        if "opening file" not in str(error):
-            raise
-    spec, mesh = read(), int(mujoco.mjtGeom.mjGEOM_MESH)
-    for part in [geom for geom in spec.geoms if int(geom.type) == mesh] + list(spec.meshes):
-        spec.delete(part)
-    for part in [*spec.materials, *spec.textures, *spec.skins]:
-        spec.delete(part)
-    return spec, ", ".join([*without, "meshes"])
+    mesh = int(mujoco.mjtGeom.mjGEOM_MESH)
+    for gone in ((), ("textures",), ("textures", "meshes")):
+        spec = read()
+        if gone:
+            for part in [*spec.geoms, *spec.sites]:
+                part.material = ""
+            for part in [*spec.materials, *spec.textures, *spec.skins]:
+                spec.delete(part)
+        if "meshes" in gone:
+            for part in [geom for geom in spec.geoms if int(geom.type) == mesh] + list(spec.meshes):
+                spec.delete(part)
+        try:
+            spec.copy().compile()
+        except ValueError as error:
+            if "opening file" not in str(error) or "meshes" in gone:
+                raise
+            continue
+        break
+    return spec, ", ".join([*without, *gone])
 
 
 class MjcfReading:
@@ -284,6 +290,9 @@ class MjcfReading:
         kinds = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
         single = [j for j in range(model.njnt) if int(model.jnt_type[j]) in kinds]
         self.joints = {model.joint(j).name: j for j in single}
+        ball = int(mujoco.mjtJoint.mjJNT_BALL)
+        every = range(model.njnt)
+        self.balls = {model.joint(j).name: j for j in every if int(model.jnt_type[j]) == ball}
         mine = [j for name, j in self.joints.items() if name in robot.joint_names]
         names = {b: model.body(b).name or f"body_{b}" for b in range(1, model.nbody)}
         named = [b for b, name in names.items() if name in robot.frame_names]
@@ -312,6 +321,13 @@ class MjcfReading:
         for name, value in joints.items():
             if name in self.joints:
                 data.qpos[model.jnt_qposadr[self.joints[name]]] = value
+        for name, j in self.balls.items():  # hinges about x, y and z in turn
+            if f"{name}:x" in joints:
+                R = np.eye(3)
+                for letter, axis in zip("xyz", np.eye(3), strict=True):
+                    R = R @ _turn(axis, joints[f"{name}:{letter}"])
+                place = int(model.jnt_qposadr[j])
+                mujoco.mju_mat2Quat(data.qpos[place : place + 4], R.ravel())
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_crb(model, data)

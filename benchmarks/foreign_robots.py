@@ -265,7 +265,7 @@ def main() -> None:
         command = "python benchmarks/foreign_robots.py FOLDER JOURNAL --output"
         points = [f"- {line}" for line in summary(entries, code)]
         lines = [f"Command: {command} {options.output}", "", *points, "", *table(entries)]
-        written(options.output, "\n".join(lines))
+        written(options.output, "\n".join(lines).replace(f"{options.folder}/", ""))
 
 
 def _wanted(options: argparse.Namespace) -> Iterator[Path]:

@@ -17,8 +17,9 @@ from wbc import Robot
 from wbc.errors import WbcError
 from wbc.gait import Velocity, Walker
 from wbc.gait.commanded import CommandedWalk, TimedCommand
+from wbc.robot.formats.mjcf_balls import hinge_angles
 from wbc.robot.postures import stands
-from wbc.rotations import exp_rotation, rotation_from
+from wbc.rotations import exp_rotation
 from wbc.simulation import Plant, SimulationError, capture_impulse, simulate
 
 DT = 0.002  # s
@@ -156,8 +157,9 @@ class RawModel:
         v[6 + self.single] = data.qvel[self.rates]
         for k, joint in self.balls:
             place, rate = int(self.model.jnt_qposadr[joint]), int(self.model.jnt_dofadr[joint])
-            positions[k : k + 3], E = hinge_angles(data.qpos[place : place + 4])
-            v[6 + k : 9 + k] = np.linalg.solve(E, data.qvel[rate : rate + 3])
+            angles = hinge_angles(data.qpos[place : place + 4])
+            positions[k : k + 3] = angles
+            v[6 + k : 9 + k] = np.linalg.solve(turning_of(angles), data.qvel[rate : rate + 3])
         self.robot.limits.write_positions(q, positions)
         return q, v
 
@@ -173,22 +175,14 @@ class RawModel:
         self.mujoco.mj_step(self.model, self.data, count)
 
 
-def hinge_angles(quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the angles (3,) of hinges about x, y, z in turn that a quaternion w x y z is.
+def turning_of(angles: np.ndarray) -> np.ndarray:
+    """Return E (3, 3): rates of hinges about x, y, z in turn to the angular velocity of the last.
 
-    With it E (3, 3), by which their rates become the angular velocity in the ball's own axes.
+    That is the ball's, in its own axes, as MuJoCo has it.
     """
-    R = rotation_from(quaternion[[1, 2, 3, 0]])
-    angles = np.array(
-        (
-            np.arctan2(-R[1, 2], R[2, 2]),
-            np.arctan2(R[0, 2], np.hypot(R[0, 0], R[0, 1])),
-            np.arctan2(-R[0, 1], R[0, 0]),
-        )
-    )
     x, y, z = np.eye(3)
     last = exp_rotation(angles[2] * z).T
-    return angles, np.column_stack((last @ exp_rotation(angles[1] * y).T @ x, last @ y, z))
+    return np.column_stack((last @ exp_rotation(angles[1] * y).T @ x, last @ y, z))
 
 
 def walking(robot: Robot) -> dict[str, Any]:

@@ -69,12 +69,15 @@ def _keys_of(mujoco: Any, model: Any, balls: set[int], key: int) -> Array:
     for joint in range(model.njnt):
         at = int(model.jnt_qposadr[joint])
         own = q[at : at + sizes.get(int(model.jnt_type[joint]), 1)]
-        parts.append(_angles(own) if joint in balls else own)
+        parts.append(hinge_angles(own) if joint in balls else own)
     return np.concatenate(parts)
 
 
-def _angles(quaternion: Array) -> Array:
-    """Return a, b, c with R = Rx(a) Ry(b) Rz(c) of a quaternion w x y z."""
+def hinge_angles(quaternion: Array) -> Array:
+    """Return the angles (3,) of hinges about x, y, z in turn that a quaternion w x y z is.
+
+    These are a, b, c with R = Rx(a) Ry(b) Rz(c).
+    """
     R = rotation_from(quaternion[[1, 2, 3, 0]] / np.linalg.norm(quaternion))
     return np.array(
         (
