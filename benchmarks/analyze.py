@@ -21,7 +21,7 @@ from time import thread_time
 
 import numpy as np
 
-from wbc.motion import analyse, read_motion
+from wbc.motion import analyze, read_motion
 from wbc.robot import Robot
 
 RATE, REPEATS = 200.0, 3
@@ -61,16 +61,16 @@ def main() -> None:
         path = Path(folder) / "squats.csv"
         write_squats(robot, options.frames, path)
         motion = read_motion(path, robot)
-        series = analyse(motion, planted="auto")
+        series = analyze(motion, planted="auto")
         times = {
             "read CSV": best(lambda: read_motion(path, robot)),
-            "analyse": best(lambda: analyse(motion, planted="auto")),
-            "no bands": best(lambda: analyse(motion, planted="auto", noise=None)),
+            "analyze": best(lambda: analyze(motion, planted="auto")),
+            "no bands": best(lambda: analyze(motion, planted="auto", noise=None)),
             "save .npz": best(lambda: series.save(Path(folder) / "s.npz")),
             "save .csv": best(lambda: series.save(Path(folder) / "s.csv")),
         }
     tracemalloc.start()
-    analyse(motion, planted="auto")
+    analyze(motion, planted="auto")
     peak = tracemalloc.get_traced_memory()[1]
     print(f"{platform.processor() or platform.machine()}, Python {platform.python_version()}")
     print(f"{robot!r}, {len(robot.joint_names)} joints, {len(series)} frames")

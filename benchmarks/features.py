@@ -65,9 +65,10 @@ class OwnTask(wbc.Task):
 class Loop:
     """A controller that moves a robot, and the times of its ticks [s]."""
 
-    def __init__(self, robot: wbc.Robot, kind: str) -> None:
+    def __init__(self, robot: wbc.Robot, kind: str, q: np.ndarray | None = None) -> None:
         asked = KINDS[kind]
-        self.robot, self.q, self.v = robot, robot.posture("standing"), np.zeros(robot.nv)
+        self.robot, self.v = robot, np.zeros(robot.nv)
+        self.q = robot.posture("standing") if q is None else q
         start = robot.snapshot(self.q, self.v)
         self.start, self.count, self.times, self.unsolved = start.com, 0, [], 0
         trunk = "torso_link"

@@ -23,7 +23,7 @@ from disturbed import mass_of
 
 from wbc.gait import Footstep
 from wbc.gait.given import in_world
-from wbc.gait.phases import planar_feet
+from wbc.gait.phases import sole_poses
 from wbc.problem import Problem, load_problem
 from wbc.simulation import SimulationResult
 
@@ -64,7 +64,7 @@ def landed(result: SimulationResult, count: int) -> list[np.ndarray]:
     found = []
     for foot, row in zip(swings[:count], rows, strict=False):
         here = result.robot.snapshot(result.arrays["q"][row])
-        found.append(planar_feet(here)[foot])
+        found.append(sole_poses(here)[foot])
     return found
 
 
@@ -73,7 +73,7 @@ def measure(name: str, seed: int | None) -> str:
     problem = problem_of(name, seed)
     gait = problem.spec.gait
     start = problem.parts.robot.snapshot(problem.parts.start)
-    world = in_world([one.footstep for one in gait.footsteps], planar_feet(start))
+    world = in_world([one.footstep for one in gait.footsteps], sole_poses(start))
     result = problem.simulate()
     places = landed(result, len(world))
     way = [np.linalg.norm(p[:2] - s.place) for p, s in zip(places, world, strict=False)]

@@ -23,7 +23,7 @@ from scipy.interpolate import make_interp_spline
 
 from wbc.human import Comparison, HumanMotion, compared, human_motion, read_markers
 from wbc.human.body import SEGMENT_NAMES, masses
-from wbc.motion import RmpSeries, analyse
+from wbc.motion import RmpSeries, analyze
 from wbc.view.human import momentum_scale, plot_human
 
 CUTOFFS = (4.0, 4.5, 5.0, 5.5, 6.0, 8.0, 10.0)  # Hz
@@ -32,9 +32,9 @@ CENTRE = 0.015  # m: and its centre
 FORCE, MOMENT = 10.0, 15.0  # N, N m: of what a fit of masses leaves
 
 
-def analysed(human: HumanMotion, cutoff: float | None = None) -> tuple[RmpSeries, Comparison]:
+def analyzed(human: HumanMotion, cutoff: float | None = None) -> tuple[RmpSeries, Comparison]:
     """Return a human's series and its comparison with the plates."""
-    series = analyse(
+    series = analyze(
         human.motion,
         cutoff=human.cutoff if cutoff is None else cutoff,
         noise=human.noise,
@@ -205,15 +205,15 @@ def main() -> None:
     recording = read_markers(options.recording, forces=options.forces)
     static = None if options.static is None else read_markers(options.static)
     human = human_motion(recording, static=static)
-    series, found = analysed(human)
+    series, found = analyzed(human)
     answer = {
         "body": {"stature_m": human.body.stature, "mass_kg": human.body.mass},
         "markers_mm": 1e3 * human.rms,
         "steps_per_minute": 60.0 * human.cutoff / 2.6,
         "cutoff_hz": human.cutoff,
         "against_plates": figures(found),
-        "without_static_trial": figures(analysed(human_motion(recording))[1]),
-        "by_cutoff": {str(c): figures(analysed(human, c)[1]) for c in CUTOFFS},
+        "without_static_trial": figures(analyzed(human_motion(recording))[1]),
+        "by_cutoff": {str(c): figures(analyzed(human, c)[1]) for c in CUTOFFS},
         "halves": fitted_on_one_half(human, series, found),
         "step": step_figures(human, series, found),
     }

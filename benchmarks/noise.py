@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from wbc.motion import Motion, RmpSeries, analyse
+from wbc.motion import Motion, RmpSeries, analyze
 from wbc.motion.uncertainty import BAND
 from wbc.robot import Robot
 from wbc.view import style
@@ -70,10 +70,10 @@ def noisy(motion: Motion, seed: int) -> Motion:
 
 def coverages(motion: Motion, trials: int) -> dict[str, float]:
     """Return how many per cent of the frames of all trials have the truth within the band."""
-    truth = analyse(motion, planted="left", noise=None)
+    truth = analyze(motion, planted="left", noise=None)
     found: dict[str, list[float]] = {name: [] for name in QUANTITIES}
     for seed in range(trials):
-        series = analyse(noisy(motion, seed), planted="left")
+        series = analyze(noisy(motion, seed), planted="left")
         for name in QUANTITIES:
             band = BAND * getattr(series.uncertainty, name)
             error = np.abs(getattr(series, name) - getattr(truth, name))
@@ -116,9 +116,9 @@ def main() -> None:
     options = parser.parse_args()
     clean = on_one_foot(Robot.load("g1"))
     first = noisy(clean, 0)
-    found = {name: analyse(first, planted="left", **how) for name, how in VARIANTS.items()}
+    found = {name: analyze(first, planted="left", **how) for name, how in VARIANTS.items()}
     result = {
-        "without noise": judged(analyse(clean, planted="left")),
+        "without noise": judged(analyze(clean, planted="left")),
         "with 1 mrad": {name: judged(series) for name, series in found.items()},
         "trials": options.trials,
         "per cent within the 95 % band": coverages(clean, options.trials),

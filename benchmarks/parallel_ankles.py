@@ -17,8 +17,8 @@ import argparse
 import tempfile
 import xml.etree.ElementTree as ET
 from pathlib import Path
-from time import thread_time
 
+import features
 import numpy as np
 from disturbed import DT, plant_of
 from qpbench.page import put_section
@@ -121,40 +121,18 @@ def _text(numbers: tuple[float, ...]) -> str:
     return " ".join(f"{number:.9g}" for number in numbers)
 
 
-class Loop:
-    """A controller that follows a moving CoM, its robot integrated; times of its ticks [s]."""
+class Loop(features.Loop):
+    """A loop of ``features.py`` from a stance, and how far its rods' ends part [m]."""
 
     def __init__(self, robot: wbc.Robot, torque: bool) -> None:
-        self.robot, self.q = robot, robot.posture("standing", JOINTS)
-        self.v, start = np.zeros(robot.nv), robot.snapshot(self.q)
-        self.com = wbc.ComTask(robot, start.com, weight=10.0)
-        trunk = wbc.OrientationTask(robot, "torso_link", start.rotation("torso_link"), name="trunk")
-        level = wbc.TorqueController if torque else wbc.KinematicController
-        self.controller = level(
-            robot,
-            [self.com, trunk, wbc.PostureTask(robot, self.q, weight=0.1)],
-            contacts=wbc.support(start, "double"),
-            limits=wbc.Limits(robot),
-            dt=DT,
-        )
-        self.start, self.times, self.count, self.unsolved, self.gap = start.com, [], 0, 0, 0.0
+        super().__init__(robot, "torques" if torque else "plain", robot.posture("standing", JOINTS))
+        self.gap = 0.0
 
     def advance(self, ticks: int) -> None:
         """Move the target, time snapshot and step, integrate."""
-        for _ in range(ticks):
-            wave = 0.02 * np.sin(np.array([self.count / 75, 0.0, self.count / 92]))
-            self.com.set_target(self.start + wave * [1, 0, -1])
-            before = thread_time()
-            tick = self.controller.step(self.robot.snapshot(self.q, self.v))
-            spent = thread_time() - before
-            if self.count >= WARM_UP:
-                self.times.append(spent)
-                self.unsolved += not tick.ok
-            self.v = tick.velocity
-            self.q = self.robot.integrate(self.q, self.v, self.controller.dt)
-            if self.robot.loops and self.count % BLOCK == 0:
-                self.gap = max(self.gap, *self.robot.gaps(self.q).values())
-            self.count += 1
+        super().advance(ticks)
+        if self.robot.loops:
+            self.gap = max(self.gap, *self.robot.gaps(self.q).values())
 
 
 def measured(ticks: int) -> list[list[str]]:

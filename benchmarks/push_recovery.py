@@ -25,7 +25,7 @@ from region_of_attraction import rest_error
 from wbc.errors import InvalidInputError
 from wbc.polygon import inset
 from wbc.qp import make_backend
-from wbc.rmp.balance.law import Command, LawBounds
+from wbc.rmp.balance.law import LawBounds, PendulumCommand
 from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.balance.push_limits import PushLimits, Wheel, compass, push_limits, unit_directions
 from wbc.rmp.balance.record import Ending, Simulation
@@ -92,7 +92,7 @@ def recover(law: MomentumQp, impulse: ArrayLike, *, duration: float = 8.0) -> Re
     level = finite_vector("impulse", impulse, 2)
     start, still = standing(law)
 
-    def settled(time: float, q: Array, v: Array, command: Command) -> bool:
+    def settled(time: float, q: Array, v: Array, command: PendulumCommand) -> bool:
         return time > 0.0 and _error(q, v, start) <= NEAR
 
     run = simulate(

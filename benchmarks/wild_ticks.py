@@ -45,10 +45,6 @@ EPISODE = 5  # ticks of one controller
 MISSED = 1e-9  # by rows of unit length [m/s, rad/s]: less can be met
 COSTS = 1e-5  # of an optimum, relative: what solvers leave at residuals of 1e-6
 LEAVES = 1e-5  # of a row, relative to it: the residual that a backend may leave
-SHARED = (
-    "Rows that share a name, as a corner's friction does, are all kept where one of them is named:"
-    " others may then look needless that the certificate needs."
-)
 CLAIMS = (
     "solved", "conflict named", "infeasible", "relaxed: certificate", "relaxed: none", "failed",
 )  # fmt: skip
@@ -181,9 +177,7 @@ def main() -> None:
     if options.output is not None:
         command = f"Command: python {' '.join(sys.argv)}\n\n{machine()}"
         notes = "\n".join(f"- {line}" for line in every)
-        put_section(
-            options.output, "wild", f"{command}\n\n{table.markdown()}\n\n{SHARED}\n\n{notes}"
-        )
+        put_section(options.output, "wild", f"{command}\n\n{table.markdown()}\n\n{notes}")
     sys.exit(1 if faults else 0)
 
 

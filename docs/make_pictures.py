@@ -24,10 +24,10 @@ from region_of_attraction import lean_grid, region_of_attraction
 
 from docs import subjects
 from wbc.gait.given import in_world
-from wbc.gait.phases import planar_feet
+from wbc.gait.phases import sole_poses
 from wbc.gait.swing import turned
 from wbc.minimum_jerk import minimum_jerk
-from wbc.motion import analyse, read_motion
+from wbc.motion import analyze, read_motion
 from wbc.polygon import inset
 from wbc.problem import load_problem
 from wbc.qp import make_backend
@@ -138,7 +138,7 @@ def footsteps_picture(name: str) -> None:
     problem = shipped(name)
     result, start = problem.simulate(), problem.parts.robot.snapshot(problem.parts.start)
     given = [one.footstep for one in problem.spec.gait.footsteps]
-    steps = in_world(given, planar_feet(start))
+    steps = in_world(given, sole_poses(start))
     rows = np.linspace(0, len(result.arrays["time"]) - 1, SHOWN).astype(int)
     poses = {f"{result.arrays['time'][k]:.1f} s": result.arrays["q"][k] for k in rows}
     plot_robot(result.robot, poses, place(name), view=View.of("40,12"))
@@ -234,7 +234,7 @@ def draw_analysis(
     with TemporaryDirectory() as folder:
         recording = Path(folder) / f"{problem}.npz"
         result.save(recording)
-        series = analyse(read_motion(recording, result.robot))
+        series = analyze(read_motion(recording, result.robot))
     title = f"{recording.name}: {series.robot.name}{remark}"
     plot_analysis(series, place(name), title=title, snapshots=snapshots)
     smaller(name)
@@ -321,6 +321,8 @@ PICTURES: Mapping[str, Callable[[str], None]] = {
     "turn_z_hoap2": turn_picture,
     "walk_g1": partial(simulation_picture, width=1240),
     "walk_boards_g1": partial(exposures_picture, moments=subjects.BOARDS, view="-72,13"),
+    "stairs_g1": partial(exposures_picture, moments=subjects.STAIRS, view="-75,10"),
+    "stones_g1": partial(exposures_picture, moments=subjects.STONES, view="-60,18"),
     "walk_slope_g1": partial(exposures_picture, moments=subjects.SLOPE, view="-80,7"),
     "walk_back_g1": partial(exposures_picture, moments=subjects.BACK, view="27,22"),
     "rmp_push_qp": pendulum_picture,

@@ -24,5 +24,7 @@ PUSHED |= {"steps aside": 3.05, "walks on": 3.4, "as before": 4.4}
 # Walks whose picture has the robot several times, about half a metre apart.
 BOARDS = {f"{at} s": at for at in (0.0, 2.1, 3.5, 4.9, 6.3, 7.7, 9.2)}
 SLOPE = {f"{at} s": at for at in (0.0, 2.6, 3.9, 5.2, 6.5)}
+STAIRS = {f"{at} s": at for at in (0.0, 1.55, 2.85, 4.55, 6.1, 7.7, 10.5)}
+STONES = {f"{at} s": at for at in (0.0, 1.85, 3.1, 4.5, 7.5)}
 BACK = {"begins": 0.0, "to the right: 4.6 s": 4.6, "backwards: 10.2 s": 10.2}
 BACK |= {"around a corner: 14.5 s": 14.5}

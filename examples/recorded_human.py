@@ -20,5 +20,5 @@ spots = [(link, spot) for link, markers in PLACES.items() for spot in markers.va
 seen = [[s.position(a) + s.rotation(a) @ np.array(p) * 1e-3 for a, p in spots] for s in states]
 labels = tuple(label for markers in PLACES.values() for label in markers)
 human = human_motion(MarkerRecording(time, labels, np.array(seen)), mass=70.0, sex="female")
-series = wbc.analyse(human.motion, cutoff=human.cutoff, noise=human.noise)
+series = wbc.analyze(human.motion, cutoff=human.cutoff, noise=human.noise)
 print(f"{human.body}: {1e3 * human.rms:.1f} mm; push {series.ground_force[30, 2]:.0f} N")

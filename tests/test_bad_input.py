@@ -17,7 +17,7 @@ from wbc import (
     Robot,
     SelfCollision,
     WbcError,
-    analyse,
+    analyze,
     reduce,
     support,
 )
@@ -79,7 +79,7 @@ CASES: dict[str, tuple[Callable[[Robot], Any], str]] = {
         "unknown f",
     ),
     "a robot to reduce": (reduce, "reduce: expected a snapshot"),
-    "a file to analyse": (lambda r: analyse("motion.csv"), "analyse: expected a motion"),
+    "a file to analyze": (lambda r: analyze("motion.csv"), "analyze: expected a motion"),
     "a posture by joints": (lambda r: r.posture({"head_yaw": 0.1}), "unknown posture {'head_yaw"),
     "joints for a posture's name": (
         lambda r: r.posture({"head_yaw": 0.1}),

@@ -140,8 +140,8 @@ def test_problem_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert "result.npz" in files and "did you mean 'gain'" in mistake
 
 
-def test_analyse_recording(capsys: pytest.CaptureFixture[str]) -> None:
-    text = outcome("analyse_recording", capsys)
+def test_analyze_recording(capsys: pytest.CaptureFixture[str]) -> None:
+    text = outcome("analyze_recording", capsys)
     assert number(text, "leg from #") > number(text, "to # m\n") + 0.05
     assert number(text, "CoP at least # mm inside") > 10.0
 

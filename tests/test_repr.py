@@ -58,7 +58,7 @@ def objects() -> dict[str, object]:
         "pendulum": pendulum,
         "pendulum's result": pendulum.run(),
         "motion": motion,
-        "series": wbc.analyse(motion),
+        "series": wbc.analyze(motion),
     }
 
 

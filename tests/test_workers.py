@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.workers import Answer, Death, WorkerDiedError, Workers
+from wbc.workers import Death, WorkerAnswer, WorkerDiedError, Workers
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ def refused() -> Callable[[int], int]:
     raise InvalidInputError("nothing can be doubled here")
 
 
-def answers(workers: Workers, numbers: list[int]) -> dict[object, Answer]:
-    found: dict[object, Answer] = {}
+def answers(workers: Workers, numbers: list[int]) -> dict[object, WorkerAnswer]:
+    found: dict[object, WorkerAnswer] = {}
     numbers = list(numbers)
     total = len(numbers)
     while len(found) < total:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # "as" tells type checkers that a name is public
     from wbc.laws import VelocityLaw as VelocityLaw
     from wbc.motion import Motion as Motion
     from wbc.motion import RmpSeries as RmpSeries
-    from wbc.motion import analyse as analyse
+    from wbc.motion import analyze as analyze
     from wbc.motion import read_motion as read_motion
     from wbc.problem import load_problem as load_problem
     from wbc.reduction import RmpState as RmpState
@@ -51,7 +51,8 @@ _NAMES = {
     "Snapshot": "wbc.robot",
     "VelocityLaw": "wbc.laws",
     "WbcError": "wbc.errors",
-    "analyse": "wbc.motion",
+    "analyse": "wbc.motion",  # the name of analyze until 0.2
+    "analyze": "wbc.motion",
     "load_problem": "wbc.problem",
     "pendulum_of": "wbc.tracking.pendulum",
     "read_motion": "wbc.motion",
@@ -66,14 +67,12 @@ if not TYPE_CHECKING:  # to a checker, a module with this function has every nam
     def __getattr__(name: str) -> Any:
         if name == "__all__":
             return __dir__()
-        if name in _NAMES:
-            return getattr(import_module(_NAMES[name]), name)
         if name in _PACKAGES:
             return import_module(f"wbc.{name}")
-        for room in _ROOMS if not name.startswith("_") else ():
-            module = import_module(room)
-            if name in module.__all__:
-                return getattr(module, name)
+        rooms = [_NAMES[name]] if name in _NAMES else [] if name.startswith("_") else _ROOMS
+        for module in map(import_module, rooms):
+            if name in _NAMES or name in module.__all__:
+                return globals().setdefault(name, getattr(module, name))  # not asked again
         hint = ""
         if not name.startswith("_"):
             hint = import_module("wbc.errors").suggest(name, __dir__(), listed=0)
@@ -82,5 +81,5 @@ if not TYPE_CHECKING:  # to a checker, a module with this function has every nam
 
 def __dir__() -> list[str]:
     rooms = (import_module(room).__all__ for room in _ROOMS)
-    names = {"__version__", *_NAMES, *_PACKAGES}
+    names = {"__version__", *_NAMES, *_PACKAGES} - {"analyse"}
     return sorted(names | {name for each in rooms for name in each})

@@ -12,12 +12,14 @@ from wbc.errors import MissingPackageError
 EXTRAS = {
     "cyclonedds": "unitree",
     "distributed": "cluster",
+    "foxglove": "foxglove",
     "matplotlib": "plot",
     "mcap": "mcap",
     "mujoco": "sim",
     "mujoco_menagerie": "menagerie",
     "pandas": "frames",
     "pyarrow": "batch",
+    "rerun": "rerun",
     "robot_descriptions": "descriptions",
     "viser": "view",
 }

@@ -34,6 +34,13 @@ class ArrayFileError(InvalidInputError):
         super().__init__(f"{path}: {what if name is None else f'array {name[:60]!r}: {what}'}")
 
 
+# What is kept, by the names of its folders.
+CACHED = {
+    "shapes": "shapes fitted to meshes",
+    "collision": "bodies and pairs of robots for self-collision",
+}
+
+
 def cache_folder(kind: str) -> Path | None:
     """Return the folder for what is kept of a kind, which need not exist; None if there is none.
 

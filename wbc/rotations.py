@@ -82,6 +82,15 @@ def rotations_from(quaternion: Array) -> Array:
     ).transpose(2, 0, 1)
 
 
+def upright_on(normal: Array) -> Array:
+    """Return the shortest rotation (3, 3) that takes the vertical to a unit normal."""
+    x, y, z = normal.tolist()
+    a = 1.0 / (1.0 + z)
+    return np.array(
+        ((1.0 - a * x * x, -a * x * y, x), (-a * x * y, 1.0 - a * y * y, y), (-x, -y, z))
+    )
+
+
 def check_rotation(what: str, R: Array) -> None:
     """Raise InvalidInputError unless R is a proper rotation to 1e-6."""
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()  # a tenth of the time that NumPy takes for this

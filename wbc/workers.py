@@ -34,7 +34,7 @@ class Death(NamedTuple):
     final: bool  # whether the call is not tried again
 
 
-class Answer(NamedTuple):
+class WorkerAnswer(NamedTuple):
     """What a call returned, or the error it raised; ``worker`` names the process."""
 
     key: Hashable
@@ -88,7 +88,7 @@ class Workers:
         self._make, self._on_death, self._attempts = make, on_death, attempts
         self._context = get_context("spawn")
         self._workers: list[_Worker] = []
-        self._answers: deque[Answer] = deque()
+        self._answers: deque[WorkerAnswer] = deque()
 
     def __enter__(self) -> Workers:
         return self
@@ -112,7 +112,7 @@ class Workers:
         """Let a process call the function; there must be room."""
         self._give(_Job(key, arguments))
 
-    def results(self, seconds: float) -> list[Answer]:
+    def results(self, seconds: float) -> list[WorkerAnswer]:
         """Return what has come, after waiting for the first at most so long."""
         busy = {worker.channel: worker for worker in self._workers if worker.job is not None}
         ready = connection.wait(list(busy), 0.0 if self._answers else seconds)
@@ -132,7 +132,7 @@ class Workers:
             self._bury(worker, job)
             return
         worker.job = None
-        self._answers.append(Answer(job.key, value, error, worker.name))
+        self._answers.append(WorkerAnswer(job.key, value, error, worker.name))
 
     def _give(self, job: _Job) -> None:
         idle = next((one for one in self._workers if one.job is None), None)
@@ -161,7 +161,7 @@ class Workers:
         self._tell(Death(job.key, name, job.attempt, final))
         if final:
             text = f"a process died each of {job.attempt} times it was tried, last {name}"
-            self._answers.append(Answer(job.key, None, WorkerDiedError(text), name))
+            self._answers.append(WorkerAnswer(job.key, None, WorkerDiedError(text), name))
         else:
             self._give(_Job(job.key, job.arguments, job.attempt + 1))
 

@@ -14,7 +14,8 @@ import wbc.cli.analyze as command_module
 from wbc.cli.analyze import analyze
 from wbc.cli.analyze_report import verdict
 from wbc.cli.sim_report import _cop
-from wbc.motion import Motion, analyse, read_motion
+from wbc.motion import Motion, read_motion
+from wbc.motion import analyze as series_of
 from wbc.robot import Robot
 
 TIME = np.arange(100) / 100.0
@@ -142,7 +143,7 @@ def test_what_is_said_of_the_cop(tmp_path: Path, options: list[str], words: str)
 
 def test_defaults_are_those_of_the_library() -> None:
     reading = inspect.signature(read_motion).parameters
-    analysis = inspect.signature(analyse).parameters
+    analysis = inspect.signature(series_of).parameters
     assert float(command_module.CUTOFF) == analysis["cutoff"].default
     assert analysis["feet"].default == command_module.FEET
     assert reading["longest_gap"].default == command_module.LONGEST_GAP
@@ -157,7 +158,7 @@ def test_what_was_measured_was_feasible(measured: bool, words: str) -> None:
     """A filter that blurs a landing takes the CoP outside the soles."""
     robot = Robot.load("hoap2_like")
     q = np.tile(robot.postures["standing"], (100, 1))
-    one_foot = analyse(Motion(robot, TIME, q[:, 7:], q[:, :7]), feet=["left"])
+    one_foot = series_of(Motion(robot, TIME, q[:, 7:], q[:, :7]), feet=["left"])
     said = str(verdict(replace(one_foot, measured=measured)))
     assert words in said
     assert "--cutoff" not in str(verdict(replace(one_foot, measured=measured, cutoff=None)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.flight.rounds import Loop, Rounds, even_phases
+from wbc.flight.rounds import JointLoop, Rounds, even_phases
 
 JOINTS = {"left_hip_pitch": (0.2, -0.1, 0.5, 0.0), "right_knee_pitch": (-0.3, 0.0, 0.0, 0.1)}
 
@@ -22,7 +22,7 @@ def rounds(robot: wbc.Robot) -> Rounds:
 
 
 def test_a_loop_is_its_fourier_series() -> None:
-    loop = Loop(np.array([0.4]), np.array([[0.2], [-0.1], [0.5], [0.0]]))
+    loop = JointLoop(np.array([0.4]), np.array([[0.2], [-0.1], [0.5], [0.0]]))
     p = 0.7
     wanted = 0.4 + 0.2 * (np.cos(p) - 1) - 0.1 * (np.cos(2 * p) - 1) + 0.5 * np.sin(p)
     np.testing.assert_allclose(loop.at(np.array([p])), [[wanted]], atol=1e-15)
@@ -31,7 +31,7 @@ def test_a_loop_is_its_fourier_series() -> None:
 
 @pytest.mark.parametrize("derivative", [1, 2])
 def test_derivatives_by_the_phase(derivative: int) -> None:
-    loop = Loop(np.zeros(2), np.random.default_rng(0).standard_normal((6, 2)))
+    loop = JointLoop(np.zeros(2), np.random.default_rng(0).standard_normal((6, 2)))
     phases, h = even_phases(7), 1e-5
     difference = loop.at(phases + h, derivative - 1) - loop.at(phases - h, derivative - 1)
     np.testing.assert_allclose(loop.at(phases, derivative), difference / (2 * h), atol=1e-8)

@@ -11,7 +11,7 @@ import wbc
 from wbc.errors import ProblemFileError, UnknownNameError
 from wbc.flight.connection import rotation_of, turning_rate
 from wbc.flight.planner import NoTurnError, plan_turn
-from wbc.flight.rounds import Loop, Rounds
+from wbc.flight.rounds import JointLoop, Rounds
 from wbc.problem import Problem, load_problem
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -52,9 +52,9 @@ def test_the_rotation_of_a_round_does_not_hang_on_its_phase(robot: wbc.Robot) ->
     """Half rounds put together, and the round backwards: a path is a path."""
     rate = turning_rate(robot)
     random = np.random.default_rng(2)
-    loop = Loop(robot.posture("standing")[7:], 0.2 * random.standard_normal((4, robot.nv - 6)))
+    loop = JointLoop(robot.posture("standing")[7:], 0.2 * random.standard_normal((4, robot.nv - 6)))
     signs = np.array([1.0, 1.0, -1.0, -1.0])[:, None]  # phase to minus phase
-    back = Loop(loop.start, signs * loop.coefficients)
+    back = JointLoop(loop.start, signs * loop.coefficients)
     there = rotation_of(rate, loop, 400)
     np.testing.assert_allclose(there @ rotation_of(rate, back, 400), np.eye(3), atol=1e-9)
     assert Rotation.from_matrix(there).magnitude() > 1e-3

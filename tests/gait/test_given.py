@@ -13,7 +13,7 @@ import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait import Footstep, GaitSettings, Legs, Walker
 from wbc.gait.given import Landing, StepRange, given_offsets, in_world, velocity_on
-from wbc.gait.phases import DoubleSupport, SingleSupport, Standing, planar_feet
+from wbc.gait.phases import DoubleSupport, SingleSupport, Standing, sole_poses
 from wbc.polygon import polygon_margin
 from wbc.robot import Robot
 from wbc.simulation import FallLimits, FallWatch, Plant
@@ -31,7 +31,7 @@ def able(robot_named: Load) -> StepRange:
 @pytest.fixture
 def feet(able: StepRange) -> dict[str, Array]:
     half = 0.5 * able.gait.width
-    return {"left": np.array((0.0, half, 0.0)), "right": np.array((0.0, -half, 0.0))}
+    return {"left": np.array((0.0, half, 0.0, 0.0)), "right": np.array((0.0, -half, 0.0, 0.0))}
 
 
 def ahead(able: StepRange, count: int, x: float = 0.2, **other: Any) -> list[Footstep]:
@@ -48,7 +48,7 @@ def test_relative_footsteps_are_seen_from_the_one_before(feet: dict[str, Array])
     for step, made in zip(steps, in_world(steps, feet), strict=True):
         place += complex(step.x, step.y) * complex(math.cos(yaw), math.sin(yaw))
         yaw += step.yaw
-        np.testing.assert_allclose(made.pose, (place.real, place.imag, yaw), atol=1e-12)
+        np.testing.assert_allclose(made.pose(0.0), (place.real, place.imag, yaw, 0.0), atol=1e-12)
         assert made.foot == step.foot
 
 
@@ -84,7 +84,7 @@ def test_the_dcm_comes_to_rest_between_the_feet(able: StepRange, count: int) -> 
 
 
 def test_only_so_many_steps_count_as_matter(able: StepRange) -> None:
-    steps = in_world(ahead(able, 12), {"left": np.zeros(3), "right": np.zeros(3)})
+    steps = in_world(ahead(able, 12), {"left": np.zeros(4), "right": np.zeros(4)})
     near, all_of_them = (given_offsets(np.zeros(2), some, able.gait) for some in (steps[:8], steps))
     np.testing.assert_array_equal(near, all_of_them)
 
@@ -215,7 +215,7 @@ def simulated(walker: Walker, plant: Plant, steps: int) -> None:
 
 
 def really(plant: Plant) -> dict[str, Array]:
-    return planar_feet(plant.robot.snapshot(*plant.state()))
+    return sole_poses(plant.robot.snapshot(*plant.state()))
 
 
 @pytest.mark.slow
@@ -231,10 +231,10 @@ def test_feet_land_where_they_should(robot_named: Load) -> None:
         Footstep("left", 0.04, w),
     ]
     world = walker.follow(steps, plant.snapshot(), relative=True)
-    assert world == in_world(steps, planar_feet(plant.snapshot()))
+    assert world == in_world(steps, sole_poses(plant.snapshot()))
     simulated(walker, plant, 4)
     for step in world[-2:]:
-        apart = really(plant)[step.foot] - step.pose
+        apart = really(plant)[step.foot] - step.pose(0.0)
         assert np.linalg.norm(apart[:2]) < 3e-3 and abs(apart[2]) < 0.01
     assert [landing.footstep for landing in walker.landings] == list(world)
     assert max(landing.distance for landing in walker.landings) < 3e-3

@@ -12,9 +12,9 @@ from wbc.gait.swing import (
     SwingMotion,
     towards,
     turned,
-    upright_on,
     yaw_of,
 )
+from wbc.rotations import upright_on
 
 DT = 0.002
 

@@ -86,7 +86,7 @@ def test_what_was_lacking_is_told_and_mended(marched: tuple) -> None:  # type: i
 def test_forces_are_those_of_the_true_motion(marched: tuple) -> None:  # type: ignore[type-arg]
     recording, (body, _), human = marched
     assert human.body.mass == pytest.approx(body.mass, rel=0.01)  # weighed by the plate
-    series = wbc.analyse(human.motion, cutoff=6.0, noise=human.noise, feet=None)
+    series = wbc.analyze(human.motion, cutoff=6.0, noise=human.noise, feet=None)
     plate = recording.plates[0].force
     inner = slice(40, -40)
     off = series.ground_force[inner] - plate[inner]
@@ -100,7 +100,7 @@ def test_forces_are_those_of_the_true_motion(marched: tuple) -> None:  # type: i
 @pytest.mark.slow
 def test_plates_that_have_not_all_are_not_compared(marched: tuple) -> None:  # type: ignore[type-arg]
     _, _, human = marched
-    series = wbc.analyse(human.motion, cutoff=6.0, noise=None, feet=None)
+    series = wbc.analyze(human.motion, cutoff=6.0, noise=None, feet=None)
     nowhere = np.zeros((len(human.motion.time), 2), dtype=bool)
     assert compared(series, human.recording.plates, nowhere, human.motion.time) is None
     assert compared(series, (), human.down, human.motion.time) is None

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.motion import Motion, RmpSeries, analyse
+from wbc.motion import Motion, RmpSeries, analyze
 from wbc.robot import Robot
 
 RATE = 200.0
@@ -48,7 +48,7 @@ def motion(request: pytest.FixtureRequest) -> Motion:
 def test_each_frame_is_what_reduce_makes_of_it(motion: Motion) -> None:
     robot = motion.robot
     feet = tuple(robot.feet) or None
-    series = analyse(motion, feet=feet)
+    series = analyze(motion, feet=feet)
     previous = None
     for k in range(len(series)):
         snapshot = robot.snapshot(series.q[k], series.v[k])
@@ -75,7 +75,7 @@ def test_some_frames_fly_and_nan_is_only_there() -> None:
     motion = waving(robot, 0.4)
     base = motion.base.copy()
     base[:, 2] = 0.6 + 0.15 * np.cos(2.0 * np.pi * 1.9 * TIME)  # falls faster than g at the top
-    series = analyse(Motion(robot, TIME, motion.joints, base), feet=("left", "right"))
+    series = analyze(Motion(robot, TIME, motion.joints, base), feet=("left", "right"))
     assert 20 < series.flight.sum() < 380
     for name in ("cop", "cmp", "ground_moment", "cop_margin", "leg_length", "leg_angles"):
         values = np.isnan(getattr(series, name)).reshape(len(series), -1)
@@ -92,14 +92,14 @@ def test_feet_are_judged_unless_told_otherwise() -> None:
     motion = waving(robot, 0.0)
     base = np.tile(robot.postures["standing"][:7], (len(TIME), 1))
     still = Motion(robot, TIME, motion.joints, base)
-    series = analyse(still)
+    series = analyze(still)
     assert series.feet == ("left", "right")
     assert series.standing.all() and not series.cop_unknown.any()
     assert (series.cop_margin > 0.02).all()
-    assert analyse(still, feet=None).cop_margin is None
-    assert analyse(still, feet=["left", "left"]).feet == ("left",)
+    assert analyze(still, feet=None).cop_margin is None
+    assert analyze(still, feet=["left", "left"]).feet == ("left",)
     # No sole is on this ground: nothing is said of the CoP, and that is said.
-    lower = analyse(still, ground_height=-0.3)
+    lower = analyze(still, ground_height=-0.3)
     assert lower.cop_unknown.all() and np.isnan(lower.cop_margin).all()
     assert not lower.cop_outside.any()
 
@@ -114,7 +114,7 @@ def test_a_rigid_body_that_turns_about_the_vertical() -> None:
     arm = stand[:3] - com
     base = np.hstack((com + turn.apply(arm), turn.as_quat()))
     joints = np.tile(robot.limits.joint_positions(stand), (len(TIME), 1))
-    series = analyse(Motion(robot, TIME, joints, base), cutoff=None)
+    series = analyze(Motion(robot, TIME, joints, base), cutoff=None)
     inner = slice(20, -20)
     spin = np.tile([0.0, 0.0, 1.2], (400, 1))
     np.testing.assert_allclose(series.average_angular_velocity[inner], spin[inner], atol=1e-7)
@@ -131,7 +131,7 @@ def test_a_rigid_body_that_turns_about_the_vertical() -> None:
 def test_velocity_and_acceleration_of_a_known_motion() -> None:
     robot = Robot.load("hoap2_like")
     motion = waving(robot, 0.4)
-    series = analyse(motion)
+    series = analyze(motion)
     inner = slice(120, -120)
     middle = robot.limits.joint_positions(robot.postures["standing"])
     amplitude = np.abs(motion.joints - middle).max(axis=0)
@@ -155,22 +155,22 @@ def test_flipped_quaternions_do_not_matter() -> None:
     motion = waving(Robot.load("hoap2_like"), 0.4)
     base = motion.base.copy()
     base[::3, 3:] *= -1.0
-    flipped = analyse(Motion(motion.robot, TIME, motion.joints, base))
-    straight = analyse(motion)
+    flipped = analyze(Motion(motion.robot, TIME, motion.joints, base))
+    straight = analyze(motion)
     np.testing.assert_allclose(flipped.momentum_rate, straight.momentum_rate, atol=1e-9)
 
 
 def test_another_rate() -> None:
     motion = waving(Robot.load("hoap2_like"), 0.4)
-    full, half = analyse(motion), analyse(motion, rate=100.0)
+    full, half = analyze(motion), analyze(motion, rate=100.0)
     np.testing.assert_allclose(half.time, full.time[::2])
     np.testing.assert_allclose(half.momentum_rate, full.momentum_rate[::2], atol=1e-9)
-    assert len(analyse(motion, rate=1000.0)) == 1996
+    assert len(analyze(motion, rate=1000.0)) == 1996
 
 
 @pytest.fixture(scope="module")
 def series() -> RmpSeries:
-    return analyse(waving(Robot.load("hoap2_like"), 0.2), feet="auto")
+    return analyze(waving(Robot.load("hoap2_like"), 0.2), feet="auto")
 
 
 def test_saved_as_npz(series: RmpSeries, tmp_path: Path) -> None:
@@ -230,12 +230,12 @@ def test_other_endings_and_frozen_arrays(series: RmpSeries, tmp_path: Path) -> N
 def test_options_that_make_no_sense(options: dict, error: type, words: str) -> None:
     motion = waving(Robot.load("hoap2_like"), 0.2)
     with pytest.raises(error, match=words):
-        analyse(motion, **options)
+        analyze(motion, **options)
 
 
 def test_progress_reaches_the_end() -> None:
     calls = list[tuple[int, int]]()
-    analyse(
+    analyze(
         waving(Robot.load("hoap2_like"), 0.2),
         progress=lambda done, all_: calls.append((done, all_)),
     )

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from wbc.errors import WbcError
-from wbc.motion import RecordingError, analyse, read_motion
+from wbc.motion import RecordingError, analyze, read_motion
 from wbc.motion import table as tables
 from wbc.robot import Robot
 
@@ -71,7 +71,7 @@ def outcome(path: Path, robot: Robot, **options: object) -> Exception | None:
     try:
         motion = read_motion(path, robot, **options)
         assert np.isfinite(motion.joints).all() and np.isfinite(motion.time).all()
-        series = analyse(motion, planted="auto" if motion.base is None else None, cutoff=None)
+        series = analyze(motion, planted="auto" if motion.base is None else None, cutoff=None)
         assert np.isfinite(series.com).all() and np.isfinite(series.acceleration).all()
         error = None
     except WbcError as caught:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.motion import Motion, RecordingError, analyse, read_motion
+from wbc.motion import Motion, RecordingError, analyze, read_motion
 from wbc.motion.forces import MeasuredForces
 
 ROWS, RATE = 60, 100.0
@@ -36,7 +36,7 @@ def write(file: Path, robot: wbc.Robot, **changed: np.ndarray) -> Path:
 
 
 def test_the_cop_is_where_the_soles_say(robot: wbc.Robot, tmp_path: Path) -> None:
-    series = analyse(read_motion(write(tmp_path / "m.npz", robot), robot))
+    series = analyze(read_motion(write(tmp_path / "m.npz", robot), robot))
     assert series.measured
     here = robot.snapshot(robot.posture("standing"))
     left, right = here.position("left_sole"), here.position("right_sole")
@@ -49,7 +49,7 @@ def test_the_cop_is_where_the_soles_say(robot: wbc.Robot, tmp_path: Path) -> Non
 
 def test_without_forces_the_ground_is_what_the_motion_needs(robot: wbc.Robot) -> None:
     time, q, _ = standing(robot)
-    series = analyse(Motion(robot, time, q[:, 7:], q[:, :7]))
+    series = analyze(Motion(robot, time, q[:, 7:], q[:, :7]))
     assert not series.measured
     com = robot.snapshot(robot.posture("standing")).com
     np.testing.assert_allclose(series.cop[:, :2], np.tile(com[:2], (ROWS, 1)), atol=1e-6)
@@ -57,7 +57,7 @@ def test_without_forces_the_ground_is_what_the_motion_needs(robot: wbc.Robot) ->
 
 def test_a_foot_in_the_air_bears_nothing(robot: wbc.Robot, tmp_path: Path) -> None:
     file = write(tmp_path / "m.npz", robot, **{"forces/left_sole": np.zeros((ROWS, 6))})
-    series = analyse(read_motion(file, robot), cutoff=None)
+    series = analyze(read_motion(file, robot), cutoff=None)
     right = robot.snapshot(robot.posture("standing")).position("right_sole")
     np.testing.assert_allclose(series.cop[:, :2], np.tile(right[:2] + [0.01, 0.0], (ROWS, 1)))
     np.testing.assert_allclose(series.force_residual[:, 2], -robot.weight / 3, rtol=1e-9)

@@ -6,7 +6,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
-from wbc.motion import Motion, Noise, analyse
+from wbc.motion import Motion, Noise, analyze
 from wbc.motion.filtered_noise import noise_covariances
 from wbc.motion.filtering import low_passed
 from wbc.motion.noise import estimated_noise
@@ -80,12 +80,12 @@ def test_noise_as_given_is_checked_against_the_robot() -> None:
     stand = np.tile(robot.postures["standing"], (50, 1))
     motion = Motion(robot, TIME[:50], stand[:, 7:], stand[:, :7])
     given = Noise(np.full(25, 1e-3), np.zeros(3), np.zeros(3))
-    assert analyse(motion, noise=given).uncertainty.noise is given
+    assert analyze(motion, noise=given).uncertainty.noise is given
     for wrong in (1e-3, "guessed"):
         with pytest.raises(InvalidInputError, match="noise: expected"):
-            analyse(motion, noise=wrong)
+            analyze(motion, noise=wrong)
     with pytest.raises(InvalidInputError, match="noise: joints"):
-        analyse(motion, noise=Noise(np.full(3, 1e-3), np.zeros(3), np.zeros(3)))
+        analyze(motion, noise=Noise(np.full(3, 1e-3), np.zeros(3), np.zeros(3)))
 
 
 # ---------------------------------------------------------------------- through the filter

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.motion import Motion, analyse
+from wbc.motion import Motion, analyze
 from wbc.motion.planted import EASE, planted_base
 from wbc.robot import Robot
 
@@ -39,7 +39,7 @@ def test_the_planted_sole_lies_flat_and_still(robot: Robot, foot: str, height: f
     swing = 0.2 * np.sin(4.0 * TIME + 0.3)
     parts = {"*_hip_pitch": swing, "*_ankle_roll": 0.5 * swing, "left_hip_yaw": swing**2}
     motion = Motion(robot, TIME, moved(robot, parts))
-    series = analyse(motion, planted=foot, ground_height=height, feet=[foot])
+    series = analyze(motion, planted=foot, ground_height=height, feet=[foot])
     places = []
     for k in (0, 100, 333, 599):
         here = robot.snapshot(series.q[k])
@@ -78,7 +78,7 @@ def test_auto_follows_the_lower_foot_without_a_jump(robot: Robot) -> None:
     # Both feet are flat when they change places, so every frame agrees with the hip of the legs
     # that stand, which do not move: the base stays where it was.
     np.testing.assert_allclose(found.base, np.tile(found.base[0], (600, 1)), atol=2e-6)
-    series = analyse(Motion(robot, TIME, joints), planted="auto")
+    series = analyze(Motion(robot, TIME, joints), planted="auto")
     k = int(np.argmax(up_left))
     assert series.standing[k].tolist() == [False, True]
     assert series.standing[0].tolist() == [True, True]
@@ -111,16 +111,16 @@ def test_contradicting_feet_are_eased(robot: Robot) -> None:
 def test_feet_that_do_not_exist(robot: Robot) -> None:
     motion = Motion(robot, TIME, moved(robot, {}))
     with pytest.raises(UnknownNameError, match="did you mean 'left'"):
-        analyse(motion, planted="lefd")
+        analyze(motion, planted="lefd")
     footless = Robot.load("hoap2_like", feet={})
     with pytest.raises(UnknownNameError, match="no feet"):
-        analyse(Motion(footless, TIME, motion.joints), planted="auto", feet=None)
+        analyze(Motion(footless, TIME, motion.joints), planted="auto", feet=None)
 
 
 def test_a_base_or_a_planted_foot(robot: Robot) -> None:
     joints = moved(robot, {})
     with pytest.raises(InvalidInputError, match="planted: left, right or auto"):
-        analyse(Motion(robot, TIME, joints))
+        analyze(Motion(robot, TIME, joints))
     base = np.tile(robot.postures["standing"][:7], (600, 1))
     with pytest.raises(InvalidInputError, match="leave planted out"):
-        analyse(Motion(robot, TIME, joints, base), planted="left")
+        analyze(Motion(robot, TIME, joints, base), planted="left")

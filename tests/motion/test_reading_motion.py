@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.motion import Motion, RecordingError, analyse, read_motion
+from wbc.motion import Motion, RecordingError, analyze, read_motion
 from wbc.problem import load_problem
 from wbc.robot import Robot
 
@@ -150,7 +150,7 @@ def test_a_run_of_this_package_and_back(tmp_path: Path) -> None:
     np.testing.assert_allclose(motion.time, result.history.time)
     np.testing.assert_allclose(motion.joints, result.history.q[:, 7:])
     np.testing.assert_allclose(motion.base, result.history.q[:, :7], atol=1e-12)
-    series = analyse(motion, cutoff=None, feet=("left", "right"))
+    series = analyze(motion, cutoff=None, feet=("left", "right"))
     np.testing.assert_allclose(series.com, result.history.com, atol=1e-9)
     np.testing.assert_allclose(series.inertia, result.history.inertia, atol=1e-9)
     # And what an analysis writes is a recording again.
@@ -169,7 +169,7 @@ def test_continuous_joints_of_q(tmp_path: Path, rng) -> None:
     np.savez(tmp_path / "c.npz", time=TIME, q=q)
     motion = read_motion(tmp_path / "c.npz", robot)
     np.testing.assert_allclose(motion.joints[:, k], angle)
-    series = analyse(motion, cutoff=None)
+    series = analyze(motion, cutoff=None)
     np.testing.assert_allclose(series.q[:, start : start + 2], q[:, start : start + 2], atol=1e-12)
     np.testing.assert_allclose(series.v[:, 6 + k], 0.05 * RATE, atol=1e-8)
 
@@ -238,9 +238,9 @@ def test_a_little_past_a_limit_is_told(robot, joints) -> None:
     k = robot.joint_names.index("left_knee_pitch")
     joints[:, k] = robot.limits.upper[k] + 0.05
     base = np.tile(robot.postures["standing"][:7], (COUNT, 1))
-    series = analyse(Motion(robot, TIME, joints, base))
+    series = analyze(Motion(robot, TIME, joints, base))
     assert series.past_limits == {"left_knee_pitch": pytest.approx(0.05)}
-    series = analyse(Motion(robot, TIME, np.minimum(joints, robot.limits.upper), base))
+    series = analyze(Motion(robot, TIME, np.minimum(joints, robot.limits.upper), base))
     assert series.past_limits == {}
 
 

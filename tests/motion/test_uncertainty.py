@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import wbc
 from wbc.errors import InvalidInputError
-from wbc.motion import Motion, RmpSeries, analyse
+from wbc.motion import Motion, RmpSeries, analyze
 from wbc.motion.forces import MeasuredForces
 from wbc.motion.uncertainty import BAND, beyond_noise
 from wbc.robot import Robot
@@ -60,10 +60,10 @@ def coverages(
 ) -> dict[str, float]:
     """Share of frames, in % over all trials, in which the truth is within the 95 % band."""
     rng = np.random.default_rng(7)
-    truth = analyse(clean, noise=None, **options)
+    truth = analyze(clean, noise=None, **options)
     within: dict[str, list[float]] = {name: [] for name in names}
     for _ in range(trials):
-        series = analyse(noisy(clean, sizes, rng), **options)
+        series = analyze(noisy(clean, sizes, rng), **options)
         # Where the planted foot stands, the first frame's joints say: positions are relative to it.
         for name in names:
             error = values(series, name) - values(truth, name)
@@ -137,14 +137,14 @@ def beside_the_foot() -> Motion:
 
 def test_verdict_is_only_given_beyond_the_noise(beside_the_foot: Motion) -> None:
     rng = np.random.default_rng(3)
-    little = analyse(noisy(beside_the_foot, (1e-5, 0.0, 0.0), rng), feet="left")
+    little = analyze(noisy(beside_the_foot, (1e-5, 0.0, 0.0), rng), feet="left")
     assert little.infeasible.all() and not little.surely_inside.any()
     much = noisy(beside_the_foot, MUCH, rng)
-    silent = analyse(much, feet="left")
+    silent = analyze(much, feet="left")
     assert silent.cop_outside.any() and not silent.cop_outside.all() and not silent.infeasible.any()
     # The same recording tells it after a lower low-pass, and to who does not ask for its noise.
-    assert analyse(much, feet="left", cutoff=0.7).infeasible.mean() > 0.9
-    unasked = analyse(much, feet="left", noise=None)
+    assert analyze(much, feet="left", cutoff=0.7).infeasible.mean() > 0.9
+    unasked = analyze(much, feet="left", noise=None)
     assert unasked.uncertainty is None
     assert (unasked.infeasible == unasked.cop_outside).all()
 
@@ -152,9 +152,9 @@ def test_verdict_is_only_given_beyond_the_noise(beside_the_foot: Motion) -> None
 def test_inside_is_only_said_beyond_the_noise(beside_the_foot: Motion) -> None:
     # The CoM is 27 mm inside both soles' hull.
     rng = np.random.default_rng(3)
-    little = analyse(noisy(beside_the_foot, (1e-5, 0.0, 0.0), rng))
+    little = analyze(noisy(beside_the_foot, (1e-5, 0.0, 0.0), rng))
     assert little.surely_inside.all()
-    much = analyse(noisy(beside_the_foot, MUCH, rng))
+    much = analyze(noisy(beside_the_foot, MUCH, rng))
     assert not much.surely_inside.all() and not much.infeasible.any()
 
 
@@ -164,7 +164,7 @@ def test_flight_is_only_said_beyond_the_noise(beside_the_foot: Motion) -> None:
     # Every 1.25 s it falls, for a while, as fast as only a ground that pulls could make it.
     base[:, 2] += 0.12 * np.cos(2.0 * np.pi * 1.6 * beside_the_foot.time)
     hopping = Motion(beside_the_foot.robot, beside_the_foot.time, beside_the_foot.joints, base)
-    series = analyse(noisy(hopping, (1e-4, 1e-4, 0.0), rng), feet=None)
+    series = analyze(noisy(hopping, (1e-4, 1e-4, 0.0), rng), feet=None)
     assert 0 < series.surely_flying.sum() < series.flight.sum()
     assert (series.flight >= series.surely_flying).all()
     assert np.isnan(series.uncertainty.cop[series.flight]).all()
@@ -179,7 +179,7 @@ def test_noise_alone_makes_a_verdict_in_few_recordings(beside_the_foot: Motion) 
     alarms = 0
     for _ in range(40):
         motion = noisy(beside_the_foot, MUCH, rng)
-        alarms += bool(analyse(motion).infeasible.any())
+        alarms += bool(analyze(motion).infeasible.any())
     assert alarms <= 5  # of 40 at 5 %: more with a probability of 1.4 %
 
 
@@ -198,7 +198,7 @@ def test_level_beyond_noise_is_passed_in_5_percent_of_recordings() -> None:
 
 def test_uncertainty_is_saved(beside_the_foot: Motion, tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
-    series = analyse(noisy(beside_the_foot, (1e-4, 1e-4, 0.0), rng))
+    series = analyze(noisy(beside_the_foot, (1e-4, 1e-4, 0.0), rng))
     series.save(tmp_path / "s.npz")
     with np.load(tmp_path / "s.npz") as file:
         for name, array in series.uncertainty.arrays().items():
@@ -220,7 +220,7 @@ def test_measured_forces_have_no_band_of_the_motions_noise() -> None:
     time = np.arange(100) / RATE
     wrench = np.tile([0.0, 0.0, 0.5 * 9.81 * robot.mass, 0.0, 0.0, 0.0], (100, 1))
     forces = MeasuredForces(time, {"left": wrench, "right": wrench})
-    series = analyse(Motion(robot, time, q[:, 7:], q[:, :7], forces=forces))
+    series = analyze(Motion(robot, time, q[:, 7:], q[:, :7], forces=forces))
     assert series.measured
     assert np.isnan(series.uncertainty.cop).all()
     assert np.isfinite(series.uncertainty.momentum_rate).all()
@@ -228,9 +228,9 @@ def test_measured_forces_have_no_band_of_the_motions_noise() -> None:
 
 def test_options_of_other_kinds(beside_the_foot: Motion) -> None:
     with pytest.raises(InvalidInputError, match="cutoff"):
-        analyse(beside_the_foot, cutoff="high")
+        analyze(beside_the_foot, cutoff="high")
     motion = noisy(beside_the_foot, MUCH, np.random.default_rng(1))
-    chosen = analyse(motion, cutoff="residual")
+    chosen = analyze(motion, cutoff="residual")
     assert 1.0 < chosen.cutoff < 5.0  # nothing moves
-    given = analyse(motion, cutoff=chosen.cutoff)
+    given = analyze(motion, cutoff=chosen.cutoff)
     np.testing.assert_array_equal(chosen.cop, given.cop)

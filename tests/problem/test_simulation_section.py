@@ -8,11 +8,13 @@ import pytest
 
 from tests.problem.loading import complaint_of, problem_of
 from tests.texts import STAND
+from wbc.codegen.recording import CodegenError, check_kind
 from wbc.errors import InvalidInputError
 from wbc.problem import Problem, load_problem
 from wbc.problem.simulation_spec import turned_with
 from wbc.run.phase_support import off_the_ground
 from wbc.simulation import SimulationStatus, capture_impulse
+from wbc.view.simulation import plot_simulation
 
 PUSHED = (
     STAND
@@ -243,3 +245,56 @@ def test_what_is_to_be_kept_is_judged_by_where_the_robot_is(tmp_path: Path) -> N
     assert result.run.slip.value == pytest.approx(moved, abs=1e-3)
     assert result.run.slip.value < 5e-3
     assert result.status is SimulationStatus.STOOD, result.reason
+
+
+CARRYING = (
+    STAND
+    + """\
+simulation:
+  duration: 0.2
+  wrenches: [{frame: left_hand, force: [0, 0, -5], at: 0.1, duration: .inf}]
+"""
+)
+
+
+def test_payloads_and_wrenches_of_a_file_are_known_recorded_and_drawn(tmp_path: Path) -> None:
+    """A robot that is told of both keeps its hand; who is not told lets it sag."""
+    payload = [{"frame": "right_hand", "mass": 0.3, "com": [0.02, 0.0, 0.0]}]
+    sag = {}
+    for told in (True, False):
+        text = CARRYING.replace("at: 0.1", f"told: {str(told).lower()}, at: 0.1")
+        one = problem(tmp_path, text, {"robot.payload": payload})
+        robot = one.parts.robot
+        assert [body.mass for body in robot.payloads] == [0.3]
+        result = one.simulate()
+        q = result.arrays["q"]
+        first, last = (robot.snapshot(q[k]).position("left_hand") for k in (0, -1))
+        sag[told] = np.linalg.norm(last - first)
+        acted = result.arrays["wrenches/left_hand"]
+        assert np.flatnonzero(acted[:, 2])[0] == 51 and (acted[51:, 2] == -5.0).all()
+        (summary,) = result.summary()["simulation"]["wrenches"]
+        assert summary["told"] is told and summary["duration"] is None
+    with pytest.raises(CodegenError, match="told of none"):
+        check_kind(problem(tmp_path, CARRYING))
+    assert sag[True] < 2e-4 < 2e-3 < sag[False]
+    picture = plot_simulation(robot, result.arrays, tmp_path / "a.png", title="pulled")
+    assert picture.stat().st_size > 0
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"simulation.wrenches": [{"frame": "left_hnd", "force": [0, 0, 1]}]}, "left_hand"),
+        ({"simulation.wrenches": [{"frame": "left_hand"}]}, "give force or moment"),
+        (
+            {"simulation.wrenches": [{"frame": "left_hand", "force": [1, 0, 0], "at": 9.0}]},
+            "begins after the end",
+        ),
+        ({"robot.payload": [{"frame": "left_hand", "mass": 0.0}]}, "greater than 0"),
+        ({"robot.payload": [{"frame": "hand", "mass": 1.0}]}, "unknown frame 'hand'"),
+    ],
+)
+def test_mistakes_in_payloads_and_wrenches_are_named(
+    tmp_path: Path, change: dict[str, Any], said: str
+) -> None:
+    assert said in complaint_of(tmp_path, CARRYING, change)

@@ -310,13 +310,12 @@ def test_how_small_a_conflict_is_proved(rows, steep, c, most, tolerance) -> None
     """steep x <= steep c and steep x >= steep (c + d), within -most <= x <= most; by hand.
 
     Rows of unit length miss each other by d. Half of that must be left when each end gives way by
-    ``tolerance`` of 1 + |end|; of inequalities the core proves nothing below 2e-7 of that, and what
-    misses equalities by less than 1e-8 in their own units solves them.
+    ``tolerance`` of 1 + |end|; of inequalities the core may prove nothing below 2e-7 of that, and
+    what misses equalities by less than 1e-8 in their own units solves them.
     """
     core = 1e-8 / steep if rows == "equalities" else 2e-7 * (1.0 + abs(c))
-    least = max(core, tolerance * (1.0 + abs(c)))
-    for share, proved in ((0.9, False), (1.1, True)):
-        d = share * least
+    least = tolerance * (1.0 + abs(c))
+    for d, proved in ((0.9 * least, False), (1.1 * max(core, least), True)):
         ends, steeps = np.array([c, c + d]) * steep, np.full((2, 1), steep)
         box = {"lower": [-most], "upper": [most]}
         if rows == "equalities":

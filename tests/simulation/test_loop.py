@@ -9,7 +9,7 @@ import pytest
 
 import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.motion import analyse, read_motion
+from wbc.motion import analyze, read_motion
 from wbc.robot import Robot
 from wbc.simulation import (
     FallLimits,
@@ -128,7 +128,7 @@ def test_update_chooses_the_controller_and_ends_the_loop(load: Load) -> None:
     assert ticks[0].snapshot is seen[0]
 
 
-def test_a_recording_is_read_by_analyse(load: Load, tmp_path: Path) -> None:
+def test_a_recording_is_read_by_analyze(load: Load, tmp_path: Path) -> None:
     robot = load("hoap2_like")
     plant = Plant(robot, dt=DT)
     recorder = Recorder(plant)
@@ -153,7 +153,7 @@ def test_a_recording_is_read_by_analyse(load: Load, tmp_path: Path) -> None:
         motion = read_motion(tmp_path / name, robot, ignore=ignore)
         np.testing.assert_allclose(motion.time, found["time"], atol=1e-9)
         np.testing.assert_allclose(motion.joints, found["q"][:, 7:], atol=1e-8)
-        series = analyse(motion, cutoff=None)
+        series = analyze(motion, cutoff=None)
         # the reaction that analysis derives from the motion is the one that was recorded
         middle = slice(100, 190)
         np.testing.assert_allclose(series.cop[middle, 0], found["cop"][middle, 0], atol=0.01)

@@ -15,11 +15,11 @@ from wbc.problem import load_problem
 from wbc.robot import Robot
 from wbc.rotations import exp_rotation, rotation_from
 from wbc.simulation import (
-    Bus,
     Devices,
     Encoders,
     FootSwitches,
     Imu,
+    MessageBus,
     Plant,
     SensedPlant,
     Sensors,
@@ -82,7 +82,7 @@ def test_an_exact_imu_integrates_to_where_the_plant_goes(hoap: Robot) -> None:
 
 
 def test_devices_measure_as_they_are_said_to(hoap: Robot) -> None:
-    bus = Bus(delay=0.002, jitter=0.004, loss=0.2)
+    bus = MessageBus(delay=0.002, jitter=0.004, loss=0.2)
     encoders = Encoders(resolution=0.01, delay=0.003, rates=True, rate_noise=0.0)
     devices = Devices(
         imus=(Imu(rate=250.0),), encoders=encoders, torques=None, feet=FootSwitches(), bus=bus
@@ -110,7 +110,7 @@ def test_devices_measure_as_they_are_said_to(hoap: Robot) -> None:
         with pytest.raises(InvalidInputError):
             wrong()
     with pytest.raises(InvalidInputError, match="bus, loss"):
-        Bus(loss=1.0)
+        MessageBus(loss=1.0)
 
 
 def test_a_robot_stands_on_what_it_feels_and_to_the_same_bits(hoap: Robot) -> None:
@@ -167,7 +167,7 @@ def test_problem_files_describe_devices_and_name_mistakes(tmp_path: Path) -> Non
 def test_a_g1_walks_on_what_it_feels(robot_named: Callable[[str], Robot]) -> None:
     """At 0.5 m/s for 4 s; messages late by 2 to 4 ms, one in a hundred lost."""
     robot = Robot.load("g1", armature=0.003)
-    bus = Bus(delay=0.002, jitter=0.002, loss=0.01)
+    bus = MessageBus(delay=0.002, jitter=0.002, loss=0.01)
     plant = SensedPlant(robot, devices=Devices(bus=bus, seed=7), settings=EstimatorSettings())
     plant.reset(robot.posture())
     walker = Walker(robot)

@@ -1,11 +1,13 @@
 """The surface of a terrain, and terrains as plain data."""
 
 import json
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from wbc.simulation import Step, Terrain
+from wbc.robot import Robot
+from wbc.simulation import Plant, Step, Terrain
 from wbc.simulation.terrain import LEVEL
 
 # A board, turned by a quarter: 0.4 m along the world's x, 0.2 m along y.
@@ -42,3 +44,25 @@ def test_plain_data_come_back(terrain: Terrain) -> None:
         np.testing.assert_array_equal(mine.centre, other.centre)
         np.testing.assert_array_equal(mine.size, other.size)
         assert (mine.yaw, mine.friction) == (other.yaw, other.friction)
+
+
+def test_a_tilted_board_is_where_mujoco_has_it(robot_named: Callable[[str], Robot]) -> None:
+    """By rays from above, on and beside the board."""
+    import mujoco
+
+    board = Step((0.6, -0.2, 0.15), (0.5, 0.3, 0.1), yaw=0.4, slope=(0.2, -0.3))
+    terrain = Terrain(steps=(board,))
+    plant = Plant(robot_named("hoap2_like"), terrain=terrain)
+    model, data = plant.model, plant.data
+    mujoco.mj_forward(model, data)
+    points = np.random.default_rng(0).uniform((0.2, -0.6), (1.0, 0.2), size=(200, 2))
+    group, hit = np.ones(6, dtype=np.uint8), np.zeros(1, dtype=np.int32)
+    found = []
+    for x, y in points.tolist():
+        start, down = np.array((x, y, 2.0)), np.array((0.0, 0.0, -1.0))
+        found.append(2.0 - mujoco.mj_ray(model, data, start, down, group, 1, -1, hit))
+    on = terrain.height(points) > 0.0
+    assert 30 < on.sum() < 170
+    # A side of the board that leans out hides a little of the ground, which height() does not.
+    same = np.isclose(terrain.height(points), found, atol=1e-9)
+    assert same[on].all() and same.mean() > 0.9

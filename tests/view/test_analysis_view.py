@@ -1,4 +1,4 @@
-"""The figure of an analysed motion: what is plotted, and what is refused."""
+"""The figure of an analyzed motion: what is plotted, and what is refused."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from wbc.errors import InvalidInputError
-from wbc.motion import Motion, RmpSeries, analyse
+from wbc.motion import Motion, RmpSeries, analyze
 from wbc.motion.uncertainty import BAND
 from wbc.robot import Robot
 from wbc.view import style
@@ -22,7 +22,7 @@ def series_of(height: float, feet: str | None) -> RmpSeries:
     joints = np.tile(robot.limits.joint_positions(robot.postures["standing"]), (200, 1))
     base = np.tile(robot.postures["standing"][:7], (200, 1))
     base[:, 2] += height * np.cos(2.0 * np.pi * 1.5 * TIME)
-    return analyse(Motion(robot, TIME, joints, base), feet=feet)
+    return analyze(Motion(robot, TIME, joints, base), feet=feet)
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +110,7 @@ def test_bands_of_noise_are_drawn(still: RmpSeries) -> None:
     joints = still.q[:, 7:] + 1e-3 * rng.normal(size=(200, 25))
     base = still.q[:, :7].copy()
     base[:, :3] += 1e-3 * rng.normal(size=(200, 3))
-    series = analyse(Motion(still.robot, TIME, joints, base))
+    series = analyze(Motion(still.robot, TIME, joints, base))
     assert series.cop_outside.any() and not series.infeasible.any()
     figure = analysis_figure(series, title="Standing", snapshots=1)
     band, filled = plots(figure)["CoP inside the support polygon by"].collections
@@ -120,7 +120,7 @@ def test_bands_of_noise_are_drawn(still: RmpSeries) -> None:
     assert corners.min() == pytest.approx(1e3 * (series.cop_margin - half).min())
     assert not filled.get_paths()  # nothing is infeasible beyond the noise
     assert any("95 % bands" in text.get_text() for text in figure.texts)
-    unasked = analyse(Motion(still.robot, TIME, joints, base), noise=None)
+    unasked = analyze(Motion(still.robot, TIME, joints, base), noise=None)
     figure = analysis_figure(unasked, title="Standing", snapshots=1)
     (filled,) = plots(figure)["CoP inside the support polygon by"].collections
     assert filled.get_paths()

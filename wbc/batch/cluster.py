@@ -14,7 +14,7 @@ from typing import Any
 from wbc.batch.row import made_with, run_row
 from wbc.errors import WbcError
 from wbc.extras import require
-from wbc.workers import Answer, Death, WorkerDiedError
+from wbc.workers import Death, WorkerAnswer, WorkerDiedError
 
 AHEAD = 2  # runs that each thread of the cluster has been given, so that none waits for this one
 LOOK = 1.0  # s between looks at who is there
@@ -84,7 +84,7 @@ class Cluster:
         self._names[name], self._futures[key] = key, future
         future.add_done_callback(lambda done: self._done.put((key, done)))
 
-    def results(self, seconds: float) -> list[Answer]:
+    def results(self, seconds: float) -> list[WorkerAnswer]:
         """Return what has come, after waiting for the first at most so long."""
         found = []
         try:
@@ -97,7 +97,7 @@ class Cluster:
             self._look()
         return found
 
-    def _answer(self, key: Hashable, future: Any) -> Answer:
+    def _answer(self, key: Hashable, future: Any) -> WorkerAnswer:
         from distributed import KilledWorker
 
         del self._futures[key]
@@ -107,9 +107,9 @@ class Cluster:
         if isinstance(error, KilledWorker):
             last = getattr(error.last_worker, "address", "unknown")
             text = f"workers died each time it was tried, last {last}"
-            return Answer(key, None, WorkerDiedError(text), last)
+            return WorkerAnswer(key, None, WorkerDiedError(text), last)
         value = future.result() if error is None else None
-        return Answer(key, value, error, "" if value is None else value["worker"])
+        return WorkerAnswer(key, value, error, "" if value is None else value["worker"])
 
     def _look(self) -> None:
         """Update which workers are there, at which runs, and report those that are gone."""

@@ -122,7 +122,7 @@ def analyze(
         from wbc.cli.analyze_report import print_analysis
         from wbc.cli.outputs import Outputs
         from wbc.cli.progress import shown_progress
-        from wbc.motion import analyse, read_motion
+        from wbc.motion import analyze, read_motion
         from wbc.robot import Robot
 
         moments = _snapshots(snapshots)
@@ -161,7 +161,7 @@ def analyze(
             longest_gap=longest_gap,
         )
         with shown_progress(quiet) as progress:
-            series = analyse(
+            series = analyze(
                 recording,
                 rate=resample,
                 cutoff=low_pass,

@@ -90,7 +90,7 @@ def analyze_human(
     from wbc.cli.outputs import Outputs
     from wbc.cli.progress import shown_progress
     from wbc.human import compared, human_motion, read_markers
-    from wbc.motion import analyse
+    from wbc.motion import analyze
 
     recording = read_markers(
         path, forces=options.forces, unit=options.unit, stature=options.stature
@@ -107,7 +107,7 @@ def analyze_human(
         longest_gap=longest_gap,
     )
     with shown_progress(quiet) as progress:
-        series = analyse(
+        series = analyze(
             human.motion,
             rate=rate,
             cutoff=human.cutoff if cutoff is None else cutoff[0],

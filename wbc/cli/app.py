@@ -16,6 +16,7 @@ from wbc import __version__
 from wbc.cli.analyze import analyze
 from wbc.cli.batch import BATCH_EXIT_CODES, batch
 from wbc.cli.bench import add_bench
+from wbc.cli.cache import cache
 from wbc.cli.codegen import codegen
 from wbc.cli.doctor import doctor
 from wbc.cli.errors import BAD_INPUT, complain, refused
@@ -98,3 +99,4 @@ app.command()(schema)
 app.command()(codegen)
 app.add_typer(hardware, name="hardware")
 app.command()(doctor)
+app.command()(cache)

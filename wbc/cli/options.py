@@ -71,6 +71,13 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")
 Watched = Annotated[
     bool, typer.Option("--view", help="Watch it in a browser; the page stays until Ctrl-C.")
 ]
+Streamed = Annotated[
+    str | None,
+    typer.Option(
+        "--stream",
+        help="Send ticks live: foxglove[:PORT], or rerun[:ADDRESS or FILE.rrd].",
+    ),
+]
 SaveTick = Annotated[
     Path | None,
     typer.Option(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -27,6 +27,7 @@ from wbc.cli.options import (
     SaveTick,
     Show,
     Solver,
+    Streamed,
     ViewFrom,
     Watched,
     check_view,
@@ -72,11 +73,12 @@ def run(
     quiet: Quiet = False,
     view: Watched = False,
     save_tick: SaveTick = None,
+    stream: Streamed = None,
 ) -> None:
     """Run a problem and say what came of it."""
     with errors_in_one_line():
         check_view(view_from, show)
-        wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick)
+        wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
         code = _run(wanted, (view_from, show), overrides_of(assign, solver))
     raise typer.Exit(code)
 
@@ -98,9 +100,13 @@ def _run(wanted: _Wanted, look: tuple[str, str], overrides: dict[str, Any]) -> i
     # Ctrl-C ends a plan at once: there is nothing to keep until it is done.
     listening = nullcontext(Interrupts()) if plans else noted_interrupts()
     result: Result | PendulumResult
-    with shown_progress(wanted.quiet) as progress, listening as interrupts:
+    with (
+        shown_progress(wanted.quiet) as progress,
+        listening as interrupts,
+        wanted.shown_by(problem, watching) as show,
+    ):
         if isinstance(problem, Problem):
-            result = problem.run(progress, cancelled=interrupts, show=wanted.shown_by(watching))
+            result = problem.run(progress, cancelled=interrupts, show=show)
         else:
             result = problem.run(progress, cancelled=interrupts)
     interrupted = interrupts() or _search_interrupted(result)
@@ -154,10 +160,11 @@ def sim(
     quiet: Quiet = False,
     view: Watched = False,
     save_tick: SaveTick = None,
+    stream: Streamed = None,
 ) -> None:
     """Simulate a problem of the torque level and say whether the robot stood."""
     with errors_in_one_line():
-        wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick)
+        wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
         code = _simulate(wanted, overrides_of(assign, solver))
     raise typer.Exit(code)
 
@@ -179,8 +186,12 @@ def _simulate(wanted: _Wanted, overrides: dict[str, Any]) -> int:
     if not wanted.quiet:
         print_notes(problem.parts.robot)
     watching = wanted.watching(problem)
-    with shown_progress(wanted.quiet) as progress, noted_interrupts() as interrupts:
-        result = problem.simulate(progress, cancelled=interrupts, show=wanted.shown_by(watching))
+    with (
+        shown_progress(wanted.quiet) as progress,
+        noted_interrupts() as interrupts,
+        wanted.shown_by(problem, watching) as show,
+    ):
+        result = problem.simulate(progress, cancelled=interrupts, show=show)
 
     def draw(picture: Path) -> None:
         from wbc.view.simulation import plot_simulation
@@ -219,6 +230,7 @@ class _Wanted:
     quiet: bool
     view: bool
     save_tick: Path | None = None
+    stream: str | None = None
 
     @property
     def name(self) -> str:
@@ -241,18 +253,40 @@ class _Wanted:
 
         return starting(f"loading {self.path}", self.quiet)
 
-    def shown_by(self, watching: Watching | None) -> ShowTick | None:
-        """Return what looks at every tick: the viewer, and who saves the first that gave way."""
-        if self.save_tick is None:
-            return None if watching is None else watching.show
-        keeper = _Keeper(self.save_tick)
+    @contextmanager
+    def shown_by(
+        self, problem: Problem | PendulumProblem, watching: Watching | None
+    ) -> Iterator[ShowTick | None]:
+        """Yield what looks at every tick: viewer, stream, who saves the first that gave way.
 
-        def look(now: LoopTick, controller: Controller | None) -> None:
-            keeper(now)
-            if watching is not None:
-                watching.show(now, controller)
+        Raises
+        ------
+        InvalidInputError
+            A pendulum's problem cannot be streamed; or no such stream.
+        """
+        from wbc.errors import InvalidInputError
+        from wbc.problem import Problem
 
-        return look
+        looks: list[ShowTick] = [] if watching is None else [watching.show]
+        if self.save_tick is not None:
+            looks.insert(0, _Keeper(self.save_tick))
+        with ExitStack() as ending:
+            if self.stream is not None:
+                from wbc.view.streams import stream_of
+
+                if not isinstance(problem, Problem):
+                    raise InvalidInputError("--stream sends robots, this is a pendulum's problem")
+                stream = stream_of(problem.parts.robot, self.stream)
+                ending.callback(stream.close)
+                looks.append(stream.show)
+                if not self.quiet:
+                    print_note(f"streaming to {stream.where}")
+
+            def look(now: LoopTick, controller: Controller | None) -> None:
+                for one in looks:
+                    one(now, controller)
+
+            yield look if looks else None
 
     def watching(self, problem: Problem | PendulumProblem) -> Watching | None:
         """Return what shows the run, if that is wanted.
@@ -282,7 +316,7 @@ class _Keeper:
     def __init__(self, path: Path) -> None:
         self._path, self._done = path, False
 
-    def __call__(self, now: LoopTick) -> None:
+    def __call__(self, now: LoopTick, controller: Controller | None) -> None:
         if now.tick.policy is None or self._done:
             return
         self._done = True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from wbc.cli.printing import SHOWN, facts, head, heads, print_written, tasks_tab
 from wbc.errors import listed
 from wbc.simulation import SimulationResult
 from wbc.simulation.push import Push
+from wbc.simulation.wrench import AppliedWrench
 from wbc.tracking.deviation import PlanTracking
 
 # A quantity of a plan that changes by less than this part of what a robot is off has no peak.
@@ -31,6 +33,8 @@ def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
     table = facts()
     for push in result.pushes:
         table.add_row("push", Text(_push(push, result)))
+    for wrench in result.wrenches:
+        table.add_row("wrench", Text(_wrench(wrench)))
     table.add_row("gave way", Text(_gave_way(result)))
     table.add_row("CoP", _cop(result))
     table.add_row("trunk", f"tilted by at most {result.peak_tilt:.2f} rad")
@@ -55,6 +59,13 @@ def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
     )
     console.print(table)
     print_written(console, written)
+
+
+def _wrench(one: AppliedWrench) -> str:
+    force, moment = (", ".join(f"{value:g}" for value in part) for part in np.split(one.wrench, 2))
+    lasts = f"{one.start:g} s on" if one.end == math.inf else f"{one.start:g} to {one.end:g} s"
+    known = "told" if one.told else "not told"
+    return f"[{force}] N, [{moment}] N m on {one.frame} from {lasts}, {known} to the controller"
 
 
 def _tracking(found: PlanTracking) -> Table:

@@ -121,7 +121,7 @@ def check_kind(problem: Problem) -> None:
     Raises
     ------
     CodegenError
-        A walk, phases, a search, or the pseudo-inverse.
+        A walk, phases, a search, the pseudo-inverse, or wrenches that the controller is told of.
     """
     spec = problem.spec
     reason = None
@@ -131,5 +131,7 @@ def check_kind(problem: Problem) -> None:
         reason = "phases: they change the controller while it runs"
     elif not isinstance(spec.controller, QpSpec | TorqueSpec):
         reason = "controller.method: only one QP per tick is written out"
+    elif any(wrench.told for wrench in spec.simulation.wrenches):
+        reason = "simulation.wrenches: the code is told of none; told: false leaves them out of it"
     if reason is not None:
         raise CodegenError(f"{problem.source.name}: {reason}")

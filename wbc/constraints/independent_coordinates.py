@@ -13,13 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import qr
+from scipy.linalg import lstsq, qr
 
 from wbc.constraints.contact import Contact, support
 from wbc.constraints.limits import BASE_ROWS
 from wbc.constraints.mechanics import mechanics_of
 from wbc.errors import InvalidInputError
-from wbc.qp.elimination import least_squares
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.validate import Array, finite_array, finite_number, read_only, real_array
@@ -135,7 +134,7 @@ class IndependentCoordinates:
             k = J.shape[1]
             J = np.concatenate((J, np.sqrt(damping) * np.eye(k)))
             wanted = np.concatenate((wanted, np.zeros(k)))
-        return self.basis @ least_squares(J, wanted, ROUNDING)
+        return self.basis @ lstsq(J, wanted, ROUNDING, lapack_driver="gelsy")[0]
 
     def _rows(self, rows: ArrayLike) -> Array:
         given = real_array("independent coordinates, rows", rows)

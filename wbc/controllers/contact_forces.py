@@ -195,14 +195,15 @@ class ContactForces:
             if contact is None or contact.friction is None:
                 continue
             facets = contact.friction.matrix()
+            angles = np.rad2deg(np.arctan2(facets[:, 1], facets[:, 0])) % 360.0
             count = _corners(part)
             row = np.zeros((count * len(facets), self.size))
             row[:, part.columns] = np.kron(np.eye(count), facets)
             rows.append(row)
             labels += [
-                f"{contact.name} corner {corner} friction"
+                f"{contact.name} corner {corner} friction at {angle:.0f} deg"
                 for corner in range(count)
-                for _ in facets
+                for angle in angles
             ]
         self._matrix = read_only(np.concatenate([np.zeros((0, self.size)), *rows]))
         self.labels = tuple(labels)

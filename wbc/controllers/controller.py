@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache, partial
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -304,7 +304,14 @@ class Controller(DeclaredAttributes, ABC):
 
     def _rows_once(self, snapshot: Snapshot) -> PythonRowsOf:
         """Return what works a plan's rows in Python out, once in a tick."""
-        return cache(lambda plan: self._python_rows(plan, snapshot))
+        known: dict[CorePlan, list[PythonRows]] = {}
+
+        def rows(plan: CorePlan) -> list[PythonRows]:
+            if plan not in known:
+                known[plan] = self._python_rows(plan, snapshot)
+            return known[plan]
+
+        return rows
 
     def _python_rows(self, plan: CorePlan, snapshot: Snapshot) -> list[PythonRows]:
         """Return the rows of tasks and contacts that the core does not know."""
@@ -344,6 +351,10 @@ class Controller(DeclaredAttributes, ABC):
     def changed(self) -> str | None:
         """Return what was changed since the last tick, in words, or None."""
         return self._core.changed()
+
+    def _again(self, snapshot: Snapshot) -> Tick:
+        """Answer a saved tick's state again, once :meth:`_return_to` has been called."""
+        return self.step(snapshot)
 
     def _kept(self) -> tuple[object, ...]:
         """Return what is kept from tick to tick, but for warm starts: what a tick changes."""

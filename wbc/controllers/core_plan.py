@@ -210,8 +210,8 @@ class CorePlan:
             for one in given:
                 if not self._python[id(one.task)].fill(one):
                     return None
-            if memory.forces is not None and self._robot.passive:
-                memory.forces.load[:] = self._robot.passive_forces_at(snapshot)
+            if memory.forces is not None:
+                memory.forces.write_load(self._robot, snapshot)
             if bounds is not None or memory.given_rows:
                 memory.write_bounds(bounds)
             called = perf_counter()

@@ -9,13 +9,13 @@ makes the base forces and torques an affine expression of x.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from wbc.controllers.contact_forces import ContactForces
+from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.robot import Snapshot
 from wbc.tasks.force_task import Affine
 from wbc.validate import Array
@@ -27,23 +27,27 @@ class TickDynamics:
 
     Attributes
     ----------
-    matrix, offset:
-        Base forces and torques (nv, n) by the unknowns, in units of ``unit``, and (nv,) at zero
-        unknowns: as the core found them.
+    physics:
+        Returns base forces and torques (nv, n) by the unknowns, in units of ``unit``, and (nv,) at
+        zero unknowns, as the core finds them: only tasks about torques ask.
     last:
-        Wrenches of the last tick by contact; None if there was none.
+        The forces of the last tick; None if there was none.
     """
 
     snapshot: Snapshot
     forces: ContactForces
-    matrix: Array
-    offset: Array
-    last: Mapping[str, Array] | None
+    physics: Callable[[], tuple[Array, Array]]
+    last: Reaction | None
+
+    @cached_property
+    def _physics(self) -> tuple[Array, Array]:
+        return self.physics()
 
     def torques(self, x: Array) -> Array:
         """Return the torques (nv - 6,) of all joints [N m] at x (n,)."""
-        torques: Array = self.matrix[6:].dot(x)
-        torques += self.offset[6:]
+        matrix, offset = self._physics
+        torques: Array = matrix[6:].dot(x)
+        torques += offset[6:]
         torques *= self.unit
         return torques
 
@@ -79,8 +83,13 @@ class TickDynamics:
     def torque(self, joints: Sequence[int]) -> Affine:
         """Return the torques of some joints [N m]."""
         rows = [6 + k for k in joints]
-        return Affine(self.unit * self.matrix[rows], self.unit * self.offset[rows])
+        matrix, offset = self._physics
+        return Affine(self.unit * matrix[rows], self.unit * offset[rows])
 
     def last_wrench(self, frame: str) -> Array | None:
         """Return what the last tick decided; of a contact that was none, zero."""
-        return None if self.last is None else self.last.get(frame, np.zeros(6))
+        return None if self.last is None else self._last_wrenches.get(frame, np.zeros(6))
+
+    @cached_property
+    def _last_wrenches(self) -> Mapping[str, Array]:
+        return {} if self.last is None else self.last.wrenches()

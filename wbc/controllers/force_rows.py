@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from wbc.constraints.contact import PointContact
 from wbc.controllers.contact_forces import ContactForces
 from wbc.native import ffi
+from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Task
 from wbc.validate import Array
 
@@ -31,6 +32,9 @@ class TorqueRows:
         Of the torque bounds.
     deceleration:
         (nv - 6,) that joints can brake by before their limits [rad/s^2 or m/s^2].
+    told:
+        (nv,) generalised forces of the wrenches that are known in this tick [N, N m]; the
+        controller writes them.
     """
 
     forces: ContactForces
@@ -39,6 +43,7 @@ class TorqueRows:
     most: Array
     labels: tuple[str, ...]
     deceleration: Array
+    told: Array
 
 
 class NativeForces:
@@ -106,6 +111,12 @@ class NativeForces:
         }
         self._ramps: Mapping[str, float] = {}
         self.stale = False
+
+    def write_load(self, robot: Robot, snapshot: Snapshot) -> None:
+        """Write the forces that nobody commands: known wrenches, springs."""
+        self.load[:] = self.rows.told
+        if robot.passive:
+            self.load += robot.passive_forces_at(snapshot)
 
     def write(self, ramps: Mapping[str, float]) -> bool:
         """Write the cones if contacts were changed or forces come and go; False: of other size."""

@@ -94,7 +94,7 @@ class SavedTick(NamedTuple):
         One read is for one replay: the controller goes on from there.
         """
         try:
-            tick = self.controller.step(self.controller.robot.snapshot(self.q, self.v))
+            tick = self.controller._again(self.controller.robot.snapshot(self.q, self.v))
         except ControllerFailure as failure:
             if not isinstance(failure.tick, Tick):
                 raise

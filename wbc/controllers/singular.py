@@ -38,11 +38,12 @@ import numpy as np
 from scipy.linalg import lapack
 
 from wbc.laws import Rows
-from wbc.qp.elimination import RANK_TOLERANCE
 from wbc.validate import Array
 
 # Rows this many times lighter than the heaviest count as so heavy: squares keep their digits.
 LIGHTEST = 1e-4
+# A diagonal entry of R below this part of the largest marks held rows that repeat the others.
+RANK_TOLERANCE = 1e-9
 # Gram matrices are known to this part of their diagonals.
 ROUNDING = 1e-13
 

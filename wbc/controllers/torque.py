@@ -10,11 +10,12 @@ statements about v+.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint
@@ -45,13 +46,14 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
 from wbc.tasks.task import Task
 from wbc.tasks.validation import drift_of, rows_of
-from wbc.validate import Array, finite_number, read_only
+from wbc.validate import Array, by_name, finite_array, finite_number, read_only
 
 BASE_FORCES = tuple(f"dynamics {row}" for row in ("fx", "fy", "fz", "mx", "my", "mz"))
 POLICIES = ("damp", "raise")
 # Factor on the damping of forces in closed loops: the motion asks for them, and they are the least
 # only where loops are held twice over.
 INTERNAL = 1e-4
+
 # How long contacts take to come and go [s], unless told.
 RAMP = 0.05
 # Time constants of the last resort [s]: joints come to rest this fast, as far as torques go.
@@ -144,6 +146,8 @@ class TorqueController(Controller):
         self._braking = StanceBraking(robot, self.torque_bounds)
         self._last: Reaction | None = None
         self._ramps = ForceRamps(robot.weight)
+        self._wrenches: Mapping[str, Array] = {}
+        self._told = np.zeros(robot.nv)
         super().__init__(
             robot,
             tasks,
@@ -167,12 +171,50 @@ class TorqueController(Controller):
                 "controller: %s; what it leaves, the core's 'active_set' answers", doubt
             )
 
-    def step(self, snapshot: Snapshot) -> TorqueTick:
-        """Return the command for ``snapshot``, torques in it; see :meth:`Controller.step`."""
-        tick = cast(TorqueTick, super().step(self.predicted(snapshot)))
+    def step(
+        self, snapshot: Snapshot, wrenches: Mapping[str, ArrayLike] | None = None
+    ) -> TorqueTick:
+        """Return the command for ``snapshot``, torques in it; see :meth:`Controller.step`.
+
+        Parameters
+        ----------
+        wrenches:
+            What acts on the robot from outside in this tick and is known, besides gravity and what
+            contacts bear: by frame a wrench (6,) on the robot at the frame's origin, world axes,
+            [N] then [N m]. Torques and contact forces bear it, so that nothing sags.
+
+        Raises
+        ------
+        UnknownNameError
+            A wrench at no frame of the robot.
+        InvalidInputError
+            A wrench that is not six finite numbers; or see :meth:`Controller.step`.
+        """
+        known = self.predicted(snapshot)
+        if wrenches or self._wrenches:
+            self._tell(known, {} if wrenches is None else wrenches)
+        tick = cast(TorqueTick, super().step(known))
         if self._prediction is not None:
             self._prediction.commanded(tick.acceleration)
         return tick
+
+    def _again(self, snapshot: Snapshot) -> Tick:
+        """Answer to a state as it was predicted, with the wrenches of then."""
+        self._tell(snapshot, self._wrenches)
+        return super().step(snapshot)
+
+    def _tell(self, snapshot: Snapshot, wrenches: Mapping[str, ArrayLike]) -> None:
+        """Take over the wrenches that are known."""
+        check_snapshot(self.robot, snapshot)
+        given = {
+            frame: read_only(finite_array(f"step, wrenches[{frame!r}]", wrench, (6,)))
+            for frame, wrench in by_name("step, wrenches", wrenches).items()
+        }
+        told = np.zeros(self.robot.nv)
+        for frame, wrench in given.items():
+            told += snapshot.jacobian(frame).T @ wrench
+        self._told[:] = told
+        self.__dict__["_wrenches"] = given
 
     def predicted(self, snapshot: Snapshot) -> Snapshot:
         """Return the state that a tick at ``snapshot`` is for: ``delay`` later.
@@ -223,10 +265,10 @@ class TorqueController(Controller):
 
     def _kept(self) -> tuple[object, ...]:
         own = self._last, self._ramps.running, self.contacts, dict(self._going_slack)
-        return *super()._kept(), *own
+        return *super()._kept(), *own, self._wrenches
 
     def _return_to(self, kept: tuple[Any, ...]) -> None:
-        *of_all, self._last, running, contacts, going_slack = kept
+        *of_all, self._last, running, contacts, going_slack, self._wrenches = kept
         self._ramps.running = running
         if contacts != self.contacts:
             self._going_slack = going_slack
@@ -279,24 +321,31 @@ class TorqueController(Controller):
 
     def _force_rows(self) -> TorqueRows:
         limits = self._bounded, self._most, self._torque_labels
-        return TorqueRows(self.contact_forces, self._passive, *limits, self._deceleration)
+        told = self._told
+        return TorqueRows(self.contact_forces, self._passive, *limits, self._deceleration, told)
 
     def _python_rows(self, plan: CorePlan, snapshot: Snapshot) -> list[PythonRows]:
         rows = super()._python_rows(plan, snapshot)
         if not self._force_tasks:
             return rows
-        # What forces and torques are by the unknowns is the core's: it is asked for that first.
-        found = plan.tick(snapshot, rows, None, self._ramped, solve=False)
-        if found is not None:
-            dynamics = self._dynamics(found, snapshot)
-            rows += [PythonRows(one, one.force_rows(dynamics), None) for one in self._force_tasks]
-        return rows
+        of_motion = tuple(rows)
 
-    def _dynamics(self, found: CoreTick, snapshot: Snapshot) -> TickDynamics:
+        def physics() -> tuple[Array, Array]:
+            # What torques are by the unknowns is the core's: it is asked for that first.
+            found = plan.tick(snapshot, of_motion, None, self._ramped, solve=False)
+            if found is None:  # in this plan there is no tick: another is made, and asks again
+                nv = snapshot.v.size
+                return np.zeros((nv, nv + self.contact_forces.size)), np.zeros(nv)
+            return found.views.D, found.views.offset
+
+        dynamics = self._dynamics(physics, snapshot)
+        return rows + [PythonRows(one, one.force_rows(dynamics), None) for one in self._force_tasks]
+
+    def _dynamics(
+        self, physics: Callable[[], tuple[Array, Array]], snapshot: Snapshot
+    ) -> TickDynamics:
         """Return what forces and torques are by the unknowns."""
-        last = None if self._last is None else self._last.wrenches()
-        a = found.views
-        return TickDynamics(snapshot, self.contact_forces, a.D, a.offset, last)
+        return TickDynamics(snapshot, self.contact_forces, physics, self._last)
 
     # ------------------------------------------------------------------ parts of the tick
 
@@ -328,7 +377,8 @@ class TorqueController(Controller):
         if known["policy"] != RELAX:  # joints come to rest, on no sure ground
             velocity, f = known.pop("velocity"), np.zeros(self.contact_forces.size)
             x = np.concatenate((velocity, f))
-            torque = self._dynamics(found, snapshot).torques(x)
+            a = found.views
+            torque = self._dynamics(lambda: (a.D, a.offset), snapshot).torques(x)
         tick = self._commanded(snapshot, found, known, velocity, torque, f)
         if tick.policy == "raise":
             raise ControllerFailure(tick.report(), tick)
@@ -350,6 +400,7 @@ class TorqueController(Controller):
         known["torque"] = read_only(torque)
         known["acceleration"] = read_only((velocity - snapshot.v) / self.dt)
         known["reaction"], known["ramps"] = last, self._ramped
+        known["wrenches"] = self._wrenches
         return TorqueTick.reading(found, velocity, known)
 
     def _relaxed(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from wbc.controllers.contact_forces import Reaction, displaced
 from wbc.controllers.tick import RELAX, Tick
@@ -26,6 +26,9 @@ class TorqueTick(Tick):
     ramps:
         Of each contact that comes or goes: its largest normal force in this tick [N]. See
         :meth:`TorqueController.set_contacts`.
+    wrenches:
+        What acted from outside and was known, by frame (6,): as :meth:`TorqueController.step` was
+        told.
     refuted:
         Where something gave way: what came of the QP in which all is hard. Its ``conflict`` names
         the rows that cannot all hold; without one the deadline was over (``left_out``), or no
@@ -36,6 +39,7 @@ class TorqueTick(Tick):
     acceleration: Array
     reaction: Reaction
     ramps: Mapping[str, float]
+    wrenches: Mapping[str, Array] = field(default_factory=dict)
     refuted: Solution | None = None
 
     __repr__ = Tick.__repr__

@@ -11,7 +11,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from wbc.flight.rounds import Loop, even_phases
+from wbc.flight.rounds import JointLoop, even_phases
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.symbolic import ROOT, LocalRobot, angle_turns
@@ -45,7 +45,7 @@ def turning_rate(robot: Robot) -> ca.Function:
     return ca.Function("turning_rate", [q, rates], [w], ["q", "rates"], ["w"])
 
 
-def rotation_of(rate: ca.Function, loop: Loop, count: int) -> Array:
+def rotation_of(rate: ca.Function, loop: JointLoop, count: int) -> Array:
     """Return the rotation (3, 3) that one round leaves behind: a product of ``count`` steps.
 
     From the base's axes after the round to those before. ``rate`` is that of :func:`turning_rate`.

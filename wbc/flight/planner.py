@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.constraints import SelfCollision
 from wbc.errors import InvalidInputError, WbcError
 from wbc.flight.connection import rotation_of, turning_rate
-from wbc.flight.rounds import Loop, Rounds, even_phases, harmonics
+from wbc.flight.rounds import JointLoop, Rounds, even_phases, harmonics
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.tree import refuse_loops
@@ -112,7 +112,7 @@ def plan_turn(
     for _ in range(int(finite_number("turn, starts", starts, least=1))):
         first = SPREAD * random.standard_normal((2 * HARMONICS, len(problem.moving)))
         found = problem.solve(whole / count, first)
-        if isinstance(found, Loop):
+        if isinstance(found, JointLoop):
             return Rounds(robot, posture, read_only(found.coefficients), count, period)
         told = found
     raise NoTurnError(
@@ -158,7 +158,7 @@ class _Problem:
         end, slopes = _end_of_round(rate, start, moving)
         return cls(robot, posture, moving, lower, upper, collision, rate, end, slopes)
 
-    def solve(self, rotation: Array, first: Array) -> Loop | str:
+    def solve(self, rotation: Array, first: Array) -> JointLoop | str:
         """Return a path whose round turns the robot by a rotation vector (3,), or what it lacks.
 
         Joints stay near to the last path, where distances are linearised; what the rotation is off
@@ -183,24 +183,24 @@ class _Problem:
                 beyond = beyond + off
         return why
 
-    def loop(self, coefficients: Array) -> Loop:
+    def loop(self, coefficients: Array) -> JointLoop:
         """Return the path of all joints."""
         spread = np.zeros((len(coefficients), self.robot.nv - BASE_NV))
         spread[:, self.moving] = coefficients
-        return Loop(self.robot.limits.joint_positions(self.posture), spread)
+        return JointLoop(self.robot.limits.joint_positions(self.posture), spread)
 
-    def _in_range(self, loop: Loop) -> bool:
+    def _in_range(self, loop: JointLoop) -> bool:
         """Return whether all joints are inside their limits, if not the margin, all round."""
         limits, joints = self.robot.limits, loop.at(even_phases(CHECKED))
         return bool((joints >= limits.lower).all() and (joints <= limits.upper).all())
 
-    def _snapshots(self, loop: Loop) -> list[Snapshot]:
+    def _snapshots(self, loop: JointLoop) -> list[Snapshot]:
         steps = np.zeros((DISTANCES, self.robot.nv))
         steps[:, BASE_NV:] = loop.at(even_phases(DISTANCES)) - loop.start
         integrate, snapshot = self.robot.integrate, self.robot.snapshot
         return [snapshot(integrate(self.posture, step, 1.0)) for step in steps]
 
-    def _distance_rows(self, loop: Loop) -> tuple[Rows, float, str]:
+    def _distance_rows(self, loop: JointLoop) -> tuple[Rows, float, str]:
         """Return rows of the pairs that are near; the least clearance [m], and between what."""
         rows, least, pair = list[tuple[Array, Array]](), np.inf, "nothing"
         if self.collision is None:

@@ -35,7 +35,7 @@ def even_phases(count: int) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class JointLoop:
     """A closed path, gone round once while its phase goes from 0 to 2 pi."""
 
     start: Array  # (k,) joints at phase 0 [rad or m]
@@ -58,7 +58,7 @@ class Rounds:
     posture:
         (nq,) in which it begins and ends.
     coefficients:
-        (2 h, nv-6) of the :class:`Loop`.
+        (2 h, nv-6) of the :class:`JointLoop`.
     cycles:
         How often it is gone round.
     period:
@@ -118,9 +118,9 @@ class Rounds:
         return cls(robot, posture, read_only(coefficients), cycles, period)
 
     @property
-    def loop(self) -> Loop:
+    def loop(self) -> JointLoop:
         """One round of all joints (nv-6)."""
-        return Loop(self.robot.limits.joint_positions(self.posture), self.coefficients)
+        return JointLoop(self.robot.limits.joint_positions(self.posture), self.coefficients)
 
     @property
     def duration(self) -> float:

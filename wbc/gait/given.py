@@ -11,15 +11,17 @@ import numpy as np
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.command import PEAK_ACCELERATION, CommandLimits, Velocity
+from wbc.gait.crossing import Crossing
 from wbc.gait.dcm import StepTimes, dcm_offsets, shift_gain
 from wbc.gait.footsteps import SIGN, other
-from wbc.gait.legs import SIDES, Legs
+from wbc.gait.legs import SIDES, STRETCH, Legs
 from wbc.gait.settings import GaitSettings
-from wbc.gait.swing import turned
+from wbc.gait.swing import turned, unit
 from wbc.minimum_jerk import PEAK
 from wbc.polygon import half_planes
 from wbc.robot import Robot
-from wbc.validate import Array, check_fields, finite_number
+from wbc.run.phase_support import Ground
+from wbc.validate import Array, check_fields, finite_number, finite_vector, set_fields
 
 # The time in the air may shrink to this part of what is usual, and last so long, in 1/omega: what
 # is not known of the capture point grows by e in each 1/omega.
@@ -30,6 +32,8 @@ SHIFT = 1.2
 AHEAD = 6
 # The heading follows the feet within this time at least [s].
 LEAST_TURN = 0.1
+# Steepest ground that a foot is sent to, rise over run.
+STEEPEST = 0.35
 # Rounding, of what is at the very edge of its range.
 ROUNDING = 1e-9
 
@@ -48,6 +52,11 @@ class Footstep:
         Heading of the sole, to the left [rad].
     duration:
         How long the other foot stands alone meanwhile [s]; None: as the gait has it.
+    z:
+        Height of the sole's middle [m]; None: of the ground as it is felt.
+    slope:
+        (2,) of the ground below it, rise over run along the axes that x and y are in; None: that of
+        the ground as it is felt, or level, if z is given.
     """
 
     foot: str
@@ -55,6 +64,8 @@ class Footstep:
     y: float
     yaw: float = 0.0
     duration: float | None = None
+    z: float | None = None
+    slope: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         if self.foot not in SIDES:
@@ -62,6 +73,11 @@ class Footstep:
         check_fields(self, "footstep, ", "x", "y", "yaw")
         if self.duration is not None:
             finite_number("footstep, duration", self.duration, above=0.0)
+        if self.z is not None:
+            finite_number("footstep, z", self.z)
+        if self.slope is not None:
+            x, y = finite_vector("footstep, slope", self.slope, 2).tolist()
+            set_fields(self, slope=(x, y))
 
     @property
     def place(self) -> Array:
@@ -69,19 +85,34 @@ class Footstep:
         return np.array((self.x, self.y))
 
     @property
-    def pose(self) -> Array:
-        """Place and yaw (3,) [m, rad]."""
-        return np.array((self.x, self.y, self.yaw))
+    def normal(self) -> Array | None:
+        """Unit normal (3,) of the ground below it; None if it is not given."""
+        if self.z is None and self.slope is None:
+            return None
+        x, y = self.slope or (0.0, 0.0)
+        return unit(np.array((-x, -y, 1.0)))
+
+    def pose(self, height: float) -> Array:
+        """Return x, y, yaw and z (4,) [m, rad]; z is ``height`` if it is not given."""
+        return np.array((self.x, self.y, self.yaw, height if self.z is None else self.z))
 
     def seen_from(self, base: Array) -> Self:
-        """Return it relative to a foot at ``base`` (x, y, yaw)."""
-        x, y = (turned(-float(base[2]))[:2, :2] @ (self.place - base[:2])).tolist()
-        return replace(self, x=x, y=y, yaw=math.remainder(self.yaw - float(base[2]), math.tau))
+        """Return it relative to a foot at ``base`` (x, y, yaw, z)."""
+        seen = self._moved(-float(base[2]), self.place - base[:2], -float(base[3]))
+        return replace(seen, yaw=math.remainder(seen.yaw, math.tau))
 
     def carried_to(self, base: Array) -> Self:
-        """Return it in the world, if it is relative to a foot at ``base`` (x, y, yaw)."""
-        x, y = (base[:2] + turned(float(base[2]))[:2, :2] @ self.place).tolist()
-        return replace(self, x=x, y=y, yaw=self.yaw + float(base[2]))
+        """Return it in the world, if it is relative to a foot at ``base`` (x, y, yaw, z)."""
+        moved = self._moved(float(base[2]), self.place, float(base[3]))
+        return replace(moved, x=moved.x + float(base[0]), y=moved.y + float(base[1]))
+
+    def _moved(self, turn: float, place: Array, rise: float) -> Self:
+        """Return it at ``place`` (2,), turned about the vertical and raised."""
+        R = turned(turn)[:2, :2]
+        x, y = (R @ place).tolist()
+        z = None if self.z is None else self.z + rise
+        slope = None if self.slope is None else tuple((R @ self.slope).tolist())
+        return replace(self, x=x, y=y, yaw=self.yaw + turn, z=z, slope=slope)
 
     def single(self, gait: GaitSettings) -> float:
         """Return how long the other foot stands alone [s]."""
@@ -107,7 +138,7 @@ class Landing(NamedTuple):
 
     @classmethod
     def of(cls, footstep: Footstep, pose: Array) -> Self:
-        """Return it of a foot at ``pose`` (x, y, yaw)."""
+        """Return it of a foot at ``pose`` (x, y, yaw, z)."""
         way = float(np.linalg.norm(pose[:2] - footstep.place))
         return cls(footstep, way, abs(math.remainder(pose[2] - footstep.yaw, math.tau)))
 
@@ -149,17 +180,20 @@ class StepRange:
         first: str | None = None,
         *,
         relative: bool = False,
+        ground: Ground | None = None,
     ) -> tuple[Footstep, ...]:
         """Return footsteps in the world, all of which can be made.
 
         Parameters
         ----------
         feet:
-            Where feet are, (x, y, yaw) by foot.
+            Where feet are, (x, y, yaw, z) by foot.
         first:
             The foot that has to begin, if any.
         relative:
             Whether each is relative to the one before, the first to the foot that stands then.
+        ground:
+            Over which feet go, if it is known.
 
         Raises
         ------
@@ -175,14 +209,18 @@ class StepRange:
         if not footsteps:
             raise InvalidInputError("footsteps: none are given; give at least one, or stop")
         world = in_world(footsteps, feet) if relative else tuple(footsteps)
-        for number, key, text in self.complaints(world, feet, first):
+        for number, key, text in self.complaints(world, feet, first, ground):
             raise InvalidInputError(f"footstep {number + 1} ({world[number].foot}), {key}: {text}")
         return world
 
     def complaints(
-        self, world: Sequence[Footstep], feet: Mapping[str, Array], first: str | None = None
+        self,
+        world: Sequence[Footstep],
+        feet: Mapping[str, Array],
+        first: str | None = None,
+        ground: Ground | None = None,
     ) -> Iterator[Complaint]:
-        """Yield what of footsteps in the world cannot be; for ``first`` see :meth:`admitted`."""
+        """Yield what of footsteps in the world cannot be; see :meth:`admitted`."""
         where = dict(feet)
         lifts = first
         for number, step in enumerate(world):
@@ -191,12 +229,27 @@ class StepRange:
                 yield Complaint(number, "foot", f"the {step.foot} one {stands}; it must be {lifts}")
                 return  # all that follows would be complained about too
             stands = other(step.foot)
-            for key, text in self._of_one(step, where[stands], where[step.foot]):
+            for key, text in self._of_one(step, where[stands], where[step.foot], ground):
                 yield Complaint(number, key, text)
-            where[step.foot] = step.pose
+            where[step.foot] = step.pose(float(where[stands][3]))
             lifts = stands
 
-    def _of_one(self, step: Footstep, base: Array, before: Array) -> Iterator[tuple[str, str]]:
+    def crossing(
+        self, step: Footstep, base: Array, before: Array, ground: Ground | None
+    ) -> Crossing | None:
+        """Return how a foot goes over edges from ``before`` beside a foot at ``base``, if any.
+
+        Poses are (x, y, yaw, z). Without a height and a ground that is known there are none.
+        """
+        if step.z is None and ground is None:
+            return None
+        beside, goal = float(base[3]), step.pose(float(base[3]))
+        corners = self.corners[step.foot]
+        return Crossing.over(before, goal, corners, self.gait.clearance, beside, ground)
+
+    def _of_one(
+        self, step: Footstep, base: Array, before: Array, ground: Ground | None
+    ) -> Iterator[tuple[str, str]]:
         """Yield keys and texts of one that goes from ``before`` beside a foot at ``base``."""
         seen, stands = step.seen_from(base), other(step.foot)
         beside = SIGN[step.foot] * seen.y
@@ -236,20 +289,38 @@ class StepRange:
                 f"the sole would stand on that of the {stands} foot, {beside:.3g} m beside it and"
                 f" turned by {seen.yaw:.3g} rad; turn it less, or go farther aside",
             )
-        yield from self._of_time(step, before)
+        rise = abs(seen.z or 0.0)
+        hip = math.sqrt(max((STRETCH * self.legs.length) ** 2 - (0.5 * seen.x) ** 2, 0.0))
+        most = max(hip - self.legs.bearing_length, 0.0)
+        if rise > most + ROUNDING:
+            yield (
+                "z",
+                f"{seen.z:.3g} m over the {stands} foot is out of reach of the legs, as far ahead"
+                f" as this is: {-most:.3g} to {most:.3g} m",
+            )
+        if step.slope is not None and math.hypot(*step.slope) > STEEPEST:
+            yield (
+                "slope",
+                f"{math.hypot(*step.slope):.3g} is steeper than soles hold: at most {STEEPEST:g}",
+            )
+        yield from self._of_time(step, before, self.crossing(step, base, before, ground))
 
-    def _of_time(self, step: Footstep, before: Array) -> Iterator[tuple[str, str]]:
+    def _of_time(
+        self, step: Footstep, before: Array, crossing: Crossing | None
+    ) -> Iterator[tuple[str, str]]:
         """Yield what does not fit the time in which a foot goes from ``before``."""
         T = step.single(self.gait)
         least, most = SHORTEST * self.gait.single, LONGEST_STAND / self.gait.omega
         if not least <= T <= most:
             yield "duration", f"{T:.3g} s on one foot; {least:.3g} to {most:.3g} s"
             return
+        # Over edges a foot goes ahead in a part of the time only, and rises in half of it.
+        ahead = T if crossing is None else T * (1.0 - crossing.begins - crossing.ends)
         # The pelvis goes half of the way with it, in the whole step.
-        per_rate = PEAK / T - 0.5 / (T + self.gait.double)
+        per_rate = PEAK / ahead - 0.5 / (T + self.gait.double)
         ways = {
             "speed of the hips": self.legs.swing_speed / per_rate,
-            "torque of the hips": self.legs.swing_acceleration * T * T / PEAK_ACCELERATION,
+            "torque of the hips": self.legs.swing_acceleration * ahead**2 / PEAK_ACCELERATION,
         }
         why = min(ways, key=lambda key: ways[key])
         way = float(np.linalg.norm(step.place - before[:2]))
@@ -280,10 +351,10 @@ class StepRange:
 
 def in_world(footsteps: Sequence[Footstep], feet: Mapping[str, Array]) -> tuple[Footstep, ...]:
     """Return footsteps in the world, each of which is given relative to the one before."""
-    found = list[Footstep]()
+    found, base = list[Footstep](), feet[other(footsteps[0].foot)]
     for step in footsteps:
-        base = found[-1].pose if found else feet[other(step.foot)]
         found.append(step.carried_to(base))
+        base = found[-1].pose(float(base[3]))
     return tuple(found)
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from wbc.gait.command import Velocity
+from wbc.gait.crossing import Crossing
 from wbc.gait.foothold import Foothold
 from wbc.gait.footsteps import other
 from wbc.gait.given import Footstep
@@ -55,8 +56,8 @@ class GaitState(NamedTuple):
         )
 
     def pose(self, foot: str) -> Array:
-        """Return x, y [m] and yaw [rad] of a foot (3,)."""
-        return planar(self.places[foot], self.rotations[foot])
+        """Return x, y, yaw and z of a foot (4,) [m, rad]."""
+        return sole_pose(self.places[foot], self.rotations[foot])
 
     @property
     def middle(self) -> Array:
@@ -84,6 +85,7 @@ class DoubleSupport:
     left: float  # [s]
     halts: bool = False  # whether it comes to rest between the feet
     unloading: bool = False  # whether the other foot is being relieved
+    level: float | None = None  # as of the single support before
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,8 @@ class SingleSupport:
     foothold: Foothold  # of the foot that bears
     # The footstep that it is asked to make, and those after it, if any.
     given: tuple[Footstep, ...] = ()
+    # Height of the ground that both legs reach as the foot lands [m], if its own was given.
+    level: float | None = None
     adapted: bool = True  # whether the QP of the footstep was solved
     # Its multipliers: see wbc.gait.adaptation.held_back_by.
     multipliers: tuple[Array, Array] | None = None
@@ -113,17 +117,34 @@ class SingleSupport:
         gait: GaitSettings,
         half: Array,
         given: tuple[Footstep, ...] = (),
+        crossing: Crossing | None = None,
     ) -> Self:
         """Return the phase in which ``foot`` leaves the ground, whose ``normal`` is (3,).
 
-        ``half`` (2,) are half the sizes of the sole that bears [m].
+        ``half`` (2,) are half the sizes of the sole that bears [m]; ``crossing`` is how the foot
+        goes over edges, if it does.
         """
-        pose, height = now.pose(foot), float(now.places[foot][2])
+        pose, stands = now.pose(foot), float(now.places[other(foot)][2])
         descent = DESCENT * gait.height * gait.omega
-        swing = SwingFoot.begun(pose, height, normal, gait.clearance, gait.single, descent)
-        single = given[0].single(gait) if given else gait.single
-        stands = Foothold.whole(now.rotations[other(foot)], normal, half)
-        return cls(other(foot), swing, 0.0, single, pose[:2], np.zeros(2), stands, given)
+        lands, sole, level, single = normal, None, None, gait.single
+        if given:
+            step = given[0]
+            single = step.single(gait)
+            level = None if step.z is None else min(stands, step.z)
+            if step.normal is not None:
+                lands, sole = step.normal, now.rotations[foot][:, 2]
+        swing = SwingFoot.begun(
+            pose[:3],
+            float(pose[3]),
+            lands,
+            gait.clearance,
+            gait.single,
+            descent,
+            sole=sole,
+            crossing=crossing,
+        )
+        hold = Foothold.whole(now.rotations[other(foot)], normal, half)
+        return cls(other(foot), swing, 0.0, single, pose[:2], np.zeros(2), hold, given, level)
 
     def felt(self, now: GaitState, wrench: Array, weight: float) -> Self:
         """Return it with what is known of the foothold now; ``wrench`` (6,) is on its sole [N]."""
@@ -134,16 +155,16 @@ class SingleSupport:
 Phase = Standing | DoubleSupport | SingleSupport
 
 
-def planar(place: Array, rotation: Array) -> Array:
-    """Return x, y [m] and yaw [rad] (3,)."""
-    return np.append(place[:2], yaw_of(rotation))
+def sole_pose(place: Array, rotation: Array) -> Array:
+    """Return x, y, yaw and z (4,) [m, rad]."""
+    return np.array((place[0], place[1], yaw_of(rotation), place[2]))
 
 
-def planar_feet(snapshot: Snapshot) -> dict[str, Array]:
-    """Return x, y [m] and yaw [rad] of the soles (3,), by foot."""
+def sole_poses(snapshot: Snapshot) -> dict[str, Array]:
+    """Return x, y, yaw and z of the soles (4,) [m, rad], by foot."""
     frames = {foot: sole.frame for foot, sole in snapshot.robot.feet.items()}
     return {
-        foot: planar(snapshot.position(frame), snapshot.rotation(frame))
+        foot: sole_pose(snapshot.position(frame), snapshot.rotation(frame))
         for foot, frame in frames.items()
     }
 
@@ -166,8 +187,12 @@ def landing_pose(phase: SingleSupport, heading: float, velocity: Velocity) -> Ar
 def feet_after(
     phase: Phase, now: GaitState, heading: float, velocity: Velocity
 ) -> dict[str, Array]:
-    """Return x, y [m] and yaw [rad] of both feet (3,), of one in the air where it lands."""
+    """Return x, y, yaw and z of both feet (4,) [m, rad], of one in the air where it lands."""
     feet = {foot: now.pose(foot) for foot in now.places}
     if isinstance(phase, SingleSupport):
-        feet[other(phase.support)] = landing_pose(phase, heading, velocity)
+        lands = landing_pose(phase, heading, velocity)
+        height = feet[phase.support][3]
+        if phase.given and phase.given[0].z is not None:
+            height = phase.given[0].z
+        feet[other(phase.support)] = np.append(lands, height)
     return feet

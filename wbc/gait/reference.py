@@ -50,11 +50,26 @@ GIVEN = StepWeights(place=100.0)
 
 
 class Reference(NamedTuple):
-    """Where the pressure and the DCM should be (2,) [m], and how high the ground is [m]."""
+    """Where the pressure and the DCM should be.
+
+    Attributes
+    ----------
+    vrp, dcm:
+        (2,) [m].
+    ground:
+        How high the ground is where it is pressed [m].
+    level:
+        How high that is that the CoM's height is over [m], if footsteps have heights that are
+        given; else it is ``ground``.
+    within:
+        In which time the CoM should be there [s]; None: as soon as it follows.
+    """
 
     vrp: Array
     dcm: Array
     ground: float
+    level: float | None = None
+    within: float | None = None
 
 
 @dataclass(frozen=True)
@@ -104,11 +119,16 @@ class StepPlanner:
             ahead = heading + velocity.yaw_rate * left
             last = end + self.footsteps.offset(phase.support, ahead, velocity)
         segment = VrpSegment(phase.start, end, phase.duration)
+        waits = max(left - phase.duration, 0.0)
+        left -= waits
         done = 1.0 - left / phase.duration
+        vrp = segment.at(phase.duration - left)
+        dcm = segment.dcm_before(last, left, omega)
         return Reference(
-            segment.at(phase.duration - left),
-            segment.dcm_before(last, left, omega),
+            vrp,
+            vrp + math.exp(-omega * waits) * (dcm - vrp) if waits else dcm,
             (1.0 - done) * float(old[2]) + done * ground,
+            None if phase.halts else phase.level,
         )
 
     def single(self, phase: SingleSupport, now: GaitState) -> Reference:
@@ -118,9 +138,9 @@ class StepPlanner:
         base, step = foot[:2], phase.goal - foot[:2]
         shift = shift_gain(omega, double) * step + phase.offset
         leaving = math.exp(-omega * double) * shift  # the DCM when the VRP begins to move
-        return Reference(
-            base, base + math.exp(-omega * max(phase.left, 0.0)) * leaving, float(foot[2])
-        )
+        left = max(phase.left, 0.0)
+        dcm = base + math.exp(-omega * left) * leaving
+        return Reference(base, dcm, float(foot[2]), phase.level, left)
 
     def sunk(self, phase: Phase, now: GaitState, heading: float) -> float:
         """Return how much lower than usual the CoM should be [m].
@@ -161,9 +181,11 @@ class StepPlanner:
     ) -> tuple[SingleSupport, FootPose]:
         """Return the phase with the foot in the air led on by ``dt``, and where that should be."""
         goal = landing_pose(phase, heading, velocity)
-        x, y, z = phase.swing.normal.tolist()
-        dx, dy = (phase.goal - now.places[phase.support][:2]).tolist()
-        ground = float(now.places[phase.support][2]) - (x * dx + y * dy) / z
+        ground = phase.given[0].z if phase.given else None
+        if ground is None:
+            x, y, z = phase.swing.normal.tolist()
+            dx, dy = (phase.goal - now.places[phase.support][:2]).tolist()
+            ground = float(now.places[phase.support][2]) - (x * dx + y * dy) / z
         swing = phase.swing.advanced(goal, ground, phase.left, dt)
         return replace(phase, swing=swing), swing.pose()
 

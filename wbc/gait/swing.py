@@ -8,7 +8,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from wbc.gait.crossing import Crossing
 from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
+from wbc.rotations import upright_on
 from wbc.validate import Array
 
 # Nearer to the landing than this the goal is met as it is [s].
@@ -115,6 +117,9 @@ class FootPose(NamedTuple):
     acceleration: Array
 
 
+LEVEL = SwingMotion.rest(np.zeros(1))
+
+
 @dataclass(frozen=True)
 class SwingFoot:
     """A foot in the air.
@@ -127,13 +132,14 @@ class SwingFoot:
     Attributes
     ----------
     level:
-        x, y [m] and yaw [rad] as they should be.
+        x, y [m], yaw [rad] and what of the unit normal of its sole is horizontal (5,), as they
+        should be.
     height:
         (1,) likewise [m].
     lifted_from:
         Height at which it left the ground [m].
     normal:
-        (3,) of the ground, where the other foot stands.
+        (3,) of the ground where it lands, a unit vector.
     clearance:
         How high it is lifted in the ``usual`` time [m].
     usual:
@@ -144,6 +150,10 @@ class SwingFoot:
         Part of the way that is done, in [0, 1].
     late:
         How long it should have been on the ground [s].
+    crossing:
+        How it goes over edges, if any are known.
+    tip:
+        (1,) how much lower its toe is than its heel, then [rad].
     """
 
     level: SwingMotion
@@ -155,6 +165,8 @@ class SwingFoot:
     descent: float
     done: float = 0.0
     late: float = 0.0
+    crossing: Crossing | None = None
+    tip: SwingMotion = LEVEL
 
     @classmethod
     def begun(
@@ -165,25 +177,39 @@ class SwingFoot:
         clearance: float,
         usual: float,
         descent: float,
+        sole: Array | None = None,
+        crossing: Crossing | None = None,
     ) -> Self:
-        """Return one that leaves the ground, from ``pose`` (x, y, yaw)."""
+        """Return one that leaves the ground, from ``pose`` (x, y, yaw).
+
+        ``sole`` is the normal (3,) that it has there, if not that of where it lands.
+        """
         still = SwingMotion.rest(np.array((height,)))
-        return cls(SwingMotion.rest(pose), still, height, normal, clearance, usual, descent)
+        level = SwingMotion.rest(np.append(pose, (normal if sole is None else sole)[:2]))
+        return cls(level, still, height, normal, clearance, usual, descent, crossing=crossing)
 
     def advanced(self, goal: Array, ground: float, left: float, dt: float) -> SwingFoot:
         """Return it ``dt`` later on its way to ``goal`` (x, y, yaw); it lands after ``left``.
 
         ``ground`` is the height below the goal [m].
         """
-        now = self.level
+        now, rate = self.level, (1.0 - self.done) / max(left, dt)
         x, y, yaw = goal.tolist()
         yaw = float(now.value[2]) + math.remainder(yaw - float(now.value[2]), math.tau)
-        level = towards(now, np.array((x, y, yaw)), left, dt)
-        rate = (1.0 - self.done) / max(left, dt)
+        end, over = np.array((x, y, yaw, *self.normal[:2])), self.crossing
+        if over is None:
+            level = towards(now, end, left, dt)
+        elif self.done < over.begins:
+            level = now
+        else:
+            level = towards(now, end, left - over.ends / rate if rate else 0.0, dt)
         if left <= 0.0:
             then = replace(self, level=level, done=1.0, late=self.late + dt)
         else:
             then = replace(self, level=level, done=min(1.0, self.done + rate * dt))
+        if over is not None:
+            tip = over.tipped(then.done, rate)
+            then = replace(then, tip=SwingMotion(*(np.array((one,)) for one in tip)))
         curve, later = self._curve(ground, rate), then._curve(ground, rate)
         off = towards(self.height.less(curve), np.zeros(1), left, dt)
         return replace(then, height=off.plus(later))
@@ -193,19 +219,30 @@ class SwingFoot:
         if rate == 0.0:
             below = ground - self.descent * self.late
             return SwingMotion(np.array((below,)), np.array((-self.descent,)), np.zeros(1))
+        if self.crossing is not None:
+            lift = self.crossing._replace(end=ground).lifted(self.done, rate)
+            return SwingMotion(*(np.array((one,)) for one in lift))
         clearance = self.clearance * min(1.0, 1.0 / (rate * self.usual)) ** 2
         lift = Lift(self.lifted_from, ground, clearance).at(self.done, rate)
         return SwingMotion(*(np.array((one,)) for one in lift))
 
     def pose(self) -> FootPose:
-        """Return where it should be."""
-        level, (z, rate, acceleration) = self.level, (float(one[0]) for one in self.height)
-        return FootPose(
-            np.array((*level.value[:2], z)),
-            upright_on(self.normal) @ turned(float(level.value[2])),
-            np.array((*level.rate[:2], rate, 0.0, 0.0, level.rate[2])),
-            np.array((*level.acceleration[:2], acceleration, 0.0, 0.0, level.acceleration[2])),
+        """Return where it should be; what its tilt adds to rates is that to first order in it."""
+        (x, y, yaw, nx, ny), *rates = (one.tolist() for one in self.level)
+        (z, *lifts), (tip, *tips) = (
+            [float(one[0]) for one in motion] for motion in (self.height, self.tip)
         )
+        R = upright_on(np.array((nx, ny, math.sqrt(1.0 - nx * nx - ny * ny)))) @ turned(yaw)
+        twist, change = (
+            np.array((vx, vy, vz, -tilt_y, tilt_x, turn))
+            for (vx, vy, turn, tilt_x, tilt_y), vz in zip(rates, lifts, strict=True)
+        )
+        if tip:
+            twist[3:] += tips[0] * R[:, 1]
+            change[3:] += tips[1] * R[:, 1]
+            c, s = math.cos(tip), math.sin(tip)
+            R = R @ np.array(((c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c)))
+        return FootPose(np.array((x, y, z)), R, twist, change)
 
 
 def yaw_of(R: Array) -> float:
@@ -217,15 +254,6 @@ def turned(yaw: float) -> Array:
     """Return the rotation (3, 3) about the vertical."""
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
-
-
-def upright_on(normal: Array) -> Array:
-    """Return the shortest rotation (3, 3) that takes the vertical to a unit normal."""
-    x, y, z = normal.tolist()
-    a = 1.0 / (1.0 + z)
-    return np.array(
-        ((1.0 - a * x * x, -a * x * y, x), (-a * x * y, 1.0 - a * y * y, y), (-x, -y, z))
-    )
 
 
 def unit(vector: Array) -> Array:

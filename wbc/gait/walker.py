@@ -48,11 +48,12 @@ from wbc.gait.phases import (
 from wbc.gait.push import PushObserver
 from wbc.gait.reference import Reference, StepPlanner, half_sizes
 from wbc.gait.settings import GaitSettings
-from wbc.gait.swing import SwingMotion, unit
+from wbc.gait.swing import SwingMotion, towards, unit
 from wbc.gait.whole_body import WalkingWeights, WholeBody, heading_of
 from wbc.qp.backend import Backend
 from wbc.robot import Robot, Snapshot
 from wbc.robot.postures import STANDING
+from wbc.run.phase_support import Ground
 from wbc.tasks.task import Task
 from wbc.validate import Array, by_name, finite_number, finite_vector
 
@@ -178,6 +179,7 @@ class Walker:
         self.phase: Phase = Standing()
         self.steps = 0
         self.coming: tuple[Footstep, ...] = ()
+        self._terrain: Ground | None = None
         self.landings: tuple[Landing, ...] = ()
         self.unadapted = 0
         self._push = PushObserver(self.gait.omega, self.gait.height)
@@ -227,7 +229,12 @@ class Walker:
         return admitted
 
     def follow(
-        self, footsteps: Sequence[Footstep], snapshot: Snapshot, *, relative: bool = False
+        self,
+        footsteps: Sequence[Footstep],
+        snapshot: Snapshot,
+        *,
+        relative: bool = False,
+        ground: Ground | None = None,
     ) -> tuple[Footstep, ...]:
         """Walk on footsteps from now on, and stop on the last; return them in the world.
 
@@ -241,6 +248,10 @@ class Walker:
             Where the robot is.
         relative:
             Whether each is seen from the one before, the first from the foot that stands.
+        ground:
+            The heights (k,) of what feet go over at points (k, 2) [m], such as
+            :meth:`wbc.simulation.Terrain.height`: they clear its edges. Without it the highest of
+            where a foot comes from, goes to and passes the other one may be anywhere between.
 
         Raises
         ------
@@ -251,7 +262,10 @@ class Walker:
         check_snapshot(self.robot, snapshot)
         feet = feet_after(self.phase, self._measured(snapshot), self.heading, self.velocity)
         begins = next_foot(self.phase)
-        self.coming = self._range.admitted(footsteps, feet, begins, relative=relative)
+        self.coming = self._range.admitted(
+            footsteps, feet, begins, relative=relative, ground=ground
+        )
+        self._terrain = ground
         self.wanted, self.landings = Velocity(), ()
         return self.coming
 
@@ -309,7 +323,18 @@ class Walker:
         sunk = self._planner.sunk(self.phase, now, self.heading)
         follow = FOLLOW * self.gait.omega
         lower = self._usual - self.gait.height + sunk
-        self._ground = self._ground.sprung(reference.ground - lower, follow, self.dt)
+        level = reference.ground if reference.level is None else reference.level
+        if reference.level is None or reference.within is None:
+            self._ground = self._ground.sprung(level - lower, follow, self.dt)
+        else:
+            goal = np.array((level - lower,))
+            self._ground = towards(self._ground, goal, reference.within, self.dt)
+        if reference.level is not None:
+            # The rate of the DCM is as planned, at a constant omega, if the pressure is so much
+            # nearer to the CoM as the pendulum is shorter, or its weight more.
+            com, up = snapshot.com, self.gait.gravity + float(self._ground.acceleration[0])
+            share = self.gait.omega**2 * (float(com[2]) - reference.ground) / up
+            vrp = com[:2] + share * (vrp - com[:2])
         height = np.concatenate(self._ground) + (self._usual, 0.0, 0.0)
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
         pressure = np.append(self._planner.within(self.phase, vrp, now), reference.ground)
@@ -365,7 +390,11 @@ class Walker:
         given, self.coming = self.coming, self.coming[1:]
         self._walk_at(0.0 if given else self._coming_speed())
         half = self._planner.soles[phase.support]
-        return SingleSupport.begun(foot, now, self._normal, self.gait, half, given)
+        over = None
+        if given:
+            base, before = now.pose(phase.support), now.pose(foot)
+            over = self._range.crossing(given[0], base, before, self._terrain)
+        return SingleSupport.begun(foot, now, self._normal, self.gait, half, given, over)
 
     def _coming_speed(self) -> float:
         """Return how fast it goes, forwards or backwards, in the steps that it begins with [m/s].
@@ -392,7 +421,10 @@ class Walker:
         self._whole_body.hold(snapshot, self._frames, self.gait.ramp)
         if phase.given:
             self.landings = (*self.landings, Landing.of(phase.given[0], now.pose(foot)))
+            if phase.given[0].normal is not None:
+                self._normal = phase.given[0].normal
         rests = self.wanted.at_rest and not self.coming
         halts = rests and self._planner.at_its_end(phase, now, self.heading, self.velocity)
         time = SHIFT / self.gait.omega if halts else self._planner.double_time(phase)
-        return DoubleSupport(foot, start, time, time, halts=halts)
+        moves = time if halts or phase.level is None else self.gait.double
+        return DoubleSupport(foot, start, moves, time, halts=halts, level=phase.level)

@@ -11,6 +11,8 @@ import socket
 import struct
 import zlib
 from collections import Counter
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,6 +20,8 @@ from wbc.errors import InvalidInputError
 from wbc.files import why
 from wbc.hardware.bus import BaseTruth, BusError, Command, Reading
 from wbc.validate import Array
+
+Message = TypeVar("Message", Reading, Command)
 
 COMMAND_PORT, READING_PORT = 9750, 9751
 _HEAD = struct.Struct("<4sBBBxQd")
@@ -104,16 +108,7 @@ class UdpBus:
 
     def read(self) -> Reading | None:
         """Return the newest reading since the last call, by its sequence; None if none came."""
-        newest: Reading | None = None
-        for packet in _waiting(self._socket):
-            found = unpack_reading(packet, self.joints)
-            if found is None:
-                self.dropped["damaged"] += 1
-            elif newest is not None and found.sequence <= newest.sequence:
-                self.dropped["repeated or out of order"] += 1
-            else:
-                newest = found
-        return newest
+        return _newest(self._socket, unpack_reading, self.joints, -1, self.dropped)
 
     def write(self, command: Command) -> None:
         """Send a command."""
@@ -147,15 +142,8 @@ class UdpRobotBus:
 
     def receive(self) -> Command | None:
         """Return the newest command since the last call; None if none came."""
-        newest: Command | None = None
-        for packet in _waiting(self._socket):
-            found = unpack_command(packet, self.joints)
-            if found is None:
-                self.dropped["damaged"] += 1
-            elif found.sequence <= self._last:
-                self.dropped["repeated or out of order"] += 1
-            else:
-                newest, self._last = found, found.sequence
+        newest = _newest(self._socket, unpack_command, self.joints, self._last, self.dropped)
+        self._last = self._last if newest is None else newest.sequence
         return newest
 
     def send(self, reading: Reading) -> None:
@@ -166,6 +154,26 @@ class UdpRobotBus:
     def close(self) -> None:
         """Leave the bus."""
         self._socket.close()
+
+
+def _newest(
+    bus: socket.socket,
+    unpack: Callable[[bytes, int], Message | None],
+    joints: int,
+    last: int,
+    dropped: Counter[str],
+) -> Message | None:
+    """Return the newest message that waits, beyond the sequence ``last``; count what is dropped."""
+    newest: Message | None = None
+    for packet in _waiting(bus):
+        found = unpack(packet, joints)
+        if found is None:
+            dropped["damaged"] += 1
+        elif found.sequence <= last:
+            dropped["repeated or out of order"] += 1
+        else:
+            newest, last = found, found.sequence
+    return newest
 
 
 def _packed(kind: int, joints: int, flags: int, sequence: int, time: float, values: Array) -> bytes:

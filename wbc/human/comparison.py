@@ -12,7 +12,7 @@ from scipy.ndimage import binary_dilation, binary_erosion
 
 from wbc.human.contacts import Bools
 from wbc.human.markers import ForcePlate
-from wbc.motion.analysis import analyse
+from wbc.motion.analysis import analyze
 from wbc.motion.filtering import low_passed
 from wbc.motion.recording import Motion
 from wbc.motion.series import RmpSeries
@@ -121,7 +121,7 @@ def plates_mass(
     """
     if not plates:
         return None
-    series = analyse(motion, cutoff=cutoff, noise=None, feet=None, ground_height=height)
+    series = analyze(motion, cutoff=cutoff, noise=None, feet=None, ground_height=height)
     nearest = np.abs(motion.time[None] - series.time[:, None]).argmin(axis=1)
     whole, force, _ = _complete(plates, series, down[nearest], _sole_places(series))
     whole &= force[:, 2] > LOADED

@@ -41,7 +41,8 @@ def known_markers(
     ]
     own = [label for label in recording.labels if label in found and label not in empty]
     if not recording.landmarks:
-        wanted = lacking(found[label].name for label in own)
+        still = [found[one].name for one in static.labels if one in found] if static else []
+        wanted = lacking([found[label].name for label in own], still)
         if wanted:
             raise RecordingError(
                 f"markers that a human needs are not there: {'; '.join(wanted)}. Known by name:"

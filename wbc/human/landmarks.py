@@ -8,7 +8,8 @@ place of the side do not matter: ``R.ASIS``, ``RASI``, ``r_asis_study``, ``ASIS_
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from wbc.human.body import SEGMENT_NAMES
@@ -135,6 +136,7 @@ _MIDDLE: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
     "head_centre": ("head", "head", (20, 0, 90), 40, 8, "HEADCENTRE HEADJOINT"),
 }  # fmt: skip
 SIDES = {"L": "left", "R": "right", "LEFT": "left", "RIGHT": "right"}
+CLUSTER = 3  # markers that tell how a segment turns
 _SUFFIXES = ("STUDY", "MARKER", "REFERENCE")
 
 
@@ -192,21 +194,33 @@ def segment_index(name: str) -> int:
     return SEGMENT_NAMES.index(name)
 
 
-def lacking(names: Iterable[str]) -> list[str]:
-    """Return what a set of landmarks lacks for a fit, in words; empty if nothing."""
-    found, wanted = set(names), list[str]()
-    pelvis = {n for n in found if landmark(n).segment == "pelvis"}
-    if len(pelvis) < 3:
+def lacking(names: Sequence[str], standing: Iterable[str] = ()) -> list[str]:
+    """Return what the landmarks of a motion lack for a fit, in words; empty if nothing.
+
+    A knee or ankle is told by a marker beside it, in the motion or, as laboratories take them off
+    for that, in a static trial; or by three markers on each of its segments, which turn about it.
+
+    Parameters
+    ----------
+    names:
+        Of each marker: several may be the same, as those of a cluster are.
+    standing:
+        Those that a static trial has.
+    """
+    found, still, wanted = set(names), set(standing), list[str]()
+    on = Counter(landmark(name).segment for name in names)
+    if len({n for n in found if landmark(n).segment == "pelvis"}) < 3:
         wanted.append("three on the pelvis (RASI, LASI, and RPSI and LPSI, or SACR)")
-    trunk = {n for n in found if landmark(n).segment == "trunk"}
-    if len(trunk) < 3:
+    if len({n for n in found if landmark(n).segment == "trunk"}) < 3:
         wanted.append("three on the trunk (RSHO, LSHO, and C7, CLAV or STRN)")
     for side in ("left", "right"):
         mark = side[0].upper()
-        if not found & {f"{side}_knee_{part}" for part in ("lateral", "medial", "centre")}:
-            wanted.append(f"the {side} knee ({mark}KNE)")
-        if not found & {f"{side}_ankle_{part}" for part in ("lateral", "medial", "centre")}:
-            wanted.append(f"the {side} ankle ({mark}ANK)")
-        if not any(landmark(n).segment == f"{side}_foot" for n in found):
+        for joint, above, below in (("knee", "thigh", "shank"), ("ankle", "shank", "foot")):
+            beside = {f"{side}_{joint}_{part}" for part in ("lateral", "medial", "centre")}
+            fewest = min(on[f"{side}_{above}"], on[f"{side}_{below}"])
+            if not (found & beside or (fewest and still & beside) or fewest >= CLUSTER):
+                label = {"knee": "KNE", "ankle": "ANK"}[joint]
+                wanted.append(f"the {side} {joint} ({mark}{label})")
+        if not on[f"{side}_foot"]:
             wanted.append(f"the {side} foot ({mark}TOE, {mark}HEE)")
     return wanted

@@ -146,6 +146,10 @@ class MarkerRecording:
         plates = tuple(plate.rotated(R).pushing() for plate in self.plates)
         return self._with(self.positions @ R.T, plates, "z")
 
+    def moved(self, positions: Array, plates: tuple[ForcePlate, ...]) -> MarkerRecording:
+        """Return the recording with markers and force plates elsewhere."""
+        return self._with(positions, plates, self.up)
+
     def _with(
         self, positions: Array, plates: tuple[ForcePlate, ...], up: str | None
     ) -> MarkerRecording:

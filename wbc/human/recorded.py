@@ -22,6 +22,7 @@ from wbc.human.markers import MarkerRecording
 from wbc.human.residual_noise import ResidualNoise, residual_noise
 from wbc.human.skeleton import configurations, human_robot
 from wbc.human.soles import ground_and_soles
+from wbc.human.treadmill import belt_velocity, from_the_belt
 from wbc.motion.dropouts import Dropout
 from wbc.motion.filtering import low_passed
 from wbc.motion.recording import LONGEST_GAP, Motion
@@ -42,7 +43,7 @@ class HumanMotion:
     Attributes
     ----------
     motion:
-        For :func:`wbc.analyse`; its robot is the human.
+        For :func:`wbc.analyze`; its robot is the human.
     body:
         The human's dimensions, mass, stature and sex.
     recording:
@@ -58,7 +59,7 @@ class HumanMotion:
     ground_height:
         Height of the ground [m].
     noise:
-        What markers and skin leave uncertain of the posture, for ``analyse(noise=...)``.
+        What markers and skin leave uncertain of the posture, for ``analyze(noise=...)``.
     notes:
         What was guessed, left out and tolerated, in words.
     """
@@ -142,6 +143,11 @@ def human_motion(
     stature = None if stature is None else finite_number("stature", stature, above=0.0)
     names, marks, notes = known_markers(recording, static)
     recording, axis = upright(recording, names, marks, up)
+    belt = belt_velocity(recording, names, marks)
+    if belt.any():
+        recording = from_the_belt(recording, belt)
+        speed = float(np.linalg.norm(belt))
+        notes += (f"feet that stand move at {speed:.2f} m/s: a treadmill, seen from its belt",)
     notes = (*recording.notes, *notes, *axis)
     time = recording.time
     columns = [recording.labels.index(n) for n in names if n in recording.labels]

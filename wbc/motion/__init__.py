@@ -1,6 +1,6 @@
 """Recorded motion: read, made even in time, filtered, and reduced to its pendulum."""
 
-from wbc.motion.analysis import analyse
+from wbc.motion.analysis import analyze
 from wbc.motion.columns import UnknownColumnError
 from wbc.motion.dropouts import Dropout
 from wbc.motion.noise import Noise
@@ -8,6 +8,8 @@ from wbc.motion.recording import Motion, read_motion
 from wbc.motion.series import RmpSeries
 from wbc.motion.table import RecordingError
 from wbc.motion.uncertainty import Uncertainty
+
+analyse = analyze  # its name until 0.2
 
 __all__ = [
     "Dropout",
@@ -17,6 +19,6 @@ __all__ = [
     "RmpSeries",
     "Uncertainty",
     "UnknownColumnError",
-    "analyse",
+    "analyze",
     "read_motion",
 ]

@@ -26,7 +26,7 @@ CUTOFF = 10.0  # Hz
 ESTIMATED = "estimated"
 
 
-def analyse(
+def analyze(
     motion: Motion,
     *,
     rate: float | None = None,
@@ -80,13 +80,13 @@ def analyse(
     """
     if not isinstance(motion, Motion):
         raise InvalidInputError(
-            f"analyse: expected a motion, as read_motion(path, robot) returns it, got"
+            f"analyze: expected a motion, as read_motion(path, robot) returns it, got"
             f" {shown(motion)}"
         )
     height = finite_number("ground_height", ground_height)
     gap = finite_number("gap", gap, above=0.0)
     robot = motion.robot
-    refuse_loops("analyse", robot)
+    refuse_loops("analyze", robot)
     names = chosen_feet(robot, feet)
     estimated = isinstance(noise, str) and noise == ESTIMATED
     correlated = hasattr(noise, "filtered") and motion.base is not None

@@ -36,6 +36,7 @@ OWN = frozenset(
         "torque",
         "forces",
         "planned_forces",
+        "wrenches",
         "cop",
         "planned_cop",
         "trunk",

@@ -63,7 +63,7 @@ def series_format(path: str | Path) -> str:
 
 @dataclass(frozen=True, eq=False)
 class RmpSeries:
-    """The reaction mass pendulum in n frames; made by :func:`wbc.motion.analyse`.
+    """The reaction mass pendulum in n frames; made by :func:`wbc.motion.analyze`.
 
     World axes, SI units, the meaning of :class:`wbc.RmpState`. All arrays are read-only. NaN stands
     only where a quantity does not exist: without pressure on the ground (``flight``) there is no

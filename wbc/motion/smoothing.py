@@ -59,7 +59,7 @@ def smooth_trajectory(
     noise: Noise | CorrelatedNoise | str | None,
     progress: Progress | None = None,
 ) -> SmoothMotion:
-    """Return the trajectory of a recorded motion; see :func:`wbc.motion.analyse`."""
+    """Return the trajectory of a recorded motion; see :func:`wbc.motion.analyze`."""
     if (motion.base is None) == (planted is None):
         raise InvalidInputError(
             f"{motion.source}: the base was not recorded; say which foot is planted: left, right or"

@@ -118,7 +118,7 @@ def _check_parts(spec: ProblemSpec, parts: Parts, start: Snapshot, mistakes: Mis
             check_outside(one.during(start, parts.contacts), start)
     mistakes.raise_any()
     if isinstance(spec, WalkSpec):
-        spec.gait.check(start, spec.whole_stop.duration, mistakes)
+        spec.gait.check(start, spec.whole_stop.duration, spec.ground_height, mistakes)
         mistakes.require(("gait",), partial(walker_of, spec, parts))
         return
     make = partial(parts.controller, spec.controller, parts.tasks, parts.contacts, start)

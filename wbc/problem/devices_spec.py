@@ -9,7 +9,7 @@ from pydantic import Field
 
 from wbc.estimation import EstimatorSettings, FilterNoise
 from wbc.problem.section import KeysOf, ListOf, Name, Point, Positive, Section, Three
-from wbc.simulation import Bus, Devices, Encoders, FootSwitches, Imu, MotorTorques
+from wbc.simulation import Devices, Encoders, FootSwitches, Imu, MessageBus, MotorTorques
 
 Seed = Annotated[int, Field(ge=0)]
 ImuKeys = Annotated[
@@ -33,7 +33,7 @@ class DevicesSpec(Section):
     """Of the motors; null: not measured. Without foot switches they tell which feet bear."""
     feet: Annotated[dict[str, Any], KeysOf(FootSwitches)] | None = None
     """Switches under the soles; {} for those; left out: there are none."""
-    bus: Annotated[dict[str, Any], KeysOf(Bus)] = Field(default_factory=dict)
+    bus: Annotated[dict[str, Any], KeysOf(MessageBus)] = Field(default_factory=dict)
     """How messages come from the robot."""
     seed: Seed = 0
     """Of the random numbers."""
@@ -57,7 +57,7 @@ class DevicesSpec(Section):
             encoders=Encoders(**self.encoders),
             torques=None if self.torques is None else MotorTorques(**self.torques),
             feet=None if self.feet is None else FootSwitches(**self.feet),
-            bus=Bus(**self.bus),
+            bus=MessageBus(**self.bus),
             seed=self.seed,
         )
 

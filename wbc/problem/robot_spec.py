@@ -21,10 +21,12 @@ from wbc.problem.section import (
     NonNegative,
     Number,
     Pair,
+    Point,
     Positive,
     PositiveJointNumbers,
     PositiveOrInfinite,
     Section,
+    Three,
     Words,
     default_of,
 )
@@ -52,6 +54,23 @@ class LoopSection(Section):
     """The one that is held, and the one that it is held at."""
     kind: Annotated[str, Words(KINDS)] = default_of(Loop, "kind")
     """point: their origins meet; pose: their axes too."""
+
+
+class PayloadSection(Section):
+    """A rigid body that the robot carries; it touches nothing."""
+
+    frame: Name
+    """The link or frame that it is fixed to."""
+    mass: Positive
+    """[kg]."""
+    com: Point = (0.0, 0.0, 0.0)
+    """Its centre of mass [m], in the frame's axes from its origin."""
+    inertia: Annotated[
+        Point | Three[Point],
+        Forms("the diagonal [xx, yy, zz], or three rows [[xx, xy, xz], ...]"),
+    ] = (0.0, 0.0, 0.0)
+    """Its moments of inertia about its centre of mass, in the frame's axes [kg m^2]; left out: a
+    point."""
 
 
 class RobotSpec(Section):
@@ -86,6 +105,9 @@ class RobotSpec(Section):
     """Joints without a motor, by name or pattern; left out: those that no motor of an MJCF with
     closed loops drives."""
 
+    payload: ListOf[PayloadSection] = ()
+    """Bodies that it carries."""
+
     def load(self, folder: Path) -> Robot:
         """Return the robot; relative paths start from ``folder``.
 
@@ -96,7 +118,7 @@ class RobotSpec(Section):
         """
         path = Path(self.model).expanduser()
         feet = {name: FootSpec(**foot.model_dump()) for name, foot in (self.feet or {}).items()}
-        return Robot.load(
+        robot = Robot.load(
             folder / path if is_file_name(self.model) else self.model,
             locked=self.locked,
             feet=None if self.feet is None else feet,
@@ -110,6 +132,9 @@ class RobotSpec(Section):
             loops={name: one.model_dump() for name, one in (self.loops or {}).items()},
             unactuated=self.unactuated,
         )
+        for body in self.payload:
+            robot = robot.with_payload(**body.model_dump())
+        return robot
 
 
 RobotChoice = Annotated[

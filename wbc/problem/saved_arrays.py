@@ -19,6 +19,7 @@ LARGEST = 1e30  # of any number, in its unit: what is drawn is squared, and writ
 ROWS = {
     "com": (3,), "inertia": (6,), "task_inertia": (6,), "points": (3,), "targets": (3,),
     "cop": (3,), "planned_cop": (3,), "push": (3,), "forces": (6,), "planned_forces": (6,),
+    "wrenches": (6,),
     "plan_com": (3,), "plan_cop": (3,), "plan_momentum": (3,), "angular_momentum": (3,),
     "time": (), "phase": (), "support": (), "status": (), "slip": (), "turn": (), "margin": (),
     "balance": (), "clearance": (), "nearest": (), "active": (), "kkt": (), "tick_time": (),

@@ -23,6 +23,7 @@ from wbc.problem.section import (
     Pair,
     Point,
     Positive,
+    PositiveOrInfinite,
     Section,
     Size,
     Three,
@@ -32,6 +33,7 @@ from wbc.problem.section import (
 from wbc.robot import Snapshot
 from wbc.rotations import rotation_from
 from wbc.simulation import (
+    AppliedWrench,
     FallLimits,
     ModelMismatch,
     Plant,
@@ -63,6 +65,8 @@ class StepSpec(Section):
     """How far it is turned about the vertical [rad]."""
     friction: NonNegative | None = None
     """Coefficient of friction; left out: that of the ground."""
+    slope: Pair = default_of(Step, "slope")
+    """Rise over run of its upper face along x and y before it is turned."""
 
 
 class TerrainSpec(Section):
@@ -159,6 +163,28 @@ class PushSpec(Section):
         return direction / length
 
 
+class WrenchSpec(Section):
+    """A constant force and moment on a frame, for longer than a push."""
+
+    frame: Name
+    """A link or frame, at whose origin it acts, whatever way the robot goes."""
+    force: Point = (0.0, 0.0, 0.0)
+    """[N], world axes."""
+    moment: Point = (0.0, 0.0, 0.0)
+    """[N m], world axes."""
+    at: NonNegative = 0.0
+    """When it begins, in simulated time [s]."""
+    duration: PositiveOrInfinite = math.inf
+    """How long it lasts [s]; .inf: for ever."""
+    told: bool = default_of(AppliedWrench, "told")
+    """Whether the controller knows of it, and bears it; otherwise it is a disturbance."""
+
+    def applied(self) -> AppliedWrench:
+        """Return the wrench."""
+        wrench = np.array((*self.force, *self.moment))
+        return AppliedWrench(self.frame, wrench, self.at, self.duration, self.told)
+
+
 def turned_with(q: Array, normal: Array) -> Array:
     """Return a configuration turned about the world's origin, from level ground to a plane.
 
@@ -228,6 +254,8 @@ class SimulationSpec(Section):
     """How the simulated robot differs from the model that the controller has."""
     pushes: ListOf[PushSpec] = ()
     """What pushes the robot, and when."""
+    wrenches: ListOf[WrenchSpec] = ()
+    """Forces and moments that act for longer, and whether the controller is told of them."""
     falls: Annotated[dict[str, Any], KeysOf(FallLimits, trunk=Name, touch=bool, lifted=Name)] = (
         Field(default_factory=dict)
     )
@@ -269,6 +297,15 @@ class SimulationSpec(Section):
             with mistakes.at("simulation", "pushes", k):
                 push.push(start, feet)
                 if push.at >= duration:
+                    text = f"begins after the end of the simulation ({duration:g} s)"
+                    raise Misplaced(text, "at")
+
+        for k, wrench in enumerate(self.wrenches):
+            with mistakes.at("simulation", "wrenches", k):
+                start.robot.frame_id(wrench.frame)
+                if not any((*wrench.force, *wrench.moment)):
+                    raise Misplaced("is nothing: give force or moment", "force")
+                if wrench.at >= duration:
                     text = f"begins after the end of the simulation ({duration:g} s)"
                     raise Misplaced(text, "at")
 
@@ -321,4 +358,5 @@ class SimulationSpec(Section):
             plant = Plant(start.robot, **settings)
         plant.reset(*self.start.state(start))
         plant.pushes += [push.push(start, feet) for push in self.pushes]
+        plant.wrenches += [wrench.applied() for wrench in self.wrenches]
         return plant

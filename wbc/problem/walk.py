@@ -9,15 +9,16 @@ from pydantic import Field
 from wbc.gait import Footstep, Legs, Velocity, Walker, WalkingWeights
 from wbc.gait.commanded import CommandedWalk, Forces, TimedCommand
 from wbc.gait.given import StepRange, in_world
-from wbc.gait.phases import planar_feet
+from wbc.gait.phases import sole_poses
 from wbc.gait.settings import GaitSettings
 from wbc.problem.components import Parts
 from wbc.problem.controller_spec import TorqueSpec
 from wbc.problem.mistakes import Misplaced, Mistakes, read_section
-from wbc.problem.section import KeysOf, NonEmpty, NonNegative, Number, Positive, Section
+from wbc.problem.section import KeysOf, NonEmpty, NonNegative, Number, Pair, Positive, Section
 from wbc.problem.source import Source
 from wbc.problem.spec import AnyTask, PlainName, ProblemSpec
 from wbc.robot import Snapshot
+from wbc.run.phase_support import Ground
 from wbc.run.ramps import MinimumJerk
 
 
@@ -52,6 +53,11 @@ class FootstepSpec(Section):
     """Its heading, to the left [rad]."""
     duration: Positive | None = None
     """How long the other foot stands alone meanwhile [s]; as in the gait if left out."""
+    z: Number | None = None
+    """Height of the sole's middle [m]; left out: of the ground as it is felt."""
+    slope: Pair | None = None
+    """Rise over run of the ground below it along the axes of x and y; left out: as it is felt, or
+    level, if z is given."""
 
     @property
     def footstep(self) -> Footstep:
@@ -90,22 +96,34 @@ class GaitSpec(Section):
     feel: bool = True
     """Whether feet land when they feel the ground, by its true forces, without noise or delay, or
     with simulation.estimate by estimated ones; false: when they should."""
+    see: bool = False
+    """Whether feet on footsteps that are given clear the edges of the simulation's terrain; false:
+    where heights are given, the highest of where a foot comes from, goes to and passes the other
+    one may be anywhere between."""
     weights: Annotated[dict[str, Any], KeysOf(WalkingWeights)] = Field(default_factory=dict)
     """Weights of the walking tasks and their stiffness."""
 
     @property
     def settings(self) -> dict[str, float | None]:
         """Those of :class:`~wbc.gait.GaitSettings`."""
-        others = {"commands", "footsteps", "relative", "feel", "weights"}
+        others = {"commands", "footsteps", "relative", "feel", "see", "weights"}
         return self.model_dump(exclude=others)
 
-    def check(self, start: Snapshot, duration: float, mistakes: Mistakes) -> None:
-        """Note what shows only with the robot, and commands and footsteps that cannot be."""
+    def check(
+        self, start: Snapshot, duration: float, ground: Ground | None, mistakes: Mistakes
+    ) -> None:
+        """Note what shows only with the robot, and commands and footsteps that cannot be.
+
+        ``ground`` is the height of the terrain, if it has any.
+        """
         with mistakes.at("gait"):
             settings = GaitSettings.of(Legs.of(start.robot), **self.settings)
             if not self.commands and not self.footsteps:
                 raise Misplaced("says not where to: give commands, or footsteps")
-            self._check_footsteps(start, StepRange.of(start.robot, settings), mistakes)
+            if self.see and not self.footsteps:
+                raise Misplaced("is about footsteps that are given, and none are", "see")
+            able = StepRange.of(start.robot, settings)
+            self._check_footsteps(start, able, ground if self.see else None, mistakes)
         with mistakes.at("gait", "weights"):
             WalkingWeights(**self.weights)
         last = -1.0
@@ -119,11 +137,13 @@ class GaitSpec(Section):
                     )
             last = command.at
 
-    def _check_footsteps(self, start: Snapshot, able: StepRange, mistakes: Mistakes) -> None:
-        feet = planar_feet(start)
+    def _check_footsteps(
+        self, start: Snapshot, able: StepRange, ground: Ground | None, mistakes: Mistakes
+    ) -> None:
+        feet = sole_poses(start)
         given = [one.footstep for one in self.footsteps]
         world = in_world(given, feet) if self.relative else given
-        for number, key, text in able.complaints(world, feet):
+        for number, key, text in able.complaints(world, feet, ground=ground):
             mistakes.note(("gait", "footsteps", number), Misplaced(text, key))
 
 
@@ -187,5 +207,6 @@ def commanded_walk(spec: WalkSpec, parts: Parts, forces: Forces | None) -> Comma
     walker = walker_of(spec, parts)
     if spec.gait.footsteps:
         given = [one.footstep for one in spec.gait.footsteps]
-        walker.follow(given, parts.at_start, relative=spec.gait.relative)
+        ground = spec.ground_height if spec.gait.see else None
+        walker.follow(given, parts.at_start, relative=spec.gait.relative, ground=ground)
     return CommandedWalk(walker, commands, forces, parts.surroundings.move_to)

@@ -12,6 +12,7 @@ one that depends on them, so that no row can be spared: the conflict named is ir
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -23,26 +24,30 @@ from wbc.qp.solution import Conflict, ConflictRow
 from wbc.validate import Array
 
 # Rows of the certificate lighter than this part of the heaviest, scaled to unit length, are
-# rounding.
+# rounding; where that leads nowhere, others.
 _LIGHTEST = 1e-7
+_SHARES = _LIGHTEST, 1e-3, 1e-9, 1e-13
 # Part of the tolerance that must survive the check: the core looked at it in other numbers.
 _SURVIVING = 0.5
-# Singular values of the rows below this part of the largest are rounding.
-_UNIQUE = 1e-9
+# Combinations of rows of unit length that are shorter are 0: what is met only beyond REACH is not
+# met. And shorter still, where a certificate does not survive that.
+_ZERO = 1e-6, 1e-9
+# Weights below this part of the heaviest, by that, are what is left of 0.
+_ROUNDING = 1e-3
+_SPARED = 0.01  # of the gap, what a row may close of it within REACH if it is spared
 # Unknowns are assumed to stay within this: what rounding leaves of y'A + z'C + z_box' counts so
 # often.
 REACH = 1e6
 # Rows scaled to unit length count as met within this, by 1 + their ends.
 TOLERANCE = 1e-7
 _MOST_ITERATIONS = 1000
-# What unknowns are damped by, which need not be determined by the rows that are missed least.
-_DAMPING = 1e-10
+# What unknowns are damped by, which need not be determined by the rows that are missed least; with
+# the lightest, of many rows that nearly repeat each other, the active-set method can lose its way.
+_DAMPINGS = 1e-10, 1e-8, 1e-6
 # A bound counts as active within this; rows below this share of the heaviest one are missed by
 # rounding.
 _NEAR, _SHARE = 1e-8, 1e-3
 _EPS = 1e-11
-# Parts of the heaviest below which its rows are left out, if they can be.
-_SHARES = 1e-3, 1e-6, 1e-9, 1e-13
 
 
 def find_conflict(
@@ -92,11 +97,6 @@ def _by_least_violation(qp: QP, tolerance: float) -> Conflict | None:
     _, violation = least_violation(qp)
     missed = violation / rows.norms
     weights, z_box = missed / rows.norms, -missed @ rows.matrix
-    multipliers = weights[:me], weights[me:], z_box
-    shares = (conflict_of(qp, *multipliers, tolerance, share) for share in _SHARES)
-    whole = next((found for found in shares if found is not None), None)
-    if whole is None:
-        return None
     heavy = np.abs(missed) > _LIGHTEST * np.abs(missed).max()
     pulled = np.abs(z_box) > _LIGHTEST * np.abs(missed).max()
     equal, bounded = heavy[:me], heavy[me:]
@@ -108,11 +108,13 @@ def _by_least_violation(qp: QP, tolerance: float) -> Conflict | None:
         upper=np.where(pulled & (z_box > 0.0), qp.upper, np.inf),
     )  # fmt: skip
     found = solve_in_core(part, 1e-8, _MOST_ITERATIONS)
-    if found.said != INFEASIBLE:
-        return whole
-    y, z = np.zeros(me), np.zeros(qp.u.size)
-    y[equal], z[bounded] = found.y, found.z
-    return conflict_of(qp, y, z, found.z_box, tolerance) or whole
+    if found.said == INFEASIBLE:
+        y, z = np.zeros(me), np.zeros(qp.u.size)
+        y[equal], z[bounded] = found.y, found.z
+        proved = conflict_of(qp, y, z, found.z_box, tolerance)
+        if proved is not None:
+            return proved
+    return conflict_of(qp, weights[:me], weights[me:], z_box, tolerance)
 
 
 def conflict_of(
@@ -121,7 +123,6 @@ def conflict_of(
     z: Array,
     z_box: Array,
     tolerance: float = TOLERANCE,
-    lightest: float = _LIGHTEST,
 ) -> Conflict | None:
     """Return the rows of a certificate, the heaviest first; None: it proves nothing.
 
@@ -129,26 +130,38 @@ def conflict_of(
     ----------
     y, z, z_box:
         (me,), (mi,), (n,) multipliers, as those of a solution: what one points at is violated.
-    lightest:
-        Rows lighter than this part of the heaviest are left out, if it is proved without them.
     """
     rows = UnitRows.of(qp)
     weights = np.concatenate((np.concatenate((y, z)) * rows.norms, z_box))
     if not np.isfinite(weights).all() or not weights.any():
         return None
-    every = _ends(qp, rows, weights)
-    heavy = np.abs(weights) > lightest * np.abs(weights).max()
-    named = np.flatnonzero(heavy & np.isfinite(every))  # other pulls are what rounding leaves
-    if not named.size:
-        return None
-    ends = every[named]
-    matrix = np.concatenate((rows.matrix, np.eye(qp.g.size)))[named]  # (s, n)
-    weights = _exactly(matrix, weights[named])
+    ends = _ends(qp, rows, weights)
+    every = np.concatenate((rows.matrix, np.eye(qp.g.size)))
+    reducible = None
+    for share in _SHARES:
+        heavy = np.abs(weights) > share * np.abs(weights).max()
+        named = np.flatnonzero(heavy & np.isfinite(ends))  # other pulls are what rounding leaves
+        matrix, end, own = every[named], ends[named], weights[named]
+        for free, zero in _dependencies(matrix):
+            exact = _irreducible(own, free, end, _ROUNDING * zero)
+            if exact is None or (gap := _gap(matrix, end, exact, tolerance)) == 0.0:
+                continue
+            # Rows so light that the others could only be met far beyond REACH can be spared.
+            less = np.where(REACH * np.abs(exact) < _SPARED * gap, 0.0, exact)
+            if (left := _gap(matrix, end, less, tolerance)) > 0.0:
+                exact, gap = less, left
+            return _named(qp, rows, named, exact, gap)
+        if reducible is None and (gap := _gap(matrix, end, own, tolerance)) > 0.0:
+            reducible = _named(qp, rows, named, own, gap)
+    return reducible
+
+
+def _gap(matrix: Array, ends: Array, weights: Array, tolerance: float) -> float:
+    """Return by how much a certificate (s,) of rows (s, n) contradicts itself; 0: not surely."""
     leak = REACH * float(np.abs(weights @ matrix).sum())
     gap = -float(weights @ ends)
-    if not gap - leak >= _SURVIVING * tolerance * float(np.abs(weights) @ (1.0 + np.abs(ends))):
-        return None
-    return _named(qp, rows, named, weights, gap)
+    enough = _SURVIVING * tolerance * float(np.abs(weights) @ (1.0 + np.abs(ends)))
+    return gap if gap - leak >= enough else 0.0
 
 
 def _ends(qp: QP, rows: UnitRows, weights: Array) -> Array:
@@ -157,16 +170,65 @@ def _ends(qp: QP, rows: UnitRows, weights: Array) -> Array:
     return np.where(weights > 0.0, np.concatenate((rows.upper, qp.upper)), lower)
 
 
-def _exactly(matrix: Array, weights: Array) -> Array:
-    """Return the combination (s,) of the rows (s, n) nearest to this one that is 0 to rounding.
+def _dependencies(matrix: Array) -> Iterator[tuple[Array, float]]:
+    """Yield orthonormal bases (s, k) of combinations of rows (s, n) that are 0 but for so much."""
+    last = 0
+    for zero in _ZERO:
+        basis = _zeros(matrix.T, zero)
+        if basis.shape[1] != last:
+            yield basis, zero
+        last = basis.shape[1]
 
-    The core knows it to what its pivots leave, or damping.
+
+def _irreducible(weights: Array, free: Array, ends: Array, least: float) -> Array | None:
+    """Return the certificate (s,) near this one of which no row can be spared; None: none is.
+
+    It is a combination of rows that is 0, ``free`` (s, k) all of them; the core knows it to what
+    its pivots leave, or damping. Where there are several, rows hold two certificates: along their
+    difference one row after another comes to 0 while the gap lasts (Caratheodory's theorem).
+    Weights below ``least`` of the heaviest are 0.
     """
-    left, values, _ = np.linalg.svd(matrix)
-    rank = int(np.count_nonzero(values > _UNIQUE * values[0])) if values.size else 0
-    free = left[:, rank:]
-    exact: Array = free @ (weights @ free)
-    return exact if (np.sign(exact) == np.sign(weights)).all() else weights
+    kept, own = np.arange(weights.size), weights
+    while free.shape[1]:
+        own = free @ (own @ free)
+        gone = own * np.sign(weights[kept]) <= least * np.abs(own).max()
+        if not gone.any():
+            if free.shape[1] == 1:
+                found = np.zeros(weights.size)
+                found[kept] = own
+                return found
+            own, gone = _without_one(own, free, ends[kept])
+        else:  # the lightest of them, others may turn back without it
+            size = np.where(gone, np.abs(weights[kept]), np.inf)
+            gone = np.arange(size.size) == size.argmin()
+        free, kept, own = (part[~gone] for part in (free @ _zeros(free[gone]), kept, own))
+    return None
+
+
+def _without_one(own: Array, free: Array, ends: Array) -> tuple[Array, Array]:
+    """Return a certificate (s,) in which a row comes to 0, and which (s,)."""
+    other: Array = (
+        free @ _zeros((own @ free)[None, :] / np.linalg.norm(own))[:, 0]
+    )  # at right angles
+    other *= -1.0 if other @ ends > 0.0 else 1.0  # the gap, -own @ ends, grows along it
+    shrinks = other * own < 0.0
+    if not shrinks.any():  # a certificate as well: one is left of the other when that is taken off
+        less = own - float((own[other != 0.0] / other[other != 0.0]).min()) * other
+        if not less @ ends < 0.0:
+            own, other = other, own
+        shrinks, other = other * own > 0.0, -other
+    ratio = np.where(own == 0.0, 0.0, np.inf)
+    ratio[shrinks] = np.abs(own[shrinks] / other[shrinks])
+    first = ratio.argmin()
+    return own + ratio[first] * other, np.arange(own.size) == first
+
+
+def _zeros(matrix: Array, zero: float = _ZERO[-1]) -> Array:
+    """Return an orthonormal basis (n, k) of what a matrix (m, n) maps to 0, up to ``zero``."""
+    _, values, right = np.linalg.svd(matrix, full_matrices=matrix.shape[0] < matrix.shape[1])
+    rank = np.count_nonzero(values > zero * values.max(initial=1.0))
+    basis: Array = right[rank:].T
+    return basis
 
 
 def _named(
@@ -178,7 +240,7 @@ def _named(
     # Of the least sum of squares that a point within the bounds misses the rows by.
     share = gap / max(float(np.square(weights[named < m]).sum()), np.finfo(float).tiny)
     found = []
-    for k in np.argsort(-np.abs(weights), kind="stable").tolist():
+    for k in np.argsort(-np.abs(weights), kind="stable")[: np.count_nonzero(weights)].tolist():
         row, weight = int(named[k]), share * float(weights[k])
         length = float(rows.norms[row]) if row < m else 1.0
         missed = abs(weight) * length if row < m else 0.0
@@ -240,10 +302,13 @@ def least_violation(qp: QP) -> tuple[Array, Array]:
         return np.clip(np.zeros(n), qp.lower, qp.upper), np.zeros(0)
     none = np.zeros((0, n))
     elastic = qp._replace(
-        P=_DAMPING * np.eye(n), g=np.zeros(n), A=none, b=np.zeros(0),
-        C=rows.matrix, l=rows.lower, u=rows.upper,
-    )  # fmt: skip
-    found = solve_in_core(elastic, _EPS, _MOST_ITERATIONS, np.ones(rows.norms.size))
+        g=np.zeros(n), A=none, b=np.zeros(0), C=rows.matrix, l=rows.lower, u=rows.upper
+    )
+    for damping in _DAMPINGS:
+        damped = elastic._replace(P=damping * np.eye(n))
+        found = solve_in_core(damped, _EPS, _MOST_ITERATIONS, np.ones(rows.norms.size))
+        if found.said == DONE:
+            break
     rough = np.where(np.isfinite(found.x), found.x, 0.0) if found.iterations >= 0 else np.zeros(n)
     rough = np.clip(rough, qp.lower, qp.upper)
     points = _polished(qp, rows, rough), rough

@@ -9,8 +9,8 @@ the optimum to rounding. Each step solves one linear system: only for rejected s
 from __future__ import annotations
 
 import numpy as np
+from scipy import linalg
 
-from wbc.qp.elimination import least_squares
 from wbc.qp.problem import QP
 from wbc.qp.solution import RawSolution
 from wbc.validate import Array
@@ -60,5 +60,5 @@ def _solve_equalities(qp: QP, held: Array, bound: Array) -> tuple[Array, Array, 
     system[:n, n:] = equal.T
     system[n:, :n] = equal
     right = np.concatenate((-qp.g, qp.b, bound))
-    solved = least_squares(system, right, 1e-15)
+    solved = linalg.lstsq(system, right, 1e-15, lapack_driver="gelsy", check_finite=False)[0]
     return solved[:n], solved[n : n + me], solved[n + me :]

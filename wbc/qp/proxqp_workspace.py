@@ -63,7 +63,7 @@ BUILD = next((build for build in _WIDE if build in proxqp.__name__), "")
 
 _RHO = 1e-7
 # The solver is asked for this part of the accuracy promised; see above why.
-_MARGIN = 0.1
+MARGIN = 0.1
 # But not for more than rounding allows: costs of 1e6 would keep it busy until the cap otherwise.
 _ROUNDING = 2e-15
 # Inner iterations per outer one: with 10 as many QPs are solved, and those that are not take twice
@@ -101,8 +101,10 @@ class Workspace:
     g: Array  # (n,) of the last QP: a copy
 
     @classmethod
-    def create(cls, qp: QP, eps: float, max_iterations: int, **others: Any) -> Workspace:
-        """Return a workspace loaded with ``qp``, set for a cold solve to ``eps``.
+    def create(
+        cls, qp: QP, eps: float, max_iterations: int, margin: float = MARGIN, **others: Any
+    ) -> Workspace:
+        """Return a workspace loaded with ``qp``, set for a cold solve to ``margin * eps``.
 
         ``others``: ProxQP's settings by name, over those set here: for benchmarks.
         """
@@ -112,7 +114,7 @@ class Workspace:
         scale = _cost_scale(qp.P)
         P, g = scale * qp.P, scale * qp.g
         largest = max(np.abs(part).max(initial=0.0) for part in (P, g, qp.b))
-        settings.eps_abs = max(_MARGIN * eps, _ROUNDING * float(largest))
+        settings.eps_abs = max(margin * eps, _ROUNDING * float(largest))
         settings.eps_rel = 0.0
         settings.check_duality_gap = True
         settings.eps_duality_gap_abs = settings.eps_abs

@@ -6,11 +6,19 @@ from collections.abc import Hashable
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
 
 from wbc.errors import InvalidInputError
-from wbc.qp.elimination import eliminate
+from wbc.qp.kkt import kkt_residuals
 from wbc.qp.problem import QP, check_qp
-from wbc.qp.solution import KktResiduals, Solution, Status
+from wbc.qp.solution import Solution, Status
+from wbc.validate import Array
+
+# A diagonal entry of R below this part of the largest marks rows that repeat the others.
+RANK = 1e-9
+# Unknowns without bounds are preferred as dependent ones: clipping cannot part them from the rows.
+PREFERENCE = 10.0
 
 
 class PseudoInverse:
@@ -44,19 +52,38 @@ class PseudoInverse:
                 f"pseudo-inverse: it cannot keep {qp.labels.inequality[0]!r} or any other "
                 "inequality row; use a QP solver, or leave the constraints out"
             )
-        elimination = eliminate(qp)
-        reduced = elimination.reduced
-        unclipped = np.linalg.solve(reduced.P, -reduced.g)
-        x = np.clip(unclipped, reduced.lower, reduced.upper)
-        answer = Solution(
-            x=x,
-            y=np.zeros(0),
-            z=np.zeros(reduced.u.size),
-            z_box=np.where(x != unclipped, -(reduced.P @ x + reduced.g), 0.0),
-            status=Status.SOLVED if np.isfinite(x).all() else Status.FAILED,
-            residuals=KktResiduals(0.0, 0.0, 0.0),  # those of the full QP follow in lift()
-            iterations=1,
-            solve_time=perf_counter() - start,
-            solver=self.name,
-        )
-        return elimination.lift(answer)
+        free, basis, offset = _without_equalities(qp)
+        P, g = basis.T @ qp.P @ basis, basis.T @ (qp.g + qp.P @ offset)
+        unclipped = np.linalg.solve(P, -g)
+        clipped = np.clip(unclipped, qp.lower[free], qp.upper[free])
+        x, z_box = basis @ clipped + offset, np.zeros(qp.g.size)
+        z_box[free] = np.where(clipped != unclipped, -(P @ clipped + g), 0.0)
+        z = np.zeros(0)
+        y = -linalg.lstsq(qp.A.T, qp.P @ x + qp.g + z_box, RANK)[0] if qp.b.size else z
+        residuals = kkt_residuals(qp, x, y, z, z_box)
+        status = Status.SOLVED if np.isfinite(x).all() else Status.FAILED
+        spent = perf_counter() - start
+        return Solution(x, y, z, z_box, status, residuals, 1, spent, self.name)
+
+
+def _without_equalities(qp: QP) -> tuple[NDArray[np.int64], Array, Array]:
+    """Return independent unknowns, and x (n,) by them: a basis (n, k) and an offset (n,).
+
+    QR with column pivoting picks the others, those without bounds first, and drops rows that
+    repeat others.
+    """
+    n, me = qp.g.size, qp.b.size
+    if not me:
+        return np.arange(n), np.eye(n), np.zeros(n)
+    bounded = np.isfinite(qp.lower) | np.isfinite(qp.upper)
+    scale = np.where(bounded, 1.0, PREFERENCE)
+    Q, R, order = linalg.qr(qp.A * scale, mode="economic", pivoting=True)
+    diagonal = np.abs(np.diagonal(R))
+    rank = int(np.count_nonzero(diagonal > RANK * diagonal[0]))
+    dependent, free = order[:rank], order[rank:]
+    R = R[:rank] / scale[order]
+    follows = np.linalg.solve(R[:, :rank], np.column_stack((Q.T[:rank] @ qp.b, R[:, rank:])))
+    basis, offset = np.zeros((n, free.size)), np.zeros(n)
+    basis[free, np.arange(free.size)] = 1.0
+    basis[dependent], offset[dependent] = -follows[:, 1:], follows[:, 0]
+    return free, basis, offset

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wbc.human import HumanMotion
 from wbc.human.contacts import SHORTEST, feet_down
-from wbc.motion import RmpSeries, analyse
+from wbc.motion import RmpSeries, analyze
 from wbc.motion.dropouts import runs
 from wbc.robot.series import sole_series
 from wbc.validate import Array
@@ -69,7 +69,7 @@ def human_frames(
 
     Half a period of the cutoff is left out at both ends, unless little would be left.
     """
-    series = analyse(
+    series = analyze(
         human.motion, rate=rate, cutoff=cutoff, noise=None, ground_height=human.ground_height
     )
     # What a filter makes of a recording's ends is a guess.

@@ -8,5 +8,6 @@ from wbc.robot.formats.ties import Loop
 from wbc.robot.library import robot_names
 from wbc.robot.limits import JointLimits
 from wbc.robot.model import Robot, Snapshot
+from wbc.robot.payload import Payload
 
-__all__ = ["Foot", "FootSpec", "JointLimits", "Loop", "Robot", "Snapshot", "robot_names"]
+__all__ = ["Foot", "FootSpec", "JointLimits", "Loop", "Payload", "Robot", "Snapshot", "robot_names"]

@@ -72,6 +72,11 @@ class Closure:
     couplings: Mapping[str, Coupling]
     unactuated: tuple[str, ...] = ()
 
+    @property
+    def binds(self) -> bool:
+        """Whether there is anything to meet."""
+        return bool(self.loops or self.couplings)
+
     def gaps(self, q: Array) -> dict[str, float]:
         """Return how far each loop is open at ``q`` (nq,): the largest entry of its error."""
         if not self.loops:

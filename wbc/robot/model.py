@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -29,16 +29,19 @@ from wbc.robot.moving_state import MovingState
 from wbc.robot.names import add_base_frame, matches, matching
 from wbc.robot.notes import warn_of
 from wbc.robot.passive import PassiveForces
+from wbc.robot.payload import CarryingGeometry, Payload, described
 from wbc.robot.postures import (
     NEUTRAL,
     STANDING,
     close_postures,
+    com_from_middle,
     follow,
     grounded,
     named_postures,
     set_joints,
+    settled,
 )
-from wbc.robot.stance import find_stance
+from wbc.robot.stance import stance_from
 from wbc.robot.tree import KinematicTree
 from wbc.validate import Array, by_name, read_only
 
@@ -66,6 +69,8 @@ class Robot(KinematicTree):
     passive:
         Springs, gravity compensation and curved damping of the joints; see
         :meth:`passive_forces`.
+    payloads:
+        Bodies that it carries; see :meth:`with_payload`.
     """
 
     postures: Mapping[str, Array]
@@ -73,6 +78,7 @@ class Robot(KinematicTree):
     srdf: Path | None
     geometry: GeometrySource
     passive: PassiveForces
+    payloads: tuple[Payload, ...]
 
     def __new__(cls, *given: object, **named: object) -> Self:
         """Refuse ``Robot("g1")``, as other libraries have it, by saying what to write."""
@@ -194,9 +200,7 @@ class Robot(KinematicTree):
         free = without_motors(limits.names, unactuated or ())
         closure = Closure(model, limits, ties, couplings, free)
         posture_notes += close_postures(closure, postures, description.drawn, found.path)
-        stance = find_stance(
-            found, description, model, limits, postures[STANDING], feet, base, closure
-        )
+        stance = stance_from(found, description, model, limits, postures, feet, base, closure)
         postures[STANDING] = stance.q
         notes += posture_notes + stance.notes + armature_note(model) + loop_notes
         notes += effort_note(limits, free)
@@ -219,9 +223,64 @@ class Robot(KinematicTree):
             srdf=states_file,
             geometry=description.geometry,
             passive=description.passive.of(model, limits),
+            payloads=(),
         )
         _ = robot.native  # here, not in the first tick, if the core cannot be trusted with it
         return robot
+
+    def with_payload(
+        self,
+        frame: str,
+        mass: float,
+        com: ArrayLike = (0.0, 0.0, 0.0),
+        inertia: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> Self:
+        """Return this robot with a rigid body fixed to a frame; see :class:`~wbc.robot.Payload`.
+
+        Everything that is made of the robot that is returned knows of the body: controllers of both
+        levels, plants, analyses, pictures. ``standing`` is moved until the CoM is where it was over
+        the soles; other postures stay. Payloads add up.
+
+        Parameters
+        ----------
+        frame:
+            A link or frame.
+        mass:
+            [kg].
+        com:
+            Its centre of mass (3,) [m], in the frame's axes from its origin.
+        inertia:
+            About its centre of mass, in the frame's axes (3, 3) [kg m^2], or the diagonal (3,).
+
+        Raises
+        ------
+        UnknownNameError
+            No such frame.
+        InvalidInputError
+            No mass, or an inertia that no body has.
+        """
+        self.frame_id(frame)
+        model, payload = Payload(frame, mass, com, inertia).attached(self.model)
+        payloads = (*self.payloads, payload)
+        own = self.geometry.own if isinstance(self.geometry, CarryingGeometry) else self.geometry
+        postures, notes = dict(self.postures), described([payload])
+        if self.feet:
+            closure = Closure(model, self.limits, self.loops, self.couplings, self.unactuated)
+            q = postures[STANDING]
+            place = com_from_middle(self.model, q, self.feet)
+            q, unsettled = settled(model, self.limits, q, self.feet, closure, place)
+            postures[STANDING] = grounded(model, q, self.feet)
+            notes += unsettled
+        carrying = replace(
+            self,
+            model=model,
+            postures=postures,
+            notes=self.notes + notes,
+            geometry=CarryingGeometry(own, payloads),
+            payloads=payloads,
+        )
+        _ = carrying.native  # the core is compared with Pinocchio, as when a robot is loaded
+        return carrying
 
     # ------------------------------------------------------------------ shapes
 

@@ -157,19 +157,32 @@ def stands(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> bool:
 
 
 def settled(
-    model: pin.Model, limits: JointLimits, q: Array, feet: Mapping[str, Foot], closure: Closure
+    model: pin.Model,
+    limits: JointLimits,
+    q: Array,
+    feet: Mapping[str, Foot],
+    closure: Closure,
+    com: Array | None = None,
 ) -> tuple[Array, tuple[str, ...]]:
     """Return a posture near ``q`` that stands on all feet, or ``q`` itself and a note.
 
     Gauss-Newton, damped, on the heights and tilts of the soles and on the CoM over the middle of
     their hull; joints stay within their limits.
+
+    Parameters
+    ----------
+    com:
+        Where the CoM shall be (2,) [m], from the middle of the soles' hull; None: in the middle,
+        unless ``q`` stands.
     """
-    if not feet or stands(model, q, feet):
+    if not feet or (com is None and stands(model, q, feet)):
         return q, ()
     found = q.copy()
     for _ in range(100):
         error, J = _standing_error(model, found, feet)
-        if closure.loops:
+        if com is not None:
+            error[:2] -= com
+        if closure.binds:
             error, J = (
                 np.concatenate(both) for both in zip((error, J), closure.errors(found), strict=True)
             )
@@ -178,11 +191,11 @@ def settled(
         found = limits.clamped(pin.integrate(model, found, step))
         if float(np.abs(error).max()) < 1e-7:
             break
-    if closure.loops:
+    if closure.binds:
         with suppress(InvalidInputError):  # or it does not stand
             found = closure.closed(found)
     far = np.abs(limits.joint_positions(found) - limits.joint_positions(q)).max(initial=0.0)
-    is_closed = max(closure.gaps(found).values(), default=0.0) <= CLOSED
+    is_closed = not closure.binds or float(np.abs(closure.errors(found)[0]).max()) <= CLOSED
     if far < NEAR and is_closed and stands(model, found, feet):
         return found, ()
     corners = sum(len(foot.polygon) for foot in feet.values())
@@ -190,6 +203,11 @@ def settled(
     if corners < 3:
         why = "its feet are points: no flat underside was found; give link, polygon and height"
     return q, (f"posture 'standing' does not stand: {why}",)
+
+
+def com_from_middle(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Array:
+    """Return where the CoM is (2,) [m], seen from the middle of the soles' hull, world axes."""
+    return _standing_error(model, q, feet)[0][:2]
 
 
 def _standing_error(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> tuple[Array, Array]:

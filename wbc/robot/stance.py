@@ -15,7 +15,7 @@ from wbc.robot.library import NamedRobot, RobotSource
 from wbc.robot.limits import JointLimits
 from wbc.robot.loops import Closure
 from wbc.robot.model_checks import link_of
-from wbc.robot.postures import grounded, settled
+from wbc.robot.postures import STANDING, grounded, settled, stands
 from wbc.robot.sole import body_points
 from wbc.validate import Array, by_name
 
@@ -80,6 +80,41 @@ def find_stance(
     if found.known is None:
         notes += _below_soles(model, description.geometry, q, soles)
     return StandingPose(q, soles, base == "fixed" or bool(bolted), notes)
+
+
+def stance_from(
+    found: RobotSource,
+    description: Description,
+    model: pin.Model,
+    limits: JointLimits,
+    postures: Mapping[str, Array],
+    feet: Mapping[str, FootSpec | Mapping[str, Any]] | None,
+    base: str | None,
+    closure: Closure,
+) -> StandingPose:
+    """Return :func:`find_stance` from ``standing`` or, if that does not stand, from a key frame.
+
+    The first of the file's that stands is taken, with a note; ``postures`` are all by name.
+    """
+
+    def tried(name: str, tree: pin.Model) -> StandingPose:
+        return find_stance(found, description, tree, limits, postures[name], feet, base, closure)
+
+    names = [name for name in description.states if name in postures and name != STANDING]
+    if found.known is not None or STANDING in description.states or not names:
+        return tried(STANDING, model)
+    for name in (STANDING, *names):
+        tree = model.copy()
+        pose = tried(name, tree)
+        if pose.bolted or (pose.feet and stands(tree, pose.q, pose.feet)):
+            break
+    else:
+        name = STANDING
+    pose = tried(name, model)
+    if name == STANDING:
+        return pose
+    note = f"'standing' is the key frame {name!r}, since the neutral posture does not stand"
+    return pose._replace(notes=(note, *pose.notes))
 
 
 def _below_soles(

@@ -18,18 +18,19 @@ from wbc.simulation.result import SimulationResult, SimulationStatus
 from wbc.simulation.sensed_plant import SensedPlant
 from wbc.simulation.sensors import Sensors
 from wbc.simulation.sensors_devices import (
-    Bus,
     Devices,
     Encoders,
     FootSwitches,
     Imu,
+    MessageBus,
     MotorTorques,
 )
 from wbc.simulation.terrain import Step, Terrain
 from wbc.simulation.trial import run_trial
+from wbc.simulation.wrench import AppliedWrench
 
 __all__ = [
-    "Bus",
+    "AppliedWrench",
     "Contacts",
     "Devices",
     "Encoders",
@@ -37,6 +38,7 @@ __all__ = [
     "FallWatch",
     "FootSwitches",
     "Imu",
+    "MessageBus",
     "ModelMismatch",
     "MotorTorques",
     "Plant",

@@ -147,13 +147,14 @@ def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain, factor: float) -> Non
     )
     _make_ground(ground, PLANE, terrain, factor * terrain.friction)
     for k, step in enumerate(terrain.steps):
-        half = 0.5 * step.size
+        half, R = 0.5 * step.size, step.rotation
+        mujoco.mju_mat2Quat(quaternion, R.ravel())
         box = spec.worldbody.add_geom(
             name=f"step {k}",
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=half,
-            pos=step.centre - [0.0, 0.0, half[2]],
-            quat=[np.cos(0.5 * step.yaw), 0.0, 0.0, np.sin(0.5 * step.yaw)],
+            pos=step.centre - half[2] * R[:, 2],
+            quat=quaternion,
         )
         friction = terrain.friction if step.friction is None else step.friction
         _make_ground(box, STEP, terrain, factor * friction)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from time import perf_counter, thread_time
 from typing import NamedTuple
 
 from wbc.controllers.closed_loop import Update
 from wbc.controllers.controller import Controller
+from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import InvalidInputError
 from wbc.robot import Snapshot
@@ -61,8 +62,9 @@ def simulate(
 
     It ends after ``duration``, after the period in which the robot fell, or when ``update`` returns
     None. Between periods anything may be done: targets moved, the robot pushed, the plant recorded
-    (:class:`~wbc.simulation.recorder.Recorder`). Where the sensors lose a frame, the last torque is
-    held; before the first frame, none.
+    (:class:`~wbc.simulation.recorder.Recorder`). Controllers are told of the wrenches that
+    :meth:`Plant.apply <wbc.simulation.Plant.apply>` lets act, where these say so. Where the
+    sensors lose a frame, the last torque is held; before the first frame, none.
 
     Parameters
     ----------
@@ -104,7 +106,7 @@ def simulate(
             present = controller if update is None else update(k, snapshot)
             if present is None:
                 return
-            tick = _torque_tick(present, snapshot)
+            tick = _torque_tick(present, snapshot, plant.known_wrenches(dt))
         if snapshot is None or tick is None:  # not one frame has come yet
             plant.step(plant.torque, dt)
             continue
@@ -119,7 +121,11 @@ def simulate(
             return
 
 
-def _torque_tick(controller: Controller, snapshot: Snapshot) -> TorqueTick:
+def _torque_tick(
+    controller: Controller, snapshot: Snapshot, wrenches: Mapping[str, Array]
+) -> TorqueTick:
+    if isinstance(controller, TorqueController):
+        return controller.step(snapshot, wrenches)
     tick = controller.step(snapshot)
     if not isinstance(tick, TorqueTick):
         raise InvalidInputError(

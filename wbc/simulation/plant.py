@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import Any
 
@@ -24,6 +25,7 @@ from wbc.simulation.sensors import Measurements, Sensors
 from wbc.simulation.shapes import ShapeOptions
 from wbc.simulation.states import StateMap
 from wbc.simulation.terrain import Terrain
+from wbc.simulation.wrench import AppliedWrench, apply_wrenches, sum_by_frame
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only, time_step
 
 _EVEN = 1e-6  # a control period is so many physics steps, to this part of one
@@ -69,10 +71,14 @@ class Plant:
         Converts states between MuJoCo's coordinates and the robot's.
     pushes:
         Pushes that are not over yet.
+    wrenches:
+        Wrenches that are not over yet; see :meth:`apply`.
     torque:
         What was last commanded (nv-6,), within the effort limits.
     push_force:
         Sum of the pushes (3,) in the last step of the physics [N].
+    applied:
+        Wrenches (6,) that acted in the last period, by frame: their means.
     saturated:
         How often each joint (nv-6,) was asked for more than its effort limit, in control periods.
 
@@ -154,8 +160,8 @@ class Plant:
     def reset(self, q: ArrayLike, v: ArrayLike | None = None) -> None:
         """Begin at configuration ``q`` (nq,) moving at ``v`` (at rest if None), at time 0.
 
-        Pushes are forgotten. Nothing else is remembered either: what follows is the same, bit for
-        bit, whatever was before.
+        Pushes and wrenches are forgotten. Nothing else is remembered either: what follows is the
+        same, bit for bit, whatever was before.
 
         Raises
         ------
@@ -173,9 +179,11 @@ class Plant:
             self.model.body_pos[root] = q[:3]
             self.model.body_quat[root] = q[[6, 3, 4, 5]]
         self.pushes: list[Push] = []
+        self.wrenches: list[AppliedWrench] = []
         self.saturated = np.zeros(self.robot.nv - BASE_NV, dtype=np.int64)
         self.torque: Array = np.zeros(self.robot.nv - BASE_NV)
         self.push_force: Array = np.zeros(3)
+        self.applied: dict[str, Array] = {}
         self._contacts: Contacts | None = None
         self._measurements = Measurements(self.robot, self.sensors)
         self._frame: tuple[tuple[Array, Array] | None] | None = None
@@ -222,8 +230,10 @@ class Plant:
         self.saturated += applied != torque
         self.torque = read_only(applied)
         self.push_force, self._contacts, self._frame = np.zeros(3), None, None
+        self.applied = sum_by_frame(self.wrenches, self.time, count * self.physics_dt)
         with quietly(self._mujoco):
-            if self.pushes or self._delay or self._latency or self._drift:
+            acted_on = self.pushes or self.wrenches
+            if acted_on or self._delay or self._latency or self._drift:
                 self._step_one_by_one(applied, count)
             else:
                 self.states.torques_to_mujoco(applied, self.data.qfrc_applied)
@@ -272,6 +282,53 @@ class Plant:
         self.pushes.append(push)
         return push
 
+    def apply(
+        self,
+        frame: str,
+        wrench: ArrayLike,
+        *,
+        start: float | None = None,
+        duration: float = math.inf,
+        told: bool = True,
+    ) -> AppliedWrench:
+        """Let a constant wrench act on the robot, from now on or from ``start``; return it.
+
+        Parameters
+        ----------
+        frame:
+            A link or frame, whose origin carries it along.
+        wrench:
+            (6,) at that origin, world axes, [N] then [N m].
+        start:
+            In simulated time [s], not before now.
+        duration:
+            [s]; for ever by default. To end it sooner, take it out of :attr:`wrenches`.
+        told:
+            Whether the controller shall know: it is then in :meth:`known_wrenches`.
+
+        Raises
+        ------
+        UnknownNameError
+            No such frame.
+        InvalidInputError
+            Not finite numbers, no duration, or a start that is over.
+        """
+        self.robot.frame_id(frame)
+        when = self.time if start is None else finite_number("wrench, start", start, least=0.0)
+        if when < self.time:
+            raise InvalidInputError(f"wrench, start: {when:g} s is over; it is {self.time:g} s")
+        found = AppliedWrench(frame, finite_array("wrench", wrench, (6,)), when, duration, told)
+        self.wrenches.append(found)
+        return found
+
+    def known_wrenches(self, dt: float | None = None) -> dict[str, Array]:
+        """Return the wrenches (6,) by frame that controllers are told for the next period, or dt.
+
+        As ``controller.step(snapshot, wrenches=plant.known_wrenches())`` takes them.
+        """
+        told = (wrench for wrench in self.wrenches if wrench.told)
+        return sum_by_frame(told, self.time, self.dt if dt is None else dt)
+
     def _step_one_by_one(self, torque: Array, count: int) -> None:
         """Make steps of the physics with pushes, late torques, and states kept for later."""
         mujoco, model, data = self._mujoco, self.model, self.data
@@ -284,11 +341,14 @@ class Plant:
             self.push_force = apply_pushes(
                 self.pushes, self.robot, self._built.bodies, data, self.physics_dt
             )
+            apply_wrenches(self.wrenches, self.robot, self._built.bodies, data, self.physics_dt)
             if self._drift is not None:
                 self._drift.subtract(data)
             mujoco.mj_step2(model, data)
             self._past.append((data.qpos.copy(), data.qvel.copy()))
-        self.pushes = [push for push in self.pushes if push.end > self.time + 1e-9]
+        over = self.time + 1e-9
+        self.pushes = [push for push in self.pushes if push.end > over]
+        self.wrenches = [wrench for wrench in self.wrenches if wrench.end > over]
         data.xfrc_applied[:] = 0.0
 
     # ------------------------------------------------------------------ what is felt

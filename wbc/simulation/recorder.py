@@ -31,6 +31,8 @@ class Recorder:
     ``forces/FRAME`` (n, 6): measured on each sole, at its frame's origin, world axes; of the
     physics' last step. ``cop`` (n, 3): of all contacts [m], NaN in the air.
     ``planned_forces/FRAME``, ``planned_cop``: what the controller's tick expected, NaN without.
+    ``wrenches/FRAME`` (n, 6): of those that :meth:`Plant.apply` lets act, their means over the
+    period, at the frame's origin, world axes.
     ``relaxed`` (n,): whether something gave way in the tick. ``push`` (n, 3): sum of pushes [N].
     ``joint_names`` (nv-6,): of the columns of ``torque``.
     """
@@ -57,12 +59,16 @@ class Recorder:
         row["planned_cop"] = _LOST if tick is None or tick.cop is None else tick.cop
         row["relaxed"] = tick is not None and bool(tick.policy)
         row["push"] = plant.push_force
+        for frame, wrench in plant.applied.items():
+            row[f"wrenches/{frame}"] = wrench
         self._rows.append(row)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return everything recorded, by name."""
+        names = dict.fromkeys(name for row in self._rows for name in row)
+        nothing = np.zeros(6)  # of a wrench that does not act
         found: dict[str, NDArray[Any]] = {
-            name: np.array([row[name] for row in self._rows]) for name in self._rows[0]
+            name: np.array([row.get(name, nothing) for row in self._rows]) for name in names
         }
         found["joint_names"] = np.array(self._plant.robot.joint_names)
         return found
@@ -79,7 +85,7 @@ class Recorder:
         units = [f"{name} [{'N m' if turns else 'N'}]" for name, turns in turning]
         table += _split("torque", units, found["torque"])
         for name, array in found.items():
-            if name.partition("/")[0] in ("forces", "planned_forces"):
+            if name.partition("/")[0] in ("forces", "planned_forces", "wrenches"):
                 table += _split(name, WRENCH, array)
             elif name in ("cop", "planned_cop"):
                 table += _split(name, PLACE, array)

@@ -26,6 +26,7 @@ from wbc.simulation.push import Push
 from wbc.simulation.recorder import Recorder
 from wbc.simulation.terrain import Terrain
 from wbc.simulation.trial_record import TrialRecord
+from wbc.simulation.wrench import AppliedWrench
 from wbc.tracking.deviation import PlanTracking, judge
 from wbc.tracking.reference import PlanReference
 from wbc.validate import Array
@@ -71,8 +72,8 @@ class SimulationResult:
         Whether the robot stood, until when, and why it fell.
     arrays:
         Rows from the first state to the last, see :meth:`save`.
-    pushes:
-        What pushed the robot.
+    pushes, wrenches:
+        What pushed the robot, and acted on it for longer.
     relaxed:
         Share of the ticks in which something gave way, in [0, 1].
     gave_way:
@@ -94,6 +95,7 @@ class SimulationResult:
     verdict: Verdict
     arrays: Mapping[str, NDArray[Any]]
     pushes: Sequence[Push]
+    wrenches: Sequence[AppliedWrench]
     relaxed: float
     gave_way: Mapping[str, float]
     lost: int
@@ -132,6 +134,7 @@ class SimulationResult:
                 **({} if tracking is None else tracking.arrays),
             },
             pushes=record.pushes,
+            wrenches=record.wrenches,
             relaxed=record.relaxed / ticks,
             gave_way={name: count / ticks for name, count in record.gave_way.most_common()},
             lost=record.lost,
@@ -202,6 +205,7 @@ class SimulationResult:
                 "verdict": self.verdict.reason,
                 "duration": self.duration,
                 "pushes": [_push_summary(push) for push in self.pushes],
+                "wrenches": [_wrench_summary(wrench) for wrench in self.wrenches],
                 "relaxed": self.relaxed,
                 "gave_way": dict(self.gave_way),
                 "lost_frames": self.lost,
@@ -315,6 +319,16 @@ def _of_ticks(run: Result, rows: int) -> dict[str, NDArray[Any]]:
 
 def _falling(shares: Mapping[str, float]) -> dict[str, float]:
     return dict(sorted(shares.items(), key=lambda one: -one[1]))
+
+
+def _wrench_summary(one: AppliedWrench) -> dict[str, Any]:
+    return {
+        "frame": one.frame,
+        "wrench": one.wrench.tolist(),
+        "at": one.start,
+        "duration": one.duration if np.isfinite(one.duration) else None,
+        "told": one.told,
+    }
 
 
 def _push_summary(push: Push) -> dict[str, Any]:

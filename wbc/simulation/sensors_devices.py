@@ -159,7 +159,7 @@ class FootSwitches:
 
 
 @dataclass(frozen=True)
-class Bus:
+class MessageBus:
     """How messages come from the robot; stamped when they were measured.
 
     Attributes
@@ -200,7 +200,7 @@ class Devices:
     encoders: Encoders = field(default_factory=Encoders)
     torques: MotorTorques | None = field(default_factory=MotorTorques)
     feet: FootSwitches | None = None
-    bus: Bus = field(default_factory=Bus)
+    bus: MessageBus = field(default_factory=MessageBus)
     seed: int = 0
 
     def __post_init__(self) -> None:

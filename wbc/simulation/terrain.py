@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import InvalidInputError
+from wbc.rotations import upright_on
 from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
 
 # How much of a contact's error the physics corrects, when it begins and when deep, and how deep
@@ -30,18 +31,23 @@ class Step:
         How far it is turned about the vertical [rad].
     friction:
         Coefficient of friction; None: that of the ground.
+    slope:
+        Rise over run of its upper face along x and y before it is turned.
     """
 
     centre: Array
     size: Array
     yaw: float = 0.0
     friction: float | None = None
+    slope: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
+        slope = finite_array("step, slope", self.slope, (2,)).tolist()
         set_fields(
             self,
             centre=read_only(finite_array("step, centre", self.centre, (3,))),
             size=read_only(finite_array("step, size", self.size, (3,))),
+            slope=(slope[0], slope[1]),
         )
         if (self.size <= 0.0).any():
             raise InvalidInputError(f"step, size: sides must be positive, got {self.size.tolist()}")
@@ -54,6 +60,14 @@ class Step:
         """How it is turned (2, 2): its x and y axis in the world, as columns."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         return np.array(((c, -s), (s, c)))
+
+    @property
+    def rotation(self) -> Array:
+        """How it is turned and tilted (3, 3): its axes in the world, as columns."""
+        normal = np.array((-self.slope[0], -self.slope[1], 1.0))
+        turn = np.eye(3)
+        turn[:2, :2] = self.axes
+        return turn @ upright_on(normal / np.linalg.norm(normal))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +116,11 @@ class Terrain:
         """Return the height (k,) of the ground, or of a step on it, at points (k, 2) [m]."""
         found = points @ np.array(self.slope)
         for step in self.steps:
-            local = (points - step.centre[:2]) @ step.axes
+            away = points - step.centre[:2]
+            rise = (away @ step.axes) @ np.array(step.slope)
+            local = (np.column_stack((away, rise)) @ step.rotation)[:, :2]
             on = (np.abs(local) <= 0.5 * step.size[:2]).all(axis=1)
-            found = np.where(on, np.maximum(found, step.centre[2]), found)
+            found = np.where(on, np.maximum(found, step.centre[2] + rise), found)
         return found
 
     def surface(self, points: Array) -> Array:
@@ -115,7 +131,12 @@ class Terrain:
     def to_data(self) -> dict[str, Any]:
         """Return plain data, of which :meth:`from_data` makes the same terrain."""
         steps = [
-            {**asdict(step), "centre": step.centre.tolist(), "size": step.size.tolist()}
+            {
+                **asdict(step),
+                "centre": step.centre.tolist(),
+                "size": step.size.tolist(),
+                "slope": list(step.slope),
+            }
             for step in self.steps
         ]
         return {**asdict(self), "slope": list(self.slope), "steps": steps}

@@ -27,8 +27,8 @@ class TrialRecord:
         States and forces of the plant.
     run:
         What the controller saw and answered; what is to be kept is judged by the truth.
-    pushes:
-        What will push the robot.
+    pushes, wrenches:
+        What will push the robot, and act on it for longer.
     verdict:
         Whether it stands.
     gave_way:
@@ -41,7 +41,7 @@ class TrialRecord:
 
     def __init__(self, plant: Plant, phases: Supervisor, falls: FallLimits) -> None:
         self.truth, self.run = Recorder(plant), RunRecorder(plant.robot, phases.tasks)
-        self.pushes = tuple(plant.pushes)
+        self.pushes, self.wrenches = tuple(plant.pushes), tuple(plant.wrenches)
         self.verdict = Verdict(True, plant.time, "stood for 0 s")
         self.gave_way = Counter[str]()
         self.relaxed = self.lost = 0

@@ -40,5 +40,4 @@ def _within(step: Step, around: Array, reach: float) -> Surface | None:
     height = float(step.size[2])
     box = Hull.box((*(high - low), height), (*(0.5 * (low + high)), -0.5 * height))
     surface = solid_surface(box, ORIGIN, 0.0, 0.0)
-    level = surface.vertices[:, :2] @ step.axes.T
-    return Surface(np.column_stack((level, surface.vertices[:, 2])) + step.centre, surface.faces)
+    return Surface(surface.vertices @ step.rotation.T + step.centre, surface.faces)

@@ -24,7 +24,7 @@ from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array, finite_number
 from wbc.view import style
 from wbc.view.camera import Camera
-from wbc.view.history import HistoryLike, Run, read_history
+from wbc.view.history import DrawnRun, HistoryLike, read_history
 from wbc.view.options import View
 from wbc.view.panel import Panel
 from wbc.view.portrait import (
@@ -228,7 +228,7 @@ def picture_of(canvas: FigureCanvasAgg) -> Image.Image:
 class Film:
     """Draws a run's rows one after the other, from where all of them are seen."""
 
-    def __init__(self, run: Run, title: str, size: tuple[int, int], view: View) -> None:
+    def __init__(self, run: DrawnRun, title: str, size: tuple[int, int], view: View) -> None:
         width, height = (pixels / DOTS for pixels in size)
         self._run, self._view, self._title = run, view, title
         shapes = RobotMeshes(run.robot).in_joint_frames

@@ -55,7 +55,7 @@ NO_PHASE = PhaseSpan("", "", 0.0, 0.0, 0)
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class DrawnRun:
     """What is drawn of a run; without phases none, without any balance None.
 
     What the history has not is empty; ``supports`` is None if it does not say what was held.
@@ -117,7 +117,7 @@ class Run:
                 yield Aimed(name, point, targets[row] if now else targets[there[-1]])
 
 
-def read_history(robot: Robot, history: HistoryLike, terrain: Terrain = LEVEL) -> Run:
+def read_history(robot: Robot, history: HistoryLike, terrain: Terrain = LEVEL) -> DrawnRun:
     """Return what is to be drawn of a history, on a terrain.
 
     Raises
@@ -146,7 +146,7 @@ def read_history(robot: Robot, history: HistoryLike, terrain: Terrain = LEVEL) -
     places = {name: _rows(history, name, (count, 3)) for name in ("points", "targets")}
     if set(places["points"]) != set(places["targets"]):
         raise InvalidInputError("history: points and targets: expected those of the same tasks")
-    return Run(
+    return DrawnRun(
         robot,
         time,
         q,

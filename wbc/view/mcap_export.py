@@ -95,19 +95,17 @@ def _content(
     file = io.BytesIO()
     writer = Writer(file)
     writer.start(profile="", library=f"wbc {__version__}")
-    schema = writer.register_schema(TRANSFORMS, "jsonschema", _text(_transforms_schema()))
+    schema = writer.register_schema(TRANSFORMS, "jsonschema", _text(transforms_schema()))
     channels = {"/tf": writer.register_channel("/tf", "json", schema)}
     for topic in topics:
         schema = writer.register_schema(
-            f"wbc{topic.name.replace('/', '.')}", "jsonschema", _text(_numbers_schema(topic))
+            f"wbc{topic.name.replace('/', '.')}", "jsonschema", _text(numbers_schema(topic))
         )
         channels[topic.name] = writer.register_channel(topic.name, "json", schema)
     for k, stamp in enumerate(stamps):
-        writer.add_message(channels["/tf"], stamp, _text(_transforms(snapshots[k], stamp)), stamp)
+        writer.add_message(channels["/tf"], stamp, _text(transforms(snapshots[k], stamp)), stamp)
         for topic in topics:
-            values = map(_finite, topic.values[k].tolist())
-            message = _text(dict(zip(topic.entries, values, strict=True)))
-            writer.add_message(channels[topic.name], stamp, message, stamp)
+            writer.add_message(channels[topic.name], stamp, _text(numbers(topic, k)), stamp)
     problem = summary.get("problem") or {}
     if problem.get("text"):
         text = str(problem["text"]).encode()
@@ -153,7 +151,7 @@ def _of_simulation(robot: Robot, arrays: Mapping[str, NDArray[Any]]) -> Iterator
 # ---------------------------------------------------------------------- messages
 
 
-def _transforms(snapshot: Snapshot, stamp: int) -> dict[str, Any]:
+def transforms(snapshot: Snapshot, stamp: int) -> dict[str, Any]:
     """Return where the robot's frames are."""
     when = {"sec": stamp // NANO, "nsec": stamp % NANO}
     names = snapshot.robot.frame_names
@@ -176,7 +174,8 @@ def _object(properties: Mapping[str, Any]) -> dict[str, Any]:
     return {"type": "object", "properties": dict(properties)}
 
 
-def _transforms_schema() -> dict[str, Any]:
+def transforms_schema() -> dict[str, Any]:
+    """Return the JSON schema of ``foxglove.FrameTransforms``."""
     number, text = {"type": "number"}, {"type": "string"}
     when = _object({"sec": {"type": "integer"}, "nsec": {"type": "integer"}})
     one = _object(
@@ -191,7 +190,13 @@ def _transforms_schema() -> dict[str, Any]:
     return {"title": TRANSFORMS, **_object({"transforms": {"type": "array", "items": one}})}
 
 
-def _numbers_schema(topic: Topic) -> dict[str, Any]:
+def numbers(topic: Topic, k: int) -> dict[str, float | None]:
+    """Return the numbers of a topic at tick ``k``, by name; what is not finite is None."""
+    return dict(zip(topic.entries, map(_finite, topic.values[k].tolist()), strict=True))
+
+
+def numbers_schema(topic: Topic) -> dict[str, Any]:
+    """Return the JSON schema of a topic's messages."""
     return _object({name: {"type": ["number", "null"]} for name in topic.entries})
 
 

@@ -20,6 +20,7 @@ LAYERS = {
     "soles": "orange: soles",
     "obstacles": "brown: obstacles",
     "targets": "yellow diamonds: targets",
+    "wrenches": "red arrows: forces from outside",
 }
 EVERYTHING = frozenset(LAYERS)
 WITHOUT = "no-"

@@ -60,6 +60,17 @@ class Panel:
                 x, y, color=shade, linewidth=width + extra, solid_capstyle="round", zorder=LINES
             )
 
+    def arrow(self, start: Array, end: Array, colour: str, width: float) -> None:
+        """Draw an arrow between two points (3,), over everything."""
+        self.axes.annotate(
+            "",
+            self._pixel(end),
+            self._pixel(start),
+            arrowprops={"arrowstyle": "-|>", "color": colour, "lw": width, "shrinkA": 0.0,
+                        "shrinkB": 0.0},
+            zorder=MARKS,
+        )  # fmt: skip
+
     def ball(self, point: Array, colour: str, radius: float) -> None:
         """Draw a dot at a point (3,), over everything."""
         size = radius * self.point

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +28,7 @@ from wbc.view.scene import Scene, principal_sections, silhouette, sole_outline
 from wbc.view.solids import solid_surface
 
 DEFAULT = View()
+REACH = 1.5  # sizes of the robot: the arrow of a force as large as its weight
 WALL = 0.5  # half the side of a wall as drawn, in sizes of the robot
 FAR = 0.8  # sizes of the robot: what is farther from its CoM need not be in the picture
 REACHED = 5e-3  # m: a target no farther than this from its point is not marked
@@ -63,6 +64,8 @@ class Pose:
     obstacles: Sequence[tuple[Shape, Array]] = ()  # shapes, and rotation and origin (3, 4) of each
     aims: Sequence[Aimed] = ()  # where tasks want points of the robot
     terrain: Terrain = LEVEL  # the ground, if there is one
+    # Wrenches (6,) from outside by frame, world axes [N, N m].
+    wrenches: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +80,7 @@ class Portrait:
     radii: Array  # distances (3,) [m] of the reaction masses from the CoM
     aims: Sequence[Aimed] = ()  # where tasks want points of the robot
     view: View = DEFAULT  # what is drawn, and from where
+    arrows: Sequence[tuple[Array, Array]] = ()  # forces: points (3,) where they begin and end
 
 
 def portraits_of(
@@ -121,7 +125,13 @@ def portrait_of(
     radii = reaction_mass_radii(ellipsoid.inertia(), robot.mass)
     leg = scene.stood_on if pose.stands and robot.feet else None
     soles = outlines if pose.grounded else []
-    return Portrait(name, snapshot, scene, soles, leg, radii, pose.aims, view)
+    longest = REACH * scene.size / robot.weight
+    arrows = [
+        (place, place + longest * wrench[:3])
+        for place, wrench in ((snapshot.position(k), w) for k, w in pose.wrenches.items())
+        if np.any(wrench[:3])
+    ]
+    return Portrait(name, snapshot, scene, soles, leg, radii, pose.aims, view, arrows)
 
 
 def _solid(scene: Scene, shape: Shape, place: Array) -> Mesh:
@@ -213,6 +223,8 @@ def draw_pendulum(
     for aim in portrait.aims if shows("targets") else ():
         if aim.distant:
             panel.target(aim.point, aim.wanted, style.YELLOW, 4.0 * size)
+    for start, end in portrait.arrows if shows("wrenches") else ():
+        panel.arrow(start, end, style.VERMILION, 1.8 * size)
 
 
 def captions(portraits: Sequence[Portrait], width: float) -> list[str]:
@@ -222,6 +234,7 @@ def captions(portraits: Sequence[Portrait], width: float) -> list[str]:
         "soles": any(one.outlines for one in portraits),
         "obstacles": any(one.scene.solids for one in portraits),
         "targets": any(aim.distant for one in portraits for aim in one.aims),
+        "wrenches": any(one.arrows for one in portraits),
     }
     view = portraits[0].view
     told = [
@@ -248,6 +261,7 @@ def extent_of(portrait: Portrait) -> Array:
     """Return the points (k, 3) that a picture must contain, relative to ``scene.below_centre``."""
     scene = portrait.scene
     around = [mesh.vertices for mesh in scene.solids]
+    around += [end[None] for _, end in portrait.arrows if portrait.view.shows("wrenches")]
     around += [aim.wanted[None] for aim in portrait.aims if portrait.view.shows("targets")]
     near = [p[np.linalg.norm(p - scene.centre, axis=1) < FAR * scene.size] for p in around]
     return np.concatenate([scene.extent, *(p - scene.below_centre for p in near)])

@@ -21,7 +21,7 @@ from wbc.motion.dropouts import runs
 from wbc.robot import Robot
 from wbc.validate import Array
 from wbc.view import style
-from wbc.view.history import HistoryLike, PhaseSpan, Run, read_history
+from wbc.view.history import DrawnRun, HistoryLike, PhaseSpan, read_history
 from wbc.view.options import View
 from wbc.view.portrait import (
     DEFAULT,
@@ -41,7 +41,7 @@ BELOW = 0.36  # inches of the semi-axes below a picture
 
 
 def plot_run(
-    robot: Robot, history: HistoryLike, path: str | Path, *, title: str, view: View = DEFAULT
+    robot: Robot, history: HistoryLike, path: str | Path, *, title: str = "", view: View = DEFAULT
 ) -> Path:
     """Draw a run: the robot before and after, its tasks' errors and its principal moments.
 
@@ -60,6 +60,8 @@ def plot_run(
         ``points`` and ``targets``.
     path:
         The file, which is returned: png, svg or pdf by its suffix.
+    title:
+        Above the picture.
     view:
         What is drawn of the robot, and from where.
 
@@ -75,7 +77,9 @@ def plot_run(
     return path
 
 
-def run_figure(robot: Robot, history: HistoryLike, *, title: str, view: View = DEFAULT) -> Figure:
+def run_figure(
+    robot: Robot, history: HistoryLike, *, title: str = "", view: View = DEFAULT
+) -> Figure:
     """Return the figure that :func:`plot_run` writes."""
     run = read_history(robot, history)
     if run.phases:
@@ -104,7 +108,7 @@ def run_figure(robot: Robot, history: HistoryLike, *, title: str, view: View = D
     return figure
 
 
-def reasons(run: Run) -> Iterator[Callable[[Axes], None]]:
+def reasons(run: DrawnRun) -> Iterator[Callable[[Axes], None]]:
     """Yield what draws why the robot did not do more."""
     if run.clearance:
         yield lambda axes: plot_clearance(axes, run.time, run.clearance)
@@ -175,7 +179,7 @@ BAND = "#F1F3F6"  # behind every other phase
 SLANT = 32.0  # degrees
 
 
-def _phased_figure(robot: Robot, run: Run, title: str, view: View) -> Figure:
+def _phased_figure(robot: Robot, run: DrawnRun, title: str, view: View) -> Figure:
     """Return the figure of a run with phases."""
     configurations = {f"start\n{run.phases[0].standing}": run.pose(0, now=True)}
     configurations |= {
@@ -209,7 +213,7 @@ def _phased_figure(robot: Robot, run: Run, title: str, view: View) -> Figure:
     return figure
 
 
-def _plots(run: Run) -> Iterator[Callable[[Axes], None]]:
+def _plots(run: DrawnRun) -> Iterator[Callable[[Axes], None]]:
     """Yield what draws each plot, from above."""
     if run.balance is not None:
         balance = run.balance
@@ -219,12 +223,14 @@ def _plots(run: Run) -> Iterator[Callable[[Axes], None]]:
     yield from reasons(run)
 
 
-def _plot_moments(axes: Axes, run: Run) -> None:
+def _plot_moments(axes: Axes, run: DrawnRun) -> None:
     plot_moments(axes, run.time, run.moments)
     axes.set_ylabel("moments of inertia [kg m²]", fontsize=style.SMALL)
 
 
-def _draw_plots(axes: Sequence[Axes], run: Run, plots: Sequence[Callable[[Axes], None]]) -> None:
+def _draw_plots(
+    axes: Sequence[Axes], run: DrawnRun, plots: Sequence[Callable[[Axes], None]]
+) -> None:
     """Draw the plots below each other, with one time axis."""
     for one, draw in zip(axes, plots, strict=True):
         for phase in run.phases[::2]:

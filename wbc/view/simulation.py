@@ -37,6 +37,7 @@ JOINTS = 4  # whose torque is drawn: those that use most of it
 PUSHED = "#FBE9DF"  # behind plots while something pushes
 STILL, UPRIGHT = 2.0, 0.05  # mm, rad: axes are as long at least, or noise would fill them
 PLANNED = ("plan_com", "plan_cop", "plan_momentum", "angular_momentum")  # if it follows a plan
+APPLIED = "wrenches/"  # what the names of their arrays begin with
 NEEDED = ("time", "q", "com", "cop", "planned_cop", "torque", "push", "relaxed", "tilt")
 
 
@@ -87,7 +88,11 @@ def simulation_figure(
     """
     run = _read(robot, arrays)
     time, moments = run["time"], _instants(run)
-    names = {f"t = {time[k]:.2f} s": Pose(run["q"][k], terrain=terrain) for k in moments}
+    acting = [_acting(run, k) for k in moments]
+    names = {
+        f"t = {time[k]:.2f} s": Pose(run["q"][k], terrain=terrain, wrenches=one)
+        for k, one in zip(moments, acting, strict=True)
+    }
     portraits = portraits_of(robot, names)
     width = WIDTH / SHOWN
     high = width * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
@@ -147,6 +152,7 @@ def _read(robot: Robot, arrays: Mapping[str, Any]) -> dict[str, Array]:
     names = [*NEEDED[2:], "cop_margin", *(f"forces/{sole}" for sole in soles)]
     names += [f"planned_forces/{sole}" for sole in soles]
     names += [name for name in PLANNED if name in arrays]
+    names += [name for name in arrays if name.startswith(APPLIED)]
     for name in names:
         found = np.asarray(arrays[name] if name in arrays else np.full(count, np.nan), float)
         if len(found) != count:
@@ -168,6 +174,15 @@ def _instants(run: Mapping[str, Array]) -> list[int]:
     else:
         rows = pushes[0][1] + np.array(AFTER_PUSH) * (last - pushes[0][1])
     return sorted({0, *np.round(rows).astype(int).tolist()})
+
+
+def _acting(run: Mapping[str, Array], row: int) -> dict[str, Array]:
+    """Return the wrenches (6,) that act in a row, by frame."""
+    return {
+        name.removeprefix(APPLIED): values[row]
+        for name, values in run.items()
+        if name.startswith(APPLIED)
+    }
 
 
 def _mark_pushes(axes: Axes, run: Mapping[str, Array]) -> None:

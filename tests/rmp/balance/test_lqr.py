@@ -10,7 +10,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import Command, LawBounds
+from wbc.rmp.balance.law import LawBounds, PendulumCommand
 from wbc.rmp.balance.lqr import Lqr, riccati_gain
 from wbc.rmp.balance.record import Ending
 from wbc.rmp.balance.simulate import Blow, simulate
@@ -103,7 +103,7 @@ def with_inertia(law: Lqr, offset: Array) -> object:
     class Deceived:
         model = law.model
 
-        def command(self, q: Array, v: Array, time: float) -> Command:
+        def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
             q = q.copy()
             q[-len(offset) :] -= offset
             return law.command(q, v, time)

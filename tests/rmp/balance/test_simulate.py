@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from wbc.errors import InvalidInputError, SolverError
-from wbc.rmp.balance.law import Command, LawBounds, Pendulum
+from wbc.rmp.balance.law import LawBounds, Pendulum, PendulumCommand
 from wbc.rmp.balance.record import Ending, Simulation
 from wbc.rmp.balance.simulate import Blow, simulate, velocity_jump
 from wbc.rmp.planar import PlanarRmp
@@ -32,9 +32,11 @@ class Constant:
     force: Array
     ok: bool = True
 
-    def command(self, q: Array, v: Array, time: float) -> Command:
+    def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
         size = len(self.model.V) - len(self.model.F)
-        return Command(self.force, np.zeros(size), "same", self.ok, "" if self.ok else "unhappy")
+        return PendulumCommand(
+            self.force, np.zeros(size), "same", self.ok, "" if self.ok else "unhappy"
+        )
 
 
 def moving(kind: str, seed: int = 0) -> tuple[Constant, Array, Array]:
@@ -118,7 +120,7 @@ def test_a_push_changes_the_coms_velocity_and_nothing_else(kind: str) -> None:
     seen = []
 
     class Watching(Constant):
-        def command(self, q: Array, v: Array, time: float) -> Command:
+        def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
             seen.append(v)
             return super().command(q, v, time)
 
@@ -162,7 +164,7 @@ def test_every_ending(kind: str) -> None:
 
 def test_a_law_that_raises_ends_the_run() -> None:
     class Giving(Constant):
-        def command(self, q: Array, v: Array, time: float) -> Command:
+        def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
             if time > 0.0095:
                 raise SolverError("no answer")
             return super().command(q, v, time)

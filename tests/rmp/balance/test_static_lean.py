@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import Command, LawBounds
+from wbc.rmp.balance.law import LawBounds, PendulumCommand
 from wbc.rmp.balance.record import Ending
 from wbc.rmp.balance.simulate import Blow, Simulation, simulate
 from wbc.rmp.balance.static_lean import StaticLean
@@ -28,7 +28,7 @@ def lean(mass: float, degrees: float, bounds: LawBounds) -> tuple[StaticLean, Ar
 
 
 def until_saturated(law: StaticLean, q: Array, v: Array, longest: float) -> Simulation:
-    def stop(time: float, q: Array, v: Array, command: Command) -> bool:
+    def stop(time: float, q: Array, v: Array, command: PendulumCommand) -> bool:
         return command.phase == "saturated"
 
     return simulate(law, q, v, longest, bounds=law.bounds, fallen=0.0, stop=stop)

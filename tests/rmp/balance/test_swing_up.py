@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import Command, LawBounds
+from wbc.rmp.balance.law import LawBounds, PendulumCommand
 from wbc.rmp.balance.record import Ending, Simulation
 from wbc.rmp.balance.simulate import simulate
 from wbc.rmp.balance.swing_up import SwingUp
@@ -156,8 +156,8 @@ def test_region_of_attraction() -> None:
     class Full:
         model = law.model
 
-        def command(self, q: Array, v: Array, time: float) -> Command:
-            return Command(law.held.forces(q, v, law.bounds.wheel_torque), np.zeros(1))
+        def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
+            return PendulumCommand(law.held.forces(q, v, law.bounds.wheel_torque), np.zeros(1))
 
     for s, holds in ((0.099, True), (0.101, False)):
         q = np.array((0, np.pi / 2 + s, 0.9, 0.0, 0.35))

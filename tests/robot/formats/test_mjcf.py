@@ -59,7 +59,6 @@ REFUSED_MJCFS = {
         {"end": '<equality><joint joint1="knee" polycoef="-1e5"/></equality>'},
         ("'knee'", "polycoef", "larger than 1000"),
     ),
-    "ball": ({"inner": '<joint name="hip" type="ball"/>'}, ("'hip'", "Spherical")),
     "free inside": ({"inner": "<freejoint/>"}, ("MuJoCo", "top level", "'shank'")),
     "second robot": ({"world": TWIN}, ("'base_body', 'twin' may be", "2 bodies")),
     "include": ({"world": '<include file="x.xml"/>'}, ("x.xml", "include")),

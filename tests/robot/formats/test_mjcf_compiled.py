@@ -21,6 +21,7 @@ from tests.robot.formats.mjcf_texts import (
 )
 from wbc.errors import MissingPackageError, ModelError
 from wbc.robot import Robot
+from wbc.robot.postures import stands
 from wbc.simulation import Plant
 
 CLASS = '<default><default class="k"><joint ref=".3" range="-.5 .9"/></default></default>'
@@ -391,3 +392,82 @@ def test_without_mujoco_the_extra_is_named(
     monkeypatch.setitem(sys.modules, "mujoco", None)  # as if it were not installed
     with pytest.raises(MissingPackageError, match=r"reading MJCF needs mujoco.*wbc\[sim\]"):
         Robot.load(path if given == "file" else path.read_text())
+
+
+def test_slides_and_a_ball_of_the_root_are_its_floating_base() -> None:
+    """As makers' files have it that began as a planar model; the ball may be turned at a key."""
+    ball = SIX[: SIX.index('<joint name="tilt"')] + '<joint name="turn" type="ball"/>'
+    root = TRUNK.replace("<freejoint/>", ball)
+    keys = '<keyframe><key name="bent" qpos=".1 .2 .3 .6 0 .8 0 .2 -.3"/></keyframe>'
+    content = text(LEGS, root=root, tail=keys)
+    robot, model = Robot.load(content), mujoco.MjModel.from_xml_string(content)
+    assert not robot.fixed_base and robot.joint_names == ("left_hip", "right_hip")
+    assert any("floating base: tx, ty, tz, turn" in note for note in robot.notes)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    s = robot.snapshot(robot.postures["bent"])
+    for side in ("left", "right"):
+        foot = model.body(f"{side}_foot").id
+        apart = s.position(f"{side}_foot") - s.position("base")
+        trunk = data.xpos[int(model.body_rootid[foot])]
+        np.testing.assert_allclose(apart, data.xpos[foot] - trunk, atol=1e-12)
+
+
+def test_what_mujoco_knows_no_more_is_left_out_and_said(tmp_path: Path) -> None:
+    old = '<option><flag sensornoise="enable"/></option><worldbody>'
+    content = text(LEGS).replace("<worldbody>", old, 1)
+    path = tmp_path / "old.xml"
+    path.write_text(content)
+    for source in (path, content):
+        robot = Robot.load(source)
+        assert any("<flag sensornoise>" in note for note in robot.notes)
+        assert list(robot.feet) == ["left", "right"]
+
+
+BALL = (
+    '<body name="rod" pos=".1 0 .2"><joint name="end" type="ball" pos="0 0 .1" damping=".3"'
+    ' armature=".01" range="0 1" limited="true"/>' + INERTIAL.format(1) + "</body>"
+)
+
+
+def test_a_ball_is_three_hinges_in_turn_and_is_said() -> None:
+    """Frames and masses are those of the ball at a quaternion; also where a key frame turns it."""
+    quaternion = np.array((0.9, 0.2, -0.3, 0.1))
+    quaternion /= np.linalg.norm(quaternion)
+    turned = " ".join(f"{part:.17g}" for part in quaternion)
+    keys = f'<keyframe><key name="bent" qpos=".1 .2 .9 1 0 0 0 {turned}"/></keyframe>'
+    content = text(BALL, tail=keys)
+    robot, model = Robot.load(content), mujoco.MjModel.from_xml_string(content)
+    assert robot.joint_names == ("end:x", "end:y", "end:z")
+    assert any("ball joints are three hinges each" in note for note in robot.notes)
+    np.testing.assert_allclose(robot.limits.upper, 1.0)
+    np.testing.assert_allclose(robot.damping, 0.3)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    s = robot.snapshot(robot.postures["bent"])
+    rod = model.body("rod").id
+    np.testing.assert_allclose(s.position("rod"), data.xpos[rod], atol=1e-9)
+    np.testing.assert_allclose(s.rotation("rod"), data.xmat[rod].reshape(3, 3), atol=1e-9)
+    np.testing.assert_allclose(s.com, data.subtree_com[1], atol=1e-9)
+    Plant(robot).step(np.zeros(3))
+    # A model that is compiled already cannot be changed: refused by its name.
+    with pytest.raises(ModelError, match="'end'"):
+        Robot.load(model)
+
+
+def test_a_key_frame_that_stands_is_standing_where_the_neutral_posture_does_not() -> None:
+    """A boom that is drawn aside: only where a key frame folds it up is the CoM over the soles."""
+    boom = '<body name="boom"><joint name="boom" axis="1 0 0" range="-3 3"/>'
+    boom += '<inertial pos="0 2 0" mass="20" diaginertia="1 1 1"/></body>'
+    keys = '<keyframe><key name="up" qpos="0 0 .8 1 0 0 0 0 0 1.5708"/></keyframe>'
+    root = TRUNK.replace("0 .2 .3", "0 0 0")
+    for tail, stood in ((keys, True), ("", False)):
+        robot = Robot.load(text(LEGS + boom, root=root, tail=tail))
+        assert stands(robot.model, robot.posture(), robot.feet) is stood
+        assert any("key frame 'up'" in note for note in robot.notes) is stood
+    # Where the neutral posture stands, it stays.
+    keys = keys.replace(" 1.5708", "")
+    robot = Robot.load(text(LEGS, root=root, tail=keys))
+    assert not any("key frame 'up'" in note for note in robot.notes)

@@ -383,3 +383,16 @@ def test_locking_rescues_what_would_be_refused(tmp_path: Path) -> None:
     assert set(robot.joint_names) == {"j", "m", "n"}
     content, _ = REFUSED_URDFS["zero mass"]
     assert Robot.load(write(tmp_path, content), locked={"j": 0.0}).nv == 6
+
+
+def test_a_world_that_is_no_link_is_the_world(tmp_path: Path) -> None:
+    """As Drake's files have it: there the world needs no link of its own."""
+    weld = joint("weld", "world", "base", "fixed", "")
+    parts = weld, link("base", "3"), link("shank"), joint("knee", "base", "shank")
+    robot = Robot.load(write(tmp_path, *parts))
+    assert robot.fixed_base and robot.joint_names == ("knee",) and robot.mass == 4.0
+    assert any("'world' is not in the file" in note for note in robot.notes)
+    # Another link that is not there is a mistake.
+    assert "no parent link 'pelvis'" in refusal(
+        write(tmp_path, *parts, joint("hip", "pelvis", "shank"))
+    )

@@ -116,7 +116,7 @@ def _support(polygon: ArrayLike) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Command:
+class PendulumCommand:
     """What a law wants now.
 
     In ``force``, ``tau_theta`` and ``tau_phi`` hold the reaction of the wheel's torque on the leg
@@ -137,7 +137,7 @@ class BalanceLaw(Protocol):
     def model(self) -> Pendulum:
         """The pendulum that the law believes it controls."""
 
-    def command(self, q: Array, v: Array, time: float) -> Command:
+    def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
         """Return what to do at configuration q (nq,), velocity v (nv,) and time [s].
 
         Raises

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.balance.foot import SupportFoot
-from wbc.rmp.balance.law import Command, LawBounds, Pendulum, refuse_torsion
+from wbc.rmp.balance.law import LawBounds, Pendulum, PendulumCommand, refuse_torsion
 from wbc.rmp.pendulum import AT_REST
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
@@ -102,7 +102,7 @@ class Lqr:
             v[5:8] = rotation.apply(v[5:8])
         return np.concatenate((places[self.model.COP :], v[self.model.COP :]))
 
-    def command(self, q: Array, v: Array, time: float) -> Command:
+    def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
         """Return the forces; ``time`` does not matter."""
         driven = self.model.COP
         wanted = self._rest.copy()
@@ -125,7 +125,9 @@ class Lqr:
             elif margin < 0.0:
                 note = f"the CoP would leave the support by {-margin:.4g} m"
         clipped = scale < 1.0 or not np.array_equal(given, wanted)
-        return Command(force, np.zeros(driven), "clipped" if clipped else "hold", not note, note)
+        return PendulumCommand(
+            force, np.zeros(driven), "clipped" if clipped else "hold", not note, note
+        )
 
     def _rotation(self, q: Array) -> Rotation:
         """Return the rotation of the masses from rest, in their axes at rest."""

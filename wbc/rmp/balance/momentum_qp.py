@@ -14,7 +14,7 @@ from wbc.polygon import half_planes, inset
 from wbc.qp import QP, Backend, Labels, make_backend
 from wbc.rmp.balance.capture import CaptureGains, beyond_reserve, braking_debt, nearest, wanted_cmp
 from wbc.rmp.balance.foot import TORSION, FlatFoot, box, elastic_rows, physical_rows
-from wbc.rmp.balance.law import FREE, Command, LawBounds
+from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
@@ -121,7 +121,7 @@ class MomentumQp:
         """
         return self._program(finite_vector("q", q, 12), finite_vector("v", v, 11)).qp
 
-    def command(self, q: Array, v: Array, time: float) -> Command:
+    def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
         """Return the forces wanted at q (12,), v (11,); ``time`` plays no part."""
         q, v = finite_vector("q", q, 12), finite_vector("v", v, 11)
         tick = self._program(q, v)
@@ -130,12 +130,12 @@ class MomentumQp:
         if not solution.solved:
             force = self._program.force(q, v, tick.fallback)
             note = f"the QP failed; {solution.describe()}"
-            return Command(force, still, "fallback", ok=False, note=note)
+            return PendulumCommand(force, still, "fallback", ok=False, note=note)
         force = self._program.force(q, v, self._program.scale * solution.x)
         note = self._complaint(solution.x, tick.outside)
         phase = "stand" if tick.turned < RETURNED else "recover"
         phase = "wheel" if tick.outside > 0.0 else phase
-        return Command(force, still, phase, ok=not note, note=note)
+        return PendulumCommand(force, still, phase, ok=not note, note=note)
 
     def _complaint(self, x: Array, outside: float) -> str:
         """Return what cannot be done; empty if all can."""

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, WbcError
 from wbc.rmp.balance.foot import ground_loads, require_support
-from wbc.rmp.balance.law import BalanceLaw, Command, LawBounds, Pendulum
+from wbc.rmp.balance.law import BalanceLaw, LawBounds, Pendulum, PendulumCommand
 from wbc.rmp.balance.record import Ending, Simulation, ground_push
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.ground import FLIGHT
@@ -29,7 +29,7 @@ MOST_STEPS = 5_000_000
 # How often progress is told [steps].
 TOLD = 100
 
-Stop = Callable[[float, Array, Array, Command], bool]
+Stop = Callable[[float, Array, Array, PendulumCommand], bool]
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +164,7 @@ class _Run:
     fallen: float
     states: list[Array]
     inputs: list[Array] = field(default_factory=list)
-    commands: list[Command] = field(default_factory=list)
+    commands: list[PendulumCommand] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.nq = len(self.model.Q)
@@ -226,7 +226,7 @@ class _Run:
             note=note,
         )
 
-    def _input(self, command: Command) -> Array | None:
+    def _input(self, command: PendulumCommand) -> Array | None:
         w, f = np.asarray(command.cop_acceleration), np.asarray(command.force)
         if w.shape != (self.model.COP,) or f.shape != (len(self.model.F),):
             return None

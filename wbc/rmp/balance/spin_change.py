@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.rmp.balance.foot import SupportFoot
-from wbc.rmp.balance.law import Command, LawBounds, Pendulum, refuse_torsion
+from wbc.rmp.balance.law import LawBounds, Pendulum, PendulumCommand, refuse_torsion
 from wbc.rmp.planar import PlanarRmp
 from wbc.validate import Array, check_fields, finite_vector, read_only, set_fields
 
@@ -113,7 +113,7 @@ class SpinChange:
         rate, acceleration = first / self.duration, second / self.duration**2
         return start + minimum_jerk(s) * change, rate * change, acceleration * change
 
-    def command(self, q: Array, v: Array, time: float) -> Command:
+    def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
         """Return the forces at a time since the state that the law was made for."""
         model, masses, driven, a = self.model, self.model.RADII, self.model.COP, self.rate
         q, v = finite_vector("q", q, len(model.Q)), finite_vector("v", v, len(model.V))
@@ -139,7 +139,7 @@ class SpinChange:
             if scale < 1.0:
                 note = "the foot is too short to hold the leg"
         phase = "change" if time < self.duration else "hold"
-        return Command(force, np.zeros(driven), phase, not note, note)
+        return PendulumCommand(force, np.zeros(driven), phase, not note, note)
 
 
 def reachable_spins(

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.balance.foot import LIGHTEST, FlatFoot
-from wbc.rmp.balance.law import FREE, Command, LawBounds, refuse_torsion
+from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand, refuse_torsion
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.solid import SolidRmp, rotation
 from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
@@ -105,10 +105,10 @@ class PointStabiliser:
         set_fields(self, height=height, radii=read_only(radii))
         set_fields(self, function=function, _call=Evaluator(function))
 
-    def command(self, q: Array, v: Array, time: float) -> Command:
+    def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
         """Return the forces wanted at q (12,), v (11,); ``time`` plays no part."""
         q, v = finite_vector("q", q, 12), finite_vector("v", v, 11)
-        return Command(self._call(q, v)[0], np.zeros(2), "balance")
+        return PendulumCommand(self._call(q, v)[0], np.zeros(2), "balance")
 
 
 def _force(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import FREE, Command, LawBounds, refuse_torsion
+from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand, refuse_torsion
 from wbc.rmp.planar import LENGTH_RATE, Held, PlanarRmp
 from wbc.validate import Array, check_fields, finite_number, finite_vector, set_fields
 
@@ -69,7 +69,7 @@ class StaticLean:
         """-M g r_l cos(angle) [N m]: the wheel's torque at rest."""
         return -self.held.weight_torque * math.cos(self.angle)
 
-    def command(self, q: Array, v: Array, time: float) -> Command:
+    def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
         """Return the forces; ``time`` does not matter."""
         q, v = finite_vector("q", q, 5), finite_vector("v", v, 5)
         wanted = self._wanted_torque(q, v)
@@ -85,7 +85,7 @@ class StaticLean:
         elif not why and torque != wanted:
             why = f"the wheel would have to give {wanted:.4g} N m"
         phase = "saturated" if why.startswith("the wheel is") else "lean"
-        return Command(force, np.zeros(1), phase, ok=not why, note=why)
+        return PendulumCommand(force, np.zeros(1), phase, ok=not why, note=why)
 
     def time_left(self, q: ArrayLike, v: ArrayLike) -> float:
         """Return how long the wheel can hold the lean from a state near it [s]; ``inf`` if forever.

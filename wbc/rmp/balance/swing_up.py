@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.law import FREE, Command, LawBounds, refuse_torsion
+from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand, refuse_torsion
 from wbc.rmp.balance.lqr import riccati_gain
 from wbc.rmp.planar import Held, PlanarRmp
 from wbc.validate import Array, finite_vector, set_fields
@@ -107,7 +107,7 @@ class SwingUp:
         x, rate = self._leg(finite_vector("q", q, 5), finite_vector("v", v, 5))
         return rate + 2.0 * math.sin(x / 2.0)
 
-    def command(self, q: Array, v: Array, time: float) -> Command:
+    def command(self, q: Array, v: Array, time: float) -> PendulumCommand:
         """Return the forces; ``time`` does not matter."""
         q, v = finite_vector("q", q, 5), finite_vector("v", v, 5)
         (x, rate), s = self._leg(q, v), self.unstable_part(q, v)
@@ -126,7 +126,7 @@ class SwingUp:
         note = ""
         if phase != "pump" and torque != wanted:
             note = f"the wheel is at its greatest rate, {self.bounds.wheel_rate:g} rad/s"
-        return Command(self.held.forces(q, v, torque), np.zeros(1), phase, not note, note)
+        return PendulumCommand(self.held.forces(q, v, torque), np.zeros(1), phase, not note, note)
 
     def _leg(self, q: Array, v: Array) -> tuple[float, float]:
         """Return x in [-pi, pi) and x' / w."""

@@ -6,6 +6,7 @@ missing are left out and told of, unless a body's inertia is to come from them.
 
 from __future__ import annotations
 
+import copy
 import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -16,10 +17,13 @@ from typing import Any
 from wbc.errors import ModelError, listed
 from wbc.extras import quietly, require
 from wbc.robot.formats.mesh_files import is_lfs_pointer, refuse_huge_meshes
+from wbc.robot.formats.mjcf_balls import without_balls
 from wbc.robot.formats.xml import refuse_non_finite
 
 MOST_COPIES = 1000  # of what <replicate> and the like repeat
 REPEATING = ("replicate", "composite", "flexcomp")
+# Attributes of older files that MuJoCo knows no more, by element, and that no robot depends on.
+FORGOTTEN = {"flag": ("sensornoise",), "option": ("apirate",)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +72,39 @@ def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Com
     with quietly(mujoco), warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         try:
+            older = () if root is None else _forgotten(root)
+            source = _without(mujoco, source, root) if older and root is not None else source
             found = _compiled(mujoco, source, path)
         except (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError) as error:
             raise _refused(path, error) from error
     said = tuple(f"MuJoCo says: {' '.join(str(one.message).split())}" for one in told)
+    if older:
+        said += (f"left out, as MuJoCo knows them no more: {listed(list(older))}",)
     return replace(found, notes=found.notes + said)
+
+
+def _forgotten(root: ET.Element) -> tuple[str, ...]:
+    """Return what a document has of :data:`FORGOTTEN`, in words."""
+    return tuple(
+        f"<{tag} {name}>"
+        for tag, names in FORGOTTEN.items()
+        for element in root.iter(tag)
+        for name in names
+        if name in element.attrib
+    )
+
+
+def _without(mujoco: Any, source: Any, root: ET.Element) -> Any:
+    """Return the specification of a document without what MuJoCo knows no more."""
+    plain = copy.deepcopy(root)
+    for tag, names in FORGOTTEN.items():
+        for element in plain.iter(tag):
+            for name in names:
+                element.attrib.pop(name, None)
+    spec = mujoco.MjSpec.from_string(ET.tostring(plain, encoding="unicode"))
+    if isinstance(source, Path):
+        spec.modelfiledir = str(source.parent)
+    return spec
 
 
 def _refused(path: Path, error: Exception) -> ModelError:
@@ -140,22 +172,23 @@ def _compiled(mujoco: Any, source: Any, path: Path) -> Compiled:
     name = _name_or_stem(str(spec.modelname), path)
     refuse_huge_meshes(file for _, file in _files(spec, spec.meshes) if file is not None)
     try:
-        return Compiled(mujoco, spec.compile(), name)
+        return _hinged(Compiled(mujoco, spec.compile(), name), spec)
     except ValueError:
         spec = _spec(mujoco, source)  # what failed to compile cannot be changed
         shapes, missing = _leave_out_missing(mujoco, spec, path)
         if not missing:
             raise
     some = listed(list(shapes), 3)
-    return Compiled(
-        mujoco,
-        spec.compile(),
-        name,
-        (f"{len(shapes)} shapes left out, as their meshes were not found: {some}",)
-        if shapes
-        else (),
-        tuple(words for words, collides in shapes.items() if collides),
-    )
+    notes = (f"{len(shapes)} shapes left out, as their meshes were not found: {some}",)
+    lost = tuple(words for words, collides in shapes.items() if collides)
+    found = Compiled(mujoco, spec.compile(), name, notes if shapes else (), lost)
+    return _hinged(found, spec)
+
+
+def _hinged(found: Compiled, spec: Any) -> Compiled:
+    """Return a compiled specification with hinges for ball joints."""
+    model, notes = without_balls(found.mujoco, spec, found.model)
+    return replace(found, model=model, notes=found.notes + notes)
 
 
 def _files(spec: Any, assets: Any) -> Iterator[tuple[Any, Path | None]]:

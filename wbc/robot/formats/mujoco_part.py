@@ -26,7 +26,7 @@ class RobotPart:
     bodies: tuple[int, ...]  # what they carry, depth first, the roots included
     joints: tuple[int, ...]  # of these bodies, without a free joint of the root
     floats: bool  # whether the root has a free joint
-    # Three slides and three hinges of the root that no motor drives: they are its floating base.
+    # Three slides and three hinges, or a ball, of the root that no motor drives: its floating base.
     loose: tuple[int, ...]
     notes: tuple[str, ...]
 
@@ -100,7 +100,7 @@ def robot_part(mujoco: Any, model: Any, names: Names, path: Path) -> RobotPart:
     loose = _loose(mujoco, model, roots, joints)
     if loose:
         named = ", ".join(names.joints[k] for k in loose)
-        notes += (f"six joints of the root are its floating base: {named}",)
+        notes += (f"joints of the root that are its floating base: {named}",)
     moving = tuple(k for k in joints if k not in free and k not in loose)
     return RobotPart(tuple(roots), bodies, moving, bool(free), loose, notes)
 
@@ -111,10 +111,12 @@ def _loose(mujoco: Any, model: Any, roots: list[int], joints: list[int]) -> tupl
     kinds = [int(model.jnt_type[k]) for k in own]
     slides = [k for k, kind in zip(own, kinds, strict=True) if kind == mujoco.mjtJoint.mjJNT_SLIDE]
     hinges = [k for k, kind in zip(own, kinds, strict=True) if kind == mujoco.mjtJoint.mjJNT_HINGE]
-    if len(own) != 6 or len(slides) != 3 or len(hinges) != 3:
+    turning = [hinges] if len(hinges) == 3 else []
+    balls = kinds.count(int(mujoco.mjtJoint.mjJNT_BALL))
+    if len(slides) != 3 or len(turning) + balls != 1 or len(own) != 3 + len(hinges) + balls:
         return ()
     driven = {*motors_on_joints(mujoco, model).values()} & {*own}
-    spanned = [abs(float(np.linalg.det(model.jnt_axis[axes]))) for axes in (slides, hinges)]
+    spanned = [abs(float(np.linalg.det(model.jnt_axis[axes]))) for axes in (slides, *turning)]
     return () if driven or min(spanned) < SPANNED else tuple(own)
 
 

@@ -53,7 +53,8 @@ SIZES = {
     "mesh": {"scale": 3},
 }
 LONGEST_CHAIN = 1000  # links
-BOLTED = {"world", "base"}  # a root link of such a name is that of an arm, if nothing stands
+WORLD = "world"
+BOLTED = {WORLD, "base"}  # a root link of such a name is that of an arm, if nothing stands
 
 
 @dataclass(frozen=True)
@@ -109,9 +110,10 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         joints, or a number in it is wrong.
     """
     refuse_macros(root, path)
+    world_notes = _add_world(root)
     joints, base = _checked_tree(root, path)
     name_materials(root)
-    notes = unset_limits(joints)
+    notes = world_notes + unset_limits(joints)
     if root.get("version", "1.0") == "1.0":
         root.set("version", "1.1")  # before it the parser drops capsules, and prints
     shapeless = list[tuple[str, str, str]]()
@@ -146,6 +148,15 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         bolted=None if floats else f"the root link is called {base!r}" if base in BOLTED else "",
         notes=notes,
     )
+
+
+def _add_world(root: ET.Element) -> tuple[str, ...]:
+    """Add the link that Drake's files leave out, whose name is the world's; return a note of it."""
+    parents = {_parent(joint) for joint in root.findall("joint")}
+    if WORLD not in parents or any(link.get("name") == WORLD for link in root.findall("link")):
+        return ()
+    ET.SubElement(root, "link", {"name": WORLD})
+    return (f"the link {WORLD!r} is not in the file, and taken for the world",)
 
 
 def _checked_tree(root: ET.Element, path: Path) -> tuple[list[ET.Element], str]:

@@ -107,6 +107,7 @@ def told_of(tick: Tick, seconds: float | None = None) -> Told:
         relaxed={name: by for name, by in tick.slack.items() if abs(by) > NEGLIGIBLE},
         forces=dict(tick.forces) if isinstance(tick, TorqueTick) else {},
         acceleration=tick.acceleration if isinstance(tick, TorqueTick) else None,
+        wrenches=dict(tick.wrenches) if isinstance(tick, TorqueTick) else {},
     )
 
 

@@ -93,6 +93,8 @@ class Told:
     # (6,) wrench at each contact's frame, world axes, by contact; empty at the velocity level.
     forces: Mapping[str, Array]
     acceleration: Array | None  # (nv,), or None at the velocity level
+    # (6,) known from outside, at frames' origins, world axes, by frame.
+    wrenches: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +119,7 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
-class Replay:
+class WholeRun:
     """A whole run, instead of what was seen of it."""
 
     frames: tuple[Frame, ...]

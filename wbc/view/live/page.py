@@ -27,7 +27,7 @@ from wbc.view.live.layers.pendulum import EllipsoidLayer, LegLayer, MassesLayer,
 from wbc.view.live.layers.pushes import PullLayer, PushLayer
 from wbc.view.live.layers.robot import RobotLayer, RobotShapes
 from wbc.view.live.layers.targets import HandlesLayer, TargetsLayer
-from wbc.view.live.messages import Cast, Frame, Replay, Request, Restart, Setup
+from wbc.view.live.messages import Cast, Frame, Request, Restart, Setup, WholeRun
 from wbc.view.live.origin import own_pages_only
 from wbc.view.live.panel import LivePanel
 from wbc.view.live.process import Failed, Ready
@@ -172,11 +172,11 @@ class Page:
             self._awaited = False
             self.send(Restart())
 
-    def receive(self, message: Frame | Cast | Replay) -> None:
+    def receive(self, message: Frame | Cast | WholeRun) -> None:
         """Take note of a message."""
         if isinstance(message, Cast):
             self._cast = message
-        elif isinstance(message, Replay):
+        elif isinstance(message, WholeRun):
             self._recording.replace(message.frames)
             self._controls.replay()
         else:

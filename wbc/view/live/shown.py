@@ -56,6 +56,12 @@ class Shown:
         return [(self.snapshot.position(name), wrench) for name, wrench in self.forces.items()]
 
     @cached_property
+    def known_wrenches(self) -> list[tuple[Array, Array]]:
+        """What the controller was told that acts from outside, with the points it acts at."""
+        told = {} if self.frame.told is None else self.frame.told.wrenches
+        return [(self.snapshot.position(name), wrench) for name, wrench in told.items()]
+
+    @cached_property
     def state(self) -> RmpState:
         """The reaction mass pendulum: of the contact forces if they are known, else at rest."""
         feet = [foot.name for foot in self.standing] or None

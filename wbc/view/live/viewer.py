@@ -23,7 +23,7 @@ from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array
 from wbc.view.live.collect import cast_of, obstacles_of, targets_of, told_of
 from wbc.view.live.mailbox import Mailbox
-from wbc.view.live.messages import Frame, Pulled, Replay, Request, Setup, Wish
+from wbc.view.live.messages import Frame, Pulled, Request, Setup, WholeRun, Wish
 from wbc.view.live.process import HOST, Failed, PageProcess, free_place
 from wbc.view.live.steering import Steering
 
@@ -122,7 +122,7 @@ class Viewer:
         self._mailbox = Mailbox[News]()
         self._wishes = deque[Wish]()
         self._requests = deque[Request]()
-        self._recorded: Replay | None = None
+        self._recorded: WholeRun | None = None
         self._closed, self._asked = threading.Event(), threading.Event()
         self._began: float | None = None
         setup = Setup(robot, title or robot.name, clock, steer, push, terrain)
@@ -233,7 +233,7 @@ class Viewer:
 
     def replay(self, frames: Sequence[Frame]) -> None:
         """Show frames of a whole run, instead of those that were sent while it ran."""
-        self._recorded = Replay(tuple(frames))
+        self._recorded = WholeRun(tuple(frames))
 
     def wait(self) -> None:
         """Keep the page open until Ctrl-C, or until it ends."""

@@ -11,7 +11,7 @@ from wbc.constraints.friction import FrictionCone
 from wbc.robot import Robot
 from wbc.robot.geometry import cone
 from wbc.validate import Array
-from wbc.view.live.layers.layer import GREEN, GREY, VERMILION, Layer, wxyz
+from wbc.view.live.layers.layer import BLUE, GREEN, GREY, VERMILION, Layer, wxyz
 from wbc.view.live.messages import Cast
 from wbc.view.live.shown import Shown
 
@@ -23,7 +23,7 @@ LEAST = 1e-3  # of the weight: smaller forces are not drawn
 
 
 class ForcesLayer(Layer):
-    """The force of each contact where it acts, red at the edge of its cone."""
+    """The force of each contact where it acts, red at the edge of its cone; blue: known others."""
 
     label = "Contact forces"
 
@@ -67,10 +67,13 @@ class ForcesLayer(Layer):
         ]
         for frame, node in self._cones.items():
             node.visible = any(name == frame for name, *_ in acting)
-        self._arrows.visible = bool(acting)
-        if not acting:
+        known = [one for one in shown.known_wrenches if np.linalg.norm(one[1][:3]) > 0.0]
+        self._arrows.visible = bool(acting or known)
+        if not self._arrows.visible:
             return
-        starts, ends, colours = [], [], []
+        starts = [place for place, _ in known]
+        ends = [place + REACH * self.size / self._weight * wrench[:3] for place, wrench in known]
+        colours = [BLUE] * len(known)
         for name, place, wrench in acting:
             rotation = shown.snapshot.rotation(name)
             start = where_it_acts(place, wrench, rotation)

@@ -20,7 +20,7 @@ with tempfile.TemporaryDirectory() as folder:
     recording = Path(folder) / "squat.npz"
     result.save(recording)
     motion = wbc.read_motion(recording, result.robot)
-    series = wbc.analyse(motion, cutoff=5.0)
+    series = wbc.analyze(motion, cutoff=5.0)
     series.save(Path(folder) / "pendulum.csv")  # one line per frame, units in the first line
 
 assert series.cop_margin is not None  # this robot has feet

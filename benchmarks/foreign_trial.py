@@ -1,0 +1,239 @@
+"""One robot of others: stands, is pushed, walks, in our plant and in its own model.
+
+With default gains: CoM, trunk and posture tasks on all feet, limits of joints, torques within the
+efforts of the file.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from foreign_reading import spec_of
+
+import wbc
+from wbc import Robot
+from wbc.errors import WbcError
+from wbc.gait import Velocity, Walker
+from wbc.gait.commanded import CommandedWalk, TimedCommand
+from wbc.robot.postures import stands
+from wbc.rotations import exp_rotation, rotation_from
+from wbc.simulation import Plant, SimulationError, capture_impulse, simulate
+
+DT = 0.002  # s
+DURATION, PUSHED, LASTING, RATIO = 3.0, 0.5, 0.1, 0.3  # s, s, s, of M omega d
+LEAST_HEIGHT, MOST_TILT = 0.8, 0.6  # of the CoM's at the start; rad: beyond it has fallen
+DISTANCE, FROUDE, SLOWEST = 2.0, 0.1, 0.1  # m; speed in sqrt(g h); m/s
+PATIENCE = 2.0  # times the time that the distance takes, and at least so many seconds more
+AWAY = np.array((1.0, 0.0, 0.0))
+
+
+def controller_of(robot: Robot, dt: float = DT) -> wbc.TorqueController:
+    """Return what lets a robot stand where it is."""
+    start = robot.snapshot(robot.posture())
+    tasks = [
+        wbc.ComTask(robot, start.com),
+        wbc.OrientationTask(robot, "base", start.rotation("base")),
+        wbc.PostureTask(robot, start.q),
+    ]
+    limits, contacts = wbc.Limits(robot), wbc.support(start, "all")
+    return wbc.TorqueController(
+        robot, tasks, contacts=contacts, limits=limits, dt=dt, solver="active_set"
+    )
+
+
+def standing(robot: Robot) -> dict[str, Any]:
+    """Return whether it stands and takes the push in our plant, and how."""
+    if robot.fixed_base or not robot.feet:
+        return {"stood": None, "why": "fixed base" if robot.fixed_base else "no feet"}
+    if not stands(robot.model, robot.posture(), robot.feet):
+        return {"stood": None, "why": "its posture does not stand"}
+    start = robot.snapshot(robot.posture())
+    push = RATIO * capture_impulse(start, robot.feet, AWAY)
+    plant = Plant(robot, dt=DT)
+    plant.push("base", push / LASTING * AWAY, "com", start=PUSHED, duration=LASTING)
+    relaxed = ticks = 0
+    for now in simulate(controller_of(robot), plant, DURATION):
+        ticks += 1
+        relaxed += bool(now.tick.policy)
+    return {
+        "stood": now.verdict.stood,
+        "why": now.verdict.reason,
+        "push": push,
+        "relaxed": relaxed / ticks,
+    }
+
+
+def standing_in_its_own(robot: Robot, path: Path) -> dict[str, Any]:
+    """Return the same in the file's own model by raw MuJoCo, its contacts and all."""
+    import mujoco
+
+    try:
+        spec, without = spec_of(mujoco, path)
+        spec.copy().compile()
+    except (ValueError, mujoco.FatalError) as error:  # its meshes are missing
+        return {"stood": None, "why": f"MuJoCo: {' '.join(str(error).split())[:80]}"}
+    plane = mujoco.mjtGeom.mjGEOM_PLANE
+    if not any(int(geom.type) == int(plane) for geom in spec.geoms):
+        spec.worldbody.add_geom(type=plane, size=[50.0, 50.0, 1.0])
+    model = spec.compile()
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    raw = RawModel.of(mujoco, model, robot)
+    if raw is None:
+        return {"stood": None, "why": "its root has no free joint there"}
+    every = max(1, round(DT / model.opt.timestep))
+    controller = controller_of(robot, every * float(model.opt.timestep))
+    start = robot.snapshot(robot.posture())
+    push = RATIO * capture_impulse(start, robot.feet, AWAY) / LASTING * AWAY
+    raw.write(start.q)
+    height, up = float(start.com[2]), start.rotation("base")[2]
+    for _ in range(round(DURATION / controller.dt)):
+        now = robot.snapshot(*raw.state())
+        tilt = float(np.arccos(np.clip(now.rotation("base")[2] @ up, -1.0, 1.0)))
+        if now.com[2] < LEAST_HEIGHT * height or tilt > MOST_TILT:
+            lacks = f", without its {without}" if without else ""
+            return {"stood": False, "why": f"fell after {raw.data.time:.2f} s{lacks}"}
+        acts = PUSHED <= raw.data.time < PUSHED + LASTING
+        raw.step(controller.step(now).torque, every, push if acts else None, now.com)
+    return {"stood": True, "why": f"stood for {DURATION:g} s", "without": without}
+
+
+class RawModel:
+    """A compiled file in MuJoCo, and the robot's coordinates in it.
+
+    Balls, which are three hinges NAME:x, NAME:y and NAME:z of the robot, take no torque.
+    """
+
+    def __init__(self, mujoco: Any, model: Any, robot: Robot, free: int) -> None:
+        self.mujoco, self.model, self.robot = mujoco, model, robot
+        self.data = mujoco.MjData(model)
+        self.at, self.dof = int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])
+        self.body = int(model.jnt_bodyid[free])
+        known = {model.joint(j).name: j for j in range(model.njnt)}
+        names = robot.joint_names
+        own = [(k, known[name]) for k, name in enumerate(names) if name in known]
+        self.single = np.array([k for k, _ in own])
+        self.places = np.array([model.jnt_qposadr[j] for _, j in own])
+        self.rates = np.array([model.jnt_dofadr[j] for _, j in own])
+        firsts = [(k, name.removesuffix(":x")) for k, name in enumerate(names)]
+        self.balls = [(k, known[name]) for k, name in firsts if names[k] == f"{name}:x"]
+
+    @classmethod
+    def of(cls, mujoco: Any, model: Any, robot: Robot) -> RawModel | None:
+        """Return a robot in a model; None if its root has no free joint there."""
+        known = {model.joint(j).name: j for j in range(model.njnt)}
+        mine = next(known[name] for name in robot.joint_names if name in known)
+        root, kind = int(model.body_rootid[model.jnt_bodyid[mine]]), mujoco.mjtJoint.mjJNT_FREE
+        for j in range(model.njnt):
+            if int(model.jnt_type[j]) == int(kind) and int(model.jnt_bodyid[j]) == root:
+                return cls(mujoco, model, robot, j)
+        return None
+
+    def write(self, q: np.ndarray) -> None:
+        """Put the robot at a configuration (nq,), at rest; balls where their hinges have them."""
+        data, at = self.data, self.at
+        data.qpos[at : at + 3], data.qpos[at + 3 : at + 7] = q[:3], q[[6, 3, 4, 5]]
+        positions = self.robot.limits.joint_positions(q)
+        data.qpos[self.places] = positions[self.single]
+        for k, joint in self.balls:
+            R = np.eye(3)
+            for axis, angle in zip(np.eye(3), positions[k : k + 3], strict=True):
+                R = R @ exp_rotation(angle * axis)
+            place = int(self.model.jnt_qposadr[joint])
+            self.mujoco.mju_mat2Quat(data.qpos[place : place + 4], R.ravel())
+        self.mujoco.mj_forward(self.model, data)
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return configuration (nq,) and velocity (nv,)."""
+        data, at, dof = self.data, self.at, self.dof
+        q, v = self.robot.posture("neutral", on_ground=False), np.zeros(self.robot.nv)
+        q[:3], q[3:7] = data.qpos[at : at + 3], data.qpos[at + 3 : at + 7][[1, 2, 3, 0]]
+        R = self.robot.snapshot(q).rotation("base")
+        v[:3], v[3:6] = R.T @ data.qvel[dof : dof + 3], data.qvel[dof + 3 : dof + 6]
+        positions = np.zeros(self.robot.nv - 6)
+        positions[self.single] = data.qpos[self.places]
+        v[6 + self.single] = data.qvel[self.rates]
+        for k, joint in self.balls:
+            place, rate = int(self.model.jnt_qposadr[joint]), int(self.model.jnt_dofadr[joint])
+            positions[k : k + 3], E = hinge_angles(data.qpos[place : place + 4])
+            v[6 + k : 9 + k] = np.linalg.solve(E, data.qvel[rate : rate + 3])
+        self.robot.limits.write_positions(q, positions)
+        return q, v
+
+    def step(self, torque: np.ndarray, count: int, push: Any, com: np.ndarray) -> None:
+        """Hold torques (nv - 6,) for so many steps, and a push (3,) [N] at the CoM."""
+        applied = self.data.qfrc_applied
+        applied[:] = 0.0
+        applied[self.rates] = torque[self.single]
+        if push is not None:
+            self.mujoco.mj_applyFT(
+                self.model, self.data, push, np.zeros(3), com, self.body, applied
+            )
+        self.mujoco.mj_step(self.model, self.data, count)
+
+
+def hinge_angles(quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the angles (3,) of hinges about x, y, z in turn that a quaternion w x y z is.
+
+    With it E (3, 3), by which their rates become the angular velocity in the ball's own axes.
+    """
+    R = rotation_from(quaternion[[1, 2, 3, 0]])
+    angles = np.array(
+        (
+            np.arctan2(-R[1, 2], R[2, 2]),
+            np.arctan2(R[0, 2], np.hypot(R[0, 0], R[0, 1])),
+            np.arctan2(-R[0, 1], R[0, 0]),
+        )
+    )
+    x, y, z = np.eye(3)
+    last = exp_rotation(angles[2] * z).T
+    return angles, np.column_stack((last @ exp_rotation(angles[1] * y).T @ x, last @ y, z))
+
+
+def walking(robot: Robot) -> dict[str, Any]:
+    """Return whether a humanoid with flat soles walks two metres with default settings."""
+    flat = all(len(foot.polygon) > 2 for foot in robot.feet.values())
+    if set(robot.feet) != {"left", "right"} or not flat or robot.fixed_base:
+        return {"walked": None, "why": "not two flat feet"}
+    walker = Walker(robot, dt=DT)
+    start = robot.snapshot(robot.posture())
+    speed = max(SLOWEST, FROUDE * float(np.sqrt(robot.gravity * start.com[2])))
+    plant = Plant(robot, dt=DT)
+    walk = CommandedWalk(
+        walker, [TimedCommand(0.2, Velocity(speed, 0.0, 0.0))], lambda: plant.felt_forces
+    )
+    begin = float(plant.com[0])
+    most = PATIENCE * DISTANCE / speed + 4.0
+    ticks = relaxed = 0
+    for now in simulate(walker.controller, plant, most, update=walk.update):
+        ticks += 1
+        relaxed += bool(now.tick.policy)
+        if float(plant.com[0]) - begin >= DISTANCE:
+            break
+    went = float(plant.com[0]) - begin
+    return {
+        "walked": bool(now.verdict.stood and went >= DISTANCE),
+        "why": now.verdict.reason,
+        "went": went,
+        "speed": speed,
+        "seconds": plant.time,
+        "relaxed": relaxed / ticks,
+        "held_back": list(walker.held_back_by),
+    }
+
+
+def tried(path: Path, robot: Robot) -> dict[str, Any]:
+    """Return what came of all trials; what refuses is named."""
+    found: dict[str, Any] = {}
+    trials = [("plant", lambda: standing(robot)), ("walk", lambda: walking(robot))]
+    if path.suffix == ".xml":
+        trials.insert(1, ("own", lambda: standing_in_its_own(robot, path)))
+    for name, trial in trials:
+        if name != "plant" and found["plant"].get("stood") is None:
+            continue  # nothing that stands
+        try:
+            found[name] = trial()
+        except (WbcError, SimulationError) as error:
+            found[name] = {"refused": str(error)[:300]}
+    return found

@@ -1,0 +1,122 @@
+"""Runs that are streamed: what Foxglove's protocol and Rerun's own reader get is the run."""
+
+import json
+import re
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.errors import InvalidInputError, MissingPackageError, UnknownNameError
+from wbc.problem import Problem
+from wbc.view.streams import FoxgloveStream, RerunStream, stream_of
+
+STANDS = """
+robot: hoap2_like
+start: {posture: standing}
+support: double
+tasks:
+  com: {type: com, target: {offset: [0.01, 0, 0]}, weight: 10.0}
+  posture: {type: posture, target: start, weight: 0.1}
+stop: {duration: 0.05}
+"""
+
+
+@pytest.fixture
+def problem(tmp_path: Path) -> Problem:
+    path = tmp_path / "stands.yaml"
+    path.write_text(STANDS)
+    return wbc.load_problem(path)
+
+
+def test_foxglove_is_sent_frames_and_numbers_of_every_tick(problem) -> None:
+    pytest.importorskip("foxglove")
+    client = pytest.importorskip("websockets.sync.client")
+    stream = FoxgloveStream(problem.parts.robot, port=0)
+    ticks, topics, found = [], {}, {}
+    with client.connect(stream.where.split()[-1], subprotocols=["foxglove.sdk.v1"]) as socket:
+
+        def listen() -> None:
+            """Subscribe to what is offered, and keep what comes."""
+            while True:
+                try:
+                    message = socket.recv(timeout=0.3)
+                except TimeoutError:
+                    return
+                if isinstance(message, bytes):
+                    _, channel, stamp = struct.unpack("<BIQ", message[:13])
+                    found.setdefault(topics[channel], {})[stamp] = json.loads(message[13:])
+                    continue
+                offer = json.loads(message)
+                if offer["op"] == "advertise":
+                    numbers = [one["id"] for one in offer["channels"]]
+                    topics.update({one["id"]: one["topic"] for one in offer["channels"]})
+                    wanted = [{"id": one, "channelId": one} for one in numbers]
+                    socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+
+        def show(now, controller) -> None:
+            ticks.append(now)
+            stream.show(now, controller)
+            if len(ticks) < 3:
+                listen()
+
+        listen()
+        problem.run(show=show)
+        listen()
+    stream.close()
+    last = ticks[-1]
+    stamp = round(1e9 * last.time)
+    assert len(found["/tf"]) == len(ticks)
+    places = {one["child_frame_id"]: one for one in found["/tf"][stamp]["transforms"]}
+    for name in ("left_sole", "right_hand"):
+        place = [places[name]["translation"][axis] for axis in "xyz"]
+        np.testing.assert_allclose(place, last.snapshot.position(name), atol=1e-12)
+    com = [found["/com"][stamp][axis] for axis in "xyz"]
+    np.testing.assert_allclose(com, last.snapshot.com, atol=1e-12)
+    error = list(found["/errors/com"][stamp].values())
+    np.testing.assert_allclose(error, last.tick.errors["com"], atol=1e-12)
+
+
+def test_rerun_reads_the_ellipsoid_where_the_robot_is(problem, tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    path, ticks = tmp_path / "run.rrd", []
+    stream = stream_of(problem.parts.robot, f"rerun:{path}")
+
+    def show(now, controller) -> None:
+        ticks.append(now)
+        stream.show(now, controller)
+
+    problem.run(show=show)
+    stream.close()
+    assert isinstance(stream, RerunStream)
+    reader = [sys.executable, "-m", "rerun", "rrd", "print", "-vvv", "--entity", "/ellipsoid", path]
+    told = subprocess.run(reader, capture_output=True, text=True, check=True).stdout
+    number = r"-?[0-9.e-]+"
+    found = re.findall(rf"P(?:0D|T)[0-9.]*S? +┆ \[\[({number}), ({number}), ({number})\]\]", told)
+    assert len(found) == len(ticks)
+    wanted = [now.snapshot.com for now in ticks]
+    np.testing.assert_allclose(np.array(found, dtype=float), wanted, atol=1e-6)  # single precision
+
+
+@pytest.mark.parametrize(
+    ("wanted", "error", "says"),
+    [
+        ("foxgolve", UnknownNameError, "foxglove"),
+        ("foxglove:https", InvalidInputError, "a port from 0 to 65535"),
+        ("foxglove:70000", InvalidInputError, "a port from 0 to 65535"),
+    ],
+)
+def test_a_stream_that_is_none_is_named(problem, wanted: str, error: type, says: str) -> None:
+    with pytest.raises(error, match=says):
+        stream_of(problem.parts.robot, wanted)
+
+
+def test_a_package_that_is_missing_is_named(problem, monkeypatch) -> None:
+    monkeypatch.setattr("wbc.extras.find_spec", lambda name: None)
+    for wanted in ("foxglove", "rerun"):
+        with pytest.raises(MissingPackageError, match=rf"wbc\[{wanted}\]"):
+            stream_of(problem.parts.robot, wanted)

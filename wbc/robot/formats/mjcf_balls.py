@@ -1,0 +1,85 @@
+"""Ball joints of an MJCF as three hinges each, about x, y and z in turn.
+
+Joints have one coordinate each here. What turns a little about a ball, as a rod's end does, turns
+the same about three hinges; they are singular where the second one is at 90 degrees. It is done in
+MuJoCo's specification, so that all that is compared with MuJoCo is compared with what it compiles.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wbc.errors import listed
+from wbc.rotations import rotation_from
+from wbc.validate import Array
+
+COPIED = ("pos", "damping", "armature", "frictionloss", "stiffness", "limited")
+
+
+def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, ...]]:
+    """Return the compiled model with hinges for balls, and a note; ``model`` if there are none.
+
+    Balls that let the root float, beside three slides, stay; so do those that other joints of their
+    body follow, which are refused later.
+
+    Parameters
+    ----------
+    spec:
+        What ``model`` was compiled from; it is changed.
+    """
+    balls = [
+        (body, joint)
+        for body in spec.bodies
+        for joint in list(body.joints)[-1:]
+        if int(joint.type) == int(mujoco.mjtJoint.mjJNT_BALL) and len(list(body.joints)) < 4
+    ]
+    if not balls:
+        return model, ()
+    kept = [_keys_of(mujoco, model, {int(joint.id) for _, joint in balls}, k)
+            for k in range(model.nkey)]  # fmt: skip
+    names = []
+    for body, joint in balls:
+        names.append(str(joint.name) or f"{body.name}_joint")
+        settings = {name: getattr(joint, name) for name in COPIED}
+        reach = float(joint.range[1])
+        spec.delete(joint)
+        for letter, axis in zip("xyz", np.eye(3), strict=True):
+            hinge = body.add_joint(name=f"{names[-1]}:{letter}", axis=axis)
+            hinge.type = mujoco.mjtJoint.mjJNT_HINGE
+            for name, value in settings.items():
+                setattr(hinge, name, value)
+            hinge.range = (-reach, reach)
+    for sensor in list(spec.sensors):  # of balls, which are not there any more, and not read
+        spec.delete(sensor)
+    for key, qpos in zip(spec.keys, kept, strict=True):
+        key.qpos = qpos
+    note = (
+        f"ball joints are three hinges each, NAME:x, NAME:y and NAME:z in turn, singular where the"
+        f" second is at 90 degrees: {listed(names)}"
+    )
+    return spec.compile(), (note,)
+
+
+def _keys_of(mujoco: Any, model: Any, balls: set[int], key: int) -> Array:
+    """Return the coordinates of a key frame with three angles for each quaternion of ``balls``."""
+    parts, q = [], np.array(model.key_qpos[key])
+    sizes = {int(mujoco.mjtJoint.mjJNT_FREE): 7, int(mujoco.mjtJoint.mjJNT_BALL): 4}
+    for joint in range(model.njnt):
+        at = int(model.jnt_qposadr[joint])
+        own = q[at : at + sizes.get(int(model.jnt_type[joint]), 1)]
+        parts.append(_angles(own) if joint in balls else own)
+    return np.concatenate(parts)
+
+
+def _angles(quaternion: Array) -> Array:
+    """Return a, b, c with R = Rx(a) Ry(b) Rz(c) of a quaternion w x y z."""
+    R = rotation_from(quaternion[[1, 2, 3, 0]] / np.linalg.norm(quaternion))
+    return np.array(
+        (
+            np.arctan2(-R[1, 2], R[2, 2]),
+            np.arctan2(R[0, 2], np.hypot(R[0, 0], R[0, 1])),
+            np.arctan2(-R[0, 1], R[0, 0]),
+        )
+    )

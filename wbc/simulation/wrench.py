@@ -1,0 +1,83 @@
+"""Wrenches that act on a simulated robot for longer: a rope, a tool that presses, a wind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wbc.robot import Robot
+from wbc.validate import Array, check_fields, finite_array, finite_number, read_only, set_fields
+
+DIGITS = 9  # of the part of a period in which a wrench acts: times are sums of many steps
+
+
+@dataclass(frozen=True, eq=False)
+class AppliedWrench:
+    """A constant wrench (6,) at a frame's origin, world axes, [N] then [N m].
+
+    Attributes
+    ----------
+    frame:
+        A frame or link of the robot, whose origin carries it along.
+    wrench:
+        (6,) on the robot.
+    start, duration:
+        When it begins, in simulated time, and how long it lasts [s]; infinite for ever.
+    told:
+        Whether :func:`wbc.simulation.simulate` tells the controller of it.
+    """
+
+    frame: str
+    wrench: Array
+    start: float = 0.0
+    duration: float = math.inf
+    told: bool = True
+
+    def __post_init__(self) -> None:
+        set_fields(self, wrench=read_only(finite_array("wrench", self.wrench, (6,))))
+        check_fields(self, "wrench, ", "start", least=0.0)
+        if self.duration != math.inf:
+            finite_number("wrench, duration", self.duration, above=0.0)
+
+    @property
+    def end(self) -> float:
+        """When it is over [s]."""
+        return self.start + self.duration
+
+    def mean(self, time: float, dt: float) -> Array:
+        """Return its mean (6,) from ``time`` to ``time + dt``."""
+        acts = min(time + dt, self.end) - max(time, self.start)
+        return self.wrench * round(min(max(acts / dt, 0.0), 1.0), DIGITS)
+
+
+def sum_by_frame(wrenches: Iterable[AppliedWrench], time: float, dt: float) -> dict[str, Array]:
+    """Return the mean of what acts from ``time`` to ``time + dt``, the sum (6,) by frame."""
+    found: dict[str, Array] = {}
+    for one in wrenches:
+        mean = one.mean(time, dt)
+        if mean.any():
+            found[one.frame] = found[one.frame] + mean if one.frame in found else mean
+    return found
+
+
+def apply_wrenches(
+    wrenches: Iterable[AppliedWrench], robot: Robot, bodies: Sequence[int], data: Any, dt: float
+) -> None:
+    """Add wrenches to the forces in MuJoCo's data, their means over ``dt`` from now.
+
+    Parameters
+    ----------
+    bodies:
+        MuJoCo's body of each Pinocchio joint.
+    """
+    for one in wrenches:
+        force, moment = np.split(one.mean(float(data.time), dt), 2)
+        frame = robot.frame(one.frame)
+        body = bodies[int(frame.parentJoint)]
+        place = data.xpos[body] + data.xmat[body].reshape(3, 3) @ frame.placement.translation
+        data.xfrc_applied[body, :3] += force
+        data.xfrc_applied[body, 3:] += moment + np.cross(place - data.xipos[body], force)
