@@ -156,7 +156,7 @@ def test_recorded_human(capsys: pytest.CaptureFixture[str]) -> None:
 def test_retarget(capsys: pytest.CaptureFixture[str]) -> None:
     text = outcome("retarget", capsys)
     assert number(text, "slide by # mm") < 1.0
-    assert number(text, "height: #") > 0.95
+    assert number(text, "height: #") > 0.9
 
 
 @pytest.mark.slow

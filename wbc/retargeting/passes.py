@@ -31,6 +31,7 @@ from wbc.validate import Array, finite_number, read_only
 RATE = 50.0  # Hz: of what trainers of policies read
 # Of the whole motion: at least, and at most; it is done when this much was lacking before.
 # A round that leaves WORSE times as much is taken back, if that is much, and damped MORE.
+SETTLED = 0.04  # rad or m: a round that moves nothing more than this is the last one
 WORSE, ASTRAY, MORE, TOLD = 2.0, 5e-3, 5.0, 1e-3
 LEAST_ROUNDS, ROUNDS, CLOSE = 3, 8, 5e-4
 FRICTION, MARGIN = 0.6, 0.01
@@ -225,7 +226,7 @@ def _solved(
         q = further
         close = motion.violation < CLOSE and (motion.speed < 1.0 or motion.speed > 0.98 * before)
         before = motion.speed
-        if number + 1 >= LEAST_ROUNDS and close:
+        if number + 1 >= LEAST_ROUNDS and close and motion.moved < SETTLED:
             return q, motion.violation
     motion.judge(q)
     return (q, motion.violation) if motion.violation < least else (best, least)

@@ -88,12 +88,15 @@ class WholeMotion:
         [m or rad].
     speed:
         Of the fastest joint then, by its limit.
+    moved:
+        How far the last round moved anything [m or rad].
     damping:
         Weight of displacements.
     """
 
     violation: float
     speed: float
+    moved: float
     damping: float
 
     def __init__(
@@ -110,7 +113,7 @@ class WholeMotion:
         arms = [task.frame for pair in tasks.arms.values() for task in pair]
         soles = [tasks.robot.feet[side].frame for side in SIDES]
         self._frames = (*tasks.turns, *arms, *soles)
-        self.violation = self.speed = np.inf
+        self.violation = self.speed = self.moved = np.inf
         self.damping = DAMPED
         self.able = able_accelerations(tasks.robot)
 
@@ -138,6 +141,7 @@ class WholeMotion:
         blocks[:, 0, every, every] += self.damping**2
         step = self._within_limits(found.joints, blocks, slope)
         np.clip(step, -LARGEST, LARGEST, out=step)
+        self.moved = float(np.abs(step).max())
         return np.array([robot.integrate(one, d, 1.0) for one, d in zip(q, step, strict=True)])
 
     def judge(self, q: Array) -> None:
