@@ -26,11 +26,14 @@ BOUNDED_WARM_ITERATIONS = 5
 HARD, BOUNDED_HARD = 120, 32
 # For how many QPs of a name that stalled the active-set method is asked first: 0.2 s at 500 Hz.
 COOLDOWN = 100
-# Where the equalities are eliminated. rho: one step is enough where no bound is active, 5 us less
-# than with Workspace's own; of 3000 QPs with active ones 47 were not solved, 43 with that. mu, and
-# no more accuracy than is promised: of ticks at joints' bounds ProxQP answers 1499 of 1499 in 2.6
-# iterations (80 % in 4.4 with its own mu and a tenth of eps, then the active-set method).
-REDUCED = {"margin": 1.0, "default_rho": 1e-8, "default_mu_in": 1e-3}
+# Where the equalities are eliminated: no more accuracy than is promised, and for rho, one step is
+# enough where no bound is active, 5 us less than with Workspace's own; of 3000 QPs with active ones
+# 47 were not solved, 43 with that.
+REDUCED = {"margin": 1.0, "default_rho": 1e-8}
+# mu at the velocity level: of ticks at joints' bounds ProxQP answers 1499 of 1499 in 2.6 iterations
+# (80 % in 4.4 with its own mu and a tenth of eps, then the active-set method). At the torque level
+# every fourth attempt of few iterations failed with it, and 1 % of them with its own.
+QUICK = {"default_mu_in": 1e-3}
 
 Key = tuple[Hashable, int, int, int]  # of a warm start: name and sizes
 
@@ -198,7 +201,8 @@ class ProxQP:
             if cooling or reduced.iterations > hard:
                 return Answered(NAME, 1)
             cap = min(cold, self.max_iterations)
-            native = Workspace.create(qp, self.eps, cap, **REDUCED)
+            settings = REDUCED if bounded else REDUCED | QUICK
+            native = Workspace.create(qp, self.eps, cap, **settings)
             native.solve_cold()
         else:
             native = last
