@@ -50,7 +50,7 @@ def test_a_crouch_keeps_the_feet_where_they_are(crouch: wbc.Retargeted) -> None:
             places.append(data.oMf[frame].translation.copy())
         assert np.ptp(places, axis=0).max() < 1e-3
     assert crouch.com_correlation[2] > 0.97  # its joints are slower than the human's
-    # Less deep than the human, by the legs' lengths: a third is lost, of which the cause is not known.
+    # A third less deep than the human, by the legs' lengths; the cause is not known.
     depth = np.ptp(crouch.whole.com[:, 2])
     assert depth == pytest.approx(np.ptp(crouch.targets.human_com[:, 2]), rel=0.35)
 
