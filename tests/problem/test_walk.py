@@ -155,7 +155,8 @@ def test_footsteps_in_the_world_are_those_of_relative_ones(tmp_path: Path) -> No
         ({"duration": 0.01}, "footsteps[1].duration: 0.01 s on one foot; 0."),
         ({"foot": "left"}, "footsteps[1].foot: the left one has just landed; it must be right"),
         ({"foot": "rihgt"}, "did you mean 'right'"),
-        ({"z": 1.0}, "footsteps[1].z: unknown key"),
+        ({"z": 1.0}, "footsteps[1].z: "),
+        ({"w": 1.0}, "footsteps[1].w: unknown key"),
     ],
 )
 def test_mistakes_in_footsteps(tmp_path: Path, change: dict[str, Any], said: str) -> None:
