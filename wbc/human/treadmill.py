@@ -13,7 +13,7 @@ from wbc.validate import Array
 
 SLOWEST = 0.3  # m/s: what feet that stand seem to move by on still ground is less
 LOW = 0.3  # part of the frames, in which a foot is lowest, that is taken for standing
-STAYS = 0.5  # of the belt's speed: a human on it moves by less on the whole
+STAYS = 0.2  # of the belt's speed: a human on it moves by less on the whole
 EVEN = 0.3  # of the belt's speed: feet on it do not differ by more
 LEAST_FRAMES = 10
 

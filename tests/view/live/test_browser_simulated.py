@@ -1,5 +1,6 @@
 """The page of a simulation in a real browser; see test_browser.py."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -39,7 +40,7 @@ def test_a_push_by_button_and_a_pull_by_drag(browser: Any, simulated: Live) -> N
         page.wait_for_timeout(300.0)
     assert live.becomes(lambda: live.pull is not None)
     assert live.becomes(lambda: bool(np.linalg.norm(live.now.com - before) > 1e-3))
-    page.get_by_text(" N at ").wait_for()
+    page.get_by_text(re.compile(r"\d N at ")).wait_for()
     picture(page, "pull")
     assert live.pull is not None
     assert (live.now.com - before) @ live.pull.force > 0.0

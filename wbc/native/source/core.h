@@ -309,8 +309,4 @@ typedef struct {
 int wbc_momentum_update(const wbc_momentum *momentum, const double *q, const double *v,
                         const double *torque, double dt, double share);
 
-/* Ends (6) of a capsule of small volume round points (count, 3), from some and a simplex of a size [m], and
- * its volume [m^3] (source/capsule.c). Returns 0. */
-int wbc_capsule(int64_t count, const double *points, double size, double *ends, double *found);
-
 #endif

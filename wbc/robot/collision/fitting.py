@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -22,7 +23,6 @@ from scipy.spatial import ConvexHull, QhullError
 
 import wbc.files as files  # "from wbc" would look among the rooms first
 from wbc.files import CACHE_VARIABLE as CACHE_VARIABLE
-from wbc.native import doubles, lib
 from wbc.robot.collision.shapes import Capsule, Hull, Solid
 from wbc.validate import Array
 
@@ -31,7 +31,7 @@ FEW = 8  # and with which a close hull begins
 ROUNDING = 1e-9  # m, added to every radius: "inside" must survive rounding
 THINNEST = 1e-4  # m: flat points get a box of this thickness
 _SAMPLES = 400
-VERSION = 3  # of the fit and of the file: change it, and everything is fitted again
+VERSION = 2  # of the fit and of the file: change it, and everything is fitted again
 
 
 class Fit(NamedTuple):
@@ -48,7 +48,7 @@ def fit_capsule(points: Array, pad: float = 0.0) -> Fit:
     The two ends are free, the radius is the distance of the farthest point: whatever the search
     (Nelder and Mead, from the principal axes) ends at, nothing sticks out.
     """
-    corners = hull_corners(points)
+    corners = _corners(points)
     few = _farthest(corners, _directions(DIRECTIONS))
     middle, size = few.mean(axis=0), float(np.ptp(few, axis=0).max()) + THINNEST
     axes = np.linalg.svd(few - middle, full_matrices=True)[2]
@@ -59,8 +59,10 @@ def fit_capsule(points: Array, pad: float = 0.0) -> Fit:
         inset = 0.3 * (high - low)
         ends = middle + np.outer((low + inset, high - inset), axis)
         starts.append(ends.ravel())
-    found = [_search(few, start, 0.1 * size) for start in starts]
-    best = _trimmed(min(found, key=lambda one: one.volume).ends, corners)
+    best = min(
+        (_search(few, start, 0.1 * size) for start in starts), key=lambda ends: _volume(ends, few)
+    ).reshape(2, 3)
+    best = _trimmed(best, corners)
     radius = float(_to_segment(corners, best).max()) + pad + ROUNDING
     capsule = Capsule(best.copy(), radius)
     return Fit(capsule, _bulge(capsule, corners))
@@ -71,7 +73,7 @@ def fit_hull(points: Array, pad: float = 0.0) -> Fit:
 
     Kept are the farthest points in many directions; the radius is how far the others stick out.
     """
-    corners = hull_corners(points)
+    corners = _corners(points)
     if _is_flat(corners):
         corners = _thick_box(corners)
     return _rounded_hull(_farthest(corners, _directions(DIRECTIONS)), corners, pad)
@@ -82,7 +84,7 @@ def fit_close_hull(points: Array, tolerance: float) -> Fit:
 
     To the farthest points in a few directions those are added that stick out most of a face.
     """
-    corners = hull_corners(points)
+    corners = _corners(points)
     if _is_flat(corners):
         corners = _thick_box(corners)
     kept = _farthest(corners, _directions(FEW))
@@ -99,10 +101,10 @@ def fit_close_hull(points: Array, tolerance: float) -> Fit:
 
 
 def _rounded_hull(kept: Array, corners: Array, pad: float) -> Fit:
-    kept = hull_corners(kept)
+    kept = _corners(kept)
     if _is_flat(kept):
         kept = _thick_box(corners)
-    excess = _excess(corners, kept)
+    excess = float(_to_hull(corners, kept).max())
     radius = (excess + ROUNDING if excess > 0.0 else 0.0) + pad
     return Fit(Hull(kept.copy(), radius), radius)
 
@@ -123,10 +125,12 @@ def quick_capsule(points: Array) -> Capsule:
 def contains(shape: Solid, points: Array) -> bool:
     """Whether every point (k, 3) lies in the shape, to the rounding of its radius."""
     if isinstance(shape, Capsule):
-        return float(_to_segment(points, shape.ends).max()) <= shape.radius + ROUNDING
-    if _is_flat(shape.vertices):
+        outside = _to_segment(points, shape.ends)
+    elif _is_flat(shape.vertices):
         return False
-    return _excess(points, shape.vertices) <= shape.radius + ROUNDING
+    else:
+        outside = _to_hull(points, shape.vertices)
+    return bool((outside <= shape.radius + ROUNDING).all())
 
 
 def convex(vertices: Array) -> coal.Convex:
@@ -140,22 +144,15 @@ def convex(vertices: Array) -> coal.Convex:
     return coal.Convex(points, triangles)
 
 
-class _Found(NamedTuple):
-    """A capsule round points: its ends (2, 3) and its volume [m^3]."""
+def _search(points: Array, start: Array, size: float) -> Array:
+    """Return the ends (6,) of a capsule round ``points`` with a small volume."""
+    from scipy.optimize import minimize  # only here: it takes a while to load
 
-    ends: Array
-    volume: float
-
-
-def _search(points: Array, start: Array, size: float) -> _Found:
-    """Return a capsule round ``points`` with a small volume, near one with the ends (6,).
-
-    Nelder and Mead's method, in the core: it asks for a volume a thousand times.
-    """
-    ends, volume = np.array(start), np.empty(1)
-    plain = np.ascontiguousarray(points)
-    lib.wbc_capsule(len(plain), doubles(plain), size, doubles(ends), doubles(volume))
-    return _Found(ends.reshape(2, 3), float(volume[0]))
+    simplex = np.concatenate((start[None], start + size * np.eye(6)))
+    options = {"maxiter": 600, "xatol": 1e-5, "fatol": 1e-12, "initial_simplex": simplex}
+    return np.asarray(
+        minimize(_volume, start, args=(points,), method="Nelder-Mead", options=options).x
+    )
 
 
 def _trimmed(ends: Array, points: Array) -> Array:
@@ -181,7 +178,8 @@ def _trimmed(ends: Array, points: Array) -> Array:
 def _volume(ends: Array, points: Array) -> float:
     """Return the volume of the capsule with these ends (6,) that holds the points."""
     segment = ends.reshape(2, 3)
-    r = float(_to_segment(points, segment).max())
+    away = points - _nearest(points, segment)  # asked 60,000 times: norms only in the end
+    r = math.sqrt(np.add.reduce(away * away, axis=1).max())
     return np.pi * r * r * (float(np.linalg.norm(segment[1] - segment[0])) + 4.0 / 3.0 * r)
 
 
@@ -199,33 +197,21 @@ def _nearest(points: Array, ends: Array) -> Array:
     return begin + share[:, None] * along
 
 
-def _excess(points: Array, vertices: Array) -> float:
-    """Return how far outside the hull of ``vertices`` any of the points (k, 3) is, 0 if none."""
+def _to_hull(points: Array, vertices: Array) -> Array:
+    """Return how far outside the hull of ``vertices`` the points are (k,), 0 inside."""
+    hull = convex(vertices)
     planes = ConvexHull(vertices).equations
     outside = (points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+    found = np.zeros(len(points))
+    beyond = np.flatnonzero(outside > 0.0)
     # A corner of a mesh comes once with each of its triangles; its distance is asked for once.
-    places, first = np.unique(points[outside > 0.0], axis=0, return_index=True)
-    if not len(places):
-        return 0.0
-    least = outside[outside > 0.0][first]
-    # None is farther from the hull than from its nearest vertex: those are asked first that may be.
-    most = np.sqrt(_squared_distances(places, vertices).min(axis=1))
-    found, hull, request = float(least.max()), convex(vertices), coal.DistanceRequest()
+    places, which = np.unique(points[beyond], axis=0, return_inverse=True)
+    apart, request = np.empty(len(places)), coal.DistanceRequest()
     still, place, speck = coal.Transform3s(), coal.Transform3s(), coal.Sphere(1e-12)
-    for k in np.argsort(-most).tolist():
-        if most[k] <= found:
-            break
-        place.setTranslation(places[k])
-        apart = coal.distance(hull, still, speck, place, request, coal.DistanceResult())
-        found = max(found, float(apart))
-    return found
-
-
-def _squared_distances(points: Array, others: Array) -> Array:
-    """Return the squared distance (k, m) of each of points (k, 3) to each of others (m, 3)."""
-    found = np.zeros((len(points), len(others)))
-    for axis in range(3):
-        found += np.square(points[:, axis, None] - others[:, axis])
+    for k, point in enumerate(places):
+        place.setTranslation(point)
+        apart[k] = coal.distance(hull, still, speck, place, request, coal.DistanceResult())
+    found[beyond] = np.maximum(apart[which.ravel()], outside[beyond])
     return found
 
 
@@ -240,7 +226,7 @@ def _bulge(capsule: Capsule, corners: Array) -> float:
     across = rays - np.outer(rays @ axis, axis) / max(float(axis @ axis), 1e-18)
     across /= np.maximum(np.linalg.norm(across, axis=1), 1e-9)[:, None]
     barrel = capsule.ends[0] + share * axis + capsule.radius * across
-    return _excess(np.concatenate((ends + capsule.radius * rays, barrel)), corners)
+    return float(_to_hull(np.concatenate((ends + capsule.radius * rays, barrel)), corners).max())
 
 
 def _directions(count: int) -> Array:
@@ -258,7 +244,7 @@ def _farthest(points: Array, directions: Array) -> Array:
     return points[np.unique(np.argmax(directions @ points.T, axis=1))]
 
 
-def hull_corners(points: Array) -> Array:
+def _corners(points: Array) -> Array:
     """Return the corners of the convex hull of points (k, 3); all of them if they are flat."""
     if _is_flat(points):
         return np.unique(points, axis=0)

@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.robot.collision.bodies import named_shapes, simple_shape
-from wbc.robot.collision.fitting import Fit, cached_fit, convex, fit_close_hull, hull_corners
+from wbc.robot.collision.fitting import Fit, cached_fit, convex, fit_close_hull
 from wbc.robot.collision.shapes import Body, Hull, moved
 from wbc.robot.geometry import triangulated
 from wbc.robot.model import Robot
@@ -52,11 +52,9 @@ class _Part:
     geometry: coal.ShapeBase
 
     @classmethod
-    def of(cls, triangles: Array, tolerance: float, corners: Array | None = None) -> _Part:
-        """Return the part with a hull round it; ``corners`` (k, 3): those of its hull, if known."""
-        points = triangles.reshape(-1, 3) if corners is None else corners
+    def of(cls, triangles: Array, tolerance: float) -> _Part:
         make = partial(fit_close_hull, tolerance=tolerance)
-        fit = cached_fit(f"close {tolerance}", make, points)
+        fit = cached_fit(f"close {tolerance}", make, triangles.reshape(-1, 3))
         return cls(fit, triangles, convex(fit.shape.core))
 
     @property
@@ -90,7 +88,6 @@ class FinerShapes:
         self._shapes = {name: shape for name, _, shape in named_shapes(robot)}
         self._standing = robot.snapshot(robot.postures[STANDING])
         self._whole: dict[tuple[str, float], _Part] = {}
-        self._meshes: dict[str, tuple[Array, Array]] = {}
         self._made: dict[_Part, Body] = {}
         self._cut = Counter[str]()  # parts made of each body
 
@@ -151,21 +148,13 @@ class FinerShapes:
         if key not in self._whole:
             geometry = self._shapes[name].geometry
             if isinstance(geometry, coal.BVHModelBase):
-                triangles, corners = self._raw(name, geometry)
-                self._whole[key] = _Part.of(triangles, tolerance, corners)
+                surface = triangulated(geometry)
+                self._whole[key] = _Part.of(surface.vertices[surface.faces], tolerance)
             else:
                 fit = simple_shape(geometry, "hull", name)
                 core = convex(fit.shape.core) if isinstance(fit.shape, Hull) else geometry
                 self._whole[key] = _Part(fit, np.zeros((0, 3, 3)), core)
         return self._whole[key]
-
-    def _raw(self, name: str, geometry: coal.BVHModelBase) -> tuple[Array, Array]:
-        """Return a mesh's triangles (m, 3, 3), and the corners (k, 3) of its hull; read once."""
-        if name not in self._meshes:
-            surface = triangulated(geometry)
-            corners = hull_corners(surface.vertices)
-            self._meshes[name] = surface.vertices[surface.faces], corners
-        return self._meshes[name]
 
     def _named(self, body: int, parts: Sequence[_Part]) -> tuple[Body, ...]:
         """Return parts as bodies; one that several pairs share is one body."""
