@@ -20,7 +20,7 @@ ROLL = 1.0
 WORST = 12  # of what cannot be balanced, that are printed
 
 
-class Layout(StrEnum):
+class FileLayout(StrEnum):
     """What a file holds."""
 
     WBC = "wbc"
@@ -46,7 +46,7 @@ def retarget(
         typer.Option("--output", "-o", help="Write the robot's motion, .npz or .csv; repeatable."),
     ] = None,
     layout: Annotated[
-        Layout | None,
+        FileLayout | None,
         typer.Option(
             help="Of the files: wbc (.npz, all), tracking (.npz, as mjlab and BeyondMimic read),"
             " unitree (.csv, as the retargeted LAFAN1); by default wbc, of a .csv unitree."
@@ -154,7 +154,7 @@ def retarget(
     raise typer.Exit(code)
 
 
-def _layout(path: Path, layout: Layout | None) -> str:
+def _layout(path: Path, layout: FileLayout | None) -> str:
     if layout is not None:
         return layout.value
     return "unitree" if path.suffix.lower() == ".csv" else "wbc"

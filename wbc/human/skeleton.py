@@ -36,7 +36,7 @@ _THICK = {"thigh": 0.045, "shank": 0.03, "upper_arm": 0.027, "forearm": 0.022, "
 
 
 @dataclass(frozen=True, eq=False)
-class Sole:
+class FittedSole:
     """The ground under a foot that stands flat, in the foot's axes."""
 
     height: float  # of the foot's origin, the ankle, above the ground [m]
@@ -44,12 +44,14 @@ class Sole:
     rotation: Array
 
 
-def usual_sole(body: Body) -> Sole:
+def usual_sole(body: Body) -> FittedSole:
     """Return the sole of usual proportions."""
-    return Sole(ANKLE_HEIGHT * body.scale, np.eye(3))
+    return FittedSole(ANKLE_HEIGHT * body.scale, np.eye(3))
 
 
-def human_robot(body: Body, soles: Mapping[str, Sole] | None = None, name: str = NAME) -> Robot:
+def human_robot(
+    body: Body, soles: Mapping[str, FittedSole] | None = None, name: str = NAME
+) -> Robot:
     """Return a human as a robot with 40 velocities.
 
     Hinges have the names and directions of ``wbc.human.body``; segments are links. Joints have no
@@ -98,7 +100,7 @@ def hinge_order(robot: Robot) -> list[int]:
     return [HINGE_NAMES.index(name) for name in robot.joint_names]
 
 
-def _urdf(body: Body, soles: Mapping[str, Sole], name: str) -> str:
+def _urdf(body: Body, soles: Mapping[str, FittedSole], name: str) -> str:
     root = ET.Element("robot", name=name)
     offsets, found = origin_maps() @ body.dimensions, masses(body)
     for k, segment in enumerate(SEGMENTS):

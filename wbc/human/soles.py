@@ -6,7 +6,7 @@ import numpy as np
 
 from wbc.human.body import ANKLE_HEIGHT, SEGMENT_NAMES, SIDES, Body
 from wbc.human.kinematics import Placed
-from wbc.human.skeleton import Sole
+from wbc.human.skeleton import FittedSole
 from wbc.validate import Array
 
 RESTING = 0.2  # m/s: an ankle slower than this, and
@@ -18,7 +18,7 @@ HEIGHTS = (0.3, 2.5)  # of the usual height of an ankle: what else is no flat fo
 
 def ground_and_soles(
     placed: Placed, time: Array, body: Body, height: float | None
-) -> tuple[float, dict[str, Sole], tuple[str, ...]]:
+) -> tuple[float, dict[str, FittedSole], tuple[str, ...]]:
     """Return the ground's height [m], the soles by side, and notes.
 
     Parameters
@@ -37,7 +37,7 @@ def ground_and_soles(
             if abs(guess) > SAME_GROUND:
                 height = guess
                 notes.append(f"ground taken at {1e3 * guess:.0f} mm, from where the feet stand")
-    soles = dict[str, Sole]()
+    soles = dict[str, FittedSole]()
     for side in SIDES:
         frames = np.flatnonzero(flat[side])
         if not len(frames):
@@ -53,7 +53,7 @@ def ground_and_soles(
         up /= np.linalg.norm(up)
         forward = np.array((1.0, 0.0, 0.0)) - up[0] * up
         forward /= np.linalg.norm(forward)
-        soles[side] = Sole(above, np.column_stack((forward, np.cross(up, forward), up)))
+        soles[side] = FittedSole(above, np.column_stack((forward, np.cross(up, forward), up)))
     return height, soles, tuple(notes)
 
 

@@ -4,15 +4,15 @@ from wbc.retargeting.body_map import BodyMap, body_map
 from wbc.retargeting.ground_forces import Unbalanced
 from wbc.retargeting.passes import retarget
 from wbc.retargeting.result import Reached, Retargeted
-from wbc.retargeting.scaling import Scale
+from wbc.retargeting.scaling import MotionScale
 from wbc.retargeting.tasks import RetargetWeights
 
 __all__ = [
     "BodyMap",
+    "MotionScale",
     "Reached",
     "RetargetWeights",
     "Retargeted",
-    "Scale",
     "Unbalanced",
     "body_map",
     "retarget",

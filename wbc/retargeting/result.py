@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from wbc.gait.legs import SIDES
 from wbc.motion.dropouts import runs
 from wbc.retargeting.ground_forces import Unbalanced
-from wbc.retargeting.scaling import Scale
+from wbc.retargeting.scaling import MotionScale
 from wbc.retargeting.targets import Targets
 from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries, sole_series
@@ -81,7 +81,7 @@ class Retargeted:
 
     robot: Robot
     source: str
-    scale: Scale
+    scale: MotionScale
     time: Array
     q: Array
     v: Array

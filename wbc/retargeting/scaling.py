@@ -23,7 +23,7 @@ STEP, STEPS = 0.02, 60  # s: of the ticks that bring a robot from standing to ha
 
 
 @dataclass(frozen=True)
-class Scale:
+class MotionScale:
     """What a human's motion is multiplied by.
 
     With lengths by L and times by sqrt(L) accelerations stay as they are, and so does the Froude
@@ -61,7 +61,7 @@ class Scale:
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class StandingBody:
     """A robot that stands as a human does, arms hanging.
 
     Attributes
@@ -79,7 +79,7 @@ class Standing:
     ankle_height: float
 
 
-def standing_of(robot: Robot, legs: Legs, body: BodyMap) -> Standing:
+def standing_of(robot: Robot, legs: Legs, body: BodyMap) -> StandingBody:
     """Return how a robot stands with its trunk upright and its arms hanging."""
     start = robot.snapshot(robot.postures[STANDING])
     tasks: list[Task] = [PostureTask(robot, start.q, weight=0.02, gain=0.2)]
@@ -109,12 +109,12 @@ def standing_of(robot: Robot, legs: Legs, body: BodyMap) -> Standing:
     soles = np.array([found.position(robot.feet[side].frame) for side in SIDES])
     hip, ankle = float(np.mean(hips[:, 2])), float(np.mean(ankles[:, 2]))
     up = float(found.com[2] - np.mean(soles[:, 2])) + legs.length - (hip - ankle)
-    return Standing(hips - found.com, up, ankle - float(np.mean(soles[:, 2])))
+    return StandingBody(hips - found.com, up, ankle - float(np.mean(soles[:, 2])))
 
 
 def scale_of(
-    human: HumanMotion, robot: Robot, legs: Legs, standing: Standing, duration: str | float
-) -> Scale:
+    human: HumanMotion, robot: Robot, legs: Legs, standing: StandingBody, duration: str | float
+) -> MotionScale:
     """Return the scale from a human to a robot with these legs.
 
     Parameters
@@ -143,4 +143,4 @@ def scale_of(
     else:
         time = finite_number("retarget, duration", duration, above=0.0)
     height = float(upright.com[2] - sole)
-    return Scale(length, time, robot.mass / human.body.mass, height, standing.com_height)
+    return MotionScale(length, time, robot.mass / human.body.mass, height, standing.com_height)

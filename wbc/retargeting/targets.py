@@ -12,7 +12,7 @@ from wbc.gait.legs import SIDES, Legs, leg_joints
 from wbc.retargeting.balanced import clipped, cop_of, loads, moved
 from wbc.retargeting.body_map import BodyMap
 from wbc.retargeting.footsteps import FootPath, FootPaths, foot_paths, pitched
-from wbc.retargeting.scaling import Scale, Standing
+from wbc.retargeting.scaling import MotionScale, StandingBody
 from wbc.retargeting.source import HumanFrames
 from wbc.robot import Robot
 from wbc.robot.postures import STANDING
@@ -78,8 +78,8 @@ class Targets:
 
 
 def scaled_targets(
-    source: HumanFrames, robot: Robot, legs: Legs, body: BodyMap, standing: Standing,
-    scale: Scale, balance: bool,
+    source: HumanFrames, robot: Robot, legs: Legs, body: BodyMap, standing: StandingBody,
+    scale: MotionScale, balance: bool,
 ) -> Targets:  # fmt: skip
     """Return a robot's targets, the CoM moved where the feet can push (``balance``)."""
     series = source.series
@@ -153,7 +153,7 @@ def _matrices(entries: Array) -> Array:
     return np.asarray(entries[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3))
 
 
-def _spread(source: HumanFrames, scale: Scale, share: float) -> Array:
+def _spread(source: HumanFrames, scale: MotionScale, share: float) -> Array:
     """Return what takes a human's places to the robot's (3, 3), steps shortened to ``share``.
 
     Who walks straight on is shortened along that way only: sideways steps stay as wide.
@@ -170,7 +170,7 @@ def _spread(source: HumanFrames, scale: Scale, share: float) -> Array:
 
 
 def _scaled_com(
-    source: HumanFrames, legs: Legs, standing: Standing, scale: Scale, spread: Array
+    source: HumanFrames, legs: Legs, standing: StandingBody, scale: MotionScale, spread: Array
 ) -> Array:
     """Return the human's CoM, scaled (n, 3) [m], over the robot's ground.
 
@@ -190,7 +190,7 @@ def _scaled_com(
 
 
 def _within_reach(
-    source: HumanFrames, robot: Robot, legs: Legs, standing: Standing, scale: Scale,
+    source: HumanFrames, robot: Robot, legs: Legs, standing: StandingBody, scale: MotionScale,
     pelvis: Array, body: BodyMap,
 ) -> tuple[float, float, tuple[str, ...]]:  # fmt: skip
     """Return which part of level distances legs reach, and by how much the CoM is lowered [m]."""
@@ -216,7 +216,7 @@ def _within_reach(
 
 
 def _stretch(
-    source: HumanFrames, robot: Robot, legs: Legs, standing: Standing, scale: Scale,
+    source: HumanFrames, robot: Robot, legs: Legs, standing: StandingBody, scale: MotionScale,
     pelvis: Array, body: BodyMap, share: float,
 ) -> float:  # fmt: skip
     """Return by how much the CoM must be lowered for standing legs to be bent enough [m]."""
