@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import UnknownNameError
 from wbc.robot import Robot, Snapshot
+from wbc.simulation.applied import add_wrench
 from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
 
 COM = "com"
@@ -114,11 +115,6 @@ def apply_pushes(
     total = np.zeros(3)
     for push in pushes:
         force = push.mean_force(float(data.time), dt)
-        frame = robot.frame(push.body)
-        body = bodies[int(frame.parentJoint)]
-        local = np.array(frame.placement.rotation) @ push.point + frame.placement.translation
-        arm = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local - data.xipos[body]
-        data.xfrc_applied[body, :3] += force
-        data.xfrc_applied[body, 3:] += np.cross(arm, force)
+        add_wrench(data, robot, bodies, push.body, force, np.zeros(3), push.point)
         total += force
     return total

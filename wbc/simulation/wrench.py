@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from wbc.robot import Robot
+from wbc.simulation.applied import add_wrench
 from wbc.validate import Array, check_fields, finite_array, finite_number, read_only, set_fields
 
 DIGITS = 9  # of the part of a period in which a wrench acts: times are sums of many steps
@@ -76,8 +77,4 @@ def apply_wrenches(
     """
     for one in wrenches:
         force, moment = np.split(one.mean(float(data.time), dt), 2)
-        frame = robot.frame(one.frame)
-        body = bodies[int(frame.parentJoint)]
-        place = data.xpos[body] + data.xmat[body].reshape(3, 3) @ frame.placement.translation
-        data.xfrc_applied[body, :3] += force
-        data.xfrc_applied[body, 3:] += moment + np.cross(place - data.xipos[body], force)
+        add_wrench(data, robot, bodies, one.frame, force, moment)
