@@ -42,17 +42,16 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
     names = []
     for body, joint in balls:
         names.append(str(joint.name) or f"{body.name}_joint")
-        settings = {name: getattr(joint, name) for name in COPIED}
         reach = float(joint.range[1])
-        spec.delete(joint)
         for letter, axis in zip("xyz", np.eye(3), strict=True):
             hinge = body.add_joint(name=f"{names[-1]}:{letter}", axis=axis)
             hinge.type = mujoco.mjtJoint.mjJNT_HINGE
-            for name, value in settings.items():
-                setattr(hinge, name, value)
+            for name in COPIED:
+                setattr(hinge, name, getattr(joint, name))
             hinge.range = (-reach, reach)
+        delete_from(spec, joint)  # last: what it hands out are views of it
     for sensor in list(spec.sensors):  # of balls, which are not there any more, and not read
-        spec.delete(sensor)
+        delete_from(spec, sensor)
     for key, qpos in zip(spec.keys, kept, strict=True):
         key.qpos = qpos
     note = (
@@ -71,6 +70,14 @@ def _keys_of(mujoco: Any, model: Any, balls: set[int], key: int) -> Array:
         own = q[at : at + sizes.get(int(model.jnt_type[joint]), 1)]
         parts.append(hinge_angles(own) if joint in balls else own)
     return np.concatenate(parts)
+
+
+def delete_from(spec: Any, element: Any) -> None:
+    """Delete an element of a MuJoCo specification."""
+    if hasattr(element, "delete"):  # before MuJoCo 3.4
+        element.delete()
+    else:
+        spec.delete(element)
 
 
 def hinge_angles(quaternion: Array) -> Array:

@@ -17,7 +17,7 @@ from typing import Any
 from wbc.errors import ModelError, listed
 from wbc.extras import quietly, require
 from wbc.robot.formats.mesh_files import is_lfs_pointer, refuse_huge_meshes
-from wbc.robot.formats.mjcf_balls import without_balls
+from wbc.robot.formats.mjcf_balls import delete_from, without_balls
 from wbc.robot.formats.xml import refuse_non_finite
 
 MOST_COPIES = 1000  # of what <replicate> and the like repeat
@@ -231,13 +231,13 @@ def _leave_out_missing(mujoco: Any, spec: Any, path: Path) -> tuple[dict[str, bo
                     " bring the file, or give the body an <inertial>"
                 )
             shapes[where] = shapes.get(where, False) or bool(geom.contype or geom.conaffinity)
-            _delete(spec, geom)
+            delete_from(spec, geom)
     for site in list(spec.sites):
         if str(getattr(site, "meshname", "")) in gone:
             site.type, site.meshname = mujoco.mjtGeom.mjGEOM_SPHERE, ""
     meshes = [one for one in spec.meshes if (str(one.name) or Path(str(one.file)).stem) in gone]
     for mesh in meshes:
-        _delete(spec, mesh)
+        delete_from(spec, mesh)
     return shapes, len(meshes) + _leave_out_ground(spec)
 
 
@@ -247,9 +247,9 @@ def _leave_out_ground(spec: Any) -> int:
     names = {str(field.name) for field in fields}
     for geom in list(spec.geoms):
         if str(geom.hfieldname) in names:
-            _delete(spec, geom)
+            delete_from(spec, geom)
     for field in fields:
-        _delete(spec, field)
+        delete_from(spec, field)
     return len(fields)
 
 
@@ -262,10 +262,3 @@ def _weighs(mujoco: Any, spec: Any, body: Any, geom: Any) -> bool:
         return False
     mass = float(geom.mass)
     return mass > 0.0 or (mass != mass and float(geom.density) > 0.0)
-
-
-def _delete(spec: Any, element: Any) -> None:
-    if hasattr(element, "delete"):  # before MuJoCo 3.4
-        element.delete()
-    else:
-        spec.delete(element)
