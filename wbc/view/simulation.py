@@ -69,7 +69,7 @@ def plot_simulation(
 
 
 def simulation_figure(
-    robot: Robot, arrays: Mapping[str, Any], *, title: str, terrain: Terrain = LEVEL
+    robot: Robot, arrays: Mapping[str, Any], title: str = "", terrain: Terrain = LEVEL
 ) -> Figure:
     """Return a figure of a simulation.
 
