@@ -23,7 +23,7 @@ test: $(VENV)/dev.stamp
 
 # Those that take more than 1.5 s each: whole runs, searches, robots, campaigns.
 test-slow: $(VENV)/dev.stamp
-	$(BIN)/python -m pytest -n auto -m slow
+	$(BIN)/python -m pytest -n auto -m slow --durations=30 --durations-min=10
 
 # The documentation site, into build/site; a warning is an error.
 docs: $(VENV)/dev.stamp
