@@ -96,7 +96,8 @@ dist: $(VENV)/dev.stamp
 		if ! $$python -c "" 2>/dev/null; then echo "== LEFT OUT: no $$python here"; continue; fi; \
 		$$python -m venv --clear build/dist-$$python; \
 		build/dist-$$python/bin/pip install -q dist/*.whl; \
-		(cd build/empty && env -u CC PATH="$$PWD" ../dist-$$python/bin/wbc doctor); \
+		(cd build/empty && env -u CC PATH="$$PWD" ../dist-$$python/bin/wbc doctor && \
+			../dist-$$python/bin/wbc init - | ../dist-$$python/bin/wbc run - -q); \
 	done
 
 clean:
