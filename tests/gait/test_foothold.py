@@ -42,11 +42,16 @@ def test_who_tips_over_an_edge_is_pressed_this_side_of_it(
     assert known.nearest(-way[:2])[axis] == pytest.approx(-sign * HALF[axis])  # nothing else
     other = 1 - axis
     assert known.lower[other] == -HALF[other] and known.upper[other] == HALF[other]
-    # It is kept once the sole is flat again, and shrinks when it tips again farther in.
-    flat = tipped(np.zeros(3), 0.0)
-    assert known.felt(flat, pressed_at(point, flat), WEIGHT) is known
-    again = known.felt(R, pressed_at((0.0, 0.0), R), WEIGHT)
-    assert sign * again.nearest(way[:2])[axis] == pytest.approx(-0.1 * HALF[axis])
+    # What it is pressed at as it turns back says nothing; once it is flat again that is kept.
+    back, flat, inner = tipped(about, 0.04), tipped(about, 0.0), (0.0, 0.0)
+    known = known.felt(back, pressed_at(inner, back), WEIGHT)
+    known = known.felt(flat, pressed_at(inner, flat), WEIGHT)
+    np.testing.assert_array_equal(known.nearest(way[:2]), beyond)
+    # It shrinks when it tips on, and when it tips again, farther in.
+    farther = tipped(about, 0.06)
+    for kept, now in ((stood.felt(R, pressed_at(point, R), WEIGHT), farther), (known, R)):
+        again = kept.felt(now, pressed_at(inner, now), WEIGHT)
+        assert sign * again.nearest(way[:2])[axis] == pytest.approx(-0.1 * HALF[axis])
 
 
 def test_who_goes_on_tipping_is_pressed_this_side_of_its_edge_all_the_time() -> None:

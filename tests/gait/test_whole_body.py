@@ -46,8 +46,8 @@ def test_a_foot_that_hurries_keeps_its_height(robot_named: Load) -> None:
     assert start.position(frame)[0] < start.position(robot.feet["left"].frame)[0] - 0.2
     tick, _ = led_on_the_left_foot(start, np.array((60.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
     x, _, z = start.jacobian(frame)[:3] @ tick.acceleration
-    assert x > 0.45 * 60.0
-    assert abs(z) < 6.0
+    assert x > 0.44 * 60.0
+    assert abs(z) < 1.5
 
 
 @pytest.mark.parametrize("name", ["g1", "icub"])
@@ -65,4 +65,4 @@ def test_a_foot_that_hurries_leaves_the_pressure_where_it_is_wanted(
     off = np.abs(pressure - wanted)
     assert (off < 0.3 * half).all()
     foot = start.jacobian(robot.feet["right"].frame)[0] @ tick.acceleration
-    assert foot > 0.88 * 60.0
+    assert foot > 0.85 * 60.0

@@ -11,6 +11,8 @@ from wbc.validate import Array
 
 # A sole that has turned by this angle [rad] tips: ten times the noise of good sensors.
 TIPPED = 0.03
+# It goes on tipping as it turns by so much more [rad], until it has turned back by half.
+GROWS = 0.003
 # It is then pressed so much farther in than it was felt to be, in units of its half size.
 BACK = 0.1
 # What bears less than this part of the weight says nothing.
@@ -28,7 +30,10 @@ class Foothold:
     Atlas", Humanoids 2016.
 
     A sole that landed in a hurry stands on an edge at first, and turns as it settles. So it tips
-    where it turns both from how it stood and from level ground.
+    where it turns both from how it stood and from level ground. One that turns back is pressed
+    anywhere, and says nothing: a G1 that was pushed from behind tipped over its toes, and where it
+    was pressed as they fell back took 13 cm of 17 from the rest of the step. So only a tip that
+    grows is one.
 
     Attributes
     ----------
@@ -40,6 +45,8 @@ class Foothold:
         (2,) corners of that part in the sole's axes, from its middle [m].
     half:
         (2,) half sizes of the sole [m].
+    tipped:
+        (2,) how far the unit normal has turned on its axes since it tips; 0: it does not.
     """
 
     normal: Array
@@ -47,11 +54,12 @@ class Foothold:
     lower: Array
     upper: Array
     half: Array
+    tipped: Array
 
     @classmethod
     def whole(cls, rotation: Array, level: Array, half: Array) -> Self:
         """Return all of a sole with axes (3, 3) and half sizes (2,), on ground of a normal (3,)."""
-        return cls(rotation[:, 2], level, -half, half, half)
+        return cls(rotation[:, 2], level, -half, half, half, np.zeros(2))
 
     def felt(self, rotation: Array, wrench: Array, weight: float) -> Self:
         """Return what is known of it now.
@@ -68,16 +76,20 @@ class Foothold:
         # What of a normal points ahead and aside: a sole that tips ahead leans back from it.
         ahead, level = rotation[:, :2].T @ self.normal, rotation[:, :2].T @ self.level
         way = np.sign(ahead)
-        tips = np.minimum(way * ahead, way * level) > TIPPED
+        angle = np.minimum(way * ahead, way * level)
+        tips = angle > np.maximum(way * self.tipped + GROWS, TIPPED)
+        ended = (angle < 0.5 * TIPPED) & (self.tipped != 0.0)
         force, moment = rotation.T @ wrench[:3], rotation.T @ wrench[3:]
-        if force[2] < LEAST_LOAD * weight or not tips.any():
+        if force[2] < LEAST_LOAD * weight or not (tips | ended).any():
             return self
+        tipped = np.where(tips, way * angle, np.where(ended, 0.0, self.tipped))
         pressed = np.array((-moment[1], moment[0])) / force[2]
         upper = np.where(tips & (way < 0.0), pressed - BACK * self.half, self.upper)
         lower = np.where(tips & (way > 0.0), pressed + BACK * self.half, self.lower)
         # Less than before, and not past the other side.
         upper = np.clip(upper, self.lower, self.upper)
-        return replace(self, lower=np.clip(lower, self.lower, upper), upper=upper)
+        lower = np.clip(lower, self.lower, upper)
+        return replace(self, lower=lower, upper=upper, tipped=tipped)
 
     def nearest(self, point: Array) -> Array:
         """Return the point (2,) of it that is nearest to one in the sole's axes [m]."""

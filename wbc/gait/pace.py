@@ -22,9 +22,9 @@ BEGINS, FASTEST = 0.9, 1.075
 # these a G1 walks at 1.2 m/s: without the one its legs are stretched, without the other its hips
 # are at their bounds.
 LOWER, QUICKER = 0.05, 0.12
-# How much more the foot in the air weighs then, in its place and in its height. In a usual walk
-# that costs pushes from behind: a foot that hurries takes the pressure's torque.
-FIRM_PLACE, FIRM_LIFT = 3.0, 2.0
+# How much more the place of the foot in the air weighs then. In a usual walk that costs pushes from
+# behind: a foot that hurries takes the pressure's torque.
+FIRM_PLACE = 3.0
 REACH = "reach of the legs"
 
 
@@ -36,13 +36,12 @@ class Pace:
     ----------
     planner:
         With the settings of the gait.
-    swing, lift:
-        Weights of a foot in the air (:class:`~wbc.gait.whole_body.WalkingWeights`).
+    swing:
+        Weight of a foot in the air (:class:`~wbc.gait.whole_body.WalkingWeights`).
     """
 
     planner: StepPlanner
     swing: float
-    lift: float
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,7 @@ class Paces:
             Names of the settings that were asked for, and stay.
         """
         gait, limits, legs = planner.gait, planner.limits, planner.legs
-        usual = Pace(planner, weights.swing, weights.lift)
+        usual = Pace(planner, weights.swing)
         begins, ends = BEGINS * limits.forwards, FASTEST * limits.forwards
         lower = gait.height * (1.0 - LOWER)
         hip = legs.hip_height + lower - legs.com_height
@@ -87,11 +86,7 @@ class Paces:
         able = CommandLimits.of(legs, quick)
         if able.forwards < ends:
             return cls(usual, usual, begins, limits.forwards)
-        fast = Pace(
-            replace(planner, gait=quick, limits=able),
-            FIRM_PLACE * weights.swing,
-            FIRM_LIFT * weights.lift,
-        )
+        fast = Pace(replace(planner, gait=quick, limits=able), FIRM_PLACE * weights.swing)
         return cls(usual, fast, begins, ends)
 
     @property
@@ -117,4 +112,4 @@ class Paces:
         )
         limits = CommandLimits.of(one.planner.legs, gait)
         planner = replace(one.planner, gait=gait, limits=limits)
-        return Pace(planner, between(one.swing, other.swing), between(one.lift, other.lift))
+        return Pace(planner, between(one.swing, other.swing))

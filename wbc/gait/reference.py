@@ -30,6 +30,10 @@ LONGEST = 1.3
 HASTE = 1.5
 # How far in the sole the pressure may be counted on, in parts of its half size.
 SOLE_SHARE = 0.6
+# A step that catches a push takes at least this part of its usual time, in which its foot is
+# relieved and lifted; what its way takes follows from the acceleration. At 0.45 a G1 that is pushed
+# towards the foot it has begun to stand on waits for the other one, which could be down.
+QUICKEST = 0.2
 # A step that is shorter than this part of its usual time had to hurry.
 HURRIED = 0.9
 # A foot that bears this part of the weight has landed.
@@ -247,7 +251,8 @@ class StepPlanner:
         reach = Reach(
             R.T @ (level.value[:2] - base), R.T @ level.rate[:2], HASTE * self.limits.swing
         )
-        least = max(soon, SHORTEST * single - phase.elapsed, reach.least_time(lower, upper))
+        quickest = SHORTEST if phase.given else QUICKEST
+        least = max(soon, quickest * single - phase.elapsed, reach.least_time(lower, upper))
         most = max(least, LONGEST * single - phase.elapsed)
         bounds = StepBounds(
             lower,

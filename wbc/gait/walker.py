@@ -415,7 +415,7 @@ class Walker:
             return
         self._planner, self.gait = pace.planner, pace.planner.gait
         self._push = self._push._replace(omega=self.gait.omega, height=self.gait.height)
-        self._whole_body.weigh_swing(pace.swing, pace.lift)
+        self._whole_body.weigh_swing(pace.swing)
 
     def _landed(self, snapshot: Snapshot, phase: SingleSupport, now: GaitState) -> DoubleSupport:
         """Return the double support that begins."""
