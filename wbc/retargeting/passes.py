@@ -7,36 +7,34 @@ from dataclasses import replace
 
 import numpy as np
 
-from wbc.constraints import BrakingParameters, Limits, SelfCollision
+from wbc.constraints import Limits, SelfCollision
 from wbc.errors import InvalidInputError, shown
 from wbc.gait.legs import Legs
 from wbc.human import HumanMotion
-from wbc.retargeting.body_map import body_map
 from wbc.retargeting.by_tick import Progress, TickPass, first_configuration, kept
 from wbc.retargeting.ground_forces import ground_forces
+from wbc.retargeting.prepared import prepared
 from wbc.retargeting.reaching import reached
 from wbc.retargeting.result import Retargeted
-from wbc.retargeting.scaling import FROUDE, scale_of, standing_of
-from wbc.retargeting.smoothing import WholeMotion, velocities
+from wbc.retargeting.scaling import FROUDE, scale_of
+from wbc.retargeting.smoothing import WholeMotion
 from wbc.retargeting.source import human_frames
 from wbc.retargeting.targets import balanced, scaled_targets
 from wbc.retargeting.tasks import FrameTasks, RetargetWeights
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
-from wbc.robot.series import centroidal_series
+from wbc.robot.series import centroidal_series, state_series, velocities
 from wbc.robot.tree import refuse_loops
 from wbc.validate import Array, finite_number, read_only
 
 RATE = 50.0  # Hz: of what trainers of policies read
 # Of the whole motion: at least, and at most; it is done when this much was lacking before.
 # A round that leaves WORSE times as much is taken back, if that is much, and damped MORE.
-SETTLED = 0.04  # rad or m: a round that moves nothing more than this is the last one
+SETTLED = 0.07  # rad or m: a round that moves nothing more than this is the last one
 WORSE, ASTRAY, MORE, TOLD = 2.0, 5e-3, 5.0, 1e-3
 LEAST_ROUNDS, ROUNDS, CLOSE = 3, 8, 5e-4
 FRICTION, MARGIN = 0.6, 0.01
-# Targets do not run into margins: what comes near one is on its way past it.
-BRAKING = BrakingParameters(deceleration=50.0, gain=1.0)
 # Joints that would be faster than their limits make the whole motion slower, by so much more.
 SLOWER, TRIES = 1.03, 4
 NO_LIMIT = 1e6  # rad/s^2
@@ -128,12 +126,9 @@ def retarget(
     margin = finite_number("retarget, margin", margin, least=0.0)
     rounds = int(finite_number("retarget, rounds", rounds, least=1.0))
     weights = RetargetWeights() if weights is None else weights
-    legs, body = Legs.of(robot), body_map(robot, links)
-    standing = standing_of(robot, legs, body)
+    known = prepared(robot, links, margin if self_collision else None)
+    legs, body, standing, collision = known
     scale = scale_of(human, robot, legs, standing, duration)
-    collision = None
-    if self_collision:
-        collision = SelfCollision(robot, margin=margin, braking=BRAKING)
     asked, notes = scale.time, list(body.notes)
     for _ in range(TRIES):
         low = human.cutoff if cutoff is None else cutoff
@@ -167,11 +162,8 @@ def retarget(
         )
     v, acceleration = _rates(robot, q, targets.dt)
     whole = centroidal_series(robot, q, v, acceleration)
-    paths = targets.feet.paths
-    corners = {side: path.corners for side, path in paths.items()}
-    ground = ground_forces(
-        robot, q, v, acceleration, whole, targets.time, targets.down, corners, friction
-    )
+    stands = targets.feet.supports
+    ground = ground_forces(robot, q, v, acceleration, whole, targets.time, stands, friction)
     for array in (q, v, acceleration):
         read_only(array)
     return Retargeted(
@@ -207,16 +199,15 @@ def _solved(
     constraints = [] if collision is None else [collision]
     start = first_configuration(tasks, constraints)
     q = TickPass(tasks, Limits(robot, velocity=None), constraints).run(start, progress)
-    tasks.shape_like(np.array([robot.snapshot(one).inertia for one in q]), axes)
+    tasks.shape_like(state_series(robot, q).inertia, axes)
     motion = WholeMotion(tasks, collision, legs.length)
     before, best, least = np.inf, q, np.inf
     for number in range(rounds):
         if balance and number > 0:
             v = velocities(robot, q, wanted.dt)
-            states = [robot.snapshot(a, b) for a, b in zip(q, [*v, v[-1]], strict=True)]
-            com = np.array([one.com for one in states])
-            k = np.array([one.momentum[3:] for one in states])
-            tasks.targets = balanced(tasks.targets, robot, k, com)
+            states = state_series(robot, q, np.vstack((v, v[-1:])))
+            k = states.part("momentum", 6)[:, 3:]
+            tasks.targets = balanced(tasks.targets, robot, k, states.com)
         further = motion.improved(q)
         if motion.violation > max(WORSE * least, ASTRAY):  # it led astray: go on more carefully
             q, motion.damping = best, MORE * motion.damping

@@ -13,11 +13,12 @@ from wbc.human import HumanMotion
 from wbc.human.contacts import SHORTEST, feet_down
 from wbc.motion import RmpSeries, analyze
 from wbc.motion.dropouts import runs
-from wbc.robot.series import sole_series
+from wbc.robot.series import sole_series, state_series
 from wbc.validate import Array
 
 SEGMENTS = ("pelvis", "trunk", "head", "left_upper_arm", "left_forearm", "right_upper_arm",
             "right_forearm")  # fmt: skip
+THIGHS = ("left_thigh", "right_thigh")
 
 
 EDGE = 0.5  # periods of the cutoff that are left out at both ends
@@ -82,13 +83,9 @@ def human_frames(
     series = replace(series, **cut)
     places = sole_series(robot, series.q)
     flags = feet_down(robot, places, series.time, human.ground_height)
-    rotation = {name: np.empty((len(series), 3, 3)) for name in SEGMENTS}
-    hips = np.empty((len(series), 3))
-    for k, q in enumerate(series.q):
-        snapshot = robot.snapshot(q)
-        hips[k] = 0.5 * (snapshot.position("left_thigh") + snapshot.position("right_thigh"))
-        for name, room in rotation.items():
-            room[k] = snapshot.rotation(name)
+    states = state_series(robot, series.q, frames=(*SEGMENTS, *THIGHS))
+    rotation = {name: states.rotation(name) for name in SEGMENTS}
+    hips = np.mean([states.position(name) for name in THIGHS], axis=0)
     soles, turns, down = {}, {}, {}
     for number, side in enumerate(robot.feet):
         T = places[side]
