@@ -27,6 +27,7 @@ GETTING_READY, READY_STEP = 400, 0.02
 COARSE = 25.0  # Hz
 REPORTED = 50  # frames from one call of ``progress`` to the next
 THERE = 1e-5  # rad or m per step: it has arrived
+HELD = 100.0  # the same in the last pass
 STANDS = 30.0  # weight of a foot on the ground by that of one in the air
 
 
@@ -153,7 +154,7 @@ def kept(
     base = PoseTask(robot, BASE, wanted[0][:3], np.eye(3), weight=10.0, gain=1.0)
     controller = KinematicController(
         robot,
-        [posture, base],
+        [posture, base, *tasks.contacts.values()],
         contacts=(),
         limits=limits,
         constraints=[] if collision is None else [collision],
@@ -162,7 +163,6 @@ def kept(
     )
     q, failed, fine = wanted.copy(), dict[int, str](), _within(robot, wanted, limits, collision)
     v = robot.difference(wanted[0], wanted[1]) / dt  # a motion that began before
-    held: tuple[str, ...] = ()
     for k in range(1, len(wanted)):
         if progress is not None and k % REPORTED == 0:
             progress(k, len(wanted))
@@ -173,10 +173,8 @@ def kept(
         posture.set_target(wanted[k])
         base.set_target(wanted[k][:3], rotation_from(wanted[k][3:BASE_NQ]))
         tasks.aim_contacts(k)
-        stand = tuple(s for n, s in enumerate(SIDES) if down[k - 1, n] and down[k, n])
-        if stand != held:
-            controller.set_contacts([tasks.contacts[side] for side in stand])
-            held = stand
+        for n, side in enumerate(SIDES):  # not exact: a joint may be too slow for them
+            tasks.contacts[side].weight = HELD * tasks.foot_weight if down[k, n] else 1.0
         tick = controller.step(robot.snapshot(q[k - 1], v))
         if not tick.ok:
             failed[k] = tick.report()

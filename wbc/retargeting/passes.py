@@ -11,15 +11,16 @@ from wbc.constraints import Limits, SelfCollision
 from wbc.errors import InvalidInputError, shown
 from wbc.gait.legs import Legs
 from wbc.human import HumanMotion
+from wbc.retargeting.body_map import BodyMap
 from wbc.retargeting.by_tick import Progress, TickPass, first_configuration, kept
 from wbc.retargeting.ground_forces import ground_forces
 from wbc.retargeting.prepared import prepared
 from wbc.retargeting.reaching import reached
 from wbc.retargeting.result import Retargeted
-from wbc.retargeting.scaling import FROUDE, scale_of
+from wbc.retargeting.scaling import FROUDE, MotionScale, StandingBody, scale_of
 from wbc.retargeting.smoothing import WholeMotion
 from wbc.retargeting.source import human_frames
-from wbc.retargeting.targets import balanced, scaled_targets
+from wbc.retargeting.targets import Targets, balanced, scaled_targets
 from wbc.retargeting.tasks import FrameTasks, RetargetWeights
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
@@ -33,7 +34,7 @@ RATE = 50.0  # Hz: of what trainers of policies read
 # A round that leaves WORSE times as much is taken back, if that is much, and damped MORE.
 SETTLED = 0.07  # rad or m: a round that moves nothing more than this is the last one
 WORSE, ASTRAY, MORE, TOLD = 2.0, 5e-3, 5.0, 1e-3
-LEAST_ROUNDS, ROUNDS, CLOSE = 3, 8, 5e-4
+LEAST_ROUNDS, ROUNDS, CLOSE = 3, 14, 5e-4
 FRICTION, MARGIN = 0.6, 0.01
 # Joints that would be faster than their limits make the whole motion slower, by so much more.
 SLOWER, TRIES = 1.03, 4
@@ -139,7 +140,7 @@ def retarget(
             tasks, legs, collision, source.series.axes, rounds, balance, progress
         )
         speed, joint = _fastest(robot, wanted, targets.dt)
-        if speed <= 1.0:
+        if speed <= 1.0 or lacking > ASTRAY:  # what is not solved says nothing of speeds
             break
         scale = replace(scale, time=scale.time * SLOWER * speed)
     limits = Limits(robot, acceleration=NO_LIMIT)  # what is too much is said by its torque
@@ -160,28 +161,37 @@ def retarget(
             f"{len(failed)} frames of the last pass had no solution, the first at"
             f" {targets.time[first]:.2f} s: {failed[first]}"
         )
+    notes += targets.notes
+    return judged(
+        robot, body, standing, human.motion.source, scale, tasks.targets, q, friction, tuple(notes)
+    )
+
+
+def judged(
+    robot: Robot, body: BodyMap, standing: StandingBody, source: str, scale: MotionScale,
+    targets: Targets, q: Array, friction: float, notes: tuple[str, ...],
+) -> Retargeted:  # fmt: skip
+    """Return configurations (n, nq), wherever they come from, as a motion with all that is told."""
     v, acceleration = _rates(robot, q, targets.dt)
     whole = centroidal_series(robot, q, v, acceleration)
     stands = targets.feet.supports
     ground = ground_forces(robot, q, v, acceleration, whole, targets.time, stands, friction)
-    for array in (q, v, acceleration):
-        read_only(array)
     return Retargeted(
         robot=robot,
-        source=human.motion.source,
+        source=source,
         scale=scale,
         time=targets.time,
-        q=q,
-        v=v,
-        acceleration=acceleration,
+        q=read_only(q),
+        v=read_only(v),
+        acceleration=read_only(acceleration),
         whole=whole,
         targets=targets,
         wrenches=ground.wrenches,
         torque=ground.torque,
         cop=ground.cop,
-        reached=reached(robot, body, tasks.targets, tasks, q, whole, standing.com_height),
+        reached=reached(robot, body, targets, q, whole, standing.com_height),
         unbalanced=ground.unbalanced,
-        notes=(*notes, *targets.notes),
+        notes=notes,
     )
 
 
@@ -198,7 +208,7 @@ def _solved(
     robot, wanted = tasks.robot, tasks.targets
     constraints = [] if collision is None else [collision]
     start = first_configuration(tasks, constraints)
-    q = TickPass(tasks, Limits(robot, velocity=None), constraints).run(start, progress)
+    q = TickPass(tasks, Limits(robot, velocity=None), ()).run(start, progress)
     tasks.shape_like(state_series(robot, q).inertia, axes)
     motion = WholeMotion(tasks, collision, legs.length)
     before, best, least = np.inf, q, np.inf

@@ -8,7 +8,6 @@ from wbc.gait.legs import SIDES
 from wbc.retargeting.body_map import BodyMap
 from wbc.retargeting.result import Reached
 from wbc.retargeting.targets import Targets
-from wbc.retargeting.tasks import FrameTasks
 from wbc.rmp.axes import told_apart, track
 from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries, state_series
@@ -18,8 +17,7 @@ GAP = 0.2  # part of the largest second moment: nearer ones have axes that mean 
 
 
 def reached(
-    robot: Robot, body: BodyMap, targets: Targets, tasks: FrameTasks, q: Array,
-    whole: CentroidalSeries, height: float,
+    robot: Robot, body: BodyMap, targets: Targets, q: Array, whole: CentroidalSeries, height: float,
 ) -> tuple[Reached, ...]:  # fmt: skip
     """Return how near each task came, largest errors with their times.
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from wbc.gait.legs import SIDES, Legs, leg_joints
 from wbc.retargeting.balanced import clipped, cop_of, loads, moved
@@ -19,12 +18,15 @@ from wbc.robot import Robot
 from wbc.robot.postures import STANDING
 from wbc.validate import Array
 
-# The CoM may be lowered by this part of the legs' length for them to reach; then steps get shorter.
-LOWERED = 0.05
+# For legs to reach, the CoM is lowered and steps get shorter, by what is least in squares of these
+# parts of the legs' length and of the level distances.
+LOWERED, SHORTENED = 0.05, 0.2
 SHORTEST = 0.5  # part of the human's scaled level distances that is left at least
-CLOSE = 2e-3  # to what is reached, as a part of these distances
+TRIED = 26  # shares
 STRAIGHTEST = 0.985  # part of the full length that standing legs are stretched to
 STRAIGHT = 0.9  # part of its way that the CoM is away at the end
+# Of its height: so far the CoM is moved for balance at most; how suddenly it is held there.
+FARTHEST, SUDDEN = 0.15, 8
 AHEAD = 0.08  # of the legs' length: so far the CoM is put ahead at most
 
 
@@ -137,6 +139,11 @@ def balanced(targets: Targets, robot: Robot, k: Array, com: Array | None = None)
     goal = clipped(cop, targets.feet.supports)
     moving = targets.com.copy()
     moving[:, :2] += moved(goal - cop, square, dt)
+    # What cannot be balanced is not balanced by a CoM that runs away from the human's.
+    off = moving[:, :2] - targets.human_com[:, :2]
+    part = np.linalg.norm(off, axis=1) / (FARTHEST * float(np.mean(targets.com[:, 2])))
+    off /= ((1.0 + part**SUDDEN) ** (1.0 / SUDDEN))[:, None]
+    moving[:, :2] = targets.human_com[:, :2] + off
     return replace(targets, com=moving, cop=goal)
 
 
@@ -194,18 +201,14 @@ def _within_reach(
     pelvis: Array, body: BodyMap,
 ) -> tuple[float, float, tuple[str, ...]]:  # fmt: skip
     """Return which part of level distances legs reach, and by how much the CoM is lowered [m]."""
-    most = LOWERED * legs.length
     lacking = _stretch(source, robot, legs, standing, scale, pelvis, body)
-    share = 1.0
-    if lacking(1.0) > most:
-        share = SHORTEST
-        if lacking(SHORTEST) < most:
-            share = brentq(lambda part: lacking(part) - most, SHORTEST, 1.0, xtol=CLOSE)
-    needed = lacking(share)
+    shares = np.linspace(1.0, SHORTEST, TRIED)
+    lower = np.array([lacking(share) for share in shares])
+    cost = (lower / (LOWERED * legs.length)) ** 2 + ((1.0 - shares) / SHORTENED) ** 2
+    share, lowered = float(shares[np.argmin(cost)]), float(lower[np.argmin(cost)])
     notes = list[str]()
     if share < 1.0:
         notes.append(f"steps are {share:.0%} of the human's, scaled: the legs reach so far")
-    lowered = min(max(needed, 0.0), max(most, 0.0))
     if lowered > 0.0:
         notes.append(f"the CoM is {1e3 * lowered:.0f} mm lower, for flat feet to reach the ground")
     return share, lowered, tuple(notes)
@@ -222,6 +225,8 @@ def _stretch(
     """
     snapshot = robot.snapshot(robot.postures[STANDING])
     upright, longest = snapshot.rotation(body.pelvis), STRAIGHTEST * legs.length
+    # Who leans has the hips elsewhere under the CoM than who stands upright.
+    bent = scale.length * (source.hips - source.rotation["pelvis"] @ source.upright_hips)
     ends = []
     for share in (SHORTEST, 1.0):
         spread = _spread(source, scale, share)
@@ -234,7 +239,7 @@ def _stretch(
             ankle = snapshot.position(str(robot.model.names[leg_joints(robot, side)[-1]]))
             sole, path = robot.feet[side].frame, feet.paths[side]
             arm = snapshot.rotation(sole).T @ (ankle - snapshot.position(sole))
-            way = com + pelvis @ (upright.T @ hip) - path.place - path.rotation @ arm
+            way = com + bent + pelvis @ (upright.T @ hip) - path.place - path.rotation @ arm
             ways.append(way[path.down])
         ends.append(np.concatenate(ways))
 

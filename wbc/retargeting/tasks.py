@@ -24,6 +24,8 @@ from wbc.tasks import (
 )
 from wbc.validate import Array, check_fields
 
+TURNING = 0.06  # of m h sqrt(g h): angular momentum of who turns as a whole; who walks has a third
+
 
 @dataclass(frozen=True)
 class RetargetWeights:
@@ -107,8 +109,14 @@ class FrameTasks:
             for side, arm in body.arms.items()
         }
         self.posture = PostureTask(robot, standing, weight=w.posture, gain=0.1)
+        # What turns with all of its body has to get round: momentum of a body of another shape would
+        # leave it behind.
+        most = np.abs(targets.angular_momentum).max(axis=0) / (TURNING * unit)
         self.momentum = MomentumTask(
-            robot, components=["kx", "ky", "kz"], name="momentum", weight=w.momentum / unit
+            robot,
+            components=["kx", "ky", "kz"],
+            name="momentum",
+            weight=w.momentum / unit / (1.0 + most**2),
         )
         self.inertia = InertiaTask(
             robot, start.inertia, weight=w.inertia / float(np.trace(start.inertia)), gain=1.0
