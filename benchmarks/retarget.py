@@ -191,7 +191,8 @@ def section(known: dict[str, Any]) -> str:
         for robot, one in rows.items():
             axis = one["reached"].get("principal axis 1", {}).get("largest", float("nan"))
             cells = (
-                f"{name}, {robot}", one["frames"], f"{one['frames_per_second']:.0f}", f"{one['slide_mm']:.2f}",
+                f"{name}, {robot}", one["frames"], f"{one['frames_per_second']:.0f}",
+                f"{one['slide_mm']:.2f}",
                 f"{one['margin_broken_mm']:.1f}", f"{one['past_limits_rad']:.0e}",
                 *(f"{one[k]:.2f}" for k in KINDS),
                 " ".join(f"{v:.2f}" for v in one["com_correlation"]),

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import wbc
-from wbc.gait.legs import SIDES
+from wbc.gait.legs import SIDES, leg_joints
 from wbc.human import HumanMotion
 from wbc.retargeting.passes import FRICTION, judged
 from wbc.retargeting.prepared import prepared
@@ -24,7 +24,10 @@ from wbc.rotations import quaternion_from
 PYTHON = Path(__file__).resolve().parents[1] / "build" / "peers" / "mink" / "bin" / "python"
 LOOP = Path(__file__).resolve().parent / "peers" / "retarget_mink.py"
 # Costs of places and rotations, of pelvis, trunk, feet, elbows and hands; first and second table.
-COSTS = (((0, 10), (0, 100), (50, 10), (5, 0), (5, 0)), ((100, 5), (0, 10), (50, 10), (10, 0), (10, 0)))  # fmt: skip
+COSTS = (
+    ((0, 10), (0, 100), (50, 10), (5, 0), (5, 0)),
+    ((100, 5), (0, 10), (50, 10), (10, 0), (10, 0)),
+)
 
 
 def by_mink(human: HumanMotion, found: wbc.Retargeted) -> tuple[wbc.Retargeted, float] | None:
@@ -67,7 +70,7 @@ def _targets(source: Any, robot: wbc.Robot, body: Any, length: float) -> tuple[A
     pelvis = source.rotation["pelvis"] @ body.upright[body.pelvis]
     trunk = source.rotation["trunk"] @ body.upright[body.trunk]
     hips = length * (source.series.com + source.hips - [0.0, 0.0, ground])
-    names = [str(robot.model.names[c]) for c in _hip_joints(robot)]
+    names = [str(robot.model.names[leg_joints(robot, side)[0]]) for side in SIDES]
     middle = np.mean([start.position(name) for name in names], axis=0)
     R0, p0 = start.rotation(body.pelvis), start.position(body.pelvis)
     places = [hips - pelvis @ (R0.T @ (middle - p0))]
@@ -76,7 +79,7 @@ def _targets(source: Any, robot: wbc.Robot, body: Any, length: float) -> tuple[A
     places.append(at_trunk)
     for side in SIDES:
         sole = robot.feet[side].frame
-        ankle = str(robot.model.names[_ankle_joint(robot, side)])
+        ankle = str(robot.model.names[leg_joints(robot, side)[-1]])
         off = start.rotation(sole).T @ (start.position(sole) - start.position(ankle))
         place, R = length * source.soles[side][0], source.sole_rotation[side]
         places.append(place + R @ [off[0], off[1], 0.0])
@@ -92,18 +95,6 @@ def _targets(source: Any, robot: wbc.Robot, body: Any, length: float) -> tuple[A
     return np.stack(places, axis=1), np.stack(rotations, axis=1)
 
 
-def _hip_joints(robot: wbc.Robot) -> list[int]:
-    from wbc.gait.legs import leg_joints
-
-    return [leg_joints(robot, side)[0] for side in SIDES]
-
-
-def _ankle_joint(robot: wbc.Robot, side: str) -> int:
-    from wbc.gait.legs import leg_joints
-
-    return leg_joints(robot, side)[-1]
-
-
 def _xml(robot: wbc.Robot, frames: list[str]) -> str:
     """Return the kinematic tree for MuJoCo, with a site at each frame."""
     model, arrays = robot.model, robot.native.tree.arrays
@@ -117,7 +108,8 @@ def _xml(robot: wbc.Robot, frames: list[str]) -> str:
                              pos=_text(T.translation), quat=_text(quaternion))  # fmt: skip
         inertia = model.inertias[j]
         mass = max(float(inertia.mass), 1e-3)
-        ET.SubElement(body, "inertial", pos=_text(inertia.lever), mass=f"{mass:.9g}", diaginertia="1e-2 1e-2 1e-2")  # fmt: skip
+        ET.SubElement(body, "inertial", pos=_text(inertia.lever), mass=f"{mass:.9g}",
+                      diaginertia="1e-2 1e-2 1e-2")  # fmt: skip
         name = str(model.names[j])
         if j == 1:
             ET.SubElement(body, "freejoint", name=name)

@@ -27,6 +27,8 @@ GETTING_READY, READY_STEP = 400, 0.02
 COARSE = 25.0  # Hz
 REPORTED = 50  # frames from one call of ``progress`` to the next
 THERE = 1e-5  # rad or m per step: it has arrived
+LOST = 0.5  # rad or m: so far off what is wanted ticks do not come back
+BROKEN = "margins, limits or speeds are broken, for it would be lost"
 HELD = 100.0  # the same in the last pass
 STANDS = 30.0  # weight of a foot on the ground by that of one in the air
 
@@ -163,12 +165,14 @@ def kept(
     )
     q, failed, fine = wanted.copy(), dict[int, str](), _within(robot, wanted, limits, collision)
     v = robot.difference(wanted[0], wanted[1]) / dt  # a motion that began before
+    first, lost = 0, 0  # where ticks began, and before which frame they are of no use
     for k in range(1, len(wanted)):
         if progress is not None and k % REPORTED == 0:
             progress(k, len(wanted))
         there = robot.difference(q[k - 1], wanted[k]) / dt
-        if fine[k] and (np.abs(there[BASE_NV:]) <= limits.speed).all():
-            v = there
+        lost = k + 1 if lost == k and not fine[k] else lost
+        if k < lost or (fine[k] and (np.abs(there[BASE_NV:]) <= limits.speed).all()):
+            v, first = there, k + 1
             continue
         posture.set_target(wanted[k])
         base.set_target(wanted[k][:3], rotation_from(wanted[k][3:BASE_NQ]))
@@ -180,6 +184,10 @@ def kept(
             failed[k] = tick.report()
         v = tick.velocity
         q[k] = robot.integrate(q[k - 1], v, dt)
+        if float(np.abs(robot.difference(q[k], wanted[k])).max()) > LOST:
+            # A way through a body that it cannot go: what is wanted is taken, and what is broken.
+            q[first : k + 1], lost = wanted[first : k + 1], k + 1
+            failed[first] = f"{BROKEN} until {tasks.targets.time[k]:.2f} s at least"
     return q, failed
 
 

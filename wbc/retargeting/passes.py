@@ -34,6 +34,7 @@ RATE = 50.0  # Hz: of what trainers of policies read
 # A round that leaves WORSE times as much is taken back, if that is much, and damped MORE.
 SETTLED = 0.07  # rad or m: a round that moves nothing more than this is the last one
 WORSE, ASTRAY, MORE, TOLD = 2.0, 5e-3, 5.0, 1e-3
+TRAPPED = 0.2  # rad or m: feet so far off after the first pass are behind something
 LEAST_ROUNDS, ROUNDS, CLOSE = 3, 14, 5e-4
 FRICTION, MARGIN = 0.6, 0.01
 # Joints that would be faster than their limits make the whole motion slower, by so much more.
@@ -158,8 +159,8 @@ def retarget(
     if failed:
         first = min(failed)
         notes.append(
-            f"{len(failed)} frames of the last pass had no solution, the first at"
-            f" {targets.time[first]:.2f} s: {failed[first]}"
+            f"what is hard could not be kept from {len(failed)} frames of the last pass on, the"
+            f" first at {targets.time[first]:.2f} s: {failed[first]}"
         )
     notes += targets.notes
     return judged(
@@ -208,7 +209,8 @@ def _solved(
     robot, wanted = tasks.robot, tasks.targets
     constraints = [] if collision is None else [collision]
     start = first_configuration(tasks, constraints)
-    q = TickPass(tasks, Limits(robot, velocity=None), ()).run(start, progress)
+    limits = Limits(robot, velocity=None)
+    q = TickPass(tasks, limits, constraints).run(start, progress)
     tasks.shape_like(state_series(robot, q).inertia, axes)
     motion = WholeMotion(tasks, collision, legs.length)
     before, best, least = np.inf, q, np.inf
@@ -219,6 +221,12 @@ def _solved(
             k = states.part("momentum", 6)[:, 3:]
             tasks.targets = balanced(tasks.targets, robot, k, states.com)
         further = motion.improved(q)
+        if number == 0 and motion.violation > TRAPPED:  # legs that do not get past each other
+            freely = TickPass(tasks, limits, ()).run(start, progress)
+            trapped, q_further, by = q, further, motion.violation
+            q, further = freely, motion.improved(freely)
+            if motion.violation > by:
+                q, further, motion.violation = trapped, q_further, by
         if motion.violation > max(WORSE * least, ASTRAY):  # it led astray: go on more carefully
             q, motion.damping = best, MORE * motion.damping
             continue

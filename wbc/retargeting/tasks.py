@@ -109,8 +109,8 @@ class FrameTasks:
             for side, arm in body.arms.items()
         }
         self.posture = PostureTask(robot, standing, weight=w.posture, gain=0.1)
-        # What turns with all of its body has to get round: momentum of a body of another shape would
-        # leave it behind.
+        # What turns with all of its body has to get round: the momentum of a body of another shape
+        # would leave it behind.
         most = np.abs(targets.angular_momentum).max(axis=0) / (TURNING * unit)
         self.momentum = MomentumTask(
             robot,
