@@ -4,9 +4,9 @@ Recordings are not part of the project: any files that `wbc analyze` reads. Feet
 are judged by other means than those that made the motion: margins by the shapes of the robot's
 files (Coal), torques by inverse dynamics. Frames per second are of CPU time of one process, with
 everything behind the fit of the human and what is found out about a robot once. With `--peer` the
-same frames are given to per-frame IK on mink (benchmarks/retarget_peer.py). With `--physics` the first recording's walk is walked in
-MuJoCo, on its footsteps and with its arms, with noise, 2 ms of delay and masses that are wrong by
-up to 10 % (benchmarks/disturbed.py), over seeds.
+same frames are given to per-frame IK on mink (benchmarks/retarget_peer.py). With `--physics` the
+first recording's walk is walked in MuJoCo, on its footsteps and with its arms, with noise, 2 ms of
+delay and masses that are wrong by up to 10 % (benchmarks/disturbed.py), over seeds.
 
     python benchmarks/retarget.py walk.trc [more.bvh ...] [--forces walk_grf.mot]
         [--static static.trc] [--robots g1 talos ...] [--physics 10] [-o benchmarks/retarget.json]
