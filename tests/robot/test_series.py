@@ -4,9 +4,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from wbc.constraints import SelfCollision
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.constraints import SelfCollision
 from wbc.robot.series import (
     centroidal_derivatives,
     centroidal_series,
@@ -49,7 +49,7 @@ def test_states_of_the_core_in_a_row(robot: Robot, rng: np.random.Generator) -> 
 def test_near_pairs_in_a_row(rng: np.random.Generator) -> None:
     """All pairs of all states that are near, against those of each, one by one."""
     robot, limit = Robot.load("hoap2_like"), 0.02  # m
-    q, v, _ = states(robot, rng)
+    q, _, _ = states(robot, rng)
     every = SelfCollision(robot, pairs=10_000)
     where, clearance, J = every.near(q, state_series(robot, q), limit)
     assert len(where) > 10

@@ -35,7 +35,7 @@ RATE = 50.0  # Hz: of what trainers of policies read
 SETTLED = 0.07  # rad or m: a round that moves nothing more than this is the last one
 WORSE, ASTRAY, MORE, TOLD = 2.0, 5e-3, 5.0, 1e-3
 TRAPPED = 0.2  # rad or m: feet so far off after the first pass are behind something
-LEAST_ROUNDS, ROUNDS, CLOSE = 3, 14, 5e-4
+LEAST_ROUNDS, ROUNDS, CLOSE = 4, 14, 5e-4
 FRICTION, MARGIN = 0.6, 0.01
 # Joints that would be faster than their limits make the whole motion slower, by so much more.
 SLOWER, TRIES = 1.03, 4

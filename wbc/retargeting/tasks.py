@@ -24,7 +24,7 @@ from wbc.tasks import (
 )
 from wbc.validate import Array, check_fields
 
-TURNING = 0.06  # of m h sqrt(g h): angular momentum of who turns as a whole; who walks has a third
+TURNING = 0.1  # of m h sqrt(g h): angular momentum of who turns as a whole; who walks has a fifth
 
 
 @dataclass(frozen=True)
