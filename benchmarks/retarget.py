@@ -225,6 +225,17 @@ def section(known: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def _text(known: dict[str, Any]) -> str:
+    """Return JSON with a line for each robot on each recording."""
+    tables = (
+        f"{json.dumps(name)}: {{\n"
+        + ",\n".join(f" {json.dumps(key)}: {json.dumps(row)}" for key, row in table.items())
+        + "\n}"
+        for name, table in known.items()
+    )
+    return "{\n" + ",\n".join(tables) + "\n}\n"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("recordings", type=Path, nargs="*", help="none: only --page")
@@ -266,7 +277,7 @@ def main() -> None:
                 print(rows[-1], flush=True)
             table["g1 in physics"] = rows
         if options.output is not None:
-            options.output.write_text(json.dumps(known, indent=1) + "\n")
+            options.output.write_text(_text(known))
     if options.page is not None:
         put_section(options.page, "retarget", section(known))
 
