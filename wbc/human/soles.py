@@ -13,6 +13,7 @@ RESTING = 0.2  # m/s: an ankle slower than this, and
 LEVEL = 0.012  # m: no higher than this above its lowest ones, is that of a foot that is flat
 LOWEST = 0.1  # part of the frames that counts as the lowest
 SAME_GROUND = 0.04  # m: nearer than this to 0 the ground is at 0
+STEEPEST = 0.85  # cosine of the tilt of a foot that may stand flat
 HEIGHTS = (0.3, 2.5)  # of the usual height of an ankle: what else is no flat foot
 
 
@@ -51,6 +52,10 @@ def ground_and_soles(
             continue
         up = np.median(R[:, 2], axis=0)
         up /= np.linalg.norm(up)
+        if up[2] < STEEPEST:
+            what = f"the {side} foot is tilted by {np.degrees(np.arccos(up[2])):.0f} degrees"
+            notes.append(f"{what} where it seems to stand: its sole is a usual one")
+            continue
         forward = np.array((1.0, 0.0, 0.0)) - up[0] * up
         forward /= np.linalg.norm(forward)
         soles[side] = FittedSole(above, np.column_stack((forward, np.cross(up, forward), up)))
