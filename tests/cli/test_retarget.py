@@ -10,7 +10,7 @@ import wbc.cli.retarget as command
 from tests.human.walker import recorded, write_trc
 from wbc.cli import app
 from wbc.human import human_motion
-from wbc.human.body import Body
+from wbc.human.body import HumanBody
 from wbc.retargeting import retarget
 
 
@@ -26,7 +26,7 @@ def test_defaults_are_those_of_the_library() -> None:
 
 @pytest.fixture
 def walk(tmp_path: Path) -> Path:
-    recording, _ = recorded(Body.of(1.76, 72.0, "male"), seconds=0.2)
+    recording, _ = recorded(HumanBody.of(1.76, 72.0, "male"), seconds=0.2)
     path = tmp_path / "walk.trc"
     write_trc(path, recording)
     return path

@@ -8,11 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from tests.human.walker import LABELS, recorded, write_trc
 from wbc.human import human_motion, is_human_recording, read_markers
-from wbc.human.body import Body
+from wbc.human.body import HumanBody
 from wbc.human.plates import plate_wrench
 from wbc.motion.table import RecordingError
 
-BODY = Body.of(1.76, 72.0, "male")
+BODY = HumanBody.of(1.76, 72.0, "male")
 CORNERS = np.array(((0.9, 0.4, 0.0), (-0.1, 0.4, 0.0), (-0.1, -0.3, 0.0), (0.9, -0.3, 0.0)))
 DOWN = CORNERS[[3, 2, 1, 0]]  # corners in the other turn: z points into the ground
 

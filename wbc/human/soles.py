@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.human.body import ANKLE_HEIGHT, SEGMENT_NAMES, SIDES, Body
+from wbc.human.body import ANKLE_HEIGHT, SEGMENT_NAMES, SIDES, HumanBody
 from wbc.human.kinematics import Placed
 from wbc.human.skeleton import FittedSole
 from wbc.validate import Array
@@ -18,7 +18,7 @@ HEIGHTS = (0.3, 2.5)  # of the usual height of an ankle: what else is no flat fo
 
 
 def ground_and_soles(
-    placed: Placed, time: Array, body: Body, height: float | None
+    placed: Placed, time: Array, body: HumanBody, height: float | None
 ) -> tuple[float, dict[str, FittedSole], tuple[str, ...]]:
     """Return the ground's height [m], the soles by side, and notes.
 
