@@ -23,7 +23,7 @@ test: $(VENV)/dev.stamp
 
 # Those that take more than 1.5 s each: whole runs, searches, robots, campaigns.
 test-slow: $(VENV)/dev.stamp
-	$(BIN)/python -m pytest -n auto -m slow
+	$(BIN)/python -m pytest -n auto -m slow --durations=30 --durations-min=10
 
 # The documentation site, into build/site; a warning is an error.
 docs: $(VENV)/dev.stamp
@@ -96,7 +96,8 @@ dist: $(VENV)/dev.stamp
 		if ! $$python -c "" 2>/dev/null; then echo "== LEFT OUT: no $$python here"; continue; fi; \
 		$$python -m venv --clear build/dist-$$python; \
 		build/dist-$$python/bin/pip install -q dist/*.whl; \
-		(cd build/empty && env -u CC PATH="$$PWD" ../dist-$$python/bin/wbc doctor); \
+		(cd build/empty && env -u CC PATH="$$PWD" ../dist-$$python/bin/wbc doctor && \
+			../dist-$$python/bin/wbc init - | ../dist-$$python/bin/wbc run - -q); \
 	done
 
 clean:

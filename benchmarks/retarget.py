@@ -3,13 +3,14 @@
 Recordings are not part of the project: any files that `wbc analyze` reads. Feet, limits and margins
 are judged by other means than those that made the motion: margins by the shapes of the robot's
 files (Coal), torques by inverse dynamics. Frames per second are of CPU time of one process, with
-everything behind the fit of the human. With `--physics` the first recording's walk is walked in
-MuJoCo, on its footsteps and with its arms, with noise, 2 ms of delay and masses that are wrong by
-up to 10 % (benchmarks/disturbed.py), over seeds.
+everything behind the fit of the human and what is found out about a robot once. With `--peer` the
+same frames are given to per-frame IK on mink (benchmarks/retarget_peer.py). With `--physics` the
+first recording's walk is walked in MuJoCo, on its footsteps and with its arms, with noise, 2 ms of
+delay and masses that are wrong by up to 10 % (benchmarks/disturbed.py), over seeds.
 
     python benchmarks/retarget.py walk.trc [more.bvh ...] [--forces walk_grf.mot]
         [--static static.trc] [--robots g1 talos ...] [--physics 10] [-o benchmarks/retarget.json]
-        [--page benchmarks/RESULTS.md] [--plot docs/pictures/retarget_g1.png]
+        [--peer] [--page benchmarks/RESULTS.md] [--plot docs/pictures/retarget_g1.png]
 """
 
 import os
@@ -27,12 +28,14 @@ from disturbed import DT, plant_of, robot_named
 from human_walk import _rounded as rounded
 from qpbench.page import put_section
 from raw_shapes import RawShapes
+from retarget_peer import by_mink
 
 import wbc
 from wbc.constraints import SelfCollision
 from wbc.gait import Walker
 from wbc.gait.phases import Standing
 from wbc.human import HumanMotion, human_motion, read_markers
+from wbc.retargeting.prepared import prepared
 from wbc.retargeting.smoothing import able_accelerations
 from wbc.retargeting.steps import footsteps, posture_at
 from wbc.simulation import FallLimits, FallWatch, Terrain
@@ -70,6 +73,7 @@ def figures(found: wbc.Retargeted, seconds: float) -> dict[str, Any]:
         "torque_by_limit": float((np.abs(found.torque) / limits.effort).max()),
         "com_correlation": found.com_correlation.tolist(),
         "angular_momentum_correlation": found.angular_momentum_correlation.tolist(),
+        "angular_momentum_together": together(found),
         "reached": reached,
         "unbalanced": worst,
         "unbalanced_frames_percent": 100.0 * unbalanced_share(found),
@@ -77,6 +81,12 @@ def figures(found: wbc.Retargeted, seconds: float) -> dict[str, Any]:
         "time_scale": found.scale.time,
         "notes": list(found.notes),
     }
+
+
+def together(found: wbc.Retargeted) -> float:
+    """Return the correlation of all three components of the angular momentum at once."""
+    both = found.whole.momentum[:, 3:].ravel(), found.targets.angular_momentum.ravel()
+    return float(np.corrcoef(*both)[0, 1])
 
 
 def unbalanced_share(found: wbc.Retargeted) -> float:
@@ -90,7 +100,7 @@ def unbalanced_share(found: wbc.Retargeted) -> float:
 def retargeted(human: HumanMotion, name: str) -> tuple[wbc.Retargeted, float]:
     """Return a human's motion on a robot, and the CPU time that it took [s]."""
     robot = wbc.Robot.load(name)
-    wbc.retarget(human, robot)  # shapes are fitted and cached
+    prepared(robot, None, MARGIN)
     begun = time.process_time()
     found = wbc.retarget(human, robot)
     return found, time.process_time() - begun
@@ -169,39 +179,42 @@ def picture(human: HumanMotion, found: wbc.Retargeted, path: Path) -> None:
 def section(known: dict[str, Any]) -> str:
     """Return the tables of a page."""
     lines = ["## Human motion on humanoids", ""]
+    heads = (
+        "recording, robot", "frames", "per s", "slide mm", "margin broken mm", "past limits rad",
+        "speed", "acceleration", "torque", "CoM x y z", "angular momentum x y z", "all of it",
+        "long axis deg", "unbalanced frames %", "CoP outside mm", "time",
+    )  # fmt: skip
+    lines += [f"| {' | '.join(heads)} |", "| --- |" + " ---: |" * (len(heads) - 1)]
+    walks = list[list[dict[str, Any]]]()
     for name, table in known.items():
         rows = {robot: one for robot, one in table.items() if isinstance(one, dict)}
-        heads = (
-            "robot", "frames", "per s", "slide mm", "margin broken mm", "past limits rad",
-            "speed", "acceleration", "torque", "CoM x y z", "angular momentum x y z",
-            "long axis deg", "unbalanced frames %", "CoP outside mm", "time",
-        )  # fmt: skip
-        lines += [f"### {name}", "", f"| {' | '.join(heads)} |"]
-        lines += ["| --- |" + " ---: |" * (len(heads) - 1)]
         for robot, one in rows.items():
             axis = one["reached"].get("principal axis 1", {}).get("largest", float("nan"))
             cells = (
-                robot, one["frames"], f"{one['frames_per_second']:.0f}", f"{one['slide_mm']:.2f}",
+                f"{name}, {robot}", one["frames"], f"{one['frames_per_second']:.0f}",
+                f"{one['slide_mm']:.2f}",
                 f"{one['margin_broken_mm']:.1f}", f"{one['past_limits_rad']:.0e}",
                 *(f"{one[k]:.2f}" for k in KINDS),
-                " ".join(f"{v:.3f}" for v in one["com_correlation"]),
-                " ".join(f"{v:.3f}" for v in one["angular_momentum_correlation"]),
+                " ".join(f"{v:.2f}" for v in one["com_correlation"]),
+                " ".join(f"{v:.2f}" for v in one["angular_momentum_correlation"]),
+                f"{one['angular_momentum_together']:.2f}",
                 f"{axis:.1f}", f"{one['unbalanced_frames_percent']:.0f}",
                 f"{1e3 * one['unbalanced'].get('CoP outside the feet', 0.0):.0f}",
                 f"{one['time_scale']:.2f}",
             )  # fmt: skip
             lines.append("| " + " | ".join(map(str, cells)) + " |")
-        for walks in (one for one in table.values() if isinstance(one, list)):
-            stood = sum(bool(one["stood"]) for one in walks)
-            off = [one["landings_off_mm"] for one in walks if one["landings_off_mm"]]
-            lines += [
-                "",
-                f"In physics: a G1 stands in {stood} of {len(walks)} walks of"
-                f" {max(one['steps'] for one in walks)} steps; feet land"
-                f" {np.mean([a for a, _ in off]):.1f} mm from their footsteps in the mean,"
-                f" {max(b for _, b in off):.1f} mm at most.",
-            ]
-        lines.append("")
+        walks += [one for one in table.values() if isinstance(one, list)]
+    for walk in walks:
+        stood = sum(bool(one["stood"]) for one in walk)
+        off = [one["landings_off_mm"] for one in walk if one["landings_off_mm"]]
+        lines += [
+            "",
+            f"In physics: a G1 stands in {stood} of {len(walk)} walks of"
+            f" {max(one['steps'] for one in walk)} steps; feet land"
+            f" {np.mean([a for a, _ in off]):.1f} mm from their footsteps in the mean,"
+            f" {max(b for _, b in off):.1f} mm at most.",
+        ]
+    lines.append("")
     lines.append(
         "Speeds, accelerations and torques by what joints and motors can; correlations with the"
         " human's, scaled; long axis: from the human's at most; time: by the human's. Frames per"
@@ -212,6 +225,17 @@ def section(known: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def _text(known: dict[str, Any]) -> str:
+    """Return JSON with a line for each robot on each recording."""
+    tables = (
+        f"{json.dumps(name)}: {{\n"
+        + ",\n".join(f" {json.dumps(key)}: {json.dumps(row)}" for key, row in table.items())
+        + "\n}"
+        for name, table in known.items()
+    )
+    return "{\n" + ",\n".join(tables) + "\n}\n"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("recordings", type=Path, nargs="*", help="none: only --page")
@@ -220,6 +244,7 @@ def main() -> None:
     parser.add_argument("--robots", nargs="+", default=list(ROBOTS))
     parser.add_argument("--physics", type=int, default=0, help="seeds of the walk in MuJoCo")
     parser.add_argument("--only-physics", action="store_true")
+    parser.add_argument("--peer", action="store_true", help="per-frame IK on mink beside the first")
     parser.add_argument("--plot", type=Path, help="only draw the first robot beside the human")
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--page", type=Path, help="page to write a section into, of the output")
@@ -239,7 +264,12 @@ def main() -> None:
         for name in options.robots if not options.only_physics else []:
             found, seconds = retargeted(human, name)
             table[name] = rounded(figures(found, seconds))
-            print(path.stem, name, json.dumps(table[name], indent=1), flush=True)
+            print(path.stem, name, json.dumps(table[name]), flush=True)
+            if options.peer and name == options.robots[0]:
+                other = by_mink(human, found)
+                if other is None:
+                    parser.error("no environment of mink: benchmarks/peers/environments.sh mink")
+                table[f"{name} by mink"] = rounded(figures(*other))
         if first and options.physics:
             rows = []
             for seed in range(options.physics):
@@ -247,7 +277,7 @@ def main() -> None:
                 print(rows[-1], flush=True)
             table["g1 in physics"] = rows
         if options.output is not None:
-            options.output.write_text(json.dumps(known, indent=1) + "\n")
+            options.output.write_text(_text(known))
     if options.page is not None:
         put_section(options.page, "retarget", section(known))
 

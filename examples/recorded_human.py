@@ -3,9 +3,9 @@
 import numpy as np
 
 import wbc
-from wbc.human import Body, MarkerRecording, human_motion, human_robot
+from wbc.human import HumanBody, MarkerRecording, human_motion, human_robot
 
-robot, time = human_robot(Body.of(stature=1.75, mass=70.0, sex="female")), np.arange(60) / 50.0
+robot, time = human_robot(HumanBody.of(stature=1.75, mass=70.0, sex="female")), np.arange(60) / 50.0
 PLACES = {  # of Plug-in Gait's markers [mm], on a body that bows and rises
     "pelvis": {"LASI": (46, 120, 83), "RASI": (46, -120, 83), "SACR": (-110, 0, 75)},
     "trunk": {"LSHO": (0, 180, 415), "RSHO": (0, -180, 415), "C7": (-65, 0, 458)},

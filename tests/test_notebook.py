@@ -1,6 +1,8 @@
 """What notebooks show, and results as data frames and Parquet files."""
 
+import io
 import json
+from base64 import b64decode
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -31,11 +33,14 @@ class Cells(HTMLParser):
         super().__init__()
         self.open: list[str] = []
         self.words: list[str] = []
+        self.pictures: list[bytes] = []
         self.feed(text)
         assert not self.open
 
-    def handle_starttag(self, tag: str, attrs: object) -> None:
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str]]) -> None:
         self.open.append(tag)
+        if tag == "img":
+            self.pictures.append(b64decode(dict(attrs)["src"].partition("base64,")[2]))
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
@@ -69,20 +74,37 @@ def result() -> wbc.run.Result:
     return load_problem(PROBLEMS / "astronaut_expand.yaml", {"stop.duration": 0.05}).run()
 
 
+def is_drawn(shown: Cells) -> bool:
+    """Return whether there is one picture, and something is on it."""
+    image = pytest.importorskip("matplotlib.image")
+    (png,) = shown.pictures
+    return image.imread(io.BytesIO(png), "png")[..., :3].std() > 0.02
+
+
 def test_results_show_themselves(result) -> None:
-    told = Cells(result._repr_html_()).words
-    assert told[0].startswith("timeout: ") and "error of shape" in told
+    shown = Cells(result._repr_html_())
+    assert shown.words[0].startswith("timeout: ") and "error of shape" in shown.words
+    assert is_drawn(shown)
     pendulum = load_problem(PROBLEMS / "rmp_spin.yaml").run()
-    assert len(Cells(pendulum._repr_html_()).words) > 3
+    shown = Cells(pendulum._repr_html_())
+    assert len(shown.words) > 3 and is_drawn(shown)
     assert len(pendulum.to_frame()) == len(pendulum.history.time)
+
+
+def test_without_matplotlib_there_is_the_table_alone(
+    result, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wbc.notebook.find_spec", lambda name: None)
+    shown = Cells(result._repr_html_())
+    assert shown.words and not shown.pictures
 
 
 def test_a_simulation_is_shown_and_framed(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     (tmp_path / "p.yaml").write_text(STAND)
     result = load_problem(tmp_path / "p.yaml").simulate()
-    told = Cells(result._repr_html_()).words
-    assert "CoP inside soles" in told
+    shown = Cells(result._repr_html_())
+    assert "CoP inside soles" in shown.words and is_drawn(shown)
     frame = result.to_frame()
     np.testing.assert_array_equal(frame["time [s]"], result.arrays["time"])
 

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import base64
+import io
 from collections.abc import Iterable, Sequence
 from html import escape
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+from wbc.errors import WbcError
 
 Row = tuple[str, str]
 _STYLE = "text-align:left;vertical-align:top;padding:1px 12px 1px 0;font-weight:normal"
 MOST = 12  # rows of a kind
+DPI, WIDE = 80, 640  # of pictures: dots per inch, and how wide they are shown [pixels]
 
 
 def as_html(title: str, facts: Iterable[Row], rows: Iterable[Row] = ()) -> str:
@@ -29,6 +37,27 @@ def as_html(title: str, facts: Iterable[Row], rows: Iterable[Row] = ()) -> str:
         for name, text in told
     ]
     return f"<div><b>{escape(title)}</b><table>{''.join(lines)}</table></div>"
+
+
+def with_picture(table: str, figure: str, *parts: Any) -> str:
+    """Return a table, and below it a picture where Matplotlib is installed.
+
+    Parameters
+    ----------
+    figure:
+        What returns the figure of ``parts``, as ``module:function``: pictures stand on a floor
+        above those who show themselves.
+    """
+    if find_spec("matplotlib") is None:
+        return table
+    module, _, function = figure.partition(":")
+    png = io.BytesIO()
+    try:
+        getattr(import_module(module), function)(*parts).savefig(png, format="png", dpi=DPI)
+    except WbcError as error:  # meshes that are not there any more, a run without ticks
+        return f"{table}<p>no picture: {escape(str(error))}</p>"
+    data = base64.b64encode(png.getvalue()).decode()
+    return f'{table}<img style="max-width:{WIDE}px" src="data:image/png;base64,{data}"/>'
 
 
 def some(words: Sequence[str], most: int = 4) -> str:

@@ -161,16 +161,19 @@ def polygon_margin(polygon: ArrayLike, points: ArrayLike) -> Array:
     return np.where((left >= 0.0).all(axis=-1), distance, -distance)
 
 
-def nearest_point(polygon: Array, point: Array) -> Array:
-    """Return the point (2,) of a polygon (k, 2), or of a segment or point, nearest to a point."""
+def nearest_point(polygon: Array, points: Array) -> Array:
+    """Return what of a polygon (k, 2), segment or point is nearest to points (..., 2)."""
     edges = np.roll(polygon, -1, axis=0) - polygon
-    arms = point - polygon
-    if len(polygon) > 2 and (edges[:, 0] * arms[:, 1] >= edges[:, 1] * arms[:, 0]).all():
-        return point
+    arms = points[..., None, :] - polygon  # (..., k, 2)
     squares = np.maximum(np.einsum("ij,ij->i", edges, edges), 1e-300)
-    shares = np.clip(np.einsum("ij,ij->i", edges, arms) / squares, 0.0, 1.0)
-    places = polygon + shares[:, None] * edges
-    return np.asarray(places[np.argmin(np.square(places - point).sum(axis=1))])
+    shares = np.clip(np.einsum("ij,...ij->...i", edges, arms) / squares, 0.0, 1.0)
+    away = shares[..., None] * edges - arms
+    best = np.square(away).sum(axis=-1).argmin(axis=-1)[..., None, None]
+    nearest = points + np.take_along_axis(away, best, axis=-2)[..., 0, :]
+    if len(polygon) < 3:
+        return np.asarray(nearest)
+    inside = (edges[:, 0] * arms[..., 1] >= edges[:, 1] * arms[..., 0]).all(axis=-1, keepdims=True)
+    return np.where(inside, points, nearest)
 
 
 def _chain(rows: list[tuple[float, float]]) -> list[tuple[float, float]]:

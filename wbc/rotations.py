@@ -106,6 +106,14 @@ def check_rotation(what: str, R: Array) -> None:
         raise InvalidInputError(f"{what}: not a rotation matrix (R'R must be 1 and det R = +1)")
 
 
+def headings(R: Array) -> Array:
+    """Return the turn about the vertical (n,) [rad] that is nearest to rotations (n, 3, 3).
+
+    It does not jump by more than pi. That of the x axis does where a foot points up or down.
+    """
+    return np.unwrap(np.arctan2(R[:, 1, 0] - R[:, 0, 1], R[:, 0, 0] + R[:, 1, 1]))
+
+
 def same_sign(quaternions: Array) -> Array:
     """Return quaternions (n, 4), each with the sign nearest to the one before."""
     flips = (quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0.0

@@ -9,9 +9,9 @@ from typer.testing import CliRunner, Result
 
 from tests.human.walker import recorded, write_trc
 from wbc.cli.analyze import analyze
-from wbc.human.body import Body
+from wbc.human.body import HumanBody
 
-BODY = Body.of(1.76, 72.0, "male")
+BODY = HumanBody.of(1.76, 72.0, "male")
 
 
 def command(*arguments: object) -> Result:

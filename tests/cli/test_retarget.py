@@ -10,7 +10,7 @@ import wbc.cli.retarget as command
 from tests.human.walker import recorded, write_trc
 from wbc.cli import app
 from wbc.human import human_motion
-from wbc.human.body import Body
+from wbc.human.body import HumanBody
 from wbc.retargeting import retarget
 
 
@@ -26,7 +26,7 @@ def test_defaults_are_those_of_the_library() -> None:
 
 @pytest.fixture
 def walk(tmp_path: Path) -> Path:
-    recording, _ = recorded(Body.of(1.76, 72.0, "male"), seconds=0.2)
+    recording, _ = recorded(HumanBody.of(1.76, 72.0, "male"), seconds=0.2)
     path = tmp_path / "walk.trc"
     write_trc(path, recording)
     return path
@@ -38,6 +38,7 @@ def walk(tmp_path: Path) -> Path:
         (["-o", "x.foo"], "written as .npz"),
         (["-o", "x.npz", "--link", "trnk=torso"], "did you mean 'trunk'"),
         (["-o", "x.npz", "--layout", "trakcing"], "trakcing"),
+        (["-o", "x.mcap", "--robot", "hoap2_lik"], "hoap2_like"),
     ],
 )
 def test_mistakes_are_named(walk: Path, options: list[str], said: str, monkeypatch) -> None:
@@ -46,3 +47,19 @@ def test_mistakes_are_named(walk: Path, options: list[str], said: str, monkeypat
     assert result.exit_code in (1, 2)
     assert said in result.output
     assert not (walk.parent / "x.npz").exists()
+
+
+def test_a_file_says_what_options_do(walk: Path) -> None:
+    path = walk.parent / "walk.yaml"
+    path.write_text("motion: walk.trc\nrobot: hoap2_like\nrate: 40.0\nlinks: {trnk: torso}\n")
+    result = CliRunner().invoke(app, ["retarget", str(path)])
+    assert result.exit_code == 1 and "did you mean 'trunk'" in result.output
+    # What the command line says goes before what the file says.
+    options = ["--robot", "hoap2_lik", "--rate", "50"]
+    assert "hoap2_lik" in CliRunner().invoke(app, ["retarget", str(path), *options]).output
+    path.write_text("motion: walk.trc\nrobto: g1\n")
+    result = CliRunner().invoke(app, ["retarget", str(path)])
+    assert result.exit_code == 1 and "robto" in result.output and "robot" in result.output
+    path.write_text("motion: walk.trc\nrobot: hoap2_like\nroll: 2.0\n")
+    result = CliRunner().invoke(app, ["retarget", str(path)])
+    assert result.exit_code == 1 and "walk.yaml:3" in result.output

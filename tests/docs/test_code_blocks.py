@@ -17,6 +17,7 @@ from ruamel.yaml import YAML
 from wbc.cli import app
 from wbc.problem import load_problem
 from wbc.problem.campaign import load_campaign
+from wbc.problem.retarget import load_retarget
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -102,6 +103,10 @@ def test_problems_are_valid(path: Path, tmp_path: Path) -> None:
             for problem in given["problems"]:
                 (tmp_path / problem).write_text(SMALL, encoding="utf-8")
             assert load_campaign(file).runs, block
+            continue
+        if "motion" in given:
+            file.write_text(block, encoding="utf-8")
+            assert load_retarget(file)["robot"] == given["robot"], block
             continue
         if "robot" in given or "model" in given:
             file.write_text(block, encoding="utf-8")

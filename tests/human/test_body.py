@@ -6,13 +6,13 @@ import pytest
 from tests.human.walker import marching
 from wbc.errors import InvalidInputError
 from wbc.human.anthropometry import DE_LEVA, segment_table
-from wbc.human.body import NAMES, SEGMENT_NAMES, Body, masses
+from wbc.human.body import NAMES, SEGMENT_NAMES, HumanBody, masses
 from wbc.human.fit import MarkerSet
 from wbc.human.kinematics import DOFS, dimension_jacobian, place, point_jacobian
 from wbc.human.landmarks import landmark, landmark_of
 from wbc.human.skeleton import configurations, human_robot
 
-BODY = Body.of(1.80, 80.0, "male")
+BODY = HumanBody.of(1.80, 80.0, "male")
 
 
 def test_places_are_those_of_pinocchio() -> None:
@@ -28,7 +28,7 @@ def test_places_are_those_of_pinocchio() -> None:
 
 @pytest.mark.parametrize("sex", ["female", "male"])
 def test_masses_are_the_tables(sex: str) -> None:
-    body = Body.of(1.7, 70.0, sex)
+    body = HumanBody.of(1.7, 70.0, sex)
     assert human_robot(body).mass == pytest.approx(70.0, rel=1e-12)
     rows, found = DE_LEVA[sex], masses(body)
     trunk = sum(rows[part].mass for part in ("upper_trunk", "middle_trunk", "lower_trunk"))
@@ -68,9 +68,9 @@ def test_derivatives_are_those_of_differences() -> None:
 
 def test_what_is_no_body_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="sex: expected female or male"):
-        Body.of(1.7, 70.0, "human")
+        HumanBody.of(1.7, 70.0, "human")
     with pytest.raises(InvalidInputError, match="mass"):
-        Body.of(1.7, -1.0, "male")
+        HumanBody.of(1.7, -1.0, "male")
 
 
 @pytest.mark.parametrize(

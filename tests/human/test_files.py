@@ -8,11 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from tests.human.walker import LABELS, recorded, write_trc
 from wbc.human import human_motion, is_human_recording, read_markers
-from wbc.human.body import Body
+from wbc.human.body import HumanBody
 from wbc.human.plates import plate_wrench
 from wbc.motion.table import RecordingError
 
-BODY = Body.of(1.76, 72.0, "male")
+BODY = HumanBody.of(1.76, 72.0, "male")
 CORNERS = np.array(((0.9, 0.4, 0.0), (-0.1, 0.4, 0.0), (-0.1, -0.3, 0.0), (0.9, -0.3, 0.0)))
 DOWN = CORNERS[[3, 2, 1, 0]]  # corners in the other turn: z points into the ground
 
@@ -202,6 +202,15 @@ def test_bvh(tmp_path: Path) -> None:
     knee = human.motion.joints[:, human.motion.robot.joint_names.index("left_knee_flexion")]
     np.testing.assert_allclose(np.degrees(knee - knee[0]), np.linspace(0.0, 60.0, 12), atol=3.0)
     assert human.rms < 0.01
+    # Under a root that carries all, the skeleton may be drawn anywhere.
+    head, _, rows = path.read_text().rpartition("MOTION")
+    world = "ROOT World\n{\nOFFSET 0 0 0\nCHANNELS 1 Xposition\nJOINT Hips\n{\nOFFSET 0 0 -500"
+    first = head.index("OFFSET")
+    head = head[: head.index("ROOT")] + world + head[head.index("\n", first) :] + "}\n"
+    lines = rows.splitlines()
+    put = [line if k < 3 or not line else f"0 {line}" for k, line in enumerate(lines)]
+    path.write_text(head + "MOTION" + "\n".join(put) + "\n")
+    assert any("lengths taken for cm" in note for note in read_markers(path).notes)
     write_bvh(path)
     path.write_text(path.read_text().replace("LeftUpLeg", "Wheel"))
     with pytest.raises(RecordingError, match="no left_hip_centre by the usual names"):

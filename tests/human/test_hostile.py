@@ -14,10 +14,10 @@ from tests.human.test_files import write_bvh, write_c3d
 from tests.human.walker import recorded, write_trc
 from wbc.errors import WbcError
 from wbc.human import human_motion, read_markers
-from wbc.human.body import Body
+from wbc.human.body import HumanBody
 
 COUNT = int(os.environ.get("WBC_FUZZ", "500"))
-BODY = Body.of(1.76, 72.0, "male")
+BODY = HumanBody.of(1.76, 72.0, "male")
 MOT = """grf
 nRows=3
 nColumns=10

@@ -6,17 +6,17 @@ import pytest
 import wbc
 from tests.human.walker import LABELS, recorded, write_trc
 from wbc.human import MarkerRecording, compared, human_motion, read_markers
-from wbc.human.body import NAMES, Body
+from wbc.human.body import NAMES, HumanBody
 from wbc.human.fit import MarkerSet, first_poses, fit_poses
 from wbc.human.kinematics import place
 from wbc.human.landmarks import landmark, landmark_of
 from wbc.human.skeleton import configurations, human_robot
 from wbc.motion.table import RecordingError
 
-BODY = Body.of(1.76, 72.0, "male")
+BODY = HumanBody.of(1.76, 72.0, "male")
 
 
-def com_of(body: Body, poses: object) -> np.ndarray:
+def com_of(body: HumanBody, poses: object) -> np.ndarray:
     robot = human_robot(body)
     return np.array([robot.snapshot(q).com for q in configurations(robot, poses)])
 
@@ -38,9 +38,9 @@ def test_a_known_body_is_followed_exactly() -> None:
 def marched() -> tuple[MarkerRecording, object, wbc.human.HumanMotion]:
     """A body that is not usual, markers 0.6 spreads beside where they should be, 1 mm of noise."""
     rng = np.random.default_rng(3)
-    usual = Body.of(1.82, 72.0, "male")
+    usual = HumanBody.of(1.82, 72.0, "male")
     sizes = usual.dimensions * (1.0 + 0.02 * rng.standard_normal(len(NAMES)))
-    body = Body(sizes, 72.0, 1.82, "male")
+    body = HumanBody(sizes, 72.0, 1.82, "male")
     recording, poses = recorded(body, off=0.6, noise=1e-3, seed=5, plates=True)
     holes = recording.positions.copy()
     k = LABELS.index

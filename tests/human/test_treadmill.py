@@ -5,13 +5,13 @@ import pytest
 
 from tests.human.walker import LABELS, recorded
 from wbc.human import MarkerRecording, human_motion
-from wbc.human.body import Body
+from wbc.human.body import HumanBody
 from wbc.human.landmarks import lacking, landmark, landmark_of
 from wbc.human.markers import ForcePlate
 from wbc.human.skeleton import configurations, human_robot
 from wbc.human.treadmill import belt_velocity, from_the_belt
 
-BODY = Body.of(1.76, 72.0, "male")
+BODY = HumanBody.of(1.76, 72.0, "male")
 NAMES = ("LASI", "RASI", "SACR", "LHEE", "LTOE", "RHEE", "RTOE")
 MARKS = tuple(landmark(str(landmark_of(name))) for name in NAMES)
 SPEED, STRIDE, STANCE = 1.2, 1.1, 0.62  # m/s, s, part of a stride

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wbc.human.body import HINGE_NAMES, HINGES, SEGMENT_NAMES, Body, masses
+from wbc.human.body import HINGE_NAMES, HINGES, SEGMENT_NAMES, HumanBody, masses
 from wbc.human.kinematics import Poses, place, rotations
 from wbc.human.landmarks import landmark, landmark_of
 from wbc.human.markers import ForcePlate, MarkerRecording
@@ -53,7 +53,7 @@ def marching(seconds: float = 3.0, rate: float = RATE) -> tuple[Array, Poses]:
 
 
 def marker_places(
-    labels: list[str], body: Body, off: float, seed: int
+    labels: list[str], body: HumanBody, off: float, seed: int
 ) -> list[tuple[int, int, Array]]:
     """Return segment, anchor and place of markers, off by so many spreads."""
     rng, found = np.random.default_rng(seed), []
@@ -65,7 +65,7 @@ def marker_places(
 
 
 def recorded(
-    body: Body,
+    body: HumanBody,
     *,
     labels: list[str] = LABELS,
     seconds: float = 3.0,
@@ -87,7 +87,7 @@ def recorded(
     return MarkerRecording(time, tuple(labels), positions, found, up="z"), poses
 
 
-def true_plate(body: Body, poses: Poses, time: Array) -> ForcePlate:
+def true_plate(body: HumanBody, poses: Poses, time: Array) -> ForcePlate:
     """Return what one plate under all feet feels: segment by segment, by differences of places."""
     placed, parts = place(poses, body.dimensions), masses(body)
     force, moment = np.zeros((2, len(time), 3))

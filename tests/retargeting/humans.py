@@ -6,14 +6,14 @@ import numpy as np
 
 from wbc import ComTask, KinematicController, Motion, OrientationTask, PoseTask, PostureTask
 from wbc.gait.swing import turned
-from wbc.human import Body, HumanMotion, MarkerRecording, human_robot
+from wbc.human import HumanBody, HumanMotion, MarkerRecording, human_robot
 from wbc.human.fit import MarkerSet
 from wbc.human.residual_noise import ResidualNoise
 from wbc.minimum_jerk import minimum_jerk
 from wbc.validate import Array
 
 RATE = 50.0
-BODY = Body.of(1.75, 70.0, "male")
+BODY = HumanBody.of(1.75, 70.0, "male")
 
 
 def moving(

@@ -11,6 +11,7 @@ import wbc
 from tests.retargeting.humans import crouching, stepping
 from wbc.retargeting import RetargetWeights, body_map
 from wbc.robot import Robot
+from wbc.view.mcap_export import write_retargeted
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +96,11 @@ def test_files_have_what_trainers_read(crouch: wbc.Retargeted, tmp_path: Path) -
     moved = np.gradient(place[:, hand], crouch.targets.dt, axis=0)[5:-5]
     assert velocity[5:-5, hand] == pytest.approx(moved, abs=0.02)
     assert quaternion[0, 0] == pytest.approx(crouch.q[0][[6, 3, 4, 5]], abs=1e-6)
+    reader = pytest.importorskip("mcap.reader")
+    with write_retargeted(crouch, tmp_path / "a.mcap").open("rb") as file:
+        messages = list(reader.make_reader(file, validate_crcs=True).iter_messages())
+    com = [json.loads(m.data) for _, channel, m in messages if channel.topic == "/com"]
+    assert [com[-1][axis] for axis in "xyz"] == crouch.whole.com[-1].tolist()
     with pytest.raises(wbc.WbcError, match=r"written as \.csv"):
         crouch.save(tmp_path / "x.npz", "unitree")
     with pytest.raises(wbc.WbcError, match="unknown layout"):

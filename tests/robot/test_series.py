@@ -4,9 +4,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from wbc.constraints import SelfCollision
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.robot.series import centroidal_derivatives, centroidal_series, sole_series, turning_joints
+from wbc.robot.series import (
+    centroidal_derivatives,
+    centroidal_series,
+    sole_series,
+    state_series,
+    turning_joints,
+    velocities,
+)
 from wbc.rotations import rotations_from
 from wbc.spatial import vech_inverse
 
@@ -17,6 +25,41 @@ def states(robot: Robot, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     steps = rng.normal(size=(COUNT, robot.nv))
     q = np.array([robot.integrate(robot.postures["neutral"], step, 0.7) for step in steps])
     return q, rng.normal(size=(COUNT, robot.nv)), rng.normal(size=(COUNT, robot.nv))
+
+
+def test_states_of_the_core_in_a_row(robot: Robot, rng: np.random.Generator) -> None:
+    """The very numbers of snapshots."""
+    q, v, _ = states(robot, rng)
+    frames = [foot.frame for foot in robot.feet.values()]
+    series = state_series(robot, q, v, frames)
+    for k in range(COUNT):
+        here = robot.snapshot(q[k], v[k])
+        np.testing.assert_array_equal(series.com[k], here.com)
+        np.testing.assert_array_equal(series.inertia[k], here.inertia)
+        np.testing.assert_array_equal(series.part("momentum", 6)[k], here.momentum)
+        for frame in frames:
+            np.testing.assert_array_equal(series.position(frame)[k], here.position(frame))
+            np.testing.assert_array_equal(series.rotation(frame)[k], here.rotation(frame))
+            np.testing.assert_array_equal(series.jacobian(frame)[k], here.jacobian(frame))
+    steps = velocities(robot, q, 0.5)
+    for a, b, step in zip(q[:-1], q[1:], steps, strict=True):
+        np.testing.assert_allclose(robot.difference(robot.integrate(a, step, 0.5), b), 0, atol=1e-9)
+
+
+def test_near_pairs_in_a_row(rng: np.random.Generator) -> None:
+    """All pairs of all states that are near, against those of each, one by one."""
+    robot, limit = Robot.load("hoap2_like"), 0.02  # m
+    q, _, _ = states(robot, rng)
+    every = SelfCollision(robot, pairs=10_000)
+    where, clearance, J = every.near(q, state_series(robot, q), limit)
+    assert len(where) > 10
+    for k in range(COUNT):
+        found = every.distances(robot.snapshot(q[k]))
+        near = np.flatnonzero(found.clearance < limit)
+        assert np.count_nonzero(where == k) == near.size
+        # In order of the pairs, measured by the same arithmetic but for bodies inside each other.
+        np.testing.assert_allclose(clearance[where == k], found.clearance[near], atol=1e-6)
+        np.testing.assert_allclose(J[where == k], found.jacobian[near], atol=1e-6)
 
 
 def test_series_are_snapshots_in_a_row(robot: Robot, rng: np.random.Generator) -> None:

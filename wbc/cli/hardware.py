@@ -90,6 +90,18 @@ def run(
     log: Annotated[
         Path, typer.Option(help="Where the last 10 s go when something stops it.")
     ] = Path("hardware.npz"),
+    keep: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Let the log reach back so far (1 to 2 MB a second), and write it in the end, too:"
+            " from the beginning, wbc replay runs it again.",
+        ),
+    ] = None,
+    view: Annotated[
+        bool,
+        typer.Option("--view", help="Show estimate, mode and faults in the browser (extra view)."),
+    ] = False,
     report: Annotated[
         Path | None, typer.Option(help="Write times, events and faults: a .json.")
     ] = None,
@@ -132,6 +144,8 @@ def run(
             operator,
             estimator=estimator,
             log=log,
+            keep=keep,
+            watch=_watch_of(loaded.parts.robot) if view else None,
             priority=priority,
             cpus=cpu or (),
             say=say,
@@ -144,6 +158,17 @@ def run(
         if interrupts():
             raise typer.Exit(interrupts.exit_code)
         raise typer.Exit(0 if result.good else STOPPED)
+
+
+def _watch_of(robot: Any) -> Any:
+    from functools import partial
+
+    from wbc.extras import require
+
+    require("viser", "wbc hardware run --view")
+    from wbc.view.live.hardware import watch_loop
+
+    return partial(watch_loop, robot)
 
 
 def _sits(interrupts: Any, operator: Any, wish: Any) -> bool:

@@ -20,7 +20,8 @@ def replay(
     file: Annotated[
         Path,
         typer.Argument(
-            help="What wbc run or wbc sim wrote (.json, .npz), or a tick that was saved.",
+            help="What wbc run or wbc sim wrote (.json, .npz), a log of wbc hardware run, or a tick"
+            " that was saved.",
             metavar="FILE",
         ),
     ],
@@ -64,6 +65,12 @@ def _tick(file: Path, code: Path | None) -> tuple[bool, str]:
 
 
 def _run(file: Path, quiet: bool) -> tuple[bool, str]:
+    from wbc.hardware.log_file import is_log
+    from wbc.hardware.replay import replay_log
+
+    if file.suffix.lower() == ".npz" and is_log(file):
+        log = replay_log(file)
+        return log.same, f"{file}: {log}"
     from wbc.cli.interrupts import noted_interrupts
     from wbc.cli.progress import shown_progress
     from wbc.problem.replay import replay_run, told

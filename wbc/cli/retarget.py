@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 # Kept in step with wbc.retargeting, which is not imported only to print the help.
 RATE, DURATION, FRICTION, MARGIN, SEX = 50.0, "froude", 0.6, 0.01, "male"
 ROLL = 1.0
+# What is handed on to wbc.retarget.
+WAYS = ("rate", "duration", "cutoff", "roll", "balance", "friction", "margin", "links")
+MCAP = "mcap"
 WORST = 12  # of what cannot be balanced, that are printed
 
 
@@ -32,18 +36,23 @@ def retarget(
     motion: Annotated[
         Path,
         typer.Argument(
-            help="A human's recording: .c3d, .trc, .bvh, or .npz of SMPL poses.", metavar="MOTION"
+            help="A human's recording: .c3d, .trc, .bvh, or .npz of SMPL poses; or a .yaml of one"
+            " and of these options.",
+            metavar="MOTION",
         ),
     ],
+    context: typer.Context,
     robot: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="The robot: a name, or a URDF or MJCF file.", autocompletion=robots_beginning
         ),
-    ],
+    ] = None,
     output: Annotated[
         list[Path] | None,
-        typer.Option("--output", "-o", help="Write the robot's motion, .npz or .csv; repeatable."),
+        typer.Option(
+            "--output", "-o", help="Write the robot's motion, .npz, .csv or .mcap; repeatable."
+        ),
     ] = None,
     layout: Annotated[
         FileLayout | None,
@@ -102,47 +111,55 @@ def retarget(
     with errors_in_one_line():
         from wbc.cli.outputs import Outputs, check_place
         from wbc.cli.progress import shown_progress
+        from wbc.errors import InvalidInputError
         from wbc.human import human_motion, read_markers
         from wbc.retargeting import retarget as retargeted
         from wbc.retargeting.layouts import check_layout
         from wbc.robot import Robot
+        from wbc.view.mcap_export import mcap_format, write_retargeted
 
         written = [(path, _layout(path, layout)) for path in output or []]
         for path, kind in written:
-            check_layout(path, kind)
+            if kind == MCAP:
+                mcap_format(path)
+            else:
+                check_layout(path, kind)
             check_place("--output", path)
-        links = _links(link or [])
-        time = _duration(duration)
-        loaded = Robot.load(robot)
+        asked: dict[str, Any] = {
+            "motion": motion, "robot": robot, "static": static, "forces": forces, "mass": mass,
+            "stature": stature, "sex": sex, "up": up, "unit": unit, "ground": ground, "rate": rate,
+            "duration": _duration(duration), "cutoff": cutoff, "roll": roll, "balance": balance,
+            "friction": friction, "margin": margin, "links": _links(link or []),
+        }  # fmt: skip
+        if motion.suffix.lower() in (".yaml", ".yml"):
+            asked |= _of_file(motion, asked.keys(), context)
+        if asked["robot"] is None:
+            raise InvalidInputError("--robot: say which one is to move as the human")
+        loaded = Robot.load(asked["robot"])
         if not quiet:
             print_notes(loaded)
-        recording = read_markers(motion, forces=forces, unit=unit, stature=stature)
+        tall, still = asked["stature"], asked["static"]
+        recording = read_markers(
+            asked["motion"], forces=asked["forces"], unit=asked["unit"], stature=tall
+        )
         human = human_motion(
             recording,
-            static=None if static is None else read_markers(static),
-            mass=mass,
-            stature=stature,
-            sex=sex,
-            up=up,
-            ground_height=ground,
+            static=None if still is None else read_markers(still),
+            mass=asked["mass"],
+            stature=tall,
+            sex=asked["sex"],
+            up=asked["up"],
+            ground_height=asked["ground"],
         )
         with shown_progress(quiet) as progress:
-            found = retargeted(
-                human,
-                loaded,
-                rate=rate,
-                duration=time,
-                cutoff=cutoff,
-                roll=roll,
-                balance=balance,
-                friction=friction,
-                margin=margin,
-                links=links,
-                progress=progress,
-            )
+            ways = {key: asked[key] for key in WAYS}
+            found = retargeted(human, loaded, **ways, progress=progress)
         outputs = Outputs()
         for path, kind in written:
-            outputs.save(path, lambda place, kind=kind: found.save(place, kind))  # type: ignore[misc]
+            if kind == MCAP:
+                outputs.save(path, lambda place: write_retargeted(found, place))
+            else:
+                outputs.save(path, lambda place, kind=kind: found.save(place, kind))  # type: ignore[misc]
         if not quiet:
             from wbc.cli.analyze_human import print_human
 
@@ -154,7 +171,21 @@ def retarget(
     raise typer.Exit(code)
 
 
+def _of_file(path: Path, keys: Iterable[str], context: typer.Context) -> dict[str, Any]:
+    """Return what a file says, but for what is said on the command line too."""
+    from wbc.problem.retarget import load_retarget
+
+    names = {key: "link" if key == "links" else key for key in keys}
+    told = {key: context.get_parameter_source(name) for key, name in names.items()}
+    said = {key for key, by in told.items() if by is not None and by.name == "COMMANDLINE"}
+    return {
+        key: value for key, value in load_retarget(path).items() if key not in said - {"motion"}
+    }
+
+
 def _layout(path: Path, layout: FileLayout | None) -> str:
+    if path.suffix.lower() == ".mcap":
+        return MCAP
     if layout is not None:
         return layout.value
     return "unitree" if path.suffix.lower() == ".csv" else "wbc"

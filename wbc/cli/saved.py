@@ -166,12 +166,15 @@ def _saved_or_run(path: Path, robot: str | None, quiet: bool) -> SavedRun | Save
     from wbc.cli.progress import shown_progress
     from wbc.cli.starting import starting
     from wbc.errors import InvalidInputError
+    from wbc.hardware.log_file import HardwareLog, is_log
     from wbc.problem import Problem, load_problem
     from wbc.problem.pendulum.result import SavedPendulum
     from wbc.problem.saved import SavedRun, load_result
     from wbc.robot import Robot
 
     if path.suffix.lower() == ".npz":
+        if robot is None and is_log(path):
+            return HardwareLog.load(path).as_run()
         return load_result(path, None if robot is None else Robot.load(robot))
     if robot is not None:
         raise InvalidInputError("--robot: only for a result's .npz; a problem names its robot")

@@ -14,6 +14,7 @@ from wbc.robot.collision import CollisionModel, PairDistances
 from wbc.robot.collision.closing import Closing
 from wbc.robot.collision.soonest import soonest
 from wbc.robot.limits import BASE_NV
+from wbc.robot.series import StateSeries
 from wbc.validate import Array, finite_number
 
 
@@ -65,6 +66,41 @@ class BodyMargin(Margin):
         if keys is not None:
             return self.made_of(snapshot, model.measure(snapshot, keys))
         return self.made_of(snapshot, model.nearest(snapshot, self.count, self.kept()))
+
+    def near(self, q: Array, states: StateSeries, limit: float) -> tuple[Index, Array, Array]:
+        """Return all pairs with less clearance than ``limit`` [m] in n states.
+
+        Which state, increasing, its clearance [m] and that one's derivative by v: (k,), (k,) and
+        (k, nv).
+
+        Parameters
+        ----------
+        q:
+            Configurations (n, nq).
+        states:
+            Of these.
+        """
+        self.place()
+        kept, model, parts = self.kept(), self.model, list[tuple[Index, Array, Array]]()
+        if not len(model.pairs):
+            return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, self.robot.nv))
+        if model.native is None:
+            unknown = np.arange(len(states))
+        else:
+            pairs, found = model.native.within(states.array, states.tree, limit, kept)
+            unknown = np.unique(pairs[found[:, 0] == -np.inf, 0])
+            known = ~np.isin(pairs[:, 0], unknown)
+            pairs, found = pairs[known], found[known]
+            J = model.rows_of(states, pairs, found)
+            parts.append((pairs[:, 0], found[:, 0] - kept.take(pairs[:, 1]), J))
+        for k in unknown.tolist():
+            one = self.distances(self.robot.snapshot(q[k]))
+            own = one.clearance < limit
+            where: Index = np.full(np.count_nonzero(own), k)
+            parts.append((where, one.clearance[own], one.jacobian[own]))
+        frames, clearance, jacobian = (np.concatenate(part) for part in zip(*parts, strict=True))
+        order = np.argsort(frames, kind="stable")
+        return frames[order], clearance[order], jacobian[order]
 
     def braked_rows(self, snapshot: Snapshot, dt: float) -> Bounds:
         """Return the rows of the pairs that have to brake first: see ``pairs`` of the class.

@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.hardware.bus import Command, Reading
+from wbc.hardware.loop_memory import LoopMemory
 from wbc.hardware.real_time import Beat
-from wbc.hardware.robot_controller import ControllerAnswer
 from wbc.hardware.safety import Fault, Mode, Safety
+from wbc.hardware.worker import Job
+from wbc.validate import Array
 
 MODES = tuple(Mode)
 FAULTS = tuple(Fault)
+# Of a reading, what it measured.
+READ = (
+    "position",
+    "velocity",
+    "torque",
+    "temperature",
+    "quaternion",
+    "angular_velocity",
+    "specific_force",
+)
 
 
 def log_fields(joints: int, nq: int, nv: int) -> dict[str, int]:
     """Return what a log's rows hold, and how many numbers each field has."""
-    single = ("time", "lateness", "mode", "faults", "sequence", "robot_time")
+    single = ("time", "lateness", "mode", "faults", "sequence", "robot_time", "stop")
+    asked = ("asked", "asked_about", "answer_to", "answer_time", "standing")
     many = (
         "position",
         "velocity",
@@ -26,25 +42,28 @@ def log_fields(joints: int, nq: int, nv: int) -> dict[str, int]:
         "command_torque",
         "kp",
         "kd",
+        "answer_velocity",
+        "answer_torque",
     )
-    fields = dict.fromkeys(single, 1) | dict.fromkeys(many, joints)
+    fields = dict.fromkeys((*single, *asked), 1) | dict.fromkeys(many, joints)
     return fields | {
         "quaternion": 4,
         "angular_velocity": 3,
         "specific_force": 3,
+        "deviations": 4,
         "q": nq,
         "v": nv,
     }
 
 
 def log_row(
-    beat: Beat,
-    safety: Safety,
-    command: Command,
-    reading: Reading | None,
-    answer: ControllerAnswer | None,
+    beat: Beat, safety: Safety, command: Command, now: LoopMemory, feet: Sequence[str]
 ) -> dict[str, ArrayLike]:
-    """Return a row: modes by their place in :class:`Mode`, faults as bits by theirs."""
+    """Return a row: modes by their place in :class:`Mode`, faults and feet that stand as bits.
+
+    What the controller was asked in this cycle stands as :func:`request_bits`, and by the number of
+    the reading that it was asked about; so does its newest answer.
+    """
     values: dict[str, ArrayLike] = {
         "time": beat.time,
         "lateness": beat.lateness,
@@ -56,18 +75,41 @@ def log_row(
         "kp": command.kp,
         "kd": command.kd,
     }
+    reading, answer = now.reading, now.answer
     if reading is not None:
-        values |= {
-            "sequence": reading.sequence,
-            "robot_time": reading.time,
-            "position": reading.position,
-            "velocity": reading.velocity,
-            "torque": reading.torque,
-            "temperature": reading.temperature,
-            "quaternion": reading.quaternion,
-            "angular_velocity": reading.angular_velocity,
-            "specific_force": reading.specific_force,
-        }
+        values |= {"sequence": reading.sequence, "robot_time": reading.time, "stop": reading.stop}
+        values |= {name: getattr(reading, name) for name in READ}
+    if now.asked is not None:
+        values |= {"asked": request_bits(now.asked), "asked_about": now.asked.reading.sequence}
     if answer is not None:
-        values |= {"q": answer.q, "v": answer.v}
+        values |= {"q": answer.q, "v": answer.v, "answer_to": now.answer_to}
+        values |= {"answer_time": now.took, "deviations": answer.sure.deviations}
+        values["standing"] = sum(1 << feet.index(foot) for foot in answer.sure.feet)
+        if answer.command is not None:
+            values["answer_velocity"] = answer.command.velocity
+            values["answer_torque"] = answer.command.torque
     return values
+
+
+def request_bits(job: Job) -> int:
+    """Return what is asked as bits: 1 if it begins, 2 for a command, 4 to come to rest."""
+    return job.begins + 2 * job.commands + 4 * job.rests
+
+
+def request_of(row: Mapping[str, Array], reading: Reading) -> Job:
+    """Return the job that a row's bits tell of."""
+    bits = int(row["asked"])
+    return Job(reading, bool(bits & 1), bool(bits & 2), bool(bits & 4))
+
+
+def reading_of(row: Mapping[str, Array]) -> Reading:
+    """Return the reading in a row."""
+    q, v, torque, heat, quaternion, spin, force = (np.array(row[name]) for name in READ)
+    number, time, stop = int(row["sequence"]), float(row["robot_time"]), bool(row["stop"])
+    return Reading(number, time, q, v, torque, heat, quaternion, spin, force, stop)
+
+
+def bits_set(value: float) -> list[int]:
+    """Return the places of the bits of a number that are set; none of NaN."""
+    whole = int(value) if np.isfinite(value) else 0
+    return [k for k in range(whole.bit_length()) if whole >> k & 1]

@@ -7,8 +7,9 @@ layer counts. Nothing that the controller does, or does not do, keeps a cycle fr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,8 +26,9 @@ from wbc.hardware.ring_log import LogWriter, RingLog
 from wbc.hardware.robot_controller import RobotController
 from wbc.hardware.safety import Event, Fault, ForbiddenTransition, Mode, Safety
 from wbc.hardware.sensor_checks import SensorChecks
+from wbc.hardware.watcher import Watcher
 from wbc.hardware.worker import ForkedWorker, Job, Worker, WorkerOutcome, can_fork
-from wbc.validate import Array
+from wbc.validate import Array, finite_number
 
 PERIOD = 0.002  # s: of cycles
 WITHOUT = 3  # periods of the controller without an answer that are no fault: contacts change
@@ -35,7 +37,8 @@ GONE_AFTER = 0.040  # s: the robot's side is gone, and the loop ends
 STALL = 0.040  # s of lateness: the process was stopped or starved
 RESERVE = 3e-4  # s of a cycle kept for what comes after the controller
 BEFORE, AFTER = 10.0, 1.0  # s logged before and after an event
-SPARE = 1.0  # s that the ring turns on while it is written
+SPARE = 1.0  # s that the ring turns on while it is written, at least
+SPARE_PART = 0.1  # and in parts of what it keeps
 REST_TIME = 6.0  # s that a walk gets to come to rest
 SEND_STOPS = 5  # damping commands that are sent when the loop ends
 
@@ -57,6 +60,14 @@ class HardwareLoop:
         Who says when.
     log:
         Where an event's log goes; None: nowhere.
+    keep:
+        How far logs reach back [s]; one is then written in the end, too, whatever happened. None:
+        10 s, and nothing of a run without an event.
+    made_of:
+        What logs say of problem, profile and estimator, for :func:`wbc.hardware.replay.replay_log`.
+    watch:
+        Shows the log while it grows, in a process of its own that ends with the loop; only where
+        there can be one.
     forked:
         Whether the controller has its own process, where that can be; it is forked now.
     priority:
@@ -82,6 +93,9 @@ class HardwareLoop:
         operator: Operator,
         *,
         log: Path | None = None,
+        keep: float | None = None,
+        made_of: Mapping[str, Any] | None = None,
+        watch: Callable[[RingLog], None] | None = None,
         forked: bool = True,
         priority: int = 40,
         cpus: Sequence[int] = (),
@@ -90,11 +104,13 @@ class HardwareLoop:
         self.controller, self.safety = controller, safety
         self._checks, self._motions, self._operator = checks, motions, operator
         self.dt = PERIOD
-        self._every = whole_cycles(controller.dt)
+        self._every, self._feet = whole_cycles(controller.dt), tuple(controller.robot.feet)
         self._say, self._priority = say, priority
         n = len(safety.limits.effort)
         fields = log_fields(n, controller.robot.nq, controller.robot.nv)
-        self._ring = RingLog(fields, BEFORE + AFTER + SPARE, self.dt)
+        before = BEFORE if keep is None else finite_number("hardware, keep", keep, least=BEFORE)
+        self._keeps = keep is not None
+        self._ring = RingLog(fields, before + AFTER + max(SPARE, SPARE_PART * before), self.dt)
         self._forked = forked and can_fork()
         self._worker: Worker | ForkedWorker = (
             ForkedWorker(controller, priority // 2, cpus[-1] if cpus else None)
@@ -102,10 +118,13 @@ class HardwareLoop:
             else Worker(controller)
         )
         pin(cpus[0] if cpus else None)
-        rows = round((BEFORE + AFTER) / self.dt)
+        rows = round((before + AFTER) / self.dt)
         self._writer = (
-            None if log is None else LogWriter(self._ring, log, rows, forked=self._forked)
+            None
+            if log is None
+            else LogWriter(self._ring, log, rows, made_of or {}, forked=self._forked)
         )
+        self._watcher = Watcher(self._ring, watch) if watch and self._forked else None
         with real_time(priority):  # which a bus's own threads inherit
             self.bus = bus()
         self._began = 0.0
@@ -144,10 +163,12 @@ class HardwareLoop:
         for _ in range(SEND_STOPS):
             self._write(self.safety.admit(None))
         now.notes = tuple(self._worker.close())
-        if now.log_at is not None:
-            self._write_log(now.event)
+        if now.log_at is not None or self._keeps:
+            self._write_log(now.event or f"the end: {now.ended}")
         if self._writer is not None:
             self._writer.close()
+        if self._watcher is not None:
+            self._watcher.close()
 
     def result(self, notes: Sequence[str] = ()) -> LoopResult:
         """Return how it went until now."""
@@ -177,6 +198,7 @@ class HardwareLoop:
         """Make one cycle; return what was sent."""
         now, safety = self._now, self.safety
         time = now.time = beat.time
+        now.asked = None
         now.lateness.append(beat.lateness)
         now.missed += beat.missed
         if beat.lateness > STALL:
@@ -240,7 +262,9 @@ class HardwareLoop:
             return
         commands = mode is Mode.RUNNING
         begins = not (now.runs if commands else now.stands)
-        self._worker.submit(Job(now.waiting, begins, commands, now.sits_by is not None))
+        job = Job(now.waiting, begins, commands, now.sits_by is not None)
+        self._worker.submit(job)
+        now.asked, now.asked_last = job, job.reading.sequence
         now.runs, now.stands, now.waiting = commands, True, None
 
     def _answered(self, time: float, fresh: Reading | None) -> WorkerOutcome | None:
@@ -249,7 +273,9 @@ class HardwareLoop:
         newest: WorkerOutcome | None = None
         while (outcome := worker.result(self._left())) is not None:
             newest, now.answered = outcome, time
-            now.seconds.append(clock_now() - time)
+            about = now.asked_last
+            now.took = clock_now() - time
+            now.seconds.append(now.took)
             if now.waiting is None:
                 break
             self._submit(None)
@@ -258,6 +284,8 @@ class HardwareLoop:
             silence = time - max(now.answered, now.mode_began)
             if silence > WITHOUT * self._every * self.dt and fresh is not None:
                 self.safety.report(Fault.NO_COMMAND, f"for {1e3 * silence:.0f} ms")
+        if newest is not None and newest.answer is not None:
+            now.answer_to = about
         return newest
 
     def _wanted(self, time: float, outcome: WorkerOutcome | None) -> Command | None:
@@ -382,8 +410,7 @@ class HardwareLoop:
 
     def _log(self, beat: Beat, command: Command) -> None:
         now = self._now
-        values = log_row(beat, self.safety, command, now.reading, now.answer)
-        self._ring.add(values)
+        self._ring.add(log_row(beat, self.safety, command, now, self._feet))
         if now.log_at is not None and beat.time >= now.log_at:
             self._write_log(now.event)
 

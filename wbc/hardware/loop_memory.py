@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from wbc.hardware.bus import Command, Reading
 from wbc.hardware.robot_controller import ControllerAnswer
 from wbc.hardware.safety import Mode
+from wbc.hardware.worker import Job
 
 
 @dataclass
@@ -18,6 +19,10 @@ class LoopMemory:
     heard: float = -math.inf  # when the last usable reading came
     before: Reading | None = None  # the one before
     turn: int = 0  # cycles since the controller was last to be asked
+    asked: Job | None = None  # of the controller, in this cycle
+    asked_last: int = -1  # the number of the last reading it was asked about
+    answer_to: int = -1  # of the reading that its newest answer is about
+    took: float = math.nan  # what that took, from reading to command [s]
     answered: float = 0.0  # when it last answered
     held: int = 0  # cycles for which a command was wanted that was not there
     waiting: Reading | None = None  # what the controller is to be asked about

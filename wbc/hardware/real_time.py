@@ -62,6 +62,12 @@ def _libc() -> ctypes.CDLL:
     return ctypes.CDLL(None, use_errno=True)
 
 
+def ordinary_priority() -> None:
+    """Give up what a process of real time was granted before it forked this one."""
+    if hasattr(os, "sched_setscheduler"):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
 class Beat(NamedTuple):
     """When a cycle began [s, by :func:`now`], how late, and how many were left out before."""
 

@@ -6,9 +6,9 @@ loop's own process is killed, that one is still there, and writes what happened 
 
 from __future__ import annotations
 
+import json
 import mmap
 import multiprocessing
-import os
 import signal
 from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
@@ -20,8 +20,10 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.files import why, write_arrays
+from wbc.hardware.real_time import ordinary_priority
 from wbc.validate import Array, finite_number
 
+FORMAT = "wbc hardware log 1"
 KILLED = "the loop's process is gone"
 NUMBER = 8  # bytes
 
@@ -67,6 +69,17 @@ class RingLog:
             row[self._places[name]] = value
         self._count[0] += 1
 
+    def newest(self) -> dict[str, Array]:
+        """Return a copy of the last row by field; nothing if there is none.
+
+        Read from another process while rows are added, it may be torn between two that follow.
+        """
+        count = int(self._count[0])
+        if not count:
+            return {}
+        row = self._rows[(count - 1) % len(self._rows)].copy()
+        return {name: row[place] for name, place in self._places.items()}
+
     def arrays(self, last: int | None = None) -> dict[str, Array]:
         """Return a copy of the last rows, oldest first, by field: (rows,) or (rows, size)."""
         count = int(self._count[0])
@@ -89,6 +102,8 @@ class LogWriter:
         A file ending in ``.npz``.
     rows:
         How many are written at most: less than the ring has, for it turns on meanwhile.
+    made_of:
+        What the log says of what ran, as plain data.
     forked:
         Whether a process of its own writes, which is forked now; else each call waits.
 
@@ -100,8 +115,11 @@ class LogWriter:
         What was not written, and why: a full disk ends no loop.
     """
 
-    def __init__(self, ring: RingLog, path: Path, rows: int, *, forked: bool) -> None:
+    def __init__(
+        self, ring: RingLog, path: Path, rows: int, made_of: Mapping[str, Any], *, forked: bool
+    ) -> None:
         self._ring, self._path, self._rows = ring, path, rows
+        self._made_of = json.dumps({"format": FORMAT, **made_of})
         self.written = list[Path]()
         self.complaints = list[str]()
         self._pipe: Connection | None = None
@@ -131,6 +149,7 @@ class LogWriter:
         path = self._path.with_name(f"{stem}.npz")
         content: dict[str, Any] = {**self._ring.arrays(self._rows)}
         content |= {"events": np.array([*events, ""][: max(len(events), 1)]), "about": about}
+        content["made_of"] = self._made_of
         try:
             write_arrays(path, content)
         except OSError as error:
@@ -159,8 +178,7 @@ def _serve(writer: LogWriter, pipe: Connection, others: Connection) -> None:
     writer._pipe = None
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
-    if hasattr(os, "sched_setscheduler"):
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    ordinary_priority()
     while True:
         try:
             asked = pipe.recv()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -29,10 +29,29 @@ class EstimateError(WbcError):
     """There is no estimate of the base for a reading."""
 
 
+class Sureness(NamedTuple):
+    """How surely the base's state is known.
+
+    Attributes
+    ----------
+    deviations:
+        Standard deviations (4,) of tilt and heading [rad], velocity [m/s] and position [m].
+    feet:
+        Those that are counted on to stand still.
+    """
+
+    deviations: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    feet: tuple[str, ...] = ()
+
+
+CERTAIN = Sureness()
+
+
 class BaseEstimator(Protocol):
-    """What the loop needs of an estimator."""
+    """What the loop needs of an estimator; ``sure`` is how surely it knows its last answer."""
 
     name: str
+    sure: Sureness
 
     def reset(self) -> None:
         """Begin anew: the robot stands still on its feet."""
@@ -51,6 +70,7 @@ class TruthEstimator:
     """The base's true state, which a simulated robot sends if it is told to: for tests."""
 
     name = "the simulated robot's true base"
+    sure = CERTAIN
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -78,6 +98,7 @@ class SensorEstimator:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._estimator = StateEstimator(robot)
+        self.sure = CERTAIN
 
     def reset(self) -> None:
         """Forget everything: the robot stands still, from now on for half a second."""
@@ -92,6 +113,9 @@ class SensorEstimator:
         estimate = self._estimator.update(measurement)
         if estimate is None:
             raise EstimateError("the estimator has not seen the robot stand still yet")
+        e = estimate
+        deviations = e.tilt_deviation, e.yaw_deviation, e.velocity_deviation, e.position_deviation
+        self.sure = Sureness(deviations, e.contacts)
         return estimate.q, estimate.v
 
 
@@ -125,6 +149,8 @@ class ControllerAnswer:
         Why not.
     at_rest:
         Whether the robot stands on both feet; problems that are no walks always do.
+    sure:
+        How surely the estimate is known.
     """
 
     command: Command | None
@@ -133,6 +159,7 @@ class ControllerAnswer:
     ok: bool = True
     report: str = ""
     at_rest: bool = True
+    sure: Sureness = CERTAIN
 
 
 class RobotController:
@@ -175,7 +202,8 @@ class RobotController:
 
     def observe(self, reading: Reading) -> ControllerAnswer:
         """Estimate only, before it runs."""
-        return ControllerAnswer(None, *self.estimator.update(reading))
+        q, v = self.estimator.update(reading)
+        return ControllerAnswer(None, q, v, sure=self.estimator.sure)
 
     def begin(self, reading: Reading) -> None:
         """Begin to run: the robot stands, on its feet."""
@@ -220,7 +248,8 @@ class RobotController:
         rates = tick.velocity[BASE_NV:]
         command = Command(0, self._held, rates, tick.torque, left * self._kp, self._kd)
         ok = tick.ok or tick.policy in SOLVED_OR_RELAXED
-        return ControllerAnswer(command, q, v, ok, "" if ok else tick.report(), self.is_at_rest)
+        report = "" if ok else tick.report()
+        return ControllerAnswer(command, q, v, ok, report, self.is_at_rest, self.estimator.sure)
 
     def come_to_rest(self) -> None:
         """Stop walking; other problems go on."""

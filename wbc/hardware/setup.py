@@ -11,6 +11,7 @@ from wbc.hardware.bus import Bus, RobotBus
 from wbc.hardware.loop import PERIOD, HardwareLoop
 from wbc.hardware.operator import Operator
 from wbc.hardware.postures import CrouchPath, Motions, PostureMotion
+from wbc.hardware.ring_log import RingLog
 from wbc.hardware.robot_controller import (
     BaseEstimator,
     RobotController,
@@ -23,6 +24,7 @@ from wbc.hardware.sensor_checks import SensorChecks
 from wbc.hardware.udp import COMMAND_PORT, READING_PORT, UdpBus, UdpRobotBus
 from wbc.hardware.unitree.profiles import Profile, by_pattern
 from wbc.problem.problem import Problem
+from wbc.problem.provenance import versions
 from wbc.robot import Robot
 from wbc.run.supervisor import Supervisor
 from wbc.simulation import Plant
@@ -141,6 +143,8 @@ def loop_of(
     *,
     estimator: str = "sensors",
     log: Path | None = None,
+    keep: float | None = None,
+    watch: Callable[[RingLog], None] | None = None,
     forked: bool = True,
     priority: int = 40,
     cpus: Sequence[int] = (),
@@ -170,6 +174,14 @@ def loop_of(
         motions_of(robot, profile, path),
         operator,
         log=log,
+        keep=keep,
+        watch=watch,
+        made_of={
+            "problem": problem.provenance(),
+            "profile": profile.name,
+            "estimator": estimator,
+            "versions": versions(),
+        },
         forked=forked,
         priority=priority,
         cpus=cpus,

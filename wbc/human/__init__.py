@@ -1,6 +1,6 @@
 """Recorded humans: markers and skeletons read, a body of rigid segments fitted, its pendulum."""
 
-from wbc.human.body import Body
+from wbc.human.body import HumanBody
 from wbc.human.comparison import Comparison, compared
 from wbc.human.files import is_human_recording, read_markers
 from wbc.human.markers import ForcePlate, MarkerRecording
@@ -8,9 +8,9 @@ from wbc.human.recorded import HumanMotion, human_motion
 from wbc.human.skeleton import human_robot
 
 __all__ = [
-    "Body",
     "Comparison",
     "ForcePlate",
+    "HumanBody",
     "HumanMotion",
     "MarkerRecording",
     "compared",

@@ -145,7 +145,7 @@ def origin_maps() -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class HumanBody:
     """The dimensions and the mass of one human.
 
     Attributes
@@ -181,10 +181,10 @@ class Body:
         set_fields(self, dimensions=read_only(sizes), mass=mass, stature=stature, sex=sex)
 
     def __repr__(self) -> str:
-        return f"Body({self.sex}, {self.stature:.2f} m, {self.mass:.1f} kg)"
+        return f"HumanBody({self.sex}, {self.stature:.2f} m, {self.mass:.1f} kg)"
 
     @classmethod
-    def of(cls, stature: float, mass: float, sex: str) -> Body:
+    def of(cls, stature: float, mass: float, sex: str) -> HumanBody:
         """Return a body of usual proportions."""
         stature = finite_number("body: stature", stature, above=0.0)
         return cls(usual_dimensions(stature)[0], mass, stature, sex)
@@ -214,7 +214,7 @@ class Mass:
     inertia: Array
 
 
-def masses(body: Body) -> dict[str, Mass]:
+def masses(body: HumanBody) -> dict[str, Mass]:
     """Return the segments' masses in their own axes; the trunk is made of two of the table's."""
     table = segment_table(body.sex)
 
@@ -267,7 +267,7 @@ def masses(body: Body) -> dict[str, Mass]:
     return found
 
 
-def foot_ends(body: Body) -> tuple[Array, Array]:
+def foot_ends(body: HumanBody) -> tuple[Array, Array]:
     """Return heel and tip of the toes (3,) [m] in the foot's axes, midway of sole and ankle."""
     length = segment_table(body.sex)["foot"].length / MEAN_STATURE[body.sex] * body.stature
     heel = body.scale * np.array((-HEEL, 0.0, -0.6 * ANKLE_HEIGHT))

@@ -158,10 +158,15 @@ def _forward(joints: list[_Joint], values: Array) -> tuple[list[Array], list[Arr
 
 
 def _height(joints: list[_Joint]) -> float:
-    """Return the largest extent of the skeleton as it is drawn, in the file's unit."""
+    """Return the largest extent of the skeleton as it is drawn, in the file's unit.
+
+    Joints that carry all others may be drawn anywhere.
+    """
+    parents = [joint.parent for joint in joints]
+    trunk = next((k for k in range(len(joints)) if parents.count(k) > 1), 0)
     rest = list[Array]()
-    for joint in joints:
-        at = np.array(joint.offset) if joint.parent >= 0 else np.zeros(3)
+    for k, joint in enumerate(joints):
+        at = np.array(joint.offset) if k > trunk else np.zeros(3)
         rest.append(at + (rest[joint.parent] if joint.parent >= 0 else 0.0))
     return float(np.ptp(np.array(rest), axis=0).max())
 

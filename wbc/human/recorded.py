@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.human.anthropometry import MEAN_BODY_MASS_INDEX, check_sex
-from wbc.human.body import Body
+from wbc.human.body import HumanBody
 from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
 from wbc.human.comparison import plates_mass
 from wbc.human.contacts import Bools, chosen_cutoff, feet_down
@@ -65,7 +65,7 @@ class HumanMotion:
     """
 
     motion: Motion
-    body: Body
+    body: HumanBody
     recording: MarkerRecording
     markers: MarkerSet
     residual: Array
@@ -165,7 +165,7 @@ def human_motion(
         poses, _ = fit_poses(poses, observed, found.markers, found.dimensions)
     fit = residuals(poses, observed, found.markers, found.dimensions)
     lost = ~np.isfinite(recording.positions[:, columns]).all(axis=2)
-    body = Body(found.dimensions, 70.0 if mass is None else mass, found.stature, sex)
+    body = HumanBody(found.dimensions, 70.0 if mass is None else mass, found.stature, sex)
     ground, soles, told = ground_and_soles(place(poses, body.dimensions), time, body, ground_height)
     notes += told
     dropouts = tuple(sorted((*swaps, *gaps, *more), key=lambda one: one.start))

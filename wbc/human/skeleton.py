@@ -16,7 +16,7 @@ from wbc.human.body import (
     SEGMENTS,
     SIDES,
     SOLE_WIDTH,
-    Body,
+    HumanBody,
     Mass,
     foot_ends,
     masses,
@@ -44,13 +44,13 @@ class FittedSole:
     rotation: Array
 
 
-def usual_sole(body: Body) -> FittedSole:
+def usual_sole(body: HumanBody) -> FittedSole:
     """Return the sole of usual proportions."""
     return FittedSole(ANKLE_HEIGHT * body.scale, np.eye(3))
 
 
 def human_robot(
-    body: Body, soles: Mapping[str, FittedSole] | None = None, name: str = NAME
+    body: HumanBody, soles: Mapping[str, FittedSole] | None = None, name: str = NAME
 ) -> Robot:
     """Return a human as a robot with 40 velocities.
 
@@ -70,7 +70,7 @@ def human_robot(
         return Robot.load(_urdf(body, soles or {}, name), feet=feet, base="floating", name=name)
 
 
-def _sole_polygon(body: Body) -> list[list[float]]:
+def _sole_polygon(body: HumanBody) -> list[list[float]]:
     """Return the corners of a sole [m] around the point of the ground below the ankle."""
     heel, toe = foot_ends(body)
     half = 0.5 * SOLE_WIDTH * float(toe[0] - heel[0])
@@ -100,7 +100,7 @@ def hinge_order(robot: Robot) -> list[int]:
     return [HINGE_NAMES.index(name) for name in robot.joint_names]
 
 
-def _urdf(body: Body, soles: Mapping[str, FittedSole], name: str) -> str:
+def _urdf(body: HumanBody, soles: Mapping[str, FittedSole], name: str) -> str:
     root = ET.Element("robot", name=name)
     offsets, found = origin_maps() @ body.dimensions, masses(body)
     for k, segment in enumerate(SEGMENTS):
@@ -156,7 +156,7 @@ def _inertial(link: ET.Element, mass: Mass) -> None:
     ET.SubElement(part, "inertia", {key: repr(value) for key, value in entries.items()})
 
 
-def _shape(link: ET.Element, name: str, body: Body, mass: Mass) -> None:
+def _shape(link: ET.Element, name: str, body: HumanBody, mass: Mass) -> None:
     """Add an ellipsoid's box or a capsule, to be drawn; sizes are for the eye only."""
     kind = name.partition("_")[2] if name.startswith(("left_", "right_")) else name
     lengths = {"hand": 0.11 * body.stature}

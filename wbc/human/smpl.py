@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wbc.files import ArrayFileError, read_arrays
-from wbc.human.body import MIDDLE_TRUNK, Body
+from wbc.human.body import MIDDLE_TRUNK, HumanBody
 from wbc.human.bones import Bone, bone_markers
 from wbc.human.markers import MarkerRecording
 from wbc.motion.table import LARGEST, RecordingError, check_file
@@ -105,7 +105,7 @@ def _bones(vectors: Array, trans: Array, stature: float) -> list[Bone]:
 
 def _rest(stature: float) -> Array:
     """Return offsets (22, 3) [m] from joint to joint: T-pose, x to the left, y up, z forward."""
-    body, found = Body.of(stature, MASS, SEX), np.zeros((22, 3))
+    body, found = HumanBody.of(stature, MASS, SEX), np.zeros((22, 3))
     low, high = body.size("lumbar_z"), body.size("neck_z")
     chest = MIDDLE_TRUNK * high
     for name, (x, y, z) in {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.human.body import ANKLE_HEIGHT, SEGMENT_NAMES, SIDES, Body
+from wbc.human.body import ANKLE_HEIGHT, SEGMENT_NAMES, SIDES, HumanBody
 from wbc.human.kinematics import Placed
 from wbc.human.skeleton import FittedSole
 from wbc.validate import Array
@@ -13,11 +13,12 @@ RESTING = 0.2  # m/s: an ankle slower than this, and
 LEVEL = 0.012  # m: no higher than this above its lowest ones, is that of a foot that is flat
 LOWEST = 0.1  # part of the frames that counts as the lowest
 SAME_GROUND = 0.04  # m: nearer than this to 0 the ground is at 0
+STEEPEST = 0.85  # cosine of the tilt of a foot that may stand flat
 HEIGHTS = (0.3, 2.5)  # of the usual height of an ankle: what else is no flat foot
 
 
 def ground_and_soles(
-    placed: Placed, time: Array, body: Body, height: float | None
+    placed: Placed, time: Array, body: HumanBody, height: float | None
 ) -> tuple[float, dict[str, FittedSole], tuple[str, ...]]:
     """Return the ground's height [m], the soles by side, and notes.
 
@@ -51,6 +52,10 @@ def ground_and_soles(
             continue
         up = np.median(R[:, 2], axis=0)
         up /= np.linalg.norm(up)
+        if up[2] < STEEPEST:
+            what = f"the {side} foot is tilted by {np.degrees(np.arccos(up[2])):.0f} degrees"
+            notes.append(f"{what} where it seems to stand: its sole is a usual one")
+            continue
         forward = np.array((1.0, 0.0, 0.0)) - up[0] * up
         forward /= np.linalg.norm(forward)
         soles[side] = FittedSole(above, np.column_stack((forward, np.cross(up, forward), up)))

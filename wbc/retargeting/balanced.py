@@ -11,7 +11,9 @@ which nothing says, so that the CoM is moved least. No step is planned anew, non
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +28,7 @@ from wbc.validate import Array
 
 # The CoP's distance from the edge of the soles, as a part of the smaller sole's length.
 INSIDE = 0.07
+STRIP = 0.3  # of their width that is left out at each side of what is narrower than that
 LEAST_GRAVITY = 2.0  # m/s^2: below it, in the air or nearly so, there is no CoP
 
 
@@ -65,29 +68,73 @@ def cop_of(com: Array, k_rate: Array, mass: float, gravity: float, dt: float) ->
     return cop, square
 
 
-def clipped(
-    cop: Array, corners: Mapping[str, Array], flags: NDArray[np.bool_], share: float = INSIDE
-) -> Array:
-    """Return the nearest CoP (n, 2) inside the soles that stand; NaN stays, and where none does.
+@dataclass(frozen=True, eq=False)
+class Support:
+    """What some frames stand on.
+
+    Attributes
+    ----------
+    frames:
+        Numbers of the frames.
+    feet:
+        0 for the left one, 1 for the right one, by the foot that stands; corners that touch
+        (k, 3) [m].
+    """
+
+    frames: NDArray[np.intp]
+    feet: tuple[tuple[int, Array], ...]
+
+    @cached_property
+    def polygon(self) -> Array:
+        """Convex hull of the corners (k, 2), anticlockwise."""
+        return convex_hull(np.concatenate([corners[:, :2] for _, corners in self.feet]))
+
+    @cached_property
+    def inner(self) -> Array:
+        """The same less a margin by the narrowest of the soles."""
+        hull = self.polygon
+        narrow = min(float(np.ptp(corners[:, :2], axis=0).max()) for _, corners in self.feet)
+        edges = np.roll(hull, -1, axis=0) - hull
+        normals = edges[:, ::-1] * [1.0, -1.0] / np.linalg.norm(edges, axis=1)[:, None]
+        width = float(np.ptp(hull @ normals.T, axis=0).min()) if len(hull) > 2 else 0.0
+        margin = min(INSIDE * narrow, STRIP * width)
+        if margin < 1e-3 * narrow:  # a foot on its edge leaves a line
+            return hull
+        try:
+            return inset(hull, margin)
+        except InvalidInputError:  # a thin triangle
+            return hull
+
+
+def supports(corners: Mapping[str, Array], flags: NDArray[np.bool_]) -> tuple[Support, ...]:
+    """Return what frames stand on, those that stand on the same together; none in the air.
 
     Parameters
     ----------
     corners:
-        Of the soles (n, k, 2), by side [m].
+        Of the soles that touch (n, k, 3), by side [m].
     flags:
         Which stand (n, 2).
     """
+    shapes = [np.round(corners[side].reshape(len(flags), -1), 6) for side in SIDES]
+    keys = np.hstack((flags, *(np.where(flags[:, [n]], one, 0.0) for n, one in enumerate(shapes))))
+    alike = dict[bytes, list[int]]()
+    for k in np.flatnonzero(flags.any(axis=1)).tolist():
+        alike.setdefault(keys[k].tobytes(), []).append(k)
+    return tuple(
+        Support(
+            np.array(frames),
+            tuple((n, corners[s][frames[0]]) for n, s in enumerate(SIDES) if flags[frames[0], n]),
+        )
+        for frames in alike.values()
+    )
+
+
+def clipped(cop: Array, stands: Sequence[Support]) -> Array:
+    """Return the nearest CoP (n, 2) inside the soles that stand; NaN stays, and where none does."""
     found = np.full_like(cop, np.nan)
-    known = dict[bytes, Array]()
-    for k, point in enumerate(cop):
-        stand = [corners[side][k] for side, on in zip(SIDES, flags[k], strict=True) if on]
-        if not stand or not np.isfinite(point).all():
-            continue
-        points = np.concatenate(stand)
-        key = np.round(points, 6).tobytes()
-        if key not in known:
-            known[key] = _shrunk(points, stand, share)
-        found[k] = nearest_point(known[key], point)
+    for one in stands:
+        found[one.frames] = nearest_point(one.inner, cop[one.frames])
     return found
 
 
@@ -119,14 +166,3 @@ def moved(shift: Array, square: Array, dt: float) -> Array:
         own = solve_banded((1, 1), bands, wanted)
         found[:, axis] = own - ends @ np.linalg.lstsq(ends, own, rcond=None)[0]
     return found
-
-
-def _shrunk(points: Array, stand: list[Array], share: float) -> Array:
-    """Return the hull of soles, less a margin by the narrowest of them."""
-    hull = convex_hull(points)
-    while share > 1e-3:
-        try:
-            return inset(hull, share * min(float(np.ptp(one, axis=0).max()) for one in stand))
-        except InvalidInputError:  # feet on their edges leave a narrow strip, or a line
-            share *= 0.5
-    return hull

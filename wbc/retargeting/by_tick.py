@@ -12,10 +12,11 @@ from wbc.constraints.rows import Constraint
 from wbc.controllers.kinematic import KinematicController
 from wbc.gait.legs import SIDES
 from wbc.retargeting.tasks import FrameTasks
-from wbc.robot import Robot, Snapshot
+from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
+from wbc.robot.series import state_series
 from wbc.rotations import rotation_from
 from wbc.tasks import PoseTask, PostureTask
 from wbc.validate import Array
@@ -26,6 +27,10 @@ GETTING_READY, READY_STEP = 400, 0.02
 COARSE = 25.0  # Hz
 REPORTED = 50  # frames from one call of ``progress`` to the next
 THERE = 1e-5  # rad or m per step: it has arrived
+LOST = 0.5  # rad or m: so far off what is wanted ticks do not come back
+BROKEN = "margins, limits or speeds are broken, for it would be lost"
+HELD = 100.0  # the same in the last pass
+STANDS = 30.0  # weight of a foot on the ground by that of one in the air
 
 
 def first_configuration(tasks: FrameTasks, constraints: Sequence[Constraint]) -> Array:
@@ -105,19 +110,12 @@ class TickPass:
         q = np.empty((count, robot.nq))
         q[0] = start
         v: Array = np.zeros(robot.nv)
-        held: tuple[str, ...] = ()
         for k in range(1, count):
             tasks.aim(int(frames[k]))
             tasks.aim_momentum(k_wanted[k - 1 : k + 1].mean(axis=0))
-            stand = tuple(s for n, s in enumerate(SIDES) if down[k - 1, n] and down[k, n])
-            if stand != held:
-                controller.set_contacts([tasks.contacts[side] for side in stand])
-                for side in SIDES:
-                    if side in stand:
-                        tasks.feet[side].switch_off()
-                    else:
-                        tasks.feet[side].weight = tasks.foot_weight
-                held = stand
+            for n, side in enumerate(SIDES):
+                if down[k, n] != down[k - 1, n] or k == 1:
+                    tasks.feet[side].weight = tasks.foot_weight * (STANDS if down[k, n] else 1.0)
             tick = controller.step(robot.snapshot(q[k - 1], v))
             if not tick.ok:
                 self.failed.append(int(frames[k]))
@@ -158,45 +156,49 @@ def kept(
     base = PoseTask(robot, BASE, wanted[0][:3], np.eye(3), weight=10.0, gain=1.0)
     controller = KinematicController(
         robot,
-        [posture, base],
+        [posture, base, *tasks.contacts.values()],
         contacts=(),
         limits=limits,
         constraints=[] if collision is None else [collision],
         dt=dt,
         damping=1e-6,
     )
-    q, failed = wanted.copy(), dict[int, str]()
+    q, failed, fine = wanted.copy(), dict[int, str](), _within(robot, wanted, limits, collision)
     v = robot.difference(wanted[0], wanted[1]) / dt  # a motion that began before
-    held: tuple[str, ...] = ()
+    first, lost = 0, 0  # where ticks began, and before which frame they are of no use
     for k in range(1, len(wanted)):
         if progress is not None and k % REPORTED == 0:
             progress(k, len(wanted))
         there = robot.difference(q[k - 1], wanted[k]) / dt
-        if _within(robot.snapshot(wanted[k]), there, limits, collision):
-            v = there
+        lost = k + 1 if lost == k and not fine[k] else lost
+        if k < lost or (fine[k] and (np.abs(there[BASE_NV:]) <= limits.speed).all()):
+            v, first = there, k + 1
             continue
         posture.set_target(wanted[k])
         base.set_target(wanted[k][:3], rotation_from(wanted[k][3:BASE_NQ]))
-        tasks.aim_feet(k)
-        stand = tuple(s for n, s in enumerate(SIDES) if down[k - 1, n] and down[k, n])
-        if stand != held:
-            controller.set_contacts([tasks.contacts[side] for side in stand])
-            held = stand
+        tasks.aim_contacts(k)
+        for n, side in enumerate(SIDES):  # not exact: a joint may be too slow for them
+            tasks.contacts[side].weight = HELD * tasks.foot_weight if down[k, n] else 1.0
         tick = controller.step(robot.snapshot(q[k - 1], v))
         if not tick.ok:
             failed[k] = tick.report()
         v = tick.velocity
         q[k] = robot.integrate(q[k - 1], v, dt)
+        if float(np.abs(robot.difference(q[k], wanted[k])).max()) > LOST:
+            # A way through a body that it cannot go: what is wanted is taken, and what is broken.
+            q[first : k + 1], lost = wanted[first : k + 1], k + 1
+            failed[first] = f"{BROKEN} until {tasks.targets.time[k]:.2f} s at least"
     return q, failed
 
 
 def _within(
-    snapshot: Snapshot, velocity: Array, limits: Limits, collision: SelfCollision | None
-) -> bool:
-    """Return whether a configuration, and the velocity on the way to it, keep all that is hard."""
-    joints = snapshot.joint_positions
-    if np.any(joints < limits.lower) or np.any(joints > limits.upper):
-        return False
-    if np.any(np.abs(velocity[BASE_NV:]) > limits.speed):
-        return False
-    return collision is None or bool((collision.distances(snapshot).clearance >= 0.0).all())
+    robot: Robot, q: Array, limits: Limits, collision: SelfCollision | None
+) -> NDArray[np.bool_]:
+    """Return which configurations keep limits and margins (n,)."""
+    joints = np.array([robot.limits.joint_positions(one) for one in q])
+    fine: NDArray[np.bool_] = np.asarray(
+        ((joints >= limits.lower) & (joints <= limits.upper)).all(axis=1)
+    )
+    if collision is not None:
+        fine[collision.near(q, state_series(robot, q), 0.0)[0]] = False
+    return fine

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from wbc.gait.legs import SIDES, Legs, leg_joints
 from wbc.minimum_jerk import minimum_jerk
 from wbc.motion.dropouts import runs
+from wbc.retargeting.balanced import Support, supports
 from wbc.retargeting.source import HumanFrames
 from wbc.robot import Robot
 from wbc.robot.postures import STANDING
@@ -104,6 +106,11 @@ class FootPaths:
     def down(self) -> Bools:
         """Which feet touch the ground (n, 2), left and right."""
         return np.column_stack([self.paths[side].down for side in SIDES])
+
+    @cached_property
+    def supports(self) -> tuple[Support, ...]:
+        """What frames stand on."""
+        return supports({side: self.paths[side].corners for side in SIDES}, self.down)
 
 
 def pitched(heading: Array, pitch: Array) -> Array:

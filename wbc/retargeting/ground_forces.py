@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from wbc.gait.legs import SIDES
 from wbc.motion.dropouts import runs
-from wbc.polygon import convex_hull, polygon_margin
+from wbc.polygon import polygon_margin
+from wbc.retargeting.balanced import Support
 from wbc.rmp.ground import centre_of_pressure, in_contact
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
-from wbc.robot.series import CentroidalSeries
+from wbc.robot.series import CentroidalSeries, state_series
 from wbc.validate import Array
 
 # Edges of a friction cone's pyramid, inside the cone.
@@ -89,49 +89,50 @@ def ground_forces(
     acceleration: Array,
     whole: CentroidalSeries,
     time: Array,
-    down: NDArray[np.bool_],
-    corners: Mapping[str, Array],
+    stands: Sequence[Support],
     friction: float,
 ) -> GroundForces:
     """Return what the ground has to do for a motion.
 
     Parameters
     ----------
-    down:
-        Which feet touch the ground (n, 2), left and right.
-    corners:
-        Of the soles that touch (n, k, 3), by side [m].
+    stands:
+        What frames stand on; all others are in the air.
     friction:
         Coefficient.
     """
     count, weight = len(q), robot.weight
     force = whole.momentum_rate[:, :3] + [0.0, 0.0, weight]
+    moment = whole.momentum_rate[:, 3:] + np.cross(whole.com, force)  # about the origin
     pushed = in_contact(force, robot.mass)
     cop = np.full((count, 2), np.nan)
     cop[pushed] = centre_of_pressure(
         whole.com[pushed], force[pushed], whole.momentum_rate[pushed, 3:]
     )[:, :2]
     wrenches, torque = np.zeros((count, 2, 6)), np.empty((count, robot.nv - BASE_NV))
-    outside, lacking = np.zeros(count), np.zeros(count)
+    outside, lacking, standing = np.zeros(count), np.zeros(count), np.zeros(count, dtype=int)
+    for one in stands:
+        frames = one.frames
+        standing[frames] = sum(n + 1 for n, _ in one.feet)
+        for n, wrench in _shares(one, force[frames], moment[frames], friction):
+            wrenches[frames, n] = wrench
+        known = frames[pushed[frames]]
+        outside[known] = -polygon_margin(one.polygon, cop[known])
+        level = np.hypot(*force[frames, :2].T)
+        lacking[frames] = level / np.maximum(force[frames, 2], 1e-3 * weight) - friction
+    soles = [robot.feet[side].frame for side in SIDES]
+    states = state_series(robot, q, v, soles)
+    for n, sole in enumerate(soles):  # moments at the soles
+        wrenches[:, n, 3:] -= np.cross(states.position(sole), wrenches[:, n, :3])
     for k in range(count):
-        snapshot = robot.snapshot(q[k], v[k])
-        stand = [(n, corners[side][k]) for n, side in enumerate(SIDES) if down[k, n]]
-        soles = [snapshot.position(robot.feet[side].frame) for side in SIDES]
-        if stand:
-            moment = whole.momentum_rate[k, 3:] + np.cross(whole.com[k], force[k])
-            _spread(stand, force[k], moment, friction, soles, wrenches[k])
-            if pushed[k]:
-                hull = convex_hull(np.concatenate([points[:, :2] for _, points in stand]))
-                outside[k] = -float(polygon_margin(hull, cop[k]))
-            level = float(np.hypot(*force[k, :2]))
-            lacking[k] = level / max(float(force[k, 2]), 1e-3 * weight) - friction
-        load = snapshot.mass_matrix @ acceleration[k] + snapshot.bias
-        for n, side in enumerate(SIDES):
-            if down[k, n]:
-                load -= snapshot.jacobian(robot.feet[side].frame).T @ wrenches[k, n]
+        motion = states.state(k).motion(v[k])
+        load = motion.part("mass_matrix", robot.nv, -1) @ acceleration[k] + motion.part("bias", -1)
         torque[k] = load[BASE_NV:]
-    names = np.array(["in the air", "left", "right", "both feet"])[down @ [1, 2]]
-    alone = np.where(down.any(axis=1), 0.0, np.linalg.norm(force, axis=1) / weight)
+    for n, sole in enumerate(soles):
+        carried = np.swapaxes(states.jacobian(sole)[..., BASE_NV:], 1, 2) @ wrenches[:, n, :, None]
+        torque -= carried[..., 0]
+    names = np.array(["in the air", "left", "right", "both feet"])[standing]
+    alone = np.where(standing > 0, 0.0, np.linalg.norm(force, axis=1) / weight)
     over = np.abs(torque) / robot.limits.effort - 1.0
     found = [
         *_stretches("CoP outside the feet", outside, time, names),
@@ -143,43 +144,29 @@ def ground_forces(
     return GroundForces(wrenches, torque, cop, tuple(found))
 
 
-def _spread(
-    stand: list[tuple[int, Array]],
-    force: Array,
-    moment: Array,
-    friction: float,
-    soles: list[Array],
-    wrenches: Array,
-) -> None:
-    """Set the wrenches (2, 6) of feet that make a force and its moment about the origin."""
+def _shares(
+    stand: Support, force: Array, moment: Array, friction: float
+) -> list[tuple[int, Array]]:
+    """Return the wrenches (m, 6) of feet that make forces and moments (m, 3), about the origin."""
     ways = np.column_stack((friction * EDGES, np.ones(len(EDGES))))  # (4, 3)
-    points = [_distinct(corners) for _, corners in stand]
-    at = np.repeat(np.concatenate(points), len(ways), axis=0)  # (m, 3)
+    points = [_distinct(corners) for _, corners in stand.feet]
+    at = np.repeat(np.concatenate(points), len(ways), axis=0)  # (e, 3)
     along = np.tile(ways, (len(at) // len(ways), 1))
     middle = at.mean(axis=0)  # about which moments count
-    G = np.vstack((along.T, _crossed(at - middle, along).T))
-    wanted = np.concatenate((force, moment - np.cross(middle, force)))
-    size = float(np.linalg.norm(force)) + 1.0
+    G = np.vstack((along.T, np.cross(at - middle, along).T))
     A = np.vstack((G, SPREAD * np.eye(len(at))))
-    found, _ = nnls(A, np.concatenate((wanted / size, np.zeros(len(at)))))
-    forces = size * found[:, None] * along
-    owner = np.repeat([n for n, _ in stand], [len(ways) * len(p) for p in points])
-    for n, _ in stand:
-        own = owner == n
-        wrenches[n, :3] = forces[own].sum(axis=0)
-        wrenches[n, 3:] = _crossed(at[own] - soles[n], forces[own]).sum(axis=0)
+    size = np.linalg.norm(force, axis=1)[:, None] + 1.0
+    wanted = np.hstack((force, moment - np.cross(middle, force))) / size
+    none = np.zeros(len(at))
+    edges = size * np.array([nnls(A, np.concatenate((one, none)))[0] for one in wanted])
+    wrench = np.hstack((along, np.cross(at, along)))  # of each edge
+    owner = np.repeat([n for n, _ in stand.feet], [len(ways) * len(p) for p in points])
+    return [(n, edges[:, owner == n] @ wrench[owner == n]) for n, _ in stand.feet]
 
 
 def _distinct(corners: Array) -> Array:
     """Return corners (k, 3) without those that repeat the one before."""
     return corners[np.concatenate(([True], (np.diff(corners, axis=0) != 0.0).any(axis=1)))]
-
-
-def _crossed(a: Array, b: Array) -> Array:
-    """Return the cross products (m, 3) of rows: NumPy's own takes longer for few."""
-    x, y, z = a.T
-    u, v, w = b.T
-    return np.column_stack((y * w - z * v, z * u - x * w, x * v - y * u))
 
 
 def _stretches(what: str, by: Array, time: Array, where: Array) -> list[Unbalanced]:

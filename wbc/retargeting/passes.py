@@ -7,36 +7,36 @@ from dataclasses import replace
 
 import numpy as np
 
-from wbc.constraints import BrakingParameters, Limits, SelfCollision
+from wbc.constraints import Limits, SelfCollision
 from wbc.errors import InvalidInputError, shown
 from wbc.gait.legs import Legs
 from wbc.human import HumanMotion
-from wbc.retargeting.body_map import body_map
+from wbc.retargeting.body_map import BodyMap
 from wbc.retargeting.by_tick import Progress, TickPass, first_configuration, kept
 from wbc.retargeting.ground_forces import ground_forces
+from wbc.retargeting.prepared import prepared
 from wbc.retargeting.reaching import reached
 from wbc.retargeting.result import Retargeted
-from wbc.retargeting.scaling import FROUDE, scale_of, standing_of
-from wbc.retargeting.smoothing import WholeMotion, velocities
+from wbc.retargeting.scaling import FROUDE, MotionScale, StandingBody, scale_of
+from wbc.retargeting.smoothing import WholeMotion
 from wbc.retargeting.source import human_frames
-from wbc.retargeting.targets import balanced, scaled_targets
+from wbc.retargeting.targets import Targets, balanced, scaled_targets
 from wbc.retargeting.tasks import FrameTasks, RetargetWeights
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
-from wbc.robot.series import centroidal_series
+from wbc.robot.series import centroidal_series, state_series, velocities
 from wbc.robot.tree import refuse_loops
 from wbc.validate import Array, finite_number, read_only
 
 RATE = 50.0  # Hz: of what trainers of policies read
 # Of the whole motion: at least, and at most; it is done when this much was lacking before.
 # A round that leaves WORSE times as much is taken back, if that is much, and damped MORE.
-SETTLED = 0.04  # rad or m: a round that moves nothing more than this is the last one
+SETTLED = 0.07  # rad or m: a round that moves nothing more than this is the last one
 WORSE, ASTRAY, MORE, TOLD = 2.0, 5e-3, 5.0, 1e-3
-LEAST_ROUNDS, ROUNDS, CLOSE = 3, 8, 5e-4
+TRAPPED = 0.2  # rad or m: feet so far off after the first pass are behind something
+LEAST_ROUNDS, ROUNDS, CLOSE = 4, 14, 5e-4
 FRICTION, MARGIN = 0.6, 0.01
-# Targets do not run into margins: what comes near one is on its way past it.
-BRAKING = BrakingParameters(deceleration=50.0, gain=1.0)
 # Joints that would be faster than their limits make the whole motion slower, by so much more.
 SLOWER, TRIES = 1.03, 4
 NO_LIMIT = 1e6  # rad/s^2
@@ -128,12 +128,9 @@ def retarget(
     margin = finite_number("retarget, margin", margin, least=0.0)
     rounds = int(finite_number("retarget, rounds", rounds, least=1.0))
     weights = RetargetWeights() if weights is None else weights
-    legs, body = Legs.of(robot), body_map(robot, links)
-    standing = standing_of(robot, legs, body)
+    known = prepared(robot, links, margin if self_collision else None)
+    legs, body, standing, collision = known
     scale = scale_of(human, robot, legs, standing, duration)
-    collision = None
-    if self_collision:
-        collision = SelfCollision(robot, margin=margin, braking=BRAKING)
     asked, notes = scale.time, list(body.notes)
     for _ in range(TRIES):
         low = human.cutoff if cutoff is None else cutoff
@@ -144,7 +141,7 @@ def retarget(
             tasks, legs, collision, source.series.axes, rounds, balance, progress
         )
         speed, joint = _fastest(robot, wanted, targets.dt)
-        if speed <= 1.0:
+        if speed <= 1.0 or lacking > ASTRAY:  # what is not solved says nothing of speeds
             break
         scale = replace(scale, time=scale.time * SLOWER * speed)
     limits = Limits(robot, acceleration=NO_LIMIT)  # what is too much is said by its torque
@@ -162,34 +159,40 @@ def retarget(
     if failed:
         first = min(failed)
         notes.append(
-            f"{len(failed)} frames of the last pass had no solution, the first at"
-            f" {targets.time[first]:.2f} s: {failed[first]}"
+            f"what is hard could not be kept from {len(failed)} frames of the last pass on, the"
+            f" first at {targets.time[first]:.2f} s: {failed[first]}"
         )
+    notes += targets.notes
+    return judged(
+        robot, body, standing, human.motion.source, scale, tasks.targets, q, friction, tuple(notes)
+    )
+
+
+def judged(
+    robot: Robot, body: BodyMap, standing: StandingBody, source: str, scale: MotionScale,
+    targets: Targets, q: Array, friction: float, notes: tuple[str, ...],
+) -> Retargeted:  # fmt: skip
+    """Return configurations (n, nq), wherever they come from, as a motion with all that is told."""
     v, acceleration = _rates(robot, q, targets.dt)
     whole = centroidal_series(robot, q, v, acceleration)
-    paths = targets.feet.paths
-    corners = {side: path.corners for side, path in paths.items()}
-    ground = ground_forces(
-        robot, q, v, acceleration, whole, targets.time, targets.down, corners, friction
-    )
-    for array in (q, v, acceleration):
-        read_only(array)
+    stands = targets.feet.supports
+    ground = ground_forces(robot, q, v, acceleration, whole, targets.time, stands, friction)
     return Retargeted(
         robot=robot,
-        source=human.motion.source,
+        source=source,
         scale=scale,
         time=targets.time,
-        q=q,
-        v=v,
-        acceleration=acceleration,
+        q=read_only(q),
+        v=read_only(v),
+        acceleration=read_only(acceleration),
         whole=whole,
         targets=targets,
         wrenches=ground.wrenches,
         torque=ground.torque,
         cop=ground.cop,
-        reached=reached(robot, body, tasks.targets, tasks, q, whole, standing.com_height),
+        reached=reached(robot, body, targets, q, whole, standing.com_height),
         unbalanced=ground.unbalanced,
-        notes=(*notes, *targets.notes),
+        notes=notes,
     )
 
 
@@ -206,18 +209,24 @@ def _solved(
     robot, wanted = tasks.robot, tasks.targets
     constraints = [] if collision is None else [collision]
     start = first_configuration(tasks, constraints)
-    q = TickPass(tasks, Limits(robot, velocity=None), constraints).run(start, progress)
-    tasks.shape_like(np.array([robot.snapshot(one).inertia for one in q]), axes)
+    limits = Limits(robot, velocity=None)
+    q = TickPass(tasks, limits, constraints).run(start, progress)
+    tasks.shape_like(state_series(robot, q).inertia, axes)
     motion = WholeMotion(tasks, collision, legs.length)
     before, best, least = np.inf, q, np.inf
     for number in range(rounds):
         if balance and number > 0:
             v = velocities(robot, q, wanted.dt)
-            states = [robot.snapshot(a, b) for a, b in zip(q, [*v, v[-1]], strict=True)]
-            com = np.array([one.com for one in states])
-            k = np.array([one.momentum[3:] for one in states])
-            tasks.targets = balanced(tasks.targets, robot, k, com)
+            states = state_series(robot, q, np.vstack((v, v[-1:])))
+            k = states.part("momentum", 6)[:, 3:]
+            tasks.targets = balanced(tasks.targets, robot, k, states.com)
         further = motion.improved(q)
+        if number == 0 and motion.violation > TRAPPED:  # legs that do not get past each other
+            freely = TickPass(tasks, limits, ()).run(start, progress)
+            trapped, q_further, by = q, further, motion.violation
+            q, further = freely, motion.improved(freely)
+            if motion.violation > by:
+                q, further, motion.violation = trapped, q_further, by
         if motion.violation > max(WORSE * least, ASTRAY):  # it led astray: go on more carefully
             q, motion.damping = best, MORE * motion.damping
             continue

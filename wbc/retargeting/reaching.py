@@ -8,18 +8,16 @@ from wbc.gait.legs import SIDES
 from wbc.retargeting.body_map import BodyMap
 from wbc.retargeting.result import Reached
 from wbc.retargeting.targets import Targets
-from wbc.retargeting.tasks import FrameTasks
 from wbc.rmp.axes import told_apart, track
 from wbc.robot import Robot
-from wbc.robot.series import CentroidalSeries
+from wbc.robot.series import CentroidalSeries, state_series
 from wbc.validate import Array
 
 GAP = 0.2  # part of the largest second moment: nearer ones have axes that mean little
 
 
 def reached(
-    robot: Robot, body: BodyMap, targets: Targets, tasks: FrameTasks, q: Array,
-    whole: CentroidalSeries, height: float,
+    robot: Robot, body: BodyMap, targets: Targets, q: Array, whole: CentroidalSeries, height: float,
 ) -> tuple[Reached, ...]:  # fmt: skip
     """Return how near each task came, largest errors with their times.
 
@@ -28,25 +26,31 @@ def reached(
     height:
         Of the CoM with straight legs [m], by which momenta are told.
     """
-    count = len(q)
-    turns = {name: np.empty(count) for name in targets.rotation}
-    arms = {(s, n): np.empty(count) for s in body.arms for n in ("upper arm", "forearm")}
-    feet = {side: np.full(count, np.nan) for side in SIDES}
-    for k in range(count):
-        snapshot = robot.snapshot(q[k])
-        for frame, room in turns.items():
-            room[k] = _angle(targets.rotation[frame][k].T @ snapshot.rotation(frame))
-        for side, arm in body.arms.items():
-            pairs = ((arm.upper_arm, arm.upper_axis), (arm.forearm, arm.forearm_axis))
-            for n, name in enumerate(("upper arm", "forearm")):
-                frame, axis = pairs[n]
-                cosine = snapshot.rotation(frame) @ axis @ targets.arms[side][k, n]
-                arms[side, name][k] = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-        for side in SIDES:
-            path = targets.feet.paths[side]
-            if not path.down[k]:
-                place = snapshot.position(robot.feet[side].frame)
-                feet[side][k] = 1e3 * np.linalg.norm(place - path.place[k])
+    parts = {
+        (side, name): (frame, axis, targets.arms[side][:, n])
+        for side, arm in body.arms.items()
+        for n, (name, frame, axis) in enumerate(
+            (
+                ("upper arm", arm.upper_arm, arm.upper_axis),
+                ("forearm", arm.forearm, arm.forearm_axis),
+            )
+        )
+    }
+    soles = {side: robot.feet[side].frame for side in SIDES}
+    frames = [*targets.rotation, *(frame for frame, _, _ in parts.values()), *soles.values()]
+    states = state_series(robot, q, frames=frames)
+    turns = {
+        frame: _degrees(0.5 * (np.einsum("nij,nij->n", R, states.rotation(frame)) - 1.0))
+        for frame, R in targets.rotation.items()
+    }
+    arms = {
+        name: _degrees(np.einsum("ni,ni->n", states.rotation(frame) @ axis, way))
+        for name, (frame, axis, way) in parts.items()
+    }
+    feet = dict[str, Array]()
+    for side, path in targets.feet.paths.items():
+        off = 1e3 * np.linalg.norm(states.position(soles[side]) - path.place, axis=1)
+        feet[side] = np.where(path.down, np.nan, off)
     names = {body.pelvis: "pelvis", body.trunk: "trunk", body.head: "head"}
     unit = robot.mass * height * np.sqrt(robot.gravity * height)
     k_off = np.linalg.norm(whole.momentum[:, 3:] - targets.angular_momentum, axis=1)
@@ -91,8 +95,8 @@ def axes_off(mine: Array, theirs: Array) -> Array:
     return found
 
 
-def _angle(R: Array) -> float:
-    return float(np.degrees(np.arccos(np.clip(0.5 * (np.trace(R) - 1.0), -1.0, 1.0))))
+def _degrees(cosine: Array) -> Array:
+    return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
 def _reached(name: str, errors: Array, time: Array, unit: str) -> Reached:

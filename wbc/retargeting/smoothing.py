@@ -16,22 +16,18 @@ are banded: linear in the number of frames.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import pairwise
-from typing import NamedTuple
-
 import numpy as np
-from scipy.linalg import LinAlgError, solveh_banded
 from scipy.spatial.transform import Rotation
 
 from wbc.constraints.collision import SelfCollision
-from wbc.errors import SolverError
 from wbc.gait.legs import SIDES
+from wbc.retargeting.normal_equations import NormalEquations
 from wbc.retargeting.tasks import FrameTasks
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.postures import STANDING
-from wbc.spatial import COLUMNS, ROWS, skews, vech
+from wbc.robot.series import StateSeries, state_series, velocities
+from wbc.spatial import COLUMNS, ROWS, skews
 from wbc.validate import Array
 
 # By a leg's length and per rad: of contacts, of limits, and of margins that would be broken.
@@ -41,32 +37,15 @@ PRESSED = 3.0  # by a leg's length: of where the momentum's rate puts the CoP
 UNHURRIED, HURRIED, FASTEST = 0.3, 10.0, 0.9
 # Likewise of accelerations by what motors give: arms hang on them as well.
 UNFORCED, FORCED, STRONGEST = 0.2, 5.0, 0.8
-SECOND = (1.0, -2.0, 1.0)
-SPAN = 3  # frames that are coupled
+FIRST, SECOND, THIRD = (-1.0, 1.0), (1.0, -2.0, 1.0), (-1.0, 3.0, -3.0, 1.0)
 # What a task of weight 1 passes: it is cut off at this frequency, and others at that times the
 # third root of their weights.
 CUTOFF = 5.0  # Hz
 NEAR, KEPT = 8e-3, 2e-3  # m: bodies so near to their margin are looked at, and kept so far off
 INSIDE = 2e-3  # rad: from the limits
-ACTIVE_SETS = 4  # of joints at their limits, that are tried in a round
-DAMPED = 1.0  # weight of displacements (Levenberg and Marquardt): rows are of first order only
+ACTIVE_SETS = 2  # of joints at their limits, that are tried in a round
+DAMPED = 2.0  # weight of displacements (Levenberg and Marquardt): rows are of first order only
 LARGEST = 0.3  # rad or m: of one frame in one round
-THIRD = np.array((-1.0, 3.0, -3.0, 1.0))
-
-
-class _Gathered(NamedTuple):
-    """What rows are made of, of n frames and f frames of the robot; world axes."""
-
-    place: Array  # (n, f, 3)
-    rotation: Array  # (n, f, 3, 3)
-    jacobian: Array  # (n, f, 6, nv)
-    com: Array  # (n, 3)
-    com_jacobian: Array  # (n, 3, nv)
-    inertia: Array  # vech (n, 6)
-    inertia_jacobian: Array  # (n, 6, nv)
-    maps: Array  # centroidal (n, 6, nv)
-    joints: Array  # (n, nv - 6)
-    near: list[tuple[int, Array, Array]]  # of pairs of bodies: frame, weighted rows, errors
 
 
 class WholeMotion:
@@ -116,203 +95,161 @@ class WholeMotion:
         self.violation = self.speed = self.moved = np.inf
         self.damping = DAMPED
         self.able = able_accelerations(tasks.robot)
+        joints = len(tasks.targets.time), tasks.robot.nv - BASE_NV
+        self._held = np.zeros(joints, dtype=bool)  # at their limits
 
     def improved(self, q: Array) -> Array:
         """Return configurations (n, nq) after one round."""
         robot, dt = self.tasks.robot, self.tasks.targets.dt
-        count, nv = len(q), robot.nv
         v = velocities(robot, q, dt)
-        blocks = np.zeros((count, SPAN + 1, nv, nv))  # (k, m): of d_k and d_(k+m)
-        slope = np.zeros((count, nv))
-        self.violation = 0.0
-        self.speed = float((np.abs(v[:, BASE_NV:]) / robot.limits.velocity).max())
-        found = self._gathered(q, v)
-        for J, e in self._rows(found):
-            _add(blocks, slope, (J,), e)
-        self._posture(found.joints, blocks, slope)
-        for k, J, e in found.near:
-            blocks[k, 0] += J.T @ J
-            slope[k] += J.T @ e
-        self._momentum(found.maps[:-1], v, blocks, slope)
-        self._jerk(v, blocks, slope)
-        self._speed(v, blocks, slope)
-        self._effort(v, blocks, slope)
-        every = np.arange(nv)
-        blocks[:, 0, every, every] += self.damping**2
-        step = self._within_limits(found.joints, blocks, slope)
+        joints, states = self._looked_at(q, v)
+        rows = self._rows(states) + self._near(q, states)
+        A, e = (np.concatenate(part, axis=1) for part in zip(*rows, strict=True))
+        normal = NormalEquations(*A.shape[::2])
+        normal.add((A,), e)
+        self._posture(joints, normal)
+        self._momentum(states.part("centroidal_map", 6, -1)[:-1], v, normal)
+        self._jerk(v, normal)
+        self._speed(v, normal)
+        self._effort(v, normal)
+        normal.diagonal[:, 0] += self.damping**2
+        normal.seal()
+        step = self._within_limits(joints, normal)
         np.clip(step, -LARGEST, LARGEST, out=step)
         self.moved = float(np.abs(step).max())
         return np.array([robot.integrate(one, d, 1.0) for one, d in zip(q, step, strict=True)])
 
     def judge(self, q: Array) -> None:
         """Set what configurations (n, nq) violate."""
-        self.violation = 0.0
-        found = self._gathered(q, velocities(self.tasks.robot, q, self.tasks.targets.dt))
-        for _ in self._rows(found):
-            pass
-        self._violated(np.maximum(self.lower - found.joints, found.joints - self.upper) - INSIDE)
+        _, states = self._looked_at(q, velocities(self.tasks.robot, q, self.tasks.targets.dt))
+        self._rows(states)
+        self._near(q, states)
 
-    def _gathered(self, q: Array, v: Array) -> _Gathered:
-        """Return what rows are made of, of all frames."""
-        robot, count, nv = self.tasks.robot, len(q), self.tasks.robot.nv
-        frames = self._frames
-        found = _Gathered(
-            place=np.empty((count, len(frames), 3)),
-            rotation=np.empty((count, len(frames), 3, 3)),
-            jacobian=np.empty((count, len(frames), 6, nv)),
-            com=np.empty((count, 3)),
-            com_jacobian=np.empty((count, 3, nv)),
-            inertia=np.empty((count, 6)),
-            inertia_jacobian=np.empty((count, 6, nv)),
-            maps=np.empty((count, 6, nv)),
-            joints=np.empty((count, nv - BASE_NV)),
-            near=[],
-        )
-        for k in range(count):
-            snapshot = robot.snapshot(q[k], v[min(k, count - 2)])
-            for n, frame in enumerate(frames):
-                found.place[k, n], found.rotation[k, n] = snapshot.placement(frame)
-                found.jacobian[k, n] = snapshot.jacobian(frame)
-            found.com[k], found.com_jacobian[k] = snapshot.com, snapshot.com_jacobian
-            found.maps[k], found.joints[k] = snapshot.centroidal_map, snapshot.joint_positions
-            found.inertia[k] = vech(snapshot.inertia)
-            found.inertia_jacobian[k] = snapshot.inertia_jacobian
-            if self.collision is None:
-                continue
-            pairs = self.collision.distances(snapshot)
-            near = np.flatnonzero(pairs.clearance < NEAR)
-            if near.size:
-                w = APART / self.leg
-                e = w * np.minimum(pairs.clearance[near] - KEPT, 0.0)
-                found.near.append((k, w * pairs.jacobian[near], e))
-                self._violated(-pairs.clearance[near])
-        return found
+    def _looked_at(self, q: Array, v: Array) -> tuple[Array, StateSeries]:
+        """Return the joints (n, nv - 6) and what rows are made of; begin to tell violations."""
+        robot = self.tasks.robot
+        joints = np.array([robot.limits.joint_positions(one) for one in q])
+        self.violation = float(np.maximum(self.lower - joints, joints - self.upper).max()) - INSIDE
+        self.violation = max(self.violation, 0.0)
+        self.speed = float((np.abs(v[:, BASE_NV:]) / robot.limits.velocity).max())
+        return joints, state_series(robot, q, np.vstack((v, v[-1:])), self._frames)
 
-    def _rows(self, found: _Gathered) -> Iterator[tuple[Array, Array]]:
-        """Yield weighted rows (n, r, nv) and errors (n, r) of the tasks, frame by frame."""
+    def _near(self, q: Array, states: StateSeries) -> list[tuple[Array, Array]]:
+        """Return weighted rows and errors of bodies near each other; zeros fill them up."""
+        if self.collision is None:
+            return []
+        frames, clearance, J = self.collision.near(q, states, NEAR)
+        if not frames.size:
+            return []
+        self._violated(-clearance)
+        place = np.arange(len(frames)) - np.searchsorted(frames, frames)  # in its frame
+        shape, w = (len(q), int(place.max()) + 1), APART / self.leg
+        rows, errors = np.zeros((*shape, J.shape[1])), np.zeros(shape)
+        rows[frames, place], errors[frames, place] = w * J, w * np.minimum(clearance - KEPT, 0.0)
+        return [(rows, errors)]
+
+    def _rows(self, states: StateSeries) -> list[tuple[Array, Array]]:
+        """Return weighted rows (n, r, nv) and errors (n, r) of the tasks, frame by frame."""
         tasks, targets = self.tasks, self.tasks.targets
-        w = tasks.com.weight
-        yield w[:, None] * found.com_jacobian, w * (found.com - targets.com)
-        number = 0
+        found = list[tuple[Array, Array]]()
+
+        def add(weight: Array, jacobian: Array, error: Array) -> None:
+            found.append((weight[..., None] * jacobian, weight * error))
+
+        add(tasks.com.weight, states.part("com_jacobian", 3, -1), states.com - targets.com)
         for frame, task in tasks.turns.items():
             # With the error e of a rotation in world axes Jlog(e) e = e: the plain Jacobian does.
-            e = _rotation_vectors(found.rotation[:, number], targets.rotation[frame])
-            yield task.weight[:, None] * found.jacobian[:, number, 3:], task.weight * e
-            number += 1
+            e = _rotation_vectors(states.rotation(frame), targets.rotation[frame])
+            add(task.weight, states.jacobian(frame)[:, 3:], e)
         for side, pair in tasks.arms.items():
             for n, arm in enumerate(pair):
-                way = found.rotation[:, number] @ arm.axis
-                J = -skews(way) @ found.jacobian[:, number, 3:]
-                yield arm.weight[:, None] * J, arm.weight * (way - targets.arms[side][:, n])
-                number += 1
+                way = states.rotation(arm.frame) @ arm.axis
+                J = -skews(way) @ states.jacobian(arm.frame)[:, 3:]
+                add(arm.weight, J, way - targets.arms[side][:, n])
         for side in SIDES:
-            path = targets.feet.paths[side]
-            turn = _rotation_vectors(found.rotation[:, number], path.rotation)
-            e = np.hstack((found.place[:, number] - path.place, turn))
+            path, frame = targets.feet.paths[side], tasks.robot.feet[side].frame
+            turn = _rotation_vectors(states.rotation(frame), tasks.rotations[side])
+            e = np.hstack((states.position(frame) - path.place, turn))
             if path.down.any():
                 self._violated(np.abs(e[path.down]))
             weight = np.where(path.down[:, None], self._exact, tasks.foot_weight)
-            yield weight[..., None] * found.jacobian[:, number], weight * e
-            number += 1
+            add(weight, states.jacobian(frame), e)
         if tasks.ellipsoids is not None:
             w = tasks.inertia.weight[:, None] * tasks.inertia.selection
-            wanted = tasks.ellipsoids[:, ROWS, COLUMNS]
-            yield w @ found.inertia_jacobian, (found.inertia - wanted) @ w.T
+            off = states.inertia[:, ROWS, COLUMNS] - tasks.ellipsoids[:, ROWS, COLUMNS]
+            found.append((w @ states.part("inertia_jacobian", 6, -1), off @ w.T))
+        return found
 
-    def _posture(self, joints: Array, blocks: Array, slope: Array) -> None:
+    def _posture(self, joints: Array, normal: NormalEquations) -> None:
         """Add the posture."""
         wanted = self.tasks.robot.limits.joint_positions(self.tasks.posture.target)
-        columns = BASE_NV + np.arange(joints.shape[1])
         w = self.tasks.posture.weight
-        slope[:, columns] += w**2 * (joints - wanted)
-        blocks[:, 0, columns, columns] += w**2
+        normal.slope[:, BASE_NV:] += w**2 * (joints - wanted)
+        normal.diagonal[:, 0, BASE_NV:] += w**2
 
-    def _within_limits(self, joints: Array, blocks: Array, slope: Array) -> Array:
+    def _within_limits(self, joints: Array, normal: NormalEquations) -> Array:
         """Return displacements (n, nv) that lead past no limit, nearly.
 
         Joints that would be past one are held there by rows of high weight, and let go again where
-        they are pulled inside.
+        they are pulled inside; the first that are tried are those of the round before.
         """
-        columns = BASE_NV + np.arange(joints.shape[1])
-        past = np.maximum(self.lower - joints, joints - self.upper)
-        self._violated(past - INSIDE)
-        held = np.zeros(joints.shape, dtype=bool)
+        room = np.where(joints > 0.5 * (self.lower + self.upper), self.upper, self.lower)
+        room = np.where(np.isfinite(room), room, joints)
         for _ in range(ACTIVE_SETS):
-            room = np.where(joints + 0.0 > 0.5 * (self.lower + self.upper), self.upper, self.lower)
-            room = np.where(np.isfinite(room), room, joints)
-            own, pull = blocks.copy(), slope.copy()
-            own[:, 0, columns, columns] += LIMITED**2 * held
-            pull[:, columns] += LIMITED**2 * held * (joints - room)
-            step = _solved(own, pull)
-            goal = joints + step[:, columns]
+            held = np.zeros_like(normal.slope)
+            held[:, BASE_NV:] = LIMITED**2 * self._held
+            pull = held.copy()
+            pull[:, BASE_NV:] *= joints - room
+            step = normal.solved(held, pull)
+            goal = joints + step[:, BASE_NV:]
             out = (goal > self.upper) | (goal < self.lower)
-            if np.array_equal(out, held):
+            if np.array_equal(out, self._held):
                 break
-            held = out
+            self._held = out
         return step
 
     def _violated(self, by: Array) -> None:
         self.violation = max(self.violation, float(by.max()))
 
-    def _momentum(self, maps: Array, v: Array, blocks: Array, slope: Array) -> None:
+    def _momentum(self, maps: Array, v: Array, normal: NormalEquations) -> None:
         """Add the rows of the momentum between frames, and of its rate."""
         tasks, targets = self.tasks, self.tasks.targets
         dt, robot, k = targets.dt, tasks.robot, targets.angular_momentum
         wanted = np.hstack((robot.mass * np.diff(targets.com, axis=0) / dt, 0.5 * (k[:-1] + k[1:])))
-        off = np.einsum("kij,kj->ki", maps, v) - wanted
-        w = np.concatenate((np.zeros(3), tasks.momentum.weight))
-        A = w[:, None] * maps / dt
-        _add(blocks, slope, (-A, A), w * off)
+        off = (maps @ v[..., None])[..., 0] - wanted
+        w = tasks.momentum.weight
+        A = w[:, None] * maps[:, 3:] / dt
+        normal.add((-A, A), w * off[:, 3:])
         # By how far the CoP is moved, in legs' lengths.
         height = float(np.mean(targets.com[:, 2]))
         w = PRESSED / (robot.weight * self.leg) * np.array([height] * 3 + [1.0] * 3)
         A = w[:, None] * maps / dt**2
-        _add(blocks, slope, (A[:-1], -A[:-1] - A[1:], A[1:]), w * np.diff(off, axis=0) / dt)
+        normal.add_second_differences(A, w * np.diff(off, axis=0) / dt)
 
-    def _jerk(self, v: Array, blocks: Array, slope: Array) -> None:
+    def _jerk(self, v: Array, normal: NormalEquations) -> None:
         """Add the jerk of all coordinates; lengths of the base by the legs'."""
         dt, nv = self.tasks.targets.dt, v.shape[1]
         mu = np.full(nv, (2.0 * np.pi * CUTOFF) ** -3.0)
         mu[:3] /= self.leg
-        jerk = mu**2 * np.diff(v, 2, axis=0) / dt**2
-        last = len(slope) - SPAN
-        both = np.arange(nv)
-        for i in range(SPAN + 1):
-            slope[i : last + i] += THIRD[i] / dt**3 * jerk
-            for j in range(i, SPAN + 1):
-                own = mu**2 * THIRD[i] * THIRD[j] / dt**6
-                blocks[i : last + i, j - i, both, both] += own
+        normal.add_differences(THIRD, mu**2 / dt**6, mu**2 / dt**5 * np.diff(v, 2, axis=0))
 
-    def _speed(self, v: Array, blocks: Array, slope: Array) -> None:
+    def _speed(self, v: Array, normal: NormalEquations) -> None:
         """Add the speeds of joints by their limits, and firmly what is beyond a part of them."""
         dt, fastest = self.tasks.targets.dt, self.tasks.robot.limits.velocity
-        joints = np.arange(BASE_NV, v.shape[1])
         part = v[:, BASE_NV:] / fastest
         beyond = np.abs(part) > FASTEST
-        w = np.where(beyond, HURRIED, UNHURRIED)
+        square = np.where(beyond, HURRIED, UNHURRIED) ** 2 / (dt * fastest)
         off = np.where(beyond, part - np.sign(part) * FASTEST, part)
-        by = 1.0 / (dt * fastest)
-        slope[:-1, joints] -= w**2 * off * by
-        slope[1:, joints] += w**2 * off * by
-        square = w**2 * by**2
-        blocks[:-1, 0, joints, joints] += square
-        blocks[1:, 0, joints, joints] += square
-        blocks[:-1, 1, joints, joints] -= square
+        normal.add_differences(FIRST, square / (dt * fastest), square * off, BASE_NV)
 
-    def _effort(self, v: Array, blocks: Array, slope: Array) -> None:
+    def _effort(self, v: Array, normal: NormalEquations) -> None:
         """Add accelerations of joints by what their motors can, and firmly what is beyond."""
         dt = self.tasks.targets.dt
         part = np.diff(v[:, BASE_NV:], axis=0) / dt / self.able
         beyond = np.abs(part) > STRONGEST
-        w = np.where(beyond, FORCED, UNFORCED)
+        square = np.where(beyond, FORCED, UNFORCED) ** 2 / (dt**2 * self.able)
         off = np.where(beyond, part - np.sign(part) * STRONGEST, part)
-        by = 1.0 / (dt**2 * self.able)
-        joints, count = np.arange(BASE_NV, v.shape[1]), len(off)
-        for i in range(3):
-            slope[i : count + i, joints] += w**2 * off * SECOND[i] * by
-            for j in range(i, 3):
-                square = w**2 * SECOND[i] * SECOND[j] * by**2
-                blocks[i : count + i, j - i, joints, joints] += square
+        normal.add_differences(SECOND, square / (dt**2 * self.able), square * off, BASE_NV)
 
 
 def able_accelerations(robot: Robot) -> Array:
@@ -325,40 +262,6 @@ def able_accelerations(robot: Robot) -> Array:
     return np.asarray((robot.limits.effort[:, None] / np.maximum(M, 1e-12)).min(axis=0))
 
 
-def _add(blocks: Array, slope: Array, parts: tuple[Array, ...], off: Array) -> None:
-    """Add rows (m, r, nv) on as many frames in a row, whose errors are ``off`` (m, r)."""
-    count = len(off)
-    for i, A in enumerate(parts):
-        slope[i : count + i] += np.einsum("kij,ki->kj", A, off)
-        for j in range(i, len(parts)):
-            blocks[i : count + i, j - i] += np.swapaxes(A, 1, 2) @ parts[j]
-
-
 def _rotation_vectors(actual: Array, wanted: Array) -> Array:
     """Return the rotations (n, 3) [rad], world axes, from wanted to actual (n, 3, 3)."""
     return np.asarray(Rotation.from_matrix(actual @ np.swapaxes(wanted, 1, 2)).as_rotvec())
-
-
-def velocities(robot: Robot, q: Array, dt: float) -> Array:
-    """Return the velocities from each frame to the next (n - 1, nv)."""
-    steps = [robot.difference(a, b) for a, b in pairwise(q)]
-    return np.array(steps) / dt
-
-
-def _solved(blocks: Array, slope: Array) -> Array:
-    """Return displacements (n, nv) of banded normal equations."""
-    count, _, nv, _ = blocks.shape
-    size, width = count * nv, (SPAN + 1) * nv - 1
-    band = np.zeros((width + 1, size))  # lower: band[row - column, column]
-    i, j = np.indices((nv, nv))
-    for m in range(SPAN + 1):
-        row = m * nv + i - j  # d_(k+m), i below d_k, j: the transposed block
-        use = row >= 0
-        for_rows, own_i, own_j = row[use], i[use], j[use]
-        columns = nv * np.arange(count - m)[:, None] + own_j
-        band[for_rows[None, :], columns] = blocks[: count - m, m][:, own_j, own_i]
-    try:
-        found = solveh_banded(band, -slope.ravel(), lower=True, overwrite_ab=True)
-    except LinAlgError as failure:
-        raise SolverError(f"retarget: the motion's least squares failed: {failure}") from failure
-    return np.asarray(found.reshape(count, nv))

@@ -13,15 +13,18 @@ from wbc.human import HumanMotion
 from wbc.human.contacts import SHORTEST, feet_down
 from wbc.motion import RmpSeries, analyze
 from wbc.motion.dropouts import runs
-from wbc.robot.series import sole_series
+from wbc.robot.series import sole_series, state_series
+from wbc.rotations import headings
 from wbc.validate import Array
 
 SEGMENTS = ("pelvis", "trunk", "head", "left_upper_arm", "left_forearm", "right_upper_arm",
             "right_forearm")  # fmt: skip
+THIGHS = ("left_thigh", "right_thigh")
 
 
 EDGE = 0.5  # periods of the cutoff that are left out at both ends
 LEVEL, DRAWN = 0.15, 0.25  # rad and m/s: a sole as level as this that is faster shuffles
+SPUN = 2.5  # rad/s: who turns so fast on a foot does not stand on it
 LEAST = 20  # frames that are left at least
 
 
@@ -39,6 +42,8 @@ class HumanFrames:
         Of the pelvis (n,) [rad].
     hips:
         The middle of the hips from the CoM (n, 3) [m], world axes.
+    upright_hips:
+        The same (3,) [m] of a body that stands upright, in the axes of its pelvis.
     soles:
         Where the ground under the ankles is (n, 3) [m], and headings (n,) [rad], by side.
     sole_rotation:
@@ -53,6 +58,7 @@ class HumanFrames:
     rotation: Mapping[str, Array]
     heading: Array
     hips: Array
+    upright_hips: Array
     soles: Mapping[str, tuple[Array, Array]]
     sole_rotation: Mapping[str, Array]
     down: Mapping[str, NDArray[np.bool_]]
@@ -82,30 +88,30 @@ def human_frames(
     series = replace(series, **cut)
     places = sole_series(robot, series.q)
     flags = feet_down(robot, places, series.time, human.ground_height)
-    rotation = {name: np.empty((len(series), 3, 3)) for name in SEGMENTS}
-    hips = np.empty((len(series), 3))
-    for k, q in enumerate(series.q):
-        snapshot = robot.snapshot(q)
-        hips[k] = 0.5 * (snapshot.position("left_thigh") + snapshot.position("right_thigh"))
-        for name, room in rotation.items():
-            room[k] = snapshot.rotation(name)
+    states = state_series(robot, series.q, frames=(*SEGMENTS, *THIGHS))
+    rotation = {name: states.rotation(name) for name in SEGMENTS}
+    hips = np.mean([states.position(name) for name in THIGHS], axis=0)
     soles, turns, down = {}, {}, {}
     for number, side in enumerate(robot.feet):
         T = places[side]
         position = T[:, :3, 3] - [0.0, 0.0, human.ground_height]
-        heading = np.unwrap(np.arctan2(T[:, 1, 0], T[:, 0, 0]))
+        heading = headings(T[:, :3, :3])
         soles[side], turns[side] = (position, heading), T[:, :3, :3]
         stands = flags[:, number] & ~_shuffles(position, T[:, :3, :3], series.time)
         down[side] = _without_short_ends(stands, series.time)
-    pelvis = rotation["pelvis"]
-    heading = np.unwrap(np.arctan2(pelvis[:, 1, 0], pelvis[:, 0, 0]))
-    return HumanFrames(series, rotation, heading, hips - series.com, soles, turns, down, roll)
+    heading = headings(rotation["pelvis"])
+    upright = robot.snapshot(robot.postures["neutral"])
+    standing = np.mean([upright.position(name) for name in THIGHS], axis=0) - upright.com
+    return HumanFrames(
+        series, rotation, heading, hips - series.com, standing, soles, turns, down, roll
+    )
 
 
 def _shuffles(position: Array, rotation: Array, time: Array) -> NDArray[np.bool_]:
-    """Return where a level sole is drawn along the ground (n,): no foot to stand on."""
+    """Return where a sole is drawn along the ground, or turned on it (n,): none to stand on."""
     speed = np.linalg.norm(np.gradient(position[:, :2], time, axis=0), axis=1)
     drawn = (np.abs(rotation[:, 2, 0]) < LEVEL) & (speed > DRAWN)
+    drawn |= np.abs(np.gradient(headings(rotation), time)) > SPUN
     for first, end in runs(drawn):
         if time[end - 1] - time[first] < SHORTEST:
             drawn[first:end] = False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,12 +18,15 @@ from wbc.robot import Robot
 from wbc.robot.postures import STANDING
 from wbc.validate import Array
 
-# The CoM may be lowered by this part of the legs' length for them to reach; then steps get shorter.
-LOWERED = 0.05
+# For legs to reach, the CoM is lowered and steps get shorter, by what is least in squares of these
+# parts of the legs' length and of the level distances.
+LOWERED, SHORTENED = 0.05, 0.2
 SHORTEST = 0.5  # part of the human's scaled level distances that is left at least
-SEARCHES = 8
+TRIED = 26  # shares
 STRAIGHTEST = 0.985  # part of the full length that standing legs are stretched to
 STRAIGHT = 0.9  # part of its way that the CoM is away at the end
+# Of its height: so far the CoM is moved for balance at most; how suddenly it is held there.
+FARTHEST, SUDDEN = 0.15, 8
 AHEAD = 0.08  # of the legs' length: so far the CoM is put ahead at most
 
 
@@ -130,13 +133,17 @@ def balanced(targets: Targets, robot: Robot, k: Array, com: Array | None = None)
     com:
         Its CoM (n, 3) [m]; None: the wanted one.
     """
-    dt, flags = targets.dt, targets.down
-    paths = targets.feet.paths
+    dt = targets.dt
     k_rate = np.gradient(k, dt, axis=0)
     cop, square = cop_of(targets.com if com is None else com, k_rate, robot.mass, robot.gravity, dt)
-    goal = clipped(cop, {side: paths[side].corners[..., :2] for side in SIDES}, flags)
+    goal = clipped(cop, targets.feet.supports)
     moving = targets.com.copy()
     moving[:, :2] += moved(goal - cop, square, dt)
+    # What cannot be balanced is not balanced by a CoM that runs away from the human's.
+    off = moving[:, :2] - targets.human_com[:, :2]
+    part = np.linalg.norm(off, axis=1) / (FARTHEST * float(np.mean(targets.com[:, 2])))
+    off /= ((1.0 + part**SUDDEN) ** (1.0 / SUDDEN))[:, None]
+    moving[:, :2] = targets.human_com[:, :2] + off
     return replace(targets, com=moving, cop=goal)
 
 
@@ -194,22 +201,14 @@ def _within_reach(
     pelvis: Array, body: BodyMap,
 ) -> tuple[float, float, tuple[str, ...]]:  # fmt: skip
     """Return which part of level distances legs reach, and by how much the CoM is lowered [m]."""
-    most = LOWERED * legs.length
-
-    def lacking(share: float) -> float:
-        return _stretch(source, robot, legs, standing, scale, pelvis, body, share)
-
-    share, needed = 1.0, lacking(1.0)
-    if needed > most:
-        low, high = SHORTEST, 1.0
-        for _ in range(SEARCHES):
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if lacking(middle) > most else (middle, high)
-        share, needed = low, lacking(low)
+    lacking = _stretch(source, robot, legs, standing, scale, pelvis, body)
+    shares = np.linspace(1.0, SHORTEST, TRIED)
+    lower = np.array([lacking(share) for share in shares])
+    cost = (lower / (LOWERED * legs.length)) ** 2 + ((1.0 - shares) / SHORTENED) ** 2
+    share, lowered = float(shares[np.argmin(cost)]), float(lower[np.argmin(cost)])
     notes = list[str]()
     if share < 1.0:
         notes.append(f"steps are {share:.0%} of the human's, scaled: the legs reach so far")
-    lowered = min(max(needed, 0.0), max(most, 0.0))
     if lowered > 0.0:
         notes.append(f"the CoM is {1e3 * lowered:.0f} mm lower, for flat feet to reach the ground")
     return share, lowered, tuple(notes)
@@ -217,26 +216,38 @@ def _within_reach(
 
 def _stretch(
     source: HumanFrames, robot: Robot, legs: Legs, standing: StandingBody, scale: MotionScale,
-    pelvis: Array, body: BodyMap, share: float,
-) -> float:  # fmt: skip
-    """Return by how much the CoM must be lowered for standing legs to be bent enough [m]."""
-    spread = _spread(source, scale, share)
-    feet = foot_paths(source, robot, legs, spread)
+    pelvis: Array, body: BodyMap,
+) -> Callable[[float], float]:  # fmt: skip
+    """Return by how much the CoM must be lowered for standing legs to be bent enough [m].
+
+    By which part of the level distances is left: all places are linear in it, but for how far feet
+    are set outwards, which is taken to be, too.
+    """
     snapshot = robot.snapshot(robot.postures[STANDING])
-    com = _scaled_com(source, legs, standing, scale, spread)
-    upright, longest, worst = snapshot.rotation(body.pelvis), STRAIGHTEST * legs.length, 0.0
-    weight = loads(feet.down)
-    drawn = sum(weight[:, [n]] * _held(feet.paths[side]) for n, side in enumerate(SIDES))
-    for side, hip in zip(SIDES, standing.hips, strict=True):
-        ankle = snapshot.position(str(robot.model.names[leg_joints(robot, side)[-1]]))
-        at = com + pelvis @ (upright.T @ hip)
-        at[:, :2] += drawn
-        sole = robot.feet[side].frame
-        arm = ankle - snapshot.position(sole)
-        path = feet.paths[side]
-        goal = path.place + path.rotation @ (snapshot.rotation(sole).T @ arm)
-        flat = np.linalg.norm((at - goal)[:, :2], axis=1)
-        highest = np.sqrt(np.maximum(longest**2 - flat**2, 0.0))
-        if path.down.any():
-            worst = max(worst, float(((at - goal)[:, 2] - highest)[path.down].max()))
-    return worst
+    upright, longest = snapshot.rotation(body.pelvis), STRAIGHTEST * legs.length
+    # Who leans has the hips elsewhere under the CoM than who stands upright.
+    bent = scale.length * (source.hips - source.rotation["pelvis"] @ source.upright_hips)
+    ends = []
+    for share in (SHORTEST, 1.0):
+        spread = _spread(source, scale, share)
+        feet = foot_paths(source, robot, legs, spread)
+        com = _scaled_com(source, legs, standing, scale, spread)
+        weight = loads(feet.down)
+        com[:, :2] += sum(weight[:, [n]] * _held(feet.paths[s]) for n, s in enumerate(SIDES))
+        ways = []  # from the ankle on the ground to the hip
+        for side, hip in zip(SIDES, standing.hips, strict=True):
+            ankle = snapshot.position(str(robot.model.names[leg_joints(robot, side)[-1]]))
+            sole, path = robot.feet[side].frame, feet.paths[side]
+            arm = snapshot.rotation(sole).T @ (ankle - snapshot.position(sole))
+            way = com + bent + pelvis @ (upright.T @ hip) - path.place - path.rotation @ arm
+            ways.append(way[path.down])
+        ends.append(np.concatenate(ways))
+
+    def lacking(share: float) -> float:
+        part = (share - SHORTEST) / (1.0 - SHORTEST)
+        way = (1.0 - part) * ends[0] + part * ends[1]
+        flat = np.square(way[:, :2]).sum(axis=1)
+        highest = np.sqrt(np.maximum(longest**2 - flat, 0.0))
+        return float((way[:, 2] - highest).max(initial=0.0))
+
+    return lacking

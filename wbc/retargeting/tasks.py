@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,8 @@ from wbc.tasks import (
     Task,
 )
 from wbc.validate import Array, check_fields
+
+TURNING = 0.1  # of m h sqrt(g h): angular momentum of who turns as a whole; who walks has a fifth
 
 
 @dataclass(frozen=True)
@@ -106,8 +109,14 @@ class FrameTasks:
             for side, arm in body.arms.items()
         }
         self.posture = PostureTask(robot, standing, weight=w.posture, gain=0.1)
+        # What turns with all of its body has to get round: the momentum of a body of another shape
+        # would leave it behind.
+        most = np.abs(targets.angular_momentum).max(axis=0) / (TURNING * unit)
         self.momentum = MomentumTask(
-            robot, components=["kx", "ky", "kz"], name="momentum", weight=w.momentum / unit
+            robot,
+            components=["kx", "ky", "kz"],
+            name="momentum",
+            weight=w.momentum / unit / (1.0 + most**2),
         )
         self.inertia = InertiaTask(
             robot, start.inertia, weight=w.inertia / float(np.trace(start.inertia)), gain=1.0
@@ -140,19 +149,15 @@ class FrameTasks:
         for side, pair in self.arms.items():
             for one, way in zip(pair, targets.arms[side][k], strict=True):
                 one.set_target(way)
-        self.aim_feet(k)
-        if self.ellipsoids is not None:
-            self.inertia.set_target(self.ellipsoids[k])
+        self._aim(self.feet, k)
 
-    def aim_feet(self, k: int) -> None:
-        """Set where the feet should be in frame ``k``, in the air and on the ground."""
-        for side in SIDES:
-            place, R = self.targets.feet.paths[side].place[k], self.rotations[side][k]
-            self.feet[side].set_target(place, R)
-            self.contacts[side].set_target(place, R)
+    def aim_contacts(self, k: int) -> None:
+        """Set where feet on the ground are held in frame ``k``."""
+        self._aim(self.contacts, k)
 
-        if self.ellipsoids is not None:
-            self.inertia.set_target(self.ellipsoids[k])
+    def _aim(self, tasks: Mapping[str, PoseTask], k: int) -> None:
+        for side, task in tasks.items():
+            task.set_target(self.targets.feet.paths[side].place[k], self.rotations[side][k])
 
     def shape_like(self, inertia: Array, axes: Array) -> None:
         """Want the human's ellipsoid at the robot's own size, from now on.

@@ -156,24 +156,32 @@ class HasPass(Protocol):
 class NativePass:
     """Memory of one thread for passes over a tree.
 
+    Parameters
+    ----------
+    frames:
+        Names and Pinocchio's indices of frames that every state holds from the beginning.
+
     Attributes
     ----------
     slots:
         Where frames begin that every state holds, by name; replaced, not changed, when one joins.
     """
 
-    def __init__(self, tree: NativeTree) -> None:
+    def __init__(self, tree: NativeTree, frames: Sequence[tuple[str, int]] = ()) -> None:
         self.tree = tree
         self.slots: dict[str, int] = {}
+        self._most = max(KEPT, len(frames))
         size = tree.nq + tree.nv
         memory = np.zeros(size + tree.nq)
         self._measured, self._reached = memory[:size], memory[size:]
         self._shapes = (tree.nq,), (tree.nv,)
         self._there, self._tree = doubles(memory), tree.struct
         self._scratch = np.zeros(13 * tree.joints + 17 * tree.nv)
-        self._joints = np.zeros(KEPT, dtype=np.int64)
-        self._placements = np.zeros((KEPT, 12))
+        self._joints = np.zeros(self._most, dtype=np.int64)
+        self._placements = np.zeros((self._most, 12))
         self._grow()
+        for name, index in frames:
+            self.keep(name, index)
 
     def measured(self, q: Any, v: Any) -> bytes | None:
         """Return a state as snapshots keep it, v behind q; None: Python looks closely."""
@@ -202,10 +210,18 @@ class NativePass:
         found.flags.writeable = False
         return NativeState(found, self.tree, self.slots)
 
+    def evaluate_all(self, q: Array, v: Array) -> Array:
+        """Return all that is known at (q (n, nq), v (n, nv)), a state a row (n, size)."""
+        out = np.empty((len(q), len(self._state)))
+        for k in range(len(q)):
+            lib.wbc_state(self._tree, doubles(q[k]), doubles(v[k]), *self._arguments)
+            out[k] = self._state
+        return out
+
     def keep(self, name: str, index: int) -> None:
         """Let later states hold a frame, if there is room for one more."""
         tree = self.tree
-        if name in self.slots or len(self.slots) >= KEPT:
+        if name in self.slots or len(self.slots) >= self._most:
             return
         joint, placement = frame_places(tree.model, [index])
         self._joints[len(self.slots)] = joint[0]

@@ -1,25 +1,118 @@
 """What Pinocchio knows of a robot at many states in a row, in preallocated arrays.
 
-One pass per frame, which costs about 5 us for 31 velocities; everything that can be computed for
-all frames at once is left to NumPy. Linear first, world axes.
+One pass per frame, which costs about 5 us for 31 velocities, of Pinocchio or of the compiled core;
+everything that can be computed for all frames at once is left to NumPy. Linear first, world axes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from wbc.robot.kernel import NativePass, NativeState, NativeTree
 from wbc.robot.limits import BASE_NQ
 from wbc.robot.model import Robot
+from wbc.robot.tree import KinematicTree
 from wbc.rotations import rotations_from
 from wbc.validate import Array, finite_array
 
 FRAMES_PER_CALL = 500  # frames from one call of ``progress`` to the next
 Progress = Callable[[int, int], None]
+
+
+class StateSeries(NamedTuple):
+    """What the core knows of a robot at n states; :class:`wbc.Snapshot` says what there is.
+
+    Attributes
+    ----------
+    array:
+        (n, size), one state a row.
+    tree:
+        Whose states they are.
+    slots:
+        Where the frames begin that were asked for, by name.
+    """
+
+    array: Array
+    tree: NativeTree
+    slots: Mapping[str, int]
+
+    def __len__(self) -> int:
+        return len(self.array)
+
+    def part(self, name: str, *shape: int) -> Array:
+        """Return a quantity (n, ...) by the name of its place, such as ``centroidal_map``."""
+        return self.array[:, self.tree.parts[name]].reshape(len(self.array), *shape)
+
+    @property
+    def inertia(self) -> Array:
+        """Centroidal CRB inertia (n, 3, 3) [kg m^2]."""
+        return self.part("inertia", 3, 3)
+
+    @property
+    def com(self) -> Array:
+        """CoM (n, 3) [m]."""
+        return self.part("com", 3)
+
+    def position(self, frame: str) -> Array:
+        """Origin of a frame (n, 3) [m]."""
+        return self._of(frame, 0, 3)
+
+    def rotation(self, frame: str) -> Array:
+        """Rotation (n, 3, 3) from a frame's axes to the world's."""
+        return self._of(frame, 3, 12).reshape(-1, 3, 3)
+
+    def jacobian(self, frame: str) -> Array:
+        """Jacobian (n, 6, nv) of a frame's origin and rotation."""
+        return self._of(frame, 12, self.tree.frame_size).reshape(len(self), 6, -1)
+
+    def state(self, k: int) -> NativeState:
+        """Return one state."""
+        return NativeState(self.array[k], self.tree, self.slots)
+
+    def _of(self, frame: str, begin: int, end: int) -> Array:
+        at = self.slots[frame]
+        return self.array[:, at + begin : at + end]
+
+
+def state_series(
+    robot: KinematicTree, q: Array, v: Array | None = None, frames: Iterable[str] = ()
+) -> StateSeries:
+    """Return what the core knows at n states, with some frames: 4 us a state of 35 velocities.
+
+    Parameters
+    ----------
+    q:
+        Configurations (n, nq), with unit quaternions.
+    v:
+        Velocities (n, nv); zero if not given.
+    frames:
+        Names of frames that are wanted.
+
+    Raises
+    ------
+    InvalidInputError
+        Arrays of a wrong shape, or not finite.
+    UnknownNameError
+        No such frame.
+    """
+    count = len(q)
+    q = finite_array("q", q, (count, robot.nq))
+    v = np.zeros((count, robot.nv)) if v is None else finite_array("v", v, (count, robot.nv))
+    own = NativePass(robot.native.tree, [(name, robot.frame_id(name)) for name in frames])
+    return StateSeries(own.evaluate_all(q, v), own.tree, own.slots)
+
+
+def velocities(robot: KinematicTree, q: Array, dt: float) -> Array:
+    """Return the velocities (n - 1, nv) from each of n configurations to the next, after ``dt``."""
+    steps = [pin.difference(robot.model, a, b) for a, b in pairwise(q)]
+    return np.array(steps).reshape(-1, robot.nv) / dt
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.notebook import as_html, some
+from wbc.notebook import as_html, some, with_picture
 from wbc.robot import Robot
 from wbc.run.columns import Column, history_columns
 from wbc.run.frame import Frame, frame_of
@@ -341,7 +341,8 @@ class Result:
             ("failed ticks", str(len(self.failures) or "")),
         ]
         title = f"{self.status.value.replace('_', ' ')}: {self.reason}"
-        return as_html(title, facts, [(f"error of {name}", text) for name, text in errors])
+        table = as_html(title, facts, [(f"error of {name}", text) for name, text in errors])
+        return with_picture(table, "wbc.view.run:run_figure", self.robot, self.history)
 
 
 def _task_summary(task: TaskResult) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.constraints.com_support import support_polygon
-from wbc.notebook import as_html, some
+from wbc.notebook import as_html, some, with_picture
 from wbc.polygon import polygon_margin
 from wbc.robot import Robot, Snapshot
 from wbc.run.columns import Column
@@ -260,7 +260,9 @@ class SimulationResult:
             ("at torque bound", some([f"{name} for {100 * part:.2g} %" for name, part in
                                       self.saturated.items()])),
         ]  # fmt: skip
-        return as_html(f"{self.status.value.replace('_', ' ')}: {self.reason}", facts)
+        table = as_html(f"{self.status.value.replace('_', ' ')}: {self.reason}", facts)
+        figure = "wbc.view.simulation:simulation_figure"
+        return with_picture(table, figure, self.robot, self.arrays, "", self.terrain)
 
     def _columns(self) -> list[Column]:
         return [

@@ -61,7 +61,12 @@ class AxisTask(Task):
             count. Afterwards ``target_rate`` is that of the unit vector.
         """
         goal = self._unit(target, "target")
-        self._set_rates((3,), rate, acceleration)
+        turns = self._set_rates((3,), rate, acceleration)
+        if rate is None and acceleration is None:  # at rest, as the rates then say
+            self._assign(_goal=goal)
+            if turns:
+                self._bias = self.target_rate
+            return
         n = float(np.linalg.norm(np.asarray(target, dtype=float)))
         # With d = n u: d' = n u' + n' u and d'' = n u'' + 2 n' u' + n'' u, where u'.u = 0.
         d1, d2 = self.target_rate, self.target_acceleration

@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from wbc import __version__
 from wbc.extras import require
 from wbc.files import ending_of, write_whole
+from wbc.retargeting import Retargeted
 from wbc.robot import Robot, Snapshot
 from wbc.run.history import History
 from wbc.validate import Array
@@ -79,6 +80,42 @@ def write_mcap(
     stamps = [round(NANO * float(t)) for t in history.time]
     snapshots = [robot.snapshot(q) for q in history.q]
     topics = [*_of_run(snapshots, history, summary), *_of_simulation(robot, simulation or {})]
+    content = _content(snapshots, stamps, topics, summary)
+    write_whole(Path(path), lambda file: file.write(content))
+    return Path(path)
+
+
+def write_retargeted(motion: Retargeted, path: str | Path) -> Path:
+    """Write a retargeted motion, one message per topic and frame, and return its path.
+
+    Topics as of :func:`write_mcap` where it has them, forces at the feet by name; besides
+    ``/human/com`` [m] and ``/human/angular_momentum`` [kg m^2/s], scaled to the robot.
+
+    Raises
+    ------
+    InvalidInputError, MissingPackageError, OSError
+        See :func:`write_mcap`.
+    """
+    mcap_format(path)
+    robot, targets = motion.robot, motion.targets
+    snapshots = [robot.snapshot(q) for q in motion.q]
+    joints = np.array([one.joint_positions for one in snapshots])
+    topics = [
+        Topic("/joints/position", robot.joint_names, joints),
+        Topic("/joints/velocity", robot.joint_names, motion.v[:, 6:]),
+        Topic("/joints/torque", robot.joint_names, motion.torque),
+        Topic("/com", XYZ, motion.whole.com),
+        Topic("/angular_momentum", XYZ, motion.whole.momentum[:, 3:]),
+        Topic("/human/com", XYZ, targets.human_com),
+        Topic("/human/angular_momentum", XYZ, targets.angular_momentum),
+        Topic("/cop", XYZ[:2], motion.cop),
+        *(
+            Topic(f"/forces/{side}", WRENCH, motion.wrenches[:, n])
+            for n, side in enumerate(("left", "right"))
+        ),
+    ]
+    stamps = [round(NANO * float(t)) for t in motion.time]
+    summary = {"source": motion.source, "robot": robot.name, "notes": list(motion.notes)}
     content = _content(snapshots, stamps, topics, summary)
     write_whole(Path(path), lambda file: file.write(content))
     return Path(path)

@@ -69,7 +69,7 @@ def plot_simulation(
 
 
 def simulation_figure(
-    robot: Robot, arrays: Mapping[str, Any], *, title: str, terrain: Terrain = LEVEL
+    robot: Robot, arrays: Mapping[str, Any], title: str = "", terrain: Terrain = LEVEL
 ) -> Figure:
     """Return a figure of a simulation.
 
@@ -123,11 +123,12 @@ def _plots(robot: Robot, run: Mapping[str, Array]) -> list[Callable[[Axes], None
     draws: list[Callable[[Axes], None]] = [
         lambda axes: _plot_com(axes, run, 0, "x: forwards"),
         lambda axes: _plot_com(axes, run, 1, "y: to the left"),
-        lambda axes: _plot_forces(axes, robot, run),
         lambda axes: _plot_torques(axes, robot, run),
         lambda axes: _plot_tilt(axes, run),
-        lambda axes: _plot_margin(axes, run),
     ]
+    if np.isfinite(run["cop"]).any():  # forces on the soles are known: not on a real robot
+        draws.insert(2, lambda axes: _plot_forces(axes, robot, run))
+        draws.append(lambda axes: _plot_margin(axes, run))
     if "plan_com" in run:
         draws += [lambda axes: _plot_from_plan(axes, run), lambda axes: _plot_momentum(axes, run)]
     return [partial(_with_pushes, draw, run) for draw in draws]
@@ -154,7 +155,8 @@ def _read(robot: Robot, arrays: Mapping[str, Any]) -> dict[str, Array]:
     names += [name for name in PLANNED if name in arrays]
     names += [name for name in arrays if name.startswith(APPLIED)]
     for name in names:
-        found = np.asarray(arrays[name] if name in arrays else np.full(count, np.nan), float)
+        unknown = np.full((count, 6) if "/" in name else count, np.nan)
+        found = np.asarray(arrays.get(name, unknown), float)
         if len(found) != count:
             raise InvalidInputError(f"simulation, {name}: expected {count} rows, got {len(found)}")
         run[name] = found

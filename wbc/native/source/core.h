@@ -104,6 +104,13 @@ int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, const d
 /* Write (7, k) of k pairs, as wbc_nearest does. Returns 0; -1: to be done in Python. */
 int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64_t *chosen,
                 double *scratch, double *nearest);
+/* Write frame and pair (k, 2), and what is nearest (k, 7), of all pairs of n states, stride numbers
+ * from one to the next, that are less than limit above what they keep; the distance of pairs that
+ * must be measured in Python is -INFINITY. Returns k, of which no more than room are written; -1: a
+ * state is not finite. */
+int64_t wbc_within(const wbc_pairs *of, const double *states, int64_t n, int64_t stride,
+                   double limit, const double *kept, double *scratch, int64_t room,
+                   int64_t *chosen, double *nearest);
 /* Write the derivatives (k, nv) of distances by v; normals and points (3, k). Returns 0. */
 int wbc_pair_rows(const wbc_pairs *of, const wbc_tree *tree, const double *state, int64_t k,
                   const int64_t *chosen, const double *normal, const double *point, double *rows);

@@ -251,6 +251,35 @@ int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64
     return 0;
 }
 
+int64_t wbc_within(const wbc_pairs *of, const double *states, int64_t n, int64_t stride,
+                   double limit, const double *kept, double *scratch, int64_t room,
+                   int64_t *chosen, double *nearest) {
+    double *placed = scratch, *lower = placed + PLACED * of->bodies;
+    int64_t k = 0;
+    for (int64_t f = 0; f < n; f++) {
+        const double *state = states + f * stride;
+        place_bodies(of, state, placed);
+        if (!bound_by_balls(of, placed, kept, lower)) return -1;
+        for (int64_t p = 0; p < of->pairs; p++) {
+            double found[FOUND];
+            if (!(lower[p] < limit)) continue;
+            memset(found, 0, sizeof found);
+            found[0] = -INFINITY;
+            if (measure_capsules(of, placed, p, found) && !(found[0] - kept[p] < limit)) continue;
+            if (of->solid[p]) {
+                measure_hulls(of, state, placed, p, found);
+                if (!(found[0] - kept[p] < limit)) continue;
+            }
+            if (k < room) {
+                chosen[2 * k] = f, chosen[2 * k + 1] = p;
+                memcpy(nearest + FOUND * k, found, sizeof found);
+            }
+            k++;
+        }
+    }
+    return k;
+}
+
 /* Add the line of force [n, p x n] times the twists of what moves a joint and not another above. */
 static void add_line(const wbc_tree *tree, const double *state, int64_t joint, int64_t above,
                      const double *n, const double *arm, double sign, double *row) {

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.notebook import as_html
+from wbc.notebook import as_html, with_picture
 from wbc.run.frame import Frame, frame_of
 from wbc.run.saving import save_result
 from wbc.validate import Array
@@ -146,7 +146,8 @@ class PendulumResult:
     def _repr_html_(self) -> str:
         """Return how a notebook shows it."""
         rows = [(name, f"{value:.4g} {self.unit(name)}") for name, value in self.measures.items()]
-        return as_html(f"{self.status.value.replace('_', ' ')}: {self.reason}", (), rows)
+        table = as_html(f"{self.status.value.replace('_', ' ')}: {self.reason}", (), rows)
+        return with_picture(table, "wbc.view.pendulum:pendulum_figure", self.history)
 
     def _columns(self) -> list[tuple[str, Array]]:
         """Return the columns of a table of the motion, with their units."""

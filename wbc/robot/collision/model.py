@@ -16,6 +16,7 @@ from wbc.robot.collision.distances import ShapePairs, parts
 from wbc.robot.collision.native_pairs import NativePairs
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace
 from wbc.robot.model import Robot, Snapshot
+from wbc.robot.series import StateSeries
 from wbc.validate import Array, finite_array, read_only
 
 Index = NDArray[np.int64]
@@ -232,6 +233,19 @@ class CollisionModel:
         matrix = line.T @ snapshot.joint_twists
         matrix *= chosen_of(self._signs, self._or_all(found.pairs))
         return matrix
+
+    def rows_of(self, states: StateSeries, pairs: Index, found: Array) -> Array:
+        """Return :meth:`rows` (k, nv) of pairs that were found in several states.
+
+        Parameters
+        ----------
+        pairs, found:
+            As :meth:`NativePairs.within` returns them.
+        """
+        n, p = found[:, 1:4], found[:, 4:]
+        line = np.hstack((n, np.cross(p, n)))[:, None]  # (k, 1, 6)
+        twists = states.part("twists", 6, -1)[pairs[:, 0]]
+        return np.asarray((line @ twists)[:, 0] * self._signs[pairs[:, 1]])
 
     def twists(self, snapshot: Snapshot) -> Array:
         """Return how bodies move: (6, bodies), velocity at the world's origin [m/s], spin."""

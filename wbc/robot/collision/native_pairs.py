@@ -114,6 +114,31 @@ class NativePairs:
         said = lib.wbc_measure(struct, at, len(pairs), numbers, work, nearest)
         return None if said else found
 
+    def within(
+        self, states: Array, tree: NativeTree, limit: float, kept: Array
+    ) -> tuple[Index, Array]:
+        """Return frames and numbers (k, 2) of pairs less than ``limit`` [m] above what they keep.
+
+        With what is nearest (k, 7), as of :meth:`nearest`.
+
+        Parameters
+        ----------
+        states:
+            (n, size), one state a row, finite.
+        kept:
+            (N,) [m].
+        """
+        bodies, pairs = self.counts
+        scratch, struct = np.empty(9 * bodies + pairs), self.struct(tree)
+        room, given = 16 * len(states), (len(states), states.shape[1], limit, doubles(kept))
+        while True:
+            chosen, found = np.empty((room, 2), dtype=np.int64), np.empty((room, 7))
+            at, work, nearest = map(doubles, (states, scratch, found))
+            count = lib.wbc_within(struct, at, *given, work, room, integers(chosen), nearest)
+            if count <= room:
+                return chosen[:count], found[:count]
+            room = int(count)
+
     def rows(self, state: NativeState, pairs: Index, normal: Array, point: Array) -> Array:
         """Return the derivatives (k, nv) of distances by v.
 

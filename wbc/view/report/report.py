@@ -86,11 +86,9 @@ def report_text(
     """Return the page that :func:`write_report` writes."""
     run = read_history(robot, history, terrain)
     data = replay_data(run, replay_rows(run.time))
-    draws: list[Draw] = [
-        lambda axes: plot_errors(axes, run.time, run.errors),
-        lambda axes: plot_moments(axes, run.time, run.moments),
-        *reasons(run),
-    ]
+    draws: list[Draw] = [lambda axes: plot_moments(axes, run.time, run.moments), *reasons(run)]
+    if run.errors:
+        draws.insert(0, lambda axes: plot_errors(axes, run.time, run.errors))
     if simulation is not None:
         draws = [*simulation_plots(robot, simulation), *draws]
     data["plots"] = [_plot_picture(draw) for draw in draws]
@@ -182,6 +180,7 @@ def _tables(summary: Mapping[str, Any]) -> Iterable[Table]:
         ],
     )
     yield ("Simulation", ("what", "value"), [*_simulated(summary.get("simulation") or {})])
+    yield ("Events", ("when", "what"), [tuple(one) for one in summary.get("events") or ()])
     tasks = summary.get("tasks") or {}
     yield (
         "Tasks at the end",

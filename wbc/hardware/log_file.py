@@ -1,0 +1,197 @@
+"""A log of the loop, read back: what was measured, asked, answered and commanded, row by row."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError
+from wbc.files import read_arrays
+from wbc.hardware.log_row import FAULTS, MODES, log_fields
+from wbc.hardware.ring_log import FORMAT
+from wbc.problem.problem import Problem, problem_of
+from wbc.problem.reading import parse
+from wbc.problem.saved import SavedRun
+from wbc.robot.names import BASE
+from wbc.run.history import History
+from wbc.spatial import vech
+from wbc.validate import Array
+
+LARGEST = 4_000_000_000  # bytes unpacked: half an hour of a humanoid
+WORDS = ("events", "about", "made_of")
+
+
+@dataclass(frozen=True, eq=False)
+class HardwareLog:
+    """A log that :class:`~wbc.hardware.loop.HardwareLoop` wrote.
+
+    Attributes
+    ----------
+    path:
+        Its file.
+    arrays:
+        A row for each cycle, oldest first, by the names of
+        :func:`~wbc.hardware.log_row.log_fields`.
+    events:
+        Changes of mode and first faults, in words.
+    about:
+        Why it was written.
+    made_of:
+        Problem, profile, estimator and versions, as plain data.
+    problem:
+        What ran.
+    """
+
+    path: Path
+    arrays: Mapping[str, Array]
+    events: tuple[str, ...]
+    about: str
+    made_of: Mapping[str, Any]
+    problem: Problem
+
+    @classmethod
+    def load(cls, path: str | Path) -> HardwareLog:
+        """Read a log.
+
+        Raises
+        ------
+        InvalidInputError
+            Not a log, damaged, or one of a robot that its problem does not name any more.
+        ProblemFileError
+            Its problem cannot be loaded: robot or motion files are elsewhere, say.
+        """
+        path = Path(path)
+        found = read_arrays(path, list, lambda name: "U" if name in WORDS else "f", LARGEST)
+        made_of = _made_of(path, found)
+        told = made_of["problem"]
+        source = parse(str(told["text"]), str(told.get("file") or path))
+        problem = problem_of(source, dict(told.get("overrides") or {}))
+        if not isinstance(problem, Problem):
+            raise InvalidInputError(f"{path}: of a pendulum's problem, which runs on no robot")
+        arrays = {name: array for name, array in found.items() if name not in WORDS}
+        _check(path, arrays, problem)
+        events = tuple(str(one) for one in np.atleast_1d(found["events"]) if str(one))
+        return cls(path, arrays, events, str(found["about"]), made_of, problem)
+
+    def rows(self) -> Iterator[dict[str, Array]]:
+        """Yield what each cycle logged."""
+        for k in range(len(self.arrays["time"])):
+            yield {name: array[k] for name, array in self.arrays.items()}
+
+    def as_run(self) -> SavedRun:
+        """Return the rows for which there is an estimate, as a run that can be drawn.
+
+        Phases are the loop's modes; torques are those that the robot measured.
+
+        Raises
+        ------
+        InvalidInputError
+            There is none.
+        """
+        arrays, robot = self.arrays, self.problem.parts.robot
+        known = np.isfinite(arrays["q"]).all(axis=1) & np.isfinite(arrays["v"]).all(axis=1)
+        if not known.any():
+            raise InvalidInputError(f"{self.path}: has no estimate of the base, so nothing to draw")
+        chosen = {name: array[known] for name, array in arrays.items()}
+        time = chosen["time"] - arrays["time"][0]
+        snapshots = [robot.snapshot(*state) for state in zip(chosen["q"], chosen["v"], strict=True)]
+        count, none = len(time), np.full(len(time), np.nan)
+        limits = robot.limits
+        lower, upper = chosen["position"] - limits.lower, limits.upper - chosen["position"]
+        history = History(
+            time=time,
+            phase=np.array([str(MODES[int(mode)]) for mode in chosen["mode"]]),
+            support=np.full(count, ""),
+            q=chosen["q"],
+            v=chosen["v"],
+            com=np.array([one.com for one in snapshots]),
+            inertia=np.array([vech(one.inertia) for one in snapshots]),
+            task_inertia={},
+            errors={},
+            slip={},
+            turn={},
+            margin=np.minimum(lower, upper).min(axis=1),
+            balance=none,
+            clearance={},
+            nearest={},
+            active={},
+            points={},
+            targets={},
+            obstacles={},
+            kkt=none,
+            tick_time=none,
+            tick_cpu_time=none,
+            status=np.full(count, ""),
+        )
+        summary = {
+            "format": FORMAT,
+            "status": "logged",
+            "reason": self.about,
+            "robot": robot.name,
+            "problem": self.made_of["problem"],
+            "versions": self.made_of.get("versions", {}),
+            "events": [*(one.split(" ", 1) for one in self.events), *self._faults()],
+        }
+        nowhere = np.full((count, 3), np.nan)
+        up = np.array([one.rotation(BASE)[2, 2] for one in snapshots])
+        simulation = {
+            **{name: history.arrays()[name] for name in ("time", "q", "com")},
+            "torque": chosen["torque"],
+            "tilt": np.arccos(np.clip(up, -1.0, 1.0)),
+            "cop": nowhere,  # nobody measures it
+            "planned_cop": nowhere,
+            "push": np.zeros((count, 3)),
+            "relaxed": np.zeros(count, dtype=bool),
+        }
+        return SavedRun(self.path.stem, robot, history, summary, simulation)
+
+    def _faults(self) -> list[tuple[str, str]]:
+        """Return faults, and in how many cycles there were."""
+        bits = self.arrays["faults"].astype(np.int64)
+        counts = {str(one): int(((bits >> k) & 1).sum()) for k, one in enumerate(FAULTS)}
+        return [(f"{count} cycles", name) for name, count in counts.items() if count]
+
+
+def is_log(path: Path) -> bool:
+    """Return whether an ``.npz`` is a log of the loop; False also for what cannot be read."""
+    try:
+        found = read_arrays(path, lambda names: [n for n in names if n == "made_of"],
+                            lambda _: "U", LARGEST)  # fmt: skip
+    except InvalidInputError:
+        return False
+    return "made_of" in found
+
+
+def _made_of(path: Path, found: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    if any(name not in found for name in WORDS):
+        raise InvalidInputError(f"{path}: not a log of wbc hardware run")
+    try:
+        made_of = json.loads(str(found["made_of"]))
+        known = made_of["format"] == FORMAT
+        whole = known and isinstance(made_of["problem"]["text"], str)
+    except (KeyError, TypeError, ValueError, RecursionError):
+        whole = False
+    if not whole:
+        raise InvalidInputError(f"{path}: does not say what ran, as a {FORMAT!r} does")
+    return dict(made_of)
+
+
+def _check(path: Path, arrays: Mapping[str, NDArray[Any]], problem: Problem) -> None:
+    robot = problem.parts.robot
+    count = arrays["time"].shape[0] if "time" in arrays and arrays["time"].ndim == 1 else 0
+    if not count:
+        raise InvalidInputError(f"{path}: has no rows")
+    for name, size in log_fields(len(robot.joint_names), robot.nq, robot.nv).items():
+        shape = (count,) if size == 1 else (count, size)
+        if name not in arrays or arrays[name].shape != shape:
+            got = arrays[name].shape if name in arrays else "none"
+            raise InvalidInputError(f"{path}: array {name!r}: expected shape {shape}, got {got}")
+    modes = arrays["mode"]
+    if not (np.isin(modes, range(len(MODES))).all() and np.isfinite(arrays["faults"]).all()):
+        raise InvalidInputError(f"{path}: arrays 'mode' and 'faults': damaged")
