@@ -233,7 +233,7 @@ def test_a_ring_is_shared_with_the_process_that_writes(tmp_path: Path) -> None:
     if not can_fork():
         pytest.skip("no fork here")
     ring = RingLog({"time": 1}, seconds=1.0, dt=0.1)
-    writer = LogWriter(ring, tmp_path / "log.npz", 5, forked=True)
+    writer = LogWriter(ring, tmp_path / "log.npz", 5, {"estimator": "none"}, forked=True)
     for k in range(8):
         ring.add({"time": k})
     writer.write(["one", "two"], "a test")
