@@ -125,6 +125,8 @@ class HardwareLoop:
             else LogWriter(self._ring, log, rows, made_of or {}, forked=self._forked)
         )
         self._watcher = Watcher(self._ring, watch) if watch and self._forked else None
+        if watch and self._watcher is None:
+            say("nothing is shown: there is no second process here")
         with real_time(priority):  # which a bus's own threads inherit
             self.bus = bus()
         self._began = 0.0

@@ -78,7 +78,7 @@ def replay_log(path: str | Path) -> LogReplay:
     asked, compared, last, differences = 0, 0, -1, list[str]()
     for row in log.rows():
         if np.isfinite(row["sequence"]):
-            rows.setdefault(int(row["sequence"]), row)
+            rows[int(row["sequence"])] = row  # the latest: a robot may count anew
         if np.isfinite(row["asked"]):
             about = int(row["asked_about"])
             if about not in rows:

@@ -69,7 +69,7 @@ def cop_of(com: Array, k_rate: Array, mass: float, gravity: float, dt: float) ->
 
 
 @dataclass(frozen=True, eq=False)
-class Support:
+class SupportedFrames:
     """What some frames stand on.
 
     Attributes
@@ -106,7 +106,7 @@ class Support:
             return hull
 
 
-def supports(corners: Mapping[str, Array], flags: NDArray[np.bool_]) -> tuple[Support, ...]:
+def supports(corners: Mapping[str, Array], flags: NDArray[np.bool_]) -> tuple[SupportedFrames, ...]:
     """Return what frames stand on, those that stand on the same together; none in the air.
 
     Parameters
@@ -122,7 +122,7 @@ def supports(corners: Mapping[str, Array], flags: NDArray[np.bool_]) -> tuple[Su
     for k in np.flatnonzero(flags.any(axis=1)).tolist():
         alike.setdefault(keys[k].tobytes(), []).append(k)
     return tuple(
-        Support(
+        SupportedFrames(
             np.array(frames),
             tuple((n, corners[s][frames[0]]) for n, s in enumerate(SIDES) if flags[frames[0], n]),
         )
@@ -130,7 +130,7 @@ def supports(corners: Mapping[str, Array], flags: NDArray[np.bool_]) -> tuple[Su
     )
 
 
-def clipped(cop: Array, stands: Sequence[Support]) -> Array:
+def clipped(cop: Array, stands: Sequence[SupportedFrames]) -> Array:
     """Return the nearest CoP (n, 2) inside the soles that stand; NaN stays, and where none does."""
     found = np.full_like(cop, np.nan)
     for one in stands:

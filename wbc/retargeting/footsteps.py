@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from wbc.gait.legs import SIDES, Legs, leg_joints
 from wbc.minimum_jerk import minimum_jerk
 from wbc.motion.dropouts import runs
-from wbc.retargeting.balanced import Support, supports
+from wbc.retargeting.balanced import SupportedFrames, supports
 from wbc.retargeting.source import HumanFrames
 from wbc.robot import Robot
 from wbc.robot.postures import STANDING
@@ -108,7 +108,7 @@ class FootPaths:
         return np.column_stack([self.paths[side].down for side in SIDES])
 
     @cached_property
-    def supports(self) -> tuple[Support, ...]:
+    def supports(self) -> tuple[SupportedFrames, ...]:
         """What frames stand on."""
         return supports({side: self.paths[side].corners for side in SIDES}, self.down)
 

@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 from wbc.gait.legs import SIDES
 from wbc.motion.dropouts import runs
 from wbc.polygon import polygon_margin
-from wbc.retargeting.balanced import Support
+from wbc.retargeting.balanced import SupportedFrames
 from wbc.rmp.ground import centre_of_pressure, in_contact
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
@@ -89,7 +89,7 @@ def ground_forces(
     acceleration: Array,
     whole: CentroidalSeries,
     time: Array,
-    stands: Sequence[Support],
+    stands: Sequence[SupportedFrames],
     friction: float,
 ) -> GroundForces:
     """Return what the ground has to do for a motion.
@@ -145,7 +145,7 @@ def ground_forces(
 
 
 def _shares(
-    stand: Support, force: Array, moment: Array, friction: float
+    stand: SupportedFrames, force: Array, moment: Array, friction: float
 ) -> list[tuple[int, Array]]:
     """Return the wrenches (m, 6) of feet that make forces and moments (m, 3), about the origin."""
     ways = np.column_stack((friction * EDGES, np.ones(len(EDGES))))  # (4, 3)
