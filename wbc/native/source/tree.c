@@ -175,7 +175,7 @@ int wbc_integrate(const wbc_tree *tree, const double *q, const double *step, dou
     return 0;
 }
 
-static int64_t configuration_size(const wbc_tree *tree) {
+int64_t configuration_size(const wbc_tree *tree) {
     const int64_t last = tree->joints - 1;
     return last < 2 ? 7 : tree->iq[last] + (tree->kind[last] == CONTINUOUS ? 2 : 1);
 }
