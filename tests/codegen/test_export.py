@@ -98,6 +98,29 @@ def test_c_commands_what_python_does(level: str, exports: dict[str, Path]) -> No
     assert replay(folder, "nowhere.txt").returncode == 2
 
 
+@pytest.mark.slow
+@needs_compiler
+def test_c_estimates_and_decides_as_python_does(tmp_path: Path) -> None:
+    """Messages and cycles with some twenty kinds of faults: the same modes and faults, 1e-12."""
+    path = write(tmp_path, TORQUE.replace("hoap2_like", "g1"))
+    exported = ["codegen", str(path), "-o", str(tmp_path / "c"), "--ticks", "2"]
+    done = CliRunner().invoke(app, [*exported, "--robot", "unitree_g1"])
+    assert done.exit_code == 0, done.output
+    folder = tmp_path / "c" / "hardware"
+    build(folder)
+    compared = replay(folder)
+    assert compared.returncode == 0, compared.stderr
+    assert "550 messages" in compared.stdout and "900 cycles" in compared.stdout
+    lines = (folder / "recording.txt").read_text().splitlines()
+    # A number of the last estimate, the mode of a cycle and a torque that it commands.
+    for line, number in ((550, -40), (900, -5 * 29 - 4), (900, -2 * 29 - 1)):
+        words = lines[line].split()
+        words[number] = float.hex(float.fromhex(words[number]) + 1.0)
+        changed = [*lines[:line], " ".join(words), *lines[line + 1 :]]
+        (folder / "other.txt").write_text("\n".join(changed))
+        assert replay(folder, "other.txt").returncode == 1, (line, number)
+
+
 PARTS = {
     "posture: {type: posture, target: start, weight: 0.05}": {
         "posture: {type: posture, target: start, weight: 0.05, priority: 1}": "levels of priority",

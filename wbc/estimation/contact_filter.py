@@ -122,6 +122,12 @@ class ContactFilter:
         )
         self._x[:9] = np.eye(3).ravel()
 
+    @property
+    def sizes(self) -> dict[str, int]:
+        """How many numbers the core writes of it, for who has the memory elsewhere."""
+        sizes = self._x.size, self._P.size, self._scratch.size
+        return dict(zip(("FILTER_X", "FILTER_P", "FILTER_SCRATCH"), sizes, strict=True))
+
     # ------------------------------------------------------------------ what is known
 
     @property
