@@ -15,6 +15,7 @@ from wbc.hardware.postures import CrouchPath, PostureMotion
 from wbc.hardware.robot_controller import FADE
 from wbc.hardware.safety import RULES, TRANSITIONS, Fault, Mode, Safety
 from wbc.hardware.setup import motions_of, safety_of
+from wbc.hardware.udp import COMMAND_PORT, READING_PORT
 from wbc.hardware.unitree.profiles import Profile, by_pattern
 from wbc.problem import Problem
 from wbc.robot import Robot
@@ -90,6 +91,8 @@ def data_header(parts: HardwareParts, title: str) -> str:
         "POSTURES": len(parts.path.joints),
         "MODES": len(Mode),
         "FAULTS": len(Fault),
+        "COMMAND_PORT": COMMAND_PORT,
+        "READING_PORT": READING_PORT,
     }
     numbers = {
         "CYCLE": PERIOD,
