@@ -204,18 +204,23 @@ def _within(
     return fine if collision is None else fine & apart(robot, q, collision)
 
 
-def apart(robot: Robot, q: Array, collision: SelfCollision) -> NDArray[np.bool_]:
+def apart(
+    robot: Robot, q: Array, collision: SelfCollision, *, raw: bool = True
+) -> NDArray[np.bool_]:
     """Return which configurations keep margins (n,), by the raw shapes where fitted ones do not.
 
-    Where only the fitted ones break a margin, as of two hips that their joints hardly move apart,
+    Raw shapes are read from the robot's files, which takes a second or more the first time. Where
+    only the fitted ones break a margin, as of two hips that their joints hardly move apart,
     there is nothing to mend: to push them out would cost the feet.
     """
     states, native = state_series(robot, q), collision.model.native
     fine = np.ones(len(q), dtype=bool)
-    if native is None:
+    if native is None or not raw:
         fine[collision.near(q, states, 0.0)[0]] = False
         return fine
     near, nearest = native.within(states.array, states.tree, 0.0, collision.kept())
+    if not len(near):
+        return fine
     unknown = near[nearest[:, 0] == -np.inf, 0]
     shapes = RawPairs(robot, collision.model.labels)
     for k in np.unique(near[:, 0]).tolist():

@@ -241,7 +241,9 @@ def _solved(
         close = close and (motion.speed < 1.0 or motion.speed > 0.98 * before)
         before = motion.speed
         if number + 1 >= LEAST_ROUNDS and close and motion.moved < SETTLED:
-            fine = np.ones(len(q), dtype=bool) if collision is None else apart(robot, q, collision)
+            if collision is None:
+                return q, motion.off
+            fine = apart(robot, q, collision, raw=number + 1 >= PATIENT)
             if fine.all():
                 return q, motion.off
             motion.keep_off(~fine)
