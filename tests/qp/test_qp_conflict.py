@@ -190,7 +190,7 @@ def test_a_point_that_meets_all_rows_saves_the_search(solvable, monkeypatch) -> 
         "wbc.qp.conflict.solve_in_core", lambda *given: searched.append(1) or honest(*given)
     )
     assert find_conflict(qp, guess=point) is None and not searched
-    for guess in (point + 1.0, np.full(point.size, np.nan), None):
+    for guess in (point + 1.0, np.full(point.size, np.nan), np.full(point.size, 1e200), None):
         assert find_conflict(qp, guess=guess) is None and searched
         searched.clear()
 

@@ -70,7 +70,8 @@ def find_conflict(
     if crossed:
         return Conflict(crossed)
     start = np.zeros(qp.g.size)
-    if guess is not None and np.isfinite(guess).all():
+    # Of a QP without a solution some solvers return a ray: a point at 1e200, or NaN.
+    if guess is not None and np.abs(guess).max(initial=0.0) <= REACH:
         start = np.clip(guess, qp.lower, qp.upper)
         violation = UnitRows.of(qp).violation(start)
         if np.abs(violation).max(initial=0.0) <= tolerance * (1.0 + np.abs(start).max(initial=0.0)):
