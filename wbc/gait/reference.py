@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -191,7 +191,7 @@ class StepPlanner:
             dx, dy = (phase.goal - now.places[phase.support][:2]).tolist()
             ground = float(now.places[phase.support][2]) - (x * dx + y * dy) / z
         swing = phase.swing.advanced(goal, ground, phase.left, dt)
-        return replace(phase, swing=swing), swing.pose()
+        return phase._replace(swing=swing), swing.pose()
 
     def double_time(self, phase: SingleSupport) -> float:
         """Return how long the double support lasts that ends a phase now [s].
@@ -267,8 +267,7 @@ class StepPlanner:
         goal = base + R @ plan.place
         # Not the plan's own offset, which is where the DCM will be: what the step cannot catch
         # would be no error then, and the pressure would go back to the middle of the sole.
-        return replace(
-            phase,
+        return phase._replace(
             left=plan.left,
             goal=goal,
             offset=offset,

@@ -15,7 +15,7 @@ from wbc.constraints.rows import Constraint
 from wbc.controllers.torque import TorqueController
 from wbc.gait.ability import lacks
 from wbc.gait.crouch import walking_posture
-from wbc.gait.swing import FootPose, turned
+from wbc.gait.swing import FootPose, SwingMotion, turned
 from wbc.robot import Robot, Snapshot
 from wbc.robot.names import BASE
 from wbc.tasks import ComTask, CopTask, MomentumTask, OrientationTask, PoseTask, PostureTask, Task
@@ -188,15 +188,20 @@ class WholeBody:
         task.set_target(*pose)
 
     def lead(
-        self, snapshot: Snapshot, pressure: Array, height: Array, heading: float, turn: float
+        self,
+        snapshot: Snapshot,
+        pressure: Array,
+        height: SwingMotion[float],
+        heading: float,
+        turn: float,
     ) -> None:
-        """Set the centre of pressure (3,) [m], the CoM's height with rates (3,), and the heading.
+        """Set the centre of pressure (3,) [m], the CoM's height [m], and the heading [rad].
 
         ``turn`` is the heading's rate [rad/s]. The angular momentum about the vertical is that of
         the whole body turning at this rate: held to zero, arms would turn back what legs turn.
         """
         self._pressure.set_target(pressure)
-        self._height.set_target(*(value * UP for value in height.tolist()))
+        self._height.set_target(*(value * UP for value in height))
         R, rate = turned(heading), turn * UP
         for one, task in self._trunk.items():
             task.set_target(R @ self._upright[one], rate)
