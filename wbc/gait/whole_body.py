@@ -21,7 +21,7 @@ from wbc.robot.names import BASE
 from wbc.tasks import ComTask, CopTask, MomentumTask, OrientationTask, PoseTask, PostureTask, Task
 from wbc.validate import Array, check_fields
 
-UP, NONE = np.array((0.0, 0.0, 1.0)), np.zeros(3)
+UP = np.array((0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -202,11 +202,12 @@ class WholeBody:
         """
         self._pressure.set_target(pressure)
         self._height.set_target(*(value * UP for value in height))
-        R, rate = turned(heading), turn * UP
+        R, rate = turned(heading), turn * UP if turn else None
         for one, task in self._trunk.items():
             task.set_target(R @ self._upright[one], rate)
-        spin = float(snapshot.inertia[2, 2]) * rate if turn else NONE
-        self._yaw.set_target(np.concatenate((NONE, spin)))
+        spin = float(snapshot.inertia[2, 2]) * turn if turn else 0.0
+        if spin != self._yaw.target[5]:
+            self._yaw.set_target((0.0, 0.0, 0.0, 0.0, 0.0, spin))
 
 
 def heaviest_link(robot: Robot) -> str:
