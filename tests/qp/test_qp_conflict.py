@@ -7,6 +7,7 @@ from scipy.optimize import linprog
 
 from wbc.qp import QP, Labels, ProxQP, Status, core, find_conflict, installed_solvers, make_backend
 from wbc.qp.active_set import ActiveSet
+from wbc.qp.conflict import conflict_by_simplex
 from wbc.qp.solution import Conflict, ConflictRow
 
 
@@ -107,6 +108,15 @@ def test_the_conflict_is_named_exactly(case):
     for label in labels:
         assert feasible(without(qp, label)), "the test's own conflict is not the only one"
         assert find_conflict(without(qp, label)) is None
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_last_resort_names_it_too(case):
+    """Which is asked where the core's active set lost its way among 80 rows of a wild tick."""
+    qp, labels = CASES[case]
+    conflict = conflict_by_simplex(qp)
+    assert {row.label for row in conflict.rows} == labels
+    assert all(conflict_by_simplex(without(qp, label)) is None for label in labels)
 
 
 @pytest.mark.parametrize("name", [n for n in installed_solvers() if n != "osqp"])
