@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Generic, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wbc.gait.crossing import Crossing
-from wbc.minimum_jerk import Scalars, minimum_jerk, minimum_jerk_rates
+from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.rotations import upright_on
 from wbc.validate import Array
 
@@ -19,38 +19,36 @@ LEAST_LEFT = 0.03
 STEEPNESS = 2.5
 
 
-class SwingMotion(NamedTuple, Generic[Scalars]):
-    """A value, its rate and acceleration: numbers, or arrays (k,)."""
+class SwingMotion(NamedTuple):
+    """A value, its rate and acceleration: numbers all, or arrays (k,)."""
 
-    value: Scalars
-    rate: Scalars
-    acceleration: Scalars
+    value: Any
+    rate: Any
+    acceleration: Any
 
     @classmethod
-    def rest(cls, value: Scalars) -> SwingMotion[Scalars]:
+    def rest(cls, value: float | Array) -> SwingMotion:
         """Return no motion at all."""
         return SwingMotion(value, 0.0 * value, 0.0 * value)
 
-    def plus(self, other: SwingMotion[Scalars]) -> SwingMotion[Scalars]:
+    def plus(self, other: SwingMotion) -> SwingMotion:
         """Return the sum of both."""
         (x, v, a), (y, u, b) = self, other
         return SwingMotion(x + y, v + u, a + b)
 
-    def less(self, other: SwingMotion[Scalars]) -> SwingMotion[Scalars]:
+    def less(self, other: SwingMotion) -> SwingMotion:
         """Return what it is beyond the other."""
         (x, v, a), (y, u, b) = self, other
         return SwingMotion(x - y, v - u, a - b)
 
-    def sprung(self, goal: Scalars, rate: float, dt: float) -> SwingMotion[Scalars]:
+    def sprung(self, goal: float | Array, rate: float, dt: float) -> SwingMotion:
         """Return it ``dt`` later on a critically damped spring to ``goal`` of ``rate`` [1/s]."""
         acceleration = rate**2 * (goal - self.value) - 2.0 * rate * self.rate
         v = self.rate + acceleration * dt
         return SwingMotion(self.value + v * dt, v, acceleration)
 
 
-def towards(
-    now: SwingMotion[Scalars], goal: Scalars, left: float, dt: float
-) -> SwingMotion[Scalars]:
+def towards(now: SwingMotion, goal: float | Array, left: float, dt: float) -> SwingMotion:
     """Return the motion ``dt`` later on the quintic that ends at rest at ``goal`` after ``left``.
 
     Of all that begin as ``now`` it has the least integrated squared jerk (Flash & Hogan 1985), so
@@ -148,8 +146,8 @@ class SwingFoot(NamedTuple):
         How much lower its toe is than its heel, then [rad].
     """
 
-    level: SwingMotion[Array]
-    height: SwingMotion[float]
+    level: SwingMotion
+    height: SwingMotion
     lifted_from: float
     normal: Array
     clearance: float
@@ -158,7 +156,7 @@ class SwingFoot(NamedTuple):
     done: float = 0.0
     late: float = 0.0
     crossing: Crossing | None = None
-    tip: SwingMotion[float] = LEVEL
+    tip: SwingMotion = LEVEL
 
     @classmethod
     def begun(
@@ -205,7 +203,7 @@ class SwingFoot(NamedTuple):
         off = towards(self.height.less(curve), 0.0, left, dt)
         return then._replace(height=off.plus(later))
 
-    def _curve(self, ground: float, rate: float) -> SwingMotion[float]:
+    def _curve(self, ground: float, rate: float) -> SwingMotion:
         """Return the height of one that does its way at ``rate`` [1/s]; 0 if it is late."""
         if rate == 0.0:
             return SwingMotion(ground - self.descent * self.late, -self.descent, 0.0)

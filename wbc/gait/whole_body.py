@@ -191,7 +191,7 @@ class WholeBody:
         self,
         snapshot: Snapshot,
         pressure: Array,
-        height: SwingMotion[float],
+        height: SwingMotion,
         heading: float,
         turn: float,
     ) -> None:

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import NamedTuple
 
 from wbc.errors import InvalidInputError
@@ -58,6 +59,7 @@ def sleep_until(deadline: float) -> None:
         time.sleep(left)
 
 
+@cache  # each has circular references, and no garbage is collected while a loop runs
 def _libc() -> ctypes.CDLL:
     return ctypes.CDLL(None, use_errno=True)
 
