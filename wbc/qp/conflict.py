@@ -94,29 +94,33 @@ def _by_least_violation(qp: QP, tolerance: float) -> Conflict | None:
     rows leave it none to lose. What they name is then proved anew without all other rows, which
     leaves those that are needless out.
     """
-    rows, me, n = UnitRows.of(qp), qp.b.size, qp.g.size
+    rows, me = UnitRows.of(qp), qp.b.size
     _, violation = least_violation(qp)
     missed = violation / rows.norms
     weights, z_box = missed / rows.norms, -missed @ rows.matrix
-    heavy = np.abs(missed) > _LIGHTEST * np.abs(missed).max()
-    pulled = np.abs(z_box) > _LIGHTEST * np.abs(missed).max()
-    equal, bounded = heavy[:me], heavy[me:]
-    above = weights[me:] > 0.0
+    least = _LIGHTEST * np.abs(missed).max()
+    pulls = np.where(np.abs(missed) > least, weights, 0.0)
+    found = _among(qp, pulls[:me], pulls[me:], np.where(np.abs(z_box) > least, z_box, 0.0))
+    if found is None:
+        found = weights[:me], weights[me:], z_box
+    return conflict_of(qp, *found, tolerance) or conflict_by_simplex(qp, tolerance)
+
+
+def _among(qp: QP, y: Array, z: Array, z_box: Array) -> tuple[Array, Array, Array] | None:
+    """Return a certificate of the rows and bounds alone that one names, if there is one."""
+    n, equal, bounded, above = qp.g.size, y != 0.0, z != 0.0, z > 0.0
     part = qp._replace(
         P=np.eye(n), g=np.zeros(n), A=qp.A[equal], b=qp.b[equal], C=qp.C[bounded],
         l=np.where(above, -np.inf, qp.l)[bounded], u=np.where(above, qp.u, np.inf)[bounded],
-        lower=np.where(pulled & (z_box < 0.0), qp.lower, -np.inf),
-        upper=np.where(pulled & (z_box > 0.0), qp.upper, np.inf),
+        lower=np.where(z_box < 0.0, qp.lower, -np.inf),
+        upper=np.where(z_box > 0.0, qp.upper, np.inf),
     )  # fmt: skip
     found = solve_in_core(part, 1e-8, _MOST_ITERATIONS)
-    if found.said == INFEASIBLE:
-        y, z = np.zeros(me), np.zeros(qp.u.size)
-        y[equal], z[bounded] = found.y, found.z
-        proved = conflict_of(qp, y, z, found.z_box, tolerance)
-        if proved is not None:
-            return proved
-    proved = conflict_of(qp, weights[:me], weights[me:], z_box, tolerance)
-    return proved or conflict_by_simplex(qp, tolerance)
+    if found.said != INFEASIBLE:
+        return None
+    y, z = np.zeros(qp.b.size), np.zeros(qp.u.size)
+    y[equal], z[bounded] = found.y, found.z
+    return y, z, found.z_box
 
 
 def conflict_by_simplex(qp: QP, tolerance: float = TOLERANCE) -> Conflict | None:
