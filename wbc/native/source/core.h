@@ -262,6 +262,12 @@ int wbc_layout(const wbc_plan *plan, int64_t level, int64_t *at);
 int wbc_solve_qp(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
                  int64_t *order);
 
+/* Move the ends (2, 3) of a capsule round points (count, 3), its radius the distance of the farthest, to where
+ * its volume is small: from steps of size [m], until corners of the search differ by no more than the
+ * accuracies [m, m^3], or most steps are made. Returns 0. */
+int wbc_fit_capsule(int64_t count, const double *points, double size, int64_t most, double accuracy,
+                    double value_accuracy, double *ends);
+
 /* An invariant filter of an IMU and of feet that stand (source/filter.c). x: rotation of the IMU, velocity,
  * position, biases of gyroscope and accelerometer, then of each foot position and rotation; world axes, the
  * biases in the IMU's. P (n, n), n = 15 + 6 feet: of the errors of rotation, velocity, position, biases, then
