@@ -118,6 +118,7 @@ class Controller(DeclaredAttributes, ABC):
     ticks: int  # that were answered
     _core: CorePlan
     _second: CorePlan | None
+    _added: Array  # (held,) to the errors of loops and gears
 
     _fixed = checks.PLANNED
     _policies: tuple[str, ...] = POLICIES
@@ -463,6 +464,7 @@ class Controller(DeclaredAttributes, ABC):
         kept_apart = None
         if not self._levels.looked_into and solves(self.backend):
             kept_apart = only_self_collision(self.constraints, self.slacks)
+        self._added = np.zeros(len(plan.held.labels))
         self._margins_in_core, self._second = False, None
         self._core = self._core_plan(None, curved)
         if kept_apart is not None and kept_apart.watched() is not None:
@@ -483,4 +485,5 @@ class Controller(DeclaredAttributes, ABC):
             constraint is None and bool(self.constraints),  # margins look at the state, too
             self.slacks.weights,
             curved,
+            self._added,
         )
