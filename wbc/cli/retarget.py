@@ -36,8 +36,8 @@ def retarget(
     motion: Annotated[
         Path,
         typer.Argument(
-            help="A human's recording: .c3d, .trc, .bvh, or .npz of SMPL poses; or a .yaml of one"
-            " and of these options.",
+            help="A human's recording: .c3d, .trc, .bvh, .csv of rigid bodies, or .npz of SMPL"
+            " poses; or a .yaml of one and of these options.",
             metavar="MOTION",
         ),
     ],

@@ -100,10 +100,13 @@ def _by_least_violation(qp: QP, tolerance: float) -> Conflict | None:
     weights, z_box = missed / rows.norms, -missed @ rows.matrix
     least = _LIGHTEST * np.abs(missed).max()
     pulls = np.where(np.abs(missed) > least, weights, 0.0)
-    found = _among(qp, pulls[:me], pulls[me:], np.where(np.abs(z_box) > least, z_box, 0.0))
-    if found is None:
-        found = weights[:me], weights[me:], z_box
-    return conflict_of(qp, *found, tolerance) or conflict_by_simplex(qp, tolerance)
+    again = _among(qp, pulls[:me], pulls[me:], np.where(np.abs(z_box) > least, z_box, 0.0))
+    rough = weights[:me], weights[me:], z_box
+    for y, z, box in (rough,) if again is None else (again, rough):
+        proved = conflict_of(qp, y, z, box, tolerance)
+        if proved is not None:
+            return proved
+    return conflict_by_simplex(qp, tolerance)
 
 
 def _among(qp: QP, y: Array, z: Array, z_box: Array) -> tuple[Array, Array, Array] | None:
