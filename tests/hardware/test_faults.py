@@ -14,9 +14,12 @@ from hardware_faults import (
     after,
     soak,
 )
+from typer.testing import CliRunner
 
+from wbc.cli import app
+from wbc.errors import InvalidInputError
 from wbc.hardware.operator import Wish
-from wbc.hardware.real_time import CycleClock
+from wbc.hardware.real_time import CycleClock, check_cpus
 from wbc.hardware.safety import RULES, TRANSITIONS, Fault, Mode
 
 
@@ -208,3 +211,21 @@ def test_the_page_has_the_tables_of_the_code() -> None:
     for mode in Mode:
         line = next(line for line in page.splitlines() if line.startswith(f"| {mode} |"))
         assert all(str(one) in line.split("|")[3] for one in TRANSITIONS[mode]), mode
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        (("--log", "x.txt"), "--log x.txt: expected a name ending in .npz"),
+        (("--log", "nowhere/x.npz"), "--log nowhere/x.npz: there is no folder nowhere"),
+        (("--report", "x"), "--report x: expected a name ending in .json"),
+    ],
+)
+def test_where_logs_go_is_looked_at_before_it_matters(asked: tuple[str, str], told: str) -> None:
+    answer = CliRunner().invoke(app, ["hardware", "run", "nothing.yaml", *asked])
+    assert (answer.exit_code, answer.stderr) == (1, f"error: {told}\n")
+
+
+def test_a_cpu_that_is_not_there_is_named_before_anything_is_forked() -> None:
+    with pytest.raises(InvalidInputError, match="CPU 4711: this process may run on"):
+        check_cpus((4711,))

@@ -124,6 +124,7 @@ def run(
         from wbc.hardware.unitree import profile_named
         from wbc.problem import Problem, load_problem
 
+        _check_places(log, report)
         loaded = load_problem(problem, overrides_of(assign))
         if not isinstance(loaded, Problem):
             raise InvalidInputError(f"{problem}: a pendulum's problem runs on no robot")
@@ -179,6 +180,19 @@ def _sits(interrupts: Any, operator: Any, wish: Any) -> bool:
 
 
 def _silent(text: str) -> None: ...
+
+
+def _check_places(log: Path, report: Path | None) -> None:
+    """Raise InvalidInputError for files that could not be written: when it matters is too late."""
+    from wbc.cli.outputs import check_place
+    from wbc.errors import InvalidInputError
+
+    for option, path, suffix in (("--log", log, ".npz"), ("--report", report, ".json")):
+        if path is None:
+            continue
+        if path.suffix != suffix:
+            raise InvalidInputError(f"{option} {path}: expected a name ending in {suffix}")
+        check_place(option, path)
 
 
 def _tell(result: LoopResult, report: Path | None, quiet: bool) -> None:

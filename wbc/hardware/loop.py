@@ -20,7 +20,7 @@ from wbc.hardware.loop_memory import LoopMemory
 from wbc.hardware.loop_result import LoopResult, is_fault
 from wbc.hardware.operator import LoopStatus, Operator, Wish
 from wbc.hardware.postures import Motions
-from wbc.hardware.real_time import Beat, CycleClock, pin, real_time
+from wbc.hardware.real_time import Beat, CycleClock, check_cpus, pin, real_time
 from wbc.hardware.real_time import now as clock_now
 from wbc.hardware.ring_log import LogWriter, RingLog
 from wbc.hardware.robot_controller import RobotController
@@ -104,6 +104,7 @@ class HardwareLoop:
         cpus: Sequence[int] = (),
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
+        check_cpus(cpus)
         self.controller, self.safety = controller, safety
         self._checks, self._motions, self._operator = checks, motions, operator
         self.dt = PERIOD
