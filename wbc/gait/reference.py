@@ -15,8 +15,9 @@ from wbc.gait.dcm import VrpSegment, shift_gain
 from wbc.gait.footsteps import SIGN, Footsteps, other
 from wbc.gait.legs import Legs
 from wbc.gait.phases import DoubleSupport, GaitState, Phase, SingleSupport, landing_pose
-from wbc.gait.prescribed_steps import SHORTEST, Footstep, given_offsets, velocity_on
+from wbc.gait.prescribed_steps import Footstep, given_offsets, velocity_on
 from wbc.gait.settings import GaitSettings
+from wbc.gait.step_range import SHORTEST
 from wbc.gait.swing import FootPose, turned, yaw_of
 from wbc.polygon import convex_hull, nearest_point
 from wbc.robot import Robot

@@ -43,10 +43,11 @@ from wbc.gait.phases import (
     feet_after,
     next_foot,
 )
-from wbc.gait.prescribed_steps import SHIFT, Footstep, Landing, StepRange
+from wbc.gait.prescribed_steps import SHIFT, Footstep, Landing
 from wbc.gait.push import PushObserver
 from wbc.gait.reference import Reference, StepPlanner, half_sizes
 from wbc.gait.settings import GaitSettings
+from wbc.gait.step_range import StepRange
 from wbc.gait.swing import SwingMotion, towards, unit
 from wbc.gait.whole_body import WalkingWeights, WholeBody, heading_of
 from wbc.qp.backend import Backend
