@@ -219,23 +219,36 @@ def captured(walk: Walk, start: Start, times: Sequence[float]) -> float:
     return -float(found.fun) if found.status == 0 else -math.inf
 
 
-def largest(walk: Walk, start: Start) -> float:
-    """Return the largest impulse captured over the times on a grid, searched one by one [N s]."""
-    most, found = LONGEST * walk.single, list[float]()
-    for share in BEGIN:
-        usual = share * walk.single
-        times = [max(usual - start.elapsed, SOONEST)] + [usual] * (STEPS - 1)
-        best, before = captured(walk, start, times), -math.inf
-        while best > before + LEAST:
-            before = best
-            for k in range(STEPS):
-                for time in choices(walk, start.elapsed if k == 0 else 0.0, most):
-                    tried = [*times[:k], time, *times[k + 1 :]]
-                    got = captured(walk, start, tried)
-                    if got > best:
-                        best, times = got, tried
-        found.append(best)
-    return max(found)
+def usual(walk: Walk, start: Start) -> list[list[float]]:
+    """Return the times on one foot with which a search begins [s]."""
+    found = []
+    for time in (share * walk.single for share in BEGIN):
+        found.append([max(time - start.elapsed, SOONEST)] + [time] * (STEPS - 1))
+    return found
+
+
+def largest(
+    walk: Walk, start: Start, begins: Sequence[Sequence[float]]
+) -> tuple[float, list[float]]:
+    """Return the largest impulse captured [N s], and its times on one foot [s].
+
+    They are searched one by one on a grid, from each of those in ``begins`` on.
+    """
+    return max(improved(walk, start, times) for times in begins)
+
+
+def improved(walk: Walk, start: Start, times: Sequence[float]) -> tuple[float, list[float]]:
+    """Return :func:`largest` of one beginning."""
+    best, before, kept = captured(walk, start, times), -math.inf, list(times)
+    while best > before + LEAST:
+        before = best
+        for k in range(STEPS):
+            for time in choices(walk, start.elapsed if k == 0 else 0.0, LONGEST * walk.single):
+                tried = [*kept[:k], time, *kept[k + 1 :]]
+                got = captured(walk, start, tried)
+                if got > best:
+                    best, kept = got, tried
+    return best, kept
 
 
 def choices(walk: Walk, elapsed: float, most: float) -> Iterator[float]:
@@ -262,14 +275,18 @@ def main() -> None:
     parser.add_argument("--rate", type=float, nargs="+", default=list(RATES), help="N m")
     given = parser.parse_args()
     rows = []
+    times: dict[tuple[str, int], list[list[float]]] = {}  # of the pendulum, where others begin
     for kind, (rate, turn) in kinds(given.rate).items():
         for side in SIDES:
             walk = walks(given.robot, side, rate, turn)
             for phase in range(PHASES):
-                impulse = round(largest(walk, Start.of(walk, phase / PHASES)), 1)
-                row = {"bound": kind, "side": side, "phase": phase, "impulse": impulse}
-                rows.append(row)
-                print(json.dumps(row), flush=True)
+                start = Start.of(walk, phase / PHASES)
+                begins = times.get((side, phase), usual(walk, start))
+                impulse, best = largest(walk, start, begins)
+                times.setdefault((side, phase), [best])
+                row = {"bound": kind, "side": side, "phase": phase, "impulse": round(impulse, 1)}
+                rows.append(row | {"times": [round(time, 3) for time in best]})
+                print(json.dumps(rows[-1]), flush=True)
     made_of = {"robot": given.robot, "turn": TURN, "spread": SPREAD, "steps": STEPS, "grid": GRID}
     given.file.write_text(json.dumps({**made_of, "rows": rows}, indent=1) + "\n")
 

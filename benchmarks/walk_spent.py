@@ -74,7 +74,11 @@ def followed(walk: PushedWalk, angle: float, impulse: float) -> dict[str, Any]:
     except SimulationError:
         stood = False
     motors = [
-        {name.removesuffix(" torque"): round(k / n, 2) for name, k in one.most_common() if k > OFTEN * n}
+        {
+            name.removesuffix(" torque"): round(k / n, 2)
+            for name, k in one.most_common()
+            if k > OFTEN * n
+        }
         for one, n in zip(held, ticks, strict=True)
     ]
     return {"stood": stood, "kappa": kappa, "motors": motors, "landed": landed}
