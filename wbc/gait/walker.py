@@ -81,7 +81,8 @@ class Walker:
     gait:
         Settings by name, see :class:`~wbc.gait.settings.GaitSettings`; the rest fits the robot.
     weights:
-        Of the tasks.
+        Of the tasks; that of a foot's height is less where hips are weak
+        (:meth:`~wbc.gait.WalkingWeights.for_legs`).
     posture:
         (nq,) what arms and trunk are drawn to; its soles are on the ground. The standing one,
         if None.
@@ -152,7 +153,7 @@ class Walker:
         self.dt = finite_number("walker, dt", dt, above=0.0)
         start = robot.snapshot(robot.postures[STANDING] if posture is None else posture)
         self._frames = {foot: robot.feet[foot].frame for foot in robot.feet}
-        weights = weights or WalkingWeights()
+        weights = (weights or WalkingWeights()).for_legs(legs)
         self._planner = StepPlanner(self.gait, limits_of_legs, legs, half_sizes(robot))
         chosen = [name for name, value in given.items() if value is not None]
         self._paces = Paces.of(self._planner, weights, chosen)
