@@ -88,6 +88,41 @@ def test_a_swing_keeps_to_the_closed_form(robot: Robot) -> None:
     assert gap < 1e-9 and off < 1e-8  # angles are gaps by the crank of 0.04 m
 
 
+@pytest.mark.parametrize("solver", ["active_set", "proxqp"])
+@pytest.mark.parametrize("path", ["bounds", "levels", "braking", "singular", "deadline"])
+def test_loops_are_closed_on_every_path_of_a_tick(robot: Robot, path: str, solver: str) -> None:
+    """The core's own steps with and without bounds, and steps around QPs that Python changes."""
+    start = robot.posture("standing")
+    goal = robot.posture("standing", {"pitch": 0.3, "roll": 0.2})
+    limits = Limits(robot, braking="bounded" if path == "braking" else "free")
+    if path == "bounds":
+        limits.speed = np.full(robot.nv - 6, 1.0)
+    threshold = 0.05 if path == "singular" else 0.0
+    foot = OrientationTask(
+        robot, "foot", robot.snapshot(goal).rotation("foot"), singular_threshold=threshold
+    )
+    posture = PostureTask(robot, goal, weight=0.1, priority=1 if path == "levels" else 0)
+    controller = KinematicController(
+        robot,
+        [foot, posture],
+        limits=limits,
+        solver=solver,
+        deadline=10.0 if path == "deadline" else None,
+    )
+    q, v, bent = start, np.zeros(robot.nv), 0.0
+    loops = [one for one in controller.contacts if one.name.startswith("loop")]
+    for _ in range(120):
+        tick = controller.step(robot.snapshot(q, v))
+        assert tick.ok and not tick.left_out, tick.report()
+        J = np.concatenate([one.residual(robot.snapshot(q)).jacobian for one in loops])
+        v = tick.velocity
+        bent = max(bent, float(np.abs(J @ v).max()) * controller.dt)
+        q = robot.integrate(q, v, controller.dt)
+        assert max(robot.gaps(q).values()) < 1e-9
+    assert bent > 1e-8  # what rows that are met to first order would have left
+    np.testing.assert_allclose(angles(robot, q, "pitch", "roll"), [0.3, 0.2], atol=0.02)
+
+
 @pytest.mark.slow
 def test_ten_thousand_ticks_do_not_drift(robot: Robot) -> None:
     gap, off = swing(robot, 10_000)

@@ -118,18 +118,29 @@ WHEEL = (
 
 @pytest.mark.parametrize(
     ("end", "wheel"),
-    [("{0}_ankle", "{0}_wheel"), ("{0}_foot", "{0}_caster"), ("{0}_sole", "{0}_front_wheel")],
+    [
+        ("{0}_ankle", "{0}_wheel"),
+        ("{0}_foot", "{0}_caster"),
+        ("{0}_sole", "{0}_front_wheel"),
+        ("{0}_foot", "{0}_tire"),  # by its shape, which is round about a joint without limits
+    ],
 )
-def test_what_carries_wheels_is_no_foot(tmp_path: Path, end: str, wheel: str) -> None:
-    extra = link(wheel, WHEEL) + joint("{0}_w", "{end}", wheel, "0 1 0", "0 0 -.03", "continuous")
+@pytest.mark.parametrize(
+    "shape", [WHEEL, '<collision><geometry><sphere radius=".08"/></geometry></collision>']
+)
+def test_what_carries_wheels_is_no_foot(tmp_path: Path, end: str, wheel: str, shape: str) -> None:
+    extra = link(wheel, shape) + joint("{0}_w", "{end}", wheel, "0 1 0", "0 0 -.03", "continuous")
     robot = Robot.load(biped(tmp_path, box("0 0 -.02", ".1 .06 .04"), LEG + ANKLE, extra, end))
     assert not robot.feet
     assert any("it has wheels" in note for note in robot.notes)
 
 
-@pytest.mark.parametrize("kind", ["continuous", "revolute"])
-def test_what_hangs_below_the_soles_is_said(tmp_path: Path, kind: str) -> None:
-    extra = link("{0}_disc", WHEEL) + joint("{0}_w", "{end}", "{0}_disc", "0 1 0", "0 0 -.03", kind)
+@pytest.mark.parametrize(("kind", "shape"), [("continuous", "box"), ("revolute", "disc")])
+def test_what_hangs_below_the_soles_is_said(tmp_path: Path, kind: str, shape: str) -> None:
+    """What turns without end and is no wheel, and what is round and has limits."""
+    hanging = WHEEL if shape == "disc" else box("0 0 0", ".06 .06 .16")
+    extra = link("{0}_disc", hanging)
+    extra += joint("{0}_w", "{end}", "{0}_disc", "0 1 0", "0 0 -.03", kind)
     robot = Robot.load(biped(tmp_path, box("0 0 -.02", ".1 .06 .04"), LEG + ANKLE, extra))
     (note,) = (note for note in robot.notes if "lower than the soles" in note)
     assert "left_disc by 70 mm" in note and "right_disc by 70 mm" in note
@@ -217,3 +228,23 @@ def test_legs_that_cannot_swing_their_feet_are_refused_when_a_walker_is_made(
     robot = Robot.load(biped(tmp_path, box(".03 0 -.03", ".2 .1 .04"), joints))
     with pytest.raises(InvalidInputError, match=f"cannot swing the foot {where}"):
         Walker(robot)
+
+
+def test_places_between_joints_of_one_body_are_no_feet() -> None:
+    """In an MJCF ankles of two joints in one body, called foot, which carry wheels."""
+    pytest.importorskip("mujoco")
+    light = '<inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .01"/>'
+    legs = "".join(
+        f'<body name="{side}_foot" pos="0 {y} -.4"><joint name="{side}_a" axis="0 1 0"'
+        f' range="-1 1"/><joint name="{side}_b" axis="1 0 0" range="-1 1"/>{light}'
+        '<geom type="box" size=".1 .05 .02"/><body pos="0 0 -.05">'
+        f'<joint name="{side}_roll" axis="0 1 0"/>{light}'
+        '<geom type="cylinder" size=".05 .02" euler="90 0 0"/></body></body>'
+        for side, y in (("left", 0.1), ("right", -0.1))
+    )
+    trunk = light.replace('mass="1"', 'mass="9"')
+    robot = Robot.load(
+        f'<mujoco><worldbody><body name="trunk" pos="0 0 1"><freejoint/>{trunk}{legs}</body>'
+        "</worldbody></mujoco>"
+    )
+    assert not robot.feet and any("it has wheels" in note for note in robot.notes)

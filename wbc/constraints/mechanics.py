@@ -11,7 +11,7 @@ from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.formats.ties import Loop
-from wbc.robot.loops import gap_at, gap_of
+from wbc.robot.loops import gap_of
 from wbc.robot.names import BASE
 from wbc.tasks.frame import TURNS
 from wbc.tasks.point import AXES
@@ -20,29 +20,16 @@ from wbc.validate import Array, read_only
 
 
 class Mechanics(Task):
-    """What a robot's mechanics hold; controllers hold it by themselves, see :func:`mechanics_of`.
-
-    Attributes
-    ----------
-    added:
-        (k,) what controllers add to the error: what rows, which are linear, miss by the end of a
-        tick (:mod:`wbc.controllers.closing`).
-    """
-
-    added: Array
+    """What a robot's mechanics hold; controllers hold it by themselves (:func:`mechanics_of`)."""
 
     def __init__(self, robot: Robot, name: str, rows: Sequence[str]) -> None:
         super().__init__(robot, name, rows, gain=1.0)
         self._still = self._zeros()
-        self.add(self._still)
 
-    def add(self, error: Array) -> None:
-        """Set what is added to the error (k,)."""
-        self._assign(added=error)
-
-    def gap(self, snapshot: Snapshot) -> Array:
-        """Return the error (k,) without what is added."""
-        return np.asarray(self.residual(snapshot).error - self.added)
+    @property
+    def bends(self) -> bool:
+        """Whether its rows are linear in the command to first order only."""
+        return False
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return zero: the rows are linear in the joints."""
@@ -53,52 +40,35 @@ class Gear(Mechanics):
     """One joint at a polynomial of its driver's position, as the robot's file says (one row)."""
 
     _kind = "gear"
-    _wanted: Array  # (1,) what the joints' linear combination should be
 
     def __init__(self, robot: Robot, joint: str) -> None:
         self._coupling = coupling = robot.couplings[joint]
         self._ends = [robot.joint_index(joint) - 6, robot.joint_index(coupling.driver) - 6]
         super().__init__(robot, f"gear of {joint}", ("gear",))
-        self._jacobian = self._by_driver(coupling.ratio)
 
     @property
-    def is_linear(self) -> bool:
-        """Whether its row is linear in the joints."""
-        return self._coupling.is_linear
-
-    def add(self, error: Array) -> None:
-        """Set what is added to the error (1,)."""
-        self._assign(added=error, _wanted=read_only(self._coupling.offset - error))
+    def bends(self) -> bool:
+        """Whether its row is linear to first order only."""
+        return not self._coupling.is_linear
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the gear's error [rad or m]."""
         follower, driver = snapshot.robot.limits.joint_positions(snapshot.q)[self._ends].tolist()
-        coupling, jacobian = self._coupling, self._jacobian
-        if not coupling.is_linear:
-            jacobian = self._by_driver(coupling.slope(driver))
-        error = np.array((follower - coupling.value(driver),)) + self.added
-        return Residual(error, jacobian, self._still)
+        coupling, jacobian = self._coupling, np.zeros((1, self.robot.nv))
+        jacobian[0, [6 + k for k in self._ends]] = 1.0, -coupling.slope(driver)
+        return Residual(np.array((follower - coupling.value(driver),)), jacobian, self._still)
 
-    def native(self) -> tuple[NativeRows, ...] | None:
-        """Return the one row if it is linear in the joints."""
-        if not self._coupling.is_linear:
-            return None
-        numbers, still = (self._jacobian.ravel(), self._wanted), self._still
-        moving = ("", "", "", "_wanted")
-        return (NativeRows(Kind.LINEAR, None, (0,), still, still, numbers, moving=moving),)
+    def native(self) -> tuple[NativeRows, ...]:
+        """Return the one row."""
+        coupling, still = self._coupling, self._still
+        numbers = np.array((*self._ends, coupling.offset, coupling.ratio, *coupling.curved))
+        return (NativeRows(Kind.GEAR, None, (0,), still, still, (numbers,)),)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return minus the polynomial's second derivative by the driver's rate squared."""
-        if self._coupling.is_linear:
-            return self._still
         k = self._ends[1]
         driver = float(snapshot.robot.limits.joint_positions(snapshot.q)[k])
         return np.array((-self._coupling.curvature(driver) * float(snapshot.v[6 + k]) ** 2,))
-
-    def _by_driver(self, slope: float) -> Array:
-        jacobian = np.zeros((1, self.robot.nv))
-        jacobian[0, [6 + k for k in self._ends]] = 1.0, -slope
-        return read_only(jacobian)
 
 
 class ClosedLoop(Mechanics):
@@ -116,6 +86,11 @@ class ClosedLoop(Mechanics):
         self.loop = loop = robot.loops[name]
         super().__init__(robot, f"loop {name}", AXES if loop.kind == "point" else AXES + TURNS)
 
+    @property
+    def bends(self) -> bool:
+        """Whether its rows are linear to first order only: they are."""
+        return True
+
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return how far it is open, [m] above [rad], in axes of the second frame."""
         frame, other = (
@@ -123,12 +98,7 @@ class ClosedLoop(Mechanics):
         )
         error, jacobian = gap_of(frame, other)
         k = len(self.rows)
-        return Residual(error[:k] + self.added, jacobian[:k], self._still)
-
-    def gap(self, snapshot: Snapshot) -> Array:
-        """Return the error (k,) without what is added."""
-        frame, other = self.loop.frames
-        return gap_at(snapshot.placement(frame), snapshot.placement(other))[: len(self.rows)]
+        return Residual(error[:k], jacobian[:k], self._still)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the second derivative of the position, and that of the turn's rate, at v' = 0."""
@@ -146,12 +116,7 @@ class ClosedLoop(Mechanics):
         """Return its rows, six or the first three."""
         index, still = tuple(range(len(self.rows))), self._still
         frame, other = self.loop.frames
-        moving = ("", "", "added")
-        return (
-            NativeRows(
-                *(Kind.LOOP, frame, index, still, still, (self.added,)), moving=moving, other=other
-            ),
-        )
+        return (NativeRows(Kind.LOOP, frame, index, still, still, (), other=other),)
 
 
 class BoltedBase(Mechanics):

@@ -1,8 +1,9 @@
-"""Gears and loops at the end of a tick of the velocity level.
+"""Gears and loops of the velocity level that are off, and those that the core alone does not close.
 
-Their rows are linear, and mechanisms bend: at 1 rad/s a bar of 0.3 m misses its pin by 4 um after
-5 ms. So the tick looks where its command leads, adds what the rows missed to the errors, and is
-done again, until the loops are closed there (Newton's method with the tick's own matrices).
+Their rows are linear, and mechanisms bend: the core looks where a command leads, and takes Newton
+steps until the loops are closed there (``native/source/closing.c``). Where QPs are changed in
+Python on their way to a command, what is left open is added to the errors here, and the tick is
+done again.
 
 And a robot may begin with a gear or loop that is off, as measured after power-up. All of that in
 one tick may be faster than the limits allow; then as much of it is taken back as they do.
@@ -15,18 +16,18 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from wbc.constraints.mechanics import BoltedBase, ClosedLoop, Gear, Mechanics
-from wbc.controllers.loop_gaps import LoopGaps
+from wbc.constraints.contact import ContactRows
+from wbc.constraints.mechanics import BoltedBase, Mechanics
+from wbc.controllers.core_memory import CoreMemory
 from wbc.controllers.outcome import Box
 from wbc.controllers.tick import Tick
 from wbc.robot import Snapshot
-from wbc.tasks.task import Task
 from wbc.validate import Array
 
-CLOSED = 1e-10  # m, rad: smaller gaps at the end of a tick stay
+CLOSED = 1e-10  # m, rad: smaller gaps at the end of a tick stay; as in closing.c, as the next two
+FAR = 1.0  # m, rad: a larger gap is no matter of curvature
 ROUNDS = 5  # each leaves a gap by that part which joints move in a tick [rad]
 OFF = 1e-9  # m, rad: smaller errors are no reason why a tick cannot be had
-FAR = 1.0  # m, rad: a larger gap is no matter of curvature
 DEPENDENT = 1e-6  # singular values below this part of the largest: rows that follow from others
 HALVINGS = 6  # of the part of errors that is taken back
 REST = "what loops miss to second order"
@@ -38,36 +39,47 @@ Step = Callable[[Snapshot], Tick]
 class LoopClosing:
     """What the velocity level does for the gears and loops among its contacts.
 
+    Parameters
+    ----------
+    held:
+        The contacts that are met exactly.
+    added:
+        (held,) what the core adds to their errors: written here.
+
     Attributes
     ----------
     parts:
-        All of them.
-    curved:
-        Those whose rows are linear in the command to first order only, gears first.
+        All gears and loops, and their rows among those that are held.
+    bend:
+        Whether rows of any are linear in the command to first order only.
     busy:
         Whether a tick is being done again.
     lock:
         Held while one is: threads that share a controller take turns.
     """
 
-    def __init__(self, contacts: Sequence[Task], dt: float) -> None:
-        parts = [one for one in contacts if isinstance(one, Mechanics)]
-        self.parts = tuple(one for one in parts if not isinstance(one, BoltedBase))
-        self.curved = tuple(
-            one
-            for one in self.parts
-            if isinstance(one, ClosedLoop) or (isinstance(one, Gear) and not one.is_linear)
-        )
-        self._dt, self.busy, self.lock = dt, False, threading.RLock()
-        self._gaps: LoopGaps | None = None
-        # Whether rows of loops follow from others': second-order errors then contradict each other.
-        self._dependent = False
+    def __init__(self, held: ContactRows, added: Array, dt: float) -> None:
+        self._made_of = held, added, dt
+        self.parts: list[tuple[Mechanics, slice]] = []
+        begin = 0
+        for one, kept in zip(held.contacts, held.kept, strict=True):
+            end = begin + (len(one.rows) if kept is None else len(kept))
+            if isinstance(one, Mechanics) and not isinstance(one, BoltedBase):
+                self.parts.append((one, slice(begin, end)))
+            begin = end
+        self.bend = any(one.bends for one, _ in self.parts)
+        self._added, self._dt, self.busy, self.lock = added, dt, False, threading.RLock()
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self), (self.parts, self._dt)  # a copy has a lock of its own
+        return type(self), self._made_of  # a copy has a lock of its own
 
     def closed(
-        self, snapshot: Snapshot, tick: Tick, step: Step, is_over: Callable[[], bool]
+        self,
+        snapshot: Snapshot,
+        tick: Tick,
+        step: Step,
+        memory: CoreMemory,
+        is_over: Callable[[], bool],
     ) -> Tick:
         """Return the tick whose command ends with closed loops; ``step`` does it again.
 
@@ -77,21 +89,19 @@ class LoopClosing:
         self.busy = True
         try:
             for _ in range(ROUNDS):
-                missed = self._gaps_after(snapshot, self._dt * found.velocity)
-                worst = max([float(np.abs(error).max()) for error in missed])
+                missed = memory.gaps(snapshot.q, found.velocity)
+                worst = float(np.abs(missed).max())
                 if worst <= CLOSED or not worst < FAR:
                     break
                 if is_over():
                     found.__dict__["left_out"] = (*found.left_out, REST)
                     break
-                before = [one.added for one in self.curved]
-                if self._dependent:
-                    missed = self._reached(snapshot, missed)
-                again = self._with(snapshot, before, missed, step)
-                if not again.ok and not self._dependent:
-                    self._dependent = True
-                    missed = self._reached(snapshot, missed)
-                    again = self._with(snapshot, before, missed, step)
+                before = self._added.copy()
+                self._added += missed
+                again = step(snapshot)
+                if not again.ok:  # rows that follow from others may contradict each other
+                    self._added[:] = before + self._reached(found, missed)
+                    again = step(snapshot)
                 if not again.ok:
                     break
                 found = again
@@ -99,33 +109,14 @@ class LoopClosing:
             self._forget()
         return found
 
-    def _gaps_after(self, snapshot: Snapshot, step: Array) -> list[Array]:
-        """Return the gaps of :attr:`curved` parts where a displacement (nv,) leads."""
-        if self._gaps is None:
-            loops = [one for one in self.curved if isinstance(one, ClosedLoop)]
-            self._gaps = LoopGaps(snapshot.robot, loops) if loops else None
-        found = [] if self._gaps is None else self._gaps.after(snapshot.q, step)
-        gears = self.curved[: len(self.curved) - len(found)]
-        if not gears:
-            return found
-        q = snapshot.robot.integrate(snapshot.q, step, 1.0)
-        there = snapshot.robot.snapshot(q)
-        return [one.gap(there) for one in gears] + found
-
-    def _with(
-        self, snapshot: Snapshot, added: Sequence[Array], more: Sequence[Array], step: Step
-    ) -> Tick:
-        for one, before, error in zip(self.curved, added, more, strict=True):
-            one.add(before + error)
-        return step(snapshot)
-
-    def _reached(self, snapshot: Snapshot, errors: Sequence[Array]) -> list[Array]:
-        """Return the parts of errors that rows can give together."""
-        J = np.concatenate([one.residual(snapshot).jacobian for one in self.curved])
-        U, sizes, _ = np.linalg.svd(J, full_matrices=False)
+    def _reached(self, tick: Tick, errors: Array) -> Array:
+        """Return the part of errors (held,) that rows of loops and gears can give together."""
+        rows = np.concatenate([np.arange(errors.size)[where] for _, where in self.parts])
+        U, sizes, _ = np.linalg.svd(tick.qp.A[rows], full_matrices=False)
         U = U[:, sizes > DEPENDENT * sizes.max(initial=0.0)]
-        together = U @ (U.T @ np.concatenate(errors))
-        return np.split(together, np.cumsum([one.size for one in errors])[:-1])
+        found = errors.copy()
+        found[rows] = U @ (U.T @ errors[rows])
+        return found
 
     def within_reach(
         self, snapshot: Snapshot, box: Box, step: Step
@@ -134,7 +125,7 @@ class LoopClosing:
 
         None: that is not why the tick cannot be had.
         """
-        residuals = [one.residual(snapshot) for one in self.parts]
+        residuals = [one.residual(snapshot) for one, _ in self.parts]
         if not any(float(np.abs(one.error).max()) > OFF for one in residuals):
             return None
         errors = [residual.error for residual in residuals]
@@ -156,22 +147,21 @@ class LoopClosing:
                     most = middle
             if not found.ok:
                 found = self._tried(snapshot, errors, np.zeros(len(parts)), step)
-            return found, [one.name for one in self.parts]
+            return found, [one.name for one, _ in self.parts]
         finally:
             self._forget()
 
     def _tried(self, snapshot: Snapshot, errors: Sequence[Array], parts: Array, step: Step) -> Tick:
-        for one, error, part in zip(self.parts, errors, parts.tolist(), strict=True):
-            one.add((part - 1.0) * error)
+        for (_, where), error, part in zip(self.parts, errors, parts.tolist(), strict=True):
+            self._added[where] = (part - 1.0) * error
         return step(snapshot)
 
     def _late(self, parts: Sequence[float]) -> list[str]:
-        return [one.name for one, part in zip(self.parts, parts, strict=True) if part < 1.0]
+        return [one.name for (one, _), part in zip(self.parts, parts, strict=True) if part < 1.0]
 
     def _forget(self) -> None:
         self.busy = False
-        for one in self.parts:
-            one.add(np.zeros(len(one.rows)))
+        self._added[:] = 0.0
 
 
 def _part(J: Array, rate: Array, box: Box) -> float:

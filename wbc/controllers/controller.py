@@ -118,6 +118,7 @@ class Controller(DeclaredAttributes, ABC):
     ticks: int  # that were answered
     _core: CorePlan
     _second: CorePlan | None
+    _added: Array  # (held,) to the errors of loops and gears
 
     _fixed = checks.PLANNED
     _policies: tuple[str, ...] = POLICIES
@@ -453,8 +454,6 @@ class Controller(DeclaredAttributes, ABC):
     def _plan(self, contacts: tuple[Task, ...], curved: frozenset[str] = frozenset()) -> None:
         """Work out what does not change between ticks."""
         self.__dict__["contacts"] = contacts = mechanics_of(self.robot, contacts)
-        # Asked in the ticks; all others report their residual's error.
-        self._deviating = [t for t in self._motion if type(t).deviation is not Task.deviation]
         self.slacks = Slacks(self._slack, contacts, self.constraints, self._going_slack)
         decision, physics, forces = self._decision(), self._physics_names(), self._force_tasks
         self.plan = plan = LevelPlan.of(
@@ -465,12 +464,16 @@ class Controller(DeclaredAttributes, ABC):
         kept_apart = None
         if not self._levels.looked_into and solves(self.backend):
             kept_apart = only_self_collision(self.constraints, self.slacks)
+        self._added = np.zeros(len(plan.held.labels))
         self._margins_in_core, self._second = False, None
         self._core = self._core_plan(None, curved)
         if kept_apart is not None and kept_apart.watched() is not None:
             self._margins_in_core, self._second = True, self._core
             self._core = self._core_plan(kept_apart, curved)
         core = self._core
+        # Asked in the ticks; of all others the core reports the error.
+        asked = [one for one in self._motion if any(one is other for other in core.python_tasks)]
+        self._deviating = [one for one in asked if type(one).deviation is not Task.deviation]
         python = core.python_tasks or core.force_tasks or self._levels.looked_into
         kept = self._margins_in_core or not self.constraints
         self._plain = kept and core.solves and not python
@@ -482,4 +485,5 @@ class Controller(DeclaredAttributes, ABC):
             constraint is None and bool(self.constraints),  # margins look at the state, too
             self.slacks.weights,
             curved,
+            self._added,
         )

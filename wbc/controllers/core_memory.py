@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -42,6 +41,8 @@ class CoreMemory:
         Between the robot's bodies; None: no rows of it.
     solver:
         Of the first level: the core itself, or ProxQP, which gets its QP reduced. None: no one's.
+    added:
+        (held,) what is added to the errors of loops and gears: others write it.
     kept:
         Whether rows of costs are kept for who looks at them.
 
@@ -68,6 +69,7 @@ class CoreMemory:
         rows: TorqueRows | None,
         margin: NativeMargin | None,
         solver: ActiveSet | ProxQP | None,
+        added: Array,
         kept: bool,
     ) -> None:
         self.tree, self.margin, self.levels = tree, margin, len(plan.levels)
@@ -106,6 +108,7 @@ class CoreMemory:
             "given": np.zeros(0),
             "push": np.zeros(0),
             "state": self.state,
+            "added": added,
         }
         if self.kept:
             self.arrays["rows"] = np.zeros(kept_size)
@@ -116,13 +119,15 @@ class CoreMemory:
         if limits is not None:
             self.struct.limited, self.struct.recovery = True, limits.recovery
             self.struct.braked = limits.braking == "bounded"
+        bent = any(getattr(part.task, "bends", False) for part in parts)
+        self.struct.closing = bent and rows is None and solver is not None
         self._frames = len(frames)
         self._usual, self._outside = np.zeros(0, dtype=np.int64), False
         self._point(solver)
         self._tick: Any = lib.wbc_problem if solver is None else lib.wbc_tick
         self._state_pointer = doubles(self.state)
         self.asked: Any = ffi.NULL  # q and v
-        self.layout_of = cache(self._layout_of)
+        self._layouts: dict[tuple[int, int], Layout] = {}
         self._reduced: dict[int, QP] = {}  # by its number of rows
         self.said, self.below = DONE, np.empty(0)
         self._fit(0)
@@ -208,6 +213,12 @@ class CoreMemory:
         self.said = int(lib.wbc_finish(self.struct, self.asked, ffi.NULL))
         return self.said
 
+    def gaps(self, q: Array, v: Array) -> Array:
+        """Return how far loops and gears are open (held,) where a command leads [m, rad]."""
+        gaps = np.empty(self.held)
+        lib.wbc_gaps(self.struct, doubles(q), doubles(v), doubles(gaps))
+        return gaps
+
     def cost(self, level: int) -> tuple[Array, Array]:
         """Return P (n, n) and g (n,) of one level, or of all (-1), from the rows that are kept."""
         P, g = np.empty((self.n, self.n)), np.empty(self.n)
@@ -288,7 +299,9 @@ class CoreMemory:
         lib.wbc_sizes(n, k, m, integers(sizes))
         solving, order = sizes.tolist()
         solving += m
-        looking = 0 if self.margin is None else self._margin_scratch_size(self.margin)
+        looking = self.held + 2 * (n + self.k) + m + 5 if self.struct.closing else 0
+        if self.margin is not None:
+            looking = max(looking, self._margin_scratch_size(self.margin))
         scratch = max(self._scratch_size(), solving + looking)
         order += k + (0 if self.margin is None else self.margin.pairs)
         self.struct.solving = solving
@@ -302,12 +315,18 @@ class CoreMemory:
             self._usual[: before.size] = before
         self._reduced.clear()
 
-    def _layout_of(self, level: int, given: int) -> Layout:
+    def layout_of(self, level: int, given: int) -> Layout:
+        """Return where the arrays of a level lie, with so many inequality rows given."""
+        known = self._layouts.get((level, given))
+        if known is not None:
+            return known
         at = np.zeros(lib.LAYOUT, dtype=np.int64)
         before, self.struct.given_rows = self.struct.given_rows, given
         lib.wbc_layout(self.struct, level, integers(at))
         self.struct.given_rows = before
-        return Layout(at.tolist(), level, self.tree.nv, self.forces is not None, self.costs)
+        made = Layout(at.tolist(), level, self.tree.nv, self.forces is not None, self.costs)
+        self._layouts[level, given] = made
+        return made
 
     def _plan_blocks(
         self, parts: Sequence[Part]

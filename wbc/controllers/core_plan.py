@@ -55,6 +55,8 @@ class CorePlan:
         Whether others change the QPs of levels before they are solved.
     shares_state:
         Whether others in the tick look at what the core finds at a state: it is kept then.
+    added:
+        (held,) what is added to the errors of loops and gears; None: nothing ever.
     curved:
         Tasks in Python whose residuals have a curvature, by name.
 
@@ -85,11 +87,12 @@ class CorePlan:
         shares_state: bool = False,
         soft_weights: Mapping[str, float] | None = None,
         curved: frozenset[str] = frozenset(),
+        added: Array | None = None,
     ) -> None:
         tree = robot.native.tree
         self._made_of = (
             *(robot, tasks, forces, plan, limits, dt, backend, rows, constraint),
-            *(looked_into, shares_state, soft_weights, curved),
+            *(looked_into, shares_state, soft_weights, curved, added),
         )
         torque, n = rows is not None, plan.decision.size
         unit = 0.0 if rows is None else rows.forces.unit
@@ -115,9 +118,10 @@ class CorePlan:
         self._limits, self._rates = limits, _rates(limits)
         self._solver = solver = backend if solves(backend) else None
         self.margin = None if constraint is None else NativeMargin.of(constraint, tree)
-        self.memory = CoreMemory(
-            *(robot, tree, plan, self._parts, limits, dt, rows, self.margin, solver, looked_into)
-        )
+        if added is None:
+            added = np.zeros(len(plan.held.labels))
+        made_of = robot, tree, plan, self._parts, limits, dt, rows, self.margin
+        self.memory = CoreMemory(*made_of, solver, added, looked_into)
         costs = (*tasks, *plan.soft, *forces)
         ends = np.cumsum([0, *(len(task.rows) for task in costs)]).tolist()
         errors = {

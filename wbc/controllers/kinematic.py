@@ -35,17 +35,19 @@ class KinematicController(Controller):
 
     def _plan(self, contacts: tuple[Task, ...], curved: frozenset[str] = frozenset()) -> None:
         super()._plan(contacts, curved)
-        self._closing = LoopClosing(self.contacts, self.dt)
+        self._closing = LoopClosing(self.plan.held, self._added, self.dt)
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command of every controller, at whose end loops are closed."""
         closing, step = self._closing, super()._step
-        if not closing.curved or closing.busy:
+        if not closing.bend or closing.busy or self._plain:  # plain ticks are closed by the core
             return step(snapshot)
         over = partial(self._is_over, perf_counter())
         with closing.lock:
             tick = step(snapshot)
-            return closing.closed(snapshot, tick, step, over) if tick.ok else tick
+            if not tick.ok:
+                return tick
+            return closing.closed(snapshot, tick, step, self._core.memory, over)
 
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
         return rows_of(task, task.law, residual, task.weight, self.dt)

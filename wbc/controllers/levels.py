@@ -105,6 +105,8 @@ class Levels:
             return Outcome(found, solution)
         found.take(solution)
         found.solved = core.memory.descend() in (DONE, LEADS_INSIDE)
+        if core.memory.struct.closing:  # which may have solved it again
+            found.first = None
         return Outcome(found).within_limits(names)
 
     def relaxed_box(self, found: CoreTick, snapshot: Snapshot) -> Box | None:

@@ -20,7 +20,8 @@ class Kind(IntEnum):
     MOMENTUM = lib.MOMENTUM_ENTRIES  # none; entries
     CONTACT = lib.CONTACT  # position (3,), rotation (3, 3); entries: rows
     LINEAR = lib.LINEAR  # matrix (k, nv), offset (k,): error = matrix @ (0, joints) - offset
-    LOOP = lib.LOOP  # what is added to the error (k,); entries: rows
+    LOOP = lib.LOOP  # none; entries: rows
+    GEAR = lib.GEAR  # two joints, and the polynomial's coefficients, lowest first (7,)
     GIVEN = lib.GIVEN  # worked out in Python: matrix (k, n), target (k,), error (k,), damping (nv,)
 
 

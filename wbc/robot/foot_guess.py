@@ -13,7 +13,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.robot.formats.description import GeometrySource
-from wbc.robot.sole import body_points, found_sole
+from wbc.robot.limits import UNLIMITED
+from wbc.robot.sole import body_points, found_sole, is_round_about
 from wbc.validate import Array
 
 # Foot -> the words of a link's name that mean it.
@@ -143,12 +144,16 @@ def guess_links(
     A body is one foot, however many of its frames are called so, and which of four feet is in front
     is seen, not read. Without such names: the two bodies at the ends of limbs that reach lowest,
     with flat undersides, one to the left and its image to the right; or four, two on either side.
-    Wheels, what carries them, and hands are none.
+    Wheels, what carries them, and hands are none: what is called so, or ends a limb, turns without
+    end and is round.
 
     ``data`` holds the frame placements of a posture with the base upright.
     """
-    bodies = [frame for frame in _bodies(model) if frame.parentJoint > 1]
+    bodies = [frame for frame in _bodies(model) if _may_be_foot(model, frame)]
     rolling = {frame.parentJoint for frame in bodies if words_of(frame.name) & WHEEL_WORDS}
+    below = float(data.oMi[1].translation[2]) - BELOW_BASE
+    low = [j for j in _endless_ends(model) if float(data.oMi[j].translation[2]) < below]
+    rolling |= {joint for joint in low if _is_wheel(model, geometry, joint)}
     rolling |= {int(model.parents[joint]) for joint in rolling}
     bodies = [frame for frame in bodies if frame.parentJoint not in rolling]
     named = _one_of_each(model, data, bodies)
@@ -169,6 +174,30 @@ def guess_links(
     if rolling:
         return {}, "it has wheels, and wheels are no soles"
     return _lowest_pair(model, data, geometry, bodies)
+
+
+def _may_be_foot(model: pin.Model, frame: pin.Frame) -> bool:
+    """Whether a frame is on a body below the base, that is more than a place between joints."""
+    joint = int(frame.parentJoint)
+    return joint > 1 and (model.inertias[joint].mass > 0.0 or joint not in set(model.parents))
+
+
+def _endless_ends(model: pin.Model) -> list[int]:
+    """Return the joints that have no limits, and carry no other."""
+    inner, found = {int(parent) for parent in model.parents}, []
+    for joint in range(2, model.njoints):
+        most = model.upperPositionLimit[int(model.idx_qs[joint])]
+        if joint not in inner and (model.nqs[joint] == 2 or most >= UNLIMITED):
+            found.append(joint)
+    return found
+
+
+def _is_wheel(model: pin.Model, geometry: GeometrySource, joint: int) -> bool:
+    """Whether a joint turns a body that is round about its axis."""
+    data, local = model.createData(), pin.ReferenceFrame.LOCAL
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    axis = pin.getJointJacobian(model, data, joint, local)[3:, int(model.idx_vs[joint])]
+    return bool(axis.any()) and is_round_about(model, geometry, joint, axis)
 
 
 def _one_of_each(

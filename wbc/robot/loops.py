@@ -208,13 +208,8 @@ def gap_of(frame: Placed, other: Placed) -> tuple[Array, Array]:
     (p, R, J), (p_other, R_other, back) = frame, other
     linear = J[:3] - back[:3] + skew(p - p_other) @ back[3:]
     jacobian = np.concatenate((R_other.T @ linear, R_other.T @ (J[3:] - back[3:])))
-    return gap_at((p, R), (p_other, R_other)), jacobian
-
-
-def gap_at(frame: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
-    """Return the first of :func:`gap_of`, of placements."""
-    (p, R), (p_other, R_other) = frame, other
-    return np.concatenate((R_other.T @ (p - p_other), log_rotation(R_other.T @ R)))
+    gap = np.concatenate((R_other.T @ (p - p_other), log_rotation(R_other.T @ R)))
+    return gap, jacobian
 
 
 def without_motors(names: Sequence[str], given: Sequence[str]) -> tuple[str, ...]:

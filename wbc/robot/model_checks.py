@@ -45,6 +45,9 @@ def check_supported(model: pin.Model, path: Path) -> tuple[str, ...]:
     return notes
 
 
+BALL = "JointModelSpherical"
+
+
 def _check_joints(model: pin.Model, path: Path) -> None:
     on_world = [model.names[j] for j in range(1, model.njoints) if model.parents[j] == 0]
     if len(on_world) != 1 or model.joints[1].shortname() != FREE_FLYER:
@@ -55,10 +58,14 @@ def _check_joints(model: pin.Model, path: Path) -> None:
     for joint in range(2, model.njoints):
         kind = model.joints[joint].shortname()
         if kind not in SINGLE_AXIS:
+            ball = (
+                "; an MjModel is compiled and cannot be changed: of its file or MjSpec a ball"
+                " joint is read as three hinges, if no other joint of its body follows it"
+            )
             raise ModelError(
                 f"{path}: joint {model.names[joint]!r} is a {kind.removeprefix('JointModel')}"
                 " joint, which is not supported; use revolute and prismatic joints, one for each"
-                " body, and none floating but the root"
+                f" body, and none floating but the root{ball if kind == BALL else ''}"
             )
 
 

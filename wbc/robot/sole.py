@@ -63,25 +63,55 @@ def _turn_to(up: Array) -> Array:
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
+# Directions across an axis, and by what part a wheel may be nearer in one: tread, corners.
+ROUND, NEARLY_ROUND = 12, 0.03
+
+
 def body_points(model: pin.Model, geometry: GeometrySource, joint: int, up: Array) -> Array:
     """Return the extreme points (k, 3) of all shapes on one joint's body, in the joint's frame.
 
     They are the collision shapes, or those to draw of a body that has no others. ``up`` (3,) is
     the unit vector upwards, in the joint's frame.
     """
+    return np.concatenate([np.empty((0, 3)), *_extremes(body_shapes(model, geometry, joint), up)])
+
+
+def is_round_about(model: pin.Model, geometry: GeometrySource, joint: int, axis: Array) -> bool:
+    """Whether the shapes of a joint's body are round about an axis (3,) through its origin.
+
+    As far in some directions across it as in others, as wheels and rollers are.
+    """
+    shapes = body_shapes(model, geometry, joint)
+    across = np.linalg.svd(axis[None])[2][1:]  # (2, 3)
+    angles = np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False) + 0.1
+    reach = []
+    for direction in np.column_stack((np.cos(angles), np.sin(angles))) @ across:
+        points = np.concatenate([np.empty((0, 3)), *_extremes(shapes, direction)])
+        reach.append(-float((points @ direction).min(initial=0.0)))
+    return min(reach) > (1.0 - NEARLY_ROUND) * max(reach) > 0.0
+
+
+def body_shapes(model: pin.Model, geometry: GeometrySource, joint: int) -> list[pin.GeometryObject]:
+    """Return the collision shapes on one joint's body, or those to draw of one without."""
     links = [
         str(frame.name)
         for frame in model.frames
         if frame.type == pin.FrameType.BODY and frame.parentJoint == joint
     ]
     for kind in (pin.GeometryType.COLLISION, pin.GeometryType.VISUAL):
-        found = [np.empty((0, 3))]
-        for shape in geometry.load(model, kind, links).geometryObjects:
-            R, p = shape.placement.rotation, shape.placement.translation
-            found.append(extreme_points(shape.geometry, R.T @ up) @ R.T + p)
-        if len(found) > 1:
+        shapes = list(geometry.load(model, kind, links).geometryObjects)
+        if shapes:
             break
-    return np.concatenate(found)
+    return shapes
+
+
+def _extremes(shapes: list[pin.GeometryObject], up: Array) -> list[Array]:
+    """Return points (k, 3) of shapes, their lowest among them, in the joint's frame."""
+    found = []
+    for shape in shapes:
+        R, p = shape.placement.rotation, shape.placement.translation
+        found.append(extreme_points(shape.geometry, R.T @ up) @ R.T + p)
+    return found
 
 
 def found_sole(

@@ -50,6 +50,72 @@ def test_switched_off_physics_does_not_act() -> None:
     assert any("gravity is the file's: 0 0 0" in note for note in robot.notes)
 
 
+def test_what_motors_damp_is_felt_by_the_square_of_their_gear() -> None:
+    if not hasattr(mujoco.MjModel.from_xml_string("<mujoco/>"), "actuator_dampingpoly"):
+        pytest.skip("an older MuJoCo")
+    motors = '<motor joint="j1" gear="-5" damping=".1 .2 .3"/><motor joint="j1" damping="1"/>'
+    # The first is off: rotors and friction stay.
+    head = '<default><motor group="1"/></default><option actuatorgroupdisable="1"/>'
+    tail = f"<actuator>{motors}</actuator>"
+    for content in (text(arm('damping=".4"'), tail=tail, head=h) for h in ("", head)):
+        robot, model = load(content)
+        data, v = mujoco.MjData(model), np.zeros(robot.nv)
+        for v[6] in (0.7, -2.0):
+            data.qvel[6] = v[6]
+            mujoco.mj_forward(model, data)
+            given = robot.passive_forces(robot.postures["neutral"], v)[6] - robot.damping[0] * v[6]
+            assert given == pytest.approx(data.qfrc_passive[6], rel=1e-12)
+
+
+def test_motors_act_together_unless_their_group_is_off() -> None:
+    """Two that pull against each other give what one does; of two groups, one may be off."""
+    pull = '<motor joint="j1" ctrlrange="0 5" gear="{}" group="{}"/>'
+    pair = pull.format(1, 0) + pull.format(-1, 0)
+    strong = '<motor joint="j1" name="strong" ctrlrange="-30 30" group="2"/>'
+    off = '<option actuatorgroupdisable="2"/>'
+    for motors, head, effort in ((pair, "", 5), (pair + strong, "", 35), (pair + strong, off, 5)):
+        robot, model = load(text(arm(), tail=f"<actuator>{motors}</actuator>", head=head))
+        assert robot.limits.effort[0] == effort
+        assert not any("one way" in note for note in robot.notes)
+        assert any("switches off" in note and "strong" in note for note in robot.notes) is bool(
+            head
+        )
+        data = mujoco.MjData(model)
+        for sign in (1.0, -1.0):
+            data.ctrl[:] = sign * 1e6 * np.sign(model.actuator_gear[:, 0])
+            mujoco.mj_forward(model, data)
+            assert data.qfrc_actuator[6] == sign * effort
+
+
+def test_constraints_that_are_switched_off_do_not_act() -> None:
+    """Friction and couplings go with them; ranges are kept, and that is said."""
+    two = arm('frictionloss="1"') + arm(name="other").replace("j1", "j2")
+    tied = '<equality><joint joint1="j2" joint2="j1"/></equality>'
+    for word in ("constraint", "limit", "equality"):
+        off = f'<option><flag {word}="disable"/></option>'
+        robot, _ = load(text(two, head=off, tail=tied))
+        assert robot.friction[0] == (word != "constraint")
+        assert bool(robot.couplings) is (word == "limit") and robot.limits.upper[0] == 1.0
+        kept = any("switches limits of joints off" in note for note in robot.notes)
+        assert kept is (word != "equality")
+    off = '<option><flag actuation="disable"/></option>'
+    robot, _ = load(text(arm(), head=off, tail='<actuator><motor joint="j1"/></actuator>'))
+    assert any("switches all motors off; here they act" in note for note in robot.notes)
+
+
+def test_weight_that_is_added_counts_where_mujoco_adds_it() -> None:
+    """Of negative compensations alone MuJoCo makes nothing."""
+    for trunk, nothing in (("1", False), ("0", True)):
+        heavy = arm().replace("<body", '<body gravcomp="-.5"', 1)
+        root = TRUNK.replace("<body", f'<body gravcomp="{trunk}"')
+        robot, model = load(text(heavy, root=root))
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        given = robot.passive_forces(robot.postures["neutral"])[6]
+        assert given == pytest.approx(data.qfrc_passive[6], abs=1e-12)
+        assert (not robot.passive) is nothing
+
+
 def test_rotors_of_motors_are_in_the_mass_matrix() -> None:
     motors = '<actuator><motor joint="j1" gear="3" armature=".05"/></actuator>'
     content = text(arm('armature=".01"'), tail=motors)

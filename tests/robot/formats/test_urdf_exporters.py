@@ -84,6 +84,8 @@ def test_shapes_that_the_parser_loses_are_refused(
         ('<xacro:leg side="left"/>', "<xacro:leg>"),
         ('<xacro:property name="x" value="1"/>', "<xacro:property>"),
         ('<link name="${prefix}hand"/>', "name='${prefix}hand'"),
+        ('<link name="$(arg side)_hand"/>', "name='$(arg side)_hand'"),
+        ('<material name="m"><texture filename="$(find x)/m.png"/></material>', "$(find x)"),
     ],
 )
 def test_macros_that_were_not_expanded_are_refused(tmp_path: Path, head: str, said: str) -> None:
@@ -93,7 +95,8 @@ def test_macros_that_were_not_expanded_are_refused(tmp_path: Path, head: str, sa
 
 
 @pytest.mark.parametrize(
-    "value", ["1e10", "1e16", "1e30", "3.4028235e38", "1e300", "1.7976931348623157e308"]
+    "value",
+    ["1e10", "1e16", "1e30", "3.4028235e38", "1e300", "1.7976931348623157e308", "inf", "Infinity"],
 )
 def test_numbers_that_stand_for_no_limit_are_none(tmp_path: Path, value: str) -> None:
     limit = f'<limit lower="-{value}" upper="{value}" velocity="{value}" effort="{value}"/>'

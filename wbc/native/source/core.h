@@ -127,7 +127,7 @@ typedef struct {
 
 /* What a row asks for: the kinds that wbc/native/rows.py describes. */
 enum row_kind { POINT = 0, ORIENTATION = 1, INERTIA_ENTRIES = 2, JOINTS = 3, MOMENTUM_ENTRIES = 4,
-                CONTACT = 5, LINEAR = 6, GIVEN = 7, LOOP = 8 };
+                CONTACT = 5, LINEAR = 6, GIVEN = 7, LOOP = 8, GEAR = 9 };
 /* A block of rows: what they are, where they stand among the costs or the contacts, where their
  * selection begins in index and their numbers in number, which frame they are about (-1: the CoM, or
  * the world), their level among the costs, and whether the curvature that they leave out is in the cost
@@ -177,6 +177,7 @@ typedef struct {
                           * lower, upper, and how far they give way by their multipliers (given_rows) */
     const double *push;  /* what they push at, as a cost that outweighs all others: matrix (pushes, nv),
                           * target, weight (pushes) */
+    const double *added; /* (held) to the errors of loops and gears: what a tick is not to take back */
     double *rows; /* of all costs: matrix (costs, n), target (costs), bias (costs); of each level, what it is
                    * damped by (nv); if curved, the curvature that its rows leave out (nv, nv). 0 where
                    * there is one level that nobody looks into. */
@@ -194,6 +195,7 @@ typedef struct {
     int64_t always;  /* whether a solver is asked where the optimum of the cost alone would do, too */
     int64_t most;    /* iterations of the active-set method */
     int64_t solving; /* where in scratch ends what QPs are solved in */
+    int64_t closing; /* whether loops and gears are closed where the command leads: source/closing.c */
     double dt, mass, unit, eps; /* unit: newtons per unit of a force; eps: as in wbc_qp */
     double recovery; /* part of what a joint is outside its limits that is taken back in a tick */
 } wbc_plan;
@@ -237,6 +239,9 @@ int wbc_solve(const wbc_plan *plan, int64_t level);
 int wbc_finish(const wbc_plan *plan, const double *q, const double *v);
 /* The levels below the first, whose answer was written by others, and the command. */
 int wbc_descend(const wbc_plan *plan, const double *q, const double *v);
+/* Write how far loops and gears are open (held) where v leads in dt, 0 for rows that do not bend. Returns
+ * how many do. */
+int64_t wbc_gaps(const wbc_plan *plan, const double *q, const double *v, double *gaps);
 /* Where the reduced QP begins in scratch: P (left, left), g, lower and upper bounds (left + rows) of
  * x and then of C x, C (rows, left); and left. Returns 0. */
 int wbc_reduced(const wbc_plan *plan, int64_t *begin);
@@ -256,6 +261,12 @@ int wbc_layout(const wbc_plan *plan, int64_t level, int64_t *at);
  * Farkas certificate: y'A + z'C + z_box' = 0, and their sum by the ends that they point at is below 0. */
 int wbc_solve_qp(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
                  int64_t *order);
+
+/* Move the ends (2, 3) of a capsule round points (count, 3), its radius the distance of the farthest, to where
+ * its volume is small: from steps of size [m], until corners of the search differ by no more than the
+ * accuracies [m, m^3], or most steps are made. Returns 0. */
+int wbc_fit_capsule(int64_t count, const double *points, double size, int64_t most, double accuracy,
+                    double value_accuracy, double *ends);
 
 /* An invariant filter of an IMU and of feet that stand (source/filter.c). x: rotation of the IMU, velocity,
  * position, biases of gyroscope and accelerometer, then of each foot position and rotation; world axes, the

@@ -5,6 +5,13 @@
 #include <math.h>
 #include <string.h>
 
+INLINE void back_substitute(int64_t n, int64_t width, const double *triangle, double *x) {
+    for (int64_t i = n - 1; i >= 0; i--) {
+        const double *row = triangle + i * width;
+        x[i] = (row[n] - dot(n - 1 - i, row + i + 1, x + i + 1)) * row[i];
+    }
+}
+
 WIDE int least(int64_t n, const double *H, int64_t stride, const double *f, double *triangle,
                double *x) {
     const int64_t width = PADDED(n + 1); /* U, its diagonal inverted, and behind it U'^-1 (-f) */
@@ -22,9 +29,17 @@ WIDE int least(int64_t n, const double *H, int64_t stride, const double *f, doub
         for (int64_t j = begin; j < width; j++) row[j] *= scale;
         row[i] = scale;
     }
-    for (int64_t i = n - 1; i >= 0; i--) {
-        const double *row = triangle + i * width;
-        x[i] = (row[n] - dot(n - 1 - i, row + i + 1, x + i + 1)) * row[i];
-    }
+    back_substitute(n, width, triangle, x);
     return 1;
+}
+
+WIDE void least_again(int64_t n, const double *f, double *triangle, double *x) {
+    const int64_t width = PADDED(n + 1);
+    for (int64_t i = 0; i < n; i++) x[i] = -f[i];
+    for (int64_t i = 0; i < n; i++) {
+        double *row = triangle + i * width;
+        const double end = row[n] = x[i] * row[i];
+        for (int64_t j = i + 1; j < n; j++) x[j] -= end * row[j];
+    }
+    back_substitute(n, width, triangle, x);
 }

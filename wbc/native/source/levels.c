@@ -58,8 +58,7 @@ static int64_t equalities(const wbc_plan *plan, int64_t level) {
     return k;
 }
 
-/* The QP of a level as it lies in memory. */
-static void lay_out_level(const wbc_plan *plan, int64_t level, wbc_qp *qp) {
+void lay_out_level(const wbc_plan *plan, int64_t level, wbc_qp *qp) {
     wbc_qp first;
     lay_out(plan, &first);
     if (level == 0) {
@@ -96,10 +95,10 @@ static const double *given_give(const wbc_plan *plan, const wbc_qp *qp, double *
     return give;
 }
 
-static solving how_to(const wbc_plan *plan, int64_t level, const wbc_qp *qp) {
+solving how_to(const wbc_plan *plan, int64_t level, const wbc_qp *qp) {
     int64_t *usual = usual_columns(plan, qp), *pairs = usual + most_equalities(plan);
     double *give = plan->scratch + plan->solving - qp->m; /* the last of what solving works in */
-    solving how = {given_give(plan, qp, give), 0, pairs, plan->most, 1.0, level > 0, 0, 0};
+    solving how = {given_give(plan, qp, give), 0, pairs, plan->most, 1.0, level > 0, 0, 0, 0, 0, 0};
     if (plan->margin) how.work += plan->margin->of->pairs;
     if (level == 0) {
         how.usual = plan->outside ? usual : 0;
@@ -172,7 +171,7 @@ int wbc_finish(const wbc_plan *plan, const double *q, const double *v) {
     return plan->margin && leads_inside(plan, q, v, &qp, scratch, pairs) ? LEADS_INSIDE : DONE;
 }
 
-int wbc_descend(const wbc_plan *plan, const double *q, const double *v) {
+int solve_below(const wbc_plan *plan, const double *q, const double *v) {
     wbc_qp first;
     lay_out(plan, &first);
     first.found[4] = 1.0;
@@ -184,12 +183,19 @@ int wbc_descend(const wbc_plan *plan, const double *q, const double *v) {
             if (wbc_pose(plan, q, v, l) != DONE || wbc_solve(plan, l) != DONE) return UNSOLVED;
         break;
     }
+    return DONE;
+}
+
+int wbc_descend(const wbc_plan *plan, const double *q, const double *v) {
+    if (solve_below(plan, q, v) != DONE) return UNSOLVED;
+    if (plan->closing) close_loops(plan, q, velocity_of(plan->tree, q, v));
     return wbc_finish(plan, q, v);
 }
 
 int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v) {
     int said = wbc_problem(plan, state, q, v);
-    if (said == DONE) said = wbc_solve(plan, 0);
+    if (said == DONE)
+        said = plan->closing && plan->levels == 1 ? solve_closed(plan, q) : wbc_solve(plan, 0);
     return said == DONE ? wbc_descend(plan, q, v) : said;
 }
 

@@ -184,7 +184,7 @@ static void bound(const wbc_plan *plan, const double *q, const double *v, const 
 }
 
 /* What the forces of contacts do to v: the columns of D behind v+, negative. */
-static void add_forces(const wbc_plan *plan, const double *frames, double *D) {
+static void add_forces(const wbc_plan *plan, const double *frames, const double *q, double *D) {
     const int64_t nv = plan->tree->nv, n = nv + plan->forces;
     for (const wbc_force *force = plan->force; force < plan->force + plan->bearing; force++) {
         const wbc_block *block = plan->block + force->block;
@@ -195,6 +195,10 @@ static void add_forces(const wbc_plan *plan, const double *frames, double *D) {
         double *to = D + nv + force->column;
         if (block->kind == LOOP) {
             for (int64_t r = 0; r < force->count; r++) loop_row(plan, block, frames, r, -1.0, to + r, n);
+            continue;
+        }
+        if (block->kind == GEAR) {
+            gear_row(plan, plan->number + block->number + WEIGHTS + 3, q, -1.0, to, n);
             continue;
         }
         if (force->corners == 0) { /* along the contact's own rows, all of them */
@@ -221,7 +225,7 @@ static void add_forces(const wbc_plan *plan, const double *frames, double *D) {
 
 /* Base forces and torques D x + offset by the unknowns, and the rows made of them. */
 static void add_dynamics(const wbc_plan *plan, const double *frames, const double *motion,
-                         const double *v, const wbc_qp *qp) {
+                         const double *q, const double *v, const wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = qp->n, f = plan->forces;
     const double *cone = plan->cone, *least = cone + plan->cones * f, *most = least + plan->cones;
     for (int64_t i = 0; i < nv; i++) {
@@ -234,7 +238,7 @@ static void add_dynamics(const wbc_plan *plan, const double *frames, const doubl
         qp->offset[i] = sum;
         if (i >= 6) row[i] += plan->joint_damping[i - 6] / plan->unit;
     }
-    add_forces(plan, frames, qp->D);
+    add_forces(plan, frames, q, qp->D);
     for (int64_t r = 0; r < plan->passives; r++) {
         memcpy(qp->A + r * n, qp->D + plan->passive[r] * n, n * sizeof *qp->A);
         qp->b[r] = -qp->offset[plan->passive[r]];
@@ -313,10 +317,13 @@ WIDE static void add_block(const wbc_plan *plan, const wbc_block *block, const w
     double *e = J + k * nv, *bias = e + k, *drift = bias + k, *wanted = drift + k, curved;
     double *error = block->held ? e : qp->errors + block->first;
     const int is_diagonal = block->kind == JOINTS && !block->held;
+    const int is_rate = block->kind == MOMENTUM_ENTRIES && !block->held;
     evaluate(plan, block, at->state, at->frames, at->q, J, error, bias, &curved);
+    for (int64_t i = 0; i < k && (block->kind == LOOP || block->kind == GEAR); i++)
+        error[i] += plan->added[block->first + i];
     if (plan->torque)
-        drift_of(plan, block, at->state, at->frames, at->motion, at->accelerations, at->v, error,
-                 drift);
+        drift_of(plan, block, at->state, at->frames, at->motion, at->accelerations, at->q, at->v,
+                 error, drift);
     else {
         memset(drift, 0, k * sizeof *drift);
         if (!block->held) add_damping(plan, block, at, error, curved, wanted + k, qp, damping);
@@ -324,8 +331,9 @@ WIDE static void add_block(const wbc_plan *plan, const wbc_block *block, const w
     for (int64_t i = 0; i < k; i++) {
         const int64_t c = 6 + plan->index[block->index + i];
         double *row = J + i * nv, moving = 0.0, size = weight[i] * weight[i];
-        if (plan->torque) moving = is_diagonal ? at->v[c] : dot(nv, row, at->v);
+        if (plan->torque || is_rate) moving = is_diagonal ? at->v[c] : dot(nv, row, at->v);
         const double rate = wanted_rate(plan, number, error[i], bias[i], drift[i], moving);
+        if (is_rate) error[i] = moving + bias[i]; /* a law has no use for it; it is reported */
         if (block->held || plan->rows) {
             keep_row(plan, block, i, row, rate, bias[i], qp);
             continue;
@@ -459,7 +467,7 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
         wbc_motion(plan->tree, state, v, motion, J);
         wbc_drifts(plan->tree, state, motion, plan->frames, plan->frame_joint,
                    plan->frame_placement, accelerations);
-        add_dynamics(plan, frames, motion, v, &qp);
+        add_dynamics(plan, frames, motion, q, v, &qp);
     }
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++)
         if (block->kind == GIVEN)

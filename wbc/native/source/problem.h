@@ -3,6 +3,7 @@
 #define WBC_PROBLEM_H
 
 #include "core.h"
+#include "solve.h"
 
 /* Not of the library's interface. */
 #pragma GCC visibility push(hidden)
@@ -35,6 +36,8 @@ void residuals(const wbc_qp *qp, const double *give, double *gradient);
 /* Write x (n) of least 1/2 x'H x + f'x, H (n, n) symmetric, of which the upper half is read, its rows
  * stride apart; by Cholesky factors in triangle (n, padded n + 1). False: H is not positive definite. */
 int least(int64_t n, const double *H, int64_t stride, const double *f, double *triangle, double *x);
+/* The same for another f, by the factors that least left. */
+void least_again(int64_t n, const double *f, double *triangle, double *x);
 
 /* P += J' J on and above the diagonal, g -= J' wanted: rows (nv) that are weighted already, P and g of
  * n unknowns. */
@@ -64,6 +67,16 @@ static inline wbc_costs kept_costs(const wbc_plan *plan) {
 
 /* Add a block of GIVEN rows to the costs; J holds rows (n) and as many numbers more. */
 void add_given(const wbc_plan *plan, const wbc_block *block, double *J, const wbc_qp *qp);
+
+/* Close loops and gears where the command leads, by Newton's method; the answers of all levels follow. */
+void close_loops(const wbc_plan *plan, const double *q, const double *v);
+/* Solve the only level so that they are closed, where the optimum of its cost alone keeps all bounds. */
+int solve_closed(const wbc_plan *plan, const double *q);
+/* The levels below the first. DONE, or UNSOLVED. */
+int solve_below(const wbc_plan *plan, const double *q, const double *v);
+/* The QP of a level as it lies in memory, and how it is solved. */
+void lay_out_level(const wbc_plan *plan, int64_t level, wbc_qp *qp);
+solving how_to(const wbc_plan *plan, int64_t level, const wbc_qp *qp);
 
 /* Write the errors of GIVEN rows that are about the answer itself. */
 void decide_errors(const wbc_plan *plan, const wbc_qp *qp);

@@ -59,6 +59,8 @@ int64_t reduced_numbers(int64_t n, int64_t k, int64_t m) {
 
 int64_t reduced_integers(int64_t n, int64_t k) { return 2 * n + k + 1; }
 
+int is_reduced(const wbc_qp *qp, const int64_t *order) { return order[2 * qp->n + qp->k] >= 0; }
+
 void resume(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r) {
     place(qp, scratch, order, r);
     r->rank = order[2 * qp->n + qp->k];
@@ -234,8 +236,9 @@ WIDE static void reduce_cost(const wbc_qp *qp, const reduced *r) {
         for (int64_t j = 0; j < i; j++) r->H[i * left + j] = r->H[j * left + i];
 }
 
-/* Bounds of x_i, then C, then the bounds of x_d, where there are some; returns how many. */
-WIDE static int64_t reduce_bounds(const wbc_qp *qp, const reduced *r) {
+/* Bounds of x_i, then C, then the bounds of x_d, where there are some; returns how many. again: their rows
+ * are there already. */
+INLINE int64_t reduce_bounds(const wbc_qp *qp, const reduced *r, int again) {
     const int64_t n = qp->n, k = r->rank, left = r->left;
     const int64_t *dependent = r->order, *free = r->order + k;
     int64_t bounded = left;
@@ -244,12 +247,14 @@ WIDE static int64_t reduce_bounds(const wbc_qp *qp, const reduced *r) {
     for (int64_t m = 0; m < qp->m; m++, bounded++) {
         const double *row = qp->C + m * n;
         double *restrict to = r->rows + m * left, known = 0.0;
-        for (int64_t j = 0; j < left; j++) to[j] = row[free[j]];
         for (int64_t d = 0; d < k; d++) {
             r->factor[d] = row[dependent[d]];
             known += r->factor[d] * r->h[d];
         }
-        add_rows(r->coupled, k, r->factor, r->G, r->stride, to);
+        if (!again) {
+            for (int64_t j = 0; j < left; j++) to[j] = row[free[j]];
+            add_rows(r->coupled, k, r->factor, r->G, r->stride, to);
+        }
         r->up[bounded] = qp->u[m] - known, r->low[bounded] = qp->l[m] - known;
     }
     for (int64_t s = 0; s < k; s++) {
@@ -257,7 +262,9 @@ WIDE static int64_t reduce_bounds(const wbc_qp *qp, const reduced *r) {
         if (is_free(qp, d)) continue;
         r->up[bounded] = qp->upper[d] - r->h[s];
         r->low[bounded] = qp->lower[d] - r->h[s];
-        memcpy(r->rows + (bounded++ - left) * left, r->G + s * r->stride, left * sizeof *r->rows);
+        if (!again)
+            memcpy(r->rows + (bounded - left) * left, r->G + s * r->stride, left * sizeof *r->rows);
+        bounded++;
     }
     return bounded;
 }
@@ -281,15 +288,19 @@ WIDE static void lift_multipliers(const wbc_qp *qp, const reduced *r) {
             y[r->row[t]] -= r->inverse[s * k + t] * gradient[dependent[s]];
 }
 
-WIDE void lift(const wbc_qp *qp, const reduced *r) {
-    const int64_t n = qp->n, k = r->rank, left = r->left;
-    const int64_t *dependent = r->order, *free = r->order + k;
-    double *x = qp->x, *restrict gradient = r->gradient;
-    for (int64_t i = 0; i < left; i++) x[free[i]] = r->answer[i];
+WIDE void lift_point(const wbc_qp *qp, const reduced *r) {
+    const int64_t k = r->rank, left = r->left, *dependent = r->order, *free = r->order + k;
+    for (int64_t i = 0; i < left; i++) qp->x[free[i]] = r->answer[i];
     for (int64_t s = 0; s < k; s++)
-        x[dependent[s]] = r->h[s] + dot(left, r->G + s * r->stride, r->answer);
+        qp->x[dependent[s]] = r->h[s] + dot(left, r->G + s * r->stride, r->answer);
+}
+
+WIDE void lift(const wbc_qp *qp, const reduced *r) {
+    const int64_t n = qp->n;
+    double *restrict gradient = r->gradient;
+    lift_point(qp, r);
     memcpy(gradient, qp->g, n * sizeof *gradient);
-    add_rows(n, n, x, qp->P, n, gradient); /* P is symmetric */
+    add_rows(n, n, qp->x, qp->P, n, gradient); /* P is symmetric */
     lift_multipliers(qp, r);
 }
 
@@ -304,10 +315,34 @@ int64_t bounds_left(const wbc_qp *qp, const reduced *r) {
     return bounded;
 }
 
-int64_t reduce(const wbc_qp *qp, reduced *r, int64_t *usual, int pivoted) {
+WIDE int64_t reduce(const wbc_qp *qp, reduced *r, int64_t *usual, int pivoted) {
+    r->row[qp->k] = -1;
     const int64_t said = solve_equalities(qp, r, usual, pivoted);
     if (said < 0) return said;
     r->row[qp->k] = r->rank; /* for resume */
     reduce_cost(qp, r);
-    return reduce_bounds(qp, r);
+    return reduce_bounds(qp, r, 0);
+}
+
+WIDE void renew(const wbc_qp *qp, reduced *r) {
+    const int64_t n = qp->n, k = r->rank, left = r->left;
+    const int64_t *dependent = r->order, *free = r->order + k;
+    double *factor = r->factor;
+    for (int64_t t = 0; t < k; t++) factor[t] = qp->b[r->row[t]];
+    for (int64_t s = 0; s < k; s++) r->h[s] = dot(k, r->inverse + s * k, factor);
+    for (int64_t t = k; t < qp->k; t++) {
+        double end = 0.0;
+        for (int64_t d = 0; d < k; d++) end += qp->A[r->row[t] * n + dependent[d]] * r->h[d];
+        qp->b[r->row[t]] = end;
+    }
+    memset(r->gradient, 0, n * sizeof *r->gradient); /* g + P h */
+    for (int64_t d = 0; d < k; d++) {
+        const double *row = qp->P + dependent[d] * n, by = r->h[d];
+        for (int64_t i = 0; i < n && by != 0.0; i++) r->gradient[i] += by * row[i];
+    }
+    for (int64_t i = 0; i < n; i++) r->gradient[i] += qp->g[i];
+    for (int64_t d = 0; d < k; d++) factor[d] = r->gradient[dependent[d]];
+    for (int64_t i = 0; i < left; i++) r->f[i] = r->gradient[free[i]];
+    add_rows(left, k, factor, r->G, r->stride, r->f); /* G is 0 beyond what is coupled */
+    reduce_bounds(qp, r, 1);
 }

@@ -39,12 +39,19 @@ int64_t reduced_integers(int64_t n, int64_t k);
  * column that it had, plus one. pivoted: rows may nearly repeat each other. */
 int64_t reduce(const wbc_qp *qp, reduced *r, int64_t *usual, int pivoted);
 
-/* What reduce left in that memory. */
+/* Whether reduce left something in that memory, and what. */
+int is_reduced(const wbc_qp *qp, const int64_t *order);
 void resume(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r);
+
+/* The same QP with other ends b, behind resume: what depends on them is worked out again. Ends of rows that
+ * follow from others become what those give. */
+void renew(const wbc_qp *qp, reduced *r);
 
 /* How many bounds and rows are left. */
 int64_t bounds_left(const wbc_qp *qp, const reduced *r);
 
+/* Write x of the full QP from the answer of the reduced one. */
+void lift_point(const wbc_qp *qp, const reduced *r);
 /* Write x, y, z, z_box of the full QP from the answer of the reduced one, and P x + g + z + C'z. */
 void lift(const wbc_qp *qp, const reduced *r);
 /* Write y, z, z_box of the full QP from a certificate of the reduced one that no point meets all rows. */

@@ -11,8 +11,7 @@ static const double TURN = 0.01;
 static const double SMALL = 0.1;
 static const double PI = 3.14159265358979323846;
 
-/* Rotation vector of R; near half a turn its axis is that of R + R', since sines say little there. */
-static void logarithm(const double *R, double *r) {
+void logarithm(const double *R, double *r) {
     const double w[3] = {0.5 * (R[7] - R[5]), 0.5 * (R[2] - R[6]), 0.5 * (R[3] - R[1])};
     const double sine = sqrt(dot3(w, w)), cosine = 0.5 * (R[0] + R[4] + R[8] - 1.0);
     double factor;
@@ -87,37 +86,6 @@ static void copy_row(double *to, const double *from, int64_t n) { memcpy(to, fro
 WIDE static void combine(int64_t nv, const double *s, const double *R, double *row) {
     for (int64_t c = 0; c < nv; c++) row[c] = 0.0;
     add_rows(nv, 6, s, R, nv, row);
-}
-
-/* The other frame of a loop. */
-static const double *held_at(const wbc_plan *plan, const wbc_block *block, const double *frames) {
-    return frames + block->other * FRAME_SIZE(plan->tree->nv);
-}
-
-/* In axes of the other frame, in which the base moves nothing: its position and its turn. A row of
- * position is u' (J - J_other) + (u x arm)' W_other with u an axis and W the angular rows, one of the
- * turn u' (W - W_other): see ClosedLoop in wbc/constraints/mechanics.py. */
-void loop_row(const wbc_plan *plan, const wbc_block *block, const double *frames, int64_t i,
-              double scale, double *row, int64_t stride) {
-    const int64_t nv = plan->tree->nv, chosen = plan->index[block->index + i], axis = chosen % 3;
-    const double *frame = frames + block->frame * FRAME_SIZE(nv);
-    const double *there = held_at(plan, block, frames), *R = there + FRAME_ROTATION;
-    const double *J = frame + FRAME_JACOBIAN, *back = there + FRAME_JACOBIAN;
-    const double u[3] = {scale * R[axis], scale * R[3 + axis], scale * R[6 + axis]};
-    double arm[3], moved[3];
-    if (chosen >= 3) {
-        for (int64_t c = 0; c < nv; c++)
-            row[c * stride] = u[0] * (J[3 * nv + c] - back[3 * nv + c]) +
-                              u[1] * (J[4 * nv + c] - back[4 * nv + c]) +
-                              u[2] * (J[5 * nv + c] - back[5 * nv + c]);
-        return;
-    }
-    for (int j = 0; j < 3; j++) arm[j] = frame[j] - there[j];
-    cross3(u, arm, moved);
-    for (int64_t c = 0; c < nv; c++)
-        row[c * stride] = u[0] * (J[c] - back[c]) + u[1] * (J[nv + c] - back[nv + c]) +
-                          u[2] * (J[2 * nv + c] - back[2 * nv + c]) + moved[0] * back[3 * nv + c] +
-                          moved[1] * back[4 * nv + c] + moved[2] * back[5 * nv + c];
 }
 
 void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
@@ -214,19 +182,13 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
         }
         return;
     }
-    case LOOP: { /* own: what is added to the error (k) */
-        const double *there = held_at(plan, block, frames);
-        double arm[3];
-        for (int i = 0; i < 3; i++) arm[i] = frame[i] - there[i];
-        transposed_times3(there + FRAME_ROTATION, arm, all);
-        transposed_product3(there + FRAME_ROTATION, R, relative);
-        logarithm(relative, all + 3);
-        for (int64_t i = 0; i < k; i++) {
-            e[i] = all[chosen[i]] + own[i];
-            loop_row(plan, block, frames, i, 1.0, J + i * nv, 1);
-        }
+    case LOOP:
+        loop_errors(plan, block, frames, e);
+        for (int64_t i = 0; i < k; i++) loop_row(plan, block, frames, i, 1.0, J + i * nv, 1);
         return;
-    }
+    case GEAR:
+        *e = gear_row(plan, own, q, 1.0, J, 1);
+        return;
     default: /* LINEAR in the joints; own: matrix (k, nv), offsets (k) */
         copy_row(J, own, k * nv);
         for (int64_t i = 0; i < k; i++) {
@@ -278,37 +240,9 @@ static void inertia_drift(const double *state, const double *drifts, const doubl
     congruent(turn, total, out);
 }
 
-/* Second derivative of a loop's errors: of Ra' (pb - pa) and, for the turn, of its rate Ra' (wb - wa). */
-static void loop_drift(const wbc_plan *plan, const wbc_block *block, const double *frames,
-                       const double *motion, const double *accelerations, const double *v,
-                       double *out) {
-    const int64_t nv = plan->tree->nv;
-    const double *frame = frames + block->frame * FRAME_SIZE(nv), *J = frame + FRAME_JACOBIAN;
-    const double *there = held_at(plan, block, frames), *back = there + FRAME_JACOBIAN;
-    const double *a = accelerations + 6 * block->frame, *b = accelerations + 6 * block->other;
-    const double *moving = motion + JOINT_MOTION(nv);
-    const double *w = moving + JOINT_MOTION_SIZE * plan->frame_joint[block->frame] + OMEGA;
-    const double *wa = moving + JOINT_MOTION_SIZE * plan->frame_joint[block->other] + OMEGA;
-    double arm[3], slide[3], all[6], one[3], two[3];
-    for (int i = 0; i < 3; i++) {
-        arm[i] = frame[i] - there[i];
-        slide[i] = dot(nv, J + i * nv, v) - dot(nv, back + i * nv, v);
-        all[i] = a[i] - b[i], all[3 + i] = a[3 + i] - b[3 + i];
-    }
-    cross3(b + 3, arm, one);
-    for (int i = 0; i < 3; i++) all[i] -= one[i];
-    cross3(wa, arm, one);
-    for (int i = 0; i < 3; i++) one[i] -= 2.0 * slide[i];
-    cross3(wa, one, two);
-    cross3(wa, w, one);
-    for (int i = 0; i < 3; i++) all[i] += two[i], all[3 + i] -= one[i];
-    transposed_times3(there + FRAME_ROTATION, all, out);
-    transposed_times3(there + FRAME_ROTATION, all + 3, out + 3);
-}
-
 void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
               const double *frames, const double *motion, const double *accelerations,
-              const double *v, const double *e, double *drift) {
+              const double *q, const double *v, const double *e, double *drift) {
     const int64_t nv = plan->tree->nv, k = block->rows, *chosen = plan->index + block->index;
     const double *weight = plan->number + block->number + WEIGHTS, *own = weight + 3 * k;
     const double *drifts = motion + DRIFTS(nv), *R = 0, *acceleration = 0, *w = 0;
@@ -343,6 +277,9 @@ void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
     case LOOP:
         loop_drift(plan, block, frames, motion, accelerations, v, whole);
         for (int64_t i = 0; i < k; i++) drift[i] += whole[chosen[i]];
+        return;
+    case GEAR:
+        *drift += gear_drift(plan, own, q, v);
         return;
     default: /* joints are coordinates of v */
         return;

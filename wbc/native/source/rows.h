@@ -25,15 +25,27 @@ void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const doubl
 void add_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
                    const double *frames, const double *e, double *work, double *H);
 
-/* Write row i of a LOOP's matrix (nv), times scale, its entries stride apart. */
+/* Rotation vector (3) of R; near half a turn its axis is that of R + R', since sines say little there. */
+void logarithm(const double *R, double *r);
+
+/* Errors of a LOOP; row i of its matrix (nv), times scale, its entries stride apart; second derivatives (6)
+ * of all that it could hold. Source: loops.c. */
+void loop_errors(const wbc_plan *plan, const wbc_block *block, const double *frames, double *e);
 void loop_row(const wbc_plan *plan, const wbc_block *block, const double *frames, int64_t i,
               double scale, double *row, int64_t stride);
+void loop_drift(const wbc_plan *plan, const wbc_block *block, const double *frames,
+                const double *motion, const double *accelerations, const double *v, double *out);
+
+/* Return the error of a GEAR, whose numbers are given, and write its row as loop_row does; its drift. */
+double gear_row(const wbc_plan *plan, const double *gear, const double *q, double scale, double *row,
+                int64_t stride);
+double gear_drift(const wbc_plan *plan, const double *gear, const double *q, const double *v);
 
 /* Second derivatives of a block's errors e at zero acceleration of v; the accelerations (6) are
  * those of the plan's frames. */
 void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
               const double *frames, const double *motion, const double *accelerations,
-              const double *v, const double *e, double *drift);
+              const double *q, const double *v, const double *e, double *drift);
 
 #pragma GCC visibility pop
 

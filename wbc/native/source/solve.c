@@ -9,9 +9,13 @@
 
 #include <string.h>
 
-/* Whether the optimum of the cost alone keeps all bounds and rows: then it is the optimum. */
-WIDE static int is_kept(const reduced *r, int64_t bounded) {
-    if (!least(r->left, r->H, r->left, r->f, r->triangle, r->answer)) return 0;
+/* Whether the optimum of the cost alone keeps all bounds and rows: then it is the optimum. again: its
+ * factors are there already. */
+WIDE static int is_kept(const reduced *r, int64_t bounded, int again) {
+    if (again)
+        least_again(r->left, r->f, r->triangle, r->answer);
+    else if (!least(r->left, r->H, r->left, r->f, r->triangle, r->answer))
+        return 0;
     for (int64_t i = 0; i < bounded; i++) {
         const int64_t row = i - r->left;
         const double value =
@@ -64,14 +68,29 @@ int wbc_sizes(int64_t n, int64_t k, int64_t m, int64_t *sizes) {
     return DONE;
 }
 
+/* The optimum of the cost alone, which keeps all bounds and rows, while ends are corrected by it. */
+static void correct(const wbc_qp *qp, reduced *r, int64_t bounded, const solving *how) {
+    for (;;) {
+        lift_point(qp, r);
+        if (!how->correct(how->at, qp, how->change, 0)) return;
+        renew(qp, r);
+        if (is_kept(r, bounded, 1)) continue;
+        how->correct(how->at, qp, how->change, 1); /* back to where it kept them */
+        renew(qp, r);
+        is_kept(r, bounded, 1);
+        return;
+    }
+}
+
 int solve(const wbc_qp *qp, const solving *how, double *scratch, int64_t *order) {
     reduced r;
     place(qp, scratch, order, &r);
     const int64_t bounded = reduce(qp, &r, how->usual, how->pivoted);
     if (bounded < 0) return fail(qp, &r, bounded, 0);
-    if (!how->always && is_kept(&r, bounded) &&
-        conclude(qp, &r, how->give, how->accuracy, 0) == DONE)
-        return DONE;
+    if (!how->always && is_kept(&r, bounded, 0)) {
+        if (how->correct) correct(qp, &r, bounded, how);
+        if (conclude(qp, &r, how->give, how->accuracy, 0) == DONE) return DONE;
+    }
     qp->found[0] = (double)(bounded - r.left);
     return how->outside ? REDUCED : solve_reduced(qp, how, scratch, order, 0, 0, 1.0, 0);
 }
@@ -92,9 +111,27 @@ int solve_reduced(const wbc_qp *qp, const solving *how, double *scratch, int64_t
     return conclude(qp, &r, how->give, how->accuracy, iterations);
 }
 
+int prepare(const wbc_qp *qp, double *scratch, int64_t *order) {
+    reduced r;
+    place(qp, scratch, order, &r);
+    if (reduce(qp, &r, 0, 0) < 0) return UNSOLVED;
+    return least(r.left, r.H, r.left, r.f, r.triangle, r.answer) ? DONE : UNSOLVED;
+}
+
+int solve_again(const wbc_qp *qp, const solving *how, double *scratch, int64_t *order) {
+    reduced r;
+    resume(qp, scratch, order, &r);
+    renew(qp, &r);
+    const int64_t bounded = bounds_left(qp, &r);
+    if (is_kept(&r, bounded, 1)) return conclude(qp, &r, how->give, how->accuracy, 0);
+    const int64_t iterations = ask(&r, bounded, how->give, qp->m, how->most, how->work);
+    if (iterations < 0) return fail(qp, &r, iterations, 1);
+    return conclude(qp, &r, how->give, how->accuracy, iterations);
+}
+
 int wbc_solve_qp(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
                  int64_t *order) {
     const int64_t integers = reduced_integers(qp->n, qp->k);
-    const solving how = {give, 0, order + integers, most, 1.0, 1, 0, 0};
+    const solving how = {give, 0, order + integers, most, 1.0, 1, 0, 0, 0, 0, 0};
     return is_qp(qp) ? solve(qp, &how, scratch, order) : NOT_FINITE;
 }

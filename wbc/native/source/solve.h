@@ -16,6 +16,11 @@ typedef struct {
     int pivoted;        /* whether equalities may nearly repeat each other */
     int outside;        /* whether others solve what is left: REDUCED */
     int always;         /* whether it is solved where the optimum of the cost alone would do, too */
+    /* or 0: by x of the QP changes its ends b, for it to be solved again; false if there is no need. undo:
+     * takes the last change back. */
+    int (*correct)(const void *at, const wbc_qp *qp, double *change, int undo);
+    const void *at;
+    double *change; /* (k) */
 } solving;
 
 /* Write the answer of a QP: DONE, UNSOLVED, INFEASIBLE or REDUCED. Then, scratch and order as they were
@@ -23,6 +28,10 @@ typedef struct {
 int solve(const wbc_qp *qp, const solving *how, double *scratch, int64_t *order);
 int solve_reduced(const wbc_qp *qp, const solving *how, double *scratch, int64_t *order,
                   const double *x, const double *z, double scale, int64_t iterations);
+/* Make ready to solve a QP again; then, as often as its ends b are changed, scratch and order as they were
+ * left, write its answer: DONE, or why there is none. */
+int prepare(const wbc_qp *qp, double *scratch, int64_t *order);
+int solve_again(const wbc_qp *qp, const solving *how, double *scratch, int64_t *order);
 
 #pragma GCC visibility pop
 

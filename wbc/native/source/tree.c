@@ -32,13 +32,11 @@ static void from_quaternion(const double *xyzw, double *R) {
     R[6] = 2.0 * (x * z - y * w), R[7] = 2.0 * (y * z + x * w), R[8] = 1.0 - 2.0 * (x * x + y * y);
 }
 
-/* Rotation of a joint, and its origin from the base's. */
-static void place(const wbc_tree *tree, int64_t j, const double *q, double *rotations,
-                  double *arms) {
-    const double *P = tree->placement + 12 * j, *axis = tree->axis + 3 * j, *value;
-    const double *parent = rotations + 9 * tree->parent[j];
-    double local[9], shift[3], turn[3];
-    value = q + tree->iq[j];
+/* Rotation of a joint in its parent, and its origin there, by its coordinates in q. */
+static void place_in_parent(const wbc_tree *tree, int64_t j, const double *value, double *local,
+                            double *shift) {
+    const double *P = tree->placement + 12 * j, *axis = tree->axis + 3 * j;
+    double turn[3];
     for (int i = 0; i < 3; i++) shift[i] = P[9 + i];
     switch (tree->kind[j]) {
     case REVOLUTE:
@@ -52,6 +50,14 @@ static void place(const wbc_tree *tree, int64_t j, const double *q, double *rota
         for (int i = 0; i < 9; i++) local[i] = P[i];
         for (int i = 0; i < 3; i++) shift[i] += value[0] * turn[i];
     }
+}
+
+/* Rotation of a joint, and its origin from the base's. */
+static void place(const wbc_tree *tree, int64_t j, const double *q, double *rotations,
+                  double *arms) {
+    const double *parent = rotations + 9 * tree->parent[j];
+    double local[9], shift[3], turn[3];
+    place_in_parent(tree, j, q + tree->iq[j], local, shift);
     product3(parent, local, rotations + 9 * j);
     times3(parent, shift, turn);
     for (int i = 0; i < 3; i++) arms[3 * j + i] = arms[3 * tree->parent[j] + i] + turn[i];
@@ -161,18 +167,37 @@ static void integrate_base(const double *from, const double *u, const double *w,
     for (int i = 3; i < 7; i++) to[i] /= norm;
 }
 
+/* Coordinates of a joint, moved by some angle or way. */
+static void integrate_joint(int64_t kind, const double *from, double by, double *to) {
+    if (kind == CONTINUOUS) {
+        const double c = cos(by), s = sin(by);
+        to[0] = from[0] * c - from[1] * s, to[1] = from[1] * c + from[0] * s;
+    } else
+        to[0] = from[0] + by;
+}
+
 int wbc_integrate(const wbc_tree *tree, const double *q, const double *step, double *out) {
     integrate_base(q, step, step + 3, out);
-    for (int64_t j = 2; j < tree->joints; j++) {
-        const double *from = q + tree->iq[j], by = step[tree->iv[j]];
-        double *to = out + tree->iq[j];
-        if (tree->kind[j] == CONTINUOUS) {
-            const double c = cos(by), s = sin(by);
-            to[0] = from[0] * c - from[1] * s, to[1] = from[1] * c + from[0] * s;
-        } else
-            to[0] = from[0] + by;
-    }
+    for (int64_t j = 2; j < tree->joints; j++)
+        integrate_joint(tree->kind[j], q + tree->iq[j], step[tree->iv[j]], out + tree->iq[j]);
     return 0;
+}
+
+void moved_joint(const wbc_tree *tree, int64_t j, const double *q, const double *v, double dt,
+                 double *pose) {
+    const double *P = tree->placement + 12 * j;
+    double value[7], step[6], local[9];
+    if (j == 1) {
+        for (int i = 0; i < 6; i++) step[i] = dt * v[i];
+        integrate_base(q, step, step + 3, value);
+        from_quaternion(value + 3, local);
+        product3(P, local, pose);
+        times3(P, value, pose + 9);
+        for (int i = 0; i < 3; i++) pose[9 + i] += P[9 + i];
+        return;
+    }
+    integrate_joint(tree->kind[j], q + tree->iq[j], dt * v[tree->iv[j]], value);
+    place_in_parent(tree, j, value, pose, pose + 9);
 }
 
 int64_t configuration_size(const wbc_tree *tree) {

@@ -15,6 +15,10 @@ int64_t configuration_size(const wbc_tree *tree);
 /* v, or where it lies behind q if v is 0. */
 const double *velocity_of(const wbc_tree *tree, const double *q, const double *v);
 
+/* Write rotation and origin (12) of a joint in its parent, once it has moved from q by v dt. */
+void moved_joint(const wbc_tree *tree, int64_t j, const double *q, const double *v, double dt,
+                 double *pose);
+
 /* Write rotations and origins of all joints at q into a state; arms holds 3 numbers a joint. */
 void place_joints(const wbc_tree *tree, const double *q, double *state, double *arms);
 

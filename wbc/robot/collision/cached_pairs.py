@@ -1,7 +1,7 @@
 """A robot's bodies and pairs, kept in the cache: meshes need not be read to keep them apart.
 
-Fitting shapes to the meshes of a G1 and looking for pairs takes ten seconds and more, and reading
-what was fitted to each mesh, and the mesh, still takes three. So what came of it all is kept, too,
+Fitting shapes to the meshes of a G1 and looking for pairs takes seconds, and reading
+what was fitted to each mesh, and the mesh, takes most of them. So what came of it all is kept, too,
 under a digest of everything that it was made of: the description, every byte of its meshes, joints,
 limits, postures and what was asked for.
 """

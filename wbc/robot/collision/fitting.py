@@ -23,13 +23,16 @@ from scipy.spatial import ConvexHull, QhullError
 
 import wbc.files as files  # "from wbc" would look among the rooms first
 from wbc.files import CACHE_VARIABLE as CACHE_VARIABLE
+from wbc.native import doubles, lib
 from wbc.robot.collision.shapes import Capsule, Hull, Solid
 from wbc.validate import Array
 
 DIRECTIONS = 128  # in which a hull keeps the farthest vertex
 FEW = 8  # and with which a close hull begins
 ROUNDING = 1e-9  # m, added to every radius: "inside" must survive rounding
+NEARLY = 1e-6  # m: Coal's distances are right to that
 THINNEST = 1e-4  # m: flat points get a box of this thickness
+STEPS, ACCURACY = 600, (1e-5, 1e-12)  # of the search for a capsule; [m], [m^3]
 _SAMPLES = 400
 VERSION = 2  # of the fit and of the file: change it, and everything is fitted again
 
@@ -48,7 +51,7 @@ def fit_capsule(points: Array, pad: float = 0.0) -> Fit:
     The two ends are free, the radius is the distance of the farthest point: whatever the search
     (Nelder and Mead, from the principal axes) ends at, nothing sticks out.
     """
-    corners = _corners(points)
+    corners = hull_corners(points)
     few = _farthest(corners, _directions(DIRECTIONS))
     middle, size = few.mean(axis=0), float(np.ptp(few, axis=0).max()) + THINNEST
     axes = np.linalg.svd(few - middle, full_matrices=True)[2]
@@ -73,18 +76,20 @@ def fit_hull(points: Array, pad: float = 0.0) -> Fit:
 
     Kept are the farthest points in many directions; the radius is how far the others stick out.
     """
-    corners = _corners(points)
+    corners = hull_corners(points)
     if _is_flat(corners):
         corners = _thick_box(corners)
     return _rounded_hull(_farthest(corners, _directions(DIRECTIONS)), corners, pad)
 
 
-def fit_close_hull(points: Array, tolerance: float) -> Fit:
+def fit_close_hull(points: Array, tolerance: float, corners: Array | None = None) -> Fit:
     """Return a rounded hull of few corners whose radius is about ``tolerance`` [m], or less.
 
     To the farthest points in a few directions those are added that stick out most of a face.
+    ``corners`` are :func:`hull_corners` of the points, where they are known.
     """
-    corners = _corners(points)
+    if corners is None:
+        corners = hull_corners(points)
     if _is_flat(corners):
         corners = _thick_box(corners)
     kept = _farthest(corners, _directions(FEW))
@@ -101,10 +106,10 @@ def fit_close_hull(points: Array, tolerance: float) -> Fit:
 
 
 def _rounded_hull(kept: Array, corners: Array, pad: float) -> Fit:
-    kept = _corners(kept)
+    kept = hull_corners(kept)
     if _is_flat(kept):
         kept = _thick_box(corners)
-    excess = float(_to_hull(corners, kept).max())
+    excess = _farthest_from_hull(corners, kept)
     radius = (excess + ROUNDING if excess > 0.0 else 0.0) + pad
     return Fit(Hull(kept.copy(), radius), radius)
 
@@ -129,30 +134,29 @@ def contains(shape: Solid, points: Array) -> bool:
     elif _is_flat(shape.vertices):
         return False
     else:
-        outside = _to_hull(points, shape.vertices)
+        outside = np.array(_farthest_from_hull(points, shape.vertices))
     return bool((outside <= shape.radius + ROUNDING).all())
 
 
 def convex(vertices: Array) -> coal.Convex:
     """Return coal's polytope with these corners (k, 3), not all in one plane."""
-    faces = ConvexHull(vertices).simplices
-    points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    for vertex in vertices:
-        points.append(vertex)
-    for a, b, c in faces.tolist():
-        triangles.append(coal.Triangle(a, b, c))
-    return coal.Convex(points, triangles)
+    return _polytope(vertices, ConvexHull(vertices))
+
+
+def _polytope(vertices: Array, hull: ConvexHull) -> coal.Convex:
+    mesh = coal.BVHModelOBBRSS()  # it takes arrays, where polytopes take triangle by triangle
+    mesh.beginModel(len(hull.simplices), len(vertices))
+    mesh.addVertices(np.ascontiguousarray(vertices))
+    mesh.addTriangles(hull.simplices.astype(np.int64))
+    mesh.buildConvexRepresentation(False)
+    return mesh.convex
 
 
 def _search(points: Array, start: Array, size: float) -> Array:
     """Return the ends (6,) of a capsule round ``points`` with a small volume."""
-    from scipy.optimize import minimize  # only here: it takes a while to load
-
-    simplex = np.concatenate((start[None], start + size * np.eye(6)))
-    options = {"maxiter": 600, "xatol": 1e-5, "fatol": 1e-12, "initial_simplex": simplex}
-    return np.asarray(
-        minimize(_volume, start, args=(points,), method="Nelder-Mead", options=options).x
-    )
+    ends = start.copy()
+    lib.wbc_fit_capsule(len(points), doubles(points), size, STEPS, *ACCURACY, doubles(ends))
+    return ends
 
 
 def _trimmed(ends: Array, points: Array) -> Array:
@@ -197,28 +201,68 @@ def _nearest(points: Array, ends: Array) -> Array:
     return begin + share[:, None] * along
 
 
-def _to_hull(points: Array, vertices: Array) -> Array:
-    """Return how far outside the hull of ``vertices`` the points are (k,), 0 inside."""
-    hull = convex(vertices)
-    planes = ConvexHull(vertices).equations
-    outside = (points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-    found = np.zeros(len(points))
-    beyond = np.flatnonzero(outside > 0.0)
-    # A corner of a mesh comes once with each of its triangles; its distance is asked for once.
-    places, which = np.unique(points[beyond], axis=0, return_inverse=True)
-    apart, request = np.empty(len(places)), coal.DistanceRequest()
+def _farthest_from_hull(points: Array, vertices: Array, inner: Array | None = None) -> float:
+    """Return how far outside the hull of ``vertices`` points (k, 3) are at most; 0: all are inside.
+
+    A point is no farther from the hull than from any face of a hull within it, of the same vertices
+    or of ``inner`` ones, which may be fewer: asked for are the distances of those alone that may
+    be the farthest.
+    """
+    hull = ConvexHull(vertices)
+    most = _to_some_face(points, vertices if inner is None else inner) + NEARLY
+    polytope, normals, offsets = None, hull.equations[:, :3], hull.equations[:, 3]
     still, place, speck = coal.Transform3s(), coal.Transform3s(), coal.Sphere(1e-12)
-    for k, point in enumerate(places):
-        place.setTranslation(point)
-        apart[k] = coal.distance(hull, still, speck, place, request, coal.DistanceResult())
-    found[beyond] = np.maximum(apart[which.ravel()], outside[beyond])
-    return found
+    request, farthest = coal.DistanceRequest(), 0.0
+    for k in np.argsort(-most).tolist():
+        if most[k] <= farthest:
+            break
+        outside = float((normals @ points[k] + offsets).max())
+        if outside <= 0.0:
+            continue
+        polytope = polytope or _polytope(vertices, hull)
+        place.setTranslation(points[k])
+        apart = coal.distance(polytope, still, speck, place, request, coal.DistanceResult())
+        farthest = max(farthest, apart, outside)
+    return farthest
+
+
+def _to_some_face(points: Array, vertices: Array) -> Array:
+    """Return the distance (k,) of points to the face of a hull that they are farthest outside of.
+
+    Minus infinity of points that are inside.
+    """
+    hull = ConvexHull(vertices)
+    over = points @ hull.equations[:, :3].T + hull.equations[:, 3]
+    face = over.argmax(axis=1)
+    apart = _to_triangles(points, vertices[hull.simplices[face]])
+    return np.where(over[np.arange(len(points)), face] > 0.0, apart, -np.inf)
+
+
+def _to_triangles(points: Array, triangles: Array) -> Array:
+    """Return the distance (k,) of points (k, 3) to a triangle (k, 3, 3) each."""
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    nearest = np.full(len(points), np.inf)
+    for begin, end in ((a, b), (b, c), (c, a)):
+        along = end - begin
+        squared = np.maximum(np.einsum("ki,ki->k", along, along), 1e-300)
+        share = np.einsum("ki,ki->k", points - begin, along) / squared
+        away = points - begin - np.clip(share, 0.0, 1.0)[:, None] * along
+        nearest = np.minimum(nearest, np.linalg.norm(away, axis=1))
+    normal = np.cross(b - a, c - a)
+    inside = np.ones(len(points), dtype=bool)
+    for begin, end in ((a, b), (b, c), (c, a)):
+        side = np.cross(normal, end - begin)
+        inside &= np.einsum("ki,ki->k", points - begin, side) >= 0.0
+    size = np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
+    height = np.abs(np.einsum("ki,ki->k", points - a, normal)) / size
+    return np.where(inside, height, nearest)
 
 
 def _bulge(capsule: Capsule, corners: Array) -> float:
     """Return how far the capsule's surface is from the hull of ``corners``, by samples."""
     if _is_flat(corners):
         corners = _thick_box(corners)
+    few = _farthest(corners, _directions(DIRECTIONS))
     rays = _directions(_SAMPLES)
     axis = capsule.ends[1] - capsule.ends[0]
     ends = np.where((rays @ axis > 0.0)[:, None], capsule.ends[1], capsule.ends[0])
@@ -226,7 +270,8 @@ def _bulge(capsule: Capsule, corners: Array) -> float:
     across = rays - np.outer(rays @ axis, axis) / max(float(axis @ axis), 1e-18)
     across /= np.maximum(np.linalg.norm(across, axis=1), 1e-9)[:, None]
     barrel = capsule.ends[0] + share * axis + capsule.radius * across
-    return float(_to_hull(np.concatenate((ends + capsule.radius * rays, barrel)), corners).max())
+    samples = np.concatenate((ends + capsule.radius * rays, barrel))
+    return _farthest_from_hull(samples, corners, corners if _is_flat(few) else few)
 
 
 def _directions(count: int) -> Array:
@@ -244,7 +289,7 @@ def _farthest(points: Array, directions: Array) -> Array:
     return points[np.unique(np.argmax(directions @ points.T, axis=1))]
 
 
-def _corners(points: Array) -> Array:
+def hull_corners(points: Array) -> Array:
     """Return the corners of the convex hull of points (k, 3); all of them if they are flat."""
     if _is_flat(points):
         return np.unique(points, axis=0)

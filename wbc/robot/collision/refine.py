@@ -11,15 +11,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from wbc.robot.collision.bodies import named_shapes, simple_shape
-from wbc.robot.collision.fitting import Fit, cached_fit, convex, fit_close_hull
+from wbc.robot.collision.fitting import Fit, cached_fit, convex, fit_close_hull, hull_corners
 from wbc.robot.collision.shapes import Body, Hull, moved
 from wbc.robot.geometry import triangulated
 from wbc.robot.model import Robot
@@ -44,25 +45,50 @@ class FinerPair(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
+class _Triangles:
+    """Triangles (m, 3) of some vertices (k, 3)."""
+
+    vertices: Array
+    faces: NDArray[np.int64]
+
+    @cached_property
+    def corners(self) -> Array:
+        """(m, 3, 3) of the triangles."""
+        return self.vertices[self.faces]
+
+    @property
+    def points(self) -> Array:
+        """(3 m, 3), the same."""
+        return self.corners.reshape(-1, 3)
+
+    @cached_property
+    def hull(self) -> Array:
+        """Corners of the hull round them: asked for with every tolerance."""
+        return hull_corners(self.points)
+
+
+@dataclass(frozen=True, eq=False)
 class _Part:
-    """A part of a raw shape: triangles (m, 3, 3) in its own frame, none if it cannot be cut."""
+    """A part of a raw shape: triangles in its own frame, none if it cannot be cut."""
 
     fit: Fit
-    triangles: Array
+    triangles: _Triangles
     geometry: coal.ShapeBase
 
     @classmethod
-    def of(cls, triangles: Array, tolerance: float) -> _Part:
-        make = partial(fit_close_hull, tolerance=tolerance)
-        fit = cached_fit(f"close {tolerance}", make, triangles.reshape(-1, 3))
-        return cls(fit, triangles, convex(fit.shape.core))
+    def of(cls, surface: _Triangles, tolerance: float) -> _Part:
+        def make(points: Array) -> Fit:
+            return fit_close_hull(points, tolerance, surface.hull)
+
+        fit = cached_fit(f"close {tolerance}", make, surface.points)
+        return cls(fit, surface, convex(fit.shape.core))
 
     @property
     def size(self) -> float:
         """Length of its longest side [m]; 0 if it cannot be cut."""
-        if len(self.triangles) < 2:
+        if len(self.triangles.faces) < 2:
             return 0.0
-        return float(np.ptp(self.triangles.reshape(-1, 3), axis=0).max())
+        return float(np.ptp(self.triangles.points, axis=0).max())
 
     @property
     def radius(self) -> float:
@@ -71,13 +97,17 @@ class _Part:
 
     def halves(self) -> list[_Part]:
         """Return two parts, cut across the longest side; a triangle goes where its middle is."""
-        axis = int(np.argmax(np.ptp(self.triangles.reshape(-1, 3), axis=0)))
-        middles = self.triangles.mean(axis=1)[:, axis]
+        surface = self.triangles
+        axis = int(np.argmax(np.ptp(surface.points, axis=0)))
+        middles = surface.corners.mean(axis=1)[:, axis]
         order = np.argsort(middles, kind="stable")
         cut = int(np.searchsorted(middles[order], 0.5 * (middles.min() + middles.max())))
         cut = min(max(cut, 1), len(order) - 1)
-        halves = self.triangles[order[:cut]], self.triangles[order[cut:]]
-        return [_Part.of(half, TOLERANCES[-1]) for half in halves]
+        halves = surface.faces[order[:cut]], surface.faces[order[cut:]]
+        return [_Part.of(_Triangles(surface.vertices, half), TOLERANCES[-1]) for half in halves]
+
+
+NONE = _Triangles(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
 
 
 class FinerShapes:
@@ -87,6 +117,7 @@ class FinerShapes:
         self._bodies = bodies
         self._shapes = {name: shape for name, _, shape in named_shapes(robot)}
         self._standing = robot.snapshot(robot.postures[STANDING])
+        self._surfaces: dict[str, _Triangles] = {}
         self._whole: dict[tuple[str, float], _Part] = {}
         self._made: dict[_Part, Body] = {}
         self._cut = Counter[str]()  # parts made of each body
@@ -148,12 +179,14 @@ class FinerShapes:
         if key not in self._whole:
             geometry = self._shapes[name].geometry
             if isinstance(geometry, coal.BVHModelBase):
-                surface = triangulated(geometry)
-                self._whole[key] = _Part.of(surface.vertices[surface.faces], tolerance)
+                if name not in self._surfaces:
+                    surface = triangulated(geometry)
+                    self._surfaces[name] = _Triangles(surface.vertices, surface.faces)
+                self._whole[key] = _Part.of(self._surfaces[name], tolerance)
             else:
                 fit = simple_shape(geometry, "hull", name)
                 core = convex(fit.shape.core) if isinstance(fit.shape, Hull) else geometry
-                self._whole[key] = _Part(fit, np.zeros((0, 3, 3)), core)
+                self._whole[key] = _Part(fit, NONE, core)
         return self._whole[key]
 
     def _named(self, body: int, parts: Sequence[_Part]) -> tuple[Body, ...]:

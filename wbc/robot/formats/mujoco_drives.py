@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.errors import listed
-from wbc.robot.formats.mujoco_part import Names, RobotPart, motors_on_joints
+from wbc.robot.formats.mujoco_part import Names, RobotPart, acting_motors, motors_on_joints
 from wbc.robot.formats.mujoco_tree import kind_of
 from wbc.robot.limits import BASE_NV
 from wbc.robot.passive import GravityCompensation, PassiveForces, Spring
+
+Range = tuple[float, float]
+ANY: Range = (-math.inf, math.inf)
 
 
 def set_joints(mujoco: Any, model: Any, part: RobotPart, names: Names, tree: pin.Model) -> None:
@@ -21,8 +23,10 @@ def set_joints(mujoco: Any, model: Any, part: RobotPart, names: Names, tree: pin
     rotors = _rotors(mujoco, model)
     motors = _motors(mujoco, model)
     disabled = int(model.opt.disableflags)
-    damped = not disabled & _flag(mujoco, "mjDSBL_DAMPER")
-    rubbed = not disabled & int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
+    damping = _damping(mujoco, model)
+    rubbed = not disabled & (
+        int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    )
     for joint in part.joints:
         if kind_of(mujoco, model, joint) == "ball":
             continue
@@ -34,10 +38,11 @@ def set_joints(mujoco: Any, model: Any, part: RobotPart, names: Names, tree: pin
         tree.lowerPositionLimit[q], tree.upperPositionLimit[q] = low, high
         dof = int(model.jnt_dofadr[joint])
         tree.armature[v] = float(model.dof_armature[dof]) + rotors.get(joint, 0.0)
-        tree.damping[v] = float(model.dof_damping[dof]) if damped else 0.0
+        tree.damping[v] = damping[joint][0]
         friction = float(model.dof_frictionloss[dof]) if rubbed else 0.0
         tree.lowerDryFrictionLimit[v], tree.upperDryFrictionLimit[v] = -friction, friction
-        effort = min(motors.get(joint, math.inf), _joint_force(model, joint))
+        pull, joint_force = motors.get(joint, ANY), _joint_force(model, joint)
+        effort = min(_both_ways(*pull), joint_force)
         tree.lowerEffortLimit[v], tree.upperEffortLimit[v] = -effort, effort
         tree.lowerVelocityLimit[v], tree.upperVelocityLimit[v] = -math.inf, math.inf
 
@@ -71,33 +76,71 @@ def _rotors(mujoco: Any, model: Any) -> dict[int, float]:
     return found
 
 
-def _motors(mujoco: Any, model: Any) -> dict[int, float]:
-    """Return the torque [N m] or force [N] that the motors of each joint give both ways."""
-    found: dict[int, float] = {}
+def _damping(mujoco: Any, model: Any) -> dict[int, tuple[float, float, float]]:
+    """Return b, b1 and b2 of what damps each joint, -(b v + b1 v |v| + b2 v^3).
+
+    Actuators do, too (newer MuJoCo), times the square of ``gear``, whatever the power.
+    """
+    found = {}
+    off = int(model.opt.disableflags) & _flag(mujoco, "mjDSBL_DAMPER")
+    for joint in range(model.njnt):
+        dof = int(model.jnt_dofadr[joint])
+        own = float(model.dof_damping[dof]), *_higher(model, "dof_dampingpoly", dof)
+        found[joint] = (0.0, 0.0, 0.0) if off else own
+    if off or not hasattr(model, "actuator_damping"):
+        return found
     for motor, joint in motors_on_joints(mujoco, model).items():
-        found[joint] = found.get(joint, 0.0) + _motor_force(mujoco, model, motor)
+        felt = float(model.actuator_gear[motor, 0]) ** 2
+        own = float(model.actuator_damping[motor]), *_higher(model, "actuator_dampingpoly", motor)
+        b, b1, b2 = found[joint]
+        found[joint] = b + felt * own[0], b1 + felt * own[1], b2 + felt * own[2]
     return found
 
 
-def _motor_force(mujoco: Any, model: Any, motor: int) -> float:
-    gear, force = abs(float(model.actuator_gear[motor, 0])), math.inf
+def _motors(mujoco: Any, model: Any) -> dict[int, Range]:
+    """Return the range of torque [N m] or force [N] that the motors of each joint give together."""
+    found: dict[int, Range] = {}
+    for motor, joint in acting_motors(mujoco, model).items():
+        low, high = found.get(joint, (0.0, 0.0))
+        own = _motor_force(mujoco, model, motor)
+        found[joint] = low + own[0], high + own[1]
+    return found
+
+
+def _motor_force(mujoco: Any, model: Any, motor: int) -> Range:
+    gear, force = float(model.actuator_gear[motor, 0]), ANY
     if model.actuator_forcelimited[motor]:
-        force = _both_ways(*model.actuator_forcerange[motor].tolist())
+        force = _range(model.actuator_forcerange[motor])
     plain = (
         model.actuator_gaintype[motor] == mujoco.mjtGain.mjGAIN_FIXED
         and model.actuator_biastype[motor] == mujoco.mjtBias.mjBIAS_NONE
         and model.actuator_dyntype[motor] == mujoco.mjtDyn.mjDYN_NONE
     )
     if plain and model.actuator_ctrllimited[motor]:  # force in proportion to the control
-        gain = abs(float(model.actuator_gainprm[motor, 0]))
-        control = gain * _both_ways(*model.actuator_ctrlrange[motor].tolist())
-        force = min(force, control if gain else 0.0)
-    return gear * force if gear else 0.0
+        control = _scaled(
+            _range(model.actuator_ctrlrange[motor]), float(model.actuator_gainprm[motor, 0])
+        )
+        low, high = max(force[0], control[0]), min(force[1], control[1])
+        force = (low, high) if low <= high else force
+    return _scaled(force, gear)
+
+
+def _range(values: Any) -> Range:
+    low, high = np.asarray(values, dtype=float).tolist()
+    return low, high
+
+
+def _scaled(range_: Range, by: float) -> Range:
+    """Return a range times a number; of nothing, 0."""
+    if by == 0.0:
+        return 0.0, 0.0
+    low, high = sorted((by * range_[0], by * range_[1]))
+    return low, high
 
 
 def undriven(mujoco: Any, model: Any, part: RobotPart, names: Names) -> tuple[str, ...] | None:
     """Return the joints that no motor drives; None if the file has no motors."""
-    driven = {*motors_on_joints(mujoco, model).values()} & {*part.joints}
+    driven = {*acting_motors(mujoco, model).values()} & {*part.joints}
     return tuple(names.joints[k] for k in part.joints if k not in driven) if driven else None
 
 
@@ -110,13 +153,16 @@ def drive_notes(
     """
     notes = []
     mine = {*part.joints}
-    acting = motors_on_joints(mujoco, model)
-    elsewhere = [names.actuators[k] for k in range(model.nu) if k not in acting]
+    every, acting = motors_on_joints(mujoco, model), acting_motors(mujoco, model)
+    elsewhere = [names.actuators[k] for k in range(model.nu) if k not in every]
     if elsewhere:
         notes.append(
             f"actuators that act on no single joint (tendons, sites, bodies) are not read:"
             f" {listed(elsewhere)}"
         )
+    if off := [names.actuators[k] for k in every if k not in acting]:
+        notes.append(f"actuators of groups that the file switches off drive nothing: {listed(off)}")
+    notes += _switches(mujoco, model, part)
     driven = {joint for joint in acting.values() if joint in mine}
     still = undriven(mujoco, model, part, names)
     if still:
@@ -124,7 +170,8 @@ def drive_notes(
         notes.append(f"no motor of the file drives {listed(still)}; {here}")
     elif still is None and looped:
         notes.append("the file has no motors: here each joint has one, but for unactuated=[...]")
-    one_way = [names.joints[j] for j in sorted(driven) if _one_sided(model, acting, j)]
+    pulls = _motors(mujoco, model)
+    one_way = [names.joints[j] for j in sorted(driven) if _is_one_way(model, pulls[j], j)]
     if one_way:
         notes.append(
             f"motors that the file lets pull one way only are taken to pull both ways:"
@@ -147,22 +194,22 @@ def drive_notes(
     return tuple(notes)
 
 
-def _one_sided(model: Any, acting: Mapping[int, int], joint: int) -> bool:
-    ranges = [
-        model.actuator_forcerange[k]
-        for k, on in acting.items()
-        if on == joint and model.actuator_forcelimited[k]
-    ]
-    ranges += [
-        model.actuator_ctrlrange[k]
-        for k, on in acting.items()
-        if on == joint
-        and model.actuator_ctrllimited[k]
-        and not model.actuator_forcelimited[k]
-        and model.actuator_biastype[k] == 0
-    ]
+def _switches(mujoco: Any, model: Any, part: RobotPart) -> list[str]:
+    """Return notes of what the file switches off and is used here all the same."""
+    bits, disabled, found = mujoco.mjtDisableBit, int(model.opt.disableflags), list[str]()
+    if disabled & int(bits.mjDSBL_ACTUATION) and model.nu:
+        found.append("the file switches all motors off; here they act")
+    no_limits = int(bits.mjDSBL_LIMIT) | int(bits.mjDSBL_CONSTRAINT)
+    if disabled & no_limits and any(model.jnt_limited[joint] for joint in part.joints):
+        found.append("the file switches limits of joints off; here its ranges are kept")
+    return found
+
+
+def _is_one_way(model: Any, pull: Range, joint: int) -> bool:
+    """Whether motors together, or what a joint takes of them, pull one way only."""
+    ranges = [pull]
     if model.jnt_actfrclimited[joint]:
-        ranges.append(model.jnt_actfrcrange[joint])
+        ranges.append(_range(model.jnt_actfrcrange[joint]))
     return any(low * high >= 0.0 and low != high for low, high in ranges)
 
 
@@ -177,21 +224,21 @@ def passive_forces(mujoco: Any, model: Any, part: RobotPart, names: Names) -> Pa
     """Return the springs, gravity compensation and curved damping of the robot's part."""
     disabled = int(model.opt.disableflags)
     sprung = not disabled & _flag(mujoco, "mjDSBL_SPRING")
-    damped = not disabled & _flag(mujoco, "mjDSBL_DAMPER")
+    damping = _damping(mujoco, model)
     springs, curves = dict[str, Spring](), dict[str, tuple[float, float]]()
     for joint in part.joints:
         if kind_of(mujoco, model, joint) == "ball":
             continue
-        name, dof = names.joints[joint], int(model.jnt_dofadr[joint])
+        name = names.joints[joint]
         k = float(model.jnt_stiffness[joint])
         k1, k2 = _higher(model, "jnt_stiffnesspoly", joint)
         if sprung and (k or k1 or k2):
             rest = float(model.qpos_spring[model.jnt_qposadr[joint]])
             springs[name] = Spring(k, (k1, k2), rest)
-        curve = _higher(model, "dof_dampingpoly", dof)
-        if damped and any(curve):
+        if any(curve := damping[joint][1:]):
             curves[name] = curve
     heavy = not disabled & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    heavy = heavy and bool(np.any(np.asarray(model.body_gravcomp) > 0.0))  # else MuJoCo skips it
     lifts = tuple(
         GravityCompensation(
             names.bodies[body],

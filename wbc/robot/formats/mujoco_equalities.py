@@ -147,7 +147,9 @@ def _ends(mujoco: Any, model: Any, number: int) -> tuple[list[int], list[pin.SE3
 
 def _active(mujoco: Any, model: Any) -> list[int]:
     """Return the numbers of the constraints that act."""
-    if int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EQUALITY):
+    bits = mujoco.mjtDisableBit
+    off = int(bits.mjDSBL_EQUALITY) | int(bits.mjDSBL_CONSTRAINT)
+    if int(model.opt.disableflags) & off:
         return []
     return [number for number in range(model.neq) if model.eq_active0[number]]
 

@@ -115,7 +115,7 @@ def _loose(mujoco: Any, model: Any, roots: list[int], joints: list[int]) -> tupl
     balls = kinds.count(int(mujoco.mjtJoint.mjJNT_BALL))
     if len(slides) != 3 or len(turning) + balls != 1 or len(own) != 3 + len(hinges) + balls:
         return ()
-    driven = {*motors_on_joints(mujoco, model).values()} & {*own}
+    driven = {*acting_motors(mujoco, model).values()} & {*own}
     spanned = [abs(float(np.linalg.det(model.jnt_axis[axes]))) for axes in (slides, *turning)]
     return () if driven or min(spanned) < SPANNED else tuple(own)
 
@@ -152,6 +152,16 @@ def motors_on_joints(mujoco: Any, model: Any) -> dict[int, int]:
         motor: int(model.actuator_trnid[motor, 0])
         for motor in range(model.nu)
         if int(model.actuator_trntype[motor]) in kinds
+    }
+
+
+def acting_motors(mujoco: Any, model: Any) -> dict[int, int]:
+    """Return :func:`motors_on_joints` but for those of groups that the file switches off."""
+    off = int(getattr(model.opt, "disableactuator", 0))
+    return {
+        motor: joint
+        for motor, joint in motors_on_joints(mujoco, model).items()
+        if not off >> int(model.actuator_group[motor]) & 1
     }
 
 

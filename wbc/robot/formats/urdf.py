@@ -333,6 +333,9 @@ def _check_origin(element: ET.Element, where: str) -> None:
             numbers(origin, key, 3, where, LARGEST)
 
 
+INFINITE = ("inf", "+inf", "infinity", "+infinity"), ("-inf", "-infinity")
+
+
 def _complete_limit(joint: ET.Element, where: str) -> None:
     """Check a moving joint's limits, and write the missing ones as the parser accepts them."""
     limit = joint.find("limit")
@@ -341,6 +344,10 @@ def _complete_limit(joint: ET.Element, where: str) -> None:
     if joint.get("type") != "continuous" and not {"lower", "upper"} & set(limit.attrib):
         limit.set("lower", str(-UNLIMITED))
         limit.set("upper", str(UNLIMITED))
+    for key in set(LIMITS) & set(limit.attrib):  # as ROS's parser reads infinity, too
+        unlimited = -UNLIMITED if key == "lower" else UNLIMITED
+        if limit.get(key, "").strip().lower() in INFINITE[key == "lower"]:
+            limit.set(key, str(unlimited))
     given = {key: numbers(limit, key, 1, where)[0] for key in limit.attrib if key in LIMITS}
     if given.get("lower", 0.0) > given.get("upper", 0.0):
         raise ModelError(

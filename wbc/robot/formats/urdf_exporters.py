@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from collections import Counter
 from pathlib import Path
@@ -13,6 +14,7 @@ from wbc.robot.formats.description import pinocchio_reads
 
 MOVING = {"revolute", "continuous", "prismatic"}
 LIMITS = ("lower", "upper", "effort", "velocity")
+MACRO = re.compile(r"\$\{|\$\((arg|find|eval|env|optenv|dirname|anon)\b")  # ${x}, $(arg x)
 SHAPES = {pin.GeometryType.COLLISION: "collision", pin.GeometryType.VISUAL: "visual"}
 
 
@@ -20,7 +22,7 @@ def refuse_macros(root: ET.Element, path: Path) -> None:
     """Refuse what xacro has not expanded: a part of the robot would be missing."""
     for element in root.iter():
         space, _, tag = str(element.tag).rpartition("}")
-        left = [f"{key}={text!r}" for key, text in element.attrib.items() if "${" in text]
+        left = [f"{key}={text!r}" for key, text in element.attrib.items() if MACRO.search(text)]
         if "xacro" in space:
             left = [f"<xacro:{tag}>"]
         if left:
