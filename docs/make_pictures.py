@@ -21,6 +21,9 @@ from balance_figures import pushes_figure, regions_figure
 from footsteps import landed
 from push_recovery import largest_impulses
 from region_of_attraction import lean_grid, region_of_attraction
+from walk_ablation import JOURNAL as ABLATION_FILE
+from walk_ablation import bounds_of, means
+from walk_pushes import PHASES, SIDES
 
 from docs import subjects
 from wbc.gait.phases import sole_poses
@@ -53,6 +56,14 @@ RADII = (0.3, 0.3, 0.3)  # m
 # What benchmarks/walk_comparison.py left, what it compares, and directions of pushes [deg].
 MEASUREMENTS = ROOT / "benchmarks" / "walk_comparison.jsonl"
 VARIANTS = {"free": style.GREY, "regulated": style.ORANGE, "planned": style.BLUE}
+# Likewise of benchmarks/walk_ablation.py, and how bounds of a pendulum are drawn over its bars.
+ABLATION = {
+    "free": style.GREY,
+    "regulated": style.ORANGE,
+    "soft foot": style.SKY,
+    "planned": style.BLUE,
+}
+BOUNDS = (style.BLACK, style.VERMILION, style.PURPLE, style.GREEN, style.SKY)
 WAYS = {0: "the front", 90: "the left", 180: "the back", 270: "the right"}
 SHOWN = 7  # portraits of a walk on footsteps
 
@@ -210,6 +221,33 @@ def _survived(rows: Sequence[Mapping[str, Any]], variant: str, angle: float) -> 
     return float(np.mean(list(most.values())))
 
 
+def ablation_picture(name: str) -> None:
+    """Draw what benchmarks/walk_ablation.py has measured, and the bounds of walk_bounds.py."""
+    rows = [json.loads(line) for line in ABLATION_FILE.read_text().splitlines()[1:]]
+    survived, bounds = means(rows), bounds_of("g1")
+    sides, phases = list(SIDES), sorted({row["phase"] for row in rows})
+    figure = style.sheet(12.0, 3.3, plots=3.3)
+    plots = np.atleast_1d(figure.subplots(1, len(phases), sharey=True))
+    for axes, phase in zip(plots, phases, strict=True):
+        what = "as a step begins" if phase == 0 else f"{phase}/{PHASES} of the step done"
+        style.plain(axes, f"Pushed {what}", "pushed from", "N s survived")
+        at = np.arange(len(sides))
+        for k, (variant, colour) in enumerate(ABLATION.items()):
+            most = [survived[variant].get((side, phase), 0.0) for side in sides]
+            bars = axes.bar(at + 0.2 * (k - 1.5), most, 0.19, color=colour, label=variant)
+            axes.bar_label(bars, fmt="%.0f", fontsize=style.SMALL)
+        for colour, (bound, largest) in zip(BOUNDS, bounds.items(), strict=False):
+            for k, side in enumerate(sides):
+                label = f"bound: {bound}" if k == 0 else None
+                line = [k - 0.45, k + 0.45], [largest[side, phase]] * 2
+                axes.plot(*line, color=colour, linewidth=1.2, label=label)
+        axes.set_xticks(at, sides)
+        axes.margins(y=0.12)
+    plots[-1].legend(fontsize=style.SMALL, loc="upper left", bbox_to_anchor=(1.01, 1.0))
+    save(figure, place(name))
+    smaller(name, width=1400)
+
+
 def shiko_picture(name: str) -> None:
     """Draw the shiko as `wbc analyze` does."""
     result = shipped("shiko_hoap2").run()
@@ -309,6 +347,7 @@ PICTURES: Mapping[str, Callable[[str], None]] = {
     "drop_g1": simulation_picture,
     "hop_g1": partial(strip_picture, moments=subjects.HOP, view=View.of("60,10")),
     "walk_comparison_g1": comparison_picture,
+    "walk_ablation_g1": ablation_picture,
     "footsteps_g1": footsteps_picture,
     "walk_push_g1": partial(strip_picture, moments=subjects.PUSHED, view=View.of("20,10")),
     "somersault_hoap2": partial(

@@ -9,6 +9,7 @@ FIRST = {
     "ProblemSpec": "A problem of a robot",
     "WalkSpec": "A walk",
     "PendulumSpec": "A problem of a pendulum",
+    "RetargetSpec": "A human's motion for a robot",
 }
 SECTIONS = {
     "tasks": "Tasks",
@@ -20,7 +21,8 @@ CHOSEN = ("type", "control", "method")  # constants that tell kinds apart
 HEAD = """# Problem files
 
 Made from the schema that `wbc schema` prints, so it says what this version accepts. A file with
-the key `model` is about a pendulum, one with `gait` a walk, any other about a robot. SI units;
+the key `model` is about a pendulum, one with `gait` a walk, one with `motion` for
+`wbc retarget`, any other about a robot. SI units;
 angles in radians. Weights multiply a row before squaring. For completion in an editor:
 `wbc schema > wbc.schema.json`.
 """

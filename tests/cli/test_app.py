@@ -190,10 +190,14 @@ def test_schema(tmp_path: Path) -> None:
     printed = wbc_command("schema")
     assert printed.exit_code == 0
     schema = json.loads(printed.stdout)
-    walk, robot, pendulum = (
+    about_robots = schema["else"]["else"]
+    retarget, walk, robot, pendulum = (
         schema["$defs"][branch["$ref"].rsplit("/", 1)[1]]
-        for branch in (schema["else"]["then"], schema["else"]["else"], schema["then"])
-    )
+        for branch in (
+            schema["else"]["then"], about_robots["then"], about_robots["else"], schema["then"]
+        )
+    )  # fmt: skip
+    assert set(retarget["required"]) == {"motion", "robot"}
     assert set(walk["required"]) == {"robot", "gait"}
     assert set(robot["required"]) == {"robot", "tasks"}
     assert set(pendulum["required"]) == {"model"}

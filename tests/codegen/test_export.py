@@ -3,6 +3,8 @@
 import os
 import re
 import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -61,10 +63,10 @@ def exports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return made
 
 
-def build(folder: Path) -> None:
+def build(folder: Path, *programs: str) -> None:
     """Compile a folder: it needs nothing but what is in it."""
     warn = "-std=c99 -O1 -ffp-contract=off -Wall -Wextra -Wpedantic -Werror"
-    command = ["make", "replay", f"CFLAGS={warn}"]
+    command = ["make", "replay", *programs, f"CFLAGS={warn}"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
 
@@ -96,6 +98,59 @@ def test_c_commands_what_python_does(level: str, exports: dict[str, Path]) -> No
     (folder / "robot.txt").write_text(text.replace("wbc recording 1 50 ", "wbc recording 1 50 1"))
     assert replay(folder, "robot.txt").returncode == 2
     assert replay(folder, "nowhere.txt").returncode == 2
+
+
+@pytest.fixture(scope="module")
+def on_bus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a G1's estimator, safety layer and loop, compiled."""
+    folder = tmp_path_factory.mktemp("bus")
+    path = write(folder, TORQUE.replace("hoap2_like", "g1"))
+    exported = ["codegen", str(path), "-o", str(folder / "c"), "--ticks", "2"]
+    done = CliRunner().invoke(app, [*exported, "--robot", "unitree_g1"])
+    assert done.exit_code == 0, done.output
+    build(folder / "c" / "hardware", "loop")
+    return folder / "c" / "hardware"
+
+
+@pytest.mark.slow
+@needs_compiler
+def test_c_estimates_and_decides_as_python_does(on_bus: Path) -> None:
+    """Messages and cycles with some twenty kinds of faults: the same modes and faults, 1e-12."""
+    folder = on_bus
+    compared = replay(folder)
+    assert compared.returncode == 0, compared.stderr
+    assert "550 messages" in compared.stdout and "900 cycles" in compared.stdout
+    lines = (folder / "recording.txt").read_text().splitlines()
+    # A number of the last estimate, the mode of a cycle and a torque that it commands.
+    for line, number in ((550, -40), (900, -5 * 29 - 4), (900, -2 * 29 - 1)):
+        words = lines[line].split()
+        words[number] = float.hex(float.fromhex(words[number]) + 1.0)
+        changed = [*lines[:line], " ".join(words), *lines[line + 1 :]]
+        (folder / "other.txt").write_text("\n".join(changed))
+        assert replay(folder, "other.txt").returncode == 1, (line, number)
+
+
+@pytest.mark.slow
+@needs_compiler
+def test_the_exported_loop_stands_a_robot_up_over_udp(on_bus: Path) -> None:
+    """Against the simulator process, in slow motion; that is killed, and the loop ends."""
+    pytest.importorskip("mujoco")
+    slower, domain = "10", "47"  # of ports that nothing else uses
+    at = [sys.executable, "-u", "-m", "wbc", "hardware", "sim", "g1", "--bus", "udp"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    asked = [*at, "--slower", slower, "--domain", domain, "--priority", "0"]
+    with subprocess.Popen(asked, **pipes) as robot:  # type: ignore[call-overload]
+        line = robot.stdout.readline()
+        assert "ready" in line, line + robot.stdout.read()
+        command = ["./loop", "1", "127.0.0.1", slower, domain]
+        with subprocess.Popen(command, cwd=on_bus, **pipes) as loop:  # type: ignore[call-overload]
+            said = [loop.stdout.readline() for _ in range(2)]
+            time.sleep(3.0)
+            robot.kill()
+            said.append(loop.stdout.read())
+    assert "damping" in said[0] and "standing up" in said[1], said
+    assert "no usable reading" in said[2], said
+    assert loop.returncode == 3
 
 
 PARTS = {

@@ -117,7 +117,7 @@ def test_the_reach_is_where_least_jerk_takes_the_acceleration_given(
     time: float, rate: float
 ) -> None:
     a = 40.0
-    h, c = Reach(np.zeros(2), np.array((rate, 0.0)), a).rows(time)
+    h, c = map(np.array, Reach(np.zeros(2), np.array((rate, 0.0)), a).rows(time))
     most, _, least, _ = h * time + c  # of u and -u
     if rate == 0.0:
         assert np.abs(least_jerk(most, 0.0, time)).max() == pytest.approx(a, rel=1e-5)
@@ -135,7 +135,7 @@ def test_a_foot_is_between_its_bounds_from_the_least_time_on(seed: int) -> None:
     stop = 1.5 * np.abs(reach.rate).max() / 30.0
 
     def can(time: float) -> bool:
-        h, c = reach.rows(time)
+        h, c = map(np.array, reach.rows(time))
         most = h * time + c
         return bool((most[:2] >= BOUNDS.lower).all() and (-most[2:] <= BOUNDS.upper).all())
 
@@ -151,7 +151,7 @@ def test_a_foot_that_is_far_off_takes_its_time() -> None:
     hasty = adapt_step(dcm, nominal(0.3), BOUNDS, OMEGA, TIMES.double)
     plan = adapt_step(dcm, nominal(0.3), bounds, OMEGA, TIMES.double)
     assert plan.left > hasty.left + 0.02
-    h, c = behind.rows(0.3)
+    h, c = map(np.array, behind.rows(0.3))
     sigma = math.exp(OMEGA * (plan.left - 0.3))
     ways = np.concatenate((plan.place, -plan.place))
     assert (ways <= h * (0.3 + (sigma - 1.0) / OMEGA) + c + 1e-7).all()

@@ -9,7 +9,7 @@ from wbc.errors import InvalidInputError
 from wbc.gait import Footstep, GaitSettings, Legs, Walker
 from wbc.gait.crossing import Crossing
 from wbc.gait.phases import sole_poses
-from wbc.gait.prescribed_steps import StepRange
+from wbc.gait.step_range import StepRange
 from wbc.gait.swing import FootPose, SwingFoot
 from wbc.robot import Robot
 from wbc.rotations import upright_on

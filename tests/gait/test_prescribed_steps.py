@@ -13,7 +13,8 @@ import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait import Footstep, GaitSettings, Legs, Walker
 from wbc.gait.phases import DoubleSupport, SingleSupport, Standing, sole_poses
-from wbc.gait.prescribed_steps import Landing, StepRange, given_offsets, in_world, velocity_on
+from wbc.gait.prescribed_steps import Landing, given_offsets, in_world, velocity_on
+from wbc.gait.step_range import StepRange
 from wbc.polygon import polygon_margin
 from wbc.robot import Robot
 from wbc.simulation import FallLimits, FallWatch, Plant

@@ -1,6 +1,7 @@
 """What a walking robot's tasks give each other when not all of them can be had."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -9,8 +10,9 @@ import pytest
 from wbc.constraints import Limits
 from wbc.constraints.friction import FrictionCone
 from wbc.controllers.torque_tick import TorqueTick
+from wbc.gait.legs import Legs
 from wbc.gait.swing import FootPose
-from wbc.gait.whole_body import WalkingWeights, WholeBody
+from wbc.gait.whole_body import FIRM_HIPS, WalkingWeights, WholeBody
 from wbc.robot import Robot, Snapshot
 from wbc.validate import Array
 
@@ -46,8 +48,17 @@ def test_a_foot_that_hurries_keeps_its_height(robot_named: Load) -> None:
     assert start.position(frame)[0] < start.position(robot.feet["left"].frame)[0] - 0.2
     tick, _ = led_on_the_left_foot(start, np.array((60.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
     x, _, z = start.jacobian(frame)[:3] @ tick.acceleration
-    assert x > 0.45 * 60.0
-    assert abs(z) < 6.0
+    assert x > 0.44 * 60.0
+    assert abs(z) < 1.0
+
+
+def test_weak_hips_hold_a_foot_up_less_firmly(robot_named: Load) -> None:
+    """In proportion, below so many times gravity: else they throw the pelvis over."""
+    legs, weights = Legs.of(robot_named("g1")), WalkingWeights(lift=50.0)
+    assert legs.swing_acceleration > FIRM_HIPS * legs.gravity
+    assert weights.for_legs(legs) == weights
+    weak = replace(legs, swing_acceleration=0.5 * FIRM_HIPS * legs.gravity)
+    assert weights.for_legs(weak) == replace(weights, lift=25.0)
 
 
 @pytest.mark.parametrize("name", ["g1", "icub"])
@@ -65,4 +76,4 @@ def test_a_foot_that_hurries_leaves_the_pressure_where_it_is_wanted(
     off = np.abs(pressure - wanted)
     assert (off < 0.3 * half).all()
     foot = start.jacobian(robot.feet["right"].frame)[0] @ tick.acceleration
-    assert foot > 0.88 * 60.0
+    assert foot > 0.85 * 60.0

@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 from tests.human.walker import LABELS, recorded, write_trc
 from wbc.human import human_motion, is_human_recording, read_markers
 from wbc.human.body import HumanBody
+from wbc.human.bones import REACH
+from wbc.human.markers import MarkerRecording
 from wbc.human.plates import plate_wrench
 from wbc.motion.table import RecordingError
 
@@ -215,6 +217,67 @@ def test_bvh(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("LeftUpLeg", "Wheel"))
     with pytest.raises(RecordingError, match="no left_hip_centre by the usual names"):
         read_markers(path)
+
+
+def write_bodies(path: Path, motive: bool = False) -> MarkerRecording:
+    """Write the skeleton of :func:`write_bvh` as rigid bodies; return it as markers."""
+    bvh = path.with_suffix(".bvh")
+    write_bvh(bvh)
+    found = read_markers(bvh)
+    names = [name for name in found.labels if f"{name}/x" in found.labels]
+    at = {name: found.positions[:, k] for k, name in enumerate(found.labels)}
+    rows = []
+    for name in names:
+        axes = np.stack([at[f"{name}/{axis}"] - at[name] for axis in "xyz"], axis=2) / REACH
+        rows += [Rotation.from_matrix(axes).as_quat(), (1e3 if motive else 1.0) * at[name]]
+    time = found.time[:, None]
+    count, table = np.arange(len(time))[:, None], np.hstack((time, *rows))
+    parts = ("qx", "qy", "qz", "qw", "x", "y", "z")
+    head = [",".join(["time", *(f"{name}_{part}" for name in names for part in parts)])]
+    if motive:
+        table = np.hstack((count, table))
+        seven = [[f"Skeleton 001:{name}"] * 7 for name in names]
+        kinds = (["Rotation"] * 4 + ["Position"] * 3) * len(names)
+        head = [
+            "Format Version,1.23,Take Name,Take 1,Rotation Type,Quaternion,Length Units,Millimeters"
+            ",Coordinate Space,Global",
+            "",
+            ",".join(["", "Type", *["Bone"] * len(kinds)]),
+            ",".join(["", "Name", *(one for own in seven for one in own)]),
+            ",".join(["", "ID", *["1"] * len(kinds)]),
+            ",".join(["", "", *kinds]),
+            ",".join(
+                ["Frame", "Time (Seconds)", *["X", "Y", "Z", "W", "X", "Y", "Z"] * len(names)]
+            ),
+        ]
+    lines = [",".join(f"{value:.9g}" for value in row) for row in table]
+    path.write_text("\n".join([*head, *lines]) + "\n")
+    return found
+
+
+@pytest.mark.parametrize("motive", [False, True])
+def test_rigid_bodies_in_a_csv(tmp_path: Path, motive: bool) -> None:
+    path = tmp_path / "bodies.csv"
+    expected = write_bodies(path, motive)
+    assert is_human_recording(path)
+    found = read_markers(path)
+    assert len(found.labels) > 40
+    prefix = "Skeleton 001:" if motive else ""
+    for k, name in enumerate(found.labels):
+        own = expected.labels.index(name.removeprefix(prefix))
+        np.testing.assert_allclose(found.positions[:, k], expected.positions[:, own], atol=1e-6)
+    text = path.read_text()
+    # A body that was not seen leaves a gap, and one on a limb, not at its joint, is said.
+    lines = text.splitlines()
+    lines[9] = ",".join(lines[9].split(",")[:2] + [""] * (len(lines[9].split(",")) - 2))
+    path.write_text("\n".join(lines))
+    row = 9 - (7 if motive else 1)
+    assert np.isnan(read_markers(path).positions[row, 2:]).all()
+    path.write_text(text.replace("Quaternion", "XYZ") if motive else text.replace("_qw", "_q"))
+    with pytest.raises(RecordingError, match="export quaternions" if motive else "names no rigid"):
+        read_markers(path)
+    path.write_text("time,base_x,base_y,base_z,base_qx,base_qy,base_qz,base_qw\n0,0,0,0,0,0,0,1\n")
+    assert not is_human_recording(path)  # a robot's
 
 
 def test_smpl_poses(tmp_path: Path) -> None:

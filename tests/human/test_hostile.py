@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.human.test_files import write_bvh, write_c3d
+from tests.human.test_files import write_bodies, write_bvh, write_c3d
 from tests.human.walker import recorded, write_trc
 from wbc.errors import WbcError
 from wbc.human import human_motion, read_markers
@@ -43,6 +43,7 @@ WRITERS: dict[str, Callable[[Path], object]] = {
     "c3d": lambda path: write_c3d(path, 0.1),
     "trc": lambda path: write_trc(path, recorded(BODY, seconds=0.1)[0]),
     "bvh": write_bvh,
+    "csv": write_bodies,
     "npz": write_smpl,
     "mot": write_mot,
 }
@@ -103,14 +104,14 @@ def tried(folder: Path, ending: str, count: int, seed: int) -> dict[str, int]:
     return found
 
 
-@pytest.mark.parametrize("ending", ["c3d", "trc", "bvh", "npz", "mot"])
+@pytest.mark.parametrize("ending", ["c3d", "trc", "bvh", "csv", "npz", "mot"])
 def test_a_few_damaged_files(tmp_path: Path, ending: str) -> None:
     found = tried(tmp_path, ending, 49, 1)
     assert found["refused"] > 5
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ending", ["c3d", "trc", "bvh", "npz", "mot"])
+@pytest.mark.parametrize("ending", ["c3d", "trc", "bvh", "csv", "npz", "mot"])
 def test_many_damaged_files(tmp_path: Path, ending: str) -> None:
     found = tried(tmp_path, ending, COUNT, 2)
     assert found["refused"] > COUNT / 25 and found["read"] > COUNT / 250

@@ -5,6 +5,7 @@ import pytest
 
 import wbc
 from tests.human.walker import LABELS, recorded, write_trc
+from wbc.errors import InvalidInputError
 from wbc.human import MarkerRecording, compared, human_motion, read_markers
 from wbc.human.body import NAMES, HumanBody
 from wbc.human.fit import MarkerSet, first_poses, fit_poses
@@ -127,3 +128,10 @@ def test_missing_markers_are_named() -> None:
     text = str(caught.value)
     assert "the left knee (LKNE); the left ankle (LANK)" in text
     assert "LASI (left_asis)" in text and "not known: Foo" in text
+
+
+def test_lengths_in_another_unit_are_told_by_the_stature() -> None:
+    recording, _ = recorded(BODY, seconds=0.1)
+    inches = MarkerRecording(recording.time, LABELS, recording.positions / 0.0254, (), "z")
+    with pytest.raises(InvalidInputError, match=r"the human is 7\d.* m tall.*unit"):
+        human_motion(inches)

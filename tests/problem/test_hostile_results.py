@@ -227,3 +227,13 @@ def test_damage_of_an_array_is_named(
     np.savez(tmp_path / "r.npz", **{**results["run"], name: change(results["run"][name])})
     with pytest.raises(InvalidInputError, match=said):
         load_result(tmp_path / "r.npz")
+
+
+def test_a_file_of_another_kind_is_told_from_a_damaged_one(tmp_path: Path) -> None:
+    path = tmp_path / "walk.npz"
+    told = json.dumps({"format": "wbc retargeted motion 1"})
+    np.savez(path, feet=np.array(["left", "right"]), summary=np.array(told))
+    with pytest.raises(InvalidInputError, match="is a 'wbc retargeted motion 1', not a"):
+        load_result(path)
+    with pytest.raises(WbcError, match="no problem file, but a packed one"):
+        load_problem(path)

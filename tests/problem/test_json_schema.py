@@ -190,6 +190,13 @@ def test_the_problems_of_this_repository_fit(path: Path) -> None:
     assert fits(read_source(path).data, SCHEMA)
 
 
+def test_files_for_retargeting_are_in_it() -> None:
+    good = {"motion": "walk.trc", "robot": "talos", "links": {"head": "head_2_link"}, "roll": 0.5}
+    assert fits(good, SCHEMA)
+    for wrong in ({"roll": 2.0}, {"speed": 1.0}, {"unit": "feet"}, {"robot": 3}):
+        assert not fits(good | wrong, SCHEMA)
+
+
 @pytest.mark.parametrize("text", GOOD)
 def test_a_description_survives_being_written_and_read(text: str) -> None:
     spec = ProblemSpec.model_validate(parse(text, "p.yaml").data)

@@ -10,6 +10,7 @@ import pytest
 import wbc
 from tests.retargeting.humans import crouching, stepping
 from wbc.retargeting import RetargetWeights, body_map
+from wbc.retargeting.beside import human_beside
 from wbc.robot import Robot
 from wbc.view.mcap_export import write_retargeted
 
@@ -54,6 +55,20 @@ def test_a_crouch_keeps_the_feet_where_they_are(crouch: wbc.Retargeted) -> None:
     # A third less deep than the human, by the legs' lengths; the cause is not known.
     depth = np.ptp(crouch.whole.com[:, 2])
     assert depth == pytest.approx(np.ptp(crouch.targets.human_com[:, 2]), rel=0.35)
+
+
+def test_the_human_is_shown_beside_at_the_same_moments(crouch: wbc.Retargeted) -> None:
+    human = crouching()
+    beside = human_beside(human, crouch)
+    assert beside.shape == (len(crouch), human.motion.robot.nq)
+    own = np.array([human.motion.robot.snapshot(q).com[2] for q in beside])
+    # Half a frame of the recording, 10 ms, of a CoM that sinks at 0.3 m/s.
+    wanted = crouch.targets.human_com[:, 2] / crouch.scale.length
+    np.testing.assert_allclose(own - own[0], wanted - wanted[0], atol=6e-3)
+    soles = [human.motion.robot.feet[side].frame for side in ("left", "right")]
+    low = human.motion.robot.snapshot(beside[0])
+    assert max(abs(low.position(sole)[2]) for sole in soles) < 0.02
+    assert beside[0, 1] - crouch.q[0, 1] == pytest.approx(0.5, abs=0.1)  # it looks along x
 
 
 def test_wrenches_are_those_of_the_motion(crouch: wbc.Retargeted) -> None:

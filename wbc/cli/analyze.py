@@ -37,8 +37,8 @@ def analyze(
     motion: Annotated[
         Path,
         typer.Argument(
-            help="A robot's recording, .csv or .npz; or a human's, .c3d, .trc, .bvh, or .npz of"
-            " SMPL poses.",
+            help="A robot's recording, .csv or .npz; or a human's, .c3d, .trc, .bvh, .csv of rigid"
+            " bodies, or .npz of SMPL poses.",
             metavar="MOTION",
         ),
     ],

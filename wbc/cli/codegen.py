@@ -40,6 +40,13 @@ def codegen(
     ticks: Annotated[
         int | None, typer.Option(help="Ticks recorded of a problem, 200 by default.", min=1)
     ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            help="The problem's robot on its bus, as unitree_g1: write estimator, safety layer and"
+            " the loop over UDP, too."
+        ),
+    ] = None,
     mass: Annotated[float | None, typer.Option(help="Mass of the pendulum, in kg.")] = None,
     gravity: Annotated[
         float | None, typer.Option(help="Gravity of the pendulum, 9.81 m/s^2 by default.")
@@ -60,7 +67,7 @@ def codegen(
     Or a pendulum's equations of motion, with a header; compile and compare them.
     """
     with errors_in_one_line():
-        of_problem = {"--set": assign, "--ticks": ticks}
+        of_problem = {"--set": assign, "--ticks": ticks, "--robot": robot}
         of_pendulum = {
             "--mass": mass,
             "--gravity": gravity,
@@ -72,7 +79,7 @@ def codegen(
             _pendulum(what, mass, gravity, output or Path("."), function, compiler)
         else:
             _refuse(of_pendulum, "a pendulum", what)
-            _problem(Path(what), output, assign, ticks or 200)
+            _problem(Path(what), output, assign, ticks or 200, robot)
 
 
 def _refuse(options: Mapping[str, object], kind: str, what: str) -> None:
@@ -83,15 +90,20 @@ def _refuse(options: Mapping[str, object], kind: str, what: str) -> None:
             raise InvalidInputError(f"{name}: belongs to {kind}, and {what} is none")
 
 
-def _problem(path: Path, folder: Path | None, assign: list[str] | None, ticks: int) -> None:
+def _problem(
+    path: Path, folder: Path | None, assign: list[str] | None, ticks: int, robot: str | None
+) -> None:
     from wbc.codegen import export_problem
     from wbc.errors import InvalidInputError, UnknownNameError
+    from wbc.hardware.unitree import profile_named
 
     if not path.suffix and not path.exists():
         raise UnknownNameError("problem file or pendulum", str(path), PENDULUMS)
     if folder is None:
         raise InvalidInputError("a problem is written into a folder of its own: give --output")
-    made = export_problem(path, folder, overrides_of(assign), ticks)
+    made = export_problem(
+        path, folder, overrides_of(assign), ticks, None if robot is None else profile_named(robot)
+    )
     if made.solver is not None:
         print_note(f"solved by active_set, as C is, not by {made.solver}")
     for reason, count in made.recording.left_out.items():
@@ -99,6 +111,8 @@ def _problem(path: Path, folder: Path | None, assign: list[str] | None, ticks: i
     count = len(made.recording.ticks)
     typer.echo(f"written  {folder}: the controller, and {count} ticks of Python to compare with")
     typer.echo(f"now try  make -C {quote(str(folder))} run")
+    if robot is not None:
+        typer.echo(f"and      make -C {quote(str(folder / 'hardware'))} run")
 
 
 def _pendulum(

@@ -36,8 +36,8 @@ def retarget(
     motion: Annotated[
         Path,
         typer.Argument(
-            help="A human's recording: .c3d, .trc, .bvh, or .npz of SMPL poses; or a .yaml of one"
-            " and of these options.",
+            help="A human's recording: .c3d, .trc, .bvh, .csv of rigid bodies, or .npz of SMPL"
+            " poses; or a .yaml of one and of these options.",
             metavar="MOTION",
         ),
     ],
@@ -89,6 +89,10 @@ def retarget(
             help="Frame of the robot for a part of the body, as in head=neck_link; repeatable."
         ),
     ] = None,
+    view: Annotated[
+        bool,
+        typer.Option("--view", help="Play it in the browser, the human beside it (extra view)."),
+    ] = False,
     quiet: Quiet = False,
     ground: Annotated[
         float | None, typer.Option(help="Height of the human's ground, in m.")
@@ -112,12 +116,15 @@ def retarget(
         from wbc.cli.outputs import Outputs, check_place
         from wbc.cli.progress import shown_progress
         from wbc.errors import InvalidInputError
+        from wbc.extras import require
         from wbc.human import human_motion, read_markers
         from wbc.retargeting import retarget as retargeted
         from wbc.retargeting.layouts import check_layout
         from wbc.robot import Robot
         from wbc.view.mcap_export import mcap_format, write_retargeted
 
+        if view:
+            require("viser", "wbc retarget --view")
         written = [(path, _layout(path, layout)) for path in output or []]
         for path, kind in written:
             if kind == MCAP:
@@ -168,6 +175,14 @@ def retarget(
             for path in outputs.written:
                 typer.echo(f"wrote {path}")
         code = outputs.exit_code()
+        if view:
+            from wbc.view.live.retargeted import view_retargeted
+
+            viewer = view_retargeted(human, found)
+            typer.echo("Ctrl-C ends it", err=True)
+            viewer.wait()
+            if viewer.error:
+                typer.echo(viewer.error, err=True)
     raise typer.Exit(code)
 
 

@@ -6,16 +6,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from wbc.codegen.hardware_data import HardwareParts, data_header, data_source
+from wbc.codegen.hardware_recording import hardware_recording_text
 from wbc.codegen.known import CodegenError
 from wbc.codegen.recording import TickRecording, check_kind, record
 from wbc.codegen.texts import plan_header, plan_source, recording_text
 from wbc.files import write_text
+from wbc.hardware.unitree.profiles import Profile
 from wbc.native.sources import FLAGS
 from wbc.native.sources import SOURCE as CORE
 from wbc.problem import Problem, load_problem
 from wbc.qp.active_set import NAME
 
 SOURCE = Path(__file__).parent / "source"
+HARDWARE = SOURCE / "hardware"
 SOLVER = "controller.solver"
 
 
@@ -28,7 +32,11 @@ class Export(NamedTuple):
 
 
 def export_problem(
-    path: Path, folder: Path, overrides: Mapping[str, Any] | None = None, ticks: int = 200
+    path: Path,
+    folder: Path,
+    overrides: Mapping[str, Any] | None = None,
+    ticks: int = 200,
+    robot: Profile | None = None,
 ) -> Export:
     """Write the controller of a problem file as C, with an example that ticks against Python.
 
@@ -40,6 +48,9 @@ def export_problem(
         Values by key path that replace the file's.
     ticks:
         Recorded of the problem's run, at most: it may end before.
+    robot:
+        The problem's robot on its bus: estimator and safety layer are written, too, into
+        ``hardware``.
 
     Raises
     ------
@@ -62,14 +73,31 @@ def export_problem(
         "plan.c": plan_source(recording, title),
         "recording.txt": recording_text(recording),
     }
-    for file in sorted(SOURCE.iterdir()):
-        texts[file.name] = file.read_text(encoding="utf-8").replace("@FLAGS@", " ".join(FLAGS))
+    texts |= _written(SOURCE, "")
+    if robot is not None:
+        parts = HardwareParts.of(problem, robot)
+        texts |= _written(HARDWARE, "hardware/") | {
+            "hardware/data.h": data_header(parts, title),
+            "hardware/data.c": data_source(parts, title),
+            "hardware/recording.txt": hardware_recording_text(parts),
+        }
     for file in sorted(CORE.iterdir()):
         texts[f"core/{file.name}"] = file.read_text(encoding="utf-8")
-    (folder / "core").mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         write_text(folder / name, text)
     return Export(folder, recording, None if solver == NAME else solver)
+
+
+def _written(source: Path, into: str) -> dict[str, str]:
+    """Return the files of a folder that are written as they are, by where they go."""
+    files = sorted(file for file in source.iterdir() if file.is_file())
+    flags = " ".join(FLAGS)
+    return {into + file.name: _text(file).replace("@FLAGS@", flags) for file in files}
+
+
+def _text(file: Path) -> str:
+    return file.read_text(encoding="utf-8")
 
 
 def _load(path: Path, overrides: Mapping[str, Any]) -> Problem:

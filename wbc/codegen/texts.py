@@ -14,7 +14,7 @@ from wbc.codegen.recording import TickRecording
 from wbc.codegen.targets import contact_parts, task_parts
 from wbc.native import ffi
 
-_PER_LINE = 6
+PER_LINE = 6
 # What belongs to each controller in C, not to the plan.
 _OWN = ("state", "out", "scratch", "order", "rows", "below", "given", "push")
 
@@ -48,8 +48,8 @@ def plan_header(recording: TickRecording, title: str) -> str:
         '#include "core/core.h"',
         "",
         *(f"#define WBC_{name} {size}" for name, size in sizes.items()),
-        f"#define WBC_DT {_number(controller.dt)} /* {controller.dt:g} s */",
-        f"#define WBC_EPS {_number(solver.eps)} /* {solver.eps:g} */",
+        f"#define WBC_DT {number_text(controller.dt)} /* {controller.dt:g} s */",
+        f"#define WBC_EPS {number_text(solver.eps)} /* {solver.eps:g} */",
         "",
         "/* What has a target: tasks, then contacts. */",
         "enum wbc_part {",
@@ -77,9 +77,9 @@ def plan_source(recording: TickRecording, title: str) -> str:
         **dict.fromkeys(_OWN, "0"),
     }
     parts = [
-        *(_array(f"tree_{name}", array) for name, array in tree.arrays.items()),
-        _struct("tree", tree.struct, {name: f"tree_{name}" for name in tree.arrays}),
-        *(_array(name, array) for name, array in arrays.items() if name not in _OWN),
+        *(array_text(f"tree_{name}", array) for name, array in tree.arrays.items()),
+        struct_text("tree", tree.struct, {name: f"tree_{name}" for name in tree.arrays}),
+        *(array_text(name, array) for name, array in arrays.items() if name not in _OWN),
         _list("block", memory.blocks),
     ]
     if memory.forces is not None and memory.forces.count:
@@ -90,10 +90,10 @@ def plan_source(recording: TickRecording, title: str) -> str:
         bodies = margin.pairs_of_bodies.arrays
         there = {name: f"margin_{name}" for name in margin.arrays} | {"of": "&pairs"}
         parts += [
-            *(_array(f"pairs_{name}", array) for name, array in bodies.items()),
-            _struct("pairs", margin.watched, {name: f"pairs_{name}" for name in bodies}),
-            *(_array(f"margin_{name}", array) for name, array in margin.arrays.items()),
-            _struct("margin", margin.struct, there),
+            *(array_text(f"pairs_{name}", array) for name, array in bodies.items()),
+            struct_text("pairs", margin.watched, {name: f"pairs_{name}" for name in bodies}),
+            *(array_text(f"margin_{name}", array) for name, array in margin.arrays.items()),
+            struct_text("margin", margin.struct, there),
         ]
     return "\n".join(
         [
@@ -103,7 +103,7 @@ def plan_source(recording: TickRecording, title: str) -> str:
             f"const char *const wbc_joint_names[WBC_NV - 6] = {{\n{names},\n}};",
             "",
             *parts,
-            f"const wbc_plan wbc_planned = {_fields(memory.struct, pointers)};",
+            f"const wbc_plan wbc_planned = {fields_text(memory.struct, pointers)};",
             "",
         ]
     )
@@ -121,22 +121,26 @@ def recording_text(recording: TickRecording) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _struct(name: str, struct: Any, pointers: Mapping[str, str]) -> str:
-    return f"static const wbc_{name} {name} = {_fields(struct, pointers)};\n"
+def struct_text(name: str, struct: Any, pointers: Mapping[str, str]) -> str:
+    """Return the definition of a struct of the core, named without ``wbc_``."""
+    return f"static const wbc_{name} {name} = {fields_text(struct, pointers)};\n"
 
 
 def _list(name: str, structs: Iterable[Any]) -> str:
-    inside = "".join(f"{_fields(one, {})},\n" for one in structs)
+    inside = "".join(f"{fields_text(one, {})},\n" for one in structs)
     return f"static const wbc_{name} {name}[] = {{\n{inside}}};\n"
 
 
-def _fields(struct: Any, pointers: Mapping[str, str]) -> str:
+def fields_text(struct: Any, pointers: Mapping[str, str]) -> str:
     """Return the fields of a struct, or of what points at one; those that point in words."""
     fields, kind = [], ffi.typeof(struct)
     for name, field in (kind.item if kind.kind == "pointer" else kind).fields:
         value = getattr(struct, name)
-        if field.type.kind != "pointer":
-            fields.append(f"    .{name} = {_number(value)},\n")
+        if field.type.kind == "array":
+            entries = ", ".join(map(number_text, value))
+            fields.append(f"    .{name} = {{{entries}}},\n")
+        elif field.type.kind != "pointer":
+            fields.append(f"    .{name} = {number_text(value)},\n")
         elif name in pointers:
             fields.append(f"    .{name} = {pointers[name]},\n")
         elif value:
@@ -149,19 +153,20 @@ def _name(name: str, array: NDArray[Any]) -> str:
     return name if array.size else "0"
 
 
-def _array(name: str, array: NDArray[Any]) -> str:
+def array_text(name: str, array: NDArray[Any]) -> str:
+    """Return the definition of an array, flat; nothing for one without entries."""
     if not array.size:
         return ""
     kind = "int64_t" if array.dtype.kind == "i" else "double"
-    values = [_number(value) for value in array.ravel().tolist()]
+    values = [number_text(value) for value in array.ravel().tolist()]
     lines = [
-        "    " + ", ".join(values[k : k + _PER_LINE]) + ",\n"
-        for k in range(0, len(values), _PER_LINE)
+        "    " + ", ".join(values[k : k + PER_LINE]) + ",\n"
+        for k in range(0, len(values), PER_LINE)
     ]
     return f"static const {kind} {name}[] = {{\n{''.join(lines)}}};\n"
 
 
-def _number(value: float) -> str:
+def number_text(value: float) -> str:
     """Return an integer, or a float with every bit of it."""
     if isinstance(value, int):
         return str(value)

@@ -454,8 +454,6 @@ class Controller(DeclaredAttributes, ABC):
     def _plan(self, contacts: tuple[Task, ...], curved: frozenset[str] = frozenset()) -> None:
         """Work out what does not change between ticks."""
         self.__dict__["contacts"] = contacts = mechanics_of(self.robot, contacts)
-        # Asked in the ticks; all others report their residual's error.
-        self._deviating = [t for t in self._motion if type(t).deviation is not Task.deviation]
         self.slacks = Slacks(self._slack, contacts, self.constraints, self._going_slack)
         decision, physics, forces = self._decision(), self._physics_names(), self._force_tasks
         self.plan = plan = LevelPlan.of(
@@ -473,6 +471,9 @@ class Controller(DeclaredAttributes, ABC):
             self._margins_in_core, self._second = True, self._core
             self._core = self._core_plan(kept_apart, curved)
         core = self._core
+        # Asked in the ticks; of all others the core reports the error.
+        asked = [one for one in self._motion if any(one is other for other in core.python_tasks)]
+        self._deviating = [one for one in asked if type(one).deviation is not Task.deviation]
         python = core.python_tasks or core.force_tasks or self._levels.looked_into
         kept = self._margins_in_core or not self.constraints
         self._plain = kept and core.solves and not python

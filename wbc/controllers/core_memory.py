@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -128,7 +127,7 @@ class CoreMemory:
         self._tick: Any = lib.wbc_problem if solver is None else lib.wbc_tick
         self._state_pointer = doubles(self.state)
         self.asked: Any = ffi.NULL  # q and v
-        self.layout_of = cache(self._layout_of)
+        self._layouts: dict[tuple[int, int], Layout] = {}
         self._reduced: dict[int, QP] = {}  # by its number of rows
         self.said, self.below = DONE, np.empty(0)
         self._fit(0)
@@ -316,12 +315,18 @@ class CoreMemory:
             self._usual[: before.size] = before
         self._reduced.clear()
 
-    def _layout_of(self, level: int, given: int) -> Layout:
+    def layout_of(self, level: int, given: int) -> Layout:
+        """Return where the arrays of a level lie, with so many inequality rows given."""
+        known = self._layouts.get((level, given))
+        if known is not None:
+            return known
         at = np.zeros(lib.LAYOUT, dtype=np.int64)
         before, self.struct.given_rows = self.struct.given_rows, given
         lib.wbc_layout(self.struct, level, integers(at))
         self.struct.given_rows = before
-        return Layout(at.tolist(), level, self.tree.nv, self.forces is not None, self.costs)
+        made = Layout(at.tolist(), level, self.tree.nv, self.forces is not None, self.costs)
+        self._layouts[level, given] = made
+        return made
 
     def _plan_blocks(
         self, parts: Sequence[Part]

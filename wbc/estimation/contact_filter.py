@@ -13,7 +13,7 @@ core's (``source/filter.c``).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,12 +21,10 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.errors import InvalidInputError
 from wbc.native import doubles, ffi, integers, lib
 from wbc.rotations import check_rotation
-from wbc.spatial import skew
 from wbc.validate import Array, check_fields, finite_array
 
 SHOWN = 15  # rotation, velocity, position, biases of gyroscope and accelerometer
 Counts: TypeAlias = NDArray[np.int64]
-FAR = 10.0  # m from the filter's origin, from where the origin moves along
 
 
 @dataclass(frozen=True)
@@ -84,6 +82,11 @@ class ContactFilter:
         How many there are; none is held in the beginning.
     gravity:
         (3,) [m/s^2], world axes.
+
+    Attributes
+    ----------
+    struct:
+        As the core has it.
     """
 
     def __init__(
@@ -104,7 +107,7 @@ class ContactFilter:
         self._scratch, self._said = np.zeros(7 * n), np.zeros(7)
         g = finite_array("filter, gravity", gravity, (3,))
         squares = {name: getattr(noise, name) ** 2 for name in FilterNoise.__dataclass_fields__}
-        self._struct = ffi.new(
+        self.struct = ffi.new(
             "wbc_filter *",
             {
                 "feet": feet,
@@ -112,11 +115,18 @@ class ContactFilter:
                 "x": doubles(self._x),
                 "P": doubles(self._P),
                 "scratch": doubles(self._scratch),
+                "origin": doubles(self._origin),
                 "gravity": g.tolist(),
                 **squares,
             },
         )
         self._x[:9] = np.eye(3).ravel()
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """How many numbers the core writes of it, for who has the memory elsewhere."""
+        sizes = self._x.size, self._P.size, self._scratch.size
+        return dict(zip(("FILTER_X", "FILTER_P", "FILTER_SCRATCH"), sizes, strict=True))
 
     # ------------------------------------------------------------------ what is known
 
@@ -154,7 +164,7 @@ class ContactFilter:
     def covariance(self) -> Array:
         """(15, 15) of estimate minus truth, as in :class:`~wbc.estimation.Estimate`."""
         out = np.empty((SHOWN, SHOWN))
-        lib.wbc_filter_covariance(self._struct, doubles(out))
+        lib.wbc_filter_covariance(self.struct, doubles(out))
         return out
 
     @property
@@ -189,18 +199,15 @@ class ContactFilter:
         """
         R = finite_array("filter, rotation", rotation, (3, 3))
         check_rotation("filter, rotation", R)
-        self._memory[:] = 0.0
-        self._held[:] = 0
-        self._x[:9] = R.ravel()
-        self._x[9:12] = finite_array("filter, velocity", velocity, (3,))
-        self._origin[:] = finite_array("filter, position", position, (3,))
-        self._x[15:18] = finite_array("filter, gyroscope_bias", gyroscope_bias, (3,))
-        self._x[18:21] = finite_array("filter, accelerometer_bias", accelerometer_bias, (3,))
+        parts = {"velocity": velocity, "position": position}
+        parts |= {"gyroscope_bias": gyroscope_bias, "accelerometer_bias": accelerometer_bias}
+        numbers = [finite_array(f"filter, {name}", one, (3,)) for name, one in parts.items()]
+        state = np.concatenate((R.ravel(), *numbers))
+        P = None
         if covariance is not None:
             P = finite_array("filter, covariance", covariance, (SHOWN, SHOWN))
-            by = np.eye(SHOWN)  # the invariant error of the velocity is v^ - exp(r) v
-            by[3:6, :3] = skew(self._x[9:12])
-            self._P[:SHOWN, :SHOWN] = by @ P @ by.T
+        given = ffi.NULL if P is None else doubles(np.ascontiguousarray(P))
+        lib.wbc_filter_reset(self.struct, doubles(state), given)
 
     def predict(self, rate: Array, force: Array, dt: float, scale: float = 1.0) -> None:
         """Move on by ``dt`` [s] with the mean angular velocity and specific force (3,) over it.
@@ -208,17 +215,15 @@ class ContactFilter:
         Exact where both are constant in the IMU's axes. ``scale`` multiplies the variance of both
         readings, for those that were guessed.
         """
-        lib.wbc_filter_predict(self._struct, doubles(rate), doubles(force), dt, scale)
-        if abs(self._x[12]) + abs(self._x[13]) + abs(self._x[14]) > FAR:
-            self._move_origin()
+        lib.wbc_filter_predict(self.struct, doubles(rate), doubles(force), dt, scale)
 
     def hold(self, k: int, place: Array, noise: Array) -> None:
         """Count on foot ``k`` to stand from now on where it is seen; see :meth:`correct`."""
-        lib.wbc_filter_hold(self._struct, k, doubles(place), doubles(noise))
+        lib.wbc_filter_hold(self.struct, k, doubles(place), doubles(noise))
 
     def release(self, k: int) -> None:
         """Count on foot ``k`` no longer."""
-        lib.wbc_filter_release(self._struct, k)
+        lib.wbc_filter_release(self.struct, k)
 
     def correct(
         self, k: int, place: Array, noise: Array, gate: float = np.inf, rotation: bool = True
@@ -243,7 +248,7 @@ class ContactFilter:
         """
         rows, to = (6 if rotation else 3), doubles(self._said)
         said = lib.wbc_filter_correct(
-            self._struct, k, doubles(place), doubles(noise), rows, gate, to
+            self.struct, k, doubles(place), doubles(noise), rows, gate, to
         )
         if said == lib.NOT_FINITE:
             raise InvalidInputError(
@@ -252,41 +257,6 @@ class ContactFilter:
             )
         return Correction(said == lib.DONE, float(self._said[0]), self._said[1:].copy())
 
-    def foot_speed(self, rate: Array, place: Array) -> float:
-        """Return the speed of a foot in the world [m/s], by the filter and the gyroscope.
-
-        Parameters
-        ----------
-        rate:
-            (3,) by the gyroscope [rad/s].
-        place:
-            (15,) where it is seen, its velocity there behind it; see
-            :meth:`~wbc.estimation.sight.Sight.place`.
-        """
-        return float(lib.wbc_filter_foot_speed(self._struct, doubles(rate), doubles(place)))
-
-    def base(self, nv: int, imu: Any, rate: Array, rates: Array, q: Array, v: Array) -> None:
-        """Write the base's pose to ``q`` (nq,), and the velocity (nv,) of all.
-
-        Parameters
-        ----------
-        imu:
-            The IMU's frame as the core writes it, with the base at the origin; see
-            :class:`~wbc.robot.mounted.MountedFrames`.
-        rate:
-            (3,) by the gyroscope [rad/s].
-        rates:
-            Of the joints (nv-6,).
-        """
-        given = doubles(rate), doubles(rates), doubles(q), doubles(v)
-        lib.wbc_filter_base(self._struct, nv, imu, *given)
-        q[:3] += self._origin
-
-    def widen(self, velocity: float) -> None:
-        """Add a variance to the velocity's, ``velocity`` [m/s] squared: for what was not seen."""
-        rows = np.arange(3, 6)
-        self._P[rows, rows] += velocity * velocity
-
     def memory(self) -> tuple[Array, Counts]:
         """Return all that it knows, for :meth:`restore`."""
         return self._memory.copy(), self._held.copy()
@@ -294,18 +264,3 @@ class ContactFilter:
     def restore(self, memory: tuple[Array, Counts]) -> None:
         """Go back to what :meth:`memory` returned."""
         self._memory[:], self._held[:] = memory
-
-    def _move_origin(self) -> None:
-        """Put the origin where the IMU is: rounding grows with the square of the distance.
-
-        With p' = p - s the invariant error becomes p^ - s - exp(r) (p - s) = e_p - [s] r.
-        """
-        s = self._x[12:15].copy()
-        self._origin += s
-        by, cross = np.eye(self._n), skew(s)
-        for row in (6, *(SHOWN + 6 * k for k in range(self.feet) if self._held[k])):
-            by[row : row + 3, :3] = -cross
-        self._x[12:15] = 0.0
-        for k in range(self.feet):
-            self._x[21 + 12 * k : 24 + 12 * k] -= s
-        self._P[:] = by @ self._P @ by.T

@@ -1,4 +1,7 @@
-"""Joint velocities from encoders alone: a line fitted to the last readings, with a stated delay."""
+"""Joint velocities from encoders alone: a line fitted to the last readings, with a stated delay.
+
+The arithmetic is the core's (``source/sensors.c``).
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import math
 import numpy as np
 
 from wbc.errors import InvalidInputError
+from wbc.native import doubles, integers, lib
 from wbc.validate import Array, finite_number
 
 
@@ -44,37 +48,20 @@ class JointVelocityFilter:
         self.window, self.delay = window, 0.5 * (window - 1) * step
         self.gain = math.sqrt(12.0 / (window * (window**2 - 1))) / step
         self._times, self._positions = np.zeros(window), np.zeros((window, joints))
-        self._count = 0
+        self._count = np.zeros(1, dtype=np.int64)
 
     def reset(self) -> None:
         """Forget all readings."""
-        self._count = 0
+        self._count[0] = 0
 
     def update(self, time: float, positions: Array) -> Array:
         """Take in a reading (n,) at a time [s]; return the velocities (n,), 0 at the first.
 
         A time that is not later than the last one's takes the place of the last reading.
         """
-        n = self.window
-        if self._count and time <= self._times[-1]:
-            self._positions[-1] = positions
-        else:
-            self._times[:-1], self._positions[:-1] = self._times[1:], self._positions[1:]
-            self._times[-1], self._positions[-1] = time, positions
-            self._count = min(self._count + 1, n)
-        if self._count < 2:
-            return np.zeros(len(positions))
-        times = self._times[n - self._count :].tolist()  # few numbers: Python is quicker
-        mean = sum(times) / self._count
-        offsets = [time - mean for time in times]
-        weight = 1.0 / sum(offset * offset for offset in offsets)
-        weights = np.array([weight * offset for offset in offsets])
-        return weights @ self._positions[n - self._count :]
-
-    def memory(self) -> tuple[Array, Array, int]:
-        """Return all that it knows, for :meth:`restore`."""
-        return self._times.copy(), self._positions.copy(), self._count
-
-    def restore(self, memory: tuple[Array, Array, int]) -> None:
-        """Go back to what :meth:`memory` returned."""
-        self._times[:], self._positions[:], self._count = memory
+        reading = np.ascontiguousarray(positions, dtype=float)
+        rates = np.empty(len(reading))
+        kept = doubles(self._times), doubles(self._positions), integers(self._count)
+        given = time, doubles(reading), doubles(rates)
+        lib.wbc_joint_rates(self.window, len(reading), *kept, *given)
+        return rates

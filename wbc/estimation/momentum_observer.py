@@ -15,9 +15,11 @@ accelerations of the whole mass in them, count less. The arithmetic is the core'
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.native import doubles, ffi, lib, pointer
@@ -40,6 +42,8 @@ class MomentumObserver:
     ----------
     feet:
         Names, in the order of :attr:`wrenches`.
+    struct, given, made:
+        As the core has it; arrays that it reads, and those that it writes, by their names there.
 
     Raises
     ------
@@ -65,27 +69,28 @@ class MomentumObserver:
         ends = np.cumsum(list(sizes.values())).tolist()
         parts = dict(zip(sizes, np.split(self._memory, ends), strict=False))
         self._residual, self._wrenches = parts["residual"], parts["wrenches"].reshape(k, 6)
-        self._known = self._memory[-1:]  # whether a state was taken in
         scratch = 13 * tree.joints + 17 * nv
         made = {
             "state": np.zeros(tree.frames),
             "frames": np.zeros(max(k, 1) * tree.frame_size),
             "scratch": np.zeros(scratch),
+            "known": self._memory[-1:],  # whether a state was taken in
         }
         given = {
             "placement": placements.reshape(-1),
             "damping": robot.damping.copy(),
             "friction": robot.friction.copy(),
         }
-        self._kept = tree, joints, made, given, parts  # the struct points at them
-        arrays = {name: pointer(array) for name, array in (parts | made | given).items()}
-        self._struct = ffi.new(
+        self.given: Mapping[str, NDArray[Any]] = given | {"joint": joints}
+        self.made: Mapping[str, NDArray[Any]] = parts | made
+        arrays = {name: pointer(array) for name, array in (self.made | self.given).items()}
+        self.struct = ffi.new(
             "wbc_momentum *",
             {
                 "tree": tree.struct,
                 "feet": k,
-                "joint": pointer(joints),
                 "base_trust": trust,
+                "bandwidth": self.bandwidth,
                 **arrays,
             },
         )
@@ -110,11 +115,7 @@ class MomentumObserver:
 
         The joints' damping and dry friction, as the robot has them, are taken off the torques.
         """
-        step = dt if self._known[0] and dt > 0.0 else 0.0
-        share = 1.0 - math.exp(-self.bandwidth * dt)
-        given = doubles(q), doubles(v), doubles(torque)
-        lib.wbc_momentum_update(self._struct, *given, step, share)
-        self._known[0] = 1.0
+        lib.wbc_momentum_update(self.struct, doubles(q), doubles(v), doubles(torque), dt)
 
     def memory(self) -> Array:
         """Return all that it knows, for :meth:`restore`."""

@@ -8,8 +8,6 @@ from wbc.errors import InvalidInputError
 from wbc.estimation.contact_filter import FilterNoise
 from wbc.validate import check_fields, interval, set_fields
 
-# Normalised innovations squared that one of 10,000 sound ones exceeds, of 6 and of 3 rows.
-GATES = {6: 27.86, 3: 21.11}
 POSITIVE = (
     "encoder_deviation",
     "place_floor",

@@ -31,9 +31,13 @@ ROWS = (*(f"w {side}" for side in SIDES), *(f"reach {side}" for side in SIDES))
 LABELS = Labels(("dcm x", "dcm y"), ROWS, NAMES)
 BOTH = np.vstack((np.eye(2), -np.eye(2)))
 FREE = np.full(8, np.inf)
-# Of the rows of inequalities what does not change: w, and u of the reach.
+# Of the rows what does not change: b; w, and u of the reach.
+EQUAL = np.zeros((2, 7))
+EQUAL[:, 3:5] = np.eye(2)
 PARTS = np.zeros((8, 7))
 PARTS[:4, 5:] = PARTS[4:, :2] = BOTH
+NONE = np.zeros(2)
+SOLVER = ActiveSet()
 # What holds a footstep back, by the bounds on u and sigma (below, above) and by the rows.
 BOUNDS = (
     ("reach of the legs behind", "reach of the legs ahead"),
@@ -78,11 +82,12 @@ class Reach(NamedTuple):
                 least = max(least, (math.sqrt(inside) - b) / (2.0 * k))
         return least
 
-    def rows(self, time: float) -> tuple[Array, Array]:
+    def rows(self, time: float) -> tuple[list[float], list[float]]:
         """Return h (4,), c (4,) of (u, -u) <= h T + c, the tangent of its parabola at ``time``."""
-        k = FAR * self.acceleration
-        h = BOTH @ (0.5 * self.rate) + 2.0 * k * time
-        return h, BOTH @ self.place - k * time**2
+        k, (x, y), (vx, vy) = FAR * self.acceleration, self.place.tolist(), self.rate.tolist()
+        steep, bend = 2.0 * k * time, k * time**2
+        h = [steep + 0.5 * rate for rate in (vx, vy, -vx, -vy)]
+        return h, [place - bend for place in (x, y, -x, -y)]
 
 
 class StepBounds(NamedTuple):
@@ -172,30 +177,32 @@ def step_qp(
     place, time, offset, vrp = weights
     vrp /= (sigma - 1.0) ** 2
     cost = np.array((place, place, time, offset, offset, vrp, vrp))
-    wanted = np.concatenate((nominal.place, (1.0,), nominal.offset, (sigma - 1.0) * nominal.vrp))
-    A = np.zeros((2, 7))
+    moved = ((sigma - 1.0) * nominal.vrp).tolist()
+    wanted = np.array((*nominal.place.tolist(), 1.0, *nominal.offset.tolist(), *moved))
+    P, A, C = np.zeros((7, 7)), EQUAL.copy(), PARTS.copy()
+    P.flat[::8] = cost
     A[0, 0] = A[1, 1] = shift_gain(omega, double)
     A[:, 2] = -grow * sigma * dcm
-    A[0, 3] = A[1, 4] = 1.0
     A[0, 5] = A[1, 6] = grow
-    sole = np.concatenate((bounds.sole, bounds.sole))
+    sole = bounds.sole.tolist() * 2
     speed, most = bounds.reach.rows(bounds.about)
-    C = PARTS.copy()
-    C[:4, 2] = -sigma * sole
     # T = about + (sigma / sigma(about) - 1) / omega, to first order
-    C[4:, 2] = -speed / omega * math.exp(omega * (nominal.left - bounds.about))
-    most += speed * (bounds.about - 1.0 / omega)
-    times = [math.exp(omega * time) / sigma for time in (bounds.least, bounds.most)]
+    early = -math.exp(omega * (nominal.left - bounds.about)) / omega
+    C[:, 2] = [-sigma * half for half in sole] + [early * one for one in speed]
+    ahead = bounds.about - 1.0 / omega
+    upper = [-half for half in sole] + [c + h * ahead for h, c in zip(speed, most, strict=True)]
+    least, longest = (math.exp(omega * time) / sigma for time in (bounds.least, bounds.most))
+    free = (math.inf,) * 4
     return QP(
-        np.diag(cost),
+        P,
         -cost * wanted,
         A,
-        np.zeros(2),
+        NONE,
         C,
         -FREE,
-        np.concatenate((-sole, most)),
-        np.concatenate((bounds.lower, times[:1], -FREE[:4])),
-        np.concatenate((bounds.upper, times[1:], FREE[:4])),
+        np.array(upper),
+        -np.array((*(-bounds.lower).tolist(), -least, *free)),
+        np.array((*bounds.upper.tolist(), longest, *free)),
         LABELS,
     )
 
@@ -214,7 +221,7 @@ def adapt_step(
     nominal one within its bounds, without a claim to catch the robot: ``adapted`` says so.
     """
     qp = step_qp(dcm, nominal, bounds, omega, double, weights)
-    solution = ActiveSet().solve(qp, quick=True)
+    solution = SOLVER.solve(qp, quick=True)
     if solution.status is not Status.SOLVED:
         place = np.clip(nominal.place, bounds.lower, bounds.upper)
         left = min(max(nominal.left, bounds.least), bounds.most)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -19,8 +18,7 @@ BACK = 0.1
 LEAST_LOAD = 0.1
 
 
-@dataclass(frozen=True)
-class Foothold:
+class Foothold(NamedTuple):
     """The part of a sole on which it is known to stand: at first all of it.
 
     A sole that is pressed beyond the edge it stands on tips about that edge, and lifts the pelvis,
@@ -74,7 +72,10 @@ class Foothold:
             Of the robot [N].
         """
         # What of a normal points ahead and aside: a sole that tips ahead leans back from it.
-        ahead, level = rotation[:, :2].T @ self.normal, rotation[:, :2].T @ self.level
+        ahead = self.normal.dot(rotation[:, :2])
+        if max(map(abs, ahead.tolist())) <= TIPPED and not any(self.tipped.tolist()):
+            return self  # it stands as it stood
+        level = self.level.dot(rotation[:, :2])
         way = np.sign(ahead)
         angle = np.minimum(way * ahead, way * level)
         tips = angle > np.maximum(way * self.tipped + GROWS, TIPPED)
@@ -89,7 +90,7 @@ class Foothold:
         # Less than before, and not past the other side.
         upper = np.clip(upper, self.lower, self.upper)
         lower = np.clip(lower, self.lower, upper)
-        return replace(self, lower=lower, upper=upper, tipped=tipped)
+        return self._replace(lower=lower, upper=upper, tipped=tipped)
 
     def nearest(self, point: Array) -> Array:
         """Return the point (2,) of it that is nearest to one in the sole's axes [m]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -47,10 +47,11 @@ class GaitState(NamedTuple):
     @classmethod
     def of(cls, snapshot: Snapshot, frames: dict[str, str], omega: float, height: float) -> Self:
         """Return it of a snapshot; ``frames`` are those of the soles by foot."""
-        kx, ky, _ = snapshot.momentum[3:] / (snapshot.robot.mass * height)
-        carried = snapshot.com_velocity[:2] + (ky, -kx)
+        kx, ky = snapshot.momentum[3:5].tolist()
+        (x, y, _), (vx, vy, _) = snapshot.com.tolist(), snapshot.com_velocity.tolist()
+        arm = snapshot.robot.mass * height
         return cls(
-            snapshot.com[:2] + carried / omega,
+            np.array((x + (vx + ky / arm) / omega, y + (vy - kx / arm) / omega)),
             {foot: snapshot.position(frame) for foot, frame in frames.items()},
             {foot: snapshot.rotation(frame) for foot, frame in frames.items()},
         )
@@ -75,8 +76,7 @@ class Standing:
     """On both feet, at rest."""
 
 
-@dataclass(frozen=True)
-class DoubleSupport:
+class DoubleSupport(NamedTuple):
     """On both feet, the pressure on its way."""
 
     support: str  # the foot that will bear
@@ -88,8 +88,7 @@ class DoubleSupport:
     level: float | None = None  # as of the single support before
 
 
-@dataclass(frozen=True)
-class SingleSupport:
+class SingleSupport(NamedTuple):
     """On one foot."""
 
     support: str  # the foot that bears
@@ -149,7 +148,7 @@ class SingleSupport:
     def felt(self, now: GaitState, wrench: Array, weight: float) -> Self:
         """Return it with what is known of the foothold now; ``wrench`` (6,) is on its sole [N]."""
         known = self.foothold.felt(now.rotations[self.support], wrench, weight)
-        return replace(self, foothold=known)
+        return self._replace(foothold=known)
 
 
 Phase = Standing | DoubleSupport | SingleSupport
@@ -181,7 +180,8 @@ def next_foot(phase: Phase) -> str | None:
 def landing_pose(phase: SingleSupport, heading: float, velocity: Velocity) -> Array:
     """Return x, y [m] and yaw [rad] with which the foot in the air lands (3,)."""
     turned = heading + velocity.yaw_rate * max(phase.left, 0.0)
-    return np.append(phase.goal, phase.given[0].yaw if phase.given else turned)
+    x, y = phase.goal.tolist()
+    return np.array((x, y, phase.given[0].yaw if phase.given else turned))
 
 
 def feet_after(

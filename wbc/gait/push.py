@@ -10,7 +10,6 @@ import numpy as np
 
 from wbc.gait.phases import GaitState
 from wbc.robot import Snapshot
-from wbc.spatial import skew
 from wbc.validate import Array
 
 # In units of 1/omega: how soon a push is seen, and how long it is expected to go on. Someone who
@@ -56,11 +55,13 @@ class PushObserver(NamedTuple):
         velocity = self.omega * (now.dcm - snapshot.com[:2])
         if not felt or self.expected is None:
             return self._replace(expected=velocity if felt else None, push=NONE)
-        f, tau = np.zeros(3), np.zeros(3)
+        total = np.zeros(2)  # of the forces, with what their moments about the CoM stand for
         for foot, wrench in felt.items():
-            f += wrench[:3]
-            tau += wrench[3:] + skew(now.places[foot] - snapshot.com) @ wrench[:3]
-        rate = (f[:2] + np.array((tau[1], -tau[0])) / self.height) / snapshot.robot.mass
+            fx, fy, fz, mx, my, _ = wrench.tolist()
+            x, y, z = (now.places[foot] - snapshot.com).tolist()
+            about_x, about_y = mx + y * fz - z * fy, my + z * fx - x * fz
+            total += fx + about_y / self.height, fy - about_x / self.height
+        rate = total / snapshot.robot.mass
         expected = self.expected + (rate + self.push) * dt
         off, pole = velocity - expected, math.exp(-self.omega * dt / SEEN)
         push = self.push + (1.0 - pole) ** 2 / dt * off

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +15,9 @@ from wbc.gait.dcm import VrpSegment, shift_gain
 from wbc.gait.footsteps import SIGN, Footsteps, other
 from wbc.gait.legs import Legs
 from wbc.gait.phases import DoubleSupport, GaitState, Phase, SingleSupport, landing_pose
-from wbc.gait.prescribed_steps import SHORTEST, Footstep, given_offsets, velocity_on
+from wbc.gait.prescribed_steps import Footstep, given_offsets, velocity_on
 from wbc.gait.settings import GaitSettings
+from wbc.gait.step_range import SHORTEST
 from wbc.gait.swing import FootPose, turned, yaw_of
 from wbc.polygon import convex_hull, nearest_point
 from wbc.robot import Robot
@@ -191,7 +192,7 @@ class StepPlanner:
             dx, dy = (phase.goal - now.places[phase.support][:2]).tolist()
             ground = float(now.places[phase.support][2]) - (x * dx + y * dy) / z
         swing = phase.swing.advanced(goal, ground, phase.left, dt)
-        return replace(phase, swing=swing), swing.pose()
+        return phase._replace(swing=swing), swing.pose()
 
     def double_time(self, phase: SingleSupport) -> float:
         """Return how long the double support lasts that ends a phase now [s].
@@ -267,8 +268,7 @@ class StepPlanner:
         goal = base + R @ plan.place
         # Not the plan's own offset, which is where the DCM will be: what the step cannot catch
         # would be no error then, and the pressure would go back to the middle of the sole.
-        return replace(
-            phase,
+        return phase._replace(
             left=plan.left,
             goal=goal,
             offset=offset,

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,48 +17,38 @@ LEAST_LEFT = 0.03
 # By which power of s (1 - s) a foot rises, while it goes ahead with s^3: the less, the sooner it
 # is up, over an edge just before its toe; from 2 on its acceleration jumps.
 STEEPNESS = 2.5
-# Coefficients of s^0 to s^5 by value p, rate v, acceleration a and way d of a curve of unit time
-# that ends at p + d, rate and acceleration zero.
-QUINTIC = np.array(
-    (
-        (1.0, 0.0, 0.0, 0.0),
-        (0.0, 1.0, 0.0, 0.0),
-        (0.0, 0.0, 0.5, 0.0),
-        (0.0, -6.0, -1.5, 10.0),
-        (0.0, 8.0, 1.5, -15.0),
-        (0.0, -3.0, -0.5, 6.0),
-    )
-)
 
 
 class SwingMotion(NamedTuple):
-    """Values (k,), their rates and accelerations."""
+    """A value, its rate and acceleration: numbers all, or arrays (k,)."""
 
-    value: Array
-    rate: Array
-    acceleration: Array
+    value: Any
+    rate: Any
+    acceleration: Any
 
     @classmethod
-    def rest(cls, value: Array) -> Self:
+    def rest(cls, value: float | Array) -> SwingMotion:
         """Return no motion at all."""
-        return cls(value, np.zeros_like(value), np.zeros_like(value))
+        return SwingMotion(value, 0.0 * value, 0.0 * value)
 
     def plus(self, other: SwingMotion) -> SwingMotion:
         """Return the sum of both."""
-        return SwingMotion(*(mine + its for mine, its in zip(self, other, strict=True)))
+        (x, v, a), (y, u, b) = self, other
+        return SwingMotion(x + y, v + u, a + b)
 
     def less(self, other: SwingMotion) -> SwingMotion:
         """Return what it is beyond the other."""
-        return SwingMotion(*(mine - its for mine, its in zip(self, other, strict=True)))
+        (x, v, a), (y, u, b) = self, other
+        return SwingMotion(x - y, v - u, a - b)
 
-    def sprung(self, goal: float, rate: float, dt: float) -> Self:
+    def sprung(self, goal: float | Array, rate: float, dt: float) -> SwingMotion:
         """Return it ``dt`` later on a critically damped spring to ``goal`` of ``rate`` [1/s]."""
         acceleration = rate**2 * (goal - self.value) - 2.0 * rate * self.rate
         v = self.rate + acceleration * dt
-        return type(self)(self.value + v * dt, v, acceleration)
+        return SwingMotion(self.value + v * dt, v, acceleration)
 
 
-def towards(now: SwingMotion, goal: Array, left: float, dt: float) -> SwingMotion:
+def towards(now: SwingMotion, goal: float | Array, left: float, dt: float) -> SwingMotion:
     """Return the motion ``dt`` later on the quintic that ends at rest at ``goal`` after ``left``.
 
     Of all that begin as ``now`` it has the least integrated squared jerk (Flash & Hogan 1985), so
@@ -67,14 +56,16 @@ def towards(now: SwingMotion, goal: Array, left: float, dt: float) -> SwingMotio
     """
     T = max(left, LEAST_LEFT)
     s = min(dt / T, 1.0)
-    motion = np.array((now.value, T * now.rate, T * T * now.acceleration, goal - now.value))
-    powers = (
-        (1.0, s, s**2, s**3, s**4, s**5),
-        (0.0, 1.0, 2.0 * s, 3.0 * s**2, 4.0 * s**3, 5.0 * s**4),
-        (0.0, 0.0, 2.0, 6.0 * s, 12.0 * s**2, 20.0 * s**3),
-    )
-    value, rate, acceleration = np.array(powers) @ QUINTIC @ motion
-    return SwingMotion(value, rate / T, acceleration / (T * T))
+    c, (x, v, a), way = 1.0 - s, now, goal - now.value
+    # Hermite's polynomials of degree 5 in s, and their derivatives: of rate and acceleration.
+    slope, bend = minimum_jerk_rates(s)
+    value = x + T * s * c**3 * (1.0 + 3.0 * s) * v
+    value = value + 0.5 * (T * s) ** 2 * c**3 * a + minimum_jerk(s) * way
+    rate = c * c * (1.0 + 2.0 * s - 15.0 * s * s) * v
+    rate = rate + 0.5 * T * s * c * c * (2.0 - 5.0 * s) * a + slope / T * way
+    change = -12.0 / T * s * c * (3.0 - 5.0 * s) * v
+    change = change + c * (1.0 - 8.0 * s + 10.0 * s * s) * a + bend / (T * T) * way
+    return SwingMotion(value, rate, change)
 
 
 class Lift(NamedTuple):
@@ -117,11 +108,10 @@ class FootPose(NamedTuple):
     acceleration: Array
 
 
-LEVEL = SwingMotion.rest(np.zeros(1))
+LEVEL = SwingMotion(0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True)
-class SwingFoot:
+class SwingFoot(NamedTuple):
     """A foot in the air.
 
     It is lifted by the part of its way that is done (:class:`Lift`); a hurried one less, by the
@@ -135,7 +125,7 @@ class SwingFoot:
         x, y [m], yaw [rad] and what of the unit normal of its sole is horizontal (5,), as they
         should be.
     height:
-        (1,) likewise [m].
+        Likewise [m].
     lifted_from:
         Height at which it left the ground [m].
     normal:
@@ -153,7 +143,7 @@ class SwingFoot:
     crossing:
         How it goes over edges, if any are known.
     tip:
-        (1,) how much lower its toe is than its heel, then [rad].
+        How much lower its toe is than its heel, then [rad].
     """
 
     level: SwingMotion
@@ -179,13 +169,13 @@ class SwingFoot:
         descent: float,
         sole: Array | None = None,
         crossing: Crossing | None = None,
-    ) -> Self:
+    ) -> SwingFoot:
         """Return one that leaves the ground, from ``pose`` (x, y, yaw).
 
         ``sole`` is the normal (3,) that it has there, if not that of where it lands.
         """
-        still = SwingMotion.rest(np.array((height,)))
         level = SwingMotion.rest(np.append(pose, (normal if sole is None else sole)[:2]))
+        still = SwingMotion.rest(height)
         return cls(level, still, height, normal, clearance, usual, descent, crossing=crossing)
 
     def advanced(self, goal: Array, ground: float, left: float, dt: float) -> SwingFoot:
@@ -204,34 +194,28 @@ class SwingFoot:
         else:
             level = towards(now, end, left - over.ends / rate if rate else 0.0, dt)
         if left <= 0.0:
-            then = replace(self, level=level, done=1.0, late=self.late + dt)
+            then = self._replace(level=level, done=1.0, late=self.late + dt)
         else:
-            then = replace(self, level=level, done=min(1.0, self.done + rate * dt))
+            then = self._replace(level=level, done=min(1.0, self.done + rate * dt))
         if over is not None:
-            tip = over.tipped(then.done, rate)
-            then = replace(then, tip=SwingMotion(*(np.array((one,)) for one in tip)))
+            then = then._replace(tip=SwingMotion(*over.tipped(then.done, rate)))
         curve, later = self._curve(ground, rate), then._curve(ground, rate)
-        off = towards(self.height.less(curve), np.zeros(1), left, dt)
-        return replace(then, height=off.plus(later))
+        off = towards(self.height.less(curve), 0.0, left, dt)
+        return then._replace(height=off.plus(later))
 
     def _curve(self, ground: float, rate: float) -> SwingMotion:
-        """Return the height (1,) of one that does its way at ``rate`` [1/s]; 0 if it is late."""
+        """Return the height of one that does its way at ``rate`` [1/s]; 0 if it is late."""
         if rate == 0.0:
-            below = ground - self.descent * self.late
-            return SwingMotion(np.array((below,)), np.array((-self.descent,)), np.zeros(1))
+            return SwingMotion(ground - self.descent * self.late, -self.descent, 0.0)
         if self.crossing is not None:
-            lift = self.crossing._replace(end=ground).lifted(self.done, rate)
-            return SwingMotion(*(np.array((one,)) for one in lift))
+            return SwingMotion(*self.crossing._replace(end=ground).lifted(self.done, rate))
         clearance = self.clearance * min(1.0, 1.0 / (rate * self.usual)) ** 2
-        lift = Lift(self.lifted_from, ground, clearance).at(self.done, rate)
-        return SwingMotion(*(np.array((one,)) for one in lift))
+        return SwingMotion(*Lift(self.lifted_from, ground, clearance).at(self.done, rate))
 
     def pose(self) -> FootPose:
         """Return where it should be; what its tilt adds to rates is that to first order in it."""
         (x, y, yaw, nx, ny), *rates = (one.tolist() for one in self.level)
-        (z, *lifts), (tip, *tips) = (
-            [float(one[0]) for one in motion] for motion in (self.height, self.tip)
-        )
+        (z, *lifts), (tip, *tips) = self.height, self.tip
         R = upright_on(np.array((nx, ny, math.sqrt(1.0 - nx * nx - ny * ny)))) @ turned(yaw)
         twist, change = (
             np.array((vx, vy, vz, -tilt_y, tilt_x, turn))

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -44,10 +43,11 @@ from wbc.gait.phases import (
     feet_after,
     next_foot,
 )
-from wbc.gait.prescribed_steps import SHIFT, Footstep, Landing, StepRange
+from wbc.gait.prescribed_steps import SHIFT, Footstep, Landing
 from wbc.gait.push import PushObserver
 from wbc.gait.reference import Reference, StepPlanner, half_sizes
 from wbc.gait.settings import GaitSettings
+from wbc.gait.step_range import StepRange
 from wbc.gait.swing import SwingMotion, towards, unit
 from wbc.gait.whole_body import WalkingWeights, WholeBody, heading_of
 from wbc.qp.backend import Backend
@@ -81,7 +81,8 @@ class Walker:
     gait:
         Settings by name, see :class:`~wbc.gait.settings.GaitSettings`; the rest fits the robot.
     weights:
-        Of the tasks.
+        Of the tasks; that of a foot's height is less where hips are weak
+        (:meth:`~wbc.gait.WalkingWeights.for_legs`).
     posture:
         (nq,) what arms and trunk are drawn to; its soles are on the ground. The standing one,
         if None.
@@ -152,7 +153,7 @@ class Walker:
         self.dt = finite_number("walker, dt", dt, above=0.0)
         start = robot.snapshot(robot.postures[STANDING] if posture is None else posture)
         self._frames = {foot: robot.feet[foot].frame for foot in robot.feet}
-        weights = weights or WalkingWeights()
+        weights = (weights or WalkingWeights()).for_legs(legs)
         self._planner = StepPlanner(self.gait, limits_of_legs, legs, half_sizes(robot))
         chosen = [name for name, value in given.items() if value is not None]
         self._paces = Paces.of(self._planner, weights, chosen)
@@ -160,7 +161,7 @@ class Walker:
         self._range = StepRange.of(robot, self.gait)
         now = GaitState.of(start, self._frames, self.gait.omega, self.gait.height)
         self.heading = heading_of(now.rotations.values())
-        self._ground = SwingMotion.rest(np.array((now.middle[2],)))
+        self._ground = SwingMotion.rest(float(now.middle[2]))
         self._normal = unit(now.normal)
         self._whole_body = WholeBody(
             start,
@@ -329,18 +330,18 @@ class Walker:
         if reference.level is None or reference.within is None:
             self._ground = self._ground.sprung(level - lower, follow, self.dt)
         else:
-            goal = np.array((level - lower,))
-            self._ground = towards(self._ground, goal, reference.within, self.dt)
+            self._ground = towards(self._ground, level - lower, reference.within, self.dt)
         if reference.level is not None:
             # The rate of the DCM is as planned, at a constant omega, if the pressure is so much
             # nearer to the CoM as the pendulum is shorter, or its weight more.
             com, g = snapshot.com, self.gait.gravity
-            up = max(g + float(self._ground.acceleration[0]), LIGHTEST * g)
+            up = max(g + self._ground.acceleration, LIGHTEST * g)
             share = self.gait.omega**2 * (float(com[2]) - reference.ground) / up
             vrp = com[:2] + share * (vrp - com[:2])
-        height = np.concatenate(self._ground) + (self._usual, 0.0, 0.0)
+        height = self._ground.plus(SwingMotion(self._usual, 0.0, 0.0))
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
-        pressure = np.append(self._planner.within(self.phase, vrp, now), reference.ground)
+        x, y = self._planner.within(self.phase, vrp, now).tolist()
+        pressure = np.array((x, y, reference.ground))
         self._whole_body.lead(snapshot, pressure, height, self.heading, turn)
 
     def _count(self, phase: SingleSupport) -> None:
@@ -374,14 +375,14 @@ class Walker:
             time = SHIFT / self.gait.omega
             return DoubleSupport(support, now.middle[:2], time, time)
         if isinstance(phase, DoubleSupport):
-            phase = replace(phase, left=phase.left - dt)
+            phase = phase._replace(left=phase.left - dt)
             if phase.halts:
                 return Standing() if phase.left <= 0.0 else phase
             if phase.left <= self.gait.ramp and not phase.unloading:
                 self._whole_body.hold(snapshot, [phase.support], self.gait.ramp)
-                phase = replace(phase, unloading=True)
+                phase = phase._replace(unloading=True)
             return self._lifted(phase, now) if phase.left <= 0.0 else phase
-        phase = replace(phase, left=phase.left - dt, elapsed=phase.elapsed + dt)
+        phase = phase._replace(left=phase.left - dt, elapsed=phase.elapsed + dt)
         load = felt[other(phase.support)][2] / self.robot.weight if felt else None
         return self._landed(snapshot, phase, now) if self._planner.touches(phase, load) else phase
 

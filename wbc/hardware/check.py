@@ -73,7 +73,7 @@ def listen(
         why = f"; first: {refused[0]}" if refused else ""
         raise WbcError(
             f"check: {len(readings)} usable readings in {seconds:g} s{why}; is the robot on this"
-            f" interface and in its low-level mode? thrown away: {dict(bus.dropped)}"
+            f" interface and in its low-level mode?{_thrown_away(bus)}"
         )
     gaps, last = np.diff(arrivals), readings[-1]
     robot_gaps = np.diff([one.time for one in readings])
@@ -93,6 +93,12 @@ def listen(
         CheckFinding("believable", not refused, refused[0] if refused else "all readings"),
     ]
     return found + _at_rest(robot, readings, last)
+
+
+def _thrown_away(bus: Bus) -> str:
+    """Return what a bus threw away, in words; nothing if it was nothing."""
+    lost = ", ".join(f"{count} {reason}" for reason, count in bus.dropped.items() if count)
+    return f"; thrown away: {lost}" if lost else ""
 
 
 def _at_rest(robot: Robot, readings: list[Reading], last: Reading) -> list[CheckFinding]:

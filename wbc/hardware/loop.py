@@ -20,7 +20,7 @@ from wbc.hardware.loop_memory import LoopMemory
 from wbc.hardware.loop_result import LoopResult, is_fault
 from wbc.hardware.operator import LoopStatus, Operator, Wish
 from wbc.hardware.postures import Motions
-from wbc.hardware.real_time import Beat, CycleClock, pin, real_time
+from wbc.hardware.real_time import Beat, CycleClock, check_cpus, pin, real_time
 from wbc.hardware.real_time import now as clock_now
 from wbc.hardware.ring_log import LogWriter, RingLog
 from wbc.hardware.robot_controller import RobotController
@@ -32,6 +32,9 @@ from wbc.validate import Array, finite_number
 
 PERIOD = 0.002  # s: of cycles
 WITHOUT = 3  # periods of the controller without an answer that are no fault: contacts change
+# In which nothing is commanded but damping, if at all.
+DOWN = frozenset((Mode.IDLE, Mode.DAMPING, Mode.STOP))
+PATIENCE = 2.0  # s without a usable reading, of a robot that is not armed, until that is said
 SILENT_AFTER = 0.005  # s without a usable reading: two messages of 500 Hz
 GONE_AFTER = 0.040  # s: the robot's side is gone, and the loop ends
 STALL = 0.040  # s of lateness: the process was stopped or starved
@@ -101,6 +104,7 @@ class HardwareLoop:
         cpus: Sequence[int] = (),
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
+        check_cpus(cpus)
         self.controller, self.safety = controller, safety
         self._checks, self._motions, self._operator = checks, motions, operator
         self.dt = PERIOD
@@ -149,7 +153,10 @@ class HardwareLoop:
                     self.cycle(beat)
                     if not asked and self.interrupted():
                         asked = True
-                        self._say("interrupted: it sits down; once more: it stops")
+                        if self.safety.mode not in DOWN:
+                            self._say("interrupted: it sits down; once more: it stops")
+                    if asked and self.safety.mode in DOWN:
+                        self._now.ended = "interrupted"
                     if beat.time - self._began > most:
                         self._now.ended = f"{most:g} s are over"
             except KeyboardInterrupt:
@@ -235,6 +242,12 @@ class HardwareLoop:
             else:
                 safety.report(*refused)
         silence = time - max(now.heard, self._began)
+        if fresh is not None and now.told:
+            self._say("the robot is heard")
+            now.told = False
+        elif silence > PATIENCE and not now.told:
+            self._say(f"nothing heard for {PATIENCE:g} s: is the robot on, and on this bus?")
+            now.told = True
         if fresh is None and silence > SILENT_AFTER:
             safety.report(Fault.SILENT, f"for {1e3 * silence:.0f} ms")
         if silence > GONE_AFTER and safety.mode is not Mode.IDLE and not now.ended:
@@ -383,7 +396,7 @@ class HardwareLoop:
         elif wish is Wish.RESET:
             safety.reset(time)
         else:
-            if safety.mode not in (Mode.IDLE, Mode.DAMPING, Mode.STOP):
+            if safety.mode not in DOWN:
                 raise ForbiddenTransition(f"sit, or stop, first: {safety.mode}")
             now.ended = "asked to quit"
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from array import array
 from dataclasses import dataclass, field
 
 from wbc.hardware.bus import Command, Reading
 from wbc.hardware.robot_controller import ControllerAnswer
 from wbc.hardware.safety import Mode
 from wbc.hardware.worker import Job
+
+
+def _numbers() -> array[float]:
+    return array("d")
 
 
 @dataclass
@@ -40,5 +45,6 @@ class LoopMemory:
     ended: str = ""
     notes: tuple[str, ...] = ()
     missed: int = 0
-    lateness: list[float] = field(default_factory=list)
-    seconds: list[float] = field(default_factory=list)
+    told: bool = False  # whether it was said that nothing is heard
+    lateness: array[float] = field(default_factory=_numbers)  # of all cycles: 14 MB an hour
+    seconds: array[float] = field(default_factory=_numbers)

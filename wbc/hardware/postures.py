@@ -130,8 +130,8 @@ class PostureMotion:
         along: float = 2.5,
     ) -> None:
         self._path, self._kp, self._kd, self._up = path, kp, kd, up
-        self._onto = finite_number("posture motion, onto", onto, above=0.0)
-        self._along = finite_number("posture motion, along", along, above=0.0)
+        self.onto = finite_number("posture motion, onto", onto, above=0.0)
+        self.along = finite_number("posture motion, along", along, above=0.0)
         self._began: float | None = None
         self._from: Array = path.joints[0]
         self._loaded: Array = np.zeros(len(kp))
@@ -155,13 +155,13 @@ class PostureMotion:
 
     def is_over(self, now: float) -> bool:
         """Return whether the last posture is commanded."""
-        return self._began is not None and now - self._began >= self._onto + self._along
+        return self._began is not None and now - self._began >= self.onto + self.along
 
     def command(self, now: float) -> Command:
         """Return the command for this time."""
         began = now if self._began is None else self._began
-        onto = minimum_jerk(min(max((now - began) / self._onto, 0.0), 1.0))
-        along = minimum_jerk(min(max((now - began - self._onto) / self._along, 0.0), 1.0))
+        onto = minimum_jerk(min(max((now - began) / self.onto, 0.0), 1.0))
+        along = minimum_jerk(min(max((now - began - self.onto) / self.along, 0.0), 1.0))
         last = 0.0 if self._up else len(self._path.joints) - 1.0
         at = self._first + along * (last - self._first)
         low = min(int(at), len(self._path.joints) - 2)

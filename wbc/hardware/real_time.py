@@ -7,8 +7,9 @@ import gc
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import NamedTuple
 
 from wbc.errors import InvalidInputError
@@ -58,6 +59,7 @@ def sleep_until(deadline: float) -> None:
         time.sleep(left)
 
 
+@cache  # each has circular references, and no garbage is collected while a loop runs
 def _libc() -> ctypes.CDLL:
     return ctypes.CDLL(None, use_errno=True)
 
@@ -107,21 +109,20 @@ class CycleClock:
         return Beat(began, late, missed)
 
 
-def pin(cpu: int | None) -> None:
-    """Let this process run on one CPU only, where that can be said; None: wherever.
-
-    Raises
-    ------
-    InvalidInputError
-        There is no such CPU.
-    """
-    if cpu is None or not hasattr(os, "sched_setaffinity"):
+def check_cpus(cpus: Sequence[int]) -> None:
+    """Raise InvalidInputError for a CPU on which this process may not run; none is known: none."""
+    if not hasattr(os, "sched_getaffinity"):
         return
-    try:
+    known = sorted(os.sched_getaffinity(0))
+    for cpu in cpus:
+        if cpu not in known:
+            raise InvalidInputError(f"CPU {cpu}: this process may run on {known}")
+
+
+def pin(cpu: int | None) -> None:
+    """Let this process run on one CPU only, where that can be said; None: wherever."""
+    if cpu is not None and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {cpu})
-    except OSError as error:
-        known = sorted(os.sched_getaffinity(0))
-        raise InvalidInputError(f"CPU {cpu}: {error.strerror}; choose from {known}") from error
 
 
 @contextmanager

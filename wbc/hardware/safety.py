@@ -249,7 +249,7 @@ class Safety:
     """
 
     def __init__(self, limits: SafetyLimits, damping: Array, dt: float) -> None:
-        self.limits, self.dt = limits, dt
+        self.limits, self.damping, self.dt = limits, damping, dt
         self.mode = Mode.IDLE
         self.events = deque[Event](maxlen=1000)
         self.counts = Counter[Fault]()

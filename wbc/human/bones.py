@@ -25,8 +25,8 @@ _PAIRED = {
     "knee_centre": "LEG LOWLEG LOWERLEG KNEE SHIN CALF TIBIA",
     "ankle_centre": "FOOT ANKLE",
     "toe": "TOEBASE TOE TOES BALL TOE0 FOOTINDEX FOOT/END ANKLE/END",
-    "shoulder_centre": "ARM UPARM UPPERARM SHLDR SHOULDER HUMERUS",
-    "elbow_centre": "FOREARM LOWARM LOWERARM ELBOW RADIUS",
+    "shoulder_centre": "ARM UPARM UPPERARM UARM SHLDR SHOULDER HUMERUS",
+    "elbow_centre": "FOREARM LOWARM LOWERARM FARM ELBOW RADIUS",
     "wrist_centre": "HAND WRIST",
 }
 _MIDDLE = {

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from wbc.errors import InvalidInputError
 from wbc.human.body import NAMES, REFERENCE_STATURE, usual_dimensions
 from wbc.human.fit import (
     SPREADS,
@@ -143,7 +144,15 @@ def _stature(observed: Array, landmarks: tuple[Landmark, ...]) -> float:
                 length = np.linalg.norm(one - other, axis=1)
                 if np.isfinite(length).any():
                     found.append(float(np.nanmedian(length)) / part)
-    return float(np.clip(np.median(found), *STATURES)) if found else 1.7
+    if not found:
+        return 1.7
+    tall, (least, most) = float(np.median(found)), STATURES
+    if not 0.7 * least < tall < 1.3 * most:
+        raise InvalidInputError(
+            f"markers: by the distances between them the human is {tall:.3g} m tall; are the"
+            " file's lengths in the unit that was said (unit)?"
+        )
+    return min(max(tall, least), most)
 
 
 def _prior(observed: Array, landmarks: tuple[Landmark, ...], stature: float) -> _Prior:

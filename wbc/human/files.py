@@ -10,17 +10,23 @@ from wbc.human.bvh import read_bvh
 from wbc.human.c3d import read_c3d
 from wbc.human.markers import ForcePlate, MarkerRecording
 from wbc.human.opensim_files import read_plates, read_trc
+from wbc.human.rigid_bodies import is_rigid_bodies, read_rigid_bodies
 from wbc.human.smpl import is_smpl, read_smpl
 from wbc.motion.table import RecordingError
 
-ENDINGS = (".c3d", ".trc", ".bvh", ".npz")
+ENDINGS = (".c3d", ".trc", ".bvh", ".csv", ".npz")
 PLATES = (".mot", ".sto", ".c3d")
 
 
 def is_human_recording(path: str | Path) -> bool:
-    """Return whether a file is read as a human's: C3D, TRC, BVH, or an NPZ of SMPL poses."""
+    """Return whether a file is read as a human's.
+
+    C3D, TRC, BVH, a CSV of rigid bodies, or an NPZ of SMPL poses.
+    """
     path = Path(path)
     ending = path.suffix.lower()
+    if ending == ".csv":
+        return is_rigid_bodies(path)
     if ending != ".npz":
         return ending in ENDINGS
     try:
@@ -37,10 +43,11 @@ def read_markers(
     unit: str | None = None,
     stature: float | None = None,
 ) -> MarkerRecording:
-    """Read a human's recording from a C3D, TRC or BVH file, or an NPZ of SMPL poses.
+    """Read a human's recording from a C3D, TRC, BVH or CSV file, or an NPZ of SMPL poses.
 
     C3D: markers and force plates of types 1 to 4. TRC: markers; force plates from an OpenSim MOT or
-    STO file (``forces``). BVH and AMASS-like NPZ: joints and bones of the skeleton.
+    STO file (``forces``). BVH and AMASS-like NPZ: joints and bones of the skeleton. CSV: rigid
+    bodies, of OptiTrack's Motive or a plain table (:mod:`wbc.human.rigid_bodies`).
 
     Parameters
     ----------
@@ -68,6 +75,8 @@ def read_markers(
                 found = read_trc(path)
             case ".bvh":
                 found = read_bvh(path, unit)
+            case ".csv":
+                found = read_rigid_bodies(path)
             case ".npz":
                 found = read_smpl(path, stature)
             case _:

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic.json_schema import models_json_schema
 
+from wbc.problem.retarget import RetargetSpec
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.walk import WalkSpec
 
@@ -13,12 +14,12 @@ from wbc.problem.walk import WalkSpec
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of a problem file.
 
-    A file with the key ``model`` is about a pendulum, any other about a robot; with ``gait`` it
-    walks.
+    A file with the key ``model`` is about a pendulum, one with ``motion`` is for ``wbc retarget``,
+    any other is about a robot; with ``gait`` it walks.
     """
     from wbc.problem.pendulum.spec import PendulumSpec  # only now: it loads CasADi
 
-    specs = ProblemSpec, WalkSpec, PendulumSpec
+    specs = ProblemSpec, WalkSpec, PendulumSpec, RetargetSpec
     places, schema = models_json_schema([(spec, "validation") for spec in specs])
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -27,9 +28,13 @@ def json_schema() -> dict[str, Any]:
         "if": {"type": "object", "required": ["model"]},
         "then": places[PendulumSpec, "validation"],
         "else": {
-            "if": {"type": "object", "required": ["gait"]},
-            "then": places[WalkSpec, "validation"],
-            "else": places[ProblemSpec, "validation"],
+            "if": {"type": "object", "required": ["motion"]},
+            "then": places[RetargetSpec, "validation"],
+            "else": {
+                "if": {"type": "object", "required": ["gait"]},
+                "then": places[WalkSpec, "validation"],
+                "else": places[ProblemSpec, "validation"],
+            },
         },
         "$defs": _unwrapped(schema["$defs"]),
     }

@@ -32,6 +32,8 @@ from wbc.problem.source import KeyPath, Source, written
 DASH, STDIN = Path("-"), "<stdin>"
 PROBLEMS = Path("problems")  # where a clone has its own
 MAX_BYTES = 1_000_000
+# How files begin that are packed: ZIP (.npz), gzip, HDF5.
+BINARY = (b"PK", b"\x1f\x8b", b"\x89H")
 MAX_DEPTH = 32
 MAX_ALIASES = 50
 MAX_VALUES = 20_000
@@ -89,6 +91,11 @@ def _text_of(path: Path, name: str) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
+        if content[:2] in BINARY:
+            raise ProblemFileError(
+                f"{name}: no problem file, but a packed one (.npz, .gz); results are for wbc"
+                " replay, report, render and export"
+            ) from None
         line = content.count(b"\n", 0, error.start) + 1
         raise ProblemFileError(f"{name}:{line}: not UTF-8 text; save the file as UTF-8") from error
 

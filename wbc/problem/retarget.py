@@ -21,7 +21,7 @@ class RetargetSpec(Section):
     version: Literal[1] = 1
     """Version of this format."""
     motion: Name
-    """The recording, relative to this file: .c3d, .trc, .bvh, or .npz of SMPL poses."""
+    """The recording, relative to this file: .c3d, .trc, .bvh, .csv of bodies, or .npz of SMPL."""
     robot: Name
     """A name, or a URDF or MJCF file, relative to this one if it is there."""
     static: Name | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -72,8 +72,9 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | Save
         The robot's files are not there any more.
     """
     path = Path(path)
+    # First of all what it is: arrays of other files are not to blame for it.
+    summary = _summary(path, read_arrays(path, _summary_alone, _kinds, LARGEST))
     arrays = read_arrays(path, list, _kinds, LARGEST)
-    summary = _summary(path, arrays)
     if summary["format"] == PENDULUM_FORMAT:
         if robot is not None:
             raise InvalidInputError(f"{path}: a pendulum's result, which has no robot to name")
@@ -95,6 +96,10 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | Save
         raise InvalidInputError(f"{path}: {error}; {REMEDY}") from error
     simulation = arrays if "simulation" in summary else None
     return SavedRun(path.stem, robot, history, summary, simulation, _terrain(path, summary))
+
+
+def _summary_alone(names: Iterable[str]) -> list[str]:
+    return [name for name in names if name == "summary"]
 
 
 def _kinds(name: str) -> str:

@@ -9,8 +9,9 @@ from pydantic import Field
 from wbc.gait import Footstep, Legs, Velocity, Walker, WalkingWeights
 from wbc.gait.commanded import CommandedWalk, Forces, TimedCommand
 from wbc.gait.phases import sole_poses
-from wbc.gait.prescribed_steps import StepRange, in_world
+from wbc.gait.prescribed_steps import in_world
 from wbc.gait.settings import GaitSettings
+from wbc.gait.step_range import StepRange
 from wbc.problem.components import Parts
 from wbc.problem.controller_spec import TorqueSpec
 from wbc.problem.mistakes import Misplaced, Mistakes, read_section

@@ -70,7 +70,8 @@ def find_conflict(
     if crossed:
         return Conflict(crossed)
     start = np.zeros(qp.g.size)
-    if guess is not None and np.isfinite(guess).all():
+    # Of a QP without a solution some solvers return a ray: a point at 1e200, or NaN.
+    if guess is not None and np.abs(guess).max(initial=0.0) <= REACH:
         start = np.clip(guess, qp.lower, qp.upper)
         violation = UnitRows.of(qp).violation(start)
         if np.abs(violation).max(initial=0.0) <= tolerance * (1.0 + np.abs(start).max(initial=0.0)):
@@ -93,27 +94,64 @@ def _by_least_violation(qp: QP, tolerance: float) -> Conflict | None:
     rows leave it none to lose. What they name is then proved anew without all other rows, which
     leaves those that are needless out.
     """
-    rows, me, n = UnitRows.of(qp), qp.b.size, qp.g.size
+    rows, me = UnitRows.of(qp), qp.b.size
     _, violation = least_violation(qp)
     missed = violation / rows.norms
     weights, z_box = missed / rows.norms, -missed @ rows.matrix
-    heavy = np.abs(missed) > _LIGHTEST * np.abs(missed).max()
-    pulled = np.abs(z_box) > _LIGHTEST * np.abs(missed).max()
-    equal, bounded = heavy[:me], heavy[me:]
-    above = weights[me:] > 0.0
+    least = _LIGHTEST * np.abs(missed).max()
+    pulls = np.where(np.abs(missed) > least, weights, 0.0)
+    again = _among(qp, pulls[:me], pulls[me:], np.where(np.abs(z_box) > least, z_box, 0.0))
+    rough = weights[:me], weights[me:], z_box
+    for y, z, box in (rough,) if again is None else (again, rough):
+        proved = conflict_of(qp, y, z, box, tolerance)
+        if proved is not None:
+            return proved
+    return conflict_by_simplex(qp, tolerance)
+
+
+def _among(qp: QP, y: Array, z: Array, z_box: Array) -> tuple[Array, Array, Array] | None:
+    """Return a certificate of the rows and bounds alone that one names, if there is one."""
+    n, equal, bounded, above = qp.g.size, y != 0.0, z != 0.0, z > 0.0
     part = qp._replace(
         P=np.eye(n), g=np.zeros(n), A=qp.A[equal], b=qp.b[equal], C=qp.C[bounded],
         l=np.where(above, -np.inf, qp.l)[bounded], u=np.where(above, qp.u, np.inf)[bounded],
-        lower=np.where(pulled & (z_box < 0.0), qp.lower, -np.inf),
-        upper=np.where(pulled & (z_box > 0.0), qp.upper, np.inf),
+        lower=np.where(z_box < 0.0, qp.lower, -np.inf),
+        upper=np.where(z_box > 0.0, qp.upper, np.inf),
     )  # fmt: skip
     found = solve_in_core(part, 1e-8, _MOST_ITERATIONS)
-    if found.said == INFEASIBLE:
-        y, z = np.zeros(me), np.zeros(qp.u.size)
-        y[equal], z[bounded] = found.y, found.z
-        proved = conflict_of(qp, y, z, found.z_box, tolerance)
-        if proved is not None:
-            return proved
+    if found.said != INFEASIBLE:
+        return None
+    y, z = np.zeros(qp.b.size), np.zeros(qp.u.size)
+    y[equal], z[bounded] = found.y, found.z
+    return y, z, found.z_box
+
+
+def conflict_by_simplex(qp: QP, tolerance: float = TOLERANCE) -> Conflict | None:
+    """Return the conflict that the dual simplex names, where all else is lost: in milliseconds.
+
+    The largest violation of a row of unit length is minimised within the bounds, by HiGHS (Huangfu
+    & Hall, Math. Programming Computation 10, 2018); multipliers of the optimum are the certificate.
+    """
+    from scipy.optimize import linprog  # only here: it takes a while to load
+
+    rows, n = UnitRows.of(qp), qp.g.size
+    above, below = np.isfinite(rows.upper), np.isfinite(rows.lower)
+    sides = np.concatenate((rows.matrix[above], -rows.matrix[below]))
+    found = linprog(
+        np.append(np.zeros(n), 1.0),
+        A_ub=np.column_stack((sides, np.full(len(sides), -1.0))),
+        b_ub=np.concatenate((rows.upper[above], -rows.lower[below])),
+        bounds=[*zip(qp.lower, qp.upper, strict=True), (0.0, None)],
+        method="highs-ds",
+        options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+    )
+    if found.status != 0:
+        return None
+    pulls, weights = -found.ineqlin.marginals, np.zeros(rows.norms.size)
+    weights[above] += pulls[: above.sum()]
+    weights[below] -= pulls[above.sum() :]
+    weights /= rows.norms
+    z_box, me = -(found.lower.marginals + found.upper.marginals)[:n], qp.b.size
     return conflict_of(qp, weights[:me], weights[me:], z_box, tolerance)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -58,9 +59,8 @@ def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> C
     if tuple([array.shape for array in arrays]) != shapes:
         check_qp(qp)
     given = [np.ascontiguousarray(array, dtype=np.float64) for array in arrays]
-    wanted = np.empty(2, dtype=np.int64)
-    lib.wbc_sizes(*sizes, integers(wanted))
-    scratch, order = np.empty(wanted[0]), np.empty(wanted[1], dtype=np.int64)
+    working, places = _sizes(*sizes)
+    scratch, order = np.empty(working), np.empty(places, dtype=np.int64)
     out = np.empty(2 * n + k + m + 4)
     at = doubles(out)
     struct = ffi.new("wbc_qp *", {"n": n, "k": k, "m": m, "eps": eps})
@@ -73,5 +73,14 @@ def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> C
     if said == lib.NOT_FINITE:
         check_qp(qp)
     *residuals, iterations = out[-4:].tolist()
-    x, y, z, z_box, _ = np.split(out, np.cumsum([n, k, m, n]))
-    return CoreAnswer(said, x, y, z, z_box, KktResiduals(*residuals), int(iterations))
+    y, z, z_box = n, n + k, n + k + m  # where they begin
+    parts = out[:y], out[y:z], out[z:z_box], out[z_box:-4]
+    return CoreAnswer(said, *parts, KktResiduals(*residuals), int(iterations))
+
+
+@lru_cache(maxsize=256)
+def _sizes(n: int, k: int, m: int) -> tuple[int, int]:
+    """Return how many numbers, and how many whole ones, the core works with."""
+    wanted = np.empty(2, dtype=np.int64)
+    lib.wbc_sizes(n, k, m, integers(wanted))
+    return int(wanted[0]), int(wanted[1])

@@ -13,6 +13,7 @@ from wbc.controllers.kinematic import KinematicController
 from wbc.gait.legs import SIDES
 from wbc.retargeting.tasks import FrameTasks
 from wbc.robot import Robot
+from wbc.robot.collision.raw_pairs import RawPairs
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
@@ -144,7 +145,8 @@ def kept(
 ) -> tuple[Array, dict[int, str]]:
     """Return configurations (n, nq) as near to ``wanted`` as limits and margins allow.
 
-    Frames that keep them are taken as they are; the tick makes what is nearest of others.
+    Frames that keep them, margins by the shapes of the robot's files, are taken as they are; the
+    tick makes what is nearest of others.
 
     Returns
     -------
@@ -199,6 +201,29 @@ def _within(
     fine: NDArray[np.bool_] = np.asarray(
         ((joints >= limits.lower) & (joints <= limits.upper)).all(axis=1)
     )
-    if collision is not None:
-        fine[collision.near(q, state_series(robot, q), 0.0)[0]] = False
+    return fine if collision is None else fine & apart(robot, q, collision)
+
+
+def apart(
+    robot: Robot, q: Array, collision: SelfCollision, *, raw: bool = True
+) -> NDArray[np.bool_]:
+    """Return which configurations keep margins (n,), by the raw shapes where fitted ones do not.
+
+    Raw shapes are read from the robot's files, which takes a second or more the first time. Where
+    only the fitted ones break a margin, as of two hips that their joints hardly move apart,
+    there is nothing to mend: to push them out would cost the feet.
+    """
+    states, native = state_series(robot, q), collision.model.native
+    fine = np.ones(len(q), dtype=bool)
+    if native is None or not raw:
+        fine[collision.near(q, states, 0.0)[0]] = False
+        return fine
+    near, nearest = native.within(states.array, states.tree, 0.0, collision.kept())
+    if not len(near):
+        return fine
+    unknown = near[nearest[:, 0] == -np.inf, 0]
+    shapes = RawPairs(robot, collision.model.labels)
+    for k in np.unique(near[:, 0]).tolist():
+        pairs = near[near[:, 0] == k, 1].tolist()
+        fine[k] = k not in unknown and shapes.apart(q[k], pairs, collision.margins)
     return fine

@@ -12,7 +12,7 @@ from wbc.errors import InvalidInputError, shown
 from wbc.gait.legs import Legs
 from wbc.human import HumanMotion
 from wbc.retargeting.body_map import BodyMap
-from wbc.retargeting.by_tick import Progress, TickPass, first_configuration, kept
+from wbc.retargeting.by_tick import Progress, TickPass, apart, first_configuration, kept
 from wbc.retargeting.ground_forces import ground_forces
 from wbc.retargeting.prepared import prepared
 from wbc.retargeting.reaching import reached
@@ -36,9 +36,13 @@ SETTLED = 0.07  # rad or m: a round that moves nothing more than this is the las
 WORSE, ASTRAY, MORE, TOLD = 2.0, 5e-3, 5.0, 1e-3
 TRAPPED = 0.2  # rad or m: feet so far off after the first pass are behind something
 LEAST_ROUNDS, ROUNDS, CLOSE = 4, 14, 5e-4
+# After so many rounds what is nearly right is damped more. Fitted shapes may be a little too near:
+# then those of the files are looked at.
+PATIENT, CALMER, CALMEST, GRAZED = 6, 1.5, 10.0, 2e-3
 FRICTION, MARGIN = 0.6, 0.01
-# Joints that would be faster than their limits make the whole motion slower, by so much more.
-SLOWER, TRIES = 1.03, 4
+# Joints that would be faster than their limits make the whole motion slower, by so much more, and
+# by as much again each time that this was not enough.
+SLOWER, TRIES = 0.03, 5
 NO_LIMIT = 1e6  # rad/s^2
 
 
@@ -132,7 +136,7 @@ def retarget(
     legs, body, standing, collision = known
     scale = scale_of(human, robot, legs, standing, duration)
     asked, notes = scale.time, list(body.notes)
-    for _ in range(TRIES):
+    for number in range(1, TRIES + 1):
         low = human.cutoff if cutoff is None else cutoff
         source = human_frames(human, rate * scale.time, low, roll)
         targets = scaled_targets(source, robot, legs, body, standing, scale, balance)
@@ -143,7 +147,7 @@ def retarget(
         speed, joint = _fastest(robot, wanted, targets.dt)
         if speed <= 1.0 or lacking > ASTRAY:  # what is not solved says nothing of speeds
             break
-        scale = replace(scale, time=scale.time * SLOWER * speed)
+        scale = replace(scale, time=scale.time * (1.0 + number * SLOWER) * speed)
     limits = Limits(robot, acceleration=NO_LIMIT)  # what is too much is said by its torque
     q, failed = kept(tasks, wanted, limits, collision, progress)
     if scale.time != asked:
@@ -233,12 +237,22 @@ def _solved(
         if motion.violation < least:
             best, least = q, motion.violation
         q = further
-        close = motion.violation < CLOSE and (motion.speed < 1.0 or motion.speed > 0.98 * before)
+        close = motion.off < CLOSE and motion.broken < GRAZED
+        close = close and (motion.speed < 1.0 or motion.speed > 0.98 * before)
         before = motion.speed
         if number + 1 >= LEAST_ROUNDS and close and motion.moved < SETTLED:
-            return q, motion.violation
+            if collision is None:
+                return q, motion.off
+            fine = apart(robot, q, collision, raw=number + 1 >= PATIENT)
+            if fine.all():
+                return q, motion.off
+            motion.keep_off(~fine)
+        if number + 1 >= PATIENT and motion.violation < ASTRAY and motion.damping < CALMEST:
+            motion.damping *= CALMER  # what is nearly right moves to and fro
     motion.judge(q)
-    return (q, motion.violation) if motion.violation < least else (best, least)
+    if motion.violation >= least:
+        return best, least
+    return q, motion.violation if motion.broken > GRAZED else motion.off
 
 
 def _fastest(robot: Robot, q: Array, dt: float) -> tuple[float, str]:

@@ -17,6 +17,7 @@ are banded: linear in the number of frames.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from wbc.constraints.collision import SelfCollision
@@ -42,6 +43,7 @@ FIRST, SECOND, THIRD = (-1.0, 1.0), (1.0, -2.0, 1.0), (-1.0, 3.0, -3.0, 1.0)
 # third root of their weights.
 CUTOFF = 5.0  # Hz
 NEAR, KEPT = 8e-3, 2e-3  # m: bodies so near to their margin are looked at, and kept so far off
+FARTHER, BESIDE = 1e-3, 2  # m, frames: where margins are broken all the same
 INSIDE = 2e-3  # rad: from the limits
 ACTIVE_SETS = 2  # of joints at their limits, that are tried in a round
 DAMPED = 2.0  # weight of displacements (Levenberg and Marquardt): rows are of first order only
@@ -65,6 +67,8 @@ class WholeMotion:
     violation:
         How far feet on the ground, limits and margins were off at most before the last round
         [m or rad].
+    off, broken:
+        The same without margins, and of margins alone.
     speed:
         Of the fastest joint then, by its limit.
     moved:
@@ -74,6 +78,8 @@ class WholeMotion:
     """
 
     violation: float
+    off: float
+    broken: float
     speed: float
     moved: float
     damping: float
@@ -92,11 +98,12 @@ class WholeMotion:
         arms = [task.frame for pair in tasks.arms.values() for task in pair]
         soles = [tasks.robot.feet[side].frame for side in SIDES]
         self._frames = (*tasks.turns, *arms, *soles)
-        self.violation = self.speed = self.moved = np.inf
+        self.violation = self.off = self.broken = self.speed = self.moved = np.inf
         self.damping = DAMPED
         self.able = able_accelerations(tasks.robot)
         joints = len(tasks.targets.time), tasks.robot.nv - BASE_NV
         self._held = np.zeros(joints, dtype=bool)  # at their limits
+        self._kept = np.full(len(tasks.targets.time), KEPT)
 
     def improved(self, q: Array) -> Array:
         """Return configurations (n, nq) after one round."""
@@ -119,6 +126,11 @@ class WholeMotion:
         self.moved = float(np.abs(step).max())
         return np.array([robot.integrate(one, d, 1.0) for one, d in zip(q, step, strict=True)])
 
+    def keep_off(self, frames: NDArray[np.bool_]) -> None:
+        """Keep bodies farther from their margins in some frames (n,), and beside them."""
+        wide = np.convolve(frames, np.ones(2 * BESIDE + 1), "same") > 0.0
+        self._kept[wide] = np.minimum(self._kept[wide] + FARTHER, NEAR)
+
     def judge(self, q: Array) -> None:
         """Set what configurations (n, nq) violate."""
         _, states = self._looked_at(q, velocities(self.tasks.robot, q, self.tasks.targets.dt))
@@ -136,16 +148,21 @@ class WholeMotion:
 
     def _near(self, q: Array, states: StateSeries) -> list[tuple[Array, Array]]:
         """Return weighted rows and errors of bodies near each other; zeros fill them up."""
+        self.off, self.broken = self.violation, 0.0
         if self.collision is None:
             return []
         frames, clearance, J = self.collision.near(q, states, NEAR)
         if not frames.size:
             return []
+        self.broken = max(float(-clearance.min()), 0.0)
         self._violated(-clearance)
         place = np.arange(len(frames)) - np.searchsorted(frames, frames)  # in its frame
         shape, w = (len(q), int(place.max()) + 1), APART / self.leg
         rows, errors = np.zeros((*shape, J.shape[1])), np.zeros(shape)
-        rows[frames, place], errors[frames, place] = w * J, w * np.minimum(clearance - KEPT, 0.0)
+        rows[frames, place], errors[frames, place] = (
+            w * J,
+            w * np.minimum(clearance - self._kept[frames], 0.0),
+        )
         return [(rows, errors)]
 
     def _rows(self, states: StateSeries) -> list[tuple[Array, Array]]:

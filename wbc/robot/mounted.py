@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.native import doubles, integers, lib
@@ -47,14 +47,7 @@ class MountedFrames:
         self.robot = robot
         tree = robot.native.tree
         self._tree, self._count = tree, len(mounts)
-        frames = [robot.frame(mount.frame) for mount in mounts]
-        self._joints = np.array([frame.parentJoint for frame in frames], dtype=np.int64)
-        placements = np.zeros((len(mounts), 12))
-        for row, frame, mount in zip(placements, frames, mounts, strict=True):
-            R = np.array(frame.placement.rotation)
-            row[:9] = (R @ mount.rotation).ravel()
-            row[9:] = np.array(frame.placement.translation) + R @ mount.position
-        self._placements = placements
+        self._joints, self._placements = mounted_places(robot, mounts)
         self._q, self._v = np.zeros(robot.nq), np.zeros(robot.nv)
         self._q[BASE_NQ - 1] = 1.0
         self._state = np.zeros(tree.frames)
@@ -87,6 +80,18 @@ class MountedFrames:
     def jacobian(self, k: int) -> Array:
         """Return a view of the Jacobian (6, nv) of one's origin, base axes."""
         return self.frames[k, 12:].reshape(6, -1)
+
+
+def mounted_places(robot: Robot, mounts: Sequence[Mount]) -> tuple[NDArray[np.int64], Array]:
+    """Return the joint (k,) that carries each mount, and its rotation and origin (k, 12) there."""
+    frames = [robot.frame(mount.frame) for mount in mounts]
+    joints = np.array([frame.parentJoint for frame in frames], dtype=np.int64)
+    placements = np.zeros((len(mounts), 12))
+    for row, frame, mount in zip(placements, frames, mounts, strict=True):
+        R = np.array(frame.placement.rotation)
+        row[:9] = (R @ mount.rotation).ravel()
+        row[9:] = np.array(frame.placement.translation) + R @ mount.position
+    return joints, placements
 
 
 def mount(what: str, frame: str, position: ArrayLike, rotation: ArrayLike) -> Mount:

@@ -9,7 +9,7 @@ from wbc.errors import InvalidInputError, shown
 from wbc.robot import Robot
 from wbc.spatial import skew
 from wbc.tasks.force_task import Affine, Dynamics, ForceTask
-from wbc.validate import Array, finite_array, read_only, real_array
+from wbc.validate import Array
 
 
 class CopTask(ForceTask):
@@ -47,14 +47,13 @@ class CopTask(ForceTask):
 
     def set_target(self, target: ArrayLike) -> None:
         """Set the wanted point."""
-        point = real_array(f"{self}, target", target)
-        size = point.size
+        size = np.size(target)
         if size != 2 and (size != 3 or self.frame is not None):
             wanted = "(2,) or (3,)" if self.frame is None else "(2,), in the frame's plane"
             raise InvalidInputError(
                 f"{self}, target: expected a point {wanted}, got {shown(target)}"
             )
-        self._goal = read_only(finite_array(f"{self}, target", point, (size,)))
+        self._goal = self._target(target, (size,))
 
     def expression(self, dynamics: Dynamics) -> Affine:
         """Return the moment about the wanted point: horizontal, or in the frame's plane."""
@@ -70,10 +69,10 @@ class CopTask(ForceTask):
 
     def _point(self, dynamics: Dynamics) -> Array:
         """Return the wanted point (3,) in the world."""
-        if self.target.size == 3 or not dynamics.contacts:
-            return np.append(self.target, 0.0)[:3]
+        if self.target.size == 3:
+            return self.target
         heights = [dynamics.snapshot.position(frame)[2] for frame in dynamics.contacts]
-        return np.append(self.target, np.mean(heights))
+        return np.append(self.target, np.mean(heights) if heights else 0.0)
 
 
 def moment(wrench: Array, lever: Array) -> Array:

@@ -56,6 +56,7 @@ class MomentumTask(Task):
                 raise UnknownNameError("momentum component", component, LINEAR + ANGULAR)
         super().__init__(robot, name, components, **law)
         self._bias: Array
+        self._drift: Array
         self._entries = tuple((LINEAR + ANGULAR).index(c) for c in components)
         # All of them as a slice: no copy.
         every = self._entries == tuple(range(6))
@@ -66,9 +67,9 @@ class MomentumTask(Task):
     def set_target(self, target: ArrayLike, rate: ArrayLike | None = None) -> None:
         """Set the wanted momentum and its rate (force [N] and moment [N m] about the CoM)."""
         goal = self._target(target, (6,))
-        self._set_rates((6,), rate)
-        bias = read_only(-goal[self._selected])
-        self._assign(_goal=goal, _bias=bias, _changes=self._changes + 1)  # rows are read anew
+        if self._set_rates((6,), rate):
+            self._assign(_drift=self._negative(self.target_rate, self._selected))
+        self._assign(_goal=goal, _bias=read_only(-goal[self._selected]))
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return a zero error whose rate is momentum minus target."""
@@ -84,8 +85,8 @@ class MomentumTask(Task):
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return the selected entries."""
-        drift = -self.target_rate[self._selected]
-        return (NativeRows(Kind.MOMENTUM, None, self._entries, self._bias, drift, ()),)
+        rates, moving = (self._bias, self._drift), ("_bias", "_drift")
+        return (NativeRows(Kind.MOMENTUM, None, self._entries, *rates, (), moving=moving),)
 
     @property
     def units(self) -> tuple[str, ...]:

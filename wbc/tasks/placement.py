@@ -58,13 +58,12 @@ class PlacementTask(Task):
             bias, drift = read_only(-speed[:3]), read_only(-push[:3])
             parts = {"_turn_rate": speed[3:], "_turn_acceleration": push[3:]}
             self._assign(_bias=bias, _drift=drift, **parts)
-        goal = read_only(homogeneous(place, turn))
-        self._assign(position=place, rotation=turn, _goal=goal)
+        self._assign(position=place, rotation=turn)
 
     @property
     def target(self) -> Array:
         """Position and rotation as one homogeneous matrix (4, 4); may be assigned."""
-        return self._goal
+        return read_only(homogeneous(self.position, self.rotation))
 
     @target.setter
     def target(self, value: ArrayLike) -> None:

@@ -21,6 +21,7 @@ PICTURES = os.environ.get("WBC_BROWSER_PICTURES", "")  # a folder to leave scree
 
 PATIENCE = 180.0  # s for anything to happen: software draws a frame in seconds
 SIZE = {"width": 1000, "height": 700}
+FINENESS = 0.4  # pixels drawn by one of the page's: software fills each of them
 
 
 class Live:
@@ -66,9 +67,9 @@ class Live:
         return next(one for one in self.viewer.controller.tasks if one.name == name)
 
 
-def opened(browser: Any, live: Live, size: Any = SIZE) -> Any:
+def opened(browser: Any, live: Live) -> Any:
     """Open the page, and wait until it shows the robot."""
-    page = browser.new_page(viewport=size)
+    page = browser.new_page(viewport=SIZE, device_scale_factor=FINENESS)
     page.set_default_timeout(1e3 * PATIENCE)
     page.goto(live.viewer.url)
     page.get_by_text("left_sole, right_sole").first.wait_for()

@@ -70,11 +70,18 @@ def drag(
 class Stage:
     """A page in this process, and the pipe that leads to it."""
 
-    def __init__(self, robot: wbc.Robot, push: float = 0.0, terrain: Terrain = LEVEL) -> None:
+    def __init__(
+        self,
+        robot: wbc.Robot,
+        push: float = 0.0,
+        terrain: Terrain = LEVEL,
+        beside: wbc.Robot | None = None,
+    ) -> None:
         self.pipe, theirs = multiprocessing.Pipe()
         place = free_place(HOST, None)
         self.server = Server(place.host, place.port)
-        setup = Setup(robot, "test", clock=True, steer=True, push=push, terrain=terrain)
+        options = {"push": push, "terrain": terrain, "beside": beside}
+        setup = Setup(robot, "test", clock=True, steer=True, **options)  # type: ignore[arg-type]
         self.page = Page(setup, self.server, theirs)
 
     @property

@@ -10,11 +10,21 @@ import numpy as np
 import pytest
 
 from tests.needs import needs_browser
-from tests.view.live.browsing import Live, enter, on_screen, opened, picture, scrub, time_on, typed
+from tests.view.live.browsing import (
+    PATIENCE,
+    Live,
+    enter,
+    on_screen,
+    opened,
+    picture,
+    scrub,
+    time_on,
+    typed,
+)
+from tests.view.live.conftest import client_of
 
 pytestmark = [needs_browser, pytest.mark.slow]
 
-SMALL = {"width": 700, "height": 300}
 PROBLEM = """
 robot: hoap2_like
 start: {posture: standing}
@@ -101,15 +111,14 @@ def test_pause_step_and_play(page: Any, live: Live) -> None:
     assert live.becomes(lambda: live.session.ticks > ticks + 20)
 
 
-def test_reload_and_two_browsers(page: Any, live: Live, browser: Any) -> None:
-    ticks = live.session.ticks
+def test_reload_and_a_second_client(page: Any, live: Live) -> None:
     page.reload()
     page.get_by_text("left_sole, right_sole").first.wait_for()
-    page.set_viewport_size(SMALL)  # two pages are drawn by software at once
-    other = opened(browser, live, SMALL)
-    assert abs(time_on(other) - time_on(page)) < 30.0
-    other.close()
-    assert live.becomes(lambda: live.session.ticks > ticks + 100)
-    before = time_on(page)
-    assert live.becomes(lambda: time_on(page) > before)
+    with client_of(live.viewer.url) as other:
+        ticks = live.session.ticks
+        assert other.recv(timeout=PATIENCE)  # is told what there is to see
+        assert live.becomes(lambda: live.session.ticks > ticks + 100)
+        before = time_on(page)
+        assert live.becomes(lambda: time_on(page) > before)
+    assert live.becomes(lambda: time_on(page) > before + 0.1)
     assert not live.viewer.error

@@ -1,5 +1,6 @@
 """The page without a browser: what its scene and its panel hold after each frame."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 
 import wbc
 from tests.view.live.conftest import Stage, frame_at
+from wbc.human import HumanBody, human_robot
 from wbc.rmp.ellipsoid import equimomental
 from wbc.robot.geometry import joint_placements
 from wbc.rotations import rotation_from
@@ -56,6 +58,25 @@ def test_links_and_ellipsoid_are_where_the_robot_is(
     stretched = rotation_of(ball) @ np.diag(np.square(ball.scale)) @ rotation_of(ball).T
     wanted = ellipsoid.axes @ np.diag(ellipsoid.semi_axes**2) @ ellipsoid.axes.T
     np.testing.assert_allclose(stretched, wanted, atol=1e-9)
+
+
+def test_a_human_is_beside_the_robot(robot: wbc.Robot, controller: wbc.KinematicController) -> None:
+    human = human_robot(HumanBody.of(1.75, 70.0, "male"))
+    stage, rng = Stage(robot, beside=human), np.random.default_rng(1)
+    try:
+        q = human.integrate(human.posture("neutral"), 0.3 * rng.normal(size=human.nv), 1.0)
+        frame = frame_at(controller, robot.posture("standing"), 0.0)
+        stage.draw(replace(frame, beside=q))
+        rotations, origins = joint_placements(human, q)
+        joints = list(stage.server.scene._children_from_node_name[f"{WORLD}/human"])
+        assert len(joints) > 10
+        for joint in joints:
+            node = stage.handle(joint.removeprefix(WORLD))
+            k = int(joint.rsplit("/", 1)[1])
+            np.testing.assert_allclose(node.position, origins[k], atol=1e-9)
+            np.testing.assert_allclose(rotation_of(node), rotations[k], atol=1e-9)
+    finally:
+        stage.server.stop()
 
 
 def test_six_masses_have_the_inertia_of_the_robot(

@@ -278,11 +278,21 @@ typedef struct {
     int64_t feet;
     int64_t *held;                                     /* (feet) whether they stand */
     double *x, *P, *scratch;                           /* scratch: 7 n */
+    double *origin;                                    /* (3) of positions in x, which moves along */
     double gravity[3];
     double gyroscope, accelerometer;                   /* noise densities, squared */
     double gyroscope_walk, accelerometer_walk;         /* of the biases, squared */
     double creep, roll;                                /* of feet that stand, squared */
 } wbc_filter;
+/* Begin anew with rotation, velocity, position and biases (21), no foot held, and the covariance (15, 15) of
+ * estimate minus truth, 0 if that is 0. Returns 0, as all but wbc_filter_correct. */
+int wbc_filter_reset(const wbc_filter *filter, const double *state, const double *covariance);
+/* Go on with another IMU of the same body: arm (3) from the old one in world axes, its rotation (3, 3) to the
+ * world; its biases (6) and their variances, and what is added to the velocity's. Holds no foot. */
+int wbc_filter_follow(const wbc_filter *filter, const double *arm, const double *rotation,
+                      const double *biases, const double *bias_variances, double velocity_variance);
+/* Add to the velocity's variance, for what was not seen. */
+int wbc_filter_widen(const wbc_filter *filter, double variance);
 /* Move on by dt with the IMU's mean rate and specific force (3) over it; scale: of its variance. Returns 0. */
 int wbc_filter_predict(const wbc_filter *filter, const double *rate, const double *force, double dt,
                        double scale);
@@ -320,11 +330,64 @@ typedef struct {
     const double *placement;
     const double *damping, *friction; /* (nv - 6) */
     double base_trust;                /* weight of the base's rows by the joints' */
+    double bandwidth;                 /* what acts is seen with a delay of 1 / bandwidth */
+    double *known;                    /* (1) whether a state was taken in */
     double *residual, *velocity, *motion, *state, *frames, *wrenches, *scratch;
 } wbc_momentum;
-/* Take in a state (q, v) and the torques (nv - 6) over the dt before; share: of what is seen that comes into
- * the residual. dt 0: the first. Returns 0. */
+/* Take in a state (q, v) and the torques (nv - 6) over the dt before. Returns 0. */
 int wbc_momentum_update(const wbc_momentum *momentum, const double *q, const double *v,
-                        const double *torque, double dt, double share);
+                        const double *torque, double dt);
+
+
+/* A robot's state by its sensors, message by message (source/estimator.c): IMUs, encoders, and which feet
+ * bear, by sensors of their own or by the motors' torques. x and counts are all that it remembers, besides
+ * filter and momentum; wbc_estimator_sizes says how many. All else that is written is scratch. */
+enum { MOST_IMUS = 16 };
+typedef struct {
+    const wbc_tree *tree;
+    const wbc_filter *filter;
+    const wbc_momentum *momentum;
+    int64_t imus, feet, window, waiting; /* readings of a joint's velocity; messages kept in the beginning */
+    const int64_t *joint, *flat;         /* (imus + feet) which carry them; (feet) whether they have soles */
+    const double *placement;             /* (imus + feet, 12) */
+    const double *fastest;               /* (nv - 6) of joints: what moved faster jumped */
+    const double *range;                 /* (imus, 2) of rate and force */
+    const double *start;                 /* (7) base pose to begin at; quaternion 0: none */
+    double weight, encoder_variance, encoder_delay, floor[2], bias_variances[2];
+    double standing_time, load[2], estimated_load[2], settle, still, slides, sliding, apart, lost, timeout;
+    double *x;
+    int64_t *counts;
+    double *frames, *state, *scratch, *wait, *detail; /* frames: imus, feet, and the IMU that is used */
+    int64_t *event;
+} wbc_estimator;
+/* One message. velocities and torques (nv - 6), and loads of feet by the weight may be 0: unknown. */
+typedef struct {
+    double time;
+    const double *positions, *velocities, *torques, *loads;
+    const double *imu;    /* (imus, 6) rate, specific force */
+    const int64_t *heard; /* (imus) whether it says anything */
+} wbc_sample;
+/* What counts begins with; then of each foot whether it is counted on, and whether it slips. */
+enum { LEADER = 0, MEMBERS = 1, READINGS = 2, BELIEVES = 3, FEELS = 4, BEGUN = 5, WAITS = 6, NIS_ROWS = 7,
+       FEET_STAND = 8 };
+/* An estimate: covariance (15, 15), biases, normalised innovation squared, wrenches on soles (feet, 6), then
+ * velocity (nv) and configuration (nq). */
+enum { OUT_GYRO = 225, OUT_ACCEL = 228, OUT_SQUARED = 231, OUT_WRENCHES = 232 };
+/* What was noted: how often, then kind and whose (TAKES_OVER: MOST_IMUS times whose place, and who); beside it in detail how much (detail[k], of the kth). */
+enum noted { RATE_BEYOND, FORCE_BEYOND, HANGS, TAKES_OVER, LEFT_OUT, HELD, JOINT_JUMPED, NO_LOADS, COUNTED_ANYWAY,
+             SLIPS, ROLLS, ROLLS_OVER, OUTSIDE, SLIPPED_OFF, FEET_APART };
+/* Why there is no estimate: it stands to begin, no reading of the IMU, gravity is not that of a robot at rest
+ * (detail[0]), or NOT_FINITE. */
+enum { STANDING = 20, NO_IMU = 21, NO_GRAVITY = 22, NO_ESTIMATE = 23 };
+/* Write how many x, counts, wait, event (detail: half of it), out without q, and frames hold. */
+int wbc_estimator_sizes(const wbc_estimator *e, int64_t *sizes);
+/* Forget all; stand to begin. */
+int wbc_estimator_reset(const wbc_estimator *e);
+/* Take in a message, later than the last one; write the estimate. */
+int wbc_estimator_update(const wbc_estimator *e, const wbc_sample *s, double *out);
+/* Take in a reading of joints (n) at a time; write the slope (n) of the line through the last window ones.
+ * times (window) and positions (window, n) keep them, count says how many there are. */
+int wbc_joint_rates(int64_t window, int64_t n, double *times, double *positions, int64_t *count, double time,
+                    const double *reading, double *rates);
 
 #endif

@@ -2,58 +2,17 @@
  * 2020), with the feet's rotations beside their positions. The error of a group element X is
  * log(X^ X^-1), in world axes; of a bias it is the difference. See wbc/estimation/contact_filter.py. */
 #include "core.h"
-#include "linear.h"
+#include "rotation.h"
 
 #include <string.h>
 
-enum { ERROR_R = 0, ERROR_V = 3, ERROR_P = 6, ERROR_GYRO = 9, ERROR_ACCEL = 12, ERROR_FOOT = 15, ROWS = 6 };
+enum { ERROR_R = 0, ERROR_V = 3, ERROR_P = 6, ERROR_GYRO = 9, ERROR_ACCEL = 12, ERROR_FOOT = 15, ROWS = 6,
+       SHOWN = ERROR_FOOT };
+static const double FAR_AWAY = 10.0; /* m from the origin, from where it moves along */
 #define SIZE(filter) (ERROR_FOOT + 6 * (filter)->feet)
 /* Of a foot's error, the position's rows come first, then the rotation's. */
 #define FOOT(k) (FILTER_FEET + FILTER_FOOT_SIZE * (k))
 #define FOOT_ERROR(k) (ERROR_FOOT + 6 * (k))
-
-/* exp(r) = 1 + c[0] [r] + c[1] [r]^2, and its integrals over time 1 + c[1] [r] + c[2] [r]^2 and
- * 1/2 + c[2] [r] + c[3] [r]^2 (Hartley et al., the appendix's Gamma 0, 1, 2). */
-static void coefficients(const double *r, double *c) {
-    const double tt = dot3(r, r), t = sqrt(tt);
-    if (t < 0.1) { /* series: the closed form loses half the digits of c[3] */
-        c[0] = 1.0 - tt / 6.0 * (1.0 - tt / 20.0 * (1.0 - tt / 42.0 * (1.0 - tt / 72.0)));
-        c[1] = 0.5 * (1.0 - tt / 12.0 * (1.0 - tt / 30.0 * (1.0 - tt / 56.0 * (1.0 - tt / 90.0))));
-        c[2] = (1.0 - tt / 20.0 * (1.0 - tt / 42.0 * (1.0 - tt / 72.0 * (1.0 - tt / 110.0)))) / 6.0;
-        c[3] = (1.0 - tt / 30.0 * (1.0 - tt / 56.0 * (1.0 - tt / 90.0 * (1.0 - tt / 132.0)))) / 24.0;
-        return;
-    }
-    c[0] = sin(t) / t;
-    c[1] = (1.0 - cos(t)) / tt;
-    c[2] = (1.0 - c[0]) / tt;
-    c[3] = (0.5 - c[1]) / tt;
-}
-
-/* out = a + b [r] + c [r]^2 */
-static void polynomial(const double *r, double a, double b, double c, double *out) {
-    const double tt = dot3(r, r);
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) out[3 * i + j] = c * r[i] * r[j] + (i == j ? a - c * tt : 0.0);
-    out[1] -= b * r[2], out[2] += b * r[1], out[3] += b * r[2];
-    out[5] -= b * r[0], out[6] -= b * r[1], out[7] += b * r[0];
-}
-
-/* R <- R (3 - R'R) / 2, a Newton step to the nearest rotation: rounding does not add up. */
-static void orthonormal(double *R) {
-    double G[9], out[9];
-    transposed_product3(R, R, G);
-    for (int i = 0; i < 9; i++) G[i] = (i % 4 ? 0.0 : 1.5) - 0.5 * G[i];
-    product3(R, G, out);
-    memcpy(R, out, sizeof out);
-}
-
-/* Rotation vector of a rotation by less than a right angle or so: innovations are small. */
-static void logarithm(const double *R, double *r) {
-    const double s[3] = {0.5 * (R[7] - R[5]), 0.5 * (R[2] - R[6]), 0.5 * (R[3] - R[1])};
-    const double sine = sqrt(dot3(s, s)), cosine = 0.5 * (R[0] + R[4] + R[8] - 1.0);
-    const double scale = sine < 1e-8 ? 1.0 : atan2(sine, cosine) / sine;
-    for (int i = 0; i < 3; i++) r[i] = scale * s[i];
-}
 
 /* Rows (3, n) += scale [u] R (rows): what a bias in the IMU's axes does far from the origin. */
 static void add_crossed(int64_t n, double scale, const double *u, const double *turned, double *to) {
@@ -144,6 +103,68 @@ static void add_noise(const wbc_filter *filter, double dt, double scale, double 
         }
 }
 
+/* Put the origin where the IMU is: rounding grows with the square of the distance. With p' = p - s the
+ * invariant error becomes p^ - s - exp(r) (p - s) = e_p - [s] r. */
+static void move_origin(const wbc_filter *filter) {
+    const int64_t n = SIZE(filter);
+    double *x = filter->x, *P = filter->P, s[3];
+    memcpy(s, x + FILTER_P, sizeof s);
+    for (int i = 0; i < 3; i++) filter->origin[i] += s[i], x[FILTER_P + i] = 0.0;
+    for (int64_t k = 0; k < filter->feet; k++)
+        for (int i = 0; i < 3; i++) x[FOOT(k) + i] -= s[i];
+    for (int pass = 0; pass < 2; pass++) {
+        add_crossed(n, -1.0, s, P + ERROR_R * n, P + ERROR_P * n);
+        for (int64_t k = 0; k < filter->feet; k++)
+            if (filter->held[k]) add_crossed(n, -1.0, s, P + ERROR_R * n, P + FOOT_ERROR(k) * n);
+        transpose(n, P);
+    }
+}
+
+int wbc_filter_reset(const wbc_filter *filter, const double *state, const double *covariance) {
+    const int64_t n = SIZE(filter);
+    double *x = filter->x, *P = filter->P;
+    memset(x, 0, FOOT(filter->feet) * sizeof *x);
+    memset(P, 0, n * n * sizeof *P);
+    memset(filter->held, 0, filter->feet * sizeof *filter->held);
+    memcpy(x, state, FILTER_FEET * sizeof *x);
+    for (int i = 0; i < 3; i++) filter->origin[i] = x[FILTER_P + i], x[FILTER_P + i] = 0.0;
+    if (!covariance) return DONE;
+    for (int64_t i = 0; i < SHOWN; i++) memcpy(P + i * n, covariance + SHOWN * i, SHOWN * sizeof *P);
+    for (int pass = 0; pass < 2; pass++) { /* the invariant error of the velocity is v^ - exp(r) v */
+        add_crossed(n, 1.0, x + FILTER_V, P + ERROR_R * n, P + ERROR_V * n);
+        transpose(n, P);
+    }
+    return DONE;
+}
+
+int wbc_filter_follow(const wbc_filter *filter, const double *arm, const double *rotation,
+                      const double *biases, const double *bias_variances, double velocity_variance) {
+    double state[FILTER_FEET] = {0.0}, P[SHOWN * SHOWN];
+    wbc_filter_covariance(filter, P);
+    for (int i = 0; i < SHOWN; i++)
+        for (int j = 0; j < SHOWN; j++)
+            if (i >= ERROR_GYRO || j >= ERROR_GYRO)
+                P[SHOWN * i + j] = i == j ? bias_variances[i >= ERROR_ACCEL] : 0.0;
+    for (int pass = 0; pass < 2; pass++) { /* how the new place turns with the old one */
+        add_crossed(SHOWN, -1.0, arm, P + SHOWN * ERROR_R, P + SHOWN * ERROR_P);
+        transpose(SHOWN, P);
+    }
+    memcpy(state, rotation, 9 * sizeof *state);
+    memcpy(state + FILTER_GYRO, biases, 6 * sizeof *state);
+    for (int i = 0; i < 3; i++) {
+        state[FILTER_V + i] = filter->x[FILTER_V + i];
+        state[FILTER_P + i] = filter->x[FILTER_P + i] + filter->origin[i] + arm[i];
+    }
+    wbc_filter_reset(filter, state, P);
+    return wbc_filter_widen(filter, velocity_variance);
+}
+
+int wbc_filter_widen(const wbc_filter *filter, double variance) {
+    const int64_t n = SIZE(filter);
+    for (int i = 0; i < 3; i++) filter->P[(ERROR_V + i) * (n + 1)] += variance;
+    return DONE;
+}
+
 WIDE int wbc_filter_predict(const wbc_filter *filter, const double *rate, const double *force, double dt,
                             double scale) {
     const int64_t n = SIZE(filter);
@@ -183,6 +204,7 @@ WIDE int wbc_filter_predict(const wbc_filter *filter, const double *rate, const 
     product3(R, turned, next);
     memcpy(R, next, sizeof next);
     orthonormal(R);
+    if (fabs(p[0]) + fabs(p[1]) + fabs(p[2]) > FAR_AWAY) move_origin(filter);
     return DONE;
 }
 
@@ -312,7 +334,6 @@ WIDE int wbc_filter_correct(const wbc_filter *filter, int64_t foot, const double
 }
 
 int wbc_filter_covariance(const wbc_filter *filter, double *out) {
-    enum { SHOWN = 15 };
     const int64_t n = SIZE(filter);
     const double *x = filter->x;
     for (int64_t i = 0; i < SHOWN; i++) memcpy(out + SHOWN * i, filter->P + i * n, SHOWN * sizeof *out);
@@ -322,83 +343,4 @@ int wbc_filter_covariance(const wbc_filter *filter, double *out) {
         transpose(SHOWN, out);
     }
     return DONE;
-}
-
-int wbc_foot_place(int64_t nv, const double *imu, const double *foot, const double *rates, double variance,
-                   const double *floor, double *place, double *noise) {
-    const double *R = imu + FRAME_ROTATION, *own = imu + FRAME_JACOBIAN, *other = foot + FRAME_JACOBIAN;
-    double arm[3], J[6], sum[21] = {0.0};
-    for (int i = 0; i < 3; i++) arm[i] = foot[i] - imu[i];
-    transposed_times3(R, arm, place);
-    transposed_product3(R, foot + FRAME_ROTATION, place + 3);
-    for (int i = 0; i < 3; i++) place[PLACE_VELOCITY + i] = 0.0;
-    for (int64_t j = 6; j < nv; j++) { /* how joint j moves the foot, seen from the IMU */
-        double column[6], carried[3];
-        int moves = 0;
-        for (int i = 0; i < 6; i++) column[i] = other[i * nv + j] - own[i * nv + j];
-        const double w[3] = {own[3 * nv + j], own[4 * nv + j], own[5 * nv + j]};
-        cross3(w, arm, carried);
-        for (int i = 0; i < 3; i++) column[i] -= carried[i];
-        for (int i = 0; i < 6; i++) moves |= column[i] != 0.0;
-        if (!moves) continue;
-        transposed_times3(R, column, J);
-        transposed_times3(R, column + 3, J + 3);
-        for (int i = 0; i < 3; i++) place[PLACE_VELOCITY + i] += J[i] * rates[j - 6];
-        for (int i = 0, at = 0; i < 6; i++)
-            for (int k = 0; k <= i; k++) sum[at++] += J[i] * J[k];
-    }
-    for (int i = 0, at = 0; i < 6; i++)
-        for (int k = 0; k <= i; k++) noise[6 * i + k] = noise[6 * k + i] = variance * sum[at++];
-    for (int i = 0; i < 6; i++) noise[7 * i] += floor[i / 3];
-    return DONE;
-}
-
-/* The unit quaternion x y z w of a rotation, its largest entry positive. */
-static void quaternion(const double *R, double *out) {
-    const double w = R[0] + R[4] + R[8];
-    int i = R[4] > R[0] ? 1 : 0;
-    if (R[8] > R[4 * i]) i = 2;
-    const int j = (i + 1) % 3, k = (i + 2) % 3;
-    if (w > 0.0 && w >= R[4 * i]) {
-        const double s = 2.0 * sqrt(1.0 + w);
-        out[3] = 0.25 * s;
-        out[0] = (R[7] - R[5]) / s, out[1] = (R[2] - R[6]) / s, out[2] = (R[3] - R[1]) / s;
-        return;
-    }
-    const double s = 2.0 * sqrt(1.0 + R[4 * i] - R[4 * j] - R[4 * k]);
-    out[i] = 0.25 * s;
-    out[j] = (R[3 * j + i] + R[3 * i + j]) / s;
-    out[k] = (R[3 * k + i] + R[3 * i + k]) / s;
-    out[3] = (R[3 * k + j] - R[3 * j + k]) / s;
-}
-
-int wbc_filter_base(const wbc_filter *filter, int64_t nv, const double *imu, const double *rate,
-                    const double *rates, double *q, double *v) {
-    const double *x = filter->x, *own = imu + FRAME_ROTATION, *J = imu + FRAME_JACOBIAN;
-    double R[9], arm[3], moved[6], turn[3], carried[3], along[3];
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) R[3 * i + j] = dot3(x + 3 * i, own + 3 * j);
-    times3(R, imu, arm);
-    for (int i = 0; i < 3; i++) {
-        q[i] = x[FILTER_P + i] - arm[i];
-        turn[i] = rate[i] - x[FILTER_GYRO + i];
-    }
-    quaternion(R, q + 3);
-    for (int i = 0; i < 6; i++) moved[i] = dot(nv - 6, J + i * nv + 6, rates);
-    times3(own, turn, v + 3);
-    for (int i = 0; i < 3; i++) v[3 + i] -= moved[3 + i];
-    cross3(v + 3, imu, carried);
-    transposed_times3(R, x + FILTER_V, along);
-    for (int i = 0; i < 3; i++) v[i] = along[i] - carried[i] - moved[i];
-    memcpy(v + 6, rates, (nv - 6) * sizeof *v);
-    return DONE;
-}
-
-double wbc_filter_foot_speed(const wbc_filter *filter, const double *rate, const double *place) {
-    double turn[3], carried[3], own[3];
-    for (int i = 0; i < 3; i++) turn[i] = rate[i] - filter->x[FILTER_GYRO + i];
-    cross3(turn, place, carried);
-    transposed_times3(filter->x, filter->x + FILTER_V, own);
-    for (int i = 0; i < 3; i++) own[i] += carried[i] + place[PLACE_VELOCITY + i];
-    return sqrt(dot3(own, own));
 }

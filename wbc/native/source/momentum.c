@@ -45,9 +45,10 @@ static void explain(const wbc_momentum *m) {
 }
 
 int wbc_momentum_update(const wbc_momentum *m, const double *q, const double *v, const double *torque,
-                        double dt, double share) {
+                        double dt) {
     const int64_t nv = m->tree->nv;
-    if (dt > 0.0) add_outside(m, v, torque, dt, share);
+    if (dt > 0.0 && m->known[0] != 0.0) add_outside(m, v, torque, dt, 1.0 - exp(-m->bandwidth * dt));
+    m->known[0] = 1.0;
     wbc_state(m->tree, q, v, m->state, m->scratch, 0, 0, 0);
     wbc_motion(m->tree, m->state, v, m->motion, m->scratch);
     memcpy(m->velocity, v, nv * sizeof *v);

@@ -317,6 +317,7 @@ WIDE static void add_block(const wbc_plan *plan, const wbc_block *block, const w
     double *e = J + k * nv, *bias = e + k, *drift = bias + k, *wanted = drift + k, curved;
     double *error = block->held ? e : qp->errors + block->first;
     const int is_diagonal = block->kind == JOINTS && !block->held;
+    const int is_rate = block->kind == MOMENTUM_ENTRIES && !block->held;
     evaluate(plan, block, at->state, at->frames, at->q, J, error, bias, &curved);
     for (int64_t i = 0; i < k && (block->kind == LOOP || block->kind == GEAR); i++)
         error[i] += plan->added[block->first + i];
@@ -330,8 +331,9 @@ WIDE static void add_block(const wbc_plan *plan, const wbc_block *block, const w
     for (int64_t i = 0; i < k; i++) {
         const int64_t c = 6 + plan->index[block->index + i];
         double *row = J + i * nv, moving = 0.0, size = weight[i] * weight[i];
-        if (plan->torque) moving = is_diagonal ? at->v[c] : dot(nv, row, at->v);
+        if (plan->torque || is_rate) moving = is_diagonal ? at->v[c] : dot(nv, row, at->v);
         const double rate = wanted_rate(plan, number, error[i], bias[i], drift[i], moving);
+        if (is_rate) error[i] = moving + bias[i]; /* a law has no use for it; it is reported */
         if (block->held || plan->rows) {
             keep_row(plan, block, i, row, rate, bias[i], qp);
             continue;

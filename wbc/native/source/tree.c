@@ -200,7 +200,7 @@ void moved_joint(const wbc_tree *tree, int64_t j, const double *q, const double 
     place_in_parent(tree, j, value, pose, pose + 9);
 }
 
-static int64_t configuration_size(const wbc_tree *tree) {
+int64_t configuration_size(const wbc_tree *tree) {
     const int64_t last = tree->joints - 1;
     return last < 2 ? 7 : tree->iq[last] + (tree->kind[last] == CONTINUOUS ? 2 : 1);
 }

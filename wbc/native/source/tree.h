@@ -10,6 +10,8 @@
 /* Whether numbers are what may be entries of q and v: finite, and within what rounding allows. */
 int is_measured(const double *values, int64_t n);
 
+/* How many numbers a configuration has. */
+int64_t configuration_size(const wbc_tree *tree);
 /* v, or where it lies behind q if v is 0. */
 const double *velocity_of(const wbc_tree *tree, const double *q, const double *v);
 

@@ -25,6 +25,7 @@ class Setup:
     steer: bool  # whether targets and weights can be changed
     push: float = 0.0  # the largest push that is offered [N s]; 0: the robot cannot be pushed
     terrain: Terrain = LEVEL  # what the robot stands on
+    beside: Robot | None = None  # another one that is shown, as the human that it moves like
 
 
 class TaskInfo(NamedTuple):
@@ -116,6 +117,7 @@ class Frame:
     # (3,) force that pushes the robot now [N], world axes; None where nothing can.
     push: Array | None = None
     pull: Pulled | None = None  # what the user pulls at, and how; None while nobody does
+    beside: Array | None = None  # configuration of the one beside
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from wbc.view.live.layers.layer import WORLD, Layer
 from wbc.view.live.layers.margins import MarginsLayer, ObstaclesLayer
 from wbc.view.live.layers.pendulum import EllipsoidLayer, LegLayer, MassesLayer, MomentumLayer
 from wbc.view.live.layers.pushes import PullLayer, PushLayer
-from wbc.view.live.layers.robot import RobotLayer, RobotShapes
+from wbc.view.live.layers.robot import BesideLayer, RobotLayer, RobotShapes
 from wbc.view.live.layers.targets import HandlesLayer, TargetsLayer
 from wbc.view.live.messages import Cast, Frame, Request, Restart, Setup, WholeRun
 from wbc.view.live.origin import own_pages_only
@@ -110,6 +110,9 @@ class Page:
             ObstaclesLayer(scene, size),
             TargetsLayer(scene, size),
         ]
+        if setup.beside is not None:
+            other = RobotShapes(setup.beside)
+            self._layers.append(BesideLayer(scene, size, setup.beside, other))
         if setup.steer:
             self._layers.append(HandlesLayer(scene, size, self.send))
         tabs = gui.add_tab_group()

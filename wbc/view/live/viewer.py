@@ -78,6 +78,8 @@ class Viewer:
         neither.
     terrain:
         What the robot stands on; by default level ground at z = 0.
+    beside:
+        Another robot that is shown beside, where frames of :meth:`replay` have it.
     quiet:
         Do not print where to look.
 
@@ -108,6 +110,7 @@ class Viewer:
         clock: bool = False,
         push: float = 0.0,
         terrain: Terrain = LEVEL,
+        beside: Robot | None = None,
         quiet: bool = False,
     ) -> None:
         require("viser", "the live viewer")
@@ -125,7 +128,7 @@ class Viewer:
         self._recorded: WholeRun | None = None
         self._closed, self._asked = threading.Event(), threading.Event()
         self._began: float | None = None
-        setup = Setup(robot, title or robot.name, clock, steer, push, terrain)
+        setup = Setup(robot, title or robot.name, clock, steer, push, terrain, beside)
         self._page = PageProcess(place, setup)
         self.url = f"http://{'localhost' if host == HOST else host}:{self._page.port}"
         self._threads = [

@@ -98,7 +98,11 @@ class RobotLayer(Layer):
 
     def show(self, shown: Shown) -> None:
         """Move the links."""
-        rotations, origins = joint_placements(self._robot, shown.frame.q)
+        self.place(shown.frame.q)
+
+    def place(self, q: Array) -> None:
+        """Move the links to a configuration (nq,)."""
+        rotations, origins = joint_placements(self._robot, q)
         for node, joint in zip(self._nodes, self._joints, strict=True):
             node.wxyz, node.position = wxyz(rotations[joint]), origins[joint]
 
@@ -106,3 +110,14 @@ class RobotLayer(Layer):
         """Make the robot transparent, 0, to solid, 1."""
         for _, mesh in self.links:
             mesh.opacity = None if opacity >= 1.0 else opacity
+
+
+class BesideLayer(RobotLayer):
+    """Another one beside the robot, as the human that it moves like."""
+
+    label = "Human"
+
+    def show(self, shown: Shown) -> None:
+        """Move its links."""
+        if shown.frame.beside is not None:
+            self.place(shown.frame.beside)

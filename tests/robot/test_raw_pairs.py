@@ -1,0 +1,46 @@
+"""Margins by raw shapes: against distances of Coal, placed by Pinocchio's own geometry data."""
+
+from collections.abc import Callable
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from wbc.constraints import SelfCollision
+from wbc.robot import Robot
+from wbc.robot.collision.bodies import named_shapes
+from wbc.robot.collision.raw_pairs import RawPairs
+
+
+def test_pairs_are_apart_by_their_files(
+    robot_named: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    robot = robot_named("g1")
+    collision = SelfCollision(robot, margin=0.01, pairs=10_000)
+    labels, model = collision.model.labels, robot.collision_model
+    raw, placed = RawPairs(robot, labels), pin.GeometryData(model)
+    index = {name: model.getGeometryId(shape.name) for name, _, shape in named_shapes(robot)}
+    chosen = [k for k, label in enumerate(labels) if "hip" in label][::3]
+    near = 0
+    for _ in range(6):
+        step = np.concatenate((np.zeros(6), 1.2 * rng.normal(size=robot.nv - 6)))
+        q = robot.integrate(robot.postures["standing"], step, 1.0)
+        pin.updateGeometryPlacements(robot.model, robot.model.createData(), model, placed, q)
+        clearance = collision.distances(robot.snapshot(q)).clearance
+        for k in chosen:
+            a, b = (index[one.partition("/")[0]] for one in labels[k].split(" vs "))
+            shapes = (
+                (model.geometryObjects[n].geometry, coal.Transform3s(T.rotation, T.translation))
+                for n, T in ((a, placed.oMg[a]), (b, placed.oMg[b]))
+            )
+            (first, at), (second, there) = shapes
+            request, result = coal.DistanceRequest(), coal.DistanceResult()
+            distance = coal.distance(first, at, second, there, request, result)
+            margin = float(collision.margins[k])
+            if abs(distance - margin) > 1e-6:  # rounding of Coal's
+                assert raw.apart(q, [k], collision.margins) == (distance > margin), labels[k]
+                near += distance < margin
+            # Fitted shapes contain raw ones: what they keep, these do.
+            if clearance[k] > 0.0:
+                assert raw.apart(q, [k], collision.margins), labels[k]
+    assert near > 0

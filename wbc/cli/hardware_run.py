@@ -1,0 +1,194 @@
+"""``wbc hardware run``: run a problem on a robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from wbc.cli.errors import errors_in_one_line, print_note
+from wbc.cli.hardware_options import STOPPED, Bus, Cpus, Domain, Interface, OnBus, Priority, Slower
+from wbc.cli.options import Assign, Quiet, overrides_of
+
+if TYPE_CHECKING:
+    from wbc.hardware.loop_result import LoopResult
+
+
+def run(
+    problem: Annotated[
+        Path, typer.Argument(help="A problem of the torque level.", metavar="PROBLEM.yaml")
+    ],
+    robot: OnBus = "unitree_g1",
+    bus: Bus = "unitree",
+    interface: Interface = "lo",
+    domain: Domain = 0,
+    estimator: Annotated[
+        str,
+        typer.Option(
+            help="Of the base: sensors (IMU, encoders, torques), or truth, which only a simulated"
+            " robot can tell (wbc hardware sim --truth)."
+        ),
+    ] = "sensors",
+    unattended: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Arm, stand up, run so long, sit down, end: for the simulator, on lo only.",
+            min=0.0,
+        ),
+    ] = None,
+    log: Annotated[
+        Path, typer.Option(help="Where the last 10 s go when something stops it.")
+    ] = Path("hardware.npz"),
+    keep: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Let the log reach back so far (1 to 2 MB a second), and write it in the end, too:"
+            " from the beginning, wbc replay runs it again.",
+        ),
+    ] = None,
+    view: Annotated[
+        bool,
+        typer.Option("--view", help="Show estimate, mode and faults in the browser (extra view)."),
+    ] = False,
+    report: Annotated[
+        Path | None, typer.Option(help="Write times, events and faults: a .json.")
+    ] = None,
+    priority: Priority = 40,
+    slower: Slower = 1.0,
+    cpu: Cpus = None,
+    assign: Assign = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run a problem on a robot: words and Enter, arm, stand, run, sit, stop, reset, quit.
+
+    An empty line stops at once; so does a second Ctrl-C, the first one sits down.
+    """
+    with errors_in_one_line():
+        from wbc.cli.interrupts import noted_interrupts
+        from wbc.errors import InvalidInputError
+        from wbc.hardware.operator import Keyboard, Script, Wish
+        from wbc.hardware.real_time import slow_down
+        from wbc.hardware.setup import Where, loop_of
+        from wbc.hardware.unitree import profile_named
+        from wbc.problem import Problem, load_problem
+
+        _check_places(log, report)
+        loaded = load_problem(problem, overrides_of(assign))
+        if not isinstance(loaded, Problem):
+            raise InvalidInputError(f"{problem}: a pendulum's problem runs on no robot")
+        where, profile = Where(bus, interface, domain), profile_named(robot)
+        if slower > 1.0 and not where.is_here:
+            raise InvalidInputError(f"--slower: a robot on {interface!r} would not be slower")
+        slow_down(slower)
+        if unattended is not None and not where.is_here:
+            raise InvalidInputError(
+                f"--unattended: nobody would stop a robot on {interface!r}; it is for lo"
+            )
+        say = _silent if quiet else typer.echo
+        operator = Keyboard(say) if unattended is None else Script(unattended)
+        loop = loop_of(
+            loaded,
+            profile,
+            lambda: where.open(profile, loaded.parts.robot),
+            operator,
+            estimator=estimator,
+            log=log,
+            keep=keep,
+            watch=_watch_of(loaded.parts.robot) if view else None,
+            priority=priority,
+            cpus=cpu or (),
+            say=say,
+        )
+        with noted_interrupts() as interrupts:
+            loop.interrupted = lambda: _sits(interrupts, operator, Wish.SIT)
+            result = loop.run()
+        loop.bus.close()
+        _tell(result, report, quiet)
+        if interrupts():
+            raise typer.Exit(interrupts.exit_code)
+        raise typer.Exit(0 if result.good else STOPPED)
+
+
+def _watch_of(robot: Any) -> Any:
+    from functools import partial
+
+    from wbc.extras import require
+
+    require("viser", "wbc hardware run --view")
+    from wbc.view.live.hardware import watch_loop
+
+    return partial(watch_loop, robot)
+
+
+def _sits(interrupts: Any, operator: Any, wish: Any) -> bool:
+    if not interrupts():
+        return False
+    operator.ask(wish)
+    return True
+
+
+def _silent(text: str) -> None: ...
+
+
+def _check_places(log: Path, report: Path | None) -> None:
+    """Raise InvalidInputError for files that could not be written: when it matters is too late."""
+    from wbc.cli.outputs import check_place
+    from wbc.errors import InvalidInputError
+
+    for option, path, suffix in (("--log", log, ".npz"), ("--report", report, ".json")):
+        if path is None:
+            continue
+        if path.suffix != suffix:
+            raise InvalidInputError(f"{option} {path}: expected a name ending in {suffix}")
+        check_place(option, path)
+
+
+def _tell(result: LoopResult, report: Path | None, quiet: bool) -> None:
+    import json
+
+    import numpy as np
+
+    from wbc.files import write_text
+
+    for note in result.notes:
+        print_note(note)
+    late = 1e3 * np.percentile(result.lateness, [50, 99, 100]) if result.cycles else np.zeros(3)
+    took = 1e3 * np.percentile(result.seconds, [50, 99]) if result.seconds.size else np.zeros(2)
+    within = result.share_within(2e-4)
+    if report is not None:
+        data = {
+            "reason": result.reason,
+            "ended_at": result.ended_at,
+            "good": result.good,
+            "cycles": result.cycles,
+            "missed": result.missed,
+            "held": result.held,
+            "share_within_0.2_ms": within,
+            "lateness_ms": {"median": late[0], "p99": late[1], "worst": late[2]},
+            "tick_ms": {"median": took[0], "p99": took[1]},
+            "events": [[e.time, str(e.mode), e.what, e.answer.name] for e in result.events],
+            "faults": {str(fault): count for fault, count in result.faults.items()},
+            "dropped": dict(result.dropped),
+            "notes": list(result.notes),
+            "logs": [str(path) for path in result.logs],
+        }
+        write_text(report, json.dumps(data, indent=1) + "\n")
+    if quiet:
+        return
+    typer.echo(f"ended: {result.reason}")
+    typer.echo(
+        f"cycles   {result.cycles} and {result.missed} left out; {100 * within:.2f} % began within"
+        f" 0.2 ms of their time, late by {late[0]:.3f} ms (median), {late[1]:.3f} (p99),"
+        f" {late[2]:.2f} (worst)"
+    )
+    typer.echo(
+        f"ticks    {took[0]:.2f} ms (median), {took[1]:.2f} (p99), from reading to command; held in"
+        f" {result.held} cycles"
+    )
+    for fault, count in result.faults.most_common():
+        typer.echo(f"fault    {fault}: {count} cycles")
+    for path in result.logs:
+        typer.echo(f"log      {path}")

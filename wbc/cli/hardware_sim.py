@@ -1,0 +1,97 @@
+"""``wbc hardware sim``: be a robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wbc.cli.errors import errors_in_one_line, print_note
+from wbc.cli.hardware_options import Bus, Domain, Interface, OnBus, Priority, Slower
+from wbc.cli.options import Quiet, robots_beginning
+
+
+def sim(
+    model: Annotated[
+        str, typer.Argument(help="The robot: a name, or a file.", autocompletion=robots_beginning)
+    ] = "g1",
+    robot: OnBus = "unitree_g1",
+    bus: Bus = "unitree",
+    interface: Interface = "lo",
+    domain: Domain = 0,
+    truth: Annotated[
+        bool, typer.Option("--truth", help="Tell where the base really is, too.")
+    ] = False,
+    no_gantry: Annotated[
+        bool, typer.Option("--no-gantry", help="Without straps: who falls lies.")
+    ] = False,
+    lifted: Annotated[
+        float, typer.Option(help="How much higher it hangs, in m: 0.1 for wbc hardware check.")
+    ] = 0.0,
+    push: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="AT,FX,FY,SECONDS",
+            help="Push the trunk at a time, in s and N; repeatable.",
+        ),
+    ] = None,
+    push_body: Annotated[str, typer.Option(help="Which body is pushed.")] = "base",
+    patience: Annotated[
+        float, typer.Option(help="Seconds without a command after which it brakes.", min=0.001)
+    ] = 0.017,
+    armature: Annotated[float, typer.Option(help="Of the rotors, in kg m^2.", min=0.0)] = 0.003,
+    duration: Annotated[float, typer.Option(help="How long it lives, in s.", min=0.0)] = 1e9,
+    report: Annotated[Path | None, typer.Option(help="Write what it did: a .json.")] = None,
+    priority: Priority = 50,
+    slower: Slower = 1.0,
+    cpu: Annotated[int | None, typer.Option(help="CPU to run on.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Be a robot: physics, motors at 1 kHz, messages, a watchdog that brakes.
+
+    It hangs in its gantry's straps at the height of its crouch, feet on the ground.
+    """
+    with errors_in_one_line():
+        import json
+
+        from wbc.cli.interrupts import noted_interrupts
+        from wbc.errors import InvalidInputError
+        from wbc.extras import require
+        from wbc.files import write_text
+        from wbc.hardware.real_time import check_cpus, pin, real_time, slow_down
+        from wbc.hardware.robot_side import RobotSettings
+        from wbc.hardware.setup import Where, simulated_robot
+        from wbc.hardware.unitree import profile_named
+        from wbc.robot import Robot
+
+        require("mujoco", "wbc hardware sim")
+        check_cpus(() if cpu is None else (cpu,))
+        loaded, profile = Robot.load(model, armature=armature), profile_named(robot)
+        settings = RobotSettings(truth=truth, gantry=not no_gantry, patience=patience)
+        with real_time(priority):  # which the bus's own threads inherit
+            end = Where(bus, interface, domain).open_robot(profile, loaded)
+        side = simulated_robot(loaded, profile, end, settings, lifted=lifted)
+        for one in push or ():
+            try:
+                at, fx, fy, seconds = (float(word) for word in one.split(","))
+            except ValueError:
+                raise InvalidInputError(f"--push {one}: expected AT,FX,FY,SECONDS") from None
+            side.push(at, push_body, (fx, fy, 0.0), seconds)
+        pin(cpu)
+        slow_down(slower)
+        if not quiet:
+            typer.echo(f"{loaded.name} on {bus} {interface}: ready")
+        with noted_interrupts() as interrupts:
+            done = side.run(duration, cancelled=interrupts, priority=priority, say=print_note)
+        if report is not None:
+            write_text(report, json.dumps(done.to_data()) + "\n")
+        if not quiet:
+            for event in done.events:
+                typer.echo(f"{event.time:.4f}  {event.what}")
+            typer.echo(
+                f"{done.commands} commands, {done.damaged} damaged; tilted by at most"
+                f" {done.tilt:.2f} rad; {done.late} of {done.steps} steps made up for,"
+                f" {1e3 * done.latest:.1f} ms late at most"
+            )
+        raise typer.Exit(0)

@@ -1,0 +1,178 @@
+#include "checks.h"
+#include "rotation.h"
+
+#include <string.h>
+
+void wbc_checks_start(wbc_checks *c) {
+    memset(c, 0, sizeof *c);
+    c->sequence = -1, c->gravity[2] = 9.81;
+}
+
+static const wbc_reading *past(const wbc_checks *c, int k) { return c->past + (c->first + k) % WBC_PAST; }
+
+static void forget(wbc_checks *c) {
+    c->count = 0;
+    memset(c->velocities, 0, sizeof c->velocities);
+    memset(c->spins, 0, sizeof c->spins);
+}
+
+static void add(wbc_checks *c, const wbc_reading *r, double sign) {
+    for (int j = 0; j < WBC_JOINTS; j++) c->velocities[j] += sign * r->velocity[j];
+    for (int i = 0; i < 3; i++) c->spins[i] += sign * r->rate[i];
+}
+
+static void drop_oldest(wbc_checks *c) {
+    add(c, past(c, 0), -1.0);
+    c->first = (c->first + 1) % WBC_PAST, c->count--;
+}
+
+/* ---- readings of no use ---- */
+
+static int finite(const wbc_reading *r) {
+    double sum = 0.0 * r->time; /* 0 x is NaN of what is not finite */
+    for (int j = 0; j < WBC_JOINTS; j++)
+        sum += 0.0 * r->position[j] + 0.0 * r->velocity[j] + 0.0 * r->torque[j] + 0.0 * r->temperature[j];
+    for (int i = 0; i < 4; i++) sum += 0.0 * r->quaternion[i];
+    for (int i = 0; i < 3; i++) sum += 0.0 * r->rate[i] + 0.0 * r->force[i];
+    return sum == 0.0;
+}
+
+static int timely(wbc_checks *c, double time, double now) {
+    const double offset = now - time;
+    if (!c->knows_offset) c->offset = offset, c->knows_offset = 1;
+    const double age = offset - c->offset;
+    if (age > -WBC_CLOCK_JUMP && age <= WBC_OLDEST) {
+        /* The freshest reading so far is new; 1e-4 of it is forgotten, for clocks that drift. */
+        const double drifted = c->offset + 1e-4 * (age > 0.0 ? age : 0.0);
+        c->offset = offset < drifted ? offset : drifted;
+        c->strangers = 0;
+        return -1;
+    }
+    if (c->strangers == WBC_AGREE_AGAIN)
+        memmove(c->strange, c->strange + 1, --c->strangers * sizeof *c->strange);
+    c->strange[c->strangers++] = offset;
+    double low = offset, high = offset;
+    for (int k = 0; k < c->strangers; k++) {
+        low = c->strange[k] < low ? c->strange[k] : low;
+        high = c->strange[k] > high ? c->strange[k] : high;
+    }
+    if (c->strangers == WBC_AGREE_AGAIN && high - low < WBC_OLDEST && fabs(age) > WBC_CLOCK_JUMP) {
+        c->offset = low;
+        forget(c);
+        return WBC_FAULT_CLOCK_JUMPED;
+    }
+    return age > WBC_CLOCK_JUMP || age < 0.0 ? WBC_FAULT_CLOCK_JUMPED : WBC_FAULT_OLD_READING;
+}
+
+static int possible(const wbc_reading *r) {
+    double norm = 0.0;
+    for (int j = 0; j < WBC_JOINTS; j++) {
+        const double q = r->position[j];
+        if (q - wbc_limits.upper[j] > WBC_FARTHEST || wbc_limits.lower[j] - q > WBC_FARTHEST) return 0;
+        if (fabs(r->velocity[j]) - WBC_FASTEST * wbc_limits.velocity[j] > 0.0) return 0;
+        if (r->temperature[j] < WBC_COLDEST || r->temperature[j] > WBC_HOTTEST) return 0;
+    }
+    for (int i = 0; i < 4; i++) norm += r->quaternion[i] * r->quaternion[i];
+    if (fabs(sqrt(norm) - 1.0) > WBC_NORM) return 0;
+    for (int i = 0; i < 3; i++)
+        if (fabs(r->rate[i]) > WBC_FASTEST_TURN || fabs(r->force[i]) > WBC_HARDEST) return 0;
+    return 1;
+}
+
+static int jumped(wbc_checks *c, const wbc_reading *r) {
+    if (!c->count) return 0;
+    const wbc_reading *last = past(c, c->count - 1);
+    const double passed = r->time - last->time > 0.0 ? r->time - last->time : 0.0;
+    double along = 0.0;
+    if (passed > WBC_WINDOW) { /* too long ago to tell */
+        forget(c);
+        return 0;
+    }
+    for (int j = 0; j < WBC_JOINTS; j++) {
+        /* Half of the velocity limit beyond what was measured: the limits alone allow 0.06 rad. */
+        const double measured = fabs(last->velocity[j]) + 5.0;
+        const double reach = WBC_JUMP + passed * (wbc_limits.velocity[j] < measured ? wbc_limits.velocity[j] : measured);
+        if (fabs(r->position[j] - last->position[j]) - reach > 0.0) return 1;
+    }
+    for (int i = 0; i < 4; i++) along += r->quaternion[i] * last->quaternion[i];
+    const double turn = 2.0 * acos(fabs(along) < 1.0 ? fabs(along) : 1.0);
+    return turn > 2.0 * WBC_JUMP + passed * (sqrt(dot3(last->rate, last->rate)) + 10.0);
+}
+
+int wbc_checks_refused(wbc_checks *c, const wbc_reading *r, double now) {
+    int found = -1;
+    /* What counts anew is far back, so no message that came late. */
+    if (r->sequence <= c->sequence && !(r->sequence < c->sequence - 1000)) found = WBC_FAULT_OUT_OF_ORDER;
+    else if (!finite(r)) found = WBC_FAULT_NOT_FINITE;
+    else if ((found = timely(c, r->time, now)) < 0)
+        found = !possible(r) ? WBC_FAULT_IMPLAUSIBLE : jumped(c, r) ? WBC_FAULT_JUMPED : -1;
+    if (found < 0) c->sequence = r->sequence;
+    return found;
+}
+
+/* ---- sensors that contradict each other ---- */
+
+static void rotation(const double *x, double *R) {
+    const double tx = 2.0 * x[0], ty = 2.0 * x[1], tz = 2.0 * x[2], w = x[3];
+    R[0] = 1.0 - (ty * x[1] + tz * x[2]), R[1] = ty * x[0] - tz * w, R[2] = tz * x[0] + ty * w;
+    R[3] = ty * x[0] + tz * w, R[4] = 1.0 - (tx * x[0] + tz * x[2]), R[5] = tz * x[1] - tx * w;
+    R[6] = tz * x[0] - ty * w, R[7] = tz * x[1] + tx * w, R[8] = 1.0 - (tx * x[0] + ty * x[1]);
+}
+
+static double norm3(const double *a) { return sqrt(dot3(a, a)); }
+
+static void compare(const wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
+    if (!c->count || !(r->time - past(c, 0)->time >= 0.8 * WBC_WINDOW)) return;
+    const wbc_reading *first = past(c, 0);
+    const double passed = r->time - first->time, count = c->count + 1.0;
+    double before[9], now[9], D[9];
+    int disagrees = 0;
+    for (int j = 0; j < WBC_JOINTS; j++) {
+        const double rate = (r->position[j] - first->position[j]) / passed, told = c->velocities[j] / count;
+        const double larger = fabs(rate) > fabs(told) ? fabs(rate) : fabs(told);
+        disagrees |= fabs(rate - told) - WBC_RATE_OFF - WBC_RATE_PART * larger > 0.0;
+    }
+    if (disagrees) wbc_safety_report(s, WBC_FAULT_ENCODER_DISAGREES);
+    rotation(first->quaternion, before), rotation(r->quaternion, now);
+    transposed_product3(before, now, D);
+    const double turn[3] = {0.5 * (D[7] - D[5]) / passed, 0.5 * (D[2] - D[6]) / passed, 0.5 * (D[3] - D[1]) / passed};
+    double off[3], spun[3];
+    for (int i = 0; i < 3; i++) spun[i] = c->spins[i] / count, off[i] = turn[i] - spun[i];
+    const double larger = norm3(turn) > norm3(spun) ? norm3(turn) : norm3(spun);
+    if (norm3(off) > WBC_TURN_OFF + WBC_TURN_PART * larger) wbc_safety_report(s, WBC_FAULT_IMU_DISAGREES);
+}
+
+static void lean(wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
+    double R[9], force[3];
+    rotation(r->quaternion, R);
+    times3(R, r->force, force);
+    const double passed = c->count ? r->time - past(c, c->count - 1)->time : 0.0;
+    const double share = passed / WBC_GRAVITY_TIME < 1.0 ? passed / WBC_GRAVITY_TIME : 1.0;
+    for (int i = 0; i < 3; i++) c->gravity[i] += share * (force[i] - c->gravity[i]);
+    const double size = norm3(c->gravity); /* in free fall there is nothing to compare */
+    if (!(size < 4.0) && c->gravity[2] < size * cos(WBC_GRAVITY_OFF))
+        wbc_safety_report(s, WBC_FAULT_GRAVITY_DISAGREES);
+}
+
+static void freeze(wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
+    const wbc_reading *last = c->count ? past(c, c->count - 1) : 0;
+    for (int k = 0; k < 2; k++) {
+        const double *now = k ? r->force : r->rate, *before = last ? (k ? last->force : last->rate) : now;
+        const int same = now[0] == before[0] && now[1] == before[1] && now[2] == before[2];
+        if (!last || !same) c->changed[k] = r->time;
+        else if (r->time - c->changed[k] > WBC_FROZEN) wbc_safety_report(s, WBC_FAULT_IMU_FROZEN);
+    }
+}
+
+void wbc_checks_compared(wbc_checks *c, const wbc_reading *r, const double *commanded, wbc_safety *s) {
+    add(c, r, 1.0);
+    compare(c, r, s), lean(c, r, s), freeze(c, r, s);
+    for (int j = 0; commanded && j < WBC_JOINTS; j++)
+        if (fabs(r->torque[j] - commanded[j]) - WBC_TORQUE_OFF * wbc_limits.effort[j] > 0.0) {
+            wbc_safety_report(s, WBC_FAULT_TORQUE_DISAGREES);
+            break;
+        }
+    if (c->count == WBC_PAST) drop_oldest(c); /* more readings than a window should have */
+    c->past[(c->first + c->count++) % WBC_PAST] = *r;
+    while (r->time - past(c, 0)->time > WBC_WINDOW + 1e-9) drop_oldest(c);
+}

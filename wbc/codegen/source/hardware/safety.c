@@ -1,0 +1,141 @@
+#include "safety.h"
+
+#include <string.h>
+
+static double larger(double a, double b) { return a > b ? a : b; }
+static double smaller(double a, double b) { return a < b ? a : b; }
+static double clip(double x, double low, double high) { return smaller(larger(x, low), high); }
+
+/* ---- modes ---- */
+
+void wbc_safety_start(wbc_safety *s) {
+    memset(s, 0, sizeof *s);
+    s->mode = WBC_MODE_IDLE, s->cause = -1;
+    s->brake.enabled = 1;
+    for (int j = 0; j < WBC_JOINTS; j++) s->brake.kd[j] = smaller(wbc_damping[j], wbc_limits.kd[j]);
+    s->last = s->off;
+}
+
+int wbc_safety_to(wbc_safety *s, int mode) {
+    if (!(wbc_transitions[s->mode] >> mode & 1)) return 0;
+    s->mode = mode;
+    return 1;
+}
+
+int wbc_safety_arm(wbc_safety *s) { return wbc_safety_to(s, WBC_MODE_DAMPING); }
+
+int wbc_safety_reset(wbc_safety *s) {
+    if (!wbc_safety_to(s, WBC_MODE_IDLE)) return 0;
+    memset(s->borne, 0, sizeof s->borne);
+    return 1;
+}
+
+int wbc_safety_stand_up(wbc_safety *s) {
+    if (!s->measured) return 0;
+    for (int f = 0; f < WBC_FAULTS; f++)
+        if (s->borne[f] > 0.0 && wbc_rules[f].answer > WBC_ANSWER_NOTE) return 0;
+    return wbc_safety_to(s, WBC_MODE_STANDING_UP);
+}
+
+void wbc_safety_stop(wbc_safety *s) {
+    if (s->mode != WBC_MODE_IDLE && s->mode != WBC_MODE_STOP) wbc_safety_to(s, WBC_MODE_STOP);
+}
+
+/* ---- faults ---- */
+
+void wbc_safety_report(wbc_safety *s, int fault) {
+    for (int k = 0; k < s->reported; k++)
+        if (s->order[k] == fault) return;
+    s->order[s->reported++] = fault;
+}
+
+/* NaN is beyond all limits. */
+static int beyond(double value, double most) { return !(value <= most); }
+
+void wbc_safety_measured(wbc_safety *s, const wbc_reading *r) {
+    const wbc_safety_limits *l = &wbc_limits;
+    const double *x = r->quaternion, *up = l->up;
+    int position = 0, velocity = 0, overload = 0, warm = 0, hot = 0;
+    for (int j = 0; j < WBC_JOINTS; j++) {
+        s->q[j] = r->position[j], s->v[j] = r->velocity[j];
+        position |= beyond(r->position[j] - l->upper[j], l->overrun);
+        position |= beyond(l->lower[j] - r->position[j], l->overrun);
+        velocity |= beyond(fabs(r->velocity[j]) - l->overspeed * l->velocity[j], 0.0);
+        overload |= beyond(fabs(r->torque[j]) - l->overload * l->effort[j], 0.0);
+        warm |= beyond(r->temperature[j], l->warm), hot |= beyond(r->temperature[j], l->hot);
+    }
+    s->measured = 1;
+    if (position) wbc_safety_report(s, WBC_FAULT_POSITION);
+    if (velocity) wbc_safety_report(s, WBC_FAULT_VELOCITY);
+    if (overload) wbc_safety_report(s, WBC_FAULT_OVERLOAD);
+    if (warm) wbc_safety_report(s, WBC_FAULT_WARM);
+    if (hot) wbc_safety_report(s, WBC_FAULT_HOT);
+    const double vertical = 2.0 * (x[0] * x[2] - x[3] * x[1]) * up[0] +
+                            2.0 * (x[1] * x[2] + x[3] * x[0]) * up[1] +
+                            (1.0 - 2.0 * (x[0] * x[0] + x[1] * x[1])) * up[2];
+    if (!(vertical >= l->least_vertical)) wbc_safety_report(s, WBC_FAULT_TILT);
+    if (r->stop) wbc_safety_report(s, WBC_FAULT_BUTTON);
+}
+
+int wbc_safety_judge(wbc_safety *s) {
+    int answer = WBC_ANSWER_NOTE, present[WBC_FAULTS] = {0};
+    s->cause = -1;
+    for (int k = 0; k < s->reported; k++) {
+        const int f = s->order[k];
+        const wbc_rule *rule = wbc_rules + f;
+        present[f] = 1, s->counts[f]++, s->borne[f] += WBC_CYCLE;
+        if (s->borne[f] > rule->patience + 1e-9 && rule->answer > answer) answer = rule->answer, s->cause = f;
+    }
+    for (int f = 0; f < WBC_FAULTS; f++)
+        if (!present[f] && s->borne[f] > 0.0) s->borne[f] = larger(s->borne[f] - 0.5 * WBC_CYCLE, 0.0);
+    s->reported = 0;
+    if (answer == WBC_ANSWER_STOP) wbc_safety_stop(s);
+    else if (answer == WBC_ANSWER_SOFT_STOP) wbc_safety_to(s, WBC_MODE_SOFT_STOP);
+    return s->mode;
+}
+
+/* ---- commands ---- */
+
+static int finite(const wbc_motors *c) {
+    double sum = 0.0; /* 0 x is NaN of what is not finite */
+    for (int j = 0; j < WBC_JOINTS; j++)
+        sum += 0.0 * c->position[j] + 0.0 * c->velocity[j] + 0.0 * c->torque[j] + 0.0 * c->kp[j] + 0.0 * c->kd[j];
+    return sum == 0.0;
+}
+
+const wbc_motors *wbc_safety_admit(wbc_safety *s, const wbc_motors *wanted) {
+    const wbc_safety_limits *l = &wbc_limits;
+    if (s->mode == WBC_MODE_IDLE) s->last = s->off;
+    else if (s->mode == WBC_MODE_DAMPING || s->mode == WBC_MODE_STOP || !s->measured) s->last = s->brake;
+    else if (wanted && !finite(wanted)) wbc_safety_report(s, WBC_FAULT_COMMAND_NOT_FINITE);
+    else if (wanted) {
+        const wbc_motors last = s->last;
+        double clipped = 0.0;
+        for (int j = 0; j < WBC_JOINTS; j++) {
+            const double q = s->q[j], v = s->v[j], effort = l->effort[j];
+            const double kp = clip(wanted->kp[j], 0.0, l->kp[j]), kd = clip(wanted->kd[j], 0.0, l->kd[j]);
+            const double reach = l->velocity[j] * WBC_CYCLE, held = last.kp[j] > 0.0 ? last.position[j] : q;
+            const double near = clip(wanted->position[j], held - reach, held + reach);
+            const double position = clip(near, l->lower[j], l->upper[j]);
+            const double velocity = clip(wanted->velocity[j], -l->velocity[j], l->velocity[j]);
+            const double whole = kp * (position - q) + kd * (velocity - v);
+            const double share = smaller(1.0, effort / larger(fabs(whole), 1e-9)), feedback = share * whole;
+            const double step = l->torque_rate[j] * WBC_CYCLE;
+            double torque = clip(wanted->torque[j], last.torque[j] - step, last.torque[j] + step);
+            torque = clip(torque + feedback, -effort, effort) - feedback;
+            torque = clip(torque, -effort, effort);
+            clipped = larger(clipped, fabs(torque - wanted->torque[j]));
+            s->last.position[j] = position, s->last.velocity[j] = velocity, s->last.torque[j] = torque;
+            s->last.kp[j] = share * kp, s->last.kd[j] = share * kd;
+        }
+        s->last.enabled = 1;
+        if (clipped > 1e-6) wbc_safety_report(s, WBC_FAULT_CLIPPED);
+    }
+    return &s->last;
+}
+
+void wbc_motor_torque(const wbc_motors *c, const double *q, const double *v, double *torque) {
+    for (int j = 0; j < WBC_JOINTS; j++)
+        torque[j] = !c->enabled ? 0.0
+                                : c->torque[j] + c->kp[j] * (c->position[j] - q[j]) + c->kd[j] * (c->velocity[j] - v[j]);
+}

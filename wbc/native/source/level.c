@@ -1,0 +1,70 @@
+/* How an estimate begins: with the tilt that an IMU at rest has on the mean, and nothing moving. */
+#include "estimator.h"
+#include "rotation.h"
+
+static const double TILT = 0.05; /* rad: deviation of the tilt by the mean specific force of a robot at rest */
+static const double PI = 3.14159265358979323846;
+
+static void turn_by(const double *r, double *R) {
+    double c[4];
+    coefficients(r, c);
+    polynomial(r, 1.0, c[0], c[1], R);
+}
+
+/* The shortest rotation from one unit vector to another. */
+static void shortest(const double *a, const double *b, double *R) {
+    double axis[3], by[3] = {0.0, 0.0, 0.0};
+    cross3(a, b, axis);
+    const double sine = sqrt(dot3(axis, axis)), cosine = dot3(a, b);
+    if (sine < 1e-12 && cosine < 0.0) { /* half a turn about what is across */
+        double least[3] = {0.0, 0.0, 0.0};
+        int i = fabs(a[1]) < fabs(a[0]) ? 1 : 0;
+        if (fabs(a[2]) < fabs(a[i])) i = 2;
+        least[i] = 1.0;
+        cross3(a, least, axis);
+        const double size = sqrt(dot3(axis, axis));
+        for (int j = 0; j < 3; j++) by[j] = PI * axis[j] / size;
+    } else if (sine >= 1e-12) {
+        for (int j = 0; j < 3; j++) by[j] = atan2(sine, cosine) / sine * axis[j];
+    }
+    turn_by(by, R);
+}
+
+int wbc_level(const wbc_estimator *e, const double *rate, const double *force) {
+    enum { SHOWN = 15 };
+    const int64_t size = FRAME_SIZE(e->tree->nv);
+    const double *soles = e->frames + e->imus * size, *imu = soles + e->feet * size;
+    const double *own = imu + FRAME_ROTATION, *start = e->start, *gravity = e->filter->gravity;
+    const double weight = sqrt(dot3(gravity, gravity)), felt = sqrt(dot3(force, force));
+    double up[3], along[3], R_shortest[9], forwards[3], wanted[2] = {1.0, 0.0}, by[3] = {0.0, 0.0, 0.0}, Z[9], R[9];
+    double state[FILTER_FEET] = {0.0}, P[SHOWN * SHOWN] = {0.0}, base[3], at[3];
+    e->detail[0] = felt;
+    if (!(felt >= 0.5 * weight)) return NO_GRAVITY;
+    const int told = start[3] != 0.0 || start[4] != 0.0 || start[5] != 0.0 || start[6] != 0.0;
+    for (int i = 0; i < 3; i++) up[i] = -gravity[i] / weight, along[i] = force[i] / felt;
+    shortest(along, up, R_shortest); /* with some heading */
+    times3(R_shortest, own, forwards);
+    if (told) { /* where the base's x axis points */
+        wanted[0] = 1.0 - 2.0 * (start[4] * start[4] + start[5] * start[5]);
+        wanted[1] = 2.0 * (start[3] * start[4] + start[6] * start[5]);
+    }
+    by[2] = atan2(wanted[1], wanted[0]) - atan2(forwards[1], forwards[0]);
+    turn_by(by, Z);
+    product3(Z, R_shortest, state);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) R[3 * i + j] = dot3(state + 3 * i, own + 3 * j);
+    if (told) memcpy(base, start, sizeof base);
+    else { /* the soles' middle at the world's origin */
+        double middle[3] = {0.0, 0.0, 0.0};
+        for (int64_t k = 0; k < e->feet; k++)
+            for (int i = 0; i < 3; i++) middle[i] -= soles[k * size + i] / (double)e->feet;
+        times3(R, middle, base);
+    }
+    times3(R, imu, at);
+    for (int i = 0; i < 3; i++) {
+        state[FILTER_P + i] = base[i] + at[i], state[FILTER_GYRO + i] = rate[i];
+        for (int j = 0; j < 3; j++) P[SHOWN * i + j] = TILT * TILT * ((i == j) - up[i] * up[j]);
+        P[(SHOWN + 1) * (9 + i)] = e->bias_variances[0], P[(SHOWN + 1) * (12 + i)] = e->bias_variances[1];
+    }
+    return wbc_filter_reset(e->filter, state, P);
+}

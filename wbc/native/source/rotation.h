@@ -1,0 +1,53 @@
+/* Rotations by rotation vectors: exponential, its integrals, logarithm. */
+#ifndef WBC_ROTATION_H
+#define WBC_ROTATION_H
+
+#include "linear.h"
+
+#include <math.h>
+#include <string.h>
+
+/* exp(r) = 1 + c[0] [r] + c[1] [r]^2, and its integrals over time 1 + c[1] [r] + c[2] [r]^2 and
+ * 1/2 + c[2] [r] + c[3] [r]^2 (Hartley et al., the appendix's Gamma 0, 1, 2). */
+static inline void coefficients(const double *r, double *c) {
+    const double tt = dot3(r, r), t = sqrt(tt);
+    if (t < 0.1) { /* series: the closed form loses half the digits of c[3] */
+        c[0] = 1.0 - tt / 6.0 * (1.0 - tt / 20.0 * (1.0 - tt / 42.0 * (1.0 - tt / 72.0)));
+        c[1] = 0.5 * (1.0 - tt / 12.0 * (1.0 - tt / 30.0 * (1.0 - tt / 56.0 * (1.0 - tt / 90.0))));
+        c[2] = (1.0 - tt / 20.0 * (1.0 - tt / 42.0 * (1.0 - tt / 72.0 * (1.0 - tt / 110.0)))) / 6.0;
+        c[3] = (1.0 - tt / 30.0 * (1.0 - tt / 56.0 * (1.0 - tt / 90.0 * (1.0 - tt / 132.0)))) / 24.0;
+        return;
+    }
+    c[0] = sin(t) / t;
+    c[1] = (1.0 - cos(t)) / tt;
+    c[2] = (1.0 - c[0]) / tt;
+    c[3] = (0.5 - c[1]) / tt;
+}
+
+/* out = a + b [r] + c [r]^2 */
+static inline void polynomial(const double *r, double a, double b, double c, double *out) {
+    const double tt = dot3(r, r);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) out[3 * i + j] = c * r[i] * r[j] + (i == j ? a - c * tt : 0.0);
+    out[1] -= b * r[2], out[2] += b * r[1], out[3] += b * r[2];
+    out[5] -= b * r[0], out[6] -= b * r[1], out[7] += b * r[0];
+}
+
+/* R <- R (3 - R'R) / 2, a Newton step to the nearest rotation: rounding does not add up. */
+static inline void orthonormal(double *R) {
+    double G[9], out[9];
+    transposed_product3(R, R, G);
+    for (int i = 0; i < 9; i++) G[i] = (i % 4 ? 0.0 : 1.5) - 0.5 * G[i];
+    product3(R, G, out);
+    memcpy(R, out, sizeof out);
+}
+
+/* Rotation vector of a rotation by less than a right angle or so: innovations are small. */
+static inline void logarithm(const double *R, double *r) {
+    const double s[3] = {0.5 * (R[7] - R[5]), 0.5 * (R[2] - R[6]), 0.5 * (R[3] - R[1])};
+    const double sine = sqrt(dot3(s, s)), cosine = 0.5 * (R[0] + R[4] + R[8] - 1.0);
+    const double scale = sine < 1e-8 ? 1.0 : atan2(sine, cosine) / sine;
+    for (int i = 0; i < 3; i++) r[i] = scale * s[i];
+}
+
+#endif

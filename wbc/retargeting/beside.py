@@ -1,0 +1,42 @@
+"""The human of a retargeted motion beside its robot, at the same moments."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.human import HumanMotion
+from wbc.retargeting.result import Retargeted
+from wbc.rotations import headings, rotation_from
+from wbc.validate import Array
+
+SPACE = 1.0  # m to the robot's left where the motion begins, for robots of a human's size
+
+
+def human_beside(human: HumanMotion, motion: Retargeted) -> Array:
+    """Return the human's configurations (n, nq) at the frames of its robot's motion.
+
+    In its own size, on the robot's ground, moved to the left of where the robot begins.
+    """
+    recorded, base = human.motion, human.motion.base
+    assert base is not None  # of a human there is one
+    q = np.hstack((base, recorded.joints))[frames_of(human, motion)]
+    (heading,) = headings(rotation_from(motion.q[0, 3:7])[None])
+    left = np.array((-np.sin(heading), np.cos(heading)))
+    height = float(motion.targets.com[0, 2])
+    space = SPACE * max(height / motion.scale.human_height, 0.5)
+    q[:, :2] += motion.q[0, :2] + space * left - q[0, :2]
+    q[:, 2] -= human.ground_height
+    return q
+
+
+def frames_of(human: HumanMotion, motion: Retargeted) -> Array:
+    """Return the numbers (n,) of the recorded frames that a robot's motion is of.
+
+    Both ends of the recording are left out of the motion, alike.
+    """
+    time = np.asarray(human.motion.time)
+    own = motion.time / motion.scale.time
+    first = 0.5 * (float(time[0] + time[-1]) - float(own[-1]))
+    after = np.searchsorted(time, first + own).clip(1, len(time) - 1)
+    nearer = first + own - time[after - 1] < time[after] - (first + own)
+    return np.asarray(after - nearer)
