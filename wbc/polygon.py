@@ -162,18 +162,21 @@ def polygon_margin(polygon: ArrayLike, points: ArrayLike) -> Array:
 
 
 def nearest_point(polygon: Array, points: Array) -> Array:
-    """Return what of a polygon (k, 2), segment or point is nearest to points (..., 2)."""
-    edges = np.roll(polygon, -1, axis=0) - polygon
+    """Return what of a polygon (k, 2), segment or point is nearest to points (..., 2).
+
+    Or of each of many (..., k, 2), of which those with fewer corners have one several times.
+    """
+    edges = np.roll(polygon, -1, axis=-2) - polygon
     arms = points[..., None, :] - polygon  # (..., k, 2)
-    squares = np.maximum(np.einsum("ij,ij->i", edges, edges), 1e-300)
-    shares = np.clip(np.einsum("ij,...ij->...i", edges, arms) / squares, 0.0, 1.0)
+    squares = np.maximum(np.einsum("...ij,...ij->...i", edges, edges), 1e-300)
+    shares = np.clip(np.einsum("...ij,...ij->...i", edges, arms) / squares, 0.0, 1.0)
     away = shares[..., None] * edges - arms
     best = np.square(away).sum(axis=-1).argmin(axis=-1)[..., None, None]
     nearest = points + np.take_along_axis(away, best, axis=-2)[..., 0, :]
-    if len(polygon) < 3:
+    if polygon.shape[-2] < 3:
         return np.asarray(nearest)
-    inside = (edges[:, 0] * arms[..., 1] >= edges[:, 1] * arms[..., 0]).all(axis=-1, keepdims=True)
-    return np.where(inside, points, nearest)
+    left = edges[..., 0] * arms[..., 1] >= edges[..., 1] * arms[..., 0]
+    return np.where(left.all(axis=-1, keepdims=True), points, nearest)
 
 
 def _chain(rows: list[tuple[float, float]]) -> list[tuple[float, float]]:

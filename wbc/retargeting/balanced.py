@@ -133,8 +133,15 @@ def supports(corners: Mapping[str, Array], flags: NDArray[np.bool_]) -> tuple[Su
 def clipped(cop: Array, stands: Sequence[SupportedFrames]) -> Array:
     """Return the nearest CoP (n, 2) inside the soles that stand; NaN stays, and where none does."""
     found = np.full_like(cop, np.nan)
-    for one in stands:
-        found[one.frames] = nearest_point(one.inner, cop[one.frames])
+    for own in ([s for s in stands if (len(s.inner) > 2) == wide] for wide in (True, False)):
+        if not own:
+            continue
+        # All frames at once: hulls with fewer corners have their last one several times.
+        most = max(len(one.inner) for one in own)
+        hulls = [np.vstack((one.inner, *[one.inner[-1:]] * (most - len(one.inner)))) for one in own]
+        frames = np.concatenate([one.frames for one in own])
+        each = np.repeat(np.stack(hulls), [len(one.frames) for one in own], axis=0)
+        found[frames] = nearest_point(each, cop[frames])
     return found
 
 

@@ -9,22 +9,22 @@ from wbc.retargeting.result import Retargeted
 from wbc.rotations import headings, rotation_from
 from wbc.validate import Array
 
-SPACE = 1.0  # m to the robot's left where the motion begins, for robots of a human's size
+SPACE = 1.0  # m to the robot's right where the motion begins, for robots of a human's size
 
 
 def human_beside(human: HumanMotion, motion: Retargeted) -> Array:
     """Return the human's configurations (n, nq) at the frames of its robot's motion.
 
-    In its own size, on the robot's ground, moved to the left of where the robot begins.
+    In its own size, on the robot's ground, moved to the right of where the robot begins.
     """
     recorded, base = human.motion, human.motion.base
     assert base is not None  # of a human there is one
     q = np.hstack((base, recorded.joints))[frames_of(human, motion)]
     (heading,) = headings(rotation_from(motion.q[0, 3:7])[None])
-    left = np.array((-np.sin(heading), np.cos(heading)))
+    right = np.array((np.sin(heading), -np.cos(heading)))
     height = float(motion.targets.com[0, 2])
     space = SPACE * max(height / motion.scale.human_height, 0.5)
-    q[:, :2] += motion.q[0, :2] + space * left - q[0, :2]
+    q[:, :2] += motion.q[0, :2] + space * right - q[0, :2]
     q[:, 2] -= human.ground_height
     return q
 

@@ -42,7 +42,7 @@ PATIENT, CALMER, CALMEST, GRAZED = 6, 1.5, 10.0, 2e-3
 FRICTION, MARGIN = 0.6, 0.01
 # Joints that would be faster than their limits make the whole motion slower, by so much more, and
 # by as much again each time that this was not enough.
-SLOWER, TRIES = 0.03, 5
+SLOWER, TRIES = 0.03, 4
 NO_LIMIT = 1e6  # rad/s^2
 
 
@@ -236,7 +236,7 @@ def _solved(
             continue
         if motion.violation < least:
             best, least = q, motion.violation
-        q = further
+        last, q = q, further
         close = motion.off < CLOSE and motion.broken < GRAZED
         close = close and (motion.speed < 1.0 or motion.speed > 0.98 * before)
         before = motion.speed
@@ -244,8 +244,9 @@ def _solved(
             if collision is None:
                 return q, motion.off
             fine = apart(robot, q, collision, raw=number + 1 >= PATIENT)
-            if fine.all():
-                return q, motion.off
+            if fine.all():  # the last round may have hurried a joint again
+                hurried = motion.speed <= 1.0 < _fastest(robot, q, wanted.dt)[0]
+                return last if hurried else q, motion.off
             motion.keep_off(~fine)
         if number + 1 >= PATIENT and motion.violation < ASTRAY and motion.damping < CALMEST:
             motion.damping *= CALMER  # what is nearly right moves to and fro

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from wbc.human import HumanMotion
 from wbc.retargeting import Retargeted
 from wbc.retargeting.beside import human_beside
@@ -23,7 +25,7 @@ def view_retargeted(
         A port that is in use.
     """
     beside = human_beside(human, motion)
-    title = f"{motion.robot.name} as {motion.source}"
+    title = f"{motion.robot.name} as {Path(motion.source).name}"
     viewer = Viewer(
         motion.robot, host=host, port=port, title=title, steer=False, beside=human.motion.robot
     )
@@ -33,7 +35,7 @@ def view_retargeted(
     ]
     viewer.replay(
         [
-            Frame(float(t), q, v, phase=phase, playing=False, beside=other)
+            Frame(float(t), q, v, phase=phase, playing=True, beside=other)
             for t, q, v, phase, other in zip(
                 motion.time, motion.q, motion.v, stands, beside, strict=True
             )
