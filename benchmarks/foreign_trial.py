@@ -75,9 +75,7 @@ def standing_in_its_own(robot: Robot, path: Path) -> dict[str, Any]:
         spec.copy().compile()
     except (ValueError, mujoco.FatalError) as error:  # its meshes are missing
         return {"stood": None, "why": f"MuJoCo: {' '.join(str(error).split())[:80]}"}
-    plane = mujoco.mjtGeom.mjGEOM_PLANE
-    if not any(int(geom.type) == int(plane) for geom in spec.geoms):
-        spec.worldbody.add_geom(type=plane, size=[50.0, 50.0, 1.0])
+    add_ground(mujoco, spec)
     model = spec.compile()
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
     raw = RawModel.of(mujoco, model, robot)
@@ -98,6 +96,18 @@ def standing_in_its_own(robot: Robot, path: Path) -> dict[str, Any]:
         acts = PUSHED <= raw.data.time < PUSHED + LASTING
         raw.step(controller.step(now).torque, every, push if acts else None, now.com)
     return {"stood": True, "why": f"stood for {DURATION:g} s", "without": without}
+
+
+def add_ground(mujoco: Any, spec: Any) -> None:
+    """Add a level ground with friction that all shapes touch, if a file has none.
+
+    By the file's defaults it might touch nothing, or without friction.
+    """
+    plane = mujoco.mjtGeom.mjGEOM_PLANE
+    if not any(int(geom.type) == int(plane) for geom in spec.geoms):
+        ground = spec.worldbody.add_geom(type=plane, size=[50.0, 50.0, 1.0])
+        ground.contype = ground.conaffinity = 2**30 - 1
+        ground.condim, ground.friction = 3, [1.0, 0.005, 0.0001]
 
 
 class RawModel:

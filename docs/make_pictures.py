@@ -232,9 +232,12 @@ def ablation_picture(name: str) -> None:
         what = "as a step begins" if phase == 0 else f"{phase}/{PHASES} of the step done"
         style.plain(axes, f"Pushed {what}", "pushed from", "N s survived")
         at = np.arange(len(sides))
-        for k, (variant, colour) in enumerate(ABLATION.items()):
+        shown = {variant: ABLATION[variant] for variant in ABLATION if variant in survived}
+        width = 0.8 / len(shown)
+        for k, (variant, colour) in enumerate(shown.items()):
             most = [survived[variant].get((side, phase), 0.0) for side in sides]
-            bars = axes.bar(at + 0.2 * (k - 1.5), most, 0.19, color=colour, label=variant)
+            left = at + width * (k + 0.5 - 0.5 * len(shown))
+            bars = axes.bar(left, most, 0.95 * width, color=colour, label=variant)
             axes.bar_label(bars, fmt="%.0f", fontsize=style.SMALL)
         for colour, (bound, largest) in zip(BOUNDS, bounds.items(), strict=False):
             for k, side in enumerate(sides):

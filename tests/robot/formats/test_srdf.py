@@ -3,10 +3,12 @@
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from wbc.errors import ModelError
 from wbc.robot import Robot
+from wbc.robot.formats.srdf import read_srdf
 
 LINK = (
     '<link name="{0}"><inertial><origin xyz="0 0 .1"/><mass value="1"/><inertia ixx=".01" ixy="0"'
@@ -78,11 +80,26 @@ def test_a_continuous_joint_takes_one_value_or_two(tmp_path: Path) -> None:
         (state("home", "a", elbow=0.5), "state 'home': the robot has no joint elbow"),
         (state("home", "a", elbow="0.5 0.2", j1=0.1), "state 'home': the robot has no joint elbow"),
         ('<disable_collisions link1="l1" link2="nothing"/>', "the robot has no link nothing"),
+        ('<disable_default_collisions link="nothing"/>', "the robot has no link nothing"),
+        ('<passive_joint name="elbow"/>', "passive_joint: the robot has no joint elbow"),
         ('<passive_joint name="j2"/>', "passive_joint: torques are asked of j2 all the same"),
     ],
 )
 def test_what_is_not_used_is_said(tmp_path: Path, content: str, said: str) -> None:
     assert any(said in note for note in load(tmp_path, content).notes)
+
+
+def test_links_that_are_not_watched_but_with_some(tmp_path: Path) -> None:
+    """MoveIt's defaults by link: all pairs of it are off but those that are switched on again."""
+    content = '<disable_default_collisions link="l1"/><enable_collisions link1="l2" link2="l1"/>'
+    robot = load(tmp_path, content + '<disable_collisions link1="l3" link2="l2"/>')
+    links = {str(f.name) for f in robot.model.frames if f.type == pin.FrameType.BODY}
+    wanted = {frozenset(("l1", other)) for other in links - {"l1", "l2"}} | {
+        frozenset(("l2", "l3"))
+    }
+    assert robot.srdf is not None
+    assert read_srdf(robot.srdf, robot.model).disabled == wanted
+    assert not any("SRDF" in note for note in robot.notes)
 
 
 def test_the_base_of_a_state_is_no_unknown_joint(tmp_path: Path) -> None:

@@ -28,29 +28,31 @@ static void change_ends(const wbc_plan *plan, const wbc_qp *qp, const double *ga
         qp->b[plan->passives + r] -= sign * gaps[r] / plan->dt;
 }
 
-/* A tick, and how many rounds there were. */
+/* A tick, how many rounds there were, and whether the last was taken back. */
 typedef struct {
     const wbc_plan *plan;
     const double *q;
-    int *rounds;
+    int *rounds, *undone;
 } closing_at;
 
 static int correct_ends(const void *at, const wbc_qp *qp, double *gaps, int undo) {
     const closing_at *of = at;
+    if (undo) *of->undone = 1;
     if (!undo && (++*of->rounds > ROUNDS || !is_open(of->plan, of->q, qp->x, gaps))) return 0;
     change_ends(of->plan, qp, gaps, undo ? -1.0 : 1.0);
     return 1;
 }
 
-int solve_closed(const wbc_plan *plan, const double *q) {
-    int rounds = 0;
-    const closing_at at = {plan, q, &rounds};
+int solve_closed(const wbc_plan *plan, const double *q, int *closed) {
+    int rounds = 0, undone = 0;
+    const closing_at at = {plan, q, &rounds, &undone};
     wbc_qp qp;
     lay_out(plan, &qp);
     solving how = how_to(plan, 0, &qp);
     how.correct = correct_ends, how.at = &at, how.change = plan->scratch + plan->solving;
     const int said = solve(&qp, &how, plan->scratch, plan->order);
     if (said == DONE) qp.found[4] = 1.0;
+    *closed = rounds > 0 && !undone && qp.found[3] == 0.0;
     return said;
 }
 

@@ -193,10 +193,12 @@ int wbc_descend(const wbc_plan *plan, const double *q, const double *v) {
 }
 
 int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v) {
-    int said = wbc_problem(plan, state, q, v);
+    int said = wbc_problem(plan, state, q, v), closed = 0;
     if (said == DONE)
-        said = plan->closing && plan->levels == 1 ? solve_closed(plan, q) : wbc_solve(plan, 0);
-    return said == DONE ? wbc_descend(plan, q, v) : said;
+        said = plan->closing && plan->levels == 1 ? solve_closed(plan, q, &closed)
+                                                  : wbc_solve(plan, 0);
+    if (said != DONE) return said;
+    return closed ? wbc_finish(plan, q, v) : wbc_descend(plan, q, v);
 }
 
 int wbc_answer(const wbc_plan *plan, const double *x, const double *z, double scale,

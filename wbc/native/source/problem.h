@@ -70,8 +70,9 @@ void add_given(const wbc_plan *plan, const wbc_block *block, double *J, const wb
 
 /* Close loops and gears where the command leads, by Newton's method; the answers of all levels follow. */
 void close_loops(const wbc_plan *plan, const double *q, const double *v);
-/* Solve the only level so that they are closed, where the optimum of its cost alone keeps all bounds. */
-int solve_closed(const wbc_plan *plan, const double *q);
+/* Solve the only level so that they are closed, where the optimum of its cost alone keeps all bounds: writes
+ * whether that was so. */
+int solve_closed(const wbc_plan *plan, const double *q, int *closed);
 /* The levels below the first. DONE, or UNSOLVED. */
 int solve_below(const wbc_plan *plan, const double *q, const double *v);
 /* The QP of a level as it lies in memory, and how it is solved. */

@@ -91,7 +91,11 @@ def select_pairs(
     finite_number("collision pairs, clearance", clearance)
     wanted = _links(bodies, include, "include")
     unwanted = _links(bodies, exclude, "exclude")
-    disabled = frozenset[frozenset[str]]() if robot.srdf is None else read_srdf(robot.srdf).disabled
+    disabled = (
+        frozenset[frozenset[str]]()
+        if robot.srdf is None
+        else read_srdf(robot.srdf, robot.model).disabled
+    )
     parents, rules = robot.model.parents, robot.geometry.rules
     shape_of = _shape_names(robot) if rules.watched else {}
     reasons: dict[Pair, str] = {}

@@ -42,6 +42,8 @@ class Semantics:
         links = sorted({link for pair in self.disabled for link in pair} - frames)
         if links:
             notes.append(f"SRDF, disable_collisions: the robot has no link {listed(links)}")
+        if lacking := [name for name in self.passive if name not in joints]:
+            notes.append(f"SRDF, passive_joint: the robot has no joint {listed(lacking)}")
         passive = [name for name in self.passive if name in joints]
         if passive:
             notes.append(
@@ -57,7 +59,8 @@ def read_srdf(path: Path, model: pin.Model | None = None) -> Semantics:
     Parameters
     ----------
     model:
-        The robot, to tell of which joints a value may be (cos, sin); None: of any.
+        The robot, to tell of which joints a value may be (cos, sin); None: of any. And which links
+        there are.
 
     Raises
     ------
@@ -81,14 +84,26 @@ def read_srdf(path: Path, model: pin.Model | None = None) -> Semantics:
         for name, joints in contradicted.items()
     )
     passive = tuple(joint.get("name", "?") for joint in root.findall("passive_joint"))
-    return Semantics(dict(states), frozenset(_disabled(root, path)), passive, overwritten)
+    return Semantics(dict(states), frozenset(_disabled(root, path, model)), passive, overwritten)
 
 
-def _disabled(root: ET.Element, path: Path) -> Iterator[frozenset[str]]:
-    for element in root.findall("disable_collisions"):
+def _disabled(root: ET.Element, path: Path, model: pin.Model | None) -> set[frozenset[str]]:
+    """Return the pairs of links that are not watched: one by one, or all of a link but some."""
+    bodies = () if model is None else model.frames
+    links = [str(frame.name) for frame in bodies if frame.type == pin.FrameType.BODY]
+    found = set(_pairs(root, "disable_collisions", path))
+    for element in root.findall("disable_default_collisions"):
+        if (one := element.get("link")) is None:
+            raise ModelError(f"{path}: <disable_default_collisions> without link")
+        found |= {frozenset((one, other)) for other in links if other != one}
+    return found - set(_pairs(root, "enable_collisions", path))
+
+
+def _pairs(root: ET.Element, tag: str, path: Path) -> Iterator[frozenset[str]]:
+    for element in root.findall(tag):
         links = element.get("link1"), element.get("link2")
         if None in links:
-            raise ModelError(f"{path}: <disable_collisions> without link1 or link2")
+            raise ModelError(f"{path}: <{tag}> without link1 or link2")
         yield frozenset(str(link) for link in links)
 
 
