@@ -9,7 +9,7 @@ from wbc.errors import InvalidInputError, shown
 from wbc.robot import Robot
 from wbc.spatial import skew
 from wbc.tasks.force_task import Affine, Dynamics, ForceTask
-from wbc.validate import Array
+from wbc.validate import Array, real_array
 
 
 class CopTask(ForceTask):
@@ -47,13 +47,14 @@ class CopTask(ForceTask):
 
     def set_target(self, target: ArrayLike) -> None:
         """Set the wanted point."""
-        size = np.size(target)
+        point = target if isinstance(target, np.ndarray) else real_array(f"{self}, target", target)
+        size = point.size
         if size != 2 and (size != 3 or self.frame is not None):
             wanted = "(2,) or (3,)" if self.frame is None else "(2,), in the frame's plane"
             raise InvalidInputError(
                 f"{self}, target: expected a point {wanted}, got {shown(target)}"
             )
-        self._goal = self._target(target, (size,))
+        self._goal = self._target(point, (size,))
 
     def expression(self, dynamics: Dynamics) -> Affine:
         """Return the moment about the wanted point: horizontal, or in the frame's plane."""
