@@ -29,7 +29,7 @@ SAME = (
 )
 
 
-class CoreMemory(NamedTuple):
+class EstimatorMemory(NamedTuple):
     """All that an estimator knows between two messages."""
 
     filter: tuple[Array, Counts]
@@ -121,12 +121,12 @@ class EstimatorCore:
         self.given["start"][:] = 0.0 if q is None else q[:BASE_NQ]
         lib.wbc_estimator_reset(self.struct)
 
-    def memory(self) -> CoreMemory:
+    def memory(self) -> EstimatorMemory:
         """Return all that it knows, for :meth:`restore`."""
         parts = self.filter.memory(), self.observer.memory()
-        return CoreMemory(*parts, self._numbers.copy(), self.counts.copy())
+        return EstimatorMemory(*parts, self._numbers.copy(), self.counts.copy())
 
-    def restore(self, memory: CoreMemory) -> None:
+    def restore(self, memory: EstimatorMemory) -> None:
         """Go back to what :meth:`memory` returned."""
         self.filter.restore(memory.filter)
         self.observer.restore(memory.observer)

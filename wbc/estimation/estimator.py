@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, shown
 from wbc.estimation.contact_filter import SHOWN
-from wbc.estimation.core import CoreMemory, EstimatorCore
+from wbc.estimation.core import EstimatorCore, EstimatorMemory
 from wbc.estimation.estimate import Estimate
 from wbc.estimation.imus import ImuMount
 from wbc.estimation.joint_velocity import JointVelocityFilter
@@ -131,7 +131,7 @@ class StateEstimator:
             An unusable configuration.
         """
         self.core.reset(None if q is None else self.robot.check_configuration(q))
-        self._past: deque[tuple[Measurement, CoreMemory]] = deque(maxlen=self.settings.history)
+        self._past: deque[tuple[Measurement, EstimatorMemory]] = deque(maxlen=self.settings.history)
         self._last: Estimate | None = None
 
     # ------------------------------------------------------------------ messages
