@@ -439,8 +439,8 @@ def soak(cycles: int, seed: int) -> dict[str, Any]:
             outside[wrong] += 1
         modes[str(rig.safety.mode)] += 1
         before = command
-        rig.loop._now.lateness.clear()
-        rig.loop._now.seconds.clear()
+        del rig.loop._now.lateness[:]
+        del rig.loop._now.seconds[:]
     seconds = time.perf_counter() - began
     return {
         "cycles": cycles,
