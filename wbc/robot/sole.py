@@ -63,7 +63,7 @@ def _turn_to(up: Array) -> Array:
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-# Directions across an axis, and by what part a wheel may be nearer in one: tread, corners.
+# Directions across an axis, and by what part a wheel may be nearer in one: its profile, corners.
 ROUND, NEARLY_ROUND = 12, 0.03
 
 
