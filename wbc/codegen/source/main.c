@@ -5,20 +5,13 @@
  * TOLERANCE, of one plus its size; 1 if one does, or there is none; 2 if the file is another's.
  */
 #include "controller.h"
+#include "recording.h"
 
-#include <stdio.h>
 #include <string.h>
 #include <time.h>
 
 static const double TOLERANCE = 1e-9;
 enum { LARGEST = WBC_NV > 9 ? WBC_NV : 9 };
-
-/* Read n numbers; false: there are fewer. */
-static int read(FILE *file, double *to, int n) {
-    for (int i = 0; i < n; i++)
-        if (fscanf(file, "%la", to + i) != 1) return 0;
-    return 1;
-}
 
 /* Set the targets of all tasks to those of a tick; false: the file has fewer numbers. */
 static int read_targets(FILE *file, wbc_controller *c) {
@@ -31,13 +24,6 @@ static int read_targets(FILE *file, wbc_controller *c) {
         wbc_set_target(c, part, given[0], given[1], given[2]);
     }
     return 1;
-}
-
-static void judge(const double *found, const double *wanted, int n, double *worst) {
-    for (int i = 0; i < n; i++) {
-        const double off = fabs(found[i] - wanted[i]) / (1.0 + fabs(wanted[i]));
-        if (*worst == *worst && !(off <= *worst)) *worst = off; /* what is no number stays */
-    }
 }
 
 static int replay(FILE *file) {
@@ -71,14 +57,4 @@ static int replay(FILE *file) {
     return worst <= TOLERANCE ? 0 : 1;
 }
 
-int main(int count, char **arguments) {
-    const char *path = count > 1 ? arguments[1] : "recording.txt";
-    FILE *file = fopen(path, "r");
-    if (!file) {
-        fprintf(stderr, "%s cannot be opened\n", path);
-        return 2;
-    }
-    const int code = replay(file);
-    fclose(file);
-    return code;
-}
+int main(int count, char **arguments) { return replay_file(count, arguments, replay); }

@@ -5,28 +5,14 @@
  * decided and commanded is the same to rounding; 1 if not; 2 if the file is another's.
  */
 #include "checks.h"
+#include "recording.h"
 #include "sensing.h"
 
-#include <stdio.h>
 #include <time.h>
 
 static const double TOLERANCE = 1e-12;
 enum { SHOWN = 15, NV = WBC_JOINTS + 6, ESTIMATED = WBC_CONFIGURATION + NV + SHOWN + 1 };
 enum { ARM, STAND, RUN, SOFT, DOWN, RESET };
-
-/* Read n numbers; false: there are fewer. */
-static int read(FILE *file, double *to, int n) {
-    for (int i = 0; i < n; i++)
-        if (fscanf(file, "%la", to + i) != 1) return 0;
-    return 1;
-}
-
-static void judge(const double *found, const double *wanted, int n, double *worst) {
-    for (int i = 0; i < n; i++) {
-        const double off = fabs(found[i] - wanted[i]) / (1.0 + fabs(wanted[i]));
-        if (*worst == *worst && !(off <= *worst)) *worst = off; /* what is no number stays */
-    }
-}
 
 /* Compare a message's estimate; -1: the file has ended, 0: one has an estimate and the other none. */
 static int message(FILE *file, wbc_sensing *s, double *worst, double *seconds) {
@@ -141,14 +127,4 @@ static int replay(FILE *file) {
     return worst <= TOLERANCE && commanded <= TOLERANCE ? 0 : 1;
 }
 
-int main(int count, char **arguments) {
-    const char *path = count > 1 ? arguments[1] : "recording.txt";
-    FILE *file = fopen(path, "r");
-    if (!file) {
-        fprintf(stderr, "%s cannot be opened\n", path);
-        return 2;
-    }
-    const int code = replay(file);
-    fclose(file);
-    return code;
-}
+int main(int count, char **arguments) { return replay_file(count, arguments, replay); }
