@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wbc.errors import InvalidInputError
 from wbc.human import HumanMotion
 from wbc.retargeting.result import Retargeted
 from wbc.rotations import headings, rotation_from
@@ -16,9 +17,15 @@ def human_beside(human: HumanMotion, motion: Retargeted) -> Array:
     """Return the human's configurations (n, nq) at the frames of its robot's motion.
 
     In its own size, on the robot's ground, moved to the right of where the robot begins.
+
+    Raises
+    ------
+    InvalidInputError
+        A motion of joints alone: where its base was is not known.
     """
     recorded, base = human.motion, human.motion.base
-    assert base is not None  # of a human there is one
+    if base is None:
+        raise InvalidInputError("human beside the robot: its motion has no base, only joints")
     q = np.hstack((base, recorded.joints))[frames_of(human, motion)]
     (heading,) = headings(rotation_from(motion.q[0, 3:7])[None])
     right = np.array((np.sin(heading), -np.cos(heading)))
