@@ -63,7 +63,10 @@ ABLATION = {
     "soft foot": style.SKY,
     "planned": style.BLUE,
 }
-BOUNDS = (style.BLACK, style.VERMILION, style.PURPLE, style.GREEN, style.SKY)
+BOUNDS = (
+    (style.BLACK, "-"),
+    *((colour, line) for colour in (style.VERMILION, style.GREEN) for line in ("-", ":")),
+)
 WAYS = {0: "the front", 90: "the left", 180: "the back", 270: "the right"}
 SHOWN = 7  # portraits of a walk on footsteps
 
@@ -238,12 +241,13 @@ def ablation_picture(name: str) -> None:
             most = [survived[variant].get((side, phase), 0.0) for side in sides]
             left = at + width * (k + 0.5 - 0.5 * len(shown))
             bars = axes.bar(left, most, 0.95 * width, color=colour, label=variant)
-            axes.bar_label(bars, fmt="%.0f", fontsize=style.SMALL)
-        for colour, (bound, largest) in zip(BOUNDS, bounds.items(), strict=False):
+            how = {"fmt": "%.1f", "color": "white", "label_type": "center"}
+            axes.bar_label(bars, fontsize=style.SMALL, **how)
+        for (colour, dots), (bound, largest) in zip(BOUNDS, bounds.items(), strict=False):
             for k, side in enumerate(sides):
                 label = f"bound: {bound}" if k == 0 else None
                 line = [k - 0.45, k + 0.45], [largest[side, phase]] * 2
-                axes.plot(*line, color=colour, linewidth=1.2, label=label)
+                axes.plot(*line, dots, color=colour, linewidth=1.2, label=label)
         axes.set_xticks(at, sides)
         axes.margins(y=0.12)
     plots[-1].legend(fontsize=style.SMALL, loc="upper left", bbox_to_anchor=(1.01, 1.0))
