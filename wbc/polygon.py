@@ -91,7 +91,10 @@ def half_planes(polygon: ArrayLike) -> tuple[Array, Array]:
     InvalidInputError
         No polygon with an inside: fewer than three corners, or not convex and anticlockwise.
     """
-    corners = checked_polygon(polygon)
+    return _half_planes(checked_polygon(polygon))
+
+
+def _half_planes(corners: Array) -> tuple[Array, Array]:
     edges = np.roll(corners, -1, axis=0) - corners
     lengths = np.linalg.norm(edges, axis=1)
     corners, edges, lengths = (part[lengths > 0.0] for part in (corners, edges, lengths))
@@ -112,19 +115,22 @@ def inset(polygon: ArrayLike, margin: float) -> Array:
     InvalidInputError
         Nothing does; or see :func:`half_planes`.
     """
-    corners, margin = checked_polygon(polygon), finite_number("margin", margin)
-    for normal, offset in zip(*half_planes(polygon), strict=True):
-        out = corners @ normal - (offset - margin)
-        ends = zip(corners, np.roll(corners, -1, axis=0), out, np.roll(out, -1), strict=True)
+    checked, margin = checked_polygon(polygon), finite_number("margin", margin)
+    normals, offsets = _half_planes(checked)
+    corners = checked.tolist()  # a handful, for which plain numbers are ten times as fast
+    for (x, y), offset in zip(normals.tolist(), offsets.tolist(), strict=True):
+        out = [a * x + b * y - (offset - margin) for a, b in corners]
         kept = []
-        for a, b, out_a, out_b in ends:
+        ends = zip(corners, corners[1:] + corners[:1], out, out[1:] + out[:1], strict=True)
+        for (a, b), (next_a, next_b), out_a, out_b in ends:
             if out_a <= 0.0:
-                kept.append(a)
+                kept.append((a, b))
             if out_a * out_b < 0.0:
-                kept.append(a + out_a / (out_a - out_b) * (b - a))
+                part = out_a / (out_a - out_b)
+                kept.append((a + part * (next_a - a), b + part * (next_b - b)))
         if len(kept) < 3:
             raise InvalidInputError(f"polygon: nothing of it is {margin:g} m inside its edges")
-        corners = np.array(kept)
+        corners = kept
     return convex_hull(np.round(corners, 12))  # without corners on one spot
 
 

@@ -8,12 +8,13 @@ import pinocchio as pin
 
 from tests.reference.state import Array, State
 
+AXIS = np.array([0.6, 0.0, -0.8])  # of a frame, that is pointed
 VECH, TWICE = np.triu_indices(3), np.sqrt([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])  # xx xy xz yy yz zz
 
 
 @dataclass(frozen=True)
 class Task:
-    """kind: com position orientation posture damping momentum inertia; frame: its index.
+    """kind: com position orientation axis posture damping momentum inertia; frame: its index.
 
     Of an inertia (by mass) ``frame`` is None for the world's axes, 0 for the base's.
     """
@@ -76,6 +77,11 @@ def rows_of(state: State, task: Task) -> Rows:
             log = pin.Jlog3(Q)
             drift = log @ turning + _slope(lambda h: pin.Jlog3(Q @ pin.exp3(h * turn)) @ turn)
             return Rows(log @ R.T @ J[3:], pin.log3(Q), log @ R.T @ rate, drift)
+        case "axis":
+            place, J, drift = state.frame(task.frame)
+            p, w, alpha = place.rotation @ AXIS, J[3:] @ v, drift[3:]
+            drift = np.cross(w, np.cross(w, p)) + np.cross(alpha, p) + push
+            return Rows(-pin.skew(p) @ J[3:], p - target, rate, drift)
         case "posture":
             J = np.eye(model.nv)[6:]
             rate, push = (np.broadcast_to(one, model.nv)[6:] for one in (rate, push))

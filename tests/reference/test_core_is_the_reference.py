@@ -22,7 +22,7 @@ pytest.importorskip("clarabel")
 from tests.reference import tick as textbook
 from tests.reference.bounds import Limits, Pair
 from tests.reference.qp import Unsolved
-from tests.reference.tasks import Contact, Task
+from tests.reference.tasks import AXIS, Contact, Task
 
 ROBOTS = ("hoap2_like", "g1", "g1_27", "talos", "icub", "romeo")
 LEVELS = {"velocity": False, "torque": True}
@@ -64,7 +64,7 @@ class Case:
     def add(self, *kinds: str, priority: int = 0, **law) -> "Case":
         rng = self.rng
         for kind in kinds:
-            frame = self.frame() if kind in ("position", "orientation") else None
+            frame = self.frame() if kind in ("position", "orientation", "axis") else None
             if kind == "inertia" and rng.random() < 0.5:
                 frame = 0
             size = {"posture": self.robot.nv, "momentum": 6, "damping": 0}.get(kind, 3)
@@ -73,6 +73,9 @@ class Case:
                 rate, push = (np.diag(one) for one in (rate, push))
             name = None if frame is None else self.name(frame)
             target = self.target(kind, name or "world")
+            if kind == "axis":  # a unit vector's derivatives: d.d' = 0, d.d'' = -d'.d'
+                rate = rate - (target @ rate) * target
+                push = push - (target @ push + rate @ rate) * target
             given = {"gain": rng.uniform(0.05, 0.9), "kp": 10.0 ** rng.uniform(1, 2.3)}
             if kind in ("momentum", "damping"):
                 given, push = {}, 0.0 * push
@@ -91,6 +94,8 @@ class Case:
                 return here.position(frame) + 0.1 * rng.normal(size=3)
             case "orientation":
                 return here.rotation(frame) @ pin.exp3(0.5 * rng.normal(size=3))
+            case "axis":
+                return pin.exp3(0.5 * rng.normal(size=3)) @ here.rotation(frame) @ AXIS
             case "inertia":
                 return here.inertia_in(frame) * np.exp(0.3 * rng.normal())
             case "momentum":
@@ -165,6 +170,8 @@ class Case:
                 task = wbc.PositionTask(robot, frame, one.target, **law)
             case "orientation":
                 task = wbc.OrientationTask(robot, frame, one.target, **law)
+            case "axis":
+                task = wbc.AxisTask(robot, frame, one.target, axis=AXIS, **law)
             case "posture":
                 task = wbc.PostureTask(robot, one.target, **law)
             case "damping":
@@ -225,6 +232,10 @@ def floating(case: Case) -> None:
     case.add("position", "orientation", "momentum", "posture")
 
 
+def pointing(case: Case) -> None:
+    case.add("com", "axis", "posture", "axis").stand("left")
+
+
 def soft_foot(case: Case) -> None:
     case.add("com", "orientation", "posture").stand("double", soft=100.0)
 
@@ -252,9 +263,10 @@ Build = Callable[[Case], None]
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_tick_of_every_kind_of_task_agrees_with_the_textbook(name: str, level: str) -> None:
-    case = Case(load(name), LEVELS[level], np.random.default_rng(1))
-    every_kind(case)
-    case.assert_agrees(1, ONE_LEVEL)
+    for build in (every_kind, pointing):
+        case = Case(load(name), LEVELS[level], np.random.default_rng(1))
+        build(case)
+        case.assert_agrees(1, ONE_LEVEL)
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -265,7 +277,7 @@ def test_tick_of_three_priorities_agrees_with_the_cascade(level: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("build", [every_kind, on_one_foot, floating, soft_foot, margins])
+@pytest.mark.parametrize("build", [every_kind, on_one_foot, pointing, floating, soft_foot, margins])
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_random_ticks_of_one_level_agree_with_the_textbook(

@@ -17,9 +17,9 @@ def test_a_band_is_the_dense_least_squares(rng: np.random.Generator) -> None:
         errors.append(off)
 
     A, e = rng.normal(size=(count, rows, nv)), rng.normal(size=(count, rows))
-    normal.add((A,), e)
+    normal.add(A, e)
     B, f = rng.normal(size=(count - 1, rows, nv)), rng.normal(size=(count - 1, rows))
-    normal.add((-B, B), f)
+    normal.add_first_differences(B, f)
     g = rng.normal(size=(count - 2, rows))
     normal.add_second_differences(B, g)
     ways, square, slope = (-1.0, 3.0, -3.0, 1.0), rng.uniform(1, 2, nv - 1), rng.normal(size=nv - 1)

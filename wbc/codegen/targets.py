@@ -62,7 +62,7 @@ def targets_of(part: TargetPart) -> PartTargets | None:
     task = part.task
     rows = (task.native() or ())[part.number]
     match part.kind:
-        case Kind.POINT:
+        case Kind.POINT | Kind.POINTING:
             return PartTargets(rows.numbers[0], *_rates(rows, 3))
         case Kind.ORIENTATION:
             target, rate, acceleration = rows.numbers

@@ -22,6 +22,9 @@ class Kind(IntEnum):
     LINEAR = lib.LINEAR  # matrix (k, nv), offset (k,): error = matrix @ (0, joints) - offset
     LOOP = lib.LOOP  # none; entries: rows
     GEAR = lib.GEAR  # two joints, and the polynomial's coefficients, lowest first (7,)
+    POINTING = (
+        lib.POINTING
+    )  # unit vectors: target (3,), axis (3,) in the frame's; entries: world axes
     GIVEN = lib.GIVEN  # worked out in Python: matrix (k, n), target (k,), error (k,), damping (nv,)
 
 

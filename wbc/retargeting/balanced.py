@@ -130,17 +130,21 @@ def supports(corners: Mapping[str, Array], flags: NDArray[np.bool_]) -> tuple[Su
     )
 
 
-def clipped(cop: Array, stands: Sequence[SupportedFrames]) -> Array:
-    """Return the nearest CoP (n, 2) inside the soles that stand; NaN stays, and where none does."""
+def clipped(cop: Array, stands: Sequence[SupportedFrames], *, edge: bool = False) -> Array:
+    """Return the nearest CoP (n, 2) on the soles that stand; NaN stays, and where none does.
+
+    Inside their margin, or with ``edge`` up to their edges.
+    """
     found = np.full_like(cop, np.nan)
-    for own in ([s for s in stands if (len(s.inner) > 2) == wide] for wide in (True, False)):
+    every = [(one.frames, one.polygon if edge else one.inner) for one in stands]
+    for own in ([s for s in every if (len(s[1]) > 2) == wide] for wide in (True, False)):
         if not own:
             continue
         # All frames at once: hulls with fewer corners have their last one several times.
-        most = max(len(one.inner) for one in own)
-        hulls = [np.vstack((one.inner, *[one.inner[-1:]] * (most - len(one.inner)))) for one in own]
-        frames = np.concatenate([one.frames for one in own])
-        each = np.repeat(np.stack(hulls), [len(one.frames) for one in own], axis=0)
+        most = max(len(hull) for _, hull in own)
+        hulls = [np.vstack((hull, *[hull[-1:]] * (most - len(hull)))) for _, hull in own]
+        frames = np.concatenate([one for one, _ in own])
+        each = np.repeat(np.stack(hulls), [len(one) for one, _ in own], axis=0)
         found[frames] = nearest_point(each, cop[frames])
     return found
 

@@ -17,7 +17,7 @@ from wbc.robot.collision.raw_pairs import RawPairs
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
-from wbc.robot.series import state_series
+from wbc.robot.series import state_series, velocities
 from wbc.rotations import rotation_from
 from wbc.tasks import PoseTask, PostureTask
 from wbc.validate import Array
@@ -142,11 +142,18 @@ def kept(
     limits: Limits,
     collision: SelfCollision | None,
     progress: Progress | None = None,
+    *,
+    apart_already: bool = False,
 ) -> tuple[Array, dict[int, str]]:
     """Return configurations (n, nq) as near to ``wanted`` as limits and margins allow.
 
     Frames that keep them, margins by the shapes of the robot's files, are taken as they are; the
     tick makes what is nearest of others.
+
+    Parameters
+    ----------
+    apart_already:
+        Whether ``wanted`` is known to keep the margins.
 
     Returns
     -------
@@ -154,6 +161,10 @@ def kept(
         The configurations, and by frame what ticks that had no solution say.
     """
     robot, dt, down = tasks.robot, tasks.targets.dt, tasks.targets.down
+    fine = _within(robot, wanted, limits, None if apart_already else collision)
+    steps = velocities(robot, wanted, dt)
+    if fine[1:].all() and (np.abs(steps[:, BASE_NV:]) <= limits.speed).all():
+        return wanted.copy(), {}
     posture = PostureTask(robot, wanted[0], weight=1.0, gain=1.0)
     base = PoseTask(robot, BASE, wanted[0][:3], np.eye(3), weight=10.0, gain=1.0)
     controller = KinematicController(
@@ -165,8 +176,8 @@ def kept(
         dt=dt,
         damping=1e-6,
     )
-    q, failed, fine = wanted.copy(), dict[int, str](), _within(robot, wanted, limits, collision)
-    v = robot.difference(wanted[0], wanted[1]) / dt  # a motion that began before
+    q, failed = wanted.copy(), dict[int, str]()
+    v = steps[0]  # a motion that began before
     first, lost = 0, 0  # where ticks began, and before which frame they are of no use
     for k in range(1, len(wanted)):
         if progress is not None and k % REPORTED == 0:

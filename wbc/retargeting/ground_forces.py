@@ -10,8 +10,7 @@ from scipy.optimize import nnls
 
 from wbc.gait.legs import SIDES
 from wbc.motion.dropouts import runs
-from wbc.polygon import polygon_margin
-from wbc.retargeting.balanced import SupportedFrames
+from wbc.retargeting.balanced import SupportedFrames, clipped
 from wbc.rmp.ground import centre_of_pressure, in_contact
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
@@ -110,14 +109,14 @@ def ground_forces(
         whole.com[pushed], force[pushed], whole.momentum_rate[pushed, 3:]
     )[:, :2]
     wrenches, torque = np.zeros((count, 2, 6)), np.empty((count, robot.nv - BASE_NV))
-    outside, lacking, standing = np.zeros(count), np.zeros(count), np.zeros(count, dtype=int)
+    # NaN where there is no CoP, or no foot.
+    outside = np.linalg.norm(cop - clipped(cop, stands, edge=True), axis=1)
+    lacking, standing = np.zeros(count), np.zeros(count, dtype=int)
     for one in stands:
         frames = one.frames
         standing[frames] = sum(n + 1 for n, _ in one.feet)
         for n, wrench in _shares(one, force[frames], moment[frames], friction):
             wrenches[frames, n] = wrench
-        known = frames[pushed[frames]]
-        outside[known] = -polygon_margin(one.polygon, cop[known])
         level = np.hypot(*force[frames, :2].T)
         lacking[frames] = level / np.maximum(force[frames, 2], 1e-3 * weight) - friction
     soles = [robot.feet[side].frame for side in SIDES]
@@ -157,8 +156,12 @@ def _shares(
     A = np.vstack((G, SPREAD * np.eye(len(at))))
     size = np.linalg.norm(force, axis=1)[:, None] + 1.0
     wanted = np.hstack((force, moment - np.cross(middle, force))) / size
+    # Where no force pulls anyway, all frames at once: the same least squares by G' (G G' + s^2)^-1.
+    edges = np.linalg.solve(G @ G.T + SPREAD**2 * np.eye(len(G)), wanted.T).T @ G
     none = np.zeros(len(at))
-    edges = size * np.array([nnls(A, np.concatenate((one, none)))[0] for one in wanted])
+    for k in np.flatnonzero((edges < 0.0).any(axis=1)).tolist():
+        edges[k] = nnls(A, np.concatenate((wanted[k], none)))[0]
+    edges *= size
     wrench = np.hstack((along, np.cross(at, along)))  # of each edge
     owner = np.repeat([n for n, _ in stand.feet], [len(ways) * len(p) for p in points])
     return [(n, edges[:, owner == n] @ wrench[owner == n]) for n, _ in stand.feet]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from wbc.retargeting.tasks import FrameTasks, RetargetWeights
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
-from wbc.robot.series import centroidal_series, state_series, velocities
+from wbc.robot.series import centroidal_series, velocities
 from wbc.robot.tree import refuse_loops
 from wbc.validate import Array, finite_number, read_only
 
@@ -141,15 +142,14 @@ def retarget(
         source = human_frames(human, rate * scale.time, low, roll)
         targets = scaled_targets(source, robot, legs, body, standing, scale, balance)
         tasks = FrameTasks(robot, body, targets, weights, legs.length)
-        wanted, lacking = _solved(
-            tasks, legs, collision, source.series.axes, rounds, balance, progress
-        )
+        solved = _solved(tasks, legs, collision, source.series.axes, rounds, balance, progress)
+        wanted, lacking = solved.q, solved.lacking
         speed, joint = _fastest(robot, wanted, targets.dt)
         if speed <= 1.0 or lacking > ASTRAY:  # what is not solved says nothing of speeds
             break
         scale = replace(scale, time=scale.time * (1.0 + number * SLOWER) * speed)
     limits = Limits(robot, acceleration=NO_LIMIT)  # what is too much is said by its torque
-    q, failed = kept(tasks, wanted, limits, collision, progress)
+    q, failed = kept(tasks, wanted, limits, collision, progress, apart_already=solved.apart)
     if scale.time != asked:
         notes.append(
             f"{scale.time / asked:.2f} times as slow as asked for: {joint} of {robot.name} is no"
@@ -200,6 +200,14 @@ def judged(
     )
 
 
+class Solved(NamedTuple):
+    """Configurations (n, nq), what they violate [m or rad], whether margins are kept for sure."""
+
+    q: Array
+    lacking: float
+    apart: bool
+
+
 def _solved(
     tasks: FrameTasks,
     legs: Legs,
@@ -208,23 +216,24 @@ def _solved(
     rounds: int,
     balance: bool,
     progress: Progress | None,
-) -> tuple[Array, float]:
-    """Return configurations (n, nq) as near to the targets as they come, and what is violated."""
+) -> Solved:
+    """Return configurations as near to the targets as they come."""
     robot, wanted = tasks.robot, tasks.targets
     constraints = [] if collision is None else [collision]
     start = first_configuration(tasks, constraints)
     limits = Limits(robot, velocity=None)
     q = TickPass(tasks, limits, constraints).run(start, progress)
-    tasks.shape_like(state_series(robot, q).inertia, axes)
     motion = WholeMotion(tasks, collision, legs.length)
+    states = motion.states(q)
+    tasks.shape_like(states.inertia, axes)
     before, best, least = np.inf, q, np.inf
     for number in range(rounds):
+        if number > 0:
+            states = motion.states(q)
         if balance and number > 0:
-            v = velocities(robot, q, wanted.dt)
-            states = state_series(robot, q, np.vstack((v, v[-1:])))
             k = states.part("momentum", 6)[:, 3:]
             tasks.targets = balanced(tasks.targets, robot, k, states.com)
-        further = motion.improved(q)
+        further = motion.improved(q, states)
         if number == 0 and motion.violation > TRAPPED:  # legs that do not get past each other
             freely = TickPass(tasks, limits, ()).run(start, progress)
             trapped, q_further, by = q, further, motion.violation
@@ -242,18 +251,18 @@ def _solved(
         before = motion.speed
         if number + 1 >= LEAST_ROUNDS and close and motion.moved < SETTLED:
             if collision is None:
-                return q, motion.off
+                return Solved(q, motion.off, True)
             fine = apart(robot, q, collision, raw=number + 1 >= PATIENT)
             if fine.all():  # the last round may have hurried a joint again
                 hurried = motion.speed <= 1.0 < _fastest(robot, q, wanted.dt)[0]
-                return last if hurried else q, motion.off
+                return Solved(last if hurried else q, motion.off, not hurried)
             motion.keep_off(~fine)
         if number + 1 >= PATIENT and motion.violation < ASTRAY and motion.damping < CALMEST:
             motion.damping *= CALMER  # what is nearly right moves to and fro
     motion.judge(q)
     if motion.violation >= least:
-        return best, least
-    return q, motion.violation if motion.broken > GRAZED else motion.off
+        return Solved(best, least, False)
+    return Solved(q, motion.violation if motion.broken > GRAZED else motion.off, False)
 
 
 def _fastest(robot: Robot, q: Array, dt: float) -> tuple[float, str]:

@@ -105,15 +105,22 @@ class WholeMotion:
         self._held = np.zeros(joints, dtype=bool)  # at their limits
         self._kept = np.full(len(tasks.targets.time), KEPT)
 
-    def improved(self, q: Array) -> Array:
-        """Return configurations (n, nq) after one round."""
-        robot, dt = self.tasks.robot, self.tasks.targets.dt
-        v = velocities(robot, q, dt)
-        joints, states = self._looked_at(q, v)
+    def states(self, q: Array) -> StateSeries:
+        """Return what is known of configurations (n, nq), which move from each to the next."""
+        robot = self.tasks.robot
+        v = velocities(robot, q, self.tasks.targets.dt)
+        return state_series(robot, q, np.vstack((v, v[-1:])), self._frames)
+
+    def improved(self, q: Array, states: StateSeries | None = None) -> Array:
+        """Return configurations (n, nq) after one round; ``states``: theirs, if they are known."""
+        robot = self.tasks.robot
+        states = self.states(q) if states is None else states
+        v = states.v[:-1]
+        joints = self._looked_at(q, v)
         rows = self._rows(states) + self._near(q, states)
         A, e = (np.concatenate(part, axis=1) for part in zip(*rows, strict=True))
         normal = NormalEquations(*A.shape[::2])
-        normal.add((A,), e)
+        normal.add(A, e)
         self._posture(joints, normal)
         self._momentum(states.part("centroidal_map", 6, -1)[:-1], v, normal)
         self._jerk(v, normal)
@@ -133,18 +140,19 @@ class WholeMotion:
 
     def judge(self, q: Array) -> None:
         """Set what configurations (n, nq) violate."""
-        _, states = self._looked_at(q, velocities(self.tasks.robot, q, self.tasks.targets.dt))
+        states = self.states(q)
+        self._looked_at(q, states.v[:-1])
         self._rows(states)
         self._near(q, states)
 
-    def _looked_at(self, q: Array, v: Array) -> tuple[Array, StateSeries]:
-        """Return the joints (n, nv - 6) and what rows are made of; begin to tell violations."""
+    def _looked_at(self, q: Array, v: Array) -> Array:
+        """Return the joints (n, nv - 6); begin to tell violations."""
         robot = self.tasks.robot
         joints = np.array([robot.limits.joint_positions(one) for one in q])
         self.violation = float(np.maximum(self.lower - joints, joints - self.upper).max()) - INSIDE
         self.violation = max(self.violation, 0.0)
         self.speed = float((np.abs(v[:, BASE_NV:]) / robot.limits.velocity).max())
-        return joints, state_series(robot, q, np.vstack((v, v[-1:])), self._frames)
+        return joints
 
     def _near(self, q: Array, states: StateSeries) -> list[tuple[Array, Array]]:
         """Return weighted rows and errors of bodies near each other; zeros fill them up."""
@@ -236,7 +244,7 @@ class WholeMotion:
         off = (maps @ v[..., None])[..., 0] - wanted
         w = tasks.momentum.weight
         A = w[:, None] * maps[:, 3:] / dt
-        normal.add((-A, A), w * off[:, 3:])
+        normal.add_first_differences(A, w * off[:, 3:])
         # By how far the CoP is moved, in legs' lengths.
         height = float(np.mean(targets.com[:, 2]))
         w = PRESSED / (robot.weight * self.leg) * np.array([height] * 3 + [1.0] * 3)

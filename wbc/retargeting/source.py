@@ -76,7 +76,12 @@ def human_frames(
     Half a period of the cutoff is left out at both ends, unless little would be left.
     """
     series = analyze(
-        human.motion, rate=rate, cutoff=cutoff, noise=None, ground_height=human.ground_height
+        human.motion,
+        rate=rate,
+        cutoff=cutoff,
+        noise=None,
+        feet=None,  # its CoP is not judged here
+        ground_height=human.ground_height,
     )
     # What a filter makes of a recording's ends is a guess.
     dropped = round(EDGE / series.cutoff * rate) if series.cutoff else 0

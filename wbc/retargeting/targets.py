@@ -88,9 +88,11 @@ def scaled_targets(
     series = source.series
     dt = scale.time * float(series.time[1] - series.time[0])
     pelvis = source.rotation["pelvis"] @ body.upright[body.pelvis]
-    share, lowered, notes = _within_reach(source, robot, legs, standing, scale, pelvis, body)
+    feet = foot_paths(source, robot, legs, _spread(source, scale, 1.0))
+    share, lowered, notes = _within_reach(source, robot, legs, standing, scale, pelvis, body, feet)
     spread = _spread(source, scale, share)
-    feet = foot_paths(source, robot, legs, spread)
+    if share < 1.0:
+        feet = foot_paths(source, robot, legs, spread)
     com = _scaled_com(source, legs, standing, scale, spread)
     com[:, 2] -= lowered
     if feet.wider > 0.0:
@@ -198,10 +200,13 @@ def _scaled_com(
 
 def _within_reach(
     source: HumanFrames, robot: Robot, legs: Legs, standing: StandingBody, scale: MotionScale,
-    pelvis: Array, body: BodyMap,
+    pelvis: Array, body: BodyMap, widest: FootPaths,
 ) -> tuple[float, float, tuple[str, ...]]:  # fmt: skip
-    """Return which part of level distances legs reach, and by how much the CoM is lowered [m]."""
-    lacking = _stretch(source, robot, legs, standing, scale, pelvis, body)
+    """Return which part of level distances legs reach, and by how much the CoM is lowered [m].
+
+    ``widest``: ways of the feet with all of the level distances.
+    """
+    lacking = _stretch(source, robot, legs, standing, scale, pelvis, body, widest)
     shares = np.linspace(1.0, SHORTEST, TRIED)
     lower = np.array([lacking(share) for share in shares])
     cost = (lower / (LOWERED * legs.length)) ** 2 + ((1.0 - shares) / SHORTENED) ** 2
@@ -216,7 +221,7 @@ def _within_reach(
 
 def _stretch(
     source: HumanFrames, robot: Robot, legs: Legs, standing: StandingBody, scale: MotionScale,
-    pelvis: Array, body: BodyMap,
+    pelvis: Array, body: BodyMap, widest: FootPaths,
 ) -> Callable[[float], float]:  # fmt: skip
     """Return by how much the CoM must be lowered for standing legs to be bent enough [m].
 
@@ -230,7 +235,7 @@ def _stretch(
     ends = []
     for share in (SHORTEST, 1.0):
         spread = _spread(source, scale, share)
-        feet = foot_paths(source, robot, legs, spread)
+        feet = widest if share == 1.0 else foot_paths(source, robot, legs, spread)
         com = _scaled_com(source, legs, standing, scale, spread)
         weight = loads(feet.down)
         com[:, :2] += sum(weight[:, [n]] * _held(feet.paths[s]) for n, s in enumerate(SIDES))

@@ -212,10 +212,11 @@ class NativePass:
 
     def evaluate_all(self, q: Array, v: Array) -> Array:
         """Return all that is known at (q (n, nq), v (n, nv)), a state a row (n, size)."""
-        out = np.empty((len(q), len(self._state)))
+        (_, *rest), tree, size = self._arguments, self.tree, len(self._state)
+        q, v, out = np.ascontiguousarray(q), np.ascontiguousarray(v), np.zeros((len(q), size))
+        of_q, of_v, to = map(doubles, (q, v, out))
         for k in range(len(q)):
-            lib.wbc_state(self._tree, doubles(q[k]), doubles(v[k]), *self._arguments)
-            out[k] = self._state
+            lib.wbc_state(self._tree, of_q + k * tree.nq, of_v + k * tree.nv, to + k * size, *rest)
         return out
 
     def keep(self, name: str, index: int) -> None:

@@ -37,11 +37,14 @@ class StateSeries(NamedTuple):
         Whose states they are.
     slots:
         Where the frames begin that were asked for, by name.
+    v:
+        Velocities (n, nv).
     """
 
     array: Array
     tree: NativeTree
     slots: Mapping[str, int]
+    v: Array
 
     def __len__(self) -> int:
         return len(self.array)
@@ -106,7 +109,7 @@ def state_series(
     q = finite_array("q", q, (count, robot.nq))
     v = np.zeros((count, robot.nv)) if v is None else finite_array("v", v, (count, robot.nv))
     own = NativePass(robot.native.tree, [(name, robot.frame_id(name)) for name in frames])
-    return StateSeries(own.evaluate_all(q, v), own.tree, own.slots)
+    return StateSeries(own.evaluate_all(q, v), own.tree, own.slots, v)
 
 
 def velocities(robot: KinematicTree, q: Array, dt: float) -> Array:

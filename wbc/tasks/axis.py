@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.laws import Residual
+from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import skew
 from wbc.tasks.keywords import Gains
@@ -29,6 +31,8 @@ class AxisTask(Task):
 
     frame: str
     axis: Array  # unit, (3,), in the frame's axes
+    _bias: Array  # minus the target's rate and acceleration
+    _drift: Array
 
     def __init__(
         self,
@@ -65,7 +69,7 @@ class AxisTask(Task):
         if rate is None and acceleration is None:  # at rest, as the rates then say
             self._assign(_goal=goal)
             if turns:
-                self._bias = self.target_rate
+                self._assign(_bias=self.target_rate, _drift=self.target_acceleration)
             return
         n = float(np.linalg.norm(np.asarray(target, dtype=float)))
         # With d = n u: d' = n u' + n' u and d'' = n u'' + 2 n' u' + n'' u, where u'.u = 0.
@@ -74,7 +78,7 @@ class AxisTask(Task):
         u1 = (d1 - stretch * goal) / n
         u2 = (d2 - 2.0 * stretch * u1 - (float(u1 @ d1) + float(goal @ d2)) * goal) / n
         self._assign(_goal=goal, target_rate=read_only(u1), target_acceleration=read_only(u2))
-        self._bias = read_only(-u1)
+        self._assign(_bias=read_only(-u1), _drift=read_only(-u2))
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the axis minus the target, both unit vectors in world axes."""
@@ -87,13 +91,20 @@ class AxisTask(Task):
         """None: entries of a unit vector."""
         return ("1",) * 3
 
+    def native(self) -> tuple[NativeRows, ...]:
+        """Return what the native core needs of the axis and its target."""
+        rates, numbers = (self._bias, self._drift), (self._goal, self.axis)
+        moving = "_bias", "_drift", "_goal", ""
+        entries = (0, 1, 2)
+        return (NativeRows(Kind.POINTING, self.frame, entries, *rates, numbers, moving=moving),)
+
     def drift(self, snapshot: Snapshot) -> Array:
         """Return w x (w x a) + alpha x a at v' = 0, less the target's second derivative."""
         pointing = snapshot.rotation(self.frame) @ self.axis
         w = snapshot.jacobian(self.frame)[3:] @ snapshot.v
         alpha = snapshot.drift(self.frame)[3:]
         own = np.cross(w, np.cross(w, pointing)) + np.cross(alpha, pointing)
-        return np.asarray(own - self.target_acceleration)
+        return np.asarray(own + self._drift)
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return the axis minus the target, both unit vectors in world axes."""
@@ -101,7 +112,7 @@ class AxisTask(Task):
 
     def _unit(self, value: ArrayLike, what: str) -> Array:
         vector = self._target(value, (3,), what)
-        length = float(np.linalg.norm(vector))
+        length = math.hypot(*vector.tolist())
         if length < 1e-9:
             raise InvalidInputError(f"task {self.name!r}, {what}: a direction needs some length")
         return vector / length

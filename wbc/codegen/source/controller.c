@@ -17,7 +17,8 @@ int wbc_target_sizes(int part, int sizes[3]) {
     if (part < 0 || part >= WBC_PARTS) return NO_TARGET;
     sizes[0] = sizes[1] = sizes[2] = 3;
     switch (wbc_planned.block[part].kind) {
-    case POINT: return DONE;
+    case POINT:
+    case POINTING: return DONE;
     case ORIENTATION: sizes[0] = 9; return DONE;
     case INERTIA_ENTRIES: sizes[0] = sizes[1] = sizes[2] = 6; return DONE;
     case JOINTS: sizes[0] = sizes[1] = sizes[2] = WBC_NV - 6; return DONE;
@@ -44,12 +45,14 @@ int wbc_set_target(wbc_controller *c, int part, const double *target, const doub
         copy(own, target, 9), copy(own + 9, rate, 3), copy(own + 12, acceleration, 3);
         return DONE;
     }
-    if (block->kind == POINT || block->kind == CONTACT) copy(own, target, sizes[0]);
+    if (block->kind == POINT || block->kind == POINTING || block->kind == CONTACT)
+        copy(own, target, sizes[0]);
     for (int64_t i = 0; i < k; i++) {
         const double *s = own + 6 * i; /* of an inertia: which entries */
         double *wanted = own + 6 * k + i;
         switch (block->kind) {
         case POINT:
+        case POINTING:
             bias[i] = -at(rate, chosen[i]), drift[i] = -at(acceleration, chosen[i]);
             break;
         case JOINTS:

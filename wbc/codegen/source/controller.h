@@ -37,6 +37,7 @@ int wbc_start(wbc_controller *c);
  *     WBC_KIND_...       target                                rate, acceleration
  *     POINT              position (3), world axes              (3)
  *     ORIENTATION        rotation (3, 3), local to world       angular (3), world axes
+ *     POINTING           direction (3) of length 1, world axes (3), of a length that stays 1
  *     INERTIA_ENTRIES    inertia xx xy xz yy yz zz             (6)
  *     JOINTS             positions of all joints               (WBC_NV - 6)
  *     MOMENTUM_ENTRIES   linear, angular (6)                   rate only (6)

@@ -127,7 +127,7 @@ typedef struct {
 
 /* What a row asks for: the kinds that wbc/native/rows.py describes. */
 enum row_kind { POINT = 0, ORIENTATION = 1, INERTIA_ENTRIES = 2, JOINTS = 3, MOMENTUM_ENTRIES = 4,
-                CONTACT = 5, LINEAR = 6, GIVEN = 7, LOOP = 8, GEAR = 9 };
+                CONTACT = 5, LINEAR = 6, GIVEN = 7, LOOP = 8, GEAR = 9, POINTING = 10 };
 /* A block of rows: what they are, where they stand among the costs or the contacts, where their
  * selection begins in index and their numbers in number, which frame they are about (-1: the CoM, or
  * the world), their level among the costs, and whether the curvature that they leave out is in the cost

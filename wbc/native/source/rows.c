@@ -127,6 +127,16 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
             bias[i] = -dot3(T, own + 9);
         }
         return;
+    case POINTING: /* own: target (3), axis (3) in the frame's axes */
+        times3(R, own + 3, all);
+        for (int64_t i = 0; i < k; i++) { /* (R axis)' = w x R axis */
+            const int64_t a = chosen[i], b = (a + 1) % 3, c = (a + 2) % 3;
+            const double *turn = jacobian + 3 * nv;
+            e[i] = all[a] - own[a];
+            for (int64_t j = 0; j < nv; j++)
+                J[i * nv + j] = turn[b * nv + j] * all[c] - turn[c * nv + j] * all[b];
+        }
+        return;
     case INERTIA_ENTRIES: { /* own: selection (k, 6), what it should give (k) */
         const double *I = state + INERTIA, *rates = state + INERTIA_JACOBIAN(nv);
         const double entries[6] = {I[0], I[1], I[2], I[4], I[5], I[8]};
@@ -263,6 +273,15 @@ void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
         orientation_drift(own, R, w, acceleration + 3, e, whole);
         for (int i = 0; i < 3; i++) drift[i] += whole[i];
         return;
+    case POINTING: { /* w x (w x p) + alpha x p, p = R axis */
+        double p[3], moving[3], *turned = whole, *pulled = whole + 3;
+        times3(R, own + 3, p);
+        cross3(w, p, moving);
+        cross3(w, moving, turned);
+        cross3(acceleration + 3, p, pulled);
+        for (int64_t i = 0; i < k; i++) drift[i] += turned[chosen[i]] + pulled[chosen[i]];
+        return;
+    }
     case INERTIA_ENTRIES:
         if (block->frame < 0)
             copy_row(whole, drifts + INERTIA_CURVATURE, 6);
