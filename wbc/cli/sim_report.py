@@ -70,7 +70,7 @@ def _wrench(one: AppliedWrench) -> str:
 
 def _tracking(found: PlanTracking) -> Table:
     """Return a table of how far the robot was from its plan."""
-    table = heads("followed the plan", "rms", "worst", "at [s]", "rms of its peak")
+    table = heads(f"followed the {found.followed}", "rms", "worst", "at [s]", "rms of its peak")
     for name, one, factor, unit in (
         ("CoM", found.com, 1e3, "mm"),
         ("CoP", found.cop, 1e3, "mm"),
@@ -81,6 +81,12 @@ def _tracking(found: PlanTracking) -> Table:
         none = one.peak <= ROUNDING * one.rms
         part = "it has none" if none else _percent(one.rms / one.peak)
         table.add_row(Text(name), *sizes, f"{one.at:.3f}", part)
+    if found.joints is not None:
+        sizes = (f"{size:.3g} rad" for size in (found.joints.rms, found.joints.worst))
+        part = (
+            _percent(found.joints.rms / found.joints.peak) if found.joints.peak else "it has none"
+        )
+        table.add_row("joints", *sizes, f"{found.joints.at:.3f}", part)
     if not found.whole:
         text = f"to {found.until:g} s only; it ends at {found.ends:g} s"
         table.add_row(Text("judged", style="red"), Text(text, style="red"), "", "", "")

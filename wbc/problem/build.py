@@ -102,7 +102,7 @@ def _start(spec: ProblemSpec, folder: Path, mistakes: Mistakes) -> Snapshot:
     robot = mistakes.require(("robot",), partial(robot_spec.load, folder))
     spec.start.check(robot, mistakes)
     mistakes.raise_any()
-    q = robot.posture(spec.start.posture, spec.start.joints)
+    q = mistakes.require(("start",), partial(spec.start.configuration, robot, folder))
     if spec.ground_height is not None and not robot.fixed_base:
         q = turned_with(q, spec.simulation.ground().normal)
     return robot.snapshot(q, np.zeros(robot.nv))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from wbc.tasks import Task
 from wbc.tracking.reference import PlanReference
 from wbc.validate import Array
 
+if TYPE_CHECKING:  # motions load SciPy
+    from wbc.retargeting.reference import MotionReference
+
 
 @dataclass(frozen=True, eq=False)
 class Parts:
@@ -32,7 +35,7 @@ class Parts:
     limits: Limits | None
     surroundings: Surroundings
     contact_slack: Mapping[str, float]  # weights of the contacts that may give way, by frame
-    plan: PlanReference | None  # what tasks follow, or None
+    plan: PlanReference | MotionReference | None  # what tasks follow, or None
 
     @property
     def at_start(self) -> Snapshot:

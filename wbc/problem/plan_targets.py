@@ -1,4 +1,4 @@
-"""Tasks that follow a pendulum's plan: the plan read and checked, and their targets led by it."""
+"""Tasks that follow a plan or a motion: it is read and checked, and their targets led by it."""
 
 from __future__ import annotations
 
@@ -10,26 +10,33 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wbc.constraints import Contact
+from wbc.gait.legs import SIDES
+from wbc.problem.kinds.frame import OrientationSpec
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.reading import read_source
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.support import contacts_of
-from wbc.problem.targets import FromPlan, LoopTarget
+from wbc.problem.targets import Followed, FromMotion, FromPlan, LoopTarget
+from wbc.problem.task_spec import TaskSpec
 from wbc.robot import Snapshot
 from wbc.run.phase_support import held_feet
-from wbc.run.ramps import TargetedTask
+from wbc.run.ramps import Course, TargetedTask
 from wbc.tracking.reference import PlanReference
 from wbc.validate import Array
 
-if TYPE_CHECKING:  # plans load CasADi
+if TYPE_CHECKING:  # plans load CasADi, motions SciPy
+    from wbc.retargeting.reference import MotionReference
     from wbc.rmp.plan import Plan
+
+
+SAME = 1e-3  # m or rad by which the start may be off: soles are set on the ground
 
 
 @dataclass(frozen=True, eq=False)
 class PlanCourse:
-    """What one task follows of a plan: its value, rate and acceleration, by their names."""
+    """What one task follows of a plan or motion: value, rate and acceleration, by their names."""
 
-    reference: PlanReference
+    reference: PlanReference | MotionReference
     names: tuple[str, ...]
 
     @property
@@ -52,8 +59,8 @@ def follow_plan(
     contacts: Sequence[Contact],
     folder: Path,
     mistakes: Mistakes,
-) -> tuple[dict[str, TargetedTask], PlanReference | None]:
-    """Return the tasks, those of a plan led by it, and the plan; None if no task has one.
+) -> tuple[dict[str, TargetedTask], PlanReference | MotionReference | None]:
+    """Return the tasks, those of a plan or motion led by it, and that; None if no task has one.
 
     Parameters
     ----------
@@ -65,28 +72,43 @@ def follow_plan(
         From which relative paths start.
     """
     targets = {name: task.target for name, task in spec.tasks.items() if name in built}
-    following = {name: one for name, one in targets.items() if isinstance(one, FromPlan)}
+    following = {name: one for name, one in targets.items() if isinstance(one, Followed)}
     if not following:
         return dict(built), None
     first, wanted = next(iter(following.items()))
-    reference: PlanReference | None = None
+    reference: PlanReference | MotionReference | None = None
     with mistakes.at("tasks", first, "target"):
-        reference = _reference(spec, wanted, start, contacts, folder)
+        if isinstance(wanted, FromMotion):
+            reference = _motion(spec, wanted, start, contacts, folder)
+        else:
+            reference = _reference(spec, wanted, start, contacts, folder)
     led = dict(built)
     for name, target in following.items():
         with mistakes.at("tasks", name):
             if target != wanted:
                 raise Misplaced(
-                    f"all tasks of a problem follow the same plan, and {first!r} follows"
-                    f" {wanted.plan} from {wanted.begins:g} s on",
+                    f"all tasks of a problem follow the same plan or motion, and {first!r} follows"
+                    f" {_words(wanted)}",
                     "target",
                 )
             if getattr(spec.tasks[name], "ramp", None) is not None:
                 raise Misplaced("a plan says itself how its target moves; leave this out", "ramp")
             if reference is not None:
-                course = PlanCourse(reference, spec.tasks[name].of_plan)
-                led[name] = replace(built[name], course=course)
+                led[name] = replace(built[name], course=_course(spec.tasks[name], reference))
     return led, reference
+
+
+def _course(task: TaskSpec, reference: PlanReference | MotionReference) -> Course:
+    if isinstance(task, OrientationSpec) and not isinstance(reference, PlanReference):
+        from wbc.retargeting.reference import FrameTurn
+
+        return FrameTurn(reference, task.frame)
+    return PlanCourse(reference, task.of_plan)
+
+
+def _words(wanted: Followed) -> str:
+    file = wanted.plan if isinstance(wanted, FromPlan) else wanted.motion
+    return f"{file} from {wanted.begins:g} s on"
 
 
 def refuse_course(target: object, before: object) -> None:
@@ -104,11 +126,11 @@ def refuse_course(target: object, before: object) -> None:
     """
     if isinstance(target, LoopTarget):
         raise Misplaced("a loop is gone round from the start on, in a run without phases", "target")
-    if isinstance(target, FromPlan):
+    if isinstance(target, Followed):
         raise Misplaced(
             "a plan is followed from the start on: give it in the section tasks", "target"
         )
-    if isinstance(before, FromPlan):
+    if isinstance(before, Followed):
         raise Misplaced(
             "the task follows a plan, in all phases in which it is active; give active: false, and"
             " another task this target",
@@ -131,6 +153,45 @@ def check_loops(spec: ProblemSpec, built: Mapping[str, TargetedTask], mistakes: 
                     f" {duration:g} s)",
                     "target",
                 )
+
+
+def _motion(
+    spec: ProblemSpec,
+    wanted: FromMotion,
+    start: Snapshot,
+    contacts: Sequence[Contact],
+    folder: Path,
+) -> MotionReference:
+    """Return the motion that a problem's tasks follow.
+
+    Raises
+    ------
+    WbcError
+        No such motion, one of another robot, on other feet or longer than the run, or one that does
+        not begin where the robot starts.
+    """
+    from wbc.retargeting.reference import MotionReference  # only now: it loads SciPy
+    from wbc.retargeting.standing import StandingMotion
+
+    if spec.phases is not None:
+        raise Misplaced("a motion is followed in a run without phases")
+    if set(held_feet(contacts)) != set(SIDES):
+        raise Misplaced("a motion is followed on both feet; give support: double")
+    motion = StandingMotion.read(folder / Path(wanted.motion).expanduser(), start.robot)
+    off = np.abs(start.robot.difference(motion.start, start.q))
+    if off.max() > SAME:
+        raise Misplaced(
+            "the robot does not start where the motion begins; give start:"
+            f" {{motion: {wanted.motion}}}"
+        )
+    options = wanted.model_dump(exclude={"motion"})
+    reference, duration = MotionReference(motion, **options), spec.whole_stop.duration
+    if reference.ends > duration + spec.controller.dt:
+        raise Misplaced(
+            f"the motion ends at {reference.ends:.3f} s, after the run ({spec.timed_by}.duration,"
+            f" {duration:g} s)"
+        )
+    return reference
 
 
 def _reference(

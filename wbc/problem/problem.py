@@ -27,6 +27,7 @@ from wbc.run.simulate import simulate
 from wbc.run.stopping import Stop
 from wbc.run.supervisor import Supervisor
 from wbc.simulation import FallLimits, Plant, SimulationResult, run_trial
+from wbc.tracking.reference import PlanReference
 from wbc.validate import by_name
 
 if TYPE_CHECKING:
@@ -224,7 +225,7 @@ class Problem:
         """Return what a result is made of, by the versions of what made it."""
         pairs = self.parts.surroundings.unwatched_pairs()
         made_with = {"problem": self.provenance(), "versions": found, "unwatched_pairs": pairs}
-        if self.parts.plan is None:
+        if not isinstance(self.parts.plan, PlanReference):
             return made_with
         from wbc.rmp.plan import problem_to_data  # only now: it loads CasADi
 

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from wbc.constraints import Limits
 from wbc.constraints.limits import BRAKING
-from wbc.problem.mistakes import Mistakes
+from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.section import (
     Forms,
     Fraction,
@@ -34,6 +34,7 @@ from wbc.robot import FootSpec, Robot
 from wbc.robot.formats.ties import Loop
 from wbc.robot.library import is_file_name
 from wbc.robot.loops import KINDS
+from wbc.validate import Array
 
 
 class FootSection(Section):
@@ -149,6 +150,26 @@ class StartSpec(Section):
     """A posture of the robot: neutral, standing, or one from its SRDF."""
     joints: dict[Name, Number] = Field(default_factory=dict)
     """Joint values [rad or m] by name or pattern, over those of the posture."""
+    motion: Name | None = None
+    """Where a standing motion begins, in place of a posture: a .npz file that `wbc retarget` wrote,
+    relative to this file."""
+
+    def configuration(self, robot: Robot, folder: Path) -> Array:
+        """Return the configuration (nq,); relative paths start from ``folder``.
+
+        Raises
+        ------
+        WbcError
+            No such motion, or one of another robot; a posture or joints besides it.
+        """
+        if self.motion is None:
+            return robot.posture(self.posture, self.joints)
+        for key in ("posture", "joints"):
+            if key in self.model_fields_set:
+                raise Misplaced("the robot starts where the motion begins; leave this out", key)
+        from wbc.retargeting.standing import StandingMotion  # only now: it loads SciPy
+
+        return StandingMotion.read(folder / Path(self.motion).expanduser(), robot).start
 
     def check(self, robot: Robot, mistakes: Mistakes) -> None:
         """Note a posture or joints that ``robot`` does not have."""

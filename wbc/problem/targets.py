@@ -63,6 +63,29 @@ class FromPlan(Section):
     after the plan's end at its last place."""
 
 
+MOTION = Tag("(motion)")
+# Kept in step with wbc.retargeting.reference, which is not imported only for these.
+BEGINS, EASE = 0.3, 0.5
+
+
+class FromMotion(Section):
+    """A target that goes as a standing motion does; all tasks of a problem follow the same one."""
+
+    motion: Name
+    """The motion on both feet: a .npz file that `wbc retarget` wrote, relative to this file."""
+    begins: NonNegative = BEGINS
+    """When the motion begins [s], from rest; until then the target rests where the motion
+    begins, and after the motion's end where it ends."""
+    ease: Positive = EASE
+    """Time [s] in which the motion gets to its own speed, and at its end to rest."""
+    slower: Annotated[float, Field(ge=1.0)] = 1.0
+    """Factor on the motion's time."""
+    lean: NonNegative | None = None
+    """How far inside the soles the CoM is led to keep the CoP [m]; left out: it is not."""
+
+
+Followed = FromPlan | FromMotion
+
 LOOP = Tag("(loop)")
 
 
@@ -80,14 +103,25 @@ class LoopTarget(Section):
 
 
 def form_with_plan(value: object) -> str | None:
-    """Return the tag of the form of a target that may come from a plan."""
+    """Return the tag of the form of a target that may come from a plan or a motion."""
     if isinstance(value, FromPlan):
         return PLAN.tag
+    if isinstance(value, FromMotion):
+        return MOTION.tag
     if isinstance(value, Mapping) and not isinstance(value, BaseModel):
-        near = [get_close_matches(str(key), ("plan", "begins"), n=1) for key in value]
+        words = ("plan", "begins", "motion", "ease", "slower", "lean")
+        near = [get_close_matches(str(key), words, n=1) for key in value]
+        if ["motion"] in near:
+            return MOTION.tag
         if any(near):
             return PLAN.tag
     return form_of(value)
+
+
+def form_with_motion(value: object) -> str | None:
+    """Return the tag of the form of a target that may come from a motion."""
+    form = form_with_plan(value)
+    return form_of(value) if form == PLAN.tag else form
 
 
 def point(target: Sequence[float] | Offset | str, start: Array) -> Array:
@@ -146,6 +180,24 @@ RotationTarget = Annotated[
     Forms(
         pick=_rotation_form,
         expected="{rpy: [roll, pitch, yaw]} in radians, {quaternion: [x, y, z, w]}, or start",
+    ),
+]
+
+
+def _turn_form(value: object) -> str | None:
+    form = form_with_motion(value)
+    return form if form == MOTION.tag else _rotation_form(value)
+
+
+TurnTarget = Annotated[
+    Annotated[Rpy, Tag("(rpy)")]
+    | Annotated[QuaternionTarget, Tag("(quaternion)")]
+    | Annotated[FromMotion, MOTION]
+    | Start,
+    Forms(
+        pick=_turn_form,
+        expected="{rpy: [roll, pitch, yaw]} in radians, {quaternion: [x, y, z, w]}, {motion: file},"
+        " or start",
     ),
 ]
 

@@ -26,7 +26,7 @@ from wbc.retargeting.tasks import FrameTasks, RetargetWeights
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
-from wbc.robot.series import centroidal_series, velocities
+from wbc.robot.series import centroidal_series, rates, velocities
 from wbc.robot.tree import refuse_loops
 from wbc.validate import Array, finite_number, read_only
 
@@ -177,7 +177,7 @@ def judged(
     targets: Targets, q: Array, friction: float, notes: tuple[str, ...],
 ) -> Retargeted:  # fmt: skip
     """Return configurations (n, nq), wherever they come from, as a motion with all that is told."""
-    v, acceleration = _rates(robot, q, targets.dt)
+    v, acceleration = rates(robot, q, targets.dt)
     whole = centroidal_series(robot, q, v, acceleration)
     stands = targets.feet.supports
     ground = ground_forces(robot, q, v, acceleration, whole, targets.time, stands, friction)
@@ -270,11 +270,3 @@ def _fastest(robot: Robot, q: Array, dt: float) -> tuple[float, str]:
     speed = np.abs(velocities(robot, q, dt)[:, BASE_NV:]).max(axis=0) / robot.limits.velocity
     joint = int(np.argmax(speed))
     return float(speed[joint]), robot.joint_names[joint]
-
-
-def _rates(robot: Robot, q: Array, dt: float) -> tuple[Array, Array]:
-    """Return velocities and their rates (n, nv) by central differences, one-sided at the ends."""
-    steps = velocities(robot, q, dt)
-    v = np.vstack((steps[:1], 0.5 * (steps[:-1] + steps[1:]), steps[-1:]))
-    inner = np.diff(steps, axis=0) / dt
-    return v, np.vstack((inner[:1], inner, inner[-1:]))

@@ -118,6 +118,17 @@ def velocities(robot: KinematicTree, q: Array, dt: float) -> Array:
     return np.array(steps).reshape(-1, robot.nv) / dt
 
 
+def rates(robot: KinematicTree, q: Array, dt: float) -> tuple[Array, Array]:
+    """Return velocities of n configurations and their rates (n, nv), ``dt`` from one to the next.
+
+    By central differences, one-sided at the ends.
+    """
+    steps = velocities(robot, q, dt)
+    v = np.vstack((steps[:1], 0.5 * (steps[:-1] + steps[1:]), steps[-1:]))
+    inner = np.diff(steps, axis=0) / dt
+    return v, np.vstack((inner[:1], inner, inner[-1:]))
+
+
 @dataclass(frozen=True, eq=False)
 class CentroidalSeries:
     """The robot as a whole in n frames."""

@@ -4,14 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wbc.robot import Robot
 from wbc.spatial import FROBENIUS_WEIGHTS, vech
-from wbc.tracking.reference import PlanReference
+from wbc.tracking.reference import PlanTarget
 from wbc.validate import Array
+
+
+class Reference(Protocol):
+    """A plan or a motion that a robot follows."""
+
+    followed: ClassVar[str]
+    begins: float
+
+    @property
+    def ends(self) -> float:
+        """When it ends [s]."""
+
+    def at(self, time: float | ArrayLike) -> PlanTarget:
+        """Return what it asks for at a time [s], or at times (n,)."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +64,10 @@ class PlanTracking:
         Angular, about the CoM [kg m^2/s].
     inertia:
         Frobenius norm [kg m^2].
+    followed:
+        ``plan`` or ``motion``.
+    joints:
+        Of a motion: root mean square over the joints [rad or m]; None of a plan, which has none.
     begins, ends:
         Of the plan [s].
     until:
@@ -66,6 +85,8 @@ class PlanTracking:
     ends: float
     until: float
     arrays: Mapping[str, Array]
+    followed: str = "plan"
+    joints: Deviation | None = None
 
     @property
     def whole(self) -> bool:
@@ -74,12 +95,13 @@ class PlanTracking:
 
     def summary(self) -> dict[str, Any]:
         """Return everything but the arrays as plain data."""
-        names = ("com", "cop", "momentum", "inertia")
-        found = {name: asdict(getattr(self, name)) for name in names}
+        names = ("com", "cop", "momentum", "inertia", "joints")
+        every = {name: getattr(self, name) for name in names}
+        found = {name: asdict(one) for name, one in every.items() if one is not None}
         return {**found, "begins": self.begins, "ends": self.ends, "until": self.until}
 
 
-def judge(reference: PlanReference, robot: Robot, truth: Mapping[str, Array]) -> PlanTracking:
+def judge(reference: Reference, robot: Robot, truth: Mapping[str, Array]) -> PlanTracking:
     """Return how well what was recorded follows a plan.
 
     Parameters
@@ -103,11 +125,19 @@ def judge(reference: PlanReference, robot: Robot, truth: Mapping[str, Array]) ->
         "momentum": (momentum, wanted.momentum[:, 3:], _most(planned.momentum[:, 3:])),
         "inertia": (scale * inertia, scale * wanted.inertia, _change(scale * planned.inertia)),
     }
+    joints: Deviation | None = None
+    posture: Array | None = getattr(wanted, "q", None)
+    if posture is not None:
+        way, share = planned.q[:, 7:], 1.0 / np.sqrt(robot.nv - 6)  # type: ignore[attr-defined]
+        actual, asked = truth["q"][here, 7:] * share, posture[here, 7:] * share
+        joints = Deviation.of(time[here], actual, asked, _change(share * way))
     return PlanTracking(
         **{
             name: Deviation.of(time[here], actual[here], plan[here], peak)
             for name, (actual, plan, peak) in pairs.items()
         },
+        followed=reference.followed,
+        joints=joints,
         begins=reference.begins,
         ends=reference.ends,
         until=float(min(time[-1], reference.ends)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -84,6 +84,8 @@ class PlanReference:
     UnknownNameError
         The robot has no such foot.
     """
+
+    followed: ClassVar[str] = "plan"
 
     def __init__(
         self,

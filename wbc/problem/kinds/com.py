@@ -23,7 +23,18 @@ from wbc.problem.section import (
     Weight,
     default_of,
 )
-from wbc.problem.targets import PLAN, Axes, FromPlan, Offset, Start, form_with_plan, point
+from wbc.problem.targets import (
+    MOTION,
+    PLAN,
+    Axes,
+    Followed,
+    FromMotion,
+    FromPlan,
+    Offset,
+    Start,
+    form_with_plan,
+    point,
+)
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot
 from wbc.robot.feet import NO_FEET
@@ -57,10 +68,16 @@ def _form(value: object) -> str | None:
 
 
 ComTarget = Annotated[
-    Point | Offset | Annotated[Over, OVER] | Annotated[FromPlan, PLAN] | Start,
+    Point
+    | Offset
+    | Annotated[Over, OVER]
+    | Annotated[FromPlan, PLAN]
+    | Annotated[FromMotion, MOTION]
+    | Start,
     Forms(
         pick=_form,
-        expected="[x, y, z] in metres, {offset: [x, y, z]}, {over: foot}, {plan: file}, or start",
+        expected="[x, y, z] in metres, {offset: [x, y, z]}, {over: foot}, {plan: file},"
+        " {motion: file}, or start",
     ),
 ]
 
@@ -84,7 +101,7 @@ class ComSpec(ErrorTaskSpec):
     """Which world axes are controlled."""
     target: ComTarget
     """Wanted place [m], world axes; {over: left} puts it above a foot, {plan: ...} lets it go as a
-    plan says."""
+    plan says, {motion: ...} as a motion does."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per axis [1/(m/s)]."""
     ramp: Positive | None = None
@@ -103,7 +120,7 @@ class ComSpec(ErrorTaskSpec):
         """Return the task."""
 
         def goal(now: Snapshot, before: Array) -> Array:
-            if isinstance(self.target, FromPlan):
+            if isinstance(self.target, Followed):
                 return before
             if not isinstance(self.target, Over):
                 return point(self.target, start.com)

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import Forms, ListOf, Name, Number, Weight, default_of
-from wbc.problem.targets import FromPlan
+from wbc.problem.targets import MOTION, PLAN, Followed, FromMotion, FromPlan, form_with_plan
 from wbc.problem.task_spec import ForceTaskSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import TargetedTask, unmeasured
@@ -17,8 +17,13 @@ from wbc.tasks import CopTask
 from wbc.validate import Array
 
 CopTarget = Annotated[
-    Annotated[ListOf[Number], Field(min_length=2, max_length=3)] | FromPlan,
-    Forms("[x, y] or [x, y, z] in metres, or {plan: file}"),
+    Annotated[ListOf[Number], Field(min_length=2, max_length=3)]
+    | Annotated[FromPlan, PLAN]
+    | Annotated[FromMotion, MOTION],
+    Forms(
+        pick=form_with_plan,
+        expected="[x, y] or [x, y, z] in metres, {plan: file}, or {motion: file}",
+    ),
 ]
 
 
@@ -35,7 +40,8 @@ class CopSpec(ForceTaskSpec):
     """Frame of a contact; left out: the CoP of all contacts."""
     target: CopTarget
     """Wanted point [m]. Of all contacts [x, y] or [x, y, z] in the world, or {plan: ...}, as a plan
-    says; of one contact [x, y] in the axes of its frame, from its origin."""
+    says, or {motion: ...}, as a motion does; of one contact [x, y] in the axes of its frame, from
+    its origin."""
     weight: Weight = default_of(CopTask, "weight")
     """Weight of the task, one number or one per row (mx, my), on the moment about the wanted point
     times dt over the robot's mass [1/(m^2/s)]."""
@@ -47,7 +53,7 @@ class CopSpec(ForceTaskSpec):
 
     def check_change(self, before: Self) -> None:
         """Refuse a point with a height after one without, and the other way round."""
-        if isinstance(self.target, FromPlan) or isinstance(before.target, FromPlan):
+        if isinstance(self.target, Followed) or isinstance(before.target, Followed):
             return
         if len(self.target) != len(before.target):
             raise Misplaced(
@@ -63,7 +69,7 @@ class CopSpec(ForceTaskSpec):
 
     def _goal(self, start: Snapshot) -> Array:
         """Return the wanted point, (2,) or (3,) [m]; below the CoM until a plan begins."""
-        if isinstance(self.target, FromPlan):
+        if isinstance(self.target, Followed):
             if self.frame is not None:
                 raise Misplaced("a plan has the CoP of all contacts; leave this out", "frame")
             return np.append(start.com[:2], 0.0)

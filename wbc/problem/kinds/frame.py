@@ -7,7 +7,16 @@ from typing import Annotated, Literal
 import numpy as np
 
 from wbc.problem.section import Forms, Name, Point, Positive, Section, Weight, default_of
-from wbc.problem.targets import Axes, PointTarget, RotationTarget, Start, point, rotation
+from wbc.problem.targets import (
+    Axes,
+    FromMotion,
+    PointTarget,
+    RotationTarget,
+    Start,
+    TurnTarget,
+    point,
+    rotation,
+)
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import (
@@ -71,13 +80,14 @@ class OrientationSpec(FrameSpec):
     """The orientation of a frame."""
 
     control: Literal["orientation"]
-    target: RotationTarget
-    """Wanted orientation."""
+    target: TurnTarget
+    """Wanted orientation, or {motion: ...}, as a motion has it."""
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
         start.robot.frame_id(self.frame)
-        goal = rotation(self.target, start.rotation(self.frame))
+        here = start.rotation(self.frame)
+        goal = here if isinstance(self.target, FromMotion) else rotation(self.target, here)
         task = OrientationTask(start.robot, self.frame, goal, name=name, **self.settings(TURNS))
 
         def current(now: Snapshot) -> Array:

@@ -25,7 +25,7 @@ from wbc.problem.section import (
     Words,
     default_of,
 )
-from wbc.problem.targets import PLAN, FromPlan, Start, form_with_plan
+from wbc.problem.targets import MOTION, PLAN, Followed, FromMotion, FromPlan, Start, form_with_plan
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Snapshot
 from wbc.robot.names import COM, WORLD
@@ -64,12 +64,13 @@ InertiaTarget = Annotated[
     | Three[Point]
     | Scale
     | Annotated[FromPlan, PLAN]
+    | Annotated[FromMotion, MOTION]
     | Start,
     Forms(
         pick=form_with_plan,
         expected="numbers in kg m^2 (three diagonal entries or principal "
         "moments, six entries xx xy xz yy yz zz, a 3x3 matrix, or one number for the trace), "
-        "{scale: factor}, {plan: file}, or start",
+        "{scale: factor}, {plan: file}, {motion: file}, or start",
     ),
 ]
 
@@ -90,7 +91,7 @@ class InertiaSpec(ErrorTaskSpec):
     point [x, y, z] fixed in the world [m]."""
     target: InertiaTarget
     """Wanted inertia [kg m^2], or {scale: ...} of the one at the start, or {plan: ...}, as a plan
-    says."""
+    says, or {motion: ...}, as a motion does."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per row [1/(kg m^2/s)]."""
     per_mass: bool = default_of(InertiaTask, "per_mass")
@@ -132,11 +133,11 @@ class InertiaSpec(ErrorTaskSpec):
 
     def _goal(self, rows: tuple[str, ...], start: Array) -> Array:
         """Return the wanted inertia (6,) [kg m^2] in the axes of ``start`` (6,)."""
-        if isinstance(self.target, FromPlan) and self.frame != "world":
+        if isinstance(self.target, Followed) and self.frame != "world":
             raise Misplaced("a plan has the inertia in world axes; leave this out", "frame")
-        if isinstance(self.target, FromPlan) and self.about != COM:
+        if isinstance(self.target, Followed) and self.about != COM:
             raise Misplaced("a plan has the inertia about the CoM; leave this out", "about")
-        if isinstance(self.target, str | FromPlan):
+        if isinstance(self.target, str | Followed):
             return start
         if isinstance(self.target, Scale):
             if isinstance(self.target.scale, float | int):
@@ -180,7 +181,7 @@ class InertiaSpec(ErrorTaskSpec):
 
     def _principal_goal(self, start: Array) -> Array:
         """Return the wanted principal moments (3,) [kg m^2], smallest first."""
-        if isinstance(self.target, FromPlan):
+        if isinstance(self.target, Followed):
             raise Misplaced("of a plan give entries of the matrix, such as diagonal", "components")
         if isinstance(self.target, str):
             return start

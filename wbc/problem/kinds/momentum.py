@@ -18,7 +18,15 @@ from wbc.problem.section import (
     Words,
     default_of,
 )
-from wbc.problem.targets import FromPlan, entries
+from wbc.problem.targets import (
+    MOTION,
+    PLAN,
+    Followed,
+    FromMotion,
+    FromPlan,
+    entries,
+    form_with_plan,
+)
 from wbc.problem.task_spec import MotionTaskSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
@@ -35,8 +43,10 @@ Components = Annotated[
     Forms(f"{', '.join(COMPONENTS)}, or a list of {' '.join(ROWS)}"),
 ]
 MomentumTarget = Annotated[
-    Annotated[ListOf[Number], Field(min_length=1, max_length=6)] | FromPlan,
-    Forms("a list of numbers, or {plan: file}"),
+    Annotated[ListOf[Number], Field(min_length=1, max_length=6)]
+    | Annotated[FromPlan, PLAN]
+    | Annotated[FromMotion, MOTION],
+    Forms(pick=form_with_plan, expected="a list of numbers, {plan: file}, or {motion: file}"),
 ]
 
 
@@ -53,7 +63,7 @@ class MomentumSpec(MotionTaskSpec):
     """At the torque level: the error decays as exp(-kd t) [1/s]; left out: 20."""
     target: MomentumTarget = default_of(MomentumTask, "target")
     """Wanted momentum, linear [kg m/s] then angular [kg m^2/s], world axes: six numbers, or one for
-    each component; or {plan: ...}, as a plan says."""
+    each component; or {plan: ...}, as a plan says, or {motion: ...}, as a motion does."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per row [1/(kg m/s)] or [1/(kg m^2/s)]."""
 
@@ -62,7 +72,7 @@ class MomentumSpec(MotionTaskSpec):
         rows = COMPONENTS.get(self.components) if isinstance(self.components, str) else None
         rows = rows or tuple(self.components)
         still = np.zeros(len(ROWS))  # until a plan begins
-        goal = still if isinstance(self.target, FromPlan) else entries(self.target, rows, ROWS)
+        goal = still if isinstance(self.target, Followed) else entries(self.target, rows, ROWS)
         settings = self.settings(rows)
         task = MomentumTask(start.robot, goal, components=rows, name=name, **settings)
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from wbc.flight.rounds import Rounds
-from wbc.problem.section import WORD, Forms, Name, NonNegative, Number, form_of
-from wbc.problem.targets import LOOP, LoopTarget
+from wbc.problem.section import WORD, Forms, Name, NonNegative, Number
+from wbc.problem.targets import LOOP, MOTION, FromMotion, LoopTarget, form_with_motion
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot
 from wbc.run.ramps import TargetedTask, configurations, fixed_goal
@@ -21,25 +21,30 @@ from wbc.validate import Array
 def _form(value: object) -> str | None:
     if isinstance(value, LoopTarget) or (isinstance(value, Mapping) and "loop" in value):
         return LOOP.tag
-    return WORD.tag if isinstance(value, str) else form_of(value)
+    return WORD.tag if isinstance(value, str) else form_with_motion(value)
 
 
 # "start" is a word like the names of postures: as a form of its own it would match twice in the
 # JSON Schema.
 PostureTarget = Annotated[
-    dict[Name, Number] | Annotated[LoopTarget, LOOP] | Name,
-    Forms(pick=_form, expected="the name of a posture, {joint: value}, {loop: ...}, or start"),
+    dict[Name, Number] | Annotated[LoopTarget, LOOP] | Annotated[FromMotion, MOTION] | Name,
+    Forms(
+        pick=_form,
+        expected="the name of a posture, {joint: value}, {loop: ...}, {motion: file}, or start",
+    ),
 ]
 
 
 class PostureSpec(ErrorTaskSpec):
     """The joints: at a low weight, where to be as far as the other tasks leave it open."""
 
+    of_plan: ClassVar[tuple[str, ...]] = ("q", "v", "acceleration")
+
     type: Literal["posture"]
     target: PostureTarget = "start"
     """A posture of the robot by name, or joint values [rad or m] by name or pattern; joints that
     are not named keep the value at the start. Or {loop: ...}, a closed path from the start of the
-    run on."""
+    run on; {motion: ...}, as a motion does."""
     joints: dict[Name, NonNegative] = Field(default_factory=dict)
     """Factors on the weight by joint name or pattern ("*_knee*"); 0 leaves a joint out."""
     weight: NonNegative = 1.0
@@ -50,6 +55,8 @@ class PostureSpec(ErrorTaskSpec):
         robot, course = start.robot, None
         if isinstance(self.target, LoopTarget):
             course = Rounds.of(robot, start.q, **dict(self.target))
+            goal = start.q
+        elif isinstance(self.target, FromMotion):
             goal = start.q
         elif isinstance(self.target, str):
             goal = start.q if self.target == "start" else robot.posture(self.target)

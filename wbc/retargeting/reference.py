@@ -1,0 +1,227 @@
+"""A standing motion as targets over time: what tasks of a robot aim at, to move as it says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from wbc.errors import InvalidInputError
+from wbc.polygon import inset, nearest_point
+from wbc.retargeting.balanced import cop_of, moved
+from wbc.retargeting.ground_forces import Unbalanced, ground_forces
+from wbc.retargeting.standing import StandingMotion
+from wbc.robot.limits import BASE_NQ
+from wbc.robot.series import centroidal_series, rates
+from wbc.rotations import same_sign
+from wbc.spatial import COLUMNS, ROWS
+from wbc.tracking.reference import PlanTarget
+from wbc.validate import Array, finite_array, finite_number, read_only, real_array
+
+STEP = 1e-3  # s between samples
+BEGINS, EASE = 0.3, 0.5  # s
+JUDGED = 10  # samples from one that is judged to the next
+FRICTION = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class MotionTarget(PlanTarget):
+    """What a motion asks for at one time, or at n times; besides what a plan does, the posture."""
+
+    q: Array  # (..., nq)
+    v: Array  # (..., nv)
+    acceleration: Array  # (..., nv)
+
+
+class MotionReference:
+    """Follows a standing motion over time; ``target = reference.at(time)`` in every tick.
+
+    Tasks take targets as of a plan (:class:`wbc.PlanReference`); besides::
+
+        posture.set_target(target.q, target.v, target.acceleration)
+
+    A recording begins and ends in the midst of a motion: here it begins from rest and comes to
+    rest, its time eased in and out. Before it begins, targets are where it begins, and afterwards
+    where it ends.
+
+    Parameters
+    ----------
+    motion:
+        Of :meth:`StandingMotion.of <wbc.retargeting.standing.StandingMotion.of>` or ``read``.
+    begins:
+        When it begins [s].
+    ease:
+        Time [s] in which it gets to its own speed, and from it to rest; each makes it longer by
+        half of that. A shorter motion is eased all of its time.
+    slower:
+        Factor on its time, at least 1.
+    lean:
+        Where the motion asks for a CoP that is less than this inside the soles [m], the CoM is led
+        so that it is there; None: the motion as it is.
+
+    Raises
+    ------
+    InvalidInputError
+        Numbers that make no sense, or soles that have nothing so far inside.
+    """
+
+    followed: ClassVar[str] = "motion"
+
+    def __init__(
+        self,
+        motion: StandingMotion,
+        *,
+        begins: float = BEGINS,
+        ease: float = EASE,
+        slower: float = 1.0,
+        lean: float | None = None,
+    ) -> None:
+        what = "motion reference"
+        self.motion = motion
+        self.begins = finite_number(f"{what}, begins", begins, least=0.0)
+        self.slower = finite_number(f"{what}, slower", slower, least=1.0)
+        length = float(motion.time[-1]) * self.slower
+        self.ease = min(finite_number(f"{what}, ease", ease, above=0.0), length)
+        self.duration = length + self.ease
+        self.lean = None if lean is None else finite_number(f"{what}, lean", lean, least=0.0)
+        count = int(np.ceil(self.duration / STEP))
+        self._times = read_only(np.linspace(0.0, self.duration, count + 1))
+        self._target = self._sampled()
+
+    @property
+    def ends(self) -> float:
+        """When it has come to rest [s]."""
+        return self.begins + self.duration
+
+    def at(self, time: float | ArrayLike) -> MotionTarget:
+        """Return the targets at a time [s], or at times (n,).
+
+        Raises
+        ------
+        InvalidInputError
+            A time that is not finite.
+        """
+        given = real_array("motion reference, time", time)
+        t = finite_array("motion reference, time", given, given.shape) - self.begins
+        place = np.clip(t / self._times[1], 0.0, len(self._times) - 1.0)
+        k = np.minimum(place.astype(int), len(self._times) - 2)
+        part = (place - k)[..., None]
+        found = {
+            name: (1.0 - part) * table[k] + part * table[k + 1]
+            for name, table in vars(self._target).items()
+        }
+        turn = found["q"][..., 3:BASE_NQ]
+        turn /= np.linalg.norm(turn, axis=-1, keepdims=True)
+        return MotionTarget(**found)
+
+    @cached_property
+    def unbalanced(self) -> tuple[Unbalanced, ...]:
+        """Where the motion, eased as it is, cannot be balanced, and why; as of ``wbc.retarget``."""
+        rows, robot = slice(None, None, JUDGED), self.motion.robot
+        q, v, acceleration = (
+            one[rows] for one in (self._target.q, self._target.v, self._target.acceleration)
+        )
+        whole = centroidal_series(robot, q, v, acceleration)
+        time, stands = self.begins + self._times[rows], self.motion.stands(q)
+        return ground_forces(robot, q, v, acceleration, whole, time, stands, FRICTION).unbalanced
+
+    def _sampled(self) -> MotionTarget:
+        motion, robot, dt = self.motion, self.motion.robot, float(self._times[1])
+        q = _between(motion, self._own_time())
+        v, acceleration = rates(robot, q, dt)
+        v[[0, -1]] = acceleration[[0, -1]] = 0.0
+        whole = centroidal_series(robot, q, v, acceleration)
+        m, k_rate = robot.mass, whole.momentum_rate[:, 3:]
+        com, com_velocity = whole.com, whole.momentum[:, :3] / m
+        com_acceleration = whole.momentum_rate[:, :3] / m
+        cop, square = cop_of(com, k_rate, m, robot.gravity, dt)
+        if self.lean is not None:
+            off = moved(self._goal(cop) - cop, square, dt)
+            off = np.column_stack((off, np.zeros(len(off))))
+            speed = np.gradient(off, dt, axis=0)
+            com, com_velocity = com + off, com_velocity + speed
+            com_acceleration = com_acceleration + np.gradient(speed, dt, axis=0)
+            cop = self._goal(cop)
+        inertia, inertia_rate = (
+            one[:, ROWS, COLUMNS] for one in (whole.inertia, whole.inertia_rate)
+        )
+        return MotionTarget(
+            com=com,
+            com_velocity=com_velocity,
+            com_acceleration=com_acceleration,
+            momentum=np.hstack((m * com_velocity, whole.momentum[:, 3:])),
+            momentum_rate=np.hstack((m * com_acceleration, k_rate)),
+            cop=np.column_stack((_without_gaps(cop), np.zeros(len(cop)))),
+            inertia=inertia,
+            inertia_rate=inertia_rate,
+            inertia_acceleration=np.gradient(inertia_rate, dt, axis=0),
+            q=q,
+            v=v,
+            acceleration=acceleration,
+        )
+
+    def _own_time(self) -> Array:
+        """Return the motion's own time (n,) [s] at the samples: its rate is eased in and out."""
+
+        def gone(u: Array) -> Array:  # of minimum_jerk from 0 to u
+            return u**4 * (2.5 + u * (u - 3.0))
+
+        t, ease, whole = self._times, self.ease, self.duration
+        inner = t - 0.5 * ease
+        begun = ease * gone(np.minimum(t / ease, 1.0))
+        left = ease * gone(np.minimum((whole - t) / ease, 1.0))
+        length = whole - ease
+        own = np.where(t < ease, begun, np.where(t > whole - ease, length - left, inner))
+        return np.clip(own / self.slower, 0.0, self.motion.time[-1])
+
+    def _goal(self, cop: Array) -> Array:
+        """Return the nearest CoP (n, 2) that is so far inside the soles; NaN stays."""
+        (support, *_) = self.motion.stands(self.motion.q[:1])
+        return nearest_point(inset(support.polygon, self.lean or 0.0), cop)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameTurn:
+    """How a frame turns in a motion: a course of rotations, rates in the rotating axes."""
+
+    reference: MotionReference
+    frame: str
+
+    @property
+    def duration(self) -> float:
+        """When it is at rest at its end [s]."""
+        return self.reference.ends
+
+    def at(self, t: float) -> tuple[Array, Array, Array]:
+        """Return rotation (3, 3), angular velocity and acceleration (3,) at ``t`` [s]."""
+        target = self.reference.at(t)
+        snapshot = self.reference.motion.robot.snapshot(target.q, target.v)
+        R, J = snapshot.rotation(self.frame), snapshot.jacobian(self.frame)[3:]
+        turning = J @ target.acceleration + snapshot.drift(self.frame)[3:]
+        return R, R.T @ (J @ target.v), R.T @ turning
+
+
+def _between(motion: StandingMotion, own: Array) -> Array:
+    """Return configurations (m, nq) at times of the motion (m,) [s]: two derivatives go on."""
+    robot, time = motion.robot, motion.time
+    if robot.limits.unbounded:
+        raise InvalidInputError(
+            f"motion reference: {robot.name} has continuous joints, which are not followed"
+        )
+    found = np.empty((len(own), robot.nq))
+    found[:, :3] = CubicSpline(time, motion.q[:, :3])(own)
+    turns = RotationSpline(time, Rotation.from_quat(motion.q[:, 3:BASE_NQ]))
+    found[:, 3:BASE_NQ] = same_sign(turns(own).as_quat())
+    found[:, BASE_NQ:] = CubicSpline(time, motion.q[:, BASE_NQ:])(own)
+    return found
+
+
+def _without_gaps(cop: Array) -> Array:
+    """Return the CoP (n, 2), on a straight line where there is none."""
+    known, frames = np.isfinite(cop).all(axis=1), np.arange(len(cop))
+    return np.column_stack([np.interp(frames, frames[known], one[known]) for one in cop.T])
