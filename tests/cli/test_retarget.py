@@ -39,6 +39,8 @@ def walk(tmp_path: Path) -> Path:
         (["-o", "x.npz", "--link", "trnk=torso"], "did you mean 'trunk'"),
         (["-o", "x.npz", "--layout", "trakcing"], "trakcing"),
         (["-o", "x.mcap", "--robot", "hoap2_lik"], "hoap2_like"),
+        (["-o", "x.csv", "--problem", "x.yaml"], "needs the motion's file"),
+        (["-o", "x.npz", "--problem", "x.txt"], "is written as .yaml"),
     ],
 )
 def test_mistakes_are_named(walk: Path, options: list[str], said: str, monkeypatch) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +16,10 @@ from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
 from wbc.robot.names import COM
 from wbc.run.shaping_report import ShapingReport
 from wbc.simulation import SimulationStatus
+from wbc.tracking.unbalanced import Unbalanced
 
 SHOWN = 5
+WORST = 12  # of what cannot be balanced, that are printed
 GAP = 3  # between columns
 _STOPPED = {
     "met": "; it stopped once the tasks were met",
@@ -259,3 +261,14 @@ def heads(*columns: str) -> Table:
         justify: JustifyMethod = "left" if k == 0 else "right"
         table.add_column(Text(f"\n{column}"), justify=justify, overflow="fold")
     return table
+
+
+def print_unbalanced(console: Console, unbalanced: Sequence[Unbalanced]) -> None:
+    """Print where a motion cannot be balanced, and why; the worst first."""
+    worst = sorted(unbalanced, key=lambda one: -one.by)
+    for lacking in worst[:WORST]:
+        console.print(Text.assemble(("balance  ", "yellow"), str(lacking)))
+    if len(worst) > WORST:
+        console.print(Text.assemble(("balance  ", "yellow"), f"{len(worst) - WORST} more"))
+    if not worst:
+        console.print(Text.assemble(("balance  ", "dim"), "the ground and the joints can do it"))

@@ -21,7 +21,6 @@ ROLL = 1.0
 # What is handed on to wbc.retarget.
 WAYS = ("rate", "duration", "cutoff", "roll", "balance", "friction", "margin", "links")
 MCAP = "mcap"
-WORST = 12  # of what cannot be balanced, that are printed
 
 
 class FileLayout(StrEnum):
@@ -89,6 +88,13 @@ def retarget(
             help="Frame of the robot for a part of the body, as in head=neck_link; repeatable."
         ),
     ] = None,
+    problem: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write a .yaml in which the robot moves so in physics, on both feet, for wbc sim;"
+            " next to the motion (-o motion.npz)."
+        ),
+    ] = None,
     view: Annotated[
         bool,
         typer.Option("--view", help="Play it in the browser, the human beside it (extra view)."),
@@ -117,6 +123,7 @@ def retarget(
         from wbc.cli.progress import shown_progress
         from wbc.errors import InvalidInputError
         from wbc.extras import require
+        from wbc.files import write_text
         from wbc.human import human_motion, read_markers
         from wbc.retargeting import retarget as retargeted
         from wbc.retargeting.layouts import check_layout
@@ -132,6 +139,8 @@ def retarget(
             else:
                 check_layout(path, kind)
             check_place("--output", path)
+        if problem is not None:
+            _check_problem(problem, written)
         asked: dict[str, Any] = {
             "motion": motion, "robot": robot, "static": static, "forces": forces, "mass": mass,
             "stature": stature, "sex": sex, "up": up, "unit": unit, "ground": ground, "rate": rate,
@@ -167,6 +176,9 @@ def retarget(
                 outputs.save(path, lambda place: write_retargeted(found, place))
             else:
                 outputs.save(path, lambda place, kind=kind: found.save(place, kind))  # type: ignore[misc]
+        if problem is not None:
+            text = _problem(found, problem, written, asked)
+            outputs.save(problem, lambda place: write_text(place, text))
         if not quiet:
             from wbc.cli.analyze_human import print_human
 
@@ -196,6 +208,41 @@ def _of_file(path: Path, keys: Iterable[str], context: typer.Context) -> dict[st
     return {
         key: value for key, value in load_retarget(path).items() if key not in said - {"motion"}
     }
+
+
+def _check_problem(path: Path, written: list[tuple[Path, str]]) -> None:
+    """Refuse a problem's file that is none, or whose motion is not written."""
+    from wbc.cli.outputs import check_place
+    from wbc.errors import InvalidInputError
+
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise InvalidInputError(f"--problem {path}: is written as .yaml")
+    if not any(kind == "wbc" for _, kind in written):
+        raise InvalidInputError(f"--problem {path}: needs the motion's file; give -o motion.npz")
+    check_place("--problem", path)
+
+
+def _problem(
+    found: Retargeted, path: Path, written: list[tuple[Path, str]], asked: dict[str, Any]
+) -> str:
+    """Return the text of a problem in which the robot moves so."""
+    import os
+
+    from wbc.problem.standing_problem import standing_problem
+    from wbc.retargeting import body_map
+    from wbc.retargeting.standing import StandingMotion
+    from wbc.robot.library import is_file_name
+
+    folder = path.resolve().parent
+    file = next(place for place, kind in written if kind == "wbc")
+    model = str(asked["robot"])
+    return standing_problem(
+        StandingMotion.of(found),
+        os.path.relpath(file.resolve(), folder),
+        model=str(Path(model).resolve()) if is_file_name(model) else model,
+        trunk=body_map(found.robot, asked["links"]).trunk,
+        name=path.name,
+    )
 
 
 def _layout(path: Path, layout: FileLayout | None) -> str:
@@ -230,7 +277,7 @@ def print_retargeted(found: Retargeted) -> None:
     from rich.console import Console
     from rich.text import Text
 
-    from wbc.cli.printing import heads
+    from wbc.cli.printing import heads, print_unbalanced
 
     console, scale = Console(highlight=False), found.scale
     sizes = f"lengths {scale.length:.3f}, times {scale.time:.3f}, masses {scale.mass:.3f}"
@@ -250,12 +297,6 @@ def print_retargeted(found: Retargeted) -> None:
         console.print(Text.assemble(("follows  ", "dim"), f"{name}: correlation {text} (x y z)"))
     text = f"{1e3 * found.slide:.2f} mm at most while they touch the ground"
     console.print(Text.assemble(("soles    ", "dim"), f"slide by {text}"))
-    worst = sorted(found.unbalanced, key=lambda one: -one.by)
-    for lacking in worst[:WORST]:
-        console.print(Text.assemble(("balance  ", "yellow"), str(lacking)))
-    if len(worst) > WORST:
-        console.print(Text.assemble(("balance  ", "yellow"), f"{len(worst) - WORST} more"))
-    if not worst:
-        console.print(Text.assemble(("balance  ", "dim"), "the ground and the joints can do it"))
+    print_unbalanced(console, found.unbalanced)
     span = f"{len(found)} frames, {found.time[-1]:.4g} s at {found.rate:g} Hz"
     console.print(f"{found.robot.name}: {span}")

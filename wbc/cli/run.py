@@ -173,7 +173,7 @@ def _simulate(wanted: _Wanted, overrides: dict[str, Any]) -> int:
     """Simulate a problem, write and print what came of it, and return the exit code."""
     from wbc.cli.interrupts import noted_interrupts
     from wbc.cli.progress import shown_progress
-    from wbc.cli.sim_report import print_simulation
+    from wbc.cli.sim_report import print_asked, print_simulation
     from wbc.errors import InvalidInputError
 
     path = wanted.path
@@ -185,6 +185,7 @@ def _simulate(wanted: _Wanted, overrides: dict[str, Any]) -> int:
         raise InvalidInputError(f"{path}: a pendulum's problem simulates itself: wbc run {path}")
     if not wanted.quiet:
         print_notes(problem.parts.robot)
+        print_asked(problem.parts.plan)
     watching = wanted.watching(problem)
     with (
         shown_progress(wanted.quiet) as progress,

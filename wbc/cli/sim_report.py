@@ -11,15 +11,38 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wbc.cli.printing import SHOWN, facts, head, heads, print_written, tasks_table
+from wbc.cli.printing import (
+    SHOWN,
+    facts,
+    head,
+    heads,
+    print_unbalanced,
+    print_written,
+    tasks_table,
+)
 from wbc.errors import listed
 from wbc.simulation import SimulationResult
 from wbc.simulation.push import Push
 from wbc.simulation.wrench import AppliedWrench
 from wbc.tracking.deviation import PlanTracking
+from wbc.tracking.reference import PlanReference
 
 # A quantity of a plan that changes by less than this part of what a robot is off has no peak.
 ROUNDING = 1e-3
+
+
+def print_asked(reference: object) -> None:
+    """Print what a motion asks for that cannot be, before it is simulated; nothing of a plan."""
+    if isinstance(reference, PlanReference) or reference is None:
+        return
+    from wbc.retargeting.reference import MotionReference
+
+    if isinstance(reference, MotionReference):
+        console = Console(highlight=False)
+        print_unbalanced(console, reference.unbalanced)
+        if reference.lean is not None:
+            text = f"the CoM is led by at most {1e3 * reference.led:.0f} mm"
+            console.print(Text.assemble(("lean     ", "dim"), text))
 
 
 def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
@@ -30,6 +53,10 @@ def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
     console.print(tasks_table(result.run))
     if result.tracking is not None:
         console.print(_tracking(result.tracking))
+        before = [one for one in result.tracking.unbalanced if one.start <= result.duration]
+        if before:
+            console.print("what the motion asked for until then, and cannot be:")
+            print_unbalanced(console, before)
     table = facts()
     for push in result.pushes:
         table.add_row("push", Text(_push(push, result)))

@@ -15,6 +15,7 @@ from wbc.rmp.ground import centre_of_pressure, in_contact
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.series import CentroidalSeries, state_series
+from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array
 
 # Edges of a friction cone's pyramid, inside the cone.
@@ -23,39 +24,6 @@ SPREAD = 1e-3  # of corner forces, by what the wrench counts: picks even ones
 # So little is rounding, or what a hand would not notice: m, 1, part of the torque.
 TOLERANCES = {"CoP outside the feet": 1e-3, "friction above the cone": 5e-3,
               "torque above the limit": 1e-2, "force without a foot": 2e-2}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Unbalanced:
-    """A stretch of time in which the motion cannot be balanced as it is.
-
-    Attributes
-    ----------
-    what:
-        ``CoP outside the feet`` [m], ``friction above the cone`` (the coefficient that is lacking),
-        ``torque above the limit`` (part of it), ``force without a foot`` (part of the weight).
-    by:
-        How much at worst.
-    start, end, worst:
-        Times [s].
-    where:
-        The joint, or the feet that stand.
-    """
-
-    what: str
-    by: float
-    start: float
-    end: float
-    worst: float
-    where: str
-
-    def __str__(self) -> str:
-        unit = 1e3 if self.what.startswith("CoP") else 100.0
-        size = f"{self.by * unit:.0f} mm" if unit == 1e3 else f"{self.by * unit:.0f} %"
-        if self.what.startswith("friction"):
-            size = f"{self.by:.2f}"
-        span = f"{self.start:.2f} to {self.end:.2f} s, worst at {self.worst:.2f} s"
-        return f"{self.what} by {size} ({self.where}; {span})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,13 +14,14 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from wbc.errors import InvalidInputError
 from wbc.polygon import inset, nearest_point
 from wbc.retargeting.balanced import cop_of, moved
-from wbc.retargeting.ground_forces import Unbalanced, ground_forces
+from wbc.retargeting.ground_forces import ground_forces
 from wbc.retargeting.standing import StandingMotion
 from wbc.robot.limits import BASE_NQ
 from wbc.robot.series import centroidal_series, rates
 from wbc.rotations import same_sign
 from wbc.spatial import COLUMNS, ROWS
 from wbc.tracking.reference import PlanTarget
+from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array, finite_array, finite_number, read_only, real_array
 
 STEP = 1e-3  # s between samples
@@ -64,6 +65,11 @@ class MotionReference:
         Where the motion asks for a CoP that is less than this inside the soles [m], the CoM is led
         so that it is there; None: the motion as it is.
 
+    Attributes
+    ----------
+    led:
+        How far the CoM is led at most [m], with ``lean``.
+
     Raises
     ------
     InvalidInputError
@@ -91,6 +97,7 @@ class MotionReference:
         self.lean = None if lean is None else finite_number(f"{what}, lean", lean, least=0.0)
         count = int(np.ceil(self.duration / STEP))
         self._times = read_only(np.linspace(0.0, self.duration, count + 1))
+        self.led = 0.0
         self._target = self._sampled()
 
     @property
@@ -143,6 +150,7 @@ class MotionReference:
         if self.lean is not None:
             off = moved(self._goal(cop) - cop, square, dt)
             off = np.column_stack((off, np.zeros(len(off))))
+            self.led = float(np.linalg.norm(off, axis=1).max())
             speed = np.gradient(off, dt, axis=0)
             com, com_velocity = com + off, com_velocity + speed
             com_acceleration = com_acceleration + np.gradient(speed, dt, axis=0)

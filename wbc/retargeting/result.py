@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from wbc.gait.legs import SIDES
 from wbc.motion.dropouts import runs
-from wbc.retargeting.ground_forces import Unbalanced
 from wbc.retargeting.scaling import MotionScale
 from wbc.retargeting.targets import Targets
 from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries, sole_series
+from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array
 
 

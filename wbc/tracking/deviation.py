@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from wbc.robot import Robot
 from wbc.spatial import FROBENIUS_WEIGHTS, vech
 from wbc.tracking.reference import PlanTarget
+from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array
 
 
@@ -68,6 +69,8 @@ class PlanTracking:
         ``plan`` or ``motion``.
     joints:
         Of a motion: root mean square over the joints [rad or m]; None of a plan, which has none.
+    unbalanced:
+        Where the motion cannot be balanced, and why.
     begins, ends:
         Of the plan [s].
     until:
@@ -87,6 +90,7 @@ class PlanTracking:
     arrays: Mapping[str, Array]
     followed: str = "plan"
     joints: Deviation | None = None
+    unbalanced: tuple[Unbalanced, ...] = ()
 
     @property
     def whole(self) -> bool:
@@ -97,7 +101,9 @@ class PlanTracking:
         """Return everything but the arrays as plain data."""
         names = ("com", "cop", "momentum", "inertia", "joints")
         every = {name: getattr(self, name) for name in names}
-        found = {name: asdict(one) for name, one in every.items() if one is not None}
+        found: dict[str, Any] = {k: asdict(one) for k, one in every.items() if one is not None}
+        if self.unbalanced:
+            found["unbalanced"] = [asdict(one) for one in self.unbalanced]
         return {**found, "begins": self.begins, "ends": self.ends, "until": self.until}
 
 
@@ -138,6 +144,7 @@ def judge(reference: Reference, robot: Robot, truth: Mapping[str, Array]) -> Pla
         },
         followed=reference.followed,
         joints=joints,
+        unbalanced=getattr(reference, "unbalanced", ()),
         begins=reference.begins,
         ends=reference.ends,
         until=float(min(time[-1], reference.ends)),

@@ -1,0 +1,74 @@
+"""The problem file of a standing motion: a robot in physics that moves as it says."""
+
+from __future__ import annotations
+
+from wbc.retargeting.reference import MotionReference
+from wbc.retargeting.standing import StandingMotion
+
+AFTER = 0.5  # s that are simulated after the motion's end
+TEMPLATE = """\
+# {source}, on a {robot} that stays on both feet: `wbc sim {name}`.
+# With slower: 1.5 in {{motion: ...}} it takes more time; with lean: 0.01 the CoP is kept inside.
+
+robot: {{model: {model}, armature: 0.003}}  # rotors, in kg m^2 at the joints
+start: {{motion: {motion}}}
+support: double
+
+tasks:
+  com: {{type: com, axes: [x, y], target: &motion {target},
+        law: {{type: capture_point, gain: 3}}, weight: 30}}
+  height: {{type: com, axes: [z], target: *motion, kp: 100, weight: 15}}
+  spin: {{type: momentum, components: angular, target: *motion, weight: 5}}
+  trunk: {{type: frame, frame: {trunk}, control: orientation, target: *motion, kp: 50, weight: 0.3}}
+  posture: {{type: posture, target: *motion, kp: 30, weight: 0.3}}
+
+controller: {{level: torque, dt: 0.002, solver: active_set, friction: 0.6}}
+simulation: {{duration: {duration:.3f}}}
+"""
+
+
+def standing_problem(
+    motion: StandingMotion,
+    file: str,
+    *,
+    model: str,
+    trunk: str,
+    name: str = "FILE.yaml",
+    slower: float = 1.0,
+    lean: float | None = None,
+) -> str:
+    """Return the text of a problem in which a robot moves as a standing motion does, in physics.
+
+    Parameters
+    ----------
+    file:
+        The motion's, as seen from that of the problem.
+    model:
+        The robot's name or file.
+    trunk:
+        Frame of the trunk, whose rotation is followed.
+    name:
+        That the problem's file will have.
+    slower, lean:
+        As of :class:`~wbc.retargeting.reference.MotionReference`.
+    """
+    reference = MotionReference(motion, slower=slower, lean=lean)
+    more = "" if slower == 1.0 else f", slower: {slower:g}"
+    more += "" if lean is None else f", lean: {lean:g}"
+    target = f"{{motion: {_quoted(file)}{more}}}"
+    return TEMPLATE.format(
+        source=motion.source,
+        robot=motion.robot.name,
+        name=name,
+        model=_quoted(model),
+        motion=_quoted(file),
+        target=target,
+        trunk=_quoted(trunk),
+        duration=reference.ends + AFTER,
+    )
+
+
+def _quoted(text: str) -> str:
+    """Return a text as YAML takes it, whatever is in it."""
+    plain = text.isascii() and all(letter.isalnum() or letter in "_-./" for letter in text)
+    return text if plain and text[0].isalpha() else "'" + text.replace("'", "''") + "'"
