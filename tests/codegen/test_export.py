@@ -38,6 +38,7 @@ tasks:
   com: {type: com, axes: [x, y], target: start, law: capture_point, weight: 30}
   height: {type: com, axes: [z], target: {offset: [0, 0, -0.02]}, ramp: 0.1, kp: 50}
   trunk: {type: frame, frame: base, control: orientation, target: start, kp: 50}
+  facing: {type: frame, frame: torso, control: axis, axis: [1, 0, 0], target: [1, 0.1, 0], kp: 40}
   posture: {type: posture, kp: 30, weight: 0.3}
 controller: {level: torque, dt: 0.002, solver: active_set, friction: 0.6}
 simulation: {duration: 0.2}

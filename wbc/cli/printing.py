@@ -263,12 +263,14 @@ def heads(*columns: str) -> Table:
     return table
 
 
-def print_unbalanced(console: Console, unbalanced: Sequence[Unbalanced]) -> None:
+def print_unbalanced(
+    console: Console, unbalanced: Sequence[Unbalanced], most: int = WORST
+) -> None:
     """Print where a motion cannot be balanced, and why; the worst first."""
     worst = sorted(unbalanced, key=lambda one: -one.by)
-    for lacking in worst[:WORST]:
+    for lacking in worst[:most]:
         console.print(Text.assemble(("balance  ", "yellow"), str(lacking)))
-    if len(worst) > WORST:
-        console.print(Text.assemble(("balance  ", "yellow"), f"{len(worst) - WORST} more"))
+    if len(worst) > most:
+        console.print(Text.assemble(("balance  ", "yellow"), f"{len(worst) - most} more"))
     if not worst:
         console.print(Text.assemble(("balance  ", "dim"), "the ground and the joints can do it"))

@@ -55,8 +55,8 @@ def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
         console.print(_tracking(result.tracking))
         before = [one for one in result.tracking.unbalanced if one.start <= result.duration]
         if before:
-            console.print("what the motion asked for until then, and cannot be:")
-            print_unbalanced(console, before)
+            console.print("what the motion asked for until then that cannot be:")
+            print_unbalanced(console, before, SHOWN)
     table = facts()
     for push in result.pushes:
         table.add_row("push", Text(_push(push, result)))

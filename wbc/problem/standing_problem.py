@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from wbc.retargeting.reference import MotionReference
 from wbc.retargeting.standing import StandingMotion
 
@@ -57,7 +59,7 @@ def standing_problem(
     more += "" if lean is None else f", lean: {lean:g}"
     target = f"{{motion: {_quoted(file)}{more}}}"
     return TEMPLATE.format(
-        source=motion.source,
+        source=Path(motion.source).name,
         robot=motion.robot.name,
         name=name,
         model=_quoted(model),
