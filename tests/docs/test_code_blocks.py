@@ -157,6 +157,8 @@ def test_files_that_commands_read_are_in_a_clone(path: Path) -> None:
             continue
         if words[1] == "init":
             made.add(words[2])
+        elif words[1] == "retarget" and "--problem" in words:
+            made.add(words[words.index("--problem") + 1])
         elif len(words) > 2 and words[2].endswith(".yaml"):
             assert words[2] in made or (ROOT / words[2]).is_file(), line
 

@@ -263,9 +263,7 @@ def heads(*columns: str) -> Table:
     return table
 
 
-def print_unbalanced(
-    console: Console, unbalanced: Sequence[Unbalanced], most: int = WORST
-) -> None:
+def print_unbalanced(console: Console, unbalanced: Sequence[Unbalanced], most: int = WORST) -> None:
     """Print where a motion cannot be balanced, and why; the worst first."""
     worst = sorted(unbalanced, key=lambda one: -one.by)
     for lacking in worst[:most]:

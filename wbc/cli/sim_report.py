@@ -41,7 +41,9 @@ def print_asked(reference: object) -> None:
         console = Console(highlight=False)
         print_unbalanced(console, reference.unbalanced)
         if reference.lean is not None:
-            text = f"the CoM is led by at most {1e3 * reference.led:.0f} mm"
+            text = (
+                f"the CoM is led by at most {1e3 * reference.led:.0f} mm for the CoP to be inside"
+            )
             console.print(Text.assemble(("lean     ", "dim"), text))
 
 

@@ -185,6 +185,7 @@ def _motion(
             f" {{motion: {wanted.motion}}}"
         )
     options = wanted.model_dump(exclude={"motion"})
+    options["friction"] = spec.controller.friction_cone.coefficient
     reference, duration = MotionReference(motion, **options), spec.whole_stop.duration
     if reference.ends > duration + spec.controller.dt:
         raise Misplaced(

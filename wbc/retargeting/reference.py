@@ -64,6 +64,8 @@ class MotionReference:
     lean:
         Where the motion asks for a CoP that is less than this inside the soles [m], the CoM is led
         so that it is there; None: the motion as it is.
+    friction:
+        Coefficient, by which the motion is judged.
 
     Attributes
     ----------
@@ -86,6 +88,7 @@ class MotionReference:
         ease: float = EASE,
         slower: float = 1.0,
         lean: float | None = None,
+        friction: float = FRICTION,
     ) -> None:
         what = "motion reference"
         self.motion = motion
@@ -95,6 +98,7 @@ class MotionReference:
         self.ease = min(finite_number(f"{what}, ease", ease, above=0.0), length)
         self.duration = length + self.ease
         self.lean = None if lean is None else finite_number(f"{what}, lean", lean, least=0.0)
+        self.friction = finite_number(f"{what}, friction", friction, above=0.0)
         count = int(np.ceil(self.duration / STEP))
         self._times = read_only(np.linspace(0.0, self.duration, count + 1))
         self.led = 0.0
@@ -128,14 +132,15 @@ class MotionReference:
 
     @cached_property
     def unbalanced(self) -> tuple[Unbalanced, ...]:
-        """Where the motion, eased as it is, cannot be balanced, and why; as of ``wbc.retarget``."""
+        """Where the motion, eased but not led, cannot be balanced, and why."""
         rows, robot = slice(None, None, JUDGED), self.motion.robot
         q, v, acceleration = (
             one[rows] for one in (self._target.q, self._target.v, self._target.acceleration)
         )
         whole = centroidal_series(robot, q, v, acceleration)
         time, stands = self.begins + self._times[rows], self.motion.stands(q)
-        return ground_forces(robot, q, v, acceleration, whole, time, stands, FRICTION).unbalanced
+        found = ground_forces(robot, q, v, acceleration, whole, time, stands, self.friction)
+        return found.unbalanced
 
     def _sampled(self) -> MotionTarget:
         motion, robot, dt = self.motion, self.motion.robot, float(self._times[1])
