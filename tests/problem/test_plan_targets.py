@@ -126,7 +126,7 @@ def test_tasks_have_the_targets_of_the_plan(folder: Path) -> None:
         ("{plan: lean.yaml, begins: 0.05}, kp", "{plann: lean.yaml}, kp", "did you mean 'plan'"),
         ("{plan: lean.yaml, begins: 0.05}, kp", "{plan: p.yaml}, kp", "p.yaml plans nothing"),
         ("begins: 0.05}, kp", "begins: -1}, kp", "at least 0"),
-        ("begins: 0.05}, kp", "begins: 0.06}, kp", "follow the same plan, and 'com' follows"),
+        ("begins: 0.05}, kp", "begins: 0.06}, kp", "follow the same plan or motion, and 'com'"),
         ("kp: 60", "ramp: 0.2", "says itself how its target moves"),
         ("{type: cop,", "{type: cop, frame: left_sole,", "has the CoP of all contacts"),
         ("per_mass", "frame: base, per_mass", "inertia in world axes"),

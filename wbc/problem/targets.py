@@ -109,7 +109,7 @@ def form_with_plan(value: object) -> str | None:
     if isinstance(value, FromMotion):
         return MOTION.tag
     if isinstance(value, Mapping) and not isinstance(value, BaseModel):
-        words = ("plan", "begins", "motion", "ease", "slower", "lean")
+        words = ("plan", "begins", "motion")
         near = [get_close_matches(str(key), words, n=1) for key in value]
         if ["motion"] in near:
             return MOTION.tag
