@@ -234,7 +234,10 @@ def test_forms_are_shown_as_they_are_written(file: Path) -> None:
         "expected {rpy: [roll, pitch, yaw]} in radians, {quaternion: [x, y, z, w]}, or" in message
     )
     message = complaint(file, GOOD.replace("posture, target: start", "posture, target: 3"))
-    assert "expected the name of a posture, {joint: value}, {loop: ...}, {motion: file}, or start," in message
+    assert (
+        "expected the name of a posture, {joint: value}, {loop: ...}, {motion: file}, or start,"
+        in message
+    )
 
 
 def test_a_misspelt_key_is_not_also_a_missing_one(file: Path) -> None:
