@@ -20,12 +20,7 @@ def stopping_speed(distance: Array, deceleration: Array | float, dt: float) -> A
     deceleration:
         > 0, in the same unit per s^2.
     """
-    return braked_speed(distance, 0.5 / deceleration, dt)
-
-
-def braked_speed(distance: Array, slowness: Array | float, dt: float) -> Array:
-    """Return :func:`stopping_speed` by ``slowness``, 1 / (2 deceleration), if that is known."""
-    slowing = distance * slowness
+    slowing = distance * (0.5 / deceleration)
     slowing += 0.25 * dt * dt
     np.sqrt(slowing, out=slowing)
     slowing += 0.5 * dt

@@ -20,7 +20,7 @@ from wbc.qp.active_set import ActiveSet
 from wbc.qp.problem import QP, Labels
 from wbc.qp.proxqp import ProxQP
 from wbc.robot import Robot
-from wbc.robot.kernel import NativeTree, frame_places
+from wbc.robot.kernel import NativeTree, frame_places, joint_starts
 from wbc.robot.names import BASE
 from wbc.validate import Array
 
@@ -81,8 +81,6 @@ class CoreMemory:
             contacts = (part.task for part in parts for _ in part.rows or ())
             numbers = {task: number for number, task in enumerate(contacts)}
             self.forces = NativeForces(rows, numbers, robot.damping)
-        starts = np.array(robot.limits.starts, dtype=np.int64)
-        starts[list(robot.limits.unbounded)] = -starts[list(robot.limits.unbounded)] - 1
         self._slow = None if rows is None else rows.deceleration
         self.held = sum(block["rows"] for block in blocks if block["held"])
         self.costs = sum(block["rows"] for block in blocks if not block["held"])
@@ -102,9 +100,9 @@ class CoreMemory:
             "number": self.number,
             "frame_joint": joint,
             "frame_placement": placement,
-            "start": starts,
+            "start": joint_starts(robot.limits),
             "damping": np.array(plan.decision.damping, dtype=float),
-            "limit": _limit_array(limits, self._slow, robot.nv - 6),
+            "limit": np.zeros(0) if limits is None else limits.numbers(self._slow),
             "given": np.zeros(0),
             "push": np.zeros(0),
             "state": self.state,
@@ -265,8 +263,7 @@ class CoreMemory:
 
     def write_limits(self, limits: Limits) -> None:
         """Take over speeds and accelerations that were assigned."""
-        limit = self.arrays["limit"]
-        limit[:] = _limit_array(limits, self._slow, limits.speed.size)
+        self.arrays["limit"][:] = limits.numbers(self._slow)
 
     def write_bounds(self, bounds: Bounds | None) -> None:
         """Take over inequality rows that were worked out in Python, and what they push at."""
@@ -338,23 +335,10 @@ class CoreMemory:
         for part in parts:
             for rows in part.rows or ():
                 kept = part.chosen(rows)
-                for frame in (rows.frame, rows.other):
-                    if frame is not None and frame not in frames:
-                        frames.append(frame)
-                blocks.append(
-                    {
-                        "kind": rows.kind,
-                        "held": part.held,
-                        "rows": len(kept),
-                        "frame": -1 if rows.frame is None else frames.index(rows.frame),
-                        "first": counts[part.held],
-                        "index": len(index),
-                        "number": size,
-                        "level": part.level,
-                        "second": part.second,
-                        "other": -1 if rows.other is None else frames.index(rows.other),
-                    }
-                )
+                frames += [name for name in rows.frames if name not in frames]
+                places = {"rows": len(kept), "first": counts[part.held], "index": len(index)}
+                levels = {"held": part.held, "level": part.level, "second": part.second}
+                blocks.append(rows.block(frames, number=size, **places, **levels))
                 index += [rows.entries[i] for i in kept]
                 begins.append((part, size))
                 size += part.size(rows)
@@ -389,12 +373,3 @@ class CoreMemory:
         struct.torque, struct.forces, struct.unit = 1, layout.size, layout.unit
         struct.passives, struct.bounded = forces.passive.size, forces.bounded.size
         struct.cones = forces.cones
-
-
-def _limit_array(limits: Limits | None, slow: Array | None, n: int) -> Array:
-    """Return bounds, speeds, accelerations, decelerations (5 n) of joints, the base's (12)."""
-    if limits is None:
-        return np.zeros(5 * n + 12)
-    slow = limits.acceleration if slow is None else slow
-    joints = (limits.lower, limits.upper, limits.speed, limits.acceleration, slow)
-    return np.concatenate((*joints, -limits.base_twist, limits.base_twist))

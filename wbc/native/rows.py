@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -58,3 +59,13 @@ class NativeRows(NamedTuple):
     curved: bool = True
     moving: tuple[str, ...] = ()
     other: str | None = None
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames that they are about."""
+        return tuple(name for name in (self.frame, self.other) if name is not None)
+
+    def block(self, frames: Sequence[str], **places: int) -> dict[str, int]:
+        """Return the ``wbc_block`` of source/core.h, by where these frames and all else are."""
+        own, other = (-1 if one is None else frames.index(one) for one in (self.frame, self.other))
+        return {"kind": self.kind, "frame": own, "other": other, **places}

@@ -77,7 +77,9 @@ class KinematicState:
         object.__setattr__(self, name, value)
 
     def __getstate__(self) -> dict[str, object]:  # what the core found is found again
-        return {k: v for k, v in self.__dict__.items() if k not in ("native_state", "_motion")}
+        return {
+            k: v for k, v in self.__dict__.items() if k not in ("native_state", "native_motion")
+        }
 
     def __repr__(self) -> str:
         com = np.array2string(self.com, precision=3)

@@ -239,6 +239,13 @@ int wbc_solve(const wbc_plan *plan, int64_t level);
 int wbc_finish(const wbc_plan *plan, const double *q, const double *v);
 /* The levels below the first, whose answer was written by others, and the command. */
 int wbc_descend(const wbc_plan *plan, const double *q, const double *v);
+/* Outside a tick: write what the blocks of a plan, all of them held, are about: matrix (held, nv), errors (held),
+ * their biases (held), drifts (held), and a bound on the curvature that they leave out (1). motion: what
+ * wbc_motion wrote there; 0: no drifts. scratch holds the plan's frames, and 6 numbers of each. Returns 0. */
+int wbc_rows(const wbc_plan *plan, const double *state, const double *motion, const double *q,
+             const double *v, double *out);
+/* Outside a tick, too: write the box on v+ (2, nv), lower then upper bounds. Returns 0. */
+int wbc_box(const wbc_plan *plan, const double *q, const double *v, double *box);
 /* Write how far loops and gears are open (held) where v leads in dt, 0 for rows that do not bend. Returns
  * how many do. */
 int64_t wbc_gaps(const wbc_plan *plan, const double *q, const double *v, double *gaps);
@@ -261,6 +268,10 @@ int wbc_layout(const wbc_plan *plan, int64_t level, int64_t *at);
  * Farkas certificate: y'A + z'C + z_box' = 0, and their sum by the ends that they point at is below 0. */
 int wbc_solve_qp(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
                  int64_t *order);
+
+/* Write how far x, y, z and z_box are from optimal: primal, dual and complementarity residual into found (3).
+ * gradient (n) is scratch. Returns 0. */
+int wbc_residuals(const wbc_qp *qp, double *gradient);
 
 /* Move the ends (2, 3) of a capsule round points (count, 3), its radius the distance of the farthest, to where
  * its volume is small: from steps of size [m], until corners of the search differ by no more than the

@@ -125,22 +125,29 @@ void push(const wbc_plan *plan, const double *row, double rate, double weight, c
     }
 }
 
-/* A joint outside its limits is moved back by a cost that outweighs all others. */
-static void recover(const wbc_plan *plan, int64_t c, double outside, double speed, const wbc_qp *qp) {
-    const double weight = dominating(qp);
-    double rate = -plan->recovery / plan->dt * outside;
-    rate = rate > speed ? speed : rate < -speed ? -speed : rate;
-    qp->P[c * qp->n + c] += weight;
-    qp->g[c] -= weight * rate;
+/* Joints outside their limits are moved back by costs that outweigh all others. */
+static void recover(const wbc_plan *plan, const double *q, const wbc_qp *qp) {
+    const int64_t n = plan->tree->nv - 6;
+    const double *lo = plan->limit, *up = lo + n, *speed = up + n;
+    for (int64_t k = 0; k < n; k++) {
+        const double position = joint_position(plan, q, k), weight = dominating(qp);
+        const double below = position - lo[k], above = position - up[k];
+        const double outside = below < -AT_LIMIT ? below : above > AT_LIMIT ? above : 0.0;
+        if (outside == 0.0) continue;
+        double rate = -plan->recovery / plan->dt * outside;
+        rate = rate > speed[k] ? speed[k] : rate < -speed[k] ? -speed[k] : rate;
+        qp->P[(6 + k) * (qp->n + 1)] += weight;
+        qp->g[6 + k] -= weight * rate;
+    }
 }
 
 /* The box on v+ of wbc.constraints.Limits: from where a joint can still stop, and how fast it speeds up (and
  * slows down, if that is bounded); at the torque level how it arrives. */
-static void bound(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp) {
+static void bound(const wbc_plan *plan, const double *q, const double *v, double *lower, double *upper) {
     const int64_t n = plan->tree->nv - 6;
     const double *lo = plan->limit, *up = lo + n, *speed = up + n, *slow = speed + n;
     const double dt = plan->dt, *braked = slow + n, *base = braked + n;
-    for (int i = 0; i < 6; i++) qp->lower[i] = base[i], qp->upper[i] = base[6 + i];
+    for (int i = 0; i < 6; i++) lower[i] = base[i], upper[i] = base[6 + i];
     for (int64_t k = 0; k < n; k++) {
         const double position = joint_position(plan, q, k), start = slow[k] * dt;
         const double left[2] = {position - lo[k], up[k] - position};
@@ -164,8 +171,6 @@ static void bound(const wbc_plan *plan, const double *q, const double *v, const 
                 const double slowed = stopping(reach, slow[k], dt);
                 if (most[side] > slowed) most[side] = slowed;
             }
-            if (left[side] < -AT_LIMIT)
-                recover(plan, 6 + k, side ? -left[side] : left[side], speed[k], qp);
         }
         if (plan->braked && !plan->torque) { /* its own limits may ask for harder braking: they win */
             const double other[2] = {-most[1], -most[0]};
@@ -179,8 +184,13 @@ static void bound(const wbc_plan *plan, const double *q, const double *v, const 
             const double between = 0.5 * (most[1] - most[0]);
             most[0] = -between, most[1] = between;
         }
-        qp->lower[6 + k] = -most[0], qp->upper[6 + k] = most[1];
+        lower[6 + k] = -most[0], upper[6 + k] = most[1];
     }
+}
+
+int wbc_box(const wbc_plan *plan, const double *q, const double *v, double *box) {
+    bound(plan, q, v, box, box + plan->tree->nv);
+    return DONE;
 }
 
 /* What the forces of contacts do to v: the columns of D behind v+, negative. */
@@ -479,7 +489,8 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
     if (kept != DONE) return kept;
     add_given_bounds(plan, &qp);
     for (int64_t i = 0; i < nv; i++) qp.lower[i] = -INFINITY, qp.upper[i] = INFINITY;
-    if (plan->limited) bound(plan, q, v, &qp);
+    if (plan->limited) bound(plan, q, v, qp.lower, qp.upper);
+    if (plan->limited && !plan->torque) recover(plan, q, &qp);
     close_cost(plan, 0, wide, v, damping, J, qp.P, qp.g);
     return is_qp(&qp) ? DONE : NOT_FINITE;
 }
