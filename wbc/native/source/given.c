@@ -1,27 +1,19 @@
-/* Rows that were worked out by others, for all unknowns: wbc/controllers/blocks.py. */
+/* Rows of forces that were worked out by others, on all unknowns: ForcePart in wbc/controllers/blocks.py. */
 #include "linear.h"
 #include "problem.h"
 
 #include <string.h>
 
 WIDE void add_given(const wbc_plan *plan, const wbc_block *block, double *J, const wbc_qp *qp) {
-    const int64_t n = qp->n, nv = plan->tree->nv, k = block->rows;
+    const int64_t n = qp->n, k = block->rows;
     const double *weight = plan->number + block->number + WEIGHTS, *matrix = weight + 3 * k;
-    const double *target = matrix + k * n, *error = target + k, *damping = error + k;
-    const double *curvature = damping + nv;
+    const double *target = matrix + k * n;
     double *wanted = J + k * n;
     const wbc_costs kept = kept_costs(plan);
-    if (block->held) {
-        memcpy(qp->A + (plan->passives + block->first) * n, matrix, k * n * sizeof *matrix);
-        memcpy(qp->b + plan->passives + block->first, target, k * sizeof *target);
-        return;
-    }
     for (int64_t i = 0; i < k; i++) {
-        qp->errors[block->first + i] = error[i];
         if (plan->rows) {
             memcpy(kept.matrix + (block->first + i) * n, matrix + i * n, n * sizeof *matrix);
-            kept.target[block->first + i] = target[i];
-            kept.bias[block->first + i] = weight[k + i];
+            kept.target[block->first + i] = target[i], kept.bias[block->first + i] = 0.0;
             continue;
         }
         double *row = J + i * n;
@@ -30,10 +22,6 @@ WIDE void add_given(const wbc_plan *plan, const wbc_block *block, double *J, con
         const double size = dot(n, row, row);
         if (size > *qp->heaviest) *qp->heaviest = size;
     }
-    double *to = plan->rows ? kept.damping + block->level * nv : qp->P;
-    for (int64_t c = 0; c < nv; c++) to[c * (plan->rows ? 1 : n + 1)] += damping[c];
-    if (block->second)
-        for (int64_t i = 0; i < nv * nv; i++) kept.curvature[block->level * nv * nv + i] += curvature[i];
     if (!plan->rows) square(n, k, J, wanted, qp->P, n, qp->g);
 }
 
@@ -41,7 +29,7 @@ void decide_errors(const wbc_plan *plan, const wbc_qp *qp) {
     const int64_t n = qp->n, nv = plan->tree->nv;
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++) {
         const double *number = plan->number + block->number;
-        if (block->kind != GIVEN || number[DECIDED] == 0.0) continue;
+        if (block->kind != GIVEN) continue;
         const double *row = number + WEIGHTS + 3 * block->rows, *target = row + block->rows * n;
         for (int64_t i = 0; i < block->rows; i++, row += n) {
             const double got = dot(nv, row, qp->exact) + dot(n - nv, row + nv, qp->x + nv);

@@ -283,13 +283,20 @@ static void add_damping(const wbc_plan *plan, const wbc_block *block, const wbc_
     const double *number = plan->number + block->number, *weight = number + WEIGHTS;
     double own = number[HALF_GAIN] * curved;
     const wbc_costs kept = kept_costs(plan);
+    double *diagonal = plan->rows ? kept.damping + block->level * nv : qp->P;
+    const int64_t stride = plan->rows ? 1 : qp->n + 1;
+    const double *asked = weight + 3 * k + k * nv + k; /* of ASKED: bound (nv), curvature (nv, nv) */
     if (block->kind == INERTIA_ENTRIES && block->second)
         add_curvature(plan, block, at->state, at->frames, error, work,
                       kept.curvature + block->level * nv * nv);
     else if (block->kind == INERTIA_ENTRIES && number[HALF_GAIN] > 0.0)
-        damp_by_curvature(plan, block, at->state, at->frames, error, number[HALF_GAIN], work,
-                          plan->rows ? kept.damping + block->level * nv : qp->P,
-                          plan->rows ? 1 : qp->n + 1);
+        damp_by_curvature(plan, block, at->state, at->frames, error, number[HALF_GAIN], work, diagonal,
+                          stride);
+    else if (block->kind == ASKED) {
+        double *H = kept.curvature + block->level * nv * nv;
+        for (int64_t i = 0; i < nv; i++) diagonal[i * stride] += number[HALF_GAIN] * asked[i];
+        for (int64_t i = 0; block->second && i < nv * nv; i++) H[i] += asked[nv + i];
+    }
     if (number[LM_DAMPING] > 0.0) {
         double sum = 0.0;
         for (int64_t i = 0; i < k; i++) sum += weight[i] * error[i] * weight[i] * error[i];

@@ -189,6 +189,10 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
     case GEAR:
         *e = gear_row(plan, own, q, 1.0, J, 1);
         return;
+    case ASKED: /* own: Jacobian (k, nv), errors (k) */
+        copy_row(J, own, k * nv);
+        copy_row(e, own + k * nv, k);
+        return;
     default: /* LINEAR in the joints; own: matrix (k, nv), offsets (k) */
         copy_row(J, own, k * nv);
         for (int64_t i = 0; i < k; i++) {
@@ -281,7 +285,7 @@ void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
     case GEAR:
         *drift += gear_drift(plan, own, q, v);
         return;
-    default: /* joints are coordinates of v */
+    default: /* joints are coordinates of v; of ASKED it is all there */
         return;
     }
 }
