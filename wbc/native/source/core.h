@@ -24,6 +24,10 @@ typedef struct {
     const double *gravity;  /* (3) */
 } wbc_tree;
 
+/* How far a measured quaternion's norm may be off 1, what is left of that, and the largest entry of a state;
+ * the largest entry of a QP, whose square does not overflow. */
+extern const double wbc_unit, wbc_unit_rounding, wbc_largest_state, wbc_largest_qp;
+
 /* What is known of a robot at one state, in fixed places of one array. */
 enum { COM = 0, INERTIA = 3, MOMENTUM = 12, CENTROIDAL_MAP = 18 };
 #define COM_JACOBIAN(nv) (CENTROIDAL_MAP + 6 * (nv))     /* (3, nv) */
@@ -124,6 +128,13 @@ typedef struct {
     int64_t rows;               /* pairs that get one, those of least clearance: see soonest */
     double deceleration, gain, recovery, recovery_speed;
 } wbc_margin;
+
+/* What margins count on, here and in Python; said in source/margin.c. */
+extern const double wbc_skin, wbc_used, wbc_rounding, wbc_interior, wbc_part, wbc_lever, wbc_margin_braking;
+/* Write how fast clearances (k) may change by the margin's braking, of rows (k, nv): negative, or positive where
+ * they have to grow. dt: of a tick. Of the margin its law is read alone. Returns 0. */
+int wbc_approach(const wbc_margin *margin, int64_t nv, double dt, int64_t k, const double *rows,
+                 const double *clearance, double *least);
 
 /* What a row asks for: the kinds that wbc/native/rows.py describes. */
 enum row_kind { POINT = 0, ORIENTATION = 1, INERTIA_ENTRIES = 2, JOINTS = 3, MOMENTUM_ENTRIES = 4,
@@ -247,6 +258,9 @@ int wbc_rows(const wbc_plan *plan, const double *state, const double *motion, co
              const double *v, double *out);
 /* Outside a tick, too: write the box on v+ (2, nv), lower then upper bounds. Returns 0. */
 int wbc_box(const wbc_plan *plan, const double *q, const double *v, double *box);
+/* From where on loops and gears count as open, and up to where they are closed by steps; source/closing.c. */
+extern const double wbc_closed, wbc_far_open;
+enum { CLOSING_ROUNDS = 5 }; /* each leaves a gap by that part which joints move in a tick [rad] */
 /* Write how far loops and gears are open (held) where v leads in dt, 0 for rows that do not bend. Returns
  * how many do. */
 int64_t wbc_gaps(const wbc_plan *plan, const double *q, const double *v, double *gaps);

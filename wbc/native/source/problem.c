@@ -17,8 +17,7 @@ static const double AT_LIMIT = 1e-9, FAR = 1e12;
 static const double BRAKING = 2.0, ARRIVAL = 0.02, SETTLE = 0.02;
 /* Recovery outweighs the tasks by this (squared) factor, the heaviest of which counts as no less. */
 static const double RECOVERY_FACTOR = 1e2, IDLE = 1e-6;
-/* As in wbc/qp/problem.py. */
-static const double LARGEST = 1e150;
+const double wbc_largest_qp = 1e150;
 
 void lay_out(const wbc_plan *plan, wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = nv + plan->forces, k = plan->passives + plan->held;
@@ -73,11 +72,6 @@ WIDE void square(int64_t nv, int64_t rows, const double *restrict J, const doubl
             }
         }
     }
-}
-
-/* The speed from which a joint stops within a distance: stopping_speed in wbc/braking.py. */
-static double stopping(double distance, double deceleration, double wait) {
-    return 2.0 * distance / (sqrt(2.0 * distance / deceleration + wait * wait) + wait);
 }
 
 /* The distance within which it stops from a speed: most joints are farther from their limits. */
@@ -441,7 +435,7 @@ static void add_given_bounds(const wbc_plan *plan, const wbc_qp *qp) {
 }
 
 INLINE int is_sound(const double *values, int64_t n) {
-    return dot(n, values, values) < LARGEST * LARGEST;
+    return dot(n, values, values) < wbc_largest_qp * wbc_largest_qp;
 }
 
 static int is_range(double lower, double upper) {

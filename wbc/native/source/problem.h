@@ -8,6 +8,11 @@
 /* Not of the library's interface. */
 #pragma GCC visibility push(hidden)
 
+/* The largest speed u with u wait + u^2 / (2 deceleration) <= distance: it is held for a while, then braked. */
+static inline double stopping(double distance, double deceleration, double wait) {
+    return 2.0 * distance / (sqrt(2.0 * distance / deceleration + wait * wait) + wait);
+}
+
 /* Behind each other in plan->out; wbc_layout says where. */
 void lay_out(const wbc_plan *plan, wbc_qp *qp);
 
