@@ -99,6 +99,14 @@ class NativeState(NamedTuple):
         """Return a copy (6,)."""
         return self.part("momentum", 6).copy()
 
+    def inertia_hessian(self, weights: Array, mass: float) -> Array:
+        """Return the second derivative (nv, nv) by v of <weights, inertia>: see curvature.c."""
+        nv = self.tree.nv
+        hessian, work = np.empty((nv, nv)), np.empty(10 * (nv + 3))
+        at, given = map(doubles, (self.array, vech(weights)))
+        lib.wbc_inertia_hessian(self.tree.struct, at, mass, given, *map(doubles, (work, hessian)))
+        return hessian
+
     def frame(self, name: str, robot: HasPass) -> tuple[tuple[Array, Array], Array]:
         """Return (origin (3,), rotation (3, 3)) and Jacobian (6, nv) of a frame."""
         array, begin = self.array, self.slots.get(name)
