@@ -234,19 +234,11 @@ class AskedPart(Part):
 
 
 class ForcePart(Part):
-    """One task about forces, and where its rows go: matrix, target, and the error's unit.
+    """One task about forces, and where its rows go: matrix and target, by n unknowns."""
 
-    Parameters
-    ----------
-    n:
-        How many unknowns there are.
-    unit:
-        Newtons per unit of a force unknown.
-    """
-
-    def __init__(self, part: Part, n: int, unit: float) -> None:
+    def __init__(self, part: Part, n: int) -> None:
         super().__init__(part.task, None, False, part.torque, part.level, part._scale)
-        k, self._unit = len(part.task.rows), unit
+        k = len(part.task.rows)
         none, numbers = np.zeros(k), (np.zeros(k * n), np.zeros(k))
         self.rows = (NativeRows(Kind.GIVEN, None, tuple(range(k)), none, none, numbers),)
 
@@ -260,7 +252,7 @@ class ForcePart(Part):
         rows, (place,) = asked.rows, self._places
         if rows is None:
             return False
-        place.header[lib.DECIDED], place.weight[:] = self._unit, self._scale * rows.weight
+        place.weight[:] = self._scale * rows.weight
         place.rest[2][:], place.rest[3][:] = rows.matrix.ravel(), rows.target
         return True
 

@@ -16,6 +16,7 @@ from wbc.controllers.force_rows import NativeForces, TorqueRows
 from wbc.controllers.margin_rows import NativeMargin
 from wbc.controllers.plan import LevelPlan
 from wbc.native import doubles, ffi, integers, lib, pointer
+from wbc.native.rows import Kind
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.problem import QP, Labels
 from wbc.qp.proxqp import ProxQP
@@ -110,6 +111,8 @@ class CoreMemory:
         }
         if self.kept:
             self.arrays["rows"] = np.zeros(kept_size)
+        if self._moments:
+            self.arrays["moments"] = np.zeros(self._moments * (self.n - nv))
         counts = {"blocks": len(blocks), "frames": len(frames), "costs": self.costs}
         settings = {"dt": dt, "mass": robot.mass, "unit": 1.0, "eps": 1e-8, "most": 1000}
         self.struct = ffi.new("wbc_plan *", {**counts, **settings})
@@ -299,7 +302,7 @@ class CoreMemory:
         looking = self.held + 2 * (n + self.k) + m + 5 if self.struct.closing else 0
         if self.margin is not None:
             looking = max(looking, self._margin_scratch_size(self.margin))
-        scratch = max(self._scratch_size(), solving + looking)
+        scratch = max(self._scratch_size(), solving + max(looking, n))
         order += k + (0 if self.margin is None else self.margin.pairs)
         self.struct.solving = solving
         if "scratch" not in self.arrays or self.arrays["scratch"].size < scratch:
@@ -331,19 +334,22 @@ class CoreMemory:
         """Return frames, entries and blocks; numbers get their places."""
         frames, index, blocks = [BASE], list[int](), list[dict[str, int]]()
         begins: list[tuple[Part, int]] = []
-        size, counts = 0, [0, 0]  # rows of costs, of contacts
+        size, moments, counts = 0, 0, [0, 0]  # the last: rows of costs, of contacts
         for part in parts:
             for rows in part.rows or ():
                 kept = part.chosen(rows)
                 frames += [name for name in rows.frames if name not in frames]
                 places = {"rows": len(kept), "first": counts[part.held], "index": len(index)}
                 levels = {"held": part.held, "level": part.level, "second": part.second}
+                if rows.kind == Kind.COP:
+                    levels["other"] = moments
+                    moments += len(kept)
                 blocks.append(rows.block(frames, number=size, **places, **levels))
                 index += [rows.entries[i] for i in kept]
                 begins.append((part, size))
                 size += part.size(rows)
                 counts[part.held] += len(kept)
-        self.number = np.zeros(size)
+        self.number, self._moments = np.zeros(size), moments
         for part, begin in begins:
             part.place(self.number[begin:])
         return frames, index, blocks

@@ -69,7 +69,7 @@ class CorePlan:
     python_tasks:
         Tasks about motion, soft contacts and contacts that are asked in Python.
     force_tasks:
-        Those about forces, which all are.
+        Those about forces that are.
     """
 
     def __init__(
@@ -95,7 +95,6 @@ class CorePlan:
             *(looked_into, shares_state, soft_weights, curved, added),
         )
         torque, n = rows is not None, plan.decision.size
-        unit = 0.0 if rows is None else rows.forces.unit
         weights = {} if soft_weights is None else soft_weights
         self._parts: list[Part] = []
         for k, task in enumerate((*tasks, *plan.soft, *forces)):
@@ -106,14 +105,15 @@ class CorePlan:
             chosen = None if kept is None else kept.tolist()
             self._parts.append(Part(contact, chosen, held=True, torque=torque))
         for k, part in enumerate(self._parts):
-            if isinstance(part.task, ForceTask):
-                self._parts[k] = ForcePart(part, n, unit)
+            if part.rows is None and isinstance(part.task, ForceTask):
+                self._parts[k] = ForcePart(part, n)
             elif part.rows is None:
                 self._parts[k] = AskedPart(part, robot.nv, part.task.name in curved)
         asked = [part for part in self._parts if isinstance(part, AskedPart | ForcePart)]
         self._asked = {id(part.task): part for part in asked}
         self.python_tasks = tuple(part.task for part in asked if isinstance(part, AskedPart))
-        self.force_tasks, self.plan, self._robot = tuple(forces), plan, robot
+        self.force_tasks = tuple(one for one in forces if id(one) in self._asked)
+        self.plan, self._robot = plan, robot
         self._dt, self._lock = dt, threading.Lock()
         self._limits, self._rates = limits, _rates(limits)
         self._solver = solver = backend if solves(backend) else None

@@ -319,7 +319,7 @@ class TorqueController(Controller):
 
     def _ask(self, plan: CorePlan, snapshot: Snapshot) -> list[Asked]:
         asked = super()._ask(plan, snapshot)
-        if not self._force_tasks:
+        if not plan.force_tasks:
             return asked
         of_motion = tuple(asked)
 
@@ -332,7 +332,7 @@ class TorqueController(Controller):
             return found.views.D, found.views.offset
 
         dynamics = self._dynamics(physics, snapshot)
-        forces = ((one, one.force_rows(dynamics)) for one in self._force_tasks)
+        forces = ((one, one.force_rows(dynamics)) for one in plan.force_tasks)
         return asked + [Asked(one, rows=rows) for one, rows in forces]
 
     def _dynamics(

@@ -23,6 +23,8 @@ class Kind(IntEnum):
     LINEAR = lib.LINEAR  # matrix (k, nv), offset (k,): error = matrix @ (0, joints) - offset
     LOOP = lib.LOOP  # none; entries: rows
     GEAR = lib.GEAR  # two joints, and the polynomial's coefficients, lowest first (7,)
+    # Of a centre of pressure: point (3,), whether it is as high as contacts on the mean.
+    COP = lib.COP
     GIVEN = lib.GIVEN  # of forces, by Python: matrix (k, n), target (k,)
     # By Python: Jacobian (k, nv), error (k,), bound on the curvature (nv,), or curvature (nv, nv).
     ASKED = lib.ASKED

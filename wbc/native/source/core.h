@@ -142,20 +142,22 @@ int wbc_approach(const wbc_margin *margin, int64_t nv, double dt, int64_t k, con
 
 /* What a row asks for: the kinds that wbc/native/rows.py describes. */
 enum row_kind { POINT = 0, ORIENTATION = 1, INERTIA_ENTRIES = 2, JOINTS = 3, MOMENTUM_ENTRIES = 4,
-                CONTACT = 5, LINEAR = 6, GIVEN = 7, LOOP = 8, GEAR = 9, ASKED = 10 };
+                CONTACT = 5, LINEAR = 6, GIVEN = 7, LOOP = 8, GEAR = 9, ASKED = 10, COP = 11 };
 /* A block of rows: what they are, where they stand among the costs or the contacts, where their
  * selection begins in index and their numbers in number, which frame they are about (-1: the CoM, or
  * the world), their level among the costs, and whether the curvature that they leave out is in the cost
- * (second: of INERTIA_ENTRIES, ASKED), or damped; other is the frame that a LOOP's is held at. */
+ * (second: of INERTIA_ENTRIES, ASKED), or damped; other is the frame that a LOOP's is held at,
+ * or where a COP's rows begin in moments. */
 typedef struct {
     int64_t kind, held, rows, first, frame, index, number, level, second, other;
 } wbc_block;
 /* Numbers of a block: those of its law; weights (rows); biases (rows); what the target's motion adds
  * to the drifts (rows); then those of its kind. ASKED rows are answers of a task in Python: all of their drifts
  * in place of a part, Jacobian (rows, nv), error (rows), a bound on the curvature (nv) and, if second, the
- * curvature (nv, nv). GIVEN rows, of forces: matrix (rows, n) and target (rows); their errors are what the
- * answer misses, times DECIDED. */
-enum { RATE = 0, HALF_GAIN = 1, LM_DAMPING = 2, STIFFNESS = 0, DAMPING = 1, DECIDED = 0, WEIGHTS = 3 };
+ * curvature (nv, nv). GIVEN rows, of forces: matrix (rows, n) and target (rows). COP rows are the horizontal
+ * moment of all contacts' forces about a point (3), or of a frame's contact, in its axes; then whether the point
+ * is as high as their frames are on the mean. Errors of both are what the answer misses [N, N m]. */
+enum { RATE = 0, HALF_GAIN = 1, LM_DAMPING = 2, STIFFNESS = 0, DAMPING = 1, WEIGHTS = 3 };
 
 /* What a contact bears, as unknowns: forces at corners, or (corners 0) one along each of its rows. */
 typedef struct {
@@ -197,6 +199,7 @@ typedef struct {
     double *rows; /* of all costs: matrix (costs, n), target (costs), bias (costs); of each level, what it is
                    * damped by (nv); if curved, the curvature that its rows leave out (nv, nv). 0 where
                    * there is one level that nobody looks into. */
+    double *moments; /* (COP rows, forces) of a tick */
     double *below; /* the QP of the last level below the first: see source/levels.c */
     double *state;               /* what is found at a state that nobody has looked at */
     double *out;

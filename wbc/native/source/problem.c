@@ -370,7 +370,7 @@ WIDE int64_t add_costs(const wbc_plan *plan, int64_t level, double *J, double *P
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++) {
         if (block->held || (level >= 0 && block->level != level)) continue;
         const double *weight = plan->number + block->number + WEIGHTS;
-        const int64_t k = block->rows, width = block->kind == GIVEN ? n : nv;
+        const int64_t k = block->rows, width = is_of_forces(block) ? n : nv;
         double *wanted = J + k * width;
         if (width > wide) wide = width;
         for (int64_t i = 0; i < k; i++) {
@@ -481,9 +481,10 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
         add_dynamics(plan, frames, motion, q, v, &qp);
     }
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++)
-        if (block->kind == GIVEN)
-            add_given(plan, block, J, &qp), wide = qp.n;
-        else
+        if (is_of_forces(block)) {
+            if (block->kind == COP) add_moments(plan, block, frames);
+            add_force_rows(plan, block, J, &qp), wide = qp.n;
+        } else
             add_block(plan, block, &at, J, &qp, &damping);
     if (plan->rows) wide = add_costs(plan, 0, J, qp.P, qp.g, qp.heaviest);
     const int kept = plan->margin ? add_margin(plan, state, v, J, &qp) : DONE;
