@@ -16,11 +16,12 @@ from wbc.controllers.force_rows import NativeForces, TorqueRows
 from wbc.controllers.margin_rows import NativeMargin
 from wbc.controllers.plan import LevelPlan
 from wbc.native import doubles, ffi, integers, lib, pointer
+from wbc.native.rows import Kind
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.problem import QP, Labels
 from wbc.qp.proxqp import ProxQP
 from wbc.robot import Robot
-from wbc.robot.kernel import NativeTree, frame_places
+from wbc.robot.kernel import NativeTree, frame_places, joint_starts
 from wbc.robot.names import BASE
 from wbc.validate import Array
 
@@ -81,8 +82,6 @@ class CoreMemory:
             contacts = (part.task for part in parts for _ in part.rows or ())
             numbers = {task: number for number, task in enumerate(contacts)}
             self.forces = NativeForces(rows, numbers, robot.damping)
-        starts = np.array(robot.limits.starts, dtype=np.int64)
-        starts[list(robot.limits.unbounded)] = -starts[list(robot.limits.unbounded)] - 1
         self._slow = None if rows is None else rows.deceleration
         self.held = sum(block["rows"] for block in blocks if block["held"])
         self.costs = sum(block["rows"] for block in blocks if not block["held"])
@@ -102,9 +101,9 @@ class CoreMemory:
             "number": self.number,
             "frame_joint": joint,
             "frame_placement": placement,
-            "start": starts,
+            "start": joint_starts(robot.limits),
             "damping": np.array(plan.decision.damping, dtype=float),
-            "limit": _limit_array(limits, self._slow, robot.nv - 6),
+            "limit": np.zeros(0) if limits is None else limits.numbers(self._slow),
             "given": np.zeros(0),
             "push": np.zeros(0),
             "state": self.state,
@@ -112,6 +111,8 @@ class CoreMemory:
         }
         if self.kept:
             self.arrays["rows"] = np.zeros(kept_size)
+        if self._moments:
+            self.arrays["moments"] = np.zeros(self._moments * (self.n - nv))
         counts = {"blocks": len(blocks), "frames": len(frames), "costs": self.costs}
         settings = {"dt": dt, "mass": robot.mass, "unit": 1.0, "eps": 1e-8, "most": 1000}
         self.struct = ffi.new("wbc_plan *", {**counts, **settings})
@@ -265,8 +266,7 @@ class CoreMemory:
 
     def write_limits(self, limits: Limits) -> None:
         """Take over speeds and accelerations that were assigned."""
-        limit = self.arrays["limit"]
-        limit[:] = _limit_array(limits, self._slow, limits.speed.size)
+        self.arrays["limit"][:] = limits.numbers(self._slow)
 
     def write_bounds(self, bounds: Bounds | None) -> None:
         """Take over inequality rows that were worked out in Python, and what they push at."""
@@ -302,7 +302,7 @@ class CoreMemory:
         looking = self.held + 2 * (n + self.k) + m + 5 if self.struct.closing else 0
         if self.margin is not None:
             looking = max(looking, self._margin_scratch_size(self.margin))
-        scratch = max(self._scratch_size(), solving + looking)
+        scratch = max(self._scratch_size(), solving + max(looking, n))
         order += k + (0 if self.margin is None else self.margin.pairs)
         self.struct.solving = solving
         if "scratch" not in self.arrays or self.arrays["scratch"].size < scratch:
@@ -334,32 +334,22 @@ class CoreMemory:
         """Return frames, entries and blocks; numbers get their places."""
         frames, index, blocks = [BASE], list[int](), list[dict[str, int]]()
         begins: list[tuple[Part, int]] = []
-        size, counts = 0, [0, 0]  # rows of costs, of contacts
+        size, moments, counts = 0, 0, [0, 0]  # the last: rows of costs, of contacts
         for part in parts:
             for rows in part.rows or ():
                 kept = part.chosen(rows)
-                for frame in (rows.frame, rows.other):
-                    if frame is not None and frame not in frames:
-                        frames.append(frame)
-                blocks.append(
-                    {
-                        "kind": rows.kind,
-                        "held": part.held,
-                        "rows": len(kept),
-                        "frame": -1 if rows.frame is None else frames.index(rows.frame),
-                        "first": counts[part.held],
-                        "index": len(index),
-                        "number": size,
-                        "level": part.level,
-                        "second": part.second,
-                        "other": -1 if rows.other is None else frames.index(rows.other),
-                    }
-                )
+                frames += [name for name in rows.frames if name not in frames]
+                places = {"rows": len(kept), "first": counts[part.held], "index": len(index)}
+                levels = {"held": part.held, "level": part.level, "second": part.second}
+                if rows.kind == Kind.COP:
+                    levels["other"] = moments
+                    moments += len(kept)
+                blocks.append(rows.block(frames, number=size, **places, **levels))
                 index += [rows.entries[i] for i in kept]
                 begins.append((part, size))
                 size += part.size(rows)
                 counts[part.held] += len(kept)
-        self.number = np.zeros(size)
+        self.number, self._moments = np.zeros(size), moments
         for part, begin in begins:
             part.place(self.number[begin:])
         return frames, index, blocks
@@ -389,12 +379,3 @@ class CoreMemory:
         struct.torque, struct.forces, struct.unit = 1, layout.size, layout.unit
         struct.passives, struct.bounded = forces.passive.size, forces.bounded.size
         struct.cones = forces.cones
-
-
-def _limit_array(limits: Limits | None, slow: Array | None, n: int) -> Array:
-    """Return bounds, speeds, accelerations, decelerations (5 n) of joints, the base's (12)."""
-    if limits is None:
-        return np.zeros(5 * n + 12)
-    slow = limits.acceleration if slow is None else slow
-    joints = (limits.lower, limits.upper, limits.speed, limits.acceleration, slow)
-    return np.concatenate((*joints, -limits.base_twist, limits.base_twist))

@@ -9,20 +9,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
-from wbc.robot import Robot, Snapshot
-from wbc.spatial import skew
+from wbc.robot import Robot
+from wbc.tasks.core_task import CoreTask
 from wbc.tasks.keywords import Gains
 from wbc.tasks.point import AXES
-from wbc.tasks.task import Task
 from wbc.validate import Array, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
 
-class AxisTask(Task):
+class AxisTask(CoreTask):
     """Point a body-fixed ``axis`` of ``frame`` along the world direction ``target``.
 
     The error is the difference of the two unit vectors (3 rows of rank 2): smooth everywhere, and
@@ -80,12 +78,6 @@ class AxisTask(Task):
         self._assign(_goal=goal, target_rate=read_only(u1), target_acceleration=read_only(u2))
         self._assign(_bias=read_only(-u1), _drift=read_only(-u2))
 
-    def residual(self, snapshot: Snapshot) -> Residual:
-        """Return the axis minus the target, both unit vectors in world axes."""
-        pointing = snapshot.rotation(self.frame) @ self.axis
-        jacobian = -skew(pointing) @ snapshot.jacobian(self.frame)[3:]
-        return Residual(pointing - self._goal, jacobian, self._bias)
-
     @property
     def units(self) -> tuple[str, ...]:
         """None: entries of a unit vector."""
@@ -97,14 +89,6 @@ class AxisTask(Task):
         moving = "_bias", "_drift", "_goal", ""
         entries = (0, 1, 2)
         return (NativeRows(Kind.POINTING, self.frame, entries, *rates, numbers, moving=moving),)
-
-    def drift(self, snapshot: Snapshot) -> Array:
-        """Return w x (w x a) + alpha x a at v' = 0, less the target's second derivative."""
-        pointing = snapshot.rotation(self.frame) @ self.axis
-        w = snapshot.jacobian(self.frame)[3:] @ snapshot.v
-        alpha = snapshot.drift(self.frame)[3:]
-        own = np.cross(w, np.cross(w, pointing)) + np.cross(alpha, pointing)
-        return np.asarray(own + self._drift)
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return the axis minus the target, both unit vectors in world axes."""

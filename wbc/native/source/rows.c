@@ -199,6 +199,10 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
     case GEAR:
         *e = gear_row(plan, own, q, 1.0, J, 1);
         return;
+    case ASKED: /* own: Jacobian (k, nv), errors (k) */
+        copy_row(J, own, k * nv);
+        copy_row(e, own + k * nv, k);
+        return;
     default: /* LINEAR in the joints; own: matrix (k, nv), offsets (k) */
         copy_row(J, own, k * nv);
         for (int64_t i = 0; i < k; i++) {
@@ -300,7 +304,28 @@ void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
     case GEAR:
         *drift += gear_drift(plan, own, q, v);
         return;
-    default: /* joints are coordinates of v */
+    default: /* joints are coordinates of v; of ASKED it is all there */
         return;
     }
+}
+
+int wbc_rows(const wbc_plan *plan, const double *state, const double *motion, const double *q,
+             const double *v, double *out) {
+    const int64_t nv = plan->tree->nv, held = plan->held;
+    double *frames = plan->scratch, *accelerations = frames + plan->frames * FRAME_SIZE(nv);
+    double *error = out + held * nv, *bias = error + held, *drift = bias + held, *bound = drift + held;
+    *bound = 0.0;
+    wbc_frames(plan->tree, state, plan->frames, plan->frame_joint, plan->frame_placement, frames);
+    if (motion)
+        wbc_drifts(plan->tree, state, motion, plan->frames, plan->frame_joint, plan->frame_placement,
+                   accelerations);
+    for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++) {
+        const int64_t r = block->first;
+        double own;
+        evaluate(plan, block, state, frames, q, out + r * nv, error + r, bias + r, &own);
+        *bound += own;
+        if (motion)
+            drift_of(plan, block, state, frames, motion, accelerations, q, v, error + r, drift + r);
+    }
+    return DONE;
 }
