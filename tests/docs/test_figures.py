@@ -49,6 +49,19 @@ def both(*parts: Figures) -> Figures:
     return lambda: [figure for part in parts for figure in part()]
 
 
+def standing(name: str) -> Figures:
+    """Return how many seeds stood, of how many, and the CoM's error: rms in the mean, worst [mm]."""
+
+    def figures() -> list[str]:
+        known = json.loads((ROOT / "benchmarks" / "standing_motions.json").read_text("utf-8"))
+        rows = known[f"{name}, g1"]["seeds"]
+        mean = sum(row["com_mm"][0] for row in rows) / len(rows)
+        worst = max(row["com_mm"][1] for row in rows)
+        return [sum(row["stood"] for row in rows), len(rows), f"{mean:.1f}", f"{worst:.1f}"]
+
+    return figures
+
+
 LEVEL, PAIRS, TORQUE = "The velocity level", "The velocity level, 25 pairs", "The torque level"
 WBC = "wbc active_set", "wbc proxqp"
 
@@ -99,6 +112,19 @@ CLAIMS: dict[str, tuple[str, str, Figures]] = {
             "Pink daqp": (LEVEL, PAIRS),
             "Pink proxqp": (LEVEL, PAIRS),
         }.items()
+    },
+    **{
+        f"who stays on both feet: {name}": (
+            "docs/howto/retarget.md", f"| `{name}` | {how} | {{}} of {{}} | {{}}, {{}} mm |",
+            standing(name),
+        )
+        for name, how in (
+            ("guide_happy", "as it is | 73 mm in 3.5 s"),
+            ("call_normal", "as it is | 63 mm in 5.4 s"),
+            ("raise-up-right-hand_normal", "as it is | 19 mm in 2.1 s"),
+            ("bow_normal", "2 times slower, lean 10 mm | 98 mm in 8.3 s"),
+            ("byebye_happy", "lean 10 mm | 148 mm in 7.0 s"),
+        )
     },
     "a human's markers": (
         "docs/howto/humans.md", "| markers, rms | {} mm |",
