@@ -1,5 +1,6 @@
 """Every fault has its answer: which mode the loop is in afterwards, and what it was told."""
 
+import copy
 import gc
 from pathlib import Path
 
@@ -23,11 +24,19 @@ from wbc.hardware.real_time import CycleClock, check_cpus
 from wbc.hardware.safety import RULES, TRANSITIONS, Fault, Mode
 
 
-@pytest.fixture
-def rig() -> Rig:
+@pytest.fixture(scope="module")
+def running() -> Rig:
     made = Rig()
     made.start()
     return made
+
+
+@pytest.fixture
+def rig(running: Rig) -> Rig:
+    """Return a copy of a loop that runs, which shares nothing that changes with the others."""
+    copied = copy.deepcopy(running)
+    assert copied.loop.bus is copied.bus is not running.bus
+    return copied
 
 
 @pytest.mark.parametrize("name", READING_FAULTS)

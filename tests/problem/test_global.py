@@ -75,15 +75,6 @@ def test_the_result_is_that_of_the_search(one: Problem, result: Result) -> None:
         assert relative == {"shape": pytest.approx(off / np.linalg.norm(wanted), rel=1e-9)}
 
 
-def test_better_than_the_local_controller(one: Problem, result: Result, tmp_path: Path) -> None:
-    """Measured: off by 27 % where the QP rests, by 17 % where the search led."""
-    local = problem(tmp_path, TEXT, {"controller": {"method": "qp", "dt": 0.01}}).run()
-    assert local.status is RunStatus.CONVERGED
-    assert local.shaping is None
-    assert local.summary()["shaping"] is None
-    assert result.tasks["shape"].norm < 0.7 * local.tasks["shape"].norm
-
-
 def test_the_history_is_a_motion_that_may_be_made(one: Problem, result: Result) -> None:
     history, robot = result.history, one.parts.robot
     following = [*history.q[1:], result.q]

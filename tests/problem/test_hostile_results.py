@@ -161,15 +161,6 @@ def test_damaged_results_are_refused_or_reported(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_damaged_results_are_read_with_typed_errors_only(
-    kind: str, results: dict[str, Arrays], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As above, without pictures, which take most of the time."""
-    monkeypatch.setattr(reports, "_plot_picture", lambda draw: {"png": ""})
-    assert fuzz(results[kind], tmp_path, 7 + list(KINDS).index(kind), max(COUNT // 6, 1)) > 1
-
-
-@pytest.mark.parametrize("kind", KINDS)
 def test_sound_results_are_reported(kind: str, results: dict[str, Arrays], tmp_path: Path) -> None:
     np.savez(tmp_path / "r.npz", **results[kind])
     assert outcome(tmp_path / "r.npz", tmp_path / "r.html") is None

@@ -7,7 +7,6 @@ import pytest
 
 from wbc.errors import ProblemFileError
 from wbc.problem import load_problem
-from wbc.problem.json_schema import json_schema
 
 GOOD = """\
 robot: hoap2_like
@@ -234,47 +233,6 @@ def test_no_phases_are_not_phases(tmp_path: Path) -> None:
     assert "p.yaml:8: phases: empty; it needs at least one entry" in complaint(tmp_path, text)
 
 
-def test_mistakes_of_several_phases_are_told_at_once(tmp_path: Path) -> None:
-    text = GOOD.replace("over: right", "over: rihgt").replace("[0, 0, 0.03]", "[0, 0.03]")
-    text = text.replace("stand: {duration: 1.0, support: double, tasks: {foot", "stand: {"
-                        "duration: 1.0, support: double, tasks: {fot")  # fmt: skip
-    lines = complaint(tmp_path, text).split("\n")
-    assert lines[0] == "4 mistakes in p.yaml:"
-    assert [line.split(":")[1] for line in lines[1:]] == ["9", "14", "16", "16"]
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "words"),
-    [
-        ("phases.squat.duration", 3, "no phase 'squat' (choose from: down, lift, shift, stand)"),
-        ("phases.lft.duration", 3, "no phase 'lft'; did you mean 'lift'?"),
-        ("phases.lift.duration", -1, "must be greater than 0, got -1"),
-        ("phases.lift.tasks.fot.weight", 3, "no task 'fot'; did you mean 'foot'?"),
-        ("phases.shift.tasks.com.target.over", "lift", "unknown foot of hoap2_like 'lift'"),
-    ],
-)
-def test_overrides_are_checked_like_the_file(
-    tmp_path: Path, path: str, value: Any, words: str
-) -> None:
-    message = complaint(tmp_path, GOOD, {path: value})
-    assert message.startswith(f"--set {path}")
-    assert words in message
-
-
 def test_switched_off_tasks_without_phases(tmp_path: Path) -> None:
     text = "robot: hoap2_like\ntasks:\n  com: {type: com, target: start, active: false}\n"
     assert "p.yaml:2: tasks: no task is active" in complaint(tmp_path, text)
-
-
-def test_the_schema_describes_phases() -> None:
-    schema = json_schema()
-    phase = schema["$defs"]["PhaseSpec"]
-    assert phase["required"] == ["duration"]
-    assert set(phase["properties"]) == {"duration", "ramp", "support", "tasks", "until"}
-    assert phase["properties"]["duration"]["exclusiveMinimum"] == 0
-    task = schema["$defs"]["PhaseTaskSpec"]["properties"]
-    assert set(task) == {"target", "weight", "active"}
-    # An editor completes what any task's target may be.
-    assert "'#/$defs/Over'" in repr(task["target"])
-    assert "'#/$defs/Rpy'" in repr(task["target"])
-    assert all("description" in one for one in task.values())

@@ -162,14 +162,6 @@ def test_a_phase_cannot_begin_to_follow_a_plan(folder: Path) -> None:
     assert "from the start on: give it in the section tasks" in complaint_of(folder, text)
 
 
-def test_a_plan_is_followed_through_phases(folder: Path) -> None:
-    phases = "phases: {one: {duration: 0.2}, two: {duration: 0.3}}"
-    whole = problem(folder).simulate().arrays
-    parted = problem(folder, TRACK.replace("simulation: {duration: 0.5}", phases)).simulate().arrays
-    # The second phase changes nothing: rounding only.
-    np.testing.assert_allclose(parted["q"], whole["q"], atol=1e-9)
-
-
 def test_a_task_that_comes_back_has_the_target_of_the_plan(folder: Path) -> None:
     one = problem(folder, TRACK.replace("simulation: {duration: 0.5}", AWAY_AND_BACK))
     assert one.parts.plan is not None

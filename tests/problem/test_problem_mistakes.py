@@ -237,11 +237,6 @@ def test_forms_are_shown_as_they_are_written(file: Path) -> None:
     assert "expected the name of a posture, {joint: value}, {loop: ...}, or start, got 3" in message
 
 
-def test_a_misspelt_key_is_not_also_a_missing_one(file: Path) -> None:
-    message = complaint(file, GOOD.replace("target: start}", "taget: start}", 1))
-    assert "missing" not in message
-
-
 @pytest.mark.parametrize(
     ("path", "value", "words"),
     [

@@ -99,11 +99,6 @@ def test_snapshots() -> None:
             snapshot_frames(time, wrong)
 
 
-def test_other_suffixes(still: RmpSeries, tmp_path: Path) -> None:
-    with pytest.raises(InvalidInputError, match="gif"):
-        plot_analysis(still, tmp_path / "a.gif", title="x")
-
-
 @pytest.mark.usefixtures("coarse")
 def test_bands_of_noise_are_drawn(still: RmpSeries) -> None:
     rng = np.random.default_rng(4)

@@ -248,19 +248,6 @@ def test_a_margin_of_the_cop_is_kept_and_costs_what_theory_says() -> None:
         MomentumQp(law.model, replace(law.bounds, cop_margin=0.05), edge, law.radii, dt=DT)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("share", [0.5, 0.93])
-def test_left_and_right_are_mirror_images(share: float) -> None:
-    law, limits = body("g1")
-    impulse = share * limits.wheel[1] * limits.directions[1]
-    left, right = (recover(law, impulse * (1.0, side)).simulation for side in (1.0, -1.0))
-    steps = min(len(left.q), len(right.q))
-    mirror = np.array((1.0, -1.0, 1.0))
-    c, other = left.com()[0][:steps], right.com()[0][:steps]
-    # Solutions to 1e-8 at each tick, pushed apart by e^(3.7 t) while the CoP is at the edge.
-    np.testing.assert_allclose(c, other * mirror, atol=1e-4)
-
-
 def test_a_push_within_the_foot_leaves_the_wheel_alone() -> None:
     law, limits = body("g1")
     run = recover(law, 0.9 * limits.ankle[0] * limits.directions[0]).simulation
