@@ -70,6 +70,10 @@ BAD: dict[str, Any] = {
     "dates": np.array(["2020-01-01"] * 3, dtype="datetime64[D]"),
     "spans": np.array([1, 2, 3], dtype="timedelta64[s]"),
     "records": np.zeros(3, dtype=[("a", float)]),
+    "truth values": [True, False, True],
+    "one truth value": [1.0, np.bool_(True), 2.0],
+    "a masked array": np.ma.array(np.ones(3)),
+    "masked ones": [np.ma.masked, 1.0, 2.0],
 }
 
 

@@ -121,6 +121,7 @@ def test_ended_without_an_output_it_goes_on_too(
     assert not list(tmp_path.glob("*.partial"))
 
 
+@pytest.mark.slow
 def test_compared_with_another_problem(tmp_path: Path) -> None:
     stiff = tmp_path / "stiff.yaml"
     stiff.write_text(PUSHED.replace("duration: 1.0", "duration: 0.8"))

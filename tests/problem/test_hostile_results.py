@@ -7,7 +7,7 @@ import copy
 import json
 import os
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,13 @@ NAMES = ("obstacles/a/place", "obstacles/a/core", "obstacles/a/radius", "obstacl
 SUMMARIES = ("[]", "1", "null", "{", '{"format": "wbc result 1"}', "[" * 100_000,
              '{"format": "wbc result 1", "status": "x", "robot": "../../etc/passwd"}')  # fmt: skip
 Arrays = dict[str, np.ndarray[Any, Any]]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def coarse() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reports, "DPI", 30)
+        yield
 
 
 @pytest.fixture(scope="module")

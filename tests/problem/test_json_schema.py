@@ -281,7 +281,11 @@ def test_a_new_kind_of_task_is_its_file_and_nothing_else(tmp_path: Path) -> None
     assert done.returncode == 0, done.stderr
 
 
-def test_problems_of_robots_do_not_wait_for_casadi() -> None:
-    # In a process of its own: other tests have loaded it here.
-    command = "import sys, wbc.problem, wbc.cli.outputs; sys.exit('casadi' in sys.modules)"
+@pytest.mark.slow
+def test_problems_of_robots_do_not_wait_for_casadi_nor_for_mujoco() -> None:
+    # In a process of its own: other tests have loaded them here.
+    command = (
+        "import sys, wbc.problem, wbc.cli.outputs, wbc.simulation;"
+        "sys.exit(len({'casadi', 'mujoco'} & set(sys.modules)))"
+    )
     assert subprocess.run([sys.executable, "-c", command], check=False).returncode == 0

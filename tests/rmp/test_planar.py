@@ -143,34 +143,6 @@ def test_mass_matrix_is_singular_for_the_cop_alone(model: PlanarRmp) -> None:
     assert np.linalg.eigvalsh(full[1:, 1:]).min() > 0.1
 
 
-@pytest.mark.parametrize("degrees", (60.0, 80.0, 100.0))
-def test_static_lean(model: PlanarRmp, degrees: float) -> None:
-    """tau = -M g r_l cos(theta_c) holds the leg still without a torque at the foot."""
-    th, rl, r = np.radians(degrees), 0.8, 0.3
-    q, v = np.array((0.0, th, rl, 0.2, r)), np.array((0.0, 0.0, 0.0, 1.5, 0.0))
-    tau = -M * G * rl * np.cos(th)
-    force = (0.0, M * G * np.sin(th), tau, -M * r * 1.5**2)
-    expected = (0.0, 0.0, 0.0, tau / (M * r**2), 0.0)
-    np.testing.assert_allclose(model.forward_dynamics(q, v, force), expected, **EXACT)
-    # As printed, with r in the place of r_l, the leg falls.
-    printed = (0.0, force[1], -M * G * r * np.cos(th), force[3])
-    assert abs(model.forward_dynamics(q, v, printed)[1]) > 1.0
-
-
-def test_printed_energy_does_not_give_the_printed_equations() -> None:
-    """Eq. 19 has theta'^2 + alpha'^2 for (theta' + alpha')^2: its tau lacks theta''.
-
-    d/dt of dT/d(alpha') = M r^2 alpha' against eq. 23.
-    """
-    q, v, a = state(5, cop=False)
-    from_19 = M * q[4] ** 2 * a[3] + 2 * M * q[4] * v[4] * v[3]
-    missing = M * q[4] ** 2 * a[1] + 2 * M * q[4] * v[4] * v[1]
-    eq_23 = paper_forces(q, v, a)[2]
-    assert abs(eq_23 - from_19) > 0.1
-    np.testing.assert_allclose(from_19 + missing, eq_23, **EXACT)
-    np.testing.assert_allclose(PlanarRmp(M, G).inverse_dynamics(q, v, a)[2], eq_23, **EXACT)
-
-
 def test_without_radius_it_is_an_inverted_pendulum(model: PlanarRmp) -> None:
     """At any r the leg moves as a pendulum with the torque tau_theta - tau; at r = 0, tau = 0."""
     q, v, a = state(8, cop=False)

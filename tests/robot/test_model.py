@@ -9,13 +9,11 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
 
 Load = Callable[[str], Robot]
-Array = NDArray[np.float64]
 BODY = (
     '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
     "</inertial>"
@@ -169,52 +167,6 @@ def test_difference_undoes_integration(robot: Robot, rng: np.random.Generator) -
         np.testing.assert_allclose(
             robot.difference(q, robot.integrate(q, v, 0.5)), 0.5 * v, atol=1e-9
         )
-
-
-def spoiled(q: Array, index: int | slice, value: object) -> Array:
-    q = q.copy()
-    q[index] = value
-    return q
-
-
-def test_wrong_configurations_are_refused(hoap: Robot) -> None:
-    q = hoap.posture()
-    cases = {
-        r"expected shape \(32,\), got \(31,\)": q[:-1],
-        r"expected shape \(32,\), got \(1, 32\)": q[None],
-        r"q: NaN or infinite at \(9,\)": spoiled(q, 9, np.nan),
-        r"infinite at \(0,\)": spoiled(q, 0, np.inf),
-        r"order x, y, z, w\) has norm 0": spoiled(q, slice(3, 7), 0.0),
-        r"has norm 1\.01": spoiled(q, 6, 1.01),
-        "expected numbers": ["x"] * 32,
-    }
-    for message, wrong in cases.items():
-        with pytest.raises(InvalidInputError, match=message):
-            hoap.snapshot(wrong)
-
-
-def test_wrong_velocities_are_refused(hoap: Robot) -> None:
-    q, v = hoap.posture(), np.zeros(hoap.nv)
-    cases = {
-        r"v: expected shape \(31,\), got \(32,\)": q,
-        r"v: NaN or infinite at \(30,\)": spoiled(v, 30, np.nan),
-        "v: expected numbers": ["a"] * 31,
-    }
-    for message, wrong in cases.items():
-        with pytest.raises(InvalidInputError, match=message):
-            hoap.snapshot(q, wrong)
-        with pytest.raises(InvalidInputError, match=message):
-            hoap.integrate(q, wrong, 0.1)
-    with pytest.raises(InvalidInputError, match="dt: must be finite"):
-        hoap.integrate(q, v, float("inf"))
-
-
-def test_complex_states_are_refused(hoap: Robot) -> None:
-    q, v = hoap.posture("standing"), np.zeros(hoap.nv)
-    with pytest.raises(InvalidInputError, match="v: expected numbers"):
-        hoap.snapshot(q, v + 1j)
-    with pytest.raises(InvalidInputError, match="q: expected numbers"):
-        hoap.snapshot([complex(x) for x in q])
 
 
 def test_the_angle_of_a_continuous_joint_must_be_one(robot_named: Load) -> None:

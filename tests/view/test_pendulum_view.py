@@ -16,11 +16,6 @@ Array = NDArray[np.float64]
 SOLE = np.array(((-0.1, -0.05), (0.1, -0.05), (0.1, 0.05), (-0.1, 0.05)))
 
 
-@pytest.fixture(autouse=True)
-def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(style, "DPI", 50)
-
-
 def history(
     com: Array,
     *,

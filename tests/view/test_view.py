@@ -16,7 +16,7 @@ from wbc.errors import InvalidInputError, WbcError
 from wbc.problem.simulation_spec import turned_with
 from wbc.robot import Robot
 from wbc.simulation import Step, Terrain
-from wbc.view import plot_robot, plot_run, robot_figure, run_figure, style
+from wbc.view import plot_robot, plot_run, robot_figure, run_figure
 from wbc.view.portrait import Pose, portraits_of
 from wbc.view.series import spread
 from wbc.view.style import save
@@ -41,12 +41,6 @@ class RunWithInertia(Run):
 @pytest.fixture(scope="module")
 def robot() -> Robot:
     return Robot.load("hoap2_like")
-
-
-@pytest.fixture
-def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw with fewer pixels, where they do not matter: it saves time."""
-    monkeypatch.setattr(style, "DPI", 50)
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +113,6 @@ def test_errors_are_norms_over_time(run: Run, figure: Figure) -> None:
     assert labels == ["inertia", "left foot", "head"]
 
 
-@pytest.mark.usefixtures("coarse")
 def test_inertias_of_the_history_are_used_if_given(robot: Robot, run: Run) -> None:
     inertia = np.tile([0.3, 0.1, 0.0, 0.3, 0.0, 0.35], (2, 1))  # moments 0.2, 0.35, 0.4
     given = RunWithInertia(run.time[:2], run.q[:2], {}, inertia)
@@ -130,7 +123,6 @@ def test_inertias_of_the_history_are_used_if_given(robot: Robot, run: Run) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("coarse")
 def test_the_same_run_gives_the_same_file(robot: Robot, run: Run, tmp_path: Path) -> None:
     short = Run(run.time[:2], run.q[:2], {"inertia": run.errors["inertia"][:2]})
     paths = [tmp_path / "first.png", tmp_path / "second.png"]
