@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 
 from wbc.errors import InvalidInputError, listed
-from wbc.validate import (
-    by_name,
-    finite_array,
-    finite_number,
-    finite_vector,
-    names_of,
-    plain_copy,
-)
+from wbc.validate import by_name, finite_array, finite_number, finite_vector, names_of, plain_copy
 
 COMPLEX = (1j, 1.0 + 0j, np.complex128(1.0))
 

@@ -137,10 +137,7 @@ def test_commands_parse(path: Path) -> None:
                 [".venv/bin/python", "setup.py"],
                 ["git", "clone"],
                 [".", ".venv/bin/activate"],
-            ) or words[0] in (
-                "cd",
-                "python",
-            )
+            ) or words[0] in ("cd", "python")
         for word in words:
             if word.startswith(("problems/", "examples/", "benchmarks/")):
                 assert (ROOT / word).is_file(), line

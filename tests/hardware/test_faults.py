@@ -6,15 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hardware_faults import (
-    CONTROLLER_FAULTS,
-    DT,
-    READING_FAULTS,
-    HungWorker,
-    Rig,
-    after,
-    soak,
-)
+from hardware_faults import CONTROLLER_FAULTS, DT, READING_FAULTS, HungWorker, Rig, after, soak
 from typer.testing import CliRunner
 
 from wbc.cli import app

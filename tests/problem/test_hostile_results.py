@@ -22,7 +22,7 @@ from wbc.problem.saved import load_result
 from wbc.view.mcap_export import write_mcap
 from wbc.view.report import report as reports
 
-COUNT = int(os.environ.get("WBC_FUZZ", "60"))
+COUNT = int(os.environ.get("WBC_FUZZ", "30"))
 PENDULUM = """\
 model: rmp_planar
 mass: 35.0
@@ -216,11 +216,7 @@ def test_damage_of_a_summary_is_named(
     ],
 )
 def test_damage_of_an_array_is_named(
-    name: str,
-    change: Callable[[Any], Any],
-    said: str,
-    results: dict[str, Arrays],
-    tmp_path: Path,
+    name: str, change: Callable[[Any], Any], said: str, results: dict[str, Arrays], tmp_path: Path
 ) -> None:
     np.savez(tmp_path / "r.npz", **{**results["run"], name: change(results["run"][name])})
     with pytest.raises(InvalidInputError, match=said):

@@ -204,9 +204,11 @@ def test_a_robot_does_not_change(hoap: Robot) -> None:
 @pytest.mark.parametrize(
     "again", [copy.copy, copy.deepcopy, lambda r: pickle.loads(pickle.dumps(r))]
 )
+@pytest.mark.parametrize("name", ["hoap2_like", "g1_27", "mixed_joints"])
 def test_a_copy_is_the_same_robot_with_its_own_memory(
-    robot: Robot, rng: np.random.Generator, again: Callable[[Robot], Robot]
+    name: str, robot_named: Load, rng: np.random.Generator, again: Callable[[Robot], Robot]
 ) -> None:
+    robot = robot_named(name)
     other = again(robot)
     assert other.workspace is not robot.workspace
     assert (other.name, other.frame_names, other.notes) == (

@@ -186,7 +186,7 @@ def test_a_script_without_the_guard_is_told_and_answered(tmp_path: Path) -> None
         "from wbc.tasks import InertiaTask\n"
         "robot = Robot.load('hoap2_like')\n"
         "task = InertiaTask(robot, np.eye(3), frame='base')\n"
-        "best = GlobalShaping(robot, [task]).solve(robot.posture(), 400, workers=2).best\n"
+        "best = GlobalShaping(robot, [task]).solve(robot.posture(), 250, workers=2).best\n"
         "print('least cost', best.cost)\n"
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)

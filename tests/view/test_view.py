@@ -221,9 +221,7 @@ def test_labels_are_spread_apart(seed: int) -> None:
     np.testing.assert_array_equal(spread(alone, 0.1), alone)
 
 
-def test_without_matplotlib_the_error_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_without_matplotlib_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(WbcError, match=r"pip install 'wbc\[plot\]'"):
         _ = wbc.view.robot_figure

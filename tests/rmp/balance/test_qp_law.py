@@ -280,11 +280,7 @@ def test_a_push_near_the_bound_makes_the_wheel_bang_bang_by_itself() -> None:
 def test_rate_limit_of_the_wheel_is_kept_and_costs_what_theory_says() -> None:
     law, _ = body("g1")
     bounds = LawBounds(
-        polygon=law.bounds.polygon,
-        friction=0.8,
-        wheel_torque=50.0,
-        wheel_angle=0.6,
-        wheel_rate=2.0,
+        polygon=law.bounds.polygon, friction=0.8, wheel_torque=50.0, wheel_angle=0.6, wheel_rate=2.0
     )
     slow = MomentumQp(law.model, bounds, law.com, law.radii, dt=DT)
     wheel = Wheel(2.1, 50.0, 0.6, 2.0)

@@ -148,9 +148,7 @@ def test_the_panel_names_what_holds_back(stage: Stage, robot: wbc.Robot) -> None
     start = robot.snapshot(q)
     wanted = start.inertia * 3.0  # out of reach: joints run into their limits
     controller = wbc.KinematicController(
-        robot,
-        [wbc.InertiaTask(robot, wanted, name="a <wide> one")],
-        limits=wbc.Limits(robot),
+        robot, [wbc.InertiaTask(robot, wanted, name="a <wide> one")], limits=wbc.Limits(robot)
     )
     at_limit = ""
     for _ in range(400):
