@@ -81,6 +81,21 @@ def test_truth_value_is_no_number(value: object) -> None:
         finite_number("dt", value)
 
 
+@pytest.mark.parametrize(
+    "value",
+    [
+        np.ma.array([1.0, 2.0], mask=[True, False]),
+        np.ma.array([1.0, 2.0]),
+        [np.ma.masked, 1.0],
+        [np.ma.array([1.0], mask=[True])[0], 1.0],
+    ],
+)
+def test_masked_arrays_are_refused(value: object) -> None:
+    """Their data hold what the mask hides."""
+    with pytest.raises(InvalidInputError, match="q: a masked array"):
+        finite_vector("q", value, 2)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("value", [np.ma.masked, np.ma.array(2.0), np.ma.array(2.0, mask=True)])
 def test_masked_number_is_refused(value: object) -> None:
     with pytest.raises(InvalidInputError, match="dt: expected a number"):

@@ -72,8 +72,6 @@ BAD: dict[str, Any] = {
     "records": np.zeros(3, dtype=[("a", float)]),
     "truth values": [True, False, True],
     "one truth value": [1.0, np.bool_(True), 2.0],
-    "a masked array": np.ma.array(np.ones(3)),
-    "masked ones": [np.ma.masked, 1.0, 2.0],
 }
 
 
