@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "wbc"
@@ -90,7 +91,8 @@ def floor(name: str) -> int:
     return (FLOORS | INNER)[name]
 
 
-def imported(path: Path, members: bool = False) -> set[str]:
+@cache
+def imported(path: Path, members: bool = False) -> frozenset[str]:
     """Return the modules that a file imports; with ``members`` also what it takes out of them."""
     names = set()
     for node in ast.walk(ast.parse(path.read_text())):
@@ -101,7 +103,7 @@ def imported(path: Path, members: bool = False) -> set[str]:
             names.add(node.module or "")
             if members:
                 names |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return names
+    return frozenset(names)
 
 
 def test_imports_go_down() -> None:

@@ -68,6 +68,7 @@ def test_a_run_goes_on_where_it_was_killed(tmp_path: Path) -> None:
     assert json.loads(path.read_text())["episodes"] == 1
 
 
+@pytest.mark.slow
 def test_an_episode_is_determined_by_its_number_whatever_ran_before() -> None:
     numbers = (k for k in range(100) if Episode(Record(seed=5), 5, k).ball is not None)
     number, places = next(numbers), []

@@ -53,6 +53,7 @@ def test_a_good_run(walk: Path, tmp_path: Path) -> None:
     assert len(outputs[1].read_text().splitlines()) == 51
 
 
+@pytest.mark.slow
 def test_a_picture(walk: Path, tmp_path: Path) -> None:
     answer = command(
         walk, "--planted", "left", "--plot", tmp_path / "p.png", "--snapshots", 2, "--quiet"

@@ -43,6 +43,7 @@ def test_what_are_no_ratios_is_said(text: str) -> None:
         ratios_of(text)
 
 
+@pytest.mark.slow
 def test_pushed_written_and_drawn(tmp_path: Path) -> None:
     places = [tmp_path / f"r.{ending}" for ending in ("json", "npz", "csv")]
     result = run(

@@ -167,6 +167,7 @@ def test_damaged_results_are_refused_or_reported(
     assert count // 4 < refused < count  # hostile, and not refused for being one of its kind
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_sound_results_are_reported(kind: str, results: dict[str, Arrays], tmp_path: Path) -> None:
     np.savez(tmp_path / "r.npz", **results[kind])

@@ -89,6 +89,7 @@ def test_a_plan_is_followed_at_the_velocity_level(folder: Path) -> None:
     np.testing.assert_allclose(com, one.parts.plan.at(time).com, atol=2e-4)
 
 
+@pytest.mark.slow
 def test_a_file_of_a_plan_is_as_good_as_its_description(folder: Path) -> None:
     load_problem(folder / "lean.yaml").run().save(folder / "lean.npz")
     solved = problem(folder).parts.plan

@@ -259,6 +259,7 @@ simulation:
 )
 
 
+@pytest.mark.slow
 def test_payloads_and_wrenches_of_a_file_are_known_recorded_and_drawn(tmp_path: Path) -> None:
     """A robot that is told of both keeps its hand; who is not told lets it sag."""
     payload = [{"frame": "right_hand", "mass": 0.3, "com": [0.02, 0.0, 0.0]}]

@@ -25,6 +25,7 @@ except wbc.WbcError as error:
 """
 
 
+@pytest.mark.slow
 def test_without_mujoco() -> None:
     done = subprocess.run(
         [sys.executable, "-c", CODE],

@@ -108,6 +108,7 @@ def test_soles_obstacles_and_targets_are_in_it(result: Result, page: str) -> Non
     np.testing.assert_allclose(targets, result.history.targets["hand"][rows], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_slopes_and_boards_are_in_it(result: Result, page: str) -> None:
     level = data_of(page)
     assert (level["slope"], level["boards"]) == ([0.0, 0.0], [])
