@@ -26,3 +26,5 @@ def test_a_slow_taker_sees_items_in_order_and_the_last_one() -> None:
     assert seen[-1] == 19_999
     assert seen == sorted(set(seen))
     assert box.dropped == 20_000 - len(seen)
+    box.put(7)
+    assert box.dropped == 20_000 - len(seen)  # it waits, and may still be taken
