@@ -88,6 +88,9 @@ int wbc_motion(const wbc_tree *tree, const double *state, const double *v, doubl
 int wbc_drifts(const wbc_tree *tree, const double *state, const double *motion, int64_t count,
                const int64_t *joint, const double *placement, double *out);
 
+/* What distances count on, here and in Python; said in source/pairs.c. */
+extern const double wbc_parallel, wbc_touching, wbc_even;
+
 /* Convex bodies on joints: hulls of corners with a radius, each in a capsule that is itself of two
  * corners and of one; and the pairs of them that are to be kept apart. */
 typedef struct {
