@@ -1,0 +1,409 @@
+"""A hand as one more support: it reaches for a wall when soles alone will not catch the robot.
+
+With the CoM c at the height h over the soles and omega^2 = g/h, soles stop a capture point
+xi = c + c'/omega that is above them. One that a push carries beyond them towards a wall needs a
+force from there: a force F at the height z_F of a hand moves the point where all contact forces
+have no moment by F z_F / (M g) beyond the soles. So, one after the other,
+
+    watching     xi is looked at, in every tick
+    reaching     it left the soles: the hand that is nearer goes to the wall below its shoulder, on
+                 a curve of least jerk, as quick as the shoulder's torque is; its place is
+                 chosen anew in every tick, for where the CoM's velocity takes the shoulder
+    leaning      it touches: a contact (:class:`~wbc.constraints.PointContact`) with the wall's
+                 normal and friction, which the QP of the tick loads as it needs, with the soles
+    withdrawing  xi is back above the soles: the contact is relieved, the hand leaves the wall
+
+From the reach to the release the trunk is kept as it was at the start: without a wall it is thrown
+the way the robot falls, for its angular momentum, and would meet the wall with the head.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.constraints import Contact, PointContact
+from wbc.constraints.friction import FrictionCone
+from wbc.controllers.checks import check_list, check_snapshot
+from wbc.controllers.torque import TorqueController
+from wbc.errors import InvalidInputError
+from wbc.gait.arms import Arm
+from wbc.gait.swing import SwingMotion, towards
+from wbc.gait.walls import Hand, Wall
+from wbc.minimum_jerk import PEAK
+from wbc.robot import Snapshot
+from wbc.tasks import AxisTask, OrientationTask, PositionTask, Task
+from wbc.validate import Array, check_fields
+
+UP = np.array((0.0, 0.0, 1.0))
+# Largest acceleration of a curve of least jerk between rest and rest, in way / time^2.
+PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
+# How far the shoulder may come nearer to a wall, in parts of the CoM's height: a robot that leans
+# by 30 degrees is not caught by any hand.
+LEAN = 0.5
+# A hand that has not met the wall so long after it should have goes back [s].
+PATIENCE = 0.3
+# A hand on the wall is no farther from it than this [m]; nor does it withdraw by less.
+LOST, AWAY = 0.02, 0.06
+AWAY_TIME = 0.3  # s
+LEAST_LEAN = 0.1  # s
+
+
+@dataclass(frozen=True)
+class LeanSettings:
+    """When hands reach for walls, how, and when they let go.
+
+    Attributes
+    ----------
+    begin:
+        How far beyond the soles the capture point is when a hand reaches [m]; negative: before.
+    end:
+        How far inside of them it is when the hand is released [m].
+    below:
+        How far below the shoulder the hand touches, in parts of the arm's length.
+    touch:
+        Distance from the wall at which the hand is taken to touch it [m].
+    late:
+        Speed at which a hand goes on that has not met the wall in time [m/s].
+    ramp:
+        How long the wall's force takes to come and to go [s].
+    weight, stiffness:
+        Of the hand in the air [1/(m/s)], and its ``kp`` [1/s^2].
+    axis:
+        Weight of the hand's pointing at the wall; its stiffness is that of the hand.
+    trunk, stiff_trunk:
+        Weight [1/(rad/s)] and ``kp`` [1/s^2] of the trunk meanwhile.
+    """
+
+    begin: float = 0.0
+    end: float = 0.02
+    below: float = 0.1
+    touch: float = 3e-3
+    late: float = 0.4
+    ramp: float = 0.02
+    weight: float = 10.0
+    stiffness: float = 900.0
+    axis: float = 1.0
+    trunk: float = 10.0
+    stiff_trunk: float = 100.0
+
+    def __post_init__(self) -> None:
+        check_fields(self, "hands, ", "begin", "end", "below")
+        check_fields(self, "hands, ", "ramp", least=0.0)
+        positive = ("touch", "late", "weight", "stiffness", "axis", "trunk", "stiff_trunk")
+        check_fields(self, "hands, ", *positive, above=0.0)
+
+
+class Watching(NamedTuple):
+    """No hand is needed."""
+
+
+class Reaching(NamedTuple):
+    """A hand is on its way to a wall.
+
+    Attributes
+    ----------
+    motion:
+        Of its frame's origin (3,), as it should be [m].
+    left:
+        Until it should touch [s]; negative: it is late.
+    """
+
+    arm: Arm
+    hand: Hand
+    wall: Wall
+    motion: SwingMotion
+    left: float
+
+
+class Leaning(NamedTuple):
+    """A hand is on a wall, for ``time`` [s] by now."""
+
+    arm: Arm
+    hand: Hand
+    wall: Wall
+    contact: PointContact
+    time: float = 0.0
+
+
+class Withdrawing(NamedTuple):
+    """A hand leaves a wall; ``left`` [s] until it is left to the posture."""
+
+    hand: Hand
+    motion: SwingMotion
+    goal: Array
+    left: float
+
+
+class HandSupport:
+    """Leans on walls with a hand where soles alone do not catch the robot.
+
+    It serves a controller that drives the CoM by itself (a task for it with a capture point's law,
+    say), and is called before each of its ticks.
+
+    Parameters
+    ----------
+    controller:
+        Gets tasks for hands and trunk, off until they are needed, and the contact of a hand.
+    start:
+        The robot as it stands.
+    hands:
+        What it leans with.
+    walls:
+        Where they are; their friction is what is counted on.
+    settings:
+        When and how.
+
+    Attributes
+    ----------
+    state:
+        :class:`Watching`, :class:`Reaching`, :class:`Leaning` or :class:`Withdrawing`.
+    time:
+        Of the ticks prepared so far [s].
+
+    Raises
+    ------
+    InvalidInputError
+        No hands or no walls, a hand without an arm, a wall that no arm can reach, or one that is
+        in a hand's way already.
+    UnknownNameError
+        No such frame.
+    """
+
+    def __init__(
+        self,
+        controller: TorqueController,
+        start: Snapshot,
+        hands: Sequence[Hand],
+        walls: Sequence[Wall],
+        settings: LeanSettings | None = None,
+    ) -> None:
+        robot = controller.robot
+        check_snapshot(robot, start)
+        for kind, given, wanted in (("hands", hands, Hand), ("walls", walls, Wall)):
+            check_list(kind, given, wanted)
+            if not given:
+                raise InvalidInputError(f"hand support, {kind}: there are none to lean with or on")
+        self.controller, self.settings = controller, settings or LeanSettings()
+        self.walls = tuple(walls)
+        self.arms = {hand: Arm.of(robot, hand.frame) for hand in hands}
+        self.state: Watching | Reaching | Leaning | Withdrawing = Watching()
+        self.time = 0.0
+        self._told: list[str] = []
+        self._check_reach(start)
+        own = self.settings
+        driven = {"kp": own.stiffness}
+        self._reach = {
+            hand: PositionTask(
+                robot, hand.frame, start.position(hand.frame), name=f"{hand.frame} reach",
+                weight=own.weight, **driven,
+            )
+            for hand in hands
+        }  # fmt: skip
+        self._point = {
+            hand: AxisTask(
+                robot, hand.frame, -self.walls[0].normal, axis=arm.pointing,
+                name=f"{hand.frame} pointing", weight=own.axis, **driven,
+            )
+            for hand, arm in self.arms.items()
+        }  # fmt: skip
+        self._trunk = {
+            trunk: OrientationTask(
+                robot, trunk, start.rotation(trunk), name=f"{trunk} by a wall",
+                kp=own.stiff_trunk, weight=own.trunk,
+            )
+            for trunk in dict.fromkeys(arm.trunk for arm in self.arms.values())
+        }  # fmt: skip
+        tasks = (*self._reach.values(), *self._point.values(), *self._trunk.values())
+        controller.change(tasks=[*controller.tasks, *tasks])
+        for task in tasks:
+            task.switch_off()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What hands did, in words."""
+        return tuple(self._told)
+
+    def beyond(self, snapshot: Snapshot, wall: Wall) -> float:
+        """Return how far the capture point is beyond the soles, towards a wall [m].
+
+        Negative is inside; without soles on the ground it is infinitely far inside.
+        """
+        level = wall.normal[:2] / np.linalg.norm(wall.normal[:2])
+        corners = [
+            snapshot.position(one.frame) + one.corners @ snapshot.rotation(one.frame).T
+            for one in self.controller.contacts
+            if isinstance(one, Contact) and one.corners is not None and not self._is_hand(one)
+        ]
+        if not corners:
+            return -math.inf
+        points = np.concatenate(corners)
+        height = max(float(snapshot.com[2] - points[:, 2].mean()), LOST)
+        omega = math.sqrt(self.controller.robot.gravity / height)
+        dcm = snapshot.com[:2] + snapshot.com_velocity[:2] / omega
+        return float((points[:, :2] @ level).min() - dcm @ level)
+
+    def prepare(self, snapshot: Snapshot) -> None:
+        """Set goals and contacts for the tick of a measured state."""
+        before = self.state
+        match before:
+            case Watching():
+                self.state = self._watched(snapshot)
+            case Reaching():
+                self.state = self._reached(snapshot, before)
+            case Leaning():
+                self.state = self._leant(snapshot, before)
+            case Withdrawing():
+                self.state = self._withdrawn(snapshot, before)
+        self.time += self.controller.dt
+
+    # ------------------------------------------------------------------ from state to state
+
+    def _watched(self, snapshot: Snapshot) -> Watching | Reaching:
+        """Return what comes of a tick without a hand."""
+        for wall in self.walls:
+            if self.beyond(snapshot, wall) <= self.settings.begin:
+                continue
+            found = [self._begun(snapshot, hand, wall) for hand in self.arms]
+            able = [one for one in found if one is not None]
+            if not able:
+                continue
+            first = min(able, key=lambda one: one.left)
+            self._point[first.hand].set_target(-wall.normal)
+            _weigh(self._reach[first.hand], self.settings.weight)
+            _weigh(self._point[first.hand], self.settings.axis)
+            _weigh(self._trunk[first.arm.trunk], self.settings.trunk)
+            self._tell(f"{first.hand.frame} reaches for a wall, in {first.left:.2f} s")
+            return first
+        return Watching()
+
+    def _begun(self, snapshot: Snapshot, hand: Hand, wall: Wall) -> Reaching | None:
+        """Return a hand on its way to a wall; None if it cannot get there."""
+        arm, place = self.arms[hand], snapshot.position(hand.frame)
+        if any(one.name == hand.frame for one in self.controller.contacts):  # it is leaving one
+            return None
+        left = 0.0
+        for _ in range(3):  # where it goes depends on when
+            goal, shoulder = self._goal(snapshot, arm, hand, wall, left)
+            way = float(np.linalg.norm(goal - place))
+            quick = math.sqrt(PEAK_ACCELERATION * way / arm.acceleration)
+            left = max(PEAK * way / arm.speed, quick)
+        if float(np.linalg.norm(goal - shoulder)) > arm.length:
+            return None
+        velocity = snapshot.jacobian(hand.frame)[:3] @ snapshot.v
+        return Reaching(arm, hand, wall, SwingMotion(place, velocity, np.zeros(3)), left)
+
+    def _goal(
+        self, snapshot: Snapshot, arm: Arm, hand: Hand, wall: Wall, left: float
+    ) -> tuple[Array, Array]:
+        """Return where the hand should touch (3,), and where its shoulder will then be [m]."""
+        shoulder = snapshot.position(arm.shoulder) + max(left, 0.0) * snapshot.com_velocity
+        aim = wall.nearest(shoulder - self.settings.below * arm.length * UP, hand.radius)
+        return aim + hand.radius * wall.normal, shoulder
+
+    def _reached(self, snapshot: Snapshot, now: Reaching) -> Watching | Reaching | Leaning:
+        """Return what comes of a tick on the way."""
+        hand, wall, dt, own = now.hand, now.wall, self.controller.dt, self.settings
+        place = snapshot.position(hand.frame)
+        gap = wall.distance(place) - hand.radius
+        if gap <= own.touch:
+            contact = PointContact(
+                self.controller.robot, hand.frame, place - gap * wall.normal,
+                snapshot.rotation(hand.frame), normal=wall.normal,
+                friction=FrictionCone(wall.friction),
+            )  # fmt: skip
+            self._reach[hand].switch_off()
+            self.controller.set_contacts([*self.controller.contacts, contact], ramp=own.ramp)
+            self._tell(f"{hand.frame} leans on the wall")
+            return Leaning(now.arm, hand, wall, contact)
+        left = now.left - dt
+        if left < -PATIENCE:
+            self._tell(f"{hand.frame} missed the wall: {1e3 * gap:.0f} mm off")
+            self._rest(hand)
+            return Watching()
+        if left > 0.0:
+            goal, _ = self._goal(snapshot, now.arm, hand, wall, left)
+            motion = towards(now.motion, goal, now.left, dt)
+        else:
+            velocity = -own.late * wall.normal
+            motion = SwingMotion(now.motion.value + velocity * dt, velocity, np.zeros(3))
+        self._reach[hand].set_target(*motion)
+        return now._replace(motion=motion, left=left)
+
+    def _leant(self, snapshot: Snapshot, now: Leaning) -> Leaning | Withdrawing:
+        """Return what comes of a tick on the wall."""
+        hand, wall, own = now.hand, now.wall, self.settings
+        place = snapshot.position(hand.frame)
+        lost = wall.distance(place) - hand.radius > LOST
+        back = self.beyond(snapshot, wall) < -own.end and now.time > LEAST_LEAN
+        if not lost and not back:
+            return now._replace(time=now.time + self.controller.dt)
+        held = [one for one in self.controller.contacts if one is not now.contact]
+        self.controller.set_contacts(held, ramp=own.ramp)
+        why = "lost the wall" if lost else "is released"
+        self._tell(f"{hand.frame} {why} after {now.time:.2f} s")
+        self._rest(hand)
+        _weigh(self._reach[hand], own.weight)
+        return Withdrawing(hand, SwingMotion.rest(place), place + AWAY * wall.normal, AWAY_TIME)
+
+    def _withdrawn(self, snapshot: Snapshot, now: Withdrawing) -> Watching | Withdrawing | Reaching:
+        """Return what comes of a tick on the way back."""
+        again = self._watched(snapshot)
+        if isinstance(again, Reaching):
+            if again.hand is not now.hand:
+                self._reach[now.hand].switch_off()
+            return again
+        dt = self.controller.dt
+        if now.left <= dt:
+            self._reach[now.hand].switch_off()
+            return Watching()
+        motion = towards(now.motion, now.goal, now.left, dt)
+        self._reach[now.hand].set_target(*motion)
+        return now._replace(motion=motion, left=now.left - dt)
+
+    def _rest(self, hand: Hand) -> None:
+        """Leave hand and trunk to the other tasks."""
+        self._reach[hand].switch_off()
+        self._point[hand].switch_off()
+        self._trunk[self.arms[hand].trunk].switch_off()
+
+    # ------------------------------------------------------------------ checks, words
+
+    def _is_hand(self, contact: Contact) -> bool:
+        return any(contact.frame == hand.frame for hand in self.arms)
+
+    def _tell(self, what: str) -> None:
+        self._told.append(f"{self.time:.3f} s: {what}")
+
+    def _check_reach(self, start: Snapshot) -> None:
+        """Refuse walls that no hand can reach, or that are where a hand is."""
+        for k, wall in enumerate(self.walls):
+            spare = dict[str, float]()
+            for hand, arm in self.arms.items():
+                gap = wall.distance(start.position(hand.frame)) - hand.radius
+                if gap < self.settings.touch:
+                    raise InvalidInputError(
+                        f"hand support: wall {k} is {1e3 * gap:.0f} mm from {hand.frame!r} at the"
+                        " start, or behind it; its normal points at the robot, and there is room"
+                    )
+                shoulder = start.position(arm.shoulder)
+                goal = wall.nearest(shoulder, hand.radius) + hand.radius * wall.normal
+                way = float(np.linalg.norm(goal - shoulder))
+                spare[hand.frame] = arm.length + LEAN * float(start.com[2]) - way
+            nearest = max(spare, key=lambda name: spare[name])
+            if spare[nearest] < 0.0:
+                raise InvalidInputError(
+                    f"hand support: wall {k} is out of reach of {', '.join(spare)}, by"
+                    f" {-spare[nearest]:.2f} m for {nearest!r} even if the robot leans by"
+                    f" {math.degrees(LEAN):.0f} degrees; move it, or leave it out"
+                )
+
+
+def _weigh(task: Task, weight: float) -> None:
+    """Switch a task on."""
+    if not task.weight.any():
+        task.weight = weight
