@@ -9,6 +9,7 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
 
+WALL_THICKNESS = 0.1  # m
 LEAST_UPRIGHT = 0.1  # horizontal part of a unit normal: a flatter face is ground
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from wbc.errors import ModelError
 from wbc.gait.arms import Arm
+from wbc.gait.walls import WALL_THICKNESS
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.simulation.mismatch import ModelMismatch, PrincipalInertia, true_inertias
@@ -32,7 +33,7 @@ FRICTION_STIFFNESS = 100.0
 # 2e-17, all other robots 1.5e-5 and more. Real joints have rotors.
 LEAST_FELT = 1e-8  # kg m^2, or kg
 WORLD_SITE = "world site"
-WALL, WALL_THICKNESS = "wall ", 0.1  # m
+WALL = "wall "  # and its number: a geom's name
 _FAR = 1e6  # stands for a limit that is missing on one side [rad or m]
 
 
