@@ -6,7 +6,7 @@ force from there: a force F at the height z_F of a hand moves the point where al
 have no moment by F z_F / (M g) beyond the soles. So, one after the other,
 
     watching     xi is looked at, in every tick
-    reaching     it left the soles: the hand that is nearer goes to the wall below its shoulder, on
+    reaching     it is about to leave the soles: the hand that is nearer goes to the wall below its shoulder, on
                  a curve of least jerk, as quick as the shoulder's torque is; its place is
                  chosen anew in every tick, for where the CoM's velocity takes the shoulder
     leaning      it touches: a contact (:class:`~wbc.constraints.PointContact`) with the wall's
@@ -60,9 +60,12 @@ class LeanSettings:
     Attributes
     ----------
     begin:
-        How far beyond the soles the capture point is when a hand reaches [m]; negative: before.
+        How near the capture point is to the edge of the soles, inside, when a hand reaches [m].
+        Soles may suffice for one that stays inside, but throw the trunk for that: a G1 that was
+        pushed towards a wall in front by 1.5 M omega d met it with its head at 0, its capture
+        point 13 mm inside, and stood with 20 mm.
     end:
-        How far inside of them it is when the hand is released [m].
+        How far inside it is when the hand is released [m], farther than that.
     below:
         How far below the shoulder the hand touches, in parts of the arm's length.
     touch:
@@ -79,8 +82,8 @@ class LeanSettings:
         Weight [1/(rad/s)] and ``kp`` [1/s^2] of the trunk meanwhile.
     """
 
-    begin: float = 0.0
-    end: float = 0.02
+    begin: float = 0.02
+    end: float = 0.04
     below: float = 0.1
     touch: float = 3e-3
     late: float = 0.4
@@ -92,8 +95,13 @@ class LeanSettings:
     stiff_trunk: float = 100.0
 
     def __post_init__(self) -> None:
-        check_fields(self, "hands, ", "begin", "end", "below")
-        check_fields(self, "hands, ", "ramp", least=0.0)
+        check_fields(self, "hands, ", "below")
+        check_fields(self, "hands, ", "begin", "end", "ramp", least=0.0)
+        if self.end <= self.begin:
+            raise InvalidInputError(
+                f"hands, end: {self.end:g} m is not farther inside than begin ({self.begin:g} m):"
+                " a hand that is released would reach again"
+            )
         positive = ("touch", "late", "weight", "stiffness", "axis", "trunk", "stiff_trunk")
         check_fields(self, "hands, ", *positive, above=0.0)
 
@@ -266,7 +274,7 @@ class HandSupport:
     def _watched(self, snapshot: Snapshot) -> Watching | Reaching:
         """Return what comes of a tick without a hand."""
         for wall in self.walls:
-            if self.beyond(snapshot, wall) <= self.settings.begin:
+            if self.beyond(snapshot, wall) <= -self.settings.begin:
                 continue
             found = [self._begun(snapshot, hand, wall) for hand in self.arms]
             able = [one for one in found if one is not None]

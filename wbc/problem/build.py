@@ -132,6 +132,7 @@ def _check_parts(spec: ProblemSpec, parts: Parts, start: Snapshot, mistakes: Mis
     controller = mistakes.require(("controller",), make)
     with mistakes.at("hands"):
         hands_of(spec, parts, controller)
+    mistakes.raise_any()
     if isinstance(spec.controller, GlobalSpec):
         search = partial(global_shaping, parts, spec, spec.controller)
         mistakes.require(("controller",), search)
