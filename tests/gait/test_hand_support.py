@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.conftest import load
 from wbc.constraints import PointContact, support
 from wbc.controllers import TorqueController
 from wbc.errors import InvalidInputError, ProblemFileError, UnknownNameError
@@ -15,8 +16,6 @@ from wbc.problem.problem import Problem
 from wbc.robot import Snapshot
 from wbc.simulation import FallLimits, Plant, Terrain, simulate
 from wbc.tasks import ComTask, PostureTask
-
-from tests.conftest import load
 
 PROBLEM = Path(__file__).parents[2] / "problems" / "wall_g1.yaml"
 LEFT = Hand("left_rubber_hand")

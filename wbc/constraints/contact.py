@@ -254,8 +254,10 @@ class PointContact(Contact):
         check_snapshot(f"{cls.__name__}.hold", snapshot)
         snapshot.robot.frame_id(frame)
         position, rotation = snapshot.position(frame), snapshot.rotation(frame)
-        given = {"friction": friction, "corners": corners, "normal": normal}
-        return cls(snapshot.robot, frame, position, rotation, **given, **law)
+        return cls(
+            snapshot.robot, frame, position, rotation, normal=normal, friction=friction,
+            corners=corners, **law,
+        )  # fmt: skip
 
     def _corners(self, given: ArrayLike | None) -> Array:
         if given is not None:

@@ -1,9 +1,10 @@
 """Contact forces as unknowns: where they act, what they do to the robot, what contacts bear.
 
 A surface bears a force at each of its corners, in the contact frame's axes with the normal along z;
-a point bears one, in the world's, with a normal of its own. What pulls and twists as well (a grip, a bolted base, the gear of
-a mimic joint, a closed loop) bears a free force along each of its rows. Tasks that are held exactly
-without being any of these, such as a CoM held over a point, bear none: motors alone hold them.
+a point bears one, in the world's, with a normal of its own. What pulls and twists as well (a grip,
+a bolted base, the gear of a mimic joint, a closed loop) bears a free force along each of its rows.
+Tasks that are held exactly without being any of these, such as a CoM held over a point, bear none:
+motors alone hold them.
 
 The unknowns are not forces but what they do in one tick to a robot of this mass, ``f dt / m`` in
 m/s. They are then as large as velocities, which the QP's conditioning needs: beside tasks of

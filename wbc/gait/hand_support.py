@@ -6,9 +6,10 @@ force from there: a force F at the height z_F of a hand moves the point where al
 have no moment by F z_F / (M g) beyond the soles. So, one after the other,
 
     watching     xi is looked at, in every tick
-    reaching     it is about to leave the soles: the hand that is nearer goes to the wall below its shoulder, on
-                 a curve of least jerk, as quick as the shoulder's torque is; its place is
-                 chosen anew in every tick, for where the CoM's velocity takes the shoulder
+    reaching     it is about to leave the soles: the hand that is sooner there goes to the wall
+                 below its shoulder, on a curve of least jerk, as quick as the shoulder's torque is;
+                 its place is chosen anew in every tick, for where the CoM's velocity takes the
+                 shoulder
     leaning      it touches: a contact (:class:`~wbc.constraints.PointContact`) with the wall's
                  normal and friction, which the QP of the tick loads as it needs, with the soles
     withdrawing  xi is back above the soles: the contact is relieved, the hand leaves the wall
@@ -204,18 +205,17 @@ class HandSupport:
         self._told: list[str] = []
         self._check_reach(start)
         own = self.settings
-        driven = {"kp": own.stiffness}
         self._reach = {
             hand: PositionTask(
                 robot, hand.frame, start.position(hand.frame), name=f"{hand.frame} reach",
-                weight=own.weight, **driven,
+                kp=own.stiffness, weight=own.weight,
             )
             for hand in hands
         }  # fmt: skip
         self._point = {
             hand: AxisTask(
                 robot, hand.frame, -self.walls[0].normal, axis=arm.pointing,
-                name=f"{hand.frame} pointing", weight=own.axis, **driven,
+                name=f"{hand.frame} pointing", kp=own.stiffness, weight=own.axis,
             )
             for hand, arm in self.arms.items()
         }  # fmt: skip

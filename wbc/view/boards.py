@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from wbc.gait.walls import WALL_THICKNESS, Wall
 from wbc.robot.collision import Hull
 from wbc.robot.geometry import Surface
-from wbc.gait.walls import WALL_THICKNESS, Wall
 from wbc.simulation.terrain import Step, Terrain
 from wbc.validate import Array
 from wbc.view.solids import solid_surface
