@@ -52,6 +52,9 @@ PATIENCE = 0.3
 LOST, AWAY = 0.02, 0.06
 AWAY_TIME = 0.3  # s
 LEAST_LEAN = 0.1  # s
+# The trunk is held up until the CoM is as slow as this again [m/s]. Let go with the hand, it was
+# thrown by 0.9 rad at the wall that the robot swung away from.
+CALM = 0.1
 
 
 @dataclass(frozen=True)
@@ -140,7 +143,7 @@ class Leaning(NamedTuple):
 
 
 class Withdrawing(NamedTuple):
-    """A hand leaves a wall; ``left`` [s] until it is left to the posture."""
+    """A hand leaves a wall; ``left`` [s] until it is left to the posture, and then to rest."""
 
     hand: Hand
     motion: SwingMotion
@@ -354,7 +357,7 @@ class HandSupport:
         self.controller.set_contacts(held, ramp=own.ramp)
         why = "lost the wall" if lost else "is released"
         self._tell(f"{hand.frame} {why} after {now.time:.2f} s")
-        self._rest(hand)
+        self._point[hand].switch_off()
         _weigh(self._reach[hand], own.weight)
         return Withdrawing(hand, SwingMotion.rest(place), place + AWAY * wall.normal, AWAY_TIME)
 
@@ -368,7 +371,10 @@ class HandSupport:
         dt = self.controller.dt
         if now.left <= dt:
             self._reach[now.hand].switch_off()
-            return Watching()
+            if float(np.linalg.norm(snapshot.com_velocity)) < CALM:
+                self._rest(now.hand)
+                return Watching()
+            return now
         motion = towards(now.motion, now.goal, now.left, dt)
         self._reach[now.hand].set_target(*motion)
         return now._replace(motion=motion, left=now.left - dt)
