@@ -10,7 +10,7 @@ from wbc.constraints import PointContact, support
 from wbc.controllers import TorqueController
 from wbc.errors import InvalidInputError, ProblemFileError, UnknownNameError
 from wbc.gait import Arm, Hand, HandSupport, Wall, WithHands
-from wbc.gait.hand_support import Leaning, Reaching, Watching
+from wbc.gait.leaning import Leaning, Reaching, Watching
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem
 from wbc.robot import Snapshot
@@ -75,6 +75,8 @@ def test_an_arm_is_what_its_model_says(start: Snapshot) -> None:
         s = start.robot.snapshot(q)
         far = np.linalg.norm(s.position(LEFT.frame) - s.position(arm.shoulder))
         assert far < arm.length / 0.98 + 1e-12
+    with pytest.raises(InvalidInputError, match="is 0 mm from left_shoulder_pitch"):
+        Arm.of(load("hoap2_like"), "left_upper_arm")
     with pytest.raises(InvalidInputError, match="0 joints of g1 move it without the trunk"):
         Arm.of(start.robot, "torso_link")
 

@@ -3,7 +3,8 @@
 from wbc.gait.arms import Arm
 from wbc.gait.command import Admitted, CommandLimits, Velocity
 from wbc.gait.hand_supervisor import WithHands
-from wbc.gait.hand_support import HandSupport, LeanSettings
+from wbc.gait.hand_support import HandSupport
+from wbc.gait.leaning import LeanSettings
 from wbc.gait.legs import Legs
 from wbc.gait.prescribed_steps import Footstep, Landing
 from wbc.gait.settings import GaitSettings

@@ -21,7 +21,8 @@ HEAVIEST = 0.25
 LEAST_JOINTS = 3
 # Of an arm those that move the hand farthest; the weaker of them says how fast it gets there.
 SHOULDER_JOINTS = 2
-# A hand nearer to its last joint than this [m] points as the link before it does.
+# A hand nearer to its last joint than this [m] points as the link before it does; and no arm is
+# shorter.
 POINTING = 0.02
 
 
@@ -38,7 +39,7 @@ class Arm:
     trunk:
         Link that carries it.
     forearm:
-        Pinocchio's indices of the joints from the elbow on, which is the one that stretches it.
+        Pinocchio's indices of the joints from the elbow on: the one in the middle of its length.
     length:
         Largest distance of the hand from the shoulder to count on [m].
     pointing:
@@ -65,7 +66,7 @@ class Arm:
         UnknownNameError
             No such frame.
         InvalidInputError
-            Fewer than three joints move it without moving the trunk.
+            Fewer than three joints move it without moving the trunk, or it is at its shoulder.
         """
         model = robot.model
         joints = arm_joints(robot, frame)
@@ -79,9 +80,14 @@ class Arm:
         places.append(np.array(robot.frame(frame).placement.translation))
         columns = [int(model.idx_vs[joint]) for joint in joints]
         J, limits = s.jacobian(frame)[:3], robot.limits
-        shoulder = str(model.names[joints[0]])
-        along = s.position(frame) - s.position(shoulder)
-        elbow = int(np.abs(along @ J[:, columns[1:]]).argmax()) + 1
+        ways = np.cumsum([np.linalg.norm(place) for place in places])
+        length = float(ways[-1])
+        if length < POINTING:
+            raise InvalidInputError(
+                f"hand {frame!r}: is {1e3 * length:.0f} mm from {model.names[joints[0]]}; name a"
+                " frame at the end of an arm"
+            )
+        elbow = int(np.abs(ways[:-1] - 0.5 * length).argmin()) + 1
         levers = np.linalg.norm(J[:, columns], axis=0)
         strong = np.argsort(levers)[-SHOULDER_JOINTS:]
         own = [columns[k] for k in strong]
@@ -92,10 +98,10 @@ class Arm:
         parent = int(model.parents[joints[0]])
         return cls(
             hand=frame,
-            shoulder=shoulder,
+            shoulder=str(model.names[joints[0]]),
             trunk=_link_of(robot, parent),
             forearm=tuple(joints[elbow:]),
-            length=STRETCH * float(np.linalg.norm(places, axis=1).sum()),
+            length=STRETCH * length,
             pointing=_pointing(s.rotation(frame), s.position(frame), [
                 s.position(str(model.names[joint])) for joint in reversed(joints)
             ]),

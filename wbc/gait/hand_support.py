@@ -22,8 +22,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -33,12 +31,13 @@ from wbc.controllers.checks import check_list, check_snapshot
 from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError
 from wbc.gait.arms import Arm
+from wbc.gait.leaning import Leaning, LeanSettings, Reaching, Watching, Withdrawing
 from wbc.gait.swing import SwingMotion, towards
 from wbc.gait.walls import Hand, Wall
 from wbc.minimum_jerk import PEAK
 from wbc.robot import Snapshot
 from wbc.tasks import AxisTask, OrientationTask, PositionTask, Task
-from wbc.validate import Array, check_fields
+from wbc.validate import Array
 
 UP = np.array((0.0, 0.0, 1.0))
 # Largest acceleration of a curve of least jerk between rest and rest, in way / time^2.
@@ -48,107 +47,15 @@ PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 LEAN = 0.5
 # A hand that has not met the wall so long after it should have goes back [s].
 PATIENCE = 0.3
-# A hand on the wall is no farther from it than this [m]; nor does it withdraw by less.
-LOST, AWAY = 0.02, 0.06
-AWAY_TIME = 0.3  # s
-LEAST_LEAN = 0.1  # s
+# A hand that leans and is farther from its wall than this [m] has lost it.
+LOST = 0.02
+# A hand that is released goes back so far [m] in such a time [s], before it is left to the posture.
+AWAY, AWAY_TIME = 0.06, 0.3
+# A hand leans at least so long [s]: as it meets the wall the capture point jumps.
+LEAST_LEAN = 0.1
 # The trunk is held up until the CoM is as slow as this again [m/s]. Let go with the hand, it was
 # thrown by 0.9 rad at the wall that the robot swung away from.
 CALM = 0.1
-
-
-@dataclass(frozen=True)
-class LeanSettings:
-    """When hands reach for walls, how, and when they let go.
-
-    Attributes
-    ----------
-    begin:
-        How near the capture point is to the edge of the soles, inside, when a hand reaches [m].
-        Soles may suffice for one that stays inside, but throw the trunk for that: a G1 that was
-        pushed towards a wall in front by 1.5 M omega d met it with its head at 0, its capture
-        point 13 mm inside, and stood with 20 mm.
-    end:
-        How far inside it is when the hand is released [m], farther than that.
-    below:
-        How far below the shoulder the hand touches, in parts of the arm's length.
-    touch:
-        Distance from the wall at which the hand is taken to touch it [m].
-    late:
-        Speed at which a hand goes on that has not met the wall in time [m/s].
-    ramp:
-        How long the wall's force takes to come and to go [s].
-    weight, stiffness:
-        Of the hand in the air [1/(m/s)], and its ``kp`` [1/s^2].
-    axis:
-        Weight of the hand's pointing at the wall; its stiffness is that of the hand.
-    trunk, stiff_trunk:
-        Weight [1/(rad/s)] and ``kp`` [1/s^2] of the trunk meanwhile.
-    """
-
-    begin: float = 0.02
-    end: float = 0.04
-    below: float = 0.1
-    touch: float = 3e-3
-    late: float = 0.4
-    ramp: float = 0.02
-    weight: float = 10.0
-    stiffness: float = 900.0
-    axis: float = 1.0
-    trunk: float = 10.0
-    stiff_trunk: float = 100.0
-
-    def __post_init__(self) -> None:
-        check_fields(self, "hands, ", "below")
-        check_fields(self, "hands, ", "begin", "end", "ramp", least=0.0)
-        if self.end <= self.begin:
-            raise InvalidInputError(
-                f"hands, end: {self.end:g} m is not farther inside than begin ({self.begin:g} m):"
-                " a hand that is released would reach again"
-            )
-        positive = ("touch", "late", "weight", "stiffness", "axis", "trunk", "stiff_trunk")
-        check_fields(self, "hands, ", *positive, above=0.0)
-
-
-class Watching(NamedTuple):
-    """No hand is needed."""
-
-
-class Reaching(NamedTuple):
-    """A hand is on its way to a wall.
-
-    Attributes
-    ----------
-    motion:
-        Of its frame's origin (3,), as it should be [m].
-    left:
-        Until it should touch [s]; negative: it is late.
-    """
-
-    arm: Arm
-    hand: Hand
-    wall: Wall
-    motion: SwingMotion
-    left: float
-
-
-class Leaning(NamedTuple):
-    """A hand is on a wall, for ``time`` [s] by now."""
-
-    arm: Arm
-    hand: Hand
-    wall: Wall
-    contact: PointContact
-    time: float = 0.0
-
-
-class Withdrawing(NamedTuple):
-    """A hand leaves a wall; ``left`` [s] until it is left to the posture, and then to rest."""
-
-    hand: Hand
-    motion: SwingMotion
-    goal: Array
-    left: float
 
 
 class HandSupport:
@@ -206,6 +113,7 @@ class HandSupport:
         self.state: Watching | Reaching | Leaning | Withdrawing = Watching()
         self.time = 0.0
         self._told: list[str] = []
+        self._beyond_reach = set[int]()
         self._check_reach(start)
         own = self.settings
         self._reach = {
@@ -276,12 +184,18 @@ class HandSupport:
 
     def _watched(self, snapshot: Snapshot) -> Watching | Reaching:
         """Return what comes of a tick without a hand."""
-        for wall in self.walls:
+        held = {one.name for one in self.controller.contacts}  # by hands that leave a wall, too
+        for k, wall in enumerate(self.walls):
             if self.beyond(snapshot, wall) <= -self.settings.begin:
+                self._beyond_reach.discard(k)
                 continue
-            found = [self._begun(snapshot, hand, wall) for hand in self.arms]
+            free = [hand for hand in self.arms if hand.frame not in held]
+            found = [self._begun(snapshot, hand, wall) for hand in free]
             able = [one for one in found if one is not None]
             if not able:
+                if free and k not in self._beyond_reach:
+                    self._tell(f"no hand can reach wall {k}, towards which the robot falls")
+                    self._beyond_reach.add(k)
                 continue
             first = min(able, key=lambda one: one.left)
             self._point[first.hand].set_target(-wall.normal)
@@ -295,8 +209,6 @@ class HandSupport:
     def _begun(self, snapshot: Snapshot, hand: Hand, wall: Wall) -> Reaching | None:
         """Return a hand on its way to a wall; None if it cannot get there."""
         arm, place = self.arms[hand], snapshot.position(hand.frame)
-        if any(one.name == hand.frame for one in self.controller.contacts):  # it is leaving one
-            return None
         left = 0.0
         for _ in range(3):  # where it goes depends on when
             goal, shoulder = self._goal(snapshot, arm, hand, wall, left)
