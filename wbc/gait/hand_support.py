@@ -53,9 +53,10 @@ LOST = 0.02
 AWAY, AWAY_TIME = 0.06, 0.3
 # A hand leans at least so long [s]: as it meets the wall the capture point jumps.
 LEAST_LEAN = 0.1
-# The trunk is held up until the CoM is as slow as this again [m/s]. Let go with the hand, it was
-# thrown by 0.9 rad at the wall that the robot swung away from.
-CALM = 0.1
+# The trunk is held up until the CoM goes away from the wall, or to it, no faster than this [m/s].
+# Let go with the hand, it was thrown by 0.9 rad at the wall that the robot swung away from; held
+# until the CoM is at rest, it was missed by a robot that then fell backwards, along the wall.
+CALM = 0.25
 
 
 class HandSupport:
@@ -271,7 +272,8 @@ class HandSupport:
         self._tell(f"{hand.frame} {why} after {now.time:.2f} s")
         self._point[hand].switch_off()
         _weigh(self._reach[hand], own.weight)
-        return Withdrawing(hand, SwingMotion.rest(place), place + AWAY * wall.normal, AWAY_TIME)
+        goal = place + AWAY * wall.normal
+        return Withdrawing(hand, wall, SwingMotion.rest(place), goal, AWAY_TIME)
 
     def _withdrawn(self, snapshot: Snapshot, now: Withdrawing) -> Watching | Withdrawing | Reaching:
         """Return what comes of a tick on the way back."""
@@ -283,7 +285,7 @@ class HandSupport:
         dt = self.controller.dt
         if now.left <= dt:
             self._reach[now.hand].switch_off()
-            if float(np.linalg.norm(snapshot.com_velocity)) < CALM:
+            if abs(float(snapshot.com_velocity @ now.wall.normal)) < CALM:
                 self._rest(now.hand)
                 return Watching()
             return now

@@ -102,6 +102,7 @@ class Withdrawing(NamedTuple):
     """A hand leaves a wall; ``left`` [s] until it is left to the posture, and then to rest."""
 
     hand: Hand
+    wall: Wall
     motion: SwingMotion
     goal: Array
     left: float
