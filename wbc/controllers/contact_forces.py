@@ -280,12 +280,12 @@ class Reaction:
         """Return the centre of pressure (3,) of all surfaces and points, or None if none is loaded.
 
         The mean of the points at which forces act, weighed by the normal forces there: that is the
-        CoP of coplanar contacts, and a point between them otherwise. What is steeper than 45
-        degrees, such as a wall, is none of it.
+        CoP of coplanar contacts, and a point between them otherwise. Points on what is steeper
+        than 45 degrees, such as a wall, are none of it.
         """
         total, moment = 0.0, np.zeros(3)
         for part in self.layout.parts:
-            if part.surface is not None and (part.axes(self.snapshot) @ part.normal)[2] > STEEP:
+            if part.surface is not None and part.normal[2] > STEEP:
                 normal = part.normal_forces(self.f)
                 total += float(normal.sum())
                 moment += normal @ part.points(self.snapshot)

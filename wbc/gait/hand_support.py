@@ -12,7 +12,8 @@ have no moment by F z_F / (M g) beyond the soles. So, one after the other,
                  shoulder
     leaning      it touches: a contact (:class:`~wbc.constraints.PointContact`) with the wall's
                  normal and friction, which the QP of the tick loads as it needs, with the soles
-    withdrawing  xi is back above the soles: the contact is relieved, the hand leaves the wall
+    withdrawing  xi is well above the soles again, from all of their edges: the contact is relieved,
+                 the hand leaves the wall
 
 From the reach to the release the trunk is kept as it was at the start: without a wall it is thrown
 the way the robot falls, for its angular momentum, and would meet the wall with the head.
@@ -35,6 +36,7 @@ from wbc.gait.leaning import Leaning, LeanSettings, Reaching, Watching, Withdraw
 from wbc.gait.swing import SwingMotion, towards
 from wbc.gait.walls import Hand, Wall
 from wbc.minimum_jerk import PEAK
+from wbc.polygon import convex_hull, polygon_margin
 from wbc.robot import Snapshot
 from wbc.tasks import AxisTask, OrientationTask, PositionTask, Task
 from wbc.validate import Array
@@ -153,19 +155,33 @@ class HandSupport:
 
         Negative is inside; without soles on the ground it is infinitely far inside.
         """
+        found = self._soles_and_dcm(snapshot)
+        if found is None:
+            return -math.inf
+        corners, dcm = found
         level = wall.normal[:2] / np.linalg.norm(wall.normal[:2])
+        return float((corners @ level).min() - dcm @ level)
+
+    def _soles_and_dcm(self, snapshot: Snapshot) -> tuple[Array, Array] | None:
+        """Return the corners (k, 2) of the soles that stand, and the capture point (2,) [m]."""
         corners = [
             snapshot.position(one.frame) + one.corners @ snapshot.rotation(one.frame).T
             for one in self.controller.contacts
             if isinstance(one, Contact) and one.corners is not None and not self._is_hand(one)
         ]
         if not corners:
-            return -math.inf
+            return None
         points = np.concatenate(corners)
         height = max(float(snapshot.com[2] - points[:, 2].mean()), LOST)
         omega = math.sqrt(self.controller.robot.gravity / height)
-        dcm = snapshot.com[:2] + snapshot.com_velocity[:2] / omega
-        return float((points[:, :2] @ level).min() - dcm @ level)
+        return points[:, :2], snapshot.com[:2] + snapshot.com_velocity[:2] / omega
+
+    def _inside(self, snapshot: Snapshot) -> float:
+        """Return how far the capture point is inside the polygon of the soles [m]."""
+        found = self._soles_and_dcm(snapshot)
+        if found is None:
+            return -math.inf
+        return float(polygon_margin(convex_hull(found[0]), found[1]))
 
     def prepare(self, snapshot: Snapshot) -> None:
         """Set goals and contacts for the tick of a measured state."""
@@ -263,7 +279,7 @@ class HandSupport:
         hand, wall, own = now.hand, now.wall, self.settings
         place = snapshot.position(hand.frame)
         lost = wall.distance(place) - hand.radius > LOST
-        back = self.beyond(snapshot, wall) < -own.end and now.time > LEAST_LEAN
+        back = self._inside(snapshot) > own.end and now.time > LEAST_LEAN
         if not lost and not back:
             return now._replace(time=now.time + self.controller.dt)
         held = [one for one in self.controller.contacts if one is not now.contact]

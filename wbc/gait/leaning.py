@@ -25,7 +25,9 @@ class LeanSettings:
         pushed towards a wall in front by 1.5 M omega d met it with its head at 0, its capture
         point 13 mm inside, and stood with 20 mm.
     end:
-        How far inside it is when the hand is released [m], farther than that.
+        How far inside, from all edges, it is when the hand is released [m]; more than ``begin``.
+        A G1 that was held by its hand until it was so far from the edge towards the wall alone fell
+        backwards along the wall afterwards, pushed by 2.1 M omega d.
     below:
         How far below the shoulder the hand touches, in parts of the arm's length.
     touch:
