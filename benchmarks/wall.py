@@ -7,7 +7,7 @@ were survived. Without the hand twice: without the wall, and beside it, where to
 why, and which motors were at their bounds from the reach on. Settings were chosen on seeds
 0, 1, 10 and 20.
 
-    python benchmarks/wall.py [--seeds 30 31] [--distances 0.5 0.45] [--output FILE]
+    python benchmarks/wall.py [--seeds 30 31] [--distances 0.5] [--output FILE]
 """
 
 import os
@@ -132,7 +132,7 @@ def summary(limits: Sequence[Limit]) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, nargs="+", default=[30, 31])
-    parser.add_argument("--distances", type=float, nargs="+", default=[0.5, 0.45])
+    parser.add_argument("--distances", type=float, nargs="+", default=[0.5])
     parser.add_argument("--variants", nargs="+", default=list(VARIANTS), choices=list(VARIANTS))
     parser.add_argument("--set", nargs="*", default=[], metavar="KEY=NUMBER", dest="more")
     parser.add_argument("--output", type=Path, help="write the figures as JSON")
