@@ -12,7 +12,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
-SOURCES = ("wbc/tasks", "wbc/constraints", "wbc/controllers", "wbc/qp", "wbc/robot/inertia.py")
+SOURCES = (
+    "wbc/tasks",
+    "wbc/constraints",
+    "wbc/controllers",
+    "wbc/qp",
+    "wbc/robot/parallel_axis.py",
+)
 SWAPS: dict[type, type] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult,
     ast.FloorDiv: ast.Mult, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd,

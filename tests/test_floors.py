@@ -17,7 +17,6 @@ FLOORS = {
     "spatial": 0,
     "rotations": 0,
     "polygon": 0,
-    "braking": 0,
     "native": 0,
     "notebook": 0,
     "pickled": 0,

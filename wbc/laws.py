@@ -69,9 +69,6 @@ class Rows(NamedTuple):
     matrix: Array  # (k, nv), or (k, n) where rows speak of unknowns behind the velocity too
     target: Array  # (k,)
     weight: Array  # (k,) factors applied before squaring
-    damping: float | Array = 0.0  # added to the diagonal of the quadratic cost: a number, or (nv,)
-    # (nv, nv) added to the quadratic cost, possibly indefinite; None for none.
-    curvature: Array | None = None
     # Singular values of matrix below which the target is reduced; 0 for never.
     singular_threshold: float = 0.0
     # rate and bias: the target is -rate * error - bias, in [1/s] and (k,); 0 and None for rows
@@ -147,23 +144,6 @@ class VelocityLaw:
             return self.gain
         return -math.expm1(-self.gain_per_second * dt)
 
-    def rows(self, residual: Residual, weight: Array, dt: float) -> Rows:
-        """Return the rows on the velocity: matrix and target as in :class:`Rows`."""
-        error, jacobian, bias, curvature, bound = residual
-        gain = self.gain if self.gain_per_second is None else self.fraction(dt)
-        rate = gain / dt
-        target = -rate * error
-        if bias is not at_rest(bias.shape):
-            target -= bias
-        damping: float | Array = 0.0
-        if self.curvature_damping:
-            damping = 0.5 * gain * (bound() if callable(bound) else bound)
-        if self.lm_damping > 0.0:
-            weighted = weight * error
-            damping = damping + self.lm_damping * math.sqrt(float(weighted @ weighted))
-        threshold = self.singular_threshold
-        return Rows(jacobian, target, weight, damping, curvature, threshold, rate, bias)
-
 
 @dataclass(frozen=True, slots=True)
 class AccelerationLaw:
@@ -219,23 +199,3 @@ class AccelerationLaw:
     def velocity_gain(self) -> float:
         """``kd``, or the critical one."""
         return 2.0 * math.sqrt(self.kp) if self.kd is None else self.kd
-
-    def rows(self, residual: Residual, drift: Array, v: Array, weight: Array, dt: float) -> Rows:
-        """Return the rows on v+.
-
-        Parameters
-        ----------
-        drift:
-            (k,) e'' at zero acceleration of v: J' v less the target's acceleration.
-        v:
-            (nv,) measured velocity.
-        """
-        moving = residual.jacobian.dot(v)
-        slowing = moving + residual.bias
-        slowing *= self.velocity_gain
-        wanted = -self.kp * residual.error
-        wanted -= slowing
-        wanted -= drift
-        wanted *= dt
-        wanted += moving
-        return Rows(residual.jacobian, wanted, weight)

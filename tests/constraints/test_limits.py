@@ -108,7 +108,7 @@ def test_velocity_and_base_twist(robot: Robot) -> None:
     np.testing.assert_allclose(upper[6:], 0.5 * robot.limits.velocity)
 
 
-def test_outside_may_only_move_back_and_is_asked_to(robot: Robot) -> None:
+def test_outside_may_only_move_back(robot: Robot) -> None:
     limits = Limits(robot, recovery=0.2)
     bounded = np.flatnonzero(np.isfinite(robot.limits.upper))
     joint = int(bounded[0])
@@ -116,16 +116,8 @@ def test_outside_may_only_move_back_and_is_asked_to(robot: Robot) -> None:
     joints[joint] += 0.05
     here = robot.snapshot(at(robot, joints))
     assert limits.box(here, DT)[1][6 + joint] == 0.0
-    rows = limits.box_and_recovery(here, DT)[1]
-    assert rows is not None
-    assert rows.matrix[:, 6 + joint].tolist() == [1.0]
-    # A fifth of the violation in one tick, unless the joint is too slow for that.
-    wanted = max(-0.2 * 0.05 / DT, -robot.limits.velocity[joint])
-    assert rows.target[0] == pytest.approx(wanted, rel=1e-9)
     assert limits.worst_margin(here.q)[1] == robot.joint_names[joint]
     assert limits.worst_margin(here.q)[0] == pytest.approx(-0.05)
-    joints[joint] -= 0.05
-    assert limits.box_and_recovery(robot.snapshot(at(robot, joints - 1e-9)), DT)[1] is None
 
 
 def test_bad_limits_are_refused(robot: Robot) -> None:
@@ -151,8 +143,7 @@ def test_without_limits_nothing_is_bounded(robot: Robot) -> None:
     no_range = Limits(robot, position=False, acceleration=7.0)
     far = np.where(np.isfinite(robot.limits.upper), robot.limits.upper + 0.5, 0.3)
     moving = robot.snapshot(at(robot, far), np.zeros(robot.nv))
-    box, recovery = no_range.box_and_recovery(moving, DT)
-    assert recovery is None
+    box = no_range.box(moving, DT)
     np.testing.assert_allclose(box[1][6:], np.minimum(robot.limits.velocity, 7.0 * DT))
     np.testing.assert_allclose(box[0][6:], -box[1][6:])
 
@@ -189,26 +180,6 @@ def test_a_continuous_joint_has_its_speed_only(robot_named) -> None:
     assert np.isinf(fast.box(robot.snapshot(neutral(robot)), DT)[1][free]).all()
 
 
-def test_several_joints_outside_are_moved_back(robot: Robot) -> None:
-    """One below by far, at its speed; one above by little, a part of the way; the rest is not."""
-    limits = Limits(robot, recovery=0.5)
-    bounded = np.flatnonzero(np.isfinite(robot.limits.upper))
-    above, below = int(bounded[-2]), int(bounded[-1])
-    joints = 0.5 * (np.clip(robot.limits.lower, -3, 3) + np.clip(robot.limits.upper, -3, 3))
-    joints[above] = robot.limits.upper[above] + 1e-4
-    joints[below] = robot.limits.lower[below] - 1.0
-    here = robot.snapshot(at(robot, joints))
-    rows = limits.box_and_recovery(here, DT)[1]
-    assert rows is not None
-    np.testing.assert_array_equal(rows.matrix, np.eye(robot.nv)[[6 + above, 6 + below]])
-    np.testing.assert_array_equal(rows.weight, [1.0, 1.0])
-    speed = robot.limits.velocity
-    assert rows.target[0] == pytest.approx(-min(0.5 * 1e-4 / DT, speed[above]), rel=1e-6)
-    assert rows.target[1] == pytest.approx(min(0.5 / DT, speed[below]), rel=1e-9)
-    margin, name = limits.worst_margin(here.q)
-    assert (name, margin) == (robot.joint_names[below], pytest.approx(-1.0))
-
-
 def test_a_robot_without_joints_has_no_worst_one(tmp_path) -> None:
     path = tmp_path / "stone.urdf"
     path.write_text(
@@ -218,9 +189,7 @@ def test_a_robot_without_joints_has_no_worst_one(tmp_path) -> None:
     stone = Robot.load(path, base="floating")
     limits = Limits(stone)
     assert limits.worst_margin(stone.postures["neutral"]) == (np.inf, "no joint")
-    box, recovery = limits.box_and_recovery(stone.snapshot(stone.postures["neutral"]), DT)
-    assert recovery is None
-    assert box[0].shape == (6,)
+    assert limits.box(stone.snapshot(stone.postures["neutral"]), DT)[0].shape == (6,)
 
 
 @pytest.mark.parametrize(

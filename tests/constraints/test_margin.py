@@ -8,8 +8,6 @@ import pytest
 
 from wbc.constraints import Limits
 from wbc.constraints.margin import (
-    INTERIOR,
-    PART,
     SKIN,
     USED,
     BrakingParameters,
@@ -19,6 +17,7 @@ from wbc.constraints.margin import (
 )
 from wbc.constraints.rows import Bounds, Distances
 from wbc.errors import InvalidInputError
+from wbc.native import lib
 from wbc.robot import Robot, Snapshot
 
 DT = 0.005
@@ -89,8 +88,8 @@ def test_what_is_inside_is_pushed_out_and_what_is_not_brakes(robot) -> None:
     np.testing.assert_allclose(rows.push.target, [back], rtol=1e-9)
     np.testing.assert_array_equal(rows.push.matrix, rows.matrix[:1])
     np.testing.assert_array_equal(rows.push.weight, [1.0])
-    assert PART * back < INTERIOR
-    assert rows.lower[0] == pytest.approx(-PART * back, rel=1e-9)
+    assert lib.wbc_part * back < lib.wbc_interior
+    assert rows.lower[0] == pytest.approx(-lib.wbc_part * back, rel=1e-9)
     for k, place in ((1, 1.5), (2, 1.2)):
         left = place - (1.0 + 7e-4) - SKIN
         u = -rows.lower[k]
@@ -104,7 +103,7 @@ def test_recovery_is_bounded(robot) -> None:
     rows = Walls(robot, [0.0, 1.0]).rows(at(robot, 0.5), DT)
     assert rows.push is not None
     np.testing.assert_allclose(rows.push.target, [BrakingParameters().recovery_speed])
-    np.testing.assert_allclose(rows.lower[0], -INTERIOR)
+    np.testing.assert_allclose(rows.lower[0], -lib.wbc_interior)
 
 
 def test_no_distances_make_no_rows(robot) -> None:

@@ -29,10 +29,11 @@ def pulls(here: Snapshot, tasks: list[Task], contacts, by: str) -> np.ndarray:
     P, slope = 1e-6 * np.eye(nv), np.zeros(nv)
     for task in tasks:
         residual = task.residual(here)
-        rows = task.law.rows(residual, task.weight, DT)
+        bound = residual.curvature_bound
         J = np.zeros((len(task.rows), nv)) + residual.jacobian
         W = np.diag(task.weight**2)
-        P += J.T @ W @ J + np.diag(np.zeros(nv) + rows.damping)
+        P += J.T @ W @ J
+        P += np.diag(np.zeros(nv) + 0.5 * task.gain * (bound() if callable(bound) else bound))
         rate = task.gain / DT if by == "velocity" else 1.0
         slope -= rate * J.T @ W @ residual.error
     A = np.concatenate([np.zeros((0, nv)), *(one.residual(here).jacobian for one in contacts)])

@@ -105,10 +105,11 @@ def test_the_second_level_is_the_lexicographic_optimum(seed: int, robot_named: L
     # The second level's cost as rows: its tasks, and the damping that its law adds.
     stacked, wanted, damping = [], [], controller.damping
     for task in tasks[1:]:
-        rows = task.law.rows(task.residual(here), task.weight, DT)
-        stacked.append(rows.weight[:, None] * rows.matrix)
-        wanted.append(rows.weight * rows.target)
-        damping += rows.damping
+        residual = task.residual(here)
+        bound = residual.curvature_bound
+        stacked.append(task.weight[:, None] * residual.jacobian)
+        wanted.append(task.weight * (-task.gain / DT * residual.error - residual.bias))
+        damping += 0.5 * task.gain * (bound() if callable(bound) else bound)
     stacked.append(np.sqrt(damping) * np.eye(robot.nv))
     wanted.append(np.zeros(robot.nv))
     J, w = np.concatenate(stacked), np.concatenate(wanted)

@@ -7,9 +7,7 @@ from wbc.qp import QP
 from wbc.qp.conflict import REACH, UnitRows, _polished, conflict_of, find_conflict
 from wbc.qp.kkt import (
     DOUBT,
-    MOST,
     KktResiduals,
-    PerThread,
     _within,
     acceptable,
     doubtful_cost,
@@ -90,15 +88,6 @@ def test_a_cost_in_doubt_by_more_than_a_ten_thousandth_is_not_accepted() -> None
         eps = 1.1 * left / 1001.0
         assert acceptable(residuals, eps, qp, near, NONE, NONE, np.zeros(1)) is good
     assert DOUBT == 1e-4
-
-
-def test_memory_of_a_thread_is_let_go_when_it_is_too_much() -> None:
-    kept = PerThread()
-    for k in range(MOST):
-        assert kept.keep((k,), k) == k
-    assert len(kept.kept) == MOST
-    kept.keep((MOST,), "new")
-    assert kept.kept == {(MOST,): "new"}
 
 
 # ---------------------------------------------------------------------- certificates

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tests.conftest import random_state
-from wbc.braking import stopping_speed
 from wbc.constraints import Limits, Obstacles, SelfCollision
 from wbc.robot import Robot
 from wbc.robot.collision import Body, Capsule, CollisionModel, HalfSpace, Obstacle, Shape
@@ -20,9 +19,9 @@ def test_the_way_is_not_shorter_than_the_margins_law_needs(slowest: float, rng) 
     speed = 10.0 ** rng.uniform(-4, 2, 200)
     # A joint of rate v and acceleration a that closes at |J| v gives |J| a.
     braking = np.minimum(5.0, speed / (2.0 * slowest)) if slowest else 5.0
-    allowed = np.minimum(
-        stopping_speed(closing.way(speed), braking, 0.002), closing.way(speed) / 0.004
-    )
+    way = closing.way(speed)
+    root = np.sqrt(0.002**2 + 2.0 * way / braking)  # of u dt + u^2 / (2 a) = way
+    allowed = np.minimum(2.0 * way / (root + 0.002), way / 0.004)
     assert (allowed >= speed * (1.0 - 1e-12)).all()
     if not slowest:
         np.testing.assert_allclose(allowed, speed, rtol=1e-9)
@@ -83,7 +82,7 @@ def test_accelerations_that_joints_have_make_the_way_longer() -> None:
         rows = margins.braked_rows(here, 0.002)
         distances = margins.distances(here, np.arange(len(margins.margins)))
         speed = -distances.jacobian @ v
-        late = speed > margins._speed(distances, 0.002)
+        late = speed > -margins._approach(distances, 0.002)
         assert set(np.flatnonzero(late)) <= set(rows.distances.keys.tolist())
         counts.append(len(rows.labels))
     assert counts[1] > counts[0]

@@ -37,16 +37,19 @@ def dynamics_of(here: Snapshot, contacts: Sequence[Task], last=None) -> TickDyna
     return TickDynamics(here, controller.contact_forces, lambda: (a.D, a.offset), last)
 
 
+def surface_point_and_grip(here: Snapshot) -> list[Contact]:
+    return [
+        Contact.hold(here, "left_sole", friction=FrictionCone()),
+        PointContact.hold(here, "right_sole"),
+        Contact.hold(here, "left_hand", friction=None),
+    ]
+
+
 class Tick:
     """A robot on a surface, a point and a grip, with a random decision."""
 
     def __init__(self, robot: Robot, here: Snapshot, rng: np.random.Generator, last=None) -> None:
-        contacts = [
-            Contact.hold(here, "left_sole", friction=FrictionCone()),
-            PointContact.hold(here, "right_sole"),
-            Contact.hold(here, "left_hand", friction=None),
-        ]
-        self.dynamics = dynamics_of(here, contacts, last)
+        self.dynamics = dynamics_of(here, surface_point_and_grip(here), last)
         self.layout = self.dynamics.forces
         self.v = here.v + 0.1 * rng.normal(size=robot.nv)
         self.f = rng.normal(size=self.layout.size)
@@ -163,29 +166,40 @@ def test_wrenches_shares_and_changes(tick: Tick, here: Snapshot, robot: Robot, r
     assert task.units == ("N", "N", "N", "N m", "N m", "N m") * 4
 
 
-def test_the_cop_is_wanted_where_moments_vanish(
-    tick: Tick, here: Snapshot, robot: Robot, rng
-) -> None:
+@pytest.mark.parametrize("levels", [1, 2])
+def test_error_of_a_cop_is_the_moment_about_the_wanted_point(robot: Robot, rng, levels) -> None:
     """Of all contacts about a point in the world or at their mean height; of one in its plane."""
+    here = robot.snapshot(robot.posture("standing"), 0.01 * rng.normal(size=robot.nv))
+    held = surface_point_and_grip(here)
+    point, own = rng.normal(size=3), [0.1, -0.2]
+    cops = [
+        CopTask(robot, point, name="at", weight=1e-3),
+        CopTask(robot, point[:2], name="flat", weight=0.1, priority=levels - 1),
+        CopTask(robot, own, frame="left_hand"),
+        CopTask(robot, own, frame="right_hand"),  # no contact
+    ]
+    tasks = [PostureTask(robot, here.q), *cops]
+    tick = TorqueController(robot, tasks, contacts=held, dt=DT).step(here)
+    assert tick.ok, tick.report()
 
     def moment_about(point: np.ndarray) -> np.ndarray:
         return sum(
             wrench[3:] + np.cross(here.position(frame) - point, wrench[:3])
-            for frame, wrench in tick.wrenches.items()
+            for frame, wrench in tick.forces.items()
         )
 
-    point = rng.normal(size=3)
-    np.testing.assert_allclose(tick.error(CopTask(robot, point)), moment_about(point)[:2])
     mean = np.mean([here.position(frame)[2] for frame in FRAMES])
-    flat = CopTask(robot, point[:2])
-    np.testing.assert_allclose(tick.error(flat), moment_about(np.r_[point[:2], mean])[:2])
-    R, wrench = here.rotation("left_hand"), tick.wrenches["left_hand"]
-    own = CopTask(robot, [0.1, -0.2], frame="left_hand")
-    arm = -R @ [0.1, -0.2, 0.0]
-    expected = R.T @ (wrench[3:] + np.cross(arm, wrench[:3]))
-    np.testing.assert_allclose(tick.error(own), expected[:2], atol=1e-9)
-    away = CopTask(robot, [0.1, -0.2], frame="right_hand")
-    np.testing.assert_array_equal(tick.error(away), [0.0, 0.0])
-    in_the_air = dynamics_of(here, ())
-    matrix, constant = flat.expression(in_the_air)
-    assert matrix.shape == (2, robot.nv) and not matrix.any() and not constant.any()
+    R, wrench = here.rotation("left_hand"), tick.forces["left_hand"]
+    expected = {
+        "at": moment_about(point),
+        "flat": moment_about(np.r_[point[:2], mean]),
+        "left_hand cop": R.T @ (wrench[3:] + np.cross(-R @ [*own, 0.0], wrench[:3])),
+        "right_hand cop": np.zeros(3),
+    }
+    for name, moment in expected.items():
+        np.testing.assert_allclose(tick.errors[name], moment[:2], atol=1e-9, err_msg=name)
+    # And what is wanted is had, where nothing else is.
+    near = CopTask(robot, here.com[:2] + 0.01, name="near", weight=1e3)
+    light = PostureTask(robot, here.q, weight=1e-3)
+    alone = TorqueController(robot, [light, near], contacts=held, dt=DT).step(here)
+    assert np.abs(alone.errors["near"]).max() < 1e-3

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
+from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError
 from wbc.laws import AccelerationLaw, Residual, VelocityLaw
-from wbc.tasks import ComTask, DampingTask, MomentumTask
+from wbc.tasks import ComTask, DampingTask, MomentumTask, PostureTask, Task
 
 
 def test_velocity_law_removes_the_gain_in_one_tick(robot, rng, random_snapshot) -> None:
     here = random_snapshot(robot, rng)
     task = ComTask(robot, here.com + [0.01, -0.02, 0.03], gain=0.25)
     dt = 1e-4
-    rows = task.law.rows(task.residual(here), task.weight, dt)
-    v = np.linalg.pinv(rows.matrix) @ rows.target
+    v = KinematicController(robot, [task], contacts=(), dt=dt).step(here).velocity
     there = robot.snapshot(robot.integrate(here.q, v, dt))
     before, after = task.residual(here).error, task.residual(there).error
     np.testing.assert_allclose(after, 0.75 * before, atol=2e-3 * np.abs(before).max())
@@ -24,8 +24,8 @@ def test_velocity_law_follows_a_moving_target(robot, rng, random_snapshot) -> No
     task = ComTask(robot, here.com)
     rate = np.array([0.1, 0.2, -0.3])
     task.set_target(here.com, rate)
-    rows = VelocityLaw(0.5).rows(task.residual(here), task.weight, 0.005)
-    np.testing.assert_allclose(rows.target, rate)
+    v = KinematicController(robot, [task], contacts=()).step(here).velocity
+    np.testing.assert_allclose(here.com_jacobian @ v, rate, rtol=1e-4)  # the damping is 1e-6
 
 
 @pytest.mark.parametrize("kd", [None, 5.0])
@@ -40,8 +40,8 @@ def test_momentum_decays_by_kd_to_a_target_that_moves(robot_named, rng, kd: floa
         task.set_target(k * dt * force, force)
         here = robot.snapshot(q, v)
         residual = task.residual(here)
-        rows = task.acceleration_law.rows(residual, task.drift(here), v, task.weight, dt)
-        v = v + np.linalg.pinv(rows.matrix) @ (rows.target - rows.matrix @ v)
+        slowing = -task.acceleration_law.velocity_gain * residual.rate(v) - task.drift(here)
+        v = v + np.linalg.pinv(residual.jacobian) @ (dt * slowing)
         q = robot.integrate(q, v, dt)
     task.set_target(steps * dt * force, force)
     here = robot.snapshot(q, v)
@@ -80,52 +80,43 @@ def test_what_acts_on_errors_is_refused_by_tasks_without(robot_named) -> None:
     assert task.acceleration_law == AccelerationLaw(kd=3.0)
 
 
-def test_lm_damping_is_proportional_to_the_weighted_error() -> None:
-    residual = Residual(np.array([3.0, 4.0]), np.eye(2), np.zeros(2))
-    rows = VelocityLaw(1.0, lm_damping=0.1).rows(residual, np.array([2.0, 2.0]), 1.0)
-    assert rows.damping == pytest.approx(1.0)
-    assert VelocityLaw(1.0).rows(residual, np.ones(2), 1.0).damping == 0.0
+class Fixed(Task):
+    """Two joints, with an error and a curvature that are given."""
+
+    def residual(self, snapshot):
+        J = np.eye(2, self.robot.nv, 6)
+        return Residual(np.array([3.0, 4.0]), J, np.zeros(2), curvature_bound=3.0)
 
 
-def test_acceleration_law_makes_a_damped_oscillator() -> None:
-    """Oracle: the closed form of e'' = -kp e - kd e' with kd = 2 sqrt(kp)."""
-    kp, dt = 100.0, 1e-5
-    e, v, drift = np.array([1.0]), np.array([0.5]), np.array([0.7])
-    t_end = 0.1
-    for _ in range(round(t_end / dt)):
-        rows = AccelerationLaw(kp).rows(
-            Residual(e, np.eye(1), np.zeros(1)), drift, v, np.ones(1), dt
-        )
-        v = rows.target + dt * drift  # the plant adds the drift that the law has taken off
-        e = e + dt * v
-    w = np.sqrt(kp)
-    expected = (1.0 + (0.5 + w * 1.0) * t_end) * np.exp(-w * t_end)
-    # Semi-implicit Euler of step 1e-5 over 0.1 s: error of order w^2 dt t = 1e-4.
-    assert e[0] == pytest.approx(expected, abs=2e-4)
-
-
-def test_acceleration_law_damps_the_rate_of_the_error_not_of_the_point() -> None:
-    """A target that moves along: at its place and at its rate nothing is asked for."""
-    moving = Residual(np.zeros(1), np.eye(1), np.array([-0.3]))
-    rows = AccelerationLaw(100.0).rows(moving, np.zeros(1), np.array([0.3]), np.ones(1), 0.002)
-    np.testing.assert_allclose(rows.target, 0.3)
+@pytest.mark.parametrize(
+    ("law", "added"),
+    [
+        ({"gain": 1.0}, 1.5),
+        ({"gain": 0.5}, 0.75),
+        ({"gain": 1.0, "curvature_damping": False}, 0.0),  # the plain step of eq. 38
+        ({"gain": 1.0, "curvature_damping": False, "lm_damping": 0.1}, 1.0),
+    ],
+)
+def test_damping_is_that_of_curvature_and_weighted_error(robot, law, added: float) -> None:
+    """0.5 gain times the curvature's bound 3; lm_damping times |2 (3, 4)|."""
+    task = Fixed(robot, "fixed", ("a", "b"), weight=2.0, **law)
+    controller = KinematicController(robot, [task], contacts=(), damping=1e-6)
+    diagonal = controller.step(robot.snapshot(robot.posture("standing"))).qp.P[8, 8]
+    assert diagonal == pytest.approx(added + 1e-6, abs=1e-12)
 
 
 @pytest.mark.parametrize("dt", [1e-3, 5e-3, 2e-2])
-def test_a_gain_per_second_means_the_same_at_every_step(dt: float) -> None:
+def test_a_gain_per_second_means_the_same_at_every_step(robot, dt: float) -> None:
     """Oracle: exp(-k t), met exactly at the end of every tick."""
-    e, law = np.array([1.0]), VelocityLaw(gain_per_second=8.0)
+    q = robot.posture("standing")
+    task = PostureTask(robot, q, gain_per_second=8.0)
+    controller = KinematicController(robot, [task], contacts=(), dt=dt, damping=1e-9)
+    q = robot.integrate(q, np.r_[np.zeros(6), np.full(robot.nv - 6, 1e-2)], 1.0)
+    before = task.residual(robot.snapshot(q)).error
     for _ in range(round(0.2 / dt)):
-        e = e + dt * law.rows(Residual(e, np.eye(1), np.zeros(1)), np.ones(1), dt).target
-    assert e[0] == pytest.approx(np.exp(-8.0 * 0.2), rel=1e-12)
-
-
-def test_the_plain_step_of_eq_38_has_no_curvature_damping() -> None:
-    residual = Residual(np.ones(2), np.eye(2), np.zeros(2), curvature_bound=3.0)
-    assert VelocityLaw(1.0).rows(residual, np.ones(2), 0.01).damping == pytest.approx(1.5)
-    plain = VelocityLaw(1.0, curvature_damping=False).rows(residual, np.ones(2), 0.01)
-    assert plain.damping == 0.0
-    np.testing.assert_allclose(0.01 * plain.target, -residual.error)
+        q = robot.integrate(q, controller.step(robot.snapshot(q)).velocity, dt)
+    after = task.residual(robot.snapshot(q)).error
+    np.testing.assert_allclose(after, np.exp(-8.0 * 0.2) * before, rtol=1e-6)
 
 
 def test_laws_are_checked_where_they_are_given(robot) -> None:

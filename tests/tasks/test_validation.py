@@ -7,7 +7,7 @@ from scipy.sparse import csr_matrix
 from wbc.constraints import Bounds, Constraint, Limits, support
 from wbc.controllers import KinematicController, TorqueController
 from wbc.errors import InvalidInputError
-from wbc.laws import AccelerationLaw, Residual, VelocityLaw
+from wbc.laws import Residual
 from wbc.robot import Robot
 from wbc.tasks import ForceTask, PositionTask, PostureTask, Task
 from wbc.tasks.force_task import Affine
@@ -238,38 +238,6 @@ def test_target_that_is_odd_is_refused_and_the_next_tick_is_as_before(robot, lev
         with pytest.raises(InvalidInputError, match="task 'hand', target"):
             task.target = odd
     np.testing.assert_allclose(controller.step(here).velocity, before, atol=1e-9)
-
-
-class First(VelocityLaw):
-    """The plain law, until something else is put in its place."""
-
-    change = staticmethod(lambda rows: rows)
-
-    def rows(self, *given):
-        return self.change(VelocityLaw.rows(self, *given))
-
-
-class Second(AccelerationLaw):
-    change = staticmethod(lambda rows: rows)
-
-    def rows(self, *given):
-        return self.change(AccelerationLaw.rows(self, *given))
-
-
-@pytest.mark.parametrize(("level", "law"), [("velocity", First), ("torque", Second)])
-@pytest.mark.parametrize(
-    "how", ["complex", "columns missing", "NaN", "masked", "matrix", "objects"]
-)
-def test_odd_rows_of_a_law_are_refused_by_name(robot, monkeypatch, level: str, law, how) -> None:
-    task = Mine(robot)
-    setattr(task, "law" if law is First else "acceleration_law", law())
-    controller, here = controller_of(robot, level, task)
-    for _ in range(LATER):
-        assert controller.step(here).ok
-    change = place("matrix", WRONG["jacobian"][how])
-    monkeypatch.setattr(law, "change", staticmethod(change))
-    with pytest.raises(InvalidInputError, match=rf"task 'mine': {law.__name__}.rows\(\), matrix"):
-        controller.step(here)
 
 
 # ---------------------------------------------------------------------------- constraints

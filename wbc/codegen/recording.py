@@ -88,7 +88,7 @@ class TickRecording:
             self.left_out[_REASONS.get(self.plan.memory.said, _REASONS[lib.UNSOLVED])] += 1
             return
         if not self.ticks:
-            self.numbers = self.plan.memory.number.copy()
+            self.numbers = self.plan.memory.arrays["number"].copy()
         told = (targets_of(part) for part in task_parts(controller))
         targets = tuple(values for one in told if one is not None for values in one)
         torque = now.tick.torque if isinstance(now.tick, TorqueTick) else None

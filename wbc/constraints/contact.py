@@ -17,12 +17,12 @@ from wbc.attributes import ArrayAttribute
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Index
 from wbc.errors import InvalidInputError, UnknownNameError, shown
-from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot, check_snapshot
 from wbc.robot.names import BASE
-from wbc.rotations import check_rotation, log_rotation
+from wbc.rotations import check_rotation
+from wbc.tasks.core_task import CoreTask
 from wbc.tasks.frame import TURNS
 from wbc.tasks.keywords import LawKeywords, spell_out
 from wbc.tasks.point import AXES
@@ -38,11 +38,11 @@ UPWARDS = (0.0, 0.0, 1.0)
 LEAST_NORMAL = 1e-9  # a vector that is shorter has no direction
 
 
-class Contact(Task):
+class Contact(CoreTask):
     """A frame held in position and orientation (six rows: x y z rx ry rz).
 
     Its rows are met exactly: the frame must not move, and what little it has drifted from its
-    anchor is taken back.
+    anchor is taken back, [m] above [rad] in world axes.
 
     Parameters
     ----------
@@ -140,21 +140,6 @@ class Contact(Task):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.frame!r})"
-
-    def residual(self, snapshot: Snapshot) -> Residual:
-        """Return the drift from the anchor, [m] above [rad], and the frame's Jacobian; world axes.
-
-        The derivative of a rotation vector e is Jlog(e) w, not w. But Jlog(e) e = e, so holding
-        ``Jlog w = -k e`` and ``w = -k e`` is the same, and the plain Jacobian costs nothing.
-        """
-        position, R = snapshot.placement(self.frame)
-        turn = log_rotation(R.dot(self.rotation.T))  # R log(R*' R), turned to world axes
-        error = np.concatenate((position - self.position, turn))
-        return Residual(error, snapshot.jacobian(self.frame), self._still)
-
-    def drift(self, snapshot: Snapshot) -> Array:
-        """Return the frame's acceleration (k,) at zero acceleration of v, world axes."""
-        return snapshot.drift(self.frame)[: len(self.rows)]
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return its rows, six or the first three."""
@@ -263,11 +248,6 @@ class PointContact(Contact):
         if given is not None:
             raise InvalidInputError(f"{self}, corners: a point has none; use Contact for surfaces")
         return read_only(np.zeros((1, 3)))
-
-    def residual(self, snapshot: Snapshot) -> Residual:
-        """Return the drift from the anchor [m]."""
-        error = snapshot.position(self.frame) - self.position
-        return Residual(error, snapshot.jacobian(self.frame)[:3], self._still)
 
     native = Contact.native
 

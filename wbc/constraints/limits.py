@@ -20,16 +20,16 @@ Three facts shape the box of a joint at position q moving at v, with limits q_ma
 from __future__ import annotations
 
 from copy import copy
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.attributes import ArrayAttribute, DeclaredAttributes
-from wbc.braking import braked_speed
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.laws import Rows
+from wbc.native import doubles, ffi, lib, pointer
 from wbc.robot import Robot, Snapshot
+from wbc.robot.kernel import joint_starts
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
 from wbc.robot.postures import STANDING
@@ -42,13 +42,7 @@ DEFAULT_RISE_TIME = 0.1
 # Part of a joint's torque that braking may count on. Counting on all of it, a waist met its limit
 # at full speed, and the tick had to choose between limit and feet.
 TORQUE_SHARE = 0.5
-# A joint this little outside its limit [rad or m] is at the limit: which side rounding leaves it on
-# must not decide whether a cost that outweighs all tasks appears.
-AT_LIMIT = 1e-9
-# Stands for the distance to a limit that does not exist: finite, so that no inf/inf can arise.
-FAR = 1e12
 Box = tuple[Array, Array]
-_SIGNS = np.array([[-1.0], [1.0]])  # towards the lower limit, towards the upper one
 
 
 class Limits(DeclaredAttributes):
@@ -138,7 +132,6 @@ class Limits(DeclaredAttributes):
         check_robot("limits", robot)
         self.robot = robot
         self._weaker: tuple[Limits, ...] = ()  # made of these
-        joints = robot.nv - 6
         self.lower, self.upper = _position_bounds(robot, position, margin)
         self.speed = _speeds(robot, velocity)
         self.by_default = acceleration is None
@@ -148,11 +141,6 @@ class Limits(DeclaredAttributes):
         twist = np.full(6, np.inf) if base_twist is None else base_twist
         self.base_twist = _positive("limits, base_twist", twist, 6)
         self.recovery = recovery
-        self._box_of_base = np.zeros((2, BASE_NV + joints))
-        self._box_of_base[:, :BASE_NV] = _SIGNS * self.base_twist
-        self._signed_bounds = np.stack((-self.lower, self.upper))
-        self._has_free_joints = not np.isfinite(self.upper - self.lower).all()
-        self._sides = _BothSides.of(self.speed, self.acceleration, 1.0)
 
     def within_torques(self, torques: Array) -> Limits:
         """Return limits whose default accelerations torques (joints,) [N m] can give, by half.
@@ -174,32 +162,20 @@ class Limits(DeclaredAttributes):
 
     def box(self, snapshot: Snapshot, dt: float) -> Box:
         """Return lower and upper bounds (nv,), (nv,) on the next velocity."""
-        return self.box_and_recovery(snapshot, dt)[0]
+        return self._box(snapshot, dt, self.braking == "bounded")
 
     def emergency_braking_box(self, snapshot: Snapshot, dt: float) -> Box:
         """Return the bounds (nv,), (nv,) if joints may stop at once; 0 is always inside."""
-        reach = np.maximum(self.signed_distance(snapshot), 0.0)
-        return self._box(snapshot, reach, dt, bounded=False)
+        return self._box(snapshot, dt, bounded=False)
 
-    def box_and_recovery(self, snapshot: Snapshot, dt: float) -> tuple[Box, Rows | None]:
-        """Return :meth:`box`, and unit-weight rows that move joints back into range.
+    def numbers(self, deceleration: Array | None = None) -> Array:
+        """Return all as the core reads it (5 (nv - 6) + 12,): ``limit`` of source/core.h.
 
-        The rows are None if all joints are inside.
+        ``deceleration`` (nv - 6,): what braking may count on; None: the acceleration.
         """
-        distance = self.signed_distance(snapshot)
-        least = distance.item(distance.argmin()) if distance.size else 0.0
-        reach = distance if least >= 0.0 else np.maximum(distance, 0.0)
-        box = self._box(snapshot, reach, dt, bounded=self.braking == "bounded")
-        if least >= -AT_LIMIT:
-            return box, None
-        distance = np.where(distance < -AT_LIMIT, distance, 0.0)
-        outside = distance[0] - distance[1]
-        joints = np.flatnonzero(outside)
-        matrix = np.zeros((joints.size, BASE_NV + outside.size))
-        matrix[np.arange(joints.size), BASE_NV + joints] = 1.0
-        speed = self.speed[joints]
-        target = np.clip(-self.recovery / dt * outside[joints], -speed, speed)
-        return box, Rows(matrix, target, np.ones(joints.size))
+        slow = self.acceleration if deceleration is None else deceleration
+        joints = (self.lower, self.upper, self.speed, self.acceleration, slow)
+        return np.concatenate((*joints, -self.base_twist, self.base_twist))
 
     def worst_margin(self, q: Array) -> tuple[float, str]:
         """Return the smallest distance [rad or m] to a position limit and the joint it is at.
@@ -214,50 +190,13 @@ class Limits(DeclaredAttributes):
         worst = int(np.argmin(margin))
         return float(margin[worst]), self.robot.joint_names[worst]
 
-    def signed_distance(self, snapshot: Snapshot) -> Array:
-        """Return the distances (2, joints) to the lower and upper limits, negative outside."""
-        return self._signed_bounds - _SIGNS * snapshot.joint_positions
-
-    def _box(self, snapshot: Snapshot, reach: Array, dt: float, bounded: bool) -> Box:
-        """Return the bounds on v by speed, acceleration and the distance to the limits, >= 0."""
-        speed, acceleration, sides = self.speed, self.acceleration, self._sides
-        if sides.dt != dt or sides.given[0] is not speed or sides.given[1] is not acceleration:
-            sides = self._sides = _BothSides.of(speed, acceleration, dt)
-        near = np.minimum(reach, FAR) if self._has_free_joints else reach
-        most = braked_speed(near, sides.slowness, dt)
-        if self._has_free_joints:
-            most[reach > FAR] = np.inf
-        np.minimum(most, sides.speed, out=most)
-        change = _SIGNS * snapshot.v[BASE_NV:]
-        if bounded:
-            # Where a joint's own limit asks for harder braking than its acceleration, it wins.
-            change += sides.change
-            most = np.maximum(np.minimum(most, change), -most[::-1])
-        else:
-            # A joint that stops may start the other way in the same tick: contacts need that.
-            np.maximum(change, sides.zero, out=change)
-            change += sides.change
-            np.minimum(most, change, out=most)
-        box = self._box_of_base.copy()
-        np.multiply(_SIGNS, most, out=box[:, BASE_NV:])
+    def _box(self, snapshot: Snapshot, dt: float, bounded: bool) -> Box:
+        tree, box = self.robot.native.tree, np.empty((2, self.robot.nv))
+        limit, start = self.numbers(), joint_starts(self.robot.limits)
+        at = {"tree": tree.struct, "limit": pointer(limit), "start": pointer(start)}
+        plan = ffi.new("wbc_plan *", {**at, "dt": dt, "braked": bounded})
+        lib.wbc_box(plan, *map(doubles, (snapshot.q, snapshot.v, box)))
         return box[0], box[1]
-
-
-class _BothSides(NamedTuple):
-    """What bounds the speed, (2, joints) each: shapes that agree are combined in half the time."""
-
-    given: tuple[Array, Array]
-    dt: float
-    speed: Array
-    slowness: Array  # 1 / (2 acceleration)
-    change: Array  # in one tick
-    zero: Array
-
-    @classmethod
-    def of(cls, speed: Array, acceleration: Array, dt: float) -> _BothSides:
-        fastest, most = np.stack((speed, speed)), np.stack((acceleration, acceleration))
-        zero = np.zeros((2, speed.size))
-        return cls((speed, acceleration), dt, fastest, 0.5 / most, most * dt, zero)
 
 
 def _position_bounds(robot: Robot, position: bool, margin: float) -> tuple[Array, Array]:

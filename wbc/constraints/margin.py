@@ -20,18 +20,18 @@ obstacles, the CoM over its support and boxes:
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wbc.attributes import DeclaredAttributes
-from wbc.braking import stopping_speed
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint, Distances, Index, SeparatedPairs, SymbolicRows
 from wbc.errors import InvalidInputError
 from wbc.laws import Rows
+from wbc.native import doubles, ffi, lib, pointer
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
 from wbc.validate import Array, finite_number, read_only
@@ -39,16 +39,10 @@ from wbc.validate import Array, finite_number, read_only
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
 
-# Rows keep this much more than the margin asked for [m], so that the second order, which a linear
-# row leaves out, does not violate the margin itself. One tick may use up half of it.
-SKIN = 1e-4
-USED = 0.5 * SKIN
-ROUNDING = 1e-7  # m: by how much a violation may grow in one tick
-# Rows being recovered are relaxed by this speed [m/s], or by this part of the recovery speed, to
-# leave the solver an interior.
-INTERIOR, PART = 1e-3, 0.01
-ABLE = 1e-6  # m/s^2: below this the joints' acceleration limits say nothing of a pair
-LEVER = 1.0  # m: assumed distance of points from the joints, to estimate curvature
+# What the core's margins count on, too, see native/source/margin.c: a skin that rows keep besides,
+# and what a tick may use up of it [m]; rounding [m]; an interior for the solver [m/s]; a lever [m].
+SKIN: float = lib.wbc_skin
+USED: float = lib.wbc_used
 JOINT_SHARE = 0.5  # of the joints' acceleration limits that braking may count on
 
 
@@ -152,19 +146,10 @@ class Margin(DeclaredAttributes, Constraint):
 
     def _rows(self, distances: Distances, dt: float) -> Bounds:
         """Return the rows of some distances."""
-        least = np.negative(self._speed(distances, dt))
-        inside = distances.clearance.size > 0 and np.minimum.reduce(distances.clearance) < 0.0
-        if inside:
-            law = self.braking
-            # Less than the skin is no violation.
-            lost = np.maximum(-SKIN - distances.clearance, 0.0)
-            back = np.minimum(law.recovery / dt * lost, law.recovery_speed)
-            least = np.where(distances.clearance < 0.0, back, least)
-        push = None
+        least = self._approach(distances, dt)
         if distances.rate is not None:
             least -= distances.rate
-        if inside or distances.rate is not None:
-            least, push = _asked(distances, least)
+        least, push = _asked(distances, least)
         return Bounds(
             self.labels(distances),
             distances.jacobian,
@@ -214,7 +199,7 @@ class Margin(DeclaredAttributes, Constraint):
         """Return what clearances (m,) must end higher by [m]; 0 where nothing is violated."""
         start, drift = _matched(rows.distances, after)
         clearance = after.clearance if after.rate is None else after.clearance + dt * after.rate
-        floor = np.minimum(-USED, start + dt * np.minimum(drift, 0.0) - ROUNDING)
+        floor = np.minimum(-USED, start + dt * np.minimum(drift, 0.0) - lib.wbc_rounding)
         return np.where(clearance < floor, np.minimum(0.0, start) - clearance, 0.0)
 
     def _least(self, distances: Distances, v: Array, dt: float) -> Array:
@@ -241,15 +226,16 @@ class Margin(DeclaredAttributes, Constraint):
             return None
         return distances.keys[self._least(distances, v, dt) < -USED]
 
-    def _speed(self, distances: Distances, dt: float) -> Array:
-        """Return the speeds (m,) at which clearances may shrink, 0 where there is none."""
-        clearance = np.maximum(distances.clearance, 0.0)
-        law = self.braking
-        deceleration: Array | float = law.deceleration
-        if self._joint_acceleration is not None:
-            able = np.abs(distances.jacobian[:, 6:]) @ self._joint_acceleration
-            deceleration = np.minimum(np.where(able > ABLE, able, deceleration), deceleration)
-        return np.minimum(stopping_speed(clearance, deceleration, dt), law.gain / dt * clearance)
+    def _approach(self, distances: Distances, dt: float) -> Array:
+        """Return how fast clearances (m,) may change [m/s], or, where they are lost, have to."""
+        law, rows = asdict(self.braking), np.ascontiguousarray(distances.jacobian, dtype=float)
+        (m, nv), least = rows.shape, np.empty(len(rows))
+        margin, acceleration = ffi.new("wbc_margin *", law), self._joint_acceleration
+        if acceleration is not None:
+            margin.acceleration = pointer(acceleration)
+        clearance = np.ascontiguousarray(distances.clearance, dtype=float)
+        lib.wbc_approach(margin, nv, dt, m, *map(doubles, (rows, clearance, least)))
+        return least
 
 
 def _others_may_come(distances: Distances, v: Array, dt: float) -> bool:
@@ -257,7 +243,7 @@ def _others_may_come(distances: Distances, v: Array, dt: float) -> bool:
     left = distances.beyond
     if left is None:
         left = float(np.maximum.reduce(distances.clearance))
-    return LEVER * dt * float(np.abs(v).sum()) > left
+    return lib.wbc_lever * dt * float(np.abs(v).sum()) > left
 
 
 def point_curvature_bound(distances: Distances, step: Array) -> Array:
@@ -265,7 +251,7 @@ def point_curvature_bound(distances: Distances, step: Array) -> Array:
     size = np.abs(step)
     slide, angle = float(size[:3].sum()), float(size[3:].sum())
     # A base that turns while it slides moves on a curve itself, whatever the lever.
-    return np.full(distances.clearance.size, 0.5 * (LEVER * angle + slide) * angle)
+    return np.full(distances.clearance.size, 0.5 * (lib.wbc_lever * angle + slide) * angle)
 
 
 def _asked(distances: Distances, least: Array) -> tuple[Array, Rows | None]:
@@ -274,7 +260,7 @@ def _asked(distances: Distances, least: Array) -> tuple[Array, Rows | None]:
     if not wanted.any():
         return least, None
     push = Rows(distances.jacobian[wanted], least[wanted], np.ones(int(np.count_nonzero(wanted))))
-    return np.where(wanted, -np.minimum(INTERIOR, PART * least), least), push
+    return np.where(wanted, -np.minimum(lib.wbc_interior, lib.wbc_part * least), least), push
 
 
 @cache

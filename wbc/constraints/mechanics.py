@@ -7,19 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.constraints.contact import Contact
-from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
-from wbc.robot import Robot, Snapshot
+from wbc.robot import Robot
 from wbc.robot.formats.ties import Loop
-from wbc.robot.loops import gap_of
 from wbc.robot.names import BASE
+from wbc.tasks.core_task import CoreTask
 from wbc.tasks.frame import TURNS
 from wbc.tasks.point import AXES
 from wbc.tasks.task import Task
-from wbc.validate import Array, read_only
+from wbc.validate import read_only
 
 
-class Mechanics(Task):
+class Mechanics(CoreTask):
     """What a robot's mechanics hold; controllers hold it by themselves (:func:`mechanics_of`)."""
 
     def __init__(self, robot: Robot, name: str, rows: Sequence[str]) -> None:
@@ -30,10 +29,6 @@ class Mechanics(Task):
     def bends(self) -> bool:
         """Whether its rows are linear in the command to first order only."""
         return False
-
-    def drift(self, snapshot: Snapshot) -> Array:
-        """Return zero: the rows are linear in the joints."""
-        return self._still
 
 
 class Gear(Mechanics):
@@ -51,24 +46,11 @@ class Gear(Mechanics):
         """Whether its row is linear to first order only."""
         return not self._coupling.is_linear
 
-    def residual(self, snapshot: Snapshot) -> Residual:
-        """Return the gear's error [rad or m]."""
-        follower, driver = snapshot.robot.limits.joint_positions(snapshot.q)[self._ends].tolist()
-        coupling, jacobian = self._coupling, np.zeros((1, self.robot.nv))
-        jacobian[0, [6 + k for k in self._ends]] = 1.0, -coupling.slope(driver)
-        return Residual(np.array((follower - coupling.value(driver),)), jacobian, self._still)
-
     def native(self) -> tuple[NativeRows, ...]:
         """Return the one row."""
         coupling, still = self._coupling, self._still
         numbers = np.array((*self._ends, coupling.offset, coupling.ratio, *coupling.curved))
         return (NativeRows(Kind.GEAR, None, (0,), still, still, (numbers,)),)
-
-    def drift(self, snapshot: Snapshot) -> Array:
-        """Return minus the polynomial's second derivative by the driver's rate squared."""
-        k = self._ends[1]
-        driver = float(snapshot.robot.limits.joint_positions(snapshot.q)[k])
-        return np.array((-self._coupling.curvature(driver) * float(snapshot.v[6 + k]) ** 2,))
 
 
 class ClosedLoop(Mechanics):
@@ -91,27 +73,6 @@ class ClosedLoop(Mechanics):
         """Whether its rows are linear to first order only: they are."""
         return True
 
-    def residual(self, snapshot: Snapshot) -> Residual:
-        """Return how far it is open, [m] above [rad], in axes of the second frame."""
-        frame, other = (
-            (*snapshot.placement(name), snapshot.jacobian(name)) for name in self.loop.frames
-        )
-        error, jacobian = gap_of(frame, other)
-        k = len(self.rows)
-        return Residual(error[:k], jacobian[:k], self._still)
-
-    def drift(self, snapshot: Snapshot) -> Array:
-        """Return the second derivative of the position, and that of the turn's rate, at v' = 0."""
-        name, held_at = self.loop.frames
-        arm, R = snapshot.position(name) - snapshot.position(held_at), snapshot.rotation(held_at)
-        v, w = np.split(snapshot.jacobian(name) @ snapshot.v, 2)
-        v_other, w_other = np.split(snapshot.jacobian(held_at) @ snapshot.v, 2)
-        speeding, spinning = np.split(snapshot.drift(name) - snapshot.drift(held_at), 2)
-        carried = np.cross(w_other, arm) - 2.0 * (v - v_other)
-        linear = speeding - np.cross(snapshot.drift(held_at)[3:], arm) + np.cross(w_other, carried)
-        angular = spinning - np.cross(w_other, w)
-        return np.concatenate((R.T @ linear, R.T @ angular))[: len(self.rows)]
-
     def native(self) -> tuple[NativeRows, ...]:
         """Return its rows, six or the first three."""
         index, still = tuple(range(len(self.rows))), self._still
@@ -127,10 +88,6 @@ class BoltedBase(Mechanics):
     def __init__(self, robot: Robot) -> None:
         super().__init__(robot, "bolted base", AXES + TURNS)
         self._jacobian = read_only(np.eye(6, robot.nv))
-
-    def residual(self, snapshot: Snapshot) -> Residual:
-        """Return no error, and the base's own six columns."""
-        return Residual(self._still, self._jacobian, self._still)
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return the six rows."""

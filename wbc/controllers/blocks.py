@@ -2,8 +2,9 @@
 
 What a task is about is planned once; its numbers (targets, weights, gains) are written again when
 an attribute of the task was set, and where only its target was, those that move with it. Tasks that
-do not describe their rows (one's own, those about forces, inertia in a frame's axes) work them out
-in Python in each tick, and the core takes them as they are: see :class:`PythonPart`.
+do not describe their rows (one's own, inertia in a frame's axes) are asked in each tick, and the
+core does with their answers what it does with its own (:class:`AskedPart`); those about forces give
+rows on the unknowns (:class:`ForcePart`).
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ import numpy as np
 from wbc.laws import AccelerationLaw, Residual, Rows, VelocityLaw
 from wbc.native import lib
 from wbc.native.rows import Kind, NativeRows
-from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
 from wbc.validate import Array
 
@@ -160,53 +160,47 @@ class Part:
         self._law = law
 
 
-class PythonRows(NamedTuple):
-    """The rows of a task at one snapshot, worked out in Python.
+class Asked(NamedTuple):
+    """What a task in Python answers at one snapshot.
 
     Attributes
     ----------
     residual:
-        Of a task about motion; None: of one about forces, whose error the tick decides.
+        Of a task about motion.
+    drift:
+        (k,) its second derivative at zero acceleration of v; None at the velocity level.
+    rows:
+        Of a task about forces, in place of both: rows on the unknowns.
     """
 
     task: Task
-    rows: Rows
-    residual: Residual | None
+    residual: Residual | None = None
+    drift: Array | None = None
+    rows: Rows | None = None
 
 
-class PythonPart(Part):
-    """One task or contact whose rows are worked out in Python, and where they go.
+class AskedPart(Part):
+    """One task or contact that is asked in Python, and where its answers go.
 
     Parameters
     ----------
-    n, nv:
-        How many unknowns there are, and how many of them are the velocity's.
-    unit:
-        Newtons per unit of a force unknown.
+    nv:
+        How many entries the velocity has.
     curved:
         Whether its residual has a curvature, which goes into the cost.
     """
 
-    def __init__(
-        self,
-        part: Part,
-        n: int,
-        nv: int,
-        unit: float,
-        curved: bool,
-    ) -> None:
+    def __init__(self, part: Part, nv: int, curved: bool) -> None:
         task = part.task
         self._curved = curved and not part.held
         super().__init__(task, part.kept, part.held, part.torque, part.level, part._scale)
         chosen = list(range(len(task.rows))) if self.kept is None else self.kept
         k, none = len(chosen), np.zeros(len(task.rows))
-        self._shape = k, n
-        sizes = (k * n, k, k, nv, *([nv * nv] if self._curved else []))
-        numbers = tuple(np.zeros(size) for size in sizes)
+        self._chosen, self._shape = slice(None) if self.kept is None else self.kept, (k, nv)
+        numbers = [np.zeros(size) for size in (k * nv, k, nv, *([nv * nv] if self._curved else []))]
         frame = getattr(task, "frame", None) if part.held else None
         entries = tuple(range(len(task.rows)))
-        self.rows = (NativeRows(Kind.GIVEN, frame, entries, none, none, numbers),)
-        self._decided = unit if isinstance(task, ForceTask) else 0.0
+        self.rows = (NativeRows(Kind.ASKED, frame, entries, none, none, tuple(numbers)),)
 
     @property
     def second(self) -> bool:
@@ -214,28 +208,52 @@ class PythonPart(Part):
         return self._curved
 
     def write(self, dt: float) -> bool:
-        """Take note of a change: all is written in each tick."""
+        """Write law and weights of a task that was changed; all else is written in each tick."""
         self.changes, self.assigned = self.task._changes, self.task._assigned
+        self._write_law(self.rows or (), dt)
         return self.singular == self._singular
 
-    def fill(self, given: PythonRows) -> bool:
-        """Write the rows of a tick; False: they have a curvature that was not there before."""
-        rows, residual, (k, n), (place,) = given.rows, given.residual, self._shape, self._places
-        if rows.curvature is not None and not self._curved and not self.held:
+    def fill(self, asked: Asked) -> bool:
+        """Write the answer of a tick; False: it is of another kind than was planned."""
+        residual, (place,), chosen = asked.residual, self._places, self._chosen
+        if residual is None:
             return False
-        matrix, target, told, damping, *curvature = place.rest[2:]
-        matrix = matrix.reshape(k, n)
-        chosen = slice(None) if self.kept is None else self.kept
-        width = rows.matrix.shape[-1]
-        matrix[:, :width], matrix[:, width:] = rows.matrix[chosen], 0.0
-        target[:] = rows.target[chosen]
-        place.weight[:] = self._scale * rows.weight[chosen]
-        damping[:] = rows.damping
-        told[:] = 0.0 if residual is None else residual.error[chosen]
+        if residual.curvature is not None and not self._curved and not self.held:
+            return False
+        bias, drift, matrix, error, bound, *curvature = place.rest
+        matrix.reshape(self._shape)[:] = residual.jacobian[chosen]
+        error[:], bias[:] = residual.error[chosen], residual.bias[chosen]
+        if asked.drift is not None:
+            drift[:] = asked.drift[chosen]
+        elif place.header[lib.HALF_GAIN] > 0.0 and not self.held:
+            left_out = residual.curvature_bound
+            bound[:] = left_out() if callable(left_out) else left_out
         if curvature:
-            curvature[0][:] = 0.0 if rows.curvature is None else rows.curvature.ravel()
-        place.header[0] = self._decided if self.torque else rows.rate
-        place.rest[0][:] = 0.0 if rows.bias is None else rows.bias[chosen]
+            curvature[0][:] = 0.0 if residual.curvature is None else residual.curvature.ravel()
+        return True
+
+
+class ForcePart(Part):
+    """One task about forces, and where its rows go: matrix and target, by n unknowns."""
+
+    def __init__(self, part: Part, n: int) -> None:
+        super().__init__(part.task, None, False, part.torque, part.level, part._scale)
+        k = len(part.task.rows)
+        none, numbers = np.zeros(k), (np.zeros(k * n), np.zeros(k))
+        self.rows = (NativeRows(Kind.GIVEN, None, tuple(range(k)), none, none, numbers),)
+
+    def write(self, dt: float) -> bool:
+        """Take note of a change: all is written in each tick."""
+        self.changes, self.assigned = self.task._changes, self.task._assigned
+        return True
+
+    def fill(self, asked: Asked) -> bool:
+        """Write the rows of a tick; False: there are none."""
+        rows, (place,) = asked.rows, self._places
+        if rows is None:
+            return False
+        place.weight[:] = self._scale * rows.weight
+        place.rest[2][:], place.rest[3][:] = rows.matrix.ravel(), rows.target
         return True
 
 
@@ -247,17 +265,12 @@ def _reader(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ..
 
 
 def described(task: Task, torque: bool) -> Sequence[NativeRows] | None:
-    """Return what a task says of its rows, if its law is one that the core knows."""
-    kind = task.__dict__, vars(type(task))
-    if "native" not in kind[1] or "residual" in kind[0] or "drift" in kind[0]:
-        return None
-    if torque:
-        return task.native() if type(task.acceleration_law) is AccelerationLaw else None
-    law = task.law
-    if type(law) is not VelocityLaw:
+    """Return what a task says of its rows; None: it is asked for them."""
+    own = task.__dict__
+    if "native" not in vars(type(task)) or "residual" in own or "drift" in own:
         return None
     rows = task.native()
-    if rows is not None and len(rows) > 1 and law.lm_damping > 0.0:
+    if rows is not None and len(rows) > 1 and task.lm_damping > 0.0 and not torque:
         return None  # by the error of the whole task, which is in several blocks
     return rows
 

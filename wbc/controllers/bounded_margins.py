@@ -10,10 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.constraints.rows import Bounds
+from wbc.native import lib
 from wbc.validate import Array
 
 # Hardest braking before a margin, and hardest way out of it [m/s^2].
-MARGIN_BRAKING = 20.0
+MARGIN_BRAKING: float = lib.wbc_margin_braking
 
 
 def reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:

@@ -21,12 +21,10 @@ from wbc.constraints.mechanics import BoltedBase, Mechanics
 from wbc.controllers.core_memory import CoreMemory
 from wbc.controllers.outcome import Box
 from wbc.controllers.tick import Tick
+from wbc.native import lib
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
-CLOSED = 1e-10  # m, rad: smaller gaps at the end of a tick stay; as in closing.c, as the next two
-FAR = 1.0  # m, rad: a larger gap is no matter of curvature
-ROUNDS = 5  # each leaves a gap by that part which joints move in a tick [rad]
 OFF = 1e-9  # m, rad: smaller errors are no reason why a tick cannot be had
 DEPENDENT = 1e-6  # singular values below this part of the largest: rows that follow from others
 HALVINGS = 6  # of the part of errors that is taken back
@@ -88,10 +86,10 @@ class LoopClosing:
         found = tick
         self.busy = True
         try:
-            for _ in range(ROUNDS):
+            for _ in range(lib.CLOSING_ROUNDS):
                 missed = memory.gaps(snapshot.q, found.velocity)
                 worst = float(np.abs(missed).max())
-                if worst <= CLOSED or not worst < FAR:
+                if worst <= lib.wbc_closed or not worst < lib.wbc_far_open:
                     break
                 if is_over():
                     found.__dict__["left_out"] = (*found.left_out, REST)

@@ -25,7 +25,7 @@ from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers import checks
-from wbc.controllers.blocks import PythonRows
+from wbc.controllers.blocks import Asked
 from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.contact_forces import NO_RAMPS
 from wbc.controllers.core_plan import CorePlan, solves
@@ -42,16 +42,16 @@ from wbc.controllers.plan import Decision, LevelPlan
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.controllers.tick import POLICIES, Began, Tick
 from wbc.errors import ControllerFailure, InvalidInputError
-from wbc.laws import Residual, Rows
+from wbc.laws import Rows
 from wbc.qp.backend import Backend, backend_of
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Task
-from wbc.tasks.validation import deviation_of, residual_of
+from wbc.tasks.validation import deviation_of, drift_of, residual_of
 from wbc.validate import Array, finite_number, read_only, time_step
 
 # How contacts are treated: as equality rows, which the core eliminates; both are the same now.
 FORMULATIONS = ("equality", "reduced")
-PythonRowsOf = Callable[[CorePlan], list[PythonRows]]
+Answers = Callable[[CorePlan], list[Asked]]
 
 
 class Controller(DeclaredAttributes, ABC):
@@ -232,7 +232,7 @@ class Controller(DeclaredAttributes, ABC):
             if found is not None and found.solved:
                 return self._command(snapshot, found)
         if self._margins_in_core or not self.constraints:
-            given = self._rows_once(snapshot)
+            given = self._asked_once(snapshot)
             outcome = self._solve(snapshot, self._core, None, None, begun, given, found)
             if outcome.solved or not self._margins_in_core:
                 return self._answer(snapshot, outcome, [])
@@ -248,15 +248,15 @@ class Controller(DeclaredAttributes, ABC):
         bounds: Bounds | None,
         box: Box | None,
         begun: float,
-        given: PythonRowsOf,
+        given: Answers,
         found: CoreTick | None = None,
         opened: bool = False,
     ) -> Outcome:
         """Return what comes of all levels, with inequality rows of constraints in Python.
 
         ``box``: on v+, of an earlier round of this tick; None in the first. ``opened``: whether it
-        was opened in this round, as far as rows needed it. ``given``: the rows of
-        tasks in Python, which are the same in all rounds.
+        was opened in this round, as far as rows needed it. ``given``: what
+        tasks in Python answer, which is the same in all rounds.
         """
         levels = self._levels
         if not levels.braked:
@@ -282,17 +282,18 @@ class Controller(DeclaredAttributes, ABC):
         """The plan in which no margin is the core's: theirs are rows that come from here."""
         return self._core if self._second is None else self._second
 
-    def _planned_anew(self, plan: CorePlan, given: Sequence[PythonRows]) -> CorePlan:
+    def _planned_anew(self, plan: CorePlan, given: Sequence[Asked]) -> CorePlan:
         """Plan again where tasks are others than those planned; return what stands for ``plan``."""
         second = plan is self._second
-        curved = (one.task.name for one in given if one.rows.curvature is not None)
+        residuals = {one.task.name: one.residual for one in given if one.residual is not None}
+        curved = (name for name, one in residuals.items() if one.curvature is not None)
         self._plan(self.contacts, frozenset(curved))
         return self._marginless if second else self._core
 
     def _set_up(self, snapshot: Snapshot, begun: float) -> CoreTick:
         """Return a tick whose first QP is set up, without margins, and not solved."""
         plan = self._marginless
-        given = self._python_rows(plan, snapshot)
+        given = self._ask(plan, snapshot)
         found = plan.tick(snapshot, given, None, self._ramped, begun, solve=False)
         if found is None:
             self._planned_anew(plan, given)
@@ -303,24 +304,24 @@ class Controller(DeclaredAttributes, ABC):
         """Whether the deadline of a tick that began then is over."""
         return self.deadline is not None and perf_counter() - begun > self.deadline
 
-    def _rows_once(self, snapshot: Snapshot) -> PythonRowsOf:
-        """Return what works a plan's rows in Python out, once in a tick."""
-        known: dict[CorePlan, list[PythonRows]] = {}
+    def _asked_once(self, snapshot: Snapshot) -> Answers:
+        """Return what asks a plan's tasks in Python, once in a tick."""
+        known: dict[CorePlan, list[Asked]] = {}
 
-        def rows(plan: CorePlan) -> list[PythonRows]:
+        def answers(plan: CorePlan) -> list[Asked]:
             if plan not in known:
-                known[plan] = self._python_rows(plan, snapshot)
+                known[plan] = self._ask(plan, snapshot)
             return known[plan]
 
-        return rows
+        return answers
 
-    def _python_rows(self, plan: CorePlan, snapshot: Snapshot) -> list[PythonRows]:
-        """Return the rows of tasks and contacts that the core does not know."""
-        rows = []
+    def _ask(self, plan: CorePlan, snapshot: Snapshot) -> list[Asked]:
+        """Return the answers of tasks and contacts that the core does not know."""
+        asked = []
         for task in plan.python_tasks:
-            residual = residual_of(task, snapshot)
-            rows.append(PythonRows(task, self._law(task, residual, snapshot), residual))
-        return rows
+            drift = drift_of(task, snapshot) if self._bears else None
+            asked.append(Asked(task, residual_of(task, snapshot), drift))
+        return asked
 
     def _known(self, outcome: Outcome, snapshot: Snapshot) -> dict[str, Any]:
         """Return what a tick does not read from the core."""
@@ -400,10 +401,6 @@ class Controller(DeclaredAttributes, ABC):
         """Return what is held in the next tick if ``wanted`` shall be held from then on."""
         return wanted
 
-    @abstractmethod
-    def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
-        """Return the rows on v+ by which the level drives a task in Python."""
-
     def _decision(self) -> Decision:
         """Return the unknowns."""
         return Decision.velocity(self.robot, read_only(self.damping * self.joint_weights))
@@ -425,7 +422,7 @@ class Controller(DeclaredAttributes, ABC):
         self, snapshot: Snapshot, margins: MarginRows, begun: float
     ) -> tuple[Outcome, list[Bounds]]:
         """Return the outcome with margins kept where it leads, and the rows that it took."""
-        given = self._rows_once(snapshot)
+        given = self._asked_once(snapshot)
 
         def solve(bounds: Bounds | None, box: Box | None) -> Outcome:
             return self._solve(snapshot, self._marginless, bounds, box, begun, given)

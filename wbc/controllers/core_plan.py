@@ -17,7 +17,7 @@ import numpy as np
 from wbc.constraints.collision import SelfCollision
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds
-from wbc.controllers.blocks import Part, PythonPart, PythonRows
+from wbc.controllers.blocks import Asked, AskedPart, ForcePart, Part
 from wbc.controllers.contact_forces import NO_RAMPS
 from wbc.controllers.core_memory import DONE, REDUCED, CoreMemory
 from wbc.controllers.core_tick import CoreTick, TickNames
@@ -67,9 +67,9 @@ class CorePlan:
     margin:
         Between the robot's bodies, kept by the core; None: none is.
     python_tasks:
-        Tasks about motion, soft contacts and contacts whose rows are worked out in Python.
+        Tasks about motion, soft contacts and contacts that are asked in Python.
     force_tasks:
-        Those about forces, which all are.
+        Those about forces that are.
     """
 
     def __init__(
@@ -95,7 +95,6 @@ class CorePlan:
             *(looked_into, shares_state, soft_weights, curved, added),
         )
         torque, n = rows is not None, plan.decision.size
-        unit = 0.0 if rows is None else rows.forces.unit
         weights = {} if soft_weights is None else soft_weights
         self._parts: list[Part] = []
         for k, task in enumerate((*tasks, *plan.soft, *forces)):
@@ -106,14 +105,15 @@ class CorePlan:
             chosen = None if kept is None else kept.tolist()
             self._parts.append(Part(contact, chosen, held=True, torque=torque))
         for k, part in enumerate(self._parts):
-            if part.rows is None:
-                is_curved = part.task.name in curved
-                self._parts[k] = PythonPart(part, n, robot.nv, unit, is_curved)
-        python = [part for part in self._parts if isinstance(part, PythonPart)]
-        self._python = {id(part.task): part for part in python}
-        given = (part.task for part in python)
-        self.python_tasks = tuple(task for task in given if not isinstance(task, ForceTask))
-        self.force_tasks, self.plan, self._robot = tuple(forces), plan, robot
+            if part.rows is None and isinstance(part.task, ForceTask):
+                self._parts[k] = ForcePart(part, n)
+            elif part.rows is None:
+                self._parts[k] = AskedPart(part, robot.nv, part.task.name in curved)
+        asked = [part for part in self._parts if isinstance(part, AskedPart | ForcePart)]
+        self._asked = {id(part.task): part for part in asked}
+        self.python_tasks = tuple(part.task for part in asked if isinstance(part, AskedPart))
+        self.force_tasks = tuple(one for one in forces if id(one) in self._asked)
+        self.plan, self._robot = plan, robot
         self._dt, self._lock = dt, threading.Lock()
         self._limits, self._rates = limits, _rates(limits)
         self._solver = solver = backend if solves(backend) else None
@@ -180,7 +180,7 @@ class CorePlan:
     def tick(
         self,
         snapshot: Snapshot,
-        given: Sequence[PythonRows] = (),
+        given: Sequence[Asked] = (),
         bounds: Bounds | None = None,
         ramps: Mapping[str, float] = NO_RAMPS,
         begun: float | None = None,
@@ -191,7 +191,7 @@ class CorePlan:
         Parameters
         ----------
         given:
-            The rows of tasks that were worked out in Python.
+            What tasks in Python answered.
         bounds:
             Inequality rows of constraints that were.
         ramps:
@@ -212,7 +212,7 @@ class CorePlan:
             if not self._write(ramps):
                 return None
             for one in given:
-                if not self._python[id(one.task)].fill(one):
+                if not self._asked[id(one.task)].fill(one):
                     return None
             if memory.forces is not None:
                 memory.forces.write_load(self._robot, snapshot)
@@ -263,9 +263,7 @@ class CorePlan:
             weight = np.concatenate([place.weight for place in places])
             rate = 0.0 if isinstance(task, ForceTask) else float(places[0].header[0])
             threshold = task.law.singular_threshold
-            one = Rows(
-                matrix[where], target[where], weight, 0.0, None, threshold, rate, bias[where]
-            )
+            one = Rows(matrix[where], target[where], weight, threshold, rate, bias[where])
             rows.append((task, one))
         return rows
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.controllers.blocks import PythonRows
+from wbc.controllers.blocks import Asked
 from wbc.controllers.core_layout import Layout, LevelViews
 from wbc.controllers.core_memory import CoreMemory
 from wbc.controllers.singular import Singularity
@@ -56,7 +56,7 @@ class CoreTick:
     begun, called, done:
         When the tick began, when the core was called, and when it was done [s].
     given:
-        Rows that were worked out in Python.
+        What tasks in Python answered.
     rows:
         Names of the inequality rows that were, and weights (m,) of their slacks or None.
 
@@ -82,7 +82,7 @@ class CoreTick:
     solved = False
     _memory: CoreMemory
     _names: TickNames
-    given: Sequence[PythonRows]
+    given: Sequence[Asked]
     _layout: Layout
     _out: Array
     _below: Array
@@ -98,7 +98,7 @@ class CoreTick:
         self,
         memory: CoreMemory,
         names: TickNames,
-        given: Sequence[PythonRows],
+        given: Sequence[Asked],
         rows: tuple[str, ...],
         slack: Array | None,
         begun: float,

@@ -15,12 +15,10 @@ from wbc.controllers.core_tick import CoreTick
 from wbc.controllers.outcome import Outcome
 from wbc.controllers.tick import Tick
 from wbc.errors import ControllerFailure
-from wbc.laws import Residual, Rows
 from wbc.qp.least_infeasible import least_infeasible
 from wbc.robot import Snapshot
 from wbc.robot.tree import LARGEST
 from wbc.tasks.task import Task
-from wbc.tasks.validation import rows_of
 from wbc.validate import Array
 
 
@@ -48,9 +46,6 @@ class KinematicController(Controller):
             if not tick.ok:
                 return tick
             return closing.closed(snapshot, tick, step, self._core.memory, over)
-
-    def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
-        return rows_of(task, task.law, residual, task.weight, self.dt)
 
     def _command(self, snapshot: Snapshot, found: CoreTick) -> Tick:
         known = self._known(Outcome(found), snapshot) if self._deviating else None

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint
-from wbc.controllers.blocks import PythonRows
+from wbc.controllers.blocks import Asked
 from wbc.controllers.bounded_margins import reachable_rows
 from wbc.controllers.checks import ANOTHER, PLANNED, check_parts, check_snapshot
 from wbc.controllers.closed_loop import ticks_of
@@ -40,12 +40,10 @@ from wbc.controllers.relaxation import Physical, given_way, relaxed_qp
 from wbc.controllers.tick import RELAX, Tick
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import ControllerFailure
-from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, doubt_at_torque_level
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
 from wbc.tasks.task import Task
-from wbc.tasks.validation import drift_of, rows_of
 from wbc.validate import Array, by_name, finite_array, finite_number, read_only
 
 BASE_FORCES = tuple(f"dynamics {row}" for row in ("fx", "fy", "fz", "mx", "my", "mz"))
@@ -292,11 +290,6 @@ class TorqueController(Controller):
         names, weights = {one.name for one in going}, self.slacks.weights
         self._going_slack = {name: weights[name] for name in names & weights.keys()}
 
-    def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
-        drift = drift_of(task, snapshot)
-        given = residual, drift, snapshot.v, task.weight, self.dt
-        return rows_of(task, task.acceleration_law, *given)
-
     def _decision(self) -> Decision:
         robot = self.robot
         self._unit = robot.mass / self.dt  # N per unit of a force unknown
@@ -324,11 +317,11 @@ class TorqueController(Controller):
         told = self._told
         return TorqueRows(self.contact_forces, self._passive, *limits, self._deceleration, told)
 
-    def _python_rows(self, plan: CorePlan, snapshot: Snapshot) -> list[PythonRows]:
-        rows = super()._python_rows(plan, snapshot)
-        if not self._force_tasks:
-            return rows
-        of_motion = tuple(rows)
+    def _ask(self, plan: CorePlan, snapshot: Snapshot) -> list[Asked]:
+        asked = super()._ask(plan, snapshot)
+        if not plan.force_tasks:
+            return asked
+        of_motion = tuple(asked)
 
         def physics() -> tuple[Array, Array]:
             # What torques are by the unknowns is the core's: it is asked for that first.
@@ -339,7 +332,8 @@ class TorqueController(Controller):
             return found.views.D, found.views.offset
 
         dynamics = self._dynamics(physics, snapshot)
-        return rows + [PythonRows(one, one.force_rows(dynamics), None) for one in self._force_tasks]
+        forces = ((one, one.force_rows(dynamics)) for one in plan.force_tasks)
+        return asked + [Asked(one, rows=rows) for one, rows in forces]
 
     def _dynamics(
         self, physics: Callable[[], tuple[Array, Array]], snapshot: Snapshot
@@ -354,7 +348,7 @@ class TorqueController(Controller):
     ) -> tuple[Outcome, list[Bounds]]:
         within_reach = [reachable_rows(part, snapshot.v, self.dt) for part in margins.parts]
 
-        given = self._rows_once(snapshot)
+        given = self._asked_once(snapshot)
 
         def solve(bounds: Bounds | None, box: Box | None) -> Outcome:
             return self._solve(snapshot, self._marginless, bounds, box, begun, given)

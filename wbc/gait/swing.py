@@ -18,6 +18,10 @@ LEAST_LEFT = 0.03
 # is up, over an edge just before its toe; from 2 on its acceleration jumps.
 STEEPNESS = 2.5
 
+# How fast a late foot takes up the speed that it goes down at [m/s^2]: at once, arms were thrown up
+# to their torque bounds against it in the last tick of most steps.
+SPEED_UP = 6.0
+
 
 class SwingMotion(NamedTuple):
     """A value, its rate and acceleration: numbers all, or arrays (k,)."""
@@ -206,7 +210,10 @@ class SwingFoot(NamedTuple):
     def _curve(self, ground: float, rate: float) -> SwingMotion:
         """Return the height of one that does its way at ``rate`` [1/s]; 0 if it is late."""
         if rate == 0.0:
-            return SwingMotion(ground - self.descent * self.late, -self.descent, 0.0)
+            speeding = min(self.late, self.descent / SPEED_UP)
+            v = SPEED_UP * speeding
+            way = 0.5 * v * speeding + v * (self.late - speeding)
+            return SwingMotion(ground - way, -v, -SPEED_UP if v < self.descent else 0.0)
         if self.crossing is not None:
             return SwingMotion(*self.crossing._replace(end=ground).lifted(self.done, rate))
         clearance = self.clearance * min(1.0, 1.0 / (rate * self.usual)) ** 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -21,8 +22,14 @@ class Kind(IntEnum):
     CONTACT = lib.CONTACT  # position (3,), rotation (3, 3); entries: rows
     LINEAR = lib.LINEAR  # matrix (k, nv), offset (k,): error = matrix @ (0, joints) - offset
     LOOP = lib.LOOP  # none; entries: rows
+    # Seen from the other frame: position (3,), rotation (3, 3), rate (6,), acceleration (6,).
+    RELATIVE = lib.RELATIVE
     GEAR = lib.GEAR  # two joints, and the polynomial's coefficients, lowest first (7,)
-    GIVEN = lib.GIVEN  # worked out in Python: matrix (k, n), target (k,), error (k,), damping (nv,)
+    # Of a centre of pressure: point (3,), whether it is as high as contacts on the mean.
+    COP = lib.COP
+    GIVEN = lib.GIVEN  # of forces, by Python: matrix (k, n), target (k,)
+    # By Python: Jacobian (k, nv), error (k,), bound on the curvature (nv,), or curvature (nv, nv).
+    ASKED = lib.ASKED
 
 
 class NativeRows(NamedTuple):
@@ -58,3 +65,13 @@ class NativeRows(NamedTuple):
     curved: bool = True
     moving: tuple[str, ...] = ()
     other: str | None = None
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames that they are about."""
+        return tuple(name for name in (self.frame, self.other) if name is not None)
+
+    def block(self, frames: Sequence[str], **places: int) -> dict[str, int]:
+        """Return the ``wbc_block`` of source/core.h, by where these frames and all else are."""
+        own, other = (-1 if one is None else frames.index(one) for one in (self.frame, self.other))
+        return {"kind": self.kind, "frame": own, "other": other, **places}

@@ -1,9 +1,9 @@
-"""One QP handed to the core's active-set method, and what it says, unchecked."""
+"""One QP handed to the core: what its active-set method says, and how good an answer is."""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -58,14 +58,11 @@ def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> C
     shapes = ((n, n), (k, n), (m, n), (n,), (n,), (n,), (k,), (m,), (m,))
     if tuple([array.shape for array in arrays]) != shapes:
         check_qp(qp)
-    given = [np.ascontiguousarray(array, dtype=np.float64) for array in arrays]
     working, places = _sizes(*sizes)
     scratch, order = np.empty(working), np.empty(places, dtype=np.int64)
     out = np.empty(2 * n + k + m + 4)
     at = doubles(out)
-    struct = ffi.new("wbc_qp *", {"n": n, "k": k, "m": m, "eps": eps})
-    for name, array in zip(_GIVEN, given, strict=True):
-        setattr(struct, name, doubles(array))
+    struct, _given = _struct(qp, eps)
     struct.x, struct.y, struct.z, struct.z_box = at, at + n, at + n + k, at + n + k + m
     struct.found = at + out.size - 4
     soft = ffi.NULL if give is None else doubles(give)
@@ -76,6 +73,26 @@ def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> C
     y, z, z_box = n, n + k, n + k + m  # where they begin
     parts = out[:y], out[y:z], out[z:z_box], out[z_box:-4]
     return CoreAnswer(said, *parts, KktResiduals(*residuals), int(iterations))
+
+
+def residuals_in_core(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> list[float]:
+    """Return primal, dual and complementarity residual of a point and multipliers of any origin."""
+    struct, _given = _struct(qp)
+    point = [np.ascontiguousarray(part, dtype=np.float64) for part in (x, y, z, z_box)]
+    struct.x, struct.y, struct.z, struct.z_box = map(doubles, point)
+    found = np.empty(3 + qp.g.size)
+    struct.found = doubles(found)
+    lib.wbc_residuals(struct, doubles(found) + 3)
+    return found[:3].tolist()
+
+
+def _struct(qp: QP, eps: float = 0.0) -> tuple[Any, object]:
+    """Return a ``wbc_qp``, and what it points at, to be kept as long."""
+    given = [np.ascontiguousarray(getattr(qp, name), dtype=np.float64) for name in _GIVEN]
+    struct = ffi.new("wbc_qp *", {"n": qp.g.size, "k": qp.b.size, "m": qp.u.size, "eps": eps})
+    for name, array in zip(_GIVEN, given, strict=True):
+        setattr(struct, name, doubles(array))
+    return struct, given
 
 
 @lru_cache(maxsize=256)

@@ -1,20 +1,20 @@
 """From a solver's claim to a status that rests on evidence: the same check for every backend.
 
-How far a point and its multipliers are from optimal is recomputed from the QP in plain NumPy. No
-status of any solver is believed: each has claimed "solved" or "infeasible" wrongly somewhere.
+How far a point and its multipliers are from optimal is worked out from the QP, apart from any
+solver. No status of any is believed: each has claimed "solved" or "infeasible" wrongly somewhere.
 """
 
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Sequence
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from wbc.qp.conflict import find_conflict
+from wbc.qp.core import residuals_in_core
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, KktResiduals, RawSolution, Solution, Status
 from wbc.validate import Array
@@ -24,113 +24,14 @@ DOUBT = 1e-4
 # A point or multipliers beyond this are no answer: products of three overflow, where the numbers of
 # the QP are 1e150 at most.
 FARTHEST = 1e70
-MOST = 64  # sets of memory that a thread keeps: margins change the number of rows
-
-
-class Stacked:
-    """Memory for QPs of some size: bounds, inequality rows and equality rows one below the other.
-
-    Attributes
-    ----------
-    P, g, rows:
-        (n, n), (n,) and (mi + me, n): C above A.
-    lower, upper:
-        (n + mi + me,) of the unknowns, of C x, and b twice.
-    x, multipliers:
-        (n,) and (n + mi + me,); ``point`` holds both, x last.
-    inequalities:
-        How many multipliers are not those of equalities, n + mi.
-    """
-
-    def __init__(self, n: int, mi: int, me: int) -> None:
-        m, every = mi + me, n + mi + me
-        self.inequalities = n + mi
-        # Rows above P, and the rows' multipliers before x: one product gives the gradient.
-        block = np.empty((every + 1) * (n + 1) - 1)
-        self.lower, self.upper = block[:every], np.empty(every)
-        self._matrices, self.g = block[every:-n].reshape(every, n), block[-n:]
-        self.rows, self.P = self._matrices[:m], self._matrices[m:]
-        # Where the fields of a QP go, in their order; b goes to the upper ends as well.
-        lower, l, b = np.split(self.lower, (n, n + mi))  # noqa: E741
-        upper, u, self._b = np.split(self.upper, (n, n + mi))
-        self._fields = self.P, self.g, self.rows[mi:], b, self.rows[:mi], l, u, lower, upper
-        memory = np.zeros(every + n + m)
-        self.multipliers, self._values = memory[:every], memory[every:]
-        self.x, self._row_values = self._values[:n], self._values[n:]
-        self.point = memory[: every + n]
-        self._box_multipliers, self._factors = self.point[:n], self.point[n:]
-        self._signed = self.multipliers[: n + mi]
-        # To the lower and to the upper bounds: distances, negative outside, and the multipliers.
-        self._terms = np.zeros(2 * every + n)  # those distances, and the gradient
-        self._distance, self._gradient = self._terms[:-n].reshape(2, every), self._terms[-n:]
-        self._pull, self._zero = np.zeros((2, every)), np.zeros((2, every))
-        self._below, self._above = self._distance
-        self._down, self._up = self._pull[:, : n + mi]
-
-    def load(self, qp: QP) -> None:
-        """Take over the numbers of a QP of this size."""
-        for place, numbers in zip(self._fields, qp[:9], strict=True):
-            place[...] = numbers
-        self._b[...] = qp.b
-
-    def residuals(self) -> KktResiduals:
-        """Return the residuals of ``x`` and ``multipliers``; 6 us at n = 35.
-
-        References
-        ----------
-        Boyd & Vandenberghe, Convex Optimization, sec. 5.5.3, with two-sided rows and bounds.
-        """
-        distance, pull, gradient = self._distance, self._pull, self._gradient
-        self._factors.dot(self._matrices, out=gradient)  # P is symmetric
-        gradient += self.g
-        self.rows.dot(self.x, out=self._row_values)
-        np.subtract(self._values, self.lower, out=self._below)
-        np.subtract(self.upper, self._values, out=self._above)
-        outside = -distance.item(distance.argmin())  # NaN comes first, in half of min()'s time
-        if np.vdot(self._signed, self._signed) == 0.0:  # no bound is active, as in most ticks
-            np.abs(gradient, out=gradient)
-            return KktResiduals(max(outside, 0.0), gradient.item(gradient.argmax()), 0.0)
-        gradient += self._box_multipliers
-        self._up[:] = self._signed
-        np.negative(self._signed, out=self._down)
-        np.maximum(pull, self._zero, out=pull)  # of a pair one: what the multiplier points at
-        np.abs(self._terms, out=self._terms)
-        clash = np.minimum(distance, pull, out=distance)
-        return KktResiduals(
-            max(outside, 0.0),  # NaN first: max(nan, a) is nan, but max(a, nan) is a
-            gradient.item(gradient.argmax()),
-            clash.item(clash.argmax()),
-        )
-
-
-class PerThread(threading.local):
-    """Memory that each thread keeps, by the sizes of QPs."""
-
-    def __init__(self) -> None:
-        self.kept: dict[tuple[float, ...], Any] = {}
-
-    def keep(self, key: tuple[float, ...], memory: Any) -> Any:
-        """Keep and return ``memory``; all that was kept is let go when it has become too much."""
-        if len(self.kept) >= MOST:
-            self.kept.clear()
-        self.kept[key] = memory
-        return memory
-
-
-_PER_THREAD = PerThread()
 
 
 def kkt_residuals(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> KktResiduals:
     """Return the residuals of x (n,), y (me,), z (mi,), z_box (n,); infinite where one is too."""
-    key = x.size, z.size, y.size
-    stacked: Stacked | None = _PER_THREAD.kept.get(key)
-    if stacked is None:
-        stacked = _PER_THREAD.keep(key, Stacked(*key))
-    point = np.concatenate((z_box, z, y, x), out=stacked.point)
+    point = np.concatenate((z_box, z, y, x))
     if np.vdot(point, point) > FARTHEST * FARTHEST:  # NaN is not, and stays
         return KktResiduals(math.inf, math.inf, math.inf)
-    stacked.load(qp)
-    return stacked.residuals()
+    return KktResiduals(*residuals_in_core(qp, x, y, z, z_box))
 
 
 def is_accurate(residuals: Sequence[float], eps: float) -> bool:

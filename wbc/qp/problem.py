@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.native import lib
 from wbc.validate import Array, real_array
 
 # Entries beyond this are refused: their squares overflow, and no controller means them.
-LARGEST = 1e150
+LARGEST: float = lib.wbc_largest_qp
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from wbc.native import doubles, ffi, integers, lib, pointer
+from wbc.robot.limits import JointLimits
 from wbc.spatial import vech
 from wbc.validate import Array, are_plain, read_only
 
@@ -98,6 +99,14 @@ class NativeState(NamedTuple):
         """Return a copy (6,)."""
         return self.part("momentum", 6).copy()
 
+    def inertia_hessian(self, weights: Array, mass: float) -> Array:
+        """Return the second derivative (nv, nv) by v of <weights, inertia>: see curvature.c."""
+        nv = self.tree.nv
+        hessian, work = np.empty((nv, nv)), np.empty(10 * (nv + 3))
+        at, given = map(doubles, (self.array, vech(weights)))
+        lib.wbc_inertia_hessian(self.tree.struct, at, mass, given, *map(doubles, (work, hessian)))
+        return hessian
+
     def frame(self, name: str, robot: HasPass) -> tuple[tuple[Array, Array], Array]:
         """Return (origin (3,), rotation (3, 3)) and Jacobian (6, nv) of a frame."""
         array, begin = self.array, self.slots.get(name)
@@ -165,11 +174,14 @@ class NativePass:
     ----------
     slots:
         Where frames begin that every state holds, by name; replaced, not changed, when one joins.
+    plans:
+        What others keep for rows at its states, by what they are about.
     """
 
     def __init__(self, tree: NativeTree, frames: Sequence[tuple[str, int]] = ()) -> None:
         self.tree = tree
         self.slots: dict[str, int] = {}
+        self.plans: dict[object, Any] = {}
         self._most = max(KEPT, len(frames))
         size = tree.nq + tree.nv
         memory = np.zeros(size + tree.nq)
@@ -242,6 +254,13 @@ def frame_places(model: pin.Model, frames: Sequence[int]) -> tuple[NDArray[np.in
     joints = np.array([frame.parentJoint for frame in every], dtype=np.int64)
     placements: Array = np.array([_flat(frame.placement) for frame in every])
     return joints, placements
+
+
+def joint_starts(limits: JointLimits) -> NDArray[np.int64]:
+    """Return where joints' coordinates are in q (joints,): minus that and 1 less of (cos, sin)."""
+    starts, turning = np.array(limits.starts, dtype=np.int64), list(limits.unbounded)
+    starts[turning] = -starts[turning] - 1
+    return starts
 
 
 def _slices(places: Any) -> dict[str, slice]:

@@ -29,7 +29,7 @@ class MovingState(KinematicState):
     @lazy
     def mass_matrix(self) -> Array:
         """Joint-space mass matrix M (nv, nv), the joints' rotor inertia included."""
-        return self._motion.part("mass_matrix", self.robot.nv, -1)
+        return self.native_motion.part("mass_matrix", self.robot.nv, -1)
 
     @lazy
     def bias(self) -> Array:
@@ -38,7 +38,7 @@ class MovingState(KinematicState):
         ``tau`` is what arrives at the links: the joints' damping and dry friction
         (``robot.damping``, ``robot.friction``) are taken off what the motors give before.
         """
-        return self._motion.part("bias", -1)
+        return self.native_motion.part("bias", -1)
 
     @lazy
     def mechanical_connection(self) -> Array:
@@ -51,21 +51,21 @@ class MovingState(KinematicState):
     @lazy
     def com_drift(self) -> Array:
         """Acceleration of the CoM at zero acceleration of v (3,) [m/s^2]."""
-        return self._motion.drift("com_drift")
+        return self.native_motion.drift("com_drift")
 
     @lazy
     def momentum_drift(self) -> Array:
         """dA_g/dt v (6,) [N, N m]: the momentum's rate at zero acceleration."""
-        return self._motion.drift("momentum_drift")
+        return self.native_motion.drift("momentum_drift")
 
     def drift(self, frame: str) -> Array:
         """Acceleration (6,) of the frame at zero acceleration of v, world axes [m/s^2, rad/s^2]."""
-        return self._motion.frame_drift(self.robot.frame_id(frame))
+        return self.native_motion.frame_drift(self.robot.frame_id(frame))
 
     @lazy
     def inertia_drift(self) -> Array:
         """d^2 vech(I)/dt^2 (6,) at zero acceleration of v, world axes [kg m^2/s^2]."""
-        return self._motion.drift("inertia_curvature")
+        return self.native_motion.drift("inertia_curvature")
 
     def inertia_drift_in(self, frame: str = WORLD, about: str | ArrayLike = COM) -> Array:
         """Second derivative (6,) of :meth:`inertia_in`, same ``frame`` and ``about``: the drift.
@@ -101,9 +101,9 @@ class MovingState(KinematicState):
     @property
     def _inertia_rate(self) -> Array:
         """First derivative of vech of the inertia (6,), world axes."""
-        return self._motion.drift("inertia_rate")
+        return self.native_motion.drift("inertia_rate")
 
     @lazy
-    def _motion(self) -> NativeMotion:
+    def native_motion(self) -> NativeMotion:
         """What the core finds at this velocity besides."""
         return self.native_state.motion(self.v)

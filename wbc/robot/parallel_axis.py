@@ -71,8 +71,10 @@ def parallel_axis_hessian(
         G (3, 3) symmetric.
     jacobian:
         (3, nv) of the arm.
-    twists, orders:
-        As of :func:`wbc.robot.inertia.inertia_hessian`.
+    twists:
+        (6, nv), the linear part that of the point at the world's origin.
+    orders:
+        See :class:`~wbc.robot.workspace.CarriedColumns`.
     """
     K = _turned(weights)
     pull = mass * K.dot(arm)

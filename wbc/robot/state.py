@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.robot import inertia as crb
 from wbc.robot.kernel import NativeState
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.names import BASE, COM, WORLD
@@ -77,7 +76,9 @@ class KinematicState:
         object.__setattr__(self, name, value)
 
     def __getstate__(self) -> dict[str, object]:  # what the core found is found again
-        return {k: v for k, v in self.__dict__.items() if k not in ("native_state", "_motion")}
+        return {
+            k: v for k, v in self.__dict__.items() if k not in ("native_state", "native_motion")
+        }
 
     def __repr__(self) -> str:
         com = np.array2string(self.com, precision=3)
@@ -261,14 +262,13 @@ class KinematicState:
         """Second derivative (nv, nv) by v of sum_ab weights_ab I_ab, world axes.
 
         ``weights`` is a symmetric (3, 3) matrix; times the error of an inertia task this is what
-        Gauss-Newton leaves out. See :func:`wbc.robot.inertia.inertia_hessian`.
+        Gauss-Newton leaves out.
         """
-        momenta, twists = self.centroidal_map[:3], self.joint_twists
-        mass, orders = self.robot.mass, self.robot.workspace.columns.orders
-        J = self.inertia_jacobian
-        hessian = crb.inertia_hessian(weights, J, momenta, twists, self.com, mass, orders)
+        mass = self.robot.mass
+        hessian = self.native_state.inertia_hessian(weights, mass)
         if not is_com(about):
             arm, of_arm = self.arm(about), self.arm_jacobian(about)
+            twists, orders = self.joint_twists, self.robot.workspace.columns.orders
             hessian += parallel_axis_hessian(weights, mass, arm, of_arm, twists, orders)
         return read_only(hessian)
 

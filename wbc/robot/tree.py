@@ -15,6 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError, listed
+from wbc.native import lib
 from wbc.robot.feet import NO_FEET, Foot
 from wbc.robot.formats.ties import Coupling, Loop
 from wbc.robot.kernel import NativePass, NativeTree
@@ -25,11 +26,8 @@ from wbc.robot.names import frame_table, matching
 from wbc.robot.workspace import ModelScratch
 from wbc.validate import Array, finite_array, finite_number, plain_copy, read_only
 
-UNIT = 1e-3  # how far the norm of a measured quaternion may be from 1
-ROUNDING = 4e-16  # what of that is left after it was normalised
-# Entries of q and v beyond this are no measurement, and rounding would take over: at 1e6 m the
-# inertia about the CoM, a difference of terms m p^2, has a few digits left.
-LARGEST = 1e6
+# Of entries of q and v: beyond it they are no measurement.
+LARGEST: float = lib.wbc_largest_state
 
 
 class _PerThread(threading.local):
@@ -338,9 +336,9 @@ def _looked_up(kind: str, name: str, indices: Mapping[str, int]) -> int:
 
 def _normalise(part: Array, what: str) -> None:
     off = math.hypot(*part.tolist()) - 1.0
-    if abs(off) > UNIT:
+    if abs(off) > lib.wbc_unit:
         raise InvalidInputError(f"{what} has norm {1.0 + off:.6g}, expected 1; normalise it")
-    if abs(off) > ROUNDING:
+    if abs(off) > lib.wbc_unit_rounding:
         part /= 1.0 + off
 
 

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, shown
+from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot
-from wbc.spatial import skew
-from wbc.tasks.force_task import Affine, Dynamics, ForceTask
-from wbc.validate import Array, real_array
+from wbc.tasks.force_task import ForceTask
+from wbc.validate import Array, read_only, real_array
 
 
 class CopTask(ForceTask):
@@ -28,6 +28,7 @@ class CopTask(ForceTask):
     """
 
     frame: str | None
+    _about: Array
 
     def __init__(
         self,
@@ -54,28 +55,13 @@ class CopTask(ForceTask):
             raise InvalidInputError(
                 f"{self}, target: expected a point {wanted}, got {shown(target)}"
             )
-        self._goal = self._target(point, (size,))
+        goal = self._target(point, (size,))
+        about = np.zeros(4)  # the point, and whether its height is the contacts'
+        about[:size], about[3] = goal, size == 2
+        self._assign(_goal=goal, _about=read_only(about))
 
-    def expression(self, dynamics: Dynamics) -> Affine:
+    def native(self) -> tuple[NativeRows, ...]:
         """Return the moment about the wanted point: horizontal, or in the frame's plane."""
-        matrix, snapshot = np.zeros((3, dynamics.size)), dynamics.snapshot
-        if self.frame is None:
-            point = self._point(dynamics)
-            for frame in dynamics.contacts:
-                matrix += moment(dynamics.wrench(frame), snapshot.position(frame) - point)
-        else:
-            R = snapshot.rotation(self.frame)
-            matrix = R.T @ moment(dynamics.wrench(self.frame), -R[:, :2] @ self.target)
-        return Affine(matrix[:2], np.zeros(2))
-
-    def _point(self, dynamics: Dynamics) -> Array:
-        """Return the wanted point (3,) in the world."""
-        if self.target.size == 3:
-            return self.target
-        heights = [dynamics.snapshot.position(frame)[2] for frame in dynamics.contacts]
-        return np.append(self.target, np.mean(heights) if heights else 0.0)
-
-
-def moment(wrench: Array, lever: Array) -> Array:
-    """Return the moment (3, n) of a wrench (6, n) about a point, ``lever`` (3,) from there."""
-    return wrench[3:] + skew(lever) @ wrench[:3]
+        still = self._zeros()
+        rows = NativeRows(Kind.COP, self.frame, (0, 1), still, still, (self._about,))
+        return (rows._replace(moving=("", "", "_about")),)

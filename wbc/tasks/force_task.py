@@ -7,7 +7,6 @@ velocity at its end and the contact forces, x = (v+, f).
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, NoReturn, Protocol
 
@@ -66,8 +65,8 @@ class Dynamics(Protocol):
 class ForceTask(Task):
     """A task about forces or torques, for a :class:`~wbc.controllers.torque.TorqueController`.
 
-    Subclasses define :meth:`expression`. The error that a tick reports is that of its own decision,
-    in N or N m.
+    Subclasses define :meth:`expression`, unless the core knows their kind. The error that a tick
+    reports is that of its own decision, in N or N m.
 
     Parameters
     ----------
@@ -90,9 +89,18 @@ class ForceTask(Task):
     ) -> None:
         super().__init__(robot, name, rows, weight=weight, priority=priority)
 
-    @abstractmethod
     def expression(self, dynamics: Dynamics) -> Affine:
-        """Return the error, actual minus target [N or N m], by the unknowns: (k, n) and (k,)."""
+        """Return the error, actual minus target [N or N m], by the unknowns: (k, n) and (k,).
+
+        Raises
+        ------
+        InvalidInputError
+            A kind that does not define it; only those that the core knows need not.
+        """
+        raise InvalidInputError(
+            f"{self}: a {type(self).__name__} does not define expression(), its error by what a"
+            " tick decides"
+        )
 
     def force_rows(self, dynamics: Dynamics) -> Rows:
         """Return the rows on the unknowns, in their units (m/s).

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.laws import Residual, at_rest
+from wbc.laws import at_rest
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
-from wbc.rotations import check_rotation, log_jacobian, log_jacobian_rate, log_rotation
-from wbc.spatial import skew
+from wbc.rotations import check_rotation
+from wbc.tasks.core_task import CoreTask
 from wbc.tasks.keywords import Gains
 from wbc.tasks.placement import PlacementTask
 from wbc.tasks.point import AXES
-from wbc.tasks.task import Aim, Task
+from wbc.tasks.task import Aim
 from wbc.validate import Array
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
@@ -25,7 +25,7 @@ TURNS = ("rx", "ry", "rz")
 _STILL = at_rest((3,))
 
 
-class OrientationTask(Task):
+class OrientationTask(CoreTask):
     """Bring the axes of ``frame`` to the rotation ``target`` (3, 3).
 
     The error is the rotation vector log(target' R) [rad], in the target's axes; it is defined for
@@ -66,10 +66,6 @@ class OrientationTask(Task):
         self._set_rates((3,), rate, acceleration)
         self._assign(_goal=rotation)
 
-    def residual(self, snapshot: Snapshot) -> Residual:
-        """Return log(target' R) [rad]."""
-        return orientation_residual(snapshot, self.frame, self._goal, self.target_rate)
-
     def native(self) -> tuple[NativeRows, ...]:
         """Return the three rows."""
         motion = self.target_rate, self.target_acceleration
@@ -81,18 +77,12 @@ class OrientationTask(Task):
         """Radians."""
         return ("rad",) * 3
 
-    def drift(self, snapshot: Snapshot) -> Array:
-        """Return the error's second derivative at v' = 0 [rad/s^2], the target's motion in it."""
-        return orientation_drift(
-            snapshot, self.frame, self._goal, self.target_rate, self.target_acceleration
-        )
-
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return log(target' R) [rad]."""
         return posture.orientation_error(self.frame, self.target)
 
 
-class PoseTask(PlacementTask):
+class PoseTask(PlacementTask, CoreTask):
     """Bring ``frame`` to a position and a rotation at once (rows x y z rx ry rz).
 
     Position (3,) [m], rotation (3, 3) and, if they move, their rates are in world axes.
@@ -114,13 +104,6 @@ class PoseTask(PlacementTask):
         robot.frame_id(frame)
         self.frame = frame
         self.set_target(position, rotation)
-
-    def residual(self, snapshot: Snapshot) -> Residual:
-        """Return position minus target [m] above log(target' R) [rad]."""
-        turn = orientation_residual(snapshot, self.frame, self.rotation, self._turn_rate)
-        error = np.concatenate((snapshot.position(self.frame) - self.position, turn.error))
-        jacobian = np.concatenate((snapshot.jacobian(self.frame)[:3], turn.jacobian))
-        return Residual(error, jacobian, np.concatenate((self._bias, turn.bias)))
 
     def aim(self, snapshot: Snapshot) -> Aim:
         """Return the frame's origin and where it is wanted."""
@@ -148,12 +131,6 @@ class PoseTask(PlacementTask):
         """Metres, then radians."""
         return ("m",) * 3 + ("rad",) * 3
 
-    def drift(self, snapshot: Snapshot) -> Array:
-        """Return the drift of both parts, the target's motion in it."""
-        motion = self._turn_rate, self._turn_acceleration
-        turn = orientation_drift(snapshot, self.frame, self.rotation, *motion)
-        return np.concatenate((snapshot.drift(self.frame)[:3] + self._drift, turn))
-
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return position minus target [m] above log(target' R) [rad]."""
         return posture.pose_error(self.frame, self.position, self.rotation)
@@ -162,46 +139,6 @@ class PoseTask(PlacementTask):
 def native_orientation(
     frame: str, target: Array, target_rate: Array, target_acceleration: Array
 ) -> NativeRows:
-    """Return what the native core needs of a rotation's residual and drift: it adds both motions.
-
-    See :func:`orientation_residual` and :func:`orientation_drift`.
-    """
+    """Return what the core needs of a rotation: it adds the target's motion itself."""
     numbers = target.ravel(), target_rate, target_acceleration
     return NativeRows(Kind.ORIENTATION, frame, (0, 1, 2), _STILL, _STILL, numbers)
-
-
-def orientation_residual(
-    snapshot: Snapshot, frame: str, target: Array, target_rate: Array
-) -> Residual:
-    """Return the error log(R*' R) (3,) and its first derivative.
-
-    R*' R turns at R'(w - w*) in its own axes.
-    """
-    R = snapshot.rotation(frame)
-    relative = target.T.dot(R)
-    to_error = log_jacobian(relative).dot(R.T)  # world angular velocity -> rate of the error
-    jacobian = to_error.dot(snapshot.jacobian(frame)[3:])
-    bias = _STILL if target_rate is _STILL else -to_error.dot(target_rate)
-    return Residual(log_rotation(relative), jacobian, bias)
-
-
-def orientation_drift(
-    snapshot: Snapshot, frame: str, target: Array, target_rate: Array, target_acceleration: Array
-) -> Array:
-    """Return the second derivative (3,) of log(R*' R) at zero acceleration of v.
-
-    d/dt R'(w - w*) = R'(w' - w*' + w x w*).
-    """
-    R = snapshot.rotation(frame)
-    w = snapshot.jacobian(frame)[3:].dot(snapshot.v)
-    alpha = snapshot.drift(frame)[3:] - target_acceleration
-    alpha += skew(w).dot(target_rate)
-    return log_drift(target.T.dot(R), R.T.dot(w - target_rate), R.T.dot(alpha))
-
-
-def log_drift(relative: Array, w: Array, alpha: Array) -> Array:
-    """Return d2/dt2 log(Q) (3,) of a rotation Q that turns at ``w`` and ``alpha`` in its axes."""
-    J = log_jacobian(relative)
-    drift: Array = J.dot(alpha)
-    drift += log_jacobian_rate(log_rotation(relative), J.dot(w), w)
-    return drift

@@ -12,8 +12,8 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
+from wbc.tasks.core_task import CoreTask
 from wbc.tasks.keywords import OF_ERRORS, RateGains
-from wbc.tasks.task import Task
 from wbc.validate import Array, names_of, read_only
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 LINEAR, ANGULAR = ("lx", "ly", "lz"), ("kx", "ky", "kz")
 
 
-class MomentumTask(Task):
+class MomentumTask(CoreTask):
     """Bring the centroidal momentum h = A_g v to ``target`` (paper eq. 17 at the CoM).
 
     Momentum is itself of the velocity level: no configuration has "its" momentum, so the error that
@@ -61,7 +61,6 @@ class MomentumTask(Task):
         # All of them as a slice: no copy.
         every = self._entries == tuple(range(6))
         self._selected = slice(0, 6) if every else np.array(self._entries)
-        self._no_error = self._zeros()
         self.set_target(target)
 
     def set_target(self, target: ArrayLike, rate: ArrayLike | None = None) -> None:
@@ -70,14 +69,6 @@ class MomentumTask(Task):
         if self._set_rates((6,), rate):
             self._assign(_drift=self._negative(self.target_rate, self._selected))
         self._assign(_goal=goal, _bias=read_only(-goal[self._selected]))
-
-    def residual(self, snapshot: Snapshot) -> Residual:
-        """Return a zero error whose rate is momentum minus target."""
-        return Residual(self._no_error, snapshot.centroidal_map[self._selected], self._bias)
-
-    def drift(self, snapshot: Snapshot) -> Array:
-        """Return the momentum's rate at zero acceleration of v, less the wanted rate."""
-        return (snapshot.momentum_drift - self.target_rate)[self._selected]
 
     def deviation(self, snapshot: Snapshot, residual: Residual) -> Array:
         """Return measured momentum minus target."""

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from collections.abc import Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import UnknownNameError
-from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
+from wbc.tasks.core_task import CoreTask
 from wbc.tasks.keywords import Gains
-from wbc.tasks.task import Aim, Task
+from wbc.tasks.task import Aim
 from wbc.validate import Array, names_of, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
@@ -26,8 +24,8 @@ if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
 AXES = ("x", "y", "z")
 
 
-class PointTask(Task):
-    """Bring a point to ``target`` along some of the world's axes."""
+class PointTask(CoreTask):
+    """Bring a point to ``target`` along some of the world's axes; the error is in metres."""
 
     def __init__(
         self, robot: Robot, name: str, target: ArrayLike, axes: Sequence[str], **law: Unpack[Gains]
@@ -56,17 +54,9 @@ class PointTask(Task):
             self._assign(_bias=bias, _drift=drift)
         self._assign(_goal=place)
 
-    def residual(self, snapshot: Snapshot) -> Residual:
-        """Return position minus target [m]."""
-        rows = self._selected
-        position, jacobian = self._point(snapshot)
-        error = (position - self._goal)[rows]
-        bound = partial(self._curvature_bound, snapshot, position, error)
-        return Residual(error, jacobian[rows], self._bias, curvature_bound=bound)
-
     def aim(self, snapshot: Snapshot) -> Aim:
         """Return the point and its target; where an axis is not controlled both agree."""
-        point, _ = self._point(snapshot)
+        point = self._point(snapshot)
         wanted = point.copy()
         wanted[self._selected] = self._goal[self._selected]
         return Aim(point, wanted)
@@ -76,23 +66,6 @@ class PointTask(Task):
         """Metres."""
         return ("m",) * len(self.rows)
 
-    def drift(self, snapshot: Snapshot) -> Array:
-        """Return the point's acceleration at zero acceleration of v, less the target's [m/s^2]."""
-        return (self._acceleration(snapshot) - self.target_acceleration)[self._selected]
-
-    def _curvature_bound(self, snapshot: Snapshot, position: Array, error: Array) -> float:
-        """Estimate the curvature left out: the cost's gradient times the lever of far-off joints.
-
-        The lever is the distance from the base and, since a held foot makes the joints near it
-        move everything, one and a half times the robot's radius of gyration more: about the height
-        of its CoM.
-        """
-        lever = math.dist(position.tolist(), snapshot.q[:3].tolist())
-        lever += 1.5 * snapshot.gyration_radius
-        gradient = self.weight * error
-        gradient *= self.weight
-        return math.hypot(*gradient.tolist()) * lever
-
     def _native_rows(self, frame: str | None) -> tuple[NativeRows, ...]:
         """Return what the native core needs of a point: the origin of a frame, None for the CoM."""
         rates, numbers = (self._bias, self._drift), (self._goal, self._mass)
@@ -100,12 +73,8 @@ class PointTask(Task):
         return (NativeRows(Kind.POINT, frame, self._entries, *rates, numbers, moving=moving),)
 
     @abstractmethod
-    def _point(self, snapshot: Snapshot) -> tuple[Array, Array]:
-        """Return where the point is (3,), world axes, and its Jacobian (3, nv)."""
-
-    @abstractmethod
-    def _acceleration(self, snapshot: Snapshot) -> Array:
-        """Return its acceleration (3,) at zero acceleration of v."""
+    def _point(self, snapshot: Snapshot) -> Array:
+        """Return where the point is (3,), world axes."""
 
 
 class ComTask(PointTask):
@@ -132,11 +101,8 @@ class ComTask(PointTask):
     ) -> None:
         super().__init__(robot, name, target, axes, **law)
 
-    def _point(self, snapshot: Snapshot) -> tuple[Array, Array]:
-        return snapshot.com, snapshot.com_jacobian
-
-    def _acceleration(self, snapshot: Snapshot) -> Array:
-        return snapshot.com_drift
+    def _point(self, snapshot: Snapshot) -> Array:
+        return snapshot.com
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return the rows of the CoM."""
@@ -171,11 +137,8 @@ class PositionTask(PointTask):
         self.frame = frame
         super().__init__(robot, name or f"{frame} position", target, axes, **law)
 
-    def _point(self, snapshot: Snapshot) -> tuple[Array, Array]:
-        return snapshot.position(self.frame), snapshot.jacobian(self.frame)[:3]
-
-    def _acceleration(self, snapshot: Snapshot) -> Array:
-        return snapshot.drift(self.frame)[:3]
+    def _point(self, snapshot: Snapshot) -> Array:
+        return snapshot.position(self.frame)
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return the rows of the frame's origin."""

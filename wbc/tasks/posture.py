@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Unpack
 
@@ -10,21 +9,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, shown
-from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
-from wbc.robot import Robot, Snapshot
+from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
+from wbc.tasks.core_task import CoreTask
 from wbc.tasks.keywords import LawKeywords
-from wbc.tasks.task import Task
 from wbc.validate import Array, by_name, finite_number, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
 
-class PostureTask(Task):
-    """Bring the joints to those of a configuration.
+class PostureTask(CoreTask):
+    """Bring the joints to those of a configuration, the shorter way round if they are continuous.
 
     Parameters
     ----------
@@ -69,9 +67,6 @@ class PostureTask(Task):
         every = chosen.size == factors.size
         self._joints = slice(None) if every else chosen
         self._columns = slice(BASE_NV, robot.nv) if every else BASE_NV + chosen
-        selection = np.zeros((chosen.size, robot.nv))
-        selection[np.arange(chosen.size), BASE_NV + chosen] = 1.0
-        self._jacobian = read_only(selection)
         self.set_target(target)
 
     def set_target(
@@ -92,14 +87,6 @@ class PostureTask(Task):
         positions = self.robot.limits.joint_positions(goal)
         self._assign(_goal=goal, _positions=positions, _wanted=positions[self._joints])
 
-    def residual(self, snapshot: Snapshot) -> Residual:
-        """Return joint positions minus target [rad or m], the shorter way round if continuous."""
-        error = snapshot.joint_positions - self._positions
-        for k in self.robot.limits.unbounded:
-            error[k] = math.remainder(error[k], math.tau)
-        error = error[self._joints]
-        return Residual(error, self._jacobian, self._bias)
-
     def native(self) -> tuple[NativeRows, ...]:
         """Return one row for each joint."""
         joints = tuple(np.arange(self._positions.size)[self._joints].tolist())
@@ -113,10 +100,6 @@ class PostureTask(Task):
         model = self.robot.model
         kinds = (model.joints[model.getJointId(name)].shortname() for name in self.rows)
         return tuple("m" if kind.startswith("JointModelP") else "rad" for kind in kinds)
-
-    def drift(self, snapshot: Snapshot) -> Array:
-        """Return minus the target's acceleration: joint rates are coordinates of v."""
-        return self._drift
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return joint positions minus target [rad or m], the shorter way round if continuous."""

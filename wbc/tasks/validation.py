@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import InvalidInputError, shown
-from wbc.laws import AccelerationLaw, Residual, Rows, VelocityLaw
+from wbc.laws import Residual
 from wbc.robot import Snapshot
 from wbc.tasks.task import Task
 from wbc.validate import (
@@ -85,36 +85,6 @@ def drift_of(task: Task, snapshot: Snapshot) -> Array:
     ):
         return found
     return returned_array(f"{task}: drift()", found, of_rows)
-
-
-def rows_of(task: Task, law: VelocityLaw | AccelerationLaw, *given: Any) -> Rows:
-    """Return the rows that a task's law makes of what is ``given``.
-
-    Raises
-    ------
-    InvalidInputError
-        A law of one's own returns something else; the message names task and field.
-    """
-    if type(law) is VelocityLaw or type(law) is AccelerationLaw:
-        return law.rows(*given)
-    try:
-        found: object = law.rows(*given)
-    except Exception as raised:
-        _name(raised, task, f"{type(law).__name__}.rows")
-        raise
-    (k, nv), what = _shapes(task)[1], f"{task}: {type(law).__name__}.rows()"
-    if not isinstance(found, Rows):
-        raise InvalidInputError(f"{what} must return Rows, got {shown(found)}")
-    curvature = found.curvature
-    if curvature is not None:
-        curvature = returned_array(f"{what}, curvature", curvature, (nv, nv))
-    return found._replace(
-        matrix=returned_array(f"{what}, matrix", found.matrix, (k, nv)),
-        target=returned_array(f"{what}, target", found.target, (k,)),
-        weight=returned_array(f"{what}, weight", found.weight, (k,)),
-        damping=_bound(f"{what}, damping", found.damping, nv),
-        curvature=curvature,
-    )
 
 
 def deviation_of(task: Task, snapshot: Snapshot, residual: Residual) -> Array:

@@ -10,9 +10,8 @@
 
 #include <string.h>
 
-static const double CLOSED = 1e-10; /* m, rad: smaller gaps at the end of a tick stay */
-static const double FAR_OPEN = 1.0; /* m, rad: a larger gap is no matter of curvature */
-enum { ROUNDS = 5 };                /* each leaves a gap by that part which joints move in a tick [rad] */
+const double wbc_closed = 1e-10;  /* m, rad: smaller gaps at the end of a tick stay */
+const double wbc_far_open = 1.0;  /* m, rad: a larger gap is no matter of curvature */
 
 /* Write how far loops are open where x leads; whether they are to be closed. */
 static int is_open(const wbc_plan *plan, const double *q, const double *x, double *gaps) {
@@ -20,7 +19,7 @@ static int is_open(const wbc_plan *plan, const double *q, const double *x, doubl
     wbc_gaps(plan, q, x, gaps);
     for (int64_t r = 0; r < plan->held; r++)
         if (!(fabs(gaps[r]) <= worst)) worst = fabs(gaps[r]); /* NaN is not */
-    return worst > CLOSED && worst < FAR_OPEN;
+    return worst > wbc_closed && worst < wbc_far_open;
 }
 
 static void change_ends(const wbc_plan *plan, const wbc_qp *qp, const double *gaps, double sign) {
@@ -38,7 +37,7 @@ typedef struct {
 static int correct_ends(const void *at, const wbc_qp *qp, double *gaps, int undo) {
     const closing_at *of = at;
     if (undo) *of->undone = 1;
-    if (!undo && (++*of->rounds > ROUNDS || !is_open(of->plan, of->q, qp->x, gaps))) return 0;
+    if (!undo && (++*of->rounds > CLOSING_ROUNDS || !is_open(of->plan, of->q, qp->x, gaps))) return 0;
     change_ends(of->plan, qp, gaps, undo ? -1.0 : 1.0);
     return 1;
 }
@@ -84,7 +83,7 @@ void close_loops(const wbc_plan *plan, const double *q, const double *v) {
     lay_out(plan, &first);
     double *gaps = plan->scratch + plan->solving, *ends = gaps + plan->held;
     double *answer = ends + first.k;
-    for (int round = 0; round < ROUNDS; round++) {
+    for (int round = 0; round < CLOSING_ROUNDS; round++) {
         if (!is_open(plan, q, commanded(plan, &first), gaps)) return;
         if (is_ready(plan, &first) != DONE) return;
         memcpy(ends, first.b, first.k * sizeof *ends);

@@ -24,6 +24,10 @@ typedef struct {
     const double *gravity;  /* (3) */
 } wbc_tree;
 
+/* How far a measured quaternion's norm may be off 1, what is left of that, and the largest entry of a state;
+ * the largest entry of a QP, whose square does not overflow. */
+extern const double wbc_unit, wbc_unit_rounding, wbc_largest_state, wbc_largest_qp;
+
 /* What is known of a robot at one state, in fixed places of one array. */
 enum { COM = 0, INERTIA = 3, MOMENTUM = 12, CENTROIDAL_MAP = 18 };
 #define COM_JACOBIAN(nv) (CENTROIDAL_MAP + 6 * (nv))     /* (3, nv) */
@@ -44,6 +48,10 @@ int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *st
 /* Write frames, one behind the other, as they are in a state. Returns 0. */
 int wbc_frames(const wbc_tree *tree, const double *state, int64_t count, const int64_t *joint,
                const double *placement, double *out);
+/* Write the second derivative (nv, nv) by v of <G, I>, G as xx xy xz yy yz zz and I about the CoM, world axes.
+ * work holds 10 (nv + 3) numbers. Returns 0. */
+int wbc_inertia_hessian(const wbc_tree *tree, const double *state, double mass, const double *G,
+                        double *work, double *H);
 /* Write where q gets to over a displacement (nv), as Pinocchio integrates. Returns 0. */
 int wbc_integrate(const wbc_tree *tree, const double *q, const double *step, double *out);
 /* Write a state as measured, q then v (nq + nv): what is of norm 1 but for rounding is normalised.
@@ -125,21 +133,31 @@ typedef struct {
     double deceleration, gain, recovery, recovery_speed;
 } wbc_margin;
 
+/* What margins count on, here and in Python; said in source/margin.c. */
+extern const double wbc_skin, wbc_used, wbc_rounding, wbc_interior, wbc_part, wbc_lever, wbc_margin_braking;
+/* Write how fast clearances (k) may change by the margin's braking, of rows (k, nv): negative, or positive where
+ * they have to grow. dt: of a tick. Of the margin its law is read alone. Returns 0. */
+int wbc_approach(const wbc_margin *margin, int64_t nv, double dt, int64_t k, const double *rows,
+                 const double *clearance, double *least);
+
 /* What a row asks for: the kinds that wbc/native/rows.py describes. */
 enum row_kind { POINT = 0, ORIENTATION = 1, INERTIA_ENTRIES = 2, JOINTS = 3, MOMENTUM_ENTRIES = 4,
-                CONTACT = 5, LINEAR = 6, GIVEN = 7, LOOP = 8, GEAR = 9 };
+                CONTACT = 5, LINEAR = 6, GIVEN = 7, LOOP = 8, GEAR = 9, ASKED = 10, COP = 11, RELATIVE = 13 };
 /* A block of rows: what they are, where they stand among the costs or the contacts, where their
  * selection begins in index and their numbers in number, which frame they are about (-1: the CoM, or
  * the world), their level among the costs, and whether the curvature that they leave out is in the cost
- * (second: of INERTIA_ENTRIES), or damped; other is the frame that a LOOP's is held at. */
+ * (second: of INERTIA_ENTRIES, ASKED), or damped; other is the frame that a LOOP's is held at, or a
+ * RELATIVE's is seen from, or where a COP's rows begin in moments. */
 typedef struct {
     int64_t kind, held, rows, first, frame, index, number, level, second, other;
 } wbc_block;
 /* Numbers of a block: those of its law; weights (rows); biases (rows); what the target's motion adds
- * to the drifts (rows); then those of its kind. GIVEN rows were worked out by others: matrix (rows, n),
- * target (rows), error (rows), damping (nv) and, if second, curvature (nv, nv); at the torque level DECIDED
- * is not 0 where the error is what the answer misses, times this. */
-enum { RATE = 0, HALF_GAIN = 1, LM_DAMPING = 2, STIFFNESS = 0, DAMPING = 1, DECIDED = 0, WEIGHTS = 3 };
+ * to the drifts (rows); then those of its kind. ASKED rows are answers of a task in Python: all of their drifts
+ * in place of a part, Jacobian (rows, nv), error (rows), a bound on the curvature (nv) and, if second, the
+ * curvature (nv, nv). GIVEN rows, of forces: matrix (rows, n) and target (rows). COP rows are the horizontal
+ * moment of all contacts' forces about a point (3), or of a frame's contact, in its axes; then whether the point
+ * is as high as their frames are on the mean. Errors of both are what the answer misses [N, N m]. */
+enum { RATE = 0, HALF_GAIN = 1, LM_DAMPING = 2, STIFFNESS = 0, DAMPING = 1, WEIGHTS = 3 };
 
 /* What a contact bears, as unknowns: forces at corners, or (corners 0) one along each of its rows. */
 typedef struct {
@@ -181,6 +199,7 @@ typedef struct {
     double *rows; /* of all costs: matrix (costs, n), target (costs), bias (costs); of each level, what it is
                    * damped by (nv); if curved, the curvature that its rows leave out (nv, nv). 0 where
                    * there is one level that nobody looks into. */
+    double *moments; /* (COP rows, forces) of a tick */
     double *below; /* the QP of the last level below the first: see source/levels.c */
     double *state;               /* what is found at a state that nobody has looked at */
     double *out;
@@ -239,6 +258,16 @@ int wbc_solve(const wbc_plan *plan, int64_t level);
 int wbc_finish(const wbc_plan *plan, const double *q, const double *v);
 /* The levels below the first, whose answer was written by others, and the command. */
 int wbc_descend(const wbc_plan *plan, const double *q, const double *v);
+/* Outside a tick: write what the blocks of a plan, all of them held, are about: matrix (held, nv), errors (held),
+ * their biases (held), drifts (held), and a bound on the curvature that they leave out (1). motion: what
+ * wbc_motion wrote there; 0: no drifts. scratch holds the plan's frames, and 6 numbers of each. Returns 0. */
+int wbc_rows(const wbc_plan *plan, const double *state, const double *motion, const double *q,
+             const double *v, double *out);
+/* Outside a tick, too: write the box on v+ (2, nv), lower then upper bounds. Returns 0. */
+int wbc_box(const wbc_plan *plan, const double *q, const double *v, double *box);
+/* From where on loops and gears count as open, and up to where they are closed by steps; source/closing.c. */
+extern const double wbc_closed, wbc_far_open;
+enum { CLOSING_ROUNDS = 5 }; /* each leaves a gap by that part which joints move in a tick [rad] */
 /* Write how far loops and gears are open (held) where v leads in dt, 0 for rows that do not bend. Returns
  * how many do. */
 int64_t wbc_gaps(const wbc_plan *plan, const double *q, const double *v, double *gaps);
@@ -261,6 +290,10 @@ int wbc_layout(const wbc_plan *plan, int64_t level, int64_t *at);
  * Farkas certificate: y'A + z'C + z_box' = 0, and their sum by the ends that they point at is below 0. */
 int wbc_solve_qp(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
                  int64_t *order);
+
+/* Write how far x, y, z and z_box are from optimal: primal, dual and complementarity residual into found (3).
+ * gradient (n) is scratch. Returns 0. */
+int wbc_residuals(const wbc_qp *qp, double *gradient);
 
 /* Move the ends (2, 3) of a capsule round points (count, 3), its radius the distance of the farthest, to where
  * its volume is small: from steps of size [m], until corners of the search differ by no more than the

@@ -1,4 +1,13 @@
-/* How the CRB inertia curves: what an inertia task's Gauss-Newton step leaves out of the Hessian. */
+/* How the CRB inertia curves: what an inertia task's Gauss-Newton step leaves out of the Hessian.
+ *
+ * With I = tr(S) 1 - S, a column i of v that carries all that column j does moves the rate P_j of the
+ * pseudo-inertia, with S_j and h_j its second and first moments about the CoM, by [W_i] P_j + (..)', hence
+ *
+ *     d2S / (dv_i dv_j) = [w_i] S_j + u_i h_j' - h_i h_j' / M + (..)'
+ *
+ * of which the last term is the CoM's own motion; it alone is left where neither carries the other. Rotations
+ * of the base do not commute: of both orders the mean is taken.
+ */
 #include <string.h>
 
 #include "rows.h"
@@ -55,7 +64,7 @@ INLINE double moved_by(int64_t nv, const double *turn, const double *work, int64
 }
 
 /* Row a of the second derivative (nv, nv) of <G, I> by v, world axes, from its diagonal on, zeros
- * elsewhere: inertia_hessian in wbc/robot/inertia.py. end: behind the columns that column a carries.
+ * elsewhere. end: behind the columns that column a carries.
  * All loops begin at a multiple of four: what is stored as a vector is read back as the same one. */
 INLINE void second_derivative_row(int64_t nv, const double *state, const double *work, int64_t a,
                                   int64_t end, double *restrict row) {
@@ -131,10 +140,9 @@ WIDE void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const 
     for (int64_t a = first; a < nv; a++) to[a * stride] += factor * sum[a];
 }
 
-WIDE void add_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
-                        const double *frames, const double *e, double *work, double *H) {
-    const wbc_tree *tree = plan->tree;
-    const int64_t nv = tree->nv, first = prepare(plan, block, state, frames, e, work);
+/* Add the second derivative, by columns from the first that counts on. */
+INLINE void add_hessian(const wbc_tree *tree, const double *state, int64_t first, double *work, double *H) {
+    const int64_t nv = tree->nv;
     double *row = work + ROWS * PADDED(nv);
     int64_t begin, behind, end;
     for (int64_t j = first ? 2 : 1; j < tree->joints; j++) {
@@ -145,4 +153,18 @@ WIDE void add_curvature(const wbc_plan *plan, const wbc_block *block, const doub
             for (int64_t b = a + 1; b < nv; b++) H[a * nv + b] += row[b], H[b * nv + a] += row[b];
         }
     }
+}
+
+WIDE void add_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
+                        const double *frames, const double *e, double *work, double *H) {
+    const int64_t first = prepare(plan, block, state, frames, e, work);
+    add_hessian(plan->tree, state, first, work, H);
+}
+
+WIDE int wbc_inertia_hessian(const wbc_tree *tree, const double *state, double mass, const double *G,
+                             double *work, double *H) {
+    memset(H, 0, tree->nv * tree->nv * sizeof *H);
+    pulls(tree->nv, state, mass, G, work);
+    add_hessian(tree, state, 0, work, H);
+    return DONE;
 }

@@ -1,4 +1,5 @@
-/* The evidence for an answer of a QP: its KKT residuals, which wbc/qp/kkt.py computes in Python. */
+/* The evidence for an answer of a QP, whoever gave it: its KKT residuals (Boyd & Vandenberghe, Convex
+ * Optimization, sec. 5.5.3, with rows and bounds that have two sides). */
 #include "linear.h"
 #include "problem.h"
 
@@ -31,4 +32,13 @@ WIDE void residuals(const wbc_qp *qp, const double *give, double *gradient) {
         judge(dot(n, qp->C + r * n, qp->x) - given, qp->l[r], qp->u[r], qp->z[r], found);
     }
     for (int64_t i = 0; i < n; i++) found[1] = worse(found[1], fabs(gradient[i]));
+}
+
+int wbc_residuals(const wbc_qp *qp, double *gradient) {
+    const int64_t n = qp->n;
+    for (int64_t i = 0; i < n; i++) gradient[i] = qp->g[i] + qp->z_box[i];
+    add_rows(n, n, qp->x, qp->P, n, gradient); /* P is symmetric */
+    add_rows(n, qp->m, qp->z, qp->C, n, gradient);
+    residuals(qp, 0, gradient);
+    return DONE;
 }

@@ -1,4 +1,4 @@
-/* The margin between a robot's bodies: the law of wbc/constraints/margin.py, at the torque level
+/* The margin between a robot's bodies: the law that wbc/constraints/margin.py says, at the torque level
  * within the reach that wbc/controllers/bounded_margins.py says, and the look-ahead of
  * wbc/controllers/look_ahead.py up to where a cut is needed, which is made in Python.
  */
@@ -8,12 +8,16 @@
 
 #include <string.h>
 
-/* As in wbc/constraints/margin.py. */
-static const double SKIN = 1e-4, USED = 0.5e-4, ROUNDING = 1e-7, INTERIOR = 1e-3, PART = 0.01;
-/* As in wbc/constraints/margin.py. */
-static const double LEVER = 1.0, ABLE = 1e-6;
-/* As in wbc/controllers/bounded_margins.py. */
-static const double MARGIN_BRAKING = 20.0;
+/* Rows keep this much more than the margin asked for [m], so that the second order, which a linear row leaves
+ * out, does not violate the margin itself. One tick may use up half of it. */
+const double wbc_skin = 1e-4, wbc_used = 0.5e-4;
+const double wbc_rounding = 1e-7; /* m: by how much a violation may grow in one tick */
+/* Rows being recovered are relaxed by this speed [m/s], or by this part of the recovery speed, to leave the
+ * solver an interior. */
+const double wbc_interior = 1e-3, wbc_part = 0.01;
+const double wbc_lever = 1.0;           /* m: assumed distance of points from the joints, to estimate curvature */
+const double wbc_margin_braking = 20.0; /* m/s^2: the hardest before a margin, and way out of it */
+static const double ABLE = 1e-6; /* m/s^2: below this the joints' accelerations say nothing of a pair */
 
 /* Where the margin's rows begin among all. */
 static int64_t first_row(const wbc_plan *plan, const wbc_qp *qp) {
@@ -22,18 +26,24 @@ static int64_t first_row(const wbc_plan *plan, const wbc_qp *qp) {
 
 static double smaller(double a, double b) { return a < b ? a : b; }
 
-/* The speed at which a clearance may be used up: see stopping_speed in wbc/braking.py. */
-static double approach(const wbc_plan *plan, const double *row, double clearance) {
-    const wbc_margin *margin = plan->margin;
-    const int64_t n = plan->tree->nv - 6;
-    const double dt = plan->dt, left = clearance > 0.0 ? clearance : 0.0;
+/* How fast a clearance may change: from -u on, u dt + u^2 / (2 a) <= x and u <= gain x / dt; inside, back. */
+static double approach(const wbc_margin *margin, int64_t nv, double dt, const double *row, double clearance) {
     double deceleration = margin->deceleration, able = 0.0;
+    if (clearance < 0.0) { /* less than the skin is no violation */
+        const double lost = -wbc_skin - clearance > 0.0 ? -wbc_skin - clearance : 0.0;
+        return smaller(margin->recovery / dt * lost, margin->recovery_speed);
+    }
     if (margin->acceleration) {
-        for (int64_t j = 0; j < n; j++) able += fabs(row[6 + j]) * margin->acceleration[j];
+        for (int64_t j = 6; j < nv; j++) able += fabs(row[j]) * margin->acceleration[j - 6];
         if (able > ABLE) deceleration = smaller(able, deceleration);
     }
-    const double braked = 2.0 * left / (sqrt(2.0 * left / deceleration + dt * dt) + dt);
-    return smaller(braked, margin->gain / dt * left);
+    return -smaller(stopping(clearance, deceleration, dt), margin->gain / dt * clearance);
+}
+
+int wbc_approach(const wbc_margin *margin, int64_t nv, double dt, int64_t k, const double *rows,
+                 const double *clearance, double *least) {
+    for (int64_t i = 0; i < k; i++) least[i] = approach(margin, nv, dt, rows + i * nv, clearance[i]);
+    return DONE;
 }
 
 /* How bodies stop at v. */
@@ -71,7 +81,7 @@ int add_margin(const wbc_plan *plan, const double *state, const double *v, doubl
     double *nearest = scratch, *rows = nearest + 7 * k, *twist = rows + k * nv;
     double *work = twist + 6 * plan->tree->joints;
     const wbc_closing closing = closing_at(plan, v, twist);
-    const double now = plan->torque ? MARGIN_BRAKING * plan->dt : INFINITY;
+    const double now = plan->torque ? wbc_margin_braking * plan->dt : INFINITY;
     int64_t *chosen = usual_columns(plan, qp) + most_equalities(plan);
     if (plan->torque) add_twists(plan, state, v, twist);
     const int said = soonest(margin->of, state, k, margin->kept, plan->torque ? &closing : 0, work,
@@ -83,14 +93,10 @@ int add_margin(const wbc_plan *plan, const double *state, const double *v, doubl
     for (int64_t i = 0; i < k; i++) {
         const double *row = rows + i * nv, clearance = nearest[i] - margin->kept[chosen[i]];
         const double reach = plan->torque ? dot(nv, row, v) + now : INFINITY;
-        double *to = qp->C + (before + i) * n, least = -approach(plan, row, clearance);
-        if (clearance < 0.0) { /* less than the skin is no violation */
-            const double lost = -SKIN - clearance > 0.0 ? -SKIN - clearance : 0.0;
-            least = smaller(margin->recovery / plan->dt * lost, margin->recovery_speed);
-        }
+        double *to = qp->C + (before + i) * n, least = approach(margin, nv, plan->dt, row, clearance);
         if (least > 0.0) {
             push(plan, row, smaller(least, reach), 1.0, qp);
-            least = -smaller(INTERIOR, PART * least);
+            least = -smaller(wbc_interior, wbc_part * least);
         }
         memcpy(to, row, nv * sizeof *to);
         memset(to + nv, 0, (n - nv) * sizeof *to);
@@ -115,7 +121,7 @@ static double bend(const wbc_margin *margin, int64_t pair, const double *step,
     const int64_t *both = of->pair + 2 * pair, common = of->common[pair];
     const double angle =
         turns[of->joint[both[0]]] + turns[of->joint[both[1]]] - 2.0 * turns[common];
-    double lever = LEVER * angle; /* while the base slides, its turn curves the path */
+    double lever = wbc_lever * angle; /* while the base slides, its turn curves the path */
     if (common == 0) lever += fabs(step[0]) + fabs(step[1]) + fabs(step[2]);
     return 0.5 * lever * angle + margin->shorter[pair] * angle;
 }
@@ -134,12 +140,12 @@ static int64_t watched(const wbc_plan *plan, const wbc_qp *qp, const double *v,
         if (left > farthest) farthest = left;
     }
     for (int64_t j = 0; j < nv; j++) way += fabs(step[j]);
-    if (k < margin->of->pairs && LEVER * way > farthest) return -1;
+    if (k < margin->of->pairs && wbc_lever * way > farthest) return -1;
     add_turns(plan->tree, step, turns);
     for (int64_t i = 0; i < k; i++) {
         const int64_t pair = (int64_t)qp->chosen[i];
         const double change = dot(nv, qp->C + (before + i) * qp->n, step);
-        if (qp->clearance[i] + change - bend(margin, pair, step, turns) < -USED)
+        if (qp->clearance[i] + change - bend(margin, pair, step, turns) < -wbc_used)
             pairs[count++] = pair;
     }
     return count;
@@ -170,8 +176,8 @@ int leads_inside(const wbc_plan *plan, const double *q, const double *v, const w
     } else if (wbc_measure(margin->of, plan->state, k, pairs, work, nearest))
         return 1;
     for (int64_t i = 0; i < k; i++) {
-        const double start = clearance_of(qp, rows, (double)pairs[i]) - ROUNDING;
-        if (nearest[i] - margin->kept[pairs[i]] < smaller(-USED, start)) return 1;
+        const double start = clearance_of(qp, rows, (double)pairs[i]) - wbc_rounding;
+        if (nearest[i] - margin->kept[pairs[i]] < smaller(-wbc_used, start)) return 1;
     }
     return 0;
 }

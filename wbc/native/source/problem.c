@@ -17,8 +17,7 @@ static const double AT_LIMIT = 1e-9, FAR = 1e12;
 static const double BRAKING = 2.0, ARRIVAL = 0.02, SETTLE = 0.02;
 /* Recovery outweighs the tasks by this (squared) factor, the heaviest of which counts as no less. */
 static const double RECOVERY_FACTOR = 1e2, IDLE = 1e-6;
-/* As in wbc/qp/problem.py. */
-static const double LARGEST = 1e150;
+const double wbc_largest_qp = 1e150;
 
 void lay_out(const wbc_plan *plan, wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = nv + plan->forces, k = plan->passives + plan->held;
@@ -75,11 +74,6 @@ WIDE void square(int64_t nv, int64_t rows, const double *restrict J, const doubl
     }
 }
 
-/* The speed from which a joint stops within a distance: stopping_speed in wbc/braking.py. */
-static double stopping(double distance, double deceleration, double wait) {
-    return 2.0 * distance / (sqrt(2.0 * distance / deceleration + wait * wait) + wait);
-}
-
 /* The distance within which it stops from a speed: most joints are farther from their limits. */
 static double stops_within(double speed, double deceleration, double wait) {
     return speed * (wait + 0.5 * speed / deceleration);
@@ -125,22 +119,29 @@ void push(const wbc_plan *plan, const double *row, double rate, double weight, c
     }
 }
 
-/* A joint outside its limits is moved back by a cost that outweighs all others. */
-static void recover(const wbc_plan *plan, int64_t c, double outside, double speed, const wbc_qp *qp) {
-    const double weight = dominating(qp);
-    double rate = -plan->recovery / plan->dt * outside;
-    rate = rate > speed ? speed : rate < -speed ? -speed : rate;
-    qp->P[c * qp->n + c] += weight;
-    qp->g[c] -= weight * rate;
+/* Joints outside their limits are moved back by costs that outweigh all others. */
+static void recover(const wbc_plan *plan, const double *q, const wbc_qp *qp) {
+    const int64_t n = plan->tree->nv - 6;
+    const double *lo = plan->limit, *up = lo + n, *speed = up + n;
+    for (int64_t k = 0; k < n; k++) {
+        const double position = joint_position(plan, q, k), weight = dominating(qp);
+        const double below = position - lo[k], above = position - up[k];
+        const double outside = below < -AT_LIMIT ? below : above > AT_LIMIT ? above : 0.0;
+        if (outside == 0.0) continue;
+        double rate = -plan->recovery / plan->dt * outside;
+        rate = rate > speed[k] ? speed[k] : rate < -speed[k] ? -speed[k] : rate;
+        qp->P[(6 + k) * (qp->n + 1)] += weight;
+        qp->g[6 + k] -= weight * rate;
+    }
 }
 
 /* The box on v+ of wbc.constraints.Limits: from where a joint can still stop, and how fast it speeds up (and
  * slows down, if that is bounded); at the torque level how it arrives. */
-static void bound(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp) {
+static void bound(const wbc_plan *plan, const double *q, const double *v, double *lower, double *upper) {
     const int64_t n = plan->tree->nv - 6;
     const double *lo = plan->limit, *up = lo + n, *speed = up + n, *slow = speed + n;
     const double dt = plan->dt, *braked = slow + n, *base = braked + n;
-    for (int i = 0; i < 6; i++) qp->lower[i] = base[i], qp->upper[i] = base[6 + i];
+    for (int i = 0; i < 6; i++) lower[i] = base[i], upper[i] = base[6 + i];
     for (int64_t k = 0; k < n; k++) {
         const double position = joint_position(plan, q, k), start = slow[k] * dt;
         const double left[2] = {position - lo[k], up[k] - position};
@@ -164,8 +165,6 @@ static void bound(const wbc_plan *plan, const double *q, const double *v, const 
                 const double slowed = stopping(reach, slow[k], dt);
                 if (most[side] > slowed) most[side] = slowed;
             }
-            if (left[side] < -AT_LIMIT)
-                recover(plan, 6 + k, side ? -left[side] : left[side], speed[k], qp);
         }
         if (plan->braked && !plan->torque) { /* its own limits may ask for harder braking: they win */
             const double other[2] = {-most[1], -most[0]};
@@ -179,8 +178,13 @@ static void bound(const wbc_plan *plan, const double *q, const double *v, const 
             const double between = 0.5 * (most[1] - most[0]);
             most[0] = -between, most[1] = between;
         }
-        qp->lower[6 + k] = -most[0], qp->upper[6 + k] = most[1];
+        lower[6 + k] = -most[0], upper[6 + k] = most[1];
     }
+}
+
+int wbc_box(const wbc_plan *plan, const double *q, const double *v, double *box) {
+    bound(plan, q, v, box, box + plan->tree->nv);
+    return DONE;
 }
 
 /* What the forces of contacts do to v: the columns of D behind v+, negative. */
@@ -273,13 +277,20 @@ static void add_damping(const wbc_plan *plan, const wbc_block *block, const wbc_
     const double *number = plan->number + block->number, *weight = number + WEIGHTS;
     double own = number[HALF_GAIN] * curved;
     const wbc_costs kept = kept_costs(plan);
+    double *diagonal = plan->rows ? kept.damping + block->level * nv : qp->P;
+    const int64_t stride = plan->rows ? 1 : qp->n + 1;
+    const double *asked = weight + 3 * k + k * nv + k; /* of ASKED: bound (nv), curvature (nv, nv) */
     if (block->kind == INERTIA_ENTRIES && block->second)
         add_curvature(plan, block, at->state, at->frames, error, work,
                       kept.curvature + block->level * nv * nv);
     else if (block->kind == INERTIA_ENTRIES && number[HALF_GAIN] > 0.0)
-        damp_by_curvature(plan, block, at->state, at->frames, error, number[HALF_GAIN], work,
-                          plan->rows ? kept.damping + block->level * nv : qp->P,
-                          plan->rows ? 1 : qp->n + 1);
+        damp_by_curvature(plan, block, at->state, at->frames, error, number[HALF_GAIN], work, diagonal,
+                          stride);
+    else if (block->kind == ASKED) {
+        double *H = kept.curvature + block->level * nv * nv;
+        for (int64_t i = 0; i < nv; i++) diagonal[i * stride] += number[HALF_GAIN] * asked[i];
+        for (int64_t i = 0; block->second && i < nv * nv; i++) H[i] += asked[nv + i];
+    }
     if (number[LM_DAMPING] > 0.0) {
         double sum = 0.0;
         for (int64_t i = 0; i < k; i++) sum += weight[i] * error[i] * weight[i] * error[i];
@@ -359,7 +370,7 @@ WIDE int64_t add_costs(const wbc_plan *plan, int64_t level, double *J, double *P
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++) {
         if (block->held || (level >= 0 && block->level != level)) continue;
         const double *weight = plan->number + block->number + WEIGHTS;
-        const int64_t k = block->rows, width = block->kind == GIVEN ? n : nv;
+        const int64_t k = block->rows, width = is_of_forces(block) ? n : nv;
         double *wanted = J + k * width;
         if (width > wide) wide = width;
         for (int64_t i = 0; i < k; i++) {
@@ -424,7 +435,7 @@ static void add_given_bounds(const wbc_plan *plan, const wbc_qp *qp) {
 }
 
 INLINE int is_sound(const double *values, int64_t n) {
-    return dot(n, values, values) < LARGEST * LARGEST;
+    return dot(n, values, values) < wbc_largest_qp * wbc_largest_qp;
 }
 
 static int is_range(double lower, double upper) {
@@ -470,16 +481,18 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
         add_dynamics(plan, frames, motion, q, v, &qp);
     }
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++)
-        if (block->kind == GIVEN)
-            add_given(plan, block, J, &qp), wide = qp.n;
-        else
+        if (is_of_forces(block)) {
+            if (block->kind == COP) add_moments(plan, block, frames);
+            add_force_rows(plan, block, J, &qp), wide = qp.n;
+        } else
             add_block(plan, block, &at, J, &qp, &damping);
     if (plan->rows) wide = add_costs(plan, 0, J, qp.P, qp.g, qp.heaviest);
     const int kept = plan->margin ? add_margin(plan, state, v, J, &qp) : DONE;
     if (kept != DONE) return kept;
     add_given_bounds(plan, &qp);
     for (int64_t i = 0; i < nv; i++) qp.lower[i] = -INFINITY, qp.upper[i] = INFINITY;
-    if (plan->limited) bound(plan, q, v, &qp);
+    if (plan->limited) bound(plan, q, v, qp.lower, qp.upper);
+    if (plan->limited && !plan->torque) recover(plan, q, &qp);
     close_cost(plan, 0, wide, v, damping, J, qp.P, qp.g);
     return is_qp(&qp) ? DONE : NOT_FINITE;
 }

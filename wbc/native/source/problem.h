@@ -8,6 +8,11 @@
 /* Not of the library's interface. */
 #pragma GCC visibility push(hidden)
 
+/* The largest speed u with u wait + u^2 / (2 deceleration) <= distance: it is held for a while, then braked. */
+static inline double stopping(double distance, double deceleration, double wait) {
+    return 2.0 * distance / (sqrt(2.0 * distance / deceleration + wait * wait) + wait);
+}
+
 /* Behind each other in plan->out; wbc_layout says where. */
 void lay_out(const wbc_plan *plan, wbc_qp *qp);
 
@@ -65,8 +70,11 @@ static inline wbc_costs kept_costs(const wbc_plan *plan) {
     return at;
 }
 
-/* Add a block of GIVEN rows to the costs; J holds rows (n) and as many numbers more. */
-void add_given(const wbc_plan *plan, const wbc_block *block, double *J, const wbc_qp *qp);
+/* Whether a block is about forces; write the moments of a COP block; add one to the costs, J holds rows (n) and
+ * as many numbers more. */
+static inline int is_of_forces(const wbc_block *block) { return block->kind == GIVEN || block->kind == COP; }
+void add_moments(const wbc_plan *plan, const wbc_block *block, const double *frames);
+void add_force_rows(const wbc_plan *plan, const wbc_block *block, double *J, const wbc_qp *qp);
 
 /* Close loops and gears where the command leads, by Newton's method; the answers of all levels follow. */
 void close_loops(const wbc_plan *plan, const double *q, const double *v);
@@ -79,7 +87,7 @@ int solve_below(const wbc_plan *plan, const double *q, const double *v);
 void lay_out_level(const wbc_plan *plan, int64_t level, wbc_qp *qp);
 solving how_to(const wbc_plan *plan, int64_t level, const wbc_qp *qp);
 
-/* Write the errors of GIVEN rows that are about the answer itself. */
+/* Write the errors of rows of forces, which are about the answer itself. */
 void decide_errors(const wbc_plan *plan, const wbc_qp *qp);
 
 /* H (n, n) becomes the nearest matrix that a QP can use: its eigenvalues made positive, as in a

@@ -12,8 +12,9 @@
 
 #include <string.h>
 
-/* As in wbc/robot/tree.py. */
-static const double UNIT = 1e-3, ROUNDING = 4e-16, LARGEST = 1e6;
+/* Entries beyond the largest are no measurement, and rounding would take over: at 1e6 m the inertia about the
+ * CoM, a difference of terms m p^2, has a few digits left. */
+const double wbc_unit = 1e-3, wbc_unit_rounding = 4e-16, wbc_largest_state = 1e6;
 
 /* R = P turned about a unit axis by the angle of c = cos, s = sin */
 static void turned(const double *P, const double *axis, double c, double s, double *R) {
@@ -211,7 +212,7 @@ const double *velocity_of(const wbc_tree *tree, const double *q, const double *v
 
 int is_measured(const double *values, int64_t n) {
     for (int64_t i = 0; i < n; i++)
-        if (!(fabs(values[i]) <= LARGEST)) return 0; /* NaN is not */
+        if (!(fabs(values[i]) <= wbc_largest_state)) return 0; /* NaN is not */
     return 1;
 }
 
@@ -220,8 +221,8 @@ static int normalise(double *values, int64_t n) {
     double norm = 0.0;
     for (int64_t i = 0; i < n; i++) norm += values[i] * values[i];
     norm = sqrt(norm);
-    if (fabs(norm - 1.0) > UNIT) return 0;
-    for (int64_t i = 0; i < n && fabs(norm - 1.0) > ROUNDING; i++) values[i] /= norm;
+    if (fabs(norm - 1.0) > wbc_unit) return 0;
+    for (int64_t i = 0; i < n && fabs(norm - 1.0) > wbc_unit_rounding; i++) values[i] /= norm;
     return 1;
 }
 

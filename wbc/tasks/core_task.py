@@ -1,0 +1,111 @@
+"""Tasks whose formulas stand in the core, once: for ticks, and for who asks a task itself.
+
+Such a task says what its rows are about (:meth:`CoreTask.native`); errors, Jacobians and drifts are
+worked out by ``native/source/rows.c``.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.laws import Residual
+from wbc.native import doubles, ffi, lib, pointer
+from wbc.native.rows import NativeRows
+from wbc.robot import Robot, Snapshot
+from wbc.robot.kernel import frame_places, joint_starts
+from wbc.robot.names import BASE
+from wbc.tasks.task import Task
+from wbc.validate import Array
+
+_LAW = np.zeros(lib.WEIGHTS)  # the numbers of a law, which rows do not depend on
+
+
+class CoreTask(Task):
+    """A task of a kind that the core knows, see :class:`wbc.native.rows.Kind`.
+
+    A kind derived from one may define :meth:`residual` and :meth:`drift` anew; it is asked in each
+    tick then.
+    """
+
+    @abstractmethod
+    def native(self) -> tuple[NativeRows, ...]:
+        """Return what its rows are about, and the numbers that they need."""
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return the error and its first derivative, as in a tick."""
+        found = self._found(snapshot)
+        return Residual(found.error, found.jacobian, found.bias, curvature_bound=found.bound)
+
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return the error's second derivative at v' = 0, the target's motion in it."""
+        return self._found(snapshot, drifts=True).drift
+
+    def _found(self, snapshot: Snapshot, drifts: bool = False) -> _Found:
+        described, plans = self.native(), snapshot.robot.native.plans
+        about = tuple((rows.kind, rows.frame, rows.other, rows.entries) for rows in described)
+        plan = plans.get(about)
+        if plan is None:
+            plan = plans[about] = _Plan(snapshot.robot, described)
+        return plan.evaluate(snapshot, described, self.weight, drifts)
+
+
+class _Found(NamedTuple):
+    """What the core says of the rows of a task."""
+
+    jacobian: Array  # (k, nv)
+    error: Array  # (k,)
+    bias: Array  # (k,)
+    drift: Array  # (k,)
+    bound: float  # on the curvature that the cost's Hessian leaves out
+
+
+class _Plan:
+    """Memory of one thread for tasks of one structure."""
+
+    def __init__(self, robot: Robot, described: Sequence[NativeRows]) -> None:
+        frames = list(dict.fromkeys((BASE, *(name for rows in described for name in rows.frames))))
+        blocks, size, first = list[dict[str, int]](), 0, 0
+        for rows in described:
+            k = len(rows.entries)
+            places = {"held": 1, "rows": k, "first": first, "index": first, "number": size}
+            blocks.append(rows.block(frames, **places))
+            size, first = size + lib.WEIGHTS + 3 * k + sum(map(np.size, rows.numbers)), first + k
+        tree = robot.native.tree
+        joint, placement = frame_places(robot.model, [robot.frame_id(name) for name in frames])
+        entries = [entry for rows in described for entry in rows.entries]
+        self._numbers, self._shape = np.empty(size), (first, tree.nv)
+        arrays = {
+            "number": self._numbers,
+            "index": np.array(entries, dtype=np.int64),
+            "frame_joint": joint,
+            "frame_placement": placement,
+            "start": joint_starts(robot.limits),
+            "scratch": np.empty(len(frames) * (tree.frame_size + 6)),
+        }
+        block, counts = ffi.new("wbc_block[]", blocks), {"blocks": len(blocks), "held": first}
+        fields = {name: pointer(array) for name, array in arrays.items()}
+        at = {"tree": tree.struct, "block": block, "frames": len(frames)}
+        self._struct = ffi.new("wbc_plan *", {**at, **counts, **fields})
+        self._kept = tree, block, arrays  # which the struct points at
+
+    def evaluate(
+        self, snapshot: Snapshot, described: Sequence[NativeRows], weight: Array, drifts: bool
+    ) -> _Found:
+        """Return all that rows of these numbers are at a snapshot; drifts if they are asked for."""
+        numbers, first = list[Array](), 0
+        for rows in described:
+            end = first + len(rows.entries)
+            numbers += (_LAW, weight[first:end], rows.bias, rows.drift, *rows.numbers)
+            first = end
+        np.concatenate(numbers, axis=None, out=self._numbers)
+        (k, nv), state = self._shape, snapshot.native_state.array
+        motion = doubles(snapshot.native_motion.array) if drifts else ffi.NULL
+        out = np.empty(k * (nv + 3) + 1)
+        there = map(doubles, (snapshot.q, snapshot.v, out))
+        lib.wbc_rows(self._struct, doubles(state), motion, *there)
+        error, bias, drift = out[k * nv : -1].reshape(3, k)
+        return _Found(out[: k * nv].reshape(k, nv), error, bias, drift, out.item(-1))
