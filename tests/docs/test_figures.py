@@ -129,6 +129,13 @@ CLAIMS: dict[str, tuple[str, str, Figures]] = {
                       "against_plates/within_all_bands_percent"),
         ),
     ),
+    "what a hand on a wall is worth": (
+        "docs/figures.md",
+        "The hand is worth {} times the push without a wall on average and {} times at least.",
+        from_json("wall.json", "{:.2f}", *(
+            f"hand/by that with no wall/{key}" for key in ("mean", "least")
+        )),
+    ),
     "noise without bands": (
         "docs/howto/analyze.md", '"infeasible in {} of {} frames',
         from_json("noise.json", "{}", *(
