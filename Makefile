@@ -18,12 +18,15 @@ view: $(VENV)/view.stamp
 # COVER=1: with branch coverage of wbc/, of which LEAST % are wanted.
 LEAST ?= 97
 COVERAGE = --cov=wbc --cov-branch --cov-report=term:skip-covered --cov-fail-under=$(LEAST)
+# Neighbours share what is made for a file once: each process takes half of them, then what is left.
+PYTEST = -m pytest -n auto --dist worksteal
+test: SELECT = not slow
 test: $(VENV)/dev.stamp
-	$(BIN)/python -m pytest -n auto -m "not slow" $(if $(COVER),$(COVERAGE))
+	$(BIN)/python $(PYTEST) -m "$(SELECT)" $(MORE) $(if $(COVER),$(COVERAGE))
 
 # Those that take more than 1.5 s each: whole runs, searches, robots, campaigns.
 test-slow: $(VENV)/dev.stamp
-	$(BIN)/python -m pytest -n auto -m slow --durations=30 --durations-min=10
+	$(BIN)/python $(PYTEST) -m slow --durations=30 --durations-min=10
 
 # The documentation site, into build/site; a warning is an error.
 docs: $(VENV)/dev.stamp
@@ -62,7 +65,7 @@ lint: $(VENV)/dev.stamp
 SELECT ?= slow or not slow
 TESTS ?= tests
 lowest: build/lowest/stamp
-	build/lowest/bin/python -m pytest -n auto -m '$(SELECT)' $(TESTS)
+	build/lowest/bin/python $(PYTEST) -m '$(SELECT)' $(TESTS)
 
 build/lowest/stamp: $(CORE)
 	$(PYTHON) -m venv build/lowest

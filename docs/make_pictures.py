@@ -357,6 +357,7 @@ PICTURES: Mapping[str, Callable[[str], None]] = {
     "walk_ablation_g1": ablation_picture,
     "footsteps_g1": footsteps_picture,
     "walk_push_g1": partial(strip_picture, moments=subjects.PUSHED, view=View.of("20,10")),
+    "wall_g1": partial(strip_picture, moments=subjects.WALL, view=View.of("-22,10")),
     "somersault_hoap2": partial(
         strip_picture, moments=subjects.SOMERSAULT, view=View.of("70,10"), grounded=False
     ),

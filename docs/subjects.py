@@ -21,6 +21,9 @@ SOMERSAULT |= {"spread again": 1.8, "goes on": 2.08}
 # Walking at 0.5 m/s, a push from the right between 2.0 and 2.2 s, and what the feet do of it.
 PUSHED = {"walks": 1.8, "pushed": 2.1, "lands wide": 2.25, "steps in": 2.58}
 PUSHED |= {"steps aside": 3.05, "walks on": 3.4, "as before": 4.4}
+# By a wall: pushed from 0.2 to 0.3 s, the hand on its way, on the wall, and what comes after.
+WALL = {"stands": 0.1, "pushed": 0.28, "reaches": 0.36, "leans": 0.43, "lets go": 0.6}
+WALL |= {"comes back": 0.9, "stands again": 3.0}
 # Walks whose picture has the robot several times, about half a metre apart.
 BOARDS = {f"{at} s": at for at in (0.0, 2.1, 3.5, 4.9, 6.3, 7.7, 9.2)}
 SLOPE = {f"{at} s": at for at in (0.0, 2.6, 3.9, 5.2, 6.5)}

@@ -44,6 +44,14 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _coarse_pictures() -> Iterator[None]:
+    """Draw with fewer pixels, where they do not matter: it saves time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("wbc.view.style.DPI", 40)
+        yield
+
+
 @pytest.fixture(autouse=True)
 def _notes_are_told_anew() -> None:
     """Notes on robots are logged once in a process; here, once in a test."""

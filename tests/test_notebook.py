@@ -99,6 +99,7 @@ def test_without_matplotlib_there_is_the_table_alone(
     assert shown.words and not shown.pictures
 
 
+@pytest.mark.slow
 def test_a_simulation_is_shown_and_framed(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     (tmp_path / "p.yaml").write_text(STAND)

@@ -42,16 +42,10 @@ COMMANDS = re.findall(r"wbc (?:run|check) (\S+\.yaml)", TEXT)
 PROBLEMS = sorted((ROOT / "problems").glob("*.yaml"))
 
 
-def test_there_are_problems() -> None:
+def test_there_are_problems_and_each_says_what_it_is_for() -> None:
     assert COMMANDS
     assert {ROOT / problem for problem in COMMANDS} <= set(PROBLEMS)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", PROBLEMS, ids=lambda path: path.stem)
-def test_every_problem_says_what_it_is_for_and_is_valid(path: Path) -> None:
-    assert path.read_text(encoding="utf-8").startswith("# ")
-    assert load_problem(path).parts
+    assert all(path.read_text(encoding="utf-8").startswith("# ") for path in PROBLEMS)
 
 
 def test_every_link_leads_somewhere() -> None:

@@ -70,6 +70,8 @@ BAD: dict[str, Any] = {
     "dates": np.array(["2020-01-01"] * 3, dtype="datetime64[D]"),
     "spans": np.array([1, 2, 3], dtype="timedelta64[s]"),
     "records": np.zeros(3, dtype=[("a", float)]),
+    "truth values": [True, False, True],
+    "one truth value": [1.0, np.bool_(True), 2.0],
 }
 
 

@@ -1,8 +1,7 @@
-"""Rotations: as vectors (logarithm, its Jacobian and that Jacobian's rate), and checked."""
+"""Rotations: as vectors, as quaternions, and checked."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -18,46 +17,6 @@ log_rotation: Callable[[Array], Array] = pin.log3
 def exp_rotation(w: Array) -> Array:
     """Return the rotation matrix (3, 3) of a rotation vector [rad]."""
     return pin.exp3(w)
-
-
-def log_jacobian(R: Array) -> Array:
-    """Return J (3, 3) with d(log R)/dt = J w, w the angular velocity of R in its own axes."""
-    return pin.Jlog3(R)
-
-
-def log_jacobian_rate(r: Array, rate: Array, w: Array) -> Array:
-    """Return dJ/dt w (3,) of :func:`log_jacobian`, at the rotation vector ``r`` moving at ``rate``.
-
-    J = 1 + [r]/2 + c(t) [r]^2 with t = |r| and c = 1/t^2 - (1 + cos t) / (2 t sin t), and
-    [r]^2 w = r (r'w) - w t^2.
-    """
-    # Plain numbers: a third of the time of arrays this small.
-    (rx, ry, rz), (dx, dy, dz), (wx, wy, wz) = r.tolist(), rate.tolist(), w.tolist()
-    t = math.hypot(rx, ry, rz)
-    c, slope = _second_order_coefficient(t)
-    along = rx * dx + ry * dy + rz * dz
-    growth = slope * along / t if t > 0.0 else 0.0
-    on_r, on_rate = rx * wx + ry * wy + rz * wz, dx * wx + dy * wy + dz * wz
-    a, b, d = growth * on_r + c * on_rate, c * on_r, growth * t * t + 2.0 * c * along
-    return np.array(
-        (
-            0.5 * (dy * wz - dz * wy) + a * rx + b * dx - d * wx,
-            0.5 * (dz * wx - dx * wz) + a * ry + b * dy - d * wy,
-            0.5 * (dx * wy - dy * wx) + a * rz + b * dz - d * wz,
-        )
-    )
-
-
-def _second_order_coefficient(t: float) -> tuple[float, float]:
-    """Return c(t) and dc/dt; the series below 0.1 rad avoids the cancellation (error < 1e-14)."""
-    if t < 0.1:
-        t2 = t * t
-        c = 1 / 12 + t2 * (1 / 720 + t2 * (1 / 30240 + t2 / 1209600))
-        return c, t * (1 / 360 + t2 * (1 / 7560 + t2 / 201600))
-    half = 0.5 * t
-    cot = 1.0 / math.tan(half)  # (1 + cos t) / sin t
-    c = 1 / t**2 - cot / (2 * t)
-    return c, -2 / t**3 + cot / (2 * t**2) + (1 + cot * cot) / (4 * t)
 
 
 def rotation_from(quaternion_xyzw: Array) -> Array:

@@ -173,7 +173,10 @@ def finite_number(
     if type(value) is float and above < value >= least and -LARGEST <= value <= LARGEST:
         return value  # what is given in every tick
     try:
-        odd = np.ndim(value) or np.iscomplexobj(value) or isinstance(value, _NO_NUMBER)
+        odd = isinstance(
+            value, (list, tuple, *_NO_NUMBER)
+        )  # NumPy warns of what is masked in lists
+        odd = odd or np.ndim(value) or np.iscomplexobj(value)
         if odd or _kind(value) == "b":
             raise TypeError("no real scalar")
         number = float(value)

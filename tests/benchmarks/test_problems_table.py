@@ -1,6 +1,5 @@
 """benchmarks/problems_table.py finds what differs between two results of a problem."""
 
-import json
 import sys
 from pathlib import Path
 
@@ -43,7 +42,7 @@ def test_figures_of_a_summary_are_named_leaves_without_times() -> None:
 
 @pytest.mark.slow
 def test_a_problem_run_again_by_the_same_code_has_the_same_figures(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, problem = tmp_path / "table.jsonl", "problems/rmp_static_lean.yaml"
     command = ["problems_table", str(path), "--problems", problem]
@@ -56,9 +55,3 @@ def test_a_problem_run_again_by_the_same_code_has_the_same_figures(
     with pytest.raises(SystemExit) as ended:
         problems_table.main()
     assert ended.value.code == 0
-    line["summary"]["status"] = "another"
-    path.write_text(json.dumps(line) + "\n")
-    with pytest.raises(SystemExit) as ended:
-        problems_table.main()
-    assert ended.value.code == 1
-    assert "status: another ->" in capsys.readouterr().out

@@ -93,6 +93,7 @@ def test_what_is_attracted_is_what_the_torque_can_turn_back(square: Region) -> N
     assert not square.attracted[(far > 1.02) & (np.abs(place).min(axis=1) < 1e-9)].any()
 
 
+@pytest.mark.slow
 def test_the_region_is_its_own_mirror_image(square: Region) -> None:
     grid = square.attracted.reshape(11, 11)
     np.testing.assert_array_equal(grid, grid[::-1])
@@ -101,6 +102,7 @@ def test_the_region_is_its_own_mirror_image(square: Region) -> None:
     assert 0.3 < square.share < 0.8
 
 
+@pytest.mark.slow
 def test_settling_and_errors_go_with_the_verdict(square: Region) -> None:
     np.testing.assert_array_equal(np.isfinite(square.settling), square.attracted)
     assert np.all(square.error[square.attracted] <= 0.02)
@@ -119,6 +121,7 @@ def test_one_run_at_a_time_gives_the_same(law: PointStabiliser) -> None:
     np.testing.assert_allclose(single.settling, mapped.settling, atol=0.11)
 
 
+@pytest.mark.slow
 def test_a_regulator_with_its_usual_weights_catches_less(law: PointStabiliser) -> None:
     starts = lean_grid(REST, np.array((0.2, 0.4, 0.6, 0.8)) * LIMIT, [0.0])
     lqr = Lqr(law.model, REST, bounds=law.bounds)

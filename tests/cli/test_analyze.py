@@ -53,10 +53,8 @@ def test_a_good_run(walk: Path, tmp_path: Path) -> None:
     assert len(outputs[1].read_text().splitlines()) == 51
 
 
-def test_a_picture(walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from wbc.view import style
-
-    monkeypatch.setattr(style, "DPI", 50)
+@pytest.mark.slow
+def test_a_picture(walk: Path, tmp_path: Path) -> None:
     answer = command(
         walk, "--planted", "left", "--plot", tmp_path / "p.png", "--snapshots", 2, "--quiet"
     )

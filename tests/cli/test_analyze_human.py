@@ -36,10 +36,7 @@ def write_mot(path: Path, seconds: float) -> None:
 
 
 @pytest.mark.slow
-def test_a_march_beside_its_plate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from wbc.view import style
-
-    monkeypatch.setattr(style, "DPI", 50)
+def test_a_march_beside_its_plate(tmp_path: Path) -> None:
     write_trc(tmp_path / "march.trc", recorded(BODY, seconds=3.0)[0])
     write_mot(tmp_path / "march.mot", 3.0)
     answer = command(

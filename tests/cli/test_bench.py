@@ -30,6 +30,7 @@ def run(*options: object) -> Result:
     return CliRunner(env={"OMP_NUM_THREADS": "1"}).invoke(app, ["bench", *map(str, options)])
 
 
+@pytest.mark.slow
 def test_recorded_measured_written_and_compared(tmp_path: Path) -> None:
     places = [tmp_path / f"b.{ending}" for ending in ("json", "md", "html", "png")]
     folder = tmp_path / "sequences"

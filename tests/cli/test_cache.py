@@ -10,6 +10,7 @@ from wbc.cli import app
 from wbc.files import CACHE_VARIABLE
 
 
+@pytest.mark.slow
 def test_what_is_kept_is_told_and_deleted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     robot = wbc.Robot.load("hoap2_like")

@@ -12,18 +12,13 @@ PUSH = PushOutcome(1.5707963, 1.2, 10.0, True, "stood", 4.0, 0.1, 0.0, 0.0)
 CALLS = (
     ((3, 12, {"cost": None}), "start 3 of at most 12: no posture yet", "3 of 12 starts"),
     ((4, 12, {"cost": 0.5}), "start 4 of at most 12: best cost 0.5", "best cost 0.5"),
-    (
-        (7, 90, {"time": 0.07, "speed": 0.25, "failed": 2}),
-        "tick 7 of at most 90: t = 0.07 s, speed 2.5e-01, 2 failed",
-        "t = 0.07 s, speed 2.5e-01, 2 failed",
-    ),
-    (
-        (6, 20, {"push": PUSH, "new": 4, "left": 14, "seconds": 60.0}),
-        "push 6 of at most 20: 1.2 at 90 deg survived, at most 3.5 min left",
-        "at most 3.5 min left",
-    ),
+    ((7, 90, {"time": 0.07, "speed": 0.25, "failed": 2}),
+     "tick 7 of at most 90: t = 0.07 s, speed 2.5e-01, 2 failed",
+     "t = 0.07 s, speed 2.5e-01, 2 failed"),
+    ((6, 20, {"push": PUSH, "new": 4, "left": 14, "seconds": 60.0}),
+     "push 6 of at most 20: 1.2 at 90 deg survived, at most 3.5 min left", "at most 3.5 min left"),
     ((500, 1000), "frame 500 of 1000", "500 of 1000 frames"),
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(("call", "line", "state"), CALLS)

@@ -43,6 +43,7 @@ def test_what_are_no_ratios_is_said(text: str) -> None:
         ratios_of(text)
 
 
+@pytest.mark.slow
 def test_pushed_written_and_drawn(tmp_path: Path) -> None:
     places = [tmp_path / f"r.{ending}" for ending in ("json", "npz", "csv")]
     result = run(
@@ -121,6 +122,7 @@ def test_ended_without_an_output_it_goes_on_too(
     assert not list(tmp_path.glob("*.partial"))
 
 
+@pytest.mark.slow
 def test_compared_with_another_problem(tmp_path: Path) -> None:
     stiff = tmp_path / "stiff.yaml"
     stiff.write_text(PUSHED.replace("duration: 1.0", "duration: 0.8"))

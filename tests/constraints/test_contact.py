@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 
-from wbc.constraints import (
-    ComSupport,
-    Contact,
-    Limits,
-    PointContact,
-    TiltLimit,
-    support,
-)
+from wbc.constraints import ComSupport, Contact, Limits, PointContact, TiltLimit, support
 from wbc.constraints.independent_rows import independent_rows
 from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError

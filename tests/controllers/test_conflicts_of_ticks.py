@@ -38,10 +38,15 @@ def conflicts_of(robot, formulation: str, solver: str, count: int) -> int:
 
 @pytest.mark.slow
 @needs_bench
-@pytest.mark.parametrize("solver", ["proxqp", "active_set", "clarabel", "piqp", "daqp", "osqp"])
-@pytest.mark.parametrize("formulation", ["equality", "reduced"])
+@pytest.mark.parametrize(
+    ("solver", "formulation"),  # each backend in one of them; proxqp in both, below
+    [
+        *(("clarabel", "equality"), ("daqp", "equality"), ("osqp", "equality")),
+        *(("active_set", "reduced"), ("piqp", "reduced")),
+    ],
+)
 def test_conflicts_of_wild_ticks_are_true_with_every_backend(
-    robot_named, formulation: str, solver: str
+    robot_named, solver: str, formulation: str
 ) -> None:
     assert conflicts_of(robot_named("hoap2_like"), formulation, solver, 40) >= LEAST
 
@@ -51,7 +56,7 @@ def test_conflicts_of_wild_ticks_are_true_with_every_backend(
 def test_conflicts_of_wild_ticks_are_true_in_both_formulations(
     robot_named, formulation: str
 ) -> None:
-    assert conflicts_of(robot_named("hoap2_like"), formulation, "proxqp", 12) >= LEAST
+    assert conflicts_of(robot_named("hoap2_like"), formulation, "proxqp", 24) >= LEAST
 
 
 def test_every_relaxed_tick_names_rows_that_contradict_and_are_all_needed(robot_named) -> None:

@@ -8,7 +8,9 @@ of small problems. ``sh`` holds command lines, of which ``wbc`` is parsed and ``
 
 import re
 import shlex
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
@@ -54,14 +56,15 @@ def named(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-@pytest.mark.parametrize("path", PAGES, ids=named)
-def test_every_block_says_what_it_is(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    fences = FENCE.findall(text)
-    assert len(re.findall(r"^ *```", text, flags=re.MULTILINE)) == 2 * len(fences)
-    for _, language, title, _ in fences:
-        assert language in LANGUAGES
-        assert (language == "py") == bool(title), "py is code of others, and says whose"
+def test_every_block_says_what_it_is() -> None:
+    for path in PAGES:
+        text = path.read_text(encoding="utf-8")
+        fences = FENCE.findall(text)
+        count = len(re.findall(r"^ *```", text, flags=re.MULTILINE))
+        assert count == 2 * len(fences), named(path)
+        for _, language, title, _ in fences:
+            assert language in LANGUAGES, named(path)
+            assert (language == "py") == bool(title), f"{named(path)}: py is others' code"
 
 
 @pytest.mark.slow
@@ -75,17 +78,13 @@ def test_python_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert len(names) > 2, "a page's program gives names to something"
 
 
-@pytest.mark.parametrize("path", pages_with("{.python}"), ids=named)
-def test_included_examples_exist(path: Path) -> None:
-    for block in blocks(path, "{.python}"):
-        found = EXAMPLE.fullmatch(block)
-        assert found and (ROOT / found[1]).is_file(), block
-
-
-@pytest.mark.parametrize("path", pages_with("py"), ids=named)
-def test_code_of_others_compiles(path: Path) -> None:
-    for block in blocks(path, "py"):
-        assert compile(block, named(path), "exec").co_names, block
+def test_included_examples_exist_and_code_of_others_compiles() -> None:
+    for path in PAGES:
+        for block in blocks(path, "{.python}"):
+            found = EXAMPLE.fullmatch(block)
+            assert found and (ROOT / found[1]).is_file(), f"{named(path)}: {block}"
+        for block in blocks(path, "py"):
+            assert compile(block, named(path), "exec").co_names, f"{named(path)}: {block}"
 
 
 @pytest.mark.slow
@@ -138,18 +137,12 @@ def test_commands_parse(path: Path) -> None:
                 [".venv/bin/python", "setup.py"],
                 ["git", "clone"],
                 [".", ".venv/bin/activate"],
-            ) or words[0] in (
-                "cd",
-                "python",
-            )
+            ) or words[0] in ("cd", "python")
         for word in words:
             if word.startswith(("problems/", "examples/", "benchmarks/")):
                 assert (ROOT / word).is_file(), line
 
-
-@pytest.mark.parametrize("path", pages_with("sh"), ids=named)
-def test_files_that_commands_read_are_in_a_clone(path: Path) -> None:
-    """Or made by a command before: who pastes them meets no error."""
+    # Who pastes a page's commands in order meets no file that is not there.
     made = set[str]()
     for line in commands(path):
         words = shlex.split(line, comments=True)
@@ -163,9 +156,14 @@ def test_files_that_commands_read_are_in_a_clone(path: Path) -> None:
             assert words[2] in made or (ROOT / words[2]).is_file(), line
 
 
+@cache
+def command_line() -> Any:
+    return typer.main.get_command(app)
+
+
 def parse(words: list[str]) -> None:
     """Let the command line parse its arguments, without running anything."""
-    group = typer.main.get_command(app)
+    group = command_line()
     context = group.make_context("wbc", list(words))
     rest = [*getattr(context, "_protected_args", ()), *context.args]
     name, command, arguments = group.resolve_command(context, rest)
@@ -182,28 +180,23 @@ def test_a_wrong_command_does_not_parse() -> None:
 PICTURES = re.compile(r"!\[[^]]*\]\(([^)]+)\)|<img [^>]*?src=\"([^\"]+)\"")
 
 
-@pytest.mark.parametrize("path", PAGES, ids=named)
-def test_pictures_are_there_and_large_enough(path: Path) -> None:
-    for pair in PICTURES.findall(path.read_text(encoding="utf-8")):
-        # An 8-byte signature, and then the width of a picture [pixels].
-        content = (path.parent / max(pair)).read_bytes()
-        assert content.startswith(b"\x89PNG\r\n\x1a\n"), pair
-        assert int.from_bytes(content[16:20], "big") >= 600, pair
-
-
-def test_all_pictures_are_shown() -> None:
-    shown = {
-        (path.parent / max(pair)).resolve()
-        for path in PAGES
-        for pair in PICTURES.findall(path.read_text(encoding="utf-8"))
-    }
+def test_pictures_are_there_large_enough_and_all_shown() -> None:
+    shown = set()
+    for path in PAGES:
+        for pair in PICTURES.findall(path.read_text(encoding="utf-8")):
+            picture = (path.parent / max(pair)).resolve()
+            shown.add(picture)
+            # An 8-byte signature, and then the width of a picture [pixels].
+            content = picture.read_bytes()
+            assert content.startswith(b"\x89PNG\r\n\x1a\n"), f"{named(path)}: {pair}"
+            assert int.from_bytes(content[16:20], "big") >= 600, f"{named(path)}: {pair}"
     assert set((ROOT / "docs" / "pictures").glob("*.png")) <= shown
 
 
-@pytest.mark.parametrize("path", PAGES, ids=named)
-def test_named_files_exist(path: Path) -> None:
+def test_named_files_exist() -> None:
     tests = {test.name for test in (ROOT / "tests").rglob("test_*.py")}
-    text = path.read_text(encoding="utf-8")
-    assert set(re.findall(r"`(?:[\w/]+/)?(test_\w+\.py)", text)) <= tests
-    for name in re.findall(r"`((?:examples|benchmarks|problems)/[\w./]+\.(?:py|yaml))", text):
-        assert (ROOT / name).is_file(), name
+    for path in PAGES:
+        text = path.read_text(encoding="utf-8")
+        assert set(re.findall(r"`(?:[\w/]+/)?(test_\w+\.py)", text)) <= tests, named(path)
+        for name in re.findall(r"`((?:examples|benchmarks|problems)/[\w./]+\.(?:py|yaml))", text):
+            assert (ROOT / name).is_file(), f"{named(path)}: {name}"

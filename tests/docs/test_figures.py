@@ -50,7 +50,7 @@ def both(*parts: Figures) -> Figures:
 
 
 def standing(name: str) -> Figures:
-    """Return how many seeds stood, of how many, and the CoM's error: rms in the mean, worst [mm]."""
+    """Return how many seeds stood, of how many, and the CoM's error: mean rms, worst [mm]."""
 
     def figures() -> list[str]:
         known = json.loads((ROOT / "benchmarks" / "standing_motions.json").read_text("utf-8"))
@@ -154,6 +154,13 @@ CLAIMS: dict[str, tuple[str, str, Figures]] = {
             from_json("human_walk_treadmill.json", "{:.1f}",
                       "against_plates/within_all_bands_percent"),
         ),
+    ),
+    "what a hand on a wall is worth": (
+        "docs/figures.md",
+        "The hand is worth {} times the push without a wall on average and {} times at least.",
+        from_json("wall.json", "{:.2f}", *(
+            f"hand/by that with no wall/{key}" for key in ("mean", "least")
+        )),
     ),
     "noise without bands": (
         "docs/howto/analyze.md", '"infeasible in {} of {} frames',

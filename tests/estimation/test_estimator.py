@@ -124,6 +124,7 @@ def swaying(
     return found
 
 
+@pytest.mark.slow
 def test_imus_of_one_link_are_one_in_their_middle(hoap: Robot, rng: np.random.Generator) -> None:
     """Far apart they feel what the other does not; one that goes silent is done without."""
     mounts = (

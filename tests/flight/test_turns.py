@@ -103,6 +103,7 @@ def test_shipped_turns_are_quarter_turns(axis: str) -> None:
         assert collision.distances(robot.snapshot(q)).clearance.min() > 0.0
 
 
+@pytest.mark.slow
 def test_a_plan_keeps_limits_and_distances(robot: wbc.Robot, pitch: Rounds) -> None:
     collision = wbc.SelfCollision(robot, margin=0.001)
     limits = robot.limits

@@ -115,6 +115,7 @@ def test_g1_walks_and_stops(robot_named: Load) -> None:
     np.testing.assert_allclose(plant.com, place, atol=5e-3)
 
 
+@pytest.mark.slow
 def test_without_forces_feet_land_when_they_should(robot_named: Load) -> None:
     robot = robot_named("hoap2_like")
     walker, plant = wbc.gait.Walker(robot), Plant(robot)
@@ -205,6 +206,7 @@ def test_a_robot_without_limits_of_effort_and_speed_walks(
     assert walker.steps >= 1
 
 
+@pytest.mark.slow
 def test_a_walk_goes_on_with_a_known_delay(robot_named: Load) -> None:
     """Measured 8 ms late, forces too: told so it walks as without; its goals are of now."""
     robot = robot_named("hoap2_like")

@@ -1,19 +1,12 @@
 """Every fault has its answer: which mode the loop is in afterwards, and what it was told."""
 
+import copy
 import gc
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hardware_faults import (
-    CONTROLLER_FAULTS,
-    DT,
-    READING_FAULTS,
-    HungWorker,
-    Rig,
-    after,
-    soak,
-)
+from hardware_faults import CONTROLLER_FAULTS, DT, READING_FAULTS, HungWorker, Rig, after, soak
 from typer.testing import CliRunner
 
 from wbc.cli import app
@@ -23,11 +16,19 @@ from wbc.hardware.real_time import CycleClock, check_cpus
 from wbc.hardware.safety import RULES, TRANSITIONS, Fault, Mode
 
 
-@pytest.fixture
-def rig() -> Rig:
+@pytest.fixture(scope="module")
+def running() -> Rig:
     made = Rig()
     made.start()
     return made
+
+
+@pytest.fixture
+def rig(running: Rig) -> Rig:
+    """Return a copy of a loop that runs, which shares nothing that changes with the others."""
+    copied = copy.deepcopy(running)
+    assert copied.loop.bus is copied.bus is not running.bus
+    return copied
 
 
 @pytest.mark.parametrize("name", READING_FAULTS)

@@ -16,7 +16,7 @@ from wbc.errors import WbcError
 from wbc.human import human_motion, read_markers
 from wbc.human.body import HumanBody
 
-COUNT = int(os.environ.get("WBC_FUZZ", "500"))
+COUNT = int(os.environ.get("WBC_FUZZ", "300"))
 BODY = HumanBody.of(1.76, 72.0, "male")
 MOT = """grf
 nRows=3

@@ -151,16 +151,6 @@ def test_mistakes_are_told_before_anything_runs(tmp_path: Path, text: str, told:
     assert told in str(caught.value)
 
 
-def test_every_mistake_is_told_at_once(tmp_path: Path) -> None:
-    with pytest.raises(ProblemFileError) as caught:
-        load(
-            tmp_path,
-            "problems: [stand.yaml]\n"
-            "grid: {tasks.com.gain: [0.5, 9], controller.solver: [daqp, nosuch]}\n",
-        )
-    assert "tasks.com.gain" in str(caught.value) and "nosuch" in str(caught.value)
-
-
 def test_a_pendulum_takes_part_but_has_no_seeds(tmp_path: Path) -> None:
     root = Path(__file__).parents[2]
     (tmp_path / "lean.yaml").write_text((root / PENDULUM).read_text())

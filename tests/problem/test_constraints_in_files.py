@@ -84,6 +84,7 @@ def test_the_com_stays_over_the_feet_that_stand_phase_by_phase(tmp_path: Path) -
     assert "left" in set(history.support.tolist())
 
 
+@pytest.mark.slow
 def test_a_moving_obstacle_pushes_the_hand_away_and_starts_anew_each_run(tmp_path: Path) -> None:
     text = BASE.replace(
         f"{{{BOX}}}",

@@ -12,14 +12,7 @@ from wbc.cli.printing import tasks_table
 from wbc.errors import ProblemFileError
 from wbc.problem import Problem, load_problem
 from wbc.run.stopping import Stop
-from wbc.tasks import (
-    ContactForceTask,
-    CopTask,
-    ForceRateTask,
-    ForceTask,
-    LoadShareTask,
-    TorqueTask,
-)
+from wbc.tasks import ContactForceTask, CopTask, ForceRateTask, ForceTask, LoadShareTask, TorqueTask
 
 HEAD = "robot: {model: hoap2_like, armature: 0.003}\nsupport: double\ntasks:\n"
 MOTION = """\
@@ -142,13 +135,7 @@ def test_mistakes_are_told_with_their_place(tmp_path: Path, task: str, words: st
 
 @pytest.mark.parametrize(
     "task",
-    [
-        FRAME + "}",
-        SHARE,
-        "{type: cop, target: [0, 0]}",
-        "{type: force_rate}",
-        "{type: torque}",
-    ],
+    [FRAME + "}", SHARE, "{type: cop, target: [0, 0]}", "{type: force_rate}", "{type: torque}"],
 )
 def test_the_velocity_level_has_no_forces(tmp_path: Path, task: str) -> None:
     rest = "  com: {type: com, target: start}\n"

@@ -47,11 +47,3 @@ def complaint(folder: Path, text: str) -> str:
 def test_mistakes_are_named(tmp_path: Path, old: str, new: str, words: str) -> None:
     assert TEXT.count(old) == 1
     assert words in complaint(tmp_path, TEXT.replace(old, new))
-
-
-def test_several_mistakes_are_named_at_once(tmp_path: Path) -> None:
-    text = TEXT.replace(", active: false", "").replace("second_order: true", "ramp: 1.0")
-    message = complaint(tmp_path, text)
-    assert message.startswith("2 mistakes in ")
-    assert ":6: tasks.shape.ramp" in message
-    assert ":8: tasks.idle.type" in message

@@ -7,7 +7,7 @@ import copy
 import json
 import os
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from wbc.problem.saved import load_result
 from wbc.view.mcap_export import write_mcap
 from wbc.view.report import report as reports
 
-COUNT = int(os.environ.get("WBC_FUZZ", "60"))
+COUNT = int(os.environ.get("WBC_FUZZ", "30"))
 PENDULUM = """\
 model: rmp_planar
 mass: 35.0
@@ -45,6 +45,13 @@ NAMES = ("obstacles/a/place", "obstacles/a/core", "obstacles/a/radius", "obstacl
 SUMMARIES = ("[]", "1", "null", "{", '{"format": "wbc result 1"}', "[" * 100_000,
              '{"format": "wbc result 1", "status": "x", "robot": "../../etc/passwd"}')  # fmt: skip
 Arrays = dict[str, np.ndarray[Any, Any]]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def coarse() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reports, "DPI", 30)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -160,15 +167,7 @@ def test_damaged_results_are_refused_or_reported(
     assert count // 4 < refused < count  # hostile, and not refused for being one of its kind
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_damaged_results_are_read_with_typed_errors_only(
-    kind: str, results: dict[str, Arrays], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As above, without pictures, which take most of the time."""
-    monkeypatch.setattr(reports, "_plot_picture", lambda draw: {"png": ""})
-    assert fuzz(results[kind], tmp_path, 7 + list(KINDS).index(kind), max(COUNT // 6, 1)) > 1
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_sound_results_are_reported(kind: str, results: dict[str, Arrays], tmp_path: Path) -> None:
     np.savez(tmp_path / "r.npz", **results[kind])
@@ -218,11 +217,7 @@ def test_damage_of_a_summary_is_named(
     ],
 )
 def test_damage_of_an_array_is_named(
-    name: str,
-    change: Callable[[Any], Any],
-    said: str,
-    results: dict[str, Arrays],
-    tmp_path: Path,
+    name: str, change: Callable[[Any], Any], said: str, results: dict[str, Arrays], tmp_path: Path
 ) -> None:
     np.savez(tmp_path / "r.npz", **{**results["run"], name: change(results["run"][name])})
     with pytest.raises(InvalidInputError, match=said):

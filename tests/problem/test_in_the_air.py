@@ -116,6 +116,7 @@ def test_the_start_moves_as_one_body(tmp_path: Path) -> None:
     assert q[2] == one.parts.start[2] + 1.0
 
 
+@pytest.mark.slow
 def test_a_tuck_speeds_a_somersault_up_as_momentum_says() -> None:
     """The ratio of the base's rates is that of the moments of inertia, by Pinocchio, within 1 %."""
     short = {"spread": 0.05, "draw out": 0.002, "spread again": 0.002}

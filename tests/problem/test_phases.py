@@ -1,6 +1,5 @@
 """Runs in phases: what moves between them, what is held, and what is kept of it."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -207,31 +206,6 @@ def test_balance_is_the_distance_to_the_hull(step: Watched) -> None:
     assert worst.value == pytest.approx(history.balance.min())
     assert worst.where == history.phase[worst.tick]
     assert step.result.phases["over"].balance == history.balance[history.phase == "over"].min()
-
-
-def test_a_run_can_be_repeated(step: Watched) -> None:
-    again = step.problem.run().history.q
-    # Not to the last bit: ProxQP's own sums depend on where its memory lies.
-    np.testing.assert_allclose(again, step.history.q, rtol=0, atol=1e-10)
-
-
-def test_results_can_be_analysed_by_others(step: Watched, tmp_path: Path) -> None:
-    step.result.save(tmp_path / "r.npz")
-    with np.load(tmp_path / "r.npz") as archive:  # no pickle
-        summary = json.loads(str(archive["summary"]))
-        np.testing.assert_array_equal(archive["phase"], step.history.phase)
-        np.testing.assert_array_equal(archive["support"], step.history.support)
-        assert archive["q"].shape == (260, step.robot.nq)
-        assert archive["v"].shape == (260, step.robot.nv)
-        np.testing.assert_array_equal(archive["balance"], step.history.balance)
-    assert summary["balance"]["phase"] == step.result.balance.where
-    assert summary["phases"]["lift"]["support"] == "right"
-
-
-def test_a_phase_is_as_long_as_it_is_set(tmp_path: Path) -> None:
-    result = problem(tmp_path, {"phases.over.duration": 1.0, "phases.stand.duration": 0.1}).run()
-    assert len(result.history) == 210
-    assert result.history.time[result.history.phase == "lift"][0] == pytest.approx(1.0)
 
 
 def test_phases_need_not_fit_the_time_step(tmp_path: Path) -> None:

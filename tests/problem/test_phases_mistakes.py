@@ -7,7 +7,6 @@ import pytest
 
 from wbc.errors import ProblemFileError
 from wbc.problem import load_problem
-from wbc.problem.json_schema import json_schema
 
 GOOD = """\
 robot: hoap2_like
@@ -51,171 +50,69 @@ def test_the_good_file_is_good(tmp_path: Path) -> None:
 
 MISTAKES = [
     # names
-    (
-        "{com: {target: {over",
-        "{cmo: {target: {over",
-        9,
-        "phases.shift.tasks.cmo: unknown task 'cmo'; did you mean 'com'?",
-    ),
-    (
-        "support: right",
-        "support: rihgt",
-        12,
-        "phases.lift.support: 'rihgt' does not exist; did you mean 'right'?",
-    ),
-    (
-        "support: right",
-        "support: [right_sloe]",
-        12,
-        "phases.lift.support[0]: unknown frame 'right_sloe'; did",
-    ),
-    (
-        "over: right",
-        "over: rihgt",
-        9,
-        "phases.shift.tasks.com.target.over: unknown foot of hoap2_like 'rihgt'; did",
-    ),
-    (
-        "{over: right}",
-        "{ovr: right}",
-        9,
-        "phases.shift.tasks.com.target.ovr: unknown key; did you mean 'over'?",
-    ),
+    ("{com: {target: {over", "{cmo: {target: {over", 9,
+     "phases.shift.tasks.cmo: unknown task 'cmo'; did you mean 'com'?"),
+    ("support: right", "support: rihgt", 12,
+     "phases.lift.support: 'rihgt' does not exist; did you mean 'right'?"),
+    ("support: right", "support: [right_sloe]", 12,
+     "phases.lift.support[0]: unknown frame 'right_sloe'; did"),
+    ("over: right", "over: rihgt", 9,
+     "phases.shift.tasks.com.target.over: unknown foot of hoap2_like 'rihgt'; did"),
+    ("{over: right}", "{ovr: right}", 9,
+     "phases.shift.tasks.com.target.ovr: unknown key; did you mean 'over'?"),
     ("{over: right}", "{ofset: [0, 0, 0]}", 9, "target.ofset: unknown key; did you mean 'offset'?"),
-    (
-        "lift:\n    duration:",
-        "lift:\n    duratoin:",
-        11,
-        "phases.lift.duratoin: unknown key; did you mean 'duration'?",
-    ),
-    (
-        "active: true,",
-        "actve: true,",
-        14,
-        "phases.lift.tasks.foot.actve: unknown key; did you mean 'active'?",
-    ),
+    ("lift:\n    duration:", "lift:\n    duratoin:", 11,
+     "phases.lift.duratoin: unknown key; did you mean 'duration'?"),
+    ("active: true,", "actve: true,", 14,
+     "phases.lift.tasks.foot.actve: unknown key; did you mean 'active'?"),
     ("lift:", "lift.1:", 10, "'lift.1' cannot be a name"),
     # numbers
-    (
-        "down: {duration: 1.0",
-        "down: {duration: 0",
-        15,
-        "phases.down.duration: must be greater than 0, got 0",
-    ),
-    (
-        "down: {duration: 1.0",
-        "down: {duration: 0.001",
-        15,
-        "phases.down.duration: 0.001 s is shorter than the time step (0.005 s)",
-    ),
+    ("down: {duration: 1.0", "down: {duration: 0", 15,
+     "phases.down.duration: must be greater than 0, got 0"),
+    ("down: {duration: 1.0", "down: {duration: 0.001", 15,
+     "phases.down.duration: 0.001 s is shorter than the time step (0.005 s)"),
     ("down: {duration: 1.0, ", "down: {", 15, "phases.down: 'duration' is missing"),
-    (
-        "down: {duration: 1.0",
-        "down: {duration: 1.0e+9",
-        8,
-        "phases: 1e+09 s at a time step of 0.005 s are 2e+11 ticks",
-    ),
-    (
-        "weight: 3}",
-        "weight: [1, 2]}",
-        14,
-        "phases.lift.tasks.foot.weight: needs one number, or 6 (x, y, z, rx, ry, rz), got 2",
-    ),
+    ("down: {duration: 1.0", "down: {duration: 1.0e+9", 8,
+     "phases: 1e+09 s at a time step of 0.005 s are 2e+11 ticks"),
+    ("weight: 3}", "weight: [1, 2]}", 14,
+     "phases.lift.tasks.foot.weight: needs one number, or 6 (x, y, z, rx, ry, rz), got 2"),
     ("weight: 3}", "weight: -3}", 14, "phases.lift.tasks.foot.weight: must be at least 0, got -3"),
-    (
-        "[0, 0, 0.03]",
-        "[0, 0.03]",
-        14,
-        "foot.target.position.offset: needs at least 3 entries, got 2",
-    ),
+    ("[0, 0, 0.03]", "[0, 0.03]", 14,
+     "foot.target.position.offset: needs at least 3 entries, got 2"),
     ("[0, 0, 0.03]", "[0, 0, .nan]", 14, "foot.target.position.offset[2]: must be a finite number"),
     # forms: a target must be one of its own task
-    (
-        "{over: right}",
-        "stat",
-        9,
-        "phases.shift.tasks.com.target: expected [x, y, z] in metres, {offset: [x, y",
-    ),
-    (
-        "{foot: {target: start}}",
-        "{foot: {target: {over: left}}}",
-        15,
-        "phases.down.tasks.foot.target.over: unknown key",
-    ),
-    (
-        "{foot: {target: start}}",
-        "{calm: {target: {knee: 1}}}",
-        15,
-        "phases.down.tasks.calm.target.knee: unknown joint 'knee'",
-    ),
-    (
-        "{foot: {target: start}}",
-        "{size: {active: true, target: [1, 1, -1]}}",
-        15,
-        "size.target: a moment of inertia is not negative",
-    ),
+    ("{over: right}", "stat", 9,
+     "phases.shift.tasks.com.target: expected [x, y, z] in metres, {offset: [x, y"),
+    ("{foot: {target: start}}", "{foot: {target: {over: left}}}", 15,
+     "phases.down.tasks.foot.target.over: unknown key"),
+    ("{foot: {target: start}}", "{calm: {target: {knee: 1}}}", 15,
+     "phases.down.tasks.calm.target.knee: unknown joint 'knee'"),
+    ("{foot: {target: start}}", "{size: {active: true, target: [1, 1, -1]}}", 15,
+     "size.target: a moment of inertia is not negative"),
     # what contradicts itself
-    (
-        "{foot: {active: false}}",
-        "{}",
-        16,
-        "phases.stand: task 'foot' moves what the support holds (left_sole); give active: false",
-    ),
-    (
-        "{com: {target: {over: right}}}",
-        "{foot: {active: true}}",
-        9,
-        "phases.shift.tasks.foot: task 'foot' moves what the support holds",
-    ),
-    (
-        "{foot: {active: false}}",
-        "{foot: {active: false, target: start}}",
-        16,
-        "phases.stand.tasks.foot.target: task 'foot' is off in this phase",
-    ),
-    (
-        "{foot: {active: false}}",
-        "{foot: {active: false, weight: 2}}",
-        16,
-        "phases.stand.tasks.foot.weight: task 'foot' is off in this",
-    ),
-    (
-        "down: {duration: 1.0, tasks: {foot: {target: start}}}",
-        "down: {duration: 1.0, tasks: {com: {target: {over: left}}}}",
-        15,
-        "phases.down.tasks.com.target.over: the left foot does not stand in this",
-    ),
-    (
-        "tasks: {foot: {active: false}}}",
-        "tasks: {foot: {active: false}, com: {active: false}, calm: {active: false}}}",
-        16,
-        "phases.stand: no task is active; there is nothing to do",
-    ),
-    (
-        "accept:",
-        "duration: 3, accept:",
-        17,
-        "stop.duration: a run with phases ends after the last; leave this out",
-    ),
-    (
-        "accept:",
-        "speed: 1.0e-3, accept:",
-        17,
-        "stop.speed: a run with phases ends after the last; leave this out",
-    ),
-    (
-        "com, target: start}",
-        "com, target: start, ramp: 1}",
-        4,
-        "tasks.com.ramp: with phases a target begins where this section says",
-    ),
-    (
-        "support: double\ntasks",
-        "support: double\nstart: {joints: {left_ankle_roll: 0.2}}\ntasks",
-        2,
-        "support: the left foot does not stand: a corner of its sole is",
-    ),
-]
+    ("{foot: {active: false}}", "{}", 16,
+     "phases.stand: task 'foot' moves what the support holds (left_sole); give active: false"),
+    ("{com: {target: {over: right}}}", "{foot: {active: true}}", 9,
+     "phases.shift.tasks.foot: task 'foot' moves what the support holds"),
+    ("{foot: {active: false}}", "{foot: {active: false, target: start}}", 16,
+     "phases.stand.tasks.foot.target: task 'foot' is off in this phase"),
+    ("{foot: {active: false}}", "{foot: {active: false, weight: 2}}", 16,
+     "phases.stand.tasks.foot.weight: task 'foot' is off in this"),
+    ("down: {duration: 1.0, tasks: {foot: {target: start}}}",
+     "down: {duration: 1.0, tasks: {com: {target: {over: left}}}}", 15,
+     "phases.down.tasks.com.target.over: the left foot does not stand in this"),
+    ("tasks: {foot: {active: false}}}",
+     "tasks: {foot: {active: false}, com: {active: false}, calm: {active: false}}}", 16,
+     "phases.stand: no task is active; there is nothing to do"),
+    ("accept:", "duration: 3, accept:", 17,
+     "stop.duration: a run with phases ends after the last; leave this out"),
+    ("accept:", "speed: 1.0e-3, accept:", 17,
+     "stop.speed: a run with phases ends after the last; leave this out"),
+    ("com, target: start}", "com, target: start, ramp: 1}", 4,
+     "tasks.com.ramp: with phases a target begins where this section says"),
+    ("support: double\ntasks", "support: double\nstart: {joints: {left_ankle_roll: 0.2}}\ntasks", 2,
+     "support: the left foot does not stand: a corner of its sole is"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -234,47 +131,6 @@ def test_no_phases_are_not_phases(tmp_path: Path) -> None:
     assert "p.yaml:8: phases: empty; it needs at least one entry" in complaint(tmp_path, text)
 
 
-def test_mistakes_of_several_phases_are_told_at_once(tmp_path: Path) -> None:
-    text = GOOD.replace("over: right", "over: rihgt").replace("[0, 0, 0.03]", "[0, 0.03]")
-    text = text.replace("stand: {duration: 1.0, support: double, tasks: {foot", "stand: {"
-                        "duration: 1.0, support: double, tasks: {fot")  # fmt: skip
-    lines = complaint(tmp_path, text).split("\n")
-    assert lines[0] == "4 mistakes in p.yaml:"
-    assert [line.split(":")[1] for line in lines[1:]] == ["9", "14", "16", "16"]
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "words"),
-    [
-        ("phases.squat.duration", 3, "no phase 'squat' (choose from: down, lift, shift, stand)"),
-        ("phases.lft.duration", 3, "no phase 'lft'; did you mean 'lift'?"),
-        ("phases.lift.duration", -1, "must be greater than 0, got -1"),
-        ("phases.lift.tasks.fot.weight", 3, "no task 'fot'; did you mean 'foot'?"),
-        ("phases.shift.tasks.com.target.over", "lift", "unknown foot of hoap2_like 'lift'"),
-    ],
-)
-def test_overrides_are_checked_like_the_file(
-    tmp_path: Path, path: str, value: Any, words: str
-) -> None:
-    message = complaint(tmp_path, GOOD, {path: value})
-    assert message.startswith(f"--set {path}")
-    assert words in message
-
-
 def test_switched_off_tasks_without_phases(tmp_path: Path) -> None:
     text = "robot: hoap2_like\ntasks:\n  com: {type: com, target: start, active: false}\n"
     assert "p.yaml:2: tasks: no task is active" in complaint(tmp_path, text)
-
-
-def test_the_schema_describes_phases() -> None:
-    schema = json_schema()
-    phase = schema["$defs"]["PhaseSpec"]
-    assert phase["required"] == ["duration"]
-    assert set(phase["properties"]) == {"duration", "ramp", "support", "tasks", "until"}
-    assert phase["properties"]["duration"]["exclusiveMinimum"] == 0
-    task = schema["$defs"]["PhaseTaskSpec"]["properties"]
-    assert set(task) == {"target", "weight", "active"}
-    # An editor completes what any task's target may be.
-    assert "'#/$defs/Over'" in repr(task["target"])
-    assert "'#/$defs/Rpy'" in repr(task["target"])
-    assert all("description" in one for one in task.values())

@@ -89,6 +89,7 @@ def test_a_plan_is_followed_at_the_velocity_level(folder: Path) -> None:
     np.testing.assert_allclose(com, one.parts.plan.at(time).com, atol=2e-4)
 
 
+@pytest.mark.slow
 def test_a_file_of_a_plan_is_as_good_as_its_description(folder: Path) -> None:
     load_problem(folder / "lean.yaml").run().save(folder / "lean.npz")
     solved = problem(folder).parts.plan
@@ -160,14 +161,6 @@ def test_a_phase_cannot_begin_to_follow_a_plan(folder: Path) -> None:
         "phases: {one: {duration: 0.5, tasks: {com: {target: {plan: lean.yaml}}}}}",
     )
     assert "from the start on: give it in the section tasks" in complaint_of(folder, text)
-
-
-def test_a_plan_is_followed_through_phases(folder: Path) -> None:
-    phases = "phases: {one: {duration: 0.2}, two: {duration: 0.3}}"
-    whole = problem(folder).simulate().arrays
-    parted = problem(folder, TRACK.replace("simulation: {duration: 0.5}", phases)).simulate().arrays
-    # The second phase changes nothing: rounding only.
-    np.testing.assert_allclose(parted["q"], whole["q"], atol=1e-9)
 
 
 def test_a_task_that_comes_back_has_the_target_of_the_plan(folder: Path) -> None:

@@ -49,12 +49,8 @@ MISTAKES = [
     ("margin:", "margni:", 10, "limits.margni: unknown key; did you mean 'margin'?"),
     ("stop:", "stpo:", 12, "stpo: unknown key; did you mean 'stop'?"),
     ("target: start}", "taget: start}", 7, "tasks.hand.taget: unknown key; did you mean 'target'?"),
-    (
-        "components: angular",
-        "gain: 0.5",
-        9,
-        "tasks.spin.gain: unknown key (choose from: active, components",
-    ),
+    ("components: angular", "gain: 0.5", 9,
+     "tasks.spin.gain: unknown key (choose from: active, components"),
     ("support:", "dt: 0.01\nsupport:", 3, "dt: belongs to controller; write controller: {dt: ...}"),
     ("support:", "dt: 0.01\nsupport:", 3, "{dt: ...}, or --set controller.dt=..."),
     ("hoap2_like", "zzz", 1, "robot: unknown robot 'zzz'; choose from: g1, "),
@@ -64,67 +60,35 @@ MISTAKES = [
     ('"*_knee_pitch"', "left_knee_pich", 2, "unknown joint 'left_knee_pich'; did you mean"),
     ('"*_knee_pitch"', '"*_kneee"', 2, "start.joints.*_kneee: unknown joint"),
     ("double", "doubel", 3, "support: 'doubel' does not exist; did you mean 'double'?"),
-    (
-        "double",
-        "[left_sole, right_sloe]",
-        3,
-        "support[1]: unknown frame 'right_sloe'; did you mean",
-    ),
+    ("double", "[left_sole, right_sloe]", 3,
+     "support[1]: unknown frame 'right_sloe'; did you mean"),
     ("double", "[left_sole, left_sole]", 3, "support[1]: frame 'left_sole' is named twice"),
-    (
-        "frame: base",
-        "frame: bsae",
-        5,
-        "tasks.shape.frame: unknown frame 'bsae'; did you mean 'base'",
-    ),
+    ("frame: base", "frame: bsae", 5,
+     "tasks.shape.frame: unknown frame 'bsae'; did you mean 'base'"),
     ("frame: left_hand", "frame: left_hnd", 7, "tasks.hand.frame: unknown frame 'left_hnd'; did"),
     ('"*_hip_*"', "waist_pich", 8, "tasks.calm.joints.waist_pich: unknown joint 'waist_pich'; did"),
     ("type: com,", "type: comm,", 6, "tasks.com.type: 'comm' does not exist; did you mean 'com'?"),
-    (
-        "type: com,",
-        "",
-        6,
-        "tasks.com: 'type' is missing (choose from: com, distance, frame, inertia",
-    ),
-    (
-        "control: position",
-        "control: positon",
-        7,
-        "tasks.hand.control: 'positon' does not exist; did",
-    ),
+    ("type: com,", "", 6,
+     "tasks.com: 'type' is missing (choose from: com, distance, frame, inertia"),
+    ("control: position", "control: positon", 7,
+     "tasks.hand.control: 'positon' does not exist; did"),
     ("control: position,", "", 7, "tasks.hand: 'control' is missing"),
     ("solver: proxqp", "solver: proxpq", 11, "controller.solver: unknown QP solver 'proxpq'; did"),
-    (
-        "solver: proxqp",
-        "method: qpp",
-        11,
-        "controller.method: 'qpp' does not exist; did you mean 'qp'",
-    ),
+    ("solver: proxqp", "method: qpp", 11,
+     "controller.method: 'qpp' does not exist; did you mean 'qp'"),
     ("solver: proxqp", "formulation: full", 11, "controller.formulation: 'full' does not exist"),
-    (
-        "accept: {com:",
-        "accept: {cmo:",
-        12,
-        "stop.accept.cmo: unknown task 'cmo'; did you mean 'com'?",
-    ),
+    ("accept: {com:", "accept: {cmo:", 12,
+     "stop.accept.cmo: unknown task 'cmo'; did you mean 'com'?"),
     # numbers
     ("[0.1, 0.1, 0.03]", "[0.1, 0.1]", 5, "tasks.shape.target: needs at least 3 entries, got 2"),
-    (
-        "[0.1, 0.1, 0.03]",
-        "[1, 1, 1, 1]",
-        5,
-        "tasks.shape.target: expected a symmetric (3, 3) matrix",
-    ),
+    ("[0.1, 0.1, 0.03]", "[1, 1, 1, 1]", 5,
+     "tasks.shape.target: expected a symmetric (3, 3) matrix"),
     ("[0.1, 0.1, 0.03]", "[0.1, .nan, 0.1]", 5, "target[1]: must be a finite number, got .nan"),
     ("[0.1, 0.1, 0.03]", "[0.1, -0.1, 0.1]", 5, "target: a moment of inertia is not negative"),
     ("[0.1, 0.1, 0.03]", '["0.1", 0.1, 0.1]', 5, "got the text '0.1' (leave out the quotes)"),
     ("[0.1, 0.1, 0.03]", "expand", 5, "tasks.shape.target: expected numbers in kg m^2"),
-    (
-        "[0.0, 0.0, 0.0]",
-        "[0.0, 0.0]",
-        6,
-        "tasks.com.target.offset: needs at least 3 entries, got 2",
-    ),
+    ("[0.0, 0.0, 0.0]", "[0.0, 0.0]", 6,
+     "tasks.com.target.offset: needs at least 3 entries, got 2"),
     ("[0.0, 0.0, 0.0]", "[0, 0, .inf]", 6, "must be a finite number, got .inf"),
     ("weight: 2}", "weight: -2}", 6, "tasks.com.weight: must be at least 0, got -2"),
     ("weight: 2}", "weight: [1, 2, 3]}", 6, "weight: needs one number, or 2 (x, y), got 3"),
@@ -140,22 +104,14 @@ MISTAKES = [
     ("0.5}", "5.0}", 2, "joint 'left_knee_pitch': 5 is outside its limits"),
     ("margin: 0.01", "margin: 3", 10, "leaves no range for joint"),
     ("margin: 0.01", "position: yes", 10, "limits.position: expected true or false, got 'yes'"),
-    (
-        "margin: 0.01",
-        "base_twist: [1, 1]",
-        10,
-        "limits.base_twist: needs at least 6 entries, got 2",
-    ),
+    ("margin: 0.01", "base_twist: [1, 1]", 10,
+     "limits.base_twist: needs at least 6 entries, got 2"),
     ("duration: 1.0", "duration: 1.0e+9", 12, "2e+11 ticks; at most 1,000,000 are possible"),
     ("solver: proxqp", "eps: 0", 11, "controller.eps: must be greater than 0, got 0"),
     ("solver: proxqp", "eps: 1.0e-20", 11, "controller: eps of ProxQP: must be at least 1e-12"),
     # masks: bare digits are a number, quoted ones a text, and both are refused
-    (
-        "axes: [x, y]",
-        "axes: 110",
-        6,
-        "tasks.com.axes: expected a list such as [x, y], got 110; a mask",
-    ),
+    ("axes: [x, y]", "axes: 110", 6,
+     "tasks.com.axes: expected a list such as [x, y], got 110; a mask"),
     ("axes: [x, y]", 'axes: "110"', 6, "expected a list such as [x, y], got '110'; a mask"),
     ("axes: [x, y]", "axes: xy", 6, "expected a list such as [x, y], got 'xy'; a mask"),
     ("axes: [x, y]", "axes: [x, x]", 6, "tasks.com.axes: 'x' is named twice"),
@@ -169,21 +125,13 @@ MISTAKES = [
     # forms
     ("limits: {margin: 0.01}", "limits:", 10, "limits: expected none, or keys such as margin:"),
     ("limits: {margin: 0.01}", "limits: off", 10, "'off' does not exist (choose from: none)"),
-    (
-        "double",
-        "2",
-        3,
-        "support: expected floating, left, right, double, all, or a list of feet and frames, got 2",
-    ),
+    ("double", "2", 3,
+     "support: expected floating, left, right, double, all, or a list of feet and frames, got 2"),
     ("hoap2_like", "7", 1, "robot: expected a robot's name"),
-    (
-        "{type: momentum, components: angular}",
-        "momentum",
-        9,
-        "tasks.spin: expected keys and values",
-    ),
+    ("{type: momentum, components: angular}", "momentum", 9,
+     "tasks.spin: expected keys and values"),
     ("spin:", "spin.2:", 9, "'spin.2' cannot be a name"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -238,32 +186,21 @@ def test_forms_are_shown_as_they_are_written(file: Path) -> None:
     )
 
 
-def test_a_misspelt_key_is_not_also_a_missing_one(file: Path) -> None:
-    message = complaint(file, GOOD.replace("target: start}", "taget: start}", 1))
-    assert "missing" not in message
-
-
 @pytest.mark.parametrize(
     ("path", "value", "words"),
     [
         ("tasks.com.gain", 2, "--set tasks.com.gain: must be at most 1, got 2"),
         ("tasks.com.target.offset[1]", float("nan"), "must be a finite number, got .nan"),
         ("tasks.com.gian", 0.1, "--set tasks.com.gian: unknown key; did you mean 'gain'?"),
-        (
-            "tasks.hand.frame",
-            "left_hnd",
-            "--set tasks.hand.frame: unknown frame 'left_hnd'; did you",
-        ),
-        (
-            "controller",
-            {"method": "pseudo_inverse", "solver": "x"},
-            "controller.solver: unknown key",
-        ),
+        ("tasks.hand.frame", "left_hnd",
+         "--set tasks.hand.frame: unknown frame 'left_hnd'; did you"),
+        ("controller", {"method": "pseudo_inverse", "solver": "x"},
+         "controller.solver: unknown key"),
         ("robot", object(), "robot: expected a robot's name"),
         ("tasks.new", {"type": "com"}, "--set tasks.new: 'target' is missing"),
         ("tasks.com.axes.0", "x", "'tasks.com.axes' is a list; write tasks.com.axes[0]"),
     ],
-)
+)  # fmt: skip
 def test_overrides_are_checked_like_the_file(file: Path, path: str, value: Any, words: str) -> None:
     message = complaint(file, GOOD, {path: value})
     assert message.startswith(f"--set {path}: ")
@@ -281,12 +218,10 @@ def test_support_needs_feet(file: Path, mode: str) -> None:
     ("joints", "words"),
     [
         ("{'*_ankle_pitch': 0.0}", "the left foot does not stand: a corner of its sole is"),
-        (
-            "{right_hip_pitch: -0.7, right_knee_pitch: 1.4, right_ankle_pitch: -0.7}",
-            "the right foot does not stand: a corner of its sole is 38 mm above the ground",
-        ),
+        ("{right_hip_pitch: -0.7, right_knee_pitch: 1.4, right_ankle_pitch: -0.7}",
+         "the right foot does not stand: a corner of its sole is 38 mm above the ground"),
     ],
-)
+)  # fmt: skip
 def test_soles_that_support_are_on_the_ground(file: Path, joints: str, words: str) -> None:
     """They were held there, in the air or on an edge, and the CoM counted as over them."""
     text = GOOD.replace('{"*_knee_pitch": 0.5}', joints)
@@ -309,20 +244,16 @@ def test_rotations_need_length(file: Path) -> None:
 @pytest.mark.parametrize(
     ("entries", "words"),
     [
-        (
-            "frame: base, target: start",
-            "tasks.shape.frame: principal moments are the same in every",
-        ),
+        ("frame: base, target: start",
+         "tasks.shape.frame: principal moments are the same in every"),
         ("about: world, target: start", "tasks.shape.about: principal moments are those about"),
-        (
-            "weight: [1, 1, 1], target: start",
-            "tasks.shape.weight: principal moments take one weight",
-        ),
+        ("weight: [1, 1, 1], target: start",
+         "tasks.shape.weight: principal moments take one weight"),
         ("second_order: true, target: start", "tasks.shape.second_order: there is no second order"),
         ("target: [1, 1, 1, 1, 1, 1]", "tasks.shape.target: expected the three principal moments"),
         ("target: [1, 1, -1]", "tasks.shape.target: a moment of inertia is not negative"),
     ],
-)
+)  # fmt: skip
 def test_principal_moments(file: Path, entries: str, words: str) -> None:
     task = f"{{type: inertia, components: principal, {entries}}}"
     assert words in complaint(

@@ -23,6 +23,7 @@ def loader(folder: Path, text: str = PUSHED, **settings: object) -> LoadPushed:
     return LoadPushed.of(path, {}, PushSettings(**settings))  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_a_small_push_is_survived_a_large_one_is_not_and_order_does_not_matter(
     tmp_path: Path,
 ) -> None:

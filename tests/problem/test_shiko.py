@@ -15,6 +15,7 @@ from wbc.problem import Result, load_problem
 from wbc.reduction import reduce
 from wbc.robot import Robot
 
+pytestmark = pytest.mark.slow
 PROBLEMS = Path(__file__).parents[2] / "problems"
 DT = 0.005  # s
 # Of the CoM's projection, and of the true CoP: what must be left inside the soles [m].
@@ -55,7 +56,6 @@ def shiko(request: pytest.FixtureRequest) -> Shiko:
     return Shiko(request.param)
 
 
-@pytest.mark.slow
 def test_it_runs_as_a_whole(shiko: Shiko) -> None:
     result = shiko.result
     assert result.status == "accepted", result.reason

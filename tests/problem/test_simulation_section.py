@@ -57,6 +57,7 @@ def test_it_stands_and_tells_of_it(tmp_path: Path) -> None:
     assert "mujoco" in result.run.provenance["versions"]
 
 
+@pytest.mark.slow
 def test_the_same_file_gives_the_same_bits(tmp_path: Path) -> None:
     noisy = {"simulation.sensors": {"position_noise": 1e-4, "dropout": 0.1, "seed": 3}}
     one = problem(tmp_path, overrides=noisy)
@@ -92,6 +93,7 @@ def test_tolerances_at_the_end_are_judged(tmp_path: Path) -> None:
     assert "not within tolerance: com" in result.reason
 
 
+@pytest.mark.slow
 def test_phases_lift_a_foot_in_physics(tmp_path: Path) -> None:
     text = STAND + (
         "phases:\n"
@@ -257,6 +259,7 @@ simulation:
 )
 
 
+@pytest.mark.slow
 def test_payloads_and_wrenches_of_a_file_are_known_recorded_and_drawn(tmp_path: Path) -> None:
     """A robot that is told of both keeps its hand; who is not told lets it sag."""
     payload = [{"frame": "right_hand", "mass": 0.3, "com": [0.02, 0.0, 0.0]}]
@@ -286,14 +289,12 @@ def test_payloads_and_wrenches_of_a_file_are_known_recorded_and_drawn(tmp_path: 
     [
         ({"simulation.wrenches": [{"frame": "left_hnd", "force": [0, 0, 1]}]}, "left_hand"),
         ({"simulation.wrenches": [{"frame": "left_hand"}]}, "give force or moment"),
-        (
-            {"simulation.wrenches": [{"frame": "left_hand", "force": [1, 0, 0], "at": 9.0}]},
-            "begins after the end",
-        ),
+        ({"simulation.wrenches": [{"frame": "left_hand", "force": [1, 0, 0], "at": 9.0}]},
+         "begins after the end"),
         ({"robot.payload": [{"frame": "left_hand", "mass": 0.0}]}, "greater than 0"),
         ({"robot.payload": [{"frame": "hand", "mass": 1.0}]}, "unknown frame 'hand'"),
     ],
-)
+)  # fmt: skip
 def test_mistakes_in_payloads_and_wrenches_are_named(
     tmp_path: Path, change: dict[str, Any], said: str
 ) -> None:

@@ -92,43 +92,26 @@ def test_phases_switch_contacts_with_their_friction(tmp_path: Path) -> None:
 CONTROLLER = STAND.splitlines(keepends=True)[-1]
 MISTAKES = [
     ("kp: 50}", "gain: 0.1}", "p.yaml:5: tasks.height.gain: belongs to the velocity level; at the"),
-    (
-        "target: start, kp: 50}",
-        "target: start, lm_damping: 1}",
-        "height.lm_damping: belongs to the",
-    ),
+    ("target: start, kp: 50}", "target: start, lm_damping: 1}",
+     "height.lm_damping: belongs to the"),
     (CONTROLLER, "", "p.yaml:4: tasks.com.law: belongs to the torque level; give controller"),
     ("level: torque, ", "", "p.yaml:10: controller.friction: belongs to the torque level; give le"),
     ("level: torque, ", "level: torqe, ", "controller.level: 'torqe' does not exist; did you mean"),
-    (
-        "solver: proxqp",
-        "starts: 3",
-        "p.yaml:10: controller.starts: belongs to the method global",
-    ),
-    (
-        "solver: proxqp",
-        "method: global",
-        "pseudo_inverse are of the velocity level, got 'torque'",
-    ),
+    ("solver: proxqp", "starts: 3", "p.yaml:10: controller.starts: belongs to the method global"),
+    ("solver: proxqp", "method: global", "pseudo_inverse are of the velocity level, got 'torque'"),
     ("solver: proxqp", "on_failure: hold", "controller.on_failure: 'hold' does not exist"),
     ("friction: 0.5", "friction: {facets: 2}", "controller.friction.facets: must be at least 3"),
     ("friction: 0.5", "friction: {facet: 8}", "friction.facet: unknown key; did you mean 'facets'"),
-    (
-        "friction: 0.5",
-        "friction: {least: 2, most: 1}",
-        "p.yaml:10: controller.friction.most: must not be below least, got 1",
-    ),
+    ("friction: 0.5", "friction: {least: 2, most: 1}",
+     "p.yaml:10: controller.friction.most: must not be below least, got 1"),
     ("friction: 0.5", "friction: low", "controller.friction: expected a coefficient, or {coeff"),
-    (
-        "law: capture_point",
-        "law: capture_piont",
-        "com.law: 'capture_piont' does not exist; did you",
-    ),
+    ("law: capture_point", "law: capture_piont",
+     "com.law: 'capture_piont' does not exist; did you"),
     ("law: capture_point", "law: capture_point, kd: 3", "tasks.com.kd: give kd or law, not both"),
     ("axes: [x, y], ", "", "tasks.com.law: a capture point is on the ground; give axes: [x, y]"),
     ("double", "[{frame: torso}]", "torso"),  # no sole: its corners are not known
     ("double", "[{frame: left_sole, gain: 0.2}]", "support[0].gain: belongs to the velocity level"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("old", "new", "words"), MISTAKES)

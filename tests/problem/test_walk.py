@@ -94,12 +94,9 @@ def test_other_tasks_come_along(tmp_path: Path) -> None:
         ({"gait.commands": [{"at": 0, "vz": 1}]}, "did you mean 'vy'"),
         ({"gait.weights": {"trunk": 0}}, "walking weights, trunk: must be greater than 0"),
         ({"support": "left"}, "support: 'left' does not exist"),
-        (
-            {"robot": {"model": "hoap2_like", "feet": {}}},
-            "no feet were found",
-        ),
+        ({"robot": {"model": "hoap2_like", "feet": {}}}, "no feet were found"),
     ],
-)
+)  # fmt: skip
 def test_mistakes(tmp_path: Path, overrides: dict[str, Any], said: str) -> None:
     assert said in complaint_of(tmp_path, WALK, overrides)
 

@@ -141,11 +141,6 @@ def test_previous_decides_the_first_frame() -> None:
         np.testing.assert_allclose(found.second_moments[0], np.abs(previous).T @ [1.0, 2.0, 3.0])
 
 
-def test_the_first_frame_is_longest_first() -> None:
-    axes, moments = crossing()
-    assert (np.diff(track(inertias(axes, moments)).second_moments[0]) < 0.0).all()
-
-
 def test_turning_rate_against_differences_of_eigenvectors() -> None:
     """Axes turn and moments change, both at known rates: I' by differences of I, w known."""
     direction = np.array([1.0, 2.0, -0.5]) / np.linalg.norm([1.0, 2.0, -0.5])

@@ -109,43 +109,6 @@ def test_direction_of_axes_does_not_hang_on_rounding() -> None:
         np.testing.assert_allclose(axes[:, 0], turn[:, 0], rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_six_reaction_masses_have_the_inertia(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    points, each, _ = affine_body(rng)
-    mass = each * len(points)
-    inertia = inertia_of_points(points, np.full(len(points), each))
-    radii = reaction_mass_radii(inertia, mass)
-    axes = equimomental(inertia, mass).axes
-    reaction = np.concatenate([(axes * radii).T, -(axes * radii).T])
-    rebuilt = inertia_of_points(reaction, np.full(6, mass / 6))
-    np.testing.assert_allclose(rebuilt, inertia, rtol=0, atol=EXACT * np.abs(inertia).max())
-
-
-def test_eq_18_as_printed() -> None:
-    s1, s2, s3 = 0.31, 0.28, 0.12  # principal moments
-    rho = 850.0
-    factor = (15.0 / (8.0 * np.pi * rho)) ** (1 / 5)
-
-    def printed(i: float, j: float, k: float) -> float:
-        return float(factor * (-i + j + k) ** (2 / 5) / ((i - j + k) * (i + j - k)) ** (1 / 10))
-
-    expected = (printed(s3, s1, s2), printed(s2, s3, s1), printed(s1, s2, s3))
-    found = equimomental_at_density(np.diag([s1, s2, s3]), rho)
-    np.testing.assert_allclose(found.semi_axes, expected, rtol=EXACT)
-    assert found.mass == pytest.approx(rho * 4 / 3 * np.pi * np.prod(expected), rel=EXACT)
-
-
-def test_eq_18_at_the_density_of_the_mass_true_ellipsoid_is_the_same_ellipsoid() -> None:
-    inertia, mass = np.diag([0.21, 0.2, 0.05]), 7.16
-    true = equimomental(inertia, mass)
-    a, b, c = true.semi_axes
-    at_density = equimomental_at_density(inertia, mass / (4 / 3 * np.pi * a * b * c))
-    np.testing.assert_allclose(at_density.semi_axes, true.semi_axes, rtol=EXACT)
-    assert at_density.mass == pytest.approx(mass, rel=EXACT)
-    assert true.volume == pytest.approx(4 / 3 * np.pi * a * b * c, rel=EXACT)
-
-
 @pytest.mark.parametrize(
     ("principal", "mean_square"),
     [

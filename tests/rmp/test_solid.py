@@ -139,20 +139,6 @@ def test_newton_and_euler(model: SolidRmp, seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_power_balance(model: SolidRmp, seed: int) -> None:
-    """d(T + V)/dt of the masses = f v + the ground's force times the CoP's velocity."""
-    q, v, a = state(seed)
-    x, pace = q[:5] + 1j * TINY * v[:5], v + 1j * TINY * a
-    r, w = q[9:] + 1j * TINY * v[8:], pace[5:8]
-    T = M / 2 * np.sum(com_rate(x, pace) ** 2) + np.sum(moments(r) * w**2) / 2
-    T += M / 6 * np.sum(pace[8:] ** 2)
-    rate = np.imag(T + M * G * x[4] * leg(x[2], x[3])[2]) / TINY
-    reaction = model.ground_reaction(q, v, a)
-    power = model.inverse_dynamics(q, v, a) @ v[2:] + reaction[:2] @ v[:2]
-    np.testing.assert_allclose(power, rate, **EXACT)
-
-
-@pytest.mark.parametrize("seed", range(10))
 def test_angles_and_body_rates_describe_one_motion(
     model: SolidRmp, euler: EulerSolidRmp, seed: int
 ) -> None:
@@ -242,45 +228,6 @@ def test_a_hip_leaves_the_ground_only_a_vertical_moment(
     arm = -q[4] * leg(q[2], q[3])
     moment = rotation(q[5:9]) @ torque - np.cross(arm, reaction)
     np.testing.assert_allclose(moment[:2], 0.0, atol=1e-9)
-
-
-def test_without_forces_masses_fly(model: SolidRmp) -> None:
-    """The CoM falls freely and the world's k_G does not change, while the radii do."""
-    q, v, _ = state(4)
-    v[:2] = 0.0
-    a = model.forward_dynamics(q, v, np.zeros(9))
-    np.testing.assert_allclose(com_acceleration(q, v, a), GRAVITY, **EXACT)
-    r, w = q[9:], v[5:8]
-    I_rate = np.imag(moments(r + 1j * TINY * v[8:])) / TINY
-    body = moments(r) * a[5:8] + I_rate * w + np.cross(w, moments(r) * w)
-    np.testing.assert_allclose(body, 0.0, atol=1e-9)
-    np.testing.assert_allclose(a[8:], r * (w @ w - w**2), **EXACT)
-
-
-@pytest.mark.parametrize("size", (0.3, 1e-3, 1e-6))
-def test_without_radii_it_is_a_spherical_pendulum(model: SolidRmp, size: float) -> None:
-    """The leg's acceleration is a point mass's, at any radius: M c'' = f_l n + M g."""
-    q, v, _ = state(6)
-    q[9:], v[5:] = size, 0.0
-    v[:2] = 0.0
-    f = np.zeros(9)
-    f[2] = 170.0
-    a = model.forward_dynamics(q, v, f)
-    expected = 170.0 / M * leg(q[2], q[3]) + GRAVITY
-    np.testing.assert_allclose(com_acceleration(q, v, a), expected, **EXACT)
-
-
-def test_locked_to_the_leg_it_is_a_compound_pendulum(model: SolidRmp) -> None:
-    """Turning as one body about the CoP: k_P = I_P w, T = 1/2 w I_P w by the parallel axes."""
-    q, v, _ = state(9)
-    arm, R = q[4] * leg(q[2], q[3]), rotation(q[5:9])
-    w = np.array((0.7, -1.1, 0.4))
-    v[:] = 0.0
-    v[2:4] = np.linalg.lstsq(q[4] * leg_slopes(q[2], q[3]), np.cross(w, arm), rcond=None)[0]
-    v[5:8] = R.T @ w
-    I_P = R @ np.diag(moments(q[9:])) @ R.T + M * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    np.testing.assert_allclose(model.momenta(q, v)[1], I_P @ w, **EXACT)
-    np.testing.assert_allclose(model.energies(q, v)[0], w @ I_P @ w / 2, **EXACT)
 
 
 def test_upright_is_far_from_the_singular_direction(model: SolidRmp) -> None:

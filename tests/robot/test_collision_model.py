@@ -435,20 +435,6 @@ def test_bad_shapes(make, words: str) -> None:
         make()
 
 
-def test_joint_placements_and_twists(robot, random_snapshot, rng) -> None:
-    """Copied through a window on Pinocchio's memory, they are what Pinocchio says one by one."""
-    here = random_snapshot(robot, rng)
-    R, p = here.joint_placements
-    twists = here.joint_twists
-    robot.snapshot(robot.posture("standing"))  # another pass must not change them
-    data = robot.model.createData()
-    pin.computeJointJacobians(robot.model, data, here.q)
-    for joint in range(robot.model.njoints):
-        np.testing.assert_allclose(R[joint], data.oMi[joint].rotation, atol=1e-12)
-        np.testing.assert_allclose(p[joint], data.oMi[joint].translation, atol=1e-12)
-    np.testing.assert_allclose(twists, data.J, atol=1e-12)
-
-
 def test_half_a_disabled_pair_is_refused(robot_named, tmp_path: Path) -> None:
     """A <disable_collisions> that names one link only."""
     robot = robot_named("hoap2_like")

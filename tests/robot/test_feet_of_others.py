@@ -212,16 +212,10 @@ def test_four_legs_that_end_in_balls_are_four_points(
     ("joints", "where"),
     [
         ((("hip_roll", "1 0 0"), ("hip_pitch", "0 1 0"), ("knee", "0 1 0")), "forwards"),
-        (
-            (("hip_pitch", "0 1 0"), ("knee", "0 1 0"), ("ankle_pitch", "0 1 0")),
-            "to a side",
-        ),
-        (
-            (("hip_yaw", "0 0 1"), ("hip_pitch", "0 1 0"), ("knee", "0 1 0"), ANKLE[0]),
-            "to a side",
-        ),
+        ((("hip_pitch", "0 1 0"), ("knee", "0 1 0"), ("ankle_pitch", "0 1 0")), "to a side"),
+        ((("hip_yaw", "0 0 1"), ("hip_pitch", "0 1 0"), ("knee", "0 1 0"), ANKLE[0]), "to a side"),
     ],
-)
+)  # fmt: skip
 def test_legs_that_cannot_swing_their_feet_are_refused_when_a_walker_is_made(
     tmp_path: Path, joints: tuple[tuple[str, str], ...], where: str
 ) -> None:

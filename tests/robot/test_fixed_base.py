@@ -9,7 +9,6 @@ import pytest
 from wbc import KinematicController, PositionTask, load_problem, support
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.robot.library import find_robot
 
 BODY = (
     '<inertial><mass value="2"/><origin xyz="0 0 0.1"/>'
@@ -68,17 +67,6 @@ def test_a_root_that_carries_a_single_arm_is_fixed(
         assert Robot.load(path).notes[0].startswith("no feet were found: ")
 
 
-def test_arms_of_the_example_data_are_fixed_and_what_flies_floats() -> None:
-    folder = find_robot("g1").path.parents[2]
-    for file, fixed in (
-        ("panda_description/urdf/panda.urdf", True),
-        ("so_arm_description/urdf/so101.urdf", True),
-        ("borinot_description/urdf/borinot_flying_arm_2.urdf", False),
-        ("simple_humanoid_description/urdf/simple_humanoid.urdf", False),
-    ):
-        assert Robot.load(folder / file).fixed_base == fixed, file
-
-
 def test_the_base_is_what_is_asked_for(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
         assert Robot.load(arm(tmp_path, "pelvis"), base="fixed").fixed_base
@@ -86,17 +74,6 @@ def test_the_base_is_what_is_asked_for(tmp_path: Path, caplog: pytest.LogCapture
     assert not Robot.load(arm(tmp_path), base="floating").fixed_base
     with pytest.raises(InvalidInputError, match="base: expected floating or fixed, got 'bolted'"):
         Robot.load(arm(tmp_path), base="bolted")
-
-
-def test_an_mjcf_without_a_free_joint_is_fixed(tmp_path: Path) -> None:
-    path = tmp_path / "arm.xml"
-    for free, fixed in (("", True), ("<freejoint/>", False)):
-        path.write_text(
-            f'<mujoco model="arm"><worldbody><body name="stand">{free}<geom size="0.1" mass="1"/>'
-            '<body name="link"><joint name="j" axis="0 1 0"/><geom size="0.1" mass="1"/></body>'
-            "</body></worldbody></mujoco>"
-        )
-        assert Robot.load(path).fixed_base == fixed
 
 
 def test_a_fixed_base_stays(tmp_path: Path) -> None:

@@ -162,15 +162,6 @@ def test_inertia_is_that_of_the_collision_shapes(
     np.testing.assert_allclose(actual.inertia, expected.inertia, rtol=0, atol=1e-8 * size)
 
 
-def test_shapes_are_drawn_as_they_collide(model: pin.Model, shapes: pin.GeometryModel) -> None:
-    drawn = pin.buildGeomFromUrdf(model, str(URDF), pin.GeometryType.VISUAL)
-    assert drawn.ngeoms == shapes.ngeoms
-    for seen, solid in zip(drawn.geometryObjects, shapes.geometryObjects, strict=True):
-        assert link_of(model, seen) == link_of(model, solid)
-        assert seen.geometry == solid.geometry
-        assert seen.placement == solid.placement
-
-
 def test_joints(model: pin.Model) -> None:
     expected = {*TRUNK, *(f"{side}_{name}" for side in ("left", "right") for name in LEG + ARM)}
     assert len(expected) == 25
@@ -185,23 +176,6 @@ def test_joints(model: pin.Model) -> None:
     np.testing.assert_array_equal(model.upperEffortLimit[6:], 9.0)
     assert (model.lowerPositionLimit[7:] <= 0).all()
     assert (model.upperPositionLimit[7:] >= 0).all()
-
-
-def test_limbs_hang_from_the_torso_in_order(model: pin.Model) -> None:
-    assert model.frames[model.getFrameId("torso")].parentJoint == 1
-
-    def chain(last: str) -> list[str]:
-        return [model.names[joint] for joint in model.supports[model.getJointId(last)]][2:]
-
-    for side in ("left", "right"):
-        leg, arm = ([f"{side}_{name}" for name in limb] for limb in (LEG, ARM))
-        assert chain(leg[-1]) == ["waist_pitch", *leg]
-        assert chain(arm[-1]) == arm
-    assert chain("head_pitch") == ["head_yaw", "head_pitch"]
-
-
-def test_no_moving_link_is_massless(model: pin.Model) -> None:
-    assert min(inertia.mass for inertia in list(model.inertias)[1:]) >= 0.03
 
 
 def test_limits_mirror_and_bend_the_right_way(model: pin.Model) -> None:
@@ -286,29 +260,6 @@ def test_lengths_of_the_leg(
     np.testing.assert_allclose(ankle_to_sole.rotation, np.eye(3), atol=1e-12)
 
 
-def test_height(model: pin.Model, standing: pin.Data, shapes: pin.GeometryModel) -> None:
-    spans = [
-        height_span(shape.geometry, standing.oMi[shape.parentJoint] * shape.placement)
-        for shape in shapes.geometryObjects
-    ]
-    bottom, top = min(low for low, _ in spans), max(high for _, high in spans)
-    assert bottom == pytest.approx(frame(model, standing, "left_sole").translation[2], abs=1e-12)
-    assert top - bottom == pytest.approx(0.50, abs=1e-9)
-
-
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_palm_is_at_the_end_of_the_hand(
-    model: pin.Model, standing: pin.Data, shapes: pin.GeometryModel, side: str
-) -> None:
-    hand, palm = (frame(model, standing, f"{side}_{name}") for name in ("hand_link", "palm"))
-    lowest = min(
-        height_span(shape, hand * pose)[0]
-        for pose, shape in shapes_of(model, shapes, f"{side}_hand_link")
-    )
-    assert palm.translation[2] == pytest.approx(lowest, abs=1e-12)
-    np.testing.assert_allclose(palm.rotation, np.eye(3), atol=1e-12)
-
-
 @pytest.mark.parametrize("seed", range(10))
 def test_mirrored_postures_have_mirrored_inertia(model: pin.Model, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -348,11 +299,3 @@ def test_a_link_clears_the_next_but_one(model: pin.Model, shapes: pin.GeometryMo
         assert touching(model, shapes, q, range(2, 3)) == set()
         q[7:] = np.where(rng.random(q.size - 7) < 0.5, low, high)  # a corner of the ranges
         assert touching(model, shapes, q, range(2, 3)) == set()
-
-
-def test_a_squat_is_free_of_collisions(model: pin.Model, shapes: pin.GeometryModel) -> None:
-    q = pin.neutral(model)
-    for side in ("left", "right"):
-        for name, angle in (("hip_pitch", -1.2), ("knee_pitch", 2.1), ("ankle_pitch", -0.9)):
-            q[model.joints[model.getJointId(f"{side}_{name}")].idx_q] = angle
-    assert touching(model, shapes, q, range(2, 100)) == set()

@@ -10,7 +10,6 @@ import pytest
 from tests.conftest import ROBOTS, load, random_state
 from wbc.errors import InvalidInputError, ModelError
 from wbc.robot import Robot, kernel
-from wbc.robot.kernel_check import disagreement, disagreement_of_rates
 
 ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
@@ -70,14 +69,6 @@ def test_every_quantity_is_pinocchios(name: str, rng) -> None:
             assert not ours.flags.writeable, key
             scale = max(1.0, float(np.abs(theirs).max()))
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-12 * scale, err_msg=key)
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_it_agrees_with_pinocchio(name: str) -> None:
-    robot = load(name)
-    assert disagreement(robot.native.tree, states=50, seed=1) < 1e-11
-    # Differences of the sixth order, of an inertia known to 1e-16 of its size, 1 ms apart.
-    assert disagreement_of_rates(robot.native.tree, states=50, seed=1) < 1e-8
 
 
 @pytest.mark.parametrize("name", ["g1", "mixed_joints"])

@@ -14,11 +14,12 @@ from wbc.robot.formats.xml import read_xml
 from wbc.robot.geometry import RobotMeshes, triangulated
 
 DATA = Robot.load("icub").path.parents[2]
-URDFS = sorted(
+FILES = (
     path
-    for path in DATA.rglob("*.urdf")
+    for path in sorted(DATA.rglob("*.urdf"))
     if any(suffix in path.read_text().lower() for suffix in (".dae", ".obj"))
 )
+URDFS = list({path.parents[1]: path for path in FILES}.values())  # one of each folder of meshes
 # Links whose meshes stand away from their joints in every viewer: mistakes of the files, or parts
 # (a handle, a logo) that hang on the origin of another link.
 APART = {

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import coal
 import numpy as np
 import pinocchio as pin
+import pytest
 
 from wbc.constraints import SelfCollision
 from wbc.robot import Robot
@@ -12,6 +13,7 @@ from wbc.robot.collision.bodies import named_shapes
 from wbc.robot.collision.raw_pairs import RawPairs
 
 
+@pytest.mark.slow
 def test_pairs_are_apart_by_their_files(
     robot_named: Callable[[str], Robot], rng: np.random.Generator
 ) -> None:

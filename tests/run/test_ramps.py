@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
+from wbc.minimum_jerk import PEAK, minimum_jerk_rates
 from wbc.robot import Robot
 from wbc.run.ramps import (
     DIRECTIONS,
@@ -136,3 +137,8 @@ def test_a_placement_moves_as_pinocchio_says() -> None:
     expected = start[:, :3] @ pin.exp3(0.5 * pin.log3(start[:, :3].T @ end[:, :3]))
     np.testing.assert_allclose(middle[:, :3], expected, atol=1e-12)
     np.testing.assert_allclose(middle[:, 3], 0.5 * (start + end)[:, 3], atol=1e-12)
+
+
+def test_the_peak_is_the_largest_slope() -> None:
+    slopes = [minimum_jerk_rates(x)[0] for x in np.linspace(0.0, 1.0, 101)]
+    assert max(slopes) == pytest.approx(PEAK, rel=1e-12)

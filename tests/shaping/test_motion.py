@@ -12,7 +12,7 @@ from wbc.controllers.closed_loop import LoopTick
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.shaping import GlobalShaping, ShapingMotion, ShapingOutcome
-from wbc.shaping.motion import worst_kept
+from wbc.shaping.motion import AT_REST, worst_kept
 from wbc.shaping.problem import posture_cost
 from wbc.tasks import ComTask, InertiaTask, PostureTask, Task
 
@@ -132,11 +132,23 @@ def test_every_tick_can_be_watched_and_the_time_limited(robot_named) -> None:
     np.testing.assert_array_equal([tick.tick.velocity for tick in ticks], motion.v[:-1])
     np.testing.assert_allclose([tick.time for tick in ticks], motion.time[:-1], atol=1e-12)
     assert all(tick.seconds > 0.0 for tick in ticks)
+    # It ends with the tenth tick in a row that is slower than what counts as rest.
+    slow = [tick.speed < AT_REST for tick in ticks[-11:]]
+    assert slow == [False] + [True] * 10
     short = shaping.reach(q, outcome, attempts=1, dt=0.01, longest=0.5)
     assert (len(short.q), short.at_rest, short.arrived) == (51, False, False)
     assert "still moving when the time was over" in short.attempts[0].reason
     whole = shaping.reach(q, outcome, attempts=1, dt=0.01, longest=6.0, rest_speed=None)
     assert (len(whole.q), whole.at_rest, whole.arrived) == (601, False, True)
+    watched: list[LoopTick] = []
+
+    def enough(_: int, tick: LoopTick) -> bool:
+        watched.append(tick)
+        return len(watched) == 5
+
+    ended = shaping.reach(q, outcome, attempts=2, dt=0.01, watch=enough)
+    assert (len(watched), ended.arrived, len(ended.attempts)) == (5, False, 1)
+    assert ended.attempts[0].reason == "interrupted"
     for name in ("longest", "rest_speed"):
         with pytest.raises(InvalidInputError, match=f"reach, {name}: must be greater than 0"):
             shaping.reach(q, outcome, **{name: 0.0})

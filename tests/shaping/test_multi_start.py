@@ -70,15 +70,14 @@ def test_the_known_best_of_four_thousand_valleys(star: Robot, monkeypatch) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mode", ["floating", "double"])
-def test_hops_do_not_depend_on_who_searches(robot_named, mode: str) -> None:
+def test_hops_do_not_depend_on_who_searches(robot_named) -> None:
     """More starts than are spread, and an end by patience: three processes find what one does."""
     robot = robot_named("hoap2_like")
     q = robot.posture()
     here = robot.snapshot(q)
     wanted = np.diag(here.inertia_in("base")) * [0.6, 0.5, 0.6]
     task = InertiaTask(robot, np.diag(wanted), per_mass=True)
-    shaping = GlobalShaping(robot, [task], support(here, mode))
+    shaping = GlobalShaping(robot, [task], support(here, "double"))
     told = []
     for workers in (1, 3):
         outcome = shaping.solve(q, 300, workers=workers, seed=2, patience=25)

@@ -1,6 +1,5 @@
 """Parts of the search and of the motion, one by one: what is declared of each, by hand."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -12,12 +11,12 @@ from wbc.constraints.margin import SKIN, USED
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.collision import Obstacle
-from wbc.shaping.evaluation import FOUND, Tolerances, kept_constraints, violations
-from wbc.shaping.motion import INTERRUPTED, GuidingTasks, PostureReach, worst_kept
+from wbc.shaping.evaluation import FOUND, kept_constraints, violations
+from wbc.shaping.motion import GuidingTasks, worst_kept
 from wbc.shaping.nlp import BuiltNlp, build_nlp
-from wbc.shaping.outcome import Candidate, Kept, ShapingMotion, ShapingOutcome
-from wbc.shaping.problem import ShapingProblem, posture_cost
-from wbc.shaping.separation import ActivePairs, SeparatedIpopt, searcher
+from wbc.shaping.outcome import Candidate, Kept
+from wbc.shaping.problem import ShapingProblem
+from wbc.shaping.separation import ActivePairs
 from wbc.tasks import ComTask, InertiaTask, PostureTask
 
 KEPT = Kept(0.0, 1.0, None, None, ())
@@ -92,25 +91,6 @@ def test_what_a_search_found_may_be_off_by_rounding_only(robot, what: str, allow
         assert not kept_constraints(problem, here, excused).broken
 
 
-def test_what_is_met_exactly_breaks_nothing(robot) -> None:
-    here = robot.snapshot(robot.posture())
-    base = here.position("base")
-
-    class Off(PositionBox):
-        def distances(self, snapshot, keys=None):
-            found = super().distances(snapshot, keys)
-            return found._replace(clearance=np.array([-SKIN, -SKIN - 0.25, 1.0, 1.0, 1.0, 1.0]))
-
-    box = Off(robot, "base", base - 1.0, base + 1.0)
-    found = violations(problem_of(robot, [PostureTask(robot, here.q)], (), [box]), here)
-    assert list(found.values()) == [pytest.approx(0.25)]
-    q = here.q.copy()
-    q[7] = robot.limits.upper[0]  # exactly
-    there = robot.snapshot(q)
-    assert robot.limits.joint_positions(q)[0] == robot.limits.upper[0]
-    assert violations(problem_of(robot, [PostureTask(robot, q)]), there) == {}
-
-
 def test_the_contact_that_is_farthest_off_counts(robot) -> None:
     here = robot.snapshot(robot.posture())
     moved = [
@@ -120,19 +100,6 @@ def test_the_contact_that_is_farthest_off_counts(robot) -> None:
     kept = kept_constraints(problem_of(robot, [PostureTask(robot, here.q)], moved), here, FOUND)
     assert kept.contact == pytest.approx(0.003)
     assert len(kept.broken) == 2 and kept.broken[1].startswith("right_sole is 0.002 off")
-
-
-def test_only_the_worst_three_pairs_are_named(robot) -> None:
-    """Of all bodies that are nearer than an absurd margin, the nearest first."""
-    here = robot.snapshot(robot.posture())
-    bodies = SelfCollision(robot, margin=0.0)
-    bodies._kept = np.full(len(bodies.model.pairs), 0.5) + SKIN
-    problem = problem_of(robot, [PostureTask(robot, here.q)], (), [bodies])
-    kept = kept_constraints(problem, here, Tolerances(1.0, 1.0, 1.0, 1e-4))
-    assert len(kept.broken) == 3
-    lacking = [float(words.split(" lacks ")[1].split()[0]) for words in kept.broken]
-    assert lacking == sorted(lacking, reverse=True)
-    assert kept.clearance == pytest.approx(-lacking[0], rel=0.05)
 
 
 @pytest.mark.parametrize("axis", range(6))
@@ -155,46 +122,6 @@ def kept_apart(robot: Robot, fit: str) -> BuiltNlp:
     """In world axes: the base turns too."""
     watched = SelfCollision(robot, margin=0.01, fit=fit)
     return build_nlp(problem_of(robot, [InertiaTask(robot, np.eye(3))], (), [watched]))
-
-
-def test_the_way_back_to_standing_ends_at_the_first_free_place(robot) -> None:
-    """Twenty steps on the straight line of the joints, whatever the base; else the best place."""
-    q = robot.posture()
-    built = kept_apart(robot, "capsule")
-    search = searcher(built.nlp)
-    assert isinstance(search, SeparatedIpopt)
-    rng = np.random.default_rng(1)
-    there = robot.integrate(q, 0.3 * rng.normal(size=robot.nv), 1.0)
-    start = built.start(there)
-    home = built.start(robot.postures["standing"])
-    joints = [k for k, unknown in enumerate(built.kept) if unknown < robot.nv - 6]
-    assert 0 < len(joints) < start.x.size
-
-    class Scripted:
-        def __init__(self, excess: Callable[[float], float]) -> None:
-            self.excess = excess
-
-        def least(self, x: np.ndarray, p: np.ndarray) -> float:
-            way = home.x[joints] - start.x[joints]
-            share = float((x[joints] - start.x[joints]) @ way / (way @ way))
-            np.testing.assert_allclose(x[joints], start.x[joints] + share * way, atol=1e-12)
-            others = np.delete(np.arange(x.size), joints)
-            np.testing.assert_array_equal(x[others], start.x[others])
-            return self.excess(share)
-
-    def retreat(excess: Callable[[float], float]) -> tuple[float, float]:
-        search._pairs = Scripted(excess)  # type: ignore[assignment]
-        x, share = search._retreat(start.x, start.p)
-        way = home.x[joints] - start.x[joints]
-        return float((x[joints] - start.x[joints]) @ way / (way @ way)), share
-
-    assert retreat(lambda share: 0.0) == pytest.approx((0.0, 0.0), abs=1e-12)
-    assert retreat(lambda share: share - 0.47) == pytest.approx((0.5, 0.5))
-    assert retreat(lambda share: -USED if share > 0.29 else -1.01 * USED) == pytest.approx(
-        (0.3, 0.3)
-    )
-    # Nothing is free: the least bad place, and the whole line.
-    assert retreat(lambda share: -0.1 - abs(share - 0.7)) == pytest.approx((0.7, 1.0))
 
 
 def test_pairs_that_are_too_near_are_added_until_none_is_new(robot) -> None:
@@ -237,64 +164,7 @@ def test_pairs_that_are_too_near_are_added_until_none_is_new(robot) -> None:
         np.testing.assert_allclose(planes[:, 3], offsets, atol=1e-9)
 
 
-def test_a_search_goes_on_from_its_start_unless_only_standing_is_free(robot) -> None:
-    built = kept_apart(robot, "capsule")
-    search = searcher(built.nlp)
-    start = built.start(robot.posture())
-    first, x, answer = start.x + 1.0, start.x + 2.0, start.x + 3.0
-    for share, expected in ((0.0, x), (0.95, x), (1.0, answer)):
-
-        def retreat(given, p, share=share):
-            if given is start.x:
-                return x, share
-            assert given is first
-            return answer, 1.0
-
-        search._retreat = retreat  # type: ignore[method-assign, union-attr]
-        assert search._free(start, first) is expected  # type: ignore[union-attr]
-
-
 # ---------------------------------------------------------------------- the motion
-
-
-def scripted(q: np.ndarray, cost: float, arrived: bool, broken: tuple[str, ...]) -> ShapingMotion:
-    kept = replace(KEPT, broken=broken)
-    return ShapingMotion(np.zeros(1), q[None], np.zeros((1, 3)), np.array([9.0, cost]),
-                         candidate(q), kept, arrived, True, ())  # fmt: skip
-
-
-def test_candidates_are_tried_until_one_is_reached_and_the_best_motion_is_kept(robot) -> None:
-    """Arrived counts most, then what keeps the constraints, then the least cost."""
-    q = robot.posture()
-
-    def tried(script: list[tuple[float, bool, str]], attempts: int = 9) -> tuple[float, list[int]]:
-        candidates = [candidate(q, float(k)) for k in range(len(script))]
-        outcome = ShapingOutcome(tuple(candidates), (), None)  # type: ignore[arg-type]
-        problem = problem_of(robot, [PostureTask(robot, q)])
-        reach = PostureReach(problem, q, 0.01, 0.01, None, None, lambda tasks: None, None)  # type: ignore
-        asked: list[int] = []
-
-        def motion(one: Candidate, number: int) -> tuple[ShapingMotion, str]:
-            assert one is candidates[number]
-            asked.append(number)
-            cost, arrived, reason = script[number]
-            broken = (reason,) if reason.startswith("at ") else ()
-            return scripted(q, cost, arrived, broken), "arrived" if arrived else reason
-
-        object.__setattr__(reach, "motion", motion)
-        best = reach.best(outcome, attempts)
-        assert [one.candidate for one in best.attempts] == asked
-        assert [one.cost for one in best.attempts] == [script[k][0] for k in asked]
-        return float(best.cost[-1]), asked
-
-    assert tried([(3.0, False, "slow"), (2.0, True, ""), (1.0, True, "")]) == (2.0, [0, 1])
-    assert tried([(3.0, False, "slow"), (2.0, False, INTERRUPTED), (1.0, True, "")]) == (
-        2.0,
-        [0, 1],
-    )
-    assert tried([(3.0, False, "slow"), (1.0, False, "at 1 s"), (2.0, False, "slow")]) == (
-        2.0, [0, 1, 2])  # fmt: skip
-    assert tried([(3.0, False, "at 1 s"), (2.0, False, "at 2 s")], attempts=1) == (3.0, [0])
 
 
 @pytest.mark.parametrize("leans", [0.0099, 0.0101, None])
@@ -346,38 +216,6 @@ def test_guides_lead_along_the_straight_line_in_time(robot, leans: float | None)
     assert near.duration == 2.0
     slow = problem_of(robot, tasks, (), (), Limits(robot, velocity=1e-3))
     assert GuidingTasks(slow, q, candidate(end)).duration == 20.0
-
-
-def test_the_cost_that_is_reached_may_be_above_by_the_tolerance(robot) -> None:
-    """And by a billionth of the start's: a target that is met to that is met."""
-    q = robot.posture()
-    task = PostureTask(robot, q, weight=3.0, gain=1.0)
-    far = robot.integrate(q, np.r_[np.zeros(6), np.full(robot.nv - 6, 0.1)], 1.0)
-    start = posture_cost([task], robot.snapshot(far))
-    states = [robot.snapshot(far), robot.snapshot(q, np.zeros(robot.nv))]
-    off = robot.snapshot(robot.integrate(q, np.r_[np.zeros(6), np.full(robot.nv - 6, 1e-3)], 1.0))
-    problem = problem_of(robot, [task])
-    reach = PostureReach(problem, far, 0.01, 0.01, None, None, lambda tasks: None, None)  # type: ignore
-
-    def reason(end, cost: float, at_rest: bool = True) -> str:
-        from wbc.shaping.motion import _Rollout
-
-        rollout = _Rollout([states[0], end], at_rest, "")
-        object.__setattr__(reach, "_rollout", lambda *_: rollout)
-        motion, said = reach.motion(candidate(q, cost), 0)
-        assert motion.arrived == (said == "arrived")
-        return said
-
-    reached = posture_cost([task], off)
-    assert start > reached > 0.0
-    assert reason(off, reached / 1.0099) == "arrived"
-    assert reason(off, reached / 1.0101).startswith("came to rest at cost")
-    assert reason(off, reached / 1.0101, at_rest=False).startswith("was still moving when the time")
-    assert reason(states[1], 0.0) == "arrived"
-    for share, said in ((0.9e-9, "arrived"), (1.1e-9, "came to rest")):
-        step = np.sqrt(share) * 0.1
-        near = robot.integrate(q, np.r_[np.zeros(6), np.full(robot.nv - 6, step)], 1.0)
-        assert reason(robot.snapshot(near), 0.0).startswith(said)
 
 
 def test_the_worst_of_a_motion_is_told(robot) -> None:

@@ -9,7 +9,6 @@ from scipy.spatial import ConvexHull
 from wbc.constraints import ComSupport, Limits, PointContact, support
 from wbc.robot import Robot
 from wbc.shaping import GlobalShaping, NoPostureError
-from wbc.shaping import shaping as shaping_module
 from wbc.shaping.problem import posture_cost
 from wbc.tasks import ComTask, InertiaTask, PostureTask, PrincipalInertiaTask
 
@@ -174,22 +173,3 @@ def test_a_start_outside_its_limits_and_continuous_joints(robot_named, rng, rand
     best = GlobalShaping(robot, [task]).solve(start, starts=8, workers=1).best
     assert best.cost < 1e-10  # the inertia of a posture within the limits can be had
     assert_within_limits(robot, best.q)
-
-
-@pytest.mark.parametrize(
-    ("seconds", "each"), [(None, None), (0.2, 1.0), (1.0, 1.0), (1.5, 1.5), (7.0, 7.0)]
-)
-def test_a_single_search_takes_no_longer_than_all_may_but_a_second(
-    robot_named, monkeypatch, seconds, each
-) -> None:
-    robot, told = robot_named("hoap2_like"), []
-    shaping = GlobalShaping(robot, [InertiaTask(robot, np.eye(3))])
-
-    def build(problem, seconds):
-        told.append(seconds)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(shaping_module, "build_nlp", build)
-    with pytest.raises(KeyboardInterrupt):
-        shaping.solve(robot.posture(), seconds=seconds)
-    assert told == [each]

@@ -198,31 +198,6 @@ def test_random_rotations_are_uniform() -> None:
     np.testing.assert_allclose(mean, 0.0, atol=0.07)  # 1 / sqrt(3 * 2000) = 0.013, five of these
 
 
-def test_of_hops_off_the_contacts_the_nearest_is_taken(robot_named: Load, rng) -> None:
-    """Four are tried, fewer if one is within a millimetre; gaps as told, postures as drawn."""
-    robot = robot_named("hoap2_like")
-    built, q = built_for(robot, "floating")
-    elite = elite_of(robot, rng, 2)
-
-    def chosen(gaps: list[float]) -> tuple[int, int]:
-        sampling = Sampling.of(built, q)
-        drawn: list[np.ndarray] = []
-
-        def start(posture: np.ndarray):
-            drawn.append(posture)
-            return built.start(posture), gaps[len(drawn) - 1]
-
-        object.__setattr__(sampling, "start", start)
-        found = BasinHopping(sampling, 1.0, seed=1).start(1, elite)
-        same = [bool((built.start(posture).x == found.x).all()) for posture in drawn]
-        return same.index(True), len(drawn)
-
-    assert chosen([0.3, 0.1, 0.2, 0.4]) == (1, 4)
-    assert chosen([0.3, 0.1, 0.0009, 0.4]) == (2, 3)
-    assert chosen([0.3, 0.0011, 0.2, 0.4]) == (1, 4)
-    assert chosen([0.0, 0.1]) == (0, 1)
-
-
 @pytest.mark.parametrize("frame", ["world", "base"])
 def test_a_whole_posture_turns_the_base_where_that_matters(robot_named: Load, frame: str) -> None:
     robot = robot_named("hoap2_like")

@@ -1,26 +1,21 @@
 """Searching in several processes: the same answers, budgets, interruption, and lost processes."""
 
 import os
-import pickle
 import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
-from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from wbc.errors import InvalidInputError, WbcError
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.shaping import GlobalShaping, worker_pool
+from wbc.shaping import GlobalShaping
 from wbc.shaping import shaping as shaping_module
-from wbc.shaping.nlp import Local, Start
-from wbc.shaping.worker_pool import AHEAD, WorkerPool, _load, _search
+from wbc.shaping.worker_pool import WorkerPool
 from wbc.tasks import InertiaTask
 
 
@@ -127,36 +122,6 @@ def pools(monkeypatch: pytest.MonkeyPatch) -> list[WorkerPool]:
     return made
 
 
-def test_a_search_that_was_begun_and_lost_is_repeated(robot_named, monkeypatch) -> None:
-    robot = robot_named("hoap2_like")
-    shaping, q = shaping_of(robot), robot.posture()
-    expected = shaping.solve(q, 6, workers=1)
-    begun: list[int] = []
-    held: list[int] = []
-
-    class Losing(WorkerPool):
-        """Takes one search, and gives no answer."""
-
-        def has_room(self) -> bool:
-            return not begun
-
-        def submit(self, number: int, start: Start) -> bool:
-            begun.append(number)
-            held.append(number)
-            return True
-
-        def waits_for(self, needs: object) -> bool:
-            return bool(held)
-
-        def results(self, patient: bool) -> tuple[list[tuple[int, Local]], list[int]]:
-            return [], [held.pop()] if patient else []
-
-    monkeypatch.setattr(shaping_module, "WorkerPool", Losing)
-    outcome = shaping.solve(q, 6, workers=1)
-    assert begun == [1]
-    assert [c.cost for c in outcome.candidates] == [c.cost for c in expected.candidates]
-
-
 @pytest.mark.slow
 def test_nobody_waits_for_a_process_that_was_killed(robot_named, pools) -> None:
     """It dies amid a search; what it was at is done here, and all that comes after."""
@@ -221,7 +186,7 @@ def test_a_script_without_the_guard_is_told_and_answered(tmp_path: Path) -> None
         "from wbc.tasks import InertiaTask\n"
         "robot = Robot.load('hoap2_like')\n"
         "task = InertiaTask(robot, np.eye(3), frame='base')\n"
-        "best = GlobalShaping(robot, [task]).solve(robot.posture(), 400, workers=2).best\n"
+        "best = GlobalShaping(robot, [task]).solve(robot.posture(), 250, workers=2).best\n"
         "print('least cost', best.cost)\n"
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
@@ -244,107 +209,3 @@ def test_unusable_numbers_are_refused(robot_named) -> None:
         shaping.solve(q, 2.5)  # type: ignore[arg-type]
     with pytest.raises(InvalidInputError, match="shape"):
         shaping.solve(q[:-1])
-
-
-class Answered(WorkerPool):
-    """A pool whose searches are futures made by hand; loaded by as many processes as ``loaded``."""
-
-    def __init__(self, size: int, loaded: int, deadline: float | None = None) -> None:
-        super().__init__(None, 0, deadline)  # type: ignore[arg-type]
-        self._capacity, self.begun = AHEAD * size, list[tuple[Future, tuple]]()
-        self._loading = [Future() for _ in range(size)]
-        for one in self._loading[:loaded]:
-            one.set_result(None)
-
-    def _begin(self, function, *arguments) -> Future:
-        self.begun.append((Future(), arguments))
-        return self.begun[-1][0]
-
-
-@pytest.mark.parametrize("size", [1, 2, 3])
-def test_others_have_room_once_one_has_loaded_until_each_has_two_searches(size: int) -> None:
-    start = Start(np.zeros(1), np.zeros(1))
-    assert not Answered(size, 0).has_room() and not Answered(0, 0).has_room()
-    pool = Answered(size, 1, deadline=7.0)
-    for number in range(2 * size):
-        assert pool.has_room() and pool.submit(number, start)
-    assert not pool.has_room()
-    # The first start is always searched from, the others until time is over.
-    assert [given[1] for _, given in pool.begun] == [None, *[7.0] * (2 * size - 1)]
-    assert pool.late(1) and not pool.late(0) and not Answered(1, 1).late(1)
-    assert not Answered(1, 1, deadline=time.time() + 1e6).late(1)
-
-
-def test_results_are_told_once_by_number_and_what_is_lost_too() -> None:
-    """Found, too late, lost with its process, and not yet done."""
-    pool, start = Answered(3, 3), Start(np.zeros(1), np.zeros(1))
-    for number in (4, 0, 2, 5, 1, 3):
-        assert pool.submit(number, start)
-    futures = {number: future for future, number in pool._pending.items()}
-    locals_ = {number: object() for number in (4, 0)}
-    for number, local in locals_.items():
-        futures[number].set_result(local)
-    futures[2].set_result(None)
-    futures[1].set_running_or_notify_cancel()
-    assert pool.results(patient=True) == ([(0, locals_[0]), (4, locals_[4])], [])
-    assert pool.results(patient=False) == ([], []) and pool.has_room()
-    assert pool.waits_for(lambda number: number == 5) and not pool.waits_for(lambda n: n == 2)
-    assert pool.take_back() == 5 and pool.take_back() == 3  # what no process has begun
-    assert pool.take_back() is None and list(pool._pending.values()) == [1]
-    futures[1].set_exception(BrokenProcessPool())
-    assert pool.results(patient=False) == ([], [1])
-    assert not pool.has_room() and not pool.waits_for(lambda _: True)
-    assert not pool.submit(6, start)
-
-
-def test_a_search_that_fails_is_no_lost_process() -> None:
-    pool = Answered(1, 1)
-    pool.submit(1, Start(np.zeros(1), np.zeros(1)))
-    pool.begun[0][0].set_exception(ZeroDivisionError())
-    with pytest.raises(ZeroDivisionError):
-        pool.results(patient=True)
-
-
-def test_who_cannot_begin_has_no_room_any_more(monkeypatch) -> None:
-    pool = Answered(1, 1)
-
-    def broken(*_) -> Future:
-        raise BrokenProcessPool
-
-    monkeypatch.setattr(pool, "_begin", broken)
-    assert not pool.submit(1, Start(np.zeros(1), np.zeros(1)))
-    assert not pool.has_room() and not pool.waits_for(lambda _: True)
-    with pytest.raises(WbcError, match="without workers"):
-        WorkerPool(None, 0, None).submit(1, Start(np.zeros(1), np.zeros(1)))  # type: ignore
-
-
-def test_only_who_has_nothing_to_do_waits_and_no_longer_than_a_tenth_of_a_second(
-    monkeypatch,
-) -> None:
-    """So that Ctrl-C is soon answered."""
-    pool, waited, honest = Answered(1, 1), [], worker_pool.wait
-
-    def wait(pending, timeout, when):
-        waited.append(timeout)
-        return honest(pending, 0.0, when)
-
-    monkeypatch.setattr(worker_pool, "wait", wait)
-    pool.submit(1, Start(np.zeros(1), np.zeros(1)))
-    assert pool.results(patient=True) == pool.results(patient=False) == ([], [])
-    assert 0.01 <= waited[0] <= 0.1 and waited[1] == 0.0
-
-
-def test_processes_begin_no_search_after_the_deadline(monkeypatch, tmp_path: Path) -> None:
-    """In the problem that they loaded from a file."""
-
-    class Searcher(str):
-        def search(self, start: Start) -> str:
-            return f"{self} from {start.x[0]:g}"
-
-    monkeypatch.setattr(worker_pool, "_loaded", [])
-    monkeypatch.setattr(worker_pool, "searcher", Searcher)
-    (tmp_path / "nlp").write_bytes(pickle.dumps("down"))
-    _load(tmp_path / "nlp")
-    start = Start(np.full(1, 5.0), np.zeros(1))
-    assert _search(start, None) == _search(start, time.time() + 1e6) == "down from 5"
-    assert _search(start, time.time() - 1.0) is None

@@ -113,6 +113,7 @@ def test_devices_measure_as_they_are_said_to(hoap: Robot) -> None:
         MessageBus(loss=1.0)
 
 
+@pytest.mark.slow
 def test_a_robot_stands_on_what_it_feels_and_to_the_same_bits(hoap: Robot) -> None:
     imus = (Imu(frame="torso", rotation=TURNED, position=(0.0, 0.02, 0.05)),)
     ends = []

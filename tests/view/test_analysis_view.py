@@ -11,7 +11,6 @@ from wbc.errors import InvalidInputError
 from wbc.motion import Motion, RmpSeries, analyze
 from wbc.motion.uncertainty import BAND
 from wbc.robot import Robot
-from wbc.view import style
 from wbc.view.analysis import analysis_figure, plot_analysis, snapshot_frames
 
 TIME = np.arange(200) / 100.0
@@ -30,16 +29,10 @@ def still() -> RmpSeries:
     return series_of(0.0, "auto")
 
 
-@pytest.fixture
-def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(style, "DPI", 50)
-
-
 def plots(figure: Figure) -> dict[str, object]:
     return {axes.get_title(loc="left"): axes for axes in figure.axes if axes.get_title(loc="left")}
 
 
-@pytest.mark.usefixtures("coarse")
 def test_plots_hold_the_series(still: RmpSeries) -> None:
     figure = analysis_figure(still, title="Standing", snapshots=3)
     named = plots(figure)
@@ -53,7 +46,6 @@ def test_plots_hold_the_series(still: RmpSeries) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("coarse")
 @pytest.mark.parametrize("snapshots", [6, 10])
 def test_no_text_overlaps(still: RmpSeries, snapshots: int) -> None:
     figure = analysis_figure(still, title="Standing", snapshots=snapshots)
@@ -78,7 +70,6 @@ def test_no_text_overlaps(still: RmpSeries, snapshots: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("coarse")
 def test_flight_and_no_feet(tmp_path: Path) -> None:
     flying = series_of(0.2, None)
     assert flying.flight.any() and flying.cop_margin is None
@@ -99,12 +90,6 @@ def test_snapshots() -> None:
             snapshot_frames(time, wrong)
 
 
-def test_other_suffixes(still: RmpSeries, tmp_path: Path) -> None:
-    with pytest.raises(InvalidInputError, match="gif"):
-        plot_analysis(still, tmp_path / "a.gif", title="x")
-
-
-@pytest.mark.usefixtures("coarse")
 def test_bands_of_noise_are_drawn(still: RmpSeries) -> None:
     rng = np.random.default_rng(4)
     joints = still.q[:, 7:] + 1e-3 * rng.normal(size=(200, 25))

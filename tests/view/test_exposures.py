@@ -10,7 +10,6 @@ from wbc.problem.simulation_spec import turned_with
 from wbc.robot import Robot
 from wbc.simulation import Step, Terrain
 from wbc.validate import Array
-from wbc.view import style
 from wbc.view.exposures import exposures_figure, plot_exposures, together
 from wbc.view.options import View
 from wbc.view.portrait import Pose, portraits_of
@@ -34,11 +33,6 @@ def walk(robot: Robot) -> dict[str, Array]:
         found[name] = start.copy()
         found[name][[0, 2]] += (ahead, 0.1 * ahead)
     return found
-
-
-@pytest.fixture(autouse=True)
-def _coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(style, "DPI", 40)
 
 
 def test_robots_stand_where_they_were(robot: Robot, walk: dict[str, Array]) -> None:

@@ -82,9 +82,7 @@ def test_a_saved_simulation_knows_its_terrain(simulated: SimulationResult, tmp_p
 
 
 @pytest.mark.slow
-def test_a_report_of_a_simulation_says_what_only_physics_knows(
-    simulated: SimulationResult,
-) -> None:
+def test_a_report_of_a_simulation_says_what_only_physics_knows(simulated: SimulationResult) -> None:
     saved = SavedRun.of(simulated, "s")
     page = report_text(saved.robot, saved.history, saved.summary, "s", saved.simulation)
     titles = [plot["title"] for plot in data_of(page)["plots"]]

@@ -1,7 +1,5 @@
 """Pictures of pendulums: what is plotted, that texts keep apart, and what is refused."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -12,15 +10,10 @@ from benchmarks.balance_figures import pushes_figure, regions_figure
 from wbc.errors import InvalidInputError
 from wbc.problem.pendulum.result import PendulumHistory, Support
 from wbc.view import style
-from wbc.view.pendulum import pendulum_figure, plot_pendulum
+from wbc.view.pendulum import pendulum_figure
 
 Array = NDArray[np.float64]
 SOLE = np.array(((-0.1, -0.05), (0.1, -0.05), (0.1, 0.05), (-0.1, 0.05)))
-
-
-@pytest.fixture(autouse=True)
-def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(style, "DPI", 50)
 
 
 def history(
@@ -184,15 +177,6 @@ def test_ranges_show_all_but_neither_rounding_nor_a_far_off_cmp() -> None:
     assert low < -0.05 and high > 0.05
     # At the same scale in both directions.
     assert (right - left) / 2.05 == pytest.approx((high - low) / 2.2)
-
-
-def test_files(tmp_path: Path) -> None:
-    plot_pendulum(CASES["solid"], tmp_path / "a.png", "x")
-    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
-    with pytest.raises(InvalidInputError, match="gif"):
-        plot_pendulum(CASES["solid"], tmp_path / "a.gif")
-    with pytest.raises(InvalidInputError, match="folder"):
-        plot_pendulum(CASES["solid"], tmp_path / "none" / "a.png")
 
 
 ROUND = np.column_stack((np.cos(np.arange(12) * np.pi / 6), np.sin(np.arange(12) * np.pi / 6)))

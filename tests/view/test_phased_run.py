@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.view import run_figure, style
+from wbc.view import run_figure
 
 Array = NDArray[np.float64]
 
@@ -42,12 +42,6 @@ def run(robot: Robot) -> Run:
     return Run(time, q, errors, phase, support, 0.03 - 0.01 * np.sin(time))
 
 
-@pytest.fixture
-def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw with fewer pixels, where they do not matter: it saves time."""
-    monkeypatch.setattr(style, "DPI", 50)
-
-
 def titles(figure: Figure) -> list[str]:
     return [axes.get_title() for axes in figure.axes if axes.get_images()]
 
@@ -56,7 +50,6 @@ def plots(figure: Figure) -> list:  # type: ignore[type-arg]
     return [axes for axes in figure.axes if not axes.get_images()]
 
 
-@pytest.mark.usefixtures("coarse")
 def test_every_phase_is_drawn_and_marked(robot: Robot, run: Run) -> None:
     figure = run_figure(robot, run, title="phases")
     assert titles(figure) == [
@@ -80,7 +73,6 @@ def test_every_phase_is_drawn_and_marked(robot: Robot, run: Run) -> None:
     assert [text.get_text() for text in errors.texts] == ["com"]  # the other was never active
 
 
-@pytest.mark.usefixtures("coarse")
 def test_long_names_are_shortened(robot: Robot, run: Run) -> None:
     figure = run_figure(robot, replace(run, phase=["x" * 200] * 31), title="")
     assert titles(figure)[1].startswith(f"1  {'x' * 19}…, 3.0 s")
@@ -90,7 +82,6 @@ def test_long_names_are_shortened(robot: Robot, run: Run) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.usefixtures("coarse")
 def test_a_single_tick_is_drawn(robot: Robot, run: Run) -> None:
     one = Run(run.time[:1], run.q[:1], {"com": run.errors["com"][:1]}, ["down"], None, [0.03])
     figure = run_figure(robot, one, title="")
@@ -98,7 +89,6 @@ def test_a_single_tick_is_drawn(robot: Robot, run: Run) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("coarse")
 def test_without_feet_there_is_no_plot_of_balance(robot: Robot, run: Run) -> None:
     for balance in (None, np.full(31, np.nan)):
         figure = run_figure(robot, replace(run, balance=balance, support=None), title="")
@@ -108,7 +98,6 @@ def test_without_feet_there_is_no_plot_of_balance(robot: Robot, run: Run) -> Non
         assert titles(figure)[0] == "start\n"
 
 
-@pytest.mark.usefixtures("coarse")
 def test_no_names_are_no_phases(robot: Robot, run: Run) -> None:
     figure = run_figure(robot, replace(run, phase=[""] * 31), title="")
     assert titles(figure) == ["before, t = 0 s", "after, t = 3 s"]

@@ -13,18 +13,11 @@ from wbc.problem import load_problem
 from wbc.robot import Robot
 from wbc.robot.collision import Capsule, HalfSpace, Hull
 from wbc.run import Result
-from wbc.view import run_figure, style
+from wbc.view import run_figure
 from wbc.view.history import read_history
 from wbc.view.options import LAYERS, View
 from wbc.view.portrait import Pose, captions, portraits_of
 from wbc.view.solids import solid_surface
-
-
-@pytest.fixture(autouse=True, scope="module")
-def coarse() -> object:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(style, "DPI", 30)
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.simulation.terrain import LEVEL, Terrain
-from wbc.view import style
 from wbc.view.camera import Camera
 from wbc.view.render import Picture, render
 from wbc.view.scene import Scene
@@ -40,11 +39,6 @@ def arrays(robot: Robot) -> Arrays:
     for foot in robot.feet.values():
         found |= {f"{part}forces/{foot.frame}": wrench for part in ("", "planned_")}
     return found
-
-
-@pytest.fixture(autouse=True)
-def _coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(style, "DPI", 40)
 
 
 @pytest.mark.slow

@@ -81,6 +81,7 @@ def test_foxglove_is_sent_frames_and_numbers_of_every_tick(problem) -> None:
     np.testing.assert_allclose(error, last.tick.errors["com"], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_rerun_reads_the_ellipsoid_where_the_robot_is(problem, tmp_path: Path) -> None:
     pytest.importorskip("rerun")
     path, ticks = tmp_path / "run.rrd", []

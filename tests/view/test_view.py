@@ -16,8 +16,8 @@ from wbc.errors import InvalidInputError, WbcError
 from wbc.problem.simulation_spec import turned_with
 from wbc.robot import Robot
 from wbc.simulation import Step, Terrain
-from wbc.view import plot_robot, plot_run, robot_figure, run_figure, style
-from wbc.view.portrait import LINE, Pose, captions, portraits_of
+from wbc.view import plot_robot, plot_run, robot_figure, run_figure
+from wbc.view.portrait import Pose, portraits_of
 from wbc.view.series import spread
 from wbc.view.style import save
 
@@ -41,12 +41,6 @@ class RunWithInertia(Run):
 @pytest.fixture(scope="module")
 def robot() -> Robot:
     return Robot.load("hoap2_like")
-
-
-@pytest.fixture
-def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw with fewer pixels, where they do not matter: it saves time."""
-    monkeypatch.setattr(style, "DPI", 50)
 
 
 @pytest.fixture(scope="module")
@@ -119,17 +113,6 @@ def test_errors_are_norms_over_time(run: Run, figure: Figure) -> None:
     assert labels == ["inertia", "left foot", "head"]
 
 
-def test_principal_moments_over_time(robot: Robot, run: Run, figure: Figure) -> None:
-    data = robot.model.createData()
-    expected = []
-    for q in run.q:
-        pin.ccrba(robot.model, data, q, np.zeros(robot.nv))
-        expected.append(np.linalg.eigvalsh(data.Ig.inertia))
-    plotted = np.column_stack([line.get_ydata() for line in figure.axes[3].lines])
-    np.testing.assert_allclose(plotted, expected, rtol=0, atol=1e-14)
-
-
-@pytest.mark.usefixtures("coarse")
 def test_inertias_of_the_history_are_used_if_given(robot: Robot, run: Run) -> None:
     inertia = np.tile([0.3, 0.1, 0.0, 0.3, 0.0, 0.35], (2, 1))  # moments 0.2, 0.35, 0.4
     given = RunWithInertia(run.time[:2], run.q[:2], {}, inertia)
@@ -140,31 +123,6 @@ def test_inertias_of_the_history_are_used_if_given(robot: Robot, run: Run) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("coarse")
-def test_a_run_of_one_tick(robot: Robot, run: Run, tmp_path: Path) -> None:
-    path = plot_run(robot, Run(run.time[:1], run.q[:1], {}), tmp_path / "one.PNG", title="one tick")
-    assert path.read_bytes().startswith(MAGIC[".png"])
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("coarse")
-def test_robots_side_by_side(robot: Robot, tmp_path: Path) -> None:
-    q = robot.postures["standing"]
-    single = robot_figure(robot, {"standing": q}, title="A robot")
-    assert [axes.get_title() for axes in single.axes] == ["standing"]
-    path = plot_robot(robot, {"one": q, "two": q, "three": q}, tmp_path / "robots.png")
-    width, height = np.frombuffer(path.read_bytes()[16:24], dtype=">u4")
-    assert width == pytest.approx(3 * single.get_figwidth() * single.dpi, abs=3)
-    # Without a title, which takes 0.3 inches; the posture and so the shape is the same. What the
-    # marks are is told in fewer lines.
-    portraits = portraits_of(robot, {"one": q})
-    saved = [len(captions(portraits, k * single.get_figwidth())) for k in (1, 3)]
-    less = 0.3 + LINE * (saved[0] - saved[1])
-    assert height == pytest.approx((single.get_figheight() - less) * single.dpi, abs=3)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("coarse")
 def test_the_same_run_gives_the_same_file(robot: Robot, run: Run, tmp_path: Path) -> None:
     short = Run(run.time[:2], run.q[:2], {"inertia": run.errors["inertia"][:2]})
     paths = [tmp_path / "first.png", tmp_path / "second.png"]
@@ -263,9 +221,7 @@ def test_labels_are_spread_apart(seed: int) -> None:
     np.testing.assert_array_equal(spread(alone, 0.1), alone)
 
 
-def test_without_matplotlib_the_error_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_without_matplotlib_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(WbcError, match=r"pip install 'wbc\[plot\]'"):
         _ = wbc.view.robot_figure

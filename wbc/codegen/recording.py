@@ -88,7 +88,7 @@ class TickRecording:
             self.left_out[_REASONS.get(self.plan.memory.said, _REASONS[lib.UNSOLVED])] += 1
             return
         if not self.ticks:
-            self.numbers = self.plan.memory.number.copy()
+            self.numbers = self.plan.memory.arrays["number"].copy()
         told = (targets_of(part) for part in task_parts(controller))
         targets = tuple(values for one in told if one is not None for values in one)
         torque = now.tick.torque if isinstance(now.tick, TorqueTick) else None
@@ -121,7 +121,8 @@ def check_kind(problem: Problem) -> None:
     Raises
     ------
     CodegenError
-        A walk, phases, a search, the pseudo-inverse, or wrenches that the controller is told of.
+        A walk, phases, hands that lean, a search, the pseudo-inverse, or wrenches that the
+        controller is told of.
     """
     spec = problem.spec
     reason = None
@@ -129,6 +130,8 @@ def check_kind(problem: Problem) -> None:
         reason = "gait: footsteps are planned in Python"
     elif spec.phases is not None:
         reason = "phases: they change the controller while it runs"
+    elif spec.hands is not None:
+        reason = "hands: they change its contacts while it runs"
     elif not isinstance(spec.controller, QpSpec | TorqueSpec):
         reason = "controller.method: only one QP per tick is written out"
     elif any(wrench.told for wrench in spec.simulation.wrenches):

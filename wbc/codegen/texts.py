@@ -34,7 +34,7 @@ def plan_header(recording: TickRecording, title: str) -> str:
         "TORQUE": int(memory.struct.torque),
         "TASKS": len(tasks),
         "PARTS": len(tasks) + len(contacts),
-        "NUMBERS": memory.number.size,
+        "NUMBERS": memory.arrays["number"].size,
         "STATE": memory.state.size,
         "OUT": memory.layout.out,
         "SCRATCH": memory.arrays["scratch"].size,

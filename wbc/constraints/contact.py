@@ -34,6 +34,8 @@ if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
 
 SUPPORTS = ("floating", "left", "right", "double", "all")
 DEFAULT_FRICTION = FrictionCone()
+UPWARDS = (0.0, 0.0, 1.0)
+LEAST_NORMAL = 1e-9  # a vector that is shorter has no direction
 
 
 class Contact(CoreTask):
@@ -172,10 +174,75 @@ class Contact(CoreTask):
 class PointContact(Contact):
     """A point held in position and free to turn (three rows: x y z).
 
-    Its force acts at the frame's origin; the normal of its friction cone is the world's z axis.
+    Its force acts at the frame's origin.
+
+    Parameters
+    ----------
+    normal:
+        (3,) in the world, out of what is touched: the axis of its friction cone. A hand on a wall
+        has a horizontal one. Fixed.
+
+    See :class:`Contact` for the others.
+
+    Attributes
+    ----------
+    normal:
+        (3,), of unit length, read-only.
     """
 
+    normal: Array
+
     ROWS = AXES
+
+    def __init__(
+        self,
+        robot: Robot,
+        frame: str,
+        position: ArrayLike,
+        rotation: ArrayLike,
+        *,
+        normal: ArrayLike = UPWARDS,
+        friction: FrictionCone | None = DEFAULT_FRICTION,
+        corners: ArrayLike | None = None,
+        **law: Unpack[LawKeywords],
+    ) -> None:
+        across = finite_array(f"contact {frame!r}, normal", normal, (3,))
+        length = float(np.linalg.norm(across))
+        if length < LEAST_NORMAL:
+            raise InvalidInputError(f"contact {frame!r}, normal: needs some length")
+        self.normal = read_only(across / length)
+        super().__init__(
+            robot, frame, position, rotation, friction=friction, corners=corners, **law
+        )
+
+    def _set_attribute(self, name: str, value: Any) -> None:
+        if name == "normal" and name in self.__dict__:  # it is worked into the rows of a QP
+            raise InvalidInputError(
+                f"{self}, normal: cannot be assigned; make another contact with normal=..., and"
+                " hand it to set_contacts()"
+            )
+        super()._set_attribute(name, value)
+
+    @classmethod
+    @spell_out
+    def hold(
+        cls,
+        snapshot: Snapshot,
+        frame: str,
+        *,
+        normal: ArrayLike = UPWARDS,
+        friction: FrictionCone | None = DEFAULT_FRICTION,
+        corners: ArrayLike | None = None,
+        **law: Unpack[LawKeywords],
+    ) -> Self:
+        """Return a contact that holds ``frame`` where it is in ``snapshot``."""
+        check_snapshot(f"{cls.__name__}.hold", snapshot)
+        snapshot.robot.frame_id(frame)
+        position, rotation = snapshot.position(frame), snapshot.rotation(frame)
+        return cls(
+            snapshot.robot, frame, position, rotation, normal=normal, friction=friction,
+            corners=corners, **law,
+        )  # fmt: skip
 
     def _corners(self, given: ArrayLike | None) -> Array:
         if given is not None:

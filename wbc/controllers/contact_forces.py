@@ -1,9 +1,10 @@
 """Contact forces as unknowns: where they act, what they do to the robot, what contacts bear.
 
 A surface bears a force at each of its corners, in the contact frame's axes with the normal along z;
-a point bears one, in the world's. What pulls and twists as well (a grip, a bolted base, the gear of
-a mimic joint, a closed loop) bears a free force along each of its rows. Tasks that are held exactly
-without being any of these, such as a CoM held over a point, bear none: motors alone hold them.
+a point bears one, in the world's, with a normal of its own. What pulls and twists as well (a grip,
+a bolted base, the gear of a mimic joint, a closed loop) bears a free force along each of its rows.
+Tasks that are held exactly without being any of these, such as a CoM held over a point, bear none:
+motors alone hold them.
 
 The unknowns are not forces but what they do in one tick to a robot of this mass, ``f dt / m`` in
 m/s. They are then as large as velocities, which the QP's conditioning needs: beside tasks of
@@ -12,6 +13,7 @@ curvature 1 to 1000 a damping of forces in newton makes it nearly singular.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,6 +27,7 @@ from wbc.constraints.mechanics import ClosedLoop, Mechanics
 from wbc.constraints.rows import Bounds
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
+from wbc.rotations import upright_on
 from wbc.spatial import skew
 from wbc.tasks.task import Task
 from wbc.tasks.validation import residual_of
@@ -35,6 +38,9 @@ UNLOADED = 1e-6
 # Contacts further from their anchors than this [m, rad] are not where they are said to be.
 FAR, TILTED = 0.01, 0.1
 NO_RAMPS: Mapping[str, float] = {}
+UPWARDS = read_only(np.array((0.0, 0.0, 1.0)))
+STRAIGHT = 1e-9
+STEEP = math.sqrt(0.5)  # how far up a normal looks at 45 degrees
 
 
 class ContactPart(NamedTuple):
@@ -63,6 +69,15 @@ class ContactPart(NamedTuple):
         if isinstance(self.contact, PointContact):
             return np.eye(3)
         return snapshot.rotation(self.contact.frame)  # type: ignore[attr-defined]
+
+    @property
+    def normal(self) -> Array:
+        """Unit normal (3,) of what is touched, in the axes of the forces."""
+        return self.contact.normal if isinstance(self.contact, PointContact) else UPWARDS
+
+    def normal_forces(self, f: Array) -> Array:
+        """Return the normal forces (k,) at the corners of a surface, of all unknowns ``f``."""
+        return f[self.columns].reshape(-1, 3) @ self.normal
 
     def points(self, snapshot: Snapshot) -> Array:
         """Return where the forces of a surface act (k, 3), world axes [m]."""
@@ -117,7 +132,7 @@ class ContactForces:
         self.surfaces = tuple(one for part in parts if (one := part.surface) is not None)
         self.lower, self.upper = np.full(self.size, -np.inf), np.full(self.size, np.inf)
         for part in parts:
-            if part.surface is not None:
+            if part.surface is not None and part.normal[2] == 1.0:  # else a row says so
                 self.lower[part.columns][2::3] = 0.0
         self._read_cones()
 
@@ -187,7 +202,7 @@ class ContactForces:
         parts = [part for part in self.parts if part.surface is not None]
         for part in parts:
             row = np.zeros((1, self.size))
-            row[0, part.columns] = np.tile([0.0, 0.0, 1.0], _corners(part))
+            row[0, part.columns] = np.tile(part.normal, _corners(part))
             rows.append(row)
             labels.append(f"{part.contact.name} normal force")
         for part in parts:
@@ -196,6 +211,7 @@ class ContactForces:
                 continue
             facets = contact.friction.matrix()
             angles = np.rad2deg(np.arctan2(facets[:, 1], facets[:, 0])) % 360.0
+            facets = facets @ _axes_of(part.normal).T
             count = _corners(part)
             row = np.zeros((count * len(facets), self.size))
             row[:, part.columns] = np.kron(np.eye(count), facets)
@@ -245,7 +261,7 @@ class Reaction:
     def normal_forces(self) -> dict[str, float]:
         """Return the whole normal force [N] of each surface and point, by contact."""
         return {
-            part.contact.name: self.layout.unit * float(self.f[part.columns][2::3].sum())
+            part.contact.name: self.layout.unit * float(part.normal_forces(self.f).sum())
             for part in self.layout.parts
             if part.surface is not None
         }
@@ -264,12 +280,13 @@ class Reaction:
         """Return the centre of pressure (3,) of all surfaces and points, or None if none is loaded.
 
         The mean of the points at which forces act, weighed by the normal forces there: that is the
-        CoP of coplanar contacts, and a point between them otherwise.
+        CoP of coplanar contacts, and a point between them otherwise. Points on what is steeper
+        than 45 degrees, such as a wall, are none of it.
         """
         total, moment = 0.0, np.zeros(3)
         for part in self.layout.parts:
-            if part.surface is not None:
-                normal = self.f[part.columns][2::3]
+            if part.surface is not None and part.normal[2] > STEEP:
+                normal = part.normal_forces(self.f)
                 total += float(normal.sum())
                 moment += normal @ part.points(self.snapshot)
         return moment / total if total * self.layout.unit > UNLOADED else None
@@ -305,6 +322,13 @@ def _part(contact: Task, begin: int) -> ContactPart | None:
     if isinstance(contact, Contact | Mechanics):
         return ContactPart(contact, slice(begin, begin + len(contact.rows)), None)
     return None
+
+
+def _axes_of(normal: Array) -> Array:
+    """Return the axes (3, 3) of a friction cone, as columns, the last its normal."""
+    if normal[2] < -1.0 + STRAIGHT:  # a ceiling: no turn is the shortest
+        return np.diag((1.0, -1.0, -1.0))
+    return upright_on(normal)
 
 
 def _names(part: ContactPart) -> list[str]:

@@ -11,18 +11,17 @@ from numpy.typing import NDArray
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds
 from wbc.controllers.blocks import Part
+from wbc.controllers.core_blocks import CoreBlocks
 from wbc.controllers.core_layout import Layout
 from wbc.controllers.force_rows import NativeForces, TorqueRows
 from wbc.controllers.margin_rows import NativeMargin
 from wbc.controllers.plan import LevelPlan
 from wbc.native import doubles, ffi, integers, lib, pointer
-from wbc.native.rows import Kind
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.problem import QP, Labels
 from wbc.qp.proxqp import ProxQP
 from wbc.robot import Robot
 from wbc.robot.kernel import NativeTree, frame_places, joint_starts
-from wbc.robot.names import BASE
 from wbc.validate import Array
 
 # What the core says: enum said of source/core.h.
@@ -74,55 +73,33 @@ class CoreMemory:
         kept: bool,
     ) -> None:
         self.tree, self.margin, self.levels = tree, margin, len(plan.levels)
-        self.kept = kept or self.levels > 1 or any(part.second for part in parts)
-        frames, index, blocks = self._plan_blocks(parts)
-        joint, placement = frame_places(robot.model, [robot.frame_id(name) for name in frames])
-        self.forces = None
+        self.curved = any(part.second for part in parts)
+        self.kept = kept or self.levels > 1 or self.curved
+        self.forces, self._planned = None, CoreBlocks.of(parts)
         if rows is not None:
             contacts = (part.task for part in parts for _ in part.rows or ())
             numbers = {task: number for number, task in enumerate(contacts)}
             self.forces = NativeForces(rows, numbers, robot.damping)
         self._slow = None if rows is None else rows.deceleration
-        self.held = sum(block["rows"] for block in blocks if block["held"])
-        self.costs = sum(block["rows"] for block in blocks if not block["held"])
+        self.held, self.costs = self._planned.held, self._planned.costs
         self.n, self.k = plan.decision.size, self.held
         self._m = 0 if margin is None else margin.rows
         if self.forces is not None:
             self.k += self.forces.passive.size
             self._m += self.forces.bounded.size + self.forces.cones
-        self._largest = max((block["rows"] for block in blocks), default=0)
-        self.curved = any(part.second for part in parts)
-        nv, levels = tree.nv, self.levels
-        kept_size = self.costs * (self.n + 2) + levels * nv * (1 + nv * self.curved)
-        self.blocks = ffi.new("wbc_block[]", blocks)
         self.state = np.zeros(tree.frames)
-        self.arrays: dict[str, NDArray[Any]] = {  # the struct points at them
-            "index": np.array(index or [0], dtype=np.int64),
-            "number": self.number,
-            "frame_joint": joint,
-            "frame_placement": placement,
-            "start": joint_starts(robot.limits),
-            "damping": np.array(plan.decision.damping, dtype=float),
-            "limit": np.zeros(0) if limits is None else limits.numbers(self._slow),
-            "given": np.zeros(0),
-            "push": np.zeros(0),
-            "state": self.state,
-            "added": added,
-        }
-        if self.kept:
-            self.arrays["rows"] = np.zeros(kept_size)
-        if self._moments:
-            self.arrays["moments"] = np.zeros(self._moments * (self.n - nv))
-        counts = {"blocks": len(blocks), "frames": len(frames), "costs": self.costs}
+        limit = np.zeros(0) if limits is None else limits.numbers(self._slow)
+        self.arrays = self._planned_arrays(robot)  # the struct points at them
+        self.arrays |= {"damping": plan.decision.damping.copy(), "limit": limit, "added": added}
+        self.blocks = ffi.new("wbc_block[]", self._planned.blocks)
         settings = {"dt": dt, "mass": robot.mass, "unit": 1.0, "eps": 1e-8, "most": 1000}
-        self.struct = ffi.new("wbc_plan *", {**counts, **settings})
-        self.struct.held, self.struct.levels, self.struct.curved = self.held, levels, self.curved
+        self.struct = ffi.new("wbc_plan *", {**self._planned.counts, **settings})
+        self.struct.levels, self.struct.curved = self.levels, self.curved
         if limits is not None:
             self.struct.limited, self.struct.recovery = True, limits.recovery
             self.struct.braked = limits.braking == "bounded"
         bent = any(getattr(part.task, "bends", False) for part in parts)
         self.struct.closing = bent and rows is None and solver is not None
-        self._frames = len(frames)
         self._usual, self._outside = np.zeros(0, dtype=np.int64), False
         self._point(solver)
         self._tick: Any = lib.wbc_problem if solver is None else lib.wbc_tick
@@ -134,6 +111,27 @@ class CoreMemory:
         self._fit(0)
         self.layout, self.given_rows = self.layout_of(0, 0), 0
         self.begin()
+
+    def _planned_arrays(self, robot: Robot) -> dict[str, NDArray[Any]]:
+        """Return what blocks are about, and what ticks keep of them."""
+        planned, n, nv = self._planned, self.n, self.tree.nv
+        joint, placement = frame_places(robot.model, [*map(robot.frame_id, planned.frames)])
+        arrays: dict[str, NDArray[Any]] = {
+            "index": np.array(planned.entries or [0], dtype=np.int64),
+            "number": planned.number,
+            "frame_joint": joint,
+            "frame_placement": placement,
+            "start": joint_starts(robot.limits),
+            "given": np.zeros(0),
+            "push": np.zeros(0),
+            "state": self.state,
+        }
+        if self.kept:
+            size = self.costs * (n + 2) + self.levels * nv * (1 + nv * self.curved)
+            arrays["rows"] = np.zeros(size)
+        if planned.moments:
+            arrays["moments"] = np.zeros(planned.moments * (n - nv))
+        return arrays
 
     def _point(self, solver: ActiveSet | ProxQP | None) -> None:
         """Let the struct point at all that it needs, of both levels."""
@@ -328,43 +326,19 @@ class CoreMemory:
         self._layouts[level, given] = made
         return made
 
-    def _plan_blocks(
-        self, parts: Sequence[Part]
-    ) -> tuple[list[str], list[int], list[dict[str, int]]]:
-        """Return frames, entries and blocks; numbers get their places."""
-        frames, index, blocks = [BASE], list[int](), list[dict[str, int]]()
-        begins: list[tuple[Part, int]] = []
-        size, moments, counts = 0, 0, [0, 0]  # the last: rows of costs, of contacts
-        for part in parts:
-            for rows in part.rows or ():
-                kept = part.chosen(rows)
-                frames += [name for name in rows.frames if name not in frames]
-                places = {"rows": len(kept), "first": counts[part.held], "index": len(index)}
-                levels = {"held": part.held, "level": part.level, "second": part.second}
-                if rows.kind == Kind.COP:
-                    levels["other"] = moments
-                    moments += len(kept)
-                blocks.append(rows.block(frames, number=size, **places, **levels))
-                index += [rows.entries[i] for i in kept]
-                begins.append((part, size))
-                size += part.size(rows)
-                counts[part.held] += len(kept)
-        self.number, self._moments = np.zeros(size), moments
-        for part, begin in begins:
-            part.place(self.number[begin:])
-        return frames, index, blocks
-
     def _scratch_size(self) -> int:
         """Return how many numbers setting up the QPs needs."""
         tree, n = self.tree, self.n
-        work = max(self._largest * (n + 4) + tree.nv * (tree.nv + 12), 13 * tree.joints + 17 * n)
+        work = max(
+            self._planned.largest * (n + 4) + tree.nv * (tree.nv + 12), 13 * tree.joints + 17 * n
+        )
         if self.curved:
             work += 2 * tree.nv * (tree.nv + 3)
         if self.margin is not None:
             rows = self.margin.rows * tree.nv
             work = max(work, rows + self._margin_scratch_size(self.margin))
         motion = tree.motion_size if self.forces is not None else 0
-        return self._frames * (tree.frame_size + 6) + motion + work + n
+        return len(self._planned.frames) * (tree.frame_size + 6) + motion + work + n
 
     def _margin_scratch_size(self, margin: NativeMargin) -> int:
         """Return how many numbers looking where an answer leads needs."""

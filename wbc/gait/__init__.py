@@ -1,20 +1,31 @@
-"""Walking: footsteps from a velocity, adapted to the capture point that is measured."""
+"""Walking: footsteps from a velocity, adapted to the measured capture point; hands on walls."""
 
+from wbc.gait.arms import Arm
 from wbc.gait.command import Admitted, CommandLimits, Velocity
+from wbc.gait.hand_supervisor import WithHands
+from wbc.gait.hand_support import HandSupport
+from wbc.gait.leaning import LeanSettings
 from wbc.gait.legs import Legs
 from wbc.gait.prescribed_steps import Footstep, Landing
 from wbc.gait.settings import GaitSettings
 from wbc.gait.walker import Walker
+from wbc.gait.walls import Hand, Wall
 from wbc.gait.whole_body import WalkingWeights
 
 __all__ = [
     "Admitted",
+    "Arm",
     "CommandLimits",
     "Footstep",
     "GaitSettings",
+    "Hand",
+    "HandSupport",
     "Landing",
+    "LeanSettings",
     "Legs",
     "Velocity",
     "Walker",
     "WalkingWeights",
+    "Wall",
+    "WithHands",
 ]

@@ -22,6 +22,8 @@ class Kind(IntEnum):
     CONTACT = lib.CONTACT  # position (3,), rotation (3, 3); entries: rows
     LINEAR = lib.LINEAR  # matrix (k, nv), offset (k,): error = matrix @ (0, joints) - offset
     LOOP = lib.LOOP  # none; entries: rows
+    # Seen from the other frame: position (3,), rotation (3, 3), rate (6,), acceleration (6,).
+    RELATIVE = lib.RELATIVE
     GEAR = lib.GEAR  # two joints, and the polynomial's coefficients, lowest first (7,)
     # Unit vectors: target (3,), axis (3,) in the frame's axes; entries: world axes.
     POINTING = lib.POINTING

@@ -13,8 +13,11 @@ import numpy as np
 
 from wbc.constraints import Constraint, Contact, Limits, Obstacles
 from wbc.constraints.margin import SKIN
+from wbc.controllers import Controller
 from wbc.controllers.joint_weights import moved_by
+from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.gait.hand_support import HandSupport
 from wbc.problem.components import Parts
 from wbc.problem.constraint_spec import surroundings
 from wbc.problem.controller_spec import GlobalSpec, SolverSettings
@@ -117,15 +120,41 @@ def _check_parts(spec: ProblemSpec, parts: Parts, start: Snapshot, mistakes: Mis
         with mistakes.at("constraints", name):
             check_outside(one.during(start, parts.contacts), start)
     mistakes.raise_any()
+    for key, there in (("gait", isinstance(spec, WalkSpec)), ("phases", bool(spec.phases))):
+        if spec.hands is not None and there:
+            with mistakes.at("hands"):
+                raise InvalidInputError(f"is for a robot that stands, and there are {key}")
     if isinstance(spec, WalkSpec):
         spec.gait.check(start, spec.whole_stop.duration, spec.ground_height, mistakes)
         mistakes.require(("gait",), partial(walker_of, spec, parts))
         return
     make = partial(parts.controller, spec.controller, parts.tasks, parts.contacts, start)
-    mistakes.require(("controller",), make)
+    controller = mistakes.require(("controller",), make)
+    with mistakes.at("hands"):
+        hands_of(spec, parts, controller)
+    mistakes.raise_any()
     if isinstance(spec.controller, GlobalSpec):
         search = partial(global_shaping, parts, spec, spec.controller)
         mistakes.require(("controller",), search)
+
+
+def hands_of(spec: ProblemSpec, parts: Parts, controller: Controller) -> HandSupport | None:
+    """Return what leans on walls, with a controller made for it; None if nothing does.
+
+    Raises
+    ------
+    WbcError
+        A problem without walls, or of the velocity level, or walls out of reach.
+    """
+    if spec.hands is None:
+        return None
+    if not isinstance(controller, TorqueController):
+        raise InvalidInputError(f"belongs to the torque level; {REMEDY[TORQUE]}")
+    walls = spec.simulation.terrain.walls
+    if not walls:
+        raise InvalidInputError("there are no walls to lean on: give simulation.terrain.walls")
+    friction = spec.controller.friction_cone.coefficient
+    return spec.hands.support(controller, parts.at_start, walls, friction)
 
 
 def check_outside(constraint: Constraint | None, start: Snapshot) -> None:

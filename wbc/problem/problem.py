@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wbc.errors import InvalidInputError, ProblemFileError
-from wbc.problem.build import build
+from wbc.gait.hand_supervisor import WithHands
+from wbc.problem.build import build, hands_of
 from wbc.problem.components import Parts
 from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
 from wbc.problem.global_search import global_shaping
@@ -171,7 +172,8 @@ class Problem:
         """
         spec, parts = self.spec, self.parts
         feet = held_feet(parts.contacts)
-        return spec.simulation.plant(parts.at_start, feet, spec.controller.dt)
+        hands = () if spec.hands is None else spec.hands.hands
+        return spec.simulation.plant(parts.at_start, feet, spec.controller.dt, hands)
 
     def supervisor(self, plant: Plant) -> Supervisor:
         """Return what leads a simulation of ``plant`` from the start; it serves one run.
@@ -181,7 +183,7 @@ class Problem:
         if isinstance(self.spec, WalkSpec):
             forces = partial(getattr, plant, "felt_forces")
             return commanded_walk(self.spec, self.parts, forces)
-        return self.executor(lambda: plant.felt_loads)
+        return self._with_hands(self.executor(lambda: plant.felt_loads))
 
     def supervisor_on_robot(self) -> Supervisor:
         """Return what supervises a robot without foot sensors, from the start; it serves one run.
@@ -200,7 +202,12 @@ class Problem:
             )
         if isinstance(self.spec, WalkSpec):
             return commanded_walk(self.spec, self.parts, None)
-        return self.executor()
+        return self._with_hands(self.executor())
+
+    def _with_hands(self, first: PhaseExecutor) -> Supervisor:
+        """Return what leads hands besides, if the problem has any."""
+        hands = hands_of(self.spec, self.parts, first.controller)
+        return first if hands is None else WithHands(first, hands)
 
     def executor(self, loads: Loads | None = None) -> PhaseExecutor:
         """Return what leads a run through the phases, from the start; it serves one run.

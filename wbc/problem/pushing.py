@@ -70,7 +70,7 @@ class PushedProblem:
                 " simulation.duration more"
             )
         self.falls = FallLimits(**spec.simulation.falls)
-        self._plant = spec.simulation.plant(self.start, self.feet, spec.controller.dt)
+        self._plant = problem.plant()
         self.own_pushes = len(spec.simulation.pushes)
 
     def unit(self, angle: float) -> float:

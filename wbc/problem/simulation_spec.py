@@ -11,7 +11,9 @@ from pydantic import Field
 
 from wbc.errors import InvalidInputError
 from wbc.estimation import StateEstimator
+from wbc.gait.walls import Hand
 from wbc.problem.devices_spec import DevicesSpec, Seed
+from wbc.problem.hands_spec import WallSpec
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.section import (
     Forms,
@@ -79,6 +81,8 @@ class TerrainSpec(Section):
     """Boxes on the ground."""
     time_constant: Positive = default_of(Terrain, "time_constant")
     """How fast a contact returns from penetration [s]: larger is softer ground."""
+    walls: ListOf[WallSpec] = ()
+    """Plates and rails that stand beside the robot; see the section hands."""
     drift: bool = default_of(Terrain, "drift")
     """Whether contacts follow J' q' as well, which MuJoCo leaves out: feet then rest while legs
     fold quickly, as in a landing."""
@@ -266,7 +270,8 @@ class SimulationSpec(Section):
         terrain = self.terrain
         steps = tuple(Step(**step.model_dump()) for step in terrain.steps)
         slope = terrain.slope[0], terrain.slope[1]
-        return Terrain(self.friction, slope, steps, terrain.time_constant, terrain.drift)
+        walls = tuple(wall.wall() for wall in terrain.walls)
+        return Terrain(self.friction, slope, steps, terrain.time_constant, terrain.drift, walls)
 
     def check(
         self, start: Snapshot, feet: Sequence[str], dt: float, duration: float, mistakes: Mistakes
@@ -287,6 +292,9 @@ class SimulationSpec(Section):
         for key, make in (("sensors", Sensors), ("model_error", ModelMismatch)):
             with mistakes.at("simulation", key):
                 make(**getattr(self, key))
+        for k, wall in enumerate(self.terrain.walls):
+            with mistakes.at("simulation", "terrain", "walls", k):
+                wall.wall()
         self._check_devices(start, dt, mistakes)
         with mistakes.at("simulation", "falls"):
             limits = FallLimits(**self.falls)
@@ -332,8 +340,12 @@ class SimulationSpec(Section):
                     "a robot whose state is estimated begins at rest: leave out"
                 )
 
-    def plant(self, start: Snapshot, feet: Sequence[str], dt: float) -> Plant:
+    def plant(
+        self, start: Snapshot, feet: Sequence[str], dt: float, hands: Sequence[Hand] = ()
+    ) -> Plant:
         """Return the robot in its physics, at its start, with all pushes to come.
+
+        ``hands`` may lean on walls.
 
         Raises
         ------
@@ -347,6 +359,7 @@ class SimulationSpec(Section):
             "physics_dt": self.physics_dt,
             "terrain": self.ground(),
             "shapes": self.shapes,
+            "hands": hands,
             "mismatch": ModelMismatch(**self.model_error),
             "gravity": None if self.gravity is None else (0.0, 0.0, -self.gravity),
             "sensors": Sensors(**self.sensors),

@@ -11,6 +11,7 @@ from pydantic_core import CoreSchema, core_schema
 import wbc.problem.kinds  # noqa: F401
 from wbc.problem.constraint_spec import ConstraintSpec
 from wbc.problem.controller_spec import ControllerSpec, QpSpec
+from wbc.problem.hands_spec import HandsSpec
 from wbc.problem.robot_spec import LimitsChoice, LimitsSpec, RobotChoice, StartSpec
 from wbc.problem.section import (
     Name,
@@ -140,6 +141,9 @@ class ProblemSpec(Section):
     """What else the robot must respect, by names of your choice."""
     controller: AnyController = QpSpec()
     """How the tasks are turned into motion."""
+    hands: HandsSpec | None = None
+    """Hands that lean on the walls of simulation.terrain when a push carries the capture point
+    beyond the soles; at the torque level, of a robot that stands. Left out: none."""
     simulation: SimulationSpec = SimulationSpec()
     """The physics, pushes and sensors of a problem of the torque level, for `wbc sim`."""
     stop: StopSpec = StopSpec()

@@ -104,7 +104,8 @@ def _sameness(contact: Contact) -> tuple[object, ...]:
     corners = contact.corners
     points = None if corners is None else corners.tobytes()
     laws = contact.law, contact.acceleration_law
-    return type(contact), contact.frame, laws, contact.friction, points
+    normal = contact.normal.tobytes() if isinstance(contact, PointContact) else None
+    return type(contact), contact.frame, laws, contact.friction, points, normal
 
 
 def touchdowns(before: Iterable[Contact], now: Iterable[Contact]) -> tuple[str, ...]:

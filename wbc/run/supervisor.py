@@ -15,8 +15,14 @@ class Supervisor(Protocol):
     """Hands over from tick to tick, as :class:`~wbc.run.phases.PhaseExecutor` does."""
 
     controller: Controller  # in charge now
-    standing: PhaseSupport  # what it holds and keeps
-    complaint: str | None  # why it could not go on, which ended the run; else None
+
+    @property
+    def standing(self) -> PhaseSupport:
+        """What it holds and keeps."""
+
+    @property
+    def complaint(self) -> str | None:
+        """Why it could not go on, which ended the run; else None."""
 
     @property
     def notes(self) -> Sequence[str]:

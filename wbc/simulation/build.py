@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wbc.errors import ModelError
+from wbc.gait.arms import Arm
+from wbc.gait.walls import WALL_THICKNESS
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.simulation.mismatch import ModelMismatch, PrincipalInertia, true_inertias
@@ -31,6 +33,7 @@ FRICTION_STIFFNESS = 100.0
 # 2e-17, all other robots 1.5e-5 and more. Real joints have rotors.
 LEAST_FELT = 1e-8  # kg m^2, or kg
 WORLD_SITE = "world site"
+WALL = "wall "  # and its number: a geom's name
 _FAR = 1e6  # stands for a limit that is missing on one side [rad or m]
 
 
@@ -50,8 +53,10 @@ class Built:
     model: Any  # mujoco.MjModel
     bodies: tuple[int, ...]  # MuJoCo's body of each Pinocchio joint (njoints); 0 for the world
     feet: tuple[str, ...]  # for each geom the foot whose sole it belongs to, or an empty text
-    # For each geom the link it belongs to; empty for the ground and its steps.
+    # For each geom the link it belongs to; empty for the ground, its steps and walls.
     links: tuple[str, ...]
+    walls: frozenset[int]  # geoms that are walls
+    forearms: frozenset[int]  # geoms that may lean on walls
     soles: tuple[Sole, ...]  # the frames of the soles
     notes: tuple[str, ...]  # what was left out, in words
 
@@ -88,9 +93,13 @@ def build(
     ids = [0] + [int(model.body(_body_name(j)).id) for j in range(1, robot.model.njoints)]
     _set_inertias(model, inertias, ids)
     mujoco.mj_setConst(model, mujoco.MjData(model))
-    geoms = [labels.get(model.geom(k).name, ("", "")) for k in range(model.ngeom)]
+    names = [model.geom(k).name for k in range(model.ngeom)]
+    geoms = [labels.get(name, ("", "")) for name in names]
     feet, links = zip(*geoms, strict=True)
-    return Built(model, tuple(ids), feet, links, _soles(robot, ids), notes)
+    walls = frozenset(k for k, name in enumerate(names) if name.startswith(WALL))
+    leaning = {ids[j] for hand in shapes.hands for j in Arm.of(robot, hand.frame).forearm}
+    forearms = frozenset(k for k in range(model.ngeom) if int(model.geom_bodyid[k]) in leaning)
+    return Built(model, tuple(ids), feet, links, walls, forearms, _soles(robot, ids), notes)
 
 
 def _soles(robot: Robot, ids: Sequence[int]) -> tuple[Sole, ...]:
@@ -158,6 +167,16 @@ def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain, factor: float) -> Non
         )
         friction = terrain.friction if step.friction is None else step.friction
         _make_ground(box, STEP, terrain, factor * friction)
+    for k, wall in enumerate(terrain.walls):
+        mujoco.mju_mat2Quat(quaternion, wall.rotation.ravel())
+        plate = spec.worldbody.add_geom(
+            name=f"{WALL}{k}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[0.5 * WALL_THICKNESS, *(0.5 * wall.size)],
+            pos=wall.point - 0.5 * WALL_THICKNESS * wall.normal,
+            quat=quaternion,
+        )
+        _make_ground(plate, STEP, terrain, factor * wall.friction)
 
 
 def _make_ground(geom: Any, kind: int, terrain: Terrain, friction: float) -> None:

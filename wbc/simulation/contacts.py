@@ -10,6 +10,8 @@ import numpy as np
 from wbc.simulation.build import Built
 from wbc.validate import Array
 
+STEEP = 0.7071  # how far up a normal looks at 45 degrees
+
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
@@ -45,14 +47,19 @@ class Contacts:
         """Centre of pressure (3,) [m]: mean of the points by normal force; None in the air.
 
         On one plane that is where the ground's force has no moment about any axis in the plane.
+        Walls are none of it.
         """
-        weights = self.normal_forces
+        weights = np.where(self.normals[:, 2] > STEEP, self.normal_forces, 0.0)
         total = float(weights.sum())
         return weights @ self.points / total if total > 0.0 else None
 
     def load(self, foot: str) -> float:
         """Return the normal force on a foot's sole [N]."""
         return float(self.normal_forces[[name == foot for name in self.feet]].sum())
+
+    def force_at(self, link: str) -> Array:
+        """Return the force (3,) on a link, or on the hand at a frame [N], world axes."""
+        return self.forces[[name == link for name in self.links]].sum(axis=0)
 
     def wrench(self, foot: str, origin: Array) -> Array:
         """Return force and moment about ``origin`` (6,) on a foot's sole, world axes [N, N m]."""
@@ -89,11 +96,15 @@ def read_contacts(mujoco: Any, built: Built, data: Any) -> Contacts:
 
 
 def touching_links(built: Built, data: Any) -> tuple[str, ...]:
-    """Return the links that touch the ground with anything but a sole, without any force."""
+    """Return the links that touch the ground with anything but a sole, without any force.
+
+    Hands and their forearms may touch walls.
+    """
     links, found = built.links, set[str]()
     for pair in data.contact.geom.tolist():
         touched = [geom for geom in pair if links[geom]]
-        if len(touched) == 1 and not built.feet[touched[0]]:
+        leans = not built.walls.isdisjoint(pair) and not built.forearms.isdisjoint(pair)
+        if len(touched) == 1 and not built.feet[touched[0]] and not leans:
             found.add(links[touched[0]])
     return tuple(sorted(found))
 

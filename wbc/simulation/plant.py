@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.extras import quietly, require
+from wbc.gait.walls import Hand
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import check_robot
@@ -56,6 +58,8 @@ class Plant:
         Whether links meet each other, too: the pairs of self-collision constraints.
     saturate:
         Hold torques to the robot's effort limits, as motors would; see :attr:`saturated`.
+    hands:
+        Balls that may lean on the terrain's walls, which is then no touching.
     sensors:
         Noise, delay and loss of what :meth:`measure` returns, and latency of torques.
     mismatch:
@@ -101,6 +105,7 @@ class Plant:
         shapes: bool = True,
         self_collision: bool = False,
         saturate: bool = True,
+        hands: Sequence[Hand] = (),
         sensors: Sensors = PERFECT,
         mismatch: ModelMismatch = EXACT,
         gravity: ArrayLike | None = None,
@@ -118,7 +123,10 @@ class Plant:
         self._latency = self._substeps("sensors, latency", sensors.latency, least=0)
         terrain = terrain or (Terrain() if friction is None else Terrain(friction=friction))
         self.terrain = terrain
-        options = ShapeOptions(shapes, bool(terrain.steps), self_collision)
+        self.hands = tuple(hands)
+        options = ShapeOptions(
+            shapes, bool(terrain.steps or terrain.walls), self_collision, self.hands
+        )
         self._built = build(self._mujoco, robot, terrain, mismatch, options, self.physics_dt)
         self.model = self._built.model
         if gravity is not None:

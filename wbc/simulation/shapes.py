@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import ModelError
+from wbc.gait.walls import Hand
 from wbc.robot import Foot, Robot
 from wbc.robot.collision import Body, Capsule, Hull, chosen_pairs, fitted_bodies
 from wbc.validate import Array
@@ -35,6 +36,7 @@ class ShapeOptions:
     # Links meet each other too, in the pairs that :func:`wbc.robot.collision.select_pairs` finds
     # worth keeping apart.
     self_collision: bool = False
+    hands: tuple[Hand, ...] = ()  # balls that meet the ground, its steps and walls
 
 
 def add_shapes(
@@ -74,6 +76,12 @@ def add_shapes(
             labels[_shape_name(k)] = ("", body.link)
             geom = _add_shape(mujoco, spec, bodies[body.joint], body, _shape_name(k))
             _let_touch(geom, PLANE | STEP if on_ground else 0)
+    for hand in options.hands:
+        frame, name = robot.frame(hand.frame), f"hand {hand.frame}"
+        ball = bodies[int(frame.parentJoint)].add_geom(name=name, pos=frame.placement.translation)
+        ball.type, ball.size = mujoco.mjtGeom.mjGEOM_SPHERE, [hand.radius, 0, 0]
+        labels[name] = ("", hand.frame)
+        _let_touch(ball, PLANE | STEP)
     for a, b in pairs:
         pair = spec.add_pair(name=f"{_shape_name(a)}, {_shape_name(b)}")
         pair.geomname1, pair.geomname2, pair.condim = _shape_name(a), _shape_name(b), 3

@@ -1,4 +1,4 @@
-"""The ground: a plane, level or sloped, and steps on it."""
+"""The ground: a plane, level or sloped, steps on it, and walls beside it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import InvalidInputError
+from wbc.gait.walls import Wall
 from wbc.rotations import upright_on
 from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
 
@@ -72,7 +73,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Terrain:
-    """What robots stand on: a plane through the world's origin, and steps.
+    """What robots stand on: a plane through the world's origin, and steps; and what is beside.
 
     Attributes
     ----------
@@ -88,6 +89,8 @@ class Terrain:
     drift:
         Whether contacts hold points whose bodies turn and fold, too, which MuJoCo's by themselves
         do not; see :mod:`wbc.simulation.contact_drift`. It takes time.
+    walls:
+        Plates that stand beside the robot; :meth:`height` knows nothing of them.
     """
 
     friction: float = 0.8
@@ -95,12 +98,14 @@ class Terrain:
     steps: tuple[Step, ...] = ()
     time_constant: float = 0.01
     drift: bool = False
+    walls: tuple[Wall, ...] = ()
 
     def __post_init__(self) -> None:
         check_fields(self, "terrain, ", "friction", least=0.0)
         check_fields(self, "terrain, ", "time_constant", above=0.0)
         slope = finite_array("terrain, slope", self.slope, (2,))
         set_fields(self, slope=(float(slope[0]), float(slope[1])), steps=tuple(self.steps))
+        set_fields(self, walls=tuple(self.walls))
 
     @property
     def upright(self) -> Array:
@@ -139,12 +144,18 @@ class Terrain:
             }
             for step in self.steps
         ]
-        return {**asdict(self), "slope": list(self.slope), "steps": steps}
+        walls = [
+            {key: np.asarray(value).tolist() for key, value in asdict(wall).items()}
+            for wall in self.walls
+        ]
+        return {**asdict(self), "slope": list(self.slope), "steps": steps, "walls": walls}
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Terrain:
         """Return the terrain that :meth:`to_data` told of."""
-        return cls(**{**data, "steps": tuple(Step(**step) for step in data["steps"])})
+        steps = tuple(Step(**step) for step in data["steps"])
+        walls = tuple(Wall(**wall) for wall in data.get("walls", ()))
+        return cls(**{**data, "steps": steps, "walls": walls})
 
 
 LEVEL = Terrain()

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from wbc.laws import at_rest
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
-from wbc.rotations import check_rotation, log_jacobian, log_jacobian_rate, log_rotation
+from wbc.rotations import check_rotation
 from wbc.tasks.core_task import CoreTask
 from wbc.tasks.keywords import Gains
 from wbc.tasks.placement import PlacementTask
@@ -142,11 +142,3 @@ def native_orientation(
     """Return what the core needs of a rotation: it adds the target's motion itself."""
     numbers = target.ravel(), target_rate, target_acceleration
     return NativeRows(Kind.ORIENTATION, frame, (0, 1, 2), _STILL, _STILL, numbers)
-
-
-def log_drift(relative: Array, w: Array, alpha: Array) -> Array:
-    """Return d2/dt2 log(Q) (3,) of a rotation Q that turns at ``w`` and ``alpha`` in its axes."""
-    J = log_jacobian(relative)
-    drift: Array = J.dot(alpha)
-    drift += log_jacobian_rate(log_rotation(relative), J.dot(w), w)
-    return drift

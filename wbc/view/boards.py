@@ -1,4 +1,4 @@
-"""The steps of a terrain as triangles: what pictures, reports and the live viewer draw of them."""
+"""Steps and walls of a terrain as triangles: what pictures, reports and the live viewer draw."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from wbc.gait.walls import WALL_THICKNESS, Wall
 from wbc.robot.collision import Hull
 from wbc.robot.geometry import Surface
 from wbc.simulation.terrain import Step, Terrain
@@ -18,7 +19,7 @@ ORIGIN = np.zeros(3)
 def board_surfaces(
     terrain: Terrain, around: Array = ORIGIN, reach: float = math.inf
 ) -> list[Surface]:
-    """Return the triangles of the steps of a terrain, in world axes.
+    """Return the triangles of the steps and walls of a terrain, in world axes.
 
     Parameters
     ----------
@@ -26,8 +27,22 @@ def board_surfaces(
         A place (2,) or (3,) and how far from it [m], along the axes of each step: only what is in
         there is returned.
     """
-    parts = (_within(step, around[:2], reach) for step in terrain.steps)
+    parts = [_within(step, around[:2], reach) for step in terrain.steps]
+    parts += [_wall(wall, around[:2], reach) for wall in terrain.walls]
     return [part for part in parts if part is not None]
+
+
+def _wall(wall: Wall, around: Array, reach: float) -> Surface | None:
+    """Return what of a wall is within reach, to the sides; None if nothing."""
+    R, (width, height) = wall.rotation, wall.size.tolist()
+    here = float((around - wall.point[:2]) @ R[:2, 1])
+    low, high = max(-0.5 * width, here - reach), min(0.5 * width, here + reach)
+    if low >= high:
+        return None
+    middle = (-0.5 * WALL_THICKNESS, 0.5 * (low + high), 0.0)
+    box = Hull.box((WALL_THICKNESS, high - low, height), middle)
+    surface = solid_surface(box, ORIGIN, 0.0, 0.0)
+    return Surface(surface.vertices @ R.T + wall.point, surface.faces)
 
 
 def _within(step: Step, around: Array, reach: float) -> Surface | None:

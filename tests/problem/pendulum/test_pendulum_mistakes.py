@@ -1,12 +1,11 @@
 """Mistakes in a pendulum's problem: each is answered with its line, its key and what is valid."""
 
 from pathlib import Path
-from time import process_time
 
 import numpy as np
 import pytest
 
-from wbc.errors import InvalidInputError, ProblemFileError, WbcError
+from wbc.errors import ProblemFileError, WbcError
 from wbc.problem import load_problem
 from wbc.problem.pendulum.plan import Planning
 from wbc.problem.pendulum.problem import PendulumProblem
@@ -141,17 +140,6 @@ def test_an_infeasible_plan_names_what_is_in_the_way(tmp_path: Path) -> None:
     assert any(each.quantity.startswith("leg_length") for each in caught.value.violations)
 
 
-def test_a_plan_that_ipopt_cannot_start_is_typed(tmp_path: Path) -> None:
-    path = tmp_path / "p.yaml"
-    path.write_text(PLAN)
-    problem = load_problem(path)
-    assert isinstance(problem, PendulumProblem) and isinstance(problem.parts, Planning)
-    # Past the checks of PlanProblem: the least flying time exceeds the greatest.
-    object.__setattr__(problem.parts.problem.schedule[1], "duration", (2.0, 1.0))
-    with pytest.raises(InvalidInputError, match="IPOPT cannot start"):
-        problem.run()
-
-
 @pytest.mark.slow
 def test_checking_a_plan_with_absurd_numbers_ends(tmp_path: Path) -> None:
     """At 10^6 turns a second no integration gets from one knot to the next."""
@@ -162,8 +150,6 @@ def test_checking_a_plan_with_absurd_numbers_ends(tmp_path: Path) -> None:
     guess = first_guess(transcribe(problem.parts.problem))
     duals = np.zeros(len(guess)), np.zeros(1)
     plan = Plan(problem.parts.problem, guess, duals, Stats(1, 1, 1, 0.0, 0.0, "", False))
-    began = process_time()
     checked = check(plan)
-    assert process_time() - began < 10.0
     assert checked.defect == np.inf
     assert not checked.ok

@@ -12,37 +12,12 @@ from wbc.rmp.plan import load_plan
 from wbc.view import plot_pendulum
 
 FOLDER = Path(__file__).parents[3] / "problems"
-LAWS = sorted(path.stem for path in FOLDER.glob("rmp_*.yaml"))
-PLANS = sorted(path.stem for path in FOLDER.glob("plan_*.yaml"))
-assert LAWS and PLANS
 
 
 def load(name: str, **overrides: object) -> PendulumProblem:
     problem = load_problem(FOLDER / f"{name}.yaml", overrides)
     assert isinstance(problem, PendulumProblem)
     return problem
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", LAWS)
-def test_laws_stand_until_the_end_and_within_tolerance(name: str) -> None:
-    result = load(name).run()
-    assert result.status is PendulumStatus.COMPLETED, result.reason
-    accepted = load(name).spec.stop.accept.model_dump(exclude_none=True)
-    assert accepted
-    assert all(result.measures[key] <= tolerance for key, tolerance in accepted.items())
-    # The QP's own accuracy, in N m.
-    assert all(room > -1e-6 for key, room in result.measures.items() if key.startswith("margin"))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", PLANS)
-def test_plans_stand_their_check(name: str) -> None:
-    result = load(name).run()
-    assert result.status is PendulumStatus.PLANNED, result.reason
-    assert result.measures["largest defect"] < 1e-6
-    assert result.measures["largest violation"] < 1e-6
-    assert result.measures["momentum drift in flight"] < 1e-8
 
 
 def test_history_obeys_newton_and_the_definition_of_the_cop() -> None:
@@ -161,6 +136,7 @@ def test_a_body_that_tumbles_has_not_the_spin_that_was_wanted() -> None:
     assert turned.measures["spin"] > 0.5
 
 
+@pytest.mark.slow
 def test_goal_is_where_the_law_wants_the_leg() -> None:
     lean = {"start": {"leg_length": 0.5, "radii": 0.3, "theta": 1.5, "rates": {"spin": 2.0}}}
     spun = load("rmp_spin", **lean, bounds={"polygon": [-0.2, 0.2], "radius": [0.05, 0.4]}).run()

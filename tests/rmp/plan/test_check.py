@@ -45,6 +45,7 @@ def test_flight_is_a_parabola_with_constant_momentum_and_energy(
     assert not m.force.any() and np.isnan(m.cop).all()
 
 
+@pytest.mark.slow
 def test_a_whole_plan_follows_from_its_forces(planned: Planned) -> None:
     """From the first knot to the last of a somersault; integrated anew where forces bend."""
     plan = planned("hop with somersault")
@@ -72,6 +73,7 @@ def test_a_whole_plan_follows_from_its_forces(planned: Planned) -> None:
     assert away.magnitude() < 1e-6
 
 
+@pytest.mark.slow
 def test_turns_in_flight_are_as_wanted(planned: Planned) -> None:
     for name, turn, axis in (
         ("hop with half turn", np.pi, 2),

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from wbc.constraints import SelfCollision
@@ -43,13 +42,6 @@ def test_an_mjcf_has_one_free_flyer(tmp_path: Path, root: str) -> None:
     np.testing.assert_allclose(robot.limits.effort, 9.0)
     assert robot.limits.missing == ("knee: velocity",)
     assert len(robot.collision_model.geometryObjects) == 2  # the floor is not the robot's
-
-
-def test_key_frames_are_postures(tmp_path: Path) -> None:
-    # MuJoCo writes quaternions w first
-    end = '<keyframe><key name="home" qpos="1 2 3 0.6 0.8 0 0 0.5"/></keyframe>'
-    robot = Robot.load(mjcf(tmp_path, end=end))
-    np.testing.assert_allclose(robot.postures["home"], [1, 2, 3, 0.8, 0, 0, 0.6, 0.5], atol=1e-12)
 
 
 MESH = '<geom type="mesh" mesh="m"/>'
@@ -230,80 +222,3 @@ def test_the_feet_of_an_mjcf_are_found(tmp_path: Path) -> None:
                 + ["left_foot"] * 2
                 + ["right_foot"] * 2
             )
-
-
-def turn(axis: str, angle: float) -> np.ndarray:
-    return pin.exp3(angle * np.eye(3)["xyz".index(axis)])
-
-
-def test_several_hinges_of_a_body_turn_one_after_the_other(tmp_path: Path) -> None:
-    """Oracle: the product of rotations about the joints' anchor, as MuJoCo's documentation says."""
-    joints = "".join(
-        f'<joint name="{name}" axis="{axis}" pos="0 0 .05" range="-90 90"/>'
-        for name, axis in (("yaw", "0 0 1"), ("roll", "1 0 0"), ("pitch", "0 1 0"))
-    )
-    end = '<keyframe><key name="bent" qpos="0 0 0 1 0 0 0 0.1 0.2 0.3"/></keyframe>'
-    robot = Robot.load(mjcf(tmp_path, inner=joints, end=end), base="floating")
-    assert robot.joint_names == ("yaw", "roll", "pitch")
-    assert robot.mass == pytest.approx(4.0, abs=1e-12)
-    np.testing.assert_allclose(robot.limits.upper, np.pi / 2)
-    s = robot.snapshot(robot.postures["bent"])
-    R = turn("z", 0.1) @ turn("x", 0.2) @ turn("y", 0.3)
-    anchor = np.array([0, 0, 0.05])
-    np.testing.assert_allclose(s.rotation("shank"), R, atol=1e-12)
-    np.testing.assert_allclose(s.position("shank"), [0, 0, -0.2] + anchor - R @ anchor, atol=1e-12)
-    com = s.position("shank") + R @ [0, 0, -0.1]
-    np.testing.assert_allclose(s.com, com / 4, atol=1e-12)
-    assert len(robot.collision_model.geometryObjects) == 2
-
-
-def test_included_files_and_repeated_sections_are_one(tmp_path: Path) -> None:
-    whole = Robot.load(mjcf(tmp_path))
-    (tmp_path / "settings").mkdir()
-    (tmp_path / "settings" / "units.xml").write_text(
-        '<mujocoinclude><compiler angle="radian"/><default><joint armature="0.02"/></default>'
-        "</mujocoinclude>"
-    )
-    (tmp_path / "leg.xml").write_text(
-        '<mujocoinclude><body name="shank" pos="0 0 -.2"><joint name="knee" axis="0 1 0"'
-        ' range="-1.047197551 2.094395102" actuatorfrcrange="-9 9"/>'
-        '<geom type="capsule" fromto="0 0 0 0 0 -.2" size=".02" mass="1"/></body></mujocoinclude>'
-    )
-    path = tmp_path / "scene.xml"
-    path.write_text(
-        '<mujoco model="scene"><worldbody><light pos="0 0 3"/></worldbody>'
-        '<include file="settings/units.xml"/><compiler autolimits="true"/>'
-        '<worldbody><body name="base_body"><freejoint/><geom type="box" size=".1 .1 .1" mass="3"/>'
-        '<include file="leg.xml"/></body></worldbody></mujoco>'
-    )
-    robot = Robot.load(path)
-    assert robot.joint_names == ("knee",)
-    assert robot.mass == pytest.approx(4.0, abs=1e-12)
-    np.testing.assert_allclose(robot.limits.upper, whole.limits.upper, atol=1e-9)
-    q = robot.posture("neutral", {"knee": 0.5})
-    a, b = robot.snapshot(q), whole.snapshot(q)
-    np.testing.assert_allclose(a.inertia, b.inertia, atol=1e-12)
-    assert a.mass_matrix[6, 6] - b.mass_matrix[6, 6] == pytest.approx(0.02, abs=1e-12)
-
-
-def test_defaults_count_as_in_mujoco(tmp_path: Path) -> None:
-    """A class gives mass and rotation, an inner class adds to it, and what is written wins."""
-    defaults = (
-        '<default><geom mass="9"/><default class="leg"><geom mass="1.5" type="box"'
-        ' size=".1 .1 .3"/><joint axis="1 0 0" range="-10 10"/><default class="shin">'
-        '<joint range="-20 20"/></default></default></default>'
-    )
-    path = tmp_path / "toy.xml"
-    path.write_text(
-        f'<mujoco model="toy">{defaults}<worldbody><body name="b"><freejoint/>'
-        '<geom type="sphere" size=".1" mass="2"/><body name="c" childclass="leg">'
-        '<joint name="hip"/><geom quat="0.6 0.8 0 0"/><body name="d"><joint name="knee"'
-        ' class="shin" axis="0 1 0"/><geom mass="0.5"/></body></body></body></worldbody></mujoco>'
-    )
-    robot = Robot.load(path)
-    assert robot.mass == pytest.approx(2 + 1.5 + 0.5, abs=1e-12)
-    np.testing.assert_allclose(robot.limits.upper, np.deg2rad([10, 20]))
-    s = robot.snapshot(robot.postures["neutral"])
-    np.testing.assert_allclose(s.joint_twists[3:, 6:].T, [[1, 0, 0], [0, 1, 0]], atol=1e-12)
-    turned = robot.collision_model.geometryObjects[1].placement.rotation
-    np.testing.assert_allclose(turned, pin.Quaternion(0.6, 0.8, 0, 0).matrix(), atol=1e-12)

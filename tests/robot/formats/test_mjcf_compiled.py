@@ -33,10 +33,7 @@ TWO = (
 REFS = {
     "hinge": (text(arm('ref=".4"')), ""),
     "skew axis": (text(arm('ref="-.7"').replace("0 1 0", "1 2 -1")), ""),
-    "in a class": (
-        text(arm('class="k"').replace('range="-1 1"', ""), head=CLASS),
-        "",
-    ),
+    "in a class": (text(arm('class="k"').replace('range="-1 1"', ""), head=CLASS), ""),
     "slide": (text(SLIDE + INERTIAL.format(1) + "</body>"), ""),
     "several": (text(TWO + INERTIAL.format(1) + "</body>"), ""),
     "degrees": (text(arm('ref="30"')).replace("radian", "degree"), ""),
@@ -103,10 +100,7 @@ RANGES = {
         arm('class="k" limited="false"').replace('range="-1 1"', ""),
         '<default><default class="k"><joint range="-1 1"/></default></default>',
     ),
-    "no automatic ones": (
-        arm('limited="false"'),
-        '<compiler autolimits="false"/>',
-    ),
+    "no automatic ones": (arm('limited="false"'), '<compiler autolimits="false"/>'),
     "of all joints": (arm(), '<default><joint range="-1 1" limited="true"/></default>'),
 }
 

@@ -1,7 +1,6 @@
 """The page without a browser: what its scene and its panel hold after each frame."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,10 +12,8 @@ from wbc.human import HumanBody, human_robot
 from wbc.rmp.ellipsoid import equimomental
 from wbc.robot.geometry import joint_placements
 from wbc.rotations import rotation_from
-from wbc.view.live import controls
 from wbc.view.live.collect import cast_of, told_of
 from wbc.view.live.layers.layer import WORLD
-from wbc.view.live.messages import Play
 
 
 @pytest.fixture(scope="module")
@@ -151,9 +148,7 @@ def test_the_panel_names_what_holds_back(stage: Stage, robot: wbc.Robot) -> None
     start = robot.snapshot(q)
     wanted = start.inertia * 3.0  # out of reach: joints run into their limits
     controller = wbc.KinematicController(
-        robot,
-        [wbc.InertiaTask(robot, wanted, name="a <wide> one")],
-        limits=wbc.Limits(robot),
+        robot, [wbc.InertiaTask(robot, wanted, name="a <wide> one")], limits=wbc.Limits(robot)
     )
     at_limit = ""
     for _ in range(400):
@@ -172,38 +167,5 @@ def test_the_panel_names_what_holds_back(stage: Stage, robot: wbc.Robot) -> None
     assert "<wide>" not in text
 
 
-def test_what_the_user_wants_goes_down_the_pipe(stage: Stage) -> None:
-    stage.page.send(Play(False))
-    assert stage.pipe.recv() == Play(False)
-
-
 def test_nobody_can_ask_for_a_tunnel(stage: Stage) -> None:
     assert stage.server.request_share_url() is None
-
-
-def test_the_slider_is_confirmed_once_it_is_let_go(
-    stage: Stage, controller: wbc.KinematicController, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A value on its way to the browser may overwrite the user's, so that is sent again, once."""
-    q = controller.robot.posture("standing")
-    for k in range(5):
-        stage.draw(frame_at(controller, q, float(k)))
-    slider, sent = stage.gui("Time [s]"), list[Any]()
-    slider._impl.value = 2.0  # as viser does when the browser says so
-    stage.page._controls._scrubbed(SimpleNamespace(client_id=1, target=slider))
-    monkeypatch.setattr(stage.server.gui._websock_interface, "queue_message", sent.append)
-    monkeypatch.setattr(controls, "SETTLED", 1e6)
-    stage.draw()
-    assert not values_in(sent)  # it may still be in the user's hand
-    monkeypatch.setattr(controls, "SETTLED", 0.0)
-    stage.draw()
-    assert values_in(sent)[-1] == 2.0
-    sent.clear()
-    stage.draw()
-    assert not values_in(sent)
-
-
-def values_in(messages: list[Any]) -> list[float]:
-    """Return the values that messages give to GUI elements."""
-    updates = [getattr(one, "updates", {}) for one in messages]
-    return [one["value"] for one in updates if "value" in one]

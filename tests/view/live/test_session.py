@@ -67,6 +67,7 @@ def test_without_a_user_it_is_the_run_itself(problem: Problem, viewer: Viewer, s
     np.testing.assert_array_equal([one.q for one in seen], result.history.q)
 
 
+@pytest.mark.slow
 def test_a_dragged_target_is_followed_and_given_back(
     problem: Problem, viewer: Viewer, seen: Seen
 ) -> None:
@@ -85,6 +86,7 @@ def test_a_dragged_target_is_followed_and_given_back(
     assert not viewer.error
 
 
+@pytest.mark.slow
 def test_pages_come_and_go(problem: Problem, viewer: Viewer, seen: Seen) -> None:
     session = Session(problem, viewer, Clock(0.0))
     for _ in range(2):
@@ -98,6 +100,7 @@ def test_pages_come_and_go(problem: Problem, viewer: Viewer, seen: Seen) -> None
     assert not viewer.error
 
 
+@pytest.mark.slow
 def test_pause_and_restart(problem: Problem, viewer: Viewer, seen: Seen) -> None:
     session = Session(problem, viewer, Clock(0.0))
     viewer._requests.append(Restart())  # comes after the first tick
@@ -110,6 +113,7 @@ def test_pause_and_restart(problem: Problem, viewer: Viewer, seen: Seen) -> None
     assert session.ticks == 10
 
 
+@pytest.mark.slow
 def test_it_ends_with_the_page(problem: Problem, viewer: Viewer) -> None:
     session = Session(problem, viewer, Clock(0.0))
     session.run(1)
@@ -118,6 +122,7 @@ def test_it_ends_with_the_page(problem: Problem, viewer: Viewer) -> None:
     assert "ended" in viewer.error
 
 
+@pytest.mark.slow
 def test_a_refused_target_is_said(problem: Problem, viewer: Viewer) -> None:
     session = Session(problem, viewer, Clock(0.0))
     viewer._wishes.append(SetTarget("com", (np.full(3, np.nan),)))

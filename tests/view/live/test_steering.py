@@ -80,16 +80,3 @@ def test_what_a_task_refuses_is_dropped_and_said(controller: wbc.KinematicContro
     assert not steering
     steering.receive(SetTarget("nobody", (turn,)), controller)  # of a phase that is over
     assert not steering.refusal
-
-
-def test_the_controller_follows(controller: wbc.KinematicController) -> None:
-    """A dragged CoM is where the robot goes: to 1 mm in a second."""
-    robot = controller.robot
-    q = robot.posture("standing")
-    wanted = robot.snapshot(q).com + [0.01, 0.01, -0.01]
-    steering = Steering()
-    steering.receive(SetTarget("com", (wanted,)), controller)
-    for _ in range(200):
-        steering.apply(controller)
-        q = robot.integrate(q, controller.step(robot.snapshot(q)).velocity, controller.dt)
-    np.testing.assert_allclose(robot.snapshot(q).com, wanted, atol=1e-3)

@@ -21,7 +21,7 @@ from wbc.view.live.viewer import Viewer
 from wbc.view.live.watching import Watching
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def viewer(robot: wbc.Robot) -> Iterator[Viewer]:
     with Viewer(robot, quiet=True) as made:
         yield made
@@ -55,6 +55,7 @@ def test_the_page_is_told_of_the_terrain(robot: wbc.Robot, monkeypatch: pytest.M
     assert [one.terrain for one in told] == [LEVEL, terrain, terrain]
 
 
+@pytest.mark.slow
 def test_updates_are_dropped_and_not_waited_for(viewer: Viewer, robot: wbc.Robot) -> None:
     snapshot = robot.snapshot(robot.posture("standing"))
     for k in range(10_000):
@@ -62,7 +63,9 @@ def test_updates_are_dropped_and_not_waited_for(viewer: Viewer, robot: wbc.Robot
     assert viewer.dropped > 9000
 
 
-def test_the_loop_outlives_the_page(viewer: Viewer, robot: wbc.Robot) -> None:
+@pytest.mark.slow
+def test_the_loop_outlives_the_page(robot: wbc.Robot) -> None:
+    viewer = Viewer(robot, quiet=True)
     snapshot = robot.snapshot(robot.posture("standing"))
     viewer.update(snapshot)
     os.kill(viewer._page._process.pid, signal.SIGKILL)
@@ -70,8 +73,10 @@ def test_the_loop_outlives_the_page(viewer: Viewer, robot: wbc.Robot) -> None:
     for _ in range(3):
         viewer.update(snapshot)
     assert "the page has ended" in viewer.error
+    viewer.close()
 
 
+@pytest.mark.slow
 def test_the_page_ends_with_the_viewer(robot: wbc.Robot) -> None:
     viewer = Viewer(robot, quiet=True)
     viewer.close()
@@ -119,6 +124,7 @@ def test_without_viser_the_error_says_what_to_install(monkeypatch: pytest.Monkey
         _ = wbc.view.Viewer
 
 
+@pytest.mark.slow
 def test_the_first_who_looks_sees_the_run_from_its_beginning(robot: wbc.Robot) -> None:
     with Viewer(robot, clock=True, quiet=True) as viewer:
         viewer.show(robot.posture("standing"))

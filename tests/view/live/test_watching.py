@@ -39,6 +39,7 @@ def alone(problem: Problem) -> Result:
     return problem.run()
 
 
+@pytest.mark.slow
 def test_it_is_the_same_run(
     problem: Problem, alone: Result, monkeypatch: pytest.MonkeyPatch
 ) -> None:

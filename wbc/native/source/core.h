@@ -88,6 +88,9 @@ int wbc_motion(const wbc_tree *tree, const double *state, const double *v, doubl
 int wbc_drifts(const wbc_tree *tree, const double *state, const double *motion, int64_t count,
                const int64_t *joint, const double *placement, double *out);
 
+/* What distances count on, here and in Python; said in source/pairs.c. */
+extern const double wbc_parallel, wbc_touching, wbc_even;
+
 /* Convex bodies on joints: hulls of corners with a radius, each in a capsule that is itself of two
  * corners and of one; and the pairs of them that are to be kept apart. */
 typedef struct {
@@ -143,12 +146,12 @@ int wbc_approach(const wbc_margin *margin, int64_t nv, double dt, int64_t k, con
 /* What a row asks for: the kinds that wbc/native/rows.py describes. */
 enum row_kind { POINT = 0, ORIENTATION = 1, INERTIA_ENTRIES = 2, JOINTS = 3, MOMENTUM_ENTRIES = 4,
                 CONTACT = 5, LINEAR = 6, GIVEN = 7, LOOP = 8, GEAR = 9, ASKED = 10, COP = 11,
-                POINTING = 12 };
+                POINTING = 12, RELATIVE = 13 };
 /* A block of rows: what they are, where they stand among the costs or the contacts, where their
  * selection begins in index and their numbers in number, which frame they are about (-1: the CoM, or
  * the world), their level among the costs, and whether the curvature that they leave out is in the cost
- * (second: of INERTIA_ENTRIES, ASKED), or damped; other is the frame that a LOOP's is held at,
- * or where a COP's rows begin in moments. */
+ * (second: of INERTIA_ENTRIES, ASKED), or damped; other is the frame that a LOOP's is held at, or a
+ * RELATIVE's is seen from, or where a COP's rows begin in moments. */
 typedef struct {
     int64_t kind, held, rows, first, frame, index, number, level, second, other;
 } wbc_block;

@@ -8,10 +8,9 @@
 
 #include <string.h>
 
-/* As in wbc/robot/collision/distances.py. */
-static const double PARALLEL = 1e-10, TOUCHING = 1e-9;
-/* As in wbc/robot/collision/soonest.py. */
-static const double EVEN = 1e-9;
+const double wbc_parallel = 1e-10; /* squared sine of an angle below which two segments count as parallel */
+const double wbc_touching = 1e-9;  /* m: nearer axes have no direction between them */
+const double wbc_even = 1e-9;      /* m: clearances that differ by less are equal, and the lower numbers win */
 
 /* Of a body, in a row: start, unit direction and middle, world axes. */
 enum { START = 0, DIRECTION = 3, MIDDLE = 6, PLACED = 9 };
@@ -48,13 +47,13 @@ static int measure_capsules(const wbc_pairs *of, const double *placed, int64_t p
     double between[3], apart[3];
     for (int i = 0; i < 3; i++) between[i] = A[i] - B[i];
     const double ab = dot3(a, b), ar = dot3(a, between), br = dot3(b, between);
-    const double sine = 1.0 - ab * ab > PARALLEL ? 1.0 - ab * ab : PARALLEL;
+    const double sine = 1.0 - ab * ab > wbc_parallel ? 1.0 - ab * ab : wbc_parallel;
     const double near = within((ab * br - ar) / sine, own[LENGTH]);
     const double t = within(ab * near + br, other[LENGTH]);
     const double s = within(ab * t - ar, own[LENGTH]);
     for (int i = 0; i < 3; i++) apart[i] = between[i] + s * a[i] - t * b[i];
     const double distance = sqrt(dot3(apart, apart));
-    if (!(distance >= TOUCHING)) return 0;
+    if (!(distance >= wbc_touching)) return 0;
     found[0] = distance - own[RADIUS] - other[RADIUS];
     for (int i = 0; i < 3; i++) {
         found[1 + i] = apart[i] / distance;
@@ -218,7 +217,7 @@ int soonest(const wbc_pairs *of, const double *state, int64_t count, const doubl
         }
         limit = smallest(sorted, measured, count - 1);
     }
-    const double even = closing ? EVEN : 0.0; /* of those as far as the farthest, the first */
+    const double even = closing ? wbc_even : 0.0; /* of those as far as the farthest, the first */
     for (int64_t p = 0; p < pairs; p++) beyond += found[FOUND * p] - less[p] < limit - even;
     beyond = count - beyond;
     for (int64_t p = 0; p < pairs && k < count; p++) {

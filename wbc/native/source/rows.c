@@ -50,7 +50,7 @@ static void log_jacobian(const double *r, double *J) {
 }
 
 /* J' x of the same J at a rotation vector that changes at rate: [rate]/2 x + c' [r]^2 x
- * + c ([rate] [r] + [r] [rate]) x, as log_jacobian_rate in wbc/rotations.py. */
+ * + c ([rate] [r] + [r] [rate]) x, c = 1/t^2 - (1 + cos t) / (2 t sin t). */
 static void log_jacobian_rate_times(const double *r, const double *rate, const double *x,
                                     double *out) {
     const double t2 = dot3(r, r), t = sqrt(t2);
@@ -82,10 +82,34 @@ static int is_continuous(const wbc_plan *plan, int64_t joint) { return plan->sta
 
 static void copy_row(double *to, const double *from, int64_t n) { memcpy(to, from, n * sizeof *to); }
 
+/* row = T' (W - W_other) for the angular rows W of two frames. */
+static void turn_row(int64_t nv, const double *T, const double *one, const double *other, double *row) {
+    one += 3 * nv, other += 3 * nv;
+    for (int64_t c = 0; c < nv; c++)
+        row[c] = T[0] * (one[c] - other[c]) + T[1] * (one[nv + c] - other[nv + c]) +
+                 T[2] * (one[2 * nv + c] - other[2 * nv + c]);
+}
+
 /* row = s' R for six rows R. */
 WIDE static void combine(int64_t nv, const double *s, const double *R, double *row) {
     for (int64_t c = 0; c < nv; c++) row[c] = 0.0;
     add_rows(nv, 6, s, R, nv, row);
+}
+
+/* The error log(target' R) of a rotation, and T with de/dt = T (w - w*), angular velocities in world axes. */
+static void rotation_error(const double *target, const double *R, double *e, double *T) {
+    double relative[9], matrix[9];
+    transposed_product3(target, R, relative);
+    logarithm(relative, e);
+    log_jacobian(e, matrix);
+    for (int i = 0; i < 3; i++) times3(R, matrix + 3 * i, T + 3 * i);
+}
+
+/* Of a frame as seen from another, which are given with what their pose there should be: position and rotation
+ * (12), and rates (12): what of that turns in the world, rotation (9), rate and acceleration. */
+static void seen_target(const double *own, const double *there, double *target) {
+    product3(there + FRAME_ROTATION, own + 3, target);
+    for (int i = 0; i < 2; i++) times3(there + FRAME_ROTATION, own + 15 + 6 * i, target + 9 + 3 * i);
 }
 
 void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
@@ -97,7 +121,7 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
     const double *frame = frames + block->frame * FRAME_SIZE(nv);
     const double *jacobian = frame + FRAME_JACOBIAN, *R = frame + FRAME_ROTATION;
     const double trace = state[INERTIA] + state[INERTIA + 4] + state[INERTIA + 8];
-    double relative[9], to_error[9], matrix[9], all[6];
+    double relative[9], to_error[9], all[6];
     *bound = 0.0;
     copy_row(bias, weight + k, k);
     switch (block->kind) {
@@ -115,10 +139,7 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
         return;
     }
     case ORIENTATION: /* own: target (3, 3), its angular velocity (3) and acceleration (3) */
-        transposed_product3(own, R, relative);
-        logarithm(relative, e);
-        log_jacobian(e, matrix);
-        for (int i = 0; i < 3; i++) times3(R, matrix + 3 * i, to_error + 3 * i);
+        rotation_error(own, R, e, to_error);
         for (int i = 0; i < 3; i++) {
             const double *T = to_error + 3 * i;
             for (int64_t c = 0; c < nv; c++)
@@ -192,6 +213,25 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
         }
         return;
     }
+    case RELATIVE: { /* own: position (3), rotation (3, 3), rate (6), acceleration (6), in the other's axes */
+        const double *there = frames + block->other * FRAME_SIZE(nv);
+        double target[15];
+        seen_target(own, there, target);
+        rotation_error(target, R, all + 3, to_error);
+        loop_errors(plan, block, frames, e);
+        for (int64_t i = 0; i < k; i++) {
+            const int64_t r = chosen[i];
+            const double *T = to_error + 3 * (r - 3);
+            if (r < 3) {
+                e[i] -= own[r], bias[i] = -own[12 + r];
+                loop_row(plan, block, frames, i, 1.0, J + i * nv, 1);
+                continue;
+            }
+            e[i] = all[r], bias[i] = -dot3(T, target + 9);
+            turn_row(nv, T, jacobian, there + FRAME_JACOBIAN, J + i * nv);
+        }
+        return;
+    }
     case LOOP:
         loop_errors(plan, block, frames, e);
         for (int64_t i = 0; i < k; i++) loop_row(plan, block, frames, i, 1.0, J + i * nv, 1);
@@ -215,7 +255,7 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
     }
 }
 
-/* Second derivative of log(target' R) at zero acceleration of v: log_drift in wbc/tasks/frame.py. */
+/* Second derivative of log(target' R) at zero acceleration of v: d/dt R'(w - w*) = R'(w' - w*' + w x w*). */
 static void orientation_drift(const double *own, const double *R, const double *w,
                               const double *alpha, const double *e, double *out) {
     const double *rate = own + 9, *push = own + 12;
@@ -297,6 +337,20 @@ void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
     case MOMENTUM_ENTRIES:
         for (int64_t i = 0; i < k; i++) drift[i] += drifts[MOMENTUM_DRIFT + chosen[i]];
         return;
+    case RELATIVE: {
+        const double *there = frames + block->other * FRAME_SIZE(nv), *b = accelerations + 6 * block->other;
+        const double *wa = motion + JOINT_MOTION(nv) + JOINT_MOTION_SIZE * plan->frame_joint[block->other] + OMEGA;
+        double target[15], turned[3], all[3], T[9];
+        seen_target(own, there, target);
+        rotation_error(target, R, all, T);
+        cross3(wa, target + 9, turned); /* the target rides on the other frame */
+        for (int i = 0; i < 3; i++) target[12 + i] += b[3 + i] + turned[i], target[9 + i] += wa[i];
+        loop_drift(plan, block, frames, motion, accelerations, v, whole);
+        orientation_drift(target, R, w, acceleration + 3, all, whole + 3);
+        for (int64_t i = 0; i < k; i++)
+            drift[i] += whole[chosen[i]] - (chosen[i] < 3 ? own[18 + chosen[i]] : 0.0);
+        return;
+    }
     case LOOP:
         loop_drift(plan, block, frames, motion, accelerations, v, whole);
         for (int64_t i = 0; i < k; i++) drift[i] += whole[chosen[i]];

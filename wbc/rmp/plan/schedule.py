@@ -13,6 +13,7 @@ from wbc.errors import InvalidInputError
 from wbc.polygon import checked_polygon, convex_hull, half_planes
 from wbc.validate import (
     Array,
+    check_unmasked,
     finite_array,
     finite_number,
     finite_vector,
@@ -152,6 +153,7 @@ def _check_rotation(rotation: Components | None) -> None:
 
 
 def _components(name: str, value: Components) -> tuple[float | None, ...]:
+    check_unmasked(f"state: {name}", value)
     if isinstance(value, str) or np.shape(np.array(value, dtype=object)) != (3,):
         raise InvalidInputError(f"state: {name} must be three numbers (or null), got {value!r}")
     return tuple(None if x is None else finite_number(f"state: {name}", x) for x in value)

@@ -16,13 +16,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from wbc.native import lib
 from wbc.robot.collision.fitting import convex
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull
 from wbc.robot.model import Robot, Snapshot
 from wbc.validate import Array, read_only
 
-PARALLEL = 1e-10  # squared sine of an angle below which two segments count as parallel
-TOUCHING = 1e-9  # m: nearer axes have no direction between them
+PARALLEL: float = lib.wbc_parallel  # see native/source/pairs.c, as the next
+TOUCHING: float = lib.wbc_touching
 TOLERANCE = 1e-7  # m, of coal's distances
 UNIT = 1e-3  # how far the square of a normal may be off one
 Index = NDArray[np.int64]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wbc.native import lib
 from wbc.robot.collision.closing import Closing, PairMotion
 from wbc.robot.collision.covers import smallest
 from wbc.robot.collision.model import CollisionModel, PairDistances
@@ -15,7 +16,7 @@ from wbc.robot.model import Snapshot
 from wbc.validate import Array
 
 CANDIDATES = 3  # pairs measured at first for each asked for
-EVEN = 1e-9  # m: clearances that differ by less are equal, and the lower numbers win
+EVEN: float = lib.wbc_even  # m: clearances that differ by less are equal
 
 
 def soonest(

@@ -1,0 +1,353 @@
+"""A hand as one more support: it reaches for a wall when soles alone will not catch the robot.
+
+With the CoM c at the height h over the soles and omega^2 = g/h, soles stop a capture point
+xi = c + c'/omega that is above them. One that a push carries beyond them towards a wall needs a
+force from there: a force F at the height z_F of a hand moves the point where all contact forces
+have no moment by F z_F / (M g) beyond the soles. So, one after the other,
+
+    watching     xi is looked at, in every tick
+    reaching     it is about to leave the soles: the hand that is sooner there goes to the wall
+                 below its shoulder, on a curve of least jerk, as quick as the shoulder's torque is;
+                 its place is chosen anew in every tick, for where the CoM's velocity takes the
+                 shoulder
+    leaning      it touches: a contact (:class:`~wbc.constraints.PointContact`) with the wall's
+                 normal and friction, which the QP of the tick loads as it needs, with the soles
+    withdrawing  xi is well above the soles again, from all of their edges: the contact is relieved,
+                 the hand leaves the wall
+
+From the reach to the release the trunk is kept as it was at the start: without a wall it is thrown
+the way the robot falls, for its angular momentum, and would meet the wall with the head.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from wbc.constraints import Contact, PointContact
+from wbc.constraints.friction import FrictionCone
+from wbc.controllers.checks import check_list, check_snapshot
+from wbc.controllers.torque import TorqueController
+from wbc.errors import InvalidInputError
+from wbc.gait.arms import Arm
+from wbc.gait.leaning import Leaning, LeanSettings, Reaching, Watching, Withdrawing
+from wbc.gait.swing import SwingMotion, towards
+from wbc.gait.walls import Hand, Wall
+from wbc.minimum_jerk import PEAK
+from wbc.polygon import convex_hull, polygon_margin
+from wbc.robot import Snapshot
+from wbc.tasks import AxisTask, OrientationTask, PositionTask, Task
+from wbc.validate import Array
+
+UP = np.array((0.0, 0.0, 1.0))
+# Largest acceleration of a curve of least jerk between rest and rest, in way / time^2.
+PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
+# How far the shoulder may come nearer to a wall, in parts of the CoM's height: a robot that leans
+# by 30 degrees is not caught by any hand.
+LEAN = 0.5
+# A hand that has not met the wall so long after it should have goes back [s].
+PATIENCE = 0.3
+# A hand that leans and is farther from its wall than this [m] has lost it.
+LOST = 0.02
+# A hand that is released goes back so far [m] in such a time [s], before it is left to the posture.
+AWAY, AWAY_TIME = 0.06, 0.3
+# A hand leans at least so long [s]: as it meets the wall the capture point jumps.
+LEAST_LEAN = 0.1
+# The trunk is held up until the CoM goes away from the wall, or to it, no faster than this [m/s].
+# Let go with the hand, it was thrown by 0.9 rad at the wall that the robot swung away from; held
+# until the CoM is at rest, it was missed by a robot that then fell backwards, along the wall.
+CALM = 0.25
+
+
+class HandSupport:
+    """Leans on walls with a hand where soles alone do not catch the robot.
+
+    It serves a controller that drives the CoM by itself (a task for it with a capture point's law,
+    say), and is called before each of its ticks.
+
+    Parameters
+    ----------
+    controller:
+        Gets tasks for hands and trunk, off until they are needed, and the contact of a hand.
+    start:
+        The robot as it stands.
+    hands:
+        What it leans with.
+    walls:
+        Where they are; their friction is what is counted on.
+    settings:
+        When and how.
+
+    Attributes
+    ----------
+    state:
+        :class:`Watching`, :class:`Reaching`, :class:`Leaning` or :class:`Withdrawing`.
+    time:
+        Of the ticks prepared so far [s].
+
+    Raises
+    ------
+    InvalidInputError
+        No hands or no walls, a hand without an arm, a wall that no arm can reach, or one that is
+        in a hand's way already.
+    UnknownNameError
+        No such frame.
+    """
+
+    def __init__(
+        self,
+        controller: TorqueController,
+        start: Snapshot,
+        hands: Sequence[Hand],
+        walls: Sequence[Wall],
+        settings: LeanSettings | None = None,
+    ) -> None:
+        robot = controller.robot
+        check_snapshot(robot, start)
+        for kind, given, wanted in (("hands", hands, Hand), ("walls", walls, Wall)):
+            check_list(kind, given, wanted)
+            if not given:
+                raise InvalidInputError(f"hand support, {kind}: there are none to lean with or on")
+        self.controller, self.settings = controller, settings or LeanSettings()
+        self.walls = tuple(walls)
+        self.arms = {hand: Arm.of(robot, hand.frame) for hand in hands}
+        self.state: Watching | Reaching | Leaning | Withdrawing = Watching()
+        self.time = 0.0
+        self._told: list[str] = []
+        self._beyond_reach = set[int]()
+        self._check_reach(start)
+        own = self.settings
+        self._reach = {
+            hand: PositionTask(
+                robot, hand.frame, start.position(hand.frame), name=f"{hand.frame} reach",
+                kp=own.stiffness, weight=own.weight,
+            )
+            for hand in hands
+        }  # fmt: skip
+        self._point = {
+            hand: AxisTask(
+                robot, hand.frame, -self.walls[0].normal, axis=arm.pointing,
+                name=f"{hand.frame} pointing", kp=own.stiffness, weight=own.axis,
+            )
+            for hand, arm in self.arms.items()
+        }  # fmt: skip
+        self._trunk = {
+            trunk: OrientationTask(
+                robot, trunk, start.rotation(trunk), name=f"{trunk} by a wall",
+                kp=own.stiff_trunk, weight=own.trunk,
+            )
+            for trunk in dict.fromkeys(arm.trunk for arm in self.arms.values())
+        }  # fmt: skip
+        tasks = (*self._reach.values(), *self._point.values(), *self._trunk.values())
+        controller.change(tasks=[*controller.tasks, *tasks])
+        for task in tasks:
+            task.switch_off()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What hands did, in words."""
+        return tuple(self._told)
+
+    def beyond(self, snapshot: Snapshot, wall: Wall) -> float:
+        """Return how far the capture point is beyond the soles, towards a wall [m].
+
+        Negative is inside; without soles on the ground it is infinitely far inside.
+        """
+        found = self._soles_and_dcm(snapshot)
+        if found is None:
+            return -math.inf
+        corners, dcm = found
+        level = wall.normal[:2] / np.linalg.norm(wall.normal[:2])
+        return float((corners @ level).min() - dcm @ level)
+
+    def _soles_and_dcm(self, snapshot: Snapshot) -> tuple[Array, Array] | None:
+        """Return the corners (k, 2) of the soles that stand, and the capture point (2,) [m]."""
+        corners = [
+            snapshot.position(one.frame) + one.corners @ snapshot.rotation(one.frame).T
+            for one in self.controller.contacts
+            if isinstance(one, Contact) and one.corners is not None and not self._is_hand(one)
+        ]
+        if not corners:
+            return None
+        points = np.concatenate(corners)
+        height = max(float(snapshot.com[2] - points[:, 2].mean()), LOST)
+        omega = math.sqrt(self.controller.robot.gravity / height)
+        return points[:, :2], snapshot.com[:2] + snapshot.com_velocity[:2] / omega
+
+    def _inside(self, snapshot: Snapshot) -> float:
+        """Return how far the capture point is inside the polygon of the soles [m]."""
+        found = self._soles_and_dcm(snapshot)
+        if found is None:
+            return -math.inf
+        return float(polygon_margin(convex_hull(found[0]), found[1]))
+
+    def prepare(self, snapshot: Snapshot) -> None:
+        """Set goals and contacts for the tick of a measured state."""
+        before = self.state
+        match before:
+            case Watching():
+                self.state = self._watched(snapshot)
+            case Reaching():
+                self.state = self._reached(snapshot, before)
+            case Leaning():
+                self.state = self._leant(snapshot, before)
+            case Withdrawing():
+                self.state = self._withdrawn(snapshot, before)
+        self.time += self.controller.dt
+
+    # ------------------------------------------------------------------ from state to state
+
+    def _watched(self, snapshot: Snapshot) -> Watching | Reaching:
+        """Return what comes of a tick without a hand."""
+        held = {one.name for one in self.controller.contacts}  # by hands that leave a wall, too
+        for k, wall in enumerate(self.walls):
+            if self.beyond(snapshot, wall) <= -self.settings.begin:
+                self._beyond_reach.discard(k)
+                continue
+            free = [hand for hand in self.arms if hand.frame not in held]
+            found = [self._begun(snapshot, hand, wall) for hand in free]
+            able = [one for one in found if one is not None]
+            if not able:
+                if free and k not in self._beyond_reach:
+                    self._tell(f"no hand can reach wall {k}, towards which the robot falls")
+                    self._beyond_reach.add(k)
+                continue
+            first = min(able, key=lambda one: one.left)
+            self._point[first.hand].set_target(-wall.normal)
+            _weigh(self._reach[first.hand], self.settings.weight)
+            _weigh(self._point[first.hand], self.settings.axis)
+            _weigh(self._trunk[first.arm.trunk], self.settings.trunk)
+            self._tell(f"{first.hand.frame} reaches for a wall, in {first.left:.2f} s")
+            return first
+        return Watching()
+
+    def _begun(self, snapshot: Snapshot, hand: Hand, wall: Wall) -> Reaching | None:
+        """Return a hand on its way to a wall; None if it cannot get there."""
+        arm, place = self.arms[hand], snapshot.position(hand.frame)
+        left = 0.0
+        for _ in range(3):  # where it goes depends on when
+            goal, shoulder = self._goal(snapshot, arm, hand, wall, left)
+            way = float(np.linalg.norm(goal - place))
+            quick = math.sqrt(PEAK_ACCELERATION * way / arm.acceleration)
+            left = max(PEAK * way / arm.speed, quick)
+        if float(np.linalg.norm(goal - shoulder)) > arm.length:
+            return None
+        velocity = snapshot.jacobian(hand.frame)[:3] @ snapshot.v
+        return Reaching(arm, hand, wall, SwingMotion(place, velocity, np.zeros(3)), left)
+
+    def _goal(
+        self, snapshot: Snapshot, arm: Arm, hand: Hand, wall: Wall, left: float
+    ) -> tuple[Array, Array]:
+        """Return where the hand should touch (3,), and where its shoulder will then be [m]."""
+        shoulder = snapshot.position(arm.shoulder) + max(left, 0.0) * snapshot.com_velocity
+        aim = wall.nearest(shoulder - self.settings.below * arm.length * UP, hand.radius)
+        return aim + hand.radius * wall.normal, shoulder
+
+    def _reached(self, snapshot: Snapshot, now: Reaching) -> Watching | Reaching | Leaning:
+        """Return what comes of a tick on the way."""
+        hand, wall, dt, own = now.hand, now.wall, self.controller.dt, self.settings
+        place = snapshot.position(hand.frame)
+        gap = wall.distance(place) - hand.radius
+        if gap <= own.touch:
+            contact = PointContact(
+                self.controller.robot, hand.frame, place - gap * wall.normal,
+                snapshot.rotation(hand.frame), normal=wall.normal,
+                friction=FrictionCone(wall.friction),
+            )  # fmt: skip
+            self._reach[hand].switch_off()
+            self.controller.set_contacts([*self.controller.contacts, contact], ramp=own.ramp)
+            self._tell(f"{hand.frame} leans on the wall")
+            return Leaning(now.arm, hand, wall, contact)
+        left = now.left - dt
+        if left < -PATIENCE:
+            self._tell(f"{hand.frame} missed the wall: {1e3 * gap:.0f} mm off")
+            self._rest(hand)
+            return Watching()
+        if left > 0.0:
+            goal, _ = self._goal(snapshot, now.arm, hand, wall, left)
+            motion = towards(now.motion, goal, now.left, dt)
+        else:
+            velocity = -own.late * wall.normal
+            motion = SwingMotion(now.motion.value + velocity * dt, velocity, np.zeros(3))
+        self._reach[hand].set_target(*motion)
+        return now._replace(motion=motion, left=left)
+
+    def _leant(self, snapshot: Snapshot, now: Leaning) -> Leaning | Withdrawing:
+        """Return what comes of a tick on the wall."""
+        hand, wall, own = now.hand, now.wall, self.settings
+        place = snapshot.position(hand.frame)
+        lost = wall.distance(place) - hand.radius > LOST
+        back = self._inside(snapshot) > own.end and now.time > LEAST_LEAN
+        if not lost and not back:
+            return now._replace(time=now.time + self.controller.dt)
+        held = [one for one in self.controller.contacts if one is not now.contact]
+        self.controller.set_contacts(held, ramp=own.ramp)
+        why = "lost the wall" if lost else "is released"
+        self._tell(f"{hand.frame} {why} after {now.time:.2f} s")
+        self._point[hand].switch_off()
+        _weigh(self._reach[hand], own.weight)
+        goal = place + AWAY * wall.normal
+        return Withdrawing(hand, wall, SwingMotion.rest(place), goal, AWAY_TIME)
+
+    def _withdrawn(self, snapshot: Snapshot, now: Withdrawing) -> Watching | Withdrawing | Reaching:
+        """Return what comes of a tick on the way back."""
+        again = self._watched(snapshot)
+        if isinstance(again, Reaching):
+            if again.hand is not now.hand:
+                self._reach[now.hand].switch_off()
+            return again
+        dt = self.controller.dt
+        if now.left <= dt:
+            self._reach[now.hand].switch_off()
+            if abs(float(snapshot.com_velocity @ now.wall.normal)) < CALM:
+                self._rest(now.hand)
+                return Watching()
+            return now
+        motion = towards(now.motion, now.goal, now.left, dt)
+        self._reach[now.hand].set_target(*motion)
+        return now._replace(motion=motion, left=now.left - dt)
+
+    def _rest(self, hand: Hand) -> None:
+        """Leave hand and trunk to the other tasks."""
+        self._reach[hand].switch_off()
+        self._point[hand].switch_off()
+        self._trunk[self.arms[hand].trunk].switch_off()
+
+    # ------------------------------------------------------------------ checks, words
+
+    def _is_hand(self, contact: Contact) -> bool:
+        return any(contact.frame == hand.frame for hand in self.arms)
+
+    def _tell(self, what: str) -> None:
+        self._told.append(f"{self.time:.3f} s: {what}")
+
+    def _check_reach(self, start: Snapshot) -> None:
+        """Refuse walls that no hand can reach, or that are where a hand is."""
+        for k, wall in enumerate(self.walls):
+            spare = dict[str, float]()
+            for hand, arm in self.arms.items():
+                gap = wall.distance(start.position(hand.frame)) - hand.radius
+                if gap < self.settings.touch:
+                    raise InvalidInputError(
+                        f"hand support: wall {k} is {1e3 * gap:.0f} mm from {hand.frame!r} at the"
+                        " start, or behind it; its normal points at the robot, and there is room"
+                    )
+                shoulder = start.position(arm.shoulder)
+                goal = wall.nearest(shoulder, hand.radius) + hand.radius * wall.normal
+                way = float(np.linalg.norm(goal - shoulder))
+                spare[hand.frame] = arm.length + LEAN * float(start.com[2]) - way
+            nearest = max(spare, key=lambda name: spare[name])
+            if spare[nearest] < 0.0:
+                raise InvalidInputError(
+                    f"hand support: wall {k} is out of reach of {', '.join(spare)}, by"
+                    f" {-spare[nearest]:.2f} m for {nearest!r} even if the robot leans by"
+                    f" {math.degrees(LEAN):.0f} degrees; move it, or leave it out"
+                )
+
+
+def _weigh(task: Task, weight: float) -> None:
+    """Switch a task on."""
+    if not task.weight.any():
+        task.weight = weight

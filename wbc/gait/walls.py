@@ -1,0 +1,95 @@
+"""Walls and rails that hands can lean on, and the hands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.errors import InvalidInputError
+from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
+
+WALL_THICKNESS = 0.1  # m
+LEAST_UPRIGHT = 0.1  # horizontal part of a unit normal: a flatter face is ground
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """A flat face that hands can press on: a rectangle, its lower and upper side level.
+
+    Attributes
+    ----------
+    point:
+        Middle of the face (3,) [m], world axes.
+    normal:
+        (3,) out of the face; any length, then of unit length.
+    size:
+        Width and height (2,) [m]; a rail is a low one.
+    friction:
+        Coefficient of friction.
+    """
+
+    point: Array
+    normal: Array
+    size: Array = (4.0, 2.0)  # type: ignore[assignment]
+    friction: float = 0.6
+
+    def __post_init__(self) -> None:
+        normal = finite_array("wall, normal", self.normal, (3,))
+        length = float(np.linalg.norm(normal))
+        if float(np.linalg.norm(normal[:2])) <= LEAST_UPRIGHT * length:
+            raise InvalidInputError(
+                f"wall, normal: {normal.tolist()} is not horizontal; what lies flat is a step of"
+                " the terrain"
+            )
+        set_fields(
+            self,
+            point=read_only(finite_array("wall, point", self.point, (3,))),
+            normal=read_only(normal / length),
+            size=read_only(finite_array("wall, size", self.size, (2,))),
+        )
+        if (self.size <= 0.0).any():
+            raise InvalidInputError(f"wall, size: must be positive, got {self.size.tolist()}")
+        check_fields(self, "wall, ", "friction", least=0.0)
+
+    @property
+    def rotation(self) -> Array:
+        """Its axes (3, 3) in the world, as columns: the normal, along its width, and upwards."""
+        along = np.array((-self.normal[1], self.normal[0], 0.0))
+        along /= np.linalg.norm(along)
+        return np.column_stack((self.normal, along, np.cross(self.normal, along)))
+
+    def distance(self, point: Array) -> float:
+        """Return how far a point (3,) is in front of the face [m]; negative behind."""
+        return float(self.normal @ (point - self.point))
+
+    def nearest(self, point: Array, inside: float) -> Array:
+        """Return the point (3,) of the face that is nearest to a point (3,) [m].
+
+        It is at least ``inside`` from the face's sides [m], or in the middle.
+        """
+        R = self.rotation
+        most = np.maximum(0.5 * self.size - inside, 0.0)
+        local = (point - self.point) @ R[:, 1:]
+        return self.point + R[:, 1:] @ np.clip(local, -most, most)
+
+
+@dataclass(frozen=True)
+class Hand:
+    """What a robot leans on walls with: a ball around a frame's origin.
+
+    Attributes
+    ----------
+    frame:
+        A link or frame at the end of an arm.
+    radius:
+        Of the ball [m].
+    """
+
+    frame: str
+    radius: float = 0.03
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.frame, str) or not self.frame:
+            raise InvalidInputError(f"hand, frame: expected a name, got {self.frame!r}")
+        check_fields(self, "hand, ", "radius", above=0.0)

@@ -1,0 +1,68 @@
+"""Hands that lean on walls, as a problem file describes them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from wbc.controllers import TorqueController
+from wbc.gait.hand_support import HandSupport
+from wbc.gait.leaning import LeanSettings
+from wbc.gait.walls import Hand, Wall
+from wbc.problem.section import KeysOf, Names, Point, Positive, Section, Two, default_of
+from wbc.robot import Snapshot
+
+
+class WallSpec(Section):
+    """A plate beside the robot, or a rail."""
+
+    point: Point
+    """Middle of its face [m], world axes."""
+    normal: Point
+    """Out of its face, towards the robot; its length does not matter."""
+    size: Two[Positive] = default_of(Wall, "size")
+    """Width and height of the face [m]."""
+    friction: Positive = default_of(Wall, "friction")
+    """Coefficient of friction."""
+
+    def wall(self, friction: float | None = None) -> Wall:
+        """Return the wall, as it is or with the friction that is counted on."""
+        own = self.friction if friction is None else friction
+        return Wall(self.point, self.normal, self.size, own)  # type: ignore[arg-type]
+
+
+class HandsSpec(Section):
+    """What a robot leans on walls with, when soles alone do not catch it."""
+
+    frames: Names
+    """Links or frames at the ends of arms; each is the middle of a ball."""
+    radius: Positive = default_of(Hand, "radius")
+    """Of these balls [m]."""
+    friction: Positive | None = None
+    """Coefficient of friction that hands count on; left out: the controller's."""
+    settings: Annotated[dict[str, Any], KeysOf(LeanSettings)] = Field(default_factory=dict)
+    """When they reach, how, and when they let go."""
+
+    @property
+    def hands(self) -> tuple[Hand, ...]:
+        """The hands."""
+        return tuple(Hand(frame, self.radius) for frame in self.frames)
+
+    def support(
+        self,
+        controller: TorqueController,
+        start: Snapshot,
+        walls: tuple[WallSpec, ...],
+        friction: float,
+    ) -> HandSupport:
+        """Return what looks after the hands; ``friction`` is that of other contacts.
+
+        Raises
+        ------
+        WbcError
+            No walls, no arms, or walls out of reach.
+        """
+        counted = friction if self.friction is None else self.friction
+        made = [wall.wall(counted) for wall in walls]
+        return HandSupport(controller, start, self.hands, made, LeanSettings(**self.settings))
