@@ -173,11 +173,9 @@ def finite_number(
     if type(value) is float and above < value >= least and -LARGEST <= value <= LARGEST:
         return value  # what is given in every tick
     try:
-        odd = isinstance(
-            value, (list, tuple, *_NO_NUMBER)
-        )  # NumPy warns of what is masked in lists
-        odd = odd or np.ndim(value) or np.iscomplexobj(value)
-        if odd or _kind(value) == "b":
+        # Lists first: of those that hold what is masked NumPy warns.
+        odd = isinstance(value, (list, tuple, *_NO_NUMBER)) or bool(np.ndim(value))
+        if odd or np.iscomplexobj(value) or _kind(value) == "b":
             raise TypeError("no real scalar")
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
