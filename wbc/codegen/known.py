@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from wbc.controllers import Controller
@@ -9,6 +10,7 @@ from wbc.controllers.blocks import described
 from wbc.controllers.core_plan import CorePlan
 from wbc.controllers.torque import TorqueController
 from wbc.errors import WbcError
+from wbc.native.rows import Kind, NativeRows
 from wbc.qp.active_set import NAME, ActiveSet
 from wbc.robot.names import COM
 from wbc.tasks import InertiaTask
@@ -59,7 +61,8 @@ def _unknown(controller: Controller) -> str | None:
     if torque and controller.robot.passive:
         return "springs and other forces that no motor gives"
     for task in (*controller.tasks, *controller.plan.held.contacts):
-        python = isinstance(task, ForceTask) or described(task, torque) is None
+        rows = described(task, torque)
+        python = isinstance(task, ForceTask) or rows is None or _is_seen_from(rows)
         if python or (not torque and (task.singular_threshold > 0.0 or _is_second_order(task))):
             return _of_task(task, torque)
     if controller.constraints and not _kept_apart(controller):
@@ -71,6 +74,11 @@ def _unknown(controller: Controller) -> str | None:
 def _kept_apart(controller: Controller) -> bool:
     """Whether the only constraint is a self-collision that the core knows."""
     return controller.core.margin is not None
+
+
+def _is_seen_from(rows: Sequence[NativeRows]) -> bool:
+    """Whether rows are of a frame as seen from another, whose targets exported C cannot set."""
+    return any(one.kind == Kind.RELATIVE for one in rows)
 
 
 def _is_second_order(task: Task) -> bool:
@@ -89,6 +97,9 @@ def _of_task(task: Task, torque: bool) -> str:
         return f"second_order of {what}; leave it out"
     if isinstance(task, InertiaTask) and task.about != COM:
         return f"an inertia about {task.about!r}, as {what} has it; leave about out"
-    if task.native() is None:
+    rows = task.native()
+    if rows is None:
         return f"{what}, a {type(task).__name__} of a kind that is computed in Python"
+    if _is_seen_from(rows):
+        return f"the pose of {what}, as it is seen from another frame"
     return f"the law of {what}"

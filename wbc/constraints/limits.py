@@ -191,6 +191,9 @@ class Limits(DeclaredAttributes):
         return float(margin[worst]), self.robot.joint_names[worst]
 
     def _box(self, snapshot: Snapshot, dt: float, bounded: bool) -> Box:
+        other = snapshot.robot
+        if other is not self.robot and (other.nq, other.nv) != (self.robot.nq, self.robot.nv):
+            raise InvalidInputError(f"limits: the snapshot is of another robot, {other.name!r}")
         tree, box = self.robot.native.tree, np.empty((2, self.robot.nv))
         limit, start = self.numbers(), joint_starts(self.robot.limits)
         at = {"tree": tree.struct, "limit": pointer(limit), "start": pointer(start)}

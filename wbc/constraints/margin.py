@@ -229,11 +229,16 @@ class Margin(DeclaredAttributes, Constraint):
     def _approach(self, distances: Distances, dt: float) -> Array:
         """Return how fast clearances (m,) may change [m/s], or, where they are lost, have to."""
         law, rows = asdict(self.braking), np.ascontiguousarray(distances.jacobian, dtype=float)
-        (m, nv), least = rows.shape, np.empty(len(rows))
+        m, nv, least = len(rows), self.robot.nv, np.empty(len(rows))
         margin, acceleration = ffi.new("wbc_margin *", law), self._joint_acceleration
         if acceleration is not None:
             margin.acceleration = pointer(acceleration)
         clearance = np.ascontiguousarray(distances.clearance, dtype=float)
+        if rows.shape != (m, nv) or clearance.shape != (m,):
+            raise InvalidInputError(
+                f"{self.name}: distances() must return clearances (m,) and their Jacobian"
+                f" (m, {nv}); got {clearance.shape} and {rows.shape}"
+            )
         lib.wbc_approach(margin, nv, dt, m, *map(doubles, (rows, clearance, least)))
         return least
 

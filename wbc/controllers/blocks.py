@@ -15,9 +15,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from wbc.constraints.contact import Contact
 from wbc.laws import AccelerationLaw, Residual, Rows, VelocityLaw
 from wbc.native import lib
 from wbc.native.rows import Kind, NativeRows
+from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
 from wbc.validate import Array
 
@@ -141,7 +143,8 @@ class Part:
         if self.second != self._second or self.singular != self._singular:
             return False
         for k, now in enumerate(found):
-            if now[:3] != planned[k][:3] or not self._places[k].write(now, self.kept):
+            about = planned[k][:3], planned[k].other
+            if (now[:3], now.other) != about or not self._places[k].write(now, self.kept):
                 return False
         self._write_law(found, dt)
         self.changes = changes
@@ -198,7 +201,7 @@ class AskedPart(Part):
         k, none = len(chosen), np.zeros(len(task.rows))
         self._chosen, self._shape = slice(None) if self.kept is None else self.kept, (k, nv)
         numbers = [np.zeros(size) for size in (k * nv, k, nv, *([nv * nv] if self._curved else []))]
-        frame = getattr(task, "frame", None) if part.held else None
+        frame = task.frame if isinstance(task, Contact) else None  # at which its forces act
         entries = tuple(range(len(task.rows)))
         self.rows = (NativeRows(Kind.ASKED, frame, entries, none, none, tuple(numbers)),)
 
@@ -266,8 +269,11 @@ def _reader(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ..
 
 def described(task: Task, torque: bool) -> Sequence[NativeRows] | None:
     """Return what a task says of its rows; None: it is asked for them."""
-    own = task.__dict__
-    if "native" not in vars(type(task)) or "residual" in own or "drift" in own:
+    own, kind = task.__dict__, type(task)
+    known = "native" in vars(kind)
+    if isinstance(task, ForceTask):  # of a kind derived from one, too, if it says nothing else
+        known |= type(task).expression is ForceTask.expression
+    if not known or "residual" in own or "drift" in own:
         return None
     rows = task.native()
     if rows is not None and len(rows) > 1 and task.lm_damping > 0.0 and not torque:

@@ -319,8 +319,9 @@ class Controller(DeclaredAttributes, ABC):
         """Return the answers of tasks and contacts that the core does not know."""
         asked = []
         for task in plan.python_tasks:
+            residual = residual_of(task, snapshot)
             drift = drift_of(task, snapshot) if self._bears else None
-            asked.append(Asked(task, residual_of(task, snapshot), drift))
+            asked.append(Asked(task, residual, drift))
         return asked
 
     def _known(self, outcome: Outcome, snapshot: Snapshot) -> dict[str, Any]:
@@ -387,8 +388,9 @@ class Controller(DeclaredAttributes, ABC):
     ) -> None:
         """Check all parts, and take over all but the contacts."""
         checks.check_parts(self.robot, tasks, contacts, self.limits, constraints, slack)
-        if tasks is not self.__dict__.get("tasks"):
-            checks.refuse_idle(tasks)
+        had = self.__dict__.get("tasks", ())
+        if tasks is not had:  # tasks that it has may be off on purpose
+            checks.refuse_idle([one for one in tasks if not any(one is other for other in had)])
             checks.say_unused_gains(tasks, self._bears)
         kinds = checks.motion_and_forces(tasks, type(self).__name__, self._bears)
         self._motion, self._force_tasks = kinds

@@ -1,8 +1,8 @@
 """Ticks in the core: from a snapshot to the answers of all levels' QPs.
 
 A plan is what does not change between ticks. Tasks that do not describe their rows
-(:meth:`wbc.tasks.task.Task.native`) have theirs worked out in Python, and so have constraints but
-the margin between a robot's bodies; all else from the state to the QP is the core's.
+(:meth:`wbc.tasks.task.Task.native`) are asked in Python, and so are constraints but the margin
+between a robot's bodies; all else from the state to the QP is the core's.
 """
 
 from __future__ import annotations

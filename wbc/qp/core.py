@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from wbc.errors import InvalidInputError
 from wbc.native import doubles, ffi, integers, lib
 from wbc.qp.problem import QP, check_qp
 from wbc.qp.solution import KktResiduals
@@ -54,10 +55,6 @@ def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> C
         See :func:`wbc.qp.problem.check_qp`.
     """
     n, k, m = sizes = qp.g.size, qp.b.size, qp.u.size
-    arrays = (qp.P, qp.A, qp.C, qp.g, qp.lower, qp.upper, qp.b, qp.l, qp.u)
-    shapes = ((n, n), (k, n), (m, n), (n,), (n,), (n,), (k,), (m,), (m,))
-    if tuple([array.shape for array in arrays]) != shapes:
-        check_qp(qp)
     working, places = _sizes(*sizes)
     scratch, order = np.empty(working), np.empty(places, dtype=np.int64)
     out = np.empty(2 * n + k + m + 4)
@@ -79,6 +76,10 @@ def residuals_in_core(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> lis
     """Return primal, dual and complementarity residual of a point and multipliers of any origin."""
     struct, _given = _struct(qp)
     point = [np.ascontiguousarray(part, dtype=np.float64) for part in (x, y, z, z_box)]
+    sizes = qp.g.shape, qp.b.shape, qp.u.shape, qp.g.shape
+    if tuple([part.shape for part in point]) != sizes:
+        shapes = ", ".join(str(part.shape) for part in point)
+        raise InvalidInputError(f"x, y, z, z_box of a QP: expected shapes {sizes}, got {shapes}")
     struct.x, struct.y, struct.z, struct.z_box = map(doubles, point)
     found = np.empty(3 + qp.g.size)
     struct.found = doubles(found)
@@ -88,8 +89,12 @@ def residuals_in_core(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> lis
 
 def _struct(qp: QP, eps: float = 0.0) -> tuple[Any, object]:
     """Return a ``wbc_qp``, and what it points at, to be kept as long."""
+    n, k, m = qp.g.size, qp.b.size, qp.u.size
     given = [np.ascontiguousarray(getattr(qp, name), dtype=np.float64) for name in _GIVEN]
-    struct = ffi.new("wbc_qp *", {"n": qp.g.size, "k": qp.b.size, "m": qp.u.size, "eps": eps})
+    shapes = [(n, n), (k, n), (m, n), (n,), (n,), (n,), (k,), (m,), (m,)]
+    if [array.shape for array in given] != shapes:
+        check_qp(qp)
+    struct = ffi.new("wbc_qp *", {"n": n, "k": k, "m": m, "eps": eps})
     for name, array in zip(_GIVEN, given, strict=True):
         setattr(struct, name, doubles(array))
     return struct, given

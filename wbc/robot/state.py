@@ -7,7 +7,6 @@ one pass of the compiled core, which loading checks against Pinocchio.
 
 from __future__ import annotations
 
-import math
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
@@ -157,11 +156,6 @@ class KinematicState:
     def inertia(self) -> Array:
         """Centroidal CRB inertia (3, 3) [kg m^2], world axes."""
         return read_only(self.native_state.inertia())
-
-    @lazy
-    def gyration_radius(self) -> float:
-        """Radius of gyration about the CoM [m], all axes: (trace of the inertia / mass)^(1/2)."""
-        return math.sqrt(float(self.inertia.trace()) / self.robot.mass)
 
     def inertia_in(self, frame: str = WORLD, about: str | ArrayLike = COM) -> Array:
         """CRB inertia (3, 3) [kg m^2] in axes of ``world``, ``base`` or a named frame.

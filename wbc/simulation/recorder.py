@@ -29,7 +29,7 @@ class Recorder:
     ``time`` (n,) [s], ``q`` (n, nq), ``v`` (n, nv): the true state.
     ``torque`` (n, nv-6): held over the period that ended then [N m or N].
     ``forces/FRAME`` (n, 6): measured on each sole, at its frame's origin, world axes; of the
-    physics' last step. ``cop`` (n, 3): of all contacts [m], NaN in the air.
+    physics' last step. ``cop`` (n, 3): of all but walls [m], NaN in the air.
     ``planned_forces/FRAME``, ``planned_cop``: what the controller's tick expected, NaN without.
     ``wrenches/FRAME`` (n, 6): of those that :meth:`Plant.apply` lets act, their means over the
     period, at the frame's origin, world axes.

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wbc.errors import InvalidInputError
 from wbc.laws import Residual
 from wbc.native import doubles, ffi, lib, pointer
 from wbc.native.rows import NativeRows
@@ -45,11 +46,14 @@ class CoreTask(Task):
         return self._found(snapshot, drifts=True).drift
 
     def _found(self, snapshot: Snapshot, drifts: bool = False) -> _Found:
-        described, plans = self.native(), snapshot.robot.native.plans
+        robot, described = snapshot.robot, self.native()
+        if robot is not self.robot and (robot.nq, robot.nv) != (self.robot.nq, self.robot.nv):
+            raise InvalidInputError(f"{self}: the snapshot is of another robot, {robot.name!r}")
+        plans = robot.native.plans
         about = tuple((rows.kind, rows.frame, rows.other, rows.entries) for rows in described)
         plan = plans.get(about)
         if plan is None:
-            plan = plans[about] = _Plan(snapshot.robot, described)
+            plan = plans[about] = _Plan(robot, described)
         return plan.evaluate(snapshot, described, self.weight, drifts)
 
 
@@ -108,4 +112,5 @@ class _Plan:
         there = map(doubles, (snapshot.q, snapshot.v, out))
         lib.wbc_rows(self._struct, doubles(state), motion, *there)
         error, bias, drift = out[k * nv : -1].reshape(3, k)
-        return _Found(out[: k * nv].reshape(k, nv), error, bias, drift, out.item(-1))
+        bound = out.item(-1) if all(rows.curved for rows in described) else 0.0
+        return _Found(out[: k * nv].reshape(k, nv), error, bias, drift, bound)

@@ -26,7 +26,7 @@ typedef struct {
     double torque[WBC_NV - 6];     /* within its bounds; zeros if the problem is not about torques */
 } wbc_command;
 
-/* Besides core.h's enum handed_over: UNSOLVED, OUTSIDE_LIMITS and so on. */
+/* Besides core.h's enum said: UNSOLVED, INFEASIBLE and so on. */
 enum { NO_TARGET = -3 };
 
 /* Begin with the targets that the problem had in its first tick. Returns DONE. */

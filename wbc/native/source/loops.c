@@ -1,5 +1,4 @@
-/* Closed loops and gears: errors, rows, drifts, and how far they are open where a command leads. What
- * ClosedLoop and Gear in wbc/constraints/mechanics.py say.
+/* Closed loops and gears: errors, rows, drifts, and how far they are open where a command leads.
  *
  * In axes of the other frame of a loop, which is where its error is, joints that carry both frames move
  * nothing: their columns are exactly 0, and all that follows looks at the joints between the frames alone.
@@ -34,7 +33,9 @@ static void gap_of(const wbc_plan *plan, const wbc_block *block, const double *o
     double arm[3], relative[9], all[6];
     for (int i = 0; i < 3; i++) arm[i] = one[i] - other[i];
     transposed_times3(axes, arm, all);
-    if (chosen[block->rows - 1] >= 3) { /* the turn, too: position, then rotation vector */
+    int turns = 0;
+    for (int64_t i = 0; i < block->rows; i++) turns |= chosen[i] >= 3;
+    if (turns) { /* position, then rotation vector */
         transposed_product3(axes, one + FRAME_ROTATION, relative);
         logarithm(relative, all + 3);
     }

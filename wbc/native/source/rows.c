@@ -1,6 +1,4 @@
-/* Errors, matrices and drifts of tasks and contacts: what the residuals and drifts of wbc/tasks and
- * wbc/constraints say.
- */
+/* Errors, matrices and drifts of tasks and contacts: in ticks, and for who asks one (wbc/tasks/core_task.py). */
 #include "rows.h"
 
 #include <string.h>
@@ -221,12 +219,12 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
         loop_errors(plan, block, frames, e);
         for (int64_t i = 0; i < k; i++) {
             const int64_t r = chosen[i];
-            const double *T = to_error + 3 * (r - 3);
             if (r < 3) {
                 e[i] -= own[r], bias[i] = -own[12 + r];
                 loop_row(plan, block, frames, i, 1.0, J + i * nv, 1);
                 continue;
             }
+            const double *T = to_error + 3 * (r - 3);
             e[i] = all[r], bias[i] = -dot3(T, target + 9);
             turn_row(nv, T, jacobian, there + FRAME_JACOBIAN, J + i * nv);
         }

@@ -1,0 +1,152 @@
+"""Tasks that the core works out: derived from, held, changed, or asked of another robot."""
+
+import numpy as np
+import pytest
+
+from wbc.constraints import Contact, Limits, support
+from wbc.constraints.margin import Margin
+from wbc.constraints.rows import Distances
+from wbc.controllers import KinematicController, TorqueController
+from wbc.errors import InvalidInputError
+from wbc.laws import Residual
+from wbc.qp import kkt_residuals
+from wbc.robot import Robot
+from wbc.tasks import ComTask, CopTask, PoseTask, PostureTask, RelativePoseTask, Task
+
+DT = 0.002
+
+
+@pytest.fixture
+def robot(robot_named) -> Robot:
+    return robot_named("hoap2_like")
+
+
+def test_snapshot_of_another_robot_is_refused(robot, robot_named) -> None:
+    other = robot_named("g1")
+    there = other.snapshot(other.posture("standing"))
+    task = PostureTask(robot, robot.posture("standing"))
+    for ask in (task.residual, task.drift, lambda s: Limits(robot).box(s, DT)):
+        with pytest.raises(InvalidInputError, match="the snapshot is of another robot, 'g1"):
+            ask(there)
+
+
+class Own(Contact):
+    """Asked in Python, for the same."""
+
+    def residual(self, snapshot):
+        return super().residual(snapshot)
+
+
+@pytest.mark.parametrize("slack", [{}, {"left_sole": 1e3}])
+def test_contact_of_ones_own_bears_what_a_contact_does(robot, slack) -> None:
+    here = robot.snapshot(robot.posture("standing"))
+    ticks = []
+    for kind in (Contact, Own):
+        held = [kind.hold(here, f"{side}_sole") for side in ("left", "right")]
+        tasks = [PostureTask(robot, here.q), CopTask(robot, here.com[:2], weight=0.1)]
+        ticks.append(TorqueController(robot, tasks, contacts=held, slack=slack, dt=DT).step(here))
+    assert ticks[0].ok
+    np.testing.assert_allclose(ticks[1].torque, ticks[0].torque, atol=1e-6)
+    np.testing.assert_allclose(ticks[1].errors["cop"], ticks[0].errors["cop"], atol=1e-6)
+
+
+class MyCop(CopTask):
+    """Nothing but a name."""
+
+
+def test_derived_kind_of_task_is_what_it_is_derived_from(robot) -> None:
+    here = robot.snapshot(robot.posture("standing"))
+    held, posture = support(here, "double"), PostureTask(robot, here.q)
+    torques = [
+        TorqueController(robot, [posture, kind(robot, here.com[:2])], contacts=held, dt=DT)
+        .step(here)
+        .torque
+        for kind in (CopTask, MyCop)
+    ]
+    np.testing.assert_array_equal(*torques)
+
+
+def test_pose_task_damped_by_nothing_is_not_damped(robot) -> None:
+    """A whole pose leaves no curvature out, whoever works it out: lm_damping alone is added."""
+    here = robot.snapshot(robot.posture("standing"))
+    goal = here.position("left_hand") + [0.02, 0.01, 0.03]
+    found = [
+        KinematicController(
+            robot,
+            [PoseTask(robot, "left_hand", goal, here.rotation("left_hand"), lm_damping=damping)],
+            contacts=(),
+        )
+        .step(here)
+        .velocity
+        for damping in (0.0, 1e-12)
+    ]
+    np.testing.assert_allclose(*found, atol=1e-5)
+
+
+def test_frame_that_a_pose_is_seen_from_may_be_changed(robot) -> None:
+    here = robot.snapshot(robot.posture("standing"))
+    task = RelativePoseTask(robot, "left_hand", "base", [0.1, 0.1, 0.1], np.eye(3))
+    controller = KinematicController(robot, [task], contacts=())
+    controller.step(here)
+    task.relative_to = "right_hand"
+    tick = controller.step(here)
+    np.testing.assert_allclose(tick.errors[task.name], task.residual(here).error, atol=1e-12)
+
+
+def test_tasks_may_be_added_while_others_are_off(robot) -> None:
+    here = robot.snapshot(robot.posture("standing"))
+    posture, com = PostureTask(robot, here.q), ComTask(robot, here.com)
+    controller = KinematicController(robot, [posture, com], contacts=())
+    com.switch_off()
+    controller.change(tasks=[*controller.tasks, ComTask(robot, here.com, name="again")])
+    assert controller.step(here).ok
+    with pytest.raises(InvalidInputError, match="task 'idle' has no weight"):
+        controller.change(tasks=[posture, ComTask(robot, here.com, name="idle", weight=0.0)])
+
+
+class Ordered(Task):
+    """Keeps what it works out for its drift."""
+
+    asked: list[str]
+
+    def residual(self, snapshot):
+        self.asked.append("r")
+        return Residual(np.zeros(1), np.eye(1, self.robot.nv, 6), np.zeros(1))
+
+    def drift(self, snapshot):
+        self.asked.append("d")
+        return np.zeros(1)
+
+
+def test_residual_is_asked_before_drift(robot) -> None:
+    here = robot.snapshot(robot.posture("standing"))
+    task = Ordered(robot, "ordered", ("a",))
+    task.asked = []
+    contacts = support(here, "double")
+    TorqueController(robot, [task], contacts=contacts, dt=DT).step(here)
+    assert task.asked[:2] == ["r", "d"]
+
+
+class Short(Margin):
+    """Three rows, and one clearance."""
+
+    def distances(self, snapshot, keys=None):
+        return Distances(np.arange(3), np.ones(1), np.zeros((3, self.robot.nv)), None)
+
+    def labels(self, distances):
+        return ("a", "b", "c")
+
+    def curvature_bound(self, distances, step):
+        return np.zeros(3)
+
+
+def test_what_is_of_other_sizes_is_refused(robot) -> None:
+    here = robot.snapshot(robot.posture("standing"))
+    with pytest.raises(InvalidInputError, match=r"short: distances\(\) must return clearances"):
+        Short(robot, "short", None).rows(here, DT)
+    qp = KinematicController(robot, [PostureTask(robot, here.q)], contacts=()).step(here).qp
+    none, n = np.zeros(0), qp.g.size
+    with pytest.raises(InvalidInputError, match="x, y, z, z_box of a QP: expected shapes"):
+        kkt_residuals(qp, np.zeros(n - 1), none, none, np.zeros(n))
+    with pytest.raises(InvalidInputError):
+        kkt_residuals(qp._replace(P=np.zeros((1, 1))), np.zeros(n), none, none, np.zeros(n))
