@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any, TypeGuard
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.errors import InvalidInputError, shown
 
 Array = NDArray[np.floating[Any]]
+Part = TypeVar("Part")
 # Numbers beyond this are refused: no controller means them, and products of a few would overflow.
 LARGEST = 1e30
 LONG_STEP = 0.5  # s
@@ -220,6 +221,26 @@ def names_of(what: str, value: Any) -> tuple[str, ...]:
         if names.count(name) > 1:
             raise InvalidInputError(f"{what}: {name!r} is named twice")
     return names
+
+
+def list_of(what: str, value: Any, kind: type[Part], example: str) -> tuple[Part, ...]:
+    """Return a list of parts of one kind, as a tuple.
+
+    ``example`` is one of them as it is written in Python, for the message.
+
+    Raises
+    ------
+    InvalidInputError
+        Something else: one part, names, settings that are not made a part yet.
+    """
+    wanted = f"{what}: expected a list of {kind.__name__} objects, such as [{example}]"
+    if not isinstance(value, Iterable) or isinstance(value, str | Mapping):
+        raise InvalidInputError(f"{wanted}, got {shown(value)}")
+    parts = tuple(value)
+    for part in parts:
+        if not isinstance(part, kind):
+            raise InvalidInputError(f"{wanted}; in the list is {shown(part)}")
+    return parts
 
 
 def by_name(what: str, value: Any) -> Mapping[str, Any]:

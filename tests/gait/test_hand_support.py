@@ -1,5 +1,8 @@
 """A hand reaches for a wall when a push carries the capture point beyond the soles."""
 
+import copy
+import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -7,10 +10,11 @@ import pytest
 
 from tests.conftest import load
 from wbc.constraints import PointContact, support
-from wbc.controllers import TorqueController
+from wbc.controllers import KinematicController, TorqueController
 from wbc.errors import InvalidInputError, ProblemFileError, UnknownNameError
-from wbc.gait import Arm, Hand, HandSupport, Wall, WithHands
-from wbc.gait.leaning import Leaning, Reaching, Watching
+from wbc.gait import Arm, Hand, HandSupport, LeanSettings, Wall, WithHands
+from wbc.gait.leaning import Leaning, Reaching, Watching, Withdrawing
+from wbc.gait.swing import SPEED_UP, SwingMotion
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem
 from wbc.robot import Snapshot
@@ -19,6 +23,7 @@ from wbc.tasks import ComTask, PostureTask
 
 PROBLEM = Path(__file__).parents[2] / "problems" / "wall_g1.yaml"
 LEFT = Hand("left_rubber_hand")
+RAIL_AWAY = Wall((0.0, 0.5, 1.0), (0.0, 1.0, 0.0), (1.0, 0.05))
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +40,10 @@ def controller(start: Snapshot) -> TorqueController:
     robot = start.robot
     tasks = [ComTask(robot, start.com, weight=10.0), PostureTask(robot, start.q, weight=0.1)]
     return TorqueController(robot, tasks, contacts=support(start, "double"))
+
+
+def velocities(start: Snapshot) -> KinematicController:
+    return KinematicController(start.robot, [PostureTask(start.robot, start.q)], contacts=())
 
 
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0, -1, 0), (1, 2, -0.5), (0, 0, -1)])
@@ -92,15 +101,190 @@ def test_walls_that_cannot_be_leant_on_are_refused(
         HandSupport(controller(start), start, [LEFT], [wall_at(distance)])
 
 
-def test_what_is_no_wall_or_hand_is_refused(start: Snapshot) -> None:
-    with pytest.raises(InvalidInputError, match="is not horizontal"):
-        Wall(np.zeros(3), (0.0, 0.0, 1.0))  # type: ignore[arg-type]
-    with pytest.raises(InvalidInputError, match="size: must be positive"):
-        Wall(np.zeros(3), (0.0, 1.0, 0.0), (1.0, 0.0))  # type: ignore[arg-type]
-    with pytest.raises(InvalidInputError, match="there are none"):
-        HandSupport(controller(start), start, [LEFT], [])
+MISTAKES: dict[str, tuple[Callable[[Snapshot], object], str]] = {
+    "a level face": (lambda s: Wall(np.zeros(3), (0, 0, 1)), "is not horizontal"),
+    "no normal": (lambda s: Wall(np.zeros(3), (0, 0, 0)), "normal: needs some length"),
+    "no width": (lambda s: Wall(np.zeros(3), (0, 1, 0), (1, 0)), "size: must be positive"),
+    "ice": (lambda s: Wall(np.zeros(3), (0, 1, 0), friction=0.0), "friction: must be greater than"),
+    "no walls": (lambda s: HandSupport(controller(s), s, [LEFT], []), "there are none"),
+    "a hand's name": (
+        lambda s: HandSupport(controller(s), s, [LEFT.frame], [wall_at(0.5)]),
+        r"support, hands: expected a list of Hand objects, such as \[Hand\(.*in the list is 'l",
+    ),
+    "one hand": (
+        lambda s: HandSupport(controller(s), s, LEFT, [wall_at(0.5)]),
+        "support, hands: expected a list of Hand objects",
+    ),
+    "a hand twice": (
+        lambda s: HandSupport(controller(s), s, [LEFT, Hand(LEFT.frame, 0.02)], [wall_at(0.5)]),
+        "support, hands: 'left_rubber_hand' is named twice",
+    ),
+    "settings by name": (
+        lambda s: HandSupport(controller(s), s, [LEFT], [wall_at(0.5)], {"begin": 0.01}),
+        r"settings: expected LeanSettings\(...\), got \{'begin'",
+    ),
+    "velocities": (
+        lambda s: HandSupport(velocities(s), s, [LEFT], [wall_at(0.5)]),
+        "expected a TorqueController.*got KinematicController",
+    ),
+    "no controller": (
+        lambda s: HandSupport(None, s, [LEFT], [wall_at(0.5)]),
+        "expected a TorqueController.*got None",
+    ),
+    "a posture": (
+        lambda s: HandSupport(controller(s), s, [LEFT], [wall_at(0.5)]).prepare(s.q),
+        r"expected a snapshot of g1.*got array",
+    ),
+    "a sole": (
+        lambda s: HandSupport(controller(s), s, [Hand("left_sole")], [wall_at(0.5)]),
+        "hand 'left_sole': is on the leg of g1's foot 'left'",
+    ),
+    "a sole in the physics": (
+        lambda s: Plant(s.robot, hands=[Hand("left_sole")]),
+        "hand 'left_sole': is on the leg",
+    ),
+    "a name in the physics": (
+        lambda s: Plant(s.robot, hands=[LEFT.frame]),
+        "plant, hands: expected a list of Hand objects",
+    ),
+    "a hand twice in the physics": (
+        lambda s: Plant(s.robot, hands=[LEFT, LEFT]),
+        "plant, hands: 'left_rubber_hand' is named twice",
+    ),
+    "one wall": (lambda s: Terrain(walls=wall_at(0.5)), "terrain, walls: expected a list of Wall"),
+    "a wall's values": (
+        lambda s: Terrain(walls=[{"point": (0, 1, 1)}]),
+        "terrain, walls: expected a list of Wall objects.*in the list is {'point'",
+    ),
+    "a normal without a cone": (
+        lambda s: PointContact.hold(s, LEFT.frame, normal=(0, -1, 0), friction=None),
+        "normal: without friction.*has no effect",
+    ),
+    "a normal of the base": (
+        lambda s: PointContact.hold(s, "base", normal=(0, -1, 0)),
+        "'base', normal: what holds the base also pulls",
+    ),
+    "a normal that loses its cone": (
+        lambda s: setattr(PointContact.hold(s, LEFT.frame, normal=(0, -1, 0)), "friction", None),
+        "normal: without friction.*has no effect",
+    ),
+    "a wall that looks away": (
+        lambda s: HandSupport(controller(s), s, [LEFT], [RAIL_AWAY]),
+        "the CoM is 0.50 m behind wall 0 at the start; its normal points at the robot",
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_first_mistakes_are_told(start: Snapshot, mistake: str) -> None:
+    make, said = MISTAKES[mistake]
+    with pytest.raises(InvalidInputError, match=said):
+        make(start)
+
+
+def test_an_arm_without_motors_is_refused(start: Snapshot) -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'left_rubber_hand'"):
         HandSupport(controller(start), start, [Hand("left_ruber_hand")], [wall_at(0.5)])
+    limits = start.robot.limits
+    weak = dataclasses.replace(limits, effort=np.zeros_like(limits.effort))
+    robot = copy.copy(start.robot)
+    object.__setattr__(robot, "limits", weak)
+    with pytest.raises(InvalidInputError, match=r"left_shoulder.* need motors"):
+        Arm.of(robot, LEFT.frame)
+
+
+def test_a_wall_ends_where_its_face_does(start: Snapshot) -> None:
+    rail = Wall((0.0, 0.5, 1.0), (0.0, -1.0, 0.0), (1.0, 0.05))  # type: ignore[arg-type]
+    assert rail.gap(np.array((0.4, 0.4, 1.0)), 0.03) == pytest.approx(0.07)
+    assert rail.gap(np.array((0.4, 0.6, 1.05)), 0.03) == pytest.approx(-0.13)
+    assert rail.gap(np.array((0.4, 0.47, 1.3)), 0.03) == np.inf
+    assert rail.gap(np.array((0.54, 0.47, 1.0)), 0.03) == np.inf
+    away = np.array((0.2, 0.2, 1.3))
+    np.testing.assert_allclose(rail.touched(away, 0.02), (0.2, 0.48, 1.005), atol=1e-12)
+    # A hand beside a narrow wall, behind its plane, is neither in its way nor on it.
+    x, y, _ = start.position(LEFT.frame)
+    narrow = Wall((x + 0.4, y - 0.01, 0.9), (0.0, -1.0, 0.0), (0.5, 1.0))
+    held = controller(start)
+    hands = HandSupport(held, start, [LEFT], [narrow])
+    there = SwingMotion.rest(start.position(LEFT.frame))
+    hands.state = Reaching(hands.arms[LEFT], LEFT, narrow, there, 0.2)
+    hands.prepare(start)
+    assert isinstance(hands.state, Reaching)
+    assert len(held.contacts) == 2
+
+
+def test_a_hand_begins_where_it_is_and_late_goes_on_evenly(
+    start: Snapshot, caplog: pytest.LogCaptureFixture
+) -> None:
+    held = controller(start)
+    settings = LeanSettings(begin=0.3, end=0.4)
+    hands = HandSupport(held, start, [LEFT], [wall_at(0.5)], settings)
+    assert "without a push, too" in caplog.text
+    joints = dict(zip(start.robot.joint_names, start.q[7:], strict=True))
+    moved = start.robot.snapshot(
+        start.robot.posture("standing", joints | {"left_shoulder_roll_joint": 0.4})
+    )
+    hands.prepare(moved)
+    reach = next(task for task in held.tasks if task.name == f"{LEFT.frame} reach")
+    assert isinstance(hands.state, Reaching)
+    np.testing.assert_array_equal(reach.target, moved.position(LEFT.frame))
+    rates = [np.zeros(3)]
+    while isinstance(hands.state, Reaching):  # a hand that never moves comes late, and misses
+        rates.append(hands.state.motion.rate)
+        hands.prepare(moved)
+    late = np.diff(rates, axis=0)[-100:] / held.dt
+    assert np.linalg.norm(late, axis=1).max() < SPEED_UP + 1e-9
+    np.testing.assert_allclose(rates[-1], (0.0, settings.late, 0.0), atol=1e-12)
+    assert "missed the wall" in hands.notes[-1]
+
+
+def test_a_released_hand_is_let_go_though_another_one_touches_meanwhile(start: Snapshot) -> None:
+    held, right = controller(start), Hand("right_rubber_hand")
+    away = float(start.position(LEFT.frame)[1]) + LEFT.radius + 2e-3
+    walls = [Wall((0.0, y, 0.9), (0.0, -y, 0.0)) for y in (away, -away)]
+    settings = LeanSettings(begin=0.0, end=1e-3, touch=1e-3, ramp=0.05)
+    hands = HandSupport(held, start, [LEFT, right], walls, settings)
+    hands.settings = dataclasses.replace(settings, touch=3e-3)
+    there = {hand: SwingMotion.rest(start.position(hand.frame)) for hand in (LEFT, right)}
+    hands.state = Reaching(hands.arms[LEFT], LEFT, walls[0], there[LEFT], 0.1)
+    hands.prepare(start)
+    assert isinstance(hands.state, Leaning)
+    for _ in range(30):
+        held.step(start)
+    hands.state = hands.state._replace(time=1.0)
+    hands.prepare(start)
+    assert isinstance(hands.state, Withdrawing)
+    reach = next(task for task in held.tasks if task.name == f"{LEFT.frame} reach")
+    np.testing.assert_array_equal(reach.target, start.position(LEFT.frame))
+    held.step(start)
+    assert LEFT.frame in [one.name for one in held.contacts]  # its force goes
+    hands.state = Reaching(hands.arms[right], right, walls[1], there[right], 0.1)
+    hands.prepare(start)
+    assert isinstance(hands.state, Leaning)
+    for _ in range(40):
+        held.step(start)
+    assert {one.name for one in held.contacts} == {"left_sole", "right_sole", right.frame}
+
+
+def test_another_hand_takes_over_and_the_first_one_rests(start: Snapshot) -> None:
+    held, right = controller(start), Hand("right_rubber_hand")
+    wall = wall_at(0.5)
+    hands = HandSupport(held, start, [LEFT, right], [wall], LeanSettings(begin=0.3, end=0.4))
+    hands.arms[right] = dataclasses.replace(hands.arms[right], trunk="pelvis")
+    there = SwingMotion.rest(start.position(right.frame))
+    by_name = {task.name: task for task in held.tasks}
+    off = f"{right.frame} reach", "pelvis by a wall"
+    hands._trunk["pelvis"] = by_name["torso_link by a wall"].__class__(
+        start.robot, "pelvis", start.rotation("pelvis"), weight=10.0, name=off[1]
+    )
+    by_name[off[1]] = hands._trunk["pelvis"]
+    by_name[off[0]].weight = 10.0
+    hands.state = Withdrawing(right, wall, there, start.position(right.frame), 0.2)
+    hands.prepare(start)
+    assert isinstance(hands.state, Reaching)
+    assert hands.state.hand is LEFT
+    assert not any(by_name[name].weight.any() for name in off)
+    assert by_name["torso_link by a wall"].weight.all()
 
 
 def test_nothing_happens_while_the_soles_suffice(start: Snapshot) -> None:
@@ -118,6 +302,11 @@ def test_a_file_says_where_hands_are_wrong() -> None:
         load_problem(PROBLEM, values)
     with pytest.raises(ProblemFileError, match="there are no walls to lean on"):
         load_problem(PROBLEM, {"simulation.terrain.walls": []})
+    hand = LEFT.frame
+    with pytest.raises(ProblemFileError, match=r"hands.frames: 'left_rubber_hand' is named twice"):
+        load_problem(PROBLEM, {"hands.frames": [hand, hand]})
+    with pytest.raises(ProblemFileError, match="hands: hand 'left_sole': is on the leg of g1's"):
+        load_problem(PROBLEM, {"hands.frames": ["left_sole"]})
 
 
 def test_a_wall_bears_a_hand_in_the_physics(start: Snapshot) -> None:

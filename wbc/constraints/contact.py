@@ -179,8 +179,8 @@ class PointContact(Contact):
     Parameters
     ----------
     normal:
-        (3,) in the world, out of what is touched: the axis of its friction cone. A hand on a wall
-        has a horizontal one. Fixed.
+        (3,) in the world, out of what is touched: the axis of its friction cone; None: upwards. A
+        hand on a wall has a horizontal one. Fixed, as its having a cone is then.
 
     See :class:`Contact` for the others.
 
@@ -201,16 +201,22 @@ class PointContact(Contact):
         position: ArrayLike,
         rotation: ArrayLike,
         *,
-        normal: ArrayLike = UPWARDS,
+        normal: ArrayLike | None = None,
         friction: FrictionCone | None = DEFAULT_FRICTION,
         corners: ArrayLike | None = None,
         **law: Unpack[LawKeywords],
     ) -> None:
-        across = finite_array(f"contact {frame!r}, normal", normal, (3,))
+        across = finite_array(
+            f"contact {frame!r}, normal", UPWARDS if normal is None else normal, (3,)
+        )
         length = float(np.linalg.norm(across))
         if length < LEAST_NORMAL:
             raise InvalidInputError(f"contact {frame!r}, normal: needs some length")
-        self.normal = read_only(across / length)
+        self.normal, self._has_cone = read_only(across / length), normal is not None
+        if self._has_cone and frame == BASE:
+            raise InvalidInputError(
+                f"contact {frame!r}, normal: what holds the base also pulls, and has none"
+            )
         super().__init__(
             robot, frame, position, rotation, friction=friction, corners=corners, **law
         )
@@ -221,6 +227,11 @@ class PointContact(Contact):
                 f"{self}, normal: cannot be assigned; make another contact with normal=..., and"
                 " hand it to set_contacts()"
             )
+        if name == "friction" and value is None and self._has_cone:
+            raise InvalidInputError(
+                f"{self}, normal: without friction, which is a contact that also pulls, it has no"
+                " effect; leave it out, or give a FrictionCone"
+            )
         super()._set_attribute(name, value)
 
     @classmethod
@@ -230,7 +241,7 @@ class PointContact(Contact):
         snapshot: Snapshot,
         frame: str,
         *,
-        normal: ArrayLike = UPWARDS,
+        normal: ArrayLike | None = None,
         friction: FrictionCone | None = DEFAULT_FRICTION,
         corners: ArrayLike | None = None,
         **law: Unpack[LawKeywords],

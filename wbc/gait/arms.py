@@ -66,7 +66,8 @@ class Arm:
         UnknownNameError
             No such frame.
         InvalidInputError
-            Fewer than three joints move it without moving the trunk, or it is at its shoulder.
+            Fewer than three joints move it without moving the trunk, or it is at its shoulder, or
+            on a leg; or its shoulder has no motors.
         """
         model = robot.model
         joints = arm_joints(robot, frame)
@@ -75,6 +76,7 @@ class Arm:
                 f"hand {frame!r}: {len(joints)} joints of {robot.name} move it without the trunk;"
                 f" to reach for a wall takes {LEAST_JOINTS}: name a frame at the end of an arm"
             )
+        _check_no_leg(robot, frame)
         s = robot.snapshot(robot.postures[STANDING])
         places = [np.array(model.jointPlacements[joint].translation) for joint in joints[1:]]
         places.append(np.array(robot.frame(frame).placement.translation))
@@ -95,6 +97,13 @@ class Arm:
         motors = [k - BASE_NV for k in own]
         speed = SPEED_SHARE * (limits.velocity[motors] * levers[strong]).min()
         force = SHARE * (limits.effort[motors] / inertia * levers[strong]).min()
+        names = [robot.limits.names[k] for k in motors]
+        if not (speed > 0.0 and force > 0.0) or set(names) & set(robot.unactuated):
+            raise InvalidInputError(
+                f"hand {frame!r}: {' and '.join(names)}, which move it farthest, need motors, with"
+                " velocity and effort limits above 0; name a frame at the end of an arm that can"
+                " reach"
+            )
         parent = int(model.parents[joints[0]])
         return cls(
             hand=frame,
@@ -132,9 +141,24 @@ def _pointing(R: Array, place: Array, behind: Sequence[Array]) -> Array:
     return read_only(R.T @ (way / np.linalg.norm(way)))
 
 
+def _check_no_leg(robot: Robot, frame: str) -> None:
+    """Refuse a frame on a leg, such as a sole."""
+    supports, own = robot.model.supports, int(robot.frame(frame).parentJoint)
+    for name, foot in robot.feet.items():
+        last = int(robot.frame(foot.frame).parentJoint)
+        if own in supports[last] or last in supports[own]:
+            raise InvalidInputError(
+                f"hand {frame!r}: is on the leg of {robot.name}'s foot {name!r}; name a frame at"
+                " the end of an arm"
+            )
+
+
 def _link_of(robot: Robot, joint: int) -> str:
-    """Return a link that a joint carries."""
-    if joint <= 1:
-        return BASE
-    frames = (f for f in robot.model.frames if int(f.parentJoint) == joint)
-    return str(next(f.name for f in frames if "BODY" in str(f.type)))
+    """Return a link that a joint carries, or the next before it that carries one."""
+    model = robot.model
+    while joint > 1:
+        for frame in model.frames:
+            if int(frame.parentJoint) == joint and "BODY" in str(frame.type):
+                return str(frame.name)
+        joint = int(model.parents[joint])
+    return BASE

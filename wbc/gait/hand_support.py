@@ -21,6 +21,7 @@ the way the robot falls, for its angular momentum, and would meet the wall with 
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 
@@ -28,13 +29,14 @@ import numpy as np
 
 from wbc.constraints import Contact, PointContact
 from wbc.constraints.friction import FrictionCone
-from wbc.controllers.checks import check_list, check_snapshot
+from wbc.controllers.checks import check_snapshot
 from wbc.controllers.torque import TorqueController
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
 from wbc.gait.arms import Arm
 from wbc.gait.leaning import Leaning, LeanSettings, Reaching, Watching, Withdrawing
-from wbc.gait.swing import SwingMotion, towards
-from wbc.gait.walls import Hand, Wall
+from wbc.gait.swing import SPEED_UP, SwingMotion, towards
+from wbc.gait.wall_reach import check_reach
+from wbc.gait.walls import Hand, Wall, check_hands, check_walls
 from wbc.minimum_jerk import PEAK
 from wbc.polygon import convex_hull, polygon_margin
 from wbc.robot import Snapshot
@@ -44,9 +46,6 @@ from wbc.validate import Array
 UP = np.array((0.0, 0.0, 1.0))
 # Largest acceleration of a curve of least jerk between rest and rest, in way / time^2.
 PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
-# How far the shoulder may come nearer to a wall, in parts of the CoM's height: a robot that leans
-# by 30 degrees is not caught by any hand.
-LEAN = 0.5
 # A hand that has not met the wall so long after it should have goes back [s].
 PATIENCE = 0.3
 # A hand that leans and is farther from its wall than this [m] has lost it.
@@ -72,7 +71,8 @@ class HandSupport:
     controller:
         Gets tasks for hands and trunk, off until they are needed, and the contact of a hand.
     start:
-        The robot as it stands.
+        The robot as it stands; a warning is logged where it already is so near to the edge of its
+        soles that a hand reaches without a push.
     hands:
         What it leans with.
     walls:
@@ -90,8 +90,8 @@ class HandSupport:
     Raises
     ------
     InvalidInputError
-        No hands or no walls, a hand without an arm, a wall that no arm can reach, or one that is
-        in a hand's way already.
+        Not a torque controller; no hands or no walls, or what is none; a hand without an arm, a
+        wall that no arm can reach, or one that is in a hand's way already.
     UnknownNameError
         No such frame.
     """
@@ -104,21 +104,39 @@ class HandSupport:
         walls: Sequence[Wall],
         settings: LeanSettings | None = None,
     ) -> None:
+        if not isinstance(controller, TorqueController):
+            raise InvalidInputError(
+                "hand support: expected a TorqueController, whose contacts bear forces, got"
+                f" {shown(controller)}"
+            )
         robot = controller.robot
         check_snapshot(robot, start)
-        for kind, given, wanted in (("hands", hands, Hand), ("walls", walls, Wall)):
-            check_list(kind, given, wanted)
+        hands, self.walls = check_hands("hand support", hands), check_walls("hand support", walls)
+        for kind, given in (("hands", hands), ("walls", self.walls)):
             if not given:
                 raise InvalidInputError(f"hand support, {kind}: there are none to lean with or on")
+        if not isinstance(settings, LeanSettings | None):
+            raise InvalidInputError(
+                f"hand support, settings: expected LeanSettings(...), got {shown(settings)}"
+            )
         self.controller, self.settings = controller, settings or LeanSettings()
-        self.walls = tuple(walls)
         self.arms = {hand: Arm.of(robot, hand.frame) for hand in hands}
         self.state: Watching | Reaching | Leaning | Withdrawing = Watching()
         self.time = 0.0
         self._told: list[str] = []
         self._beyond_reach = set[int]()
-        self._check_reach(start)
+        self._released: tuple[PointContact, ...] = ()  # and maybe still held while a ramp runs
         own = self.settings
+        check_reach(self.walls, self.arms, start, own.touch)
+        for k, wall in enumerate(self.walls):
+            inside = -self.beyond(start, wall)
+            if inside <= own.begin:
+                logging.getLogger(__name__).warning(
+                    "hand support: at the start the capture point is %.0f mm inside of the edge of"
+                    " the soles towards wall %d, and hands reach at %.0f mm: without a push, too;"
+                    " stand farther inside, or make begin smaller",
+                    *(1e3 * inside, k, 1e3 * own.begin),
+                )
         self._reach = {
             hand: PositionTask(
                 robot, hand.frame, start.position(hand.frame), name=f"{hand.frame} reach",
@@ -184,7 +202,14 @@ class HandSupport:
         return float(polygon_margin(convex_hull(found[0]), found[1]))
 
     def prepare(self, snapshot: Snapshot) -> None:
-        """Set goals and contacts for the tick of a measured state."""
+        """Set goals and contacts for the tick of a measured state.
+
+        Raises
+        ------
+        InvalidInputError
+            Not a snapshot, or one of another robot object.
+        """
+        check_snapshot(self.controller.robot, snapshot)
         before = self.state
         match before:
             case Watching():
@@ -201,6 +226,11 @@ class HandSupport:
 
     def _watched(self, snapshot: Snapshot) -> Watching | Reaching:
         """Return what comes of a tick without a hand."""
+        first = self._chosen(snapshot)
+        return Watching() if first is None else self._begin(first)
+
+    def _chosen(self, snapshot: Snapshot) -> Reaching | None:
+        """Return the hand that has to reach for a wall now, if one has to and can."""
         held = {one.name for one in self.controller.contacts}  # by hands that leave a wall, too
         for k, wall in enumerate(self.walls):
             if self.beyond(snapshot, wall) <= -self.settings.begin:
@@ -214,14 +244,19 @@ class HandSupport:
                     self._tell(f"no hand can reach wall {k}, towards which the robot falls")
                     self._beyond_reach.add(k)
                 continue
-            first = min(able, key=lambda one: one.left)
-            self._point[first.hand].set_target(-wall.normal)
-            _weigh(self._reach[first.hand], self.settings.weight)
-            _weigh(self._point[first.hand], self.settings.axis)
-            _weigh(self._trunk[first.arm.trunk], self.settings.trunk)
-            self._tell(f"{first.hand.frame} reaches for a wall, in {first.left:.2f} s")
-            return first
-        return Watching()
+            return min(able, key=lambda one: one.left)
+        return None
+
+    def _begin(self, first: Reaching) -> Reaching:
+        """Switch on what a hand needs that reaches for a wall."""
+        hand, own = first.hand, self.settings
+        self._reach[hand].set_target(*first.motion)
+        self._point[hand].set_target(-first.wall.normal)
+        _weigh(self._reach[hand], own.weight)
+        _weigh(self._point[hand], own.axis)
+        _weigh(self._trunk[first.arm.trunk], own.trunk)
+        self._tell(f"{hand.frame} reaches for a wall, in {first.left:.2f} s")
+        return first
 
     def _begun(self, snapshot: Snapshot, hand: Hand, wall: Wall) -> Reaching | None:
         """Return a hand on its way to a wall; None if it cannot get there."""
@@ -242,14 +277,14 @@ class HandSupport:
     ) -> tuple[Array, Array]:
         """Return where the hand should touch (3,), and where its shoulder will then be [m]."""
         shoulder = snapshot.position(arm.shoulder) + max(left, 0.0) * snapshot.com_velocity
-        aim = wall.nearest(shoulder - self.settings.below * arm.length * UP, hand.radius)
-        return aim + hand.radius * wall.normal, shoulder
+        aim = shoulder - self.settings.below * arm.length * UP
+        return wall.touched(aim, hand.radius), shoulder
 
     def _reached(self, snapshot: Snapshot, now: Reaching) -> Watching | Reaching | Leaning:
         """Return what comes of a tick on the way."""
         hand, wall, dt, own = now.hand, now.wall, self.controller.dt, self.settings
         place = snapshot.position(hand.frame)
-        gap = wall.distance(place) - hand.radius
+        gap = wall.gap(place, hand.radius)
         if gap <= own.touch:
             contact = PointContact(
                 self.controller.robot, hand.frame, place - gap * wall.normal,
@@ -257,20 +292,20 @@ class HandSupport:
                 friction=FrictionCone(wall.friction),
             )  # fmt: skip
             self._reach[hand].switch_off()
-            self.controller.set_contacts([*self.controller.contacts, contact], ramp=own.ramp)
+            self.controller.set_contacts([*self._wanted(), contact], ramp=own.ramp)
             self._tell(f"{hand.frame} leans on the wall")
             return Leaning(now.arm, hand, wall, contact)
         left = now.left - dt
         if left < -PATIENCE:
-            self._tell(f"{hand.frame} missed the wall: {1e3 * gap:.0f} mm off")
+            off = math.dist(place, wall.touched(place, hand.radius))
+            self._tell(f"{hand.frame} missed the wall: {1e3 * off:.0f} mm off")
             self._rest(hand)
             return Watching()
         if left > 0.0:
             goal, _ = self._goal(snapshot, now.arm, hand, wall, left)
             motion = towards(now.motion, goal, now.left, dt)
         else:
-            velocity = -own.late * wall.normal
-            motion = SwingMotion(now.motion.value + velocity * dt, velocity, np.zeros(3))
+            motion = _onwards(now.motion, -own.late * wall.normal, dt)
         self._reach[hand].set_target(*motion)
         return now._replace(motion=motion, left=left)
 
@@ -278,26 +313,26 @@ class HandSupport:
         """Return what comes of a tick on the wall."""
         hand, wall, own = now.hand, now.wall, self.settings
         place = snapshot.position(hand.frame)
-        lost = wall.distance(place) - hand.radius > LOST
+        lost = wall.gap(place, hand.radius) > LOST
         back = self._inside(snapshot) > own.end and now.time > LEAST_LEAN
         if not lost and not back:
             return now._replace(time=now.time + self.controller.dt)
-        held = [one for one in self.controller.contacts if one is not now.contact]
-        self.controller.set_contacts(held, ramp=own.ramp)
+        self._released += (now.contact,)
+        self.controller.set_contacts(self._wanted(), ramp=own.ramp)
         why = "lost the wall" if lost else "is released"
         self._tell(f"{hand.frame} {why} after {now.time:.2f} s")
         self._point[hand].switch_off()
+        back_from = SwingMotion.rest(place)
+        self._reach[hand].set_target(*back_from)
         _weigh(self._reach[hand], own.weight)
-        goal = place + AWAY * wall.normal
-        return Withdrawing(hand, wall, SwingMotion.rest(place), goal, AWAY_TIME)
+        return Withdrawing(hand, wall, back_from, place + AWAY * wall.normal, AWAY_TIME)
 
     def _withdrawn(self, snapshot: Snapshot, now: Withdrawing) -> Watching | Withdrawing | Reaching:
         """Return what comes of a tick on the way back."""
-        again = self._watched(snapshot)
-        if isinstance(again, Reaching):
-            if again.hand is not now.hand:
-                self._reach[now.hand].switch_off()
-            return again
+        again = self._chosen(snapshot)
+        if again is not None:  # another hand's trunk may be another link
+            self._rest(now.hand)
+            return self._begin(again)
         dt = self.controller.dt
         if now.left <= dt:
             self._reach[now.hand].switch_off()
@@ -308,6 +343,12 @@ class HandSupport:
         motion = towards(now.motion, now.goal, now.left, dt)
         self._reach[now.hand].set_target(*motion)
         return now._replace(motion=motion, left=now.left - dt)
+
+    def _wanted(self) -> list[Task]:
+        """Return what is held, without the hands that were released and whose force still goes."""
+        held = self.controller.contacts
+        self._released = tuple(one for one in self._released if one in held)
+        return [one for one in held if one not in self._released]
 
     def _rest(self, hand: Hand) -> None:
         """Leave hand and trunk to the other tasks."""
@@ -323,28 +364,14 @@ class HandSupport:
     def _tell(self, what: str) -> None:
         self._told.append(f"{self.time:.3f} s: {what}")
 
-    def _check_reach(self, start: Snapshot) -> None:
-        """Refuse walls that no hand can reach, or that are where a hand is."""
-        for k, wall in enumerate(self.walls):
-            spare = dict[str, float]()
-            for hand, arm in self.arms.items():
-                gap = wall.distance(start.position(hand.frame)) - hand.radius
-                if gap < self.settings.touch:
-                    raise InvalidInputError(
-                        f"hand support: wall {k} is {1e3 * gap:.0f} mm from {hand.frame!r} at the"
-                        " start, or behind it; its normal points at the robot, and there is room"
-                    )
-                shoulder = start.position(arm.shoulder)
-                goal = wall.nearest(shoulder, hand.radius) + hand.radius * wall.normal
-                way = float(np.linalg.norm(goal - shoulder))
-                spare[hand.frame] = arm.length + LEAN * float(start.com[2]) - way
-            nearest = max(spare, key=lambda name: spare[name])
-            if spare[nearest] < 0.0:
-                raise InvalidInputError(
-                    f"hand support: wall {k} is out of reach of {', '.join(spare)}, by"
-                    f" {-spare[nearest]:.2f} m for {nearest!r} even if the robot leans by"
-                    f" {math.degrees(LEAN):.0f} degrees; move it, or leave it out"
-                )
+
+def _onwards(now: SwingMotion, wanted: Array, dt: float) -> SwingMotion:
+    """Return the motion ``dt`` later of a late hand that takes up the velocity (3,) wanted."""
+    change = wanted - now.rate
+    most = SPEED_UP * dt
+    change *= most / max(most, float(np.linalg.norm(change)))
+    velocity = now.rate + change
+    return SwingMotion(now.value + velocity * dt, velocity, change / dt)
 
 
 def _weigh(task: Task, weight: float) -> None:

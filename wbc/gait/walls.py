@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from wbc.errors import InvalidInputError
-from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
+from wbc.validate import Array, check_fields, finite_array, list_of, read_only, set_fields
 
 WALL_THICKNESS = 0.1  # m
 LEAST_UPRIGHT = 0.1  # horizontal part of a unit normal: a flatter face is ground
@@ -26,7 +28,7 @@ class Wall:
     size:
         Width and height (2,) [m]; a rail is a low one.
     friction:
-        Coefficient of friction.
+        Coefficient of friction; a hand leans on no wall that has none.
     """
 
     point: Array
@@ -37,6 +39,10 @@ class Wall:
     def __post_init__(self) -> None:
         normal = finite_array("wall, normal", self.normal, (3,))
         length = float(np.linalg.norm(normal))
+        if length == 0.0:
+            raise InvalidInputError(
+                "wall, normal: needs some length: it points out of the face, towards the robot"
+            )
         if float(np.linalg.norm(normal[:2])) <= LEAST_UPRIGHT * length:
             raise InvalidInputError(
                 f"wall, normal: {normal.tolist()} is not horizontal; what lies flat is a step of"
@@ -50,7 +56,7 @@ class Wall:
         )
         if (self.size <= 0.0).any():
             raise InvalidInputError(f"wall, size: must be positive, got {self.size.tolist()}")
-        check_fields(self, "wall, ", "friction", least=0.0)
+        check_fields(self, "wall, ", "friction", above=0.0)
 
     @property
     def rotation(self) -> Array:
@@ -60,18 +66,28 @@ class Wall:
         return np.column_stack((self.normal, along, np.cross(self.normal, along)))
 
     def distance(self, point: Array) -> float:
-        """Return how far a point (3,) is in front of the face [m]; negative behind."""
+        """Return how far a point (3,) is in front of the face's plane [m]; negative behind."""
         return float(self.normal @ (point - self.point))
 
-    def nearest(self, point: Array, inside: float) -> Array:
-        """Return the point (3,) of the face that is nearest to a point (3,) [m].
+    def gap(self, middle: Array, radius: float) -> float:
+        """Return how far a ball around a point (3,) is in front of the face [m].
 
-        It is at least ``inside`` from the face's sides [m], or in the middle.
+        Negative is in it or behind it; a ball that is beside the face, above a rail say, is
+        infinitely far.
+        """
+        local = np.abs((middle - self.point) @ self.rotation[:, 1:])
+        beside = bool((local > 0.5 * self.size + radius).any())
+        return math.inf if beside else self.distance(middle) - radius
+
+    def touched(self, point: Array, radius: float) -> Array:
+        """Return the middle (3,) of a ball on the face, as near to a point (3,) as it can be [m].
+
+        The ball is not beyond the face's sides, or in the middle of a face that is too small.
         """
         R = self.rotation
-        most = np.maximum(0.5 * self.size - inside, 0.0)
+        most = np.maximum(0.5 * self.size - radius, 0.0)
         local = (point - self.point) @ R[:, 1:]
-        return self.point + R[:, 1:] @ np.clip(local, -most, most)
+        return self.point + R[:, 1:] @ np.clip(local, -most, most) + radius * self.normal
 
 
 @dataclass(frozen=True)
@@ -93,3 +109,24 @@ class Hand:
         if not isinstance(self.frame, str) or not self.frame:
             raise InvalidInputError(f"hand, frame: expected a name, got {self.frame!r}")
         check_fields(self, "hand, ", "radius", above=0.0)
+
+
+def check_hands(what: str, hands: Sequence[Hand]) -> tuple[Hand, ...]:
+    """Return a list of hands as a tuple.
+
+    Raises
+    ------
+    InvalidInputError
+        Something else, or two hands at one frame.
+    """
+    found = list_of(f"{what}, hands", hands, Hand, 'Hand("left_rubber_hand")')
+    frames = [hand.frame for hand in found]
+    for frame in frames:
+        if frames.count(frame) > 1:
+            raise InvalidInputError(f"{what}, hands: {frame!r} is named twice")
+    return found
+
+
+def check_walls(what: str, walls: Sequence[Wall]) -> tuple[Wall, ...]:
+    """Return a list of walls as a tuple; :class:`~wbc.errors.InvalidInputError` if it is none."""
+    return list_of(f"{what}, walls", walls, Wall, "Wall(point, normal)")

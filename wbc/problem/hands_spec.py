@@ -10,7 +10,7 @@ from wbc.controllers import TorqueController
 from wbc.gait.hand_support import HandSupport
 from wbc.gait.leaning import LeanSettings
 from wbc.gait.walls import Hand, Wall
-from wbc.problem.section import KeysOf, Names, Point, Positive, Section, Two, default_of
+from wbc.problem.section import Distinct, KeysOf, Names, Point, Positive, Section, Two, default_of
 from wbc.robot import Snapshot
 
 
@@ -35,7 +35,7 @@ class WallSpec(Section):
 class HandsSpec(Section):
     """What a robot leans on walls with, when soles alone do not catch it."""
 
-    frames: Names
+    frames: Annotated[Names, Distinct]
     """Links or frames at the ends of arms; each is the middle of a ball."""
     radius: Positive = default_of(Hand, "radius")
     """Of these balls [m]."""

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from wbc.controllers.contact_forces import STEEP
 from wbc.simulation.build import Built
 from wbc.validate import Array
-
-STEEP = 0.7071  # how far up a normal looks at 45 degrees
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.extras import quietly, require
-from wbc.gait.walls import Hand
+from wbc.gait.walls import Hand, check_hands
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import check_robot
@@ -92,6 +92,8 @@ class Plant:
         MuJoCo is not installed.
     ModelError
         MuJoCo refuses the robot.
+    InvalidInputError
+        Hands that are none, or not at the ends of arms; numbers that are unusable.
     """
 
     def __init__(
@@ -123,7 +125,7 @@ class Plant:
         self._latency = self._substeps("sensors, latency", sensors.latency, least=0)
         terrain = terrain or (Terrain() if friction is None else Terrain(friction=friction))
         self.terrain = terrain
-        self.hands = tuple(hands)
+        self.hands = check_hands("plant", hands)
         options = ShapeOptions(
             shapes, bool(terrain.steps or terrain.walls), self_collision, self.hands
         )

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import InvalidInputError
-from wbc.gait.walls import Wall
+from wbc.gait.walls import Wall, check_walls
 from wbc.rotations import upright_on
-from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
+from wbc.validate import Array, check_fields, finite_array, list_of, read_only, set_fields
 
 # How much of a contact's error the physics corrects, when it begins and when deep, and how deep
 # that is [m] (MuJoCo's solimp). With its defaults, 0.9 and 0.95, feet sink in five times as far.
@@ -104,8 +104,12 @@ class Terrain:
         check_fields(self, "terrain, ", "friction", least=0.0)
         check_fields(self, "terrain, ", "time_constant", above=0.0)
         slope = finite_array("terrain, slope", self.slope, (2,))
-        set_fields(self, slope=(float(slope[0]), float(slope[1])), steps=tuple(self.steps))
-        set_fields(self, walls=tuple(self.walls))
+        set_fields(
+            self,
+            slope=(float(slope[0]), float(slope[1])),
+            steps=list_of("terrain, steps", self.steps, Step, "Step(centre, size)"),
+            walls=check_walls("terrain", self.walls),
+        )
 
     @property
     def upright(self) -> Array:
