@@ -49,7 +49,7 @@ def test_recorded_measured_written_and_compared(tmp_path: Path) -> None:
     assert "### All sequences, accuracy 0.001" in page and "| proxqp |" in page
     assert "| arm velocity smooth | 12 | 6 | 0 |" in page
     assert "data:image/png;base64," in places[2].read_text()
-    assert places[3].stat().st_size > 20_000
+    assert places[3].stat().st_size > 5_000  # drawn coarsely
 
     slow = json.loads(places[0].read_text())
     for solver in ("active_set", "proxqp"):

@@ -19,8 +19,10 @@ LEAST_LEFT = 0.03
 STEEPNESS = 2.5
 
 # How fast a late foot takes up the speed that it goes down at [m/s^2]: at once, arms were thrown up
-# to their torque bounds against it in the last tick of most steps.
+# to their torque bounds against it in the last tick of most steps. One whose step was made much
+# shorter or longer, by its pace next to the usual, does so at once: pushed robots fell.
 SPEED_UP = 6.0
+USUAL_PACES = 0.5, 1.1
 
 
 class SwingMotion(NamedTuple):
@@ -142,6 +144,8 @@ class SwingFoot(NamedTuple):
         Speed at which it goes on downwards when it is late [m/s].
     done:
         Part of the way that is done, in [0, 1].
+    pace:
+        How fast it does its way, by the usual.
     late:
         How long it should have been on the ground [s].
     crossing:
@@ -158,6 +162,7 @@ class SwingFoot(NamedTuple):
     usual: float
     descent: float
     done: float = 0.0
+    pace: float = 1.0
     late: float = 0.0
     crossing: Crossing | None = None
     tip: SwingMotion = LEVEL
@@ -200,7 +205,8 @@ class SwingFoot(NamedTuple):
         if left <= 0.0:
             then = self._replace(level=level, done=1.0, late=self.late + dt)
         else:
-            then = self._replace(level=level, done=min(1.0, self.done + rate * dt))
+            pace = rate * self.usual if left >= dt else self.pace
+            then = self._replace(level=level, done=min(1.0, self.done + rate * dt), pace=pace)
         if over is not None:
             then = then._replace(tip=SwingMotion(*over.tipped(then.done, rate)))
         curve, later = self._curve(ground, rate), then._curve(ground, rate)
@@ -210,6 +216,8 @@ class SwingFoot(NamedTuple):
     def _curve(self, ground: float, rate: float) -> SwingMotion:
         """Return the height of one that does its way at ``rate`` [1/s]; 0 if it is late."""
         if rate == 0.0:
+            if not USUAL_PACES[0] <= self.pace <= USUAL_PACES[1]:
+                return SwingMotion(ground - self.descent * self.late, -self.descent, 0.0)
             speeding = min(self.late, self.descent / SPEED_UP)
             v = SPEED_UP * speeding
             way = 0.5 * v * speeding + v * (self.late - speeding)
