@@ -2,7 +2,7 @@
 
 from wbc.constraints.collision import SelfCollision
 from wbc.constraints.com_support import ComSupport
-from wbc.constraints.contact import Contact, PointContact, support
+from wbc.constraints.contact import Contact, PointContact
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.independent_coordinates import IndependentCoordinates
 from wbc.constraints.limits import Limits
@@ -10,6 +10,7 @@ from wbc.constraints.margin import BrakingParameters, Margin
 from wbc.constraints.obstacles import Obstacles
 from wbc.constraints.position_box import PositionBox
 from wbc.constraints.rows import Bounds, Constraint, Distances
+from wbc.constraints.support_modes import support
 from wbc.constraints.tilt_limit import TiltLimit
 
 __all__ = [

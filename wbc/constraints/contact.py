@@ -6,8 +6,7 @@ a cost. The anchor is given once, by the caller. Any other task may be held the 
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Self, Unpack
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike
 from wbc.attributes import ArrayAttribute
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Index
-from wbc.errors import InvalidInputError, UnknownNameError, shown
+from wbc.errors import InvalidInputError, shown
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot, check_snapshot
@@ -32,7 +31,6 @@ from wbc.validate import Array, finite_array, read_only, real_array
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
-SUPPORTS = ("floating", "left", "right", "double", "all")
 DEFAULT_FRICTION = FrictionCone()
 UPWARDS = (0.0, 0.0, 1.0)
 LEAST_NORMAL = 1e-9  # a vector that is shorter has no direction
@@ -290,84 +288,3 @@ class ContactRows:
             for contact, own in zip(self.contacts, self.kept, strict=True)
             for k in (range(len(contact.rows)) if own is None else own)
         )
-
-
-def support(
-    snapshot: Snapshot,
-    mode: str | Sequence[str],
-    *,
-    friction: FrictionCone | None = DEFAULT_FRICTION,
-) -> tuple[Contact, ...]:
-    """Return the contacts of a support mode, anchored at ``snapshot`` (paper 5.2).
-
-    Those of a robot whose base is fixed begin with its base, whatever the mode. Feet that end in
-    points are held as points, see :func:`contact_kind`.
-
-    Parameters
-    ----------
-    mode:
-        ``"floating"``, ``"left"``, ``"right"``, ``"double"``, ``"all"`` feet that the robot has, or
-        a list of feet and frames to hold.
-    friction:
-        Of each contact, for the torque level.
-
-    Raises
-    ------
-    UnknownNameError
-        A mode, foot or frame that does not exist.
-    InvalidInputError
-        No snapshot, or no mode.
-    """
-    check_snapshot("support", snapshot)
-    if not isinstance(mode, Iterable):
-        raise InvalidInputError(f"support: expected a mode or a list of frames, got {shown(mode)}")
-    robot = snapshot.robot
-    frames = [sole_or_frame(robot, one) for one in feet_of(robot, mode)]
-    if isinstance(mode, str) and any(snapshot.rotation(frame)[2, 2] < 0.0 for frame in frames):
-        logging.getLogger(__name__).warning(
-            "support: soles of %s face upwards; is the quaternion q[3:7] in the order x, y, z, w?",
-            robot.name,
-        )
-    held = (contact_kind(robot, frame).hold(snapshot, frame, friction=friction) for frame in frames)
-    return base_contact(snapshot) + tuple(held)
-
-
-def contact_kind(robot: Robot, frame: str) -> type[Contact]:
-    """Return the contact that a frame makes: PointContact if it is the sole of a point foot."""
-    points = (foot.frame for foot in robot.feet.values() if len(foot.polygon) == 1)
-    return PointContact if frame in points else Contact
-
-
-def base_contact(snapshot: Snapshot) -> tuple[Contact, ...]:
-    """Return the contact that holds the base where it is; none if the robot's base floats."""
-    return (Contact.hold(snapshot, BASE),) if snapshot.robot.fixed_base else ()
-
-
-def feet_of(robot: Robot, mode: str | Sequence[str]) -> tuple[str, ...]:
-    """Return the feet that a support mode stands on; what is listed as it is.
-
-    Raises
-    ------
-    UnknownNameError
-        A mode that does not exist, or one of feet that the robot does not have.
-    """
-    if not isinstance(mode, str):
-        return tuple(mode)
-    if mode not in SUPPORTS:
-        raise UnknownNameError("support mode", mode, SUPPORTS)
-    every = tuple(robot.feet) or ("all",)  # which none of its feet is called
-    feet = {"floating": (), "double": ("left", "right"), "all": every}.get(mode, (mode,))
-    for foot in feet:
-        if robot.feet and foot not in robot.feet:
-            names = ", ".join(robot.feet)
-            remedy = f"its feet are {names}; write all, or a list of those to stand on"
-            raise UnknownNameError(f"foot of {robot.name}", foot, robot.feet, remedy)
-        robot.foot(foot)
-    return feet
-
-
-def sole_or_frame(robot: Robot, name: str) -> str:
-    """Return the frame that a name in a list of supports means: a frame's own, or a foot's sole."""
-    if name in robot.feet and name not in robot.frame_indices:
-        return robot.feet[name].frame
-    return name

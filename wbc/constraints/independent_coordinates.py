@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lstsq, qr
 
-from wbc.constraints.contact import Contact, support
+from wbc.constraints.contact import Contact
 from wbc.constraints.limits import BASE_ROWS
 from wbc.constraints.mechanics import mechanics_of
+from wbc.constraints.support_modes import support
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
@@ -63,7 +64,7 @@ class IndependentCoordinates:
         Parameters
         ----------
         mode:
-            As :func:`~wbc.constraints.contact.support` takes it. A fixed base is held too.
+            As :func:`~wbc.constraints.support` takes it. A fixed base is held too.
         tolerance:
             Of the largest column of the support's rows: what is left of a column below this is
             taken for dependent on those before it. By default the inverse is taken until the knee

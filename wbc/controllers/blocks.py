@@ -195,7 +195,7 @@ class AskedPart(Part):
 
     def __init__(self, part: Part, nv: int, curved: bool) -> None:
         task = part.task
-        self._curved = curved and not part.held
+        self._curved = curved and not (part.held or part.torque)
         super().__init__(task, part.kept, part.held, part.torque, part.level, part._scale)
         chosen = list(range(len(task.rows))) if self.kept is None else self.kept
         k, none = len(chosen), np.zeros(len(task.rows))
@@ -221,7 +221,7 @@ class AskedPart(Part):
         residual, (place,), chosen = asked.residual, self._places, self._chosen
         if residual is None:
             return False
-        if residual.curvature is not None and not self._curved and not self.held:
+        if residual.curvature is not None and not (self._curved or self.held or self.torque):
             return False
         bias, drift, matrix, error, bound, *curvature = place.rest
         matrix.reshape(self._shape)[:] = residual.jacobian[chosen]

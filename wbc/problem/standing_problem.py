@@ -6,13 +6,15 @@ from pathlib import Path
 
 from wbc.retargeting.reference import MotionReference
 from wbc.retargeting.standing import StandingMotion
+from wbc.robot.limits import BASE_NV
 
 AFTER = 0.5  # s that are simulated after the motion's end
+ROTORS = 0.003  # kg m^2, where the robot's file has none: joints without chatter
 TEMPLATE = """\
 # {source}, on a {robot} that stays on both feet: `wbc sim {name}`.
 # With slower: 1.5 in {{motion: ...}} it takes more time; with lean: 0.01 the CoP is kept inside.
 
-robot: {{model: {model}, armature: 0.003}}  # rotors, in kg m^2 at the joints
+robot: {drives}
 start: {{motion: {motion}}}
 support: double
 
@@ -57,12 +59,14 @@ def standing_problem(
     reference = MotionReference(motion, slower=slower, lean=lean)
     more = "" if slower == 1.0 else f", slower: {slower:g}"
     more += "" if lean is None else f", lean: {lean:g}"
-    target = f"{{motion: {_quoted(file)}{more}}}"
+    target, drives = f"{{motion: {_quoted(file)}{more}}}", f"{{model: {_quoted(model)}}}"
+    if not motion.robot.model.armature[BASE_NV:].any():
+        drives = f"{{model: {_quoted(model)}, armature: {ROTORS:g}}}  # in kg m^2 at the joints"
     return TEMPLATE.format(
         source=Path(motion.source).name,
         robot=motion.robot.name,
         name=name,
-        model=_quoted(model),
+        drives=drives,
         motion=_quoted(file),
         target=target,
         trunk=_quoted(trunk),

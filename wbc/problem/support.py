@@ -9,14 +9,14 @@ import numpy as np
 from pydantic import Field
 
 from wbc.constraints import Contact, PointContact, support
-from wbc.constraints.contact import (
-    DEFAULT_FRICTION,
+from wbc.constraints.contact import DEFAULT_FRICTION
+from wbc.constraints.friction import FrictionCone
+from wbc.constraints.support_modes import (
     base_contact,
     contact_kind,
     feet_of,
     sole_or_frame,
 )
-from wbc.constraints.friction import FrictionCone
 from wbc.errors import InvalidInputError
 from wbc.problem.friction import FrictionSpec, cone
 from wbc.problem.mistakes import Misplaced
