@@ -13,7 +13,7 @@ from wbc.constraints import PointContact, support
 from wbc.controllers import KinematicController, TorqueController
 from wbc.errors import InvalidInputError, ProblemFileError, UnknownNameError
 from wbc.gait import Arm, Hand, HandSupport, LeanSettings, Wall, WithHands
-from wbc.gait.leaning import Leaning, Reaching, Watching, Withdrawing
+from wbc.gait.leaning import HandsFree, Leaning, Reaching, Withdrawing
 from wbc.gait.swing import SPEED_UP, SwingMotion
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem
@@ -296,7 +296,7 @@ def test_nothing_happens_while_the_soles_suffice(start: Snapshot) -> None:
     plain, watched = controller(start), controller(start)
     hands = HandSupport(watched, start, [LEFT], [wall_at(0.5)])
     hands.prepare(start)
-    assert isinstance(hands.state, Watching)
+    assert isinstance(hands.state, HandsFree)
     assert hands.beyond(start, hands.walls[0]) == pytest.approx(-0.15, abs=0.02)
     np.testing.assert_allclose(watched.step(start).torque, plain.step(start).torque, atol=1e-6)
 
@@ -344,7 +344,7 @@ def test_a_g1_by_a_wall_survives_what_it_does_not_without_its_hand() -> None:
         leant += pressed * plant.dt
         seen.add(type(led.hands.state))
     assert leant > 10.0  # N s of the 39 that pushed it
-    assert isinstance(led.hands.state, Watching)  # and it was released
+    assert isinstance(led.hands.state, HandsFree)  # and it was released
     assert np.linalg.norm(plant.snapshot().com_velocity) < 0.05
     assert {Reaching, Leaning} < seen
     without = load_problem(PROBLEM, short | {"hands": None})

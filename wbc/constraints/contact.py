@@ -129,12 +129,14 @@ class Contact(CoreTask):
         **law: Unpack[LawKeywords],
     ) -> Self:
         """Return a contact that holds ``frame`` where it is in ``snapshot``."""
+        return cls(*cls._placed(snapshot, frame), friction=friction, corners=corners, **law)
+
+    @classmethod
+    def _placed(cls, snapshot: Snapshot, frame: str) -> tuple[Robot, str, Array, Array]:
+        """Return robot, frame, and the anchor where it is in ``snapshot``."""
         check_snapshot(f"{cls.__name__}.hold", snapshot)
         snapshot.robot.frame_id(frame)
-        position, rotation = snapshot.position(frame), snapshot.rotation(frame)
-        return cls(
-            snapshot.robot, frame, position, rotation, friction=friction, corners=corners, **law
-        )
+        return snapshot.robot, frame, *snapshot.placement(frame)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.frame!r})"
@@ -245,13 +247,8 @@ class PointContact(Contact):
         **law: Unpack[LawKeywords],
     ) -> Self:
         """Return a contact that holds ``frame`` where it is in ``snapshot``."""
-        check_snapshot(f"{cls.__name__}.hold", snapshot)
-        snapshot.robot.frame_id(frame)
-        position, rotation = snapshot.position(frame), snapshot.rotation(frame)
-        return cls(
-            snapshot.robot, frame, position, rotation, normal=normal, friction=friction,
-            corners=corners, **law,
-        )  # fmt: skip
+        placed = cls._placed(snapshot, frame)
+        return cls(*placed, normal=normal, friction=friction, corners=corners, **law)
 
     def _corners(self, given: ArrayLike | None) -> Array:
         if given is not None:

@@ -31,7 +31,7 @@ from wbc.native import doubles, ffi, lib, pointer
 from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import joint_starts
 from wbc.robot.limits import BASE_NV
-from wbc.robot.model import check_robot
+from wbc.robot.model import check_robot, check_sizes
 from wbc.robot.postures import STANDING
 from wbc.validate import Array, finite_number, finite_vector, read_only, real_array
 
@@ -191,9 +191,7 @@ class Limits(DeclaredAttributes):
         return float(margin[worst]), self.robot.joint_names[worst]
 
     def _box(self, snapshot: Snapshot, dt: float, bounded: bool) -> Box:
-        other = snapshot.robot
-        if other is not self.robot and (other.nq, other.nv) != (self.robot.nq, self.robot.nv):
-            raise InvalidInputError(f"limits: the snapshot is of another robot, {other.name!r}")
+        check_sizes("limits", self.robot, snapshot)
         tree, box = self.robot.native.tree, np.empty((2, self.robot.nv))
         limit, start = self.numbers(), joint_starts(self.robot.limits)
         at = {"tree": tree.struct, "limit": pointer(limit), "start": pointer(start)}

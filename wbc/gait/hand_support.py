@@ -33,7 +33,7 @@ from wbc.controllers.checks import check_snapshot
 from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError, shown
 from wbc.gait.arms import Arm
-from wbc.gait.leaning import Leaning, LeanSettings, Reaching, Watching, Withdrawing
+from wbc.gait.leaning import HandsFree, Leaning, LeanSettings, Reaching, Withdrawing
 from wbc.gait.swing import SPEED_UP, SwingMotion, towards
 from wbc.gait.wall_reach import check_reach
 from wbc.gait.walls import Hand, Wall, check_hands, check_walls
@@ -83,7 +83,7 @@ class HandSupport:
     Attributes
     ----------
     state:
-        :class:`Watching`, :class:`Reaching`, :class:`Leaning` or :class:`Withdrawing`.
+        :class:`HandsFree`, :class:`Reaching`, :class:`Leaning` or :class:`Withdrawing`.
     time:
         Of the ticks prepared so far [s].
 
@@ -121,7 +121,7 @@ class HandSupport:
             )
         self.controller, self.settings = controller, settings or LeanSettings()
         self.arms = {hand: Arm.of(robot, hand.frame) for hand in hands}
-        self.state: Watching | Reaching | Leaning | Withdrawing = Watching()
+        self.state: HandsFree | Reaching | Leaning | Withdrawing = HandsFree()
         self.time = 0.0
         self._told: list[str] = []
         self._beyond_reach = set[int]()
@@ -212,7 +212,7 @@ class HandSupport:
         check_snapshot(self.controller.robot, snapshot)
         before = self.state
         match before:
-            case Watching():
+            case HandsFree():
                 self.state = self._watched(snapshot)
             case Reaching():
                 self.state = self._reached(snapshot, before)
@@ -224,10 +224,10 @@ class HandSupport:
 
     # ------------------------------------------------------------------ from state to state
 
-    def _watched(self, snapshot: Snapshot) -> Watching | Reaching:
+    def _watched(self, snapshot: Snapshot) -> HandsFree | Reaching:
         """Return what comes of a tick without a hand."""
         first = self._chosen(snapshot)
-        return Watching() if first is None else self._begin(first)
+        return HandsFree() if first is None else self._begin(first)
 
     def _chosen(self, snapshot: Snapshot) -> Reaching | None:
         """Return the hand that has to reach for a wall now, if one has to and can."""
@@ -280,7 +280,7 @@ class HandSupport:
         aim = shoulder - self.settings.below * arm.length * UP
         return wall.touched(aim, hand.radius), shoulder
 
-    def _reached(self, snapshot: Snapshot, now: Reaching) -> Watching | Reaching | Leaning:
+    def _reached(self, snapshot: Snapshot, now: Reaching) -> HandsFree | Reaching | Leaning:
         """Return what comes of a tick on the way."""
         hand, wall, dt, own = now.hand, now.wall, self.controller.dt, self.settings
         place = snapshot.position(hand.frame)
@@ -300,7 +300,7 @@ class HandSupport:
             off = math.dist(place, wall.touched(place, hand.radius))
             self._tell(f"{hand.frame} missed the wall: {1e3 * off:.0f} mm off")
             self._rest(hand)
-            return Watching()
+            return HandsFree()
         if left > 0.0:
             goal, _ = self._goal(snapshot, now.arm, hand, wall, left)
             motion = towards(now.motion, goal, now.left, dt)
@@ -327,7 +327,9 @@ class HandSupport:
         _weigh(self._reach[hand], own.weight)
         return Withdrawing(hand, wall, back_from, place + AWAY * wall.normal, AWAY_TIME)
 
-    def _withdrawn(self, snapshot: Snapshot, now: Withdrawing) -> Watching | Withdrawing | Reaching:
+    def _withdrawn(
+        self, snapshot: Snapshot, now: Withdrawing
+    ) -> HandsFree | Withdrawing | Reaching:
         """Return what comes of a tick on the way back."""
         again = self._chosen(snapshot)
         if again is not None:  # another hand's trunk may be another link
@@ -338,7 +340,7 @@ class HandSupport:
             self._reach[now.hand].switch_off()
             if abs(float(snapshot.com_velocity @ now.wall.normal)) < CALM:
                 self._rest(now.hand)
-                return Watching()
+                return HandsFree()
             return now
         motion = towards(now.motion, now.goal, now.left, dt)
         self._reach[now.hand].set_target(*motion)

@@ -68,7 +68,7 @@ class LeanSettings:
         check_fields(self, "hands, ", *positive, above=0.0)
 
 
-class Watching(NamedTuple):
+class HandsFree(NamedTuple):
     """No hand is needed."""
 
 

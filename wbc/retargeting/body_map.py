@@ -23,7 +23,7 @@ PARTS = ("pelvis", "trunk", "head", *(f"{side}_{part}" for side in SIDES for par
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class RobotArm:
     """Frames of one arm; ``shoulder``, ``forearm`` and ``hand`` have their origins in the joints.
 
     Attributes
@@ -65,7 +65,7 @@ class BodyMap:
     pelvis: str
     trunk: str
     head: str | None
-    arms: Mapping[str, Arm]
+    arms: Mapping[str, RobotArm]
     upright: Mapping[str, Array]
     notes: tuple[str, ...]
 
@@ -126,7 +126,7 @@ def body_map(robot: Robot, links: Mapping[str, str] | None = None) -> BodyMap:
         ]
         shoulder, upper, forearm, hand = names
         length = float(lengths.sum())
-        arms[side] = Arm(shoulder, upper, forearm, hand, axes[0], axes[1], length)
+        arms[side] = RobotArm(shoulder, upper, forearm, hand, axes[0], axes[1], length)
     head = found.get("head")
     if head is None:
         notes.append(f"{robot.name} has no head that moves: it looks where its trunk does")

@@ -414,6 +414,19 @@ def check_robot(what: str, robot: object) -> None:
         )
 
 
+def check_sizes(what: object, robot: Robot, snapshot: Snapshot) -> None:
+    """Refuse a snapshot of a robot with other joints: the core reads arrays by the sizes of one.
+
+    Raises
+    ------
+    InvalidInputError
+        The message names the other robot.
+    """
+    other = snapshot.robot
+    if other is not robot and (other.nq, other.nv) != (robot.nq, robot.nv):
+        raise InvalidInputError(f"{what}: the snapshot is of another robot, {other.name!r}")
+
+
 def check_snapshot(what: str, snapshot: object) -> None:
     """Refuse what is no snapshot, such as the robot or its configuration.
 

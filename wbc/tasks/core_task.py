@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.errors import InvalidInputError
 from wbc.laws import Residual
 from wbc.native import doubles, ffi, lib, pointer
 from wbc.native.rows import NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import frame_places, joint_starts
+from wbc.robot.model import check_sizes
 from wbc.robot.names import BASE
 from wbc.tasks.task import Task
 from wbc.validate import Array
@@ -47,8 +47,7 @@ class CoreTask(Task):
 
     def _found(self, snapshot: Snapshot, drifts: bool = False) -> _Found:
         robot, described = snapshot.robot, self.native()
-        if robot is not self.robot and (robot.nq, robot.nv) != (self.robot.nq, self.robot.nv):
-            raise InvalidInputError(f"{self}: the snapshot is of another robot, {robot.name!r}")
+        check_sizes(self, self.robot, snapshot)
         plans = robot.native.plans
         about = tuple((rows.kind, rows.frame, rows.other, rows.entries) for rows in described)
         plan = plans.get(about)
