@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from wbc.retargeting.reference import MotionReference
 from wbc.retargeting.standing import StandingMotion
-from wbc.robot.limits import BASE_NV
+from wbc.robot import Robot
 
 AFTER = 0.5  # s that are simulated after the motion's end
 ROTORS = 0.003  # kg m^2, where the robot's file has none: joints without chatter
@@ -48,7 +50,7 @@ def standing_problem(
     file:
         The motion's, as seen from that of the problem.
     model:
-        The robot's name or file.
+        The robot's name or file. Rotors that differ from joint to joint are left to it.
     trunk:
         Frame of the trunk, whose rotation is followed.
     name:
@@ -59,19 +61,26 @@ def standing_problem(
     reference = MotionReference(motion, slower=slower, lean=lean)
     more = "" if slower == 1.0 else f", slower: {slower:g}"
     more += "" if lean is None else f", lean: {lean:g}"
-    target, drives = f"{{motion: {_quoted(file)}{more}}}", f"{{model: {_quoted(model)}}}"
-    if not motion.robot.model.armature[BASE_NV:].any():
-        drives = f"{{model: {_quoted(model)}, armature: {ROTORS:g}}}  # in kg m^2 at the joints"
+    target = f"{{motion: {_quoted(file)}{more}}}"
     return TEMPLATE.format(
         source=Path(motion.source).name,
         robot=motion.robot.name,
         name=name,
-        drives=drives,
+        drives=_drives(motion.robot, model),
         motion=_quoted(file),
         target=target,
         trunk=_quoted(trunk),
         duration=reference.ends + AFTER,
     )
+
+
+def _drives(robot: Robot, model: str) -> str:
+    """Return the robot's line: with its rotors where one number says them, or those of most."""
+    rotors = np.unique(robot.armature)
+    if len(rotors) > 1:
+        return f"{{model: {_quoted(model)}}}"
+    rotor = float(rotors[0]) if rotors.any() else ROTORS
+    return f"{{model: {_quoted(model)}, armature: {rotor:g}}}  # rotors, in kg m^2 at the joints"
 
 
 def _quoted(text: str) -> str:
