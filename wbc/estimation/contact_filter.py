@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import check_kind, whole_number
 from wbc.native import doubles, ffi, integers, lib
 from wbc.rotations import check_rotation
 from wbc.validate import Array, check_fields, finite_array
@@ -95,6 +96,8 @@ class ContactFilter:
         noise: FilterNoise | None = None,
         gravity: ArrayLike = (0.0, 0.0, -9.81),
     ) -> None:
+        check_kind("filter, noise", noise, FilterNoise, or_none=True)
+        feet = whole_number("filter, feet", feet)
         noise = noise or FilterNoise()
         self.noise, self.feet = noise, feet
         self._n = n = SHOWN + 6 * feet

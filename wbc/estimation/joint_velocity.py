@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from wbc.errors import InvalidInputError
+from wbc.kinds import whole_number
 from wbc.native import doubles, integers, lib
 from wbc.validate import Array, finite_number
 
@@ -42,8 +42,8 @@ class JointVelocityFilter:
     """
 
     def __init__(self, joints: int, window: int = 5, dt: float = 0.002) -> None:
-        if not isinstance(window, int) or window < 2:
-            raise InvalidInputError(f"joint velocity filter, window: at least 2, got {window!r}")
+        joints = whole_number("joint velocity filter, joints", joints)
+        window = whole_number("joint velocity filter, window", window, least=2)
         step = finite_number("joint velocity filter, dt", dt, above=0.0)
         self.window, self.delay = window, 0.5 * (window - 1) * step
         self.gain = math.sqrt(12.0 / (window * (window**2 - 1))) / step

@@ -25,6 +25,7 @@ from wbc.errors import InvalidInputError
 from wbc.native import doubles, ffi, lib, pointer
 from wbc.robot import Robot
 from wbc.robot.kernel import frame_places
+from wbc.robot.model import check_robot
 from wbc.validate import Array, finite_number
 
 
@@ -52,6 +53,7 @@ class MomentumObserver:
     """
 
     def __init__(self, robot: Robot, bandwidth: float = 150.0, base_trust: float = 0.1) -> None:
+        check_robot("momentum observer, robot", robot)
         self.robot, self.feet = robot, tuple(robot.feet)
         self.bandwidth = finite_number("momentum observer, bandwidth", bandwidth, above=0.0)
         trust = finite_number("momentum observer, base_trust", base_trust, least=0.0)

@@ -24,6 +24,7 @@ from wbc.motion.dropouts import Dropout, fill_gaps
 from wbc.motion.forces import MeasuredForces, read_forces
 from wbc.motion.table import MotionTable, RecordingError, read_csv, read_npz
 from wbc.robot import Robot
+from wbc.robot.model import check_robot
 from wbc.validate import Array, finite_array, finite_number, read_only, real_array, set_fields
 
 LONGEST_GAP = 0.1  # s
@@ -75,6 +76,7 @@ class Motion:
 
     def __post_init__(self) -> None:
         source = self.source
+        check_robot(f"{source}: robot", self.robot)
         count = real_array(f"{source}: time", self.time).size
         if count < LEAST_ROWS:
             raise InvalidInputError(

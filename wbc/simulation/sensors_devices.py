@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, shown
 from wbc.estimation.imus import ImuMount
+from wbc.kinds import check_switches
 from wbc.simulation.mismatch import check_seed
 from wbc.validate import check_fields, set_fields
 
@@ -61,6 +62,7 @@ class Imu:
         what = f"IMU {self.name!r}, "
         noises = [f"{of}_{what}" for of in DEVICES for what in ("noise", "bias", "walk")]
         check_fields(self, what, *noises, least=0.0)
+        check_fields(self, what, "most_rate", "most_force", above=0.0)
         if self.rate is not None:
             check_fields(self, what, "rate", above=0.0)
         _ = self.mount
@@ -117,6 +119,7 @@ class Encoders:
 
     def __post_init__(self) -> None:
         check_fields(self, "encoders, ", "resolution", "noise", "delay", "rate_noise", least=0.0)
+        check_switches(self, "encoders, ", "rates")
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.kinds import switch
 from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
@@ -96,13 +97,13 @@ class InertiaTask(Task):
     ) -> None:
         components = names_of("inertia task, components", components)
         super().__init__(robot, name, components, **law)
-        self.second_order = second_order
-        if frame != WORLD:
+        self.second_order = switch(f"{self}, second_order", second_order)
+        if not isinstance(frame, str) or frame != WORLD:
             robot.frame_id(frame)
         self.frame = frame
         self.about = self._point(about)
-        self.per_mass = per_mass
-        scale = 1.0 / robot.mass if per_mass else 1.0
+        self.per_mass = switch(f"{self}, per_mass", per_mass)
+        scale = 1.0 / robot.mass if self.per_mass else 1.0
         self._wanted: Array
         self._bias: Array
         self._drift: Array

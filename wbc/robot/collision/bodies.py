@@ -9,7 +9,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import ModelError, UnknownNameError, listed
+from wbc.errors import ModelError, listed
+from wbc.kinds import one_of
 from wbc.robot.collision.fitting import Fit, cached_fit, fit_capsule, fit_hull
 from wbc.robot.collision.shapes import Body, Capsule, Hull, moved
 from wbc.robot.geometry import AROUND, triangulated
@@ -38,8 +39,7 @@ def robot_bodies(robot: Robot, fit: str = "capsule") -> tuple[Body, ...]:
     UnknownNameError
         No such fit.
     """
-    if fit not in FITS:
-        raise UnknownNameError("fit", fit, FITS)
+    one_of("fit", fit, FITS)
     bodies = []
     for name, link, shape in named_shapes(robot):
         found = simple_shape(shape.geometry, fit, f"{robot.path}: link {link!r}")
