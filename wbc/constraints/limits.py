@@ -150,6 +150,7 @@ class Limits(DeclaredAttributes):
         gravity and for the other joints. What was given as ``acceleration`` stays. What is assigned
         to these limits later is assigned to those, too.
         """
+        torques = finite_vector("limits, torques", torques, self.robot.nv - BASE_NV)
         if not self.by_default:
             return self
         q = self.robot.postures[STANDING]
@@ -195,6 +196,7 @@ class Limits(DeclaredAttributes):
         check_sizes("limits", self.robot, snapshot)
         tree, box = self.robot.native.tree, np.empty((2, self.robot.nv))
         limit, start = self.numbers(), joint_starts(self.robot.limits)
+        dt = finite_number("limits, dt", dt, above=0.0)
         at = {"tree": tree.struct, "limit": pointer(limit), "start": pointer(start)}
         plan = ffi.new("wbc_plan *", {**at, "dt": dt, "braked": bounded})
         lib.wbc_box(plan, *map(doubles, (snapshot.q, snapshot.v, box)))

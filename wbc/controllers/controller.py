@@ -42,7 +42,7 @@ from wbc.controllers.plan import Decision, LevelPlan
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.controllers.tick import POLICIES, Began, Tick
 from wbc.errors import ControllerFailure, InvalidInputError
-from wbc.kinds import one_of
+from wbc.kinds import check_kind, one_of
 from wbc.laws import Rows
 from wbc.qp.backend import Backend, backend_of
 from wbc.robot import Robot, Snapshot
@@ -378,6 +378,7 @@ class Controller(DeclaredAttributes, ABC):
 
     def conditioning(self, tick: Tick) -> Conditioning:
         """Return how well the tasks determined a tick of this controller: rank and condition."""
+        check_kind("conditioning, tick", tick, Tick)
         return conditioning(tick.qp, self.damping, self.joint_weights)
 
     def _take(

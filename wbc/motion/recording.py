@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.kinds import check_path
 from wbc.motion.columns import (
     PLACE,
     QUATERNION,
@@ -157,6 +158,8 @@ def read_motion(
     """
     longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
     beyond = finite_number("beyond", beyond, least=0.0)
+    check_path("read_motion, path", path)
+    check_robot("read_motion, robot", robot)
     table = with_angles(_table(Path(path), robot), robot)
     where, values = read_columns(table, robot, ignore, degrees)
     time = _times(table, values, where.get("time"), rate)

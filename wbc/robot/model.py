@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError, listed, shown
-from wbc.kinds import check_path, check_word
+from wbc.kinds import check_path, check_word, switch
 from wbc.notebook import as_html, some
 from wbc.robot.drives import JointValues, armature_note, effort_note, set_drives
 from wbc.robot.feet import FootSpec
@@ -331,12 +331,13 @@ class Robot(KinematicTree):
             remedy = "" if isinstance(reference, str) else first
             raise UnknownNameError("posture", reference, self.postures, remedy)
         q = self.postures[reference].copy()
-        set_joints(self.limits, q, joints or {})
+        given = {} if joints is None else joints
+        set_joints(self.limits, q, given)
         follow(self.limits, q, self.couplings)
-        if self.loops and joints:
+        if self.loops and given:
             names = self.joint_names
-            q = self.closed(q, [names[k] for key in joints for k in matching(key, names)])
-        return grounded(self.model, q, self.feet) if on_ground else q
+            q = self.closed(q, [names[k] for key in given for k in matching(key, names)])
+        return grounded(self.model, q, self.feet) if switch("posture, on_ground", on_ground) else q
 
     def passive_forces(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:
         """Return what springs and the like give (nv,) [N, N m]: forces that no motor is asked for.
@@ -355,6 +356,7 @@ class Robot(KinematicTree):
 
     def passive_forces_at(self, snapshot: Snapshot) -> Array:
         """Return :meth:`passive_forces` at a snapshot, whose state has been checked."""
+        check_snapshot("passive_forces_at", snapshot)
         return self._passive_forces(snapshot, snapshot.q, snapshot.v)
 
     def _passive_forces(self, owner: object, q: Array, v: Array) -> Array:
@@ -423,19 +425,20 @@ def check_robot(what: str, robot: object) -> None:
 
 
 def check_sizes(what: object, robot: Robot, snapshot: Snapshot) -> None:
-    """Refuse a snapshot of a robot with other joints: the core reads arrays by the sizes of one.
+    """Refuse what is no snapshot, or one of a robot with other joints: the core reads by its sizes.
 
     Raises
     ------
     InvalidInputError
         The message names the other robot.
     """
+    check_snapshot(what, snapshot)
     other = snapshot.robot
     if other is not robot and (other.nq, other.nv) != (robot.nq, robot.nv):
         raise InvalidInputError(f"{what}: the snapshot is of another robot, {other.name!r}")
 
 
-def check_snapshot(what: str, snapshot: object) -> None:
+def check_snapshot(what: object, snapshot: object) -> None:
     """Refuse what is no snapshot, such as the robot or its configuration.
 
     Raises

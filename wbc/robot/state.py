@@ -258,7 +258,7 @@ class KinematicState:
         ``weights`` is a symmetric (3, 3) matrix; times the error of an inertia task this is what
         Gauss-Newton leaves out.
         """
-        mass = self.robot.mass
+        weights, mass = finite_array("weights", weights, (3, 3)), self.robot.mass
         hessian = self.native_state.inertia_hessian(weights, mass)
         if not is_com(about):
             arm, of_arm = self.arm(about), self.arm_jacobian(about)
@@ -268,7 +268,7 @@ class KinematicState:
 
     def base_inertia_hessian(self, weights: Array, about: str | ArrayLike = COM) -> Array:
         """Hessian (nv, nv) by the joints of the same sum, I and weights in base axes."""
-        S = self.rotation(BASE)
+        S, weights = self.rotation(BASE), finite_array("weights", weights, (3, 3))
         hessian = self.inertia_hessian(S @ weights @ S.T, about).copy()
         hessian[:BASE_NV] = 0.0
         hessian[:, :BASE_NV] = 0.0

@@ -22,6 +22,7 @@ from wbc.kinds import switch
 from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
+from wbc.robot.model import check_sizes
 from wbc.robot.names import BASE, COM, WORLD
 from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, vech, vech_inverse
 from wbc.tasks.keywords import Gains
@@ -140,6 +141,7 @@ class InertiaTask(Task):
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the selected entries of actual minus target inertia and their Jacobian."""
+        check_sizes(self, self.robot, snapshot)
         error = self._selection.dot(vech(snapshot.inertia_in(self.frame, self.about)))
         error -= self._wanted
         jacobian = self._selection.dot(snapshot.inertia_jacobian_in(self.frame, self.about))
@@ -170,6 +172,7 @@ class InertiaTask(Task):
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the second derivative of the selected entries at v' = 0, less the target's."""
+        check_sizes(self, self.robot, snapshot)
         drift = self._selection.dot(snapshot.inertia_drift_in(self.frame, self.about))
         drift += self._drift
         return drift
