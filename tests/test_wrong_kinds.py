@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.estimation import ContactFilter, JointVelocityFilter, Measurement, StateEstimator
+from wbc.estimation import (
+    ContactFilter,
+    JointVelocityFilter,
+    Measurement,
+    MomentumObserver,
+    StateEstimator,
+)
 from wbc.gait import Footstep, Walker
 from wbc.hardware import Safety, UdpBus
 from wbc.human import read_markers
@@ -41,6 +47,11 @@ def calls() -> list[Call]:
     torque = wbc.TorqueController(robot, [com], contacts=held, solver="active_set")
     plant, walker = Plant(robot), Walker(robot)
     collision, limits = wbc.SelfCollision(robot), wbc.Limits(robot)
+
+    place, rates = np.concatenate((np.zeros(3), np.eye(3).ravel())), JointVelocityFilter(4)
+    feet, felt = ContactFilter(2), MomentumObserver(robot)
+    for k in range(2):
+        feet.hold(k, place, np.eye(6))
 
     def bus(**given: Any) -> None:
         UdpBus(**given).close()
@@ -92,6 +103,12 @@ def calls() -> list[Call]:
         ("estimator", StateEstimator, {"robot": robot, "imus": (), "settings": None}),
         ("rates", JointVelocityFilter, {"joints": 5, "window": 5}),
         ("filter", ContactFilter, {"feet": 2, "noise": None}),
+        ("rate", rates.update, {"time": 0.0, "positions": np.zeros(4)}),
+        ("predict", feet.predict, {"rate": np.zeros(3), "force": np.ones(3), "dt": 0.01}),
+        ("hold", feet.hold, {"k": 1, "place": place, "noise": np.eye(6)}),
+        ("correct", feet.correct, {"k": 1, "place": place, "noise": np.eye(6)}),
+        ("release", feet.release, {"k": 1}),
+        ("felt", felt.update, {"q": q, "v": s.v, "torque": np.zeros(robot.nv - 6), "dt": 0.01}),
         ("measurement", Measurement, {"time": 0.0, "positions": np.zeros(3), "imus": ()}),
         ("safety", Safety, {"limits": None, "damping": np.ones(3), "dt": 0.002}),
         ("udp", bus, {"joints": 3, "robot": "127.0.0.1", "port": 0}),

@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.kinds import whole_number
 from wbc.native import doubles, integers, lib
-from wbc.validate import Array, finite_number
+from wbc.validate import Array, finite_array, finite_number
 
 
 class JointVelocityFilter:
@@ -58,8 +58,15 @@ class JointVelocityFilter:
         """Take in a reading (n,) at a time [s]; return the velocities (n,), 0 at the first.
 
         A time that is not later than the last one's takes the place of the last reading.
+
+        Raises
+        ------
+        InvalidInputError
+            Something is NaN, or not one number per joint.
         """
-        reading = np.ascontiguousarray(positions, dtype=float)
+        what, joints = "joint velocity filter", self._positions.shape[1]
+        reading = finite_array(f"{what}, positions", positions, (joints,))
+        time = finite_number(f"{what}, time", time)
         rates = np.empty(len(reading))
         kept = doubles(self._times), doubles(self._positions), integers(self._count)
         given = time, doubles(reading), doubles(rates)
