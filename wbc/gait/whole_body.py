@@ -15,9 +15,10 @@ from wbc.constraints.rows import Constraint
 from wbc.controllers.torque import TorqueController
 from wbc.gait.ability import lacks
 from wbc.gait.crouch import walking_posture
-from wbc.gait.legs import Legs
+from wbc.gait.legs import SIDES, Legs, leg_joints
 from wbc.gait.swing import FootPose, SwingMotion, turned
 from wbc.robot import Robot, Snapshot
+from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
 from wbc.tasks import ComTask, CopTask, MomentumTask, OrientationTask, PoseTask, PostureTask, Task
 from wbc.validate import Array, check_fields
@@ -179,12 +180,28 @@ class WholeBody:
         )
         for task in self._swing.values():
             task.switch_off()
+        self._swing_freely(robot)
         self.lacks = lacks(robot.snapshot(posture), self.controller.torque_bounds)
         self.lasting = (self._height, *self._trunk.values(), *tasks)
 
     def _held(self, snapshot: Snapshot, feet: Iterable[str]) -> list[Contact]:
         frames = [self._frames[foot] for foot in feet]
         return [Contact.hold(snapshot, frame, friction=self._friction) for frame in frames]
+
+    def _swing_freely(self, robot: Robot) -> None:
+        """Let legs speed up as their torques allow, where no acceleration was given.
+
+        By half of a hip's torque against a straight leg, as it can be counted on to brake, a G1's
+        swings its foot ahead by 30 m/s^2 at most.
+        """
+        limits = self.controller.limits
+        if limits is None or not limits.by_default or limits.speed_up is not None:
+            return
+        most = limits.acceleration.copy()
+        for side in SIDES:
+            for joint in leg_joints(robot, side):
+                most[int(robot.model.idx_vs[joint]) - BASE_NV] = math.inf
+        limits.speed_up = most
 
     def hold(self, snapshot: Snapshot, feet: Iterable[str], ramp: float) -> None:
         """Let feet bear from now on, where they are; others are relieved within ``ramp`` [s]."""
