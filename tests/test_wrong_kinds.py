@@ -17,10 +17,20 @@ from wbc.estimation import (
 )
 from wbc.gait import Footstep, Walker
 from wbc.hardware import Safety, UdpBus
-from wbc.human import read_markers
+from wbc.human import human_motion, human_robot, read_markers
 from wbc.robot import Robot
 from wbc.shaping import GlobalShaping
-from wbc.simulation import AppliedWrench, FallLimits, Imu, Plant, Push, Terrain, capture_impulse
+from wbc.simulation import (
+    AppliedWrench,
+    Devices,
+    FallLimits,
+    Imu,
+    Plant,
+    Push,
+    SensedPlant,
+    Terrain,
+    capture_impulse,
+)
 from wbc.simulation import simulate as simulated
 
 Call = tuple[str, Callable[..., Any], dict[str, Any]]
@@ -88,6 +98,13 @@ def calls() -> list[Call]:
         ("torque", wbc.TorqueController, contacts | {"on_failure": "damp", "delay": 0.0}),
         ("tick", torque.step, {"snapshot": s, "wrenches": None}),
         ("walker", Walker, {"robot": robot, "weights": None, "limits": None, "tasks": ()}),
+        ("gait", Walker, {"robot": robot, "gait": {"height": None}}),
+        ("height", lambda height: Walker(robot, {"height": height}), {"height": 0.25}),
+        ("plan", wbc.PlanReference, {"plan": None, "start": s}),
+        ("sensed", SensedPlant, {"robot": robot, "devices": None, "settings": None}),
+        ("devices", Devices, {"imus": Imu(), "feet": None}),
+        ("human", human_motion, {"recording": None, "static": None, "sex": "male"}),
+        ("body", human_robot, {"body": None}),
         ("walk", walker.step, {"snapshot": s, "forces": None}),
         ("footstep", Footstep, {"foot": "left", "x": 0.1, "y": 0.1}),
         ("plant", Plant, {"robot": robot, "terrain": None, "shapes": True, "saturate": True}),

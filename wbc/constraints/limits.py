@@ -159,7 +159,6 @@ class Limits(DeclaredAttributes):
         gravity and for the other joints. What was given as ``acceleration`` stays. What is assigned
         to these limits later is assigned to those, too.
         """
-        torques = finite_vector("limits, torques", torques, self.robot.nv - BASE_NV)
         if not self.by_default:
             return self
         q = self.robot.postures[STANDING]
