@@ -210,8 +210,8 @@ class Walker:
     def held_back_by(self) -> tuple[str, ...]:
         """What holds the next footstep back, the strongest first; empty in a steady walk.
 
-        Such as ``"reach of the legs ahead"``. Motors and limits that hold the tick back are in
-        ``tick.active``.
+        Such as ``"reach of the legs ahead"``. Motors and margins that hold the tick back are in
+        ``tick.active``, joints at their bounds in :func:`wbc.run.history.held_joints`.
         """
         if not isinstance(self.phase, SingleSupport):
             return ()
