@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from wbc.errors import ModelError
 from wbc.robot.formats.ties import Coupling, Loop
+from wbc.robot.formats.triangles import Surfaces
 from wbc.robot.limits import JointLimits
 from wbc.robot.names import matching
 from wbc.robot.passive import NONE, PassiveForces
@@ -131,6 +132,12 @@ class GeometrySource(Protocol):
         ModelError
             A mesh exists but cannot be read.
         """
+        ...
+
+    def surfaces(
+        self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
+    ) -> Surfaces:
+        """Return the same with its meshes as triangles; errors are those of :meth:`load`."""
         ...
 
 

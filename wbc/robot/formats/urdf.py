@@ -10,37 +10,29 @@ import math
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import pinocchio as pin
 
 from wbc.errors import ModelError, listed
 from wbc.robot.formats.description import (
-    NO_RULES,
-    ContactRules,
     Description,
     check_joint_count,
     confirm,
     pinocchio_reads,
 )
-from wbc.robot.formats.mesh_files import (
-    exact_meshes,
-    missing_notes,
-    refuse_huge_meshes,
-    resolve_meshes,
-)
+from wbc.robot.formats.mesh_files import missing_notes, resolve_meshes
 from wbc.robot.formats.ties import Coupling
 from wbc.robot.formats.urdf_check import confirm_by_mujoco
 from wbc.robot.formats.urdf_exporters import (
     LIMITS,
     MOVING,
-    SHAPES,
     confirm_shapes,
     name_materials,
     refuse_macros,
     unset_limits,
 )
+from wbc.robot.formats.urdf_shapes import UrdfGeometry
 from wbc.robot.formats.xml import LARGEST, LARGEST_GEAR, numbers
 from wbc.robot.limits import UNLIMITED
 
@@ -55,46 +47,6 @@ SIZES = {
 LONGEST_CHAIN = 1000  # links
 WORLD = "world"
 BOLTED = {WORLD, "base"}  # a root link of such a name is that of an arm, if nothing stands
-
-
-@dataclass(frozen=True)
-class UrdfGeometry:
-    """Shapes of a URDF: its text, in which mesh names are absolute and missing meshes left out.
-
-    ``lost`` are the collision shapes that were left out.
-    """
-
-    text: str
-    path: Path
-    lost: tuple[str, ...]
-    rules: ContactRules = NO_RULES  # a URDF has none
-
-    def content(self) -> Iterator[bytes]:
-        """See :class:`wbc.robot.formats.description.GeometrySource`."""
-        yield self.text.encode()
-        meshes = ET.fromstring(self.text).iterfind(f".//{SHAPES[pin.GeometryType.COLLISION]}//mesh")
-        for file in sorted({mesh.get("filename", "") for mesh in meshes}):
-            yield Path(file).read_bytes()
-
-    def load(
-        self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
-    ) -> pin.GeometryModel:
-        """See :class:`wbc.robot.formats.description.GeometrySource`."""
-        text = self.text if links is None else self._only(links, SHAPES[kind])
-        meshes = ET.fromstring(text).iterfind(f".//{SHAPES[kind]}//mesh")
-        refuse_huge_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
-        with pinocchio_reads(self.path, "shapes cannot be loaded"):
-            shapes = pin.buildGeomFromUrdfString(model, text, kind)
-        exact_meshes(shapes)
-        return shapes
-
-    def _only(self, links: Collection[str], tag: str) -> str:
-        root = ET.fromstring(self.text)
-        for link in root.findall("link"):
-            if link.get("name") not in links:
-                for shape in link.findall(tag):
-                    link.remove(shape)
-        return ET.tostring(root, encoding="unicode")
 
 
 def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> Description:
