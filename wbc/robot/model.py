@@ -204,7 +204,7 @@ class Robot(KinematicTree):
         stance = stance_from(found, description, model, limits, postures, feet, base, closure)
         postures[STANDING] = stance.q
         notes += posture_notes + stance.notes + armature_note(model) + loop_notes
-        notes += effort_note(limits, free)
+        notes += effort_note(limits, (*free, *couplings))
         # That an arm is bolted down is no fault of its file.
         warn_of(
             found.path, (note for note in notes if not (stance.bolted and note in stance.notes))

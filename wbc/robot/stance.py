@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from wbc.errors import ModelError
 from wbc.robot.feet import Foot, FootSpec, find_feet
-from wbc.robot.foot_guess import arm_reason, upright
+from wbc.robot.foot_guess import arm_reason, facing_ahead, upright
 from wbc.robot.formats.description import Description, GeometrySource
 from wbc.robot.library import NamedRobot, RobotSource
 from wbc.robot.limits import JointLimits
@@ -56,7 +56,10 @@ def find_stance(
         links = None if specs is None else {name: one.link for name, one in specs.items()}
         q, turned = upright(model, q, links)
         notes = (turned,) if turned else ()
-    soles, foot_notes = find_feet(model, description.geometry, specs, q)
+        ahead = q if turned else facing_ahead(model, q, links)
+    else:
+        ahead = q
+    soles, foot_notes = find_feet(model, description.geometry, specs, ahead)
     bolted = None
     if description.mounted:
         if base == "floating":

@@ -48,7 +48,8 @@ def resolve_meshes(
                 found = find_mesh(name, path, folders)
                 if found is None or is_lfs_pointer(found):
                     why = " (a Git LFS pointer: git lfs pull)" if found else ""
-                    names.append(f"{name}{why} of link {link.get('name')!r}")
+                    named = name or "one without a filename"
+                    names.append(f"{named}{why} of link {link.get('name')!r}")
                     link.remove(shape)
                 else:
                     mesh.set("filename", str(found))

@@ -77,7 +77,8 @@ def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Com
             found = _compiled(mujoco, source, path)
         except (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError) as error:
             raise _refused(path, error) from error
-    said = tuple(f"MuJoCo says: {' '.join(str(one.message).split())}" for one in told)
+    words = dict.fromkeys(" ".join(str(one.message).split()) for one in told)
+    said = tuple(f"MuJoCo says: {one}" for one in words)
     if older:
         said += (f"left out, as MuJoCo knows them no more: {listed(list(older))}",)
     return replace(found, notes=found.notes + said)

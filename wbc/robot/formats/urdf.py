@@ -20,6 +20,7 @@ from wbc.robot.formats.description import (
     check_joint_count,
     confirm,
     pinocchio_reads,
+    refuse_reserved,
 )
 from wbc.robot.formats.mesh_files import missing_notes, resolve_meshes
 from wbc.robot.formats.ties import Coupling
@@ -27,8 +28,11 @@ from wbc.robot.formats.urdf_check import confirm_by_mujoco
 from wbc.robot.formats.urdf_exporters import (
     LIMITS,
     MOVING,
+    complete_head,
     confirm_shapes,
-    name_materials,
+    leave_first,
+    mend_materials,
+    others_joints,
     refuse_macros,
     unset_limits,
 )
@@ -62,12 +66,12 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         joints, or a number in it is wrong.
     """
     refuse_macros(root, path)
+    head_notes = complete_head(root, path)
     world_notes = _add_world(root)
     joints, base = _checked_tree(root, path)
-    name_materials(root)
-    notes = world_notes + unset_limits(joints)
-    if root.get("version", "1.0") == "1.0":
-        root.set("version", "1.1")  # before it the parser drops capsules, and prints
+    notes = head_notes + world_notes + unset_limits(joints)
+    notes += leave_first(root) + mend_materials(root)
+    notes += tuple(filter(None, (others_joints(root),)))
     shapeless = list[tuple[str, str, str]]()
     for link in root.findall("link"):
         where = f"{path}: link {link.get('name')!r}"
@@ -131,10 +135,13 @@ def _checked_tree(root: ET.Element, path: Path) -> tuple[list[ET.Element], str]:
     roots = [link for link in root.findall("link") if link.get("name") not in parents]
     if len(roots) != 1:
         named = ", ".join(repr(link.get("name")) for link in roots) or "the joints form a loop"
-        raise ModelError(f"{path}: expected one root link, found {len(roots)} ({named})")
+        also = "; ".join(filter(None, (named, others_joints(root))))
+        raise ModelError(f"{path}: expected one root link, found {len(roots)} ({also})")
     _check_floating(joints, roots[0], path)
     _check_depth(parents, path)
     check_joint_count(sum(joint.get("type") in MOVING for joint in joints), path)
+    moving = (joint.get("name", "") for joint in joints if joint.get("type") in MOVING)
+    refuse_reserved(moving, path)
     return joints, roots[0].get("name", "")
 
 
@@ -160,6 +167,10 @@ def _refuse_repeated(names: list[str], kind: str, path: Path) -> None:
 def _ends(joint: ET.Element, links: Collection[str], path: Path) -> tuple[str, str]:
     ends = []
     for tag in ("parent", "child"):
+        if len(joint.findall(tag)) > 1:
+            raise ModelError(
+                f"{path}: joint {joint.get('name')!r}: <{tag}> is given twice; leave one"
+            )
         element = joint.find(tag)
         link = "" if element is None else element.get("link", "")
         if link not in links:
@@ -264,7 +275,9 @@ def _check_joint(joint: ET.Element, where: str) -> None:
     dynamics = joint.find("dynamics")
     for key in ("damping", "friction"):
         if dynamics is not None and key in dynamics.attrib:
-            numbers(dynamics, key, 1, where, LARGEST)
+            value = numbers(dynamics, key, 1, where, LARGEST)[0]
+            if value < 0.0:
+                raise ModelError(f"{where}: negative {key} {value:g}; correct it")
 
 
 def _follow_without_end(joint: ET.Element) -> None:
@@ -317,6 +330,8 @@ def _coupled_joints(joints: list[ET.Element], path: Path) -> Iterator[tuple[str,
         mimic = joint.find("mimic")
         if mimic is not None and joint.get("type") in MOVING:
             where = f"{path}: joint {joint.get('name')!r}"
+            if not mimic.get("joint"):
+                raise ModelError(f"{where}: <mimic> has no 'joint' to follow; add it")
             ratio, offset = (
                 numbers(mimic, key, 1, where, LARGEST_GEAR)[0] if key in mimic.attrib else default
                 for key, default in (("multiplier", 1.0), ("offset", 0.0))
