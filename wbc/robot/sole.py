@@ -8,8 +8,10 @@ import pinocchio as pin
 
 from wbc.polygon import centroid, convex_hull, polygon_area, thinned
 from wbc.robot.formats.description import GeometrySource
+from wbc.robot.formats.triangles import Triangles
 from wbc.validate import Array
 
+Placed = tuple[pin.SE3, object]  # a shape in the axes of its joint
 FLAT = 3e-3  # m: points no higher than this above the lowest belong to the sole
 # Of the rectangle round a body as seen from above: where less touches the ground, a larger face is
 # looked for that is not level, and a note tells of a sole that is smaller yet.
@@ -25,7 +27,7 @@ _DISC = np.stack([np.cos(_RIM), np.sin(_RIM), np.zeros_like(_RIM)], axis=1)  # (
 
 
 def extreme_points(shape: object, up: Array) -> Array:
-    """Return points (k, 3) of a ``coal`` shape, in its frame, among them its lowest ones.
+    """Return points (k, 3) of a ``coal`` shape or a mesh, in its frame, its lowest ones among them.
 
     ``up`` (3,) is the unit vector upwards in that frame. Shapes that end nowhere or are unknown
     give no points.
@@ -47,6 +49,8 @@ def extreme_points(shape: object, up: Array) -> Array:
             apex, base = _ends(shape.halfLength)
             rim = float(shape.radius) * _DISC @ _turn_to(up)
             return np.concatenate([rim + base, apex[None]])
+        case Triangles():
+            return shape.vertices
         case coal.ConvexBase():
             return np.array(shape.points())
         case coal.BVHModelBase():
@@ -78,8 +82,13 @@ def body_points(model: pin.Model, geometry: GeometrySource, joint: int, up: Arra
     return _points(body_shapes(model, geometry, joint), up)
 
 
-def _points(shapes: list[pin.GeometryObject], up: Array) -> Array:
-    return np.concatenate([np.empty((0, 3)), *_extremes(shapes, up)])
+def _points(shapes: list[Placed], up: Array) -> Array:
+    """Return points (k, 3) of shapes, their lowest among them, in the joint's frame."""
+    found = [np.empty((0, 3))]
+    for place, shape in shapes:
+        R = place.rotation
+        found.append(extreme_points(shape, R.T @ up) @ R.T + place.translation)
+    return np.concatenate(found)
 
 
 def is_round_about(model: pin.Model, geometry: GeometrySource, joint: int, axis: Array) -> bool:
@@ -97,27 +106,24 @@ def is_round_about(model: pin.Model, geometry: GeometrySource, joint: int, axis:
     return min(reach) > (1.0 - NEARLY_ROUND) * max(reach) > 0.0
 
 
-def body_shapes(model: pin.Model, geometry: GeometrySource, joint: int) -> list[pin.GeometryObject]:
-    """Return the collision shapes on one joint's body, or those to draw of one without."""
+def body_shapes(model: pin.Model, geometry: GeometrySource, joint: int) -> list[Placed]:
+    """Return the collision shapes on one joint's body, or those to draw of one without.
+
+    Their placements in the joint's frame, and what they are.
+    """
     links = [
         str(frame.name)
         for frame in model.frames
         if frame.type == pin.FrameType.BODY and frame.parentJoint == joint
     ]
     for kind in (pin.GeometryType.COLLISION, pin.GeometryType.VISUAL):
-        shapes = list(geometry.load(model, kind, links).geometryObjects)
-        if shapes:
+        shapes, meshes = geometry.surfaces(model, kind, links)
+        if shapes.ngeoms:
             break
-    return shapes
-
-
-def _extremes(shapes: list[pin.GeometryObject], up: Array) -> list[Array]:
-    """Return points (k, 3) of shapes, their lowest among them, in the joint's frame."""
-    found = []
-    for shape in shapes:
-        R, p = shape.placement.rotation, shape.placement.translation
-        found.append(extreme_points(shape.geometry, R.T @ up) @ R.T + p)
-    return found
+    return [
+        (shape.placement, meshes.get(str(shape.name), shape.geometry))
+        for shape in shapes.geometryObjects
+    ]
 
 
 def found_sole(

@@ -141,6 +141,14 @@ MJCF: dict[str, tuple[str, Callable[[Robot], None] | str]] = {
             for foot in robot.feet.values()
         ],
     ),
+    "a hand below the soles": (
+        legs(PLATE, *NAMED).replace(
+            "</body></worldbody>",
+            '<body name="grip" pos="0 .4 -1"><joint name="g" range="-1 1"/>'
+            '<geom size=".05"/></body></body></worldbody>',
+        ),
+        noted("lower than the soles in 'standing': grip by 480 mm"),
+    ),
     "feet on their edges": (
         legs(PLATE.replace("/>", ' euler="0 .7 0"/>'), *NAMED),
         noted("the sole that was found of the left foot is 0%"),
@@ -265,6 +273,20 @@ def test_a_turned_frame_of_urdf_1_2_is_turned() -> None:
     R = robot.snapshot(robot.posture("neutral", on_ground=False)).rotation("a")
     half = np.sqrt(0.5)
     np.testing.assert_allclose(R, [[half, -half, 0], [half, half, 0], [0, 0, 1]], atol=1e-12)
+
+
+def test_a_compiled_model_that_was_changed_is_read_as_it_is() -> None:
+    """As where masses are drawn at random; what no robot has is refused."""
+    model = mujoco.MjModel.from_xml_string(text(TWO))
+    model.body_mass[2] *= 1.5
+    robot = Robot.load(model)
+    assert robot.mass == pytest.approx(float(model.body_mass.sum()), rel=1e-12)
+    model.jnt_range[1] = 1.0, -1.0
+    with pytest.raises(ModelError, match="joint 'j1': its range is 1 to -1"):
+        Robot.load(model)
+    model.body_mass[2] = np.nan
+    with pytest.raises(ModelError, match="body 'arm': its mass"):
+        Robot.load(model)
 
 
 def test_a_compiled_file_says_how_it_is_loaded(tmp_path: Path) -> None:

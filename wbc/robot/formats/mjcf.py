@@ -96,6 +96,11 @@ def _check_sizes(model: Any, part: RobotPart, names: Names, path: Path) -> None:
             if not np.all(np.abs(values[k]) <= LARGEST):  # NaN is not
                 body = names.bodies[k if owners is bodies else int(model.jnt_bodyid[k])]
                 raise ModelError(f"{path}: body {body!r}: its {what} is larger than {LARGEST:g}")
+    for joint in joints:  # of an MjModel that was changed
+        low, high = model.jnt_range[joint].tolist()
+        if model.jnt_limited[joint] and not low <= high:
+            name = names.joints[joint]
+            raise ModelError(f"{path}: joint {name!r}: its range is {low:g} to {high:g}")
 
 
 def _other_notes(
