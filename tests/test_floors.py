@@ -10,6 +10,7 @@ FLOORS = {
     "attributes": 0,
     "errors": 0,
     "files": 0,
+    "kinds": 0,
     "extras": 0,
     "minimum_jerk": 0,
     "validate": 0,

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import switch
 from wbc.spatial import STANDARD_GRAVITY
 from wbc.validate import Array, finite_number, read_only
 
@@ -136,6 +137,7 @@ class VelocityLaw:
         if self.gain_per_second is not None:
             finite_number("gain_per_second", self.gain_per_second, above=0.0)
         finite_number("lm_damping", self.lm_damping, least=0.0)
+        switch("curvature_damping", self.curvature_damping)
         finite_number("singular_threshold", self.singular_threshold, least=0.0)
 
     def fraction(self, dt: float) -> float:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from wbc.constraints.com_support import support_polygon
 from wbc.errors import InvalidInputError
+from wbc.kinds import check_kind
 from wbc.polygon import polygon_margin
 from wbc.rmp.axes import GAP, SAME_AXIS, Bools, follow, told_apart, turning_rate
 from wbc.rmp.ellipsoid import Ellipsoid, equimomental, equimomental_at_density
@@ -154,6 +155,7 @@ def reduce(
     length, direction, angles = _leg(snapshot.com, cop)
     ellipsoid = equimomental(inertia, mass)
     dense = None if density is None else equimomental_at_density(inertia, density)
+    check_kind("reduce, previous", previous, RmpState, "wbc.reduce(...)", or_none=True)
     radii, axes, defined = _reaction_masses(ellipsoid, inertia, previous, gap)
     return RmpState(
         mass=mass,

@@ -14,6 +14,7 @@ from wbc.robot.collision import CollisionModel, PairDistances
 from wbc.robot.collision.closing import Closing
 from wbc.robot.collision.soonest import soonest
 from wbc.robot.limits import BASE_NV
+from wbc.robot.model import check_sizes
 from wbc.robot.series import StateSeries
 from wbc.validate import Array, finite_number
 
@@ -61,6 +62,7 @@ class BodyMargin(Margin):
 
     def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
         """Return the pairs of least clearance, or those given by their numbers."""
+        check_sizes(self.name, self.robot, snapshot)
         self.place()
         model = self.model
         if keys is not None:

@@ -12,6 +12,7 @@ from wbc.constraints.limits import Limits
 from wbc.constraints.margin import SKIN, USED, BrakingParameters
 from wbc.constraints.rows import Distances, SeparatedPairs
 from wbc.errors import InvalidInputError
+from wbc.kinds import check_kind
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, PairDistances, chosen_pairs
 from wbc.robot.collision.native_pairs import NativePairs
@@ -90,6 +91,7 @@ class SelfCollision(BodyMargin):
         limits: Limits | None = None,
     ) -> None:
         super().__init__(robot, "self-collision", pairs, braking, limits)
+        check_kind("self-collision, model", model, CollisionModel, or_none=True)
         self.margin = finite_number("self-collision, margin", margin, least=0.0)
         self.excluded: dict[str, str] = {}
         self.finer: dict[str, str] = {}

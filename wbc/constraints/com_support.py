@@ -15,7 +15,7 @@ from wbc.errors import InvalidInputError
 from wbc.polygon import convex_hull
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_snapshot
-from wbc.validate import Array, finite_array, finite_number, read_only
+from wbc.validate import Array, finite_array, finite_number, names_of, read_only
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
@@ -129,7 +129,7 @@ def support_polygon(snapshot: Snapshot, feet: Iterable[str]) -> Array:
     """
     check_snapshot("support polygon", snapshot)
     robot = snapshot.robot
-    names = (feet,) if isinstance(feet, str) else tuple(feet)
+    names = names_of("support polygon, feet", feet)
     if not names:
         raise InvalidInputError("feet: name at least one foot that stands on the ground")
     corners = []

@@ -153,6 +153,7 @@ class Contact(CoreTask):
 
     def slip(self, snapshot: Snapshot) -> float:
         """Return how far the frame's origin is from its anchor [m]."""
+        check_snapshot(f"{self}, slip", snapshot)
         return float(np.linalg.norm(snapshot.position(self.frame) - self.position))
 
     def _corners(self, given: ArrayLike | None) -> Array | None:

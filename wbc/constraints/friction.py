@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import check_switches
 from wbc.validate import Array, check_fields, finite_number
 
 MOST_FACETS = 64
@@ -40,6 +41,7 @@ class FrictionCone:
     def __post_init__(self) -> None:
         check_fields(self, "friction, ", "coefficient", above=0.0)
         check_fields(self, "friction, ", "least", least=0.0)
+        check_switches(self, "friction, ", "inner")
         facets = finite_number("friction, facets", self.facets, least=3)
         if facets != int(facets) or facets > MOST_FACETS:
             raise InvalidInputError(

@@ -26,7 +26,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.attributes import ArrayAttribute, DeclaredAttributes
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError
+from wbc.kinds import one_of, switch
 from wbc.native import doubles, ffi, lib, pointer
 from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import joint_starts
@@ -96,8 +97,8 @@ class Limits(DeclaredAttributes):
     def _set_attribute(self, name: str, value: Any) -> None:
         if name in ("speed", "acceleration"):
             value = _by_joint(f"limits, {name}", value, self.robot.nv - 6)
-        elif name == "braking" and value not in BRAKING:
-            raise UnknownNameError("kind of braking", value, BRAKING)
+        elif name == "braking":
+            one_of("kind of braking", value, BRAKING)
         elif name == "recovery":
             value = finite_number("limits, recovery", value, above=0.0)
             if value > 1.0:
@@ -194,6 +195,7 @@ class Limits(DeclaredAttributes):
         check_sizes("limits", self.robot, snapshot)
         tree, box = self.robot.native.tree, np.empty((2, self.robot.nv))
         limit, start = self.numbers(), joint_starts(self.robot.limits)
+        dt = finite_number("limits, dt", dt, above=0.0)
         at = {"tree": tree.struct, "limit": pointer(limit), "start": pointer(start)}
         plan = ffi.new("wbc_plan *", {**at, "dt": dt, "braked": bounded})
         lib.wbc_box(plan, *map(doubles, (snapshot.q, snapshot.v, box)))
@@ -202,7 +204,7 @@ class Limits(DeclaredAttributes):
 
 def _position_bounds(robot: Robot, position: bool, margin: float) -> tuple[Array, Array]:
     margin = finite_number("limits, margin", margin, least=0.0)
-    if not position:
+    if not switch("limits, position", position):
         if margin > 0.0:
             raise InvalidInputError(
                 f"limits: margin={margin:g} has no effect with position=False; leave one out"

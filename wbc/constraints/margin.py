@@ -30,6 +30,7 @@ from wbc.attributes import DeclaredAttributes
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint, Distances, Index, SeparatedPairs, SymbolicRows
 from wbc.errors import InvalidInputError
+from wbc.kinds import check_kind
 from wbc.laws import Rows
 from wbc.native import doubles, ffi, lib, pointer
 from wbc.robot import Robot, Snapshot
@@ -97,6 +98,8 @@ class Margin(DeclaredAttributes, Constraint):
         limits: Limits | None = None,
     ) -> None:
         check_robot(name, robot)
+        check_kind(f"{name}, braking", braking, BrakingParameters, or_none=True)
+        check_kind(f"{name}, limits", limits, Limits, "Limits(robot)", or_none=True)
         if limits is not None and limits.robot is not robot:
             raise InvalidInputError(f"{name}: the limits were made for another robot object")
         self.robot = robot

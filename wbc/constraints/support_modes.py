@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from wbc.constraints.contact import DEFAULT_FRICTION, Contact, PointContact
 from wbc.constraints.friction import FrictionCone
 from wbc.errors import InvalidInputError, UnknownNameError, shown
+from wbc.kinds import check_word
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_snapshot
 from wbc.robot.names import BASE
@@ -91,6 +92,7 @@ def feet_of(robot: Robot, mode: str | Sequence[str]) -> tuple[str, ...]:
 
 def sole_or_frame(robot: Robot, name: str) -> str:
     """Return the frame that a name in a list of supports means: a frame's own, or a foot's sole."""
+    check_word("support, frame", name)
     if name in robot.feet and name not in robot.frame_indices:
         return robot.feet[name].frame
     return name

@@ -72,7 +72,7 @@ class TiltLimit(Margin):
         braking: BrakingParameters | None = None,
         limits: Limits | None = None,
     ) -> None:
-        braking = braking or BrakingParameters(TILT_BRAKING)
+        braking = BrakingParameters(TILT_BRAKING) if braking is None else braking
         super().__init__(robot, f"tilt of {frame}", braking, limits)
         robot.frame_id(frame)
         self.frame = frame

@@ -11,7 +11,7 @@ from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Constraint
 from wbc.constraints.validation import look_closely_at
 from wbc.controllers.slack import NO_SLACK, Slacks
-from wbc.errors import InvalidInputError, UnknownNameError, shown
+from wbc.errors import InvalidInputError, shown
 from wbc.laws import AccelerationLaw, VelocityLaw
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
@@ -128,7 +128,7 @@ def check_parts(
             )
     if limits is not None and not isinstance(limits, Limits):
         raise InvalidInputError(f"controller, limits: expected Limits or None, got {shown(limits)}")
-    if not tasks:
+    if not len(tasks):
         raise InvalidInputError("controller: no task given; there is nothing to do")
     parts: list[Task | Constraint | Limits] = [*tasks, *contacts, *constraints]
     for part in [*parts, *([limits] if limits else [])]:
@@ -189,13 +189,6 @@ def look_closely(
         validation.look_closely(task, snapshot)
     for constraint in constraints:
         look_closely_at(constraint, snapshot, dt)
-
-
-def one_of(kind: str, value: str, choices: Sequence[str]) -> str:
-    """Return ``value`` if it is one of the choices, else raise UnknownNameError."""
-    if value not in choices:
-        raise UnknownNameError(kind, value, choices)
-    return value
 
 
 def check_list(kind: str, given: Any, wanted: type) -> None:

@@ -42,6 +42,7 @@ from wbc.controllers.plan import Decision, LevelPlan
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.controllers.tick import POLICIES, Began, Tick
 from wbc.errors import ControllerFailure, InvalidInputError
+from wbc.kinds import check_kind, one_of
 from wbc.laws import Rows
 from wbc.qp.backend import Backend, backend_of
 from wbc.robot import Robot, Snapshot
@@ -155,8 +156,8 @@ class Controller(DeclaredAttributes, ABC):
         self.damping = finite_number("controller, damping", damping, above=0.0)
         self.joint_weights = weights_of(robot, joint_weights)
         self.backend = backend_of(solver)
-        self.formulation = checks.one_of("formulation", formulation, FORMULATIONS)
-        self.on_failure = checks.one_of("failure policy", on_failure, self._policies)
+        self.formulation = one_of("formulation", formulation, FORMULATIONS)
+        self.on_failure = one_of("failure policy", on_failure, self._policies)
         self._rest = bytes(8 * robot.nv)  # a velocity of 0
         self._missing_velocity = MissingVelocity(self.dt, damped=self._bears)
         if deadline is not None:
@@ -377,6 +378,7 @@ class Controller(DeclaredAttributes, ABC):
 
     def conditioning(self, tick: Tick) -> Conditioning:
         """Return how well the tasks determined a tick of this controller: rank and condition."""
+        check_kind("conditioning, tick", tick, Tick)
         return conditioning(tick.qp, self.damping, self.joint_weights)
 
     def _take(

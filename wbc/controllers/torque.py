@@ -21,7 +21,13 @@ from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.blocks import Asked
 from wbc.controllers.bounded_margins import reachable_rows
-from wbc.controllers.checks import ANOTHER, PLANNED, check_parts, check_snapshot
+from wbc.controllers.checks import (
+    ANOTHER,
+    PLANNED,
+    check_list,
+    check_parts,
+    check_snapshot,
+)
 from wbc.controllers.closed_loop import ticks_of
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.controller import Controller
@@ -133,8 +139,9 @@ class TorqueController(Controller):
         delay: float = 0.0,
     ) -> None:
         check_robot(type(self).__name__, robot)
+        check_list("tasks", tasks, Task)
         for task in tasks:
-            if isinstance(task, Task) and task.singular_threshold > 0.0:
+            if task.singular_threshold > 0.0:
                 logging.getLogger(__name__).warning(
                     "controller: singular_threshold of %s has no effect at the torque level", task
                 )
@@ -189,7 +196,7 @@ class TorqueController(Controller):
             A wrench that is not six finite numbers; or see :meth:`Controller.step`.
         """
         known = self.predicted(snapshot)
-        if wrenches or self._wrenches:
+        if wrenches is not None or self._wrenches:
             self._tell(known, {} if wrenches is None else wrenches)
         tick = cast(TorqueTick, super().step(known))
         if self._prediction is not None:

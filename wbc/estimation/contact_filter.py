@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import check_kind, whole_number
 from wbc.native import doubles, ffi, integers, lib
 from wbc.rotations import check_rotation
-from wbc.validate import Array, check_fields, finite_array
+from wbc.validate import Array, check_fields, finite_array, finite_number
 
 SHOWN = 15  # rotation, velocity, position, biases of gyroscope and accelerometer
 Counts: TypeAlias = NDArray[np.int64]
@@ -95,6 +96,8 @@ class ContactFilter:
         noise: FilterNoise | None = None,
         gravity: ArrayLike = (0.0, 0.0, -9.81),
     ) -> None:
+        check_kind("filter, noise", noise, FilterNoise, or_none=True)
+        feet = whole_number("filter, feet", feet)
         noise = noise or FilterNoise()
         self.noise, self.feet = noise, feet
         self._n = n = SHOWN + 6 * feet
@@ -214,16 +217,26 @@ class ContactFilter:
 
         Exact where both are constant in the IMU's axes. ``scale`` multiplies the variance of both
         readings, for those that were guessed.
+
+        Raises
+        ------
+        InvalidInputError
+            Something is NaN, or of another shape.
         """
-        lib.wbc_filter_predict(self.struct, doubles(rate), doubles(force), dt, scale)
+        given = (
+            finite_array("filter, rate", rate, (3,)),
+            finite_array("filter, force", force, (3,)),
+        )
+        step = finite_number("filter, dt", dt, least=0.0)
+        lib.wbc_filter_predict(self.struct, *map(doubles, given), step, scale)
 
     def hold(self, k: int, place: Array, noise: Array) -> None:
         """Count on foot ``k`` to stand from now on where it is seen; see :meth:`correct`."""
-        lib.wbc_filter_hold(self.struct, k, doubles(place), doubles(noise))
+        lib.wbc_filter_hold(self.struct, self._foot(k), *map(doubles, _seen(place, noise)))
 
     def release(self, k: int) -> None:
         """Count on foot ``k`` no longer."""
-        lib.wbc_filter_release(self.struct, k)
+        lib.wbc_filter_release(self.struct, self._foot(k))
 
     def correct(
         self, k: int, place: Array, noise: Array, gate: float = np.inf, rotation: bool = True
@@ -244,18 +257,22 @@ class ContactFilter:
         Raises
         ------
         InvalidInputError
-            The innovation has no covariance, as with noise 0.
+            The innovation has no covariance, as with noise 0; something is NaN, or of another
+            shape; no such foot.
         """
-        rows, to = (6 if rotation else 3), doubles(self._said)
-        said = lib.wbc_filter_correct(
-            self.struct, k, doubles(place), doubles(noise), rows, gate, to
-        )
+        k, given, rows = self._foot(k), _seen(place, noise), (6 if rotation else 3)
+        to = doubles(self._said)
+        said = lib.wbc_filter_correct(self.struct, k, *map(doubles, given), rows, gate, to)
         if said == lib.NOT_FINITE:
             raise InvalidInputError(
-                f"filter: the innovation of foot {k} has no positive covariance; its place is NaN,"
-                " or without any noise"
+                f"filter: the innovation of foot {k} has no positive covariance: its place is"
+                " without any noise"
             )
         return Correction(said == lib.DONE, float(self._said[0]), self._said[1:].copy())
+
+    def _foot(self, k: int) -> int:
+        """Return the number of a foot that there is: the core writes by it."""
+        return whole_number("filter, foot", k, most=self.feet - 1)
 
     def memory(self) -> tuple[Array, Counts]:
         """Return all that it knows, for :meth:`restore`."""
@@ -264,3 +281,9 @@ class ContactFilter:
     def restore(self, memory: tuple[Array, Counts]) -> None:
         """Go back to what :meth:`memory` returned."""
         self._memory[:], self._held[:] = memory
+
+
+def _seen(place: Array, noise: Array) -> tuple[Array, Array]:
+    """Return place (12,) and covariance (6, 6) of a foot as the core reads them."""
+    covariance = finite_array("filter, noise of a foot", noise, (6, 6))
+    return finite_array("filter, place of a foot", place, (12,)), np.ascontiguousarray(covariance)

@@ -27,11 +27,12 @@ from wbc.estimation.joint_velocity import JointVelocityFilter
 from wbc.estimation.measurement import Measurement
 from wbc.estimation.notes import NoteNames, noted
 from wbc.estimation.settings import EstimatorSettings
+from wbc.kinds import check_kind
 from wbc.native import doubles, ffi, lib, pointer
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
-from wbc.validate import Array
+from wbc.validate import Array, list_of
 
 
 class StateEstimator:
@@ -84,8 +85,10 @@ class StateEstimator:
             raise InvalidInputError(
                 f"estimator: {robot.name}: {why}; a base is estimated from feet that stand"
             )
+        check_kind("estimator, settings", settings, EstimatorSettings, or_none=True)
         self.robot, self.settings = robot, settings or EstimatorSettings()
-        self.imus = (imus,) if isinstance(imus, ImuMount) else tuple(imus) or (ImuMount(),)
+        given = (imus,) if isinstance(imus, ImuMount) else imus
+        self.imus = list_of("estimator, imus", given, ImuMount, "ImuMount()") or (ImuMount(),)
         names = [one.name for one in self.imus]
         if len(set(names)) < len(names):
             raise InvalidInputError(f"estimator, imus: names must differ, got {names}")

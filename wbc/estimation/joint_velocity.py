@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from wbc.errors import InvalidInputError
+from wbc.kinds import whole_number
 from wbc.native import doubles, integers, lib
-from wbc.validate import Array, finite_number
+from wbc.validate import Array, finite_array, finite_number
 
 
 class JointVelocityFilter:
@@ -42,8 +42,8 @@ class JointVelocityFilter:
     """
 
     def __init__(self, joints: int, window: int = 5, dt: float = 0.002) -> None:
-        if not isinstance(window, int) or window < 2:
-            raise InvalidInputError(f"joint velocity filter, window: at least 2, got {window!r}")
+        joints = whole_number("joint velocity filter, joints", joints)
+        window = whole_number("joint velocity filter, window", window, least=2)
         step = finite_number("joint velocity filter, dt", dt, above=0.0)
         self.window, self.delay = window, 0.5 * (window - 1) * step
         self.gain = math.sqrt(12.0 / (window * (window**2 - 1))) / step
@@ -58,8 +58,15 @@ class JointVelocityFilter:
         """Take in a reading (n,) at a time [s]; return the velocities (n,), 0 at the first.
 
         A time that is not later than the last one's takes the place of the last reading.
+
+        Raises
+        ------
+        InvalidInputError
+            Something is NaN, or not one number per joint.
         """
-        reading = np.ascontiguousarray(positions, dtype=float)
+        what, joints = "joint velocity filter", self._positions.shape[1]
+        reading = finite_array(f"{what}, positions", positions, (joints,))
+        time = finite_number(f"{what}, time", time)
         rates = np.empty(len(reading))
         kept = doubles(self._times), doubles(self._positions), integers(self._count)
         given = time, doubles(reading), doubles(rates)

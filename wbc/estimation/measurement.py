@@ -5,11 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, shown
-from wbc.validate import Array, by_name, finite_array, finite_number, read_only, set_fields
+from wbc.validate import (
+    Array,
+    by_name,
+    finite_array,
+    finite_number,
+    list_of,
+    read_only,
+    real_array,
+    set_fields,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +88,7 @@ class Measurement:
     forces: Mapping[str, float] | None = field(default=None)
 
     def __post_init__(self) -> None:
-        positions = np.shape(self.positions)
+        positions = real_array("measurement, positions", self.positions).shape
         if len(positions) != 1:
             raise InvalidInputError(
                 f"measurement, positions: expected one number per joint, got shape {positions}"
@@ -90,12 +98,8 @@ class Measurement:
             value: ArrayLike | None = getattr(self, key)
             if value is not None:
                 checked[key] = read_only(finite_array(f"measurement, {key}", value, positions))
-        for reading in (imus := tuple(self.imus)):
-            if not isinstance(reading, ImuReading):
-                raise InvalidInputError(
-                    f"measurement, imus: expected ImuReading, got {shown(reading)}"
-                )
-        checked["imus"] = imus
+        example = "ImuReading(name, angular_velocity, specific_force)"
+        checked["imus"] = list_of("measurement, imus", self.imus, ImuReading, example)
         if self.contacts is not None:
             pressed = by_name("measurement, contacts", self.contacts)
             checked["contacts"] = {name: bool(one) for name, one in pressed.items()}

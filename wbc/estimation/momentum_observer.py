@@ -25,7 +25,9 @@ from wbc.errors import InvalidInputError
 from wbc.native import doubles, ffi, lib, pointer
 from wbc.robot import Robot
 from wbc.robot.kernel import frame_places
-from wbc.validate import Array, finite_number
+from wbc.robot.limits import BASE_NV
+from wbc.robot.model import check_robot
+from wbc.validate import Array, finite_array, finite_number
 
 
 class MomentumObserver:
@@ -52,6 +54,7 @@ class MomentumObserver:
     """
 
     def __init__(self, robot: Robot, bandwidth: float = 150.0, base_trust: float = 0.1) -> None:
+        check_robot("momentum observer, robot", robot)
         self.robot, self.feet = robot, tuple(robot.feet)
         self.bandwidth = finite_number("momentum observer, bandwidth", bandwidth, above=0.0)
         trust = finite_number("momentum observer, base_trust", base_trust, least=0.0)
@@ -114,8 +117,16 @@ class MomentumObserver:
         """Take in the state now and the motors' torques (nv-6,) over the ``dt`` [s] before.
 
         The joints' damping and dry friction, as the robot has them, are taken off the torques.
+
+        Raises
+        ------
+        InvalidInputError
+            Something is NaN, or of another size.
         """
-        lib.wbc_momentum_update(self.struct, doubles(q), doubles(v), doubles(torque), dt)
+        q, v = self.robot.check_configuration(q), self.robot.check_velocity(v)
+        torque = finite_array("momentum observer, torque", torque, (self.robot.nv - BASE_NV,))
+        step = finite_number("momentum observer, dt", dt, least=0.0)
+        lib.wbc_momentum_update(self.struct, *map(doubles, (q, v, torque)), step)
 
     def memory(self) -> Array:
         """Return all that it knows, for :meth:`restore`."""

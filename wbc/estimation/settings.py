@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from wbc.errors import InvalidInputError
 from wbc.estimation.contact_filter import FilterNoise
+from wbc.kinds import whole_number
 from wbc.validate import check_fields, interval, set_fields
 
 POSITIVE = (
@@ -99,11 +99,7 @@ class EstimatorSettings:
         shares = {key: interval(f"estimator {key}", getattr(self, key)) for key in LOADS}
         set_fields(self, **shares)
         for key, least in (("velocity_window", 2), ("history", 0)):
-            value = getattr(self, key)
-            if not isinstance(value, int) or isinstance(value, bool) or value < least:
-                raise InvalidInputError(
-                    f"estimator, {key}: a whole number of at least {least}, got {value!r}"
-                )
+            whole_number(f"estimator, {key}", getattr(self, key), least=least)
 
 
 LOADS = ("load", "estimated_load")

@@ -10,7 +10,7 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.gait.legs import QUICKEST, SHARE, SPEED_SHARE, STRETCH
 from wbc.robot.limits import BASE_NV
-from wbc.robot.model import Robot
+from wbc.robot.model import Robot, check_robot
 from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
 from wbc.validate import Array, read_only
@@ -69,6 +69,7 @@ class Arm:
             Fewer than three joints move it without moving the trunk, or it is at its shoulder, or
             on a leg; or its shoulder has no motors.
         """
+        check_robot("arm, robot", robot)
         model = robot.model
         joints = arm_joints(robot, frame)
         if len(joints) < LEAST_JOINTS:

@@ -50,10 +50,11 @@ class GaitState(NamedTuple):
         kx, ky = snapshot.momentum[3:5].tolist()
         (x, y, _), (vx, vy, _) = snapshot.com.tolist(), snapshot.com_velocity.tolist()
         arm = snapshot.robot.mass * height
+        soles = {foot: snapshot.placement(frame) for foot, frame in frames.items()}
         return cls(
             np.array((x + (vx + ky / arm) / omega, y + (vy - kx / arm) / omega)),
-            {foot: snapshot.position(frame) for foot, frame in frames.items()},
-            {foot: snapshot.rotation(frame) for foot, frame in frames.items()},
+            {foot: place for foot, (place, _) in soles.items()},
+            {foot: rotation for foot, (_, rotation) in soles.items()},
         )
 
     def pose(self, foot: str) -> Array:

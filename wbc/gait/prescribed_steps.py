@@ -9,13 +9,13 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from wbc.errors import UnknownNameError
 from wbc.gait.command import Velocity
 from wbc.gait.dcm import StepTimes, dcm_offsets, shift_gain
 from wbc.gait.footsteps import SIGN, other
 from wbc.gait.legs import SIDES
 from wbc.gait.settings import GaitSettings
 from wbc.gait.swing import turned, unit
+from wbc.kinds import one_of
 from wbc.validate import Array, check_fields, finite_number, finite_vector, set_fields
 
 # How long the first shift of the weight takes, and the last one, in units of 1/omega.
@@ -56,8 +56,7 @@ class Footstep:
     slope: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        if self.foot not in SIDES:
-            raise UnknownNameError("foot", self.foot, SIDES)
+        one_of("foot", self.foot, SIDES)
         check_fields(self, "footstep, ", "x", "y", "yaw")
         if self.duration is not None:
             finite_number("footstep, duration", self.duration, above=0.0)

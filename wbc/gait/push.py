@@ -52,18 +52,21 @@ class PushObserver(NamedTuple):
 
         ``felt`` are the wrenches (6,) on the soles by foot [N, N m]; if none are, it begins anew.
         """
-        velocity = self.omega * (now.dcm - snapshot.com[:2])
+        cx, cy, cz = snapshot.com.tolist()
+        dx, dy = now.dcm.tolist()
+        sx, sy = self.omega * (dx - cx), self.omega * (dy - cy)
         if not felt or self.expected is None:
-            return self._replace(expected=velocity if felt else None, push=NONE)
-        total = np.zeros(2)  # of the forces, with what their moments about the CoM stand for
+            return self._replace(expected=np.array((sx, sy)) if felt else None, push=NONE)
+        total_x = total_y = 0.0  # of the forces, with what their moments about the CoM stand for
         for foot, wrench in felt.items():
             fx, fy, fz, mx, my, _ = wrench.tolist()
-            x, y, z = (now.places[foot] - snapshot.com).tolist()
-            about_x, about_y = mx + y * fz - z * fy, my + z * fx - x * fz
-            total += fx + about_y / self.height, fy - about_x / self.height
-        rate = total / snapshot.robot.mass
+            x, y, z = now.places[foot].tolist()
+            x, y, z = x - cx, y - cy, z - cz
+            total_x += fx + (my + z * fx - x * fz) / self.height
+            total_y += fy - (mx + y * fz - z * fy) / self.height
+        rate = np.array((total_x, total_y)) / snapshot.robot.mass
         expected = self.expected + (rate + self.push) * dt
-        off, pole = velocity - expected, math.exp(-self.omega * dt / SEEN)
+        off, pole = np.array((sx, sy)) - expected, math.exp(-self.omega * dt / SEEN)
         push = self.push + (1.0 - pole) ** 2 / dt * off
         return self._replace(expected=expected + (1.0 - pole**2) * off, push=push)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -155,14 +156,16 @@ class StepPlanner:
         In a step that is longer than in a walk both legs reach it from less when the pelvis is
         halfway.
         """
-        ways = [now.places["left"][:2] - now.places["right"][:2]]
+        left, right = now.places["left"].tolist(), now.places["right"].tolist()
+        ways = [complex(left[0] - right[0], left[1] - right[1])]
         if isinstance(phase, SingleSupport):
-            ways.append(phase.goal - now.places[phase.support][:2])
-        R, found = turned(heading)[:2, :2], 0.0
+            (gx, gy), (x, y, _) = phase.goal.tolist(), now.places[phase.support].tolist()
+            ways.append(complex(gx - x, gy - y))
+        back, found = cmath.rect(1.0, -heading), 0.0
         for way in ways:
-            ahead, beside = np.abs(way @ R).tolist()
-            halfway = 0.5 * min(ahead, self.limits.catch)
-            wider = max(min(beside, self.limits.catch_aside) - self.legs.width, 0.0)
+            seen = way * back  # ahead + i beside
+            halfway = 0.5 * min(abs(seen.real), self.limits.catch)
+            wider = max(min(abs(seen.imag), self.limits.catch_aside) - self.legs.width, 0.0)
             height = self.legs.com_height_for(math.hypot(halfway, wider))
             found = max(found, self.gait.height - height)
         return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from typing import Self
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.dcm import StepTimes
@@ -94,19 +94,23 @@ class GaitSettings:
         for name in given:
             if name not in names:
                 raise UnknownNameError("setting of a gait", name, names)
-        chosen: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
+        chosen = {
+            key: finite_number(f"gait, {key}", value)
+            for key, value in given.items()
+            if value is not None
+        }
         height = chosen.setdefault("height", default_height(legs))
-        legs.reach(float(height))  # raises where there is none
+        legs.reach(height)  # raises where there is none
         finite_number("gait, gravity", legs.gravity, above=0.0)
-        omega = math.sqrt(legs.gravity / float(height))
+        omega = math.sqrt(legs.gravity / height)
         chosen.setdefault("single", SINGLE / omega)
         chosen.setdefault("double", DOUBLE / omega)
-        chosen.setdefault("ramp", min(RAMP / omega, float(chosen["double"])))
-        chosen.setdefault("width", max(legs.width, legs.sole_width + ROOM * float(height)))
-        narrow = legs.sole_width + GAP * float(height)
-        chosen.setdefault("least_width", min(narrow, float(chosen["width"])))
-        chosen.setdefault("clearance", CLEARANCE * float(height))
-        chosen.setdefault("acceleration", SPEED_UP * legs.gravity * math.sqrt(float(height)))
+        chosen.setdefault("ramp", min(RAMP / omega, chosen["double"]))
+        chosen.setdefault("width", max(legs.width, legs.sole_width + ROOM * height))
+        narrow = legs.sole_width + GAP * height
+        chosen.setdefault("least_width", min(narrow, chosen["width"]))
+        chosen.setdefault("clearance", CLEARANCE * height)
+        chosen.setdefault("acceleration", SPEED_UP * legs.gravity * math.sqrt(height))
         return cls(**chosen, gravity=legs.gravity)
 
     @property

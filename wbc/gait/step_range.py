@@ -17,6 +17,7 @@ from wbc.gait.legs import STRETCH, Legs
 from wbc.gait.prescribed_steps import Footstep, in_world
 from wbc.gait.settings import GaitSettings
 from wbc.gait.swing import turned
+from wbc.kinds import switch
 from wbc.minimum_jerk import PEAK
 from wbc.polygon import half_planes
 from wbc.robot import Robot
@@ -97,7 +98,8 @@ class StepRange:
                 raise InvalidInputError(f"footsteps: expected Footstep(foot, x, y), got {one!r}")
         if not footsteps:
             raise InvalidInputError("footsteps: none are given; give at least one, or stop")
-        world = in_world(footsteps, feet) if relative else tuple(footsteps)
+        told = switch("footsteps, relative", relative)
+        world = in_world(footsteps, feet) if told else tuple(footsteps)
         for number, key, text in self.complaints(world, feet, first, ground):
             raise InvalidInputError(f"footstep {number + 1} ({world[number].foot}), {key}: {text}")
         return world

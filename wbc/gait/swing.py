@@ -62,16 +62,20 @@ def towards(now: SwingMotion, goal: float | Array, left: float, dt: float) -> Sw
     """
     T = max(left, LEAST_LEFT)
     s = min(dt / T, 1.0)
-    c, (x, v, a), way = 1.0 - s, now, goal - now.value
-    # Hermite's polynomials of degree 5 in s, and their derivatives: of rate and acceleration.
-    slope, bend = minimum_jerk_rates(s)
-    value = x + T * s * c**3 * (1.0 + 3.0 * s) * v
-    value = value + 0.5 * (T * s) ** 2 * c**3 * a + minimum_jerk(s) * way
-    rate = c * c * (1.0 + 2.0 * s - 15.0 * s * s) * v
-    rate = rate + 0.5 * T * s * c * c * (2.0 - 5.0 * s) * a + slope / T * way
-    change = -12.0 / T * s * c * (3.0 - 5.0 * s) * v
-    change = change + c * (1.0 - 8.0 * s + 10.0 * s * s) * a + bend / (T * T) * way
-    return SwingMotion(value, rate, change)
+    c, slope, bend = 1.0 - s, *minimum_jerk_rates(s)
+    # Hermite's polynomials of degree 5 in s, and their derivatives: of way, rate and acceleration.
+    p, q, r = minimum_jerk(s), T * s * c**3 * (1.0 + 3.0 * s), 0.5 * (T * s) ** 2 * c**3
+    dp, dq = slope / T, c * c * (1.0 + 2.0 * s - 15.0 * s * s)
+    dr = 0.5 * T * s * c * c * (2.0 - 5.0 * s)
+    ddp, ddq = bend / (T * T), -12.0 / T * s * c * (3.0 - 5.0 * s)
+    ddr = c * (1.0 - 8.0 * s + 10.0 * s * s)
+    (x, v, a), way = now, goal - now.value
+    if isinstance(way, float):  # in every tick: without arrays
+        moved, rate = p * way + q * v + r * a, dp * way + dq * v + dr * a
+        return SwingMotion(x + moved, rate, ddp * way + ddq * v + ddr * a)
+    curves = np.array(((p, q, r), (dp, dq, dr), (ddp, ddq, ddr)))
+    moved, rate, change = curves.dot(np.array((way, v, a)))
+    return SwingMotion(x + moved, rate, change)
 
 
 class Lift(NamedTuple):

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from wbc.constraints import Limits
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Constraint
-from wbc.controllers.checks import check_snapshot
+from wbc.controllers.checks import check_list, check_snapshot
 from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.gait.adaptation import held_back_by
@@ -50,6 +50,7 @@ from wbc.gait.settings import GaitSettings
 from wbc.gait.step_range import StepRange
 from wbc.gait.swing import SwingMotion, towards, unit
 from wbc.gait.whole_body import WalkingWeights, WholeBody, heading_of
+from wbc.kinds import check_kind
 from wbc.qp.backend import Backend
 from wbc.robot import Robot, Snapshot
 from wbc.robot.postures import STANDING
@@ -146,6 +147,10 @@ class Walker:
         **settings: Any,
     ) -> None:
         legs = Legs.of(robot)
+        check_kind("walker, weights", weights, WalkingWeights, "WalkingWeights()", or_none=True)
+        check_list("tasks", tasks, Task)
+        check_list("constraints", constraints, Constraint)
+        check_kind("walker, limits", limits, Limits, "Limits(robot)", or_none=True)
         self.robot = robot
         given = by_name("walker, gait", {} if gait is None else gait)
         self.gait = GaitSettings.of(legs, **given)
@@ -288,6 +293,7 @@ class Walker:
             :attr:`wbc.simulation.Plant.contact_forces`: feet then land when they touch. None: they
             land when they should.
         """
+        check_snapshot(self.robot, snapshot)
         dt, acceleration = self.dt, self.gait.acceleration
         now, felt = self._measured(snapshot), self._felt(forces)
         self._push = self._push.seen(snapshot, now, felt, dt)

@@ -133,6 +133,7 @@ class WholeBody:
         self.weigh_swing(w.swing, w.lift)
         trunks = dict.fromkeys((BASE, heaviest_link(robot)))
         self._upright = {one: turned(-heading) @ start.rotation(one) for one in trunks}
+        self._led: tuple[float, float] | None = None  # heading, and its rate
         inertia = robot.mass * height**2
         self._pressure = CopTask(robot, (*start.com[:2], 0.0), weight=w.com / height)
         self._height = ComTask(
@@ -217,10 +218,12 @@ class WholeBody:
         the whole body turning at this rate: held to zero, arms would turn back what legs turn.
         """
         self._pressure.set_target(pressure)
-        self._height.set_target(*(value * UP for value in height))
-        R, rate = turned(heading), turn * UP if turn else None
-        for one, task in self._trunk.items():
-            task.set_target(R @ self._upright[one], rate)
+        self._height.set_target(*(np.array((0.0, 0.0, value)) for value in height))
+        if self._led != (heading, turn):  # else the trunk is led there already
+            self._led = heading, turn
+            R, rate = turned(heading), turn * UP if turn else None
+            for one, task in self._trunk.items():
+                task.set_target(R @ self._upright[one], rate)
         spin = float(snapshot.inertia[2, 2]) * turn if turn else 0.0
         if spin != self._yaw.target[5]:
             self._yaw.set_target((0.0, 0.0, 0.0, 0.0, 0.0, spin))

@@ -18,8 +18,9 @@ import numpy as np
 
 from wbc.errors import InvalidInputError, WbcError
 from wbc.hardware.bus import Command, Reading
+from wbc.kinds import check_kind
 from wbc.robot import Robot
-from wbc.validate import Array, check_fields, finite_array
+from wbc.validate import Array, check_fields, finite_array, finite_number, real_array
 
 # ---------------------------------------------------------------------- modes
 
@@ -198,7 +199,7 @@ class SafetyLimits:
 
     def __post_init__(self) -> None:
         check_fields(self, "safety limits, ", "overrun", "overspeed", "overload", "tilt", above=0.0)
-        n = (len(self.effort),)
+        n = real_array("safety limits, effort", self.effort).shape
         for name in ("effort", "kp", "kd", "torque_rate"):
             value = finite_array(f"safety limits, {name}", getattr(self, name), n)
             if not (value >= 0.0).all():
@@ -249,7 +250,9 @@ class Safety:
     """
 
     def __init__(self, limits: SafetyLimits, damping: Array, dt: float) -> None:
-        self.limits, self.damping, self.dt = limits, damping, dt
+        check_kind("safety, limits", limits, SafetyLimits, "SafetyLimits.of(robot, kp, kd)")
+        self.damping = finite_array("safety, damping", damping, limits.kd.shape)
+        self.limits, self.dt = limits, finite_number("safety, dt", dt, above=0.0)
         self.mode = Mode.IDLE
         self.events = deque[Event](maxlen=1000)
         self.counts = Counter[Fault]()

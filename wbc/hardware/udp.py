@@ -19,6 +19,7 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.files import why
 from wbc.hardware.bus import BaseTruth, BusError, Command, Reading
+from wbc.kinds import check_word, whole_number
 from wbc.validate import Array
 
 Message = TypeVar("Message", Reading, Command)
@@ -103,8 +104,9 @@ class UdpBus:
         port: int = READING_PORT,
         robot_port: int = COMMAND_PORT,
     ) -> None:
-        self.joints, self.dropped = joints, Counter[str]()
-        self._socket, self._to = _opened(robot, port), (robot, robot_port)
+        self.joints, self.dropped = whole_number("UDP bus, joints", joints, least=1), Counter[str]()
+        self._to = robot, _port(robot_port)
+        self._socket = _opened(robot, port)
 
     def read(self) -> Reading | None:
         """Return the newest reading since the last call, by its sequence; None if none came."""
@@ -136,8 +138,9 @@ class UdpRobotBus:
         port: int = COMMAND_PORT,
         controller_port: int = READING_PORT,
     ) -> None:
-        self.joints, self.dropped = joints, Counter[str]()
-        self._socket, self._to = _opened(address, port), (address, controller_port)
+        self.joints, self.dropped = whole_number("UDP bus, joints", joints, least=1), Counter[str]()
+        self._to = address, _port(controller_port)
+        self._socket = _opened(address, port)
         self._last = -1
 
     def receive(self) -> Command | None:
@@ -196,6 +199,8 @@ def _unpacked(packet: bytes, kind: int, joints: int) -> tuple[int, int, float, A
 
 
 def _opened(address: str, port: int) -> socket.socket:
+    check_word("UDP bus, address", address)
+    _port(port)
     own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         own.setblocking(False)
@@ -208,6 +213,11 @@ def _opened(address: str, port: int) -> socket.socket:
             " running?"
         ) from error
     return own
+
+
+def _port(number: int) -> int:
+    """Return the number of a port; 0 for any that is free."""
+    return whole_number("UDP bus, port", number, most=65535)
 
 
 def _waiting(own: socket.socket) -> list[bytes]:

@@ -12,6 +12,7 @@ from wbc.human.markers import ForcePlate, MarkerRecording
 from wbc.human.opensim_files import read_plates, read_trc
 from wbc.human.rigid_bodies import is_rigid_bodies, read_rigid_bodies
 from wbc.human.smpl import is_smpl, read_smpl
+from wbc.kinds import check_path
 from wbc.motion.table import RecordingError
 
 ENDINGS = (".c3d", ".trc", ".bvh", ".csv", ".npz")
@@ -23,6 +24,7 @@ def is_human_recording(path: str | Path) -> bool:
 
     C3D, TRC, BVH, a CSV of rigid bodies, or an NPZ of SMPL poses.
     """
+    check_path("is_human_recording, path", path)
     path = Path(path)
     ending = path.suffix.lower()
     if ending == ".csv":
@@ -66,6 +68,7 @@ def read_markers(
     InvalidInputError
         What it holds is no recording: see :class:`MarkerRecording`.
     """
+    check_path("read_markers, path", path)
     path, source = Path(path), str(path)
     try:
         match path.suffix.lower():

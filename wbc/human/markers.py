@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
 from wbc.human.landmarks import Landmark
+from wbc.kinds import one_of
 from wbc.motion.recording import LEAST_ROWS
 from wbc.validate import Array, finite_array, read_only, real_array, set_fields
 
@@ -102,7 +104,10 @@ class MarkerRecording:
         )
 
     def __post_init__(self) -> None:
-        source, labels = self.source, tuple(str(label) for label in self.labels)
+        source = self.source
+        if isinstance(self.labels, str) or not isinstance(self.labels, Iterable):
+            raise InvalidInputError(f"{source}: labels: expected names, got {shown(self.labels)}")
+        labels = tuple(str(label) for label in self.labels)
         count = real_array(f"{source}: time", self.time).size
         if count < LEAST_ROWS:
             raise InvalidInputError(f"{source}: {count} frames; at least {LEAST_ROWS} are needed")
@@ -123,8 +128,8 @@ class MarkerRecording:
             raise InvalidInputError(
                 f"{source}: a marker is over {FARTHEST:g} m from the origin; are its units right?"
             )
-        if self.up is not None and self.up not in UPS:
-            raise InvalidInputError(f"{source}: up: expected x, y, z or None, got {self.up!r}")
+        if self.up is not None:
+            one_of(f"axis that is up ({source})", self.up, UPS)
         if self.landmarks and len(self.landmarks) != len(labels):
             raise InvalidInputError(f"{source}: {len(self.landmarks)} landmarks for {len(labels)}")
         set_fields(self, time=read_only(time), labels=labels, positions=read_only(positions))

@@ -23,6 +23,7 @@ from wbc.human.residual_noise import ResidualNoise, residual_noise
 from wbc.human.skeleton import configurations, human_robot
 from wbc.human.soles import ground_and_soles
 from wbc.human.treadmill import belt_velocity, from_the_belt
+from wbc.kinds import check_kind
 from wbc.motion.dropouts import Dropout
 from wbc.motion.filtering import low_passed
 from wbc.motion.recording import LONGEST_GAP, Motion
@@ -137,6 +138,9 @@ def human_motion(
     InvalidInputError
         Numbers that are not positive, another sex or axis.
     """
+    example = "read_markers(path)"
+    check_kind("human_motion, recording", recording, MarkerRecording, example)
+    check_kind("human_motion, static", static, MarkerRecording, example, or_none=True)
     check_sex(sex)
     longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
     mass = None if mass is None else finite_number("mass", mass, above=0.0)

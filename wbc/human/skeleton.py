@@ -23,6 +23,7 @@ from wbc.human.body import (
     origin_maps,
 )
 from wbc.human.kinematics import Poses
+from wbc.kinds import check_kind
 from wbc.robot import Robot
 from wbc.robot.feet import FootSpec
 from wbc.robot.limits import BASE_NQ
@@ -61,7 +62,13 @@ def human_robot(
     ----------
     soles:
         By side (``left``, ``right``); by default those of usual proportions.
+
+    Raises
+    ------
+    InvalidInputError
+        No body of a human.
     """
+    check_kind("human_robot, body", body, HumanBody)
     feet = {}
     for side in SIDES:
         polygon = _sole_polygon(body)

@@ -20,7 +20,7 @@ from wbc.rmp.ground import (
 )
 from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries
-from wbc.validate import Array
+from wbc.validate import Array, names_of
 
 # m: a foot stands if all corners of its sole are this near to the ground.
 TOUCHING = 0.01
@@ -117,9 +117,10 @@ def chosen_feet(robot: Robot, feet: str | Iterable[str] | None) -> tuple[str, ..
     """
     if feet is None:
         return ()
-    if feet == AUTO:
+    names = (feet,) if isinstance(feet, str) else feet
+    names = names_of("feet", [*dict.fromkeys(names)] if isinstance(names, list | tuple) else names)
+    if names == (AUTO,):
         return tuple(robot.feet)
-    names = tuple(dict.fromkeys((feet,) if isinstance(feet, str) else feet))
     if not names:
         raise InvalidInputError("feet: name at least one foot that stands on the ground")
     for name in names:

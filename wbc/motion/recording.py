@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.kinds import check_path
 from wbc.motion.columns import (
     PLACE,
     QUATERNION,
@@ -24,6 +25,7 @@ from wbc.motion.dropouts import Dropout, fill_gaps
 from wbc.motion.forces import MeasuredForces, read_forces
 from wbc.motion.table import MotionTable, RecordingError, read_csv, read_npz
 from wbc.robot import Robot
+from wbc.robot.model import check_robot
 from wbc.validate import Array, finite_array, finite_number, read_only, real_array, set_fields
 
 LONGEST_GAP = 0.1  # s
@@ -75,6 +77,7 @@ class Motion:
 
     def __post_init__(self) -> None:
         source = self.source
+        check_robot(f"{source}: robot", self.robot)
         count = real_array(f"{source}: time", self.time).size
         if count < LEAST_ROWS:
             raise InvalidInputError(
@@ -155,6 +158,8 @@ def read_motion(
     """
     longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
     beyond = finite_number("beyond", beyond, least=0.0)
+    check_path("read_motion, path", path)
+    check_robot("read_motion, robot", robot)
     table = with_angles(_table(Path(path), robot), robot)
     where, values = read_columns(table, robot, ignore, degrees)
     time = _times(table, values, where.get("time"), rate)

@@ -268,7 +268,7 @@ def load_problem(
     """
     if not isinstance(path, str | Path):
         raise InvalidInputError(f"load_problem: expected the path of a file, got {path!r}")
-    overrides = dict(by_name("load_problem, overrides", overrides or {}))
+    overrides = dict(by_name("load_problem, overrides", {} if overrides is None else overrides))
     source = read_source(Path(path))
     refuse_result(source)
     return problem_of(source, overrides)

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
 from wbc.spatial import STANDARD_GRAVITY
 from wbc.validate import Array, finite_array
 
@@ -137,6 +137,10 @@ def total_wrench(wrenches: Iterable[Wrench], about: Array) -> tuple[Array, Array
         Something that is not such a pair of finite numbers; the message says which.
     """
     force, moment = np.zeros(3), np.zeros(3)
+    if not isinstance(wrenches, Iterable):
+        raise InvalidInputError(
+            f"wrenches: expected pairs (position (3,), wrench (6,)), got {shown(wrenches)}"
+        )
     for k, pair in enumerate(wrenches):
         try:
             position, wrench = pair

@@ -14,6 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError, listed, shown
+from wbc.kinds import check_path, check_word, switch
 from wbc.notebook import as_html, some
 from wbc.robot.drives import JointValues, armature_note, effort_note, set_drives
 from wbc.robot.feet import FootSpec
@@ -178,10 +179,14 @@ class Robot(KinematicTree):
             ``base``, a negative friction, inertia or effort, a source that is no path or name, or
             loops that cannot be closed.
         """
-        if base not in (None, *BASES):
-            raise InvalidInputError(f"base: expected {' or '.join(BASES)}, got {base!r}")
+        if not (base is None or (isinstance(base, str) and base in BASES)):
+            raise InvalidInputError(f"base: expected {' or '.join(BASES)}, got {shown(base)}")
+        if name is not None:
+            check_word("robot, name", name)
+        if srdf is not None:
+            check_path("robot, srdf", srdf)
         found = find_robot(source)
-        description, model, couplings, notes = _read(found, locked or {}, package_dirs)
+        description, model, couplings, notes = _read(found, locked, package_dirs)
         _set_drives(model, found.known, armature, damping, friction, effort)
         limits = JointLimits.of(model)
         states_file = found.srdf if srdf is None else Path(srdf)
@@ -193,12 +198,13 @@ class Robot(KinematicTree):
         postures, posture_notes = named_postures(limits, neutral, states, found.known)
         for q in (q for key, q in postures.items() if key != NEUTRAL):
             follow(limits, q, couplings)
-        ties, loop_notes = loops_within(model, {**description.loops, **loops_of(loops or {})})
+        own_loops = {} if loops is None else loops_of(loops)
+        ties, loop_notes = loops_within(model, {**description.loops, **own_loops})
         if unactuated is None and ties:
             unactuated = tuple(set(description.unactuated or ()) & {*limits.names})
             if unactuated and not description.loops:
                 loop_notes += (f"with loops, no torque is asked of {listed(sorted(unactuated))}",)
-        free = without_motors(limits.names, unactuated or ())
+        free = without_motors(limits.names, () if unactuated is None else unactuated)
         closure = Closure(model, limits, ties, couplings, free)
         posture_notes += close_postures(closure, postures, description.drawn, found.path)
         stance = stance_from(found, description, model, limits, postures, feet, base, closure)
@@ -331,12 +337,13 @@ class Robot(KinematicTree):
             remedy = "" if isinstance(reference, str) else first
             raise UnknownNameError("posture", reference, self.postures, remedy)
         q = self.postures[reference].copy()
-        set_joints(self.limits, q, joints or {})
+        given = {} if joints is None else joints
+        set_joints(self.limits, q, given)
         follow(self.limits, q, self.couplings)
-        if self.loops and joints:
+        if self.loops and given:
             names = self.joint_names
-            q = self.closed(q, [names[k] for key in joints for k in matching(key, names)])
-        return grounded(self.model, q, self.feet) if on_ground else q
+            q = self.closed(q, [names[k] for key in given for k in matching(key, names)])
+        return grounded(self.model, q, self.feet) if switch("posture, on_ground", on_ground) else q
 
     def passive_forces(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:
         """Return what springs and the like give (nv,) [N, N m]: forces that no motor is asked for.
@@ -355,6 +362,7 @@ class Robot(KinematicTree):
 
     def passive_forces_at(self, snapshot: Snapshot) -> Array:
         """Return :meth:`passive_forces` at a snapshot, whose state has been checked."""
+        check_snapshot("passive_forces_at", snapshot)
         return self._passive_forces(snapshot, snapshot.q, snapshot.v)
 
     def _passive_forces(self, owner: object, q: Array, v: Array) -> Array:
@@ -380,17 +388,19 @@ class Robot(KinematicTree):
 
 
 def _read(
-    found: RobotSource, locked: Mapping[str, float], package_dirs: Iterable[str | Path]
+    found: RobotSource, locked: Mapping[str, float] | None, package_dirs: Iterable[str | Path]
 ) -> tuple[Description, pin.Model, Mapping[str, Coupling], tuple[str, ...]]:
     """Return what a robot's file says, its model with joints locked, mimic joints, and notes."""
     if isinstance(package_dirs, str | Path):
         package_dirs = (package_dirs,)
     if not isinstance(package_dirs, Iterable):
         raise InvalidInputError(f"package_dirs: expected a list, got {package_dirs!r}")
-    known = found.known
-    folders = (*(Path(folder) for folder in package_dirs), *found.package_dirs)
+    for folder in (given := tuple(package_dirs)):
+        check_path("package_dirs", folder)
+    known, held = found.known, {} if locked is None else by_name("locked", locked)
+    folders = (*map(Path, given), *found.package_dirs)
     description = read_description(found.path, folders, found.given)
-    rigid = {**(known.locked if known else {}), **by_name("locked", locked)}
+    rigid = {**(known.locked if known else {}), **held}
     model, couplings = lock_joints(description, rigid)
     notes = description.notes + check_supported(model, found.path) + add_base_frame(model)
     return description, model, couplings, (known.notes if known else ()) + notes
@@ -421,19 +431,20 @@ def check_robot(what: str, robot: object) -> None:
 
 
 def check_sizes(what: object, robot: Robot, snapshot: Snapshot) -> None:
-    """Refuse a snapshot of a robot with other joints: the core reads arrays by the sizes of one.
+    """Refuse what is no snapshot, or one of a robot with other joints: the core reads by its sizes.
 
     Raises
     ------
     InvalidInputError
         The message names the other robot.
     """
+    check_snapshot(what, snapshot)
     other = snapshot.robot
     if other is not robot and (other.nq, other.nv) != (robot.nq, robot.nv):
         raise InvalidInputError(f"{what}: the snapshot is of another robot, {other.name!r}")
 
 
-def check_snapshot(what: str, snapshot: object) -> None:
+def check_snapshot(what: object, snapshot: object) -> None:
     """Refuse what is no snapshot, such as the robot or its configuration.
 
     Raises

@@ -20,7 +20,7 @@ from wbc.errors import InvalidInputError
 from wbc.robot.formats.description import ContactRules, GeometrySource
 from wbc.robot.formats.triangles import Surfaces, with_meshes
 from wbc.robot.names import frame_table
-from wbc.validate import Array, finite_array, finite_number, read_only, set_fields
+from wbc.validate import Array, finite_array, finite_number, read_only, real_array, set_fields
 
 ROUNDING = 1e-9  # what of the largest moment symmetry and the triangle inequality may miss
 WATER = 1000.0  # kg/m^3: a payload without an inertia is drawn as a ball of that density
@@ -103,7 +103,7 @@ class Payload:
 def _checked(inertia: ArrayLike) -> Array:
     """Return moments of inertia (3, 3) that a rigid body can have."""
     what = "payload, inertia"
-    if np.ndim(inertia) == 1:
+    if real_array(what, inertia).ndim == 1:
         found = np.diag(finite_array(what, inertia, (3,)))
     else:
         found = finite_array(what, inertia, (3, 3))

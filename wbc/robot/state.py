@@ -170,7 +170,7 @@ class KinematicState:
         total = self.inertia
         if not is_com(about):
             total = read_only(total + parallel_axis(self.robot.mass, self.arm(about)))
-        if frame == WORLD:
+        if isinstance(frame, str) and frame == WORLD:
             return total
         R = self.rotation(frame)
         return read_only(R.T @ total @ R)
@@ -258,7 +258,7 @@ class KinematicState:
         ``weights`` is a symmetric (3, 3) matrix; times the error of an inertia task this is what
         Gauss-Newton leaves out.
         """
-        mass = self.robot.mass
+        weights, mass = finite_array("weights", weights, (3, 3)), self.robot.mass
         hessian = self.native_state.inertia_hessian(weights, mass)
         if not is_com(about):
             arm, of_arm = self.arm(about), self.arm_jacobian(about)
@@ -268,7 +268,7 @@ class KinematicState:
 
     def base_inertia_hessian(self, weights: Array, about: str | ArrayLike = COM) -> Array:
         """Hessian (nv, nv) by the joints of the same sum, I and weights in base axes."""
-        S = self.rotation(BASE)
+        S, weights = self.rotation(BASE), finite_array("weights", weights, (3, 3))
         hessian = self.inertia_hessian(S @ weights @ S.T, about).copy()
         hessian[:BASE_NV] = 0.0
         hessian[:, :BASE_NV] = 0.0
@@ -278,20 +278,23 @@ class KinematicState:
 
     def position(self, frame: str) -> Array:
         """Origin of a frame in the world (3,) [m]."""
-        return (self._placements.get(frame) or self._placement(frame))[0]
+        return self.placement(frame)[0]
 
     def rotation(self, frame: str) -> Array:
         """Rotation (3, 3) taking the frame's axes to the world's."""
-        return (self._placements.get(frame) or self._placement(frame))[1]
+        return self.placement(frame)[1]
 
     def placement(self, frame: str) -> tuple[Array, Array]:
         """Position and rotation of a frame."""
-        return self._placements.get(frame) or self._placement(frame)
+        try:
+            return self._placements.get(frame) or self._placement(frame)
+        except TypeError:
+            self.robot.frame_id(frame)  # says so of what is no name
+            raise
 
     def jacobian(self, frame: str) -> Array:
         """Jacobian (6, nv) of the frame's origin velocity and angular velocity, world axes."""
-        if frame not in self._jacobians:
-            self._placement(frame)
+        self.placement(frame)
         return self._jacobians[frame]
 
     @lazy

@@ -205,7 +205,7 @@ class KinematicTree:
         UnknownNameError
             No such foot; without any, the message says how to give them.
         """
-        if name not in self.feet:
+        if not isinstance(name, str) or name not in self.feet:
             remedy = "" if self.feet else NO_FEET
             raise UnknownNameError(f"foot of {self.name}", name, self.feet, remedy)
         return self.feet[name]

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from wbc.constraints import ComSupport, Constraint, Contact, Limits
 from wbc.constraints.margin import Margin
 from wbc.errors import InvalidInputError
+from wbc.kinds import check_kind
 from wbc.robot import Robot, Snapshot
+from wbc.robot.model import check_robot
 from wbc.robot.tree import refuse_loops
 from wbc.tasks import Task
-from wbc.validate import Array
+from wbc.validate import Array, list_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +74,13 @@ def check_parts(
     InvalidInputError
         One of these, or a constraint without a margin to measure; the message names the part.
     """
-    refuse_loops("global shaping", robot)
-    if not tasks:
+    what = "global shaping"
+    check_robot(what, robot)
+    refuse_loops(what, robot)
+    list_of(f"{what}, contacts", contacts, Contact, "Contact.hold(snapshot, frame)")
+    list_of(f"{what}, constraints", constraints, Constraint, "SelfCollision(robot)")  # type: ignore[type-abstract]
+    check_kind(f"{what}, limits", limits, Limits, "Limits(robot)")
+    if not list_of(f"{what}, tasks", tasks, Task, "ComTask(robot, target)"):  # type: ignore[type-abstract]
         raise InvalidInputError("global shaping: no task given; there is nothing to optimise")
     parts: list[Task | Contact | Limits | Constraint] = [*tasks, *contacts, limits, *constraints]
     for part in parts:

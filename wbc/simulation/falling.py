@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import check_switches, check_word
 from wbc.robot.names import BASE
 from wbc.simulation.plant import Plant
 from wbc.validate import check_fields
@@ -40,6 +41,9 @@ class FallLimits:
     def __post_init__(self) -> None:
         check_fields(self, "fall limits, ", "com_height", least=0.0)
         check_fields(self, "fall limits, ", "tilt", above=0.0)
+        check_word("fall limits, trunk", self.trunk)
+        check_word("fall limits, lifted", self.lifted, empty=True)
+        check_switches(self, "fall limits, ", "touch")
         if self.com_height >= 1.0:
             raise InvalidInputError("fall limits, com_height: must be below 1")
 

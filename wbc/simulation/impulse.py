@@ -12,7 +12,7 @@ from wbc.constraints.com_support import support_polygon
 from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes
 from wbc.robot import Snapshot
-from wbc.validate import finite_array, real_array
+from wbc.validate import finite_array, names_of, real_array
 
 
 def capture_impulse(snapshot: Snapshot, feet: Iterable[str], direction: ArrayLike) -> float:
@@ -39,7 +39,7 @@ def capture_impulse(snapshot: Snapshot, feet: Iterable[str], direction: ArrayLik
     length = float(np.linalg.norm(along))
     if length == 0.0:
         raise InvalidInputError("push, direction: needs a part along the ground")
-    feet = tuple(feet)
+    feet = names_of("push, feet", feet)
     normals, offsets = half_planes(support_polygon(snapshot, feet))
     towards = normals @ (along / length)
     left = offsets - normals @ snapshot.com[:2]

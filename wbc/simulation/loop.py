@@ -11,6 +11,7 @@ from wbc.controllers.controller import Controller
 from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import InvalidInputError
+from wbc.kinds import check_callable, check_kind
 from wbc.robot import Snapshot
 from wbc.simulation.falling import FallLimits, FallWatch, Verdict
 from wbc.simulation.plant import Plant
@@ -88,6 +89,10 @@ def simulate(
     ControllerFailure
         By the controller's policy ``raise``.
     """
+    check_kind("simulate, controller", controller, Controller, "TorqueController(...)")
+    check_kind("simulate, plant", plant, Plant, "Plant(robot)")
+    check_callable("simulate, update", update, "(period, snapshot)")
+    check_kind("simulate, falls", falls, FallLimits, "FallLimits()", or_none=True)
     if controller.robot is not plant.robot:
         raise InvalidInputError(
             f"simulate: the controller's robot {controller.robot!r} and the plant's"
@@ -126,6 +131,7 @@ def _torque_tick(
 ) -> TorqueTick:
     if isinstance(controller, TorqueController):
         return controller.step(snapshot, wrenches)
+    check_kind("simulate, what update returned", controller, Controller, or_none=True)
     tick = controller.step(snapshot)
     if not isinstance(tick, TorqueTick):
         raise InvalidInputError(

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.extras import quietly, require
 from wbc.gait.walls import Hand, check_hands
+from wbc.kinds import check_kind, switch
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import check_robot
@@ -115,6 +116,12 @@ class Plant:
         check_robot("plant, robot", robot)
         if friction is not None and terrain is not None:
             raise InvalidInputError("plant: give friction or a terrain that has it, not both")
+        check_kind("plant, terrain", terrain, Terrain, "Terrain(friction=0.6)", or_none=True)
+        check_kind("plant, sensors", sensors, Sensors, "Sensors(delay=0.002)")
+        check_kind("plant, mismatch", mismatch, ModelMismatch, "ModelMismatch(mass=1.1)")
+        shapes = switch("plant, shapes", shapes)
+        self_collision = switch("plant, self_collision", self_collision)
+        saturate = switch("plant, saturate", saturate)
         require("mujoco", "simulation")
         self.robot = robot
         self.physics_dt = finite_number("plant, physics_dt", physics_dt, above=0.0)

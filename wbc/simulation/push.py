@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import UnknownNameError
+from wbc.kinds import check_word, one_of
 from wbc.robot import Robot, Snapshot
 from wbc.simulation.applied import add_wrench
 from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
@@ -52,8 +53,8 @@ class Push:
         )
         check_fields(self, "push, ", "start")
         check_fields(self, "push, ", "duration", above=0.0)
-        if self.profile not in PROFILES:
-            raise UnknownNameError("profile of a push", self.profile, PROFILES)
+        check_word("push, body", self.body)
+        one_of("profile of a push", self.profile, PROFILES)
 
     @property
     def end(self) -> float:

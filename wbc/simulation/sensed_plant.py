@@ -12,9 +12,11 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.estimation import Estimate, EstimatorSettings, StateEstimator
+from wbc.kinds import check_kind
 from wbc.robot import Robot
 from wbc.simulation.estimate_errors import EstimateErrors
 from wbc.simulation.plant import PERFECT, Plant
+from wbc.simulation.sensors import Sensors
 from wbc.simulation.sensors_devices import Devices
 from wbc.simulation.sensors_reading import Sensing
 from wbc.validate import Array
@@ -66,11 +68,14 @@ class SensedPlant(Plant):
         **others: Any,
     ) -> None:
         sensors = others.get("sensors", PERFECT)
+        check_kind("plant, sensors", sensors, Sensors, "Sensors(latency=0.002)")
         if replace(sensors, latency=0.0, seed=0) != PERFECT:
             raise InvalidInputError(
                 "plant, sensors: noise on the true state, which is not told here; of these give"
                 " latency only, and devices"
             )
+        check_kind("plant, devices", devices, Devices, "Devices()", or_none=True)
+        check_kind("plant, settings", settings, EstimatorSettings, or_none=True)
         self.devices = devices or Devices()
         known = settings or EstimatorSettings(encoder_delay=self.devices.encoders.delay)
         mounts = [one.mount for one in self.devices.imus]

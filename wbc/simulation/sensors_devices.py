@@ -14,10 +14,11 @@ from dataclasses import dataclass, field
 
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, shown
+from wbc.errors import InvalidInputError
 from wbc.estimation.imus import ImuMount
+from wbc.kinds import check_kind, check_switches
 from wbc.simulation.mismatch import check_seed
-from wbc.validate import check_fields, set_fields
+from wbc.validate import check_fields, list_of, set_fields
 
 _G = 9.80665
 
@@ -61,6 +62,7 @@ class Imu:
         what = f"IMU {self.name!r}, "
         noises = [f"{of}_{what}" for of in DEVICES for what in ("noise", "bias", "walk")]
         check_fields(self, what, *noises, least=0.0)
+        check_fields(self, what, "most_rate", "most_force", above=0.0)
         if self.rate is not None:
             check_fields(self, what, "rate", above=0.0)
         _ = self.mount
@@ -117,6 +119,7 @@ class Encoders:
 
     def __post_init__(self) -> None:
         check_fields(self, "encoders, ", "resolution", "noise", "delay", "rate_noise", least=0.0)
+        check_switches(self, "encoders, ", "rates")
 
 
 @dataclass(frozen=True)
@@ -204,9 +207,18 @@ class Devices:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        imus = (self.imus,) if isinstance(self.imus, Imu) else tuple(self.imus)
-        if not imus or not all(isinstance(one, Imu) for one in imus):
-            raise InvalidInputError(f"devices, imus: expected IMUs, got {shown(self.imus)}")
+        given = (self.imus,) if isinstance(self.imus, Imu) else self.imus
+        imus = list_of("devices, imus", given, Imu, "Imu()")
+        if not imus:
+            raise InvalidInputError("devices, imus: there are none; give one, such as Imu()")
+        for name, kind, optional in (
+            ("encoders", Encoders, False),
+            ("torques", MotorTorques, True),
+            ("feet", FootSwitches, True),
+            ("bus", MessageBus, False),
+        ):
+            what, example = f"devices, {name}", f"{kind.__name__}()"
+            check_kind(what, getattr(self, name), kind, example, or_none=optional)
         names = [one.name for one in imus]
         if len(set(names)) < len(names):
             raise InvalidInputError(f"devices, imus: names must differ, got {names}")

@@ -10,6 +10,7 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.gait.walls import Wall, check_walls
+from wbc.kinds import check_switches
 from wbc.rotations import upright_on
 from wbc.validate import Array, check_fields, finite_array, list_of, read_only, set_fields
 
@@ -103,6 +104,7 @@ class Terrain:
     def __post_init__(self) -> None:
         check_fields(self, "terrain, ", "friction", least=0.0)
         check_fields(self, "terrain, ", "time_constant", above=0.0)
+        check_switches(self, "terrain, ", "drift")
         slope = finite_array("terrain, slope", self.slope, (2,))
         set_fields(
             self,

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from wbc.kinds import check_switches, check_word
 from wbc.robot import Robot
 from wbc.simulation.applied import add_wrench
-from wbc.validate import Array, check_fields, finite_array, finite_number, read_only, set_fields
+from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
 
 DIGITS = 9  # of the part of a period in which a wrench acts: times are sums of many steps
 
@@ -41,8 +42,9 @@ class AppliedWrench:
     def __post_init__(self) -> None:
         set_fields(self, wrench=read_only(finite_array("wrench", self.wrench, (6,))))
         check_fields(self, "wrench, ", "start", least=0.0)
-        if self.duration != math.inf:
-            finite_number("wrench, duration", self.duration, above=0.0)
+        check_fields(self, "wrench, ", "duration", above=0.0, unlimited=True)
+        check_word("wrench, frame", self.frame)
+        check_switches(self, "wrench, ", "told")
 
     @property
     def end(self) -> float:

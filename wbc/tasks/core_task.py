@@ -46,8 +46,8 @@ class CoreTask(Task):
         return self._found(snapshot, drifts=True).drift
 
     def _found(self, snapshot: Snapshot, drifts: bool = False) -> _Found:
-        robot, described = snapshot.robot, self.native()
         check_sizes(self, self.robot, snapshot)
+        robot, described = snapshot.robot, self.native()
         plans = robot.native.plans
         about = tuple((rows.kind, rows.frame, rows.other, rows.entries) for rows in described)
         plan = plans.get(about)

@@ -18,9 +18,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.kinds import switch
 from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
+from wbc.robot.model import check_sizes
 from wbc.robot.names import BASE, COM, WORLD
 from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, vech, vech_inverse
 from wbc.tasks.keywords import Gains
@@ -96,13 +98,13 @@ class InertiaTask(Task):
     ) -> None:
         components = names_of("inertia task, components", components)
         super().__init__(robot, name, components, **law)
-        self.second_order = second_order
-        if frame != WORLD:
+        self.second_order = switch(f"{self}, second_order", second_order)
+        if not isinstance(frame, str) or frame != WORLD:
             robot.frame_id(frame)
         self.frame = frame
         self.about = self._point(about)
-        self.per_mass = per_mass
-        scale = 1.0 / robot.mass if per_mass else 1.0
+        self.per_mass = switch(f"{self}, per_mass", per_mass)
+        scale = 1.0 / robot.mass if self.per_mass else 1.0
         self._wanted: Array
         self._bias: Array
         self._drift: Array
@@ -139,6 +141,7 @@ class InertiaTask(Task):
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the selected entries of actual minus target inertia and their Jacobian."""
+        check_sizes(self, self.robot, snapshot)
         error = self._selection.dot(vech(snapshot.inertia_in(self.frame, self.about)))
         error -= self._wanted
         jacobian = self._selection.dot(snapshot.inertia_jacobian_in(self.frame, self.about))
@@ -169,6 +172,7 @@ class InertiaTask(Task):
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the second derivative of the selected entries at v' = 0, less the target's."""
+        check_sizes(self, self.robot, snapshot)
         drift = self._selection.dot(snapshot.inertia_drift_in(self.frame, self.about))
         drift += self._drift
         return drift

@@ -66,7 +66,8 @@ class RelativePoseTask(PlacementTask, CoreTask):
         for component in components:
             if component not in AXES + TURNS:
                 raise UnknownNameError("component of a pose", component, AXES + TURNS)
-        super().__init__(robot, name or f"{frame} in {relative_to}", components, **law)
+        given = f"{frame} in {relative_to}" if name is None else name
+        super().__init__(robot, given, components, **law)
         if robot.frame_id(frame) == robot.frame_id(relative_to):
             raise InvalidInputError(f"{self}: {frame!r} never moves as seen from itself")
         self.frame, self.relative_to = frame, relative_to

@@ -13,6 +13,7 @@ from wbc.rmp.axes import track
 from wbc.rmp.plan.schedule import Corners, State, at_rest
 from wbc.rmp.solid import SolidRmp
 from wbc.robot import Snapshot
+from wbc.robot.model import check_snapshot
 from wbc.tracking.fit import sole_polygon
 from wbc.validate import finite_number
 
@@ -63,7 +64,13 @@ def pendulum_of(start: Snapshot) -> RobotPendulum:
     ----------
     start:
         The robot where the plan is to begin; its velocity does not matter.
+
+    Raises
+    ------
+    InvalidInputError
+        No snapshot.
     """
+    check_snapshot("pendulum_of", start)
     robot = start.robot
     axes = track(start.inertia[None], previous=np.eye(3))
     radii = np.sqrt(3.0 * axes.second_moments[0] / robot.mass)

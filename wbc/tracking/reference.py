@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.kinds import check_kind, switch
 from wbc.robot import Snapshot
+from wbc.robot.model import check_snapshot
 from wbc.rotations import rotations_from
 from wbc.spatial import COLUMNS, ROWS, skews, vech
 from wbc.tracking.fit import check_fit
-from wbc.validate import Array, finite_array, finite_number, read_only, real_array
+from wbc.validate import Array, finite_array, finite_number, names_of, read_only, real_array
 
 if TYPE_CHECKING:  # plans load CasADi
     from wbc.rmp.plan.plan import Plan, Trajectory
@@ -96,6 +98,11 @@ class PlanReference:
         begins: float = 0.0,
         flights: bool = False,
     ) -> None:
+        from wbc.rmp.plan.plan import Plan  # who has one has CasADi
+
+        check_kind("plan reference, plan", plan, Plan, "load_plan(path)")
+        check_snapshot("plan reference, start", start)
+        feet, flights = names_of("plan reference, feet", feet), switch("flights", flights)
         check_fit(plan, start, feet, flights=flights)
         self.plan = plan
         self.begins = finite_number("plan reference, begins", begins, least=0.0)

@@ -10,7 +10,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import ModelError, UnknownNameError, listed
+from wbc.errors import ModelError, listed
+from wbc.kinds import one_of
 from wbc.robot.collision.fitting import Fit, cached_fit, fit_capsule, fit_hull
 from wbc.robot.collision.shapes import Body, Capsule, Hull, moved
 from wbc.robot.formats.triangles import Triangles
@@ -40,8 +41,7 @@ def robot_bodies(robot: Robot, fit: str = "capsule") -> tuple[Body, ...]:
     UnknownNameError
         No such fit.
     """
-    if fit not in FITS:
-        raise UnknownNameError("fit", fit, FITS)
+    one_of("fit", fit, FITS)
     bodies = []
     for surface in named_surfaces(robot):
         found = simple_shape(surface.geometry, fit, f"{robot.path}: link {surface.link!r}")

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
 from wbc.robot.collision.closing import PairMotion
 from wbc.robot.collision.covers import Covers, chosen_of, smallest
 from wbc.robot.collision.curvature import CurvatureBounds
@@ -146,7 +146,19 @@ class CollisionModel:
             self._solids.place(body, (R, p))
 
     def measure(self, snapshot: Snapshot, pairs: Index) -> PairDistances:
-        """Return the distances of some pairs, given by their numbers, increasing."""
+        """Return the distances of some pairs, given by their numbers, increasing.
+
+        Raises
+        ------
+        InvalidInputError
+            Numbers of no pairs.
+        """
+        total = len(self.pairs)  # beyond them the core would read what is none
+        numbers = isinstance(pairs, np.ndarray) and pairs.ndim == 1 and pairs.dtype.kind in "iu"
+        if not numbers or (pairs.size and not 0 <= pairs.min() <= pairs.max() < total):
+            raise InvalidInputError(
+                f"pairs: expected numbers (k,) from 0 to {total - 1}, got {shown(pairs)}"
+            )
         if self.native is not None:
             found = self.native.measure(snapshot.native_state, pairs)
             if found is not None:

@@ -1,0 +1,165 @@
+"""What is no such thing is a typed error wherever it is given, and never a crash of the core."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.estimation import (
+    ContactFilter,
+    JointVelocityFilter,
+    Measurement,
+    MomentumObserver,
+    StateEstimator,
+)
+from wbc.gait import Footstep, Walker
+from wbc.hardware import Safety, UdpBus
+from wbc.human import human_motion, human_robot, read_markers
+from wbc.robot import Robot
+from wbc.shaping import GlobalShaping
+from wbc.simulation import (
+    AppliedWrench,
+    Devices,
+    FallLimits,
+    Imu,
+    Plant,
+    Push,
+    SensedPlant,
+    Terrain,
+    capture_impulse,
+)
+from wbc.simulation import simulate as simulated
+
+Call = tuple[str, Callable[..., Any], dict[str, Any]]
+# Of many kinds, none of which is a name that exists, a robot, a snapshot or settings of any kind.
+WRONG = (
+    math.nan, -7, 10**400, 3.5, "no such thing", b"bytes", object(), [1, [2]], ["a", "b"], {"a": 1},
+    {3}, 1j, np.full(3, np.nan), np.zeros(0), np.eye(2), np.array(["a"]), np.datetime64("now"),
+)  # fmt: skip
+# Where any name, path or position means something until a robot or a disk is looked at.
+LET = {("load", "package_dirs"), ("load", "name"), ("push", "body"), ("wrench", "frame"),
+       ("fall", "trunk"), ("fall", "lifted")}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def calls() -> list[Call]:
+    """Return what users call, each with arguments that it takes."""
+    robot = Robot.load("hoap2_like")
+    q = robot.posture("standing")
+    s = robot.snapshot(q)
+    sole = robot.feet["left"].frame
+    com, held = wbc.ComTask(robot, s.com), wbc.support(s, "double")
+    margin = {"braking": None, "limits": None}
+    contacts = {"robot": robot, "tasks": [com], "contacts": held, "limits": None, "constraints": ()}
+    torque = wbc.TorqueController(robot, [com], contacts=held, solver="active_set")
+    plant, walker = Plant(robot), Walker(robot)
+    collision, limits = wbc.SelfCollision(robot), wbc.Limits(robot)
+
+    place, rates = np.concatenate((np.zeros(3), np.eye(3).ravel())), JointVelocityFilter(4)
+    feet, felt = ContactFilter(2), MomentumObserver(robot)
+    for k in range(2):
+        feet.hold(k, place, np.eye(6))
+
+    def bus(**given: Any) -> None:
+        UdpBus(**given).close()
+
+    def run(**given: Any) -> list[Any]:
+        return list(simulated(**given))
+
+    return [
+        ("load", Robot.load, {"source": "hoap2_like", "locked": None, "base": None, "srdf": None,
+                              "package_dirs": (), "name": None, "loops": None, "unactuated": None}),
+        ("snapshot", robot.snapshot, {"q": q, "v": None}),
+        ("posture", robot.posture, {"reference": "standing", "joints": None, "on_ground": False}),
+        ("foot", robot.foot, {"name": "left"}),
+        ("payload", robot.with_payload, {"frame": sole, "mass": 1.0, "inertia": (0.0, 0.0, 0.0)}),
+        ("passive", robot.passive_forces_at, {"snapshot": s}),
+        ("position", s.position, {"frame": sole}),
+        ("jacobian", s.jacobian, {"frame": sole}),
+        ("inertia in", s.inertia_in, {"frame": sole, "about": "com"}),
+        ("hessian", s.inertia_hessian, {"weights": np.eye(3)}),
+        ("inertia", wbc.InertiaTask, {"robot": robot, "target": s.inertia, "frame": "base",
+                                      "per_mass": True, "second_order": False}),
+        ("relative", wbc.RelativePoseTask, {"robot": robot, "frame": "base", "relative_to": sole,
+                                            "position": np.ones(3), "rotation": np.eye(3)}),
+        ("residual", com.residual, {"snapshot": s}),
+        ("support", wbc.support, {"snapshot": s, "mode": "double"}),
+        ("friction", wbc.FrictionCone, {"coefficient": 0.6, "facets": 4, "inner": True}),
+        ("limits", wbc.Limits, {"robot": robot, "position": True, "braking": "free"}),
+        ("box", limits.box, {"snapshot": s, "dt": 0.01}),
+        ("collision", wbc.SelfCollision, {"robot": robot, "fit": "capsule",
+                                           "model": None, **margin}),
+        ("distances", collision.distances, {"snapshot": s, "keys": np.arange(2)}),
+        ("tilt", wbc.TiltLimit, {"robot": robot, "frame": "base", "angle": 0.4, **margin}),
+        ("velocity", wbc.KinematicController, contacts | {"formulation": "equality"}),
+        ("torque", wbc.TorqueController, contacts | {"on_failure": "damp", "delay": 0.0}),
+        ("tick", torque.step, {"snapshot": s, "wrenches": None}),
+        ("walker", Walker, {"robot": robot, "weights": None, "limits": None, "tasks": ()}),
+        ("gait", Walker, {"robot": robot, "gait": {"height": None}}),
+        ("height", lambda height: Walker(robot, {"height": height}), {"height": 0.25}),
+        ("plan", wbc.PlanReference, {"plan": None, "start": s}),
+        ("sensed", SensedPlant, {"robot": robot, "devices": None, "settings": None}),
+        ("devices", Devices, {"imus": Imu(), "feet": None}),
+        ("human", human_motion, {"recording": None, "static": None, "sex": "male"}),
+        ("body", human_robot, {"body": None}),
+        ("walk", walker.step, {"snapshot": s, "forces": None}),
+        ("footstep", Footstep, {"foot": "left", "x": 0.1, "y": 0.1}),
+        ("plant", Plant, {"robot": robot, "terrain": None, "shapes": True, "saturate": True}),
+        ("run", run, {"controller": torque, "plant": plant, "duration": 0.002, "update": None,
+                      "falls": None}),
+        ("impulse", capture_impulse, {"snapshot": s, "feet": ("left",), "direction": (1, 0)}),
+        ("push", Push, {"body": "base", "force": np.ones(3), "point": np.zeros(3), "start": 0.0,
+                        "duration": 1.0, "profile": "half_sine"}),
+        ("wrench", AppliedWrench, {"frame": "base", "wrench": np.ones(6), "told": True}),
+        ("fall", FallLimits, {"trunk": "base", "lifted": "", "touch": True}),
+        ("terrain", Terrain, {"friction": 0.8, "drift": False, "walls": ()}),
+        ("imu", Imu, {"most_rate": 30.0, "rotation": np.eye(3)}),
+        ("estimator", StateEstimator, {"robot": robot, "imus": (), "settings": None}),
+        ("rates", JointVelocityFilter, {"joints": 5, "window": 5}),
+        ("filter", ContactFilter, {"feet": 2, "noise": None}),
+        ("rate", rates.update, {"time": 0.0, "positions": np.zeros(4)}),
+        ("predict", feet.predict, {"rate": np.zeros(3), "force": np.ones(3), "dt": 0.01}),
+        ("hold", feet.hold, {"k": 1, "place": place, "noise": np.eye(6)}),
+        ("correct", feet.correct, {"k": 1, "place": place, "noise": np.eye(6)}),
+        ("release", feet.release, {"k": 1}),
+        ("felt", felt.update, {"q": q, "v": s.v, "torque": np.zeros(robot.nv - 6), "dt": 0.01}),
+        ("measurement", Measurement, {"time": 0.0, "positions": np.zeros(3), "imus": ()}),
+        ("safety", Safety, {"limits": None, "damping": np.ones(3), "dt": 0.002}),
+        ("udp", bus, {"joints": 3, "robot": "127.0.0.1", "port": 0}),
+        ("reduce", wbc.reduce, {"snapshot": s, "feet": None, "wrenches": None,
+                                "previous": None}),
+        ("pendulum", wbc.pendulum_of, {"start": s}),
+        ("motion", wbc.Motion, {"robot": robot, "time": np.arange(9.0),
+                                "joints": np.zeros((9, robot.nv - 6))}),
+        ("read", wbc.read_motion, {"path": "none.csv", "robot": robot}),
+        ("markers", read_markers, {"path": "none.c3d"}),
+        ("shaping", GlobalShaping, contacts | {"limits": limits}),
+    ]  # fmt: skip
+
+
+def wrongly(calls: list[Call]) -> Iterator[tuple[str, str, object, Exception | None]]:
+    for name, call, arguments in calls:
+        for key in arguments:
+            for wrong in WRONG:
+                try:
+                    call(**{**arguments, key: wrong})
+                except Exception as error:  # judged by the test
+                    yield name, key, wrong, error
+                else:
+                    yield name, key, wrong, None
+
+
+def test_whatever_is_no_such_thing_is_a_typed_error(calls: list[Call]) -> None:
+    raw, taken = list[object](), list[object]()
+    for name, key, wrong, error in wrongly(calls):
+        if error is not None and not isinstance(error, wbc.WbcError):
+            raw.append((name, key, wrong, error))
+        # A number may be one that is meant, and nothing at all a list of none.
+        some = not isinstance(wrong, int | float) and getattr(wrong, "size", 1) > 0
+        if error is None and some and (name, key) not in LET:
+            taken.append((name, key, wrong))
+    assert not raw
+    assert not taken

@@ -1,0 +1,118 @@
+"""Checks on what is given by the caller and is no number: objects, words, switches.
+
+Whatever is no such thing (an array where a word is expected, the path of a robot in place of the
+robot) is an error that says what was meant, before anything is compared with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from wbc.errors import InvalidInputError, UnknownNameError, shown
+from wbc.validate import set_fields
+
+
+def check_kind(
+    what: str, value: object, kind: type, how: str = "", *, or_none: bool = False
+) -> None:
+    """Refuse what is no object of a kind; ``how`` is how one is written in Python.
+
+    Raises
+    ------
+    InvalidInputError
+        The message says what is expected.
+    """
+    if not (isinstance(value, kind) or (or_none and value is None)):
+        wanted = f"a {kind.__name__}" + (f", such as {how}" if how else "")
+        wanted += " or None" if or_none else ""
+        raise InvalidInputError(f"{what}: expected {wanted}, got {shown(value)}")
+
+
+def check_callable(what: str, value: object, arguments: str) -> None:
+    """Refuse what cannot be called, unless it is None; ``arguments`` is what it is called with.
+
+    Raises
+    ------
+    InvalidInputError
+        The message says what is expected.
+    """
+    if value is not None and not callable(value):
+        raise InvalidInputError(
+            f"{what}: expected a function of {arguments} or None, got {shown(value)}"
+        )
+
+
+def switch(what: str, value: Any) -> bool:
+    """Return a switch: True or False, and nothing that only counts as one, such as ``"no"``.
+
+    Raises
+    ------
+    InvalidInputError
+        Something else.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise InvalidInputError(f"{what}: expected True or False, got {shown(value)}")
+    return bool(value)
+
+
+def check_switches(instance: Any, what: str, *names: str) -> None:
+    """Make fields of a dataclass, frozen or not, the :func:`switch` that each is."""
+    set_fields(
+        instance, **{name: switch(f"{what}{name}", getattr(instance, name)) for name in names}
+    )
+
+
+def whole_number(what: str, value: Any, *, least: int = 0, most: int = 1_000_000) -> int:
+    """Return a count, from ``least`` to ``most``.
+
+    Raises
+    ------
+    InvalidInputError
+        No whole number, or one out of range.
+    """
+    if not isinstance(value, int | np.integer) or isinstance(value, bool | np.bool_):
+        raise InvalidInputError(f"{what}: expected a whole number, got {shown(value)}")
+    if not least <= value <= most:
+        raise InvalidInputError(f"{what}: must be from {least} to {most}, got {shown(value)}")
+    return int(value)
+
+
+def check_word(what: str, value: object, *, empty: bool = False) -> None:
+    """Refuse what is no word; ``empty`` lets an empty one pass.
+
+    Raises
+    ------
+    InvalidInputError
+        Something else.
+    """
+    if not isinstance(value, str) or not (value or empty):
+        raise InvalidInputError(f"{what}: expected a name, got {shown(value)}")
+
+
+def check_path(what: str, value: object) -> None:
+    """Refuse what is no path of a file or folder.
+
+    Raises
+    ------
+    InvalidInputError
+        Something else.
+    """
+    if not isinstance(value, str | PathLike):
+        raise InvalidInputError(f"{what}: expected a path, got {shown(value)}")
+
+
+def one_of(kind: str, value: Any, choices: Sequence[str]) -> str:
+    """Return ``value`` if it is one of the choices.
+
+    Raises
+    ------
+    UnknownNameError
+        It is none.
+    """
+    if not isinstance(value, str) or value not in choices:
+        raise UnknownNameError(kind, value, choices)
+    return value
