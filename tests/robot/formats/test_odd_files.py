@@ -151,7 +151,7 @@ MJCF: dict[str, tuple[str, Callable[[Robot], None] | str]] = {
     ),
     "feet on their edges": (
         legs(PLATE.replace("/>", ' euler="0 .7 0"/>'), *NAMED),
-        noted("the sole that was found of the left foot is 0%"),
+        noted("the left foot touches level ground along a line only"),
     ),
 }
 

@@ -86,7 +86,8 @@ def leave_first(root: ET.Element) -> tuple[str, ...]:
             for tag in ("origin", "geometry"):
                 found += [f"<{tag}> of {what}" for _ in _drop(shape, shape.findall(tag)[1:])]
             for geometry in shape.findall("geometry")[:1]:
-                more = _drop(geometry, list(geometry)[1:])
+                more = [one for one in list(geometry)[1:] if not str(one.tag).startswith("{")]
+                _drop(geometry, more)
                 found += [f"<{one.tag}> as {shape.tag} of {what}" for one in more]
     return (f"given twice, of which the first counts: {listed(found)}",) if found else ()
 
