@@ -174,6 +174,7 @@ BODY = (
     '<inertia ixx=".01" iyy=".02" izz=".015" ixy="0" ixz="0" iyz="0"/></inertial>'
 )
 SPHERE = '<collision><geometry><sphere radius=".1"/>{}</geometry></collision>'
+
 LOOK = '<visual><geometry><sphere radius=".1"/></geometry>{}</visual>'
 
 
@@ -211,7 +212,16 @@ def shapes(count: int, *words: str) -> Callable[[Robot], None]:
     return check
 
 
-BAD = LOOK.format('<material name="m"><color rgba="255 0 0 1"/></material>')
+def coloured(*wanted: float) -> Callable[[Robot], None]:
+    def check(robot: Robot) -> None:
+        shapes(1)(robot)
+        found = robot.visual_model.geometryObjects[0].meshColor[:3]
+        np.testing.assert_allclose(found, wanted, atol=1e-6)
+
+    return check
+
+
+BAD = LOOK.format('<material name="m"><color rgba="{}"/></material>')
 URDF: dict[str, tuple[str, Callable[[Robot], None] | str]] = {
     "a joint called as the base": (
         urdf(name="root_joint"),
@@ -238,7 +248,8 @@ URDF: dict[str, tuple[str, Callable[[Robot], None] | str]] = {
         urdf(link=SPHERE.format('<box size="1 1 1"/>')),
         shapes(1, "the first counts: <box> as collision of link 'a'"),
     ),
-    "colour beyond white": (urdf(link=BAD), shapes(1, "grey, since their colours")),
+    "colour of bytes": (urdf(link=BAD.format("255 102 0 255")), coloured(1.0, 0.4, 0.0)),
+    "colour beyond white": (urdf(link=BAD.format("1 256 0 1")), coloured(0.5, 0.5, 0.5)),
     "colour without numbers": (
         urdf(link=LOOK.format('<material name="m"><color/></material>') + SPHERE.format("")),
         shapes(2, "grey, since their colours"),

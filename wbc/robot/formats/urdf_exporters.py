@@ -15,7 +15,7 @@ from wbc.robot.formats.description import pinocchio_reads
 MOVING = {"revolute", "continuous", "prismatic"}
 LIMITS = ("lower", "upper", "effort", "velocity")
 MACRO = re.compile(r"\$\{|\$\((arg|find|eval|env|optenv|dirname|anon)\b")  # ${x}, $(arg x)
-GREY = "0.5 0.5 0.5 1"
+GREY, BRIGHTEST = "0.5 0.5 0.5 1", 255.0
 VERSIONS = ("1.0", "1.1", "1.2")
 ONCE = ("origin", "axis", "limit", "dynamics", "mimic")  # in a joint
 UNREAD = ("safety_controller", "calibration")  # which nothing here uses
@@ -105,16 +105,17 @@ def _drop(element: ET.Element, parts: list[ET.Element]) -> list[ET.Element]:
 def mend_materials(root: ET.Element) -> tuple[str, ...]:
     """Give materials without a name one, and grey to those of which the colour cannot be read.
 
-    The parser drops all shapes of a link, or the whole file, for them. Return a note of the latter.
+    The parser drops all shapes of a link, or the whole file, for them. Colours up to 255 are taken
+    in parts of that. Return a note of what is grey.
     """
     grey, known = list[str](), set[str]()
     for k, material in enumerate(root.iter("material")):
         if not material.get("name"):
             material.set("name", f"nameless material {k}")
         for colour in material.findall("color"):
-            if not _is_colour(colour.get("rgba", "")):
-                colour.set("rgba", GREY)
-                grey.append(material.get("name", ""))
+            found = _colour(colour.get("rgba", ""))
+            colour.set("rgba", found or GREY)
+            grey += [] if found else [material.get("name", "")]
     for material in root.findall("material"):  # what links name
         name = material.get("name", "")
         if name in known:
@@ -125,12 +126,17 @@ def mend_materials(root: ET.Element) -> tuple[str, ...]:
     return (f"grey, since their colours cannot be read: {listed(grey)}",) if grey else ()
 
 
-def _is_colour(text: str) -> bool:
+def _colour(text: str) -> str | None:
+    """Return red, green, blue and alpha as the parser reads them, in [0, 1], or None."""
     try:
         parts = [float(part) for part in text.split()]
     except ValueError:
-        return False
-    return len(parts) == len(GREY.split()) and all(0.0 <= part <= 1.0 for part in parts)
+        return None
+    if len(parts) != len(GREY.split()) or not all(0.0 <= part <= BRIGHTEST for part in parts):
+        return None
+    if max(parts) <= 1.0:
+        return text
+    return " ".join(str(part / BRIGHTEST) for part in parts)
 
 
 def unset_limits(joints: list[ET.Element]) -> tuple[str, ...]:
