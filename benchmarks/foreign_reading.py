@@ -257,9 +257,18 @@ def spec_of(mujoco: Any, path: Path) -> tuple[Any, str]:
         spec.modelfiledir = str(path.parent)
         return spec
 
+    def without_pairs(spec: Any) -> list[str]:
+        """Remove contact pairs with geoms of a scene that is not here."""
+        known = {str(geom.name) for geom in spec.geoms}
+        gone = [one for one in spec.pairs if not {one.geomname1, one.geomname2} <= known]
+        for pair in gone:
+            spec.delete(pair)
+        return ["pairs with a scene"] if gone else []
+
     mesh = int(mujoco.mjtGeom.mjGEOM_MESH)
     for gone in ((), ("textures",), ("textures", "meshes")):
         spec = read()
+        elsewhere = without_pairs(spec)
         if gone:
             for part in [*spec.geoms, *spec.sites]:
                 part.material = ""
@@ -275,7 +284,7 @@ def spec_of(mujoco: Any, path: Path) -> tuple[Any, str]:
                 raise
             continue
         break
-    return spec, ", ".join([*without, *gone])
+    return spec, ", ".join([*without, *elsewhere, *gone])
 
 
 def joint_names(model: Any) -> list[str]:
