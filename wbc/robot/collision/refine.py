@@ -91,11 +91,14 @@ class _Part:
     geometry: coal.ShapeBase
 
     @classmethod
-    def of(cls, surface: _Surface, tolerance: float) -> _Part:
+    def of(cls, surface: _Surface, tolerance: float, kept: bool = True) -> _Part:
+        """Return a part; ``kept`` says whether its fit is looked up, and put, in the cache."""
+
         def make(points: Array) -> Fit:
             return fit_close_hull(points, tolerance, surface.hull)
 
-        fit = cached_fit(f"close {tolerance}", make, surface.points)
+        points = surface.points
+        fit = cached_fit(f"close {tolerance}", make, points) if kept else make(points)
         return cls(fit, surface, convex(fit.shape.core))
 
     @property
@@ -107,7 +110,8 @@ class _Part:
     def halves(self) -> tuple[_Part, _Part]:
         """Its two halves: of a body that is near several others they are asked for again."""
         first, second = self.surface.halves
-        return _Part.of(first, TOLERANCES[-1]), _Part.of(second, TOLERANCES[-1])
+        finest = TOLERANCES[-1]  # what came of all halves is kept as a whole
+        return _Part.of(first, finest, kept=False), _Part.of(second, finest, kept=False)
 
 
 NONE = _Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
