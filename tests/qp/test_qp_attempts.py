@@ -1,4 +1,4 @@
-"""Ticks without equalities through ProxQP: warm, stalled, far from the last one, or without a solution."""
+"""Ticks without equalities through ProxQP: from the last one, stalled, or without a solution."""
 
 import numpy as np
 import pytest
