@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from wbc.constraints.com_support import support_polygon
 from wbc.errors import InvalidInputError
@@ -70,10 +71,23 @@ def plot_analysis(
 def analysis_figure(series: RmpSeries, *, title: str, snapshots: Snapshots = 6) -> Figure:
     """Return the figure that :func:`plot_analysis` writes."""
     frames = snapshot_frames(series.time, snapshots)
+    told = EXPLANATION + (BANDS if series.uncertainty else "")
+    figure, grid = sheet_with_snapshots(series, frames, title, told, -(-len(PLOTS) // COLUMNS))
+    for axes, draw in zip(grid.flat, PLOTS, strict=True):
+        draw(axes, series, frames)
+    return figure
+
+
+def sheet_with_snapshots(
+    series: RmpSeries, frames: Sequence[int], title: str, told: str, rows: int
+) -> tuple[Figure, NDArray[np.object_]]:
+    """Return a figure that begins with snapshots of some frames, and axes (rows, 2) below them.
+
+    ``told`` is written between them.
+    """
     portraits = snapshot_portraits(series, frames)
     wide = WIDTH / max(len(portraits), 4)  # fewer are not drawn larger than a quarter
     high = min(HIGHEST, wide * float(np.clip(shape_of(portraits), *PANEL_SHAPE)))
-    rows = -(-len(PLOTS) // COLUMNS)
     below = rows * ROW + TIME
     total = HEADING + high + CAPTION + below
     figure = style.sheet(WIDTH, total, title, below)
@@ -81,12 +95,10 @@ def analysis_figure(series: RmpSeries, *, title: str, snapshots: Snapshots = 6) 
     places = [left + wide * k for k in range(len(portraits))]
     draw_snapshots([style.place(figure, x, bottom, wide, high) for x in places], portraits)
     figure.text(
-        0.5, (bottom - 0.30) / total, EXPLANATION + (BANDS if series.uncertainty else ""),
+        0.5, (bottom - 0.30) / total, told,
         ha="center", va="top", fontsize=7.0, color=style.GREY,
     )  # fmt: skip
-    for axes, draw in zip(figure.subplots(rows, COLUMNS).flat, PLOTS, strict=True):
-        draw(axes, series, frames)
-    return figure
+    return figure, figure.subplots(rows, COLUMNS)
 
 
 def check_snapshots(snapshots: Snapshots) -> None:
