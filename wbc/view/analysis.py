@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from wbc.constraints.com_support import support_polygon
 from wbc.errors import InvalidInputError
@@ -73,15 +72,15 @@ def analysis_figure(series: RmpSeries, *, title: str, snapshots: Snapshots = 6) 
     frames = snapshot_frames(series.time, snapshots)
     told = EXPLANATION + (BANDS if series.uncertainty else "")
     figure, grid = sheet_with_snapshots(series, frames, title, told, -(-len(PLOTS) // COLUMNS))
-    for axes, draw in zip(grid.flat, PLOTS, strict=True):
+    for axes, draw in zip(grid, PLOTS, strict=True):
         draw(axes, series, frames)
     return figure
 
 
 def sheet_with_snapshots(
     series: RmpSeries, frames: Sequence[int], title: str, told: str, rows: int
-) -> tuple[Figure, NDArray[np.object_]]:
-    """Return a figure that begins with snapshots of some frames, and axes (rows, 2) below them.
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure that begins with snapshots of some frames, and axes in rows of 2 below.
 
     ``told`` is written between them.
     """
@@ -98,7 +97,7 @@ def sheet_with_snapshots(
         0.5, (bottom - 0.30) / total, told,
         ha="center", va="top", fontsize=7.0, color=style.GREY,
     )  # fmt: skip
-    return figure, figure.subplots(rows, COLUMNS)
+    return figure, list(figure.subplots(rows, COLUMNS).flat)
 
 
 def check_snapshots(snapshots: Snapshots) -> None:

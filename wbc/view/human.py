@@ -69,12 +69,12 @@ def human_figure(
     frames = snapshot_frames(series.time, snapshots)
     told = EXPLANATION + (DOTTED if plates else "")
     figure, grid = sheet_with_snapshots(series, frames, title, told, 3)
-    _force(grid[0, 0], series, plates, frames)
-    _cop(grid[0, 1], series, plates, frames)
-    _momentum(grid[1, 0], series, frames)
-    _heights(grid[1, 1], series, frames)
-    plot_radii(grid[2, 0], series, frames)
-    plot_rotation(grid[2, 1], series, frames)
+    _force(grid[0], series, plates, frames)
+    _cop(grid[1], series, plates, frames)
+    _momentum(grid[2], series, frames)
+    _heights(grid[3], series, frames)
+    plot_radii(grid[4], series, frames)
+    plot_rotation(grid[5], series, frames)
     return figure
 
 
