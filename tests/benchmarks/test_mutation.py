@@ -4,7 +4,7 @@ import ast
 
 import pytest
 
-from benchmarks.mutation import report, share
+from benchmarks.mutation import report
 from benchmarks.mutation_places import Places, faults, files
 from benchmarks.mutation_trials import Trials, chosen_tests, forked
 
@@ -97,9 +97,3 @@ def test_a_sample_is_tried_kept_and_told(tmp_path, monkeypatch) -> None:
     assert (tmp_path / "found.json").read_text() == before
     told = report(sample, found)
     assert "wbc/tasks/weights.py:" in told and "faults noticed" in told
-
-
-def test_intervals_are_wilsons() -> None:
-    """Of 10 in 10: 1 / (1 + z^2 / n) to 1; Brown, Cai and DasGupta (2001)."""
-    assert share(10, 10) == "100.0 % (95 %: 72.2 to 100.0)"
-    assert share(50, 100) == "50.0 % (95 %: 40.4 to 59.6)"
