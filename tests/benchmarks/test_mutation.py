@@ -51,21 +51,6 @@ def test_faults_of_this_package_are_in_its_files() -> None:
     assert not any(path.name.startswith("native_") for path in files())
 
 
-def test_names_are_those_of_the_interpreter() -> None:
-    """Oracle: what Python itself calls the code; a nested function and a method of a class."""
-    source = (
-        "class A:\n    def f(self, k=1):\n        def g():\n            return 1\n        return g"
-    )
-    places = Places()
-    places.visit(ast.parse(source))
-    space: dict[str, type] = {}
-    exec(source, space)
-    method = space["A"].f
-    assert [name for name, _, _ in places.found] == [
-        method(None).__qualname__, method.__qualname__
-    ]  # fmt: skip
-
-
 def test_tests_that_call_what_is_at_fault_are_run_the_quickest_first() -> None:
     fault = next(one for one in faults() if one.function)
     here = f"{fault.file}:{fault.function}"

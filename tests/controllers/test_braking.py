@@ -6,7 +6,7 @@ import qpsolvers
 
 from wbc.constraints import Contact, Limits, PositionBox, support
 from wbc.controllers import KinematicController
-from wbc.controllers.braking import relax_box
+from wbc.controllers.braking import least_acceleration_qp, relax_box
 from wbc.errors import UnknownNameError
 from wbc.qp import QP, Labels, Solution, Status
 from wbc.qp.solution import KktResiduals
@@ -178,6 +178,22 @@ def test_a_box_is_relaxed_just_so_far(robot, rng) -> None:
     narrower = widest[1].copy()
     narrower[9] -= 0.01
     assert relax_box(some_qp(robot, widest[0], narrower), limits, here, DT, solve) is not None
+
+
+def test_the_least_change_is_measured_in_what_joints_can_do(robot) -> None:
+    """Gauss's principle: the optimum without rows is v itself, and weights are 1 / change^2."""
+    nv = robot.nv
+    change = np.full(nv, np.inf)
+    change[6:] = np.linspace(0.01, 2.0, nv - 6)
+    v = np.linspace(-1.0, 1.0, nv)
+    qp = least_acceleration_qp(some_qp(robot, -np.ones(nv), np.ones(nv)), v, change)
+    weights = np.diag(qp.P)
+    np.testing.assert_array_equal(qp.P, np.diag(weights))
+    np.testing.assert_allclose(-qp.g[:nv] / weights[:nv], v, atol=1e-15)
+    np.testing.assert_array_equal(qp.g[nv:], 0.0)
+    expected = np.maximum((change[6:].min() / change[6:]) ** 2, 1e-4)
+    np.testing.assert_allclose(weights[6:nv], expected)
+    np.testing.assert_allclose(weights[[*range(6), nv, nv + 1]], 1e-4)
 
 
 def test_what_contradicts_without_the_bound_is_named(robot, rng) -> None:
