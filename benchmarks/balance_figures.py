@@ -8,16 +8,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
-from wbc.validate import Array, finite_array, finite_vector
+from wbc.validate import Array
 from wbc.view import style
 
 SIDE, HIGH = 3.4, 3.35  # inches
 
 
-def pushes_figure(directions: ArrayLike, impulses: Mapping[str, ArrayLike]) -> Figure:
+def pushes_figure(directions: Array, impulses: Mapping[str, Array]) -> Figure:
     """Return a polar plot of impulses by direction.
 
     Parameters
@@ -27,23 +25,14 @@ def pushes_figure(directions: ArrayLike, impulses: Mapping[str, ArrayLike]) -> F
     impulses:
         Sizes (n,) [N s] by what they are; the last is drawn with markers.
 
-    Raises
-    ------
-    InvalidInputError
-        Wrong sizes, not finite, a direction of no length, or nothing to draw.
     """
-    across = finite_array("directions", directions, (len(np.atleast_2d(directions)), 2))
-    if not np.any(across, axis=1).all():
-        raise InvalidInputError("directions: each must have a length")
-    if not impulses:
-        raise InvalidInputError("impulses: needs at least one size for each direction")
-    angle = np.arctan2(across[:, 1], across[:, 0])
+    angle = np.arctan2(directions[:, 1], directions[:, 0])
     figure = style.sheet(1.25 * SIDE, 1.45 * SIDE)
     axes: Any = figure.add_axes((0.12, 0.23, 0.76, 0.64), projection="polar")
     closed = np.append(angle, angle[:1])
     names = list(impulses)
     for name, colour in zip(names, cycle(style.SERIES), strict=False):
-        size = finite_vector(name, impulses[name], len(angle))
+        size = impulses[name]
         look = {"marker": "o", "markersize": 3.5} if name == names[-1] else {}
         axes.plot(
             closed, np.append(size, size[:1]), color=colour, linewidth=1.4, label=name, **look
@@ -58,9 +47,7 @@ def pushes_figure(directions: ArrayLike, impulses: Mapping[str, ArrayLike]) -> F
     return figure
 
 
-def regions_figure(
-    x_leans: ArrayLike, y_leans: ArrayLike, settling: Mapping[str, ArrayLike]
-) -> Figure:
+def regions_figure(x_leans: Array, y_leans: Array, settling: Mapping[str, Array]) -> Figure:
     """Return maps of how long a law takes to bring a leaning pendulum to rest.
 
     Parameters
@@ -69,29 +56,16 @@ def regions_figure(
         Starts' leans toward x (n,) and y (m,) [rad], growing in even steps.
     settling:
         Times [s] (n, m) by law; NaN where it fell.
-
-    Raises
-    ------
-    InvalidInputError
-        Wrong sizes, or no map.
     """
-    if not settling:
-        raise InvalidInputError("settling: needs at least one map")
-    x, y = _even("x_leans", x_leans), _even("y_leans", y_leans)
-    maps = {name: np.asarray(times, dtype=float) for name, times in settling.items()}
-    for name, times in maps.items():
-        if times.shape != (len(x), len(y)):
-            raise InvalidInputError(f"settling of {name}: expected {(len(x), len(y))}")
-        if np.isinf(times).any():
-            raise InvalidInputError(f"settling of {name}: infinite; NaN says that it fell")
-    longest = max((float(np.nanmax(m)) for m in maps.values() if np.isfinite(m).any()), default=1.0)
-    count = len(maps)
+    x, y, count = np.degrees(x_leans), np.degrees(y_leans), len(settling)
+    reached = [float(np.nanmax(times)) for times in settling.values() if np.isfinite(times).any()]
+    longest = max(reached, default=1.0)
     figure = style.sheet(1.2 + count * (SIDE - 0.4), HIGH, plots=HIGH)
     row = figure.subplots(1, count, squeeze=False)[0]
-    half = [(axis[1] - axis[0]) / 2 if len(axis) > 1 else 0.5 for axis in (x, y)]
+    half = [(axis[1] - axis[0]) / 2 for axis in (x, y)]
     extent = (x[0] - half[0], x[-1] + half[0], y[0] - half[1], y[-1] + half[1])
     drawn: Any = None
-    for k, (axes, (name, times)) in enumerate(zip(row, maps.items(), strict=True)):
+    for k, (axes, (name, times)) in enumerate(zip(row, settling.items(), strict=True)):
         style.plain(axes, name, "lean toward x [°]", "lean toward y [°]" if k == 0 else "")
         axes.set_facecolor("#D9DBDF")
         drawn = axes.imshow(
@@ -103,12 +77,3 @@ def regions_figure(
     bar.set_label("time to rest [s]; grey: fell", fontsize=style.SMALL, color=style.BLACK)
     bar.ax.tick_params(labelsize=style.SMALL, colors=style.BLACK)
     return figure
-
-
-def _even(name: str, leans: ArrayLike) -> Array:
-    """Return leans (n,) in degrees; a picture's cells are all of one size."""
-    degrees = np.degrees(finite_vector(name, leans, np.size(leans)))
-    steps = np.diff(degrees)
-    if not len(degrees) or (steps <= 0.0).any() or not np.allclose(steps, steps[:1]):
-        raise InvalidInputError(f"{name}: must grow in even steps, one value at least")
-    return degrees

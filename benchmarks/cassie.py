@@ -9,6 +9,11 @@ Two things make it fall with free springs, which are 30 to 40 mrad from rest whe
 start with springs at rest, which drops, and a posture that holds springs and rods where they were.
 So springs begin loaded, by statics, and the posture is that of joints with motors.
 
+In the file's own model, whose loops and contacts give way too, it still falls after two seconds
+with free springs: the ground's forces come through the springs alone, so that within a tick motors
+act on what is asked for by the small inertia between them and the springs, and torques chatter by
+20 N m. Ticks of 1 ms, forces without jumps, softer gains and damped springs do not mend that.
+
     python benchmarks/cassie.py agility_cassie/cassie.xml [--seconds 10] [--free] [--push 0.3]
 """
 

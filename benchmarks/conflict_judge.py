@@ -16,6 +16,7 @@ REACH = 1e6
 # asked for first: HiGHS misses by 1e-7 within 1e8 what it meets to 1e-9 within 1e4.
 REACHES = 1e2, 1e4, 1e6, 1e8
 ANYWHERE = REACHES[-1]
+HELD = 1e-9  # a row of unit length that is missed by less can hold
 MET = 1e-12  # of a row, by what it is made of: what rounding leaves
 
 
@@ -51,6 +52,11 @@ def worst_miss(qp: QP, reach: float = REACH) -> float:
         if found.status == 0:
             return float(found.fun)
     raise RuntimeError(found.message)
+
+
+def can_hold(qp: QP) -> bool:
+    """Whether some point meets all rows and bounds, to rounding."""
+    return worst_miss(qp) <= HELD
 
 
 def _least_misses(qp: QP, enough: float) -> Iterator[float]:
@@ -109,15 +115,15 @@ def blamed_in_vain(qp: QP, conflict: Conflict) -> list[str]:
     """
     rows = list(conflict.rows)
     missed = worst_miss(only(qp, rows))
-    if not missed > 1e-9:
+    if not missed > HELD:
         return [f"they can all hold, to {missed:.1e}"]
     wrong = []
     for k, row in enumerate(rows):
         others = only(qp, rows[:k] + rows[k + 1 :])
         if has_a_point(others):
             continue
-        left = min(_least_misses(others, 0.01 * missed + 1e-9))
-        if 0.01 * missed + 1e-9 < left <= 1.01 * missed:  # more is HiGHS' own rounding
+        left = min(_least_misses(others, 0.01 * missed + HELD))
+        if 0.01 * missed + HELD < left <= 1.01 * missed:  # more is HiGHS' own rounding
             wrong.append(
                 f"{row.label!r} ({row.side}) is not needed: missed by {left:.1e} of {missed:.1e}"
             )

@@ -257,9 +257,18 @@ def spec_of(mujoco: Any, path: Path) -> tuple[Any, str]:
         spec.modelfiledir = str(path.parent)
         return spec
 
+    def without_pairs(spec: Any) -> list[str]:
+        """Remove contact pairs with geoms of a scene that is not here."""
+        known = {str(geom.name) for geom in spec.geoms}
+        gone = [one for one in spec.pairs if not {one.geomname1, one.geomname2} <= known]
+        for pair in gone:
+            spec.delete(pair)
+        return ["pairs with a scene"] if gone else []
+
     mesh = int(mujoco.mjtGeom.mjGEOM_MESH)
     for gone in ((), ("textures",), ("textures", "meshes")):
         spec = read()
+        elsewhere = without_pairs(spec)
         if gone:
             for part in [*spec.geoms, *spec.sites]:
                 part.material = ""
@@ -275,7 +284,17 @@ def spec_of(mujoco: Any, path: Path) -> tuple[Any, str]:
                 raise
             continue
         break
-    return spec, ", ".join([*without, *gone])
+    return spec, ", ".join([*without, *elsewhere, *gone])
+
+
+def joint_names(model: Any) -> list[str]:
+    """Return the joints' names, of nameless ones BODY_joint, numbered from the second on."""
+    names = [model.joint(j).name for j in range(model.njnt)]
+    for j in range(model.njnt):
+        wanted = f"{model.body(int(model.jnt_bodyid[j])).name}_joint"
+        several = [wanted, *(f"{wanted}_{k}" for k in range(2, model.njnt + 2))]
+        names[j] = names[j] or next(name for name in several if name not in names)
+    return names
 
 
 class MjcfReading:
@@ -287,12 +306,13 @@ class MjcfReading:
         self.mujoco = mujoco
         self.model = model = spec_of(mujoco, path)[0].compile()
         self.data = mujoco.MjData(model)
+        self.called = joint_names(model)
         kinds = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
         single = [j for j in range(model.njnt) if int(model.jnt_type[j]) in kinds]
-        self.joints = {model.joint(j).name: j for j in single}
+        self.joints = {self.called[j]: j for j in single}
         ball = int(mujoco.mjtJoint.mjJNT_BALL)
         every = range(model.njnt)
-        self.balls = {model.joint(j).name: j for j in every if int(model.jnt_type[j]) == ball}
+        self.balls = {self.called[j]: j for j in every if int(model.jnt_type[j]) == ball}
         mine = [j for name, j in self.joints.items() if name in robot.joint_names]
         names = {b: model.body(b).name or f"body_{b}" for b in range(1, model.nbody)}
         named = [b for b, name in names.items() if name in robot.frame_names]

@@ -41,6 +41,7 @@ from typing import Any
 
 from foreign_reading import compare, reading_of
 from foreign_trial import tried
+from qpbench.page import put_section
 from sources import code_of
 
 from wbc import Robot
@@ -203,19 +204,6 @@ def table(entries: Sequence[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def written(path: Path, text: str) -> None:
-    """Write a part of a file between its marks, or behind all that is there."""
-    before = path.read_text(encoding="utf-8") if path.exists() else ""
-    begin, end = f"<!-- {MARK} -->", f"<!-- /{MARK} -->"
-    part = f"{begin}\n\n{text}\n\n{end}"
-    if begin in before:
-        head, _, rest = before.partition(begin)
-        part = head + part + rest.partition(end)[2]
-    else:
-        part = before.rstrip() + "\n\n" + part + "\n"
-    path.write_text(part, encoding="utf-8")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, nargs="?")
@@ -265,7 +253,7 @@ def main() -> None:
         command = "python benchmarks/foreign_robots.py FOLDER JOURNAL --output"
         points = [f"- {line}" for line in summary(entries, code)]
         lines = [f"Command: {command} {options.output}", "", *points, "", *table(entries)]
-        written(options.output, "\n".join(lines).replace(f"{options.folder}/", ""))
+        put_section(options.output, MARK, "\n".join(lines).replace(f"{options.folder}/", ""))
 
 
 def _wanted(options: argparse.Namespace) -> Iterator[Path]:

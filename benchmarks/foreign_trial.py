@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from foreign_reading import spec_of
+from foreign_reading import joint_names, spec_of
 
 import wbc
 from wbc import Robot
@@ -77,6 +77,8 @@ def standing_in_its_own(robot: Robot, path: Path) -> dict[str, Any]:
         return {"stood": None, "why": f"MuJoCo: {' '.join(str(error).split())[:80]}"}
     add_ground(mujoco, spec)
     model = spec.compile()
+    if "meshes" in without and not all(_touch(model, foot.link) for foot in robot.feet.values()):
+        return {"stood": None, "why": "its feet are meshes, which are missing"}
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
     raw = RawModel.of(mujoco, model, robot)
     if raw is None:
@@ -96,6 +98,14 @@ def standing_in_its_own(robot: Robot, path: Path) -> dict[str, Any]:
         acts = PUSHED <= raw.data.time < PUSHED + LASTING
         raw.step(controller.step(now).torque, every, push if acts else None, now.com)
     return {"stood": True, "why": f"stood for {DURATION:g} s", "without": without}
+
+
+def _touch(model: Any, link: str) -> bool:
+    """Whether a body, or what is fixed to it, has a shape left that touches."""
+    body = model.body(link).id
+    fixed = [k for k in range(model.nbody) if model.body_weldid[k] == model.body_weldid[body]]
+    mine = np.isin(model.geom_bodyid, fixed)
+    return bool((mine & ((model.geom_contype | model.geom_conaffinity) > 0)).any())
 
 
 def add_ground(mujoco: Any, spec: Any) -> None:
@@ -121,7 +131,7 @@ class RawModel:
         self.data = mujoco.MjData(model)
         self.at, self.dof = int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])
         self.body = int(model.jnt_bodyid[free])
-        known = {model.joint(j).name: j for j in range(model.njnt)}
+        known = {name: j for j, name in enumerate(joint_names(model))}
         names = robot.joint_names
         own = [(k, known[name]) for k, name in enumerate(names) if name in known]
         self.single = np.array([k for k, _ in own])
@@ -133,7 +143,7 @@ class RawModel:
     @classmethod
     def of(cls, mujoco: Any, model: Any, robot: Robot) -> RawModel | None:
         """Return a robot in a model; None if its root has no free joint there."""
-        known = {model.joint(j).name: j for j in range(model.njnt)}
+        known = {name: j for j, name in enumerate(joint_names(model))}
         mine = next(known[name] for name in robot.joint_names if name in known)
         root, kind = int(model.body_rootid[model.jnt_bodyid[mine]]), mujoco.mjtJoint.mjJNT_FREE
         for j in range(model.njnt):

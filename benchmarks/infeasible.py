@@ -19,20 +19,14 @@ from collections.abc import Sequence
 from time import perf_counter
 
 import numpy as np
-from scipy.optimize import linprog
+from conflict_judge import blamed_in_vain, can_hold
 
 from wbc.constraints import Constraint, Contact, Limits, SelfCollision, support
 from wbc.constraints.rows import Bounds
 from wbc.controllers import KinematicController, Tick
-from wbc.qp.problem import QP
-from wbc.qp.solution import ConflictRow
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, PostureTask
 
-# Bound on unknowns that have none, such as the base's velocity [m/s or rad/s]. The certificate has
-# one too, of this size or larger. With a smaller one, which seems to be enough, rows are infeasible
-# by themselves as soon as they ask for more: 1000 m/s is 5 m in a tick of 5 ms.
-FASTEST = 1e6
 ROBOTS = ("hoap2_like", "g1", "talos", "icub", "romeo")
 
 
@@ -107,42 +101,11 @@ def contradictory(
     )
 
 
-def feasible(qp: QP, rows: Sequence[ConflictRow] | None = None) -> bool:
-    """Whether any x meets all rows and bounds, or only the given ones, by HiGHS."""
-    n = qp.g.size
-    A, b, G, h = [np.zeros((0, n))], [np.zeros(0)], [np.zeros((0, n))], [np.zeros(0)]
-    lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
-    wanted = None if rows is None else {(row.label, row.side) for row in rows}
-
-    def has(label: str, side: str) -> bool:
-        return wanted is None or (label, side) in wanted
-
-    for k, label in enumerate(qp.labels.equality):
-        if has(label, "equality"):
-            A.append(qp.A[k : k + 1])
-            b.append(qp.b[k : k + 1])
-    for k, label in enumerate(qp.labels.inequality):
-        if np.isfinite(qp.u[k]) and has(label, "upper limit"):
-            G.append(qp.C[k : k + 1])
-            h.append(qp.u[k : k + 1])
-        if np.isfinite(qp.l[k]) and has(label, "lower limit"):
-            G.append(-qp.C[k : k + 1])
-            h.append(-qp.l[k : k + 1])
-    for k, label in enumerate(qp.labels.variables):
-        lower[k] = qp.lower[k] if has(label, "lower bound") else -np.inf
-        upper[k] = qp.upper[k] if has(label, "upper bound") else np.inf
-    result = linprog(
-        np.zeros(n), np.concatenate(G), np.concatenate(h), np.concatenate(A), np.concatenate(b),
-        bounds=np.column_stack((np.maximum(lower, -FASTEST), np.minimum(upper, FASTEST))),
-    )  # fmt: skip
-    return result.status == 0
-
-
 def judged(tick: Tick, box: tuple[np.ndarray, np.ndarray]) -> list[str]:
     """Return what is wrong with the answer to a contradiction."""
     faults = []
     n = tick.velocity.size
-    if feasible(tick.qp):
+    if can_hold(tick.qp):
         return ["not a contradiction"] if not tick.ok else []
     if tick.ok:
         return ["solved without a solution"]
@@ -153,18 +116,7 @@ def judged(tick: Tick, box: tuple[np.ndarray, np.ndarray]) -> list[str]:
     conflict = tick.conflict
     if conflict is None or not conflict.rows:
         return [*faults, "no row named"]
-    if feasible(tick.qp, conflict.rows):
-        faults.append("named rows do not contradict each other")
-    # Without any one of them the rest must have a solution: each is to blame.
-    idle = [
-        row for row in conflict.rows
-        if not feasible(tick.qp, [other for other in conflict.rows if other is not row])
-    ]  # fmt: skip
-    if len(idle) == len(conflict.rows):
-        faults.append("no named row is to blame")
-    elif idle:
-        faults.append("some named rows are not to blame")
-    return faults
+    return faults + blamed_in_vain(tick.qp, conflict)
 
 
 def main() -> None:
@@ -184,7 +136,7 @@ def main() -> None:
         start = perf_counter()
         tick = controller.step(here)
         seconds = perf_counter() - start
-        if tick.ok and feasible(tick.qp):
+        if tick.ok and can_hold(tick.qp):
             continue  # no contradiction after all
         times.append(seconds)
         statuses[f"{family.__name__}: {tick.status.value}"] += 1

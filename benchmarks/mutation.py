@@ -2,9 +2,7 @@
 
 A random sample of the faults that `mutation_places` lists is put in, one by one, and the tests that
 call the function at fault are run, until one fails: first those that found a fault there, then the
-quickest. The compiled core is off, or it would compute what the fault is in; so the files about it
-are left out. (Tests that compare it with Python turn it on.) A test that fails without any fault
-as well is not counted.
+quickest. A test that fails without any fault as well is not counted.
 
     python -m benchmarks.mutation [--faults 300] [--seed 1] [--only qp/kkt.py] [--fresh]
 
@@ -18,8 +16,9 @@ import importlib
 import os
 import random
 from collections import Counter
-from math import sqrt
 from typing import Any
+
+from scipy.stats import binomtest
 
 from benchmarks.mutation_places import ROOT, Fault, faults
 from benchmarks.mutation_trials import Trials, forked, tried_afresh
@@ -72,11 +71,9 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
 
 
 def share(killed: int, total: int) -> str:
-    """Return a share with its interval of 95 % (Wilson 1927)."""
-    z, p = 1.96, killed / total
-    middle, width = p + z * z / (2 * total), z * sqrt(p * (1 - p) / total + (z / (2 * total)) ** 2)
-    low, high = ((middle + sign * width) / (1 + z * z / total) for sign in (-1, 1))
-    return f"{100 * p:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f})"
+    """Return a share with its interval of 95 %, Wilson's."""
+    low, high = binomtest(killed, total).proportion_ci(method="wilson")
+    return f"{100 * killed / total:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f})"
 
 
 def report(sample: list[Fault], found: dict[str, dict[str, Any]]) -> str:

@@ -3,7 +3,8 @@
     python benchmarks/planner.py [--factor 8]
 
 Defect: worst difference to an integration of each interval anew. Excess: worst violation of a limit
-at ``factor`` points an interval (SI; negative is room). Drift: of k_G over a flight.
+at ``factor`` points an interval (SI; negative is room). Drift: of k_G over a flight. The examples
+are files of problems/, two of them with more of a turn.
 """
 
 import os
@@ -11,10 +12,44 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: threads only add noise here
 
 import argparse
+import math
+from pathlib import Path
+from typing import Any
 
-from plan_examples import EXAMPLES
+from wbc.problem import load_problem
+from wbc.problem.pendulum.plan import Planning
+from wbc.problem.pendulum.problem import PendulumProblem
+from wbc.rmp.plan import PlanProblem, check, solve
 
-from wbc.rmp.plan import check, solve
+PROBLEMS = Path(__file__).parents[1] / "problems"
+ENDS = "plan.schedule.wind up.end.rotation", "plan.schedule.flight.end.rotation"
+ANY_PITCH = [0.0, None, 0.0]
+EXAMPLES: dict[str, tuple[str, dict[str, Any]]] = {
+    "push": ("push", {}),
+    "push and step": ("push_step", {}),
+    "squat": ("squat", {}),
+    "lean": ("lean", {}),
+    "hop": ("hop", {}),
+    "hop with half turn": ("hop_turn", {}),
+    "hop with whole turn": (
+        "hop_turn",
+        {end: [0.0, 0.0, sign * math.pi] for end, sign in zip(ENDS, (-1, 1), strict=True)},
+    ),
+    "hop with somersault": (
+        "hop_turn",
+        {f"plan.{state}.rotation": ANY_PITCH for state in ("start", "goal", "nominal")}
+        | {end: [0.0, sign * math.pi, 0.0] for end, sign in zip(ENDS, (-1, 1), strict=True)},
+    ),
+    "walk": ("walk", {}),
+}
+
+
+def example(name: str) -> PlanProblem:
+    """Return an example."""
+    file, overrides = EXAMPLES[name]
+    problem = load_problem(PROBLEMS / f"plan_{file}.yaml", overrides)
+    assert isinstance(problem, PendulumProblem) and isinstance(problem.parts, Planning)
+    return problem.parts.problem
 
 
 def main() -> None:
@@ -25,8 +60,8 @@ def main() -> None:
         f"{'example':22}{'variables':>10}{'rows':>7}{'iterations':>11}{'seconds':>9}"
         f"{'defect':>10}{'excess':>10}{'drift':>10}"
     )
-    for name, build in EXAMPLES.items():
-        plan = solve(build())
+    for name in EXAMPLES:
+        plan = solve(example(name))
         verdict, stats = check(plan, factor), plan.stats
         print(
             f"{name:22}{stats.variables:10}{stats.constraints:7}{stats.iterations:11}"

@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from region_of_attraction import rest_error
 
-from wbc.errors import InvalidInputError
 from wbc.polygon import inset
 from wbc.qp import make_backend
 from wbc.rmp.balance.law import LawBounds, PendulumCommand
@@ -31,7 +30,7 @@ from wbc.rmp.balance.push_limits import PushLimits, Wheel, compass, push_limits,
 from wbc.rmp.balance.record import Ending, Simulation
 from wbc.rmp.balance.simulate import Blow, simulate
 from wbc.rmp.solid import SolidRmp
-from wbc.validate import Array, finite_array, finite_number, finite_vector
+from wbc.validate import Array
 
 # How near to rest, as :func:`benchmarks.region_of_attraction.rest_error` measures it.
 NEAR = 0.02
@@ -83,13 +82,8 @@ def recover(law: MomentumQp, impulse: ArrayLike, *, duration: float = 8.0) -> Re
         Level, at the CoM (2,) [N s].
     duration:
         Longest run [s].
-
-    Raises
-    ------
-    InvalidInputError
-        Wrong sizes, not finite, or not positive.
     """
-    level = finite_vector("impulse", impulse, 2)
+    level = np.asarray(impulse, dtype=float)
     start, still = standing(law)
 
     def settled(time: float, q: Array, v: Array, command: PendulumCommand) -> bool:
@@ -129,23 +123,9 @@ def largest_impulses(
         that turns out on the wrong side is returned as it is.
     resolution:
         [N s].
-
-    Raises
-    ------
-    InvalidInputError
-        Wrong sizes, not finite, a bracket the wrong way round.
     """
-    along = unit_directions(directions)
-    ends = finite_array("bracket", bracket, (len(along), 2))
-    if (ends[:, 0] >= ends[:, 1]).any():
-        raise InvalidInputError("bracket: each must be (survived, not survived), growing")
-    resolution = finite_number("resolution", resolution, above=0.0)
-    return np.array(
-        [
-            _bisected(law, e, low, high, resolution)
-            for e, (low, high) in zip(along, ends.tolist(), strict=True)
-        ]
-    )
+    pairs = zip(unit_directions(directions), bracket, strict=True)
+    return np.array([_bisected(law, e, low, high, resolution) for e, (low, high) in pairs])
 
 
 def survives(law: MomentumQp, impulse: Array) -> bool:

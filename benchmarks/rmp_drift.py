@@ -21,10 +21,10 @@ from time import process_time
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
+from rmp_steps import Springs, energy_momentum, rollout, runge_kutta
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from wbc.rmp.integrators import Springs, energy_momentum, rollout, runge_kutta
 from wbc.rmp.pendulum import ReactionMassPendulum
 from wbc.rmp.solid import EulerSolidRmp, SolidRmp
 from wbc.validate import Array
@@ -58,13 +58,7 @@ def measure_drift(
     start: ArrayLike,
     count: int,
 ) -> Drift:
-    """Return the drift of a solid pendulum left to itself for ``count`` steps.
-
-    Raises
-    ------
-    InvalidInputError
-        The motion cannot be followed; see :func:`wbc.rmp.integrators.rollout`.
-    """
+    """Return the drift of a solid pendulum left to itself for ``count`` steps."""
     states = rollout(step, start, np.zeros(len(model.V)), count)
     q, v = states[:, : len(model.Q)], states[:, len(model.Q) :]
     kinetic, potential = _over(model.functions["energies"], q, v)

@@ -38,7 +38,7 @@ from time import monotonic, thread_time
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linprog
+from conflict_judge import can_hold
 from sources import code_of
 
 from wbc import (
@@ -68,7 +68,6 @@ from wbc import (
 )
 from wbc.constraints.contact import Contact
 from wbc.qp.backend import installed_solvers
-from wbc.qp.problem import QP
 from wbc.qp.solution import Status
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import Task
@@ -80,7 +79,6 @@ BACKENDS = ("proxqp", "active_set", "clarabel", "piqp", "osqp", "proxqp_cold")
 SHARES = (0.448, 0.15, 0.15, 0.15, 0.002, 0.1)
 LENGTH = 100  # ticks of an episode
 OUTSIDE = 1e-6  # a command may exceed its box by this [rad/s or m/s]
-MET = 1e-7  # a point meets a row within this, relative to 1 + |end|
 SLOW = 5e-3  # CPU time of a tick [s]
 RUNS = 4  # at most, of an episode with slow ticks
 WARM_UP, EVERY = 5_000, 250  # ticks of a process before its memory counts, and between samples
@@ -262,42 +260,9 @@ def judge(tick: Tick, box: tuple[np.ndarray, np.ndarray] | None) -> list[tuple[s
         if excess.max() > OUTSIDE:
             text = f"entry {excess.argmax()} by {excess.max():.3g}; {tick.report()}"
             wrong.append(("outside limits", text))
-    if tick.status is Status.INFEASIBLE:
-        point = feasible_point(tick.qp)
-        if point is not None:
-            wrong.append(("feasible after all", tick.report()))
+    if tick.status is Status.INFEASIBLE and can_hold(tick.qp):
+        wrong.append(("feasible after all", tick.report()))
     return wrong
-
-
-def feasible_point(qp: QP) -> np.ndarray | None:
-    """Return a point that meets every row and bound of the QP, by HiGHS; None if it has none."""
-    above, below = np.isfinite(qp.u), np.isfinite(qp.l)
-    C, h = np.concatenate((qp.C[above], -qp.C[below])), np.concatenate((qp.u[above], -qp.l[below]))
-    # The size of a row is its own business: HiGHS has one tolerance for all.
-    size, equal = _lengths(C), _lengths(qp.A)
-    found = linprog(
-        np.zeros(qp.g.size),
-        A_ub=C / size[:, None],
-        b_ub=h / size,
-        A_eq=qp.A / equal[:, None],
-        b_eq=qp.b / equal,
-        bounds=np.column_stack((qp.lower, qp.upper)),
-    )
-    if found.status != 0:
-        return None
-    x = found.x
-    met = (
-        (C @ x <= h + MET * (1.0 + np.abs(h))).all()
-        and (np.abs(qp.A @ x - qp.b) <= MET * (1.0 + np.abs(qp.b))).all()
-        and (x >= qp.lower - MET * (1.0 + np.abs(qp.lower))).all()
-        and (x <= qp.upper + MET * (1.0 + np.abs(qp.upper))).all()
-    )
-    return x if met else None
-
-
-def _lengths(rows: np.ndarray) -> np.ndarray:
-    length = np.linalg.norm(rows, axis=1)
-    return np.where(length > 0.0, length, 1.0)
 
 
 # ---------------------------------------------------------------------- random parts

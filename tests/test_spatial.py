@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from wbc.errors import InvalidInputError
 from wbc.spatial import FROBENIUS_WEIGHTS, commutator_matrix, congruence, skew, vech, vech_inverse
-from wbc.validate import finite_array, finite_number
 
 # Products of a few numbers of order one: rounding is a few 1e-16.
 TOLERANCE = 1e-14
@@ -42,25 +40,3 @@ def test_commutator_matrix(symmetric: np.ndarray, rng: np.random.Generator) -> N
     w = rng.normal(size=3)
     expected = vech(skew(w) @ symmetric - symmetric @ skew(w))
     np.testing.assert_allclose(commutator_matrix(symmetric) @ w, expected, atol=10 * TOLERANCE)
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_bad_entries_are_named(bad: float) -> None:
-    with pytest.raises(InvalidInputError, match=r"measured: NaN or infinite at \(1,\)"):
-        finite_array("measured", [0.0, bad, 1.0], (3,))
-
-
-def test_infinities_that_cancel_are_found() -> None:
-    with pytest.raises(InvalidInputError, match="NaN or infinite"):
-        finite_array("measured", [np.inf, -np.inf], (2,))
-
-
-def test_wrong_shape_and_words_are_refused() -> None:
-    with pytest.raises(InvalidInputError, match=r"expected shape \(3,\), got \(2,\)"):
-        finite_array("target", [1, 2], (3,))
-    with pytest.raises(InvalidInputError, match="expected numbers"):
-        finite_array("target", ["a", "b", "c"], (3,))
-    with pytest.raises(InvalidInputError, match="greater than 0"):
-        finite_number("dt", 0.0, above=0.0)
-    with pytest.raises(InvalidInputError, match="expected a number"):
-        finite_number("dt", "fast")

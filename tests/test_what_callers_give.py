@@ -25,7 +25,6 @@ from wbc.rmp.ellipsoid import (
     reaction_mass_radii,
     second_moment,
 )
-from wbc.rmp.integrators import rollout, runge_kutta
 from wbc.rmp.plan.schedule import PlanPhase, at_rest, hull, radii_for
 from wbc.rmp.planar import PlanarRmp
 from wbc.robot.collision.shapes import Capsule, HalfSpace, Hull, Obstacle
@@ -233,10 +232,6 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "pendulum, forces": (
         FLAT.forward_dynamics,
         {**FLAT_STATE, "f": np.zeros(len(FLAT.F)), "cop_acceleration": 0.0}),
-    "rollout": (
-        lambda start, inputs: rollout(runge_kutta(FLAT, 0.01), start, inputs, 2),
-        {"start": [*FLAT_STATE["q"], *FLAT_STATE["v"]],
-         "inputs": np.zeros(runge_kutta(FLAT, 0.01).size1_in(1))}),
     "bounds": (LawBounds, {"polygon": SQUARE, "cop_margin": 0.01}),
     "flat bounds": (LawBounds, {"polygon": (-0.1, 0.1)}),
     "wheel": (Wheel, {"inertia": [1.0, 1.0], "torque": 1.0, "angle": 1.0, "rate": 1.0}),

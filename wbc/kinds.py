@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import InvalidInputError, UnknownNameError, shown
-from wbc.validate import set_fields
+from wbc.validate import finite_number, set_fields
 
 
 def check_kind(
@@ -66,18 +66,19 @@ def check_switches(instance: Any, what: str, *names: str) -> None:
     )
 
 
-def whole_number(what: str, value: Any, *, least: int = 0, most: int = 1_000_000) -> int:
-    """Return a count, from ``least`` to ``most``.
+def whole_number(what: str, value: Any, *, least: int = 0, most: float = 1e6) -> int:
+    """Return a count, from ``least`` to ``most``; 3.0 is 3.
 
     Raises
     ------
     InvalidInputError
         No whole number, or one out of range.
     """
-    if not isinstance(value, int | np.integer) or isinstance(value, bool | np.bool_):
+    number = finite_number(what, value, least=least)
+    if not number.is_integer():
         raise InvalidInputError(f"{what}: expected a whole number, got {shown(value)}")
-    if not least <= value <= most:
-        raise InvalidInputError(f"{what}: must be from {least} to {most}, got {shown(value)}")
+    if number > most:
+        raise InvalidInputError(f"{what}: must be at most {most:g}, got {shown(value)}")
     return int(value)
 
 

@@ -36,21 +36,6 @@ def test_a_margin_that_raw_shapes_break_is_found(bolt: Robot) -> None:
     assert meeting > 0
 
 
-@pytest.mark.slow
-def test_the_nearest_pair_is_that_of_all_distances(bolt: Robot) -> None:
-    raw = library_robots.RawShapes(bolt, SelfCollision(bolt, margin=0.01))
-    random = np.random.default_rng(4)
-    for _ in range(10):
-        q = bolt.posture("standing")
-        q[7:] += random.normal(scale=0.3, size=bolt.nq - 7)
-        among = random.random(len(raw.pairs)) < 0.5
-        all_of_them = raw.distances(q)
-        found, pair = raw.nearest(q, among)
-        k = int(np.flatnonzero(among)[all_of_them[among].argmin()])
-        assert found == max(all_of_them[k], 0.0)
-        assert pair == raw.label(k) or found == 0.0  # several may meet
-
-
 def test_random_ticks_keep_the_margins_of_bolt(bolt: Robot) -> None:
     seen = library_robots.random_ticks(bolt, ticks=1, seed=3)
     assert seen.startswith("400 ticks, 26 raw pairs")

@@ -4,7 +4,7 @@ import ast
 
 import pytest
 
-from benchmarks.mutation import report, share
+from benchmarks.mutation import report
 from benchmarks.mutation_places import Places, faults, files
 from benchmarks.mutation_trials import Trials, chosen_tests, forked
 
@@ -51,21 +51,6 @@ def test_faults_of_this_package_are_in_its_files() -> None:
     assert not any(path.name.startswith("native_") for path in files())
 
 
-def test_names_are_those_of_the_interpreter() -> None:
-    """Oracle: what Python itself calls the code; a nested function and a method of a class."""
-    source = (
-        "class A:\n    def f(self, k=1):\n        def g():\n            return 1\n        return g"
-    )
-    places = Places()
-    places.visit(ast.parse(source))
-    space: dict[str, type] = {}
-    exec(source, space)
-    method = space["A"].f
-    assert [name for name, _, _ in places.found] == [
-        method(None).__qualname__, method.__qualname__
-    ]  # fmt: skip
-
-
 def test_tests_that_call_what_is_at_fault_are_run_the_quickest_first() -> None:
     fault = next(one for one in faults() if one.function)
     here = f"{fault.file}:{fault.function}"
@@ -97,9 +82,3 @@ def test_a_sample_is_tried_kept_and_told(tmp_path, monkeypatch) -> None:
     assert (tmp_path / "found.json").read_text() == before
     told = report(sample, found)
     assert "wbc/tasks/weights.py:" in told and "faults noticed" in told
-
-
-def test_intervals_are_wilsons() -> None:
-    """Of 10 in 10: 1 / (1 + z^2 / n) to 1; Brown, Cai and DasGupta (2001)."""
-    assert share(10, 10) == "100.0 % (95 %: 72.2 to 100.0)"
-    assert share(50, 100) == "50.0 % (95 %: 40.4 to 59.6)"

@@ -1,20 +1,11 @@
-"""Regions of attraction: the grids, two ways of measuring, symmetry, and what theory says."""
+"""Regions of attraction: the grid, symmetry, and what theory says."""
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.region_of_attraction import (
-    Region,
-    lean_grid,
-    lean_rate_grid,
-    region_by_simulation,
-    region_of_attraction,
-    rest_error,
-)
-from wbc.errors import InvalidInputError
+from benchmarks.region_of_attraction import Region, lean_grid, region_of_attraction, rest_error
 from wbc.rmp.balance.law import LawBounds
-from wbc.rmp.balance.lqr import Lqr
 from wbc.rmp.balance.stabiliser import PointStabiliser
 from wbc.rmp.solid import SolidRmp
 
@@ -53,17 +44,6 @@ def test_a_lean_is_that_of_the_leg_and_nothing_else() -> None:
         np.testing.assert_array_equal(rate, 0.0)
 
 
-def test_a_lean_rate_moves_the_com_the_way_it_leans() -> None:
-    model = SolidRmp(M, G)
-    for start, (lean, rate) in zip(
-        lean_rate_grid(REST, [0.1, -0.2], [0.5]), [(0.1, 0.5), (-0.2, 0.5)], strict=True
-    ):
-        c, speed = model.com(start[:12], start[12:])
-        np.testing.assert_allclose(c, Z * np.array((np.sin(lean), 0.0, np.cos(lean))), atol=1e-12)
-        along = Z * rate * np.array((np.cos(lean), 0.0, -np.sin(lean)))
-        np.testing.assert_allclose(speed, along, atol=1e-12)
-
-
 def test_distance_from_rest_is_the_largest_of_its_parts() -> None:
     state = np.concatenate((REST, np.zeros(11)))
     assert rest_error(state[None], REST)[0] == 0.0
@@ -99,64 +79,4 @@ def test_the_region_is_its_own_mirror_image(square: Region) -> None:
     np.testing.assert_array_equal(grid, grid[::-1])
     np.testing.assert_array_equal(grid, grid[:, ::-1])
     np.testing.assert_array_equal(grid, grid.T)
-    assert 0.3 < square.share < 0.8
-
-
-@pytest.mark.slow
-def test_settling_and_errors_go_with_the_verdict(square: Region) -> None:
-    np.testing.assert_array_equal(np.isfinite(square.settling), square.attracted)
-    assert np.all(square.error[square.attracted] <= 0.02)
-    centre = len(square.starts) // 2
-    assert square.settling[centre] == 0.0
-    assert np.nanmax(square.settling) > 1.0
-
-
-def test_one_run_at_a_time_gives_the_same(law: PointStabiliser) -> None:
-    starts = lean_grid(REST, np.array((0.5, 0.9, 1.1)) * LIMIT, [0.0])
-    mapped = region_of_attraction(law, REST, starts, duration=12.0)
-    single = region_by_simulation(law, REST, starts, duration=12.0)
-    np.testing.assert_array_equal(mapped.attracted, (True, True, False))
-    np.testing.assert_array_equal(single.attracted, mapped.attracted)
-    # Looked at every 0.1 s against every tick: within one look, or one swing through the margin.
-    np.testing.assert_allclose(single.settling, mapped.settling, atol=0.11)
-
-
-@pytest.mark.slow
-def test_a_regulator_with_its_usual_weights_catches_less(law: PointStabiliser) -> None:
-    starts = lean_grid(REST, np.array((0.2, 0.4, 0.6, 0.8)) * LIMIT, [0.0])
-    lqr = Lqr(law.model, REST, bounds=law.bounds)
-    # Weights that are soft enough on the masses make it reach as far, and take twice as long.
-    ours = region_of_attraction(law, REST, starts, duration=12.0)
-    theirs = region_by_simulation(lqr, REST, starts, duration=12.0)
-    assert ours.attracted.all()
-    assert not theirs.attracted[2:].any()
-
-
-def test_leaning_and_falling_count_by_their_capture_point(law: PointStabiliser) -> None:
-    leans, rates = np.linspace(-0.12, 0.12, 5), np.linspace(-0.6, 0.6, 7)
-    region = region_of_attraction(law, REST, lean_rate_grid(REST, leans, rates), duration=14.0)
-    lean, rate = -(region.starts[:, 2] - np.pi / 2), -region.starts[:, 14]
-    height = Z * np.cos(lean)
-    xi = Z * np.sin(lean) + Z * np.cos(lean) * rate / np.sqrt(G / height)
-    # The height moves a little at first, and the limit with it.
-    assert region.attracted[np.abs(xi) < 0.95 * REACH].all()
-    assert not region.attracted[np.abs(xi) > 1.05 * REACH].any()
-
-
-def test_progress_is_told(law: PointStabiliser) -> None:
-    told: list[float] = []
-    starts = lean_grid(REST, [0.5 * LIMIT], [0.0])
-    region_of_attraction(law, REST, starts, duration=0.5, progress=told.append)
-    region_by_simulation(law, REST, starts, duration=0.5, progress=told.append)
-    assert told == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0, 1.0])
-
-
-def test_unusable_grids_are_refused(law: PointStabiliser) -> None:
-    with pytest.raises(InvalidInputError, match="stand"):
-        lean_grid(REST, [1.2], [1.2])
-    with pytest.raises(InvalidInputError):
-        lean_grid(REST[:5], [0.1], [0.1])
-    with pytest.raises(InvalidInputError, match="starts"):
-        region_of_attraction(law, REST, np.zeros((2, 5)))
-    with pytest.raises(InvalidInputError, match="near"):
-        region_of_attraction(law, REST, lean_grid(REST, [0.0], [0.0]), near=0.0)
+    assert 0.3 < square.attracted.mean() < 0.8

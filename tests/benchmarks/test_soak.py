@@ -14,14 +14,12 @@ import pytest
 from benchmarks.soak import (
     Episode,
     Record,
-    feasible_point,
     judge,
     may_be_accepted,
     soak,
     spoilt,
 )
 from wbc.controllers import KinematicController
-from wbc.qp import QP
 from wbc.qp.solution import Status
 from wbc.tasks import ComTask
 
@@ -92,15 +90,6 @@ def test_it_sees_commands_outside_limits_and_not_finite(robot_named) -> None:
         assert [found for found, _ in judge(replace(tick, velocity=v), box)] == [kind]
     wrong = replace(tick, status=Status.INFEASIBLE)
     assert [found for found, _ in judge(wrong, box)] == ["feasible after all"]
-
-
-def test_feasibility_is_decided_by_a_linear_program() -> None:
-    C = np.array([[1.0, 1.0], [1e6, -1e6]])
-    qp = QP.build(np.eye(2), np.zeros(2), C=C, l=[1.0, -1.0], u=[2.0, 1.0], upper=[1.0, 1.0])
-    point = feasible_point(qp)
-    assert point is not None
-    assert point.sum() >= 1.0 - 1e-7
-    assert feasible_point(qp._replace(upper=np.array([0.4, 0.5]))) is None
 
 
 def test_growth_is_seen_and_noise_is_not() -> None:

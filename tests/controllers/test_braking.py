@@ -6,7 +6,10 @@ import qpsolvers
 
 from wbc.constraints import Contact, Limits, PositionBox, support
 from wbc.controllers import KinematicController
+from wbc.controllers.braking import least_acceleration_qp, relax_box
 from wbc.errors import UnknownNameError
+from wbc.qp import QP, Labels, Solution, Status
+from wbc.qp.solution import KktResiduals
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, PositionTask, PostureTask
 
@@ -114,6 +117,83 @@ def test_before_a_wall_that_appears_the_robot_stops_all_the_same(robot, rng) -> 
     there = robot.snapshot(robot.integrate(here.q, tick.velocity, DT)).position("left_hand_link")
     assert (lower <= there).all() and (there <= upper).all()
     assert change(tick.velocity, v, limits).max() > 1.0
+
+
+def some_qp(robot: Robot, lower: np.ndarray, upper: np.ndarray, slacks: int = 2) -> QP:
+    n = robot.nv + slacks
+    behind = np.arange(1.0, slacks + 1.0)
+    return QP(np.eye(n), np.ones(n), np.zeros((0, n)), np.zeros(0), np.zeros((0, n)), np.zeros(0),
+              np.zeros(0), np.concatenate((lower, -behind)), np.concatenate((upper, 2 * behind)),
+              Labels.numbered(n))  # fmt: skip
+
+
+def answer(x: np.ndarray, status: Status) -> Solution:
+    none = np.zeros(0)
+    return Solution(x, none, none, 0 * x, status, KktResiduals(0, 0, 0), 1, 0.0, "scripted")
+
+
+def test_a_box_is_relaxed_just_so_far(robot, rng) -> None:
+    """To the gentlest velocity and a tenth of a bound beyond, never beyond the emergency's box."""
+    nv = robot.nv
+    limits = Limits(robot, acceleration=20.0, braking="bounded")
+    moving = np.concatenate((np.zeros(6), rng.normal(size=nv - 6)))
+    here = robot.snapshot(robot.posture(), moving)
+    widest = limits.emergency_braking_box(here, DT)
+    middle = np.zeros(nv)
+    middle[6:] = 0.5 * (widest[0][6:] + widest[1][6:])
+    half = np.minimum(0.4 * (widest[1] - widest[0]), 0.5)
+    assert np.isfinite(half).all()
+    lower, upper = middle - half, middle + half
+    qp = some_qp(robot, lower, upper)
+    step = 0.1 * 20.0 * DT
+    v = middle + half * rng.uniform(-1.0, 1.0, nv)
+    v[8], v[10] = lower[8] - 0.01, upper[10] + 0.01  # these must brake harder
+    v[12] = widest[0][12] + 0.5 * step  # and this one as hard as can be
+    seen: list[QP] = []
+
+    def solve(given: QP) -> Solution:
+        seen.append(given)
+        return answer(np.concatenate((v, [9.0, 9.0])), Status.SOLVED)
+
+    found = relax_box(qp, limits, here, DT, solve)
+    assert found is not None
+    expected_lower, expected_upper = lower.copy(), upper.copy()
+    expected_lower[8], expected_upper[10] = v[8] - step, v[10] + step
+    expected_lower[12] = widest[0][12]
+    np.testing.assert_allclose(found.lower[:nv], expected_lower, atol=1e-12)
+    np.testing.assert_allclose(found.upper[:nv], expected_upper, atol=1e-12)
+    for one in (found, seen[0]):  # slacks keep their bounds
+        np.testing.assert_array_equal(one.lower[nv:], qp.lower[nv:])
+        np.testing.assert_array_equal(one.upper[nv:], qp.upper[nv:])
+    np.testing.assert_array_equal(seen[0].lower[:nv], widest[0])
+    np.testing.assert_array_equal(seen[0].upper[:nv], widest[1])
+    np.testing.assert_array_equal(found.P, qp.P)
+    np.testing.assert_array_equal(found.g, qp.g)
+    # No solution even so: all the way; relaxed already: nothing more to do.
+    whole = relax_box(qp, limits, here, DT, lambda given: answer(given.g, Status.INFEASIBLE))
+    assert whole is not None
+    np.testing.assert_array_equal(whole.lower[:nv], widest[0])
+    np.testing.assert_array_equal(whole.upper[:nv], widest[1])
+    assert relax_box(some_qp(robot, *widest), limits, here, DT, solve) is None
+    narrower = widest[1].copy()
+    narrower[9] -= 0.01
+    assert relax_box(some_qp(robot, widest[0], narrower), limits, here, DT, solve) is not None
+
+
+def test_the_least_change_is_measured_in_what_joints_can_do(robot) -> None:
+    """Gauss's principle: the optimum without rows is v itself, and weights are 1 / change^2."""
+    nv = robot.nv
+    change = np.full(nv, np.inf)
+    change[6:] = np.linspace(0.01, 2.0, nv - 6)
+    v = np.linspace(-1.0, 1.0, nv)
+    qp = least_acceleration_qp(some_qp(robot, -np.ones(nv), np.ones(nv)), v, change)
+    weights = np.diag(qp.P)
+    np.testing.assert_array_equal(qp.P, np.diag(weights))
+    np.testing.assert_allclose(-qp.g[:nv] / weights[:nv], v, atol=1e-15)
+    np.testing.assert_array_equal(qp.g[nv:], 0.0)
+    expected = np.maximum((change[6:].min() / change[6:]) ** 2, 1e-4)
+    np.testing.assert_allclose(weights[6:nv], expected)
+    np.testing.assert_allclose(weights[[*range(6), nv, nv + 1]], 1e-4)
 
 
 def test_what_contradicts_without_the_bound_is_named(robot, rng) -> None:

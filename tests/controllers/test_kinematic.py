@@ -130,31 +130,32 @@ def test_limits_hold_under_greedy_targets(name, mode, robot_named: Load, rng) ->
         assert (np.abs(v[6:]) <= robot.limits.velocity * (1 + 1e-6)).all()
 
 
-@pytest.mark.parametrize("mode", ["floating", "left", "double"])
-def test_from_outside_its_limits_a_robot_comes_back(mode, robot_named: Load, rng) -> None:
-    """Any start: the QP is never infeasible, and every joint returns."""
+@pytest.mark.parametrize(("mode", "spread"), [("floating", 0.8), ("left", 0.8), ("double", 0.3)])
+def test_from_outside_its_limits_a_robot_comes_back(mode, spread, robot_named: Load, rng) -> None:
+    """Any start: the QP is never infeasible, and every joint returns.
+
+    Two held feet may leave no way back for a leg; nothing may get worse.
+    """
     robot = robot_named("hoap2_like")
+    limits = Limits(robot)
     for _ in range(5):
-        q = robot.posture("standing")
-        step = np.concatenate((np.zeros(6), 0.8 * rng.normal(size=robot.nv - 6)))
-        q = robot.integrate(q, step, 1.0)
+        step = np.concatenate((np.zeros(6), spread * rng.normal(size=robot.nv - 6)))
+        q, v = robot.integrate(robot.posture("standing"), step, 1.0), np.zeros(robot.nv)
         here = robot.snapshot(q)
-        limits = Limits(robot)
-        assert limits.worst_margin(q)[0] < -0.01
+        start = limits.worst_margin(q)[0]
+        assert start < -0.01
+        tasks: list[Task] = [PostureTask(robot, robot.posture("standing"), weight=0.1)]
+        if mode == "double":
+            tasks.append(ComTask(robot, here.com))
         controller = KinematicController(
-            robot,
-            [PostureTask(robot, robot.posture("standing"), weight=0.1)],
-            contacts=support(here, mode) if mode != "double" else support(here, ["left_sole"]),
-            limits=limits,
-            dt=DT,
+            robot, tasks, contacts=support(here, mode), limits=limits, dt=DT
         )
-        v = np.zeros(robot.nv)
         for _ in range(400):
             tick = controller.step(robot.snapshot(q, v))
             assert tick.ok, tick.report()
             v = tick.velocity
             q = robot.integrate(q, v, DT)
-        assert limits.worst_margin(q)[0] > -1e-6
+        assert limits.worst_margin(q)[0] > (start if mode == "double" else 0.0) - 1e-6
 
 
 def contradictory(
@@ -288,31 +289,3 @@ def test_a_com_out_of_reach_does_not_make_it_chatter(name: str, robot_named: Loa
         v = tick.velocity
         q = robot.integrate(q, v, DT)
     assert np.abs(v).max() < 0.1  # 1.6 rad/s for ever without damping by the lever
-
-
-def test_a_standing_robot_comes_back_into_its_limits(robot_named: Load, rng) -> None:
-    """Both feet held, some joints outside: no tick fails, no joint stays behind."""
-    robot = robot_named("hoap2_like")
-    limits = Limits(robot)
-    for _ in range(6):
-        q = robot.posture("standing")
-        for k in rng.choice(robot.nv - 6, 4, replace=False):
-            low = rng.integers(2)
-            end = (robot.limits.lower if low else robot.limits.upper)[k]
-            q[7 + k] = end + (-1 if low else 1) * rng.uniform(0.01, 0.3)
-        here = robot.snapshot(q)
-        tasks = [
-            ComTask(robot, here.com),
-            PostureTask(robot, robot.posture("standing"), weight=0.1),
-        ]
-        controller = KinematicController(
-            robot, tasks, contacts=support(here, "double"), limits=limits, dt=DT
-        )
-        start, v = limits.worst_margin(q)[0], np.zeros(robot.nv)
-        for _ in range(300):
-            tick = controller.step(robot.snapshot(q, v))
-            assert tick.ok, tick.report()
-            v = tick.velocity
-            q = robot.integrate(q, v, DT)
-        # Two held feet may leave no way back for a leg; nothing may get worse.
-        assert limits.worst_margin(q)[0] >= start - 1e-6

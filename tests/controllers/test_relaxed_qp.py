@@ -1,7 +1,5 @@
 """The QP in which only physics is hard: its cost, minimised over slacks, written out by hand."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -209,22 +207,3 @@ def test_bodies_are_not_pushed_into_each_other_by_tasks(robot, monkeypatch) -> N
         assert tick.policy == "relax"
         missed.append(sum(by**2 for name, by in tick.slack.items() if " vs " in name))
     assert missed[1] < 0.5 * missed[0]
-
-
-def test_bodies_cost_by_the_levers_of_the_joints_that_part_them(robot: Robot) -> None:
-    """A hundred by the square of the joint rates' lever, 3 cm at least; the base carries none."""
-    nv = robot.nv
-    rows = np.zeros((4, nv))
-    rows[0, 6], rows[1, 8], rows[2, [7, 9]], rows[3, 0] = 0.02, 0.05, (0.3, 0.4), 1.0
-    ends = np.full(4, -0.1), np.full(4, np.inf)
-    measured = SimpleNamespace(found=object())
-    bodies = Bounds(tuple("abcd"), rows, *ends, distances=measured)
-    frames = bodies._replace(distances=SimpleNamespace(found=None))
-    tasks = [PostureTask(robot, robot.posture())]
-    plan = LevelPlan.of(Decision.velocity(robot, np.ones(nv)), tasks, (), Slacks({}, (), ()))
-    task = Rows(np.eye(3, nv), np.zeros(3), np.array([1.0, 2.0, 0.5]))
-    free = np.full(nv, np.inf)
-    given = qp_of(plan, [task], [], None, (-free, free), np.zeros(nv))
-    found = relaxed_qp(plan, given, Physical(0, 0, slice(0, 0)), [bodies, frames], 4.0)
-    expected = [4.0 * 100.0 / lever**2 for lever in (0.03, 0.05, 0.5, 0.03)]
-    np.testing.assert_allclose(found.weights, [*expected, 4.0, 4.0, 4.0, 4.0], rtol=1e-12)

@@ -36,17 +36,14 @@ def shaping(robot: Robot, **options) -> KinematicController:
     return KinematicController(robot, tasks, **given)
 
 
-@pytest.mark.parametrize("core", [True, False])
 @pytest.mark.parametrize("formulation", ["equality", "reduced"])
 @pytest.mark.parametrize("braking", ["free", "bounded"])
 def test_first_tick_without_velocity_keeps_the_acceleration_limit(
-    robot_named, monkeypatch, core: bool, formulation: str, braking: str
+    robot_named, formulation: str, braking: str
 ) -> None:
     robot = robot_named("hoap2_like")
     limits = Limits(robot, braking=braking)
     controller = shaping(robot, limits=limits, formulation=formulation)
-    if not core:
-        controller._native = None
     q = robot.posture("standing")
     tick = controller.step(robot.snapshot(q))
     assert tick.ok
@@ -55,8 +52,6 @@ def test_first_tick_without_velocity_keeps_the_acceleration_limit(
     # With gains lowered for braking's sake they may not reach it.
     assert braking == "bounded" or part.max() >= 1.0 - CLOSE
     same = shaping(robot, limits=Limits(robot, braking=braking), formulation=formulation)
-    if not core:
-        same._native = None
     still = same.step(robot.snapshot(q, np.zeros(robot.nv)))
     np.testing.assert_array_equal(tick.velocity, still.velocity)
 

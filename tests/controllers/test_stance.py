@@ -16,9 +16,6 @@ from scipy.sparse import csc_matrix
 
 import wbc
 from tests.conftest import MIXED
-from wbc.constraints.mechanics import mechanics_of
-from wbc.controllers.contact_forces import ContactForces
-from wbc.controllers.stance import _statics
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError
 from wbc.robot import Robot, Snapshot
 
@@ -256,38 +253,3 @@ def test_limits_that_bind_are_kept_and_the_rest_is_the_least() -> None:
     assert abs(stance.torque[knee]) == pytest.approx(weak, abs=1e-3)
     expected, _ = other_solvers_stance(here, np.asarray(stance.most))
     np.testing.assert_allclose(stance.torque, expected, rtol=0, atol=2e-3)
-
-
-def test_the_statics_problem_is_what_is_documented(robot_named: Load, rng) -> None:
-    """Its cost and rows at random forces and excesses, from the balance written out."""
-    robot = robot_named("hoap2_like")
-    here = standing(robot)
-    contacts = wbc.support(here, "double")
-    contacts[0].friction = wbc.FrictionCone(least=20.0, most=10.0 * robot.weight)
-    forces = ContactForces(robot, mechanics_of(robot, tuple(contacts)), robot.weight)
-    known, by_force = here.bias / robot.weight, forces.generalized(here)
-    most = rng.uniform(0.01, 0.1, robot.nv - 6)
-    most[4] = np.inf
-    qp = _statics(forces, known, by_force, most)
-    k, bounded = forces.size, np.isfinite(most)
-    cones = forces.bounds()
-    count, costs = cones.lower.size, []
-    for _ in range(5):
-        f, excess = rng.normal(size=k), rng.normal(size=most.size)
-        x, left = np.concatenate((f, excess)), known - by_force @ f
-        squares = 1e7 * left[:6] @ left[:6] + left[6:] @ left[6:] + 1e-3 * f @ f
-        cost = 0.5 * (squares + 1e5 * excess @ excess)
-        costs.append(cost - (0.5 * x @ qp.P @ x + qp.g @ x))
-        values = qp.C @ x
-        np.testing.assert_allclose(values[:count], cones.matrix @ f, atol=1e-12)
-        torque = (left[6:] - excess)[bounded]
-        np.testing.assert_allclose(values[count:] - qp.l[count:], torque + most[bounded])
-        np.testing.assert_allclose(qp.u[count:] - values[count:], most[bounded] - torque)
-    assert costs[0] > 0.0
-    np.testing.assert_allclose(costs, costs[0], rtol=0, atol=1e-8 * 1e7)
-    np.testing.assert_array_equal(qp.l[:count], cones.lower)
-    np.testing.assert_array_equal(qp.u[:count], cones.upper)
-    assert qp.l[0] == 20.0 / robot.weight and qp.u[0] == 10.0
-    np.testing.assert_array_equal(qp.lower, [*forces.lower, *[-np.inf] * most.size])
-    np.testing.assert_array_equal(qp.upper, [*forces.upper, *[np.inf] * most.size])
-    assert qp.b.size == 0 and qp.A.shape == (0, x.size)

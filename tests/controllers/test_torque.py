@@ -100,26 +100,6 @@ def test_every_humanoid_stands_still_without_a_gain(name: str, robot_named: Load
     assert np.abs(tick.acceleration).max() < 0.05
 
 
-def test_contacts_do_not_accelerate(robot_named: Load) -> None:
-    """Oracle: the drift of Pinocchio's own forward kinematics with the tick's acceleration."""
-    robot = robot_named("g1")
-    here, rng = standing(robot), np.random.default_rng(1)
-    there = disturbed(here, rng, 0.01)
-    contacts = wbc.support(there, "double")
-    tick = wbc.TorqueController(
-        robot, [wbc.ComTask(robot, here.com + 0.02), *stack(here)[2:]], contacts=contacts
-    ).step(there)
-    assert tick.policy is None, tick.report()
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, there.q, there.v, tick.acceleration)
-    for contact in contacts:
-        frame = robot.frame_id(contact.frame)
-        got = pin.getFrameClassicalAcceleration(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-        rate = pin.getFrameVelocity(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-        # At its anchor a contact is braked with kd = 2 sqrt(100).
-        np.testing.assert_allclose(got.vector, -20.0 * rate.vector, atol=1e-4)
-
-
 def test_centre_of_pressure_agrees_with_the_wrenches(robot_named: Load) -> None:
     robot = robot_named("g1")
     here = standing(robot)

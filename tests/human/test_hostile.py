@@ -4,12 +4,14 @@
 """
 
 import os
+import random
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.damage import damaged
 from tests.human.test_files import write_bodies, write_bvh, write_c3d
 from tests.human.walker import recorded, write_trc
 from wbc.errors import WbcError
@@ -27,7 +29,6 @@ time\tground_force_vx\tground_force_vy\tground_force_vz\tground_force_px\tground
 0.1\t10\t700\t-5\t0.1\t0\t0.2\t0\t3\t0
 0.2\t10\t700\t-5\t0.1\t0\t0.2\t0\t3\t0
 """
-TEXTS = (b"nan", b"inf", b"-1", b"1e308", b"999999999", b"", b"\t", b"x", b"{", b"}", b"\xff")
 
 
 def write_smpl(path: Path) -> None:
@@ -49,44 +50,16 @@ WRITERS: dict[str, Callable[[Path], object]] = {
 }
 
 
-def mutated(data: bytes, rng: np.random.Generator) -> bytes:
-    """Return a file with some bytes, words or lines changed, or cut off."""
-    out = bytearray(data)
-    for _ in range(int(rng.integers(1, 5))):
-        size = len(out)
-        # Where lengths and counts are, more often than among the numbers.
-        at = int(rng.integers(0, min(size, 3000) if rng.random() < 0.7 else size))
-        match int(rng.integers(0, 6)):
-            case 0:
-                out[at] = int(rng.integers(0, 256))
-            case 1:
-                out[at : at + 2] = int(rng.integers(0, 65536)).to_bytes(2, "little")
-            case 2:
-                out = out[: max(at, 1)]
-            case 3:
-                out[at : at + int(rng.integers(1, 9))] = TEXTS[rng.integers(len(TEXTS))]
-            case 4:
-                lines = bytes(out).split(b"\n")
-                k = int(rng.integers(len(lines)))
-                lines[k : k + 1] = [lines[k]] * int(rng.integers(0, 3))
-                out = bytearray(b"\n".join(lines))
-            case 5:
-                out[at:at] = out[at : at + int(rng.integers(1, 100))]
-        if not out:
-            return b""
-    return bytes(out)
-
-
 def tried(folder: Path, ending: str, count: int, seed: int) -> dict[str, int]:
     """Read mutations of a file; return how many were refused, and how many read."""
     whole = folder / f"whole.{ending}"
     WRITERS[ending](whole)
     WRITERS["trc"](folder / "beside.trc")
-    data, rng = whole.read_bytes(), np.random.default_rng(seed)
+    data, rng = whole.read_bytes(), random.Random(seed)
     found = {"refused": 0, "read": 0, "fitted": 0}
     path = folder / f"damaged.{ending}"
     for number in range(count):
-        path.write_bytes(mutated(data, rng))
+        path.write_bytes(damaged(data, rng))
         try:
             if ending == "mot":
                 recording = read_markers(folder / "beside.trc", forces=path)

@@ -22,19 +22,19 @@ SAME_NAME = (
 )
 
 
-def waving(robot: Robot, amplitude: float) -> Motion:
+def waving(robot: Robot, amplitude: float, time: np.ndarray = TIME) -> Motion:
     """Every joint swings, and the base with them."""
     limits = robot.limits
     middle = limits.joint_positions(robot.postures["standing"])
     room = np.minimum(np.minimum(limits.upper - middle, middle - limits.lower), 1.0)
     phase = np.arange(len(middle))
-    joints = middle + amplitude * room * np.sin(5.0 * TIME[:, None] + phase)
-    angles = 0.3 * amplitude * np.sin(3.0 * TIME[:, None] + [0.0, 1.0, 2.0])
-    angles[:, 2] += 2.5 * TIME  # turns on, past pi
-    sway = 0.1 * amplitude * np.cos(4.0 * TIME[:, None] + [0, 1, 2])
+    joints = middle + amplitude * room * np.sin(5.0 * time[:, None] + phase)
+    angles = 0.3 * amplitude * np.sin(3.0 * time[:, None] + [0.0, 1.0, 2.0])
+    angles[:, 2] += 2.5 * time  # turns on, past pi
+    sway = 0.1 * amplitude * np.cos(4.0 * time[:, None] + [0, 1, 2])
     place = robot.postures["standing"][:3] + sway
     base = np.hstack((place, Rotation.from_euler("xyz", angles).as_quat()))
-    return Motion(robot, TIME, joints, base)
+    return Motion(robot, time, joints, base)
 
 
 @pytest.fixture(scope="module", params=["hoap2_like", "g1_27", "mixed_joints"])

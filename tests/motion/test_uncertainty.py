@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import wbc
+from tests.motion.test_analysis import waving
 from wbc.errors import InvalidInputError
 from wbc.motion import Motion, RmpSeries, analyze
 from wbc.motion.forces import MeasuredForces
@@ -14,26 +15,11 @@ from wbc.motion.uncertainty import BAND, beyond_noise
 from wbc.robot import Robot
 from wbc.robot.series import sole_series
 
-RATE = 200.0
+TIME = np.arange(600) / 200.0
 PROBLEMS = Path(__file__).parents[2] / "problems"
 INERTIAL = ("momentum", "momentum_rate", "second_moments", "radii", "average_angular_velocity")
 MUCH = 1e-3, 5e-4, 1e-3  # rad, m, rad: as encoders and a good motion capture
 ON_GROUND = ("cop", "cmp", "cop_margin", "leg_angles")
-
-
-def waving(robot: Robot, count: int) -> Motion:
-    """Every joint swings at 0.8 Hz, the base sways and turns on."""
-    time = np.arange(count) / RATE
-    limits = robot.limits
-    middle = limits.joint_positions(robot.postures["standing"])
-    room = np.minimum(np.minimum(limits.upper - middle, middle - limits.lower), 1.0)
-    joints = middle + 0.1 * room * np.sin(5.0 * time[:, None] + np.arange(len(middle)))
-    angles = 0.03 * np.sin(3.0 * time[:, None] + [0.0, 1.0, 2.0])
-    angles[:, 2] += time
-    place = robot.postures["standing"][:3] + 0.02 * np.cos(4.0 * time[:, None] + [0, 1, 2])
-    return Motion(
-        robot, time, joints, np.hstack((place, Rotation.from_euler("xyz", angles).as_quat()))
-    )
 
 
 def noisy(clean: Motion, sizes: tuple[float, float, float], rng: np.random.Generator) -> Motion:
@@ -82,7 +68,11 @@ def stands(series: RmpSeries) -> np.ndarray:
 def test_bands_hold_the_truth_in_a_short_recording() -> None:
     # 10 trials of 1 s at 10 Hz are worth 200 independent values and more: within 4.5 % at 3 sigma.
     found = coverages(
-        waving(Robot.load("hoap2_like"), 200), (5e-4, 1e-3, 1e-3), 10, ("cop", "radii"), feet="left"
+        waving(Robot.load("hoap2_like"), 0.1, TIME[:200]),
+        (5e-4, 1e-3, 1e-3),
+        10,
+        ("cop", "radii"),
+        feet="left",
     )
     assert all(90.5 < share < 99.5 for share in found.values()), found
 
@@ -99,13 +89,15 @@ def test_bands_hold_the_truth_in_a_short_recording() -> None:
     ids=["g1", "joints only", "resampled", "no filter"],
 )
 def test_95_percent_bands_hold_93_to_97(robot: str, sizes: tuple, options: dict) -> None:
-    found = coverages(waving(Robot.load(robot), 600), sizes, 30, (*INERTIAL, *ON_GROUND), **options)
+    found = coverages(
+        waving(Robot.load(robot), 0.1, TIME), sizes, 30, (*INERTIAL, *ON_GROUND), **options
+    )
     assert all(93.0 <= share <= 97.0 for share in found.values()), found
 
 
 @pytest.mark.slow
 def test_bands_with_a_planted_foot_hold_93_to_97() -> None:
-    recorded = waving(Robot.load("hoap2_like"), 600)
+    recorded = waving(Robot.load("hoap2_like"), 0.1, TIME)
     clean = Motion(recorded.robot, recorded.time, recorded.joints)
     names = (*INERTIAL, *ON_GROUND, "com")
     found = coverages(clean, (3e-4, 0.0, 0.0), 30, names, planted="left")
@@ -132,7 +124,7 @@ def beside_the_foot() -> Motion:
     """A HOAP-2 at rest with its CoM 8 mm outside the left sole: infeasible on that foot alone."""
     robot = Robot.load("hoap2_like")
     q = np.tile(robot.postures["standing"], (600, 1))
-    return Motion(robot, np.arange(600) / RATE, q[:, 7:], q[:, :7])
+    return Motion(robot, TIME, q[:, 7:], q[:, :7])
 
 
 def test_verdict_is_only_given_beyond_the_noise(beside_the_foot: Motion) -> None:
@@ -217,7 +209,7 @@ def test_uncertainty_is_saved(beside_the_foot: Motion, tmp_path: Path) -> None:
 def test_measured_forces_have_no_band_of_the_motions_noise() -> None:
     robot = Robot.load("hoap2_like")
     q = np.tile(robot.postures["standing"], (100, 1))
-    time = np.arange(100) / RATE
+    time = TIME[:100]
     wrench = np.tile([0.0, 0.0, 0.5 * 9.81 * robot.mass, 0.0, 0.0, 0.0], (100, 1))
     forces = MeasuredForces(time, {"left": wrench, "right": wrench})
     series = analyze(Motion(robot, time, q[:, 7:], q[:, :7], forces=forces))

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.problem.loading import problem_of
 from wbc.errors import ProblemFileError
 from wbc.polygon import polygon_margin
 from wbc.problem import load_problem
@@ -28,9 +29,7 @@ stop: {duration: 1.5, speed: null}
 
 
 def problem(tmp_path: Path, text: str, **overrides):
-    path = tmp_path / "p.yaml"
-    path.write_text(text)
-    return load_problem(path, overrides)
+    return problem_of(tmp_path, text, overrides)
 
 
 def test_a_box_holds_the_base_up(tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from tests.problem.loading import complaint_of, problem_of
 from wbc.cli.printing import tasks_table
-from wbc.errors import ProblemFileError
-from wbc.problem import Problem, load_problem
+from wbc.problem import Problem
 from wbc.run.stopping import Stop
 from wbc.tasks import ContactForceTask, CopTask, ForceRateTask, ForceTask, LoadShareTask, TorqueTask
 
@@ -31,17 +31,11 @@ phases:
 
 
 def problem(folder: Path, task: str, rest: str = MOTION) -> Problem:
-    file = folder / "p.yaml"
-    file.write_text(f"{HEAD}  t: {task}\n{rest}")
-    made = load_problem(file)
-    assert isinstance(made, Problem)
-    return made
+    return problem_of(folder, f"{HEAD}  t: {task}\n{rest}")
 
 
 def complaint(folder: Path, task: str, rest: str = MOTION) -> str:
-    with pytest.raises(ProblemFileError) as caught:
-        problem(folder, task, rest)
-    return str(caught.value).replace(str(folder / "p.yaml"), "p.yaml")
+    return complaint_of(folder, f"{HEAD}  t: {task}\n{rest}")
 
 
 def made(folder: Path, task: str) -> Any:

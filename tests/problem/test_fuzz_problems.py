@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+from tests.damage import damaged
 from wbc.errors import WbcError
 from wbc.problem import Problem, load_problem
 from wbc.problem.pendulum.plan import Planning
@@ -256,23 +257,9 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_damaged_plan_files(plan: Path, tmp_path: Path) -> None:
-    """Bytes that are changed, lost or there twice."""
     whole = plan.read_bytes()
     for seed in range(COUNT or 100):
-        rng = random.Random(seed)
-        data = bytearray(whole)
-        for _ in range(rng.choice((1, 1, 2, 8))):
-            k = rng.randrange(len(data))
-            # Headers of entries and the directory matter more than packed numbers.
-            k = rng.choice((k, k % 200, len(data) - 1 - k % 1000))
-            what = rng.random()
-            if what < 0.6:
-                data[k] = rng.choice((0, 1, 0xFF, data[k] ^ (1 << rng.randrange(8))))
-            elif what < 0.8:
-                del data[k : k + rng.choice((1, 4, 100))]
-            else:
-                data[k:k] = data[k : k + rng.choice((1, 4, 100))]
-        (tmp_path / "p.npz").write_bytes(data)
+        (tmp_path / "p.npz").write_bytes(damaged(whole, random.Random(seed)))
         check(lambda: load_plan(tmp_path / "p.npz"), f"bytes {seed}")
 
 

@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.failing_ticks import let_ticks_fail
+from tests.problem.loading import problem_of
 from wbc.cli import app, progress
 from wbc.cli.printing import search_rows
 from wbc.constraints import ComSupport, Limits
@@ -28,9 +29,7 @@ TEXT = Path(__file__).with_name("global_small.yaml").read_text()
 
 
 def problem(folder: Path, text: str = TEXT, overrides: dict[str, Any] | None = None) -> Problem:
-    file = folder / "p.yaml"
-    file.write_text(text)
-    return load_problem(file, overrides)
+    return problem_of(folder, text, overrides)
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.problem.loading import problem_of
 from wbc.constraints import SelfCollision
 from wbc.errors import ProblemFileError
 from wbc.problem import Problem, RunStatus, load_problem
@@ -39,8 +40,7 @@ stop: {duration: 4.0}
 
 
 def problem(folder: Path, overrides: dict[str, Any] | None = None, text: str = TEXT) -> Problem:
-    (folder / "p.yaml").write_text(text)
-    return load_problem(folder / "p.yaml", overrides)
+    return problem_of(folder, text, overrides)
 
 
 def least_room(one: Problem, q: np.ndarray, margins: dict[str, float]) -> dict[str, float]:

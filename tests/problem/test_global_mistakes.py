@@ -4,17 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from wbc.errors import ProblemFileError
-from wbc.problem import load_problem
+from tests.problem.loading import complaint_of as complaint
 
 TEXT = Path(__file__).with_name("global_small.yaml").read_text()
-
-
-def complaint(folder: Path, text: str) -> str:
-    (folder / "p.yaml").write_text(text)
-    with pytest.raises(ProblemFileError) as error:
-        load_problem(folder / "p.yaml")
-    return str(error.value)
 
 
 @pytest.mark.parametrize(

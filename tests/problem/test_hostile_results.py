@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.damage import damaged
 from tests.texts import REACH, STAND
 from wbc.errors import InvalidInputError, WbcError
 from wbc.problem import load_problem
@@ -88,7 +89,7 @@ def damage_summary(found: Any, rng: random.Random) -> None:
             found[place] = rng.choice(JUNK)
 
 
-def damaged(arrays: Arrays, rng: random.Random) -> Arrays:
+def damaged_arrays(arrays: Arrays, rng: random.Random) -> Arrays:
     """Return arrays of which a few are missing, of other shapes, types and values, or others'."""
     arrays, sound = dict(arrays), json.loads(str(arrays["summary"]))
     for _ in range(rng.choice([1, 1, 2, 3])):
@@ -144,14 +145,9 @@ def fuzz(arrays: Arrays, folder: Path, seed: int, count: int) -> int:
     refused, path = 0, folder / "m.npz"
     for k in range(count):
         rng = random.Random(1000 * seed + k)
-        np.savez(path, **damaged(arrays, rng))
+        np.savez(path, **damaged_arrays(arrays, rng))
         if rng.random() < 0.1:
-            content = bytearray(path.read_bytes())
-            for _ in range(rng.choice([1, 5, 50])):
-                content[rng.randrange(len(content))] = rng.randrange(256)
-            path.write_bytes(
-                content[: rng.randrange(len(content))] if rng.random() < 0.3 else content
-            )
+            path.write_bytes(damaged(path.read_bytes(), rng))
         refused += outcome(path, folder / "r.html") is not None
     return refused
 

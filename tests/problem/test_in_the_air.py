@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.problem.loading import problem_of
 from wbc.errors import InvalidInputError, ProblemFileError
 from wbc.problem import Problem, load_problem
 from wbc.robot import Robot
@@ -30,11 +31,7 @@ simulation: {start: {height: 0.03}, falls: {com_height: 0.3}}
 
 
 def problem(folder: Path, overrides: dict[str, Any] | None = None, text: str = DROP) -> Problem:
-    file = folder / "p.yaml"
-    file.write_text(text)
-    loaded = load_problem(file, overrides)
-    assert isinstance(loaded, Problem)
-    return loaded
+    return problem_of(folder, text, overrides)
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.spatial import ConvexHull
 
+from tests.problem.loading import problem_of
 from wbc.problem import Problem, Result, RunStatus, load_problem
 from wbc.robot import Robot
 
@@ -45,9 +46,7 @@ DT = 0.01
 
 
 def problem(folder: Path, overrides: dict[str, Any] | None = None, text: str = STEP) -> Problem:
-    file = folder / "p.yaml"
-    file.write_text(text)
-    return load_problem(file, overrides)
+    return problem_of(folder, text, overrides)
 
 
 class Watched:

@@ -1,11 +1,10 @@
 """Phases that cannot be meant, each with one message that says where; and their JSON Schema."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from wbc.errors import ProblemFileError
+from tests.problem.loading import complaint_of as complaint
 from wbc.problem import load_problem
 
 GOOD = """\
@@ -27,14 +26,6 @@ phases:
   stand: {duration: 1.0, support: double, tasks: {foot: {active: false}}}
 stop: {accept: {com: 1.0}}
 """
-
-
-def complaint(folder: Path, text: str, overrides: dict[str, Any] | None = None) -> str:
-    file = folder / "p.yaml"
-    file.write_text(text)
-    with pytest.raises(ProblemFileError) as caught:
-        load_problem(file, overrides)
-    return str(caught.value).replace(str(file), "p.yaml")
 
 
 def test_the_good_file_is_good(tmp_path: Path) -> None:

@@ -48,9 +48,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def problem(folder: Path, text: str = TRACK) -> Problem:
-    found = problem_of(folder, text)
-    assert isinstance(found, Problem)
-    return found
+    return problem_of(folder, text)
 
 
 def test_a_plan_is_followed_and_the_result_tells_how_well(folder: Path) -> None:

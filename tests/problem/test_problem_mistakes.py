@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from wbc.errors import ProblemFileError
+from tests.problem.loading import complaint_of
 from wbc.problem import load_problem
 
 GOOD = """\
@@ -30,10 +30,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def complaint(file: Path, text: str, overrides: dict[str, Any] | None = None) -> str:
-    file.write_text(text)
-    with pytest.raises(ProblemFileError) as caught:
-        load_problem(file, overrides)
-    return str(caught.value).replace(str(file), "p.yaml")
+    return complaint_of(file.parent, text, overrides)
 
 
 def test_the_good_file_is_good(file: Path) -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.problem.loading import problem_of
 from wbc.errors import ProblemFileError
-from wbc.problem import load_problem
 
 TEXT = """
 robot: {{model: hoap2_like, {0}}}
@@ -17,9 +17,7 @@ tasks:
 
 
 def load(folder: Path, section: str):
-    path = folder / "p.yaml"
-    path.write_text(TEXT.format(section))
-    return load_problem(path).parts.robot
+    return problem_of(folder, TEXT.format(section)).parts.robot
 
 
 def test_drives_are_numbers_or_by_joint(tmp_path: Path) -> None:

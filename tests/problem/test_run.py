@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from tests.failing_ticks import let_ticks_fail
+from tests.problem.loading import problem_of as problem
 from tests.texts import CHEAP
 from wbc.cli.printing import print_result
 from wbc.errors import ProblemFileError
-from wbc.problem import Problem, RunStatus, load_problem
+from wbc.problem import RunStatus, load_problem
 from wbc.qp.solution import Status
 from wbc.spatial import vech
 
@@ -34,12 +35,6 @@ tasks:
   calm: {type: posture, weight: 1.0e-2}
 stop: {duration: 2.0, speed: 1.0e-3, accept: {com: 1.0e-3}}
 """
-
-
-def problem(folder: Path, text: str, overrides: dict[str, Any] | None = None) -> Problem:
-    file = folder / "p.yaml"
-    file.write_text(text)
-    return load_problem(file, overrides)
 
 
 def test_floating_robot_grows(tmp_path: Path) -> None:

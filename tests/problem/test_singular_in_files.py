@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.problem.loading import problem_of
 from wbc.errors import ProblemFileError
-from wbc.problem import load_problem
 
 TEXT = """robot: g1_27
 start: {posture: standing}
@@ -22,9 +22,7 @@ stop: {duration: 1.5, speed: null}
 
 
 def load(tmp_path: Path, text: str, **overrides):
-    path = tmp_path / "p.yaml"
-    path.write_text(text)
-    return load_problem(path, overrides)
+    return problem_of(tmp_path, text, overrides)
 
 
 @pytest.mark.parametrize("method", ["qp", "pseudo_inverse"])

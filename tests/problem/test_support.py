@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.problem.loading import problem_of
 from wbc.errors import ProblemFileError
-from wbc.problem import Problem, load_problem
+from wbc.problem import Problem
 
 TEXT = """
 robot: {robot}
@@ -18,9 +19,7 @@ tasks:
 
 
 def load(folder: Path, robot: str, support: str, over: str) -> Problem:
-    path = folder / "p.yaml"
-    path.write_text(TEXT.format(robot=robot, support=support, over=over))
-    return load_problem(path)
+    return problem_of(folder, TEXT.format(robot=robot, support=support, over=over))
 
 
 @pytest.fixture

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wbc.problem import Problem, load_problem
+from tests.problem.loading import problem_of
+from wbc.problem import Problem
 from wbc.robot import Snapshot
 from wbc.spatial import vech
 from wbc.tasks import Task
@@ -15,9 +16,7 @@ from wbc.tasks import Task
 def problem(
     folder: Path, task: str, head: str = "robot: hoap2_like\nsupport: floating\n"
 ) -> Problem:
-    file = folder / "p.yaml"
-    file.write_text(f"{head}tasks:\n  it: {task}\n")
-    return load_problem(file)
+    return problem_of(folder, f"{head}tasks:\n  it: {task}\n")
 
 
 def built(folder: Path, task: str) -> tuple[Task, Snapshot]:

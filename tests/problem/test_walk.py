@@ -27,9 +27,7 @@ simulation: {duration: 1.2}
 
 
 def problem(folder: Path, text: str = WALK, overrides: dict[str, Any] | None = None) -> Problem:
-    found = problem_of(folder, text, overrides)
-    assert isinstance(found, Problem)
-    return found
+    return problem_of(folder, text, overrides)
 
 
 def walker_in(problem: Problem) -> Walker:

@@ -12,7 +12,6 @@ from conflict_judge import blamed_in_vain
 from scipy.optimize import linprog
 
 from tests.needs import needs_bench, needs_compiler
-from wbc.errors import InvalidInputError
 from wbc.native import sources
 from wbc.qp import core as in_core
 from wbc.qp import make_backend
@@ -60,21 +59,6 @@ def test_the_answer_is_that_of_other_solvers(other: str) -> None:
     assert active > 500 and compared > 140
 
 
-@needs_bench
-def test_unknowns_that_no_equality_has() -> None:
-    """As arms, where feet are held: wherever they stand among the others."""
-    rng, n = np.random.default_rng(5), 30
-    for _ in range(40):
-        A, C, J = (rng.normal(size=(rows, n)) for rows in (8, 5, n))
-        A[:, rng.permutation(n)[: int(rng.integers(1, 20))]] = 0.0
-        x, g, room = rng.normal(size=n), 10.0 * rng.normal(size=n), rng.exponential(size=n)
-        rows = {"A": A, "b": A @ x, "C": C, "l": C @ x - 1.0, "u": C @ x + 1.0}
-        qp = QP.build(J.T @ J + np.eye(n), g, **rows, lower=x - room, upper=x + room)
-        ours, theirs = ActiveSet().solve(qp), make_backend("daqp").solve(qp)
-        assert ours.solved and theirs.solved
-        np.testing.assert_allclose(ours.x, theirs.x, rtol=0.0, atol=1e-7)
-
-
 @pytest.mark.slow
 @needs_compiler
 def test_the_same_bits_without_wide_vectors(tmp_path, monkeypatch) -> None:
@@ -116,22 +100,6 @@ def test_rows_twice_and_nothing_left_to_decide_are_no_trouble() -> None:
     np.testing.assert_allclose(ActiveSet().solve(whole).x, 1.0)
     point = ActiveSet().solve(whole._replace(lower=np.full(2, 2.0)))
     assert point.status is Status.INFEASIBLE and len(point.conflict.rows) == 2
-
-
-@pytest.mark.parametrize("field", ["P", "g", "A", "b", "C", "l", "lower", "upper"])
-def test_what_is_no_qp_is_refused(field: str) -> None:
-    qp = random_qp(np.random.default_rng(2))
-    assert qp.b.size and qp.u.size
-    bad = getattr(qp, field).copy()
-    bad.reshape(-1)[0] = np.nan
-    wrong = [qp._replace(**{field: bad}), qp._replace(**{field: getattr(qp, field)[:-1]})]
-    if field in ("l", "lower"):
-        bad = bad.copy()
-        bad[0] = np.inf
-        wrong.append(qp._replace(**{field: bad}))
-    for one in wrong:
-        with pytest.raises(InvalidInputError, match=field):
-            ActiveSet().solve(one)
 
 
 def test_arrays_of_any_layout_are_read_as_they_are() -> None:

@@ -1,6 +1,5 @@
 """ProxQP's own solver: same bits wherever its memory lies, and the settings it is given."""
 
-import math
 import subprocess
 import sys
 from importlib.abc import Loader, MetaPathFinder
@@ -83,18 +82,6 @@ def test_no_more_accuracy_is_asked_for_than_the_largest_number_has_digits(part: 
     digits = largest * np.abs(getattr(qp, part)).max() * np.finfo(float).eps
     assert 4.0 * digits < asked.eps_abs < 16.0 * digits
     assert asked.eps_duality_gap_abs == asked.eps_abs
-
-
-@pytest.mark.parametrize("largest", [1.1e-12, 1e-9, 3e-4, 0.25, 0.3, 0.99])
-def test_small_curvatures_are_scaled_to_one_or_up_to_two_without_rounding(largest: float) -> None:
-    scale = proxqp_workspace._cost_scale(np.diag([0.1 * largest, largest]))
-    assert 1.0 <= scale * largest < 2.0
-    assert math.frexp(scale)[0] == 0.5  # a power of two
-
-
-@pytest.mark.parametrize("largest", [0.0, 0.9e-12, 1.0, 2.0005, 1e6])
-def test_large_curvatures_and_none_are_left_alone(largest: float) -> None:
-    assert proxqp_workspace._cost_scale(np.diag([0.0, largest])) == 1.0
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import LinearConstraint, minimize
 
-from wbc.qp import QP, Status, installed_solvers, kkt_residuals, make_backend
+from wbc.qp import QP, Status, installed_solvers, make_backend
 
 BACKENDS = installed_solvers()
 # eps = 1e-8 bounds the residuals; with P's eigenvalues above 1e-3 the point itself is within
@@ -77,17 +77,6 @@ def test_against_scipy(backend, solvable, seed):
     assert objective(qp, solution.x) == pytest.approx(oracle.fun, rel=1e-7, abs=1e-7)
 
 
-@pytest.mark.parametrize(("me", "mi"), [(0, 0), (4, 0), (0, 10), (4, 10)])
-def test_backends_agree(solvable, me, mi):
-    for seed in range(5):
-        qp = solvable(np.random.default_rng(seed), n=12, me=me, mi=mi)
-        solutions = {name: make_backend(name).solve(qp) for name in BACKENDS}
-        for name, solution in solutions.items():
-            assert solution.solved, solution.describe()
-            assert solution.solver == name
-            np.testing.assert_allclose(solution.x, solutions["proxqp"].x, atol=POINT, err_msg=name)
-
-
 @pytest.mark.parametrize("mi", [0, 25])
 def test_controller_size(backend, ticks, mi):
     for qp in ticks(seed=3, count=4, mi=mi):
@@ -95,18 +84,6 @@ def test_controller_size(backend, ticks, mi):
         assert solution.solved, solution.describe()
         at_bound = np.isclose(np.abs(solution.x), qp.upper, atol=1e-7)
         assert at_bound.any(), "the test problem has lost its active bounds"
-
-
-def test_residuals_are_those_of_the_returned_point(backend, solvable):
-    qp = solvable(np.random.default_rng(5), n=6)
-    solution = backend.solve(qp)
-    again = kkt_residuals(qp, solution.x, solution.y, solution.z, solution.z_box)
-    # Sums of numbers up to 100 in another order, which differs by processor: 100 n eps.
-    for field in ("primal", "dual", "complementarity"):
-        ours, theirs = getattr(solution.residuals, field), getattr(again, field)
-        assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-13)
-    assert solution.iterations >= 0
-    assert solution.solve_time > 0.0
 
 
 # One constraint of each kind, active at a known side; P = I, so every multiplier is known:

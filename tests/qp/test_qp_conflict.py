@@ -2,28 +2,12 @@
 
 import numpy as np
 import pytest
-from conflict_judge import blamed_in_vain
-from scipy.optimize import linprog
+from conflict_judge import blamed_in_vain, can_hold
 
 from wbc.qp import QP, Labels, ProxQP, Status, core, find_conflict, installed_solvers, make_backend
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.conflict import conflict_by_simplex
 from wbc.qp.solution import Conflict, ConflictRow
-
-
-def feasible(qp: QP) -> bool:
-    """Whether any x meets every row, by HiGHS."""
-    upper, lower = np.isfinite(qp.u), np.isfinite(qp.l)
-    result = linprog(
-        np.zeros(qp.g.size),
-        A_ub=np.concatenate((qp.C[upper], -qp.C[lower])),
-        b_ub=np.concatenate((qp.u[upper], -qp.l[lower])),
-        A_eq=qp.A,
-        b_eq=qp.b,
-        bounds=list(zip(qp.lower, qp.upper, strict=True)),
-    )
-    assert result.status in (0, 2), result.message
-    return result.status == 0
 
 
 def without(qp: QP, label: str) -> QP:
@@ -102,11 +86,11 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_the_conflict_is_named_exactly(case):
     qp, labels = CASES[case]
-    assert not feasible(qp)
+    assert not can_hold(qp)
     conflict = find_conflict(qp)
     assert {row.label for row in conflict.rows} == labels
     for label in labels:
-        assert feasible(without(qp, label)), "the test's own conflict is not the only one"
+        assert can_hold(without(qp, label)), "the test's own conflict is not the only one"
         assert find_conflict(without(qp, label)) is None
 
 
@@ -214,10 +198,6 @@ def test_rows_are_told_from_bounds() -> None:
         assert not Conflict((ConflictRow("b", 0.0, 1.0, side),)).has_inequalities
 
 
-def test_no_rows_means_no_conflict():
-    assert find_conflict(make(lower=np.zeros(4))) is None
-
-
 @pytest.mark.parametrize("seed", range(60))
 def test_random_against_linear_programming(seed):
     """Random rows and boxes, about half of them infeasible: the verdict is that of HiGHS."""
@@ -240,7 +220,7 @@ def test_random_against_linear_programming(seed):
         upper=upper,
     )
     conflict = find_conflict(qp)
-    assert (conflict is None) == feasible(qp)
+    assert (conflict is None) == can_hold(qp)
     solution = ProxQP().solve(qp)
     assert solution.status is (Status.SOLVED if conflict is None else Status.INFEASIBLE)
     if conflict is not None:
@@ -248,17 +228,6 @@ def test_random_against_linear_programming(seed):
         assert sum_of_rows < 1e-10 * max(abs(row.multiplier) for row in conflict.rows)
         assert blamed_in_vain(qp, conflict) == []
         assert separation > 0.0
-
-
-@pytest.mark.parametrize("miss", [1e-3, 1e-5])
-def test_small_conflicts_are_still_conflicts(ticks, miss):
-    (qp,) = ticks(seed=5, count=1, mi=10)
-    A, b = np.array(qp.A), np.array(qp.b)
-    A[5] = A[4]
-    b[5] = b[4] + miss
-    solution = ProxQP().solve(qp._replace(A=A, b=b))
-    assert solution.status is Status.INFEASIBLE, solution.describe()
-    assert {row.label for row in solution.conflict.rows} == {"equality 4", "equality 5"}
 
 
 def test_a_contradiction_below_the_accuracy_promised_is_none(ticks):

@@ -6,9 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from wbc.qp import QP, KktResiduals, Status, kkt_residuals
+from wbc.qp import QP, KktResiduals, kkt_residuals
 from wbc.qp.kkt import _within, acceptable, reference_magnitudes
-from wbc.qp.solution import RawSolution
 
 NONE = np.zeros(0)
 
@@ -63,17 +62,6 @@ def test_each_residual_alone():
     assert missed == KktResiduals(primal=0.25, dual=0.25, complementarity=0.0)
 
 
-def test_wrong_sign_towards_an_infinite_bound_is_the_multiplier_itself():
-    # A negative multiplier claims that the lower bound, -inf, is active.
-    residuals = kkt_residuals(CAPPED, np.array([1.0]), NONE, NONE, np.array([-0.25]))
-    assert residuals.complementarity == 0.25
-
-
-def test_rounding_at_an_infinite_bound_does_not_count():
-    residuals = kkt_residuals(CAPPED, np.array([0.0]), NONE, NONE, np.array([-1e-20]))
-    assert residuals.complementarity == 1e-20
-
-
 @pytest.mark.parametrize("part", range(4))
 def test_nan_is_never_hidden(solvable, part):
     qp = solvable(np.random.default_rng(1))
@@ -108,18 +96,6 @@ def test_reference_magnitudes_are_the_largest_terms():
     qp = QP.build(10 * np.eye(2), [1.0, 2.0], A=[[1.0, 3.0]], b=[7.0], C=[[5.0, 0.0]], u=[9.0])
     x, y, z, z_box = np.array([4.0, 0.0]), np.array([6.0]), np.array([1.0]), np.array([0.0, -50.0])
     assert reference_magnitudes(qp, x, y, z, z_box) == (20.0, 50.0)
-
-
-def test_relative_acceptance_follows_the_units():
-    # The same error of one part in 1e10, in a QP whose costs are 1e6 times larger.
-    for scale in (1.0, 1e6):
-        qp = QP.build([[scale]], [-2.0 * scale], upper=[1.0])
-        x, z_box = np.array([1.0]), np.array([scale * (1.0 + 1e-10)])
-        residuals = kkt_residuals(qp, x, NONE, NONE, z_box)
-        assert acceptable(residuals, 1e-8, qp, x, NONE, NONE, z_box)
-        far = scale * np.array([1.0 + 1e-6])
-        residuals = kkt_residuals(qp, x, NONE, NONE, far)
-        assert not acceptable(residuals, 1e-8, qp, x, NONE, NONE, far)
 
 
 def test_a_row_with_large_numbers_does_not_excuse_a_small_one():
@@ -201,9 +177,3 @@ def test_a_missed_equality_is_no_clash_of_multipliers() -> None:
     qp = QP.build(np.eye(2), [-3.0, -1.0], A=[[1.0, 0.0]], b=[1.5], upper=[2.0, 9.0])
     found = kkt_residuals(qp, np.array([2.0, 1.0]), np.zeros(1), np.zeros(0), np.array([1.0, 0.0]))
     assert tuple(found[:3]) == (0.5, 0.0, 0.0)
-
-
-def test_who_does_not_count_iterations_took_none() -> None:
-    raw = RawSolution(np.zeros(1), np.zeros(0), np.zeros(0), np.zeros(1), Status.FAILED)
-    assert (raw.iterations, raw.message) == (0, "")
-    assert RawSolution.none(_alone(), Status.FAILED, "no").iterations == 0

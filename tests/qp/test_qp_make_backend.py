@@ -8,26 +8,11 @@ import qpsolvers
 
 from tests.needs import needs_bench
 from wbc.errors import InvalidInputError, SolverError, UnknownNameError
-from wbc.qp import QP, ProxQP, SolverNotInstalledError, Status, installed_solvers, make_backend
+from wbc.qp import QP, SolverNotInstalledError, Status, installed_solvers, make_backend
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.qpsolvers_backend import QpsolversBackend
 
 SMALL = QP.build(np.eye(2), [1.0, -1.0], lower=[0.0, 0.0])
-
-
-def test_default_is_the_native_proxqp():
-    backend = make_backend("proxqp")
-    assert isinstance(backend, ProxQP)
-    assert backend.warm
-    assert backend.name == "proxqp"
-
-
-def test_cold_variant_keeps_nothing():
-    backend = make_backend("proxqp_cold", eps=1e-6)
-    first, second = backend.solve(SMALL), backend.solve(SMALL)
-    assert backend.name == second.solver == "proxqp_cold"
-    np.testing.assert_array_equal(first.x, second.x)
-    assert first.iterations == second.iterations
 
 
 def test_installed_solvers_can_all_be_made():

@@ -153,29 +153,6 @@ def test_where_it_stalls_the_active_set_method_comes_first(ticks, monkeypatch):
     assert solves
 
 
-def _counted(monkeypatch):
-    """Return the list to which ProxQP's solves are added as they are made."""
-    solves = []
-    for name in ("solve_cold", "solve_warm"):
-        honest = getattr(Workspace, name)
-
-        def counted(self, *qp, honest=honest, name=name):
-            solves.append(name)
-            return honest(self, *qp)
-
-        monkeypatch.setattr(Workspace, name, counted)
-    return solves
-
-
-def test_an_active_set_method_saves_a_tick(ticks):
-    qp = next(iter(ticks(seed=4, count=1)))
-    solution = ProxQP(max_iterations=1).solve(qp)
-    assert solution.solved
-    assert solution.attempts == 2
-    assert solution.solver == "active_set", "it says who answered"
-    np.testing.assert_allclose(solution.x, ProxQP().solve(qp).x, atol=1e-7)
-
-
 def test_a_cost_over_many_decades_is_solved():
     """A tick of the soak, curvatures 1e-6 to 1e10: ProxQP alone took 30 ms and gave up."""
     qp = recorded("stalls_proxqp")

@@ -2,13 +2,14 @@
 
 from pathlib import Path
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from wbc.errors import ModelError
 from wbc.robot import Robot
-from wbc.robot.formats.mesh_files import read_mesh
+from wbc.robot.formats.mesh_files import is_read_here, read_mesh
 from wbc.robot.formats.urdf import read_urdf
 from wbc.robot.formats.xml import read_xml
 from wbc.robot.geometry import RobotMeshes, triangulated
@@ -264,6 +265,31 @@ def test_triangles_of_binary_stl_are_counted_before_they_are_read(
             _ = Robot.load(tmp_path / f"r.{kind}").collision_model
     else:
         assert Robot.load(tmp_path / f"r.{kind}").collision_model.ngeoms == 1
+
+
+def test_binary_stl_files_are_what_coal_reads(tmp_path: Path, rng) -> None:
+    """To the bit: corners in the order in which they come up, -0 as 0, without slivers."""
+    points = rng.uniform(-1.0, 1.0, (40, 3)).astype("<f4")
+    points[7], points[8] = 0.0, -0.0
+    faces = np.concatenate(
+        (rng.permuted(np.tile(np.arange(40), (90, 1)), axis=1)[:, :3], [[7, 8, 3]])
+    )
+    path = tmp_path / "m.stl"
+    body = b"".join(b"\0" * 12 + points[face].tobytes() + b"\0\0" for face in faces)
+    path.write_bytes(b"\0" * 80 + len(faces).to_bytes(4, "little") + body)
+    ours = read_mesh(path)
+    theirs = coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(str(path), np.ones(3))
+    np.testing.assert_array_equal(ours.vertices, np.array(theirs.vertices()))
+    wanted = triangulated(theirs)
+
+    def corners(vertices, faces) -> set[frozenset[bytes]]:
+        return {frozenset((vertices[k] + 0.0).tobytes() for k in face) for face in faces}
+
+    assert corners(*ours) == corners(wanted.vertices, wanted.faces)
+    assert len(ours.faces) == len(wanted.faces) == len(faces) - 1
+    text = tmp_path / "text.stl"  # of which the count is none
+    text.write_text("solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n")
+    assert is_read_here(path) and not is_read_here(text)
 
 
 def test_triangles_of_obj_files_are_counted(

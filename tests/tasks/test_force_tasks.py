@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.errors import InvalidInputError, UnknownNameError, WbcError
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import Affine, Dynamics, ForceTask, Task
 
@@ -253,34 +253,6 @@ def test_an_expression_of_another_shape_is_refused(robot_named: Load, rows, numb
     said = r"'mine': expression\(\), (matrix|constant): expected shape \(2,"
     with pytest.raises(InvalidInputError, match=said):
         controlled(here, Wrong(robot, "mine", ["fx", "fy"])).step(here)
-
-
-@pytest.mark.parametrize(
-    ("make", "error"),
-    [
-        (lambda robot: wbc.ContactForceTask(robot, "left_sol"), UnknownNameError),
-        (
-            lambda robot: wbc.ContactForceTask(robot, "left_sole", components=["f"]),
-            UnknownNameError,
-        ),
-        (lambda robot: wbc.ContactForceTask(robot, "left_sole", [np.nan] * 6), InvalidInputError),
-        (lambda robot: wbc.LoadShareTask(robot, {"left_sole": -1.0}), InvalidInputError),
-        (lambda robot: wbc.LoadShareTask(robot, {}), InvalidInputError),
-        (lambda robot: wbc.LoadShareTask(robot, {"left_sole": 0.0}), InvalidInputError),
-        (lambda robot: wbc.CopTask(robot, [0.0]), InvalidInputError),
-        (lambda robot: wbc.CopTask(robot, [0.0, 0, 0], frame="left_sole"), InvalidInputError),
-        (lambda robot: wbc.TorqueTask(robot, "much"), InvalidInputError),
-        (lambda robot: wbc.TorqueTask(robot, joints=["*tail*"]), UnknownNameError),
-        (lambda robot: wbc.TorqueTask(robot, {"*tail*": 1.0}), UnknownNameError),
-        (lambda robot: wbc.ForceRateTask(robot, weight=-1.0), InvalidInputError),
-        (lambda robot: wbc.ForceRateTask(robot, []), InvalidInputError),
-    ],
-)
-def test_mistakes_are_typed(
-    make: Callable[[Robot], Task], error: type[WbcError], robot_named: Load
-) -> None:
-    with pytest.raises(error):
-        make(robot_named("g1"))
 
 
 def test_which_points_a_cop_may_be_given_depends_on_its_frame(robot_named) -> None:

@@ -149,8 +149,39 @@ MAKERS: dict[str, Callable[[Robot, Snapshot, str, np.random.Generator], Moving]]
     "inertia trace": lambda r, s, f, g: vector(
         InertiaTask(r, 4.0, components=("trace",), per_mass=True), 4.0, g
     ),
+    **{
+        f"inertia, {name}": lambda r, s, f, g, axes=axes, about=about, given=given: symmetric(
+            InertiaTask(
+                r, s.inertia, frame=f if axes == "f" else axes, about=f if about == "f" else about,
+                **given,
+            ),
+            0.8 * s.inertia,
+            g,
+        )
+        for name, (axes, about, given) in {
+            "base": ("base", "com", {}),
+            "frame, per mass": ("f", "com", {"per_mass": True}),
+            "diagonal": ("base", "com", {"components": ("xx", "yy", "zz")}),
+            "about world": ("world", "world", {}),
+            "about a point": ("base", [0.3, -0.8, 0.1], {"per_mass": True}),
+            "about base": ("base", "base", {}),
+            "about a frame": ("world", "f", {"components": ("xz", "yy", "zz")}),
+            "about a frame, in its axes": ("f", "f", {}),
+        }.items()
+    },
+    "inertia trace about a frame": lambda r, s, f, g: vector(
+        InertiaTask(r, 4.0, components=("trace",), about=f), 4.0, g
+    ),
+    "orientation at target": lambda r, s, f, g: rotating(
+        OrientationTask(r, f, np.eye(3)), s.rotation(f), g
+    ),
+    "base relative to a frame": lambda r, s, f, g: placed(
+        RelativePoseTask(r, "base", f, np.zeros(3), np.eye(3), components=("z", "x")),
+        near(s.rotation(f).T @ s.rotation("base")),
+        g,
+    ),
     "principal inertia": principal,
-}
+}  # fmt: skip
 
 
 def assert_close(actual: np.ndarray, expected: np.ndarray, relative: float) -> None:

@@ -7,7 +7,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchmarks.balance_figures import pushes_figure, regions_figure
-from wbc.errors import InvalidInputError
 from wbc.problem.pendulum.result import PendulumHistory, Support
 from wbc.view import style
 from wbc.view.pendulum import pendulum_figure
@@ -210,36 +209,3 @@ def test_regions_are_where_the_leans_are() -> None:
     assert first.images[0].get_clim() == second.images[0].get_clim() == (0.0, 11.0)
     nothing = regions_figure(x, y, {"fell": np.full((3, 4), np.nan)})
     assert nothing.axes[0].images[0].get_clim() == (0.0, 1.0)
-
-
-@pytest.mark.parametrize(
-    ("directions", "impulses", "words"),
-    [
-        (ROUND, {}, "impulses"),
-        (ROUND, {"a": np.ones(11)}, "a: expected shape"),
-        (ROUND, {"a": np.full(12, np.nan)}, "a: NaN"),
-        (0.0 * ROUND, {"a": np.ones(12)}, "length"),
-        (np.ones((4, 3)), {"a": np.ones(4)}, "directions"),
-        ((), {"a": ()}, "directions"),
-    ],
-)
-def test_bad_pushes_are_refused(directions: Array, impulses: dict[str, Array], words: str) -> None:
-    with pytest.raises(InvalidInputError, match=words):
-        pushes_figure(directions, impulses)
-
-
-@pytest.mark.parametrize(
-    ("x", "y", "settling", "words"),
-    [
-        ((0.0, 0.1), (0.0,), {}, "at least one map"),
-        ((0.0, 0.1), (0.0,), {"a": np.ones((1, 2))}, "settling of a"),
-        ((0.0, 0.1), (0.0,), {"a": np.full((2, 1), np.inf)}, "infinite"),
-        ((0.0, 0.1, 0.3), (0.0,), {"a": np.ones((3, 1))}, "x_leans: must grow in even steps"),
-        ((0.0, 0.1), (0.1, 0.0), {"a": np.ones((2, 2))}, "y_leans: must grow"),
-        ((), (0.0,), {"a": np.ones((0, 1))}, "x_leans"),
-        ((0.0, np.nan), (0.0,), {"a": np.ones((2, 1))}, "x_leans: NaN"),
-    ],
-)
-def test_bad_maps_are_refused(x: Array, y: Array, settling: dict[str, Array], words: str) -> None:
-    with pytest.raises(InvalidInputError, match=words):
-        regions_figure(x, y, settling)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wbc.cli.errors import errors_in_one_line, print_notes
+from wbc.cli.human_options import SEX, Forces, HumanOptions, Mass, Sex, Static, Stature, Unit, Up
 from wbc.cli.options import Plot, Quiet
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
 # Kept in step with wbc.motion, which is not imported only to print the help.
 CUTOFF, LONGEST_GAP, BEYOND, SNAPSHOTS, FEET = "10", 0.1, 0.1, "6", "auto"
-SEX = "male"
 
 
 class Missing(StrEnum):
@@ -96,29 +96,17 @@ def analyze(
         str, typer.Option(help="In the picture: how many, or their times in s, as in 0,2.5,4.")
     ] = SNAPSHOTS,
     quiet: Quiet = False,
-    static: Annotated[
-        Path | None, typer.Option(help="Human: a trial in which it stands, .trc or .c3d.")
-    ] = None,
-    forces: Annotated[
-        Path | None, typer.Option(help="Human: force plates, .mot, .sto or .c3d.")
-    ] = None,
-    mass: Annotated[
-        float | None, typer.Option(help="Human: in kg; by default as the plates weigh it.")
-    ] = None,
-    stature: Annotated[
-        float | None, typer.Option(help="Human: in m; by default by the lengths found.")
-    ] = None,
-    sex: Annotated[str, typer.Option(help="Human: male or female, for the segments' table.")] = SEX,
-    up: Annotated[
-        str | None, typer.Option(help="Human: the file's vertical axis, x, y or z.")
-    ] = None,
-    unit: Annotated[
-        str | None, typer.Option(help="Human: of a BVH file's lengths, cm, m, inch or mm.")
-    ] = None,
+    static: Static = None,
+    forces: Forces = None,
+    mass: Mass = None,
+    stature: Stature = None,
+    sex: Sex = SEX,
+    up: Up = None,
+    unit: Unit = None,
 ) -> None:
     """Reduce a recorded motion to its reaction mass pendulum over time."""
     with errors_in_one_line():
-        from wbc.cli.analyze_human import HumanOptions, analyze_human, is_human
+        from wbc.cli.analyze_human import analyze_human, is_human
         from wbc.cli.analyze_report import print_analysis
         from wbc.cli.outputs import Outputs
         from wbc.cli.progress import shown_progress

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from wbc.cli.human_options import HumanOptions
 from wbc.cli.printing import heads
 from wbc.errors import InvalidInputError
 
@@ -19,32 +19,6 @@ if TYPE_CHECKING:
     from wbc.human import Comparison, HumanMotion
 
 WORST = 4  # markers that are named
-
-
-@dataclass(frozen=True)
-class HumanOptions:
-    """Options of a human's recording, as they were given."""
-
-    static: Path | None
-    forces: Path | None
-    mass: float | None
-    stature: float | None
-    sex: str
-    up: str | None
-    unit: str | None
-
-    @property
-    def given(self) -> list[str]:
-        """Return the names of those that were."""
-        found = {
-            "--static": self.static,
-            "--forces": self.forces,
-            "--mass": self.mass,
-            "--stature": self.stature,
-            "--up": self.up,
-            "--unit": self.unit,
-        }
-        return [name for name, value in found.items() if value is not None]
 
 
 def is_human(motion: Path, robot: str | None, options: HumanOptions) -> bool:
@@ -89,23 +63,10 @@ def analyze_human(
     from wbc.cli.analyze_report import print_analysis
     from wbc.cli.outputs import Outputs
     from wbc.cli.progress import shown_progress
-    from wbc.human import compared, human_motion, read_markers
+    from wbc.human import compared
     from wbc.motion import analyze
 
-    recording = read_markers(
-        path, forces=options.forces, unit=options.unit, stature=options.stature
-    )
-    static = None if options.static is None else read_markers(options.static)
-    human = human_motion(
-        recording,
-        static=static,
-        mass=options.mass,
-        stature=options.stature,
-        sex=options.sex,
-        up=options.up,
-        ground_height=ground,
-        longest_gap=longest_gap,
-    )
+    human = options.motion(path, ground, longest_gap=longest_gap)
     with shown_progress(quiet) as progress:
         series = analyze(
             human.motion,

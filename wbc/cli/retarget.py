@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import fields
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,14 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wbc.cli.errors import errors_in_one_line, print_notes
+from wbc.cli.human_options import SEX, Forces, HumanOptions, Mass, Sex, Static, Stature, Unit, Up
 from wbc.cli.options import Quiet, robots_beginning
 
 if TYPE_CHECKING:
     from wbc.retargeting import Retargeted
 
 # Kept in step with wbc.retargeting, which is not imported only to print the help.
-RATE, DURATION, FRICTION, MARGIN, SEX = 50.0, "froude", 0.6, 0.01, "male"
+RATE, DURATION, FRICTION, MARGIN = 50.0, "froude", 0.6, 0.01
 ROLL = 1.0
+HUMAN = tuple(each.name for each in fields(HumanOptions))
 # What is handed on to wbc.retarget.
 WAYS = ("rate", "duration", "cutoff", "roll", "balance", "friction", "margin", "links")
 MCAP = "mcap"
@@ -103,19 +106,13 @@ def retarget(
     ground: Annotated[
         float | None, typer.Option(help="Height of the human's ground, in m.")
     ] = None,
-    static: Annotated[
-        Path | None, typer.Option(help="A trial in which the human stands, .trc or .c3d.")
-    ] = None,
-    forces: Annotated[
-        Path | None, typer.Option(help="Force plates, .mot, .sto or .c3d; they weigh the human.")
-    ] = None,
-    mass: Annotated[float | None, typer.Option(help="Of the human, in kg.")] = None,
-    stature: Annotated[float | None, typer.Option(help="Of the human, in m.")] = None,
-    sex: Annotated[str, typer.Option(help="male or female, for the segments' table.")] = SEX,
-    up: Annotated[str | None, typer.Option(help="The file's vertical axis, x, y or z.")] = None,
-    unit: Annotated[
-        str | None, typer.Option(help="Of a BVH file's lengths, cm, m, inch or mm.")
-    ] = None,
+    static: Static = None,
+    forces: Forces = None,
+    mass: Mass = None,
+    stature: Stature = None,
+    sex: Sex = SEX,
+    up: Up = None,
+    unit: Unit = None,
 ) -> None:
     """Make a humanoid move as a recorded human: feet, CoM, momentum, ellipsoid, trunk and arms."""
     with errors_in_one_line():
@@ -124,7 +121,6 @@ def retarget(
         from wbc.errors import InvalidInputError
         from wbc.extras import require
         from wbc.files import write_text
-        from wbc.human import human_motion, read_markers
         from wbc.retargeting import retarget as retargeted
         from wbc.retargeting.layouts import check_layout
         from wbc.robot import Robot
@@ -154,18 +150,8 @@ def retarget(
         loaded = Robot.load(asked["robot"])
         if not quiet:
             print_notes(loaded)
-        tall, still = asked["stature"], asked["static"]
-        recording = read_markers(
-            asked["motion"], forces=asked["forces"], unit=asked["unit"], stature=tall
-        )
-        human = human_motion(
-            recording,
-            static=None if still is None else read_markers(still),
-            mass=asked["mass"],
-            stature=tall,
-            sex=asked["sex"],
-            up=asked["up"],
-            ground_height=asked["ground"],
+        human = HumanOptions(**{name: asked[name] for name in HUMAN}).motion(
+            asked["motion"], asked["ground"]
         )
         with shown_progress(quiet) as progress:
             ways = {key: asked[key] for key in WAYS}

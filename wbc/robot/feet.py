@@ -140,6 +140,11 @@ def find_feet(
         frame, polygon, note = _sole_frame(model, name, parent, placement, polygon)
         feet[name] = Foot(name, frame, spec.link, polygon)
         notes += note
+        if len(polygon) == 2 and spec.polygon is None:
+            notes.append(
+                f"the {name} foot touches level ground along a line only; give its polygon if more"
+                " of it should"
+            )
         if len(polygon) > 2 and share < SMALL:
             notes.append(
                 f"the sole that was found of the {name} foot is {share:.0%} of the rectangle round"

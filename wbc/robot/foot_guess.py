@@ -15,6 +15,7 @@ import pinocchio as pin
 from wbc.robot.formats.description import GeometrySource
 from wbc.robot.limits import UNLIMITED
 from wbc.robot.sole import body_points, found_sole, is_round_about
+from wbc.rotations import exp_rotation
 from wbc.validate import Array
 
 # Foot -> the words of a link's name that mean it.
@@ -82,18 +83,12 @@ def upright(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> tuple
     feet:
         Foot to link; None stands for the links that are called feet.
     """
-    bodies = {str(frame.name): frame.parentJoint for frame in _bodies(model)}
-    if feet is None:
-        named = [(foot, joint) for name, joint in bodies.items() if (foot := foot_of(name))]
-    else:
-        named = [(foot, bodies[link]) for foot, link in feet.items() if link in bodies]
     data = model.createData()
     pin.centerOfMass(model, data, q)
-    places = {foot: data.oMi[1].actInv(data.oMi[joint]).translation for foot, joint in named}
+    places = _named_places(model, data, feet)
     if len(places) < 2:
         return q, ""
-    lefts = [place for foot, place in places.items() if foot.endswith("left")]
-    rights = [place for foot, place in places.items() if foot.endswith("right")]
+    lefts, rights = _sides(places)
     down, below = _mean(places.values()), _mean(places.values()) - data.oMi[1].actInv(data.com[0])
     if np.linalg.norm(down) < BELOW_BASE or down @ below < 0.0:
         down = below  # the base's origin is on the ground, between the feet or below them
@@ -114,6 +109,45 @@ def upright(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> tuple
         f"the base's {_name_of(up)} axis points up and its {_name_of(axes[0])} axis forwards, as"
         " its feet say: 'standing' is turned"
     )
+
+
+def facing_ahead(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> Array:
+    """Return ``q`` (nq,) with the base over the world's origin, its x axis forwards.
+
+    Backwards if the feet that are called left are then to the left. A base whose z axis does not
+    point up keeps its heading. ``feet`` are as in :func:`upright`.
+    """
+    R = pin.Quaternion(q[3:7]).matrix()
+    ahead = q.copy()
+    ahead[:2] = 0.0
+    heading = float(np.arctan2(R[1, 0], R[0, 0]))
+    if R[2, 2] <= ALONG or heading == 0.0:
+        return ahead
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    lefts, rights = _sides(_named_places(model, data, feet))
+    if lefts and rights and (_mean(lefts) - _mean(rights))[1] < 0.0:
+        heading += np.pi
+    ahead[3:7] = pin.Quaternion(exp_rotation(np.array([0.0, 0.0, -heading])) @ R).coeffs()
+    return ahead
+
+
+def _named_places(
+    model: pin.Model, data: pin.Data, feet: Mapping[str, str] | None
+) -> dict[str, Array]:
+    """Return where the joints of feet are in the base (3,), of those given or called so."""
+    bodies = {str(frame.name): frame.parentJoint for frame in _bodies(model)}
+    if feet is None:
+        named = [(foot, joint) for name, joint in bodies.items() if (foot := foot_of(name))]
+    else:
+        named = [(foot, bodies[link]) for foot, link in feet.items() if link in bodies]
+    return {foot: data.oMi[1].actInv(data.oMi[joint]).translation for foot, joint in named}
+
+
+def _sides(places: Mapping[str, Array]) -> tuple[list[Array], list[Array]]:
+    """Return the places of the left feet, and of the right ones."""
+    lefts = [place for foot, place in places.items() if foot.endswith("left")]
+    return lefts, [place for foot, place in places.items() if foot.endswith("right")]
 
 
 def _mean(places: Collection[Array]) -> Array:

@@ -22,6 +22,7 @@ from wbc.robot.formats import read_description
 from wbc.robot.formats.description import Description, GeometrySource, lock_joints
 from wbc.robot.formats.srdf import read_srdf
 from wbc.robot.formats.ties import Coupling, Loop
+from wbc.robot.formats.triangles import Surfaces
 from wbc.robot.library import NamedRobot, RobotSource, find_robot
 from wbc.robot.limits import BASE_NQ, JointLimits
 from wbc.robot.loops import Closure, loops_of, loops_within, without_motors
@@ -209,7 +210,7 @@ class Robot(KinematicTree):
         stance = stance_from(found, description, model, limits, postures, feet, base, closure)
         postures[STANDING] = stance.q
         notes += posture_notes + stance.notes + armature_note(model) + loop_notes
-        notes += effort_note(limits, free)
+        notes += effort_note(limits, (*free, *couplings))
         # That an arm is bolted down is no fault of its file.
         warn_of(
             found.path, (note for note in notes if not (stance.bolted and note in stance.notes))
@@ -294,6 +295,11 @@ class Robot(KinematicTree):
     def collision_model(self) -> pin.GeometryModel:
         """Collision shapes, without pairs; meshes are read when first asked for."""
         return self.geometry.load(self.model, pin.GeometryType.COLLISION)
+
+    @cached_property
+    def collision_surfaces(self) -> Surfaces:
+        """Collision shapes with their meshes as triangles: quicker than :attr:`collision_model`."""
+        return self.geometry.surfaces(self.model, pin.GeometryType.COLLISION)
 
     @cached_property
     def visual_model(self) -> pin.GeometryModel:

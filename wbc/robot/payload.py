@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.robot.formats.description import ContactRules, GeometrySource
+from wbc.robot.formats.triangles import Surfaces, with_meshes
 from wbc.robot.names import frame_table
 from wbc.validate import Array, finite_array, finite_number, read_only, real_array, set_fields
 
@@ -144,14 +145,20 @@ class CarryingGeometry:
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
     ) -> pin.GeometryModel:
         """See :class:`~wbc.robot.formats.description.GeometrySource`."""
-        found = self.own.load(model, kind, links)
+        return with_meshes(self.surfaces(model, kind, links))
+
+    def surfaces(
+        self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
+    ) -> Surfaces:
+        """See :class:`~wbc.robot.formats.description.GeometrySource`."""
+        found = self.own.surfaces(model, kind, links)
         if kind != pin.GeometryType.VISUAL:
             return found
-        if not found.ngeoms:  # drawn by its collision shapes
-            found = self.own.load(model, pin.GeometryType.COLLISION, links).copy()
+        if not found.shapes.ngeoms:  # drawn by its collision shapes
+            found = self.own.surfaces(model, pin.GeometryType.COLLISION, links)
         for payload in self.payloads:
             if links is None or payload.frame in links:
-                found.addGeometryObject(_drawn(model, payload))
+                found.shapes.addGeometryObject(_drawn(model, payload))
         return found
 
 

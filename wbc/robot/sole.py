@@ -8,13 +8,17 @@ import pinocchio as pin
 
 from wbc.polygon import centroid, convex_hull, polygon_area, thinned
 from wbc.robot.formats.description import GeometrySource
+from wbc.robot.formats.triangles import Triangles
 from wbc.validate import Array
 
+Placed = tuple[pin.SE3, object]  # a shape in the axes of its joint
 FLAT = 3e-3  # m: points no higher than this above the lowest belong to the sole
 # Of the rectangle round a body as seen from above: where less touches the ground, a larger face is
 # looked for that is not level, and a note tells of a sole that is smaller yet.
 FULL, SMALL = 0.5, 0.25
 STEEPEST = np.cos(np.deg2rad(20.0))  # such a face is no steeper in the stance
+ROUNDED = 2  # times that a face under balls and the like is looked for again
+LEVEL_BALLS = 1e-6  # m: lowest points of balls within it are in one plane
 COPLANAR = np.cos(np.deg2rad(1.0))  # facets of a hull that are one face
 SNAP = np.cos(np.deg2rad(5.0))  # an axis this near to the vertical is meant to be vertical
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
@@ -23,7 +27,7 @@ _DISC = np.stack([np.cos(_RIM), np.sin(_RIM), np.zeros_like(_RIM)], axis=1)  # (
 
 
 def extreme_points(shape: object, up: Array) -> Array:
-    """Return points (k, 3) of a ``coal`` shape, in its frame, among them its lowest ones.
+    """Return points (k, 3) of a ``coal`` shape or a mesh, in its frame, its lowest ones among them.
 
     ``up`` (3,) is the unit vector upwards in that frame. Shapes that end nowhere or are unknown
     give no points.
@@ -45,6 +49,8 @@ def extreme_points(shape: object, up: Array) -> Array:
             apex, base = _ends(shape.halfLength)
             rim = float(shape.radius) * _DISC @ _turn_to(up)
             return np.concatenate([rim + base, apex[None]])
+        case Triangles():
+            return shape.vertices
         case coal.ConvexBase():
             return np.array(shape.points())
         case coal.BVHModelBase():
@@ -73,7 +79,16 @@ def body_points(model: pin.Model, geometry: GeometrySource, joint: int, up: Arra
     They are the collision shapes, or those to draw of a body that has no others. ``up`` (3,) is
     the unit vector upwards, in the joint's frame.
     """
-    return np.concatenate([np.empty((0, 3)), *_extremes(body_shapes(model, geometry, joint), up)])
+    return _points(body_shapes(model, geometry, joint), up)
+
+
+def _points(shapes: list[Placed], up: Array) -> Array:
+    """Return points (k, 3) of shapes, their lowest among them, in the joint's frame."""
+    found = [np.empty((0, 3))]
+    for place, shape in shapes:
+        R = place.rotation
+        found.append(extreme_points(shape, R.T @ up) @ R.T + place.translation)
+    return np.concatenate(found)
 
 
 def is_round_about(model: pin.Model, geometry: GeometrySource, joint: int, axis: Array) -> bool:
@@ -86,32 +101,29 @@ def is_round_about(model: pin.Model, geometry: GeometrySource, joint: int, axis:
     angles = np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False) + 0.1
     reach = []
     for direction in np.column_stack((np.cos(angles), np.sin(angles))) @ across:
-        points = np.concatenate([np.empty((0, 3)), *_extremes(shapes, direction)])
+        points = _points(shapes, direction)
         reach.append(-float((points @ direction).min(initial=0.0)))
     return min(reach) > (1.0 - NEARLY_ROUND) * max(reach) > 0.0
 
 
-def body_shapes(model: pin.Model, geometry: GeometrySource, joint: int) -> list[pin.GeometryObject]:
-    """Return the collision shapes on one joint's body, or those to draw of one without."""
+def body_shapes(model: pin.Model, geometry: GeometrySource, joint: int) -> list[Placed]:
+    """Return the collision shapes on one joint's body, or those to draw of one without.
+
+    Their placements in the joint's frame, and what they are.
+    """
     links = [
         str(frame.name)
         for frame in model.frames
         if frame.type == pin.FrameType.BODY and frame.parentJoint == joint
     ]
     for kind in (pin.GeometryType.COLLISION, pin.GeometryType.VISUAL):
-        shapes = list(geometry.load(model, kind, links).geometryObjects)
-        if shapes:
+        shapes, meshes = geometry.surfaces(model, kind, links)
+        if shapes.ngeoms:
             break
-    return shapes
-
-
-def _extremes(shapes: list[pin.GeometryObject], up: Array) -> list[Array]:
-    """Return points (k, 3) of shapes, their lowest among them, in the joint's frame."""
-    found = []
-    for shape in shapes:
-        R, p = shape.placement.rotation, shape.placement.translation
-        found.append(extreme_points(shape.geometry, R.T @ up) @ R.T + p)
-    return found
+    return [
+        (shape.placement, meshes.get(str(shape.name), shape.geometry))
+        for shape in shapes.geometryObjects
+    ]
 
 
 def found_sole(
@@ -127,17 +139,22 @@ def found_sole(
     """
     joint = frame.parentJoint
     axes = frame.placement.rotation @ _level_axes(R)  # in the joint's frame
-    points = body_points(model, geometry, joint, axes[:, 2])
+    shapes = body_shapes(model, geometry, joint)
+    points = _points(shapes, axes[:, 2])
     if not len(points):
         return None
     lowest, polygon = _flat_part(points, axes)
     if polygon_area(polygon) < FULL * _footprint(points, axes):
-        face = _tilted_face(points, axes)
+        face, seen = _tilted_face(points, axes), points
+        for _ in range(ROUNDED):  # the lowest points of what is round depend on the face
+            if face is not None:
+                seen = _points(shapes, face[:, 2])
+                face = _tilted_face(seen, axes)
         if face is not None:
-            height, larger = _flat_part(points, face)
+            height, larger = _flat_part(seen, face)
             touching = points[points @ axes[:, 2] <= lowest + FLAT] @ face[:, 2] <= height + FLAT
             if touching.all() and polygon_area(larger) > 2.0 * polygon_area(polygon):
-                lowest, polygon, axes = height, larger, face
+                lowest, polygon, axes, points = height, larger, face, seen
     whole = _footprint(points, axes)
     share = polygon_area(polygon) / whole if whole > 0.0 else 1.0
     return *centred(pin.SE3(axes, np.zeros(3)), polygon, lowest), share
@@ -157,9 +174,14 @@ def _tilted_face(points: Array, axes: Array) -> Array | None:
     """
     from scipy.spatial import ConvexHull, QhullError  # only here: SciPy takes a while to load
 
+    middle = points.mean(axis=0)
+    spread, plane = np.linalg.svd(points - middle, full_matrices=False)[1:]
+    if len(points) > 2 and spread[2] < LEVEL_BALLS and spread[1] > LEVEL_BALLS:  # balls in a plane
+        up = plane[2] * np.sign(plane[2] @ axes[:, 2])
+        return _axes_of(up, axes) if up @ axes[:, 2] > STEEPEST else None
     try:
         hull = ConvexHull(points)
-    except (QhullError, ValueError):  # flat, or a few points only
+    except (QhullError, ValueError):  # a few points only
         return None
     corners = hull.points[hull.simplices]  # (facets, 3, 3)
     sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -170,7 +192,11 @@ def _tilted_face(points: Array, axes: Array) -> Array | None:
         return None
     normals, sizes = normals[down], sizes[down]
     faces = (normals @ normals.T > COPLANAR) @ sizes  # with what is coplanar
-    up = -normals[int(np.argmax(faces))]
+    return _axes_of(-normals[int(np.argmax(faces))], axes)
+
+
+def _axes_of(up: Array, axes: Array) -> Array:
+    """Return axes (3, 3) of which the third is ``up``, the first as near as it can be."""
     forward = axes[:, 0] - up * (up @ axes[:, 0])
     forward /= np.linalg.norm(forward)
     return np.stack([forward, np.cross(up, forward), up], axis=1)

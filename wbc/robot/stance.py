@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from wbc.errors import ModelError
 from wbc.robot.feet import Foot, FootSpec, find_feet
-from wbc.robot.foot_guess import arm_reason, upright
+from wbc.robot.foot_guess import arm_reason, facing_ahead, upright
 from wbc.robot.formats.description import Description, GeometrySource
 from wbc.robot.library import NamedRobot, RobotSource
 from wbc.robot.limits import JointLimits
@@ -20,6 +20,7 @@ from wbc.robot.sole import body_points
 from wbc.validate import Array, by_name
 
 LOWER = 5e-3  # m: a shape that much lower than the soles would touch the ground first
+NEAR_GROUND = 0.3  # of the CoM's height: shapes of joints below it are looked at
 
 
 class StandingPose(NamedTuple):
@@ -56,7 +57,10 @@ def find_stance(
         links = None if specs is None else {name: one.link for name, one in specs.items()}
         q, turned = upright(model, q, links)
         notes = (turned,) if turned else ()
-    soles, foot_notes = find_feet(model, description.geometry, specs, q)
+        ahead = q if turned else facing_ahead(model, q, links)
+    else:
+        ahead = q
+    soles, foot_notes = find_feet(model, description.geometry, specs, ahead)
     bolted = None
     if description.mounted:
         if base == "floating":
@@ -120,7 +124,9 @@ def stance_from(
 def _below_soles(
     model: pin.Model, geometry: GeometrySource, q: Array, feet: Mapping[str, Foot]
 ) -> tuple[str, ...]:
-    """Return a note of what hangs on feet, or beside them, and is lower than the soles."""
+    """Return a note of what is lower than the soles: what hangs on feet or beside them, or low."""
+    if not feet:
+        return ()
     soles = {int(model.frames[model.getFrameId(foot.frame)].parentJoint) for foot in feet.values()}
     parents = [int(parent) for parent in model.parents]
     near = {joint for joint, parent in enumerate(parents) if parent in soles and joint > 1}
@@ -130,7 +136,8 @@ def _below_soles(
         if any(parent == parents[sole] for sole in soles) and parent > 1 and joint not in soles
     }
     data = model.createData()
-    pin.forwardKinematics(model, data, q)
+    high = NEAR_GROUND * float(pin.centerOfMass(model, data, q)[2])
+    near |= {k for k in range(2, model.njoints) if data.oMi[k].translation[2] < high} - soles
     lower = []
     for joint in sorted(near):
         pose = data.oMi[joint]

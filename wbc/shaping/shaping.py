@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from wbc.constraints import Constraint, Contact, Limits
 from wbc.controllers.kinematic import KinematicController
-from wbc.errors import InvalidInputError
+from wbc.kinds import whole_number
 from wbc.robot import Robot
 from wbc.shaping.motion import AT_REST, MakeController, PostureReach, Watch
 from wbc.shaping.multi_start import MultiStart, Progress
@@ -23,7 +23,7 @@ from wbc.shaping.outcome import ShapingMotion, ShapingOutcome, ShapingStatistics
 from wbc.shaping.problem import ShapingProblem, check_parts
 from wbc.shaping.worker_pool import WorkerPool, search_all
 from wbc.tasks import Task
-from wbc.validate import finite_number
+from wbc.validate import LARGEST, finite_number
 
 
 class GlobalShaping:
@@ -111,12 +111,12 @@ class GlobalShaping:
         """
         began, now = perf_counter(), time()
         q = self.problem.robot.check_configuration(q_start)
-        count = _count("global shaping, starts", starts)
-        workers = _count("global shaping, workers", workers)
+        count = whole_number("global shaping, starts", starts, least=1)
+        workers = whole_number("global shaping, workers", workers, least=1)
         seconds = _positive("global shaping, seconds", seconds)
         if patience is not None:
-            patience = _count("global shaping, patience", patience)
-        seed = _count("global shaping, seed", seed, least=0)
+            patience = whole_number("global shaping, patience", patience, least=1)
+        seed = whole_number("global shaping, seed", seed, most=LARGEST)
         built = build_nlp(self.problem, None if seconds is None else max(seconds, 1.0))
         deadline = None if seconds is None else now + seconds
         others = min(workers, count) - 1
@@ -206,14 +206,8 @@ class GlobalShaping:
             make_controller or default,
             watch,
         )
-        return reach.best(outcome, _count("reach, attempts", attempts))
+        return reach.best(outcome, whole_number("reach, attempts", attempts, least=1))
 
 
 def _positive(what: str, value: float | None) -> float | None:
     return None if value is None else finite_number(what, value, above=0.0)
-
-
-def _count(what: str, value: int, least: int = 1) -> int:
-    if not finite_number(what, value, least=least).is_integer():
-        raise InvalidInputError(f"{what}: expected a whole number, got {value!r}")
-    return int(value)

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.validate import Array, finite_number, finite_vector, read_only, set_fields
+from wbc.kinds import whole_number
+from wbc.validate import Array, finite_number, finite_vector, read_only, real_array, set_fields
 from wbc.workers import Workers
 
 MOMENT = 0.1  # s to wait for an outcome, before looking whether the campaign is to end
@@ -101,11 +102,10 @@ class PushGrid:
 
     def __post_init__(self) -> None:
         for name, least in (("directions", 1), ("failures", 0)):
-            value = finite_number(f"push grid, {name}", getattr(self, name), least=float(least))
-            if value != int(value):
-                raise InvalidInputError(f"push grid, {name}: must be a whole number, got {value:g}")
-            set_fields(self, **{name: int(value)})
-        ratios = finite_vector("push grid, ratios", self.ratios, np.size(self.ratios))
+            value = whole_number(f"push grid, {name}", getattr(self, name), least=least)
+            set_fields(self, **{name: value})
+        given = real_array("push grid, ratios", self.ratios)
+        ratios = finite_vector("push grid, ratios", given, given.size)
         if ratios.size == 0 or ratios[0] <= 0.0 or np.diff(ratios).min(initial=1.0) < 1e-6:
             raise InvalidInputError(f"push grid, ratios: must rise from above 0, got {ratios}")
         set_fields(self, ratios=read_only(ratios))

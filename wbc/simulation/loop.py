@@ -10,7 +10,7 @@ from wbc.controllers.closed_loop import Update
 from wbc.controllers.controller import Controller
 from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
 from wbc.kinds import check_callable, check_kind
 from wbc.robot import Snapshot
 from wbc.simulation.falling import FallLimits, FallWatch, Verdict
@@ -89,7 +89,7 @@ def simulate(
     ControllerFailure
         By the controller's policy ``raise``.
     """
-    check_kind("simulate, controller", controller, Controller, "TorqueController(...)")
+    _check_controller("simulate, controller", controller)
     check_kind("simulate, plant", plant, Plant, "Plant(robot)")
     check_callable("simulate, update", update, "(period, snapshot)")
     check_kind("simulate, falls", falls, FallLimits, "FallLimits()", or_none=True)
@@ -131,10 +131,19 @@ def _torque_tick(
 ) -> TorqueTick:
     if isinstance(controller, TorqueController):
         return controller.step(snapshot, wrenches)
-    check_kind("simulate, what update returned", controller, Controller, or_none=True)
+    _check_controller("simulate, what update returned", controller)
     tick = controller.step(snapshot)
     if not isinstance(tick, TorqueTick):
         raise InvalidInputError(
             f"simulate: a {type(controller).__name__} commands no torques; use a TorqueController"
         )
     return tick
+
+
+def _check_controller(what: str, controller: object) -> None:
+    """Refuse what cannot be asked for ticks; controllers of one's own may be of any class."""
+    if not all(hasattr(controller, name) for name in ("robot", "dt", "step")):
+        raise InvalidInputError(
+            f"{what}: expected a controller, such as TorqueController(robot, tasks), got"
+            f" {shown(controller)}"
+        )

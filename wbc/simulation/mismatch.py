@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import whole_number
 from wbc.robot import Robot
-from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
+from wbc.validate import LARGEST, Array, check_fields, finite_array, read_only, set_fields
 
 SPREADS = ("mass_spread", "inertia_spread", "com_spread")
 
@@ -58,8 +59,7 @@ class ModelMismatch:
 
 def check_seed(what: str, seed: object) -> None:
     """Refuse what is no seed of NumPy's random numbers."""
-    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or seed < 0:
-        raise InvalidInputError(f"{what}: expected a whole number from 0 on, got {seed!r}")
+    whole_number(what, seed, most=LARGEST)
 
 
 EXACT = ModelMismatch()

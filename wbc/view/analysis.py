@@ -70,10 +70,23 @@ def plot_analysis(
 def analysis_figure(series: RmpSeries, *, title: str, snapshots: Snapshots = 6) -> Figure:
     """Return the figure that :func:`plot_analysis` writes."""
     frames = snapshot_frames(series.time, snapshots)
+    told = EXPLANATION + (BANDS if series.uncertainty else "")
+    figure, grid = sheet_with_snapshots(series, frames, title, told, -(-len(PLOTS) // COLUMNS))
+    for axes, draw in zip(grid, PLOTS, strict=True):
+        draw(axes, series, frames)
+    return figure
+
+
+def sheet_with_snapshots(
+    series: RmpSeries, frames: Sequence[int], title: str, told: str, rows: int
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure that begins with snapshots of some frames, and axes in rows of 2 below.
+
+    ``told`` is written between them.
+    """
     portraits = snapshot_portraits(series, frames)
     wide = WIDTH / max(len(portraits), 4)  # fewer are not drawn larger than a quarter
     high = min(HIGHEST, wide * float(np.clip(shape_of(portraits), *PANEL_SHAPE)))
-    rows = -(-len(PLOTS) // COLUMNS)
     below = rows * ROW + TIME
     total = HEADING + high + CAPTION + below
     figure = style.sheet(WIDTH, total, title, below)
@@ -81,12 +94,10 @@ def analysis_figure(series: RmpSeries, *, title: str, snapshots: Snapshots = 6) 
     places = [left + wide * k for k in range(len(portraits))]
     draw_snapshots([style.place(figure, x, bottom, wide, high) for x in places], portraits)
     figure.text(
-        0.5, (bottom - 0.30) / total, EXPLANATION + (BANDS if series.uncertainty else ""),
+        0.5, (bottom - 0.30) / total, told,
         ha="center", va="top", fontsize=7.0, color=style.GREY,
     )  # fmt: skip
-    for axes, draw in zip(figure.subplots(rows, COLUMNS).flat, PLOTS, strict=True):
-        draw(axes, series, frames)
-    return figure
+    return figure, list(figure.subplots(rows, COLUMNS).flat)
 
 
 def check_snapshots(snapshots: Snapshots) -> None:

@@ -13,20 +13,7 @@ from wbc.human import Comparison
 from wbc.motion import RmpSeries
 from wbc.motion.uncertainty import BAND
 from wbc.view import style
-from wbc.view.analysis import (
-    CAPTION,
-    COLUMNS,
-    HEADING,
-    HIGHEST,
-    PANEL_SHAPE,
-    ROW,
-    TIME,
-    WIDTH,
-    Snapshots,
-    draw_snapshots,
-    snapshot_frames,
-    snapshot_portraits,
-)
+from wbc.view.analysis import Snapshots, sheet_with_snapshots, snapshot_frames
 from wbc.view.analysis_plots import (
     MM,
     SHADE,
@@ -37,7 +24,6 @@ from wbc.view.analysis_plots import (
     plot_rotation,
     prepare,
 )
-from wbc.view.portrait import shape_of
 from wbc.view.style import picture_file, save
 
 EXPLANATION = (
@@ -81,27 +67,14 @@ def human_figure(
 ) -> Figure:
     """Return the figure that :func:`plot_human` writes."""
     frames = snapshot_frames(series.time, snapshots)
-    portraits = snapshot_portraits(series, frames)
-    wide = WIDTH / max(len(portraits), 4)
-    high = min(HIGHEST, wide * float(np.clip(shape_of(portraits), *PANEL_SHAPE)))
-    rows = 3
-    below = rows * ROW + TIME
-    total = HEADING + high + CAPTION + below
-    figure = style.sheet(WIDTH, total, title, below)
-    left, bottom = 0.5 * (WIDTH - wide * len(portraits)), below + CAPTION
-    places = [left + wide * k for k in range(len(portraits))]
-    draw_snapshots([style.place(figure, x, bottom, wide, high) for x in places], portraits)
-    figure.text(
-        0.5, (bottom - 0.30) / total, EXPLANATION + (DOTTED if plates else ""),
-        ha="center", va="top", fontsize=7.0, color=style.GREY,
-    )  # fmt: skip
-    grid = figure.subplots(rows, COLUMNS)
-    _force(grid[0, 0], series, plates, frames)
-    _cop(grid[0, 1], series, plates, frames)
-    _momentum(grid[1, 0], series, frames)
-    _heights(grid[1, 1], series, frames)
-    plot_radii(grid[2, 0], series, frames)
-    plot_rotation(grid[2, 1], series, frames)
+    told = EXPLANATION + (DOTTED if plates else "")
+    figure, grid = sheet_with_snapshots(series, frames, title, told, 3)
+    _force(grid[0], series, plates, frames)
+    _cop(grid[1], series, plates, frames)
+    _momentum(grid[2], series, frames)
+    _heights(grid[3], series, frames)
+    plot_radii(grid[4], series, frames)
+    plot_rotation(grid[5], series, frames)
     return figure
 
 

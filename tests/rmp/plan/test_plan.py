@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.plan_examples import HEIGHT, LIMITS
+from tests.rmp.plan.conftest import HEIGHT, LIMITS
 from wbc.errors import InvalidInputError
 from wbc.rmp.plan import (
     Plan,

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.plan_examples import EXAMPLES, HEIGHT, LIMITS, RADII, push_recovery
+from benchmarks.planner import example
+from tests.rmp.plan.conftest import HEIGHT, LIMITS, RADII
 from wbc.errors import InvalidInputError
 from wbc.rmp.plan import (
     PathLimits,
@@ -80,14 +81,14 @@ def test_radii_are_bounded_by_default() -> None:
 
 def test_walk_repeats_itself(planned: Planned) -> None:
     k = planned("walk").knots
-    np.testing.assert_allclose(k.com[-1] - k.com[0], (1.0, 0.0, 0.0), atol=1e-8)
+    np.testing.assert_allclose(k.com[-1] - k.com[0], (0.5, 0.0, 0.0), atol=1e-8)
     np.testing.assert_allclose(k.com_velocity[-1], k.com_velocity[0], atol=1e-7)
     np.testing.assert_allclose(k.force[-1], k.force[0], atol=1e-5)
     assert np.abs(k.momentum).max() <= 3.0 + 1e-9
 
 
 def test_duration_is_chosen_within_its_bounds(planned: Planned) -> None:
-    swift = replace(EXAMPLES["hop"](), weights=Weights(time=100.0))
+    swift = replace(example("hop"), weights=Weights(time=100.0))
     plan, calm = solve(swift), planned("hop")
     assert plan.duration < calm.duration - 0.1
     for T, phase in zip(plan.durations, swift.schedule, strict=True):
@@ -115,17 +116,19 @@ def test_a_plan_that_cannot_be_names_what_is_in_the_way() -> None:
 
 @pytest.mark.slow
 def test_warm_start_takes_fewer_iterations_also_for_other_numbers() -> None:
-    cold = solve(push_recovery(9.0))
-    again = solve(push_recovery(9.0), warm=cold)
-    other, other_cold = solve(push_recovery(8.0), warm=cold), solve(push_recovery(8.0))
+    pushed = example("push")
+    less = replace(pushed, start=replace(pushed.start, com_velocity=(0.27, 0.0, 0.0)))
+    cold = solve(pushed)
+    again = solve(pushed, warm=cold)
+    other, other_cold = solve(less, warm=cold), solve(less)
     assert again.stats.iterations <= 2 and again.stats.warm
     assert other.stats.iterations < other_cold.stats.iterations
     np.testing.assert_allclose(other.knots.com, other_cold.knots.com, atol=1e-5)
     with pytest.raises(InvalidInputError, match="warm start"):
-        solve(EXAMPLES["lean"](), warm=cold)
+        solve(example("lean"), warm=cold)
 
 
 def test_verbose_prints_size_and_verdict(capfd: pytest.CaptureFixture[str]) -> None:
-    plan = solve(EXAMPLES["lean"](), verbose=True)
+    plan = solve(example("lean"), verbose=True)
     shown = capfd.readouterr().out
     assert f"{plan.stats.variables} variables" in shown and "Solve_Succeeded" in shown

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.plan_examples import HEIGHT, LIMITS, RADII
+from tests.rmp.plan.conftest import HEIGHT, LIMITS, RADII
 from wbc.errors import InvalidInputError
 from wbc.rmp.plan import PlanPhase, PlanProblem, State, at_rest, rectangle
 from wbc.rmp.planar import PlanarRmp

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.plan_examples import RADII
+from tests.rmp.plan.conftest import RADII
 from wbc.errors import InvalidInputError
 from wbc.rmp.plan import PathLimits, PlanPhase, State, hull, radii_for, rectangle
 from wbc.rmp.plan.schedule import overlap, support_bounds

@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 from numpy.lib.format import write_array_header_1_0
 
-from benchmarks.plan_examples import EXAMPLES
+from benchmarks.planner import EXAMPLES, example
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.rmp.plan import load_plan, problem_from_data, problem_to_data, save_plan, solve
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_problems_are_data(name: str) -> None:
-    built = EXAMPLES[name]()
+    built = example(name)
     text = json.dumps(problem_to_data(built), allow_nan=False)
     back = problem_from_data(json.loads(text))
     assert problem_to_data(back) == problem_to_data(built)
 
 
 def test_data_with_unknown_or_missing_keys_are_refused() -> None:
-    data = problem_to_data(EXAMPLES["lean"]())
+    data = problem_to_data(example("lean"))
     with pytest.raises(UnknownNameError, match="goal"):
         problem_from_data(data | {"gaol": {}})
     with pytest.raises(InvalidInputError, match="schedule is missing"):
@@ -33,7 +33,7 @@ def test_data_with_unknown_or_missing_keys_are_refused() -> None:
 
 
 def test_plans_are_kept_in_files(tmp_path: Path) -> None:
-    plan = solve(EXAMPLES["lean"]())
+    plan = solve(example("lean"))
     path = save_plan(plan, tmp_path / "lean.npz")
     back = load_plan(path)
     np.testing.assert_array_equal(back.solution, plan.solution)

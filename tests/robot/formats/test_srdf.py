@@ -68,6 +68,20 @@ def test_two_values_are_of_continuous_joints_only(tmp_path: Path, joint: str) ->
         load(tmp_path, state("home", "a", **{joint: "0.5 0.2"}))
 
 
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (state("home", "a", spin="2 0"), r"no \(cos, sin\): its squares sum to 4"),
+        (state("home", "a", spin="0 0"), r"no \(cos, sin\): its squares sum to 0"),
+        ('<xacro:arm xmlns:xacro="http://ros.org/wiki/xacro"/>', "is left of a xacro file"),
+        (state("home", "a", j1="$(arg bend)"), "is left of a xacro file"),
+    ],
+)
+def test_what_is_no_configuration_is_refused(tmp_path: Path, content: str, said: str) -> None:
+    with pytest.raises(ModelError, match=said):
+        load(tmp_path, content)
+
+
 def test_a_continuous_joint_takes_one_value_or_two(tmp_path: Path) -> None:
     for value in ("0.6435011087932844", "0.8 0.6"):
         robot = load(tmp_path, state("home", "a", spin=value))

@@ -125,7 +125,7 @@ class Simulation:
             half = runge_kutta(self.model, (self.time[1] - self.time[0]) / 2).map(len(inputs))
             at = states[0][:-1]
             for _ in range(2):
-                at = half(at.T, inputs.T)[0].full().T
+                at = half(at.T, inputs.T).full().T
                 states.append(at)
                 pushes.append(ground_push(self.model, at, inputs))
         x = np.concatenate(states)

@@ -251,7 +251,7 @@ def _judged_step(model: Pendulum, dt: float) -> ca.Function:
     nq, nv = len(model.Q), len(model.V)
     x, u = ca.SX.sym("x", nq + nv), ca.SX.sym("u", nv)
     _, push, _ = ground_loads(model, x, u)
-    after, _ = runge_kutta(model, dt)(x, u)
+    after = runge_kutta(model, dt)(x, u)
     com, _ = model.functions["com"](after[:nq], after[nq:])
     outputs = (after, push, ca.vertcat(after[model.LEG], com[-1]))
     return ca.Function("judged_step", [x, u], [ca.densify(each) for each in outputs])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from functools import partial
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -13,6 +14,7 @@ from wbc.errors import ModelError, listed
 from wbc.kinds import one_of
 from wbc.robot.collision.fitting import Fit, cached_fit, fit_capsule, fit_hull
 from wbc.robot.collision.shapes import Body, Capsule, Hull, moved
+from wbc.robot.formats.triangles import Triangles
 from wbc.robot.geometry import AROUND, triangulated
 from wbc.robot.model import Robot
 from wbc.validate import Array
@@ -41,12 +43,44 @@ def robot_bodies(robot: Robot, fit: str = "capsule") -> tuple[Body, ...]:
     """
     one_of("fit", fit, FITS)
     bodies = []
-    for name, link, shape in named_shapes(robot):
-        found = simple_shape(shape.geometry, fit, f"{robot.path}: link {link!r}")
-        pose = shape.placement
+    for surface in named_surfaces(robot):
+        found = simple_shape(surface.geometry, fit, f"{robot.path}: link {surface.link!r}")
+        pose = surface.placement
         placed = moved(found.shape, np.array(pose.rotation), np.array(pose.translation))
-        bodies.append(Body(name, link, int(shape.parentJoint), placed, found.bulge))
+        bodies.append(Body(surface.name, surface.link, surface.joint, placed, found.bulge))
     return tuple(bodies)
+
+
+class NamedSurface(NamedTuple):
+    """The raw shape of a body."""
+
+    name: str  # of the body, as :func:`robot_bodies` has it
+    link: str
+    joint: int
+    placement: pin.SE3  # in the joint's frame
+    geometry: object  # coal's, or triangles
+
+
+def named_surfaces(robot: Robot) -> list[NamedSurface]:
+    """Return the raw shapes of a robot, meshes as triangles.
+
+    Raises
+    ------
+    ModelError
+        See :func:`robot_bodies`.
+    """
+    refuse_missing(robot)
+    shapes, meshes = robot.collision_surfaces
+    return [
+        NamedSurface(
+            name,
+            link,
+            int(shape.parentJoint),
+            shape.placement,
+            meshes.get(str(shape.name), shape.geometry),
+        )
+        for name, link, shape in _named(robot, shapes)
+    ]
 
 
 def named_shapes(robot: Robot) -> list[tuple[str, str, pin.GeometryObject]]:
@@ -57,8 +91,11 @@ def named_shapes(robot: Robot) -> list[tuple[str, str, pin.GeometryObject]]:
     ModelError
         See :func:`robot_bodies`.
     """
-    shapes = robot.collision_model
     refuse_missing(robot)
+    return _named(robot, robot.collision_model)
+
+
+def _named(robot: Robot, shapes: pin.GeometryModel) -> list[tuple[str, str, pin.GeometryObject]]:
     if not shapes.ngeoms:
         raise ModelError(
             f"{robot.path}: no collision shapes; give the links <collision> elements (their"
@@ -76,7 +113,7 @@ def named_shapes(robot: Robot) -> list[tuple[str, str, pin.GeometryObject]]:
 
 
 def simple_shape(geometry: object, fit: str, where: str) -> Fit:
-    """Return a coal shape as a body's shape, in its own frame."""
+    """Return a coal shape, or triangles, as a body's shape, in its own frame."""
     match geometry:
         case coal.Sphere():
             return Fit(Capsule.sphere(np.zeros(3), geometry.radius), 0.0)
@@ -102,6 +139,8 @@ def simple_shape(geometry: object, fit: str, where: str) -> Fit:
 
 def _vertices(geometry: object) -> Array:
     match geometry:
+        case Triangles():
+            return geometry.vertices
         case coal.BVHModelBase():
             return np.array(geometry.vertices())
         case coal.ConvexBase():

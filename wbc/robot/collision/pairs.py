@@ -149,7 +149,8 @@ class _Candidates:
 
     def refine(self) -> dict[Pair, str]:
         """Give finer shapes to the pairs that need them; return those that touch, and how."""
-        distance, touching = self._distance, {}
+        distance, touching = self._distance, dict[Pair, str]()
+        finer = list[int]()
         near = (distance[0] < self._clearance + SPARE) | self._almost_always_touching()
         shapes = FinerShapes(self._robot, self._bodies) if near.any() else None
         for k in np.flatnonzero(near).tolist():
@@ -157,7 +158,7 @@ class _Candidates:
             if shapes is None or not shapes.know(pair):
                 touching[pair] = f"{distance[0, k] * 1e3:.1f} mm apart when standing"
                 continue
-            raw = shapes.raw_distance(pair)
+            raw = shapes.raw_distance(pair, TOUCHING)
             if raw < TOUCHING:
                 touching[pair] = "in contact when standing"
                 continue
@@ -166,10 +167,20 @@ class _Candidates:
                 touching[pair] = f"{raw * 1e3:.1f} mm apart when standing, too near to tell"
                 continue
             self.finer[pair] = found
-            bodies = (*found.first, *found.second)
-            model = CollisionModel(self._robot, bodies, _across(found, 0))
-            distance[:, k] = self._measured(model).min(axis=1)
+            finer.append(k)
+        if finer:
+            distance[:, finer] = self._measured_finer([self.finer[self._pairs[k]] for k in finer])
         return touching
+
+    def _measured_finer(self, finer: Sequence[FinerPair]) -> Array:
+        """Return the distances (1 + SAMPLES, k) of finer pairs."""
+        bodies, pairs, starts = list[Body](), list[Pair](), list[int]()
+        for found in finer:
+            starts.append(len(pairs))
+            pairs += _across(found, len(bodies))
+            bodies += (*found.first, *found.second)
+        measured = self._measured(CollisionModel(self._robot, bodies, pairs))
+        return np.minimum.reduceat(measured, starts, axis=1)
 
     def _almost_always_touching(self) -> NDArray[np.bool_]:
         """Return which pairs do in random postures; without pairs there are no postures."""

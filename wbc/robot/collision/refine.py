@@ -19,9 +19,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from wbc.robot.collision.bodies import named_shapes, simple_shape
+from wbc.robot.collision.bodies import named_surfaces, simple_shape
 from wbc.robot.collision.fitting import Fit, cached_fit, convex, fit_close_hull, hull_corners
+from wbc.robot.collision.nearest_triangles import Clusters, nearest_triangles
 from wbc.robot.collision.shapes import Body, Hull, moved
+from wbc.robot.formats.triangles import Triangles, as_bvh
 from wbc.robot.geometry import triangulated
 from wbc.robot.model import Robot
 from wbc.robot.postures import STANDING
@@ -45,26 +47,39 @@ class FinerPair(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class _Triangles:
+class _Surface:
     """Triangles (m, 3) of some vertices (k, 3)."""
 
     vertices: Array
     faces: NDArray[np.int64]
 
     @cached_property
-    def corners(self) -> Array:
-        """(m, 3, 3) of the triangles."""
-        return self.vertices[self.faces]
-
-    @property
     def points(self) -> Array:
-        """(3 m, 3), the same."""
-        return self.corners.reshape(-1, 3)
+        """Those vertices (k, 3) that triangles have."""
+        used = np.zeros(len(self.vertices), dtype=bool)
+        used[self.faces] = True
+        return self.vertices[used]
 
     @cached_property
     def hull(self) -> Array:
         """Corners of the hull round them: asked for with every tolerance."""
         return hull_corners(self.points)
+
+    @cached_property
+    def size(self) -> float:
+        """Length of its longest side [m]; 0 if it cannot be cut."""
+        return 0.0 if len(self.faces) < 2 else float(np.ptp(self.points, axis=0).max())
+
+    @cached_property
+    def halves(self) -> tuple[_Surface, _Surface]:
+        """Two parts, cut across the longest side; a triangle goes where its middle is."""
+        axis = int(np.argmax(np.ptp(self.points, axis=0)))
+        middles = self.vertices[:, axis][self.faces].mean(axis=1)
+        order = np.argsort(middles, kind="stable")
+        cut = int(np.searchsorted(middles[order], 0.5 * (middles.min() + middles.max())))
+        cut = min(max(cut, 1), len(order) - 1)
+        halves = self.faces[order[:cut]], self.faces[order[cut:]]
+        return _Surface(self.vertices, halves[0]), _Surface(self.vertices, halves[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,42 +87,34 @@ class _Part:
     """A part of a raw shape: triangles in its own frame, none if it cannot be cut."""
 
     fit: Fit
-    triangles: _Triangles
+    surface: _Surface
     geometry: coal.ShapeBase
 
     @classmethod
-    def of(cls, surface: _Triangles, tolerance: float) -> _Part:
+    def of(cls, surface: _Surface, tolerance: float, kept: bool = True) -> _Part:
+        """Return a part; ``kept`` says whether its fit is looked up, and put, in the cache."""
+
         def make(points: Array) -> Fit:
             return fit_close_hull(points, tolerance, surface.hull)
 
-        fit = cached_fit(f"close {tolerance}", make, surface.points)
+        points = surface.points
+        fit = cached_fit(f"close {tolerance}", make, points) if kept else make(points)
         return cls(fit, surface, convex(fit.shape.core))
-
-    @property
-    def size(self) -> float:
-        """Length of its longest side [m]; 0 if it cannot be cut."""
-        if len(self.triangles.faces) < 2:
-            return 0.0
-        return float(np.ptp(self.triangles.points, axis=0).max())
 
     @property
     def radius(self) -> float:
         """Radius that coal does not know of [m]."""
         return self.fit.shape.radius if isinstance(self.fit.shape, Hull) else 0.0
 
-    def halves(self) -> list[_Part]:
-        """Return two parts, cut across the longest side; a triangle goes where its middle is."""
-        surface = self.triangles
-        axis = int(np.argmax(np.ptp(surface.points, axis=0)))
-        middles = surface.corners.mean(axis=1)[:, axis]
-        order = np.argsort(middles, kind="stable")
-        cut = int(np.searchsorted(middles[order], 0.5 * (middles.min() + middles.max())))
-        cut = min(max(cut, 1), len(order) - 1)
-        halves = surface.faces[order[:cut]], surface.faces[order[cut:]]
-        return [_Part.of(_Triangles(surface.vertices, half), TOLERANCES[-1]) for half in halves]
+    @cached_property
+    def halves(self) -> tuple[_Part, _Part]:
+        """Its two halves: of a body that is near several others they are asked for again."""
+        first, second = self.surface.halves
+        finest = TOLERANCES[-1]  # what came of all halves is kept as a whole
+        return _Part.of(first, finest, kept=False), _Part.of(second, finest, kept=False)
 
 
-NONE = _Triangles(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
+NONE = _Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
 
 
 class FinerShapes:
@@ -115,9 +122,12 @@ class FinerShapes:
 
     def __init__(self, robot: Robot, bodies: Sequence[Body]) -> None:
         self._bodies = bodies
-        self._shapes = {name: shape for name, _, shape in named_shapes(robot)}
+        self._shapes = {surface.name: surface for surface in named_surfaces(robot)}
+        self._raw: dict[Pair, float] = {}
+        self._clusters: dict[str, Clusters] = {}
+        self._trees: dict[str, coal.BVHModelBase] = {}
         self._standing = robot.snapshot(robot.postures[STANDING])
-        self._surfaces: dict[str, _Triangles] = {}
+        self._surfaces: dict[str, _Surface] = {}
         self._whole: dict[tuple[str, float], _Part] = {}
         self._made: dict[_Part, Body] = {}
         self._cut = Counter[str]()  # parts made of each body
@@ -131,10 +141,47 @@ class FinerShapes:
         R, p = self._standing.joint_placements
         return [pin.SE3(*pose) for pose in zip(R, p, strict=True)]
 
-    def raw_distance(self, pair: Pair) -> float:
-        """Return the distance [m] of two bodies' raw shapes when standing; 0 where they meet."""
-        shapes = [self._shapes[self._bodies[k].name].geometry for k in pair]
-        return max(self._distance(pair, shapes), 0.0)
+    def raw_distance(self, pair: Pair, near: float = 0.0) -> float:
+        """Return the distance [m] of two bodies' raw shapes when standing; 0 where they meet.
+
+        Where it is below ``near``, it may be less than what is returned, which is below that too.
+        """
+        if pair not in self._raw:
+            self._raw[pair] = max(self._raw_distance(pair, near), 0.0)
+        return self._raw[pair]
+
+    def _raw_distance(self, pair: Pair, near: float) -> float:
+        names = [self._bodies[k].name for k in pair]
+        one, other = (self._clusters_of(name) for name in names)
+        if one is None or other is None:
+            return self._distance(pair, [self._tree(name) for name in names])
+        places = [self._place(k) for k in pair]
+        first, second, most = nearest_triangles(one, other, *places)
+        if most < near:
+            return most
+        return self._distance(pair, (as_bvh(*first), as_bvh(*second)))
+
+    def _clusters_of(self, name: str) -> Clusters | None:
+        """Return a mesh's triangles in groups; None of other shapes."""
+        geometry = self._shapes[name].geometry
+        if not isinstance(geometry, Triangles):
+            return None
+        if name not in self._clusters:
+            self._clusters[name] = Clusters(geometry)
+        return self._clusters[name]
+
+    def _tree(self, name: str) -> coal.CollisionGeometry:
+        """Return a body's raw shape as coal measures it."""
+        geometry = self._shapes[name].geometry
+        if not isinstance(geometry, Triangles):
+            return geometry
+        if name not in self._trees:
+            self._trees[name] = as_bvh(*geometry)
+        return self._trees[name]
+
+    def _place(self, body: int) -> pin.SE3:
+        shape = self._shapes[self._bodies[body].name]
+        return self._placements[shape.joint] * shape.placement
 
     def pair(self, pair: Pair, wanted: float) -> FinerPair:
         """Return finer bodies that stand ``wanted`` apart, or as far as parts of 5 mm leave."""
@@ -151,13 +198,13 @@ class FinerShapes:
             }
             distance = min(apart.values())
             nearest = next(parts for parts, far in apart.items() if far <= distance + EVEN)
-            larger = int(sides[1][nearest[1]].size > sides[0][nearest[0]].size)
+            larger = int(sides[1][nearest[1]].surface.size > sides[0][nearest[0]].surface.size)
             part = sides[larger][nearest[larger]]
             full = (len(sides[larger]) + 1) * len(sides[1 - larger]) > MOST_PAIRS
-            if distance >= wanted or part.size < SMALLEST or full:
+            if distance >= wanted or part.surface.size < SMALLEST or full:
                 first, second = self._named(a, sides[0]), self._named(b, sides[1])
                 return FinerPair(first, second, distance, self.raw_distance(pair))
-            sides[larger][nearest[larger] : nearest[larger] + 1] = part.halves()
+            sides[larger][nearest[larger] : nearest[larger] + 1] = part.halves
 
     def _apart(self, pair: Pair, one: _Part, two: _Part) -> float:
         """Return the distance [m] of parts of two bodies."""
@@ -167,8 +214,7 @@ class FinerShapes:
         """Return the distance [m] of two geometries placed as two bodies' shapes are."""
         arguments: list[object] = []
         for k, geometry in zip(pair, shapes, strict=True):
-            shape = self._shapes[self._bodies[k].name]
-            place = self._placements[shape.parentJoint] * shape.placement
+            place = self._place(k)
             arguments += [geometry, coal.Transform3s(place.rotation, place.translation)]
         return float(coal.distance(*arguments, coal.DistanceRequest(), coal.DistanceResult()))
 
@@ -178,10 +224,11 @@ class FinerShapes:
         key = name, tolerance
         if key not in self._whole:
             geometry = self._shapes[name].geometry
-            if isinstance(geometry, coal.BVHModelBase):
+            if isinstance(geometry, coal.BVHModelBase | Triangles):
                 if name not in self._surfaces:
-                    surface = triangulated(geometry)
-                    self._surfaces[name] = _Triangles(surface.vertices, surface.faces)
+                    is_here = isinstance(geometry, Triangles)
+                    surface = geometry if is_here else triangulated(geometry)
+                    self._surfaces[name] = _Surface(surface.vertices, surface.faces)
                 self._whole[key] = _Part.of(self._surfaces[name], tolerance)
             else:
                 fit = simple_shape(geometry, "hull", name)

@@ -40,6 +40,7 @@ def read_description(
     if given is not None and not isinstance(given, str):
         return read_mjcf(given, path)
     root: ET.Element = read_xml(path) if given is None else parsed(given.encode(), path)
+    _without_namespace(root)
     if root.tag == "robot":
         return read_urdf(root, path, tuple(package_dirs))
     if root.tag == "mujoco":
@@ -47,3 +48,11 @@ def read_description(
     raise ModelError(
         f"{path}: the root element is <{root.tag}>; expected <robot> (URDF) or <mujoco> (MJCF)"
     )
+
+
+def _without_namespace(root: ET.Element) -> None:
+    """Call elements as they are written: Drake's files say ``xmlns="http://drake.mit.edu"``."""
+    space, closed, _ = root.tag.rpartition("}")
+    for element in root.iter():
+        if closed and element.tag.startswith(space + closed):
+            element.tag = element.tag.removeprefix(space + closed)

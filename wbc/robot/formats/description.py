@@ -9,10 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
 import pinocchio as pin
 
 from wbc.errors import ModelError
 from wbc.robot.formats.ties import Coupling, Loop
+from wbc.robot.formats.triangles import Surfaces
 from wbc.robot.limits import JointLimits
 from wbc.robot.names import matching
 from wbc.robot.passive import NONE, PassiveForces
@@ -20,6 +22,9 @@ from wbc.validate import Array, finite_number
 
 State = Mapping[str, tuple[float, ...]]  # joint name -> its coordinates in q
 
+FARTHEST, SAMPLES = 1e3, 1001  # rad or m; places of a driver that are tried
+ROUNDING = 1e-3  # rad or m: by which files may round what two coupled joints reach
+RESERVED = frozenset({"universe", "root_joint"})
 MOST_JOINTS = 160  # moving ones; Pinocchio's memory and time grow with their cube
 
 
@@ -33,6 +38,21 @@ def check_joint_count(count: int, path: Path) -> None:
     """
     if count > MOST_JOINTS:
         raise ModelError(f"{path}: {count} moving joints; at most {MOST_JOINTS} are supported")
+
+
+def refuse_reserved(joints: Iterable[str], path: Path) -> None:
+    """Refuse moving joints that are called as Pinocchio calls the world or the floating base.
+
+    Raises
+    ------
+    ModelError
+        The message names it.
+    """
+    if taken := sorted({*joints} & RESERVED):
+        raise ModelError(
+            f"{path}: a moving joint is called {taken[0]!r}, which is the name of the world or of"
+            " the floating base; give it another name"
+        )
 
 
 @contextmanager
@@ -133,6 +153,12 @@ class GeometrySource(Protocol):
         """
         ...
 
+    def surfaces(
+        self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
+    ) -> Surfaces:
+        """Return the same with its meshes as triangles; errors are those of :meth:`load`."""
+        ...
+
 
 @dataclass(frozen=True)
 class Description:
@@ -200,6 +226,7 @@ def lock_joints(
             value = finite_number(f"joint {coupling.driver!r}", locked[coupling.driver])
             locked[joint] = coupling.value(value)
         else:
+            _check_reach(description, joint, coupling)
             couplings[joint] = coupling
     if not locked:
         return model.copy(), couplings
@@ -208,6 +235,28 @@ def lock_joints(
     for name, value in locked.items():
         limits.set_joint(reference, name, value)
     return _reduced(model, [*locked], reference), couplings
+
+
+def _check_reach(description: Description, joint: str, coupling: Coupling) -> None:
+    """Refuse a joint that follows another one to where its own limits never let it.
+
+    Raises
+    ------
+    ModelError
+        No position of the driver is one at which both are within their limits.
+    """
+    limits = JointLimits.of(description.model)
+    driver, own = limits.names.index(coupling.driver), limits.names.index(joint)
+    low, high = max(limits.lower[driver], -FARTHEST), min(limits.upper[driver], FARTHEST)
+    steps = np.linspace(low, high, SAMPLES) if any(coupling.curved) else np.array((low, high))
+    values = coupling.polynomial(steps)
+    least, most = float(values.min()), float(values.max())
+    if least > limits.upper[own] + ROUNDING or most < limits.lower[own] - ROUNDING:
+        raise ModelError(
+            f"{description.path}: joint {joint!r} follows {coupling.driver!r} to {least:g} or more"
+            f" and {most:g} or less, outside its own limits [{limits.lower[own]:g},"
+            f" {limits.upper[own]:g}]; correct limits, ratio or offset"
+        )
 
 
 def _constant(description: Description, joint: str, value: float) -> float:

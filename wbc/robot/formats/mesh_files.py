@@ -1,42 +1,29 @@
-"""Mesh files that a URDF names: where they are, and what Collada and OBJ files hold.
+"""Mesh files that a URDF names: where they are, and what Collada, OBJ and binary STL files hold.
 
-These two are read here, because coal (with Assimp) ignores the up axis of a Collada file, and
-numbers the corners of a node's second and later sub-meshes from the first vertex of all.
+The first two are read here, because coal (with Assimp) ignores the up axis of a Collada file, and
+numbers the corners of a node's second and later sub-meshes from the first vertex of all; STL files
+because coal then builds its tree over each, which few need. Other formats are coal's.
 """
 
 from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
-import coal
 import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
 
 from wbc.errors import ModelError, listed
-from wbc.robot.formats.xml import LFS, read_xml
-from wbc.rotations import exp_rotation
-from wbc.validate import Array
+from wbc.robot.formats.collada import Collada
+from wbc.robot.formats.triangles import Triangles, fan, joined
+from wbc.robot.formats.xml import LFS
 
-Index = NDArray[np.int64]
-# From the file's axes to z up.
-_UP = {
-    "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
-    "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
-    "Z_UP": np.eye(3),
-}
-# MeshLab writes Y_UP whatever the axes are (TIAGo, Borinot: their URDFs mean z).
-_UP_UNKNOWN = ("MeshLab", "VCGLib")
 # Of a mesh file. 400,000 triangles (the most of any robot at hand: 351,394) take 1.6 s of CPU time
 # to read, 2 to draw and 4.4 to fit a shape to; a million took 44.
 MOST_BYTES, MOST_TRIANGLES = 32 << 20, 400_000
-_STL_HEADER, _STL_TRIANGLE = 84, 50  # bytes of a binary STL file
-_DEEPEST = 100  # nodes inside each other
-_LINES = {"lines", "linestrips"}
+_STL_HEADER = 84  # bytes of a binary STL file
+_STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
 
 
 def resolve_meshes(
@@ -61,7 +48,8 @@ def resolve_meshes(
                 found = find_mesh(name, path, folders)
                 if found is None or is_lfs_pointer(found):
                     why = " (a Git LFS pointer: git lfs pull)" if found else ""
-                    names.append(f"{name}{why} of link {link.get('name')!r}")
+                    named = name or "one without a filename"
+                    names.append(f"{named}{why} of link {link.get('name')!r}")
                     link.remove(shape)
                 else:
                     mesh.set("filename", str(found))
@@ -100,13 +88,6 @@ def _ros_folders() -> tuple[Path, ...]:
     return tuple(Path(entry) for entry in entries if entry)
 
 
-class Triangles(NamedTuple):
-    """Vertices (k, 3) [m] and triangles (m, 3) of their indices."""
-
-    vertices: Array
-    faces: Index
-
-
 def is_lfs_pointer(path: Path) -> bool:
     """Return whether a file is not what it is named after, but says where Git LFS keeps that."""
     with path.open("rb") as file:
@@ -128,11 +109,16 @@ def refuse_huge_meshes(files: Iterable[Path]) -> None:
         size = path.stat().st_size
         if size > MOST_BYTES:
             raise _too_much(path, f"{size >> 20} MB, larger than {MOST_BYTES >> 20} MB")
-        if path.suffix.lower() == ".stl" and size > _STL_TRIANGLE * MOST_TRIANGLES:
-            with path.open("rb") as file:
-                count = int.from_bytes(file.read(_STL_HEADER)[80:], "little")
-            if size == _STL_HEADER + _STL_TRIANGLE * count:  # else text, with a tenth for its bytes
-                _refuse_triangles(path, count)
+        if path.suffix.lower() == ".stl" and size > _STL_TRIANGLE.itemsize * MOST_TRIANGLES:
+            _refuse_triangles(path, _binary_stl_count(path) or 0)
+
+
+def _binary_stl_count(path: Path) -> int | None:
+    """Return how many triangles a binary STL file says that it has; None of text."""
+    with path.open("rb") as file:
+        count = int.from_bytes(file.read(_STL_HEADER)[80:], "little")
+    size = _STL_HEADER + _STL_TRIANGLE.itemsize * count
+    return count if path.stat().st_size == size else None
 
 
 def _refuse_triangles(path: Path, count: int) -> None:
@@ -146,26 +132,16 @@ def _too_much(path: Path, what: str) -> ModelError:
     )
 
 
-def exact_meshes(shapes: pin.GeometryModel) -> None:
-    """Replace the meshes of Collada and OBJ files in ``shapes`` by what the files say.
-
-    Raises
-    ------
-    ModelError
-        A file uses what is not supported, or is damaged.
-    """
-    read: dict[Path, Triangles] = {}
-    for shape in shapes.geometryObjects:
-        path = Path(shape.meshPath)
-        if path.suffix.lower() not in _READERS or not isinstance(shape.geometry, coal.BVHModelBase):
-            continue
-        if path not in read:
-            read[path] = read_mesh(path)
-        shape.geometry = as_bvh(read[path].vertices * shape.meshScale, read[path].faces)
+def is_read_here(path: Path) -> bool:
+    """Return whether :func:`read_mesh` knows a file."""
+    suffix = path.suffix.lower()
+    return suffix in _READERS and (suffix != ".stl" or _binary_stl_count(path) is not None)
 
 
 def read_mesh(path: Path) -> Triangles:
-    """Return the triangles of a Collada or OBJ file, in metres (OBJ: as they are) with z up.
+    """Return the triangles of a Collada, OBJ or binary STL file.
+
+    A Collada file's are in metres with z up, the others' as they are.
 
     Raises
     ------
@@ -184,38 +160,6 @@ def read_mesh(path: Path) -> Triangles:
     return mesh
 
 
-def as_bvh(vertices: Array, faces: Index) -> coal.BVHModelBase:
-    """Return vertices (k, 3) [m] and triangles (m, 3) as coal's mesh."""
-    bvh = coal.BVHModelOBBRSS()
-    bvh.beginModel(len(faces), len(vertices))
-    bvh.addVertices(vertices)
-    bvh.addTriangles(faces)
-    bvh.endModel()
-    return bvh
-
-
-def _fan(corners: Index, counts: Index) -> Index:
-    """Return the triangles (m, 3) of polygons of ``counts`` corners each, listed one by one."""
-    starts = np.repeat(np.cumsum(counts) - counts, np.maximum(counts - 2, 0))
-    inner = np.concatenate([np.arange(1, count - 1) for count in counts.tolist()] or [starts])
-    places = np.stack((starts, starts + inner, starts + inner + 1), axis=1)
-    return corners[places.astype(np.int64)]
-
-
-def _joined(parts: list[Triangles]) -> Triangles:
-    """Return sub-meshes as one mesh, without vertices that no triangle uses."""
-    parts = [part for part in parts if len(part.faces)]
-    if not parts:
-        return Triangles(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
-    offsets = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
-    faces = np.concatenate([part.faces + k for part, k in zip(parts, offsets, strict=True)])
-    used, faces = np.unique(faces, return_inverse=True)
-    if used[0] < 0 or any(part.faces.max(initial=-1) >= len(part.vertices) for part in parts):
-        raise ValueError("a corner without a vertex")
-    vertices = np.concatenate([part.vertices for part in parts])
-    return Triangles(vertices[used], faces.reshape(-1, 3))
-
-
 def _read_obj(path: Path) -> Triangles:
     """Return a Wavefront OBJ file; polygons become fans."""
     vertices: list[list[float]] = []
@@ -229,120 +173,30 @@ def _read_obj(path: Path) -> Triangles:
             numbers = [int(word.partition("/")[0]) for word in words]
             corners += [k - 1 if k > 0 else len(vertices) + k for k in numbers]
             counts.append(len(numbers))
-    faces = _fan(np.array(corners, dtype=np.int64), np.array(counts, dtype=np.int64))
-    return _joined([Triangles(np.array(vertices).reshape(-1, 3), faces)])
+    faces = fan(np.array(corners, dtype=np.int64), np.array(counts, dtype=np.int64))
+    return joined([Triangles(np.array(vertices).reshape(-1, 3), faces)])
 
 
-class _Collada:
-    """A Collada document: the meshes of its scene, in metres with z up."""
+def _read_stl(path: Path) -> Triangles:
+    """Return a binary STL file, whose corners are one vertex where they are the same.
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._root = read_xml(path)
-        for element in self._root.iter():
-            element.tag = element.tag.rpartition("}")[2]
-        self._named = {
-            "#" + element.attrib["id"]: element
-            for element in self._root.iter()
-            if "id" in element.attrib
-        }
-
-    def triangles(self) -> Triangles:
-        scene = self._named[_child(self._root, "scene/instance_visual_scene").attrib["url"]]
-        unit = self._root.find("asset/unit")
-        scale = 1.0 if unit is None else float(unit.get("meter", 1.0))
-        vertices, faces = _joined(list(self._below(scene, np.eye(4), 0)))
-        return Triangles(scale * vertices @ self._up().T, faces)
-
-    def _up(self) -> Array:
-        tools = self._root.iterfind("asset/contributor/authoring_tool")
-        if any(name in (tool.text or "") for tool in tools for name in _UP_UNKNOWN):
-            return np.eye(3)
-        return _UP[self._root.findtext("asset/up_axis", "Y_UP").strip()]
-
-    def _below(self, node: ET.Element, place: Array, depth: int) -> Iterator[Triangles]:
-        """Yield the sub-meshes of a node and of those inside it."""
-        if depth > _DEEPEST:
-            raise ModelError(f"{self._path}: more than {_DEEPEST} nodes inside each other")
-        for child in node:
-            place = place @ self._transform(child)
-        for child in node:
-            match child.tag:
-                case "node":
-                    yield from self._below(child, place, depth + 1)
-                case "instance_node":
-                    yield from self._below(self._named[child.attrib["url"]], place, depth + 1)
-                case "instance_geometry":
-                    for vertices, faces in self._sub_meshes(self._named[child.attrib["url"]]):
-                        yield Triangles(vertices @ place[:3, :3].T + place[:3, 3], faces)
-                case "instance_controller" | "skew" | "lookat":
-                    self._refuse(child)
-
-    def _transform(self, element: ET.Element) -> Array:
-        transform = np.eye(4)
-        match element.tag:
-            case "matrix":
-                transform[:] = _numbers(element).reshape(4, 4)
-            case "translate":
-                transform[:3, 3] = _numbers(element)
-            case "scale":
-                transform[:3, :3] = np.diag(_numbers(element))
-            case "rotate":
-                *axis, angle = _numbers(element)
-                turn = np.deg2rad(angle) * np.array(axis) / np.linalg.norm(axis)
-                transform[:3, :3] = exp_rotation(turn)
-        return transform
-
-    def _sub_meshes(self, geometry: ET.Element) -> Iterator[Triangles]:
-        mesh = geometry.find("mesh")
-        for part in self._refuse(geometry) if mesh is None else mesh:
-            if part.tag in ("source", "vertices", "extra", *_LINES):
-                continue
-            inputs = {one.get("semantic"): one for one in part.findall("input")}
-            stride = 1 + max(int(one.get("offset", 0)) for one in part.findall("input"))
-            offset = int(inputs["VERTEX"].get("offset", 0))
-            lists = [_numbers(p).astype(np.int64)[offset::stride] for p in part.findall("p")]
-            corners = np.concatenate(lists) if lists else np.zeros(0, dtype=np.int64)
-            match part.tag:
-                case "triangles":
-                    faces = corners.reshape(-1, 3)
-                case "polylist":
-                    faces = _fan(corners, _numbers(_child(part, "vcount")).astype(np.int64))
-                case "polygons" | "trifans":
-                    faces = _fan(corners, np.array([len(one) for one in lists], dtype=np.int64))
-                case _:
-                    self._refuse(part)
-            yield Triangles(self._positions(inputs["VERTEX"]), faces)
-
-    def _positions(self, vertex: ET.Element) -> Array:
-        """Return the points (k, 3) that an input of semantic VERTEX means."""
-        inputs = self._named[vertex.attrib["source"]].findall("input")
-        position = next(one for one in inputs if one.get("semantic") == "POSITION")
-        source = self._named[position.attrib["source"]]
-        accessor = _child(source, "technique_common/accessor")
-        stride, first = int(accessor.get("stride", 1)), int(accessor.get("offset", 0))
-        values = _numbers(self._named[accessor.attrib["source"]])
-        values = values[first : first + stride * int(accessor.attrib["count"])]
-        return values.reshape(-1, stride)[:, :3]
-
-    def _refuse(self, element: ET.Element) -> Iterator[ET.Element]:
-        raise ModelError(
-            f"{self._path}: <{element.tag}> of Collada is not supported; export plain triangles"
-        )
-
-
-def _child(element: ET.Element, path: str) -> ET.Element:
-    child = element.find(path)
-    if child is None:
-        raise ValueError(f"<{element.tag}> without {path}")
-    return child
-
-
-def _numbers(element: ET.Element) -> Array:
-    return np.array((element.text or "").split(), dtype=np.float64)
+    Triangles of two corners are left out. Vertices are in the order in which they come up.
+    """
+    found = np.frombuffer(path.read_bytes(), dtype=_STL_TRIANGLE, offset=_STL_HEADER)["corners"]
+    points = np.ascontiguousarray(found).reshape(-1, 3) + np.float32(0.0)  # -0 is 0
+    rows = points.view(np.dtype((np.void, points.itemsize * 3))).ravel()
+    _, first, numbers = np.unique(rows, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    faces = place[numbers].reshape(-1, 3)
+    a, b, c = faces.T
+    kept = faces[(a != b) & (b != c) & (c != a)]
+    return joined([Triangles(points[first[order]].astype(float), kept)])
 
 
 _READERS: dict[str, Callable[[Path], Triangles]] = {
-    ".dae": lambda path: _Collada(path).triangles(),
+    ".dae": lambda path: Collada(path).triangles(),
     ".obj": _read_obj,
+    ".stl": _read_stl,
 }

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.errors import ModelError, listed
-from wbc.robot.formats.description import Description, check_joint_count
+from wbc.robot.formats.description import Description, check_joint_count, refuse_reserved
 from wbc.robot.formats.mjcf_compile import compile_mjcf
 from wbc.robot.formats.mujoco_check import confirm_against
 from wbc.robot.formats.mujoco_drives import drive_notes, passive_forces, set_joints, undriven
@@ -45,6 +45,7 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
     names = Names(mujoco, model)
     part = robot_part(mujoco, model, names, path)
     check_joint_count(len(part.joints), path)
+    refuse_reserved((names.joints[joint] for joint in part.joints), path)
     _check_sizes(model, part, names, path)
     tree = build_tree(mujoco, model, part, names)
     set_joints(mujoco, model, part, names, tree)
@@ -53,7 +54,7 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
     geometry, shape_notes = read_shapes(mujoco, model, part, names, compiled.lost)
     x, y, z, w = pin.Quaternion(base.rotation).coeffs()
     passive = passive_forces(mujoco, model, part, names)
-    coupled = dict(couplings(mujoco, model, part, names, path))
+    coupled, tie_notes = couplings(mujoco, model, part, names, path)
     held = [name for name, coupling in coupled.items() if coupling.is_constant]
     loops, loop_notes = add_loops(mujoco, model, part, names, tree, base, path)
     return Description(
@@ -70,8 +71,9 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
         + compiled.notes
         + shape_notes
         + loop_notes
+        + tie_notes
         + ((f"joints that constraints hold at a value, locked: {listed(held)}",) if held else ())
-        + drive_notes(mujoco, model, part, names, bool(loops))
+        + drive_notes(mujoco, model, part, names, bool(loops), coupled)
         + _other_notes(names, part, model, tree, passive),
         passive=passive,
         loops=loops,
@@ -94,6 +96,11 @@ def _check_sizes(model: Any, part: RobotPart, names: Names, path: Path) -> None:
             if not np.all(np.abs(values[k]) <= LARGEST):  # NaN is not
                 body = names.bodies[k if owners is bodies else int(model.jnt_bodyid[k])]
                 raise ModelError(f"{path}: body {body!r}: its {what} is larger than {LARGEST:g}")
+    for joint in joints:  # of an MjModel that was changed
+        low, high = model.jnt_range[joint].tolist()
+        if model.jnt_limited[joint] and not low <= high:
+            name = names.joints[joint]
+            raise ModelError(f"{path}: joint {name!r}: its range is {low:g} to {high:g}")
 
 
 def _other_notes(

@@ -77,7 +77,8 @@ def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Com
             found = _compiled(mujoco, source, path)
         except (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError) as error:
             raise _refused(path, error) from error
-    said = tuple(f"MuJoCo says: {' '.join(str(one.message).split())}" for one in told)
+    words = dict.fromkeys(" ".join(str(one.message).split()) for one in told)
+    said = tuple(f"MuJoCo says: {one}" for one in words)
     if older:
         said += (f"left out, as MuJoCo knows them no more: {listed(list(older))}",)
     return replace(found, notes=found.notes + said)
@@ -176,13 +177,17 @@ def _compiled(mujoco: Any, source: Any, path: Path) -> Compiled:
     except ValueError:
         spec = _spec(mujoco, source)  # what failed to compile cannot be changed
         shapes, missing = _leave_out_missing(mujoco, spec, path)
-        if not missing:
+        elsewhere = _leave_out_pairs(spec)
+        if not missing and not elsewhere:
             raise
-    some = listed(list(shapes), 3)
-    notes = (f"{len(shapes)} shapes left out, as their meshes were not found: {some}",)
+    notes = list[str]()
+    if shapes:
+        some = listed(list(shapes), 3)
+        notes.append(f"{len(shapes)} shapes left out, as their meshes were not found: {some}")
+    if elsewhere:
+        notes.append(f"contact pairs with what is not in the file left out: {listed(elsewhere)}")
     lost = tuple(words for words, collides in shapes.items() if collides)
-    found = Compiled(mujoco, spec.compile(), name, notes if shapes else (), lost)
-    return _hinged(found, spec)
+    return _hinged(Compiled(mujoco, spec.compile(), name, tuple(notes), lost), spec)
 
 
 def _hinged(found: Compiled, spec: Any) -> Compiled:
@@ -251,6 +256,18 @@ def _leave_out_ground(spec: Any) -> int:
     for field in fields:
         delete_from(spec, field)
     return len(fields)
+
+
+def _leave_out_pairs(spec: Any) -> list[str]:
+    """Remove contact pairs with shapes of a scene that includes the file; return these shapes."""
+    known = {str(geom.name) for geom in spec.geoms}
+    found = dict[str, None]()
+    for pair in list(spec.pairs):
+        unknown = [name for name in (str(pair.geomname1), str(pair.geomname2)) if name not in known]
+        found |= dict.fromkeys(unknown)
+        if unknown:
+            delete_from(spec, pair)
+    return list(found)
 
 
 def _weighs(mujoco: Any, spec: Any, body: Any, geom: Any) -> bool:

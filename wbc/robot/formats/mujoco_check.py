@@ -115,7 +115,10 @@ def configuration(
 
 
 def _compare_masses(model: Any, part: RobotPart, names: Names, tree: pin.Model, path: Path) -> None:
-    total = float(sum(model.body_subtreemass[root] for root in part.roots))
+    below = np.array(model.body_mass)  # body_subtreemass is stale once a mass was changed
+    for body in range(model.nbody - 1, 0, -1):
+        below[model.body_parentid[body]] += below[body]
+    total = float(sum(below[root] for root in part.roots))
     read = float(pin.computeTotalMass(tree))
     if not abs(read - total) <= AGREEMENT * abs(total):
         raise _disagrees(path, "mass", f"{read:g} kg", f"{total:g} kg")
@@ -123,7 +126,7 @@ def _compare_masses(model: Any, part: RobotPart, names: Names, tree: pin.Model, 
     pin.computeSubtreeMasses(tree, data)
     for joint in part.joints:
         body = int(model.jnt_bodyid[joint])
-        carried = float(model.body_subtreemass[body])
+        carried = float(below[body])
         found = float(data.mass[tree.getJointId(names.joints[joint])])
         if not abs(found - carried) <= AGREEMENT * abs(total):
             what = f"what joint {names.joints[joint]!r} carries"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ def set_joints(mujoco: Any, model: Any, part: RobotPart, names: Names, tree: pin
         dof = int(model.jnt_dofadr[joint])
         tree.armature[v] = float(model.dof_armature[dof]) + rotors.get(joint, 0.0)
         tree.damping[v] = damping[joint][0]
-        friction = float(model.dof_frictionloss[dof]) if rubbed else 0.0
+        friction = max(float(model.dof_frictionloss[dof]), 0.0) if rubbed else 0.0  # as MuJoCo
         tree.lowerDryFrictionLimit[v], tree.upperDryFrictionLimit[v] = -friction, friction
         pull, joint_force = motors.get(joint, ANY), _joint_force(model, joint)
         effort = min(_both_ways(*pull), joint_force)
@@ -145,11 +146,17 @@ def undriven(mujoco: Any, model: Any, part: RobotPart, names: Names) -> tuple[st
 
 
 def drive_notes(
-    mujoco: Any, model: Any, part: RobotPart, names: Names, looped: bool
+    mujoco: Any,
+    model: Any,
+    part: RobotPart,
+    names: Names,
+    looped: bool,
+    following: Collection[str] = (),
 ) -> tuple[str, ...]:
     """Return notes of what drives or holds the robot in MuJoCo and is not used here.
 
-    ``looped``: whether it has closed loops, in which joints without a motor get none here.
+    ``looped``: whether it has closed loops, in which joints without a motor get none here, as those
+    that are ``following`` others.
     """
     notes = []
     mine = {*part.joints}
@@ -165,6 +172,7 @@ def drive_notes(
     notes += _switches(mujoco, model, part)
     driven = {joint for joint in acting.values() if joint in mine}
     still = undriven(mujoco, model, part, names)
+    still = still and tuple(name for name in still if name not in following)
     if still:
         here = "none does here" if looped else "here each joint has one"
         notes.append(f"no motor of the file drives {listed(still)}; {here}")

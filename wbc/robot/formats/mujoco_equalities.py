@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 
 from wbc.errors import ModelError, listed
-from wbc.robot.formats.mujoco_part import Names, RobotPart
+from wbc.robot.formats.mujoco_part import Names, RobotPart, acting_motors
 from wbc.robot.formats.mujoco_tree import kind_of, pose_of
 from wbc.robot.formats.ties import Coupling, Loop
 from wbc.robot.formats.xml import LARGEST_GEAR
@@ -20,15 +20,75 @@ from wbc.validate import Array
 
 def couplings(
     mujoco: Any, model: Any, part: RobotPart, names: Names, path: Path
-) -> Iterator[tuple[str, Coupling]]:
-    """Yield the joints that follow others, or none: these are held at a constant.
+) -> tuple[dict[str, Coupling], tuple[str, ...]]:
+    """Return the joints that follow others, or none: these are held at a constant; and notes.
 
-    MuJoCo's polynomial is of joint values measured from ``ref``, ours is not.
+    Of two constraints of one joint, one is turned around: its driver follows the joint. So is that
+    of a joint with a motor which would follow one without.
 
     Raises
     ------
     ModelError
-        A coefficient beyond any gear's; or an active constraint of tendons or soft bodies.
+        A coefficient beyond any gear's; an active constraint of tendons or soft bodies; or several
+        of one joint of which none can be turned around.
+    """
+    found = dict[str, Coupling]()
+    driven = {names.joints[joint] for joint in acting_motors(mujoco, model).values()}
+    for name, coupling in _couplings(mujoco, model, part, names, path):
+        if found.setdefault(name, coupling) == coupling:
+            continue
+        both = sorted((coupling, found[name]), key=lambda one: one.driver in driven)
+        for one, other in (both, both[::-1]):
+            around = one.inverse(name)
+            if around is not None and one.driver not in {*found, name}:
+                found |= {name: other, one.driver: around}
+                break
+        else:
+            raise ModelError(
+                f"{path}: joint {name!r} is tied by several equality constraints, none of which can"
+                " be turned around; write them as joints that follow one"
+            )
+    for name, coupling in list(found.items()):
+        around = coupling.inverse(name)
+        if around is None or name not in driven or coupling.driver in {*driven, *found}:
+            continue
+        del found[name]
+        found[coupling.driver] = around
+    beside = _beside(mujoco, model, part, names)
+    notes: tuple[str, ...] = ()
+    if beside:
+        notes = (f"equality constraints with what is left out do not act: {listed(beside)}",)
+    return found, notes
+
+
+def _beside(mujoco: Any, model: Any, part: RobotPart, names: Names) -> list[str]:
+    """Return the active constraints between the robot and bodies beside it, in words."""
+    found = []
+    for number in _active(mujoco, model):
+        bodies = _bodies_of(mujoco, model, number) - {0}
+        if bodies & {*part.bodies} and bodies - {*part.bodies}:
+            ends = [names.bodies[body] for body in sorted(bodies)]
+            found.append(names.equalities[number] or " to ".join(ends))
+    return found
+
+
+def _bodies_of(mujoco: Any, model: Any, number: int) -> set[int]:
+    """Return the bodies that a constraint is about; none of tendons and soft bodies."""
+    kinds, kind = mujoco.mjtObj, int(model.eq_objtype[number])
+    ends = {int(model.eq_obj1id[number]), int(model.eq_obj2id[number])}
+    if kind == kinds.mjOBJ_SITE:
+        return {int(model.site_bodyid[site]) for site in ends}
+    if model.eq_type[number] == mujoco.mjtEq.mjEQ_JOINT:  # of which the kind of objects is not set
+        return {int(model.jnt_bodyid[joint]) for joint in ends if joint >= 0}
+    return ends if kind == kinds.mjOBJ_BODY else set()
+
+
+def _couplings(
+    mujoco: Any, model: Any, part: RobotPart, names: Names, path: Path
+) -> Iterator[tuple[str, Coupling]]:
+    """Yield what joint constraints say, one by one.
+
+    MuJoCo's polynomial is of joint values measured from ``ref``, ours is not.
     """
     mine = {*part.joints}
     for number in _active(mujoco, model):
@@ -163,13 +223,9 @@ def _touches(mujoco: Any, model: Any, part: RobotPart, number: int) -> bool:
 
     One end may be on the world.
     """
-    kinds = mujoco.mjtObj
-    ends = {int(model.eq_obj1id[number]), int(model.eq_obj2id[number])}
-    kind = int(model.eq_objtype[number])
-    if kind == kinds.mjOBJ_SITE:
-        ends = {int(model.site_bodyid[site]) for site in ends}
-    elif kind != kinds.mjOBJ_BODY:
+    if int(model.eq_objtype[number]) not in (mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_BODY):
         return True
+    ends = _bodies_of(mujoco, model, number)
     known = {0, *part.bodies}
     return ends <= known and ends != {0}
 

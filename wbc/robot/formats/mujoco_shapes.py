@@ -12,9 +12,9 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.robot.formats.description import NO_RULES, ContactRules
-from wbc.robot.formats.mesh_files import Triangles, as_bvh
 from wbc.robot.formats.mujoco_part import Names, RobotPart
 from wbc.robot.formats.mujoco_tree import pose_of
+from wbc.robot.formats.triangles import Surfaces, Triangles, with_meshes
 from wbc.validate import Array
 
 SHOWN_GROUPS = 3  # geoms of groups 0, 1 and 2 are drawn; those above are for contacts only
@@ -54,7 +54,13 @@ class MujocoGeometry:
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
     ) -> pin.GeometryModel:
         """See :class:`wbc.robot.formats.description.GeometrySource`."""
-        found = pin.GeometryModel()
+        return with_meshes(self.surfaces(model, kind, links))
+
+    def surfaces(
+        self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
+    ) -> Surfaces:
+        """See :class:`wbc.robot.formats.description.GeometrySource`."""
+        found, meshes = pin.GeometryModel(), dict[str, Triangles]()
         colliding = kind == pin.GeometryType.COLLISION
         for shape in self.shapes:
             wanted = shape.collides if colliding else shape.drawn
@@ -68,7 +74,9 @@ class MujocoGeometry:
             )
             one.meshColor = np.array(shape.colour)
             found.addGeometryObject(one)
-        return found
+            if shape.kind == "mesh":
+                meshes[shape.name] = self.meshes[shape.mesh]
+        return Surfaces(found, meshes)
 
     def _solid(self, shape: GeomShape) -> Any:
         x, y, z = shape.size
@@ -83,8 +91,7 @@ class MujocoGeometry:
                 return coal.Ellipsoid(x, y, z)
             case "box":
                 return coal.Box(2.0 * x, 2.0 * y, 2.0 * z)
-        mesh = self.meshes[shape.mesh]
-        return as_bvh(mesh.vertices, mesh.faces)
+        return coal.Box(1.0, 1.0, 1.0)  # of a mesh, see Surfaces
 
 
 def read_shapes(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,8 +12,11 @@ import pinocchio as pin
 
 from wbc.errors import ModelError, listed
 from wbc.robot.formats.description import State
+from wbc.robot.formats.urdf_exporters import refuse_macros
 from wbc.robot.formats.xml import read_xml
 from wbc.robot.limits import BASE_NQ
+
+UNIT = 1e-2  # by which files may round a cosine and a sine
 
 
 @dataclass(frozen=True)
@@ -71,11 +74,12 @@ def read_srdf(path: Path, model: pin.Model | None = None) -> Semantics:
     root = read_xml(path)
     if root.tag != "robot":
         raise ModelError(f"{path}: the root element is <{root.tag}>; an SRDF begins with <robot>")
+    refuse_macros(root, path)
     states = dict[str, dict[str, tuple[float, ...]]]()
     contradicted = dict[str, list[str]]()
     for group in root.findall("group_state"):
         state = states.setdefault(group.get("name", "?"), {})
-        for joint, values in _joint_values(group, path, _single(model)):
+        for joint, values in _joint_values(group, path, _sizes(model)):
             if state.get(joint, values) != values:
                 contradicted.setdefault(group.get("name", "?"), []).append(joint)
             state[joint] = values
@@ -107,15 +111,15 @@ def _pairs(root: ET.Element, tag: str, path: Path) -> Iterator[frozenset[str]]:
         yield frozenset(str(link) for link in links)
 
 
-def _single(model: pin.Model | None) -> Collection[str]:
-    """Return the joints of which q holds one number, not (cos, sin)."""
+def _sizes(model: pin.Model | None) -> Mapping[str, int]:
+    """Return how many numbers q holds of each joint: 2, (cos, sin), of continuous ones."""
     if model is None:
-        return ()
-    return {str(name) for name, nq in zip(model.names, model.nqs, strict=True) if nq == 1}
+        return {}
+    return {str(name): int(nq) for name, nq in zip(model.names, model.nqs, strict=True)}
 
 
 def _joint_values(
-    group: ET.Element, path: Path, single: Collection[str]
+    group: ET.Element, path: Path, sizes: Mapping[str, int]
 ) -> Iterator[tuple[str, tuple[float, ...]]]:
     for joint in group.findall("joint"):
         text, name = joint.get("value", ""), joint.get("name", "?")
@@ -130,7 +134,9 @@ def _joint_values(
             raise ModelError(
                 f"{where} is not a configuration (x, y, z, quaternion x, y, z, w for the base)"
             )
-        if len(values) == 2 and name in single:
+        if len(values) == 2 == sizes.get(name) and abs(math.hypot(*values) - 1.0) > UNIT:
+            raise ModelError(f"{where} is no (cos, sin): its squares sum to {norm:.3g}, not 1")
+        if len(values) == 2 and sizes.get(name) == 1:
             raise ModelError(
                 f"{where}: two values (cos, sin) are of a continuous joint only; give one"
             )

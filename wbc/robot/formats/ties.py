@@ -50,6 +50,12 @@ class Coupling:
         """Whether it follows no joint: it is held at ``offset``."""
         return not self.driver
 
+    def inverse(self, joint: str) -> Coupling | None:
+        """Return how the driver follows ``joint`` if that follows it by a plain ratio, or None."""
+        if not self.driver or not self.is_linear or self.ratio == 0.0:
+            return None
+        return Coupling(joint, 1.0 / self.ratio, -self.offset / self.ratio)
+
     def after(self, step: Coupling) -> Coupling | None:
         """Return what follows ``step``'s driver if this one follows ``step``'s joint.
 

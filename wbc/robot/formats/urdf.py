@@ -10,37 +10,33 @@ import math
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import pinocchio as pin
 
 from wbc.errors import ModelError, listed
 from wbc.robot.formats.description import (
-    NO_RULES,
-    ContactRules,
     Description,
     check_joint_count,
     confirm,
     pinocchio_reads,
+    refuse_reserved,
 )
-from wbc.robot.formats.mesh_files import (
-    exact_meshes,
-    missing_notes,
-    refuse_huge_meshes,
-    resolve_meshes,
-)
+from wbc.robot.formats.mesh_files import missing_notes, resolve_meshes
 from wbc.robot.formats.ties import Coupling
 from wbc.robot.formats.urdf_check import confirm_by_mujoco
 from wbc.robot.formats.urdf_exporters import (
     LIMITS,
     MOVING,
-    SHAPES,
+    complete_head,
     confirm_shapes,
-    name_materials,
+    leave_first,
+    mend_materials,
+    others_joints,
     refuse_macros,
     unset_limits,
 )
+from wbc.robot.formats.urdf_shapes import UrdfGeometry
 from wbc.robot.formats.xml import LARGEST, LARGEST_GEAR, numbers
 from wbc.robot.limits import UNLIMITED
 
@@ -57,46 +53,6 @@ WORLD = "world"
 BOLTED = {WORLD, "base"}  # a root link of such a name is that of an arm, if nothing stands
 
 
-@dataclass(frozen=True)
-class UrdfGeometry:
-    """Shapes of a URDF: its text, in which mesh names are absolute and missing meshes left out.
-
-    ``lost`` are the collision shapes that were left out.
-    """
-
-    text: str
-    path: Path
-    lost: tuple[str, ...]
-    rules: ContactRules = NO_RULES  # a URDF has none
-
-    def content(self) -> Iterator[bytes]:
-        """See :class:`wbc.robot.formats.description.GeometrySource`."""
-        yield self.text.encode()
-        meshes = ET.fromstring(self.text).iterfind(f".//{SHAPES[pin.GeometryType.COLLISION]}//mesh")
-        for file in sorted({mesh.get("filename", "") for mesh in meshes}):
-            yield Path(file).read_bytes()
-
-    def load(
-        self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
-    ) -> pin.GeometryModel:
-        """See :class:`wbc.robot.formats.description.GeometrySource`."""
-        text = self.text if links is None else self._only(links, SHAPES[kind])
-        meshes = ET.fromstring(text).iterfind(f".//{SHAPES[kind]}//mesh")
-        refuse_huge_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
-        with pinocchio_reads(self.path, "shapes cannot be loaded"):
-            shapes = pin.buildGeomFromUrdfString(model, text, kind)
-        exact_meshes(shapes)
-        return shapes
-
-    def _only(self, links: Collection[str], tag: str) -> str:
-        root = ET.fromstring(self.text)
-        for link in root.findall("link"):
-            if link.get("name") not in links:
-                for shape in link.findall(tag):
-                    link.remove(shape)
-        return ET.tostring(root, encoding="unicode")
-
-
 def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> Description:
     """Return the description of a URDF document, changing ``root`` on the way.
 
@@ -110,12 +66,12 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         joints, or a number in it is wrong.
     """
     refuse_macros(root, path)
+    head_notes = complete_head(root, path)
     world_notes = _add_world(root)
     joints, base = _checked_tree(root, path)
-    name_materials(root)
-    notes = world_notes + unset_limits(joints)
-    if root.get("version", "1.0") == "1.0":
-        root.set("version", "1.1")  # before it the parser drops capsules, and prints
+    notes = head_notes + world_notes + unset_limits(joints)
+    notes += leave_first(root) + mend_materials(root)
+    notes += tuple(filter(None, (others_joints(root),)))
     shapeless = list[tuple[str, str, str]]()
     for link in root.findall("link"):
         where = f"{path}: link {link.get('name')!r}"
@@ -179,10 +135,13 @@ def _checked_tree(root: ET.Element, path: Path) -> tuple[list[ET.Element], str]:
     roots = [link for link in root.findall("link") if link.get("name") not in parents]
     if len(roots) != 1:
         named = ", ".join(repr(link.get("name")) for link in roots) or "the joints form a loop"
-        raise ModelError(f"{path}: expected one root link, found {len(roots)} ({named})")
+        also = "; ".join(filter(None, (named, others_joints(root))))
+        raise ModelError(f"{path}: expected one root link, found {len(roots)} ({also})")
     _check_floating(joints, roots[0], path)
     _check_depth(parents, path)
     check_joint_count(sum(joint.get("type") in MOVING for joint in joints), path)
+    moving = (joint.get("name", "") for joint in joints if joint.get("type") in MOVING)
+    refuse_reserved(moving, path)
     return joints, roots[0].get("name", "")
 
 
@@ -208,6 +167,10 @@ def _refuse_repeated(names: list[str], kind: str, path: Path) -> None:
 def _ends(joint: ET.Element, links: Collection[str], path: Path) -> tuple[str, str]:
     ends = []
     for tag in ("parent", "child"):
+        if len(joint.findall(tag)) > 1:
+            raise ModelError(
+                f"{path}: joint {joint.get('name')!r}: <{tag}> is given twice; leave one"
+            )
         element = joint.find(tag)
         link = "" if element is None else element.get("link", "")
         if link not in links:
@@ -312,7 +275,9 @@ def _check_joint(joint: ET.Element, where: str) -> None:
     dynamics = joint.find("dynamics")
     for key in ("damping", "friction"):
         if dynamics is not None and key in dynamics.attrib:
-            numbers(dynamics, key, 1, where, LARGEST)
+            value = numbers(dynamics, key, 1, where, LARGEST)[0]
+            if value < 0.0:
+                raise ModelError(f"{where}: negative {key} {value:g}; correct it")
 
 
 def _follow_without_end(joint: ET.Element) -> None:
@@ -365,6 +330,8 @@ def _coupled_joints(joints: list[ET.Element], path: Path) -> Iterator[tuple[str,
         mimic = joint.find("mimic")
         if mimic is not None and joint.get("type") in MOVING:
             where = f"{path}: joint {joint.get('name')!r}"
+            if not mimic.get("joint"):
+                raise ModelError(f"{where}: <mimic> has no 'joint' to follow; add it")
             ratio, offset = (
                 numbers(mimic, key, 1, where, LARGEST_GEAR)[0] if key in mimic.attrib else default
                 for key, default in (("multiplier", 1.0), ("offset", 0.0))

@@ -27,15 +27,15 @@ SETTINGS = {"fusestatic": "false", "discardvisual": "false", "strippath": "false
 def confirm_by_mujoco(root: ET.Element, tree: pin.Model, path: Path) -> None:
     """Compare frames, ranges and mass matrices of what two parsers made of one URDF.
 
-    MuJoCo cannot read all that Pinocchio can: links that move and weigh nothing, and inertias that
-    no body has. These files are not compared.
+    MuJoCo cannot read all that Pinocchio can: links that move and weigh nothing, inertias that no
+    body has, and quaternions. These files are not compared.
 
     Raises
     ------
     ModelError
         They disagree: the message names the frame or joint.
     """
-    if not installed("mujoco"):
+    if not installed("mujoco") or root.find(".//origin[@quat_xyzw]") is not None:
         return
     import mujoco
 

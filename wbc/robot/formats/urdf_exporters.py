@@ -15,6 +15,10 @@ from wbc.robot.formats.description import pinocchio_reads
 MOVING = {"revolute", "continuous", "prismatic"}
 LIMITS = ("lower", "upper", "effort", "velocity")
 MACRO = re.compile(r"\$\{|\$\((arg|find|eval|env|optenv|dirname|anon)\b")  # ${x}, $(arg x)
+GREY, BRIGHTEST = "0.5 0.5 0.5 1", 255.0
+VERSIONS = ("1.0", "1.1", "1.2")
+ONCE = ("origin", "axis", "limit", "dynamics", "mimic")  # in a joint
+UNREAD = ("safety_controller", "calibration")  # which nothing here uses
 SHAPES = {pin.GeometryType.COLLISION: "collision", pin.GeometryType.VISUAL: "visual"}
 
 
@@ -32,11 +36,107 @@ def refuse_macros(root: ET.Element, path: Path) -> None:
             )
 
 
-def name_materials(root: ET.Element) -> None:
-    """Give materials without a name one: the parser drops all shapes of a link that has such."""
+def complete_head(root: ET.Element, path: Path) -> tuple[str, ...]:
+    """Write name and version as the parser accepts them; return a note of a name that is lacking.
+
+    Raises
+    ------
+    ModelError
+        A version of which nothing is known.
+    """
+    version = root.get("version", "1.0")
+    if version not in VERSIONS:
+        raise ModelError(f"{path}: URDF {version!r} is not known; {' to '.join(VERSIONS[::2])} are")
+    if version == "1.0":
+        root.set("version", "1.1")  # before it the parser drops capsules, and prints
+    if root.get("name"):
+        return ()
+    root.set("name", path.stem)
+    return (f"the file gives the robot no name: it is called {path.stem!r}",)
+
+
+def others_joints(root: ET.Element) -> str:
+    """Return joints that are no URDF's, in words, and what to do; empty if there are none."""
+    others = [
+        one for one in root if str(one.tag).rpartition("}")[2] == "joint" and one.tag != "joint"
+    ]
+    named = [f"joint {one.get('name')!r}" for one in others]
+    named += [f"loop {one.get('name')!r}" for one in root.findall("loop_joint")]
+    if not named:
+        return ""
+    return f"not read, as URDF does not know them: {listed(named)}; loops=... closes loops"
+
+
+def leave_first(root: ET.Element) -> tuple[str, ...]:
+    """Leave the first of what may be there once, and nothing that stops the parser unread.
+
+    Parsers read the first one of several, and refuse a whole file for some that are empty. Return
+    a note of what was left out.
+    """
+    found = []
+    joints = [(joint, f"joint {joint.get('name')!r}") for joint in root.findall("joint")]
+    for joint, what in joints:
+        for part in [one for one in joint if one.tag in UNREAD or _is_empty(one)]:
+            joint.remove(part)
+        for tag in ONCE:
+            found += [f"<{tag}> of {what}" for _ in _drop(joint, joint.findall(tag)[1:])]
+    for link in root.findall("link"):
+        what = f"link {link.get('name')!r}"
+        for shape in (*link.findall("collision"), *link.findall("visual")):
+            for tag in ("origin", "geometry"):
+                found += [f"<{tag}> of {what}" for _ in _drop(shape, shape.findall(tag)[1:])]
+            for geometry in shape.findall("geometry")[:1]:
+                more = [one for one in list(geometry)[1:] if not str(one.tag).startswith("{")]
+                _drop(geometry, more)
+                found += [f"<{one.tag}> as {shape.tag} of {what}" for one in more]
+    return (f"given twice, of which the first counts: {listed(found)}",) if found else ()
+
+
+def _is_empty(part: ET.Element) -> bool:
+    return part.tag == "dynamics" and not part.attrib
+
+
+def _drop(element: ET.Element, parts: list[ET.Element]) -> list[ET.Element]:
+    for part in parts:
+        element.remove(part)
+    return parts
+
+
+def mend_materials(root: ET.Element) -> tuple[str, ...]:
+    """Give materials without a name one, and grey to those of which the colour cannot be read.
+
+    The parser drops all shapes of a link, or the whole file, for them. Colours up to 255 are taken
+    in parts of that. Return a note of what is grey.
+    """
+    grey, known = list[str](), set[str]()
     for k, material in enumerate(root.iter("material")):
         if not material.get("name"):
             material.set("name", f"nameless material {k}")
+        for colour in material.findall("color"):
+            found = _colour(colour.get("rgba", ""))
+            colour.set("rgba", found or GREY)
+            grey += [] if found else [material.get("name", "")]
+    for material in root.findall("material"):  # what links name
+        name = material.get("name", "")
+        if name in known:
+            root.remove(material)
+        elif not len(material):
+            ET.SubElement(material, "color", {"rgba": GREY})
+        known.add(name)
+    return (f"grey, since their colours cannot be read: {listed(grey)}",) if grey else ()
+
+
+def _colour(text: str) -> str | None:
+    """Return red, green, blue and alpha as the parser reads them, in [0, 1], or None."""
+    try:
+        parts = [float(part) for part in text.split()]
+    except ValueError:
+        return None
+    if len(parts) != len(GREY.split()) or not all(0.0 <= part <= BRIGHTEST for part in parts):
+        return None
+    if max(parts) <= 1.0:
+        return text
+    return " ".join(str(part / BRIGHTEST) for part in parts)
 
 
 def unset_limits(joints: list[ET.Element]) -> tuple[str, ...]:

@@ -70,7 +70,9 @@ def parsed(data: bytes, path: Path) -> ET.Element:
 def _check_attributes(data: bytes, path: Path) -> None:
     """Refuse what takes the XML parser minutes: its time grows as attributes squared."""
     if b"\0" in data:
-        raise ModelError(f"{path}: not a text file in UTF-8; save it as one")
+        binary = "; of a compiled model: Robot.load(mujoco.MjModel.from_binary_path(...))"
+        hint = binary if path.suffix == ".mjb" else ""
+        raise ModelError(f"{path}: not a text file in UTF-8; save it as one{hint}")
     for element in data.split(b"<"):  # which no attribute may hold
         if len(element) > MOST_ATTRIBUTES and len(_EQUALS.findall(element)) > MOST_ATTRIBUTES:
             raise ModelError(f"{path}: an element has more than {MOST_ATTRIBUTES} attributes")

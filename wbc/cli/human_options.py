@@ -1,0 +1,68 @@
+"""Options of a human's recording, which ``wbc analyze`` and ``wbc retarget`` have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from wbc.human import HumanMotion
+
+# Kept in step with wbc.human, which is not imported only to print the help.
+SEX = "male"
+
+Static = Annotated[
+    Path | None, typer.Option(help="Human: a trial in which it stands, .trc or .c3d.")
+]
+Forces = Annotated[
+    Path | None, typer.Option(help="Human: force plates, .mot, .sto or .c3d; they weigh it.")
+]
+Mass = Annotated[
+    float | None, typer.Option(help="Human: in kg; by default as the plates weigh it.")
+]
+Stature = Annotated[
+    float | None, typer.Option(help="Human: in m; by default by the lengths found.")
+]
+Sex = Annotated[str, typer.Option(help="Human: male or female, for the segments' table.")]
+Up = Annotated[str | None, typer.Option(help="Human: the file's vertical axis, x, y or z.")]
+Unit = Annotated[
+    str | None, typer.Option(help="Human: of a BVH file's lengths, cm, m, inch or mm.")
+]
+
+
+@dataclass(frozen=True)
+class HumanOptions:
+    """Options of a human's recording, as they were given."""
+
+    static: Path | None
+    forces: Path | None
+    mass: float | None
+    stature: float | None
+    sex: str
+    up: str | None
+    unit: str | None
+
+    @property
+    def given(self) -> list[str]:
+        """Return the names of those that were, but for the sex, which has a default."""
+        names = [each.name for each in fields(self) if each.name != "sex"]
+        return [f"--{name}" for name in names if getattr(self, name) is not None]
+
+    def motion(self, path: Path, ground: float | None, **how: float) -> HumanMotion:
+        """Return the motion of a recording; ``how``: what else ``human_motion`` takes."""
+        from wbc.human import human_motion, read_markers
+
+        recording = read_markers(path, forces=self.forces, unit=self.unit, stature=self.stature)
+        return human_motion(
+            recording,
+            static=None if self.static is None else read_markers(self.static),
+            mass=self.mass,
+            stature=self.stature,
+            sex=self.sex,
+            up=self.up,
+            ground_height=ground,
+            **how,
+        )

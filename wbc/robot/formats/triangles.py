@@ -1,0 +1,73 @@
+"""Triangles of meshes, and what coal makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from wbc.validate import Array
+
+Index = NDArray[np.int64]
+
+
+class Triangles(NamedTuple):
+    """Vertices (k, 3) [m] and triangles (m, 3) of their indices."""
+
+    vertices: Array
+    faces: Index
+
+
+class Surfaces(NamedTuple):
+    """Shapes of a robot of which the meshes are there as triangles.
+
+    What measures distances of whole meshes needs coal's trees over them, which take most of the
+    time that it takes to load a robot's shapes: see :func:`with_meshes`.
+    """
+
+    shapes: pin.GeometryModel  # with a unit box in the place of each mesh
+    meshes: Mapping[str, Triangles]  # by the name of their shape, in its frame
+
+
+def with_meshes(surfaces: Surfaces) -> pin.GeometryModel:
+    """Return the shapes, with coal's meshes."""
+    for shape in surfaces.shapes.geometryObjects:
+        if shape.name in surfaces.meshes:
+            shape.geometry = as_bvh(*surfaces.meshes[shape.name])
+    return surfaces.shapes
+
+
+def as_bvh(vertices: Array, faces: Index) -> coal.BVHModelBase:
+    """Return vertices (k, 3) [m] and triangles (m, 3) as coal's mesh."""
+    bvh = coal.BVHModelOBBRSS()
+    bvh.beginModel(len(faces), len(vertices))
+    bvh.addVertices(vertices)
+    bvh.addTriangles(faces)
+    bvh.endModel()
+    return bvh
+
+
+def fan(corners: Index, counts: Index) -> Index:
+    """Return the triangles (m, 3) of polygons of ``counts`` corners each, listed one by one."""
+    starts = np.repeat(np.cumsum(counts) - counts, np.maximum(counts - 2, 0))
+    inner = np.concatenate([np.arange(1, count - 1) for count in counts.tolist()] or [starts])
+    places = np.stack((starts, starts + inner, starts + inner + 1), axis=1)
+    return corners[places.astype(np.int64)]
+
+
+def joined(parts: list[Triangles]) -> Triangles:
+    """Return sub-meshes as one mesh, without vertices that no triangle uses."""
+    parts = [part for part in parts if len(part.faces)]
+    if not parts:
+        return Triangles(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
+    offsets = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
+    faces = np.concatenate([part.faces + k for part, k in zip(parts, offsets, strict=True)])
+    used, faces = np.unique(faces, return_inverse=True)
+    if used[0] < 0 or any(part.faces.max(initial=-1) >= len(part.vertices) for part in parts):
+        raise ValueError("a corner without a vertex")
+    vertices = np.concatenate([part.vertices for part in parts])
+    return Triangles(vertices[used], faces.reshape(-1, 3))
