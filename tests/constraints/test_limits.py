@@ -156,6 +156,30 @@ def test_accelerations_joint_by_joint(robot: Robot) -> None:
         Limits(robot, acceleration=each[1:])
 
 
+@pytest.mark.parametrize("braking", ["free", "bounded"])
+def test_joints_speed_up_as_they_may_and_brake_as_they_can(robot: Robot, rng, braking: str) -> None:
+    """Towards where it goes by the one, against it and at the limits by the other."""
+    limits = Limits(robot, acceleration=20.0, speed_up=50.0, braking=braking)
+    slow, fast = (Limits(robot, acceleration=a, braking=braking) for a in (20.0, 50.0))
+    middle = (np.clip(robot.limits.lower, -3, 3) + np.clip(robot.limits.upper, -3, 3)) / 2
+    v = np.zeros(robot.nv)
+    v[6:] = rng.choice((-1.0, 1.0), robot.nv - 6) * 0.2
+    here, ahead = robot.snapshot(at(robot, middle), v), v[6:] > 0.0
+    (low, high), (braked, _), (_, risen) = (one.box(here, DT) for one in (limits, slow, fast))
+    np.testing.assert_allclose(high[6:][ahead], risen[6:][ahead], rtol=1e-12)
+    if braking == "bounded":
+        np.testing.assert_allclose(low[6:][ahead], braked[6:][ahead], rtol=1e-12)
+    near = np.where(np.isfinite(robot.limits.upper), robot.limits.upper - 1e-3, 0.0)
+    near = robot.snapshot(at(robot, near), np.full(robot.nv, 0.2))
+    bounded = np.append(np.zeros(6, bool), np.isfinite(robot.limits.upper))
+    (_, stops), (_, expected) = (one.box(near, DT) for one in (limits, slow))
+    np.testing.assert_allclose(stops[bounded], expected[bounded], rtol=1e-12)
+    limits.speed_up = None
+    np.testing.assert_array_equal(limits.box(here, DT), slow.box(here, DT))
+    with pytest.raises(InvalidInputError, match=r"limits, speed_up: every entry must be positive"):
+        Limits(robot, speed_up=0.0)
+
+
 def test_other_accelerations_and_other_steps_count_from_the_next_tick_on(robot: Robot) -> None:
     here = robot.snapshot(robot.posture("standing"), np.full(robot.nv, 0.01))
     limits = Limits(robot, acceleration=20.0)

@@ -246,17 +246,17 @@ def test_feet_land_where_they_should(robot_named: Load) -> None:
 
 @pytest.mark.slow
 def test_after_a_push_feet_come_back_to_their_footsteps(robot_named: Load) -> None:
-    """1.4 N s on 7 kg: one foot lands 13 mm away, all others within 2.2 mm."""
+    """1.8 N s on 7 kg: one foot lands 20 mm away, all others within 0.4 mm."""
     robot = robot_named("hoap2_like")
     walker, plant = Walker(robot), Plant(robot)
     w = walker.gait.width
     sides = [("right", -w), ("left", w)] * 3
     steps = [Footstep(foot, 0.04, y) for foot, y in sides]
     world = walker.follow(steps, plant.snapshot(), relative=True)
-    plant.push("base", (0.0, 14.0, 0.0), start=1.05, duration=0.1)
+    plant.push("base", (0.0, 18.0, 0.0), start=1.05, duration=0.1)
     simulated(walker, plant, len(steps))
     away = [landing.distance for landing in walker.landings]
-    assert away[2] > 4e-3 and max(away[:2] + away[3:]) < 3e-3
+    assert away[3] > 10e-3 and max(away[:3] + away[4:]) < 2e-3
     for step in world[-2:]:
         assert np.linalg.norm(really(plant)[step.foot][:2] - step.place) < 5e-3
 

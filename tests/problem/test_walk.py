@@ -74,6 +74,20 @@ def test_settings_arrive(tmp_path: Path) -> None:
     assert names["base"].weight.tolist() == [2.0] * 3
 
 
+@pytest.mark.parametrize(
+    ("friction", "coefficient", "facets"),
+    [(None, 0.6, 8), (0.4, 0.4, 8), ({"least": 1.0}, 0.6, 8), ({"facets": 4}, 0.6, 4)],
+)
+def test_soles_have_a_walkers_facets(
+    tmp_path: Path, friction: Any, coefficient: float, facets: int
+) -> None:
+    given = {} if friction is None else {"controller": {"level": "torque", "friction": friction}}
+    walker = walker_in(problem(tmp_path, overrides=given))
+    (left, _) = walker.controller.contacts
+    assert left.friction is not None
+    assert (left.friction.coefficient, left.friction.facets) == (coefficient, facets)
+
+
 def test_other_tasks_come_along(tmp_path: Path) -> None:
     text = WALK + "tasks:\n  arms: {type: posture, weight: 0.5, joints: {'*elbow*': 1}}\n"
     assert "arms" in {task.name for task in walker_in(problem(tmp_path, text)).lasting_tasks}

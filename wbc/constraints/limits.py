@@ -62,6 +62,9 @@ class Limits(DeclaredAttributes):
         takes the velocity limit divided by 0.1 s (no bound where there is no velocity limit); a
         torque controller then counts on no more than half of what the joint's torque gives it, see
         :meth:`within_torques`.
+    speed_up:
+        Likewise, for speeding up alone; None: the ``acceleration``. At the torque level torques
+        bound that as well.
     braking:
         ``"free"``: a joint may stop in one tick if tasks ask for it, and speed up the other way in
         the same; ``tick.braked`` names those that change their velocity by more than the
@@ -78,8 +81,9 @@ class Limits(DeclaredAttributes):
 
     Attributes
     ----------
-    speed, acceleration:
+    speed, acceleration, speed_up:
         Of each joint (nv - 6,), positive, read-only. Others can be assigned, one number too.
+        ``speed_up`` may be None.
 
     Raises
     ------
@@ -95,7 +99,7 @@ class Limits(DeclaredAttributes):
         return f"Limits({self.robot.name!r}, {self.robot.nv - 6} joints)"
 
     def _set_attribute(self, name: str, value: Any) -> None:
-        if name in ("speed", "acceleration"):
+        if name in ("speed", "acceleration") or (name == "speed_up" and value is not None):
             value = _by_joint(f"limits, {name}", value, self.robot.nv - 6)
         elif name == "braking":
             one_of("kind of braking", value, BRAKING)
@@ -113,6 +117,7 @@ class Limits(DeclaredAttributes):
     upper: Array
     speed: ArrayAttribute
     acceleration: ArrayAttribute
+    speed_up: Array | None
     by_default: bool  # whether the accelerations are
     braking: str
     base_twist: Array
@@ -126,6 +131,7 @@ class Limits(DeclaredAttributes):
         margin: float = 0.0,
         velocity: float | None = 1.0,
         acceleration: ArrayLike | None = None,
+        speed_up: ArrayLike | None = None,
         braking: str = "free",
         base_twist: ArrayLike | None = None,
         recovery: float = 0.2,
@@ -138,6 +144,9 @@ class Limits(DeclaredAttributes):
         self.by_default = acceleration is None
         by_speed = self.speed / DEFAULT_RISE_TIME
         self.acceleration = by_speed if acceleration is None else acceleration
+        self.speed_up = None
+        if speed_up is not None:
+            self.speed_up = _by_joint("limits, speed_up", speed_up, robot.nv - 6)
         self.braking = braking
         twist = np.full(6, np.inf) if base_twist is None else base_twist
         self.base_twist = _positive("limits, base_twist", twist, 6)
@@ -175,7 +184,8 @@ class Limits(DeclaredAttributes):
         ``deceleration`` (nv - 6,): what braking may count on; None: the acceleration.
         """
         slow = self.acceleration if deceleration is None else deceleration
-        joints = (self.lower, self.upper, self.speed, self.acceleration, slow)
+        rise = self.acceleration if self.speed_up is None else self.speed_up
+        joints = (self.lower, self.upper, self.speed, rise, slow)
         return np.concatenate((*joints, -self.base_twist, self.base_twist))
 
     def worst_margin(self, q: Array) -> tuple[float, str]:

@@ -271,8 +271,9 @@ class CorePlan:
         """Write what has changed since the last tick; False if that needs another plan."""
         forces, limits = self.memory.forces, self._limits
         if limits is not None:
-            speed, acceleration, recovery = self._rates
-            if limits.speed is not speed or limits.acceleration is not acceleration:
+            speed, acceleration, speed_up, recovery = self._rates
+            same = limits.speed is speed and limits.acceleration is acceleration
+            if not (same and limits.speed_up is speed_up):
                 self.memory.write_limits(limits)
                 self._rates = _rates(limits)
             if limits.recovery != recovery:
@@ -298,8 +299,8 @@ def solves(backend: Backend | None) -> TypeGuard[ActiveSet | ProxQP]:
     return type(backend) is ActiveSet or (type(backend) is ProxQP and backend.warm)
 
 
-def _rates(limits: Limits | None) -> tuple[Array | None, Array | None, float]:
+def _rates(limits: Limits | None) -> tuple[Array | None, Array | None, Array | None, float]:
     """Return what the core was told of the limits that may be assigned, compared by identity."""
     if limits is None:
-        return None, None, 0.0
-    return limits.speed, limits.acceleration, limits.recovery
+        return None, None, None, 0.0
+    return limits.speed, limits.acceleration, limits.speed_up, limits.recovery

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from wbc.constraints.friction import FrictionCone
 from wbc.gait import Footstep, Legs, Velocity, Walker, WalkingWeights
 from wbc.gait.commanded import CommandedWalk, Forces, TimedCommand
 from wbc.gait.phases import sole_poses
 from wbc.gait.prescribed_steps import in_world
 from wbc.gait.settings import GaitSettings
 from wbc.gait.step_range import StepRange
+from wbc.gait.walker import FRICTION
 from wbc.problem.components import Parts
 from wbc.problem.controller_spec import TorqueSpec
+from wbc.problem.friction import FrictionSpec, cone
 from wbc.problem.mistakes import Misplaced, Mistakes, read_section
 from wbc.problem.section import KeysOf, NonEmpty, NonNegative, Number, Pair, Positive, Section
 from wbc.problem.source import Source
@@ -192,13 +196,21 @@ def walker_of(spec: WalkSpec, parts: Parts) -> Walker:
         spec.gait.settings,
         weights=WalkingWeights(**spec.gait.weights),
         posture=parts.start,
-        friction=spec.controller.friction_cone,
+        friction=friction_of(spec),
         tasks=[one.task for one in parts.targeted if spec.tasks[one.task.name].active],
         constraints=parts.surroundings.around(start, parts.contacts),
         limits=parts.limits,
         solver=spec.controller.backend(),
         **spec.controller.settings,
     )
+
+
+def friction_of(spec: WalkSpec) -> FrictionCone:
+    """Return what soles may bear: the controller's, with a walker's facets if it says none."""
+    given = spec.controller.friction
+    if isinstance(given, FrictionSpec) and "facets" in given.model_fields_set:
+        return cone(given)
+    return replace(cone(given), facets=FRICTION.facets)
 
 
 def commanded_walk(spec: WalkSpec, parts: Parts, forces: Forces | None) -> CommandedWalk:

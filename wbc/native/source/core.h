@@ -184,8 +184,8 @@ typedef struct {
     const double *frame_placement; /* (frames, 12) */
     const int64_t *start;          /* (nv - 6): where a joint's coordinate is in q */
     const double *damping;         /* (nv + forces) */
-    const double *limit; /* (5, nv - 6): lower, upper, speed, acceleration, deceleration at the
-                          * torque level; (2, 6): the base's */
+    const double *limit; /* (5, nv - 6): lower, upper, speed, and how fast joints speed up and
+                          * brake; (2, 6): the base's */
     const wbc_force *force;
     const double *corner;
     const int64_t *passive;      /* (passives): entries of v without a motor */

@@ -139,11 +139,11 @@ static void recover(const wbc_plan *plan, const double *q, const wbc_qp *qp) {
  * slows down, if that is bounded); at the torque level how it arrives. */
 static void bound(const wbc_plan *plan, const double *q, const double *v, double *lower, double *upper) {
     const int64_t n = plan->tree->nv - 6;
-    const double *lo = plan->limit, *up = lo + n, *speed = up + n, *slow = speed + n;
-    const double dt = plan->dt, *braked = slow + n, *base = braked + n;
+    const double *lo = plan->limit, *up = lo + n, *speed = up + n, *rise = speed + n;
+    const double dt = plan->dt, *braked = rise + n, *base = braked + n;
     for (int i = 0; i < 6; i++) lower[i] = base[i], upper[i] = base[6 + i];
     for (int64_t k = 0; k < n; k++) {
-        const double position = joint_position(plan, q, k), start = slow[k] * dt;
+        const double position = joint_position(plan, q, k), start = rise[k] * dt;
         const double left[2] = {position - lo[k], up[k] - position};
         double most[2];
         for (int side = 0; side < 2; side++) {
@@ -161,15 +161,16 @@ static void bound(const wbc_plan *plan, const double *q, const double *v, double
             }
             const double reach = left[side] < 0.0 ? 0.0 : left[side];
             /* Without limits on speed and acceleration that distance is not a number. */
-            if (left[side] <= FAR && !(reach >= stops_within(most[side], slow[k], dt))) {
-                const double slowed = stopping(reach, slow[k], dt);
+            if (left[side] <= FAR && !(reach >= stops_within(most[side], braked[k], dt))) {
+                const double slowed = stopping(reach, braked[k], dt);
                 if (most[side] > slowed) most[side] = slowed;
             }
         }
         if (plan->braked && !plan->torque) { /* its own limits may ask for harder braking: they win */
             const double other[2] = {-most[1], -most[0]};
             for (int side = 0; side < 2; side++) {
-                const double change = (side ? v[6 + k] : -v[6 + k]) + start;
+                const double towards = side ? v[6 + k] : -v[6 + k];
+                const double change = towards + (towards > 0.0 ? start : braked[k] * dt);
                 if (most[side] > change) most[side] = change;
                 if (most[side] < other[side]) most[side] = other[side];
             }
