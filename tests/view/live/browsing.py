@@ -38,6 +38,7 @@ class Live:
         self.now: Snapshot = self.start
         self.pull: Pulled | None = None
         self.push = np.zeros(3)
+        self.pushed = False  # at any time: a push is over in three frames
         self.changed = threading.Condition()
         update = self.viewer.update
 
@@ -46,6 +47,7 @@ class Live:
             with self.changed:
                 self.now, self.pull = snapshot, more["pull"]
                 self.push = np.zeros(3) if more["push"] is None else more["push"]
+                self.pushed |= bool(self.push.any())
                 self.changed.notify()
 
         self.viewer.update = remember  # type: ignore[method-assign]

@@ -26,7 +26,7 @@ def test_a_push_by_button_and_a_pull_by_drag(browser: Any, simulated: Live) -> N
     live = simulated
     page = opened(browser, live)
     page.get_by_role("button", name="Push", exact=True).click()
-    assert live.becomes(lambda: bool(live.push.any()))
+    assert live.becomes(lambda: live.pushed)
     assert live.becomes(lambda: bool(not live.push.any()))
     live.becomes(lambda: bool(np.abs(live.now.v).max() < 0.02))
     before = live.now.com
