@@ -10,6 +10,7 @@ import pytest
 import wbc
 from wbc.estimation import (
     ContactFilter,
+    EstimatorSettings,
     JointVelocityFilter,
     Measurement,
     MomentumObserver,
@@ -25,9 +26,11 @@ from wbc.simulation import (
     Devices,
     FallLimits,
     Imu,
+    ModelMismatch,
     Plant,
     Push,
     SensedPlant,
+    Sensors,
     Terrain,
     capture_impulse,
 )
@@ -163,3 +166,17 @@ def test_whatever_is_no_such_thing_is_a_typed_error(calls: list[Call]) -> None:
             taken.append((name, key, wrong))
     assert not raw
     assert not taken
+
+
+def test_a_count_is_kept_as_a_whole_number() -> None:
+    robot, bus = Robot.load("hoap2_like"), UdpBus(3.0, port=0.0)  # type: ignore[arg-type]
+    bus.close()
+    seed: Any = 3.0
+    Plant(robot, sensors=Sensors(position_noise=1e-3, seed=seed))
+    Plant(robot, mismatch=ModelMismatch(mass_spread=0.1, seed=seed))
+    SensedPlant(robot, devices=Devices(seed=seed))
+    StateEstimator(robot, settings=EstimatorSettings(history=seed, velocity_window=seed))
+    for wrong in (2.5, -1, True, "3"):
+        for kind in (Sensors, ModelMismatch, Devices):
+            with pytest.raises(wbc.WbcError, match="seed"):
+                kind(seed=wrong)

@@ -99,7 +99,8 @@ class EstimatorSettings:
         shares = {key: interval(f"estimator {key}", getattr(self, key)) for key in LOADS}
         set_fields(self, **shares)
         for key, least in (("velocity_window", 2), ("history", 0)):
-            whole_number(f"estimator, {key}", getattr(self, key), least=least)
+            count = whole_number(f"estimator, {key}", getattr(self, key), least=least)
+            set_fields(self, **{key: count})
 
 
 LOADS = ("load", "estimated_load")

@@ -200,7 +200,7 @@ def _unpacked(packet: bytes, kind: int, joints: int) -> tuple[int, int, float, A
 
 def _opened(address: str, port: int) -> socket.socket:
     check_word("UDP bus, address", address)
-    _port(port)
+    port = _port(port)
     own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         own.setblocking(False)

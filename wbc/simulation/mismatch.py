@@ -54,12 +54,12 @@ class ModelMismatch:
         for name in ("mass_spread", "inertia_spread"):
             if getattr(self, name) >= 1.0:
                 raise InvalidInputError(f"model mismatch, {name}: must be below 1")
-        check_seed("model mismatch, seed", self.seed)
+        set_fields(self, seed=seed_number("model mismatch, seed", self.seed))
 
 
-def check_seed(what: str, seed: object) -> None:
-    """Refuse what is no seed of NumPy's random numbers."""
-    whole_number(what, seed, most=LARGEST)
+def seed_number(what: str, seed: object) -> int:
+    """Return a seed of NumPy's random numbers."""
+    return whole_number(what, seed, most=LARGEST)
 
 
 EXACT = ModelMismatch()

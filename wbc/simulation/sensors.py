@@ -9,8 +9,8 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
-from wbc.simulation.mismatch import check_seed
-from wbc.validate import Array, check_fields
+from wbc.simulation.mismatch import seed_number
+from wbc.validate import Array, check_fields, set_fields
 
 NOISES = (
     "position_noise",
@@ -65,7 +65,7 @@ class Sensors:
         check_fields(self, "sensors, ", *NOISES, "delay", "latency", "dropout", least=0.0)
         if self.dropout > 1.0:
             raise InvalidInputError(f"sensors, dropout: a probability, got {self.dropout:g}")
-        check_seed("sensors, seed", self.seed)
+        set_fields(self, seed=seed_number("sensors, seed", self.seed))
 
 
 class Measurements:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.estimation.imus import ImuMount
 from wbc.kinds import check_kind, check_switches
-from wbc.simulation.mismatch import check_seed
+from wbc.simulation.mismatch import seed_number
 from wbc.validate import check_fields, list_of, set_fields
 
 _G = 9.80665
@@ -222,5 +222,4 @@ class Devices:
         names = [one.name for one in imus]
         if len(set(names)) < len(names):
             raise InvalidInputError(f"devices, imus: names must differ, got {names}")
-        check_seed("devices, seed", self.seed)
-        set_fields(self, imus=imus)
+        set_fields(self, imus=imus, seed=seed_number("devices, seed", self.seed))
