@@ -10,6 +10,7 @@ import pytest
 from wbc.errors import ModelError
 from wbc.robot import Robot
 from wbc.robot.formats.mesh_files import is_read_here, read_mesh
+from wbc.robot.formats.triangles import with_meshes
 from wbc.robot.formats.urdf import read_urdf
 from wbc.robot.formats.xml import read_xml
 from wbc.robot.geometry import RobotMeshes, triangulated
@@ -113,7 +114,7 @@ def test_the_sub_meshes_of_icubs_foot_keep_their_own_vertices(robot_named) -> No
 def test_areas_of_other_robots(urdf: str, link: str, mesh_area: float) -> None:
     path = DATA / urdf
     read = read_urdf(read_xml(path), path, (DATA, DATA.parents[1]))
-    shapes = read.geometry.load(read.model, pin.GeometryType.VISUAL, [link])
+    shapes = with_meshes(read.geometry.surfaces(read.model, pin.GeometryType.VISUAL, [link]))
     (shape,) = shapes.geometryObjects
     surface = triangulated(shape.geometry)
     assert area(surface.vertices, surface.faces) == pytest.approx(mesh_area, rel=1e-3)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
+from wbc.kinds import check_word
 from wbc.robot.mounted import Mount, mount
 from wbc.validate import check_fields
 
@@ -38,8 +38,7 @@ class ImuMount:
     most_force: float = 157.0
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name:
-            raise InvalidInputError("IMU, name: expected a name")
+        check_word("IMU, name", self.name)
         check_fields(self, f"IMU {self.name!r}, ", "most_rate", "most_force", above=0.0)
         _ = self.mount
 

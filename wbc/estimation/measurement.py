@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, shown
+from wbc.errors import InvalidInputError
+from wbc.kinds import check_word
 from wbc.validate import (
     Array,
     by_name,
@@ -44,8 +45,7 @@ class ImuReading:
     specific_force: Array
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name:
-            raise InvalidInputError(f"IMU reading, name: expected a name, got {shown(self.name)}")
+        check_word("IMU reading, name", self.name)
         for key in ("angular_velocity", "specific_force"):
             value = finite_array(f"IMU {self.name!r}, {key}", getattr(self, key), (3,))
             object.__setattr__(self, key, read_only(value))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import check_word
 from wbc.validate import Array, check_fields, finite_array, list_of, read_only, set_fields
 
 WALL_THICKNESS = 0.1  # m
@@ -106,8 +107,7 @@ class Hand:
     radius: float = 0.03
 
     def __post_init__(self) -> None:
-        if not isinstance(self.frame, str) or not self.frame:
-            raise InvalidInputError(f"hand, frame: expected a name, got {self.frame!r}")
+        check_word("hand, frame", self.frame)
         check_fields(self, "hand, ", "radius", above=0.0)
 
 

@@ -22,7 +22,7 @@ from wbc.robot.formats import read_description
 from wbc.robot.formats.description import Description, GeometrySource, lock_joints
 from wbc.robot.formats.srdf import read_srdf
 from wbc.robot.formats.ties import Coupling, Loop
-from wbc.robot.formats.triangles import Surfaces
+from wbc.robot.formats.triangles import Surfaces, with_meshes
 from wbc.robot.library import NamedRobot, RobotSource, find_robot
 from wbc.robot.limits import BASE_NQ, JointLimits
 from wbc.robot.loops import Closure, loops_of, loops_within, without_motors
@@ -294,7 +294,7 @@ class Robot(KinematicTree):
     @cached_property
     def collision_model(self) -> pin.GeometryModel:
         """Collision shapes, without pairs; meshes are read when first asked for."""
-        return self.geometry.load(self.model, pin.GeometryType.COLLISION)
+        return with_meshes(self.geometry.surfaces(self.model, pin.GeometryType.COLLISION))
 
     @cached_property
     def collision_surfaces(self) -> Surfaces:
@@ -304,7 +304,7 @@ class Robot(KinematicTree):
     @cached_property
     def visual_model(self) -> pin.GeometryModel:
         """Shapes to draw; meshes are read when first asked for."""
-        return self.geometry.load(self.model, pin.GeometryType.VISUAL)
+        return with_meshes(self.geometry.surfaces(self.model, pin.GeometryType.VISUAL))
 
     # ------------------------------------------------------------------ configurations
 

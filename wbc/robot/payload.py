@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.robot.formats.description import ContactRules, GeometrySource
-from wbc.robot.formats.triangles import Surfaces, with_meshes
+from wbc.robot.formats.triangles import Surfaces
 from wbc.robot.names import frame_table
 from wbc.validate import Array, finite_array, finite_number, read_only, real_array, set_fields
 
@@ -140,12 +140,6 @@ class CarryingGeometry:
     def content(self) -> Iterable[bytes]:
         """See :class:`~wbc.robot.formats.description.GeometrySource`; payloads touch nothing."""
         return self.own.content()
-
-    def load(
-        self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
-    ) -> pin.GeometryModel:
-        """See :class:`~wbc.robot.formats.description.GeometrySource`."""
-        return with_meshes(self.surfaces(model, kind, links))
 
     def surfaces(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None

@@ -27,7 +27,7 @@ from wbc.simulation.recorder import Recorder
 from wbc.simulation.terrain import Terrain
 from wbc.simulation.trial_record import TrialRecord
 from wbc.simulation.wrench import AppliedWrench
-from wbc.tracking.deviation import PlanReference, PlanTracking, judge
+from wbc.tracking.deviation import Followed, PlanTracking, judge
 from wbc.validate import Array
 
 # A foot that bears less than this part of the robot's weight does not widen the support.
@@ -112,7 +112,7 @@ class SimulationResult:
         plant: Plant,
         record: TrialRecord,
         bounds: Array,
-        plan: PlanReference | None = None,
+        plan: Followed | None = None,
     ) -> SimulationResult:
         """Return the result of a trial; ``bounds`` (nv - 6,) are those on the torques."""
         robot, truth, ticks = plant.robot, record.truth.arrays(), record.ticks

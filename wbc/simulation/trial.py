@@ -21,7 +21,7 @@ from wbc.simulation.loop import STANDING_LIMITS, simulate
 from wbc.simulation.plant import Plant
 from wbc.simulation.result import SimulationResult
 from wbc.simulation.trial_record import TrialRecord
-from wbc.tracking.deviation import PlanReference
+from wbc.tracking.deviation import Followed
 from wbc.validate import Array
 
 
@@ -31,7 +31,7 @@ def run_trial(
     stop: Stop,
     *,
     falls: FallLimits = STANDING_LIMITS,
-    plan: PlanReference | None = None,
+    plan: Followed | None = None,
     progress: Progress | None = None,
     provenance: Mapping[str, Any] | None = None,
     cancelled: Cancelled | None = None,

@@ -16,7 +16,7 @@ from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array
 
 
-class PlanReference(Protocol):
+class Followed(Protocol):
     """A plan or a motion that a robot follows."""
 
     followed: ClassVar[str]
@@ -107,7 +107,7 @@ class PlanTracking:
         return {**found, "begins": self.begins, "ends": self.ends, "until": self.until}
 
 
-def judge(reference: PlanReference, robot: Robot, truth: Mapping[str, Array]) -> PlanTracking:
+def judge(reference: Followed, robot: Robot, truth: Mapping[str, Array]) -> PlanTracking:
     """Return how well what was recorded follows a plan.
 
     Parameters

@@ -139,11 +139,12 @@ class GeometrySource(Protocol):
         """
         ...
 
-    def load(
+    def surfaces(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
-    ) -> pin.GeometryModel:
+    ) -> Surfaces:
         """Return the shapes of ``kind``, placed on ``model``, of all links or only of ``links``.
 
+        Meshes are triangles, which :func:`~wbc.robot.formats.triangles.with_meshes` puts in.
         ``model`` may have joints locked since it was read: links keep their frames.
 
         Raises
@@ -151,12 +152,6 @@ class GeometrySource(Protocol):
         ModelError
             A mesh exists but cannot be read.
         """
-        ...
-
-    def surfaces(
-        self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
-    ) -> Surfaces:
-        """Return the same with its meshes as triangles; errors are those of :meth:`load`."""
         ...
 
 

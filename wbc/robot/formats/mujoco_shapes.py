@@ -14,7 +14,7 @@ import pinocchio as pin
 from wbc.robot.formats.description import NO_RULES, ContactRules
 from wbc.robot.formats.mujoco_part import Names, RobotPart
 from wbc.robot.formats.mujoco_tree import pose_of
-from wbc.robot.formats.triangles import Surfaces, Triangles, with_meshes
+from wbc.robot.formats.triangles import Surfaces, Triangles
 from wbc.validate import Array
 
 SHOWN_GROUPS = 3  # geoms of groups 0, 1 and 2 are drawn; those above are for contacts only
@@ -49,12 +49,6 @@ class MujocoGeometry:
     def content(self) -> Iterator[bytes]:
         """See :class:`wbc.robot.formats.description.GeometrySource`."""
         yield pickle.dumps((self.shapes, self.meshes))
-
-    def load(
-        self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
-    ) -> pin.GeometryModel:
-        """See :class:`wbc.robot.formats.description.GeometrySource`."""
-        return with_meshes(self.surfaces(model, kind, links))
 
     def surfaces(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None

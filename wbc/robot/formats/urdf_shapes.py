@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from wbc.robot.formats.description import NO_RULES, ContactRules, pinocchio_reads
 from wbc.robot.formats.mesh_files import is_read_here, read_mesh, refuse_huge_meshes
-from wbc.robot.formats.triangles import Surfaces, Triangles, with_meshes
+from wbc.robot.formats.triangles import Surfaces, Triangles
 from wbc.robot.formats.urdf_exporters import SHAPES
 from wbc.validate import Array
 
@@ -35,12 +35,6 @@ class UrdfGeometry:
         meshes = ET.fromstring(self.text).iterfind(f".//{SHAPES[pin.GeometryType.COLLISION]}//mesh")
         for file in sorted({mesh.get("filename", "") for mesh in meshes}):
             yield Path(file).read_bytes()
-
-    def load(
-        self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
-    ) -> pin.GeometryModel:
-        """See :class:`wbc.robot.formats.description.GeometrySource`."""
-        return with_meshes(self.surfaces(model, kind, links))
 
     def surfaces(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
