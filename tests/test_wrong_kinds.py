@@ -180,3 +180,14 @@ def test_a_count_is_kept_as_a_whole_number() -> None:
         for kind in (Sensors, ModelMismatch, Devices):
             with pytest.raises(wbc.WbcError, match="seed"):
                 kind(seed=wrong)
+
+
+def test_numbers_of_pairs_are_read_whatever_their_width() -> None:
+    robot = Robot.load("hoap2_like")
+    snapshot, collision = robot.snapshot(robot.posture("standing")), wbc.SelfCollision(robot)
+    keys = np.arange(0, 9, 2)
+    wanted = collision.distances(snapshot, keys)
+    for width in (np.int8, np.uint16, np.int32, np.uint64):
+        found = collision.distances(snapshot, keys.astype(width))  # type: ignore[arg-type]
+        np.testing.assert_array_equal(found.clearance, wanted.clearance)
+        np.testing.assert_array_equal(found.jacobian, wanted.jacobian)

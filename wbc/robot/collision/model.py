@@ -159,6 +159,7 @@ class CollisionModel:
             raise InvalidInputError(
                 f"pairs: expected numbers (k,) from 0 to {total - 1}, got {shown(pairs)}"
             )
+        pairs = pairs.astype(np.int64, copy=False)  # as the core reads them
         if self.native is not None:
             found = self.native.measure(snapshot.native_state, pairs)
             if found is not None:
