@@ -162,7 +162,8 @@ def footsteps_picture(name: str) -> None:
     axes.set_aspect("equal")
     for step, pose in zip(steps, landed(result, len(steps)), strict=True):
         colour = style.BLUE if step.foot == "left" else style.VERMILION
-        for at, look in ((pose, {"alpha": 0.25}), (step.pose, {"fill": False, "linestyle": "--"})):
+        asked = step.pose(0.0)  # seen from above
+        for at, look in ((pose, {"alpha": 0.25}), (asked, {"fill": False, "linestyle": "--"})):
             sole = result.robot.feet[step.foot].polygon @ turned(at[2])[:2, :2].T + at[:2]
             axes.fill(*sole.T, color=colour, **look)
     axes.plot(*result.arrays["com"][:, :2].T, color=style.BLACK, linewidth=1.0, label="CoM")
