@@ -309,3 +309,12 @@ def test_how_small_a_conflict_is_proved(rows, steep, c, most, tolerance) -> None
             weights = [row.multiplier for row in found.rows]
             assert sorted(np.abs(weights)) == pytest.approx([0.5 * d / steep] * 2, rel=1e-2)
             assert min(weights) < 0.0 < max(weights)
+
+
+def test_rows_that_only_repair_what_is_lost_beyond_reach_are_not_blamed() -> None:
+    """x <= 0 and x + 1e-5 u >= 1000 hold at u >= 1e8 alone; the other two rows bound u by 0."""
+    rows = np.array([[1, 0, 0, 0], [1, 1e-5, 0, 0], [0, 0, 1, 0], [0, 1e-2, 1, 0]])
+    qp = make(C=rows, l=[-np.inf, 1000.0, 0.0, -np.inf], u=[0.0, np.inf, np.inf, 0.0])
+    conflict = find_conflict(qp)
+    assert conflict is not None
+    assert {row.label for row in conflict.rows} == {"inequality 0", "inequality 1"}

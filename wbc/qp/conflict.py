@@ -34,7 +34,7 @@ _SURVIVING = 0.5
 _ZERO = 1e-6, 1e-9
 # Weights below this part of the heaviest, by that, are what is left of 0.
 _ROUNDING = 1e-3
-_SPARED = 0.01  # of the gap, what a row may close of it within REACH if it is spared
+_SPARED = 0.1  # of the gap, what a row may close of it within REACH if it is spared
 # Unknowns are assumed to stay within this: what rounding leaves of y'A + z'C + z_box' counts so
 # often.
 REACH = 1e6
@@ -184,10 +184,8 @@ def conflict_of(
             exact = _irreducible(own, free, end, _ROUNDING * zero)
             if exact is None or (gap := _gap(matrix, end, exact, tolerance)) == 0.0:
                 continue
-            # Rows so light that the others could only be met far beyond REACH can be spared.
-            less = np.where(REACH * np.abs(exact) < _SPARED * gap, 0.0, exact)
-            if (left := _gap(matrix, end, less, tolerance)) > 0.0:
-                exact, gap = less, left
+            while (less := _without_needless(matrix, end, exact, tolerance)) is not None:
+                exact, gap = less
             return _named(qp, rows, named, exact, gap)
         if reducible is None and (gap := _gap(matrix, end, own, tolerance)) > 0.0:
             reducible = _named(qp, rows, named, own, gap)
@@ -259,6 +257,37 @@ def _without_one(own: Array, free: Array, ends: Array) -> tuple[Array, Array]:
     ratio[shrinks] = np.abs(own[shrinks] / other[shrinks])
     first = ratio.argmin()
     return own + ratio[first] * other, np.arange(own.size) == first
+
+
+def _without_needless(
+    matrix: Array, ends: Array, weights: Array, tolerance: float
+) -> tuple[Array, float] | None:
+    """Return a certificate (s,) of fewer rows (s, n), and its gap; None: each row is needed.
+
+    Without a row the others are independent, but may be so nearly dependent that they could only
+    be met far beyond REACH: it is spared. Of all combinations without row k the shortest is, with
+    G the pseudo-inverse of the rows' products and w the certificate, w - G_k w_k / G_kk.
+    """
+    kept = np.flatnonzero(weights)
+    own = weights[kept]
+    left, values, _ = np.linalg.svd(matrix[kept])
+    size = min(values.size, kept.size - 1)  # all but the certificate itself
+    inverse = left[:, :size] / values[:size]
+    products = inverse @ inverse.T
+    for k in np.argsort(np.abs(own), kind="stable").tolist():
+        if products[k, k] == 0.0:  # there is no combination without it
+            continue
+        less = own - products[k] * (own[k] / products[k, k])
+        less[k] = 0.0
+        if (less * own < 0.0).any():
+            continue
+        leak = REACH * float(np.abs(less @ matrix[kept]).sum())
+        gap = _gap(matrix[kept], ends[kept], less, tolerance)
+        if leak < _SPARED * gap:
+            found = np.zeros(weights.size)
+            found[kept] = less
+            return found, gap
+    return None
 
 
 def _zeros(matrix: Array, zero: float = _ZERO[-1]) -> Array:
