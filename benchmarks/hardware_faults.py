@@ -172,7 +172,6 @@ class Rig:
         self.bus = RailRobot(robot, seed)
         self.controller = RailController(robot)
         kp, kd = np.full(n, 20.0), np.full(n, 0.5)
-        limits = robot.limits
         self.safety = Safety(SafetyLimits.of(robot, kp, kd), kd, DT)
         rows, zero = np.tile(self.bus.middle, (2, 1)), np.zeros((2, n))
         path = CrouchPath(rows, zero, robot.postures["standing"])
@@ -180,7 +179,7 @@ class Rig:
             lambda: self.bus,
             self.controller,  # type: ignore[arg-type]
             self.safety,
-            SensorChecks(limits.lower, limits.upper, limits.velocity, limits.effort),
+            SensorChecks(robot),
             Motions(
                 PostureMotion(path, kp, kd, up=True, onto=0.05, along=0.05),
                 PostureMotion(path, kp, kd, up=False, onto=0.05, along=0.05),

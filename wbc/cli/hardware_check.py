@@ -34,7 +34,7 @@ def check(
     with errors_in_one_line():
         from wbc.hardware.check import CheckFinding, CheckGains, listen, move_joints
         from wbc.hardware.real_time import real_time, slow_down
-        from wbc.hardware.setup import Where, checks_of, safety_of
+        from wbc.hardware.setup import Where, safety_of
         from wbc.hardware.unitree import profile_named
         from wbc.hardware.unitree.profiles import by_pattern
         from wbc.robot import Robot
@@ -56,7 +56,7 @@ def check(
         with real_time(priority) as refused:
             for note in refused:
                 print_note(note)
-            for finding in listen(end, loaded, checks_of(loaded)):
+            for finding in listen(end, loaded):
                 told(finding)
             if wrong:
                 complain("joints are not moved before this is mended")
@@ -66,7 +66,7 @@ def check(
             if move:
                 kp, kd = by_pattern(loaded, profile.stiffness), by_pattern(loaded, profile.holding)
                 safety = safety_of(loaded, profile, 0.002)
-                move_joints(end, loaded, safety, checks_of(loaded), CheckGains(kp, kd), told=told)
+                move_joints(end, loaded, safety, CheckGains(kp, kd), told=told)
         end.close()
         raise typer.Exit(STOPPED if wrong else 0)
 

@@ -18,7 +18,8 @@ from wbc.estimation.contact_filter import SHOWN
 from wbc.hardware.bus import Command, Reading
 from wbc.hardware.loop import PERIOD
 from wbc.hardware.safety import Fault, ForbiddenTransition, Mode, Safety
-from wbc.hardware.setup import checks_of, safety_of
+from wbc.hardware.sensor_checks import SensorChecks
+from wbc.hardware.setup import safety_of
 from wbc.validate import Array
 
 SEED = 34
@@ -97,7 +98,7 @@ def _cycles(parts: HardwareParts) -> Iterator[list[float]]:
     """Yield of each cycle what came and was asked for, and what was decided."""
     rng = np.random.default_rng(SEED + 1)
     safety = safety_of(parts.robot, parts.profile, PERIOD)
-    checks, faults, modes = checks_of(parts.robot), list(Fault), list(Mode)
+    checks, faults, modes = SensorChecks(parts.robot), list(Fault), list(Mode)
     last: Reading | None = None
     for k, (now, reading, extra, wanted) in enumerate(_what_comes(parts, rng)):
         asked = _asked(safety, k)

@@ -46,9 +46,7 @@ class CheckGains:
     kd: Array
 
 
-def listen(
-    bus: Bus, robot: Robot, checks: SensorChecks, seconds: float = 2.0
-) -> list[CheckFinding]:
+def listen(bus: Bus, robot: Robot, seconds: float = 2.0) -> list[CheckFinding]:
     """Listen without commanding anything; return what readings say of bus and sensors.
 
     Raises
@@ -56,7 +54,7 @@ def listen(
     WbcError
         Nothing comes.
     """
-    readings, refused = list[Reading](), list[str]()
+    checks, readings, refused = SensorChecks(robot), list[Reading](), list[str]()
     arrivals, until = list[float](), now() + seconds
     while now() < until:
         reading = bus.read()
@@ -134,7 +132,6 @@ def move_joints(
     bus: Bus,
     robot: Robot,
     safety: Safety,
-    checks: SensorChecks,
     gains: CheckGains,
     *,
     told: Callable[[CheckFinding], None] = lambda finding: None,
@@ -148,7 +145,7 @@ def move_joints(
     WbcError
         The safety layer stopped it; the message says why.
     """
-    mover = _Mover(bus, safety, checks, gains)
+    mover = _Mover(bus, safety, SensorChecks(robot), gains)
     found = list[CheckFinding]()
     try:
         mover.begin()

@@ -164,6 +164,8 @@ class SafetyLimits:
 
     Attributes
     ----------
+    names:
+        Of the joints.
     lower, upper, velocity, effort:
         Of the joints (n,) [rad or m, per second, N m or N]; effort must be finite.
     kp, kd:
@@ -182,6 +184,7 @@ class SafetyLimits:
         The axis of the IMU (3,) that is vertical when the robot stands.
     """
 
+    names: tuple[str, ...]
     lower: Array
     upper: Array
     velocity: Array
@@ -221,7 +224,8 @@ class SafetyLimits:
                 " write it into the robot's file"
             )
         rate = 2.0 * found.effort / 0.010
-        return cls(found.lower, found.upper, found.velocity, found.effort, kp, kd, rate)
+        joints = found.lower, found.upper, found.velocity, found.effort
+        return cls(robot.joint_names, *joints, kp, kd, rate)
 
 
 # ---------------------------------------------------------------------- the layer
@@ -342,7 +346,7 @@ class Safety:
     def _worst(self, fault: Fault, values: Array, most: float) -> None:
         k = int(values.argmax())
         if not values[k] <= most:  # NaN, too, which argmax finds first
-            self.report(fault, f"joint {k}")
+            self.report(fault, self.limits.names[k])
 
     def judge(self, now: float) -> Mode:
         """End a cycle's reports: change the mode where a fault was borne for too long."""

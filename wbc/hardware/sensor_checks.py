@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.hardware.bus import Reading
 from wbc.hardware.safety import Fault
+from wbc.robot import Robot
 from wbc.rotations import rotation_from
 from wbc.validate import Array
 
@@ -38,19 +39,14 @@ class SensorFinding(NamedTuple):
 
 
 class SensorChecks:
-    """Looks at each reading; keeps what it compares with.
+    """Looks at each reading of a robot; keeps what it compares with."""
 
-    Parameters
-    ----------
-    lower, upper, velocity, effort:
-        Limits of the joints (n,).
-    """
-
-    def __init__(self, lower: Array, upper: Array, velocity: Array, effort: Array) -> None:
-        self._lower, self._upper, self._velocity = lower, upper, velocity
-        self._effort = effort
+    def __init__(self, robot: Robot) -> None:
+        limits, self._names = robot.limits, robot.joint_names
+        self._lower, self._upper = limits.lower, limits.upper
+        self._velocity, self._effort = limits.velocity, limits.effort
         self._past = deque[Reading]()  # usable ones of the last WINDOW
-        self._velocities, self._spins = np.zeros(len(lower)), np.zeros(3)  # their sums
+        self._velocities, self._spins = np.zeros(len(self._names)), np.zeros(3)  # their sums
         self._offset: float | None = None  # of the robot's clock from ours, at its freshest
         self._strange = deque[float](maxlen=AGREE_AGAIN)
         self._changed = [0.0, 0.0]  # when a bit of gyroscope and accelerometer last did
@@ -150,10 +146,10 @@ class SensorChecks:
     def _possible(self, r: Reading) -> SensorFinding | None:
         beyond = np.maximum(r.position - self._upper, self._lower - r.position)
         if beyond.max() > FARTHEST:
-            return SensorFinding(Fault.IMPLAUSIBLE, f"position of joint {int(beyond.argmax())}")
+            return SensorFinding(Fault.IMPLAUSIBLE, f"position of {self._names[beyond.argmax()]}")
         faster = np.abs(r.velocity) - FASTEST * self._velocity
         if faster.max() > 0.0:
-            return SensorFinding(Fault.IMPLAUSIBLE, f"velocity of joint {int(faster.argmax())}")
+            return SensorFinding(Fault.IMPLAUSIBLE, f"velocity of {self._names[faster.argmax()]}")
         if r.temperature.min() < COLDEST or r.temperature.max() > HOTTEST:
             return SensorFinding(Fault.IMPLAUSIBLE, "temperature")
         if abs(np.linalg.norm(r.quaternion) - 1.0) > NORM:
@@ -176,7 +172,7 @@ class SensorChecks:
         reach = JUMP + passed * np.minimum(self._velocity, np.abs(last.velocity) + 5.0)
         over = np.abs(r.position - last.position) - reach
         if over.max() > 0.0:
-            return SensorFinding(Fault.JUMPED, f"joint {int(over.argmax())}")
+            return SensorFinding(Fault.JUMPED, self._names[over.argmax()])
         turn = 2.0 * np.arccos(min(abs(float(r.quaternion @ last.quaternion)), 1.0))
         if turn > 2.0 * JUMP + passed * (np.linalg.norm(last.angular_velocity) + 10.0):
             return SensorFinding(Fault.JUMPED, "orientation")
@@ -193,7 +189,7 @@ class SensorChecks:
             told = self._velocities / count
             off = np.abs(rate - told) - RATE_OFF - RATE_PART * np.maximum(abs(rate), abs(told))
             if off.max() > 0.0:
-                found.append(SensorFinding(Fault.ENCODER_DISAGREES, f"joint {int(off.argmax())}"))
+                found.append(SensorFinding(Fault.ENCODER_DISAGREES, self._names[off.argmax()]))
             R = rotation_from(first.quaternion).T @ rotation_from(r.quaternion)
             turn = (
                 0.5 * np.array((R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])) / passed
@@ -231,5 +227,5 @@ class SensorChecks:
         if commanded is None:
             return []
         off = np.abs(r.torque - commanded) - TORQUE_OFF * self._effort
-        k = int(off.argmax())
-        return [SensorFinding(Fault.TORQUE_DISAGREES, f"joint {k}")] if off[k] > 0.0 else []
+        k = off.argmax()
+        return [SensorFinding(Fault.TORQUE_DISAGREES, self._names[k])] if off[k] > 0.0 else []

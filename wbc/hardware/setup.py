@@ -110,12 +110,6 @@ def safety_of(robot: Robot, profile: Profile, dt: float) -> Safety:
     return Safety(limits, damping, dt)
 
 
-def checks_of(robot: Robot) -> SensorChecks:
-    """Return what looks at the readings of a robot."""
-    limits = robot.limits
-    return SensorChecks(limits.lower, limits.upper, limits.velocity, limits.effort)
-
-
 def motions_of(robot: Robot, profile: Profile, path: CrouchPath) -> Motions:
     """Return the ways up and down."""
     kp, kd = by_pattern(robot, profile.stiffness), by_pattern(robot, profile.holding)
@@ -170,7 +164,7 @@ def loop_of(
         bus,
         controller,
         safety_of(robot, profile, PERIOD),
-        checks_of(robot),
+        SensorChecks(robot),
         motions_of(robot, profile, path),
         operator,
         log=log,

@@ -1,0 +1,185 @@
+"""Robots whose bus, sensors and joints are wrong in one way each: what a check says of them.
+
+They hang, their joints follow commands of their own motor, and time is a number that sleeps add to.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wbc.errors import WbcError
+from wbc.hardware import check, real_time
+from wbc.hardware.bus import Command, Reading
+from wbc.hardware.check import CheckFinding, CheckGains, listen, move_joints
+from wbc.hardware.setup import safety_of
+from wbc.hardware.unitree import profile_named
+from wbc.hardware.unitree.profiles import by_pattern
+from wbc.robot import Robot
+
+PERIOD, FOLLOW = 0.002, 0.02  # s between readings, and of the joints' motion
+ELBOW, SHOULDER, WRIST = "left_elbow_joint", "left_shoulder_roll_joint", "right_wrist_roll_joint"
+KNEE, OTHER_KNEE = "left_knee_joint", "right_knee_joint"
+DRAGGED, HIP = "right_elbow_joint", "right_hip_yaw_joint"
+Change = Callable[[Reading], Reading]
+
+
+class HangingRobot:
+    """Joints that go where their motors are told, without physics; readings by the clock."""
+
+    def __init__(self, robot: Robot, clock: dict[str, float]) -> None:
+        n = len(robot.joint_names)
+        self.dropped: Counter[str] = Counter()
+        self.position = robot.postures["standing"][7:].copy()
+        self.goal, self.clock, self.sent = self.position.copy(), clock, 0
+        self.sign, self.motor, self.loose = np.ones(n), np.arange(n), np.ones(n)
+        self.change: Change = lambda reading: reading
+        self.command = Command.damping(np.zeros(n), enabled=False)
+        self.random = np.random.default_rng(3)
+
+    def read(self) -> Reading | None:
+        due = int(self.clock["now"] / PERIOD)
+        if due == self.sent:
+            return None
+        share = 1.0 - np.exp(-(due - self.sent) * PERIOD / FOLLOW)
+        speed = share * (self.goal - self.position) / PERIOD
+        self.position = self.position + share * (self.goal - self.position)
+        self.sent, n, noise = due, self.position.size, self.random.normal
+        zero, warm = np.zeros(n), np.full(n, 30.0)
+        joints = self.position + 1e-5 * noise(size=n), speed + 1e-3 * noise(size=n)
+        still, up = 1e-3 * noise(size=3), np.array((0.0, 0.0, 9.81)) + 1e-2 * noise(size=3)
+        level = np.array((0.0, 0.0, 0.0, 1.0))
+        return self.change(Reading(due, due * PERIOD, *joints, zero, warm, level, still, up))
+
+    def write(self, command: Command) -> None:
+        """Begin to go where motors are told, from where joints are."""
+        self.command = command
+        if command.enabled and command.kp.any():
+            if not hasattr(self, "origin"):
+                self.origin = self.position.copy()
+            moved = (self.sign * (command.position - self.origin))[self.motor]
+            self.goal = self.origin + self.loose * moved
+
+    def close(self) -> None: ...
+
+
+@pytest.fixture(scope="module")
+def g1() -> Robot:
+    return Robot.load("g1")
+
+
+@pytest.fixture
+def hanging(g1: Robot, monkeypatch: pytest.MonkeyPatch) -> HangingRobot:
+    clock = {"now": 100.0}
+
+    def sleep(seconds: float) -> None:
+        clock["now"] += seconds
+
+    def sleep_until(deadline: float) -> None:
+        clock["now"] = max(clock["now"], deadline)
+
+    monkeypatch.setattr(check.time, "sleep", sleep)
+    monkeypatch.setattr(check, "now", lambda: clock["now"])
+    monkeypatch.setattr(real_time, "now", lambda: clock["now"])
+    monkeypatch.setattr(real_time, "sleep_until", sleep_until)
+    return HangingRobot(g1, clock)
+
+
+def wrong(findings: list[CheckFinding]) -> dict[str, str]:
+    return {one.what: one.seen for one in findings if not one.good}
+
+
+def moved(g1: Robot, bus: HangingRobot) -> list[CheckFinding]:
+    profile = profile_named("unitree_g1")
+    gains = CheckGains(by_pattern(g1, profile.stiffness), by_pattern(g1, profile.holding))
+    return move_joints(bus, g1, safety_of(g1, profile, PERIOD), gains)
+
+
+@pytest.mark.slow
+def test_a_robot_as_it_should_be_has_no_finding(g1: Robot, hanging: HangingRobot) -> None:
+    assert not wrong(listen(hanging, g1))
+    findings = moved(g1, hanging)
+    assert not wrong(findings) and [one.what for one in findings] == list(g1.joint_names)
+    assert hanging.command.is_passive  # it is left braking
+    np.testing.assert_allclose(hanging.position, hanging.origin, atol=0.08)  # 2 degrees off stops
+
+
+@pytest.mark.slow
+def test_joints_that_are_wrong_in_one_way_each_are_told_apart(
+    g1: Robot, hanging: HangingRobot
+) -> None:
+    roll, elbow, wrist, left, right = map(
+        g1.joint_names.index, (SHOULDER, ELBOW, WRIST, KNEE, OTHER_KNEE)
+    )
+    hanging.loose[roll], hanging.sign[elbow], hanging.loose[wrist] = 0.0, -1.0, 3.0
+    hanging.motor[[left, right]] = right, left
+    hanging.motor[g1.joint_names.index(DRAGGED)] = g1.joint_names.index(HIP)  # by its wires
+    said = wrong(moved(g1, hanging))
+    assert said.keys() == {SHOULDER, ELBOW, WRIST, KNEE, OTHER_KNEE, DRAGGED, HIP}
+    assert "blocked" in said[SHOULDER] and "blocked" in said[DRAGGED]
+    assert "its sign is swapped" in said[ELBOW] and "3.0 times as far as told" in said[WRIST]
+    assert f"{OTHER_KNEE} moved instead" in said[KNEE] and f"{DRAGGED} by" in said[HIP]
+
+
+def tilted(reading: Reading) -> Reading:
+    half = 0.5  # of 1 rad about x
+    turned = np.array((np.sin(half), 0.0, 0.0, np.cos(half)))
+    force = 9.81 * np.array((0.0, np.sin(2 * half), np.cos(2 * half)))
+    return replace(reading, quaternion=turned, specific_force=force)
+
+
+def beyond(reading: Reading) -> Reading:
+    position = reading.position.copy()
+    position[3] = 2.95  # a knee, of at most 2.88
+    return replace(reading, position=position)
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (tilted, "upright"),
+        (beyond, "range"),
+        (lambda one: replace(one, specific_force=one.specific_force / 9.81), "gravity"),
+        (lambda one: replace(one, specific_force=-one.specific_force), "gravity"),
+        (lambda one: replace(one, angular_velocity=one.angular_velocity + 0.2), "gyroscope"),
+        (lambda one: replace(one, time=one.time * 5.0), "rate"),
+    ],
+)
+def test_a_sensor_that_is_wrong_is_named(
+    g1: Robot, hanging: HangingRobot, change: Change, what: str
+) -> None:
+    hanging.change = change
+    assert what in wrong(listen(hanging, g1))
+
+
+def test_lost_messages_are_counted(g1: Robot, hanging: HangingRobot) -> None:
+    def lose(reading: Reading) -> Reading | None:
+        return None if reading.sequence % 20 == 0 else reading
+
+    hanging.change = lose  # type: ignore[assignment]
+    assert wrong(listen(hanging, g1))["lost"].endswith("readings")
+
+
+def test_a_robot_that_says_nothing_is_an_error_with_what_to_look_at(
+    g1: Robot, hanging: HangingRobot
+) -> None:
+    hanging.change = lambda reading: None  # type: ignore[assignment,return-value]
+    hanging.dropped["damaged"] = 7
+    with pytest.raises(WbcError, match=r"0 usable readings.*low-level mode.*7 damaged"):
+        listen(hanging, g1)
+
+
+def test_a_joint_that_is_thrown_about_stops_the_check_in_words(
+    g1: Robot, hanging: HangingRobot
+) -> None:
+    def jump(reading: Reading) -> Reading:
+        if reading.time < 102.0:
+            return reading
+        return replace(reading, position=reading.position + 0.8, velocity=reading.velocity + 60.0)
+
+    hanging.change = jump
+    with pytest.raises(WbcError, match=r"check: .*_joint; motors brake"):
+        moved(g1, hanging)
+    assert hanging.command.is_passive
