@@ -59,7 +59,8 @@ def test_names_are_text_and_long_lists_end() -> None:
 
 def test_robot_and_ticks_show_what_one_asks_first() -> None:
     robot = wbc.Robot.load("hoap2_like")
-    assert {"7.10 kg", "left, right", "floating"} <= set(Cells(robot._repr_html_()).words)
+    shown = Cells(robot._repr_html_())
+    assert {"7.10 kg", "left, right", "floating"} <= set(shown.words) and is_drawn(shown)
     start = robot.snapshot(robot.posture("standing"))
     tasks = [wbc.ComTask(robot, start.com + (0.1, 0, 0)), wbc.PostureTask(robot, start.q)]
     for kind in (wbc.KinematicController, wbc.TorqueController):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wbc.robot.geometry import Surface
+from wbc.robot.formats.triangles import Triangles
 from wbc.simulation import Step, Terrain
 from wbc.view.boards import board_surfaces
 
@@ -20,7 +20,7 @@ def local(points: Array) -> Array:
     return np.column_stack((c * x + s * y, c * y - s * x, z))
 
 
-def volume(surface: Surface) -> float:
+def volume(surface: Triangles) -> float:
     """Enclosed by triangles of any winding around their middle [m^3]."""
     corners = (surface.vertices - surface.vertices.mean(axis=0))[surface.faces]
     return float(np.abs(np.linalg.det(corners)).sum() / 6.0)

@@ -9,19 +9,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from wbc.robot.formats.triangles import Triangles
 from wbc.robot.model import Robot
 from wbc.validate import Array, read_only
 
 AROUND = 96  # vertices around an axis: a chord is at most 0.05 % of the radius inside the circle
 ALONG = 48  # from pole to pole
-
-
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """Triangles: ``vertices`` (k, 3) [m] and ``faces`` (m, 3), indices of vertices."""
-
-    vertices: Array
-    faces: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +47,13 @@ class RobotMeshes:
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
-        shapes = robot.visual_model
-        if not shapes.ngeoms:
-            shapes = robot.collision_model
-        placed = [_in_joint_frame(robot.model, shape) for shape in shapes.geometryObjects]
+        surfaces = robot.visual_surfaces
+        if not surfaces.shapes.ngeoms:
+            surfaces = robot.collision_surfaces
+        placed = [
+            _in_joint_frame(robot.model, shape, surfaces.meshes.get(shape.name))
+            for shape in surfaces.shapes.geometryObjects
+        ]
         self._meshes = [(joint, mesh) for joint, mesh in placed if len(mesh.faces)]
 
     @property
@@ -83,9 +79,13 @@ def joint_placements(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:
     )
 
 
-def _in_joint_frame(model: pin.Model, shape: pin.GeometryObject) -> tuple[int, Mesh]:
+def _in_joint_frame(
+    model: pin.Model, shape: pin.GeometryObject, read: Triangles | None
+) -> tuple[int, Mesh]:
     rgba = [float(value) for value in shape.meshColor]
-    surface = triangulated(shape.geometry) if rgba[3] > 0.0 else _NOTHING
+    surface = read or triangulated(shape.geometry)
+    if not rgba[3] > 0.0:
+        surface = _NOTHING
     link = str(model.frames[shape.parentFrame].name)
     mesh = Mesh(link, surface.vertices, surface.faces, (rgba[0], rgba[1], rgba[2]))
     return int(shape.parentJoint), _moved(mesh, shape.placement)
@@ -96,10 +96,10 @@ def _moved(mesh: Mesh, pose: pin.SE3) -> Mesh:
     return Mesh(mesh.name, vertices, mesh.faces, mesh.colour)
 
 
-_NOTHING = Surface(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))
+_NOTHING = Triangles(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))
 
 
-def triangulated(shape: object) -> Surface:
+def triangulated(shape: object) -> Triangles:
     """Return the surface of a ``coal`` shape in its own frame; empty if it has none."""
     match shape:
         case coal.Box():
@@ -116,10 +116,10 @@ def triangulated(shape: object) -> Surface:
             return cone(shape.radius, shape.halfLength)
         case coal.Convex():
             triangles = [shape.polygons(k) for k in range(shape.num_polygons)]
-            return Surface(np.array(shape.points()), _indices(triangles))
+            return Triangles(np.array(shape.points()), _indices(triangles))
         case coal.BVHModelBase():
             triangles = [shape.tri_indices(k) for k in range(shape.num_tris)]
-            return Surface(np.array(shape.vertices()), _indices(triangles))
+            return Triangles(np.array(shape.vertices()), _indices(triangles))
     return _NOTHING
 
 
@@ -128,41 +128,41 @@ def _indices(triangles: list[coal.Triangle]) -> NDArray[np.int64]:
     return np.array(corners, dtype=np.int64).reshape(-1, 3)
 
 
-def box(half: Array) -> Surface:
+def box(half: Array) -> Triangles:
     """Return a box centred at the origin, with half side lengths (3,)."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [triangle for a, b, c, d in sides for triangle in ((a, b, c), (a, c, d))]
-    return Surface(corners * half, np.array(faces, dtype=np.int64))
+    return Triangles(corners * half, np.array(faces, dtype=np.int64))
 
 
-def cylinder(radius: float, half_length: float) -> Surface:
+def cylinder(radius: float, half_length: float) -> Triangles:
     """Return a closed cylinder around z."""
     ends = np.array([-half_length, -half_length, half_length, half_length])
     return _revolved(np.array([0.0, radius, radius, 0.0]), ends)
 
 
-def cone(radius: float, half_length: float) -> Surface:
+def cone(radius: float, half_length: float) -> Triangles:
     """Return a closed cone around z, its apex at the upper end."""
     ends = np.array([-half_length, -half_length, half_length])
     return _revolved(np.array([0.0, radius, 0.0]), ends)
 
 
-def rounded_cylinder(radius: float, half_length: float) -> Surface:
+def rounded_cylinder(radius: float, half_length: float) -> Triangles:
     """Return a capsule around z: a cylinder with a half ball on either end."""
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ALONG + 2)  # none of them 0
     heights = radius * np.sin(angles) + np.copysign(half_length, angles)
     return _revolved(radius * np.cos(angles), heights)
 
 
-def ellipsoid(radii: Array) -> Surface:
+def ellipsoid(radii: Array) -> Triangles:
     """Return an ellipsoid centred at the origin, with semi-axes (3,) along x, y, z."""
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ALONG + 1)
     ball = _revolved(np.cos(angles), np.sin(angles))
-    return Surface(ball.vertices * radii, ball.faces)
+    return Triangles(ball.vertices * radii, ball.faces)
 
 
-def _revolved(radii: Array, heights: Array) -> Surface:
+def _revolved(radii: Array, heights: Array) -> Triangles:
     """Return the surface that points (radius, height), from the bottom up, sweep around z."""
     angles = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
     x, y = np.outer(radii, np.cos(angles)), np.outer(radii, np.sin(angles))  # (rings, AROUND)
@@ -172,4 +172,4 @@ def _revolved(radii: Array, heights: Array) -> Surface:
     last = np.roll(first, -1, axis=1)
     lower = np.stack([first, last, last + AROUND], axis=-1)
     upper = np.stack([first, last + AROUND, first + AROUND], axis=-1)
-    return Surface(vertices, np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)]))
+    return Triangles(vertices, np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)]))

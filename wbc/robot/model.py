@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError, listed, shown
 from wbc.kinds import check_path, check_word, switch
-from wbc.notebook import as_html, some
+from wbc.notebook import as_html, some, with_picture
 from wbc.robot.drives import JointValues, armature_note, effort_note, set_drives
 from wbc.robot.feet import FootSpec
 from wbc.robot.formats import read_description
@@ -107,7 +107,10 @@ class Robot(KinematicTree):
             ("base", "bolted down" if self.fixed_base else "floating"),
             ("limits missing", some(self.limits.missing)),
         ]
-        return as_html(f"{self.name}", facts, [("note", note) for note in self.notes])
+        table = as_html(f"{self.name}", facts, [("note", note) for note in self.notes])
+        return with_picture(
+            table, "wbc.view.robots:robot_figure", self, {STANDING: self.postures[STANDING]}
+        )
 
     @classmethod
     def load(
@@ -300,6 +303,11 @@ class Robot(KinematicTree):
     def collision_surfaces(self) -> Surfaces:
         """Collision shapes with their meshes as triangles: quicker than :attr:`collision_model`."""
         return self.geometry.surfaces(self.model, pin.GeometryType.COLLISION)
+
+    @cached_property
+    def visual_surfaces(self) -> Surfaces:
+        """Shapes to draw with their meshes as triangles: quicker than :attr:`visual_model`."""
+        return self.geometry.surfaces(self.model, pin.GeometryType.VISUAL)
 
     @cached_property
     def visual_model(self) -> pin.GeometryModel:

@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.gait.walls import WALL_THICKNESS, Wall
 from wbc.robot.collision import Hull
-from wbc.robot.geometry import Surface
+from wbc.robot.formats.triangles import Triangles
 from wbc.simulation.terrain import Step, Terrain
 from wbc.validate import Array
 from wbc.view.solids import solid_surface
@@ -18,7 +18,7 @@ ORIGIN = np.zeros(3)
 
 def board_surfaces(
     terrain: Terrain, around: Array = ORIGIN, reach: float = math.inf
-) -> list[Surface]:
+) -> list[Triangles]:
     """Return the triangles of the steps and walls of a terrain, in world axes.
 
     Parameters
@@ -32,7 +32,7 @@ def board_surfaces(
     return [part for part in parts if part is not None]
 
 
-def _wall(wall: Wall, around: Array, reach: float) -> Surface | None:
+def _wall(wall: Wall, around: Array, reach: float) -> Triangles | None:
     """Return what of a wall is within reach, to the sides; None if nothing."""
     R, (width, height) = wall.rotation, wall.size.tolist()
     here = float((around - wall.point[:2]) @ R[:2, 1])
@@ -42,10 +42,10 @@ def _wall(wall: Wall, around: Array, reach: float) -> Surface | None:
     middle = (-0.5 * WALL_THICKNESS, 0.5 * (low + high), 0.0)
     box = Hull.box((WALL_THICKNESS, high - low, height), middle)
     surface = solid_surface(box, ORIGIN, 0.0, 0.0)
-    return Surface(surface.vertices @ R.T + wall.point, surface.faces)
+    return Triangles(surface.vertices @ R.T + wall.point, surface.faces)
 
 
-def _within(step: Step, around: Array, reach: float) -> Surface | None:
+def _within(step: Step, around: Array, reach: float) -> Triangles | None:
     """Return what a square has of a step; None if nothing."""
     here = (around - step.centre[:2]) @ step.axes
     half = 0.5 * step.size[:2]
@@ -55,4 +55,4 @@ def _within(step: Step, around: Array, reach: float) -> Surface | None:
     height = float(step.size[2])
     box = Hull.box((*(high - low), height), (*(0.5 * (low + high)), -0.5 * height))
     surface = solid_surface(box, ORIGIN, 0.0, 0.0)
-    return Surface(surface.vertices @ step.rotation.T + step.centre, surface.faces)
+    return Triangles(surface.vertices @ step.rotation.T + step.centre, surface.faces)

@@ -6,14 +6,14 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from wbc.robot.collision import HalfSpace, Shape
-from wbc.robot.geometry import Surface
+from wbc.robot.formats.triangles import Triangles
 from wbc.validate import Array
 
 AROUND = 24  # points around a rounded edge
 ROUND = 1e-6  # m: less is not rounded
 
 
-def solid_surface(shape: Shape, centre: Array, reach: float, ground: float) -> Surface:
+def solid_surface(shape: Shape, centre: Array, reach: float, ground: float) -> Triangles:
     """Return the triangles of a shape in its own frame.
 
     Parameters
@@ -33,10 +33,10 @@ def solid_surface(shape: Shape, centre: Array, reach: float, ground: float) -> S
         points = (points[:, None] + shape.radius * _sphere()).reshape(-1, 3)
     hull = ConvexHull(points)
     used, faces = np.unique(hull.simplices, return_inverse=True)
-    return Surface(points[used], faces.reshape(hull.simplices.shape))
+    return Triangles(points[used], faces.reshape(hull.simplices.shape))
 
 
-def _pane(wall: HalfSpace, centre: Array, reach: float, ground: float) -> Surface:
+def _pane(wall: HalfSpace, centre: Array, reach: float, ground: float) -> Triangles:
     normal = wall.normal
     middle = centre - (normal @ centre - wall.offset) * normal
     upright = abs(float(normal[2])) < 0.9
@@ -48,7 +48,7 @@ def _pane(wall: HalfSpace, centre: Array, reach: float, ground: float) -> Surfac
     if upright:
         low = max(low, (ground - float(middle[2])) / float(up[2]))
     corners = [middle + a * along + b * up for a, b in _square(reach, low)]
-    return Surface(np.array(corners), np.array(((0, 1, 2), (0, 2, 3))))
+    return Triangles(np.array(corners), np.array(((0, 1, 2), (0, 2, 3))))
 
 
 def _square(reach: float, low: float) -> list[tuple[float, float]]:

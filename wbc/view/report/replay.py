@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from wbc.problem.pendulum.result import PendulumHistory
 from wbc.rmp.ellipsoid import equimomental, reaction_mass_radii
-from wbc.robot.geometry import Mesh, RobotMeshes, Surface, joint_placements
+from wbc.robot.formats.triangles import Triangles
+from wbc.robot.geometry import Mesh, RobotMeshes, joint_placements
 from wbc.validate import Array
 from wbc.view import palette, style
 from wbc.view.boards import board_surfaces
@@ -135,7 +136,7 @@ def _soles(run: DrawnRun) -> list[dict[str, Any]]:
     return soles
 
 
-def _obstacle(run: DrawnRun, name: str) -> Surface:
+def _obstacle(run: DrawnRun, name: str) -> Triangles:
     track = run.obstacles[name]
     there = np.flatnonzero(np.isfinite(track.place).all(axis=(1, 2)))
     place = track.place[there[0]] if len(there) else np.eye(3, 4)
@@ -145,10 +146,10 @@ def _obstacle(run: DrawnRun, name: str) -> Surface:
 
 
 def _mesh(mesh: Mesh) -> dict[str, Any]:
-    return {"colour": list(mesh.colour), **_surface(Surface(mesh.vertices, mesh.faces))}
+    return {"colour": list(mesh.colour), **_surface(Triangles(mesh.vertices, mesh.faces))}
 
 
-def _surface(surface: Surface) -> dict[str, Any]:
+def _surface(surface: Triangles) -> dict[str, Any]:
     """Return triangles with corners rounded to 1/65535 of the mesh's extent."""
     low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     step = np.maximum(high - low, 1e-9) / STEPS

@@ -9,7 +9,8 @@ import numpy as np
 from viser import SceneApi
 
 from wbc.robot.collision import Capsule, Shape
-from wbc.robot.geometry import Surface, rounded_cylinder
+from wbc.robot.formats.triangles import Triangles
+from wbc.robot.geometry import rounded_cylinder
 from wbc.rotations import quaternion_from, rotation_from
 from wbc.validate import Array
 from wbc.view import palette
@@ -103,20 +104,20 @@ def circle() -> Array:
     return np.column_stack([np.cos(angles), np.sin(angles), np.zeros(AROUND)])
 
 
-def surface_of(shape: Shape) -> Surface:
+def surface_of(shape: Shape) -> Triangles:
     """Return the surface of a collision shape; of a half-space a square about its own origin."""
     if isinstance(shape, Capsule):
         return _capsule(shape)
     return solid_surface(shape, np.zeros(3), 0.5 * PLANE, -0.5 * PLANE)
 
 
-def _capsule(shape: Capsule) -> Surface:
+def _capsule(shape: Capsule) -> Triangles:
     """Return a capsule's surface, smooth around its own axis."""
     start, end = shape.ends
     length = float(np.linalg.norm(end - start))
     around_z = rounded_cylinder(shape.radius, 0.5 * length)
     R = _turn_z_to((end - start) / length if length > 0.0 else Z)
-    return Surface(around_z.vertices @ R.T + 0.5 * (start + end), around_z.faces)
+    return Triangles(around_z.vertices @ R.T + 0.5 * (start + end), around_z.faces)
 
 
 def _turn_z_to(direction: Array) -> Array:
