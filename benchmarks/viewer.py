@@ -52,7 +52,7 @@ _CLIENT = (
     "client.recv(); print('connected', flush=True)\n"
     "for _ in client: pass\n"
 )
-_CAMERA = {  # a browser counts as a client once it has told its camera
+CAMERA = {  # a browser counts as a client once it has told its camera
     "wxyz": (1.0, 0.0, 0.0, 0.0),
     "position": (1.0, 0.0, 1.0),
     "fov": 1.0,
@@ -95,7 +95,7 @@ def block(
 @contextmanager
 def client(url: str) -> Iterator[None]:
     """Have a client in another process, which reads whatever the page sends."""
-    program = _CLIENT.replace("CAMERA", repr(_CAMERA))
+    program = _CLIENT.replace("CAMERA", repr(CAMERA))
     process = subprocess.Popen([sys.executable, "-c", program, url], stdout=subprocess.PIPE)
     try:
         assert process.stdout is not None and process.stdout.readline(), "the client has ended"

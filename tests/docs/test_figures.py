@@ -17,12 +17,17 @@ TICK = "its tick [us]"
 Figures = Callable[[], Iterable[object]]
 
 
-def table(section: str, title: str) -> dict[str, dict[str, str]]:
-    """Return a table of a section of RESULTS.md: cells by the first cell of their row."""
+def rows_of(section: str, title: str) -> list[list[str]]:
+    """Return the cells of a table of a section of RESULTS.md, row by row."""
     text = RESULTS.split(f"<!-- {section} -->")[1].split(f"<!-- /{section} -->")[0]
     lines = text.split(f"### {title}\n")[1].split("\n#")[0].splitlines()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if "|" in line]
-    header, _, *body = rows
+    return [rows[0], *rows[2:]]
+
+
+def table(section: str, title: str) -> dict[str, dict[str, str]]:
+    """Return the cells of a table by the first cell of their row, and by their column."""
+    header, *body = rows_of(section, title)
     return {row[0]: dict(zip(header, row, strict=True)) for row in body}
 
 
@@ -73,6 +78,7 @@ def ticks_and_loops(row: str, *tables: str) -> Figures:
     ]
 
 
+ENTER = "From Enter to the robot on the page [s]"
 HUMAN = "against_plates", "without_static_trial"
 CLAIMS: dict[str, tuple[str, str, Figures]] = {
     "README, velocity ticks": (
@@ -126,6 +132,10 @@ CLAIMS: dict[str, tuple[str, str, Figures]] = {
             ("byebye_happy", "lean 10 mm | 148 mm in 7.0 s"),
         )
     },
+    "from Enter to the robot": (
+        "docs/figures.md", "push_g1.yaml` {} s with empty caches, {} s again",
+        lambda: [row[3] for row in rows_of("viewer-start", ENTER)[1:3]],
+    ),
     "a human's markers": (
         "docs/howto/humans.md", "| markers, rms | {} mm |",
         from_json("human_walk.json", "{:.1f}", "markers_mm"),
