@@ -196,6 +196,11 @@ def test_a_time_step_in_milliseconds_is_noted(
     assert "5 ms are dt=0.005" in caplog.text
 
 
+def test_a_margin_in_millimetres_is_noted(robot_named, caplog: pytest.LogCaptureFixture) -> None:
+    SelfCollision(robot_named("hoap2_like"), margin=10)
+    assert "margin is in metres" in caplog.text and "10 mm are margin=0.01" in caplog.text
+
+
 def test_floating_has_to_be_said(robot_named, caplog: pytest.LogCaptureFixture) -> None:
     robot = robot_named("hoap2_like")
     here = robot.snapshot(robot.posture())

@@ -76,7 +76,8 @@ if not TYPE_CHECKING:  # to a checker, a module with this function has every nam
         hint = ""
         if not name.startswith("_"):
             hint = import_module("wbc.errors").suggest(name, __dir__(), listed=0)
-        raise AttributeError(f"module 'wbc' has no attribute {name!r}{hint}")
+        what = f"module 'wbc' has no attribute {name!r}{hint}"
+        raise AttributeError(what, name=name, obj=None)  # or Python adds a hint of its own
 
 
 def __dir__() -> list[str]:

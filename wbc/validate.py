@@ -17,6 +17,7 @@ Part = TypeVar("Part")
 # Numbers beyond this are refused: no controller means them, and products of a few would overflow.
 LARGEST = 1e30
 LONG_STEP = 0.5  # s
+WIDE_MARGIN = 0.5  # m
 FLOAT = np.dtype(np.float64)
 _FEW = 9
 _NO_REAL = str, bytes, complex, bool, np.bool_
@@ -201,6 +202,17 @@ def time_step(what: str, dt: Any) -> float:
             *(what, step, step, step / 1000.0),
         )
     return step
+
+
+def clearance(what: str, margin: Any) -> float:
+    """Return ``margin`` [m], at least 0; warn of one that was most likely meant in mm or cm."""
+    wide = finite_number(f"{what}, margin", margin, least=0.0)
+    if wide >= WIDE_MARGIN:
+        logging.getLogger(__name__).warning(
+            "%s: margin is in metres, and %g is wide for a robot; %g mm are margin=%g",
+            *(what, wide, wide, wide / 1000.0),
+        )
+    return wide
 
 
 def names_of(what: str, value: Any) -> tuple[str, ...]:

@@ -50,6 +50,8 @@ WRONG: dict[str, tuple[Callable[[Robot], object], str]] = {
     "rate": (lambda r: ComTask(r, [0, 0, 1]).set_target([0, 0, 1], [NAN, 0, 0]), "target rate"),
     "inertia shape": (lambda r: InertiaTask(r, [1, 2]), "expected a symmetric .* got shape"),
     "inertia": (lambda r: InertiaTask(r, np.arange(9.0).reshape(3, 3)), "symmetric"),
+    "inertia below 0": (lambda r: InertiaTask(r, -np.eye(3)), "xx is negative"),
+    "trace below 0": (lambda r: InertiaTask(r, -1.0, components="trace"), "trace is negative"),
     "inertia nan": (lambda r: InertiaTask(r, np.full((3, 3), NAN)), "NaN"),
     "inertia three": (lambda r: InertiaTask(r, [1, 2, 3]), "only those are controlled"),
     "principal": (lambda r: PrincipalInertiaTask(r, [1, 2]), r"shape \(3,\)"),

@@ -17,7 +17,7 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, PairDistances, chosen_pairs
 from wbc.robot.collision.native_pairs import NativePairs
 from wbc.robot.collision.pairs import BY_DESCRIPTION
-from wbc.validate import Array, finite_number, read_only
+from wbc.validate import Array, clearance, read_only
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
@@ -92,7 +92,7 @@ class SelfCollision(BodyMargin):
     ) -> None:
         super().__init__(robot, "self-collision", pairs, braking, limits)
         check_kind("self-collision, model", model, CollisionModel, or_none=True)
-        self.margin = finite_number("self-collision, margin", margin, least=0.0)
+        self.margin = clearance("self-collision", margin)
         self.excluded: dict[str, str] = {}
         self.finer: dict[str, str] = {}
         margins: Sequence[float] = ()

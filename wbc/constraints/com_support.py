@@ -15,7 +15,7 @@ from wbc.errors import InvalidInputError
 from wbc.polygon import convex_hull
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_snapshot
-from wbc.validate import Array, finite_array, finite_number, names_of, read_only
+from wbc.validate import Array, clearance, finite_array, names_of, read_only
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
@@ -58,7 +58,7 @@ class ComSupport(Margin):
         limits: Limits | None = None,
     ) -> None:
         super().__init__(robot, "com support", braking or BrakingParameters(COM_BRAKING), limits)
-        self.margin = finite_number("com support, margin", margin, least=0.0)
+        self.margin = clearance("com support", margin)
         self.set_polygon(polygon)
 
     @classmethod

@@ -15,7 +15,7 @@ from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import Body, CollisionModel, Obstacle, PairDistances, fitted_bodies
 from wbc.robot.names import matching
-from wbc.validate import Array, finite_number
+from wbc.validate import Array, clearance
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
@@ -73,7 +73,7 @@ class Obstacles(BodyMargin):
         limits: Limits | None = None,
     ) -> None:
         super().__init__(robot, "obstacles", pairs, braking, limits)
-        self.margin = finite_number("obstacles, margin", margin, least=0.0)
+        self.margin = clearance("obstacles", margin)
         listed = isinstance(obstacles, Iterable)
         if not listed or not all(isinstance(one, Obstacle) for one in obstacles):
             raise InvalidInputError(f"obstacles: expected a list of Obstacle, got {obstacles!r}")

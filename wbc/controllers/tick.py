@@ -173,7 +173,7 @@ class Tick:
                 if name in ("torque", "forces", "cop", "acceleration", "reaction", "relaxed"):
                     hint = "; torques and forces are of a TorqueController's ticks"
                 what = f"{type(self).__name__!r} object has no attribute {name!r}"
-                raise AttributeError(what + hint)
+                raise AttributeError(what + hint, name=name, obj=None)
             value = self.__dict__[name] = getattr(evidence, name)
             return value
 

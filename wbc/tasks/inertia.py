@@ -111,6 +111,9 @@ class InertiaTask(Task):
         self._selection = read_only(scale * _selection(components))
         self._entries, self._factors = tuple(range(len(components))), self._selection.ravel()
         self.set_target(target)
+        for row, wanted in zip(components, self._wanted.tolist(), strict=True):
+            if wanted < 0.0 and row not in DOUBLED:
+                raise InvalidInputError(f"{self}, target: {row} is negative, which no inertia is")
 
     @property
     def selection(self) -> Array:
