@@ -240,7 +240,11 @@ def captions(portraits: Sequence[Portrait], width: float) -> list[str]:
     told = [
         text for name, text in LAYERS.items() if text and view.shows(name) and there.get(name, True)
     ]
-    return textwrap.wrap("; ".join(told), round(CHARACTERS * width))
+    text, most = "; ".join(told), round(CHARACTERS * width)
+    count = len(textwrap.wrap(text, most))
+    while most > 1 and len(textwrap.wrap(text, most - 1)) == count:  # lines of about one length
+        most -= 1
+    return textwrap.wrap(text, most)
 
 
 def write_caption(figure: Figure, lines: Sequence[str], top: float) -> None:

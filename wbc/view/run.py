@@ -154,16 +154,9 @@ def plot_held_back(axes: Axes, time: Array, active: Mapping[str, NDArray[np.bool
         axes.broken_barh(bars, (row - 0.5 * THICK, THICK), color=colour, linewidth=0.0)
     axes.set_xlim(float(time[0]), float(time[-1]) + (dt if len(time) == 1 else 0.0))
     axes.set_ylim(max(len(shown), 3) - 0.5, -0.5)
-    axes.set_yticks(range(len(shown)), [_brief(label) for label in shown])
+    axes.set_yticks(range(len(shown)), [shortened(label, LONGEST) for label in shown])
     axes.tick_params(axis="y", labelsize=style.SMALL - 1.5, length=0)
     axes.grid(visible=False, axis="y")
-
-
-def _brief(label: str) -> str:
-    """Return a label without what robots' files hang on every name."""
-    for ending in ("_link", "_joint"):
-        label = label.replace(ending, "")
-    return shortened(label, LONGEST)
 
 
 # ---------------------------------------------------------------------- runs in phases

@@ -119,7 +119,9 @@ def _label_ends(axes: Axes, series: list[Series]) -> None:
 
 
 def shortened(label: str, longest: int = LONGEST) -> str:
-    """Return a label of at most ``longest`` characters."""
+    """Return a label of at most ``longest`` characters, without endings that say nothing."""
+    for ending in ("_link", "_joint"):
+        label = label.replace(ending, "")
     return label if len(label) <= longest else f"{label[: longest - 1]}…"
 
 
