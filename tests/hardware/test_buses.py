@@ -2,6 +2,7 @@
 
 import socket
 import struct
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,6 +14,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.hardware.bus import BaseTruth, BusError, Command, Reading
 from wbc.hardware.ring_log import RingLog
 from wbc.hardware.ros import fill, joint_state, odometry, state_of
+from wbc.hardware.setup import Where
 from wbc.hardware.udp import (
     UdpBus,
     UdpRobotBus,
@@ -181,6 +183,42 @@ def test_joints_are_at_the_motors_that_unitree_numbers(g1: Robot, command: Comma
     sent = convert.command.motor_values(data, "q")
     assert np.flatnonzero(sent).tolist() == [25]  # RightElbow of G1JointIndex
     assert convert.command.motor_values(data, "mode").tolist() == [1] * 29 + [0] * 6
+
+
+@pytest.mark.slow
+def test_dds_takes_each_command_once_and_the_newest_reading(
+    g1: Robot, reading: Reading, command: Command
+) -> None:
+    pytest.importorskip("cyclonedds")
+    profile, domain = profile_named("unitree_g1"), 77
+    robot = Where(interface="lo", domain=domain).open_robot(profile, g1)
+    bus = Where(interface="lo", domain=domain).open(profile, g1)
+    try:
+        assert robot.receive() is None and bus.read() is None
+        taken, newest = None, None
+        for number in range(10, 400):  # until both have found each other
+            bus.write(command.numbered(number))
+            robot.send(replace(reading, sequence=number))
+            time.sleep(0.02)
+            taken, newest = robot.receive() or taken, bus.read() or newest
+            if taken is not None and newest is not None and newest.base_truth is not None:
+                break
+        assert taken is not None and newest is not None and newest.base_truth is not None
+        assert_same(taken, command, 1e-6)
+        np.testing.assert_array_equal(newest.base_truth.pose, reading.base_truth.pose)  # type: ignore[union-attr]
+        for number in (2, 1):  # after later ones
+            bus.write(command.numbered(number))
+        time.sleep(0.2)
+        assert robot.receive() is None and robot.dropped["repeated or out of order"] > 0
+        with pytest.raises(InvalidInputError, match=f"domain {domain} is on 'lo' in this process"):
+            Where(interface="eth9", domain=domain).open(profile, g1)
+        with pytest.raises(BusError, match=r"DDS on .eth9.*see: ip addr"):
+            Where(interface="eth9", domain=domain + 1).open(profile, g1)
+        with pytest.raises(UnknownNameError, match="unknown bus 'ddds'"):
+            Where(bus="ddds").open(profile, g1)
+    finally:
+        robot.close()
+        bus.close()
 
 
 def test_another_robot_is_refused_by_its_joints(robot_named: object) -> None:

@@ -9,12 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from wbc.cli import app
 from wbc.errors import WbcError
 from wbc.hardware import check, real_time
 from wbc.hardware.bus import Command, Reading
 from wbc.hardware.check import CheckFinding, CheckGains, listen, move_joints
-from wbc.hardware.setup import safety_of
+from wbc.hardware.setup import Where, safety_of
 from wbc.hardware.unitree import profile_named
 from wbc.hardware.unitree.profiles import by_pattern
 from wbc.robot import Robot
@@ -183,3 +185,40 @@ def test_a_joint_that_is_thrown_about_stops_the_check_in_words(
     with pytest.raises(WbcError, match=r"check: .*_joint; motors brake"):
         moved(g1, hanging)
     assert hanging.command.is_passive
+
+
+def told_by(
+    monkeypatch: pytest.MonkeyPatch, bus: HangingRobot, g1: Robot, *words: str, typed: str = ""
+) -> tuple[int, str]:
+    """Return the exit code and words of the command, whose bus is this."""
+    monkeypatch.setattr(Where, "open", lambda *given: bus)
+    monkeypatch.setattr(Robot, "load", lambda name: g1)
+    found = CliRunner().invoke(app, ["hardware", "check", "g1", *words], input=typed)
+    return found.exit_code, found.output
+
+
+def test_the_command_moves_nothing_unless_it_is_told_to(
+    g1: Robot, hanging: HangingRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code, told = told_by(monkeypatch, hanging, g1, "--priority", "0", typed="no\n")
+    assert code == 0 and told.count("ok ") == 9
+    assert "each of the 29 joints" in told and "must hang freely" in told
+    assert not hasattr(hanging, "origin")  # nothing was commanded
+
+
+def test_the_command_moves_no_joint_of_a_robot_whose_sensors_are_wrong(
+    g1: Robot, hanging: HangingRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hanging.change = tilted
+    code, told = told_by(monkeypatch, hanging, g1, "--move", "--priority", "0")
+    assert code != 0 and "WRONG upright" in told and "joints are not moved" in told
+    assert not hasattr(hanging, "origin")
+
+
+@pytest.mark.slow
+def test_the_command_names_a_joint_that_is_wrong_and_ends_with_an_error(
+    g1: Robot, hanging: HangingRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hanging.sign[g1.joint_names.index(ELBOW)] = -1.0
+    code, told = told_by(monkeypatch, hanging, g1, "--move", "--priority", "0")
+    assert code != 0 and told.count("WRONG") == 1 and "its sign is swapped" in told
