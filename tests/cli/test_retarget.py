@@ -3,12 +3,15 @@
 import inspect
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import wbc.cli.retarget as command
 from tests.human.walker import recorded, write_trc
+from tests.retargeting.humans import crouching
 from wbc.cli import app
+from wbc.cli.analyze_human import HumanOptions
 from wbc.human import human_motion
 from wbc.human.body import HumanBody
 from wbc.retargeting import retarget
@@ -65,3 +68,35 @@ def test_a_file_says_what_options_do(walk: Path) -> None:
     path.write_text("motion: walk.trc\nrobot: hoap2_like\nroll: 2.0\n")
     result = CliRunner().invoke(app, ["retarget", str(path)])
     assert result.exit_code == 1 and "walk.yaml:3" in result.output
+
+
+@pytest.mark.slow
+def test_files_of_all_layouts_and_what_came_of_it(walk: Path, monkeypatch) -> None:
+    monkeypatch.chdir(walk.parent)
+    files = ["m.npz", "m.csv", "m.mcap"]
+    options = [word for file in files for word in ("-o", file)]
+    found = CliRunner().invoke(app, ["retarget", str(walk), "--robot", "hoap2_like", *options])
+    assert found.exit_code == 0, found.output
+    for said in ("scale", "left foot", "angular momentum: correlation", "slide by"):
+        assert said in found.output
+    assert all(f"wrote {file}" in found.output and Path(file).stat().st_size for file in files)
+    with np.load("m.npz") as arrays:
+        assert np.isfinite(arrays["q"]).all() and len(arrays["q"]) == len(arrays["time"])
+
+
+@pytest.mark.slow
+def test_a_standing_motion_is_a_problem_that_is_simulated(tmp_path: Path, monkeypatch) -> None:
+    pytest.importorskip("mujoco")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(HumanOptions, "motion", lambda *given: crouching(1.2))
+    options = ["--robot", "hoap2_like", "--rate", "40", "-o", "m.npz", "--problem", "m.yaml", "-q"]
+    found = CliRunner().invoke(app, ["retarget", "any.trc", *options])
+    assert found.exit_code == 0, found.output
+    Path("m.yaml").write_text(
+        Path("m.yaml")
+        .read_text()
+        .replace("&motion {motion: m.npz", "&motion {motion: m.npz, slower: 1.5")
+    )
+    shown = CliRunner().invoke(app, ["sim", "m.yaml", "-o", "run.json"])
+    assert shown.exit_code == 0, shown.output
+    assert "rms of its peak" in shown.output and "joints" in shown.output
