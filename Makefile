@@ -15,7 +15,7 @@ demo: $(VENV)/demo.stamp
 view: $(VENV)/view.stamp
 	$(BIN)/wbc view problems/astronaut_expand.yaml
 
-# COVER=1: with branch coverage of wbc/, of which LEAST % are wanted.
+# COVER=1: with branch coverage of wbc/, of which LEAST % are wanted of all tests.
 LEAST ?= 97
 COVERAGE = --cov=wbc --cov-branch --cov-report=term:skip-covered --cov-fail-under=$(LEAST)
 # Neighbours share what is made for a file once: each process takes half of them, then what is left.
