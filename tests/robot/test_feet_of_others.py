@@ -86,7 +86,7 @@ def test_the_sole_of_a_mesh_is_its_whole_face(tmp_path: Path, tilt: float) -> No
         np.testing.assert_allclose(np.ptp(foot.polygon, axis=0), [0.16, 0.06], atol=1e-6)
 
 
-@pytest.mark.parametrize("rpy", ["0 0 0", "0 .07 0", "0 -.2 0", ".15 0 0", "-.1 .1 0"])
+@pytest.mark.parametrize("rpy", ["0 0 0", "0 .07 0", "0 -.2 0", ".15 0 0", "-.1 .1 0", ".1 .45 0"])
 def test_the_sole_is_the_face_that_looks_down_however_it_is_drawn(tmp_path: Path, rpy: str) -> None:
     robot = Robot.load(biped(tmp_path, box(".03 0 -.03", ".16 .06 .02", rpy)))
     q = robot.posture("standing")
@@ -98,7 +98,7 @@ def test_the_sole_is_the_face_that_looks_down_however_it_is_drawn(tmp_path: Path
 
 
 def test_a_face_that_is_too_steep_is_no_sole(tmp_path: Path) -> None:
-    robot = Robot.load(biped(tmp_path, box(".03 0 -.03", ".16 .06 .02", "0 .5 0")))
+    robot = Robot.load(biped(tmp_path, box(".03 0 -.03", ".16 .06 .02", "0 .7 0")))
     assert all(len(foot.polygon) == 2 for foot in robot.feet.values())  # the edge below
 
 
@@ -180,6 +180,7 @@ BALL = '<collision><origin xyz="0 0 -.2"/><geometry><sphere radius=".02"/></geom
         ("shank_1", "shank_2", "shank_3", "shank_4"),
         ("lf_foot", "rf_foot", "lr_foot", "rr_foot"),
         ("fl_foot", "fr_foot", "hl_foot", "hr_foot"),
+        ("front_left_foot", "FrontRightFoot", "rear_left_foot", "hind_right_foot"),
         ("left_foot_a", "right_foot_a", "left_shank_b", "right_shank_b"),
     ],
 )

@@ -26,6 +26,7 @@ CORNERS = {
     "hind_left": {"hl", "lh", "rl", "bl", "lr", "lb"},
     "hind_right": {"hr", "rh", "rr", "br", "rb"},
 }
+ENDS = {"front": {"front", "fore"}, "hind": {"hind", "rear", "back"}}
 FOOT_WORDS = {"foot", "feet", "ankle", "sole", "contact"}
 WHEEL_WORDS = {"wheel", "caster", "roller"}
 ARM_WORDS = {"hand", "gripper", "finger", "wrist", "palm", "arm"}
@@ -51,7 +52,10 @@ def foot_of(link: str) -> str | None:
     if not words & FOOT_WORDS or words & NOT_FEET:
         return None
     found = [foot for foot, marks in (SIDES | CORNERS).items() if words & marks]
-    return found[0] if len(found) == 1 else None
+    if len(found) != 1:
+        return None
+    ends = [end for end, marks in ENDS.items() if words & marks]
+    return f"{ends[0]}_{found[0]}" if len(ends) == 1 and found[0] in SIDES else found[0]
 
 
 def arm_reason(model: pin.Model, q: Array) -> str:

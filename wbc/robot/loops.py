@@ -6,8 +6,9 @@ by rows that are met exactly (:mod:`wbc.constraints.mechanics`); and the simulat
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,8 @@ class Closure:
     ----------
     unactuated:
         Joints without a motor, which move first.
+    springs:
+        Joints with springs.
     """
 
     model: pin.Model
@@ -71,6 +74,12 @@ class Closure:
     loops: Mapping[str, Loop]
     couplings: Mapping[str, Coupling]
     unactuated: tuple[str, ...] = ()
+    springs: Collection[str] = ()
+
+    @cached_property
+    def sprung(self) -> tuple[str, ...]:
+        """The joints that springs alone hold, which move after the others."""
+        return tuple(joint for joint in self.unactuated if joint in self.springs)
 
     @property
     def binds(self) -> bool:
@@ -91,8 +100,8 @@ class Closure:
     def closed(self, q: Array, kept: Sequence[str] = ()) -> Array:
         """Return the configuration near ``q`` (nq,) at which all loops are closed, within limits.
 
-        By Newton's method: joints without a motor move first, then all but ``kept``, as little as
-        possible. Mimic joints go along.
+        By Newton's method: joints without a motor move first, those with springs after the others,
+        then all but ``kept``, as little as possible. Mimic joints go along.
 
         Raises
         ------
@@ -101,10 +110,11 @@ class Closure:
         """
         names = self.limits.names
         passive = {*self.unactuated, *self.couplings}
-        first = [k for k, name in enumerate(names) if name in passive and name not in kept]
         rest = [k for k, name in enumerate(names) if name not in kept]
+        first = [k for k in rest if names[k] in passive]
+        loose = [k for k in first if names[k] not in self.sprung]
         nearest, found = np.inf, q
-        for columns in (first, rest):
+        for columns in (loose, first, rest):
             if not columns:
                 continue
             found = self._solved(q, np.array(columns))

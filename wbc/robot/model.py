@@ -30,7 +30,6 @@ from wbc.robot.model_checks import check_supported
 from wbc.robot.moving_state import MovingState
 from wbc.robot.names import add_base_frame, matches, matching
 from wbc.robot.notes import warn_of
-from wbc.robot.passive import PassiveForces
 from wbc.robot.payload import CarryingGeometry, Payload, described
 from wbc.robot.postures import (
     NEUTRAL,
@@ -68,9 +67,6 @@ class Robot(KinematicTree):
         The SRDF file, or None.
     geometry:
         Loads the shapes; see :attr:`collision_model`.
-    passive:
-        Springs, gravity compensation and curved damping of the joints; see
-        :meth:`passive_forces`.
     payloads:
         Bodies that it carries; see :meth:`with_payload`.
     """
@@ -79,7 +75,6 @@ class Robot(KinematicTree):
     notes: tuple[str, ...]
     srdf: Path | None
     geometry: GeometrySource
-    passive: PassiveForces
     payloads: tuple[Payload, ...]
 
     def __new__(cls, *given: object, **named: object) -> Self:
@@ -208,7 +203,8 @@ class Robot(KinematicTree):
             if unactuated and not description.loops:
                 loop_notes += (f"with loops, no torque is asked of {listed(sorted(unactuated))}",)
         free = without_motors(limits.names, () if unactuated is None else unactuated)
-        closure = Closure(model, limits, ties, couplings, free)
+        passive = description.passive.of(model, limits)
+        closure = Closure(model, limits, ties, couplings, free, passive.springs)
         posture_notes += close_postures(closure, postures, description.drawn, found.path)
         stance = stance_from(found, description, model, limits, postures, feet, base, closure)
         postures[STANDING] = stance.q
@@ -232,7 +228,7 @@ class Robot(KinematicTree):
             notes=notes,
             srdf=states_file,
             geometry=description.geometry,
-            passive=description.passive.of(model, limits),
+            passive=passive,
             payloads=(),
         )
         _ = robot.native  # here, not in the first tick, if the core cannot be trusted with it
@@ -275,7 +271,7 @@ class Robot(KinematicTree):
         own = self.geometry.own if isinstance(self.geometry, CarryingGeometry) else self.geometry
         postures, notes = dict(self.postures), described([payload])
         if self.feet:
-            closure = Closure(model, self.limits, self.loops, self.couplings, self.unactuated)
+            closure = replace(self.closure, model=model)
             q = postures[STANDING]
             place = com_from_middle(self.model, q, self.feet)
             q, unsettled = settled(model, self.limits, q, self.feet, closure, place)

@@ -15,7 +15,7 @@ from wbc.robot.feet import Foot
 from wbc.robot.formats.description import State
 from wbc.robot.formats.ties import Coupling
 from wbc.robot.library import NamedRobot
-from wbc.robot.limits import BASE_NQ, JointLimits
+from wbc.robot.limits import BASE_NQ, BASE_NV, JointLimits
 from wbc.robot.loops import CLOSED, Closure
 from wbc.robot.names import frame_table, matches, matching
 from wbc.spatial import skew
@@ -167,7 +167,7 @@ def settled(
     """Return a posture near ``q`` that stands on all feet, or ``q`` itself and a note.
 
     Gauss-Newton, damped, on the heights and tilts of the soles and on the CoM over the middle of
-    their hull; joints stay within their limits.
+    their hull; joints stay within their limits, and those that springs alone hold where they are.
 
     Parameters
     ----------
@@ -178,6 +178,7 @@ def settled(
     if not feet or (com is None and stands(model, q, feet)):
         return q, ()
     found = q.copy()
+    held = [BASE_NV + limits.names.index(joint) for joint in closure.sprung]
     for _ in range(100):
         error, J = _standing_error(model, found, feet)
         if com is not None:
@@ -186,6 +187,7 @@ def settled(
             error, J = (
                 np.concatenate(both) for both in zip((error, J), closure.errors(found), strict=True)
             )
+        J[:, held] = 0.0
         step = J.T @ np.linalg.solve(J @ J.T + 1e-6 * np.eye(len(J)), error)
         step *= -min(1.0, 0.2 / max(float(np.abs(step).max()), 1e-12))  # rad or m
         found = limits.clamped(pin.integrate(model, found, step))

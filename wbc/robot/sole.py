@@ -16,7 +16,7 @@ FLAT = 3e-3  # m: points no higher than this above the lowest belong to the sole
 # Of the rectangle round a body as seen from above: where less touches the ground, a larger face is
 # looked for that is not level, and a note tells of a sole that is smaller yet.
 FULL, SMALL = 0.5, 0.25
-STEEPEST = np.cos(np.deg2rad(20.0))  # such a face is no steeper in the stance
+STEEPEST = np.cos(np.deg2rad(30.0))  # such a face is no steeper in the stance
 ROUNDED = 2  # times that a face under balls and the like is looked for again
 LEVEL_BALLS = 1e-6  # m: lowest points of balls within it are in one plane
 COPLANAR = np.cos(np.deg2rad(1.0))  # facets of a hull that are one face
@@ -134,7 +134,7 @@ def found_sole(
     The sole is the convex hull of the body's lowest points; its placement is in the body's joint.
     With it comes its area in parts of the rectangle round the body.
     Where these are an edge, a corner or a strip of a larger flat face of the body's hull, as of a
-    foot that is not drawn level, it is that face, if it points down within 20 degrees.
+    foot that is not drawn level, it is that face, if it points down within 30 degrees.
     ``R`` (3, 3) takes the frame's axes to the world's in a posture with the sole about level.
     """
     joint = frame.parentJoint

@@ -23,6 +23,7 @@ from wbc.robot.kernel_check import checked_tree
 from wbc.robot.limits import BASE_NQ, BASE_NV, JointLimits
 from wbc.robot.loops import Closure
 from wbc.robot.names import frame_table, matching
+from wbc.robot.passive import PassiveForces
 from wbc.robot.workspace import ModelScratch
 from wbc.validate import Array, finite_array, finite_number, plain_copy, read_only
 
@@ -66,6 +67,9 @@ class KinematicTree:
         Closed loops by name: frames that are one; controllers hold them likewise.
     unactuated:
         Joints without a motor: torques are 0 there.
+    passive:
+        Springs, gravity compensation and curved damping of the joints; see
+        :meth:`~wbc.robot.Robot.passive_forces`.
     """
 
     name: str
@@ -77,6 +81,7 @@ class KinematicTree:
     couplings: Mapping[str, Coupling]
     loops: Mapping[str, Loop]
     unactuated: tuple[str, ...]
+    passive: PassiveForces
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "couplings", MappingProxyType(dict(self.couplings)))
@@ -266,7 +271,8 @@ class KinematicTree:
     @cached_property
     def closure(self) -> Closure:
         """What closes the loops."""
-        return Closure(self.model, self.limits, self.loops, self.couplings, self.unactuated)
+        model, limits, springs = self.model, self.limits, self.passive.springs
+        return Closure(model, limits, self.loops, self.couplings, self.unactuated, springs)
 
     def closed(self, q: ArrayLike, kept: Sequence[str] = ()) -> Array:
         """Return the configuration (nq,) near ``q`` at which all loops are closed, within limits.
