@@ -199,7 +199,9 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "joint weights": (lambda x: kinematic(joint_weights={"*": x}), {"x": 1.0}),
     "slack": (lambda x: kinematic(slack={FOOT: x}), {"x": 1.0}),
     "torque controller": (
-        torque, {"dt": 0.005, "torque_limits": 1.0, "force_damping": 1e-6, "force_ramp": 0.1}),
+        torque,
+        {"dt": 0.005, "torque_limits": 1.0, "force_damping": 1e-6, "force_ramp": 0.1,
+         "spring_time": 0.1}),
     "ramp": (lambda x: torque().set_contacts(HELD, ramp=x), {"x": 0.1}),
     "reduction": (
         partial(wbc.reduce, HERE),

@@ -79,7 +79,7 @@ class CoreMemory:
         if rows is not None:
             contacts = (part.task for part in parts for _ in part.rows or ())
             numbers = {task: number for number, task in enumerate(contacts)}
-            self.forces = NativeForces(rows, numbers, robot.damping)
+            self.forces = NativeForces(rows, numbers, robot, dt)
         self._slow = None if rows is None else rows.deceleration
         self.held, self.costs = self._planned.held, self._planned.costs
         self.n, self.k = plan.decision.size, self.held

@@ -32,6 +32,8 @@ class TorqueRows:
         Of the torque bounds.
     deceleration:
         (nv - 6,) that joints can brake by before their limits [rad/s^2 or m/s^2].
+    spring_time:
+        Within which springs of joints without a motor give way [s], where anything bears.
     told:
         (nv,) generalised forces of the wrenches that are known in this tick [N, N m]; the
         controller writes them.
@@ -43,6 +45,7 @@ class TorqueRows:
     most: Array
     labels: tuple[str, ...]
     deceleration: Array
+    spring_time: float
     told: Array
 
 
@@ -64,7 +67,9 @@ class NativeForces:
         Whether a contact was changed since the cones were written.
     """
 
-    def __init__(self, rows: TorqueRows, blocks: Mapping[Task, int], joint_damping: Array) -> None:
+    def __init__(
+        self, rows: TorqueRows, blocks: Mapping[Task, int], robot: Robot, dt: float
+    ) -> None:
         self.rows = rows
         forces = rows.forces
         corners: list[Array] = [np.zeros((0, 3))]
@@ -93,8 +98,13 @@ class NativeForces:
         self.bounded = np.array(rows.bounded, dtype=np.int64)
         self.most = np.array(rows.most, dtype=float)
         self.limits = np.concatenate((forces.lower, forces.upper))
-        self.joint_damping = np.array(joint_damping, dtype=float)
-        self.load = np.zeros(6 + joint_damping.size)
+        springs = robot.closure.sprung if forces.surfaces else ()
+        self._sprung = np.array([robot.joint_index(joint) for joint in springs], dtype=np.int64)
+        stiffness = np.array([robot.passive.springs[joint].stiffness for joint in springs])
+        self._yielding = stiffness * rows.spring_time**2 / dt
+        self.joint_damping = np.array(robot.damping, dtype=float)
+        self.joint_damping[self._sprung - 6] += self._yielding
+        self.load = np.zeros(robot.nv)
         cones = forces.bounds()
         self.cones = len(cones.labels)
         self.cone = np.concatenate((cones.matrix.ravel(), cones.lower, cones.upper))
@@ -117,6 +127,7 @@ class NativeForces:
         self.load[:] = self.rows.told
         if robot.passive:
             self.load += robot.passive_forces_at(snapshot)
+            self.load[self._sprung] += self._yielding * snapshot.v[self._sprung]
 
     def write(self, ramps: Mapping[str, float]) -> bool:
         """Write the cones if contacts were changed or forces come and go; False: of other size."""

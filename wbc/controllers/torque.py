@@ -60,6 +60,10 @@ INTERNAL = 1e-4
 
 # How long contacts take to come and go [s], unless told.
 RAMP = 0.05
+# Within which springs have given way [s], unless told. Bipeds on springs of 6 kN m/rad stand with
+# 0.01 to 1, with 0.01 only if they begin loaded; a table on springs of 0.3 to 6 kN m/rad, with rotors
+# of 0.05 kg m^2, with 0.005 to 0.015.
+SPRING_TIME = 0.015
 # Time constants of the last resort [s]: joints come to rest this fast, as far as torques go.
 REST_TIME = 0.05
 
@@ -97,6 +101,12 @@ class TorqueController(Controller):
         How old states are when the torque that answers to them acts [s], where that is known: the
         age of what is measured, and how late torques arrive. Each tick answers to the state that
         :meth:`predicted` has for then.
+    spring_time:
+        While anything bears on the ground: within which springs of joints that have no motor give
+        way until they bear what is asked for [s]: they force -k (x + spring_time^2 a). By -k x
+        alone (0), which is what acts at once, ground that is felt through stiff springs is pressed
+        by accelerating the little that is behind them, and torques chatter. Slower springs feel
+        nothing of it.
 
     See :class:`~wbc.controllers.controller.Controller` for the others.
 
@@ -110,10 +120,13 @@ class TorqueController(Controller):
     force_damping: float
     force_ramp: float
     delay: float
+    spring_time: float
     torque_bounds: Array  # of the joints (nv - 6,) [N m]
     contact_forces: ContactForces
 
-    _fixed = PLANNED | dict.fromkeys(("torque_bounds", "force_damping", "delay"), ANOTHER)
+    _fixed = PLANNED | dict.fromkeys(
+        ("torque_bounds", "force_damping", "delay", "spring_time"), ANOTHER
+    )
     _policies = POLICIES
     _bears = True
 
@@ -137,6 +150,7 @@ class TorqueController(Controller):
         on_failure: str = "damp",
         deadline: float | None = None,
         delay: float = 0.0,
+        spring_time: float = SPRING_TIME,
     ) -> None:
         check_robot(type(self).__name__, robot)
         check_list("tasks", tasks, Task)
@@ -147,6 +161,7 @@ class TorqueController(Controller):
                 )
         self.force_damping = finite_number("controller, force_damping", force_damping, above=0.0)
         self.force_ramp = finite_number("controller, force_ramp", force_ramp, least=0.0)
+        self.spring_time = finite_number("controller, spring_time", spring_time, least=0.0)
         self.torque_bounds = effort_bounds(robot, torque_limits)
         self._braking = StanceBraking(robot, self.torque_bounds)
         self._last: Reaction | None = None
@@ -321,8 +336,8 @@ class TorqueController(Controller):
 
     def _force_rows(self) -> TorqueRows:
         limits = self._bounded, self._most, self._torque_labels
-        told = self._told
-        return TorqueRows(self.contact_forces, self._passive, *limits, self._deceleration, told)
+        known = self._deceleration, self.spring_time, self._told
+        return TorqueRows(self.contact_forces, self._passive, *limits, *known)
 
     def _ask(self, plan: CorePlan, snapshot: Snapshot) -> list[Asked]:
         asked = super()._ask(plan, snapshot)

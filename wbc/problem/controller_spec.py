@@ -39,7 +39,8 @@ class ControllerSpec(Section):
     """What all methods have in common."""
 
     elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("torque_limits", "force_damping", "force_ramp", "friction", "delay"), _TORQUE
+        ("torque_limits", "force_damping", "force_ramp", "friction", "delay", "spring_time"),
+        _TORQUE,
     )
 
     level: str
@@ -139,6 +140,9 @@ class TorqueSpec(SolverSettings):
     delay: NonNegative = default_of(TorqueController, "delay")
     """How old what is measured is when the torque that answers to it acts [s], where that is known:
     the sum of the sensors' delay and latency. States are predicted over it."""
+    spring_time: NonNegative = default_of(TorqueController, "spring_time")
+    """While anything bears on the ground, within which springs of joints without a motor give way
+    until they bear what is asked for [s]; 0: at once, which chatters where they are stiff."""
     friction: Friction = default_of(FrictionCone, "coefficient")
     """Friction coefficient that the controller counts on, or {coefficient: ..., facets: ...}; of
     contacts that the support gives none of their own."""
