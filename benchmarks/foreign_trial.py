@@ -36,7 +36,7 @@ def controller_of(robot: Robot, dt: float = DT) -> wbc.TorqueController:
     tasks = [
         wbc.ComTask(robot, start.com),
         wbc.OrientationTask(robot, "base", start.rotation("base")),
-        wbc.PostureTask(robot, start.q),
+        wbc.PostureTask(robot, start.q, joints=dict.fromkeys(robot.motorless, 0.0)),
     ]
     limits, contacts = wbc.Limits(robot), wbc.support(start, "all")
     return wbc.TorqueController(

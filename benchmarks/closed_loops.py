@@ -1,0 +1,150 @@
+"""Bipeds with closed loops in their MJCF, Cassie and Digit: stand by torques at motors alone.
+
+Leaf springs are taken for rigid, or are joints that give way (``--free``) and begin at rest; the
+ball ends of rods are three hinges each; feet that are lines, as Cassie's, are held at their two
+ends. They are pushed ahead by 0.3 M omega d after a second, in our plant and in the file's own
+model under raw MuJoCo, in which springs give way, and loops and contacts a little.
+
+The posture that is kept is that of joints with motors: what bears is 30 to 40 mrad from where it
+rests.
+
+    python benchmarks/closed_loops.py cassie.xml [--seconds 10] [--free] [--push 0.3]
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: threads only add noise here
+
+import argparse
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from foreign_reading import spec_of
+from foreign_trial import AWAY, LASTING, LEAST_HEIGHT, MOST_TILT, RATIO, RawModel, add_ground
+
+import wbc
+from wbc.constraints.contact import Contact, PointContact
+from wbc.simulation import Plant, capture_impulse, simulate
+
+DT, PUSHED = 0.002, 1.0  # s
+
+
+def read_spec(path: Path) -> Any:
+    """Return the specification of a file, with sites at the ends of feet that are lines."""
+    import mujoco
+
+    found = wbc.Robot.load(path)
+    here = found.snapshot(found.posture())
+    spec, _ = spec_of(mujoco, path)
+    for name, foot in found.feet.items():
+        if len(foot.polygon) == 2:
+            origin, R = here.placement(foot.link)
+            at, sole = here.placement(foot.frame)
+            for k, corner in enumerate(foot.polygon):
+                place = at + sole[:, :2] @ corner - origin
+                spec.body(foot.link).add_site(name=end_of(name, k), pos=R.T @ place)
+    return spec
+
+
+def end_of(foot: str, k: int) -> str:
+    return f"{foot} end {k}"
+
+
+def touching(robot: wbc.Robot) -> list[str]:
+    """Return the frames that are held on the ground: soles, and the ends of feet that are lines."""
+    held = []
+    for name, foot in robot.feet.items():
+        line = len(foot.polygon) == 2
+        held += [end_of(name, k) for k in range(2)] if line else [foot.frame]
+    return held
+
+
+def controller_of(robot: wbc.Robot, q: np.ndarray) -> wbc.TorqueController:
+    start = robot.snapshot(q)
+    tasks = [
+        wbc.ComTask(robot, start.com),
+        wbc.OrientationTask(robot, "base", start.rotation("base")),
+        wbc.PostureTask(robot, q, joints=dict.fromkeys(robot.motorless, 0.0), weight=0.1),
+    ]
+    soles = [foot.frame for foot in robot.feet.values()]
+    contacts = [
+        (Contact if frame in soles else PointContact).hold(start, frame)
+        for frame in touching(robot)
+    ]
+    limits = wbc.Limits(robot)
+    return wbc.TorqueController(
+        robot, tasks, contacts=contacts, limits=limits, dt=DT, solver="active_set"
+    )
+
+
+def in_plant(robot: wbc.Robot, q: np.ndarray, seconds: float, push: np.ndarray) -> str:
+    plant, controller, gap, relaxed = Plant(robot, dt=DT), controller_of(robot, q), 0.0, 0
+    plant.reset(q)
+    plant.push("base", push, "com", start=PUSHED, duration=LASTING)
+    for now in simulate(controller, plant, seconds):
+        gap = max(gap, *robot.gaps(plant.state()[0]).values())
+        relaxed += bool(now.tick.relaxed)
+    return (
+        f"{now.verdict.reason}, loops open by {1e3 * gap:.3f} mm at most, CoM {plant.com.round(3)},"
+        f" {relaxed} ticks relaxed"
+    )
+
+
+def in_its_own(
+    robot: wbc.Robot, q: np.ndarray, path: Path, seconds: float, push: np.ndarray
+) -> str:
+    import mujoco
+
+    spec, _ = spec_of(mujoco, path)
+    add_ground(mujoco, spec)
+    model: Any = spec.compile()
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    raw, controller = RawModel.of(mujoco, model, robot), controller_of(robot, q)
+    if raw is None:
+        raise SystemExit(f"{path}: the root has no free joint")
+    every = round(DT / model.opt.timestep)
+    start = robot.snapshot(q)
+    raw.write(q)
+    for _ in range(round(seconds / DT)):
+        now = robot.snapshot(*raw.state())
+        tilt = float(np.arccos(np.clip(now.rotation("base")[2, 2], -1.0, 1.0)))
+        if now.com[2] < LEAST_HEIGHT * start.com[2] or tilt > MOST_TILT:
+            return f"fell after {raw.data.time:.2f} s"
+        acts = PUSHED <= raw.data.time < PUSHED + LASTING
+        raw.step(controller.step(now).torque, every, push if acts else None, now.com)
+    return f"stood for {seconds:g} s, CoM {now.com.round(3)}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("path", type=Path)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--free", action="store_true", help="springs are joints, not rigid")
+    parser.add_argument("--push", type=float, default=RATIO, help="of M omega d")
+    options = parser.parse_args()
+    logging.disable(logging.WARNING)
+    spec = read_spec(options.path)
+    robot = wbc.Robot.load(spec)
+    if not options.free:
+        rigid = {name: spring.rest for name, spring in robot.passive.springs.items()}
+        robot = wbc.Robot.load(spec, locked=rigid)
+    q = robot.posture()
+    start = robot.snapshot(q)
+    impulse = options.push * capture_impulse(start, robot.feet, AWAY)
+    push = impulse / LASTING * AWAY
+    motors = len(robot.joint_names) - len(robot.motorless)
+    print(
+        f"{robot.name}: {robot.mass:.2f} kg, {motors} motors, {len(robot.loops)} loops, pushed by"
+    )
+    print(
+        f"{impulse:.2f} N s. In our plant: {in_plant(robot, q, options.seconds, push)}", flush=True
+    )
+    print(
+        f"Its own model, springs in it: {in_its_own(robot, q, options.path, options.seconds, push)}"
+    )
+
+
+if __name__ == "__main__":
+    main()
