@@ -61,8 +61,8 @@ INTERNAL = 1e-4
 # How long contacts take to come and go [s], unless told.
 RAMP = 0.05
 # Within which springs have given way [s], unless told. Bipeds on springs of 6 kN m/rad stand with
-# 0.01 to 1, with 0.01 only if they begin loaded; a table on springs of 0.3 to 6 kN m/rad, with rotors
-# of 0.05 kg m^2, with 0.005 to 0.015.
+# 0.01 to 1, with 0.01 only if they begin loaded; a table on springs of 0.3 to 6 kN m/rad, with
+# rotors of 0.05 kg m^2, with 0.005 to 0.015.
 SPRING_TIME = 0.015
 # Time constants of the last resort [s]: joints come to rest this fast, as far as torques go.
 REST_TIME = 0.05
