@@ -23,7 +23,7 @@ from wbc.robot.collision.bodies import named_surfaces, simple_shape
 from wbc.robot.collision.fitting import Fit, cached_fit, convex, fit_close_hull, hull_corners
 from wbc.robot.collision.nearest_triangles import Clusters, nearest_triangles
 from wbc.robot.collision.shapes import Body, Hull, moved
-from wbc.robot.formats.triangles import Triangles, as_bvh
+from wbc.robot.formats.triangles import Triangles, as_bvh, without_spare
 from wbc.robot.geometry import triangulated
 from wbc.robot.model import Robot
 from wbc.robot.postures import STANDING
@@ -56,9 +56,7 @@ class _Surface:
     @cached_property
     def points(self) -> Array:
         """Those vertices (k, 3) that triangles have."""
-        used = np.zeros(len(self.vertices), dtype=bool)
-        used[self.faces] = True
-        return self.vertices[used]
+        return without_spare(self.vertices, self.faces).vertices
 
     @cached_property
     def hull(self) -> Array:

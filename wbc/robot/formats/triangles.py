@@ -66,8 +66,13 @@ def joined(parts: list[Triangles]) -> Triangles:
         return Triangles(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
     offsets = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
     faces = np.concatenate([part.faces + k for part, k in zip(parts, offsets, strict=True)])
-    used, faces = np.unique(faces, return_inverse=True)
-    if used[0] < 0 or any(part.faces.max(initial=-1) >= len(part.vertices) for part in parts):
+    if faces.min() < 0 or any(part.faces.max(initial=-1) >= len(part.vertices) for part in parts):
         raise ValueError("a corner without a vertex")
-    vertices = np.concatenate([part.vertices for part in parts])
-    return Triangles(vertices[used], faces.reshape(-1, 3))
+    return without_spare(np.concatenate([part.vertices for part in parts]), faces)
+
+
+def without_spare(vertices: Array, faces: Index) -> Triangles:
+    """Return triangles without the vertices (k, 3) that none uses."""
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces] = True
+    return Triangles(vertices[used], (np.cumsum(used) - 1)[faces])
