@@ -102,6 +102,27 @@ def test_a_face_that_is_too_steep_is_no_sole(tmp_path: Path) -> None:
     assert all(len(foot.polygon) == 2 for foot in robot.feet.values())  # the edge below
 
 
+@pytest.mark.parametrize("frames", [("foot_fl", "foot_rr"), ("front_contact", "rear_contact")])
+def test_a_foot_that_only_its_frames_are_called_is_found(
+    tmp_path: Path, frames: tuple[str, ...]
+) -> None:
+    """Beside a body that is called an ankle, and has no shapes."""
+    extra = "".join(
+        f'<link name="{{0}}_{frame}"/>'
+        + joint(f"{{0}}_f{k}", "{end}", f"{{0}}_{frame}", "0 1 0", "-.07 .05 -.05", "fixed")
+        for k, frame in enumerate(frames)
+    )
+    path = biped(tmp_path, box(".03 0 -.03", ".2 .1 .04"), extra=extra, end="{0}_last")
+    path.write_text(path.read_text().replace('_l4"', '_ankle"'))
+    robot = Robot.load(path)
+    assert [foot.link for foot in robot.feet.values()] == [
+        f"left_{frames[0]}",
+        f"right_{frames[0]}",
+    ]
+    assert list(robot.feet) == ["left", "right"]
+    assert not any("feet" in note for note in robot.notes)
+
+
 def test_a_sole_far_smaller_than_its_body_is_said(tmp_path: Path) -> None:
     plate, stud = box("0 0 -.03", ".2 .1 .02"), box("0 0 -.045", ".05 .04 .02")
     notes = Robot.load(biped(tmp_path, plate + stud)).notes
@@ -135,6 +156,17 @@ def test_what_carries_wheels_is_no_foot(tmp_path: Path, end: str, wheel: str, sh
     assert any("it has wheels" in note for note in robot.notes)
 
 
+@pytest.mark.parametrize(("kind", "turns"), [("revolute", "1000"), ("continuous", "2")])
+def test_a_wheel_on_an_ankle_without_shapes_is_why_there_are_no_feet(
+    tmp_path: Path, kind: str, turns: str
+) -> None:
+    drive = joint("{0}_w", "{end}", "{0}_drum", "0 1 0", "0 0 -.03", kind)
+    extra = link("{0}_drum", WHEEL) + drive.replace("1.5", turns)
+    robot = Robot.load(biped(tmp_path, "", LEG + ANKLE, extra, "{0}_foot"))
+    assert not robot.feet
+    assert any("it has wheels" in note for note in robot.notes)
+
+
 @pytest.mark.parametrize(("kind", "shape"), [("continuous", "box"), ("revolute", "disc")])
 def test_what_hangs_below_the_soles_is_said(tmp_path: Path, kind: str, shape: str) -> None:
     """What turns without end and is no wheel, and what is round and has limits."""
@@ -146,7 +178,16 @@ def test_what_hangs_below_the_soles_is_said(tmp_path: Path, kind: str, shape: st
     assert "left_disc by 70 mm" in note and "right_disc by 70 mm" in note
 
 
-@pytest.mark.parametrize("frames", [("foot_heel",), ("foot_heel", "foot_toe"), ("ankle", "sole")])
+@pytest.mark.parametrize(
+    "frames",
+    [
+        ("foot_heel",),
+        ("foot_heel", "foot_toe"),
+        ("ankle", "sole"),
+        ("foot_fl", "foot_fr", "foot_rl", "foot_rr"),
+        ("front_contact", "rear_contact"),
+    ],
+)
 @pytest.mark.parametrize("style", ["{0}_{1}", "{2}l_{1}", "{2}f_{1}", "{2}_{1}"])
 def test_the_frames_of_one_body_are_one_foot(
     tmp_path: Path, frames: tuple[str, ...], style: str

@@ -13,7 +13,6 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.robot.formats.description import GeometrySource
-from wbc.robot.limits import UNLIMITED
 from wbc.robot.sole import body_points, found_sole, is_round_about
 from wbc.rotations import exp_rotation
 from wbc.validate import Array
@@ -36,6 +35,7 @@ _GLUED = re.compile(rf"(left|right|[lr])({'|'.join(sorted(FOOT_WORDS))})")  # lf
 SAME_HEIGHT, MIRRORED = 0.01, 0.02  # m: two soles on the same ground, one the other's image
 LEAST_AREA = 1e-3  # m^2: a flat shape larger than a coin
 BELOW_BASE = 0.05  # m: legs reach at least so far below the base's origin
+TURNS = 20.0 * np.pi  # rad: what turns further either way rolls
 ALONG = np.cos(np.deg2rad(30.0))  # a direction this near to an axis is meant to be along it
 
 
@@ -51,7 +51,9 @@ def foot_of(link: str) -> str | None:
     words = words_of(link.rpartition("/")[2])  # the r of r2/left_foot is no side
     if not words & FOOT_WORDS or words & NOT_FEET:
         return None
-    found = [foot for foot, marks in (SIDES | CORNERS).items() if words & marks]
+    # FL of left_foot_FL is a corner of that foot.
+    named = SIDES if words & SIDES.keys() else SIDES | CORNERS
+    found = [foot for foot, marks in named.items() if words & marks]
     if len(found) != 1:
         return None
     ends = [end for end, marks in ENDS.items() if words & marks]
@@ -180,8 +182,9 @@ def guess_links(
     A foot is a link whose name holds a side (left, l, right, r) or a corner (FL, hr, ...) and one
     of :data:`FOOT_WORDS`, and whose rigid body has shapes; of several, the one that reaches lowest.
     A body is one foot, however many of its frames are called so, and which of four feet is in front
-    is seen, not read. Without such names: the two bodies at the ends of limbs that reach lowest,
-    with flat undersides, one to the left and its image to the right; or four, two on either side.
+    is seen, not read. Without such names, or shapes there: the two bodies at the ends of limbs that
+    reach lowest, with flat undersides, one to the left and its image to the right; or four, two on
+    either side.
     Wheels, what carries them, and hands are none: what is called so, or ends a limb, turns without
     end and is round.
 
@@ -202,16 +205,16 @@ def guess_links(
     ordered = {name: lowest[name] for name in SIDES | CORNERS if name in lowest}
     found = {name: link for name, (height, link) in ordered.items() if height < np.inf}
     shapeless = ", ".join(link for height, link in ordered.values() if height == np.inf)
+    if not found and rolling:
+        return {}, "it has wheels, and wheels are no soles"
+    if not found:
+        others, why = _lowest_pair(model, data, geometry, bodies)
+        if others or not shapeless:
+            return others, why
     if shapeless:
         missing = f"no shapes to find soles from on {shapeless}"
         return found, f"{missing}; give link, polygon and height"
-    if set(found) == {"front_left", "front_right"}:  # a biped whose legs are called so
-        return dict(zip(SIDES, found.values(), strict=True)), ""
-    if found:
-        return found, _one_sided(found)
-    if rolling:
-        return {}, "it has wheels, and wheels are no soles"
-    return _lowest_pair(model, data, geometry, bodies)
+    return found, _one_sided(found)
 
 
 def _may_be_foot(model: pin.Model, frame: pin.Frame) -> bool:
@@ -221,11 +224,11 @@ def _may_be_foot(model: pin.Model, frame: pin.Frame) -> bool:
 
 
 def _endless_ends(model: pin.Model) -> list[int]:
-    """Return the joints that have no limits, and carry no other."""
+    """Return the joints that have no limits, or turn more than ten times, and carry no other."""
     inner, found = {int(parent) for parent in model.parents}, []
     for joint in range(2, model.njoints):
         most = model.upperPositionLimit[int(model.idx_qs[joint])]
-        if joint not in inner and (model.nqs[joint] == 2 or most >= UNLIMITED):
+        if joint not in inner and (model.nqs[joint] == 2 or most >= TURNS):
             found.append(joint)
     return found
 
@@ -252,9 +255,14 @@ def _one_of_each(
             called.setdefault(int(frame.parentJoint), []).append((foot, frame))
     named = []
     for entries in called.values():
-        foot = min((foot for foot, _ in entries), key=lambda one: one not in SIDES)
-        frames = [frame for one, frame in entries if one == foot]
-        named.append((foot, min(frames, key=lambda frame: str(frame.name))))
+        feet = {foot for foot, _ in entries}
+        sides = feet & SIDES.keys() or feet
+        if len(sides) > 1:  # its front and its rear
+            sides = {foot.rpartition("_")[2] for foot in sides}
+        frames = [frame for foot, frame in entries if foot in sides] or [one for _, one in entries]
+        named.append((min(sides), min(frames, key=lambda frame: str(frame.name))))
+    if not any(foot.startswith("hind") for foot, _ in named):  # a biped whose legs are called so
+        named = [(foot.removeprefix("front_"), frame) for foot, frame in named]
     cornered = [frame for foot, frame in named if foot in CORNERS]
     by_place = _by_place(data, {int(frame.parentJoint): frame for frame in cornered})
     if len(by_place) != len(CORNERS):

@@ -102,17 +102,19 @@ def close_postures(
 ) -> tuple[str, ...]:
     """Close the loops in all postures, in place; return notes of those that stay open.
 
-    ``standing`` is closed from itself, or from where the file draws the joints.
+    ``standing`` is closed from itself, or from where the file draws the joints. Without loops,
+    its drivers move where mimic joints cannot follow; other postures stay.
 
     Raises
     ------
     ModelError
         ``standing`` cannot be closed.
     """
-    if not closure.loops:
-        return ()
     open_ones = []
     for name, q in postures.items():
+        off = np.abs(closure.errors(q)[0]).max(initial=0.0) > CLOSED
+        if not closure.loops and (name != STANDING or not off):
+            continue
         try:
             postures[name] = closure.closed(q)
         except InvalidInputError as error:

@@ -238,6 +238,10 @@ URDF: dict[str, tuple[str, Callable[[Robot], None] | str]] = {
     "friction below zero": (urdf('<dynamics friction="-1"/>'), "joint 'j': negative friction -1"),
     "empty dynamics": (urdf("<dynamics/>"), read()),
     "empty safety": (urdf("<safety_controller/><calibration/>"), read()),
+    "xacro without its namespace": (
+        urdf("").replace("<link", '<xacro:property name="a" value="1"/><link', 1),
+        "unbound prefix: .*; expand its xacro first",
+    ),
     "empty mimic": (urdf("<mimic/>"), "joint 'j': <mimic> has no 'joint'"),
     "no name": (urdf(head=""), read("the file gives the robot no name")),
     "version of the future": (urdf(head='name="r" version="2.0"'), "URDF '2.0' is not known"),

@@ -323,6 +323,25 @@ def test_a_joint_without_end_may_follow_one_with_limits(tmp_path: Path) -> None:
     np.testing.assert_array_equal(q[7:], [2.0, 6.5])
 
 
+@pytest.mark.parametrize(
+    ("tie", "own", "standing"),
+    [
+        ('multiplier="1" offset=".8"', "-.5 .5", (-0.3, 0.5)),
+        ('multiplier="-2"', ".4 .9", (-0.2, 0.4)),
+        ('multiplier="0" offset=".4"', "-1 1", (0.0, 0.4)),
+    ],
+)
+def test_standing_moves_a_driver_that_its_mimic_joint_cannot_follow(
+    tmp_path: Path, tie: str, own: str, standing: tuple[float, float]
+) -> None:
+    lower, upper = own.split()
+    limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
+    follower = joint("k", "b", "c", inside=f'{limit}<mimic joint="j" {tie}/>')
+    path = write(tmp_path, link("a") + link("b") + link("c") + joint("j", "a", "b") + follower)
+    robot = Robot.load(path, feet={}, base="floating")
+    np.testing.assert_allclose(robot.posture("standing")[7:], standing, atol=1e-9)
+
+
 def test_a_mesh_is_found_from_its_package_and_beside_the_urdf(tmp_path: Path) -> None:
     package = tmp_path / "elsewhere" / "renamed"
     package.mkdir(parents=True)

@@ -60,7 +60,9 @@ def parsed(data: bytes, path: Path) -> ET.Element:
         _check_attributes(data, path)
         root = ET.fromstring(data)
     except ET.ParseError as error:
-        raise ModelError(f"{path}: not valid XML: {error}; mend the file there") from error
+        xacro = "unbound prefix" in str(error) and b"<xacro:" in data
+        mend = "expand its xacro first" if xacro else "mend the file there"
+        raise ModelError(f"{path}: not valid XML: {error}; {mend}") from error
     except (ValueError, LookupError) as error:  # also of encodings that do not exist
         raise ModelError(f"{path}: cannot be read: {error}") from error
     _check_size(root, path)
