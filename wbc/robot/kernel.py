@@ -1,16 +1,16 @@
 """The native core's passes over one kinematic tree.
 
 One call writes what most ticks ask for into fixed places of one array: CoM, CRB inertia with its
-Jacobian, centroidal map, placements, and the frames that earlier snapshots were asked for. It takes
-2 us on the G1, where Pinocchio's pass and the reading of its results from Python take 40. A second
-one, made when it is asked for, adds mass matrix, bias forces and drifts.
+Jacobian, centroidal map, and placements. It takes 2 us on the G1, where Pinocchio's pass and the
+reading of its results from Python take 40. A second one, made when it is asked for, adds mass
+matrix, bias forces and drifts; frames are found one by one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -20,9 +20,6 @@ from wbc.native import doubles, ffi, integers, lib, pointer
 from wbc.robot.limits import JointLimits
 from wbc.spatial import vech
 from wbc.validate import Array, are_plain, read_only
-
-# Frames kept in every state at most, 0.1 us each; others are computed when they are asked for.
-KEPT = 32
 
 
 class NativeTree:
@@ -66,13 +63,20 @@ class NativeTree:
         self.parts = _slices(state) | _slices(motion)
         self.frames, self.motion_size = int(state.frames), int(motion.end)
         self.frame_size = int(lib.FRAME_JACOBIAN) + 6 * self.nv
+        self._places: dict[int, tuple[Any, Any]] = {}
+
+    def place(self, index: int) -> tuple[Any, Any]:
+        """Return pointers to the joint of a frame and to its placement there."""
+        found = self._places.get(index)
+        if found is None:
+            joint, placement = frame_places(self.model, [index])
+            found = self._places[index] = integers(joint), doubles(placement)
+        return found
 
     def frame(self, state: Array, index: int) -> Array:
-        """Return a frame, as states keep it."""
-        joint, placement = frame_places(self.model, [index])
+        """Return origin, rotation and Jacobian of a frame, one behind the other."""
         out = np.empty(self.frame_size)
-        where, there, to = map(doubles, (state, placement, out))
-        lib.wbc_frames(self.struct, where, 1, integers(joint), there, to)
+        lib.wbc_frames(self.struct, doubles(state), 1, *self.place(index), doubles(out))
         return read_only(out)
 
 
@@ -81,7 +85,6 @@ class NativeState(NamedTuple):
 
     array: Array  # all of it, read-only; see source/core.h
     tree: NativeTree
-    slots: Mapping[str, int]  # where frames begin in it, by name
 
     def part(self, name: str, *shape: int) -> Array:
         """Return a quantity by the name of its place: a view on the whole."""
@@ -106,18 +109,6 @@ class NativeState(NamedTuple):
         at, given = map(doubles, (self.array, vech(weights)))
         lib.wbc_inertia_hessian(self.tree.struct, at, mass, given, *map(doubles, (work, hessian)))
         return hessian
-
-    def frame(self, name: str, robot: HasPass) -> tuple[tuple[Array, Array], Array]:
-        """Return (origin (3,), rotation (3, 3)) and Jacobian (6, nv) of a frame."""
-        array, begin = self.array, self.slots.get(name)
-        if begin is None:
-            index = robot.frame_id(name)
-            array, begin = self.tree.frame(array, index), 0
-            robot.native.keep(name, index)  # of this thread, whoever made the state
-        pose = array[begin : begin + 12].copy()  # may be kept longer than the rest
-        pose.flags.writeable = False
-        jacobian = array[begin + 12 : begin + self.tree.frame_size].reshape(6, -1)
-        return (pose[:3], pose[3:].reshape(3, 3)), jacobian
 
     def motion(self, v: Array) -> NativeMotion:
         """Return what depends on the state's velocity (nv,), too."""
@@ -145,55 +136,29 @@ class NativeMotion(NamedTuple):
     def frame_drift(self, index: int) -> Array:
         """Return the acceleration (6,) of a frame."""
         tree, out = self.tree, np.empty(6)
-        joint, placement = frame_places(tree.model, [index])
-        state, motion, there, to = map(doubles, (self.state, self.array, placement, out))
-        lib.wbc_drifts(tree.struct, state, motion, 1, integers(joint), there, to)
+        state, motion, to = map(doubles, (self.state, self.array, out))
+        lib.wbc_drifts(tree.struct, state, motion, 1, *tree.place(index), to)
         return read_only(out)
-
-
-class HasPass(Protocol):
-    """What a state needs of its robot."""
-
-    def frame_id(self, name: str) -> int:
-        """Return Pinocchio's index of a frame."""
-
-    @property
-    def native(self) -> NativePass:
-        """The pass of the calling thread."""
 
 
 class NativePass:
     """Memory of one thread for passes over a tree.
 
-    Parameters
-    ----------
-    frames:
-        Names and Pinocchio's indices of frames that every state holds from the beginning.
-
     Attributes
     ----------
-    slots:
-        Where frames begin that every state holds, by name; replaced, not changed, when one joins.
     plans:
         What others keep for rows at its states, by what they are about.
     """
 
-    def __init__(self, tree: NativeTree, frames: Sequence[tuple[str, int]] = ()) -> None:
+    def __init__(self, tree: NativeTree) -> None:
         self.tree = tree
-        self.slots: dict[str, int] = {}
         self.plans: dict[object, Any] = {}
-        self._most = max(KEPT, len(frames))
         size = tree.nq + tree.nv
         memory = np.zeros(size + tree.nq)
         self._measured, self._reached = memory[:size], memory[size:]
         self._shapes = (tree.nq,), (tree.nv,)
         self._there, self._tree = doubles(memory), tree.struct
-        self._scratch = np.zeros(13 * tree.joints + 17 * tree.nv)
-        self._joints = np.zeros(self._most, dtype=np.int64)
-        self._placements = np.zeros((self._most, 12))
-        self._grow()
-        for name, index in frames:
-            self.keep(name, index)
+        self._scratch = doubles(np.zeros(13 * tree.joints + 17 * tree.nv))
 
     def measured(self, q: Any, v: Any) -> bytes | None:
         """Return a state as snapshots keep it, v behind q; None: Python looks closely."""
@@ -215,38 +180,25 @@ class NativePass:
             return None
         return self._reached.copy()
 
-    def evaluate(self, q: Array, v: Array) -> NativeState:
-        """Return all that is known at (q, v)."""
-        lib.wbc_state(self._tree, doubles(q), doubles(v), *self._arguments)
-        found = self._state.copy()
-        found.flags.writeable = False
-        return NativeState(found, self.tree, self.slots)
+    def evaluate(self, measured: bytes) -> NativeState:
+        """Return all that is known at q, with v behind it, but for frames."""
+        tree, out, q = self.tree, np.empty(self.tree.frames), doubles(measured)
+        none = 0, ffi.NULL, ffi.NULL
+        lib.wbc_state(self._tree, q, q + tree.nq, doubles(out), self._scratch, *none)
+        return NativeState(read_only(out), tree)
 
-    def evaluate_all(self, q: Array, v: Array) -> Array:
-        """Return all that is known at (q (n, nq), v (n, nv)), a state a row (n, size)."""
-        (_, *rest), tree, size = self._arguments, self.tree, len(self._state)
+    def evaluate_all(self, q: Array, v: Array, frames: Sequence[int] = ()) -> Array:
+        """Return all that is known at (q (n, nq), v (n, nv)), a state a row, frames behind it."""
+        tree, count = self.tree, len(frames)
+        joint, placement = frame_places(tree.model, frames)
+        size = tree.frames + count * tree.frame_size
         q, v, out = np.ascontiguousarray(q), np.ascontiguousarray(v), np.zeros((len(q), size))
         of_q, of_v, to = map(doubles, (q, v, out))
+        rest = self._scratch, count, pointer(joint), pointer(placement)
         for k in range(len(q)):
-            lib.wbc_state(self._tree, of_q + k * tree.nq, of_v + k * tree.nv, to + k * size, *rest)
+            at = of_q + k * tree.nq, of_v + k * tree.nv, to + k * size
+            lib.wbc_state(self._tree, *at, *rest)
         return out
-
-    def keep(self, name: str, index: int) -> None:
-        """Let later states hold a frame, if there is room for one more."""
-        tree = self.tree
-        if name in self.slots or len(self.slots) >= self._most:
-            return
-        joint, placement = frame_places(tree.model, [index])
-        self._joints[len(self.slots)] = joint[0]
-        self._placements[len(self.slots)] = placement[0]
-        self.slots = {**self.slots, name: tree.frames + len(self.slots) * tree.frame_size}
-        self._grow()
-
-    def _grow(self) -> None:
-        tree, count = self.tree, len(self.slots)
-        self._state = np.zeros(tree.frames + count * tree.frame_size)
-        frames = integers(self._joints), doubles(self._placements)
-        self._arguments = (doubles(self._state), doubles(self._scratch), count, *frames)
 
 
 def frame_places(model: pin.Model, frames: Sequence[int]) -> tuple[NDArray[np.int64], Array]:

@@ -69,10 +69,9 @@ def disagreement(tree: NativeTree, states: int = 2, seed: int = 0) -> float:
     worst = 0.0
     for q, v in _states(tree, states, seed):
         passed = NativePass(tree)
-        first = passed.evaluate(q, v)
+        first = passed.evaluate(q.tobytes() + v.tobytes())
         frame = tree.frame(first.array, last)
-        passed.keep("", last)
-        whole = passed.evaluate(q, v)  # now holds the frame
+        (whole,) = passed.evaluate_all(q[None], v[None], [last])
         motion = first.motion(v)
         drifts = motion.drift("com_drift"), motion.drift("momentum_drift"), motion.frame_drift(last)
         moving = np.concatenate((motion.array[: tree.parts["com_drift"].start], *drifts))
@@ -81,7 +80,7 @@ def disagreement(tree: NativeTree, states: int = 2, seed: int = 0) -> float:
         if reached is None:  # a measured state that the core takes for none
             return np.inf
         ours = np.delete(first.array, np.r_[tree.parts["inertia_jacobian"]])
-        kept = np.delete(whole.array, np.r_[tree.parts["inertia_jacobian"]])
+        kept = np.delete(whole, np.r_[tree.parts["inertia_jacobian"]])
         for found, theirs in (
             (reached, (pin.integrate(model, q, 0.1 * v),)),
             (np.concatenate((ours, frame)), state),
@@ -107,7 +106,7 @@ def disagreement_of_rates(tree: NativeTree, states: int = 2, seed: int = 0) -> f
     worst = 0.0
     for q, v in _states(tree, states, seed):
         q[:3], v[:3] = 0.0, 0.0
-        state = NativePass(tree).evaluate(q, v)
+        state = NativePass(tree).evaluate(q.tobytes() + v.tobytes())
         motion, here = state.motion(v), inertia(q)
         ahead, behind = (
             np.array([inertia(pin.integrate(model, q, k * STEP * v)) for k in side])

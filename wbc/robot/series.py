@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from wbc.robot.kernel import NativePass, NativeState, NativeTree
+from wbc.robot.kernel import NativeState, NativeTree
 from wbc.robot.limits import BASE_NQ
 from wbc.robot.model import Robot
 from wbc.robot.tree import KinematicTree
@@ -77,7 +77,7 @@ class StateSeries(NamedTuple):
 
     def state(self, k: int) -> NativeState:
         """Return one state."""
-        return NativeState(self.array[k], self.tree, self.slots)
+        return NativeState(self.array[k], self.tree)
 
     def _of(self, frame: str, begin: int, end: int) -> Array:
         at = self.slots[frame]
@@ -108,8 +108,10 @@ def state_series(
     count = len(q)
     q = finite_array("q", q, (count, robot.nq))
     v = np.zeros((count, robot.nv)) if v is None else finite_array("v", v, (count, robot.nv))
-    own = NativePass(robot.native.tree, [(name, robot.frame_id(name)) for name in frames])
-    return StateSeries(own.evaluate_all(q, v), own.tree, own.slots, v)
+    tree, index = robot.native.tree, {name: robot.frame_id(name) for name in frames}
+    slots = {name: tree.frames + k * tree.frame_size for k, name in enumerate(index)}
+    array = robot.native.evaluate_all(q, v, tuple(index.values()))
+    return StateSeries(array, tree, slots, v)
 
 
 def velocities(robot: KinematicTree, q: Array, dt: float) -> Array:

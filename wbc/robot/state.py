@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.native import lib
 from wbc.robot.kernel import NativeState
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.names import BASE, COM, WORLD
@@ -27,6 +28,8 @@ from wbc.robot.parallel_axis import (
 from wbc.robot.tree import KinematicTree
 from wbc.spatial import commutator_matrix, congruence, skew, vech
 from wbc.validate import Array, finite_array, read_only
+
+POSE: int = lib.FRAME_JACOBIAN  # numbers of a frame before its Jacobian
 
 if TYPE_CHECKING:
     lazy = cached_property
@@ -55,7 +58,7 @@ class KinematicState:
 
     def __init__(self, robot: KinematicTree, q: Array, v: Array) -> None:
         own = self.__dict__  # past __setattr__, which would take as long as all the rest
-        own.update(robot=robot, q=q, v=v, _placements={}, _jacobians={})
+        own.update(robot=robot, q=q, v=v, _placements={}, _frames={})
         own["_sealed"] = True
 
     @classmethod
@@ -104,13 +107,14 @@ class KinematicState:
         return {}
 
     @lazy
-    def _jacobians(self) -> dict[str, Array]:
+    def _frames(self) -> dict[str, Array]:
+        """As the core found them, by name."""
         return {}
 
     @lazy
     def native_state(self) -> NativeState:
         """All that a tick asks for, from one pass of the core."""
-        return self.robot.native.evaluate(self.q, self.v)
+        return self.robot.native.evaluate(self.measured)
 
     @lazy
     def joint_positions(self) -> Array:
@@ -295,7 +299,7 @@ class KinematicState:
     def jacobian(self, frame: str) -> Array:
         """Jacobian (6, nv) of the frame's origin velocity and angular velocity, world axes."""
         self.placement(frame)
-        return self._jacobians[frame]
+        return self._frames[frame][POSE:].reshape(6, -1)
 
     @lazy
     def joint_placements(self) -> tuple[Array, Array]:
@@ -313,6 +317,8 @@ class KinematicState:
 
     def _placement(self, frame: str) -> tuple[Array, Array]:
         """Return where a frame is; its Jacobian, which few do without, is kept."""
-        placed, self._jacobians[frame] = self.native_state.frame(frame, self.robot)
-        self._placements[frame] = placed
+        state, index = self.native_state, self.robot.frame_id(frame)
+        self._frames[frame] = found = state.tree.frame(state.array, index)
+        pose = read_only(found[:POSE].copy())  # may be kept longer than the rest
+        placed = self._placements[frame] = pose[:3], pose[3:].reshape(3, 3)
         return placed
