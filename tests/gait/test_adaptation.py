@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from wbc.gait import adaptation
 from wbc.gait.adaptation import (
     Reach,
     StepBounds,
     StepPlan,
     StepWeights,
-    adapt_step,
     held_back_by,
     step_qp,
 )
@@ -37,6 +37,13 @@ def nominal(left: float) -> StepPlan:
     return StepPlan(STEP, left, dcm_offsets(steps[1:], TIMES, OMEGA)[0], np.zeros(2))
 
 
+def adapt_step(dcm: np.ndarray, *given: object) -> StepPlan:
+    """Return the plan, points as arrays."""
+    plan = adaptation.adapt_step(dcm, *given)
+    points = {name: np.array(getattr(plan, name)) for name in ("place", "offset", "vrp")}
+    return plan._replace(**points)
+
+
 def steady_dcm(left: float) -> np.ndarray:
     """Return the DCM of that walk, from the standing foot."""
     steps = [STEP * (1.0, (-1.0) ** k) for k in range(12)]
@@ -59,7 +66,7 @@ def test_the_qp_is_solved(seed: int) -> None:
     dcm = steady_dcm(left) + rng.normal(scale=0.08, size=2)
     reach = Reach(np.array((-0.1, -0.2)), np.array((1.0, 0.1)), 40.0)
     bounds = BOUNDS._replace(reach=reach, about=left) if seed % 2 else BOUNDS
-    qp = step_qp(dcm, nominal(left), bounds, OMEGA, TIMES.double, StepWeights())
+    qp = step_qp(dcm, nominal(left), bounds, OMEGA, TIMES.double, StepWeights()).qp
     met = {"type": "eq", "fun": lambda x: qp.A @ x - qp.b, "jac": lambda x: qp.A}
     kept = {"type": "ineq", "fun": lambda x: qp.u - qp.C @ x, "jac": lambda x: -qp.C}
     found = minimize(

@@ -17,26 +17,17 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from wbc.gait.dcm import shift_gain
 from wbc.qp.active_set import ActiveSet
-from wbc.qp.problem import QP, Labels
-from wbc.qp.solution import Status
-from wbc.validate import Array
+from wbc.qp.core import FlatQP
+from wbc.qp.problem import Labels
 
 NAMES = ("u x", "u y", "sigma", "b x", "b y", "w x", "w y")
 SIDES = ("x most", "y most", "x least", "y least")
 ROWS = (*(f"w {side}" for side in SIDES), *(f"reach {side}" for side in SIDES))
 LABELS = Labels(("dcm x", "dcm y"), ROWS, NAMES)
-BOTH = np.vstack((np.eye(2), -np.eye(2)))
-FREE = np.full(8, np.inf)
-# Of the rows what does not change: b; w, and u of the reach.
-EQUAL = np.zeros((2, 7))
-EQUAL[:, 3:5] = np.eye(2)
-PARTS = np.zeros((8, 7))
-PARTS[:4, 5:] = PARTS[4:, :2] = BOTH
-NONE = np.zeros(2)
+FREE = (math.inf,) * 4  # b and w are not bounded
+NO_LEAST = (-math.inf,) * 8  # nor are rows from below
 SOLVER = ActiveSet()
 # What holds a footstep back, by the bounds on u and sigma (below, above) and by the rows.
 BOUNDS = (
@@ -53,6 +44,9 @@ NEGLIGIBLE = 1e-3
 FAR, STOP = 0.1 * math.sqrt(3.0), 1.5
 
 
+Pair = tuple[float, float]
+
+
 class Reach(NamedTuple):
     """Where the foot in the air can be at rest after a time T: within ``acceleration`` of its way.
 
@@ -66,16 +60,16 @@ class Reach(NamedTuple):
         Largest, on each axis [m/s^2].
     """
 
-    place: Array
-    rate: Array
+    place: Pair
+    rate: Pair
     acceleration: float
 
-    def least_time(self, lower: Array, upper: Array) -> float:
+    def least_time(self, lower: Pair, upper: Pair) -> float:
         """Return the time [s] from which on the foot can be at rest between the corners (2,)."""
-        k, (vx, vy) = FAR * self.acceleration, self.rate.tolist()
-        below, above = (lower - self.place).tolist(), (self.place - upper).tolist()
+        k, (x, y), (vx, vy) = FAR * self.acceleration, self.place, self.rate
+        missing_by = lower[0] - x, lower[1] - y, x - upper[0], y - upper[1]
         least = STOP * max(abs(vx), abs(vy)) / self.acceleration
-        for missing, rate in zip(below + above, (vx, vy, -vx, -vy), strict=True):
+        for missing, rate in zip(missing_by, (vx, vy, -vx, -vy), strict=True):
             b = 0.5 * rate
             inside = b * b + 4.0 * k * missing  # k T^2 + b T >= missing, always if this is negative
             if inside > 0.0:
@@ -84,7 +78,7 @@ class Reach(NamedTuple):
 
     def rows(self, time: float) -> tuple[list[float], list[float]]:
         """Return h (4,), c (4,) of (u, -u) <= h T + c, the tangent of its parabola at ``time``."""
-        k, (x, y), (vx, vy) = FAR * self.acceleration, self.place.tolist(), self.rate.tolist()
+        k, (x, y), (vx, vy) = FAR * self.acceleration, self.place, self.rate
         steep, bend = 2.0 * k * time, k * time**2
         h = [steep + 0.5 * rate for rate in (vx, vy, -vx, -vy)]
         return h, [place - bend for place in (x, y, -x, -y)]
@@ -107,11 +101,11 @@ class StepBounds(NamedTuple):
         The time left that was planned before, by which the reach is linear [s].
     """
 
-    lower: Array
-    upper: Array
+    lower: Pair
+    upper: Pair
     least: float
     most: float
-    sole: Array
+    sole: Pair
     reach: Reach
     about: float
 
@@ -126,6 +120,7 @@ class StepWeights(NamedTuple):
 
 
 WEIGHTS = StepWeights()
+Multipliers = tuple[list[float], list[float]]
 
 
 class StepPlan(NamedTuple):
@@ -148,22 +143,22 @@ class StepPlan(NamedTuple):
         :func:`held_back_by`.
     """
 
-    place: Array
+    place: Pair
     left: float
-    offset: Array
-    vrp: Array
+    offset: Pair
+    vrp: Pair
     adapted: bool = True
-    multipliers: tuple[Array, Array] | None = None
+    multipliers: Multipliers | None = None
 
 
 def step_qp(
-    dcm: Array,
+    dcm: Pair,
     nominal: StepPlan,
     bounds: StepBounds,
     omega: float,
     double: float,
     weights: StepWeights,
-) -> QP:
+) -> FlatQP:
     """Return the QP in x = (u, sigma / sigma_0, b, w).
 
     Parameters
@@ -174,41 +169,43 @@ def step_qp(
         What is wanted; its ``vrp`` too.
     """
     sigma, grow = math.exp(omega * nominal.left), math.exp(omega * double)
+    gain, (dx, dy), (sx, sy) = shift_gain(omega, double), dcm, bounds.sole
     place, time, offset, vrp = weights
     vrp /= (sigma - 1.0) ** 2
-    cost = np.array((place, place, time, offset, offset, vrp, vrp))
-    moved = ((sigma - 1.0) * nominal.vrp).tolist()
-    wanted = np.array((*nominal.place.tolist(), 1.0, *nominal.offset.tolist(), *moved))
-    P, A, C = np.zeros((7, 7)), EQUAL.copy(), PARTS.copy()
-    P.flat[::8] = cost
-    A[0, 0] = A[1, 1] = shift_gain(omega, double)
-    A[:, 2] = -grow * sigma * dcm
-    A[0, 5] = A[1, 6] = grow
-    sole = bounds.sole.tolist() * 2
-    speed, most = bounds.reach.rows(bounds.about)
+    cost = place, place, time, offset, offset, vrp, vrp
+    moved = [(sigma - 1.0) * one for one in nominal.vrp]
+    wanted = *nominal.place, 1.0, *nominal.offset, *moved
+    P = [0.0] * 49
+    P[::8] = cost
+    A = (
+        *(gain, 0.0, -grow * sigma * dx, 1.0, 0.0, grow, 0.0),
+        *(0.0, gain, -grow * sigma * dy, 0.0, 1.0, 0.0, grow),
+    )
+    (a, b, c, d), most = bounds.reach.rows(bounds.about)
     # T = about + (sigma / sigma(about) - 1) / omega, to first order
     early = -math.exp(omega * (nominal.left - bounds.about)) / omega
-    C[:, 2] = [-sigma * half for half in sole] + [early * one for one in speed]
-    ahead = bounds.about - 1.0 / omega
-    upper = [-half for half in sole] + [c + h * ahead for h, c in zip(speed, most, strict=True)]
-    least, longest = (math.exp(omega * time) / sigma for time in (bounds.least, bounds.most))
-    free = (math.inf,) * 4
-    return QP(
-        P,
-        -cost * wanted,
-        A,
-        NONE,
-        C,
-        -FREE,
-        np.array(upper),
-        -np.array((*(-bounds.lower).tolist(), -least, *free)),
-        np.array((*bounds.upper.tolist(), longest, *free)),
-        LABELS,
+    C = (
+        *(0.0, 0.0, -sigma * sx, 0.0, 0.0, 1.0, 0.0),
+        *(0.0, 0.0, -sigma * sy, 0.0, 0.0, 0.0, 1.0),
+        *(0.0, 0.0, -sigma * sx, 0.0, 0.0, -1.0, 0.0),
+        *(0.0, 0.0, -sigma * sy, 0.0, 0.0, 0.0, -1.0),
+        *(1.0, 0.0, early * a, 0.0, 0.0, 0.0, 0.0),
+        *(0.0, 1.0, early * b, 0.0, 0.0, 0.0, 0.0),
+        *(-1.0, 0.0, early * c, 0.0, 0.0, 0.0, 0.0),
+        *(0.0, -1.0, early * d, 0.0, 0.0, 0.0, 0.0),
     )
+    ahead = bounds.about - 1.0 / omega
+    reached = [far + speed * ahead for far, speed in zip(most, (a, b, c, d), strict=True)]
+    g = [-one * goal for one, goal in zip(cost, wanted, strict=True)]
+    least, longest = (math.exp(omega * time) / sigma for time in (bounds.least, bounds.most))
+    lower = *bounds.lower, least, *NO_LEAST[:4]
+    upper = *bounds.upper, longest, *FREE
+    u = -sx, -sy, -sx, -sy, *reached
+    return FlatQP([*P, *A, *C, *g, *lower, *upper, 0.0, 0.0, *NO_LEAST, *u], LABELS)
 
 
 def adapt_step(
-    dcm: Array,
+    dcm: Pair,
     nominal: StepPlan,
     bounds: StepBounds,
     omega: float,
@@ -220,20 +217,20 @@ def adapt_step(
     Where the QP is not solved (a time at which only one place is in reach is none to a solver), the
     nominal one within its bounds, without a claim to catch the robot: ``adapted`` says so.
     """
-    qp = step_qp(dcm, nominal, bounds, omega, double, weights)
-    solution = SOLVER.solve(qp, quick=True)
-    if solution.status is not Status.SOLVED:
-        place = np.clip(nominal.place, bounds.lower, bounds.upper)
+    found = SOLVER.solve_flat(step_qp(dcm, nominal, bounds, omega, double, weights))
+    if found is None:
+        (x, y), low, high = nominal.place, bounds.lower, bounds.upper
+        place = min(max(x, low[0]), high[0]), min(max(y, low[1]), high[1])
         left = min(max(nominal.left, bounds.least), bounds.most)
         return StepPlan(place, left, nominal.offset, nominal.vrp, adapted=False)
-    x = solution.x
-    sigma = max(x[2] * math.exp(omega * nominal.left), 1e-9)
+    (ux, uy, grown, bx, by, wx, wy), z, z_box = found
+    sigma = max(grown * math.exp(omega * nominal.left), 1e-9)
     left = min(max(math.log(sigma) / omega, bounds.least), bounds.most)
-    vrp = x[5:7] / math.expm1(omega * left)
-    return StepPlan(x[:2], left, x[3:5], vrp, multipliers=(solution.z, solution.z_box))
+    grows = math.expm1(omega * left)
+    return StepPlan((ux, uy), left, (bx, by), (wx / grows, wy / grows), multipliers=(z, z_box))
 
 
-def held_back_by(multipliers: tuple[Array, Array] | None, sign: float) -> tuple[str, ...]:
+def held_back_by(multipliers: Multipliers | None, sign: float) -> tuple[str, ...]:
     """Return what holds a footstep back, in words, the strongest first.
 
     Parameters
@@ -244,8 +241,8 @@ def held_back_by(multipliers: tuple[Array, Array] | None, sign: float) -> tuple[
     if multipliers is None:
         return ()
     rows, box = multipliers
-    pull = list(zip(ROWS_HOLD, np.abs(rows).tolist(), strict=True))
-    for names, size, way in zip(BOUNDS, box[:3].tolist(), (1.0, -sign, 1.0), strict=True):
+    pull = list(zip(ROWS_HOLD, map(abs, rows), strict=True))
+    for names, size, way in zip(BOUNDS, box[:3], (1.0, -sign, 1.0), strict=True):
         pull.append((names[size * way > 0.0], abs(size)))
     strongest = sorted(pull, key=lambda one: -one[1])
     return tuple(dict.fromkeys(name for name, size in strongest if size > NEGLIGIBLE))

@@ -7,6 +7,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from wbc.gait.adaptation import Multipliers
 from wbc.gait.command import Velocity
 from wbc.gait.crossing import Crossing
 from wbc.gait.foothold import Foothold
@@ -106,7 +107,7 @@ class SingleSupport(NamedTuple):
     level: float | None = None
     adapted: bool = True  # whether the QP of the footstep was solved
     # Its multipliers: see wbc.gait.adaptation.held_back_by.
-    multipliers: tuple[Array, Array] | None = None
+    multipliers: Multipliers | None = None
 
     @classmethod
     def begun(

@@ -6,6 +6,7 @@ import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -93,7 +94,7 @@ class StepPlanner:
     legs: Legs
     soles: dict[str, Array]
 
-    @property
+    @cached_property
     def footsteps(self) -> Footsteps:
         """Where feet go."""
         return Footsteps(self.gait)
@@ -235,45 +236,51 @@ class StepPlanner:
         soon = DECIDED / omega
         if phase.left <= soon:
             return phase
-        base, single = now.places[support][:2], self.single_time(phase)
+        place, single, double = now.places[support], self.single_time(phase), gait.double
         if phase.given:
-            R = turned(yaw_of(now.rotations[support]))[:2, :2]
-            step: Array = phase.given[0].place - base
-            weights = GIVEN
-            offset = given_offsets(base, phase.given, gait)[1]
+            ahead, weights = yaw_of(now.rotations[support]), GIVEN
+            step: Array = phase.given[0].place - place[:2]
+            offset = given_offsets(place[:2], phase.given, gait)[1]
         else:
-            R, weights = turned(heading)[:2, :2], WEIGHTS
+            ahead, weights = heading, WEIGHTS
             began = heading - velocity.yaw_rate * phase.elapsed  # the heading of the standing foot
             landing = heading + velocity.yaw_rate * phase.left
             step = self.footsteps.step(support, began, velocity)
             offset = self.footsteps.offset(other(support), landing, velocity)
-        nominal = StepPlan(R.T @ step, max(single - phase.elapsed, soon), R.T @ offset, np.zeros(2))
+        base, turn = complex(*place[:2].tolist()), cmath.rect(1.0, ahead)
+
+        def seen(vector: Array, origin: complex = 0j) -> tuple[float, float]:
+            """Return a point of the ground in the axes of the foot that stands."""
+            x, y, *_ = vector.tolist()
+            there = (complex(x, y) - origin) * turn.conjugate()
+            return there.real, there.imag
+
+        nominal = StepPlan(seen(step), max(single - phase.elapsed, soon), seen(offset), (0.0, 0.0))
         sign, far = SIGN[other(support)], self.limits.catch
         beside = sorted((sign * gait.least_width, sign * self.limits.catch_aside))
-        lower, upper = np.array((-far, beside[0])), np.array((far, beside[1]))
-        level = phase.swing.level
-        reach = Reach(
-            R.T @ (level.value[:2] - base), R.T @ level.rate[:2], HASTE * self.limits.swing
-        )
+        lower, upper = (-far, beside[0]), (far, beside[1])
+        level, swing = phase.swing.level, HASTE * self.limits.swing
+        reach = Reach(seen(level.value, base), seen(level.rate), swing)
         quickest = SHORTEST if phase.given else QUICKEST
         least = max(soon, quickest * single - phase.elapsed, reach.least_time(lower, upper))
         most = max(least, LONGEST * single - phase.elapsed)
+        length, width = self.soles[support].tolist()
         bounds = StepBounds(
             lower,
             upper,
             least,
             most,
-            SOLE_SHARE * self.soles[support],
+            (SOLE_SHARE * length, SOLE_SHARE * width),
             reach,
             min(max(phase.left, least), most),
         )
-        plan = adapt_step(R.T @ (now.dcm - base), nominal, bounds, omega, gait.double, weights)
-        goal = base + R @ plan.place
+        plan = adapt_step(seen(now.dcm, base), nominal, bounds, omega, double, weights)
+        goal = base + turn * complex(*plan.place)
         # Not the plan's own offset, which is where the DCM will be: what the step cannot catch
         # would be no error then, and the pressure would go back to the middle of the sole.
         return phase._replace(
             left=plan.left,
-            goal=goal,
+            goal=np.array((goal.real, goal.imag)),
             offset=offset,
             adapted=plan.adapted,
             multipliers=plan.multipliers,

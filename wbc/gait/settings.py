@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Self
 
 from wbc.errors import InvalidInputError, UnknownNameError
@@ -113,12 +114,12 @@ class GaitSettings:
         chosen.setdefault("acceleration", SPEED_UP * legs.gravity * math.sqrt(height))
         return cls(**chosen, gravity=legs.gravity)
 
-    @property
+    @cached_property
     def times(self) -> StepTimes:
         """Of a step."""
         return StepTimes(self.single, self.double)
 
-    @property
+    @cached_property
     def omega(self) -> float:
         """Of the pendulum [1/s]."""
         return math.sqrt(self.gravity / self.height)

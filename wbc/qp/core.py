@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.native import doubles, ffi, integers, lib
-from wbc.qp.problem import QP, check_qp
+from wbc.qp.problem import QP, Labels, check_qp
 from wbc.qp.solution import KktResiduals
 from wbc.validate import Array
 
@@ -39,6 +41,49 @@ class CoreAnswer(NamedTuple):
     z_box: Array
     residuals: KktResiduals
     iterations: int
+
+
+class FlatQP(NamedTuple):
+    """A QP of a few unknowns as one list of numbers: arrays of theirs would take longer to make.
+
+    Attributes
+    ----------
+    numbers:
+        P, A and C by rows, g, lower, upper, b, l, u, one behind the other.
+    """
+
+    numbers: list[float]
+    labels: Labels
+
+    @property
+    def sizes(self) -> tuple[int, int, int]:
+        """Unknowns, equalities, rows of C."""
+        names = self.labels
+        return len(names.variables), len(names.equality), len(names.inequality)
+
+    @property
+    def qp(self) -> QP:
+        """It as arrays."""
+        parts = np.split(np.array(self.numbers), np.cumsum(_lengths(*self.sizes))[:-1])
+        by_name = dict(zip(_GIVEN, parts, strict=True))
+        rows = {name: by_name[name].reshape(-1, self.sizes[0]) for name in ("P", "A", "C")}
+        return QP(**by_name | rows, labels=self.labels)
+
+
+def solve_flat(flat: FlatQP, eps: float, most: int) -> tuple[list[float], ...] | None:
+    """Return x, z and z_box of a QP, or None where the core has no answer: see below."""
+    n, k, m = sizes = flat.sizes
+    working, places = _sizes(*sizes)
+    end = 2 * n + k + m
+    at, out = ffi.new("double[]", flat.numbers), ffi.new("double[]", end + 4 + working)
+    struct = ffi.new("wbc_qp *", (n, k, m, eps, *_parts(at, _lengths(*sizes))))
+    struct.x, struct.y, struct.z, struct.z_box = _parts(out, (n, k, m, n))
+    struct.found = out + end
+    order = ffi.new("int64_t[]", places)
+    if lib.wbc_solve_qp(struct, ffi.NULL, most, out + end + 4, order) != DONE:
+        return None
+    x = ffi.unpack(out, end)
+    return x[:n], x[n + k : n + k + m], x[n + k + m :]
 
 
 def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> CoreAnswer:
@@ -98,6 +143,17 @@ def _struct(qp: QP, eps: float = 0.0) -> tuple[Any, object]:
     for name, array in zip(_GIVEN, given, strict=True):
         setattr(struct, name, doubles(array))
     return struct, given
+
+
+@lru_cache(maxsize=256)
+def _lengths(n: int, k: int, m: int) -> tuple[int, ...]:
+    """Return how many numbers each part of a QP has, in the order of a ``wbc_qp``."""
+    return n * n, k * n, m * n, n, n, n, k, m, m
+
+
+def _parts(at: Any, lengths: Sequence[int]) -> list[Any]:
+    """Return pointers to parts of an array, one behind the other."""
+    return [at + begin for begin in accumulate(lengths[:-1], initial=0)]
 
 
 @lru_cache(maxsize=256)
