@@ -54,27 +54,41 @@ class SwingMotion(NamedTuple):
         return SwingMotion(self.value + v * dt, v, acceleration)
 
 
+Quintic = tuple[tuple[float, float, float], ...]
+
+
 def towards(now: SwingMotion, goal: float | Array, left: float, dt: float) -> SwingMotion:
     """Return the motion ``dt`` later on the quintic that ends at rest at ``goal`` after ``left``.
 
     Of all that begin as ``now`` it has the least integrated squared jerk (Flash & Hogan 1985), so
     one that is asked for anew in every tick, with the goal unchanged, stays on its curve.
     """
+    return _along(quintic(left, dt), now, goal)
+
+
+def quintic(left: float, dt: float) -> Quintic:
+    """Return what way, rate and acceleration of now make of those after ``dt``: rows (3, 3).
+
+    These are Hermite's polynomials of degree 5, and their derivatives: see :func:`towards`.
+    """
     T = max(left, LEAST_LEFT)
     s = min(dt / T, 1.0)
     c, slope, bend = 1.0 - s, *minimum_jerk_rates(s)
-    # Hermite's polynomials of degree 5 in s, and their derivatives: of way, rate and acceleration.
-    p, q, r = minimum_jerk(s), T * s * c**3 * (1.0 + 3.0 * s), 0.5 * (T * s) ** 2 * c**3
-    dp, dq = slope / T, c * c * (1.0 + 2.0 * s - 15.0 * s * s)
-    dr = 0.5 * T * s * c * c * (2.0 - 5.0 * s)
-    ddp, ddq = bend / (T * T), -12.0 / T * s * c * (3.0 - 5.0 * s)
-    ddr = c * (1.0 - 8.0 * s + 10.0 * s * s)
+    c2, Ts = c * c, T * s
+    c3 = c2 * c
+    return (
+        (minimum_jerk(s), Ts * c3 * (1.0 + 3.0 * s), 0.5 * Ts * Ts * c3),
+        (slope / T, c2 * (1.0 + 2.0 * s - 15.0 * s * s), 0.5 * Ts * c2 * (2.0 - 5.0 * s)),
+        (bend / (T * T), -12.0 / T * s * c * (3.0 - 5.0 * s), c * (1.0 - 8.0 * s + 10.0 * s * s)),
+    )
+
+
+def _along(curves: Quintic, now: SwingMotion, goal: float | Array) -> SwingMotion:
     (x, v, a), way = now, goal - now.value
     if isinstance(way, float):  # in every tick: without arrays
-        moved, rate = p * way + q * v + r * a, dp * way + dq * v + dr * a
-        return SwingMotion(x + moved, rate, ddp * way + ddq * v + ddr * a)
-    curves = np.array(((p, q, r), (dp, dq, dr), (ddp, ddq, ddr)))
-    moved, rate, change = curves.dot(np.array((way, v, a)))
+        moved, rate, change = [p * way + q * v + r * a for p, q, r in curves]
+    else:
+        moved, rate, change = np.array(curves).dot(np.array((way, v, a)))
     return SwingMotion(x + moved, rate, change)
 
 
@@ -196,26 +210,24 @@ class SwingFoot(NamedTuple):
 
         ``ground`` is the height below the goal [m].
         """
-        now, rate = self.level, (1.0 - self.done) / max(left, dt)
-        x, y, yaw = goal.tolist()
-        yaw = float(now.value[2]) + math.remainder(yaw - float(now.value[2]), math.tau)
-        end, over = np.array((x, y, yaw, *self.normal[:2])), self.crossing
+        level, rate, over = self.level, (1.0 - self.done) / max(left, dt), self.crossing
+        (x, y, yaw), heading = goal.tolist(), level.value.item(2)
+        yaw = heading + math.remainder(yaw - heading, math.tau)
+        end = np.array((x, y, yaw, *self.normal[:2].tolist()))
+        curves = quintic(left, dt)
         if over is None:
-            level = towards(now, end, left, dt)
-        elif self.done < over.begins:
-            level = now
-        else:
-            level = towards(now, end, left - over.ends / rate if rate else 0.0, dt)
-        if left <= 0.0:
-            then = self._replace(level=level, done=1.0, late=self.late + dt)
-        else:
-            pace = rate * self.usual if left >= dt else self.pace
-            then = self._replace(level=level, done=min(1.0, self.done + rate * dt), pace=pace)
+            level = _along(curves, level, end)
+        elif self.done >= over.begins:
+            level = towards(level, end, left - over.ends / rate if rate else 0.0, dt)
+        done, pace, late, tip = 1.0, self.pace, self.late + dt, self.tip
+        if left > 0.0:
+            done, late = min(1.0, self.done + rate * dt), self.late
+            pace = rate * self.usual if left >= dt else pace
         if over is not None:
-            then = then._replace(tip=SwingMotion(*over.tipped(then.done, rate)))
-        curve, later = self._curve(ground, rate), then._curve(ground, rate)
-        off = towards(self.height.less(curve), 0.0, left, dt)
-        return then._replace(height=off.plus(later))
+            tip = SwingMotion(*over.tipped(done, rate))
+        then = self._replace(level=level, done=done, pace=pace, late=late, tip=tip)
+        off = _along(curves, self.height.less(self._curve(ground, rate)), 0.0)
+        return then._replace(height=off.plus(then._curve(ground, rate)))
 
     def _curve(self, ground: float, rate: float) -> SwingMotion:
         """Return the height of one that does its way at ``rate`` [1/s]; 0 if it is late."""
@@ -233,13 +245,11 @@ class SwingFoot(NamedTuple):
 
     def pose(self) -> FootPose:
         """Return where it should be; what its tilt adds to rates is that to first order in it."""
-        (x, y, yaw, nx, ny), *rates = (one.tolist() for one in self.level)
-        (z, *lifts), (tip, *tips) = self.height, self.tip
+        (x, y, yaw, nx, ny), speed, push = [one.tolist() for one in self.level]
+        (z, up, up_push), (tip, *tips) = self.height, self.tip
         R = upright_on(np.array((nx, ny, math.sqrt(1.0 - nx * nx - ny * ny)))) @ turned(yaw)
-        twist, change = (
-            np.array((vx, vy, vz, -tilt_y, tilt_x, turn))
-            for (vx, vy, turn, tilt_x, tilt_y), vz in zip(rates, lifts, strict=True)
-        )
+        twist = np.array((speed[0], speed[1], up, -speed[4], speed[3], speed[2]))
+        change = np.array((push[0], push[1], up_push, -push[4], push[3], push[2]))
         if tip:
             twist[3:] += tips[0] * R[:, 1]
             change[3:] += tips[1] * R[:, 1]
