@@ -79,7 +79,11 @@ def walks(name: str, side: str, rate: float, turn: float) -> Walk:
     start = robot.snapshot(robot.posture("standing"))
     above = float(start.position(heaviest_link(robot))[2] - start.com[2])
     mass, omega, swing = robot.mass, gait.omega, other(SUPPORT)
-    step = [float(footsteps.step(foot, 0.0, velocity)[axis]) for foot in (SUPPORT, swing)]
+    ways = [footsteps.step(foot, 0.0, velocity) for foot in (SUPPORT, swing)]
+    step, offset = (
+        [(way.real, way.imag)[axis] for way in ways],
+        footsteps.offset(swing, 0.0, velocity),
+    )
     far, aside = limits.catch, (gait.least_width, limits.catch_aside)
     beside = [sorted(SIGN[foot] * a for a in aside) for foot in (swing, SUPPORT)]
     reach = [(-far, far)] * 2 if axis == 0 else [(low, high) for low, high in beside]
@@ -88,7 +92,7 @@ def walks(name: str, side: str, rate: float, turn: float) -> Walk:
     return Walk(
         omega,
         (step[0], step[1]),
-        float(footsteps.offset(swing, 0.0, velocity)[axis]),
+        (offset.real, offset.imag)[axis],
         gait.single,
         gait.double,
         (reach[0], reach[1]),

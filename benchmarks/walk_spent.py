@@ -31,6 +31,7 @@ from disturbed import DELAY, DT
 from walk_pushes import AFTER, BEFORE, LASTING, PHASES, SIDES, SPEED, PushedWalk
 
 from wbc.gait import Walker
+from wbc.gait.dcm import in_plane
 from wbc.gait.footsteps import other
 from wbc.gait.phases import SingleSupport
 from wbc.gait.whole_body import heaviest_link
@@ -60,8 +61,8 @@ def followed(walk: PushedWalk, angle: float, impulse: float) -> dict[str, Any]:
                 kx, ky = here.momentum[3:5] / scale
                 kappa.append(float(ky * way[0] - kx * way[1]))
             if aim is not None and step > aim[0] and aim[0] < STEPS:
-                place = here.position(walk.robot.feet[aim[1]].frame)[:2]
-                landed.append(round(float(np.linalg.norm(place - aim[2])), 3))
+                place = in_plane(here.position(walk.robot.feet[aim[1]].frame))
+                landed.append(round(abs(place - aim[2]), 3))
             phase = walker.phase
             aim = None
             if isinstance(phase, SingleSupport):

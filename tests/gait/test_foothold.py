@@ -37,21 +37,21 @@ def test_who_tips_over_an_edge_is_pressed_this_side_of_it(
     way = sign * np.eye(3)[axis]
     assert (R @ way)[2] < -0.04  # that side is down
     known = stood.felt(R, pressed_at(point, R), WEIGHT)
-    beyond = known.nearest(way[:2])  # a metre that way
+    beyond = known.nearest(*way[:2])  # a metre that way
     assert beyond[axis] == pytest.approx(point[axis] - sign * 0.1 * HALF[axis], abs=1e-12)
-    assert known.nearest(-way[:2])[axis] == pytest.approx(-sign * HALF[axis])  # nothing else
+    assert known.nearest(*-way[:2])[axis] == pytest.approx(-sign * HALF[axis])  # nothing else
     other = 1 - axis
     assert known.lower[other] == -HALF[other] and known.upper[other] == HALF[other]
     # What it is pressed at as it turns back says nothing; once it is flat again that is kept.
     back, flat, inner = tipped(about, 0.04), tipped(about, 0.0), (0.0, 0.0)
     known = known.felt(back, pressed_at(inner, back), WEIGHT)
     known = known.felt(flat, pressed_at(inner, flat), WEIGHT)
-    np.testing.assert_array_equal(known.nearest(way[:2]), beyond)
+    np.testing.assert_array_equal(known.nearest(*way[:2]), beyond)
     # It shrinks when it tips on, and when it tips again, farther in.
     farther = tipped(about, 0.06)
     for kept, now in ((stood.felt(R, pressed_at(point, R), WEIGHT), farther), (known, R)):
         again = kept.felt(now, pressed_at(inner, now), WEIGHT)
-        assert sign * again.nearest(way[:2])[axis] == pytest.approx(-0.1 * HALF[axis])
+        assert sign * again.nearest(*way[:2])[axis] == pytest.approx(-0.1 * HALF[axis])
 
 
 def test_who_goes_on_tipping_is_pressed_this_side_of_its_edge_all_the_time() -> None:
@@ -74,7 +74,7 @@ def test_who_settles_from_a_tilted_landing_does_not_tip() -> None:
     for angle, way in ((0.16, 1.0), (-0.05, -1.0)):
         R = tipped(about, angle)
         known = landed.felt(R, pressed_at((way * 0.07, 0.0), R), WEIGHT)
-        assert way * known.nearest(way * HALF)[0] == pytest.approx(0.07 - 0.1 * HALF[0])
+        assert way * known.nearest(*way * HALF)[0] == pytest.approx(0.07 - 0.1 * HALF[0])
 
 
 def test_what_turns_little_or_bears_little_tells_nothing() -> None:

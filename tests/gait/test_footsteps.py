@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wbc.gait import CommandLimits, GaitSettings, Legs, Velocity
-from wbc.gait.dcm import dcm_offsets
+from wbc.gait.dcm import dcm_offsets, in_plane
 from wbc.gait.foothold import Foothold
 from wbc.gait.footsteps import SIGN, Footsteps, first_swing, other
 from wbc.gait.phases import DoubleSupport, GaitState, SingleSupport, Standing
@@ -16,7 +16,10 @@ from wbc.robot import Robot
 from wbc.validate import Array
 
 Load = Callable[[str], Robot]
-ORIGIN = np.zeros(2)
+
+
+def as_array(point: complex) -> Array:
+    return np.array((point.real, point.imag))
 
 
 @pytest.fixture
@@ -29,30 +32,30 @@ def planner_of(legs: Legs, gait: GaitSettings) -> StepPlanner:
     return StepPlanner(gait, CommandLimits.of(legs, gait), legs, soles)
 
 
-def on_one_foot(support: str, elapsed: float, left: float, goal: Array = ORIGIN) -> SingleSupport:
+def on_one_foot(support: str, elapsed: float, left: float, goal: complex = 0j) -> SingleSupport:
     swing = SwingFoot.begun(np.zeros(3), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.1)
     stands = Foothold.whole(np.eye(3), np.eye(3)[2], np.array((0.08, 0.03)))
-    return SingleSupport(support, swing, elapsed, left, goal, np.zeros(2), stands)
+    return SingleSupport(support, swing, elapsed, left, goal, 0j, stands)
 
 
 @pytest.mark.parametrize("velocity", [(0.5, 0.0, 0.0), (0.0, 0.2, 0.0), (-0.2, -0.1, 0.0)])
 def test_the_middle_moves_at_the_velocity(legs: Legs, velocity: tuple[float, ...]) -> None:
     gait = GaitSettings.of(legs)
-    way, foot = np.zeros(2), "left"
+    way, foot = 0j, "left"
     for _ in range(10):  # pairs of steps: sideways the leading foot does it all
         way = way + Footsteps(gait).step(foot, 0.0, Velocity(*velocity))
         foot = other(foot)
-    np.testing.assert_allclose(way, 10 * gait.times.total * np.array(velocity[:2]), atol=1e-12)
+    assert way == pytest.approx(10 * gait.times.total * complex(*velocity[:2]), abs=1e-12)
 
 
 def test_turning_on_the_spot_keeps_the_middle(legs: Legs) -> None:
     gait, heading, foot = GaitSettings.of(legs), 0.0, "left"
-    place = np.array((0.0, 0.5 * gait.width))
+    place = 0.5j * gait.width
     for _ in range(20):
         place = place + Footsteps(gait).step(foot, heading, Velocity(0.0, 0.0, 0.7))
         heading, foot = heading + 0.7 * gait.times.total, other(foot)
         beside = turned(heading)[:2, :2] @ (0.0, 0.5 * SIGN[foot] * gait.width)
-        np.testing.assert_allclose(place, beside, atol=1e-12)
+        assert place == pytest.approx(complex(*beside), abs=1e-12)
 
 
 @pytest.mark.parametrize("foot", ["left", "right"])
@@ -60,13 +63,13 @@ def test_turning_on_the_spot_keeps_the_middle(legs: Legs) -> None:
 def test_the_offset_is_that_of_many_steps_ahead(
     legs: Legs, foot: str, velocity: tuple[float, ...]
 ) -> None:
-    gait, steps, here, heading = GaitSettings.of(legs), list[Array](), foot, 0.3
+    gait, steps, here, heading = GaitSettings.of(legs), list[complex](), foot, 0.3
     for _ in range(30):  # 1e-24 of the first is what comes after them
         steps.append(Footsteps(gait).step(here, heading, Velocity(*velocity)))
         here, heading = other(here), heading + velocity[2] * gait.times.total
     expected = dcm_offsets(steps, gait.times, gait.omega)[0]
     found = Footsteps(gait).offset(foot, 0.3, Velocity(*velocity))
-    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert found == pytest.approx(expected, abs=1e-12)
 
 
 def test_the_leading_foot_begins() -> None:
@@ -88,14 +91,14 @@ def test_feet_never_cross_whatever_is_commanded_and_measured(legs: Legs, seed: i
         heading = float(rng.uniform(-3.0, 3.0))
         places = {foot: np.array((*rng.normal(size=2), 0.0)) for foot in SIGN}
         dcm = places[support][:2] + rng.normal(scale=0.3, size=2)
-        now = GaitState(dcm, places, dict.fromkeys(SIGN, np.eye(3)))
+        now = GaitState(complex(*dcm), places, dict.fromkeys(SIGN, np.eye(3)))
         elapsed = float(rng.uniform(0.0, 0.9 * gait.single))
         phase = on_one_foot(support, elapsed, gait.single - elapsed)
         after = planner.adapted(phase, now, heading, velocity)
         if after is phase:  # too late to change it
             assert phase.left <= 0.15 / gait.omega
             continue
-        step = turned(-heading)[:2, :2] @ (after.goal - places[support][:2])
+        step = turned(-heading)[:2, :2] @ (as_array(after.goal) - places[support][:2])
         beside = SIGN[other(support)] * step[1]
         assert gait.least_width - 1e-7 <= beside <= limits.catch_aside + 1e-7
         assert abs(step[0]) <= limits.catch + 1e-7
@@ -111,12 +114,12 @@ def test_what_no_step_catches_is_pressed_against_with_all_of_the_sole(
     gait = GaitSettings.of(legs)
     planner = planner_of(legs, gait)
     places = {"left": np.zeros(3), "right": np.array((0.0, -gait.width, 0.0))}
-    dcm = np.array((0.0, side * planner.limits.catch_aside))
+    dcm = side * planner.limits.catch_aside * 1j
     now = GaitState(dcm, places, dict.fromkeys(SIGN, np.eye(3)))
     phase = planner.adapted(on_one_foot("left", 0.0, gait.single), now, 0.0, Velocity())
     reference = planner.single(phase, now)
     vrp = reference.vrp + (1.0 + gait.gain) * (now.dcm - reference.dcm)
-    assert side * vrp[1] > planner.soles["left"][1]
+    assert side * vrp.imag > planner.soles["left"][1]
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0])
@@ -126,7 +129,7 @@ def test_the_com_sinks_to_where_the_leg_behind_reaches_the_ground(
     gait = GaitSettings.of(legs)
     planner, R = planner_of(legs, gait), turned(heading)
     measured = [
-        GaitState(ORIGIN, {"left": R @ (0.3, y, 0.0), "right": np.zeros(3)}, {})
+        GaitState(0j, {"left": R @ (0.3, y, 0.0), "right": np.zeros(3)}, {})
         for y in (gait.width, 0.5)
     ]
     here = Standing()
@@ -139,7 +142,7 @@ def test_the_com_sinks_to_where_the_leg_behind_reaches_the_ground(
     assert np.linalg.norm(way) == pytest.approx(0.98 * legs.length)
     assert sunk > 0.0
     # A foot that is still on its way there counts, and one that comes back from there.
-    coming = on_one_foot("right", 0.1, 0.1, (R @ (0.3, 0.5, 0.0))[:2])
+    coming = on_one_foot("right", 0.1, 0.1, in_plane(R @ (0.3, 0.5, 0.0)))
     assert planner.sunk(coming, measured[0], heading) == pytest.approx(sunk)
     assert planner.sunk(on_one_foot("right", 0.1, 0.1), measured[1], heading) == pytest.approx(sunk)
 
@@ -150,9 +153,9 @@ def test_the_com_sinks_for_a_step_that_is_longer_than_in_a_walk(legs: Legs) -> N
     walking, catching = planner.limits.step, planner.limits.catch
     assert catching > 1.1 * walking
     places = {"left": np.array((0.0, legs.width, 0.0)), "right": np.zeros(3)}
-    now = GaitState(ORIGIN, places, {})
+    now = GaitState(0j, places, {})
     sunk = [
-        planner.sunk(on_one_foot("right", 0.1, 0.1, np.array((far, legs.width))), now, 0.0)
+        planner.sunk(on_one_foot("right", 0.1, 0.1, complex(far, legs.width)), now, 0.0)
         for far in (walking - 1e-9, catching)
     ]
     assert sunk[0] == 0.0
@@ -173,12 +176,12 @@ def test_between_two_feet_the_pressure_is_wanted_where_they_are(legs: Legs) -> N
     """A push outwards over the left foot, as the right one lands and then bears alone."""
     gait = GaitSettings.of(legs)
     places = {"left": np.array((0.0, 0.2, 0.0)), "right": np.array((0.3, 0.0, 0.0))}
-    now = GaitState(np.zeros(2), places, dict.fromkeys(SIGN, np.eye(3)))
+    now = GaitState(0j, places, dict.fromkeys(SIGN, np.eye(3)))
     planner, far = planner_of(legs, gait), np.array((0.0, 0.8))
 
     def within(vrp: Array, left: float, unloading: bool = False) -> Array:
-        phase = DoubleSupport("right", ORIGIN, gait.double, left, unloading=unloading)
-        return planner.within(phase, vrp, now)
+        phase = DoubleSupport("right", 0j, gait.double, left, unloading=unloading)
+        return as_array(planner.within(phase, complex(*vrp), now))
 
     np.testing.assert_allclose(within(far, gait.double), (0.0, 0.23), atol=1e-12)
     np.testing.assert_allclose(within(far, gait.ramp, True), (0.0, 0.23), atol=1e-12)

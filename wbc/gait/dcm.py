@@ -7,7 +7,7 @@ VRP that moves at a constant rate s,
     xi(t) = r(t) + s/omega + exp(omega (t - T)) (xi(T) - r(T) - s/omega),
 
 which is stable backwards in time: a walk is planned from its last footstep to the present one.
-Points are (2,) [m] in the horizontal plane.
+Points of the horizontal plane are complex numbers x + i y [m].
 """
 
 from __future__ import annotations
@@ -16,24 +16,22 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from wbc.validate import Array
 
 
 class VrpSegment(NamedTuple):
-    """A VRP that moves at a constant rate: from ``start`` to ``end`` (2,) [m], ``duration`` [s]."""
+    """A VRP that moves at a constant rate: from ``start`` to ``end`` in ``duration`` [s]."""
 
-    start: Array
-    end: Array
+    start: complex
+    end: complex
     duration: float
 
-    def at(self, time: float) -> Array:
-        """Return where the VRP is (2,) ``time`` after the beginning."""
+    def at(self, time: float) -> complex:
+        """Return where the VRP is ``time`` after the beginning."""
         return self.start + (time / self.duration) * (self.end - self.start)
 
-    def dcm_before(self, last: Array, left: float, omega: float) -> Array:
-        """Return the DCM (2,) ``left`` seconds before the end, if it ends at ``last``."""
+    def dcm_before(self, last: complex, left: float, omega: float) -> complex:
+        """Return the DCM ``left`` seconds before the end, if it ends at ``last``."""
         lead = (self.end - self.start) / (self.duration * omega)
         here = self.at(self.duration - left)
         return here + lead + math.exp(-omega * left) * (last - self.end - lead)
@@ -65,25 +63,31 @@ def shift_gain(omega: float, double: float) -> float:
 
 
 def dcm_offsets(
-    steps: Sequence[Array],
+    steps: Sequence[complex],
     times: StepTimes | Sequence[StepTimes],
     omega: float,
-    last: Array | None = None,
-) -> Array:
-    """Return b (k + 1, 2): the DCM relative to each foot when it alone begins to bear.
+    last: complex = 0.0,
+) -> list[complex]:
+    """Return k + 1 offsets b: the DCM relative to each foot when it alone begins to bear.
 
     Parameters
     ----------
     steps:
-        k displacements (2,) from each foot to the next [m].
+        k displacements from each foot to the next [m].
     times:
         Of all steps, or k of them: on the foot that a step leaves behind, and on both.
     last:
-        The offset (2,) after the last step; None: the DCM is over that foot.
+        The offset after the last step; 0: the DCM is over that foot.
     """
     each = [times] * len(steps) if isinstance(times, StepTimes) else times
-    found = [np.zeros(2) if last is None else np.asarray(last, dtype=float)]
+    found = [last]
     for step, time in zip(reversed(steps), reversed(each), strict=True):
         gain, decay = shift_gain(omega, time.double), math.exp(-omega * time.total)
         found.append(decay * (gain * step + found[-1]))
-    return np.array(found[::-1])
+    return found[::-1]
+
+
+def in_plane(point: Array) -> complex:
+    """Return x + i y of a point (2,) or (3,)."""
+    x, y, *_ = point.tolist()
+    return complex(x, y)

@@ -92,6 +92,7 @@ class Foothold(NamedTuple):
         lower = np.clip(lower, self.lower, upper)
         return self._replace(lower=lower, upper=upper, tipped=tipped)
 
-    def nearest(self, point: Array) -> Array:
-        """Return the point (2,) of it that is nearest to one in the sole's axes [m]."""
-        return np.clip(point, self.lower, self.upper)
+    def nearest(self, x: float, y: float) -> tuple[float, float]:
+        """Return the point of it that is nearest to one in the sole's axes [m]."""
+        (left, low), (right, high) = self.lower.tolist(), self.upper.tolist()
+        return min(max(x, left), right), min(max(y, low), high)

@@ -6,12 +6,9 @@ import cmath
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from wbc.gait.command import Velocity
 from wbc.gait.dcm import shift_gain
 from wbc.gait.settings import GaitSettings
-from wbc.validate import Array
 
 SIGN = {"left": 1.0, "right": -1.0}
 
@@ -23,12 +20,12 @@ def other(side: str) -> str:
 
 @dataclass(frozen=True)
 class Footsteps:
-    """The footsteps of a gait, in world axes; feet are never nearer than its width."""
+    """The footsteps of a gait, in world axes, as complex numbers x + i y; feet are never nearer than its width."""
 
     gait: GaitSettings
 
-    def step(self, support: str, heading: float, velocity: Velocity) -> Array:
-        """Return the way (2,) [m] from the foot ``support`` to the next.
+    def step(self, support: str, heading: float, velocity: Velocity) -> complex:
+        """Return the way [m] from the foot ``support`` to the next.
 
         The middle between the feet moves by v T; sideways the foot that leads does all of it, so
         that the one that follows need not pass the other.
@@ -38,23 +35,21 @@ class Footsteps:
         heading:
             Of the standing foot [rad].
         """
-        way = cmath.rect(1.0, heading) * self._way(support, velocity)
-        return np.array((way.real, way.imag))
+        return cmath.rect(1.0, heading) * self._way(support, velocity)
 
-    def offset(self, foot: str, heading: float, velocity: Velocity) -> Array:
-        """Return where the DCM should be from a foot (2,) [m] when that alone begins to bear.
+    def offset(self, foot: str, heading: float, velocity: Velocity) -> complex:
+        """Return where the DCM should be from a foot [m] when that alone begins to bear.
 
         Steps go on for ever: each counts for exp(-omega T) of the one before, as in
         :func:`wbc.gait.dcm.dcm_offsets`, and every second one is the same, turned by 2 yaw_rate T.
-        That is a geometric series of complex numbers.
+        That is a geometric series.
         """
         gait, T = self.gait, self.gait.times.total
         decay = math.exp(-gait.omega * T)
         q = decay * cmath.rect(1.0, velocity.yaw_rate * T)
         pair = self._way(foot, velocity) + q * self._way(other(foot), velocity)
         gain = decay * shift_gain(gait.omega, gait.double)
-        found = gain * cmath.rect(1.0, heading) * pair / (1.0 - q * q)
-        return np.array((found.real, found.imag))
+        return gain * cmath.rect(1.0, heading) * pair / (1.0 - q * q)
 
     def _way(self, support: str, velocity: Velocity) -> complex:
         """Return a step as seen from the standing foot: x + i y [m]."""

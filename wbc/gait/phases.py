@@ -10,6 +10,7 @@ import numpy as np
 from wbc.gait.adaptation import Multipliers
 from wbc.gait.command import Velocity
 from wbc.gait.crossing import Crossing
+from wbc.gait.dcm import in_plane
 from wbc.gait.foothold import Foothold
 from wbc.gait.footsteps import other
 from wbc.gait.prescribed_steps import Footstep
@@ -36,27 +37,31 @@ class GaitState(NamedTuple):
     Attributes
     ----------
     dcm:
-        (2,) of the CoM, with the velocity that the angular momentum stands for [m].
+        Of the CoM, with the velocity that the angular momentum stands for, as x + i y [m].
     places, rotations:
         Of the soles, by foot: (3,) [m] and (3, 3).
     """
 
-    dcm: Array
+    dcm: complex
     places: dict[str, Array]
     rotations: dict[str, Array]
 
     @classmethod
     def of(cls, snapshot: Snapshot, frames: dict[str, str], omega: float, height: float) -> Self:
         """Return it of a snapshot; ``frames`` are those of the soles by foot."""
-        kx, ky = snapshot.momentum[3:5].tolist()
-        (x, y, _), (vx, vy, _) = snapshot.com.tolist(), snapshot.com_velocity.tolist()
-        arm = snapshot.robot.mass * height
+        lx, ly, _, kx, ky, _ = snapshot.momentum.tolist()
+        x, y, _ = snapshot.com.tolist()
+        velocity = complex(lx + ky / height, ly - kx / height) / snapshot.robot.mass
         soles = {foot: snapshot.placement(frame) for foot, frame in frames.items()}
         return cls(
-            np.array((x + (vx + ky / arm) / omega, y + (vy - kx / arm) / omega)),
+            complex(x, y) + velocity / omega,
             {foot: place for foot, (place, _) in soles.items()},
             {foot: rotation for foot, (_, rotation) in soles.items()},
         )
+
+    def place(self, foot: str) -> complex:
+        """Return where a foot stands, as x + i y [m]."""
+        return in_plane(self.places[foot])
 
     def pose(self, foot: str) -> Array:
         """Return x, y, yaw and z of a foot (4,) [m, rad]."""
@@ -82,7 +87,7 @@ class DoubleSupport(NamedTuple):
     """On both feet, the pressure on its way."""
 
     support: str  # the foot that will bear
-    start: Array  # where the VRP began (2,) [m]
+    start: complex  # where the VRP began, x + i y [m]
     duration: float  # [s]
     left: float  # [s]
     halts: bool = False  # whether it comes to rest between the feet
@@ -97,9 +102,9 @@ class SingleSupport(NamedTuple):
     swing: SwingFoot  # the other one
     elapsed: float  # since it began [s]
     left: float  # until the other foot lands; below zero if that is late [s]
-    goal: Array  # where it lands (2,) [m]
-    # That the DCM should have from there (2,), when that foot alone begins to bear [m].
-    offset: Array
+    goal: complex  # where it lands, x + i y [m]
+    # That the DCM should have from there, when that foot alone begins to bear [m].
+    offset: complex
     foothold: Foothold  # of the foot that bears
     # The footstep that it is asked to make, and those after it, if any.
     given: tuple[Footstep, ...] = ()
@@ -145,7 +150,7 @@ class SingleSupport(NamedTuple):
             crossing=crossing,
         )
         hold = Foothold.whole(now.rotations[other(foot)], normal, half)
-        return cls(other(foot), swing, 0.0, single, pose[:2], np.zeros(2), hold, given, level)
+        return cls(other(foot), swing, 0.0, single, in_plane(pose), 0j, hold, given, level)
 
     def felt(self, now: GaitState, wrench: Array, weight: float) -> Self:
         """Return it with what is known of the foothold now; ``wrench`` (6,) is on its sole [N]."""
@@ -182,7 +187,7 @@ def next_foot(phase: Phase) -> str | None:
 def landing_pose(phase: SingleSupport, heading: float, velocity: Velocity) -> Array:
     """Return x, y [m] and yaw [rad] with which the foot in the air lands (3,)."""
     turned = heading + velocity.yaw_rate * max(phase.left, 0.0)
-    x, y = phase.goal.tolist()
+    x, y = phase.goal.real, phase.goal.imag
     return np.array((x, y, phase.given[0].yaw if phase.given else turned))
 
 

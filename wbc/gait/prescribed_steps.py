@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -139,22 +140,25 @@ def in_world(footsteps: Sequence[Footstep], feet: Mapping[str, Array]) -> tuple[
     return tuple(found)
 
 
-def given_offsets(base: Array, steps: Sequence[Footstep], gait: GaitSettings) -> Array:
-    """Return where the DCM should be from the foot at ``base`` (2,), and from the first footstep.
+def given_offsets(
+    base: complex, steps: Sequence[Footstep], gait: GaitSettings
+) -> tuple[complex, complex]:
+    """Return where the DCM should be from the foot at ``base``, and from the first footstep.
 
-    Each when that foot alone begins to bear: (2, 2) [m]. After the last footstep the VRP moves to
+    Each when that foot alone begins to bear, x + i y [m]. After the last footstep the VRP moves to
     the middle between the feet, and the DCM comes to rest there; in a walk that goes on, the first
-    row is ((1 + alpha) d + b) exp(-omega T) of the second, b (:mod:`wbc.gait.dcm`).
+    is ((1 + alpha) d + b) exp(-omega T) of the second, b (:mod:`wbc.gait.dcm`).
     """
-    ahead = steps[:AHEAD]
-    places = np.array([base, *(step.place for step in ahead)])
-    ways, last = list(np.diff(places, axis=0)), None
+    ahead, last = steps[:AHEAD], 0j
+    places = [base, *(complex(step.x, step.y) for step in ahead)]
+    ways = [end - begin for begin, end in pairwise(places)]
     if len(ahead) == len(steps):  # the DCM over the last footstep's start, when the VRP leaves
         leaving = 0.5 * ways[-1] * -math.expm1(-SHIFT) / SHIFT
         grown = math.exp(gait.omega * gait.double) * leaving
         last = grown - shift_gain(gait.omega, gait.double) * ways[-1]
     times = [StepTimes(step.single(gait), gait.double) for step in ahead]
-    return dcm_offsets(ways, times, gait.omega, last)[:2]
+    here, there, *_ = dcm_offsets(ways, times, gait.omega, last)
+    return here, there
 
 
 def velocity_on(

@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-import numpy as np
-
 from wbc.gait.phases import GaitState
 from wbc.robot import Snapshot
 from wbc.validate import Array
@@ -15,7 +13,6 @@ from wbc.validate import Array
 # In units of 1/omega: how soon a push is seen, and how long it is expected to go on. Someone who
 # pushes does so for some tenths of a second.
 SEEN, LASTS = 0.1, 0.25
-NONE = np.zeros(2)
 
 
 class PushObserver(NamedTuple):
@@ -35,15 +32,15 @@ class PushObserver(NamedTuple):
     omega, height:
         Of the pendulum [1/s, m].
     expected:
-        (2,) s, or None before anything was felt [m/s].
+        s, as x + i y, or None before anything was felt [m/s].
     push:
-        (2,) a [m/s^2].
+        a, likewise [m/s^2].
     """
 
     omega: float
     height: float
-    expected: Array | None = None
-    push: Array = NONE
+    expected: complex | None = None
+    push: complex = 0j
 
     def seen(
         self, snapshot: Snapshot, now: GaitState, felt: Mapping[str, Array], dt: float
@@ -53,10 +50,9 @@ class PushObserver(NamedTuple):
         ``felt`` are the wrenches (6,) on the soles by foot [N, N m]; if none are, it begins anew.
         """
         cx, cy, cz = snapshot.com.tolist()
-        dx, dy = now.dcm.tolist()
-        sx, sy = self.omega * (dx - cx), self.omega * (dy - cy)
+        velocity = self.omega * (now.dcm - complex(cx, cy))
         if not felt or self.expected is None:
-            return self._replace(expected=np.array((sx, sy)) if felt else None, push=NONE)
+            return self._replace(expected=velocity if felt else None, push=0j)
         total_x = total_y = 0.0  # of the forces, with what their moments about the CoM stand for
         for foot, wrench in felt.items():
             fx, fy, fz, mx, my, _ = wrench.tolist()
@@ -64,9 +60,9 @@ class PushObserver(NamedTuple):
             x, y, z = x - cx, y - cy, z - cz
             total_x += fx + (my + z * fx - x * fz) / self.height
             total_y += fy - (mx + y * fz - z * fy) / self.height
-        rate = np.array((total_x, total_y)) / snapshot.robot.mass
+        rate = complex(total_x, total_y) / snapshot.robot.mass
         expected = self.expected + (rate + self.push) * dt
-        off, pole = np.array((sx, sy)) - expected, math.exp(-self.omega * dt / SEEN)
+        off, pole = velocity - expected, math.exp(-self.omega * dt / SEEN)
         push = self.push + (1.0 - pole) ** 2 / dt * off
         return self._replace(expected=expected + (1.0 - pole**2) * off, push=push)
 

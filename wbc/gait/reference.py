@@ -13,14 +13,14 @@ import numpy as np
 
 from wbc.gait.adaptation import WEIGHTS, Reach, StepBounds, StepPlan, StepWeights, adapt_step
 from wbc.gait.command import CommandLimits, Velocity
-from wbc.gait.dcm import VrpSegment, shift_gain
+from wbc.gait.dcm import VrpSegment, in_plane, shift_gain
 from wbc.gait.footsteps import SIGN, Footsteps, other
 from wbc.gait.legs import Legs
 from wbc.gait.phases import DoubleSupport, GaitState, Phase, SingleSupport, landing_pose
 from wbc.gait.prescribed_steps import Footstep, given_offsets, velocity_on
 from wbc.gait.settings import GaitSettings
 from wbc.gait.step_range import SHORTEST
-from wbc.gait.swing import FootPose, turned, yaw_of
+from wbc.gait.swing import FootPose, yaw_of
 from wbc.polygon import convex_hull, nearest_point
 from wbc.robot import Robot
 from wbc.validate import Array
@@ -62,7 +62,7 @@ class Reference(NamedTuple):
     Attributes
     ----------
     vrp, dcm:
-        (2,) [m].
+        As x + i y [m].
     ground:
         How high the ground is where it is pressed [m].
     level:
@@ -72,8 +72,8 @@ class Reference(NamedTuple):
         In which time the CoM should be there [s]; None: as soon as it follows.
     """
 
-    vrp: Array
-    dcm: Array
+    vrp: complex
+    dcm: complex
     ground: float
     level: float | None = None
     within: float | None = None
@@ -101,8 +101,8 @@ class StepPlanner:
 
     def standing(self, now: GaitState) -> Reference:
         """Return the reference of a robot that stands: between its feet."""
-        middle = now.middle
-        return Reference(middle[:2], middle[:2], float(middle[2]))
+        middle = in_plane(now.middle)
+        return Reference(middle, middle, float(now.middle[2]))
 
     def double(
         self,
@@ -115,14 +115,13 @@ class StepPlanner:
         """Return the reference on both feet; ``coming`` are footsteps that are given."""
         omega, left = self.gait.omega, max(phase.left, 0.0)
         new, old = now.places[phase.support], now.places[other(phase.support)]
+        end, ground = now.place(phase.support), float(new[2])
         if phase.halts:
-            end = last = now.middle[:2]
+            end = last = in_plane(now.middle)
             ground = float(now.middle[2])
         elif coming:
-            end, ground = new[:2], float(new[2])
             last = end + given_offsets(end, coming, self.gait)[0]
         else:
-            end, ground = new[:2], float(new[2])
             ahead = heading + velocity.yaw_rate * left
             last = end + self.footsteps.offset(phase.support, ahead, velocity)
         segment = VrpSegment(phase.start, end, phase.duration)
@@ -141,13 +140,12 @@ class StepPlanner:
     def single(self, phase: SingleSupport, now: GaitState) -> Reference:
         """Return the reference on one foot: back from the footstep that is planned."""
         omega, double = self.gait.omega, self.gait.double
-        foot = now.places[phase.support]
-        base, step = foot[:2], phase.goal - foot[:2]
-        shift = shift_gain(omega, double) * step + phase.offset
+        base, ground = now.place(phase.support), float(now.places[phase.support][2])
+        shift = shift_gain(omega, double) * (phase.goal - base) + phase.offset
         leaving = math.exp(-omega * double) * shift  # the DCM when the VRP begins to move
         left = max(phase.left, 0.0)
         dcm = base + math.exp(-omega * left) * leaving
-        return Reference(base, dcm, float(foot[2]), phase.level, left)
+        return Reference(base, dcm, ground, phase.level, left)
 
     def sunk(self, phase: Phase, now: GaitState, heading: float) -> float:
         """Return how much lower than usual the CoM should be [m].
@@ -157,11 +155,9 @@ class StepPlanner:
         In a step that is longer than in a walk both legs reach it from less when the pelvis is
         halfway.
         """
-        left, right = now.places["left"].tolist(), now.places["right"].tolist()
-        ways = [complex(left[0] - right[0], left[1] - right[1])]
+        ways = [now.place("left") - now.place("right")]
         if isinstance(phase, SingleSupport):
-            (gx, gy), (x, y, _) = phase.goal.tolist(), now.places[phase.support].tolist()
-            ways.append(complex(gx - x, gy - y))
+            ways.append(phase.goal - now.place(phase.support))
         back, found = cmath.rect(1.0, -heading), 0.0
         for way in ways:
             seen = way * back  # ahead + i beside
@@ -193,8 +189,8 @@ class StepPlanner:
         ground = phase.given[0].z if phase.given else None
         if ground is None:
             x, y, z = phase.swing.normal.tolist()
-            dx, dy = (phase.goal - now.places[phase.support][:2]).tolist()
-            ground = float(now.places[phase.support][2]) - (x * dx + y * dy) / z
+            way = phase.goal - now.place(phase.support)
+            ground = float(now.places[phase.support][2]) - (x * way.real + y * way.imag) / z
         swing = phase.swing.advanced(goal, ground, phase.left, dt)
         return phase._replace(swing=swing), swing.pose()
 
@@ -220,9 +216,9 @@ class StepPlanner:
         """Return whether a robot that is to stand can do so, as its foot lands."""
         if phase.given:
             return True
-        start, place = now.places[phase.support][:2], now.places[other(phase.support)][:2]
+        start, place = now.place(phase.support), now.place(other(phase.support))
         nominal = start + self.footsteps.step(phase.support, heading, velocity)
-        return velocity.at_rest and float(np.linalg.norm(place - nominal)) < BESIDE
+        return velocity.at_rest and abs(place - nominal) < BESIDE
 
     def adapted(
         self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity
@@ -236,31 +232,32 @@ class StepPlanner:
         soon = DECIDED / omega
         if phase.left <= soon:
             return phase
-        place, single, double = now.places[support], self.single_time(phase), gait.double
+        base, single, double = now.place(support), self.single_time(phase), gait.double
         if phase.given:
-            ahead, weights = yaw_of(now.rotations[support]), GIVEN
-            step: Array = phase.given[0].place - place[:2]
-            offset = given_offsets(place[:2], phase.given, gait)[1]
+            ahead, weights, step = yaw_of(now.rotations[support]), GIVEN, phase.given[0]
+            to_next = complex(step.x, step.y) - base
+            offset = given_offsets(base, phase.given, gait)[1]
         else:
             ahead, weights = heading, WEIGHTS
             began = heading - velocity.yaw_rate * phase.elapsed  # the heading of the standing foot
             landing = heading + velocity.yaw_rate * phase.left
-            step = self.footsteps.step(support, began, velocity)
+            to_next = self.footsteps.step(support, began, velocity)
             offset = self.footsteps.offset(other(support), landing, velocity)
-        base, turn = complex(*place[:2].tolist()), cmath.rect(1.0, ahead)
+        turn = cmath.rect(1.0, ahead)
+        back = turn.conjugate()  # to the axes of the foot that stands
 
-        def seen(vector: Array, origin: complex = 0j) -> tuple[float, float]:
-            """Return a point of the ground in the axes of the foot that stands."""
-            x, y, *_ = vector.tolist()
-            there = (complex(x, y) - origin) * turn.conjugate()
+        def seen(way: complex) -> tuple[float, float]:
+            there = way * back
             return there.real, there.imag
 
-        nominal = StepPlan(seen(step), max(single - phase.elapsed, soon), seen(offset), (0.0, 0.0))
+        nominal = StepPlan(
+            seen(to_next), max(single - phase.elapsed, soon), seen(offset), (0.0, 0.0)
+        )
         sign, far = SIGN[other(support)], self.limits.catch
         beside = sorted((sign * gait.least_width, sign * self.limits.catch_aside))
         lower, upper = (-far, beside[0]), (far, beside[1])
         level, swing = phase.swing.level, HASTE * self.limits.swing
-        reach = Reach(seen(level.value, base), seen(level.rate), swing)
+        reach = Reach(seen(in_plane(level.value) - base), seen(in_plane(level.rate)), swing)
         quickest = SHORTEST if phase.given else QUICKEST
         least = max(soon, quickest * single - phase.elapsed, reach.least_time(lower, upper))
         most = max(least, LONGEST * single - phase.elapsed)
@@ -274,28 +271,30 @@ class StepPlanner:
             reach,
             min(max(phase.left, least), most),
         )
-        plan = adapt_step(seen(now.dcm, base), nominal, bounds, omega, double, weights)
-        goal = base + turn * complex(*plan.place)
+        plan = adapt_step(seen(now.dcm - base), nominal, bounds, omega, double, weights)
         # Not the plan's own offset, which is where the DCM will be: what the step cannot catch
         # would be no error then, and the pressure would go back to the middle of the sole.
         return phase._replace(
             left=plan.left,
-            goal=np.array((goal.real, goal.imag)),
+            goal=base + turn * complex(*plan.place),
             offset=offset,
             adapted=plan.adapted,
             multipliers=plan.multipliers,
         )
 
-    def within(self, phase: Phase, vrp: Array, now: GaitState) -> Array:
-        """Return the point (2,) nearest to ``vrp`` that can be pressed, on one sole or between two.
+    def within(self, phase: Phase, vrp: complex, now: GaitState) -> complex:
+        """Return the point nearest to ``vrp`` that can be pressed, on one sole or between two.
 
         About a point outside the moment of the forces would be least where there are none: led
         there by a push, a robot left the ground for the whole double support. What a foot that is
         being relieved can bear goes to zero, and so does what it adds to the other sole.
         """
         if isinstance(phase, SingleSupport):
-            R, place = now.rotations[phase.support][:2, :2], now.places[phase.support][:2]
-            return place + R @ phase.foothold.nearest(R.T @ (vrp - place))
+            (a, b, _), (c, d, _), _ = now.rotations[phase.support].tolist()
+            place = now.place(phase.support)
+            x, y = (vrp - place).real, (vrp - place).imag
+            x, y = phase.foothold.nearest(a * x + c * y, b * x + d * y)
+            return place + complex(a * x + b * y, c * x + d * y)
         corners = {
             foot: place[:2] + (self.soles[foot] * CORNERS) @ now.rotations[foot][:2, :2].T
             for foot, place in now.places.items()
@@ -304,7 +303,8 @@ class StepPlanner:
             place, old = now.places[phase.support][:2], other(phase.support)
             share = min(max(phase.left, 0.0) / self.gait.ramp, 1.0)
             corners[old] = place + share * (corners[old] - place)
-        return nearest_point(convex_hull(np.concatenate(list(corners.values()))), vrp)
+        hull = convex_hull(np.concatenate(list(corners.values())))
+        return in_plane(nearest_point(hull, np.array((vrp.real, vrp.imag))))
 
 
 def half_sizes(robot: Robot) -> dict[str, Array]:

@@ -31,6 +31,7 @@ from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.gait.adaptation import held_back_by
 from wbc.gait.command import Admitted, CommandLimits, Velocity
+from wbc.gait.dcm import in_plane
 from wbc.gait.footsteps import SIGN, first_swing, other
 from wbc.gait.legs import Legs
 from wbc.gait.pace import Paces
@@ -345,11 +346,11 @@ class Walker:
             com, g = snapshot.com, self.gait.gravity
             up = max(g + self._ground.acceleration, LIGHTEST * g)
             share = self.gait.omega**2 * (float(com[2]) - reference.ground) / up
-            vrp = com[:2] + share * (vrp - com[:2])
+            vrp = in_plane(com) + share * (vrp - in_plane(com))
         height = self._ground.plus(SwingMotion(self._usual, 0.0, 0.0))
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
-        x, y = self._planner.within(self.phase, vrp, now).tolist()
-        pressure = np.array((x, y, reference.ground))
+        place = self._planner.within(self.phase, vrp, now)
+        pressure = np.array((place.real, place.imag, reference.ground))
         self._whole_body.lead(snapshot, pressure, height, self.heading, turn)
 
     def _count(self, phase: SingleSupport) -> None:
@@ -381,7 +382,7 @@ class Walker:
             self._normal = unit(now.normal)
             self._whole_body.hold(snapshot, self._frames, self.gait.ramp)
             time = SHIFT / self.gait.omega
-            return DoubleSupport(support, now.middle[:2], time, time)
+            return DoubleSupport(support, in_plane(now.middle), time, time)
         if isinstance(phase, DoubleSupport):
             phase = phase._replace(left=phase.left - dt)
             if phase.halts:
@@ -428,7 +429,7 @@ class Walker:
 
     def _landed(self, snapshot: Snapshot, phase: SingleSupport, now: GaitState) -> DoubleSupport:
         """Return the double support that begins."""
-        foot, start = other(phase.support), now.places[phase.support][:2]
+        foot, start = other(phase.support), now.place(phase.support)
         self.steps += 1
         self._whole_body.hold(snapshot, self._frames, self.gait.ramp)
         if phase.given:
