@@ -20,7 +20,7 @@ def other(side: str) -> str:
 
 @dataclass(frozen=True)
 class Footsteps:
-    """The footsteps of a gait, in world axes, as complex numbers x + i y; feet are never nearer than its width."""
+    """The footsteps of a gait, in world axes, x + i y; feet are never nearer than its width."""
 
     gait: GaitSettings
 

@@ -300,9 +300,9 @@ class StepPlanner:
             for foot, place in now.places.items()
         }
         if isinstance(phase, DoubleSupport) and phase.unloading:
-            place, old = now.places[phase.support][:2], other(phase.support)
+            end, old = now.places[phase.support][:2], other(phase.support)
             share = min(max(phase.left, 0.0) / self.gait.ramp, 1.0)
-            corners[old] = place + share * (corners[old] - place)
+            corners[old] = end + share * (corners[old] - end)
         hull = convex_hull(np.concatenate(list(corners.values())))
         return in_plane(nearest_point(hull, np.array((vrp.real, vrp.imag))))
 
