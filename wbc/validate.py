@@ -29,13 +29,12 @@ def is_plain(value: Any, shape: tuple[int, ...]) -> TypeGuard[Array]:
     return type(value) is np.ndarray and value.dtype is FLOAT and value.shape == shape
 
 
-def are_plain(first: Any, shape: tuple[int, ...], second: Any, its_shape: tuple[int, ...]) -> bool:
+def are_plain(first: Any, second: Any, shapes: tuple[tuple[int, ...], tuple[int, ...]]) -> bool:
     """Whether two values are: one call in place of two."""
     return (
         type(first) is type(second) is np.ndarray
         and first.dtype is second.dtype is FLOAT
-        and first.shape == shape
-        and second.shape == its_shape
+        and (first.shape, second.shape) == shapes
     )
 
 

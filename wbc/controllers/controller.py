@@ -40,7 +40,7 @@ from wbc.controllers.missing_velocity import MissingVelocity
 from wbc.controllers.outcome import Box, Outcome
 from wbc.controllers.plan import Decision, LevelPlan
 from wbc.controllers.slack import NO_SLACK, Slacks
-from wbc.controllers.tick import POLICIES, Began, Tick
+from wbc.controllers.tick import POLICIES, Tick
 from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.kinds import check_kind, one_of
 from wbc.laws import Rows
@@ -208,7 +208,7 @@ class Controller(DeclaredAttributes, ABC):
         own["ticks"] = number = own["ticks"] + 1
         measured, limits = snapshot.measured, self.limits
         fast = None if limits is None else limits.acceleration
-        began = Began(limits, measured, fast, self.dt, self, before, number)
+        began = limits, measured, fast, self.dt, self, before, number  # see Began
         try:
             tick = self._step(snapshot)
         except ControllerFailure as failure:

@@ -28,6 +28,7 @@ from wbc.validate import Array
 INFEASIBLE, UNSOLVED, DONE, NOT_FINITE = lib.INFEASIBLE, lib.UNSOLVED, lib.DONE, lib.NOT_FINITE
 NOT_MEASURED, LEADS_INSIDE, MORE_ROWS = lib.NOT_MEASURED, lib.LEADS_INSIDE, lib.MORE_ROWS
 REDUCED = lib.REDUCED
+NULL = ffi.NULL
 
 
 class CoreMemory:
@@ -104,13 +105,12 @@ class CoreMemory:
         self._point(solver)
         self._tick: Any = lib.wbc_problem if solver is None else lib.wbc_tick
         self._state_pointer = doubles(self.state)
-        self.asked: Any = ffi.NULL  # q and v
+        self._measured = b""  # q and v
         self._layouts: dict[tuple[int, int], Layout] = {}
         self._reduced: dict[int, QP] = {}  # by its number of rows
-        self.said, self.below = DONE, np.empty(0)
+        self.said, self.out, self.below = DONE, np.empty(0), np.empty(0)
         self._fit(0)
         self.layout, self.given_rows = self.layout_of(0, 0), 0
-        self.begin()
 
     def _planned_arrays(self, robot: Robot) -> dict[str, NDArray[Any]]:
         """Return what blocks are about, and what ticks keep of them."""
@@ -151,17 +151,8 @@ class CoreMemory:
 
     # ------------------------------------------------------------------ calls
 
-    def begin(self) -> None:
-        """Make memory for the next tick: that of the last is its evidence."""
-        layout, struct = self.layout, self.struct
-        self.out = out = np.empty(layout.out)
-        struct.out = doubles(out)
-        if layout.below:
-            self.below = np.empty(layout.below)
-            struct.below = doubles(self.below)
-
     def call(self, measured: bytes, state: Array | None, solve: bool = True) -> int:
-        """Run the core in memory that is the tick's own; return what it said.
+        """Run the core in memory that is the tick's own, as its evidence; return what it said.
 
         Parameters
         ----------
@@ -172,16 +163,24 @@ class CoreMemory:
         solve:
             Whether the QP is solved, if that is for the core.
         """
-        known = ffi.NULL
+        known, layout, struct = NULL, self.layout, self.struct
         if state is not None:
             self.state[:] = state[: self.state.size]
             known = self._state_pointer
-        self.begin()
-        self.out[self.layout.found] = 0.0
-        self.asked = asked = doubles(measured)  # keeps the bytes, too
+        self.out = out = np.empty(layout.out)
+        struct.out = doubles(out)
+        if layout.below:
+            self.below = np.empty(layout.below)
+            struct.below = doubles(self.below)
+        self._measured = measured
         function = self._tick if solve else lib.wbc_problem
-        self.said = said = function(self.struct, known, asked, ffi.NULL)
-        return int(said)
+        self.said = said = function(struct, known, measured, NULL)
+        return said  # type: ignore[no-any-return]
+
+    @property
+    def asked(self) -> Any:
+        """A pointer to q and v of the last call."""
+        return doubles(self._measured)
 
     def accept(self, x: bytes, z: bytes, scale: float, iterations: int) -> bool:
         """Whether an answer of the reduced QP makes one of the level: see :class:`Reduced`."""
@@ -190,12 +189,12 @@ class CoreMemory:
 
     def solve(self) -> bool:
         """Whether the core's active-set method does."""
-        self.said = lib.wbc_answer(self.struct, ffi.NULL, ffi.NULL, 1.0, 0)
+        self.said = lib.wbc_answer(self.struct, NULL, NULL, 1.0, 0)
         return bool(self.said == DONE)
 
     def pose_level(self, level: int) -> int:
         """Write the QP of a level below the first."""
-        return int(lib.wbc_pose(self.struct, self.asked, ffi.NULL, level))
+        return int(lib.wbc_pose(self.struct, self.asked, NULL, level))
 
     def solve_level(self, level: int) -> int:
         """Solve a level's QP, in the core; of the first REDUCED may be said."""
@@ -204,12 +203,12 @@ class CoreMemory:
 
     def descend(self) -> int:
         """Solve the levels below the first, whose answer was written, and write the command."""
-        self.said = int(lib.wbc_descend(self.struct, self.asked, ffi.NULL))
+        self.said = int(lib.wbc_descend(self.struct, self.asked, NULL))
         return self.said
 
     def finish(self) -> int:
         """Write the command of the last level that was solved."""
-        self.said = int(lib.wbc_finish(self.struct, self.asked, ffi.NULL))
+        self.said = int(lib.wbc_finish(self.struct, self.asked, NULL))
         return self.said
 
     def gaps(self, q: Array, v: Array) -> Array:
@@ -221,7 +220,7 @@ class CoreMemory:
     def cost(self, level: int) -> tuple[Array, Array]:
         """Return P (n, n) and g (n,) of one level, or of all (-1), from the rows that are kept."""
         P, g = np.empty((self.n, self.n)), np.empty(self.n)
-        lib.wbc_cost(self.struct, self.asked, ffi.NULL, level, doubles(P), doubles(g))
+        lib.wbc_cost(self.struct, self.asked, NULL, level, doubles(P), doubles(g))
         return P, g
 
     @property

@@ -220,11 +220,14 @@ class CorePlan:
                 memory.write_bounds(bounds)
             called = perf_counter()
             said = memory.call(snapshot.measured, state, solve and self._solver is not None)
-            names = () if bounds is None else bounds.labels
-            slack = None if bounds is None else bounds.slack
-            found = CoreTick(memory, self._names, given, names, slack, begun, called)
-            if solve:
-                self._conclude(found, said)
+            found = CoreTick(memory, self._names, begun, called)
+            if given:
+                found.given = given
+            if bounds is not None:
+                found.with_bounds(bounds)
+            if solve and said == REDUCED:  # ProxQP is to answer it
+                said = memory.descend() if self._is_answered(found) else memory.said
+            found.solved = solve and said == DONE and self._solver is not None
             found.done = perf_counter()
             return found
 
@@ -243,12 +246,6 @@ class CorePlan:
         bounded = self.memory.forces is not None
         found.answered = self._solver.solve_reduced(self.memory, self.plan.workspace, bounded)
         return found.answered is not None
-
-    def _conclude(self, found: CoreTick, said: int) -> None:
-        """Ask ProxQP for what it is to answer; note whether there is a command."""
-        if said == REDUCED:
-            said = self.memory.descend() if self._is_answered(found) else self.memory.said
-        found.solved = said == DONE and self._solver is not None
 
     def rows_of(self, found: CoreTick, level: int) -> list[tuple[Task, Rows]]:
         """Return the rows of a level's costs: views on what the core keeps of them."""

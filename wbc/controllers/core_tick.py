@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wbc.constraints.rows import Bounds
 from wbc.controllers.blocks import Asked
-from wbc.controllers.core_layout import Layout, LevelViews
+from wbc.controllers.core_layout import LevelViews
 from wbc.controllers.core_memory import CoreMemory
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import NEGLIGIBLE, GivingQP
@@ -55,13 +56,11 @@ class CoreTick:
     ----------
     begun, called, done:
         When the tick began, when the core was called, and when it was done [s].
-    given:
-        What tasks in Python answered.
-    rows:
-        Names of the inequality rows that were, and weights (m,) of their slacks or None.
 
     Attributes
     ----------
+    given:
+        What tasks in Python answered.
     solved:
         Whether there is a command.
     answered:
@@ -80,38 +79,24 @@ class CoreTick:
     relaxed: GivingQP | None = None
     hurried: tuple[str, ...] = ()
     solved = False
-    _memory: CoreMemory
-    _names: TickNames
-    given: Sequence[Asked]
-    _layout: Layout
-    _out: Array
-    _below: Array
-    _given_rows: int
-    _forced: tuple[str, ...]
-    _rows: tuple[str, ...]
-    _slack_weights: Array | None
-    begun: float
-    _called: float
+    given: Sequence[Asked] = ()
+    _forced: tuple[str, ...] = ()  # names of the level's own rows, as they are in this tick
+    _rows: tuple[str, ...] = ()
+    _slack_weights: Array | None = None
     done: float
 
     def __init__(
-        self,
-        memory: CoreMemory,
-        names: TickNames,
-        given: Sequence[Asked],
-        rows: tuple[str, ...],
-        slack: Array | None,
-        begun: float,
-        called: float,
+        self, memory: CoreMemory, names: TickNames, begun: float, called: float
     ) -> None:
-        layout: Layout = memory.layout
-        forces = memory.forces
-        self.__dict__.update(  # one call for all, in every tick
-            _memory=memory, _names=names, given=given, _layout=layout, _out=memory.out,
-            _below=memory.below, _given_rows=memory.given_rows,
-            _forced=() if forces is None else forces.labels,  # these of this tick
-            _rows=rows, _slack_weights=slack, begun=begun, _called=called, done=called,
-        )  # fmt: skip
+        self._memory, self._names, self._layout = memory, names, memory.layout
+        self._out, self._below, self._given_rows = memory.out, memory.below, memory.given_rows
+        self.begun, self._called = begun, called
+        if memory.forces is not None:
+            self._forced = memory.forces.labels
+
+    def with_bounds(self, bounds: Bounds) -> None:
+        """Take note of the names of the inequality rows of constraints in Python, and slacks."""
+        self._rows, self._slack_weights = bounds.labels, bounds.slack
 
     @cached_property
     def singular(self) -> dict[str, Singularity]:
@@ -236,7 +221,8 @@ class CoreTick:
     @property
     def velocity(self) -> Array:
         """A copy, read-only, of the command v+ (nv,), with the base's dynamics met where it has."""
-        if self._memory.forces is None and self.level:
+        memory = self._memory
+        if memory.levels > 1 and memory.forces is None and self.level:
             velocity = self.views_of(self.level).x[: self._memory.tree.nv].copy()
         else:
             velocity = self._out[self._layout.velocity].copy()

@@ -37,9 +37,10 @@ class KinematicController(Controller):
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command of every controller, at whose end loops are closed."""
-        closing, step = self._closing, super()._step
-        if not closing.bend or closing.busy or self._plain:  # plain ticks are closed by the core
-            return step(snapshot)
+        closing = self._closing
+        if self._plain or not closing.bend or closing.busy:  # plain ticks are closed by the core
+            return Controller._step(self, snapshot)  # without super's search, in every tick
+        step = super()._step
         over = partial(self._is_over, perf_counter())
         with closing.lock:
             tick = step(snapshot)

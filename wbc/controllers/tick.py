@@ -164,7 +164,7 @@ class Tick:
 
         def __getattr__(self, name):
             if name == "braked":
-                began = self.__dict__.get("_began")
+                began = self._where_it_began()
                 self.__dict__[name] = found = began.braked(self.velocity) if began else {}
                 return found
             evidence = self.__dict__.get("_evidence")
@@ -176,6 +176,11 @@ class Tick:
                 raise AttributeError(what + hint, name=name, obj=None)
             value = self.__dict__[name] = getattr(evidence, name)
             return value
+
+    def _where_it_began(self) -> Began | None:
+        """Return what the controller left, of which most ticks are never asked; None: a copy."""
+        began = self.__dict__.get("_began")
+        return None if began is None else Began(*began)
 
     def __getstate__(self) -> dict[str, object]:
         return {one.name: getattr(self, one.name) for one in fields(self)}
@@ -269,7 +274,7 @@ class Tick:
         OSError
             The file cannot be written.
         """
-        began = self.__dict__.get("_began")
+        began = self._where_it_began()
         if began is None:
             raise InvalidInputError(f"{path}: a copied tick has no controller; save the original")
         changed = began.asked.changed()

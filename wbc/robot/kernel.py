@@ -162,18 +162,16 @@ class NativePass:
 
     def measured(self, q: Any, v: Any) -> bytes | None:
         """Return a state as snapshots keep it, v behind q; None: Python looks closely."""
-        of_q, of_v = self._shapes
-        if not are_plain(q, of_q, v, of_v):
+        if not are_plain(q, v, self._shapes):
             return None
         # Copies: arrays may be strided, and nobody writes to them meanwhile.
-        if lib.wbc_check(self._tree, doubles(q.tobytes()), doubles(v.tobytes()), self._there):
+        if lib.wbc_check(self._tree, q.tobytes(), v.tobytes(), self._there):
             return None
         return self._measured.tobytes()
 
     def reached(self, q: Any, v: Any, dt: float) -> Array | None:
         """Return where a measured q gets to at v over dt; None: Python looks closely."""
-        of_q, of_v = self._shapes
-        if not are_plain(q, of_q, v, of_v):
+        if not are_plain(q, v, self._shapes):
             return None
         given = doubles(q.tobytes()), doubles(v.tobytes())
         if lib.wbc_move(self._tree, *given, dt, self._there):

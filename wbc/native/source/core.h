@@ -55,8 +55,9 @@ int wbc_inertia_hessian(const wbc_tree *tree, const double *state, double mass, 
 /* Write where q gets to over a displacement (nv), as Pinocchio integrates. Returns 0. */
 int wbc_integrate(const wbc_tree *tree, const double *q, const double *step, double *out);
 /* Write a state as measured, q then v (nq + nv): what is of norm 1 but for rounding is normalised.
- * Returns DONE, or NOT_FINITE for what is no measurement: Python says where and why. */
-int wbc_check(const wbc_tree *tree, const double *q, const double *v, double *out);
+ * Returns DONE, or NOT_FINITE for what is no measurement: Python says where and why. Python gives the bytes
+ * of what is measured, here and to a tick: of doubles, though their type is void. */
+int wbc_check(const wbc_tree *tree, const void *q, const void *v, double *out);
 /* The same with v dt for v, and behind it where q gets to by that (nq). */
 int wbc_move(const wbc_tree *tree, const double *q, const double *v, double dt, double *out);
 
@@ -244,13 +245,13 @@ enum said { INFEASIBLE = -2, UNSOLVED = -1, DONE = 0, NOT_FINITE = 3, NOT_MEASUR
             LEADS_INSIDE = 5, MORE_ROWS = 6, REDUCED = 7, OUTLIER = 8 };
 /* Write the QP of the first level. state is what wbc_state wrote at (q, v) without frames, or 0: then it
  * is found here. v may be 0, here and below: it lies behind q then. */
-int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v);
+int wbc_problem(const wbc_plan *plan, const double *state, const void *measured, const double *v);
 /* The same and the answer of all levels: x, y, z, z of the box of each QP; primal, dual and complementarity
  * residuals, iterations, and of the first how many levels were solved. The equalities are eliminated;
  * where the optimum of the cost alone keeps all bounds and rows, that is the answer, in 0 iterations. Else
  * what is left is solved by the active-set method; or, if it is to be solved outside, REDUCED is returned,
  * and how many rows C there are is the first residual. */
-int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v);
+int wbc_tick(const wbc_plan *plan, const double *state, const void *measured, const double *v);
 /* Write P (n, n) and g (n) of one level's costs and damping, or of all levels together (-1). */
 int wbc_cost(const wbc_plan *plan, const double *q, const double *v, int64_t level, double *P,
              double *g);

@@ -192,7 +192,8 @@ int wbc_descend(const wbc_plan *plan, const double *q, const double *v) {
     return wbc_finish(plan, q, v);
 }
 
-int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v) {
+int wbc_tick(const wbc_plan *plan, const double *state, const void *measured, const double *v) {
+    const double *q = measured;
     int said = wbc_problem(plan, state, q, v), closed = 0;
     if (said == DONE)
         said = plan->closing && plan->levels == 1 ? solve_closed(plan, q, &closed)

@@ -453,8 +453,9 @@ WIDE int is_qp(const wbc_qp *qp) {
            is_sound(qp->g, n) && is_sound(qp->b, qp->k);
 }
 
-int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v) {
+int wbc_problem(const wbc_plan *plan, const double *state, const void *measured, const double *v) {
     const int64_t nv = plan->tree->nv;
+    const double *q = measured;
     v = velocity_of(plan->tree, q, v);
     if (!state) {
         wbc_state(plan->tree, q, v, plan->state, plan->scratch, 0, 0, 0);
@@ -470,6 +471,7 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
     lay_out(plan, &qp);
     memset(qp.P, 0, qp.n * qp.n * sizeof *qp.P);
     memset(qp.g, 0, qp.n * sizeof *qp.g);
+    memset(qp.found, 0, 5 * sizeof *qp.found);
     *qp.heaviest = 0.0;
     if (plan->rows)
         memset(kept_costs(plan).damping, 0,

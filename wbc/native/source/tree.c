@@ -226,7 +226,7 @@ static int normalise(double *values, int64_t n) {
     return 1;
 }
 
-int wbc_check(const wbc_tree *tree, const double *q, const double *v, double *out) {
+int wbc_check(const wbc_tree *tree, const void *q, const void *v, double *out) {
     const int64_t nq = configuration_size(tree);
     memcpy(out, q, nq * sizeof *out);
     memcpy(out + nq, v, tree->nv * sizeof *out);
