@@ -78,7 +78,7 @@ class Part:
         self.kept = None if kept is None else list(kept)
         self.torque = torque
         self.rows = described(task, torque)
-        self.changes = self.assigned = -1  # of the task, when its numbers were written
+        self.changes = self._remakes = -1  # of the task, when its numbers were written
         self._places: list[_Place] = []
         self._rereads = kept is None and all(rows.moving for rows in self.rows or ())
         # Attributes of the task, and where they go: what it aims at; how that moves.
@@ -126,9 +126,9 @@ class Part:
     def write(self, dt: float) -> bool:
         """Write the numbers of a task that was changed; False if it is another one now."""
         task, planned, own = self.task, self.rows, self.task.__dict__
-        changes, self.assigned = task._changes, task._assigned
+        remakes, self.changes = task._remakes, task._changes
         motion = self._motion_of(own)
-        if changes == self.changes and self._rereads:  # only the target was set
+        if remakes == self._remakes and self._rereads:  # only the target was set
             for name, where in self._goals:
                 where[...] = own[name]
             if not all(map(is_, motion, self._motion)):  # arrays are replaced, never changed
@@ -147,7 +147,7 @@ class Part:
             if (now[:3], now.other) != about or not self._places[k].write(now, self.kept):
                 return False
         self._write_law(found, dt)
-        self.changes = changes
+        self._remakes = remakes
         return True
 
     def _write_law(self, found: Sequence[NativeRows], dt: float) -> None:
@@ -212,7 +212,7 @@ class AskedPart(Part):
 
     def write(self, dt: float) -> bool:
         """Write law and weights of a task that was changed; all else is written in each tick."""
-        self.changes, self.assigned = self.task._changes, self.task._assigned
+        self.changes = self.task._changes
         self._write_law(self.rows or (), dt)
         return self.singular == self._singular
 
@@ -247,7 +247,7 @@ class ForcePart(Part):
 
     def write(self, dt: float) -> bool:
         """Take note of a change: all is written in each tick."""
-        self.changes, self.assigned = self.task._changes, self.task._assigned
+        self.changes = self.task._changes
         return True
 
     def fill(self, asked: Asked) -> bool:

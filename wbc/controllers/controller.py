@@ -224,14 +224,21 @@ class Controller(DeclaredAttributes, ABC):
         return tick
 
     def _step(self, snapshot: Snapshot) -> Tick:
-        """Return the command: the tick, from top to bottom."""
+        """Return the command: the core's alone, as most are, or by what is decided here."""
         begun, plan, found = perf_counter(), self._core, None
         if not plan.serves(self.limits, self.dt):
             self._plan(self.contacts)
-        elif self._plain:  # most ticks are the core's alone
+        elif self._plain:
             found = plan.tick(snapshot, (), None, self._ramped, begun)
             if found is not None and found.solved:
                 return self._command(snapshot, found)
+        return self._decided(snapshot, begun, found)
+
+    def _decided(self, snapshot: Snapshot, begun: float, found: CoreTick | None = None) -> Tick:
+        """Return the command of a tick that the core alone does not answer, from top to bottom.
+
+        ``found`` is what it made of it, without an answer; None: nothing yet.
+        """
         if self._margins_in_core or not self.constraints:
             given = self._asked_once(snapshot)
             outcome = self._solve(snapshot, self._core, None, None, begun, given, found)

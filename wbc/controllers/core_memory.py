@@ -167,6 +167,7 @@ class CoreMemory:
         if state is not None:
             self.state[:] = state[: self.state.size]
             known = self._state_pointer
+        del self.out  # that of a tick which nobody kept is taken again
         self.out = out = np.empty(layout.out)
         struct.out = doubles(out)
         if layout.below:
@@ -175,7 +176,7 @@ class CoreMemory:
         self._measured = measured
         function = self._tick if solve else lib.wbc_problem
         self.said = said = function(struct, known, measured, NULL)
-        return said  # type: ignore[no-any-return]
+        return said
 
     @property
     def asked(self) -> Any:
@@ -262,8 +263,9 @@ class CoreMemory:
     # ------------------------------------------------------------------ what is written
 
     def write_limits(self, limits: Limits) -> None:
-        """Take over speeds and accelerations that were assigned."""
+        """Take over those that were assigned."""
         self.arrays["limit"][:] = limits.numbers(self._slow)
+        self.struct.recovery = limits.recovery
 
     def write_bounds(self, bounds: Bounds | None) -> None:
         """Take over inequality rows that were worked out in Python, and what they push at."""

@@ -115,7 +115,7 @@ class CorePlan:
         self.force_tasks = tuple(one for one in forces if id(one) in self._asked)
         self.plan, self._robot = plan, robot
         self._dt, self._lock = dt, threading.Lock()
-        self._limits, self._rates = limits, _rates(limits)
+        self._limits, self._limits_changes = limits, 0 if limits is None else limits._changes
         self._solver = solver = backend if solves(backend) else None
         self.margin = None if constraint is None else NativeMargin.of(constraint, tree)
         if added is None:
@@ -164,7 +164,7 @@ class CorePlan:
         """Return which task was changed since it was last written, in words, or None."""
         for part in self._parts:
             task = part.task
-            if task._changes != part.changes or task._assigned != part.assigned:
+            if task._changes != part.changes:
                 return f"{task.name!r} was changed since"
         return None
 
@@ -267,18 +267,12 @@ class CorePlan:
     def _write(self, ramps: Mapping[str, float]) -> bool:
         """Write what has changed since the last tick; False if that needs another plan."""
         forces, limits = self.memory.forces, self._limits
-        if limits is not None:
-            speed, acceleration, speed_up, recovery = self._rates
-            same = limits.speed is speed and limits.acceleration is acceleration
-            if not (same and limits.speed_up is speed_up):
-                self.memory.write_limits(limits)
-                self._rates = _rates(limits)
-            if limits.recovery != recovery:
-                self.memory.struct.recovery = limits.recovery
-                self._rates = _rates(limits)
+        if limits is not None and limits._changes != self._limits_changes:
+            self.memory.write_limits(limits)
+            self._limits_changes = limits._changes
         for part in self._parts:
             task = part.task
-            if task._changes != part.changes or task._assigned != part.assigned:
+            if task._changes != part.changes:
                 if forces is not None and part.held:
                     forces.stale = True
                 if not part.write(self._dt):
@@ -294,10 +288,3 @@ def solves(backend: Backend | None) -> TypeGuard[ActiveSet | ProxQP]:
     if not isinstance(backend, ActiveSet | ProxQP) or backend.eps > TOLERANCE:
         return False
     return type(backend) is ActiveSet or (type(backend) is ProxQP and backend.warm)
-
-
-def _rates(limits: Limits | None) -> tuple[Array | None, Array | None, Array | None, float]:
-    """Return what the core was told of the limits that may be assigned, compared by identity."""
-    if limits is None:
-        return None, None, None, 0.0
-    return limits.speed, limits.acceleration, limits.speed_up, limits.recovery

@@ -85,9 +85,7 @@ class CoreTick:
     _slack_weights: Array | None = None
     done: float
 
-    def __init__(
-        self, memory: CoreMemory, names: TickNames, begun: float, called: float
-    ) -> None:
+    def __init__(self, memory: CoreMemory, names: TickNames, begun: float, called: float) -> None:
         self._memory, self._names, self._layout = memory, names, memory.layout
         self._out, self._below, self._given_rows = memory.out, memory.below, memory.given_rows
         self.begun, self._called = begun, called

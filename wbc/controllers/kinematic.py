@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from time import perf_counter
 
 import numpy as np
 
@@ -35,18 +34,17 @@ class KinematicController(Controller):
         super()._plan(contacts, curved)
         self._closing = LoopClosing(self.plan.held, self._added, self.dt)
 
-    def _step(self, snapshot: Snapshot) -> Tick:
+    def _decided(self, snapshot: Snapshot, begun: float, found: CoreTick | None = None) -> Tick:
         """Return the command of every controller, at whose end loops are closed."""
-        closing = self._closing
+        closing, decided = self._closing, super()._decided
         if self._plain or not closing.bend or closing.busy:  # plain ticks are closed by the core
-            return Controller._step(self, snapshot)  # without super's search, in every tick
-        step = super()._step
-        over = partial(self._is_over, perf_counter())
+            return decided(snapshot, begun, found)
+        over = partial(self._is_over, begun)
         with closing.lock:
-            tick = step(snapshot)
+            tick = decided(snapshot, begun, found)
             if not tick.ok:
                 return tick
-            return closing.closed(snapshot, tick, step, self._core.memory, over)
+            return closing.closed(snapshot, tick, self._step, self._core.memory, over)
 
     def _command(self, snapshot: Snapshot, found: CoreTick) -> Tick:
         known = self._known(Outcome(found), snapshot) if self._deviating else None
@@ -62,8 +60,7 @@ class KinematicController(Controller):
             return Tick.reading(found, velocity, self._known(outcome, snapshot))
         closing = self._closing
         if closing.parts and not closing.busy:  # a gear or loop that is off may be the reason
-            step = super()._step
-            within = closing.within_reach(snapshot, outcome.box, step)
+            within = closing.within_reach(snapshot, outcome.box, self._step)
             if within is not None:
                 tick, late = within
                 tick.__dict__["late"] = tuple(late)

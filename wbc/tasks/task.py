@@ -113,8 +113,8 @@ class Task(DeclaredAttributes, ABC):
     target_rate: Array
     target_acceleration: Array
     _goal: Array
-    _changes = 0  # how often an attribute was set: what was read of the task before may be old
-    _assigned = 0  # how often only the target was
+    _changes = 0  # how often it was changed: what was read of it before may be old
+    _remakes = 0  # how often it was changed in more than its target
     _kind = "task"  # as error messages call it
     _unused: ClassVar[frozenset[str]] = frozenset()  # keywords of laws without effect: refused
     _tested = True  # whether what it returns needs no look: set below for what is derived
@@ -180,12 +180,16 @@ class Task(DeclaredAttributes, ABC):
                 f"{self}, {name}: goes with the target: set_target(target, rate, acceleration)"
             )
         super()._set_attribute(name, value)
-        self.__dict__["_changes"] = self._changes + 1
+        self._remade()
 
     def switch_off(self) -> None:
         """Set the weight to 0 on purpose: the task does nothing until it is given one again."""
         self.__dict__["weight"] = read_only(np.zeros(len(self.rows)))
-        self.__dict__["_changes"] = self._changes + 1
+        self._remade()
+
+    def _remade(self) -> None:
+        own = self.__dict__
+        own["_changes"], own["_remakes"] = self._changes + 1, self._remakes + 1
 
     @property
     def target(self) -> Array:
@@ -324,7 +328,7 @@ class Task(DeclaredAttributes, ABC):
         """Set attributes of a target, without the check of names."""
         own = self.__dict__
         own.update(values)
-        own["_assigned"] = self._assigned + 1
+        own["_changes"] = self._changes + 1
 
     def _set_rates(
         self,
