@@ -126,7 +126,7 @@ class Part:
     def write(self, dt: float) -> bool:
         """Write the numbers of a task that was changed; False if it is another one now."""
         task, planned, own = self.task, self.rows, self.task.__dict__
-        remakes, self.changes = task._remakes, task._changes
+        remakes, changes = task._remakes, task._changes
         motion = self._motion_of(own)
         if remakes == self._remakes and self._rereads:  # only the target was set
             for name, where in self._goals:
@@ -135,6 +135,7 @@ class Part:
                 self._motion = motion
                 for name, where in self._motions:
                     where[...] = own[name]
+            self.changes = changes
             return True
         self._motion = motion
         found = described(task, self.torque)
@@ -147,7 +148,7 @@ class Part:
             if (now[:3], now.other) != about or not self._places[k].write(now, self.kept):
                 return False
         self._write_law(found, dt)
-        self._remakes = remakes
+        self._remakes, self.changes = remakes, changes
         return True
 
     def _write_law(self, found: Sequence[NativeRows], dt: float) -> None:

@@ -19,13 +19,13 @@ from typing import NamedTuple
 
 from wbc.gait.dcm import shift_gain
 from wbc.qp.active_set import ActiveSet
-from wbc.qp.core import FlatQP
+from wbc.qp.core import FlatForm, FlatQP
 from wbc.qp.problem import Labels
 
 NAMES = ("u x", "u y", "sigma", "b x", "b y", "w x", "w y")
 SIDES = ("x most", "y most", "x least", "y least")
 ROWS = (*(f"w {side}" for side in SIDES), *(f"reach {side}" for side in SIDES))
-LABELS = Labels(("dcm x", "dcm y"), ROWS, NAMES)
+FORM = FlatForm(Labels(("dcm x", "dcm y"), ROWS, NAMES))
 FREE = (math.inf,) * 4  # b and w are not bounded
 NO_LEAST = (-math.inf,) * 8  # nor are rows from below
 SOLVER = ActiveSet()
@@ -173,15 +173,16 @@ def step_qp(
     place, time, offset, vrp = weights
     vrp /= (sigma - 1.0) ** 2
     cost = place, place, time, offset, offset, vrp, vrp
-    moved = [(sigma - 1.0) * one for one in nominal.vrp]
-    wanted = *nominal.place, 1.0, *nominal.offset, *moved
+    (px, py), (bx, by), (zx, zy) = nominal.place, nominal.offset, nominal.vrp
+    wanted = px, py, 1.0, bx, by, (sigma - 1.0) * zx, (sigma - 1.0) * zy
     P = [0.0] * 49
     P[::8] = cost
     A = (
         *(gain, 0.0, -grow * sigma * dx, 1.0, 0.0, grow, 0.0),
         *(0.0, gain, -grow * sigma * dy, 0.0, 1.0, 0.0, grow),
     )
-    (a, b, c, d), most = bounds.reach.rows(bounds.about)
+    speed, far = bounds.reach.rows(bounds.about)
+    a, b, c, d = speed
     # T = about + (sigma / sigma(about) - 1) / omega, to first order
     early = -math.exp(omega * (nominal.left - bounds.about)) / omega
     C = (
@@ -195,13 +196,13 @@ def step_qp(
         *(0.0, -1.0, early * d, 0.0, 0.0, 0.0, 0.0),
     )
     ahead = bounds.about - 1.0 / omega
-    reached = [far + speed * ahead for far, speed in zip(most, (a, b, c, d), strict=True)]
+    reached = [c + h * ahead for h, c in zip(speed, far, strict=True)]
     g = [-one * goal for one, goal in zip(cost, wanted, strict=True)]
-    least, longest = (math.exp(omega * time) / sigma for time in (bounds.least, bounds.most))
+    least, longest = math.exp(omega * bounds.least) / sigma, math.exp(omega * bounds.most) / sigma
     lower = *bounds.lower, least, *NO_LEAST[:4]
     upper = *bounds.upper, longest, *FREE
     u = -sx, -sy, -sx, -sy, *reached
-    return FlatQP([*P, *A, *C, *g, *lower, *upper, 0.0, 0.0, *NO_LEAST, *u], LABELS)
+    return FlatQP([*P, *A, *C, *g, *lower, *upper, 0.0, 0.0, *NO_LEAST, *u], FORM)
 
 
 def adapt_step(

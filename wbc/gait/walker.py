@@ -57,7 +57,7 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.postures import STANDING
 from wbc.run.phase_support import Ground
 from wbc.tasks.task import Task
-from wbc.validate import Array, by_name, finite_number, finite_vector
+from wbc.validate import Array, by_name, finite_number, finite_vector, plain_copy
 
 # Largest change of the yaw rate [rad/s^2].
 TURN_UP = 2.0
@@ -347,7 +347,7 @@ class Walker:
             up = max(g + self._ground.acceleration, LIGHTEST * g)
             share = self.gait.omega**2 * (float(com[2]) - reference.ground) / up
             vrp = in_plane(com) + share * (vrp - in_plane(com))
-        height = self._ground.plus(SwingMotion(self._usual, 0.0, 0.0))
+        height = self._ground._replace(value=self._ground.value + self._usual)
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
         place = self._planner.within(self.phase, vrp, now)
         pressure = np.array((place.real, place.imag, reference.ground))
@@ -366,11 +366,13 @@ class Walker:
         """Return the wrenches (6,) on the soles, by foot; none if they are not felt."""
         if forces is None:
             return {}
-        given = by_name("walker, forces", forces)
-        return {
-            foot: finite_vector(f"walker, force on {frame!r}", given.get(frame, ()), 6)
-            for foot, frame in self._frames.items()
-        }
+        given, felt = by_name("walker, forces", forces), dict[str, Array]()
+        for foot, frame in self._frames.items():
+            wrench = plain_copy(given.get(frame), (6,))
+            if wrench is None:
+                wrench = finite_vector(f"walker, force on {frame!r}", given.get(frame, ()), 6)
+            felt[foot] = wrench
+        return felt
 
     def _next_phase(self, snapshot: Snapshot, now: GaitState, felt: Mapping[str, Array]) -> Phase:
         """Return the phase a tick later, and change what is held where it ends."""

@@ -242,7 +242,7 @@ class WholeBody:
         the whole body turning at this rate: held to zero, arms would turn back what legs turn.
         """
         self._pressure.set_target(pressure)
-        self._height.set_target(*(np.array((0.0, 0.0, value)) for value in height))
+        self._height.set_target(*np.array([(0.0, 0.0, value) for value in height]))
         if self._led != (heading, turn):  # else the trunk is led there already
             self._led = heading, turn
             R, rate = turned(heading), turn * UP if turn else None

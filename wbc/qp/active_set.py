@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from wbc.qp.conflict import conflict_of, find_conflict
-from wbc.qp.core import DONE, INFEASIBLE, CoreAnswer, FlatQP, solve_flat, solve_in_core
+from wbc.qp.core import DONE, INFEASIBLE, CoreAnswer, FlatQP, solve_in_core
 from wbc.qp.kkt import SolveCheck
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, KktResiduals, RawSolution, Solution, Status
@@ -66,9 +66,9 @@ class ActiveSet:
         """
         return self._solve(qp, None, perf_counter(), quick)
 
-    def solve_flat(self, flat: FlatQP) -> tuple[list[float], ...] | None:
+    def solve_flat(self, flat: FlatQP) -> tuple[list[float], list[float], list[float]] | None:
         """Return x, z and z_box of a QP, checked as by :meth:`solve`, or None: it has no answer."""
-        found = solve_flat(flat, self.eps, self.max_iterations)
+        found = flat.form.solve(flat.numbers, self.eps, self.max_iterations)
         if found is not None:
             return found
         closely = self.solve(flat.qp, quick=True)  # to the accuracy that its numbers let have

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
 from itertools import accumulate
 from typing import Any, NamedTuple
@@ -16,6 +15,7 @@ from wbc.qp.solution import KktResiduals
 from wbc.validate import Array
 
 DONE, INFEASIBLE = lib.DONE, lib.INFEASIBLE
+new = ffi.new
 _GIVEN = ("P", "A", "C", "g", "lower", "upper", "b", "l", "u")
 
 
@@ -43,8 +43,38 @@ class CoreAnswer(NamedTuple):
     iterations: int
 
 
+class FlatForm:
+    """What is the same in QPs of a few unknowns that are posed as lists of numbers.
+
+    Arrays of so few numbers would take longer to make than the QP to solve.
+    """
+
+    def __init__(self, labels: Labels) -> None:
+        self.labels = labels
+        n, k, m = len(labels.variables), len(labels.equality), len(labels.inequality)
+        self.n, self.lengths = n, (n * n, k * n, m * n, n, n, n, k, m, m)
+        self._sizes, self._given = (n, k, m), _begins(self.lengths)
+        self._answer = *_begins((n, k, m, n)), 2 * n + k + m
+        self._working, self._places = _sizes(n, k, m)
+
+    def solve(
+        self, numbers: list[float], eps: float, most: int
+    ) -> tuple[list[float], list[float], list[float]] | None:
+        """Return x, z and z_box, or None where the core has no answer; see below."""
+        x, y, z, z_box, end = self._answer
+        at, out = new("double[]", numbers), new("double[]", end + 4 + self._working)
+        struct = new("wbc_qp *", (*self._sizes, eps, *[at + k for k in self._given]))
+        struct.x, struct.y, struct.z, struct.z_box = out, out + y, out + z, out + z_box
+        struct.found = out + end
+        order = new("int64_t[]", self._places)
+        if lib.wbc_solve_qp(struct, ffi.NULL, most, out + end + 4, order) != DONE:
+            return None
+        answer = ffi.unpack(out, end)
+        return answer[x:y], answer[z:z_box], answer[z_box:]
+
+
 class FlatQP(NamedTuple):
-    """A QP of a few unknowns as one list of numbers: arrays of theirs would take longer to make.
+    """A QP as one list of numbers.
 
     Attributes
     ----------
@@ -53,37 +83,21 @@ class FlatQP(NamedTuple):
     """
 
     numbers: list[float]
-    labels: Labels
-
-    @property
-    def sizes(self) -> tuple[int, int, int]:
-        """Unknowns, equalities, rows of C."""
-        names = self.labels
-        return len(names.variables), len(names.equality), len(names.inequality)
+    form: FlatForm
 
     @property
     def qp(self) -> QP:
         """It as arrays."""
-        parts = np.split(np.array(self.numbers), np.cumsum(_lengths(*self.sizes))[:-1])
+        form = self.form
+        parts = np.split(np.array(self.numbers), _begins(form.lengths)[1:])
         by_name = dict(zip(_GIVEN, parts, strict=True))
-        rows = {name: by_name[name].reshape(-1, self.sizes[0]) for name in ("P", "A", "C")}
-        return QP(**by_name | rows, labels=self.labels)
+        rows = {name: by_name[name].reshape(-1, form.n) for name in ("P", "A", "C")}
+        return QP(**by_name | rows, labels=form.labels)
 
 
-def solve_flat(flat: FlatQP, eps: float, most: int) -> tuple[list[float], ...] | None:
-    """Return x, z and z_box of a QP, or None where the core has no answer: see below."""
-    n, k, m = sizes = flat.sizes
-    working, places = _sizes(*sizes)
-    end = 2 * n + k + m
-    at, out = ffi.new("double[]", flat.numbers), ffi.new("double[]", end + 4 + working)
-    struct = ffi.new("wbc_qp *", (n, k, m, eps, *_parts(at, _lengths(*sizes))))
-    struct.x, struct.y, struct.z, struct.z_box = _parts(out, (n, k, m, n))
-    struct.found = out + end
-    order = ffi.new("int64_t[]", places)
-    if lib.wbc_solve_qp(struct, ffi.NULL, most, out + end + 4, order) != DONE:
-        return None
-    x = ffi.unpack(out, end)
-    return x[:n], x[n + k : n + k + m], x[n + k + m :]
+def _begins(lengths: tuple[int, ...]) -> tuple[int, ...]:
+    """Return where parts begin that lie one behind the other."""
+    return tuple(accumulate(lengths[:-1], initial=0))
 
 
 def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> CoreAnswer:
@@ -143,17 +157,6 @@ def _struct(qp: QP, eps: float = 0.0) -> tuple[Any, object]:
     for name, array in zip(_GIVEN, given, strict=True):
         setattr(struct, name, doubles(array))
     return struct, given
-
-
-@lru_cache(maxsize=256)
-def _lengths(n: int, k: int, m: int) -> tuple[int, ...]:
-    """Return how many numbers each part of a QP has, in the order of a ``wbc_qp``."""
-    return n * n, k * n, m * n, n, n, n, k, m, m
-
-
-def _parts(at: Any, lengths: Sequence[int]) -> list[Any]:
-    """Return pointers to parts of an array, one behind the other."""
-    return [at + begin for begin in accumulate(lengths[:-1], initial=0)]
 
 
 @lru_cache(maxsize=256)

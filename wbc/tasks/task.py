@@ -322,7 +322,8 @@ class Task(DeclaredAttributes, ABC):
         plain = plain_copy(value, shape)  # in every tick: no words unless they are needed
         if plain is None:
             plain = finite_array(f"{self}, {what}", value, shape)
-        return read_only(plain)
+        plain.setflags(False)  # type: ignore[call-arg]  # as read_only does
+        return plain
 
     def _assign(self, **values: Any) -> None:
         """Set attributes of a target, without the check of names."""

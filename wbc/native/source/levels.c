@@ -59,12 +59,9 @@ static int64_t equalities(const wbc_plan *plan, int64_t level) {
 }
 
 void lay_out_level(const wbc_plan *plan, int64_t level, wbc_qp *qp) {
-    wbc_qp first;
-    lay_out(plan, &first);
-    if (level == 0) {
-        *qp = first;
-        return;
-    }
+    lay_out(plan, qp);
+    if (level == 0) return;
+    const wbc_qp first = *qp;
     lay_out_below(plan, &first, qp);
     qp->k = equalities(plan, level);
 }
