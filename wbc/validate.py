@@ -29,15 +29,6 @@ def is_plain(value: Any, shape: tuple[int, ...]) -> TypeGuard[Array]:
     return type(value) is np.ndarray and value.dtype is FLOAT and value.shape == shape
 
 
-def are_plain(first: Any, second: Any, shapes: tuple[tuple[int, ...], tuple[int, ...]]) -> bool:
-    """Whether two values are: one call in place of two."""
-    return (
-        type(first) is type(second) is np.ndarray
-        and first.dtype is second.dtype is FLOAT
-        and (first.shape, second.shape) == shapes
-    )
-
-
 def plain_copy(value: Any, shape: tuple[int, ...], largest: float = LARGEST) -> Array | None:
     """Return a fresh copy of a float array of that shape, every entry finite; else None.
 

@@ -350,8 +350,7 @@ class Task(DeclaredAttributes, ABC):
 
     def _negative(self, motion: Array, rows: Columns) -> Array:
         """Return minus those entries of a target's rate or acceleration; zeros known as rest."""
-        resting = at_rest((len(self.rows),))
-        return resting if motion is at_rest(motion.shape) else read_only(-motion[rows])
+        return self._zeros() if motion is at_rest(motion.shape) else read_only(-motion[rows])
 
     def _gradient(self, error: Array) -> Array:
         """Return weight^2 * error (k,): the gradient of the task's cost by its error."""
