@@ -263,8 +263,10 @@ class ForcePart(Part):
 
 def _reader(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ...]]:
     """Return what reads several attributes, as a tuple."""
-    if len(names) < 2:
-        return lambda attributes: tuple(attributes[name] for name in names)
+    if not names:
+        return lambda _: ()
+    if len(names) == 1:
+        return lambda attributes: (attributes[names[0]],)
     return itemgetter(*names)
 
 

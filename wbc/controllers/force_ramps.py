@@ -61,6 +61,8 @@ class ForceRamps:
     @property
     def most(self) -> Mapping[str, float]:
         """The bound of each contact that comes or goes [N]."""
+        if not self._coming and not self._going:
+            return {}
         return {name: ramp.most for name, ramp in (self._coming | self._going).items()}
 
     def change(
