@@ -28,7 +28,7 @@ from wbc.validate import Array
 INFEASIBLE, UNSOLVED, DONE, NOT_FINITE = lib.INFEASIBLE, lib.UNSOLVED, lib.DONE, lib.NOT_FINITE
 NOT_MEASURED, LEADS_INSIDE, MORE_ROWS = lib.NOT_MEASURED, lib.LEADS_INSIDE, lib.MORE_ROWS
 REDUCED = lib.REDUCED
-NULL = ffi.NULL
+NULL, NOTHING = ffi.NULL, np.empty(0)
 
 
 class CoreMemory:
@@ -108,7 +108,7 @@ class CoreMemory:
         self._measured = b""  # q and v
         self._layouts: dict[tuple[int, int], Layout] = {}
         self._reduced: dict[int, QP] = {}  # by its number of rows
-        self.said, self.out, self.below = DONE, np.empty(0), np.empty(0)
+        self.said, self.out, self.below = DONE, NOTHING, NOTHING
         self._fit(0)
         self.layout, self.given_rows = self.layout_of(0, 0), 0
 
@@ -167,7 +167,7 @@ class CoreMemory:
         if state is not None:
             self.state[:] = state[: self.state.size]
             known = self._state_pointer
-        del self.out  # that of a tick which nobody kept is taken again
+        self.out = NOTHING  # that of a tick which nobody kept is free to be taken again
         self.out = out = np.empty(layout.out)
         struct.out = doubles(out)
         if layout.below:
