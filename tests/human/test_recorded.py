@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.human.walker import LABELS, recorded, write_trc
+from tests.human.walker import LABELS, marching, recorded, write_trc
 from wbc.errors import InvalidInputError
 from wbc.human import MarkerRecording, compared, human_motion, read_markers
-from wbc.human.body import NAMES, HumanBody
-from wbc.human.fit import MarkerSet, first_poses, fit_poses
-from wbc.human.kinematics import place
+from wbc.human.body import HINGE_NAMES, NAMES, SEGMENT_NAMES, HumanBody
+from wbc.human.fit import MarkerSet, continuous, first_poses, fit_poses
+from wbc.human.kinematics import Poses, place
 from wbc.human.landmarks import landmark, landmark_of
 from wbc.human.skeleton import configurations, human_robot
 from wbc.motion.table import RecordingError
@@ -135,3 +135,44 @@ def test_lengths_in_another_unit_are_told_by_the_stature() -> None:
     inches = MarkerRecording(recording.time, LABELS, recording.positions / 0.0254, (), "z")
     with pytest.raises(InvalidInputError, match=r"the human is 7\d.* m tall.*unit"):
         human_motion(inches)
+
+
+def test_continuous_postures_whose_branches_are_chance_are_the_same_and_do_not_leap() -> None:
+    _, truth = recorded(BODY, seconds=1.0)
+    rng, leaping = np.random.default_rng(11), truth.angles.copy()
+    for first, middle in (
+        ("left_hip_flexion", np.pi),
+        ("right_shoulder_swing", np.pi),
+        ("right_shoulder_rotation", 0.0),  # with elbow and forearm: it bends backwards
+        ("neck_flexion", np.pi),
+    ):
+        k, folded = HINGE_NAMES.index(first), rng.random(len(leaping)) < 0.3
+        other = leaping[:, k : k + 3] * (1.0, -1.0, 1.0) + (np.pi, middle, np.pi)
+        leaping[folded, k : k + 3] = other[folded]
+    leaping += 2.0 * np.pi * rng.integers(-1, 2, leaping.shape)
+    found = continuous(Poses(truth.position, truth.rotation, leaping))
+    there, here = (place(one, BODY.dimensions) for one in (truth, found))
+    assert np.abs(here.rotation - there.rotation).max() < 1e-9
+    assert np.abs(here.origin - there.origin).max() < 1e-9
+    assert np.abs(found.angles - truth.angles).max() < 1e-9
+
+
+@pytest.mark.slow
+def test_a_human_that_waves_overhead_keeps_its_hand_through_the_filter() -> None:
+    time, poses = marching(seconds=2.0)
+    arm = {"swing": -1.9, "lift": 0.6, "rotation": 0.8}
+    for name, mean in arm.items():
+        wave = 0.7 * np.sin(4.0 * np.pi * time) if name == "swing" else 0.0
+        poses.angles[:, HINGE_NAMES.index(f"right_shoulder_{name}")] = mean + wave
+    elbow = HINGE_NAMES.index("right_elbow_flexion")
+    poses.angles[:, elbow] = 0.9 + 0.6 * np.sin(4.0 * np.pi * time + 1.0)
+    recording, _ = recorded(BODY, posed=(time, poses))
+    human = human_motion(recording)
+    series = wbc.analyze(human.motion, cutoff=human.cutoff, noise=None, feet=None)
+    hand = SEGMENT_NAMES.index("right_hand")
+    robot = human.motion.robot
+    seen = np.array([robot.snapshot(q).position("right_hand") for q in series.q])
+    true = place(poses, BODY.dimensions).origin[:, hand]
+    true = np.column_stack([np.interp(series.time, time, one) for one in true.T])
+    inner = slice(20, -20)
+    assert np.linalg.norm(seen - true, axis=1)[inner].max() < 0.05

@@ -73,9 +73,10 @@ def recorded(
     noise: float = 0.0,
     seed: int = 0,
     plates: bool = False,
+    posed: tuple[Array, Poses] | None = None,
 ) -> tuple[MarkerRecording, Poses]:
-    """Return the recording of a marching body, z up, and its true postures."""
-    time, poses = marching(seconds)
+    """Return the recording of a marching (or ``posed``) body, z up, and its true postures."""
+    time, poses = marching(seconds) if posed is None else posed
     placed = place(poses, body.dimensions)
     tracks = [
         placed.origin[:, anchor] + placed.rotation[:, segment] @ spot

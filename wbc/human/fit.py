@@ -11,8 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.human.body import HINGES
-from wbc.human.kinematics import DOFS, Placed, Poses, joined_poses, place, point_jacobian
+from wbc.human.body import HINGES, SEGMENTS
+from wbc.human.kinematics import (
+    DOFS,
+    HINGE_SEGMENTS,
+    Placed,
+    Poses,
+    joined_poses,
+    place,
+    point_jacobian,
+)
 from wbc.human.landmarks import Landmark, segment_index
 from wbc.validate import Array
 
@@ -151,6 +159,54 @@ def normal_equations(
 def _cost(poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array) -> Array:
     _, cost = weights(residuals(poses, observed, markers, dimensions), markers.noise)
     return np.asarray(cost + ((poses.angles / SPREADS) ** 2).sum(axis=1))
+
+
+def continuous(poses: Poses) -> Poses:
+    """Return the same postures with joints that go on from each frame to the next.
+
+    Angles of three hinges in a row have two branches, (a, b, c) and (a + pi, t - b, c + pi) with
+    t = pi, or 0 where the last axis is the first, and turns besides. What frames that were fitted
+    by themselves have of them is chance, and a low-pass across a leap throws the limb about. The
+    frame whose joints are nearest to their usual range decides.
+    """
+    angles = poses.angles.copy()
+    usual = _nearest(angles, 0.0)
+    best = int(np.square(usual / SPREADS).sum(axis=1).argmin())
+    angles[best] = usual[best]
+    for step, end in ((1, len(angles)), (-1, -1)):
+        for k in range(best + step, end, step):
+            last = angles[k - step]
+            now = _nearest(angles[k], last)
+            for first, fold in FOLDS:
+                other, triple = now.copy(), slice(first, first + 3)
+                other[triple] = now[triple] * (1.0, -1.0, 1.0) + (np.pi, fold, np.pi)
+                other = _nearest(other, last)
+                if np.abs(other - last).sum() < np.abs(now - last).sum():
+                    now = other
+            angles[k] = now
+    return Poses(poses.position, poses.rotation, angles)
+
+
+def _nearest(angles: Array, to: Array | float) -> Array:
+    """Return angles that differ by whole turns, those nearest to ``to`` [rad]."""
+    return np.asarray(angles - 2.0 * np.pi * np.round((angles - to) / (2.0 * np.pi)))
+
+
+def _folds() -> tuple[tuple[int, float], ...]:
+    """Return which hinges begin three in a row about one point, and t of their branches [rad]."""
+    found = list[tuple[int, float]]()
+    for k in range(len(HINGES) - 2):
+        a, b, c = (np.array(hinge.axis) for hinge in HINGES[k : k + 3])
+        before, middle, last = HINGE_SEGMENTS[k : k + 3]
+        own = SEGMENTS[last]
+        # Or the first along a limb, about which what it carries may turn as well.
+        along = own.parent == before and own.origin[:2] == (None, None) and abs(a[2]) == 1.0
+        if middle == last and (before == last or along) and max(abs(a @ b), abs(b @ c)) < 1e-9:
+            found.append((k, 0.0 if abs(a @ c) > 0.5 else np.pi))
+    return tuple(found)
+
+
+FOLDS = _folds()
 
 
 def first_poses(observed: Array, markers: MarkerSet, dimensions: Array) -> Poses:

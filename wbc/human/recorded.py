@@ -13,7 +13,7 @@ from wbc.human.body import HumanBody
 from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
 from wbc.human.comparison import plates_mass
 from wbc.human.contacts import Bools, chosen_cutoff, feet_down
-from wbc.human.fit import MarkerSet, fit_poses, residuals
+from wbc.human.fit import MarkerSet, continuous, fit_poses, residuals
 from wbc.human.gaps import filled_by_fit, filled_shortly, unswapped, without_ghosts
 from wbc.human.kinematics import Poses, place
 from wbc.human.known import known_markers, upright
@@ -167,6 +167,7 @@ def human_motion(
     observed, more = _repaired(time, observed, poses, found)
     if more:
         poses, _ = fit_poses(poses, observed, found.markers, found.dimensions)
+        poses = continuous(poses)
     fit = residuals(poses, observed, found.markers, found.dimensions)
     lost = ~np.isfinite(recording.positions[:, columns]).all(axis=2)
     body = HumanBody(found.dimensions, 70.0 if mass is None else mass, found.stature, sex)
@@ -217,7 +218,8 @@ def _fitted(found: Calibration, still: int, frames: NDArray[np.intp], observed: 
     nearest = np.abs(frames[None] - np.arange(len(observed))[:, None]).argmin(axis=1)
     start = found.poses[still + nearest]
     poses, _ = fit_poses(start, observed, found.markers, found.dimensions)
-    return poses
+    poses, _ = fit_poses(continuous(poses), observed, found.markers, found.dimensions)
+    return continuous(poses)
 
 
 def _repaired(
