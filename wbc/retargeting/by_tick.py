@@ -98,10 +98,9 @@ class TickPass:
         last, skipped = len(targets.time) - 1, max(1, round(1.0 / (COARSE * targets.dt)))
         frames = np.unique(np.append(np.arange(0, last, skipped), last))
         dt, count, down = skipped * targets.dt, len(frames), targets.down[frames]
-        k_wanted = targets.angular_momentum[frames]
         controller = KinematicController(
             robot,
-            [*tasks.lasting, tasks.momentum, *tasks.feet.values()],
+            [*tasks.lasting, *tasks.feet.values()],
             contacts=(),
             limits=self.limits,
             constraints=self.constraints,
@@ -113,7 +112,6 @@ class TickPass:
         v: Array = np.zeros(robot.nv)
         for k in range(1, count):
             tasks.aim(int(frames[k]))
-            tasks.aim_momentum(k_wanted[k - 1 : k + 1].mean(axis=0))
             for n, side in enumerate(SIDES):
                 if down[k, n] != down[k - 1, n] or k == 1:
                     tasks.feet[side].weight = tasks.foot_weight * (STANDS if down[k, n] else 1.0)

@@ -25,8 +25,9 @@ from wbc.robot import Robot
 from wbc.robot.postures import STANDING
 from wbc.validate import Array
 
-# Feet come no nearer to each other than the sole's width and this part of the legs' length.
-BESIDE = 0.08
+# Soles come no nearer to each other than this part of the legs' length, along lines that are turned
+# by so much [rad] from straight across at most.
+BESIDE, STEEP = 0.08, 1.3
 DRAWN = 0.08  # part of the legs' length: what a level foot moves more in a contact is told
 CLEARANCE = 0.01  # m, of a human's foot: so high its corners pass over the ground
 LOW = 0.1  # part of that at which a foot counts as lifted
@@ -146,7 +147,8 @@ def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, spread: Array) -> 
                     f"the {side} foot is drawn {1e3 * off:.0f} mm along the ground, {span}: it"
                     " stands in between"
                 )
-    wider = _outwards(prints, legs.sole_width + BESIDE * legs.length)
+    soles = {side: robot.feet[side].polygon for side in SIDES}
+    wider = _outwards(prints, soles, BESIDE * legs.length)
     prints = [
         Footprint(one.foot, one.first, one.end, _moved_out(one.pose, one.foot, wider))
         for one in prints
@@ -192,17 +194,36 @@ def _print(place: Array, heading: Array, weight: Array, first: int, end: int) ->
     return np.array((x, y, np.average(heading[span], weights=weight[span])))
 
 
-def _outwards(prints: list[Footprint], least: float) -> float:
-    """Return by how much feet must be set outwards so that none is nearer than ``least`` [m]."""
-    widths = []
+def _outwards(prints: list[Footprint], soles: Mapping[str, Array], gap: float) -> float:
+    """Return by how much feet must be set outwards so that none are too near to each other [m].
+
+    Parameters
+    ----------
+    soles:
+        Their corners (k, 2), by side [m].
+    gap:
+        Between them, and between their widths where one passes the other [m].
+    """
+    turn = np.linspace(-STEEP, STEEP, 53)  # of lines across both
+    width = max(float(np.ptp(sole[:, 1])) for sole in soles.values())
+    wider = 0.0
     for a in prints:
         for b in prints:
             near = a.first < b.end + 1 and b.first < a.end + 1
-            if a.foot == SIDES[0] and b.foot == SIDES[1] and near:
-                yaw = 0.5 * (a.pose[2] + b.pose[2])
-                side = np.array((-np.sin(yaw), np.cos(yaw)))
-                widths.append(float((a.pose[:2] - b.pose[:2]) @ side))
-    return max(0.0, 0.5 * (least - min(widths))) if widths else 0.0
+            if a.foot != SIDES[0] or b.foot != SIDES[1] or not near:
+                continue
+            yaw = 0.5 * (a.pose[2] + b.pose[2])
+            across = pitched(yaw + turn, np.zeros_like(turn))[:, :2, 1]
+            left, right = (
+                one.pose[:2] + soles[one.foot] @ pitched(one.pose[2:], np.zeros(1))[0, :2, :2].T
+                for one in (a, b)
+            )
+            apart = (left @ across.T).min(axis=0) - (right @ across.T).max(axis=0)
+            standing = ((gap - apart) / (2.0 * np.cos(turn))).min()
+            side = np.array((-np.sin(yaw), np.cos(yaw)))
+            passing = 0.5 * (gap + width - (a.pose[:2] - b.pose[:2]) @ side)
+            wider = max(wider, float(standing), float(passing))
+    return wider
 
 
 def _moved_out(pose: Array, foot: str, wider: float) -> Array:

@@ -37,9 +37,10 @@ SETTLED = 0.07  # rad or m: a round that moves nothing more than this is the las
 WORSE, ASTRAY, MORE, TOLD = 2.0, 5e-3, 5.0, 1e-3
 TRAPPED = 0.2  # rad or m: feet so far off after the first pass are behind something
 LEAST_ROUNDS, ROUNDS, CLOSE = 4, 14, 5e-4
-# After so many rounds what is nearly right is damped more. Fitted shapes may be a little too near:
-# then those of the files are looked at.
-PATIENT, CALMER, CALMEST, GRAZED = 6, 1.5, 10.0, 2e-3
+# What is nearly right is damped less from round to round, for light tasks such as arms to come to
+# their targets, and more after so many. Fitted shapes may be a little too near: then those of the
+# files are looked at.
+PATIENT, BOLDER, BOLDEST, CALMER, CALMEST, GRAZED = 6, 0.7, 1.0, 1.5, 15.0, 2e-3
 FRICTION, MARGIN = 0.6, 0.01
 # Joints that would be faster than their limits make the whole motion slower, by so much more, and
 # by as much again each time that this was not enough.
@@ -257,8 +258,10 @@ def _solved(
                 hurried = motion.speed <= 1.0 < _fastest(robot, q, wanted.dt)[0]
                 return Solved(last if hurried else q, motion.off, not hurried)
             motion.keep_off(~fine)
-        if number + 1 >= PATIENT and motion.violation < ASTRAY and motion.damping < CALMEST:
-            motion.damping *= CALMER  # what is nearly right moves to and fro
+        if motion.violation < ASTRAY and number + 1 < PATIENT:
+            motion.damping = max(BOLDER * motion.damping, BOLDEST)
+        elif motion.violation < ASTRAY:  # what is nearly right moves to and fro
+            motion.damping = min(CALMER * motion.damping, CALMEST)
     motion.judge(q)
     if motion.violation >= least:
         return Solved(best, least, False)

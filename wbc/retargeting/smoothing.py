@@ -242,7 +242,7 @@ class WholeMotion:
         dt, robot, k = targets.dt, tasks.robot, targets.angular_momentum
         wanted = np.hstack((robot.mass * np.diff(targets.com, axis=0) / dt, 0.5 * (k[:-1] + k[1:])))
         off = (maps @ v[..., None])[..., 0] - wanted
-        w = tasks.momentum.weight
+        w = tasks.momentum
         A = w[:, None] * maps[:, 3:] / dt
         normal.add_first_differences(A, w * off[:, 3:])
         # By how far the CoP is moved, in legs' lengths.

@@ -16,7 +16,6 @@ from wbc.tasks import (
     AxisTask,
     ComTask,
     InertiaTask,
-    MomentumTask,
     OrientationTask,
     PoseTask,
     PostureTask,
@@ -47,15 +46,15 @@ class RetargetWeights:
         Of all joints, towards standing [1/rad].
     """
 
-    com: float = 20.0
+    com: float = 40.0
     feet: float = 20.0
     tilt: float = 2.0
-    trunk: float = 1.0
+    trunk: float = 1.5
     pelvis: float = 0.5
     head: float = 0.5
-    arms: float = 0.4
-    momentum: float = 40.0
-    inertia: float = 0.4
+    arms: float = 0.6
+    momentum: float = 160.0
+    inertia: float = 1.0
     posture: float = 0.15
 
     def __post_init__(self) -> None:
@@ -74,7 +73,7 @@ class FrameTasks:
     contacts:
         Those of feet that touch the ground, by side, met exactly.
     momentum:
-        About the angular momentum.
+        Weights (3,) of the angular momentum, which all frames at once follow.
     inertia:
         About the ellipsoid.
     """
@@ -112,12 +111,7 @@ class FrameTasks:
         # What turns with all of its body has to get round: the momentum of a body of another shape
         # would leave it behind.
         most = np.abs(targets.angular_momentum).max(axis=0) / (TURNING * unit)
-        self.momentum = MomentumTask(
-            robot,
-            components=["kx", "ky", "kz"],
-            name="momentum",
-            weight=w.momentum / unit / (1.0 + most**2),
-        )
+        self.momentum = w.momentum / unit / (1.0 + most**2)
         self.inertia = InertiaTask(
             robot, start.inertia, weight=w.inertia / float(np.trace(start.inertia)), gain=1.0
         )
@@ -141,7 +135,7 @@ class FrameTasks:
         return (self.com, *self.turns.values(), *arms, self.posture)
 
     def aim(self, k: int) -> None:
-        """Set the targets of frame ``k``; of momentum, those of the way there."""
+        """Set the targets of frame ``k``."""
         targets = self.targets
         self.com.set_target(targets.com[k])
         for frame, task in self.turns.items():
@@ -178,7 +172,3 @@ class FrameTasks:
         moments = mine.mean(axis=0) * theirs / theirs.mean(axis=0)
         found = np.einsum("nij,nj,nkj->nik", axes, moments, axes)
         self.ellipsoids = 0.5 * (found + np.swapaxes(found, 1, 2))
-
-    def aim_momentum(self, k: Array) -> None:
-        """Set the wanted angular momentum (3,) [kg m^2/s]."""
-        self.momentum.set_target(np.concatenate((np.zeros(3), k)))
