@@ -14,12 +14,21 @@ from wbc.validate import Array
 
 RATE = 50.0
 BODY = HumanBody.of(1.75, 70.0, "male")
+TURN = {"left": -1.0, "right": 1.0}  # of toes that point inward
 
 
 def moving(
-    seconds: float, sway: Array, dip: Array, feet: dict[str, Array], arm: Array
+    seconds: float,
+    sway: Array,
+    dip: Array,
+    feet: dict[str, Array],
+    arm: Array,
+    inward: float = 0.0,
 ) -> HumanMotion:
-    """Return a human whose CoM sways and dips (n,) [m], and lifts feet (n, 3) and an arm (n,)."""
+    """Return a human whose CoM sways and dips (n,) [m], and lifts feet (n, 3) and an arm (n,).
+
+    Toes point ``inward`` [rad].
+    """
     robot = human_robot(BODY)
     q = robot.posture(
         "neutral",
@@ -51,7 +60,7 @@ def moving(
         robot.limits.set_joint(wanted, "right_shoulder_lift", float(arm[at]))
         posture.set_target(wanted)
         for side, task in soles.items():
-            task.set_target(places[side] + feet[side][at], turned(0.0))
+            task.set_target(places[side] + feet[side][at], turned(TURN[side] * inward))
         q = robot.integrate(q, controller.step(robot.snapshot(q)).velocity, 1.0 / RATE)
         if k >= 0:
             rows.append(q)
@@ -77,12 +86,12 @@ def moving(
     )
 
 
-def crouching(seconds: float = 2.0) -> HumanMotion:
+def crouching(seconds: float = 2.0, inward: float = 0.0) -> HumanMotion:
     """Return a human that crouches by 15 cm, rises again and lifts its right arm."""
     t = np.arange(round(seconds * RATE)) / (seconds * RATE)
     bump = 0.5 - 0.5 * np.cos(2.0 * np.pi * t)
     still = {s: np.zeros((len(t), 3)) for s in ("left", "right")}
-    return moving(seconds, 0.0 * t, 0.15 * bump, still, 0.8 * bump)
+    return moving(seconds, 0.0 * t, 0.15 * bump, still, 0.8 * bump, inward)
 
 
 def stepping(seconds: float = 3.0) -> HumanMotion:

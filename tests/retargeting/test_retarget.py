@@ -57,6 +57,13 @@ def test_a_crouch_keeps_the_feet_where_they_are(crouch: wbc.Retargeted) -> None:
     assert depth == pytest.approx(np.ptp(crouch.targets.human_com[:, 2]), rel=0.35)
 
 
+def test_feet_whose_toes_point_inwards_are_set_apart(robot: Robot) -> None:
+    motion = wbc.retarget(crouching(1.0, inward=0.35), robot)
+    kept(motion)
+    toes = [motion.targets.feet.paths[side].heading[0] for side in ("left", "right")]
+    assert toes[1] - toes[0] == pytest.approx(0.7, abs=0.1)  # they still do
+
+
 def test_the_human_is_shown_beside_at_the_same_moments(crouch: wbc.Retargeted) -> None:
     human = crouching()
     beside = human_beside(human, crouch)

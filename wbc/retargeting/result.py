@@ -113,7 +113,11 @@ class Retargeted:
 
     @property
     def com_correlation(self) -> Array:
-        """Of the CoM's way with the human's, scaled: x, y and z (3,)."""
+        """Of the CoM's way with the human's, scaled: x, y and z (3,).
+
+        Along an axis in which the human moves by millimetres, balance moves the robot by as much:
+        there it says little, and the errors in ``reached`` say more.
+        """
         return _correlation(self.whole.com, self.targets.human_com)
 
     @property
