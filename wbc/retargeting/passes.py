@@ -19,7 +19,7 @@ from wbc.retargeting.prepared import prepared
 from wbc.retargeting.reaching import reached
 from wbc.retargeting.result import Retargeted
 from wbc.retargeting.scaling import FROUDE, MotionScale, StandingBody, scale_of
-from wbc.retargeting.smoothing import WholeMotion
+from wbc.retargeting.smoothing import WholeMotion, able_accelerations
 from wbc.retargeting.source import human_frames
 from wbc.retargeting.targets import Targets, balanced, scaled_targets
 from wbc.retargeting.tasks import FrameTasks, RetargetWeights
@@ -45,6 +45,7 @@ FRICTION, MARGIN = 0.6, 0.01
 # Joints that would be faster than their limits make the whole motion slower, by so much more, and
 # by as much again each time that this was not enough.
 SLOWER, TRIES = 0.03, 4
+SOFTER = 0.5
 NO_LIMIT = 1e6  # rad/s^2
 
 
@@ -143,7 +144,18 @@ def retarget(
         source = human_frames(human, rate * scale.time, low, roll)
         targets = scaled_targets(source, robot, legs, body, standing, scale, balance)
         tasks = FrameTasks(robot, body, targets, weights, legs.length)
-        solved = _solved(tasks, legs, collision, source.series.axes, rounds, balance, progress)
+        axes = source.series.axes
+        solved = _solved(tasks, legs, collision, axes, rounds, balance, progress)
+        forced = rates(robot, solved.q, targets.dt)[1][:, BASE_NV:] / able_accelerations(robot)
+        if solved.lacking > TOLD or np.abs(forced).max() > 1.0:
+            # With less asked of CoM and momentum it may settle, and motors be strong enough.
+            easier = replace(
+                weights, com=SOFTER * weights.com, momentum=SOFTER**2 * weights.momentum
+            )
+            softer = FrameTasks(robot, body, targets, easier, legs.length)
+            again = _solved(softer, legs, collision, axes, rounds, balance, progress)
+            if again.lacking < max(solved.lacking, TOLD):
+                tasks, solved = softer, again
         wanted, lacking = solved.q, solved.lacking
         speed, joint = _fastest(robot, wanted, targets.dt)
         if speed <= 1.0 or lacking > ASTRAY:  # what is not solved says nothing of speeds
