@@ -14,5 +14,13 @@ def let_ticks_fail(monkeypatch: pytest.MonkeyPatch, status: Status = Status.FAIL
     def refuse(self, found, *_):  # type: ignore[no-untyped-def]
         return ActiveSet().solve(found.qp_of(0))._replace(status=status)
 
-    monkeypatch.setattr(CorePlan, "_conclude", lambda *_: None)
+    tick = CorePlan.tick
+
+    def unsolved(self, *given, **named):  # type: ignore[no-untyped-def]
+        found = tick(self, *given, **named)
+        if found is not None:
+            found.solved = False
+        return found
+
+    monkeypatch.setattr(CorePlan, "tick", unsolved)
     monkeypatch.setattr(FirstLevel, "solve", refuse)
