@@ -2,7 +2,9 @@
 
 import copy
 import gc
+import io
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from typer.testing import CliRunner
 
 from wbc.cli import app
 from wbc.errors import InvalidInputError
-from wbc.hardware.operator import Wish
+from wbc.hardware.operator import Keyboard, Script, Wish
 from wbc.hardware.real_time import CycleClock, check_cpus
 from wbc.hardware.safety import RULES, TRANSITIONS, Fault, Mode
 
@@ -230,3 +232,35 @@ def test_where_logs_go_is_looked_at_before_it_matters(asked: tuple[str, str], to
 def test_a_cpu_that_is_not_there_is_named_before_anything_is_forked() -> None:
     with pytest.raises(InvalidInputError, match="CPU 4711: this process may run on"):
         check_cpus((4711,))
+
+
+def test_words_are_read_from_a_terminal_and_an_empty_line_stops(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("arm\nStand \nfly\n\n"))
+    said: list[str] = []
+    keyboard, status, wishes = Keyboard(said.append), SimpleNamespace(), []
+    while not wishes or wishes[-1] is not Wish.SIT:  # the terminal is gone in the end
+        wish = keyboard.wish(status)  # type: ignore[arg-type]
+        if wish is not None:
+            wishes.append(wish)
+    assert wishes == [Wish.ARM, Wish.STAND, Wish.STOP, Wish.SIT]
+    assert said and said[0].startswith("not understood: fly; one of: arm")
+    keyboard.ask(Wish.QUIT)
+    assert keyboard.wish(status) is Wish.QUIT and keyboard.wish(status) is None  # type: ignore[arg-type]
+
+
+def test_a_script_arms_stands_runs_sits_and_ends() -> None:
+    script, told = Script(seconds=2.0, settle=0.5), []
+    course = (
+        (Mode.IDLE, 0.1, False), (Mode.DAMPING, 0.1, False), (Mode.DAMPING, 0.6, False),
+        (Mode.STANDING_UP, 1.0, False), (Mode.STANDING_UP, 2.0, True), (Mode.RUNNING, 1.0, True),
+        (Mode.RUNNING, 2.1, True), (Mode.DAMPING, 0.6, False), (Mode.STOP, 0.6, False),
+    )  # fmt: skip
+    for mode, passed, up in course:
+        status = SimpleNamespace(mode=mode, mode_time=passed, is_up=up, hears=True)
+        told.append(script.wish(status))  # type: ignore[arg-type]
+    arm, stand, run, sit, quit_ = Wish.ARM, Wish.STAND, Wish.RUN, Wish.SIT, Wish.QUIT
+    assert told == [arm, None, stand, None, run, None, sit, quit_, quit_]
+    script.ask(Wish.STOP)
+    assert script.wish(status) is Wish.STOP  # type: ignore[arg-type]

@@ -1,0 +1,62 @@
+"""A retargeted walk as footsteps for a walker, by prints that are known."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError
+from wbc.retargeting.steps import footsteps, posture_at, stride
+
+DT, STRIDE = 0.02, 0.3  # s; m from a foot to the other one ahead
+BEGINS, EVERY, AIR = 40, 25, 16  # frames: of the first landing, between two, of a foot in the air
+
+
+def walking(count: int) -> Any:
+    """Return a walk that turns to the left by 0.1 rad a step, each landing EVERY frames later."""
+    prints, x, y, yaw = [], 0.0, 0.0, 0.0
+    for k in range(count):
+        foot, side = ("left", 0.1) if k % 2 else ("right", -0.1)
+        first = 0 if k < 2 else BEGINS + EVERY * (k - 2)
+        end = BEGINS + EVERY * k - AIR if k < 2 else first + 2 * EVERY - AIR
+        place = x - np.sin(yaw) * side, y + np.cos(yaw) * side
+        pose = np.array((*place, yaw))
+        prints.append(SimpleNamespace(foot=foot, pose=pose, first=first, end=end))
+        x, y, yaw = x + STRIDE * np.cos(yaw), y + STRIDE * np.sin(yaw), yaw + 0.1
+    frames = BEGINS + EVERY * count
+    q = np.arange(frames, dtype=float)[:, None] * np.ones(9)
+    targets = SimpleNamespace(dt=DT, feet=SimpleNamespace(prints=prints[::-1]))
+    return type("Walk", (SimpleNamespace,), {"__len__": lambda self: frames})(
+        source="walk.trc", targets=targets, q=q
+    )
+
+
+def test_feet_take_turns_seen_from_each_other_and_the_last_stride_goes_on() -> None:
+    steps = footsteps(walking(6), 9)
+    assert [step.foot for step in steps] == ["left", "right"] * 4 + ["left"]
+    for k in range(2, 6):  # neither the first two nor the last three
+        side = 0.2 if steps[k].foot == "left" else -0.2
+        assert steps[k].yaw == pytest.approx(0.1)
+        assert steps[k].duration == pytest.approx((AIR + 1) * DT)
+        assert abs(steps[k].y - side) < 0.03 and abs(steps[k].x - STRIDE) < 0.03
+    assert 0.0 < steps[0].x < steps[1].x < steps[2].x
+    assert steps[-1].x == 0.0 and steps[-1].yaw == 0.0  # beside the other foot
+
+
+def test_a_stride_is_from_a_landing_to_the_next_of_that_foot_and_postures_repeat() -> None:
+    walk = walking(6)
+    begin, period = stride(walk)
+    assert period == pytest.approx(2 * EVERY * DT)
+    first = posture_at(walk, -1.0)
+    assert first[0] == pytest.approx(round(begin / DT))
+    np.testing.assert_array_equal(posture_at(walk, 0.25 * period), posture_at(walk, 3.25 * period))
+
+
+def test_what_is_no_walk_is_said() -> None:
+    with pytest.raises(InvalidInputError, match=r"walk.trc has 2 footprints in turn"):
+        footsteps(walking(2), 4)
+    with pytest.raises(InvalidInputError, match="no foot comes down twice"):
+        stride(walking(3))
+    with pytest.raises(InvalidInputError, match="count"):
+        footsteps(walking(6), 1)
