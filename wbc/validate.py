@@ -189,10 +189,7 @@ def time_step(what: str, dt: Any) -> float:
     """Return ``dt`` as a positive time step [s]; warn of one that was most likely meant in ms."""
     step = finite_number(f"{what}, dt", dt, above=0.0)
     if step >= LONG_STEP:
-        logging.getLogger(__name__).warning(
-            "%s: dt is in seconds, and %g is long for a tick; %g ms are dt=%g",
-            *(what, step, step, step / 1000.0),
-        )
+        _warn_of_unit(what, "dt", step, "is in seconds, and %g is long for a tick; %g ms")
     return step
 
 
@@ -200,11 +197,14 @@ def clearance(what: str, margin: Any) -> float:
     """Return ``margin`` [m], at least 0; warn of one that was most likely meant in mm or cm."""
     wide = finite_number(f"{what}, margin", margin, least=0.0)
     if wide >= WIDE_MARGIN:
-        logging.getLogger(__name__).warning(
-            "%s: margin is in metres, and %g is wide for a robot; %g mm are margin=%g",
-            *(what, wide, wide, wide / 1000.0),
-        )
+        _warn_of_unit(what, "margin", wide, "is in metres, and %g is wide for a robot; %g mm")
     return wide
+
+
+def _warn_of_unit(what: str, name: str, value: float, doubt: str) -> None:
+    """Warn of a number that was most likely meant in thousandths; ``doubt`` tells it twice."""
+    told = what, name, value, value, name, value / 1000.0
+    logging.getLogger(__name__).warning(f"%s: %s {doubt} are %s=%g", *told)
 
 
 def names_of(what: str, value: Any) -> tuple[str, ...]:

@@ -194,10 +194,14 @@ def conflict_of(
 
 def _gap(matrix: Array, ends: Array, weights: Array, tolerance: float) -> float:
     """Return by how much a certificate (s,) of rows (s, n) contradicts itself; 0: not surely."""
-    leak = REACH * float(np.abs(weights @ matrix).sum())
     gap = -float(weights @ ends)
     enough = _SURVIVING * tolerance * float(np.abs(weights) @ (1.0 + np.abs(ends)))
-    return gap if gap - leak >= enough else 0.0
+    return gap if gap - _leak(matrix, weights) >= enough else 0.0
+
+
+def _leak(matrix: Array, weights: Array) -> float:
+    """Return how much of a gap unknowns within REACH can close at most."""
+    return REACH * float(np.abs(weights @ matrix).sum())
 
 
 def _ends(qp: QP, rows: UnitRows, weights: Array) -> Array:
@@ -281,9 +285,8 @@ def _without_needless(
         less[k] = 0.0
         if (less * own < 0.0).any():
             continue
-        leak = REACH * float(np.abs(less @ matrix[kept]).sum())
         gap = _gap(matrix[kept], ends[kept], less, tolerance)
-        if leak < _SPARED * gap:
+        if _leak(matrix[kept], less) < _SPARED * gap:
             found = np.zeros(weights.size)
             found[kept] = less
             return found, gap
