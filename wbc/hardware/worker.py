@@ -101,8 +101,6 @@ class ForkedWorker:
         self._process.daemon = True
         self._process.start()
         other.close()
-        self._poll = select.poll()
-        self._poll.register(self._pipe, select.POLLIN | select.POLLHUP)
         self.busy = False
 
     @property
@@ -118,7 +116,8 @@ class ForkedWorker:
 
     def result(self, timeout: float) -> WorkerOutcome | None:
         """Return what came of the job, waiting at most so long [s]; None if it is not done."""
-        if not self.busy or not self._poll.poll(max(1e3 * timeout, 0.0)):
+        # poll would wait for whole milliseconds: until after the next cycle's time.
+        if not self.busy or not select.select([self._pipe], [], [], max(timeout, 0.0))[0]:
             return None
         self.busy = False
         try:
@@ -150,7 +149,7 @@ class ForkedWorker:
 
 def can_fork() -> bool:
     """Return whether there is a process of its own for the controller."""
-    return "fork" in multiprocessing.get_all_start_methods() and hasattr(select, "poll")
+    return "fork" in multiprocessing.get_all_start_methods()
 
 
 def done(controller: RobotController, job: Job) -> WorkerOutcome:
