@@ -140,11 +140,14 @@ def test_legs_that_stand_brake_what_they_carry(robot_named: Callable[[str], Robo
 
 
 def test_margins_ask_for_what_braking_can_reach() -> None:
-    v = np.array([-1.0, 0.0])
-    push = Rows(np.eye(2), np.array([0.1, 0.01]), np.ones(2))
-    bounds = Bounds(("a", "b"), np.eye(2), np.array([0.0, -0.1]), np.full(2, np.inf), push)
+    """The way out, too: of joints at 3 rad/s^2 whose levers are 1 and 0.1 m."""
+    rows, v = np.eye(3, 8, k=5), np.zeros(8)
+    rows[2, 7] = 0.1
+    v[5] = -1.0
+    push = Rows(rows, np.array([0.1, 0.01, 0.1]), np.ones(3))
+    bounds = Bounds(("a", "b", "c"), rows, np.array([0.0, -0.1, -0.1]), np.full(3, np.inf), push)
     found = reachable_rows(bounds, v, DT)
     change = MARGIN_BRAKING * DT
-    np.testing.assert_allclose(found.lower, [-1.0 + change, -0.1])
+    np.testing.assert_allclose(found.lower, [-1.0 + change, -0.1, -0.1])
     assert found.push is not None
-    np.testing.assert_allclose(found.push.target, [-1.0 + change, 0.01])
+    np.testing.assert_allclose(found.push.target, [-1.0 + change, 3.0 * DT, 0.3 * DT])

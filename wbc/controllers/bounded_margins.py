@@ -13,16 +13,19 @@ from wbc.constraints.rows import Bounds
 from wbc.native import lib
 from wbc.validate import Array
 
-# Hardest braking before a margin, and hardest way out of it [m/s^2].
+# Hardest braking before a margin [m/s^2], and of one joint on the way out of it [rad/s^2].
 MARGIN_BRAKING: float = lib.wbc_margin_braking
+MARGIN_LEAVING: float = lib.wbc_margin_leaving
 
 
 def reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:
     """Return rows of margins within reach of the velocity (nv,) now."""
     if not bounds.lower.size:
         return bounds
-    change, push = MARGIN_BRAKING * dt, bounds.push
+    reach, push = bounds.matrix @ v + MARGIN_BRAKING * dt, bounds.push
     if push is not None:
-        push = push._replace(target=np.minimum(push.target, push.matrix @ v + change))
-    lower = np.minimum(bounds.lower, bounds.matrix @ v + change)
-    return bounds._replace(lower=lower, push=push)
+        rate = push.matrix @ v
+        leaving = MARGIN_LEAVING * dt * np.linalg.norm(push.matrix[:, 6:], axis=1)
+        out = np.minimum(rate + MARGIN_BRAKING * dt, np.maximum(rate, 0.0) + leaving)
+        push = push._replace(target=np.minimum(push.target, out))
+    return bounds._replace(lower=np.minimum(bounds.lower, reach), push=push)

@@ -138,7 +138,8 @@ typedef struct {
 } wbc_margin;
 
 /* What margins count on, here and in Python; said in source/margin.c. */
-extern const double wbc_skin, wbc_used, wbc_rounding, wbc_interior, wbc_part, wbc_lever, wbc_margin_braking;
+extern const double wbc_skin, wbc_used, wbc_rounding, wbc_interior, wbc_part, wbc_lever, wbc_margin_braking,
+    wbc_margin_leaving;
 /* Write how fast clearances (k) may change by the margin's braking, of rows (k, nv): negative, or positive where
  * they have to grow. dt: of a tick. Of the margin its law is read alone. Returns 0. */
 int wbc_approach(const wbc_margin *margin, int64_t nv, double dt, int64_t k, const double *rows,

@@ -16,7 +16,9 @@ const double wbc_rounding = 1e-7; /* m: by how much a violation may grow in one 
  * solver an interior. */
 const double wbc_interior = 1e-3, wbc_part = 0.01;
 const double wbc_lever = 1.0;           /* m: assumed distance of points from the joints, to estimate curvature */
-const double wbc_margin_braking = 20.0; /* m/s^2: the hardest before a margin, and way out of it */
+const double wbc_margin_braking = 20.0; /* m/s^2: the hardest before a margin */
+/* rad/s^2: of one joint on the way out of it; by more, a hair's breadth throws a robot about. */
+const double wbc_margin_leaving = 3.0;
 static const double ABLE = 1e-6; /* m/s^2: below this the joints' accelerations say nothing of a pair */
 
 /* Where the margin's rows begin among all. */
@@ -92,10 +94,12 @@ int add_margin(const wbc_plan *plan, const double *state, const double *v, doubl
     wbc_pair_rows(margin->of, plan->tree, state, k, chosen, nearest + k, nearest + 4 * k, rows);
     for (int64_t i = 0; i < k; i++) {
         const double *row = rows + i * nv, clearance = nearest[i] - margin->kept[chosen[i]];
-        const double reach = plan->torque ? dot(nv, row, v) + now : INFINITY;
+        const double rate = plan->torque ? dot(nv, row, v) : INFINITY, reach = rate + now;
         double *to = qp->C + (before + i) * n, least = approach(margin, nv, plan->dt, row, clearance);
         if (least > 0.0) {
-            push(plan, row, smaller(least, reach), 1.0, qp);
+            const double lever = sqrt(dot(nv - 6, row + 6, row + 6));
+            const double out = (rate > 0.0 ? rate : 0.0) + wbc_margin_leaving * lever * plan->dt;
+            push(plan, row, smaller(least, smaller(reach, out)), 1.0, qp);
             least = -smaller(wbc_interior, wbc_part * least);
         }
         memcpy(to, row, nv * sizeof *to);
