@@ -50,6 +50,9 @@ static int fail(const wbc_qp *qp, const reduced *r, int64_t said, int left) {
     return INFEASIBLE;
 }
 
+/* By how much an answer may pass a bound, however large the numbers of the rows are: commands may not. */
+static const double PASSED = 1e-7;
+
 /* x, y, z, z of the box, the three residuals and the number of iterations of a QP. accuracy: by how much
  * of eps they may be more. */
 static int conclude(const wbc_qp *qp, const reduced *r, const double *give, double accuracy,
@@ -59,6 +62,8 @@ static int conclude(const wbc_qp *qp, const reduced *r, const double *give, doub
     qp->found[3] = (double)iterations;
     for (int i = 0; i < 3; i++)
         if (!(qp->found[i] <= accuracy * qp->eps)) return UNSOLVED; /* NaN is not */
+    for (int64_t i = 0; i < qp->n && accuracy > 1.0; i++)
+        if (qp->x[i] < qp->lower[i] - PASSED || qp->x[i] > qp->upper[i] + PASSED) return UNSOLVED;
     return DONE;
 }
 
