@@ -18,7 +18,7 @@ const double wbc_interior = 1e-3, wbc_part = 0.01;
 const double wbc_lever = 1.0;           /* m: assumed distance of points from the joints, to estimate curvature */
 const double wbc_margin_braking = 20.0; /* m/s^2: the hardest before a margin */
 /* rad/s^2: of one joint on the way out of it; by more, a hair's breadth throws a robot about. */
-const double wbc_margin_leaving = 3.0;
+const double wbc_margin_leaving = 5.0;
 static const double ABLE = 1e-6; /* m/s^2: below this the joints' accelerations say nothing of a pair */
 
 /* Where the margin's rows begin among all. */
