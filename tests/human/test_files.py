@@ -1,5 +1,6 @@
 """Readers of C3D, TRC, MOT, BVH and SMPL poses, against other readers and closed forms."""
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from tests.human.walker import LABELS, recorded, write_trc
 from wbc.human import human_motion, is_human_recording, read_markers
 from wbc.human.body import HumanBody
 from wbc.human.bones import REACH
+from wbc.human.c3d_parameters import read_c3d_head
 from wbc.human.markers import MarkerRecording
 from wbc.human.plates import plate_wrench
 from wbc.motion.table import RecordingError
@@ -67,6 +69,30 @@ def test_c3d_with_a_plate(tmp_path: Path) -> None:
     # 4-byte floats: 1e-7 of 1.5 kN and 1.5e6 N mm.
     np.testing.assert_allclose(plate.force, truth[:, :3], atol=1e-3)
     np.testing.assert_allclose(plate.moment, truth[:, 3:], atol=2e-3)
+
+
+def test_c3d_whose_field_numbers_are_a_column(tmp_path: Path) -> None:
+    ezc3d = pytest.importorskip("ezc3d")
+    write_c3d(tmp_path / "march.c3d")
+    file = ezc3d.c3d(str(tmp_path / "march.c3d"))
+    for name, value in (("ACTUAL_START_FIELD", 1.0), ("ACTUAL_END_FIELD", 20.0)):
+        file.add_parameter("TRIAL", name, np.array(((value,), (0.0,))))
+    file.write(str(tmp_path / "column.c3d"))
+    assert len(read_markers(tmp_path / "column.c3d").time) == 20
+
+
+def test_mips_parameters_with_an_offset_of_intel_are_all_read() -> None:
+    """As in a sample of c3d.org, which a program on another machine had written to."""
+    records = b""
+    for order, name, value in (("<", b"FIRST", 7), (">", b"LAST", 8)):
+        record = struct.pack(">bBh", 2, 0, value) + b"\0"  # type, no dimensions, no description
+        records += struct.pack("bb", len(name), 1) + name
+        records += struct.pack(order + "h", 2 + len(record)) + record
+    group = struct.pack("bb", 5, -1) + b"POINT" + struct.pack(">hB", 3, 0)
+    begin = bytes((1, 0x50, 1, 86))
+    data = bytes((2, 0x50)).ljust(512, b"\0") + (begin + group + records).ljust(512, b"\0")
+    found = read_c3d_head(data, "sample")
+    assert found.number("POINT:FIRST", 0.0) == 7.0 and found.number("POINT:LAST", 0.0) == 8.0
 
 
 def test_plates_of_all_types_agree() -> None:

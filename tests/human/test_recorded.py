@@ -5,7 +5,7 @@ import pytest
 
 import wbc
 from tests.human.walker import LABELS, marching, recorded, write_trc
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.human import MarkerRecording, compared, human_motion, read_markers
 from wbc.human.body import HINGE_NAMES, NAMES, SEGMENT_NAMES, HumanBody
 from wbc.human.fit import MarkerSet, continuous, first_poses, fit_poses
@@ -128,6 +128,28 @@ def test_missing_markers_are_named() -> None:
     text = str(caught.value)
     assert "the left knee (LKNE); the left ankle (LANK)" in text
     assert "LASI (left_asis)" in text and "not known: Foo" in text
+
+
+def test_one_of_two_humans_is_asked_for_and_other_things_are_left_out() -> None:
+    recording, _ = recorded(BODY, seconds=0.15)
+    both = np.concatenate((recording.positions, recording.positions + (0.0, 1.0, 0.0)), axis=1)
+    names = [f"{who}:{label}" for who in ("Anna", "Bo") for label in LABELS]
+    two = MarkerRecording(recording.time, tuple(names), both, up="z")
+    with pytest.raises(RecordingError, match="markers of 2 humans, Anna, Bo: say whose"):
+        human_motion(two, mass=72.0)
+    with pytest.raises(UnknownNameError, match="did you mean 'Anna'"):
+        human_motion(two, mass=72.0, subject="Ana")
+    bo = human_motion(two, mass=72.0, subject="Bo")
+    assert len(bo.markers.names) == len(LABELS) and bo.motion.base[:, 1].mean() > 0.9
+    racket = [name.replace("Bo:", "Racket:") for name in names[: len(LABELS) + 3]]
+    with_racket = MarkerRecording(recording.time, tuple(racket), both[:, : len(racket)], up="z")
+    anna = human_motion(with_racket, mass=72.0)
+    assert "markers of other things left out: Racket" in anna.notes
+    assert anna.rms < 1e-3 and not any("off the fit" in note for note in anna.notes)
+    mixed = recording.positions.copy()
+    mixed[:, ::3, 0] += 0.3 * np.sin(40.0 * recording.time)[:, None]  # as of who walks elsewhere
+    nobody = human_motion(MarkerRecording(recording.time, LABELS, mixed, up="z"), mass=72.0)
+    assert any("not one human's" in note for note in nobody.notes)
 
 
 def test_lengths_in_another_unit_are_told_by_the_stature() -> None:

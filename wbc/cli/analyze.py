@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wbc.cli.errors import errors_in_one_line, print_notes
-from wbc.cli.human_options import SEX, Forces, HumanOptions, Mass, Sex, Static, Stature, Unit, Up
+from wbc.cli.human_options import (
+    SEX,
+    Forces,
+    HumanOptions,
+    Mass,
+    Sex,
+    Static,
+    Stature,
+    Subject,
+    Unit,
+    Up,
+)
 from wbc.cli.options import Plot, Quiet
 
 if TYPE_CHECKING:
@@ -98,6 +109,7 @@ def analyze(
     quiet: Quiet = False,
     static: Static = None,
     forces: Forces = None,
+    subject: Subject = None,
     mass: Mass = None,
     stature: Stature = None,
     sex: Sex = SEX,
@@ -116,7 +128,7 @@ def analyze(
         moments = _snapshots(snapshots)
         low_pass = _cutoff(CUTOFF if cutoff is None else cutoff)
         _check_outputs(motion, output or [], plot, moments)
-        options = HumanOptions(static, forces, mass, stature, sex, up, unit)
+        options = HumanOptions(static, forces, subject, mass, stature, sex, up, unit)
         human = is_human(motion, robot, options)
         if human or robot is None:
             code = analyze_human(

@@ -20,6 +20,9 @@ Static = Annotated[
 Forces = Annotated[
     Path | None, typer.Option(help="Human: force plates, .mot, .sto or .c3d; they weigh it.")
 ]
+Subject = Annotated[
+    str | None, typer.Option(help="Human: whose markers, as in Anna:LASI, where there are several.")
+]
 Mass = Annotated[
     float | None, typer.Option(help="Human: in kg; by default as the plates weigh it.")
 ]
@@ -39,6 +42,7 @@ class HumanOptions:
 
     static: Path | None
     forces: Path | None
+    subject: str | None
     mass: float | None
     stature: float | None
     sex: str
@@ -59,6 +63,7 @@ class HumanOptions:
         return human_motion(
             recording,
             static=None if self.static is None else read_markers(self.static),
+            subject=self.subject,
             mass=self.mass,
             stature=self.stature,
             sex=self.sex,

@@ -11,7 +11,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wbc.cli.errors import errors_in_one_line, print_notes
-from wbc.cli.human_options import SEX, Forces, HumanOptions, Mass, Sex, Static, Stature, Unit, Up
+from wbc.cli.human_options import (
+    SEX,
+    Forces,
+    HumanOptions,
+    Mass,
+    Sex,
+    Static,
+    Stature,
+    Subject,
+    Unit,
+    Up,
+)
 from wbc.cli.options import Quiet, robots_beginning
 
 if TYPE_CHECKING:
@@ -108,6 +119,7 @@ def retarget(
     ] = None,
     static: Static = None,
     forces: Forces = None,
+    subject: Subject = None,
     mass: Mass = None,
     stature: Stature = None,
     sex: Sex = SEX,
@@ -138,10 +150,11 @@ def retarget(
         if problem is not None:
             _check_problem(problem, written)
         asked: dict[str, Any] = {
-            "motion": motion, "robot": robot, "static": static, "forces": forces, "mass": mass,
-            "stature": stature, "sex": sex, "up": up, "unit": unit, "ground": ground, "rate": rate,
-            "duration": _duration(duration), "cutoff": cutoff, "roll": roll, "balance": balance,
-            "friction": friction, "margin": margin, "links": _links(link or []),
+            "motion": motion, "robot": robot, "static": static, "forces": forces,
+            "subject": subject, "mass": mass, "stature": stature, "sex": sex, "up": up,
+            "unit": unit, "ground": ground, "rate": rate, "duration": _duration(duration),
+            "cutoff": cutoff, "roll": roll, "balance": balance, "friction": friction,
+            "margin": margin, "links": _links(link or []),
         }  # fmt: skip
         if motion.suffix.lower() in (".yaml", ".yml"):
             asked |= _of_file(motion, asked.keys(), context)

@@ -62,7 +62,7 @@ def _frames(file: C3dFile) -> tuple[int, tuple[str, ...]]:
     """Return how many frames the file tells of; words of 16 bits are too short for long ones."""
     first, last = file.header[3], file.header[4]
     count = last - first + 1
-    start, end = (file.numbers(f"TRIAL:ACTUAL_{name}_FIELD") for name in ("START", "END"))
+    start, end = (file.numbers(f"TRIAL:ACTUAL_{name}_FIELD").ravel() for name in ("START", "END"))
     if start.size == end.size == 2:
         low = [int(v[0]) % 65536 + 65536 * (int(v[1]) % 65536) for v in (start, end)]
         count = low[1] - low[0] + 1

@@ -100,7 +100,7 @@ def _parameters(
     data: bytes, start: int, order: str, processor: int, source: str
 ) -> dict[str, Values]:
     groups, found = dict[int, str](), list[tuple[int, str, Values]]()
-    at = start + 4
+    at, end = start + 4, start + BLOCK * data[start + 2]
     for _ in range(MOST_PARAMETERS):
         if at + 2 > len(data):
             break
@@ -112,6 +112,9 @@ def _parameters(
             raise RecordingError("a parameter's name goes beyond the file", source)
         name = data[at + 2 : name_end].decode("latin-1").strip().upper()
         (offset,) = struct.unpack_from(f"{order}h", data, name_end)
+        if name_end + offset > end:  # programs that rewrote a MIPS file put Intel's among its own
+            (other,) = struct.unpack_from("<h" if order == ">" else ">h", data, name_end)
+            offset = other if 0 < other <= end - name_end else offset
         if group < 0:
             groups[-group] = name
         else:

@@ -54,9 +54,10 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
                    " GREATERTROCHANTER GTROCHANTER HIP"),
     "thigh": ("_thigh", "_thigh", (0, 70, -220), 120, 15, "THI THIGH TH TH1 TH2 TH3 TH4 TH5 TH6"
               " THIGH1 THIGH2 THIGH3 THIGH4 THIGHUPPER THIGHFRONT THIGHREAR THIGHLAT THAP THAD THLD"
-              " UTHIGH LTHIGH THIGHLOWER THIGHDIST THIGHPROX QUAD"),
+              " UTHIGH LTHIGH THIGHLOWER THIGHDIST THIGHPROX QUAD BAR1 WAND1"),
     "knee_lateral": ("_thigh", "_shank", (0, 58, 0), 12, 10, "KNE KNEE KNEELAT LATKNEE LKNEE LKNE"
-                     " KNEEOUT LFC FLE LE LEP LK KNEEEXT KNL KNEL LFEP LFE LCON FLC KNEELATERAL"),
+                     " KNEEOUT KNEE1 LFC FLE LE LEP LK KNEEEXT KNL KNEL LFEP LFE LCON FLC"
+                     " KNEELATERAL"),
     "knee_medial": ("_thigh", "_shank", (0, -58, 0), 12, 10, "MKNEE MKNE KNEEMED MEDKNEE KNM KNEM"
                     " MFC FME ME MEP MK KNEEIN KNEEINT MFEP MFE MCON FMC KNEEMEDIAL"),
     "knee_centre": ("_thigh", "_shank", (0, 0, 0), 10, 8, "KJC KNEEJOINT KNEECENTRE KNEECENTER"
@@ -65,9 +66,9 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
     "tibial_tuberosity": ("_shank", "_shank", (45, 0, -65), 25, 10, "TT TTC TTUB TIBTUB TUB"),
     "shank": ("_shank", "_shank", (20, 40, -200), 120, 10, "TIB TIBIA SHANK SH SH1 SH2 SH3 SH4 SH5"
               " SH6 SHN SHIN SHANK1 SHANK2 SHANK3 SHANK4 SHANKUPPER SHANKFRONT SHANKREAR SHANKLAT"
-              " TIAP TIAD TB TB1 TB2 TB3 TB4 TIB1 TIB2 TIB3 SK1 SK2 SK3 SK4 LEG CALF"),
+              " TIAP TIAD TB TB1 TB2 TB3 TB4 TIB1 TIB2 TIB3 SK1 SK2 SK3 SK4 LEG CALF BAR2 WAND2"),
     "ankle_lateral": ("_shank", "_foot", (0, 42, 0), 10, 8, "ANK ANKLE ANKLELAT LATANKLE LANKLE"
-                      " LANK LMAL MAL LM FAL ANKLEOUT ANKLEEXT ANL LMA ANKLELATERAL"),
+                      " LANK LMAL MAL MALL LM FAL ANKLEOUT ANKLEEXT ANL LMA ANKLELATERAL"),
     "ankle_medial": ("_shank", "_foot", (8, -42, 5), 10, 8, "MANKLE MANK ANKLEMED MEDANKLE MMAL MED"
                      " MM TAM ANKLEIN ANKLEINT ANM MMA ANKLEMEDIAL"),
     "ankle_centre": ("_shank", "_foot", (0, 0, 0), 10, 8, "AJC ANKLEJOINT ANKLECENTRE ANKLECENTER"
@@ -79,11 +80,11 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
     "metatarsal_1": ("_foot", "_foot", (125, -35, -58), 30, 8, "MT1 FMH FM1 FM TOEMED 1META MTP1"
                      " D1M MH1 1MT 1MTP TOE1"),
     "metatarsal_5": ("_foot", "_foot", (105, 50, -65), 30, 8, "MT5 VMH FM5 VM TOELAT 5META MTP5 D5M"
-                     " MH5 5MT 5MTP TOE5 MH5 MT5HEAD"),
+                     " MH5 5MT 5MTP TOE5 MET MT5HEAD"),
     "foot": ("_foot", "_foot", (60, 10, -40), 80, 8, "MIDFOOTSUP MIDFOOTLAT MIDFOOT FOOT FOOT1"
              " FOOT2 FOOT3 P1MT P5MT P1M P5M MIDFOOTMED NAV LCAL MCAL STL"),
     "acromion": ("trunk", "_upper_arm", (0, 5, 45), 25, 15, "SHO SHOULDER ACR ACROMION ACROMIUM AC"
-                 " CAJ ACRO SHLD SHD SAE SAJ"),
+                 " CAJ ACRO SHLD SHD SAE SAJ SHOULD"),
     "shoulder_centre": ("trunk", "_upper_arm", (0, 0, 0), 15, 12, "SJC SHOULDERCENTRE GHJC"
                         " SHOULDERCENTER SHOULDERJOINT SHOULDERJC"),
     "clavicle": ("trunk", "trunk", (65, 30, 380), 40, 10, "CLAVICLE CLA SC SCJ CLAV"),
@@ -122,8 +123,8 @@ _MIDDLE: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
               " T11 THORAX SPINE"),
     "spine_high": ("trunk", "head", (-60, 0, -50), 40, 10, "T2 TV2 T1 TV1 T3"),
     "c7": ("trunk", "head", (-55, 0, 0), 15, 10, "C7 CV7 CERV7 C7T1"),
-    "jugular": ("trunk", "trunk", (65, 0, 386), 30, 10, "CLAV SJN IJ SUP JN MANUBRIUM JUG CLAVICLE"
-                " SUPR MIDCLAVICLE INCJ SS"),
+    "jugular": ("trunk", "trunk", (65, 0, 386), 30, 10, "CLAV SJN SNJ IJ SUP JN MANUBRIUM JUG"
+                " CLAVICLE SUPR MIDCLAVICLE INCJ SS"),
     "xiphoid": ("trunk", "trunk", (95, 0, 240), 60, 12, "STRN STERNUM SXS PX XIPH XYPH XIPHOID STER"
                 " XP CHEST"),
     "back": ("trunk", "trunk", (-110, -70, 300), 90, 12, "RBAK LBAK OFFSET ROFFSET RSCAP BACK"

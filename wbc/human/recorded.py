@@ -22,6 +22,7 @@ from wbc.human.markers import MarkerRecording
 from wbc.human.residual_noise import ResidualNoise, residual_noise
 from wbc.human.skeleton import configurations, human_robot
 from wbc.human.soles import ground_and_soles
+from wbc.human.subjects import of_subject
 from wbc.human.treadmill import belt_velocity, from_the_belt
 from wbc.kinds import check_kind
 from wbc.motion.dropouts import Dropout
@@ -35,6 +36,7 @@ from wbc.validate import Array, finite_number
 
 STATIC_FRAMES = 6  # of a static trial, which hardly differ
 LEAST_CUTOFF_PERIODS = 2.0
+NO_HUMAN = 0.06  # m rms: a fit of which no figure is to be believed
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +102,7 @@ def human_motion(
     recording: MarkerRecording,
     *,
     static: MarkerRecording | None = None,
+    subject: str | None = None,
     mass: float | None = None,
     stature: float | None = None,
     sex: str = "male",
@@ -116,6 +119,8 @@ def human_motion(
     ----------
     static:
         A trial in which the human stands, for the same body; may have more markers.
+    subject:
+        Whose markers, where there are several humans': what stands before the colon of its labels.
     mass:
         [kg]; None: what the force plates weighed, or without them by the stature.
     stature:
@@ -134,7 +139,10 @@ def human_motion(
     Raises
     ------
     RecordingError
-        Markers that a fit cannot do without are not there by any name known; no axis is up.
+        Markers that a fit cannot do without are not there by any name known; several humans; no
+        axis is up.
+    UnknownNameError
+        No subject of that name.
     InvalidInputError
         Numbers that are not positive, another sex or axis.
     """
@@ -145,7 +153,11 @@ def human_motion(
     longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
     mass = None if mass is None else finite_number("mass", mass, above=0.0)
     stature = None if stature is None else finite_number("stature", stature, above=0.0)
+    recording, told = of_subject(recording, subject)
+    if static is not None:
+        static, _ = of_subject(static, subject)
     names, marks, notes = known_markers(recording, static)
+    notes = told + notes
     recording, axis = upright(recording, names, marks, up)
     belt = belt_velocity(recording, names, marks)
     if belt.any():
@@ -186,6 +198,12 @@ def human_motion(
         robot = human_robot(body, soles)
         motion = _motion(robot, recording, q, dropouts)
     fit[:, : len(columns)][lost] = np.nan
+    off = float(np.sqrt(np.nanmean((fit**2).sum(axis=2))))
+    if off > NO_HUMAN:
+        notes += (
+            f"markers are {1e3 * off:.0f} mm off the fit: they are not one human's, or their names"
+            " mean other places",
+        )
     noise = residual_noise(time, poses, observed, fit, found.markers, found.dimensions, robot)
     return HumanMotion(
         motion, body, recording, found.markers, fit, down, cutoff, ground, noise, notes

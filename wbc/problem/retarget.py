@@ -28,6 +28,8 @@ class RetargetSpec(Section):
     """A trial in which the human stands, .trc or .c3d."""
     forces: Name | None = None
     """Force plates, .mot, .sto or .c3d."""
+    subject: Name | None = None
+    """Whose markers, where there are several humans'."""
     mass: Positive | None = None
     """Of the human [kg]."""
     stature: Positive | None = None
