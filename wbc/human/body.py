@@ -38,9 +38,7 @@ SIDES = {"left": 1.0, "right": -1.0}  # sign of y
 MIDDLE_TRUNK = 215.5 / 457.6  # part of the way from the trunk's joint to C7 that is below the chest
 HEEL, ANKLE_HEIGHT = 0.045, 0.075  # m of the reference stature: from the ankle back and down
 SOLE_WIDTH = 0.38  # of the foot's length
-LIMIT = (
-    100.0  # rad: no joint of a fit is limited, and arms that circle add up; a model needs bounds
-)
+LIMIT = 1e3  # rad: no joint of a fit is limited, arms that circle add up; models need bounds
 
 
 @dataclass(frozen=True)
