@@ -259,6 +259,7 @@ static void add_dynamics(const wbc_plan *plan, const double *frames, const doubl
         memcpy(row + nv, cone + r * f, f * sizeof *row);
         qp->l[plan->bounded + r] = least[r], qp->u[plan->bounded + r] = most[r];
     }
+    if (f == 0) return; /* there are no bounds to point at */
     memcpy(qp->lower + nv, plan->force_bound, f * sizeof *qp->lower);
     memcpy(qp->upper + nv, plan->force_bound + f, f * sizeof *qp->upper);
 }
