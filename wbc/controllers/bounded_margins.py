@@ -25,7 +25,7 @@ def reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:
     reach, push = bounds.matrix @ v + MARGIN_BRAKING * dt, bounds.push
     if push is not None:
         rate = push.matrix @ v
-        leaving = MARGIN_LEAVING * dt * np.linalg.norm(push.matrix[:, 6:], axis=1)
-        out = np.minimum(rate + MARGIN_BRAKING * dt, np.maximum(rate, 0.0) + leaving)
-        push = push._replace(target=np.minimum(push.target, out))
+        change = MARGIN_LEAVING * dt * np.linalg.norm(push.matrix[:, 6:], axis=1)
+        most = np.minimum(rate + MARGIN_BRAKING * dt, np.maximum(rate, 0.0) + change)
+        push = push._replace(target=np.maximum(np.minimum(push.target, most), rate - change))
     return bounds._replace(lower=np.minimum(bounds.lower, reach), push=push)

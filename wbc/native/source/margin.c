@@ -97,9 +97,10 @@ int add_margin(const wbc_plan *plan, const double *state, const double *v, doubl
         const double rate = plan->torque ? dot(nv, row, v) : INFINITY, reach = rate + now;
         double *to = qp->C + (before + i) * n, least = approach(margin, nv, plan->dt, row, clearance);
         if (least > 0.0) {
-            const double lever = sqrt(dot(nv - 6, row + 6, row + 6));
-            const double out = (rate > 0.0 ? rate : 0.0) + wbc_margin_leaving * lever * plan->dt;
-            push(plan, row, smaller(least, smaller(reach, out)), 1.0, qp);
+            const double change = wbc_margin_leaving * sqrt(dot(nv - 6, row + 6, row + 6)) * plan->dt;
+            double out = smaller(least, smaller(reach, (rate > 0.0 ? rate : 0.0) + change));
+            if (plan->torque && out < rate - change) out = rate - change;
+            push(plan, row, out, 1.0, qp);
             least = -smaller(wbc_interior, wbc_part * least);
         }
         memcpy(to, row, nv * sizeof *to);
