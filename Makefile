@@ -6,7 +6,7 @@ export OMP_NUM_THREADS := 1
 # What the installed package is compiled from: it is built again where one of these changed.
 CORE := $(wildcard wbc/native/source/*) wbc/native/sources.py setup.py build_backend.py pyproject.toml
 
-.PHONY: demo view test test-slow docs fuzz soak mutation lint lowest bench dist clean
+.PHONY: demo view test test-slow docs fuzz soak mutation sanitize lint lowest bench dist clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/wbc run problems/astronaut_expand.yaml --output result.json --plot result.png
@@ -52,6 +52,19 @@ FAULTS ?= 300
 SEED ?= 1
 mutation: $(VENV)/dev.stamp
 	$(BIN)/python -m benchmarks.mutation --faults $(FAULTS) --seed $(SEED)
+
+# The tests of the core and of what is nearest to it, with a core that notices what C leaves undefined
+# (addresses, integers, null pointers): a copy of what is committed, in build/sanitized.
+SANITIZE := -fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer
+sanitize: $(VENV)/dev.stamp
+	rm -rf build/sanitized && mkdir -p build/sanitized
+	git archive HEAD | tar -x -C build/sanitized
+	cd build/sanitized && CFLAGS="$(SANITIZE) -g -O1" LDFLAGS="$(SANITIZE)" \
+		$(CURDIR)/$(BIN)/python setup.py -q build_ext --inplace
+	cd build/sanitized && PYTHONPATH=. ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=print_stacktrace=1 \
+		LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libubsan.so)" \
+		$(CURDIR)/$(BIN)/python -m pytest -s -q -p no:xdist -m "not slow" \
+		tests/native tests/qp tests/tasks tests/constraints tests/controllers tests/estimation tests/loops
 
 lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
