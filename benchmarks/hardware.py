@@ -2,12 +2,13 @@
 
     python benchmarks/hardware.py                          # all, over DDS (extra unitree)
     python benchmarks/hardware.py walk --seconds 60 --bus udp
-    python benchmarks/hardware.py killed stopped gone --repeat 5
+    python benchmarks/hardware.py killed stopped starved gone --repeat 5
     python benchmarks/hardware.py walk --slower 8          # slow motion, on a machine that is busy
 
 ``walk``: on estimated state alone. ``killed``, ``stopped``: how long after SIGKILL, SIGSTOP to the
-loop the robot brakes. ``gone``: how long after the robot's process was killed the loop ends. What
-the machine itself adds is measured beside: how late an empty loop of 2 ms begins.
+loop the robot brakes. ``starved``: how long after others of a higher priority, but not above the
+robot's, took all processors, for 0.2 s. ``gone``: how long after the robot's process was killed the
+loop ends. What the machine itself adds is measured beside: how late an empty loop of 2 ms begins.
 """
 
 from __future__ import annotations
@@ -30,7 +31,19 @@ from wbc.hardware.real_time import CycleClock, real_time
 PROBLEM = Path(__file__).parents[1] / "problems" / "walk_g1.yaml"
 RESULT = Path(__file__).with_name("hardware.json")
 READY = 60.0  # s in which a process is there
-EXPERIMENTS = ("walk", "killed", "stopped", "gone")
+READY_HOGS = 1.0  # likewise
+EXPERIMENTS = ("walk", "killed", "stopped", "starved", "gone")
+# What takes a processor from a time on, for some seconds: above the loop's priority of 40, below
+# the 50 of the robot's side.
+HOG = """
+import os, sys, time
+os.sched_setaffinity(0, {int(sys.argv[1])})
+os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(45))
+begin = float(sys.argv[2])
+time.sleep(begin - time.monotonic())
+while time.monotonic() < begin + 0.2:
+    pass
+"""
 TOLERANCE = 2e-4
 
 
@@ -122,8 +135,8 @@ def walk(bus: str, seconds: float, slower: float, domain: int) -> dict[str, Any]
         }
 
 
-def interrupted(bus: str, number: int, slower: float, domain: int) -> dict[str, Any]:
-    """Return how long after a signal to the loop, which holds the robot up, the robot brakes."""
+def interrupted(bus: str, what: str, slower: float, domain: int) -> dict[str, Any]:
+    """Return how long after an interruption of the loop that holds the robot up this brakes."""
     with (
         tempfile.TemporaryDirectory() as name,
         Pair(bus, 5.0, slower, domain, Path(name)) as pair,
@@ -131,13 +144,17 @@ def interrupted(bus: str, number: int, slower: float, domain: int) -> dict[str, 
         pair.until("standing up")
         time.sleep(1.5 * slower)
         sent = time.monotonic()
-        pair.run.send_signal(number)
-        time.sleep(0.3 * slower)
-        if number == signal.SIGSTOP:
+        if what == "killed":
+            pair.run.kill()
+            pair.run.wait()
+        elif what == "stopped":
+            pair.run.send_signal(signal.SIGSTOP)
+            time.sleep(0.3 * slower)
             pair.run.send_signal(signal.SIGCONT)
-            time.sleep(1.0 * slower)
-        elif not pair.run.wait():
-            raise RuntimeError("the loop was not killed")
+        else:
+            sent += READY_HOGS
+            starve(sent)
+        time.sleep(1.0 * slower)
         time.sleep(2.0)  # for the process that writes the log
         log = (Path(name) / "log.npz").exists()
         events = [event for event in pair.end()["events"] if event[0] > sent / slower]
@@ -147,6 +164,16 @@ def interrupted(bus: str, number: int, slower: float, domain: int) -> dict[str, 
             "commanded again": any(event[1] == "commanded" for event in events),
             "log": log,
         }
+
+
+def starve(begin: float) -> None:
+    """Take all processors from a time on [s, monotonic]."""
+    hogs = [
+        subprocess.Popen([sys.executable, "-c", HOG, str(cpu), repr(begin)])
+        for cpu in os.sched_getaffinity(0)
+    ]
+    if any(hog.wait() for hog in hogs):
+        raise RuntimeError("SCHED_FIFO was refused: see ulimit -r")
 
 
 def gone(bus: str, slower: float, domain: int) -> dict[str, Any]:
@@ -187,7 +214,7 @@ def main() -> None:
     parser.add_argument("--bus", choices=("unitree", "udp"), default="unitree")
     parser.add_argument("--seconds", type=float, default=60.0, help="of walking")
     parser.add_argument("--slower", type=float, default=1.0)
-    parser.add_argument("--repeat", type=int, default=3, help="of killed, stopped and gone")
+    parser.add_argument("--repeat", type=int, default=3, help="of all but the walk")
     parser.add_argument("--domain", type=int, default=17)
     parser.add_argument("--output", type=Path, default=RESULT)
     wanted = parser.parse_args()
@@ -201,9 +228,8 @@ def main() -> None:
         elif what == "gone":
             told = [gone(wanted.bus, wanted.slower, wanted.domain) for _ in range(wanted.repeat)]
         else:
-            number = signal.SIGKILL if what == "killed" else signal.SIGSTOP
             told = [
-                interrupted(wanted.bus, number, wanted.slower, wanted.domain)
+                interrupted(wanted.bus, what, wanted.slower, wanted.domain)
                 for _ in range(wanted.repeat)
             ]
         found[what] = {"empty loop": machine, "bus": wanted.bus, "slower": wanted.slower}
