@@ -154,7 +154,7 @@ def human_motion(
     mass = None if mass is None else finite_number("mass", mass, above=0.0)
     stature = None if stature is None else finite_number("stature", stature, above=0.0)
     recording, told = of_subject(recording, subject)
-    if static is not None:
+    if static is not None and any(":" in label for label in static.labels):
         static, _ = of_subject(static, subject)
     names, marks, notes = known_markers(recording, static)
     notes = told + notes
