@@ -125,7 +125,7 @@ int wbc_filter_reset(const wbc_filter *filter, const double *state, const double
     double *x = filter->x, *P = filter->P;
     memset(x, 0, FOOT(filter->feet) * sizeof *x);
     memset(P, 0, n * n * sizeof *P);
-    memset(filter->held, 0, filter->feet * sizeof *filter->held);
+    if (filter->feet) memset(filter->held, 0, filter->feet * sizeof *filter->held);
     memcpy(x, state, FILTER_FEET * sizeof *x);
     for (int i = 0; i < 3; i++) filter->origin[i] = x[FILTER_P + i], x[FILTER_P + i] = 0.0;
     if (!covariance) return DONE;
