@@ -11,6 +11,7 @@ from wbc.problem import load_problem
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 WORDS = ("left_shoulder_roll_joint", "upper", "bound", "right_ankle_pitch_joint +0.123")
+HEADS = ("direction [deg]", "M omega d [N s]", "survived", "[N s]", "mass", "fails by")
 NUMBERS = ("0.1114", "0.3300", "0.1480", "kg m^2")
 
 
@@ -25,6 +26,19 @@ def test_words_are_whole_where_they_can_be(width: int) -> None:
     assert max(map(len, told.splitlines())) <= width
     for word in " ".join((*WORDS, *NUMBERS, "inertia", "reached", "largest")).split():
         assert word in told.replace("\n", " ").split()
+
+
+def test_long_words_beside_many_columns_are_told_to_their_ends() -> None:
+    table = heads(*HEADS)
+    reason = "right_wrist_yaw_link touched the ground"
+    table.add_row("112.5", "20.84", "1.5", "31.27", "2.11", reason)
+    for width in (80, 60, 44):
+        text = io.StringIO()
+        Console(file=text, width=width).print(table)
+        told = text.getvalue()
+        assert max(map(len, told.splitlines())) <= width
+        letters = [told.count(letter) - "".join(map(str, HEADS)).count(letter) for letter in "_qh"]
+        assert letters == [reason.count(letter) for letter in "_qh"]
 
 
 def test_what_no_width_can_hold_is_folded() -> None:

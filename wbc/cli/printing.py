@@ -226,23 +226,32 @@ def _above(part: float) -> str:
 class WholeWords(Table):
     """A table that breaks lines between words: in columns no narrower than their longest one.
 
-    Where the terminal is too narrow even for that, columns stand closer, and at last words break.
+    Where the terminal is too narrow even for that, columns stand closer, and at last the longest
+    words break. (Rich takes from the widest column first, and cuts off what does not fit then.)
     """
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """See rich's protocol."""
-        longest = [max(map(_longest_word, (one.header, *one.cells))) for one in self.columns]
-        for gap in (GAP, 1):
-            if sum(longest) + gap * len(longest) <= options.max_width:
-                self.padding = (0, gap, 0, 0)
-                for column, width in zip(self.columns, longest, strict=True):
-                    column.min_width = width
-                break
+        cells = [[str(cell) for cell in (one.header, *one.cells)] for one in self.columns]
+        widths = [max(map(_longest_word, column)) for column in cells]
+        whole = [max(map(cell_len, "\n".join(column).split("\n"))) for column in cells]
+        most, gaps = options.max_width, len(widths) - 1
+        wanted = [(own, gap) for own in (whole, widths) for gap in (int(self.padding[1]), 2, 1)]
+        gap = next((gap for own, gap in wanted if sum(own) + gaps * gap <= most), 1)
+        room = most - gaps * gap
+        while sum(widths) > max(room, len(widths)):
+            widths[widths.index(max(widths))] -= 1
+        by_need = sorted(range(len(widths)), key=lambda k: whole[k] - widths[k])
+        for left, k in zip(range(len(widths), 0, -1), by_need, strict=True):
+            widths[k] += max(min(whole[k] - widths[k], (room - sum(widths)) // left), 0)
+        self.padding = (0, gap, 0, 0)
+        for column, width in zip(self.columns, widths, strict=True):
+            column.width = width
         yield from super().__rich_console__(console, options)
 
 
-def _longest_word(cell: object) -> int:
-    return max((cell_len(word) for word in str(cell).split()), default=0)
+def _longest_word(cell: str) -> int:
+    return max(map(cell_len, cell.split()), default=0)
 
 
 def facts() -> Table:
