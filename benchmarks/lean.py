@@ -84,13 +84,14 @@ def range_of_turn(robot: wbc.Robot, q: Array) -> float:
         constraints=margins(robot, limits),
         dt=dt,
     )
-    v, turned = None, 0.0
+    v, turned, begun = None, 0.0, False
     for _ in range(2000):
         here = robot.snapshot(q, v)
         spin.set_target((0, 0, 0, 0, RATE * here.inertia[1, 1], 0))
         v = controller.step(here).velocity
         rate = robot.snapshot(q, v).momentum[4] / here.inertia[1, 1]
-        if rate < SHORT * RATE:
+        begun |= rate >= SHORT * RATE  # joints speed up first, no faster than they may
+        if begun and rate < SHORT * RATE:
             break
         turned += rate * dt
         q = robot.integrate(q, v, dt)

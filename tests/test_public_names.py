@@ -1,6 +1,8 @@
 """The names that users rely on exist, are documented, and are the ones listed."""
 
 import inspect
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -44,3 +46,27 @@ def test_snapshot_names() -> None:
     assert shapes["inertia_jacobian"] == (6, robot.nv)
     assert shapes["inertia_drift"] == (6,)
     assert shapes["com_jacobian"] == (3, robot.nv)
+
+
+@pytest.mark.parametrize(
+    ("read", "meant"),
+    [
+        (lambda one, _: one.solve, "; did you mean 'step'?"),
+        (lambda one, _: one.limits.velocity, "'Limits' object has no attribute 'velocity'"),
+        (lambda one, _: one.tasks[0].wieght, "; did you mean 'weight'?"),
+        (lambda _, tick: tick.dq, "; did you mean 'velocity'?"),
+        (lambda _, tick: tick.v, "; did you mean 'velocity'?"),
+        (lambda _, tick: tick.torque, "; torques and forces are of a TorqueController's ticks"),
+    ],
+)
+def test_a_name_that_is_read_and_not_there_is_answered_with_the_one_that_is(
+    read: Callable[[Any, Any], object], meant: str
+) -> None:
+    robot = wbc.Robot.load("hoap2_like")
+    here = robot.snapshot(robot.posture())
+    one = wbc.KinematicController(
+        robot, [wbc.PostureTask(robot, here.q)], contacts=(), limits=wbc.Limits(robot)
+    )
+    with pytest.raises(AttributeError) as refusal:
+        read(one, one.step(here))
+    assert str(refusal.value).endswith(meant) and "choose from" not in str(refusal.value)

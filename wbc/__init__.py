@@ -73,11 +73,7 @@ if not TYPE_CHECKING:  # to a checker, a module with this function has every nam
         for module in map(import_module, rooms):
             if name in _NAMES or name in module.__all__:
                 return globals().setdefault(name, getattr(module, name))  # not asked again
-        hint = ""
-        if not name.startswith("_"):
-            hint = import_module("wbc.errors").suggest(name, __dir__(), listed=0)
-        what = f"module 'wbc' has no attribute {name!r}{hint}"
-        raise AttributeError(what, name=name, obj=None)  # or Python adds a hint of its own
+        raise import_module("wbc.errors").no_attribute("module 'wbc'", name, __dir__())
 
 
 def __dir__() -> list[str]:

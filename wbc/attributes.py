@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, suggest
+from wbc.errors import InvalidInputError, no_attribute, suggest
 from wbc.validate import Array
 
 
@@ -57,3 +57,6 @@ class DeclaredAttributes:
 
     if not TYPE_CHECKING:  # a checker that sees this method lets every name be assigned
         __setattr__ = _set_attribute
+
+        def __getattr__(self, name):
+            raise no_attribute(f"{type(self).__name__!r} object", name, self._declared)

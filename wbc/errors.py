@@ -67,11 +67,15 @@ class UnknownNameError(WbcError):
 _ELSEWHERE = {
     "configuration": "Snapshot",
     "cost": "weight",
+    "dq": "velocity",
     "frametask": "PoseTask",
     "orientation_cost": "weight",
     "position_cost": "weight",
     "relativeframetask": "RelativePoseTask",
+    "solve": "step",
     "solve_ik": "KinematicController",
+    "tau": "torque",
+    "v": "velocity",
 }
 
 
@@ -87,11 +91,19 @@ def suggest(name: str, choices: Iterable[str], listed: int = 40) -> str:
     hint = f"; did you mean {folded[nearest]!r}?" if likeness >= 0.5 else ""
     if not known:
         return f"{hint} (there are none to choose from)"
-    if hint and not listed:
+    if not listed:
         return hint
     first = ", ".join(known[:listed])
     more = f", and {len(known) - listed} more" if len(known) > listed else ""
     return f"{hint} (choose from: {first}{more})"
+
+
+def no_attribute(owner: str, name: str, known: Iterable[str], hint: str = "") -> AttributeError:
+    """Return the error for a name that ``owner`` does not have, with the nearest of those known."""
+    if not (hint or name.startswith("_")):
+        hint = suggest(name, [one for one in known if not one.startswith("_")], listed=0)
+    what = f"{owner} has no attribute {name!r}{hint}"
+    return AttributeError(what, name=name, obj=None)  # or Python adds a hint of its own
 
 
 def shown(value: object, most: int = 60) -> str:

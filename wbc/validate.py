@@ -148,6 +148,8 @@ def finite_array(
     if array.shape != shape:
         part = {(3,): "translation", (3, 3): "rotation"}.get(shape, "")
         hint = f"; of a pose T give T.{part}" if part and array.shape == (4, 4) else ""
+        if part == "rotation" and array.shape == (4,):
+            hint = "; of a quaternion give wbc.rotations.rotation_from((x, y, z, w))"
         raise InvalidInputError(f"{what}: expected shape {shape}, got {array.shape}{hint}")
     for fault, found in (
         ("NaN or infinite", ~np.isfinite(array)),

@@ -357,6 +357,24 @@ def test_a_file_that_is_not_there_is_answered_with_the_one_that_is(
     assert refused("run", "else/where.yaml") == "else/where.yaml: no such file"
 
 
+def test_what_typer_refuses_is_answered_with_what_to_write(file: Path) -> None:
+    for words, meant in (
+        (("run", file, "tasks.hand.gain=0.3"), "--set tasks.hand.gain=0.3"),
+        (("sim", file, "a.b=1", "c.d=2"), "replaced by --set: --set a.b=1"),
+        (("run", file, "--set", "tasks.hand.gain", "0.3"), "one word"),
+        (("run", file, "--gain=0.3"), "No such option: --gain; values of the file are replaced"),
+        (("hardware", "run", file, "a.b=1"), "--set a.b=1"),
+        (("walk.yaml",), "is run by: wbc run walk.yaml"),
+        (("simulate", file), "did you mean 'sim'?"),
+    ):
+        result = wbc_command(*words)
+        told = " ".join(re.sub(r"[^!-~]", " ", result.stderr).split())
+        assert result.exit_code == 2
+        assert meant in told and told.count("values of the file") <= 1, told
+    for words in (("run", file, "--plto", "x.png"), ("run", file, file), ("init", "x", "--gain")):
+        assert "--set" not in wbc_command(*words).stderr
+
+
 def test_a_problem_is_no_campaign(file: Path) -> None:
     pytest.importorskip("pyarrow")
     told = refused("batch", file)

@@ -60,6 +60,14 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
         "made by the robot object that the controller was made with",
     ),
     "a configuration": (lambda: made().step(START.q), r"expected a snapshot.* got array.{,60}$"),
+    "a configuration and a velocity": (
+        lambda: made().step(START.q, START.v),  # type: ignore[arg-type]
+        r"expected a snapshot.*write robot\.snapshot\(q, v\); got array.*, array",
+    ),
+    "a snapshot and a time": (
+        lambda: made().step(START, 0.005),  # type: ignore[arg-type]
+        r"expected a snapshot.*got Snapshot\(.*\), 0\.005$",
+    ),
     "slack": (lambda: made(slack="left_sole"), "expected weights by name"),
     "dt": (lambda: made(dt="0.005"), "expected a number, got '0.005'"),
     "robot": (lambda: KinematicController(NO_ROBOT, [CALM]), "expected a robot"),

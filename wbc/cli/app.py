@@ -21,6 +21,7 @@ from wbc.cli.codegen import codegen
 from wbc.cli.doctor import doctor
 from wbc.cli.errors import BAD_INPUT, complain, refused
 from wbc.cli.hardware import hardware
+from wbc.cli.mistakes import Commands
 from wbc.cli.problems import check, init, schema
 from wbc.cli.push import PUSH_EXIT_CODES, push
 from wbc.cli.replay import REPLAY_EXIT_CODES, replay
@@ -31,6 +32,7 @@ from wbc.cli.saved import export, render, report
 from wbc.cli.view import view
 
 app = typer.Typer(
+    cls=Commands,
     help="Whole-body control of humanoid robots, with the robot's inertia as a task.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,

@@ -8,8 +8,10 @@ from wbc.cli.hardware_check import check
 from wbc.cli.hardware_options import HARDWARE_EXIT_CODES
 from wbc.cli.hardware_run import run
 from wbc.cli.hardware_sim import sim
+from wbc.cli.mistakes import Commands
 
 hardware = typer.Typer(
+    cls=Commands,
     help="On a robot: run a problem, be a simulated robot, check a real one.",
     no_args_is_help=True,
 )

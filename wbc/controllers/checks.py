@@ -155,15 +155,20 @@ def check_parts(
     Slacks(slack, mechanics_of(robot, contacts), constraints)
 
 
-def check_snapshot(robot: Robot, snapshot: object) -> None:
-    """Refuse what is no snapshot, or one of another robot object.
+def check_snapshot(robot: Robot, snapshot: object, *more: object) -> None:
+    """Refuse what is no snapshot, or one of another robot object, and ``more`` than that.
 
     Raises
     ------
     InvalidInputError
         The message says what was given.
     """
-    if not isinstance(snapshot, Snapshot) or snapshot.robot is not robot:
+    if more or not isinstance(snapshot, Snapshot):
+        raise InvalidInputError(
+            f"controller: expected a snapshot of {robot.name}, which has q and v: write"
+            f" robot.snapshot(q, v); got {', '.join(map(shown, (snapshot, *more)))}"
+        )
+    if snapshot.robot is not robot:
         raise InvalidInputError(
             f"controller: expected a snapshot of {robot.name}, made by the robot object "
             "that the controller was made with (a copy or a pickle of a controller has its own: "

@@ -15,7 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from time import perf_counter
-from typing import Any
+from typing import Any, Never
 
 import numpy as np
 
@@ -191,7 +191,7 @@ class Controller(DeclaredAttributes, ABC):
         checks.check_list("contacts", contacts, Task)  # None would leave them as they are
         self.change(contacts=contacts)
 
-    def step(self, snapshot: Snapshot) -> Tick:
+    def step(self, snapshot: Snapshot, *more: Never) -> Tick:
         """Return the command for ``snapshot``.
 
         Raises
@@ -202,8 +202,8 @@ class Controller(DeclaredAttributes, ABC):
         ControllerFailure
             The QP has no solution and the policy is ``raise``.
         """
-        if type(snapshot) is not Snapshot or snapshot.robot is not self.robot:
-            checks.check_snapshot(self.robot, snapshot)
+        if more or type(snapshot) is not Snapshot or snapshot.robot is not self.robot:
+            checks.check_snapshot(self.robot, snapshot, *more)
         own, before = self.__dict__, self._kept()
         own["ticks"] = number = own["ticks"] + 1
         measured, limits = snapshot.measured, self.limits

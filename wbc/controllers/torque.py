@@ -12,7 +12,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, cast
+from typing import Any, Never, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -192,7 +192,10 @@ class TorqueController(Controller):
             )
 
     def step(
-        self, snapshot: Snapshot, wrenches: Mapping[str, ArrayLike] | None = None
+        self,
+        snapshot: Snapshot,
+        wrenches: Mapping[str, ArrayLike] | None = None,
+        *more: Never,
     ) -> TorqueTick:
         """Return the command for ``snapshot``, torques in it; see :meth:`Controller.step`.
 
@@ -213,7 +216,7 @@ class TorqueController(Controller):
         known = self.predicted(snapshot)
         if wrenches is not None or self._wrenches:
             self._tell(known, {} if wrenches is None else wrenches)
-        tick = cast(TorqueTick, super().step(known))
+        tick = cast(TorqueTick, super().step(known, *more))
         if self._prediction is not None:
             self._prediction.commanded(tick.acceleration)
         return tick

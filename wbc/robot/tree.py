@@ -306,12 +306,17 @@ class KinematicTree:
             try:
                 array = finite_array("q", q, (self.nq,), LARGEST)
             except InvalidInputError as error:
-                if getattr(q, "shape", None) != (self.nq - 7,):
-                    raise
-                raise InvalidInputError(
-                    f"{error}: the base's position and quaternion come before the joints, as in"
-                    " robot.posture('standing')"
-                ) from None
+                hint = ""
+                if isinstance(q, Mapping):
+                    hint = "; joints by name are: robot.posture('standing', {...})"
+                elif np.shape(q) == (self.nq - 7,):
+                    hint = (
+                        ": the base's position and quaternion come before the joints, as in"
+                        " robot.posture('standing')"
+                    )
+                elif np.shape(q) == (self.nv,):
+                    hint = ": that is the size of a velocity v"
+                raise InvalidInputError(f"{error}{hint}") from None
         self._normalise(array)
         return array
 
