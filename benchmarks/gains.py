@@ -42,7 +42,7 @@ def at_rest(robot: wbc.Robot, reaching: float, others: float) -> tuple[float, fl
 
 
 def main() -> None:
-    """Write the table."""
+    """Print and write the table."""
     robot = wbc.Robot.load("g1")
     lines = [
         "| gain of CoM and hand | of trunk and posture | CoM off by | hand | trunk |",
@@ -54,6 +54,7 @@ def main() -> None:
             f"| {case[0]:g} | {case[1]:g} | {1e3 * com:.0f} mm | {1e3 * hand:.0f} mm"
             f" | {trunk:.2f} rad |"
         )
+    print(*lines, sep="\n")
     put_section(Path(sys.argv[1]), "gains", "\n".join(lines))
 
 

@@ -20,7 +20,9 @@ from wbc.problem import Problem, load_problem
 from wbc.problem.overrides import parse_override
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
-HEAD = f"{'':18} {'CoM [mm]':>14} {'CoP [mm]':>14} {'ang. momentum [% of peak]':>27} {'relaxed':>9}"
+HEAD = (
+    f"{'':18} {'CoM [mm]':>14} {'CoP [mm]':>14} {'angular momentum [% of peak]':>29} {'relaxed':>9}"
+)
 
 
 def follow(path: Path, overrides: Mapping[str, Any]) -> str:

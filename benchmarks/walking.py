@@ -312,6 +312,11 @@ def table(rows: list[dict[str, Any]]) -> str:
         lines.append(
             f"{group:9} {robot:11} {name:20} {share:>9} {speed:6.2f} {100 * relaxed:8.3f}%{told}"
         )
+    for group in dict.fromkeys(key[0] for key in sorted(kinds)):
+        found = [row for row in rows if row["group"] == group]
+        most = max((row["relaxed"] for row in found if row["stood"]), default=0.0)
+        stood = sum(row["stood"] for row in found)
+        lines.append(f"{group}: {stood} of {len(found)} stood, {100 * most:.3f} % relaxed at most")
     return "\n".join(lines)
 
 

@@ -124,8 +124,7 @@ class Workers:
 
     def _receive(self, worker: _Worker) -> None:
         job = worker.job
-        if job is None:
-            return
+        assert job is not None  # only those that have one are waited for
         try:
             value, error = worker.channel.recv()
         except (EOFError, OSError):
