@@ -68,6 +68,10 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: made().step(START, 0.005),  # type: ignore[arg-type]
         r"expected a snapshot.*got Snapshot\(.*\), 0\.005$",
     ),
+    "contacts without their name": (
+        lambda: KinematicController(ROBOT, [CALM], support(START, "double")),  # type: ignore[arg-type]
+        r"all else by name, as in contacts=.*; got \(Contact",
+    ),
     "slack": (lambda: made(slack="left_sole"), "expected weights by name"),
     "dt": (lambda: made(dt="0.005"), "expected a number, got '0.005'"),
     "robot": (lambda: KinematicController(NO_ROBOT, [CALM]), "expected a robot"),

@@ -44,6 +44,21 @@ def held_by(robot: Robot, contacts: Sequence[Task] | None) -> Sequence[Task]:
     return ()
 
 
+def refuse_unnamed(more: Sequence[object]) -> None:
+    """Refuse what is given without its name.
+
+    Raises
+    ------
+    InvalidInputError
+        The message says what was given.
+    """
+    if more:
+        raise InvalidInputError(
+            "controller: a robot and a list of tasks, and all else by name, as in contacts=...,"
+            f" limits=...; got {', '.join(map(shown, more))} without one"
+        )
+
+
 def refuse_idle(tasks: Sequence[Task]) -> None:
     """Refuse tasks without any weight.
 

@@ -136,7 +136,7 @@ class Controller(DeclaredAttributes, ABC):
         self,
         robot: Robot,
         tasks: Sequence[Task],
-        *,
+        *more: Never,
         contacts: Sequence[Task] | None = None,
         limits: Limits | None = None,
         constraints: Sequence[Constraint] = (),
@@ -149,6 +149,7 @@ class Controller(DeclaredAttributes, ABC):
         on_failure: str = "hold",
         deadline: float | None = None,
     ) -> None:
+        checks.refuse_unnamed(more)
         contacts, slack = checks.held_by(robot, contacts), NO_SLACK if slack is None else slack
         self.robot, self.limits, self.ticks = robot, limits, 0
         self._take(tasks, contacts, constraints, slack)

@@ -134,7 +134,7 @@ class TorqueController(Controller):
         self,
         robot: Robot,
         tasks: Sequence[Task],
-        *,
+        *more: Never,
         contacts: Sequence[Task] | None = None,
         limits: Limits | None = None,
         constraints: Sequence[Constraint] = (),
@@ -171,6 +171,7 @@ class TorqueController(Controller):
         super().__init__(
             robot,
             tasks,
+            *more,
             contacts=contacts,
             limits=limits_within(limits, self.torque_bounds),
             constraints=constraints,
