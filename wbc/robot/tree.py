@@ -309,12 +309,12 @@ class KinematicTree:
                 hint = ""
                 if isinstance(q, Mapping):
                     hint = "; joints by name are: robot.posture('standing', {...})"
-                elif np.shape(q) == (self.nq - 7,):
+                elif getattr(q, "shape", None) == (self.nq - 7,):
                     hint = (
                         ": the base's position and quaternion come before the joints, as in"
                         " robot.posture('standing')"
                     )
-                elif np.shape(q) == (self.nv,):
+                elif getattr(q, "shape", None) == (self.nv,):
                     hint = ": that is the size of a velocity v"
                 raise InvalidInputError(f"{error}{hint}") from None
         self._normalise(array)
