@@ -15,7 +15,7 @@ SETTINGS = "settings and defaults of the code"
 ADVICE = "advice, examples and arithmetic"
 ALLOWED: dict[str, dict[str, str]] = {
     "README.md": {
-        CONDITIONS: "1.0 m/s; 2 ms; 4 ms; 6 degrees; 0.4; 2 cm; 0.3 m",
+        CONDITIONS: "1.0 m/s; 2 ms; 4 ms; 6 degrees; 0.4; 2 cm; 0.3 m; 0.5 m/s; 100 N; 0.2 s",
     },
     "docs/contributing.md": {
         SETTINGS: "1.5 s",
