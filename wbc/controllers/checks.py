@@ -170,7 +170,7 @@ def check_parts(
     Slacks(slack, mechanics_of(robot, contacts), constraints)
 
 
-def check_snapshot(robot: Robot, snapshot: object, *more: object) -> None:
+def check_snapshot(robot: Robot, snapshot: object, more: object = None) -> None:
     """Refuse what is no snapshot, or one of another robot object, and ``more`` than that.
 
     Raises
@@ -178,10 +178,11 @@ def check_snapshot(robot: Robot, snapshot: object, *more: object) -> None:
     InvalidInputError
         The message says what was given.
     """
-    if more or not isinstance(snapshot, Snapshot):
+    if more is not None or not isinstance(snapshot, Snapshot):
+        given = [shown(one) for one in (snapshot, more) if one is not None or one is snapshot]
         raise InvalidInputError(
             f"controller: expected a snapshot of {robot.name}, which has q and v: write"
-            f" robot.snapshot(q, v); got {', '.join(map(shown, (snapshot, *more)))}"
+            f" robot.snapshot(q, v); got {', '.join(given)}"
         )
     if snapshot.robot is not robot:
         raise InvalidInputError(

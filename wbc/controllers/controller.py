@@ -192,8 +192,8 @@ class Controller(DeclaredAttributes, ABC):
         checks.check_list("contacts", contacts, Task)  # None would leave them as they are
         self.change(contacts=contacts)
 
-    def step(self, snapshot: Snapshot, *more: Never) -> Tick:
-        """Return the command for ``snapshot``.
+    def step(self, snapshot: Snapshot, wrenches: None = None) -> Tick:
+        """Return the command for ``snapshot``; wrenches are of the torque level.
 
         Raises
         ------
@@ -203,8 +203,12 @@ class Controller(DeclaredAttributes, ABC):
         ControllerFailure
             The QP has no solution and the policy is ``raise``.
         """
-        if more or type(snapshot) is not Snapshot or snapshot.robot is not self.robot:
-            checks.check_snapshot(self.robot, snapshot, *more)
+        if (
+            wrenches is not None
+            or type(snapshot) is not Snapshot
+            or snapshot.robot is not self.robot
+        ):
+            checks.check_snapshot(self.robot, snapshot, wrenches)
         own, before = self.__dict__, self._kept()
         own["ticks"] = number = own["ticks"] + 1
         measured, limits = snapshot.measured, self.limits

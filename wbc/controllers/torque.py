@@ -193,10 +193,7 @@ class TorqueController(Controller):
             )
 
     def step(
-        self,
-        snapshot: Snapshot,
-        wrenches: Mapping[str, ArrayLike] | None = None,
-        *more: Never,
+        self, snapshot: Snapshot, wrenches: Mapping[str, ArrayLike] | None = None
     ) -> TorqueTick:
         """Return the command for ``snapshot``, torques in it; see :meth:`Controller.step`.
 
@@ -217,7 +214,7 @@ class TorqueController(Controller):
         known = self.predicted(snapshot)
         if wrenches is not None or self._wrenches:
             self._tell(known, {} if wrenches is None else wrenches)
-        tick = cast(TorqueTick, super().step(known, *more))
+        tick = cast(TorqueTick, super().step(known))
         if self._prediction is not None:
             self._prediction.commanded(tick.acceleration)
         return tick
