@@ -57,9 +57,8 @@ def by_mink(human: HumanMotion, found: wbc.Retargeted) -> tuple[wbc.Retargeted, 
         with np.load(out) as file:
             q = np.hstack((file["base"], file["joints"]))
             seconds, version = float(file["seconds"]), str(file["version"])
-    standing = known.standing
     notes = (f"mink {version}",)
-    motion = judged(robot, body, standing, found.source, scale, found.targets, q, FRICTION, notes)
+    motion = judged(robot, known, found.source, scale, found.targets, q, FRICTION, notes)
     return motion, seconds
 
 

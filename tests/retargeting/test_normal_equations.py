@@ -20,6 +20,8 @@ def test_a_band_is_the_dense_least_squares(rng: np.random.Generator) -> None:
     normal.add(A, e)
     B, f = rng.normal(size=(count - 1, rows, nv)), rng.normal(size=(count - 1, rows))
     normal.add_first_differences(B, f)
+    after = rng.normal(size=(count - 1, rows, nv))
+    normal.add_first_differences(B, 2.0 * f, after)
     g = rng.normal(size=(count - 2, rows))
     normal.add_second_differences(B, g)
     ways, square, slope = (-1.0, 3.0, -3.0, 1.0), rng.uniform(1, 2, nv - 1), rng.normal(size=nv - 1)
@@ -29,6 +31,7 @@ def test_a_band_is_the_dense_least_squares(rng: np.random.Generator) -> None:
             row({k: A[k, r]}, e[k, r])
             if k < count - 1:
                 row({k: -B[k, r], k + 1: B[k, r]}, f[k, r])
+                row({k: -B[k, r], k + 1: after[k, r]}, 2.0 * f[k, r])
             if k < count - 2:
                 row({k: B[k, r], k + 1: -B[k, r] - B[k + 1, r], k + 2: B[k + 1, r]}, g[k, r])
         for c in range(1, nv) if k < count - SPAN else ():

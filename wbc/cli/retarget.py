@@ -296,6 +296,11 @@ def print_retargeted(found: Retargeted) -> None:
         console.print(Text.assemble(("follows  ", "dim"), f"{name}: correlation {text} (x y z)"))
     text = f"{1e3 * found.slide:.2f} mm at most while they touch the ground"
     console.print(Text.assemble(("soles    ", "dim"), f"slide by {text}"))
+    for lacking in found.broken:
+        console.print(Text.assemble(("not kept ", "red"), str(lacking)))
+    if not found.broken:
+        kept = "soles, limits, margins, speeds, accelerations"
+        console.print(Text.assemble(("kept     ", "dim"), kept))
     print_unbalanced(console, found.unbalanced)
     span = f"{len(found)} frames, {found.time[-1]:.4g} s at {found.rate:g} Hz"
     console.print(f"{found.robot.name}: {span}")

@@ -69,11 +69,13 @@ class BodyMargin(Margin):
             return self.made_of(snapshot, model.measure(snapshot, keys))
         return self.made_of(snapshot, model.nearest(snapshot, self.count, self.kept()))
 
-    def near(self, q: Array, states: StateSeries, limit: float) -> tuple[Index, Array, Array]:
+    def near(
+        self, q: Array, states: StateSeries, limit: float
+    ) -> tuple[Index, Index, Array, Array]:
         """Return all pairs with less clearance than ``limit`` [m] in n states.
 
-        Which state, increasing, its clearance [m] and that one's derivative by v: (k,), (k,) and
-        (k, nv).
+        Which state, increasing, and which pair (k,), its clearance (k,) [m] and that one's
+        derivative by v (k, nv).
 
         Parameters
         ----------
@@ -83,9 +85,10 @@ class BodyMargin(Margin):
             Of these.
         """
         self.place()
-        kept, model, parts = self.kept(), self.model, list[tuple[Index, Array, Array]]()
+        kept, model, parts = self.kept(), self.model, list[tuple[Index, Index, Array, Array]]()
         if not len(model.pairs):
-            return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, self.robot.nv))
+            none = np.zeros(0, dtype=np.int64)
+            return none, none, np.zeros(0), np.zeros((0, self.robot.nv))
         if model.native is None:
             unknown = np.arange(len(states))
         else:
@@ -94,15 +97,15 @@ class BodyMargin(Margin):
             known = ~np.isin(pairs[:, 0], unknown)
             pairs, found = pairs[known], found[known]
             J = model.rows_of(states, pairs, found)
-            parts.append((pairs[:, 0], found[:, 0] - kept.take(pairs[:, 1]), J))
+            parts.append((*pairs.T, found[:, 0] - kept.take(pairs[:, 1]), J))
         for k in unknown.tolist():
             one = self.distances(self.robot.snapshot(q[k]))
             own = one.clearance < limit
             where: Index = np.full(np.count_nonzero(own), k)
-            parts.append((where, one.clearance[own], one.jacobian[own]))
-        frames, clearance, jacobian = (np.concatenate(part) for part in zip(*parts, strict=True))
+            parts.append((where, one.keys[own], one.clearance[own], one.jacobian[own]))
+        frames, pairs, *rest = (np.concatenate(part) for part in zip(*parts, strict=True))
         order = np.argsort(frames, kind="stable")
-        return frames[order], clearance[order], jacobian[order]
+        return frames[order], pairs[order], rest[0][order], rest[1][order]
 
     def braked_rows(self, snapshot: Snapshot, dt: float) -> Bounds:
         """Return the rows of the pairs that have to brake first: see ``pairs`` of the class.

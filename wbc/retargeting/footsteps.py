@@ -71,6 +71,8 @@ class FootPath(NamedTuple):
         Of the sole that touch the ground, or would (n, k, 3) [m]; fewer ones are repeated.
     shift:
         How far it is set from the human's scaled way (n, 2) [m].
+    origin:
+        Of the footprint that it stands on, or its own place in the air (n, 3) [m].
     """
 
     place: Array
@@ -79,11 +81,24 @@ class FootPath(NamedTuple):
     down: Bools
     corners: Array
     shift: Array
+    origin: Array
 
     @property
     def rotation(self) -> Array:
         """Of the sole frame (n, 3, 3)."""
         return pitched(self.heading, self.pitch)
+
+    def set_aside(self, span: slice, move: Array, turn: float) -> FootPath:
+        """Return the way with its footprint in some frames moved (2,) [m] and turned [rad]."""
+        R, origin = pitched(np.array([turn]), np.zeros(1))[0], self.origin[span]
+        new = {name: getattr(self, name).copy() for name in ("place", "heading", "corners")}
+        way = [*move, 0.0] + origin
+        new["place"][span] = (new["place"][span] - origin) @ R.T + way
+        new["corners"][span] = (new["corners"][span] - origin[:, None]) @ R.T + way[:, None]
+        new["heading"][span] += turn
+        moved = self.origin.copy()
+        moved[span] = way
+        return self._replace(origin=moved, **new)
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,10 +271,11 @@ def _path(
     R = pitched(yaw, pitch)
     way = under @ spread.T + R @ arm
     way[:, :2] += SIGN[side] * wider * np.column_stack((-np.sin(heading), np.cos(heading)))
-    place = way.copy()
+    place, origin = way.copy(), way.copy()
     for one in prints:
         span = slice(one.first, one.end)
         place[span] = _rolled(one.pose, R[span], pitch[span], edges)
+        origin[span] = *one.pose[:2], 0.0
     _swing(place, way, swings)
     lowest = place[:, 2] + (np.sin(pitch)[:, None] * polygon[:, 0]).min(axis=1)
     for first, end in runs(swings):  # a robot's foot may be longer than a human's, scaled
@@ -270,7 +286,7 @@ def _path(
         place[first:end, 2] += max(0.0, float(lack.max())) * lift
     corners = place[:, None] + _touching(polygon, pitch) @ np.swapaxes(R, 1, 2)
     shift = (place - under @ spread.T - R @ arm)[:, :2]
-    return FootPath(place, yaw, pitch, ~swings, corners, shift)
+    return FootPath(place, yaw, pitch, ~swings, corners, shift, origin)
 
 
 def _swing(values: Array, way: Array, swings: Bools) -> None:

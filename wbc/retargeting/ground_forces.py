@@ -23,7 +23,9 @@ EDGES = np.array([(np.cos(a), np.sin(a)) for a in np.pi * (np.arange(4) + 0.5) /
 SPREAD = 1e-3  # of corner forces, by what the wrench counts: picks even ones
 # So little is rounding, or what a hand would not notice: m, 1, part of the torque.
 TOLERANCES = {"CoP outside the feet": 1e-3, "friction above the cone": 5e-3,
-              "torque above the limit": 1e-2, "force without a foot": 2e-2}  # fmt: skip
+              "torque above the limit": 1e-2, "force without a foot": 2e-2,
+              "sole slides": 1e-3, "joint limit passed": 1e-9, "margin broken": 1e-6,
+              "speed above the limit": 1e-6, "acceleration above the motor's": 1e-6}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,12 +104,12 @@ def ground_forces(
     alone = np.where(standing > 0, 0.0, np.linalg.norm(force, axis=1) / weight)
     over = np.abs(torque) / robot.limits.effort - 1.0
     found = [
-        *_stretches("CoP outside the feet", outside, time, names),
-        *_stretches("friction above the cone", lacking, time, names),
-        *_stretches("force without a foot", alone, time, names),
+        *stretches("CoP outside the feet", outside, time, names),
+        *stretches("friction above the cone", lacking, time, names),
+        *stretches("force without a foot", alone, time, names),
     ]
     for joint, column in zip(robot.joint_names, over.T, strict=True):
-        found += _stretches("torque above the limit", column, time, np.full(count, joint))
+        found += stretches("torque above the limit", column, time, np.full(count, joint))
     return GroundForces(wrenches, torque, cop, tuple(found))
 
 
@@ -140,7 +142,7 @@ def _distinct(corners: Array) -> Array:
     return corners[np.concatenate(([True], (np.diff(corners, axis=0) != 0.0).any(axis=1)))]
 
 
-def _stretches(what: str, by: Array, time: Array, where: Array) -> list[Unbalanced]:
+def stretches(what: str, by: Array, time: Array, where: Array) -> list[Unbalanced]:
     """Return the stretches in which a number is above its tolerance."""
     found = []
     for first, end in runs(by > TOLERANCES[what]):

@@ -67,6 +67,7 @@ def _save_own(motion: Any, path: str | Path) -> None:
         "scale": {name: float(value) for name, value in vars(motion.scale).items()},
         "reached": [vars(one) for one in motion.reached],
         "unbalanced": [vars(one) for one in motion.unbalanced],
+        "broken": [vars(one) for one in motion.broken],
         "notes": list(motion.notes),
     }
     names, targets, whole = motion.robot.joint_names, motion.targets, motion.whole

@@ -48,15 +48,16 @@ class NormalEquations:
         self.slope += (At @ off[..., None])[..., 0]
         self._turned[:, 0] += At @ A
 
-    def add_first_differences(self, A: Array, off: Array) -> None:
-        """Add A_k (d_k+1 - d_k), rows (n - 1, r, nv), errors (n - 1, r)."""
+    def add_first_differences(self, A: Array, off: Array, after: Array | None = None) -> None:
+        """Add B_k d_k+1 - A_k d_k, rows (n - 1, r, nv), errors (n - 1, r); B is A, or ``after``."""
         At = np.swapaxes(A, 1, 2)
-        square, slope = At @ A, (At @ off[..., None])[..., 0]
-        self.slope[:-1] -= slope
-        self.slope[1:] += slope
+        Bt = At if after is None else np.swapaxes(after, 1, 2)
+        square, both = At @ A, At @ A if after is None else Bt @ A
+        self.slope[:-1] -= (At @ off[..., None])[..., 0]
+        self.slope[1:] += (Bt @ off[..., None])[..., 0]
         self._turned[:-1, 0] += square
-        self._turned[:-1, 1] -= square
-        self._turned[1:, 0] += square
+        self._turned[:-1, 1] -= both
+        self._turned[1:, 0] += square if after is None else Bt @ after
 
     def add_second_differences(self, A: Array, off: Array) -> None:
         """Add A_k+1 (d_k+2 - d_k+1) - A_k (d_k+1 - d_k), rows (m + 1, r, nv), errors (m, r)."""

@@ -4,49 +4,44 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
-from wbc.constraints import Limits, SelfCollision
+from wbc.constraints import Limits
 from wbc.errors import InvalidInputError, shown
-from wbc.gait.legs import Legs
 from wbc.human import HumanMotion
-from wbc.retargeting.body_map import BodyMap
-from wbc.retargeting.by_tick import Progress, TickPass, apart, first_configuration, kept
+from wbc.retargeting.by_tick import Progress, TickPass, first_configuration
 from wbc.retargeting.ground_forces import ground_forces
-from wbc.retargeting.prepared import prepared
+from wbc.retargeting.mending import mended, resettled
+from wbc.retargeting.not_kept import broken
+from wbc.retargeting.prepared import Prepared, prepared
 from wbc.retargeting.reaching import reached
 from wbc.retargeting.result import Retargeted
-from wbc.retargeting.scaling import FROUDE, MotionScale, StandingBody, scale_of
-from wbc.retargeting.smoothing import WholeMotion, able_accelerations
+from wbc.retargeting.scaling import FROUDE, MotionScale, scale_of
+from wbc.retargeting.smoothing import WholeMotion
 from wbc.retargeting.source import human_frames
 from wbc.retargeting.targets import Targets, balanced, scaled_targets
 from wbc.retargeting.tasks import FrameTasks, RetargetWeights
 from wbc.robot import Robot
-from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
-from wbc.robot.series import centroidal_series, rates, velocities
+from wbc.robot.series import centroidal_series, rates
 from wbc.robot.tree import refuse_loops
 from wbc.validate import Array, finite_number, read_only
 
 RATE = 50.0  # Hz: of what trainers of policies read
-# Of the whole motion: at least, and at most; it is done when this much was lacking before.
-# A round that leaves WORSE times as much is taken back, if that is much, and damped MORE.
+# Of the whole motion: a round that leaves WORSE times as much that is not kept is taken back, if
+# that is much, and damped MORE.
 SETTLED = 0.07  # rad or m: a round that moves nothing more than this is the last one
-WORSE, ASTRAY, MORE, TOLD = 2.0, 5e-3, 5.0, 1e-3
+WORSE, ASTRAY, MORE = 2.0, 5e-3, 5.0
 TRAPPED = 0.2  # rad or m: feet so far off after the first pass are behind something
-LEAST_ROUNDS, ROUNDS, CLOSE = 4, 14, 5e-4
+LEAST_ROUNDS, ROUNDS = 4, 14
 # What is nearly right is damped less from round to round, for light tasks such as arms to come to
-# their targets, and more after so many. Fitted shapes may be a little too near: then those of the
-# files are looked at.
-PATIENT, BOLDER, BOLDEST, CALMER, CALMEST, GRAZED = 6, 0.7, 1.0, 1.5, 15.0, 2e-3
+# their targets, and more after so many.
+PATIENT, BOLDER, BOLDEST, CALMER, CALMEST = 6, 0.7, 1.0, 1.5, 15.0
 FRICTION, MARGIN = 0.6, 0.01
-# Joints that would be faster than their limits make the whole motion slower, by so much more, and
-# by as much again each time that this was not enough.
-SLOWER, TRIES = 0.03, 4
-SOFTER = 0.5
-NO_LIMIT = 1e6  # rad/s^2
+# What is hard and cannot be kept is tried again, with so much less asked of the CoM, in so many
+# times the time if joints would have to be faster or stronger.
+TRIES, SOFTER, SLOWER = 4, 0.5, 1.2
 
 
 def retarget(
@@ -71,8 +66,9 @@ def retarget(
     Lengths are scaled by those of the legs, angular momentum by m h sqrt(g h). Feet stand and roll
     where the human's do, and do not slide; CoM, angular momentum, the ellipsoid, pelvis, trunk,
     head and arms follow the human's. Frames are first solved one after the other by the tick, then
-    all at once with the jerk of the joints (:mod:`wbc.retargeting.smoothing`), and what comes out
-    is followed by the tick again, with all limits and margins hard.
+    all at once with the jerk of the joints (:mod:`wbc.retargeting.smoothing`), and last what is
+    hard is kept (:mod:`wbc.retargeting.mending`): feet that stand do not slide, limits, speeds and
+    accelerations of joints, margins between bodies. What is not is said (``broken``).
 
     Parameters
     ----------
@@ -136,58 +132,43 @@ def retarget(
     rounds = int(finite_number("retarget, rounds", rounds, least=1.0))
     weights = RetargetWeights() if weights is None else weights
     known = prepared(robot, links, margin if self_collision else None)
-    legs, body, standing, collision = known
+    legs, body, standing, collision = known.legs, known.body, known.standing, known.collision
     scale = scale_of(human, robot, legs, standing, duration)
     asked, notes = scale.time, list(body.notes)
-    for number in range(1, TRIES + 1):
+    for number in range(TRIES):
         low = human.cutoff if cutoff is None else cutoff
         source = human_frames(human, rate * scale.time, low, roll)
         targets = scaled_targets(source, robot, legs, body, standing, scale, balance)
         tasks = FrameTasks(robot, body, targets, weights, legs.length)
-        axes = source.series.axes
-        solved = _solved(tasks, legs, collision, axes, rounds, balance, progress)
-        forced = rates(robot, solved.q, targets.dt)[1][:, BASE_NV:] / able_accelerations(robot)
-        if solved.lacking > TOLD or np.abs(forced).max() > 1.0:
-            # With less asked of CoM and momentum it may settle, and motors be strong enough.
-            easier = replace(
-                weights, com=SOFTER * weights.com, momentum=SOFTER**2 * weights.momentum
-            )
-            softer = FrameTasks(robot, body, targets, easier, legs.length)
-            again = _solved(softer, legs, collision, axes, rounds, balance, progress)
-            if again.lacking < max(solved.lacking, TOLD):
-                tasks, solved = softer, again
-        wanted, lacking = solved.q, solved.lacking
-        speed, joint = _fastest(robot, wanted, targets.dt)
-        if speed <= 1.0 or lacking > ASTRAY:  # what is not solved says nothing of speeds
+        motion = WholeMotion(tasks, collision, legs.length)
+        found = mended(motion, _solved(motion, source.series.axes, rounds, balance, progress))
+        if found.kept or number == TRIES - 1:
             break
-        scale = replace(scale, time=scale.time * (1.0 + number * SLOWER) * speed)
-    limits = Limits(robot, acceleration=NO_LIMIT)  # what is too much is said by its torque
-    q, failed = kept(tasks, wanted, limits, collision, progress, apart_already=solved.apart)
+        # With less asked of CoM and momentum it may, and with more time motors be strong enough.
+        weights = replace(weights, com=SOFTER * weights.com, momentum=SOFTER**2 * weights.momentum)
+        if max(found.speed, found.force) > 1.0:
+            scale = replace(scale, time=SLOWER * scale.time)
     if scale.time != asked:
         notes.append(
-            f"{scale.time / asked:.2f} times as slow as asked for: {joint} of {robot.name} is no"
-            " faster"
+            f"{scale.time / asked:.2f} times as slow as asked for: joints of {robot.name} are no"
+            " faster, or no stronger"
         )
-    if lacking > TOLD:
+    if number > 0:
         notes.append(
-            f"all frames at once did not settle: feet, limits or margins were off by {lacking:.2g}"
-            " (m or rad) before the last pass; this motion is too much for the robot somewhere"
+            f"CoM and momentum weigh less, {SOFTER**number:g} and {SOFTER ** (2 * number):g} times:"
+            " limits and margins leave no more"
         )
-    if failed:
-        first = min(failed)
-        notes.append(
-            f"what is hard could not be kept from {len(failed)} frames of the last pass on, the"
-            f" first at {targets.time[first]:.2f} s: {failed[first]}"
-        )
-    notes += targets.notes
+    feet, moved = resettled(tasks.targets.feet, robot, found.q)
+    targets = replace(tasks.targets, feet=feet)
+    notes += [*targets.notes, *moved]
     return judged(
-        robot, body, standing, human.motion.source, scale, tasks.targets, q, friction, tuple(notes)
+        robot, known, human.motion.source, scale, targets, found.q, friction, tuple(notes)
     )
 
 
 def judged(
-    robot: Robot, body: BodyMap, standing: StandingBody, source: str, scale: MotionScale,
-    targets: Targets, q: Array, friction: float, notes: tuple[str, ...],
+    robot: Robot, known: Prepared, source: str, scale: MotionScale, targets: Targets, q: Array,
+    friction: float, notes: tuple[str, ...],
 ) -> Retargeted:  # fmt: skip
     """Return configurations (n, nq), wherever they come from, as a motion with all that is told."""
     v, acceleration = rates(robot, q, targets.dt)
@@ -207,39 +188,29 @@ def judged(
         wrenches=ground.wrenches,
         torque=ground.torque,
         cop=ground.cop,
-        reached=reached(robot, body, targets, q, whole, standing.com_height),
+        reached=reached(robot, known.body, targets, q, whole, known.standing.com_height),
         unbalanced=ground.unbalanced,
+        broken=broken(robot, known.collision, targets, q, v, acceleration),
         notes=notes,
     )
 
 
-class Solved(NamedTuple):
-    """Configurations (n, nq), what they violate [m or rad], whether margins are kept for sure."""
-
-    q: Array
-    lacking: float
-    apart: bool
-
-
 def _solved(
-    tasks: FrameTasks,
-    legs: Legs,
-    collision: SelfCollision | None,
-    axes: Array,
-    rounds: int,
-    balance: bool,
-    progress: Progress | None,
-) -> Solved:
-    """Return configurations as near to the targets as they come."""
-    robot, wanted = tasks.robot, tasks.targets
+    motion: WholeMotion, axes: Array, rounds: int, balance: bool, progress: Progress | None
+) -> Array:
+    """Return configurations (n, nq) as near to the targets as they come.
+
+    What is hard is kept but for what tasks pull at it.
+    """
+    tasks, collision = motion.tasks, motion.collision
+    robot = tasks.robot
     constraints = [] if collision is None else [collision]
     start = first_configuration(tasks, constraints)
     limits = Limits(robot, velocity=None)
     q = TickPass(tasks, limits, constraints).run(start, progress)
-    motion = WholeMotion(tasks, collision, legs.length)
     states = motion.states(q)
     tasks.shape_like(states.inertia, axes)
-    before, best, least = np.inf, q, np.inf
+    best, least = q, np.inf
     for number in range(rounds):
         if number > 0:
             states = motion.states(q)
@@ -258,30 +229,13 @@ def _solved(
             continue
         if motion.violation < least:
             best, least = q, motion.violation
-        last, q = q, further
-        close = motion.off < CLOSE and motion.broken < GRAZED
-        close = close and (motion.speed < 1.0 or motion.speed > 0.98 * before)
-        before = motion.speed
-        if number + 1 >= LEAST_ROUNDS and close and motion.moved < SETTLED:
-            if collision is None:
-                return Solved(q, motion.off, True)
-            fine = apart(robot, q, collision, raw=number + 1 >= PATIENT)
-            if fine.all():  # the last round may have hurried a joint again
-                hurried = motion.speed <= 1.0 < _fastest(robot, q, wanted.dt)[0]
-                return Solved(last if hurried else q, motion.off, not hurried)
-            motion.keep_off(~fine)
-        if motion.violation < ASTRAY and number + 1 < PATIENT:
+        q = further
+        near = motion.violation < ASTRAY
+        if number + 1 >= LEAST_ROUNDS and near and motion.moved < SETTLED:
+            return q
+        if near and number + 1 < PATIENT:
             motion.damping = max(BOLDER * motion.damping, BOLDEST)
-        elif motion.violation < ASTRAY:  # what is nearly right moves to and fro
+        elif near:  # what is nearly right moves to and fro
             motion.damping = min(CALMER * motion.damping, CALMEST)
     motion.judge(q)
-    if motion.violation >= least:
-        return Solved(best, least, False)
-    return Solved(q, motion.violation if motion.broken > GRAZED else motion.off, False)
-
-
-def _fastest(robot: Robot, q: Array, dt: float) -> tuple[float, str]:
-    """Return the largest speed of a joint by its limit, and which joint has it."""
-    speed = np.abs(velocities(robot, q, dt)[:, BASE_NV:]).max(axis=0) / robot.limits.velocity
-    joint = int(np.argmax(speed))
-    return float(speed[joint]), robot.joint_names[joint]
+    return best if motion.violation >= least else q

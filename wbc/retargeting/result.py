@@ -75,6 +75,8 @@ class Retargeted:
         How near each task came.
     unbalanced:
         Where the motion cannot be balanced as it is, and why.
+    broken:
+        What is hard and was not kept, by how much, when and where; empty if all was.
     notes:
         What was changed, left out and guessed.
     """
@@ -93,6 +95,7 @@ class Retargeted:
     cop: Array
     reached: tuple[Reached, ...]
     unbalanced: tuple[Unbalanced, ...]
+    broken: tuple[Unbalanced, ...]
     notes: tuple[str, ...]
 
     def __repr__(self) -> str:
@@ -128,19 +131,7 @@ class Retargeted:
     @property
     def slide(self) -> float:
         """How far a corner of a sole moves at most while it touches the ground [m]."""
-        soles, worst = sole_series(self.robot, self.q), 0.0
-        for side in SIDES:
-            path, T = self.targets.feet.paths[side], soles[side]
-            R, place = path.rotation, path.place
-            for first, end in runs(path.down):
-                # The corners that touch, by the pitch that is wanted.
-                own = np.einsum("nji,nkj->nki", R, path.corners - place[:, None])[first:end]
-                same = np.abs(np.diff(own, axis=0)).max(axis=(1, 2)) < 1e-6
-                at = own @ np.swapaxes(T[first:end, :3, :3], 1, 2) + T[first:end, None, :3, 3]
-                for a, b in runs(np.concatenate((same, [False]))):
-                    way = np.linalg.norm(at[a : b + 1] - at[a], axis=2)
-                    worst = max(worst, float(way.max()))
-        return worst
+        return float(slides(self.robot, self.targets, self.q).max())
 
     def save(self, path: str | Path, layout: str = "wbc") -> None:
         """Write the motion; see :mod:`wbc.retargeting.layouts` for what a layout has.
@@ -162,6 +153,27 @@ class Retargeted:
         from wbc.retargeting.layouts import save
 
         save(self, path, layout)
+
+
+def slides(robot: Robot, targets: Targets, q: Array) -> Array:
+    """Return how far a corner of a sole that touches the ground is from where it came down (n, 2).
+
+    At most, in m; 0 in the air.
+    """
+    soles = sole_series(robot, q)
+    found = np.zeros((len(q), len(SIDES)))
+    for number, side in enumerate(SIDES):
+        path, T = targets.feet.paths[side], soles[side]
+        R, place = path.rotation, path.place
+        for first, end in runs(path.down):
+            # The corners that touch, by the pitch that is wanted.
+            own = np.einsum("nji,nkj->nki", R, path.corners - place[:, None])[first:end]
+            same = np.abs(np.diff(own, axis=0)).max(axis=(1, 2)) < 1e-6
+            at = own @ np.swapaxes(T[first:end, :3, :3], 1, 2) + T[first:end, None, :3, 3]
+            for a, b in runs(np.concatenate((same, [False]))):
+                way = np.linalg.norm(at[a : b + 1] - at[a], axis=2).max(axis=1)
+                found[first + a : first + b + 1, number] = way
+    return found
 
 
 def _correlation(a: Array, b: Array) -> Array:

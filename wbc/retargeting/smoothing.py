@@ -38,6 +38,7 @@ PRESSED = 3.0  # by a leg's length: of where the momentum's rate puts the CoP
 UNHURRIED, HURRIED, FASTEST = 0.3, 10.0, 0.9
 # Likewise of accelerations by what motors give: arms hang on them as well.
 UNFORCED, FORCED, STRONGEST = 0.2, 5.0, 0.8
+NEARLY = 0.97  # part of both, where only what is beyond counts
 FIRST, SECOND, THIRD = (-1.0, 1.0), (1.0, -2.0, 1.0), (-1.0, 3.0, -3.0, 1.0)
 # What a task of weight 1 passes: it is cut off at this frequency, and others at that times the
 # third root of their weights.
@@ -69,8 +70,9 @@ class WholeMotion:
         [m or rad].
     off, broken:
         The same without margins, and of margins alone.
-    speed:
-        Of the fastest joint then, by its limit.
+    speed, force:
+        Of the fastest joint then, by its limit, and the acceleration that is largest by what its
+        motor can.
     moved:
         How far the last round moved anything [m or rad].
     damping:
@@ -81,6 +83,7 @@ class WholeMotion:
     off: float
     broken: float
     speed: float
+    force: float
     moved: float
     damping: float
 
@@ -98,7 +101,8 @@ class WholeMotion:
         arms = [task.frame for pair in tasks.arms.values() for task in pair]
         soles = [tasks.robot.feet[side].frame for side in SIDES]
         self._frames = (*tasks.turns, *arms, *soles)
-        self.violation = self.off = self.broken = self.speed = self.moved = np.inf
+        self.violation = self.off = self.broken = self.moved = np.inf
+        self.speed = self.force = np.inf
         self.damping = DAMPED
         self.able = able_accelerations(tasks.robot)
         joints = len(tasks.targets.time), tasks.robot.nv - BASE_NV
@@ -113,24 +117,28 @@ class WholeMotion:
 
     def improved(self, q: Array, states: StateSeries | None = None) -> Array:
         """Return configurations (n, nq) after one round; ``states``: theirs, if they are known."""
-        robot = self.tasks.robot
         states = self.states(q) if states is None else states
         v = states.v[:-1]
         joints = self._looked_at(q, v)
-        rows = self._rows(states) + self._near(q, states)
+        rows = self._rows(states) + self.contacts(states) + self._near(q, states)
         A, e = (np.concatenate(part, axis=1) for part in zip(*rows, strict=True))
         normal = NormalEquations(*A.shape[::2])
         normal.add(A, e)
         self._posture(joints, normal)
         self._momentum(states.part("centroidal_map", 6, -1)[:-1], v, normal)
-        self._jerk(v, normal)
-        self._speed(v, normal)
-        self._effort(v, normal)
+        self.jerk(v, normal)
+        self.motors(v, normal)
         normal.diagonal[:, 0] += self.damping**2
         normal.seal()
         step = self._within_limits(joints, normal)
         np.clip(step, -LARGEST, LARGEST, out=step)
+        return self.further(q, step)
+
+    def further(self, q: Array, step: Array) -> Array:
+        """Return configurations (n, nq) after displacements (n, nv), none of them too large."""
+        np.clip(step, -LARGEST, LARGEST, out=step)
         self.moved = float(np.abs(step).max())
+        robot = self.tasks.robot
         return np.array([robot.integrate(one, d, 1.0) for one, d in zip(q, step, strict=True)])
 
     def keep_off(self, frames: NDArray[np.bool_]) -> None:
@@ -142,7 +150,7 @@ class WholeMotion:
         """Set what configurations (n, nq) violate."""
         states = self.states(q)
         self._looked_at(q, states.v[:-1])
-        self._rows(states)
+        self.contacts(states)
         self._near(q, states)
 
     def _looked_at(self, q: Array, v: Array) -> Array:
@@ -152,6 +160,8 @@ class WholeMotion:
         self.violation = float(np.maximum(self.lower - joints, joints - self.upper).max()) - INSIDE
         self.violation = max(self.violation, 0.0)
         self.speed = float((np.abs(v[:, BASE_NV:]) / robot.limits.velocity).max())
+        rates = np.diff(v[:, BASE_NV:], axis=0) / self.tasks.targets.dt
+        self.force = float((np.abs(rates) / self.able).max())
         return joints
 
     def _near(self, q: Array, states: StateSeries) -> list[tuple[Array, Array]]:
@@ -159,19 +169,14 @@ class WholeMotion:
         self.off, self.broken = self.violation, 0.0
         if self.collision is None:
             return []
-        frames, clearance, J = self.collision.near(q, states, NEAR)
+        frames, _, clearance, J = self.collision.near(q, states, NEAR)
         if not frames.size:
             return []
         self.broken = max(float(-clearance.min()), 0.0)
         self._violated(-clearance)
-        place = np.arange(len(frames)) - np.searchsorted(frames, frames)  # in its frame
-        shape, w = (len(q), int(place.max()) + 1), APART / self.leg
-        rows, errors = np.zeros((*shape, J.shape[1])), np.zeros(shape)
-        rows[frames, place], errors[frames, place] = (
-            w * J,
-            w * np.minimum(clearance - self._kept[frames], 0.0),
-        )
-        return [(rows, errors)]
+        off = np.minimum(clearance - self._kept[frames], 0.0)
+        w = APART / self.leg
+        return [padded(frames, w * J, w * off, len(q))]
 
     def _rows(self, states: StateSeries) -> list[tuple[Array, Array]]:
         """Return weighted rows (n, r, nv) and errors (n, r) of the tasks, frame by frame."""
@@ -191,18 +196,38 @@ class WholeMotion:
                 way = states.rotation(arm.frame) @ arm.axis
                 J = -skews(way) @ states.jacobian(arm.frame)[:, 3:]
                 add(arm.weight, J, way - targets.arms[side][:, n])
+        if tasks.ellipsoids is not None:
+            w = tasks.inertia.weight[:, None] * tasks.inertia.selection
+            off = states.inertia[:, ROWS, COLUMNS] - tasks.ellipsoids[:, ROWS, COLUMNS]
+            found.append((w @ states.part("inertia_jacobian", 6, -1), off @ w.T))
+        return found
+
+    def displaced(self, states: StateSeries, side: str) -> tuple[Array, Array]:
+        """Return how far a foot is from its footprint (n, 6), and that one's Jacobian (n, 6, nv).
+
+        At the footprint's origin, wherever a foot that rolls has its sole: so it is the same for
+        all that move with the footprint.
+        """
+        path, frame = self.tasks.targets.feet.paths[side], self.tasks.robot.feet[side].frame
+        turn = states.rotation(frame) @ np.swapaxes(self.tasks.rotations[side], 1, 2)
+        arm = (turn @ (path.place - path.origin)[..., None])[..., 0]
+        off = states.position(frame) - arm - path.origin
+        e = np.hstack((off, Rotation.from_matrix(turn).as_rotvec()))
+        J = states.jacobian(frame).copy()
+        J[:, :3] += skews(arm) @ J[:, 3:]
+        return e, J
+
+    def contacts(self, states: StateSeries) -> list[tuple[Array, Array]]:
+        """Return weighted rows and errors of the feet, those in the air for their tasks."""
+        tasks, found = self.tasks, list[tuple[Array, Array]]()
         for side in SIDES:
-            path, frame = targets.feet.paths[side], tasks.robot.feet[side].frame
+            path, frame = tasks.targets.feet.paths[side], tasks.robot.feet[side].frame
             turn = _rotation_vectors(states.rotation(frame), tasks.rotations[side])
             e = np.hstack((states.position(frame) - path.place, turn))
             if path.down.any():
                 self._violated(np.abs(e[path.down]))
             weight = np.where(path.down[:, None], self._exact, tasks.foot_weight)
-            add(weight, states.jacobian(frame), e)
-        if tasks.ellipsoids is not None:
-            w = tasks.inertia.weight[:, None] * tasks.inertia.selection
-            off = states.inertia[:, ROWS, COLUMNS] - tasks.ellipsoids[:, ROWS, COLUMNS]
-            found.append((w @ states.part("inertia_jacobian", 6, -1), off @ w.T))
+            found.append((weight[..., None] * states.jacobian(frame), weight * e))
         return found
 
     def _posture(self, joints: Array, normal: NormalEquations) -> None:
@@ -251,30 +276,54 @@ class WholeMotion:
         A = w[:, None] * maps / dt**2
         normal.add_second_differences(A, w * np.diff(off, axis=0) / dt)
 
-    def _jerk(self, v: Array, normal: NormalEquations) -> None:
+    def jerk(self, v: Array, normal: NormalEquations, times: float = 1.0) -> None:
         """Add the jerk of all coordinates; lengths of the base by the legs'."""
         dt, nv = self.tasks.targets.dt, v.shape[1]
         mu = np.full(nv, (2.0 * np.pi * CUTOFF) ** -3.0)
         mu[:3] /= self.leg
+        mu *= times
         normal.add_differences(THIRD, mu**2 / dt**6, mu**2 / dt**5 * np.diff(v, 2, axis=0))
 
-    def _speed(self, v: Array, normal: NormalEquations) -> None:
-        """Add the speeds of joints by their limits, and firmly what is beyond a part of them."""
-        dt, fastest = self.tasks.targets.dt, self.tasks.robot.limits.velocity
-        part = v[:, BASE_NV:] / fastest
-        beyond = np.abs(part) > FASTEST
-        square = np.where(beyond, HURRIED, UNHURRIED) ** 2 / (dt * fastest)
-        off = np.where(beyond, part - np.sign(part) * FASTEST, part)
-        normal.add_differences(FIRST, square / (dt * fastest), square * off, BASE_NV)
+    def motors(self, v: Array, normal: NormalEquations, hard: float | None = None) -> float:
+        """Add speeds and accelerations of joints by what they can; firmly what is beyond a part.
 
-    def _effort(self, v: Array, normal: NormalEquations) -> None:
-        """Add accelerations of joints by what their motors can, and firmly what is beyond."""
-        dt = self.tasks.targets.dt
-        part = np.diff(v[:, BASE_NV:], axis=0) / dt / self.able
-        beyond = np.abs(part) > STRONGEST
-        square = np.where(beyond, FORCED, UNFORCED) ** 2 / (dt**2 * self.able)
-        off = np.where(beyond, part - np.sign(part) * STRONGEST, part)
-        normal.add_differences(SECOND, square / (dt**2 * self.able), square * off, BASE_NV)
+        Parameters
+        ----------
+        v:
+            From each configuration to the next (n - 1, nv).
+        hard:
+            How many times as firmly, what is beyond nearly all of it, and nothing else.
+
+        Returns
+        -------
+        float
+            Half of the square of what is beyond, weighted.
+        """
+        dt, fastest = self.tasks.targets.dt, self.tasks.robot.limits.velocity
+        speeds, rates, cost = v[:, BASE_NV:], np.diff(v[:, BASE_NV:], axis=0) / dt, 0.0
+        if hard is None:
+            weights = (UNHURRIED, HURRIED, FASTEST), (UNFORCED, FORCED, STRONGEST)
+        else:
+            weights = (0.0, hard * HURRIED, NEARLY), (0.0, hard * FORCED, NEARLY)
+        for ways, part, unit, (inside, outside, most) in (
+            (FIRST, speeds / fastest, dt * fastest, weights[0]),
+            (SECOND, rates / self.able, dt**2 * self.able, weights[1]),
+        ):
+            beyond = np.abs(part) > most
+            square = np.where(beyond, outside, inside) ** 2
+            off = np.where(beyond, part - np.sign(part) * most, part)
+            normal.add_differences(ways, square / unit**2, square * off / unit, BASE_NV)
+            cost += float((square * off**2).sum())
+        return cost
+
+
+def padded(frames: NDArray[np.intp], J: Array, off: Array, count: int) -> tuple[Array, Array]:
+    """Return rows (k, nv) and errors (k,) of increasing frames by frame, filled up with zeros."""
+    place = np.arange(len(frames)) - np.searchsorted(frames, frames)  # in its frame
+    shape = count, int(place.max()) + 1
+    rows, errors = np.zeros((*shape, J.shape[1])), np.zeros(shape)
+    rows[frames, place], errors[frames, place] = J, off
+    return rows, errors
 
 
 def able_accelerations(robot: Robot) -> Array:

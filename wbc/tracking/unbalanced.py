@@ -7,19 +7,21 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Unbalanced:
-    """A stretch of time in which the motion cannot be balanced as it is.
+    """A stretch of time in which the motion cannot be as it is.
 
     Attributes
     ----------
     what:
         ``CoP outside the feet`` [m], ``friction above the cone`` (the coefficient that is lacking),
-        ``torque above the limit`` (part of it), ``force without a foot`` (part of the weight).
+        ``torque above the limit`` (part of it), ``force without a foot`` (part of the weight). Of
+        what is hard: ``sole slides`` [m], ``margin broken`` [m], ``joint limit passed`` [rad],
+        ``speed above the limit``, ``acceleration above the motor's`` (parts of these).
     by:
         How much at worst.
     start, end, worst:
         Times [s].
     where:
-        The joint, or the feet that stand.
+        The joint, the bodies, or the feet that stand.
     """
 
     what: str
@@ -30,9 +32,16 @@ class Unbalanced:
     where: str
 
     def __str__(self) -> str:
-        unit = 1e3 if self.what.startswith("CoP") else 100.0
-        size = f"{self.by * unit:.0f} mm" if unit == 1e3 else f"{self.by * unit:.0f} %"
-        if self.what.startswith("friction"):
-            size = f"{self.by:.2f}"
         span = f"{self.start:.2f} to {self.end:.2f} s, worst at {self.worst:.2f} s"
-        return f"{self.what} by {size} ({self.where}; {span})"
+        return f"{self.what} by {self.size} ({self.where}; {span})"
+
+    @property
+    def size(self) -> str:
+        """How much at worst, with its unit."""
+        if self.what.startswith("friction"):
+            return f"{self.by:.2f}"
+        if self.what.startswith("joint limit"):
+            return f"{self.by:.2g} rad"
+        if self.what.startswith(("CoP", "sole", "margin")):
+            return f"{1e3 * self.by:.3g} mm"
+        return f"{100.0 * self.by:.0f} %"

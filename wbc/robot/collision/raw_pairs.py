@@ -8,11 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import coal
+import numpy as np
 import pinocchio as pin
 
 from wbc.robot.collision.bodies import named_shapes
 from wbc.robot.model import Robot
 from wbc.validate import Array
+
+MEETING = 1e-6  # m
 
 
 class RawPairs:
@@ -33,14 +36,41 @@ class RawPairs:
 
     def apart(self, q: Array, pairs: Sequence[int], margins: Array) -> bool:
         """Whether some pairs, by their numbers, keep margins (N,) [m] at a configuration (nq,)."""
-        pin.forwardKinematics(self.robot.model, self._data, q)
+        self._place(q)
         return not any(self._nearer(k, float(margins[k])) for k in pairs)
 
-    def _nearer(self, k: int, margin: float) -> bool:
+    def too_near(self, q: Array, pairs: Sequence[int], margins: Array) -> Array:
+        """Return how near some pairs are that break margins (N,) [m]: (k, 7), zeros of others.
+
+        By how much [m], the unit vector from the second body to the first, zero where they meet,
+        and the nearest point of the first.
+        """
+        self._place(q)
+        return np.array([self._too_near(k, float(margins[k])) for k in pairs])
+
+    def _place(self, q: Array) -> None:
+        pin.forwardKinematics(self.robot.model, self._data, q)
+
+    def _placed(self, k: int) -> list[object]:
         placed = list[object]()
         for shape in self._pairs[k]:
             T = self._data.oMi[shape.parentJoint] * shape.placement
             placed += [shape.geometry, coal.Transform3s(T.rotation, T.translation)]
+        return placed
+
+    def _nearer(self, k: int, margin: float) -> bool:
         request = coal.CollisionRequest()
         request.security_margin = margin
-        return bool(coal.collide(*placed, request, coal.CollisionResult()))
+        return bool(coal.collide(*self._placed(k), request, coal.CollisionResult()))
+
+    def _too_near(self, k: int, margin: float) -> Array:
+        found = np.zeros(7)
+        if self._nearer(k, margin):
+            result = coal.DistanceResult()
+            distance = coal.distance(*self._placed(k), coal.DistanceRequest(), result)
+            found[0] = max(margin - float(distance), 0.0)
+            a, b = result.getNearestPoint1(), result.getNearestPoint2()
+            if distance > MEETING:  # meshes have no normal
+                found[1:4] = (a - b) / np.linalg.norm(a - b)
+            found[4:] = a
+        return found

@@ -1,0 +1,152 @@
+"""What is hard, of all frames at once: kept where it can be, told where it is not."""
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import wbc
+from tests.retargeting.humans import stepping
+from wbc.retargeting import RetargetWeights
+from wbc.retargeting.mending import mended, resettled
+from wbc.retargeting.passes import judged
+from wbc.retargeting.prepared import prepared
+from wbc.retargeting.smoothing import WholeMotion
+from wbc.retargeting.tasks import FrameTasks
+from wbc.robot import Robot
+from wbc.validate import Array
+
+
+@pytest.fixture(scope="module")
+def step() -> wbc.Retargeted:
+    return wbc.retarget(stepping(), Robot.load("hoap2_like"))
+
+
+def whole(motion: wbc.Retargeted) -> WholeMotion:
+    known = prepared(motion.robot, None, 0.01)
+    weights = RetargetWeights()
+    tasks = FrameTasks(motion.robot, known.body, motion.targets, weights, known.legs.length)
+    return WholeMotion(tasks, known.collision, known.legs.length)
+
+
+def knocked(motion: wbc.Retargeted, joint: str, by: float, first: int, end: int) -> Array:
+    """Return the configurations with a joint turned [rad] in some frames."""
+    robot, q = motion.robot, motion.q.copy()
+    d = np.zeros(robot.nv)
+    d[6 + robot.joint_names.index(joint)] = by
+    for k in range(first, end):
+        q[k] = robot.integrate(q[k], d, 1.0)
+    return q
+
+
+def hard(robot: Robot, q: Array, dt: float) -> tuple[float, float, float]:
+    """Return how far limits are passed [rad], and speeds and accelerations by what joints can."""
+    joints = q[:, 7:]
+    steps = np.array([pin.difference(robot.model, a, b) for a, b in zip(q, q[1:], strict=False)])
+    limits = robot.limits
+    mass = np.abs(robot.snapshot(robot.postures["standing"]).mass_matrix[6:, 6:])
+    able = (limits.effort[:, None] / mass).min(axis=0)
+    past = np.maximum(limits.lower - joints, joints - limits.upper).max()
+    speed = (np.abs(steps[:, 6:]) / dt / limits.velocity).max()
+    return past, speed, (np.abs(np.diff(steps[:, 6:], axis=0)) / dt**2 / able).max()
+
+
+def soles(motion: wbc.Retargeted, q: Array) -> float:
+    """Return how far a level sole moves at most while it stands [m], by Pinocchio."""
+    data, worst = motion.robot.model.createData(), 0.0
+    for number, foot in enumerate(motion.robot.feet.values()):
+        frame = motion.robot.model.getFrameId(foot.frame)
+        where: list[Array] = []
+        for k, one in enumerate(q):
+            if not motion.contacts[k, number]:
+                where = []
+                continue
+            pin.framesForwardKinematics(motion.robot.model, data, one)
+            where.append(data.oMf[frame].translation.copy())
+            worst = max(worst, float(np.linalg.norm(where[-1] - where[0])))
+    return worst
+
+
+@pytest.mark.parametrize("joint", ["left_knee", "right_hip_roll", "left_shoulder_pitch"])
+def test_a_motion_that_was_knocked_keeps_what_is_hard_again(
+    step: wbc.Retargeted, joint: str
+) -> None:
+    robot, dt = step.robot, step.targets.dt
+    (name,) = (one for one in robot.joint_names if one.startswith(joint))
+    q = knocked(step, name, 0.1, 12, 15)
+    assert max(hard(robot, q, dt)[1:]) > 1.0  # at 50 Hz it leaps
+    found = mended(whole(step), q)
+    assert found.kept
+    past, speed, force = hard(robot, found.q, dt)
+    assert past <= 1e-9 and speed <= 1.0 + 1e-9 and force <= 1.0 + 1e-9
+    assert soles(step, found.q) < 1e-3
+    collision = wbc.SelfCollision(robot, margin=0.01)
+    assert min(collision.distances(robot.snapshot(one)).clearance.min() for one in found.q) > -1e-3
+    assert np.abs(found.q - step.q).max() < 0.15  # it is near to what it was
+
+
+def test_feet_that_a_robot_has_elsewhere_are_where_it_has_them(step: wbc.Retargeted) -> None:
+    """A robot that is set aside as a whole: footprints, corners and ways go with it."""
+    turn, move = 0.2, np.array((0.03, -0.02, 0.0))
+    R = np.array(((np.cos(turn), -np.sin(turn)), (np.sin(turn), np.cos(turn))))
+    T = pin.SE3(pin.AngleAxis(turn, np.array((0.0, 0.0, 1.0))).matrix(), move)
+    q = np.array([np.concatenate((pin.SE3ToXYZQUAT(T * pin.XYZQUATToSE3(one[:7])), one[7:]))
+                  for one in step.q])  # fmt: skip
+    feet, notes = resettled(step.targets.feet, step.robot, q)
+    for before, after in zip(step.targets.feet.prints, feet.prints, strict=True):
+        np.testing.assert_allclose(after.pose[:2], R @ before.pose[:2] + move[:2], atol=2e-3)
+        assert after.pose[2] == pytest.approx(before.pose[2] + turn, abs=2e-3)
+    for side, down in zip(("left", "right"), step.contacts.T, strict=True):
+        old, new = step.targets.feet.paths[side], feet.paths[side]
+        corners = old.corners[down][..., :2] @ R.T + move[:2]
+        np.testing.assert_allclose(new.corners[down][..., :2], corners, atol=2e-3)
+    assert len(notes) == len(feet.prints)
+
+
+def test_what_is_not_kept_is_told_by_how_much_when_and_where(step: wbc.Retargeted) -> None:
+    robot = step.robot
+    assert step.broken == ()
+    (knee,) = (name for name in robot.joint_names if name.startswith("left_knee"))
+    column = 7 + robot.joint_names.index(knee)
+    q = step.q.copy()
+    q[20:23, column] = robot.limits.upper[robot.joint_names.index(knee)] + 0.05
+    known = prepared(robot, None, 0.01)
+    told = judged(robot, known, "", step.scale, step.targets, q, 0.6, ())
+    by = {one.what: one for one in told.broken if one.where == knee}
+    passed = by["joint limit passed"]
+    assert passed.by == pytest.approx(0.05, abs=1e-9)
+    assert (passed.start, passed.end) == pytest.approx((step.time[20], step.time[22]))
+    dt = step.targets.dt
+    # Central differences of the joint, as everyone takes them.
+    rate = np.gradient(q[:, column], dt)
+    fastest = robot.limits.velocity[robot.joint_names.index(knee)]
+    assert by["speed above the limit"].by == pytest.approx(np.abs(rate).max() / fastest - 1.0)
+    assert "acceleration above the motor's" in by
+    slides = [one for one in told.broken if one.what == "sole slides"]
+    assert slides and slides[0].where == "left foot" and "mm" in str(slides[0])
+
+
+def test_bodies_that_meet_are_told_by_the_shapes_of_the_files(step: wbc.Retargeted) -> None:
+    robot = step.robot
+    (lift,) = (n for n in robot.joint_names if n.startswith("right_shoulder_roll"))
+    number = robot.joint_names.index(lift)
+    known = prepared(robot, None, 0.01)
+    for end in (robot.limits.lower[number], robot.limits.upper[number]):
+        q = step.q.copy()
+        q[10:14, 7 + number] = end
+        told = judged(robot, known, "", step.scale, step.targets, q, 0.6, ())
+        met = [one for one in told.broken if one.what == "margin broken"]
+        data, model = robot.model.createData(), robot.collision_model
+        placed = pin.GeometryData(model)
+        pin.updateGeometryPlacements(robot.model, data, model, placed, q[11])
+        for one in met:
+            a, b = (model.getGeometryId(f"{name}_0") for name in one.where.split(" vs ")
+                    if "#" not in name) if "#" not in one.where else (None, None)  # fmt: skip
+            if a is None or max(a, b) >= model.ngeoms:
+                continue
+            shapes = [(model.geometryObjects[n].geometry,
+                       coal.Transform3s(placed.oMg[n].rotation, placed.oMg[n].translation))
+                      for n in (a, b)]  # fmt: skip
+            distance = coal.distance(*shapes[0], *shapes[1], coal.DistanceRequest(),
+                                     coal.DistanceResult())  # fmt: skip
+            assert one.by == pytest.approx(0.01 - max(distance, 0.0), abs=1e-4)

@@ -1,0 +1,229 @@
+"""What is hard, of all frames at once, by displacements that are small and smooth.
+
+Where a motion was solved with its tasks, these pull at limits, margins and feet: weights make of
+that a compromise. Here nothing pulls: displacements d of all frames minimise
+
+    sum_k |w h_k(d)|^2 + |mu (D^3 d)_k/dt^3|^2 + lambda^2 |d_k|^2 ,
+
+h the feet on the ground, what passes a limit, a margin (by the shapes of the robot's files), a
+speed or an acceleration of a joint. What can be kept is met to rounding in a few rounds (Levenberg
+and Marquardt's).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.constraints import SelfCollision
+from wbc.gait.legs import SIDES
+from wbc.motion.dropouts import runs
+from wbc.retargeting.footsteps import FootPaths, Footprint
+from wbc.retargeting.normal_equations import NormalEquations
+from wbc.retargeting.smoothing import WholeMotion, padded
+from wbc.robot import Robot
+from wbc.robot.collision.raw_pairs import RawPairs
+from wbc.robot.limits import BASE_NV
+from wbc.robot.series import StateSeries, sole_series
+from wbc.rotations import headings
+from wbc.validate import Array
+
+ROUNDS = 14
+# By a leg's length and per rad: of feet, limits and margins; times what whole motions weigh
+# speeds and accelerations beyond theirs; times their jerk.
+FIRM, FIRMER, SMOOTH = 2e3, 10.0, 10.0
+BEGUN, LESS, MORE = 3.0, 0.4, 4.0  # weight of displacements, and how it changes
+INSIDE = 1e-3  # rad: so far inside limits joints are held
+CLEAR, GRAZING = 2e-4, 3e-4  # m: margins that were broken are kept so well, and nearer ones kept
+EXACT = 2e-4  # m or rad: so near to where they stand feet are
+SAME, TOLD = 1e-6, 5e-3  # m or rad: footprints that moved so far are others, and that is told
+
+
+class Mended(NamedTuple):
+    """Configurations (n, nq), and what they still lack of what is hard.
+
+    Attributes
+    ----------
+    feet, limits, margins:
+        At most [m or rad].
+    speed, force:
+        Largest by what joints can.
+    """
+
+    q: Array
+    feet: float
+    limits: float
+    margins: float
+    speed: float
+    force: float
+
+    @property
+    def kept(self) -> bool:
+        """Whether all that is hard is kept."""
+        near = self.feet <= EXACT and self.limits <= 0.0 and self.margins <= 0.0
+        return near and max(self.speed, self.force) <= 1.0
+
+
+def mended(motion: WholeMotion, q: Array, rounds: int = ROUNDS) -> Mended:
+    """Return configurations near to some (n, nq) that keep what is hard, or come nearest to it."""
+    best: _Problem | None = None
+    weight = BEGUN
+    for _ in range(rounds + 1):
+        now = _Problem(motion, q)
+        if now.found.kept:
+            return now.found
+        if best is None or now.cost < best.cost:
+            best, weight = now, LESS * weight
+        else:
+            weight *= MORE
+        q = best.further(weight)
+    assert best is not None
+    return best.found
+
+
+class _Problem:
+    """First-order rows of what is hard about configurations (n, nq)."""
+
+    def __init__(self, motion: WholeMotion, q: Array) -> None:
+        self.motion, tasks = motion, motion.tasks
+        states = motion.states(q)
+        v = states.v[:-1]
+        limits, dt = tasks.robot.limits, tasks.targets.dt
+        joints = np.array([limits.joint_positions(one) for one in q])
+        past = np.maximum(limits.lower - joints, joints - limits.upper)
+        self.normal = NormalEquations(len(q), tasks.robot.nv)
+        self.feet, self.margins, self.cost = 0.0, 0.0, 0.0
+        self._feet(states)
+        self._near(q, states)
+        self.cost += motion.motors(v, self.normal, FIRMER)
+        motion.jerk(0.0 * v, self.normal, SMOOTH)
+        self.normal.seal()
+        # Joints near to their limits stay inside; those that were solved there are let go again.
+        self.joints = joints
+        self.lower = np.minimum(limits.lower + INSIDE, limits.upper)
+        self.upper = np.maximum(limits.upper - INSIDE, limits.lower)
+        self.cost += float(np.square(FIRM * np.maximum(past, 0.0)).sum())
+        fast, hard = v[:, BASE_NV:], np.diff(v[:, BASE_NV:], axis=0) / dt
+        self.found = Mended(
+            q,
+            self.feet,
+            max(float(past.max()), 0.0),
+            self.margins,
+            float((np.abs(fast) / limits.velocity).max()),
+            float((np.abs(hard) / motion.able).max()),
+        )
+
+    def _feet(self, states: StateSeries) -> None:
+        """Add the feet on the ground: level there, and nowhere to go while they stand.
+
+        Where they stand is where they are: a step may be set a little aside. What must not change
+        is the displacement from the footprint, which a foot that rolls over an edge keeps.
+        """
+        w = FIRM / self.motion.leg
+        for side in SIDES:
+            path = self.motion.tasks.targets.feet.paths[side]
+            e, J = self.motion.displaced(states, side)
+            on = path.down[:, None]
+            upright = np.array((w, FIRM, FIRM))
+            off = np.where(on, upright * e[:, 2:5], 0.0)
+            self._add(np.where(on[..., None], upright[:, None] * J[:, 2:5], 0.0), off)
+            stays = (path.down[1:] & path.down[:-1])[:, None]
+            level, weight = [0, 1, 5], np.array((w, w, FIRM))
+            slide = np.where(stays, weight * np.diff(e[:, level], axis=0), 0.0)
+            rows = weight[:, None] * J[:, level]
+            before, after = (np.where(stays[..., None], one, 0.0) for one in (rows[:-1], rows[1:]))
+            self.normal.add_first_differences(before, slide, after)
+            self.cost += float(np.square(slide).sum())
+            self.feet = max(self.feet, float(np.abs(off / upright).max()))
+            for first, end in runs(path.down):
+                way = e[first:end, level]
+                self.feet = max(self.feet, float(np.ptp(way, axis=0).max()))
+
+    def _near(self, q: Array, states: StateSeries) -> None:
+        """Add bodies near each other: those too near part, and none comes nearer."""
+        collision, robot = self.motion.collision, self.motion.tasks.robot
+        if collision is None:
+            return
+        frames, _, clearance, J = too_near(robot, collision, q, states, GRAZING)
+        if not frames.size:
+            return
+        self.margins = max(float(-clearance.min()), 0.0)
+        off = np.where(clearance < 0.0, clearance - CLEAR, 0.0)
+        w = FIRM / self.motion.leg
+        self._add(*padded(frames, w * J, w * off, len(q)))
+
+    def _add(self, rows: Array, off: Array) -> None:
+        self.normal.add(rows, off)
+        self.cost += float(np.square(off).sum())
+
+    def further(self, weight: float) -> Array:
+        """Return configurations (n, nq) further on, displacements weighing so much."""
+        joints, held = self.joints, np.zeros(self.joints.shape, dtype=bool)
+        more, pull = np.full(self.normal.slope.shape, weight**2), np.zeros(self.normal.slope.shape)
+        for _ in range(3):
+            room = np.where(joints > 0.5 * (self.lower + self.upper), self.upper, self.lower)
+            room = np.where(np.isfinite(room), room, joints)
+            more[:, BASE_NV:] = weight**2 + FIRM**2 * held
+            pull[:, BASE_NV:] = FIRM**2 * held * (joints - room)
+            step = self.normal.solved(more, pull)
+            goal = joints + step[:, BASE_NV:]
+            out: NDArray[np.bool_] = held | (goal > self.upper) | (goal < self.lower)
+            if np.array_equal(out, held):
+                break
+            held = out
+        return self.motion.further(self.found.q, step)
+
+
+def too_near(
+    robot: Robot, collision: SelfCollision, q: Array, states: StateSeries, limit: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
+    """Return pairs as :meth:`~wbc.SelfCollision.near` does, by the shapes of the robot's files.
+
+    Fitted ones contain them and are measured in no time: only what is too near by them is looked
+    at. Of a pair that is not too near by its raw shapes the clearance is 0.
+    """
+    frames, pairs, clearance, J = collision.near(q, states, limit)
+    seen = np.flatnonzero(clearance < 0.0)
+    if seen.size:
+        shapes = RawPairs(robot, collision.model.labels)
+        numbers = np.split(pairs[seen], np.flatnonzero(np.diff(frames[seen])) + 1)
+        found = np.concatenate(
+            [
+                shapes.too_near(q[k], own.tolist(), collision.margins)
+                for k, own in zip(np.unique(frames[seen]), numbers, strict=True)
+            ]
+        )
+        clearance[seen] = -found[:, 0]
+        told = found[:, 1:4].any(axis=1)
+        seen, found = seen[told], found[told]
+        both = np.column_stack((frames[seen], pairs[seen]))
+        J[seen] = collision.model.rows_of(states, both, found)
+    return frames, pairs, clearance, J
+
+
+def resettled(feet: FootPaths, robot: Robot, q: Array) -> tuple[FootPaths, list[str]]:
+    """Return ways of the feet with footprints where a robot has them (n, nq), and notes."""
+    soles, prints, notes = sole_series(robot, q), list[Footprint](), list[str]()
+    paths = dict(feet.paths)
+    for one in feet.prints:
+        path, T = paths[one.foot], soles[one.foot][one.first : one.end]
+        span = slice(one.first, one.end)
+        turns = T[:, :3, :3] @ np.swapaxes(path.rotation[span], 1, 2)
+        arm = (turns @ (path.place - path.origin)[span][..., None])[..., 0]
+        turn = float(np.mean(headings(turns)))
+        move = np.mean(T[:, :2, 3] - arm[:, :2] - path.origin[span, :2], axis=0)
+        far = float(np.linalg.norm(move))
+        if max(far, abs(turn)) < SAME:
+            prints.append(one)
+            continue
+        prints.append(replace(one, pose=one.pose + [*move, turn]))
+        paths[one.foot] = path.set_aside(span, move, turn)
+        if far > TOLD or abs(turn) > TOLD:
+            notes.append(
+                f"the {one.foot} foot stands {1e3 * far:.0f} mm and {np.degrees(turn):.1f} degrees"
+                f" aside from frame {one.first} to {one.end - 1}: the robot reaches no nearer"
+            )
+    return replace(feet, paths=paths, prints=tuple(prints)), notes
