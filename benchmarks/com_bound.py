@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull
 
 import wbc
 
-SIZES = (0.3, 0.7, 1.0, 1.5)  # s
+SIZES = (0.6, 1.0)  # s
 OTHER = 1e-3  # weight of the other axis
 TOLERANCE = 1e-3  # m
 LEAST = 2.0  # m/s^2: of the ground's push

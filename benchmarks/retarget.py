@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from com_bound import com_bound
 from disturbed import DT, plant_of, robot_named
 from human_walk import _rounded as rounded
 from qpbench.page import put_section
@@ -79,6 +80,7 @@ def figures(found: wbc.Retargeted, seconds: float) -> dict[str, Any]:
         "unbalanced_frames_percent": 100.0 * unbalanced_share(found),
         "length_scale": found.scale.length,
         "time_scale": found.scale.time,
+        "told_broken": [str(one) for one in found.broken],
         "notes": list(found.notes),
     }
 
@@ -263,7 +265,7 @@ def main() -> None:
         table = known.setdefault(path.stem, {})
         for name in options.robots if not options.only_physics else []:
             found, seconds = retargeted(human, name)
-            table[name] = rounded(figures(found, seconds))
+            table[name] = rounded({**figures(found, seconds), "com_bound": com_bound(found)})
             print(path.stem, name, json.dumps(table[name]), flush=True)
             if options.peer and name == options.robots[0]:
                 other = by_mink(human, found)

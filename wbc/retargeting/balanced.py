@@ -4,9 +4,9 @@ Over level ground the CoP p, CoM c and angular momentum k satisfy (with f = m (c
 
     c - p = h/(g + z'') c'' + n x k'/f_z ,
 
-so a CoP that is moved by d moves the CoM by e with e - h/(g + z'') e'' = d. That is solved over the
-whole motion at once, one tridiagonal system for x and for y; where the motion begins and ends,
-which nothing says, so that the CoM is moved least. No step is planned anew, none is lost.
+so a CoM that is moved by e moves its CoP by e - h/(g + z'') e''. The CoP has room inside the soles:
+of all ways with CoPs in there the CoM's is the one nearest to the human's, over the whole motion at
+once. No step is planned anew, none is lost.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
+from scipy.linalg import solve_banded, solveh_banded
 
 from wbc.errors import InvalidInputError
 from wbc.gait.legs import SIDES
@@ -27,8 +27,10 @@ from wbc.polygon import convex_hull, inset, nearest_point
 from wbc.validate import Array
 
 # The CoP's distance from the edge of the soles, as a part of the smaller sole's length.
-INSIDE = 0.07
+INSIDE = 0.05
 STRIP = 0.3  # of their width that is left out at each side of what is narrower than that
+# By displacements of the CoM: those of the CoP, and what is outside the soles; rounds of Newton's.
+SHIFTED, OUTSIDE, NEWTON = 1e-3, 1e3, 12
 LEAST_GRAVITY = 2.0  # m/s^2: below it, in the air or nearly so, there is no CoP
 
 
@@ -147,6 +149,104 @@ def clipped(cop: Array, stands: Sequence[SupportedFrames], *, edge: bool = False
         each = np.repeat(np.stack(hulls), [len(one) for one, _ in own], axis=0)
         found[frames] = nearest_point(each, cop[frames])
     return found
+
+
+def least_moved(
+    cop: Array, square: Array, dt: float, stands: Sequence[SupportedFrames]
+) -> tuple[Array, Array]:
+    """Return how the CoM has to move (n, 2) at least for its CoP to be inside the soles [m].
+
+    The least squares of the CoM's displacements and, by less, of the CoP's; what is left outside
+    counts much more, so that what cannot be is nearly met. Newton's method on the edges that are
+    passed, a band of x and y of five frames.
+
+    Parameters
+    ----------
+    cop:
+        That it would have (n, 2) [m]; NaN where the ground hardly pushes.
+    square:
+        h/(g + z'') (n,) [s^2].
+
+    Returns
+    -------
+    tuple
+        That, and where the CoP then is.
+    """
+    count = len(cop)
+    edges = _edges(stands, count)
+    edges[~np.isfinite(cop).all(axis=1)] = 0.0
+    edges[[0, -1]] = 0.0  # where the motion begins and ends nothing is known
+    ways = _ways(square, dt)
+    off, start, pressed = np.zeros((count, 2)), np.nan_to_num(cop), np.zeros(edges.shape[:2], bool)
+    for number in range(NEWTON):
+        now = start + _pressing(ways, off)
+        past = (edges[..., :2] @ now[..., None])[..., 0] - edges[..., 2]
+        if np.array_equal(past > 0.0, pressed) and number > 0:
+            break
+        pressed = past > 0.0
+        normals = np.where(pressed[..., None], edges[..., :2], 0.0)
+        H = OUTSIDE * np.swapaxes(normals, 1, 2) @ normals + SHIFTED * np.eye(2)
+        base = (edges[..., :2] @ start[..., None])[..., 0] - edges[..., 2]
+        slope = OUTSIDE * (np.swapaxes(normals, 1, 2) @ base[..., None])[..., 0]
+        off = _least(ways, H, slope)
+    return off, cop + _pressing(ways, off)
+
+
+def _edges(stands: Sequence[SupportedFrames], count: int) -> Array:
+    """Return outward normals and offsets (n, m, 3) of what frames stand on; zeros fill them up."""
+    hulls = [one.inner for one in stands]
+    found = np.zeros((count, max([len(hull) for hull in hulls] + [4]), 3))
+    for one, hull in zip(stands, hulls, strict=True):
+        ways = np.roll(hull, -1, axis=0) - hull
+        normals = ways[:, ::-1] * [1.0, -1.0] / np.linalg.norm(ways, axis=1)[:, None]
+        at = hull
+        if len(hull) == 2:  # a foot on its edge
+            along = ways[0] / np.linalg.norm(ways[0])
+            normals, at = np.vstack((normals, along, -along)), np.vstack((hull, hull[[1, 0]]))
+        planes = np.column_stack((normals, (normals * at).sum(axis=1)))
+        found[one.frames, : len(planes)] = planes
+    return found
+
+
+def pressing(off: Array, square: Array, dt: float) -> Array:
+    """Return the displacements (n, 2) of the CoP for those of the CoM (n, 2)."""
+    return _pressing(_ways(square, dt), off)
+
+
+def _ways(square: Array, dt: float) -> Array:
+    """Return how a frame's CoP hangs on the CoM before, in and after it (n, 3)."""
+    s = square / dt**2
+    s[[0, -1]] = 0.0
+    return np.column_stack((-s, 1.0 + 2.0 * s, -s))
+
+
+def _pressing(ways: Array, off: Array) -> Array:
+    found = ways[:, 1:2] * off
+    found[1:] += ways[1:, :1] * off[:-1]
+    found[:-1] += ways[:-1, 2:] * off[1:]
+    return found
+
+
+def _least(ways: Array, H: Array, slope: Array) -> Array:
+    """Return what minimises |e|^2/2 + sum_k p_k' H_k p_k/2 + slope_k' p_k, p of :func:`_pressing`."""
+    count = len(ways)
+    band, right = np.zeros((6, count, 2)), np.zeros((count + 2, 2))
+    band[0] += 1.0
+    for a in range(3):
+        right[a : count + a] += ways[:, a : a + 1] * slope
+        for b in range(a, 3):
+            block = (ways[:, a] * ways[:, b])[:, None, None] * H
+            # Column of frame k + a - 1, row of frame k + b - 1: number 2 (b - a) + j - i below.
+            first, end = (1, count) if a == 0 else (0, count - (b == 2))
+            columns = slice(first + a - 1, end + a - 1)
+            part = block[first:end]
+            for i in range(2):
+                for j in range(2):
+                    below = 2 * (b - a) + j - i
+                    if below >= 0 and (a != b or j >= i):
+                        band[below, columns, i] += part[:, j, i]
+    found = solveh_banded(band.reshape(6, -1), -right[1:-1].ravel(), lower=True)
+    return np.asarray(found.reshape(count, 2))
 
 
 def moved(shift: Array, square: Array, dt: float) -> Array:

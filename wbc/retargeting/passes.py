@@ -31,7 +31,7 @@ from wbc.validate import Array, finite_number, read_only
 RATE = 50.0  # Hz: of what trainers of policies read
 # Of the whole motion: a round that leaves WORSE times as much that is not kept is taken back, if
 # that is much, and damped MORE.
-SETTLED = 0.07  # rad or m: a round that moves nothing more than this is the last one
+SETTLED = 0.1  # rad or m: a round that moves nothing more than this is the last one
 WORSE, ASTRAY, MORE = 2.0, 5e-3, 5.0
 TRAPPED = 0.2  # rad or m: feet so far off after the first pass are behind something
 LEAST_ROUNDS, ROUNDS = 4, 14

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.gait.legs import SIDES, Legs, leg_joints
-from wbc.retargeting.balanced import clipped, cop_of, loads, moved
+from wbc.retargeting.balanced import cop_of, least_moved, loads, pressing
 from wbc.retargeting.body_map import BodyMap
 from wbc.retargeting.footsteps import FootPath, FootPaths, foot_paths, pitched
 from wbc.retargeting.scaling import MotionScale, StandingBody
@@ -138,11 +138,11 @@ def balanced(targets: Targets, robot: Robot, k: Array, com: Array | None = None)
     dt = targets.dt
     k_rate = np.gradient(k, dt, axis=0)
     cop, square = cop_of(targets.com if com is None else com, k_rate, robot.mass, robot.gravity, dt)
-    goal = clipped(cop, targets.feet.supports)
+    # From the human's on: what was moved before may be taken back.
+    before = targets.com[:, :2] - targets.human_com[:, :2]
+    off, goal = least_moved(cop - pressing(before, square, dt), square, dt, targets.feet.supports)
     moving = targets.com.copy()
-    moving[:, :2] += moved(goal - cop, square, dt)
     # What cannot be balanced is not balanced by a CoM that runs away from the human's.
-    off = moving[:, :2] - targets.human_com[:, :2]
     part = np.linalg.norm(off, axis=1) / (FARTHEST * float(np.mean(targets.com[:, 2])))
     off /= ((1.0 + part**SUDDEN) ** (1.0 / SUDDEN))[:, None]
     moving[:, :2] = targets.human_com[:, :2] + off
