@@ -44,7 +44,6 @@ FIRST, SECOND, THIRD = (-1.0, 1.0), (1.0, -2.0, 1.0), (-1.0, 3.0, -3.0, 1.0)
 # third root of their weights.
 CUTOFF = 5.0  # Hz
 NEAR, KEPT = 8e-3, 2e-3  # m: bodies so near to their margin are looked at, and kept so far off
-FARTHER, BESIDE = 1e-3, 2  # m, frames: where margins are broken all the same
 INSIDE = 2e-3  # rad: from the limits
 ACTIVE_SETS = 2  # of joints at their limits, that are tried in a round
 DAMPED = 2.0  # weight of displacements (Levenberg and Marquardt): rows are of first order only
@@ -107,7 +106,6 @@ class WholeMotion:
         self.able = able_accelerations(tasks.robot)
         joints = len(tasks.targets.time), tasks.robot.nv - BASE_NV
         self._held = np.zeros(joints, dtype=bool)  # at their limits
-        self._kept = np.full(len(tasks.targets.time), KEPT)
 
     def states(self, q: Array) -> StateSeries:
         """Return what is known of configurations (n, nq), which move from each to the next."""
@@ -141,11 +139,6 @@ class WholeMotion:
         robot = self.tasks.robot
         return np.array([robot.integrate(one, d, 1.0) for one, d in zip(q, step, strict=True)])
 
-    def keep_off(self, frames: NDArray[np.bool_]) -> None:
-        """Keep bodies farther from their margins in some frames (n,), and beside them."""
-        wide = np.convolve(frames, np.ones(2 * BESIDE + 1), "same") > 0.0
-        self._kept[wide] = np.minimum(self._kept[wide] + FARTHER, NEAR)
-
     def judge(self, q: Array) -> None:
         """Set what configurations (n, nq) violate."""
         states = self.states(q)
@@ -174,7 +167,7 @@ class WholeMotion:
             return []
         self.broken = max(float(-clearance.min()), 0.0)
         self._violated(-clearance)
-        off = np.minimum(clearance - self._kept[frames], 0.0)
+        off = np.minimum(clearance - KEPT, 0.0)
         w = APART / self.leg
         return [padded(frames, w * J, w * off, len(q))]
 

@@ -34,22 +34,14 @@ class RawPairs:
         names = [[one.partition("/")[0] for one in label.split(" vs ")] for label in labels]
         self._pairs = [tuple(named[name] for name in pair) for pair in names]
 
-    def apart(self, q: Array, pairs: Sequence[int], margins: Array) -> bool:
-        """Whether some pairs, by their numbers, keep margins (N,) [m] at a configuration (nq,)."""
-        self._place(q)
-        return not any(self._nearer(k, float(margins[k])) for k in pairs)
-
     def too_near(self, q: Array, pairs: Sequence[int], margins: Array) -> Array:
         """Return how near some pairs are that break margins (N,) [m]: (k, 7), zeros of others.
 
         By how much [m], the unit vector from the second body to the first, zero where they meet,
         and the nearest point of the first.
         """
-        self._place(q)
-        return np.array([self._too_near(k, float(margins[k])) for k in pairs])
-
-    def _place(self, q: Array) -> None:
         pin.forwardKinematics(self.robot.model, self._data, q)
+        return np.array([self._too_near(k, float(margins[k])) for k in pairs])
 
     def _placed(self, k: int) -> list[object]:
         placed = list[object]()
@@ -58,16 +50,13 @@ class RawPairs:
             placed += [shape.geometry, coal.Transform3s(T.rotation, T.translation)]
         return placed
 
-    def _nearer(self, k: int, margin: float) -> bool:
+    def _too_near(self, k: int, margin: float) -> Array:
+        found, solids = np.zeros(7), self._placed(k)
         request = coal.CollisionRequest()
         request.security_margin = margin
-        return bool(coal.collide(*self._placed(k), request, coal.CollisionResult()))
-
-    def _too_near(self, k: int, margin: float) -> Array:
-        found = np.zeros(7)
-        if self._nearer(k, margin):
+        if coal.collide(*solids, request, coal.CollisionResult()):  # meshes' distances take long
             result = coal.DistanceResult()
-            distance = coal.distance(*self._placed(k), coal.DistanceRequest(), result)
+            distance = coal.distance(*solids, coal.DistanceRequest(), result)
             found[0] = max(margin - float(distance), 0.0)
             a, b = result.getNearestPoint1(), result.getNearestPoint2()
             if distance > MEETING:  # meshes have no normal
