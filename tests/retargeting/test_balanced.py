@@ -57,7 +57,7 @@ def test_the_com_is_moved_as_little_as_a_qp_says(cop: Array, rng: np.random.Gene
     best = qpsolvers.solve_qp(P, np.zeros(2 * COUNT), G, h, solver="proxqp", eps_abs=1e-9)
     assert best is not None
     # What is outside is weighted, not forbidden: by 1000 times as much as the CoM.
-    np.testing.assert_allclose(off, best.reshape(COUNT, 2), atol=1e-4)
+    np.testing.assert_allclose(off, best.reshape(COUNT, 2), atol=1e-3)
 
 
 def test_a_cop_that_is_inside_already_moves_nothing() -> None:

@@ -3,9 +3,9 @@
 Where a motion was solved with its tasks, these pull at limits, margins and feet: weights make of
 that a compromise. Here nothing pulls: displacements d of all frames minimise
 
-    sum_k |w h_k(d)|^2 + |mu (D^3 d)_k/dt^3|^2 + lambda^2 |d_k|^2 ,
+    sum_k |w h_k(d)|^2 + |mu (D^3 d)_k/dt^3|^2 + lambda^2 |d_k|^2
 
-h the feet on the ground, what passes a limit, a margin (by the shapes of the robot's files), a
+and, by what tasks weigh, how they change CoM and momentum; h the feet on the ground, what passes a limit, a margin (by the shapes of the robot's files), a
 speed or an acceleration of a joint. What can be kept is met to rounding in a few rounds (Levenberg
 and Marquardt's).
 """
@@ -100,6 +100,11 @@ class _Problem:
         self._near(q, states)
         self.cost += motion.motors(v, self.normal, FIRMER)
         motion.jerk(0.0 * v, self.normal, SMOOTH)
+        # What is balanced stays so as far as it can.
+        self._add(
+            tasks.com.weight[:, None] * states.part("com_jacobian", 3, -1), np.zeros((len(q), 3))
+        )
+        motion.momentum(states, self.normal, stays=True)
         self.normal.seal()
         # Joints near to their limits stay inside; those that were solved there are let go again.
         self.joints = joints

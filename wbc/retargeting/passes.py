@@ -42,6 +42,9 @@ FRICTION, MARGIN = 0.6, 0.01
 # What is hard and cannot be kept is tried again, with so much less asked of the CoM, in so many
 # times the time if joints would have to be faster or stronger.
 TRIES, SOFTER, SLOWER = 4, 0.5, 1.2
+# Joints that would be faster than they are by this and no more make the motion slower at once, by as
+# much and a little, and again each time that this was not enough.
+NEARLY, TOO_SLOW, MORE_SLOWLY = 1.02, 2.0, 0.03
 
 
 def retarget(
@@ -135,15 +138,23 @@ def retarget(
     legs, body, standing, collision = known.legs, known.body, known.standing, known.collision
     scale = scale_of(human, robot, legs, standing, duration)
     asked, notes = scale.time, list(body.notes)
+    softer = 0
     for number in range(TRIES):
         low = human.cutoff if cutoff is None else cutoff
         source = human_frames(human, rate * scale.time, low, roll)
         targets = scaled_targets(source, robot, legs, body, standing, scale, balance)
         tasks = FrameTasks(robot, body, targets, weights, legs.length)
         motion = WholeMotion(tasks, collision, legs.length)
-        found = mended(motion, _solved(motion, source.series.axes, rounds, balance, progress))
+        q = _solved(motion, source.series.axes, rounds, balance, progress)
+        # Joints that are a little too slow spoil a motion in its own time.
+        speed = motion.fastest(q)
+        if NEARLY < speed < TOO_SLOW and number < TRIES - 1:
+            scale = replace(scale, time=scale.time * speed * (1.0 + (number + 1) * MORE_SLOWLY))
+            continue
+        found = mended(motion, q)
         if found.kept or number == TRIES - 1:
             break
+        softer += 1
         # With less asked of CoM and momentum it may, and with more time motors be strong enough.
         weights = replace(weights, com=SOFTER * weights.com, momentum=SOFTER**2 * weights.momentum)
         if max(found.speed, found.force) > 1.0:
@@ -153,9 +164,9 @@ def retarget(
             f"{scale.time / asked:.2f} times as slow as asked for: joints of {robot.name} are no"
             " faster, or no stronger"
         )
-    if number > 0:
+    if softer > 0:
         notes.append(
-            f"CoM and momentum weigh less, {SOFTER**number:g} and {SOFTER ** (2 * number):g} times:"
+            f"CoM and momentum weigh less, {SOFTER**softer:g} and {SOFTER ** (2 * softer):g} times:"
             " limits and margins leave no more"
         )
     feet, moved = resettled(tasks.targets.feet, robot, found.q)

@@ -123,7 +123,7 @@ class WholeMotion:
         normal = NormalEquations(*A.shape[::2])
         normal.add(A, e)
         self._posture(joints, normal)
-        self._momentum(states.part("centroidal_map", 6, -1)[:-1], v, normal)
+        self.momentum(states, normal)
         self.jerk(v, normal)
         self.motors(v, normal)
         normal.diagonal[:, 0] += self.damping**2
@@ -138,6 +138,11 @@ class WholeMotion:
         self.moved = float(np.abs(step).max())
         robot = self.tasks.robot
         return np.array([robot.integrate(one, d, 1.0) for one, d in zip(q, step, strict=True)])
+
+    def fastest(self, q: Array) -> float:
+        """Return the largest speed of a joint by its limit."""
+        self._looked_at(q, velocities(self.tasks.robot, q, self.tasks.targets.dt))
+        return self.speed
 
     def judge(self, q: Array) -> None:
         """Set what configurations (n, nq) violate."""
@@ -254,12 +259,17 @@ class WholeMotion:
     def _violated(self, by: Array) -> None:
         self.violation = max(self.violation, float(by.max()))
 
-    def _momentum(self, maps: Array, v: Array, normal: NormalEquations) -> None:
-        """Add the rows of the momentum between frames, and of its rate."""
+    def momentum(
+        self, states: StateSeries, normal: NormalEquations, *, stays: bool = False
+    ) -> None:
+        """Add the rows of the momentum between frames, and of its rate; or that both ``stay``."""
         tasks, targets = self.tasks, self.tasks.targets
         dt, robot, k = targets.dt, tasks.robot, targets.angular_momentum
+        maps, v = states.part("centroidal_map", 6, -1)[:-1], states.v[:-1]
         wanted = np.hstack((robot.mass * np.diff(targets.com, axis=0) / dt, 0.5 * (k[:-1] + k[1:])))
         off = (maps @ v[..., None])[..., 0] - wanted
+        if stays:
+            off[:] = 0.0
         w = tasks.momentum
         A = w[:, None] * maps[:, 3:] / dt
         normal.add_first_differences(A, w * off[:, 3:])
