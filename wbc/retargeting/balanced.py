@@ -177,7 +177,8 @@ def least_moved(
     edges[~np.isfinite(cop).all(axis=1)] = 0.0
     edges[[0, -1]] = 0.0  # where the motion begins and ends nothing is known
     ways = _ways(square, dt)
-    off, start, pressed = np.zeros((count, 2)), np.nan_to_num(cop), np.zeros(edges.shape[:2], bool)
+    off: Array = np.zeros((count, 2))
+    start, pressed = np.nan_to_num(cop), np.zeros(edges.shape[:2], dtype=bool)
     for number in range(NEWTON):
         now = start + _pressing(ways, off)
         past = (edges[..., :2] @ now[..., None])[..., 0] - edges[..., 2]
@@ -228,7 +229,7 @@ def _pressing(ways: Array, off: Array) -> Array:
 
 
 def _least(ways: Array, H: Array, slope: Array) -> Array:
-    """Return what minimises |e|^2/2 + sum_k p_k' H_k p_k/2 + slope_k' p_k, p of :func:`_pressing`."""
+    """Return what minimises |e|^2/2 + sum_k p_k' H_k p_k/2 + slope_k' p_k, p by ``ways`` of e."""
     count = len(ways)
     band, right = np.zeros((6, count, 2)), np.zeros((count + 2, 2))
     band[0] += 1.0

@@ -5,9 +5,9 @@ that a compromise. Here nothing pulls: displacements d of all frames minimise
 
     sum_k |w h_k(d)|^2 + |mu (D^3 d)_k/dt^3|^2 + lambda^2 |d_k|^2
 
-and, by what tasks weigh, how they change CoM and momentum; h the feet on the ground, what passes a limit, a margin (by the shapes of the robot's files), a
-speed or an acceleration of a joint. What can be kept is met to rounding in a few rounds (Levenberg
-and Marquardt's).
+and, by what tasks weigh, what they change of CoM and momentum; h are the feet on the ground, what
+passes a limit, a margin (by the shapes of the robot's files), a speed or an acceleration of a
+joint. What can be kept is met to rounding in a few rounds (Levenberg and Marquardt's).
 """
 
 from __future__ import annotations

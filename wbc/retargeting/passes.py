@@ -42,8 +42,8 @@ FRICTION, MARGIN = 0.6, 0.01
 # What is hard and cannot be kept is tried again, with so much less asked of the CoM, in so many
 # times the time if joints would have to be faster or stronger.
 TRIES, SOFTER, SLOWER = 4, 0.5, 1.2
-# Joints that would be faster than they are by this and no more make the motion slower at once, by as
-# much and a little, and again each time that this was not enough.
+# Joints that would be faster than they are by this and no more make the motion slower at once, by
+# as much and a little, and again each time that this was not enough.
 NEARLY, TOO_SLOW, MORE_SLOWLY = 1.02, 2.0, 0.03
 
 
