@@ -183,7 +183,7 @@ def section(known: dict[str, Any]) -> str:
     lines = ["## Human motion on humanoids", ""]
     heads = (
         "recording, robot", "frames", "per s", "slide mm", "margin broken mm", "past limits rad",
-        "speed", "acceleration", "torque", "CoM x y z", "angular momentum x y z", "all of it",
+        "speed", "acceleration", "torque", "CoM x y z", "x y at best", "angular momentum x y z", "all of it",
         "long axis deg", "unbalanced frames %", "CoP outside mm", "time",
     )  # fmt: skip
     lines += [f"| {' | '.join(heads)} |", "| --- |" + " ---: |" * (len(heads) - 1)]
@@ -198,6 +198,7 @@ def section(known: dict[str, Any]) -> str:
                 f"{one['margin_broken_mm']:.1f}", f"{one['past_limits_rad']:.0e}",
                 *(f"{one[k]:.2f}" for k in KINDS),
                 " ".join(f"{v:.2f}" for v in one["com_correlation"]),
+                " ".join(f"{v:.2f}" for v in one.get("com_bound", ())),
                 " ".join(f"{v:.2f}" for v in one["angular_momentum_correlation"]),
                 f"{one['angular_momentum_together']:.2f}",
                 f"{axis:.1f}", f"{one['unbalanced_frames_percent']:.0f}",
@@ -219,7 +220,8 @@ def section(known: dict[str, Any]) -> str:
     lines.append("")
     lines.append(
         "Speeds, accelerations and torques by what joints and motors can; correlations with the"
-        " human's, scaled; long axis: from the human's at most; time: by the human's. Frames per"
+        " human's, scaled; x y at best: of any CoM at the human's height and with its momentum whose"
+        " CoP is within the robot's soles (benchmarks/com_bound.py); long axis: from the human's at most; time: by the human's. Frames per"
         " second of CPU time on a machine that much other work shared. Command: `python"
         " benchmarks/retarget.py RECORDING ... -o benchmarks/retarget.json --page"
         " benchmarks/RESULTS.md`."
