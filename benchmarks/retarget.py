@@ -183,8 +183,8 @@ def section(known: dict[str, Any]) -> str:
     lines = ["## Human motion on humanoids", ""]
     heads = (
         "recording, robot", "frames", "per s", "slide mm", "margin broken mm", "past limits rad",
-        "speed", "acceleration", "torque", "CoM x y z", "x y at best", "angular momentum x y z", "all of it",
-        "long axis deg", "unbalanced frames %", "CoP outside mm", "time",
+        "speed", "acceleration", "torque", "CoM x y z", "x y at best", "angular momentum x y z",
+        "all of it", "long axis deg", "unbalanced frames %", "CoP outside mm", "time",
     )  # fmt: skip
     lines += [f"| {' | '.join(heads)} |", "| --- |" + " ---: |" * (len(heads) - 1)]
     walks = list[list[dict[str, Any]]]()
@@ -220,9 +220,9 @@ def section(known: dict[str, Any]) -> str:
     lines.append("")
     lines.append(
         "Speeds, accelerations and torques by what joints and motors can; correlations with the"
-        " human's, scaled; x y at best: of any CoM at the human's height and with its momentum whose"
-        " CoP is within the robot's soles (benchmarks/com_bound.py); long axis: from the human's at most; time: by the human's. Frames per"
-        " second of CPU time on a machine that much other work shared. Command: `python"
+        " human's, scaled; x y at best: of any CoM at the human's height and with its momentum"
+        " whose CoP is within the robot's soles (benchmarks/com_bound.py); long axis: from the"
+        " human's at most; time: by the human's. Frames per second of CPU time on a machine that much other work shared. Command: `python"
         " benchmarks/retarget.py RECORDING ... -o benchmarks/retarget.json --page"
         " benchmarks/RESULTS.md`."
     )
