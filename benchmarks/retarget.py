@@ -222,7 +222,8 @@ def section(known: dict[str, Any]) -> str:
         "Speeds, accelerations and torques by what joints and motors can; correlations with the"
         " human's, scaled; x y at best: of any CoM at the human's height and with its momentum"
         " whose CoP is within the robot's soles (benchmarks/com_bound.py); long axis: from the"
-        " human's at most; time: by the human's. Frames per second of CPU time on a machine that much other work shared. Command: `python"
+        " human's at most; time: by the human's. Frames per second of CPU time on a machine that"
+        " much other work shared. Command: `python"
         " benchmarks/retarget.py RECORDING ... -o benchmarks/retarget.json --page"
         " benchmarks/RESULTS.md`."
     )
