@@ -139,6 +139,7 @@ def retarget(
     scale = scale_of(human, robot, legs, standing, duration)
     asked, notes = scale.time, list(body.notes)
     softer = 0
+    hurried: tuple[WholeMotion, Array, MotionScale] | None = None
     for number in range(TRIES):
         low = human.cutoff if cutoff is None else cutoff
         source = human_frames(human, rate * scale.time, low, roll)
@@ -149,6 +150,7 @@ def retarget(
         # Joints that are a little too slow spoil a motion in its own time.
         speed = motion.fastest(q)
         if NEARLY < speed < TOO_SLOW and number < TRIES - 1:
+            hurried = (motion, q, scale) if hurried is None else hurried
             scale = replace(scale, time=scale.time * speed * (1.0 + (number + 1) * MORE_SLOWLY))
             continue
         found = mended(motion, q)
@@ -159,6 +161,10 @@ def retarget(
         weights = replace(weights, com=SOFTER * weights.com, momentum=SOFTER**2 * weights.momentum)
         if max(found.speed, found.force) > 1.0:
             scale = replace(scale, time=SLOWER * scale.time)
+    if hurried is not None and not found.kept:  # slower it is not kept either: in its own time
+        again = mended(hurried[0], hurried[1])
+        if again.kept:
+            found, (motion, _, scale), softer = again, hurried, 0
     if scale.time != asked:
         notes.append(
             f"{scale.time / asked:.2f} times as slow as asked for: joints of {robot.name} are no"
@@ -169,8 +175,8 @@ def retarget(
             f"CoM and momentum weigh less, {SOFTER**softer:g} and {SOFTER ** (2 * softer):g} times:"
             " limits and margins leave no more"
         )
-    feet, moved = resettled(tasks.targets.feet, robot, found.q)
-    targets = replace(tasks.targets, feet=feet)
+    feet, moved = resettled(motion.tasks.targets.feet, robot, found.q)
+    targets = replace(motion.tasks.targets, feet=feet)
     notes += [*targets.notes, *moved]
     return judged(
         robot, known, human.motion.source, scale, targets, found.q, friction, tuple(notes)
