@@ -24,7 +24,7 @@ ALLOWED: dict[str, dict[str, str]] = {
     "docs/experiments.md": {SHOWN: "65 %"},
     "docs/figures.md": {
         CONDITIONS: "1e-3 rad; 0.05 rad/s; 2 ms; 10 %; 5 ms; 10 mm; 1 ms; 500 Hz; 1.2 rad; 5 mm;"
-        " 4 ms; 0.25 ms; 0.8 m/s; 0.4; 0.5 m/s; 7 cm; 0, 45 and 90 degrees;"
+        " 4 ms; 5 %; 0.25 ms; 0.8 m/s; 0.4; 0.5 m/s; 7 cm; 0, 45 and 90 degrees;"
         " 6 and 10 cm; 90 degrees; 6 degrees; 2 cm; 15 cm; 18, 12 and 12 s; 15 %",
         "what was wanted": "1.10 times",
         "omega T / (1 - exp(-omega T)) of a tenth of a second": "1.21",
