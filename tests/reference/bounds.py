@@ -11,6 +11,7 @@ from tests.reference.state import AXES, Array, State
 # Of margins: skin [m], deceleration [m/s^2], gain, recovery, its speed [m/s], interior.
 SKIN, DECELERATION, GAIN, RECOVERY, BACK, INTERIOR, PART = 1e-4, 5.0, 0.5, 0.2, 0.1, 1e-3, 0.01
 ARRIVAL, HARDER, HARDEST = 0.02, 2.0, 20.0  # torque level: s, of braking, m/s^2 at margins
+LEAVING = 5.0  # rad/s^2 of each joint, out of margins at the torque level
 GROWN = 1e-7  # m, by which a violation may grow in a tick
 
 
@@ -133,7 +134,11 @@ def margin_rows(
     least = np.minimum(least, reachable)
     if not pushed.any():
         return J, least, []
-    return J, least, [Cost(J[pushed], np.minimum(back, reachable)[pushed], 1.0)]
+    if torque:
+        rate, change = J @ state.v, LEAVING * dt * np.sqrt(np.square(J[:, 6:]).sum(axis=1))
+        back = np.minimum(back, np.minimum(reachable, np.maximum(rate, 0.0) + change))
+        back = np.maximum(back, rate - change)
+    return J, least, [Cost(J[pushed], back[pushed], 1.0)]
 
 
 def cutting_planes(
