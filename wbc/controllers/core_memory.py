@@ -309,7 +309,7 @@ class CoreMemory:
         if "order" not in self.arrays or self.arrays["order"].size < order:
             before = self._usual
             self._put("order", np.zeros(order, dtype=np.int64))
-            begin = 2 * (n + k + 1)  # as usual_columns in source/problem.h
+            begin = 2 * n + k + 1  # as usual_columns in source/problem.h
             self._usual = self.arrays["order"][begin : begin + k]
             self._usual[: before.size] = before
         self._reduced.clear()

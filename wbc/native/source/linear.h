@@ -49,29 +49,21 @@ INLINE double dot(int64_t n, const double *a, const double *b) {
     return ((p + t) + (r + v)) + ((q + u) + (s + w));
 }
 
-/* to += c' R for four rows of n entries, stride apart. */
-INLINE void add_four(int64_t n, double w, double x, double y, double z, const double *a,
-                     int64_t stride, double *restrict to) {
-    const double *b = a + stride, *d = b + stride, *e = d + stride;
-    if (w == 0.0 && x == 0.0 && y == 0.0 && z == 0.0) return;
-    for (int64_t j = 0; j < n; j++) to[j] += (w * a[j] + x * b[j]) + (y * d[j] + z * e[j]);
-}
-
-/* The same for k rows; four at a time: a quarter of the traffic of to. */
+/* to += c' R for k rows of n entries, stride apart; four at a time: a quarter of the traffic of to. */
 INLINE void add_rows(int64_t n, int64_t k, const double *c, const double *rows, int64_t stride,
                      double *restrict to) {
-    int64_t r = 0;
-    for (; r + 4 <= k; r += 4)
-        add_four(n, c[r], c[r + 1], c[r + 2], c[r + 3], rows + r * stride, stride, to);
-    const double *a = rows + r * stride;
-    if (k - r == 3) {
-        const double w = c[r], x = c[r + 1], y = c[r + 2], *b = a + stride, *d = b + stride;
-        for (int64_t j = 0; j < n; j++) to[j] += (w * a[j] + x * b[j]) + y * d[j];
-    } else if (k - r == 2) {
-        const double w = c[r], x = c[r + 1], *b = a + stride;
-        for (int64_t j = 0; j < n; j++) to[j] += w * a[j] + x * b[j];
-    } else if (k - r == 1)
-        for (int64_t j = 0; j < n; j++) to[j] += c[r] * a[j];
+    for (int64_t r = 0; r < k; r += 4) {
+        const double *row[4];
+        double by[4];
+        for (int i = 0; i < 4; i++) {
+            by[i] = r + i < k ? c[r + i] : 0.0;
+            row[i] = rows + (r + i < k ? r + i : r) * stride;
+        }
+        const double *a = row[0], *b = row[1], *d = row[2], *e = row[3];
+        const double w = by[0], x = by[1], y = by[2], z = by[3];
+        if (w == 0.0 && x == 0.0 && y == 0.0 && z == 0.0) continue;
+        for (int64_t j = 0; j < n; j++) to[j] += (w * a[j] + x * b[j]) + (y * d[j] + z * e[j]);
+    }
 }
 
 static inline void cross3(const double *a, const double *b, double *out) {

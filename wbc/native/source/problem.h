@@ -3,7 +3,6 @@
 #define WBC_PROBLEM_H
 
 #include "core.h"
-#include "reduce.h"
 #include "solve.h"
 
 /* Not of the library's interface. */
@@ -28,7 +27,7 @@ static inline int64_t most_equalities(const wbc_plan *plan) {
 /* In plan->order, behind what reduce works in: the columns that were eliminated (k), which last from
  * tick to tick, then numbers of pairs, then what the active-set method works in. */
 static inline int64_t *usual_columns(const wbc_plan *plan, const wbc_qp *first) {
-    return plan->order + reduced_integers(first->n, most_equalities(plan));
+    return plan->order + 2 * first->n + most_equalities(plan) + 1;
 }
 
 /* Whether its numbers are finite, and lower bounds below upper ones. */

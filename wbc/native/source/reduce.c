@@ -6,8 +6,6 @@
  *                                         and C x = (C_i + C_d G) x_i + C_d h
  *
  * has no equalities and a third fewer unknowns. Multipliers of A follow from the gradient.
- *
- * Rows of few unknowns (closed loops, gears) come first, while there are few columns to work on.
  */
 #include "reduce.h"
 #include "active_set.h"
@@ -22,8 +20,6 @@ static const double CONTRADICTED = 1e-6; /* by what such a row misses: no x of l
 static const double PREFERENCE = 10.0;
 /* So is what a row had in the last tick, where others solve the reduced QP: they start from there. */
 static const double USUAL = 4.0;
-/* Unknowns of a row that comes first, and rows that are worked out together. */
-enum { FEW = 8, PANEL = 4 };
 
 static int is_free(const wbc_qp *qp, int64_t i) {
     return qp->upper[i] == INFINITY && qp->lower[i] == -INFINITY;
@@ -32,10 +28,9 @@ static int is_free(const wbc_qp *qp, int64_t i) {
 void place(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r) {
     const int64_t n = qp->n, k = qp->k;
     r->rank = k, r->order = order, r->touched = order + n, r->row = r->touched + n;
-    r->place = r->row + k + 1;
     r->W = scratch;
-    r->wide = r->W + k * PADDED(n + 1);
-    r->h = r->wide + PADDED(n + 1);
+    r->inverse = r->W + k * PADDED(n + 1);
+    r->h = r->inverse + k * k;
     r->gradient = r->h + k;
     r->factor = r->gradient + n;
     r->G = r->factor + k;
@@ -45,8 +40,8 @@ void place(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r) {
 static void place_rest(const wbc_qp *qp, reduced *r) {
     const int64_t left = r->left = qp->n - r->rank, most = left + qp->m + r->rank;
     r->stride = PADDED(left);
-    r->full = r->G + r->rank * r->stride;
-    r->H = r->full + r->rank * r->stride;
+    r->half = r->G + r->rank * r->stride;
+    r->H = r->half + r->rank * r->stride;
     r->f = r->H + left * left;
     r->low = r->f + left;
     r->up = r->low + most;
@@ -59,10 +54,10 @@ static void place_rest(const wbc_qp *qp, reduced *r) {
 
 int64_t reduced_numbers(int64_t n, int64_t k, int64_t m) {
     const int64_t most = n + m, w = PADDED(n + 1);
-    return (3 * k + 1) * w + 2 * k + n + n * n + 2 * n + 3 * most + (m + k) * n + n * w;
+    return k * w + k * k + 2 * k + n + 2 * k * w + n * n + 2 * n + 3 * most + (m + k) * n + n * w;
 }
 
-int64_t reduced_integers(int64_t n, int64_t k) { return 2 * n + 2 * k + 2; }
+int64_t reduced_integers(int64_t n, int64_t k) { return 2 * n + k + 1; }
 
 int is_reduced(const wbc_qp *qp, const int64_t *order) { return order[2 * qp->n + qp->k] >= 0; }
 
@@ -85,35 +80,15 @@ INLINE int64_t touched_columns(const wbc_qp *qp, double *restrict sum, int64_t *
     return count;
 }
 
-/* Write the rows of A, those of few unknowns first. */
-INLINE void order_rows(const wbc_qp *qp, int pivoted, int64_t *row) {
-    int64_t first = 0;
-    for (int64_t r = 0; r < qp->k; r++) {
-        int64_t many = 0;
-        for (int64_t c = 0; c < qp->n && many <= FEW; c++) many += qp->A[r * qp->n + c] != 0.0;
-        row[r] = r;
-        if (pivoted || many > FEW) continue;
-        memmove(row + first + 1, row + first, (r - first) * sizeof *row);
-        row[first++] = r;
-    }
-}
-
-/* By how much row i of W is bound by a pivot; of the columns that are not pivots yet, whose liking is
- * not 0, its best, or -1. */
-INLINE double best_pivot(const reduced *of, int64_t i, int64_t count, const int64_t *usual,
-                         int64_t *chosen) {
+/* By how much row i of W is bound by a pivot; of the columns that are not pivots yet its best. */
+INLINE double best_pivot(const reduced *of, int64_t i, int64_t r, int64_t count,
+                         const int64_t *place, const int64_t *usual, int64_t *chosen) {
     const double *row = of->W + i * PADDED(count + 1), *liking = of->gradient;
-    double most = 0.0;
-    *chosen = -1;
-    for (int64_t c = 0; c < count; c++) {
-        const double size = fabs(row[c]) * liking[c];
+    double most = -1.0;
+    for (int64_t c = r; c < count; c++) {
+        double size = fabs(row[place[c]]) * liking[place[c]];
+        if (usual && usual[of->row[i]] == of->touched[place[c]] + 1) size *= USUAL;
         if (size > most) most = size, *chosen = c;
-    }
-    for (int64_t c = 0; usual && c < count; c++) {
-        if (usual[of->row[i]] != of->touched[c] + 1) continue;
-        const double size = USUAL * fabs(row[c]) * liking[c];
-        if (size > most) most = size, *chosen = c;
-        break;
     }
     return most;
 }
@@ -130,91 +105,56 @@ static void swap_rows(reduced *of, int64_t i, int64_t j, int64_t width) {
 
 /* A row of which the rows above leave next to nothing but an end contradicts them: y, the combination
  * of rows of A that is 0, but of b below 0. */
-static void contradict(const wbc_qp *qp, const reduced *of, int64_t r, int64_t count) {
+static void contradict(const wbc_qp *qp, const reduced *of, int64_t r, int64_t count,
+                       const int64_t *place) {
     const double *row = of->W + r * PADDED(count + 1);
     const double sign = row[count] > 0.0 ? -1.0 : 1.0;
     memset(qp->y, 0, qp->k * sizeof *qp->y);
-    for (int64_t s = 0; s < r; s++) qp->y[of->row[s]] = sign * row[of->order[s]];
+    for (int64_t s = 0; s < r; s++) qp->y[of->row[s]] = sign * row[place[s]];
     qp->y[of->row[r]] = sign;
 }
 
-/* Take row r of W out of another, of which its pivot becomes 0. */
-INLINE void take_out(const reduced *of, int64_t r, int64_t width, double *restrict to) {
-    const double *restrict top = of->W + r * width, by = to[of->order[r]];
-    to[of->order[r]] = 0.0;
-    for (int64_t c = 0; c < width && by != 0.0; c++) to[c] -= by * top[c];
-}
-
-/* The same with rows [begin, end), at most four, which are 0 outside [first, last) but for the last block of
- * four columns. */
-INLINE void take_all_out(const reduced *of, int64_t begin, int64_t end, int64_t width, int64_t first,
-                         int64_t last, double *restrict to) {
-    double by[PANEL] = {0.0, 0.0, 0.0, 0.0};
-    const double *top[PANEL];
-    for (int64_t s = 0; s < PANEL; s++) {
-        const int64_t r = begin + s < end ? begin + s : begin, pivot = of->order[r];
-        top[s] = of->W + r * width;
-        if (r == begin + s) by[s] = to[pivot], to[pivot] = 0.0;
-    }
-    const double w = by[0], x = by[1], y = by[2], z = by[3];
-    const double *a = top[0], *b = top[1], *d = top[2], *e = top[3];
-    if (w == 0.0 && x == 0.0 && y == 0.0 && z == 0.0) return;
-    for (int64_t c = first; c < last; c++) to[c] -= (w * a[c] + x * b[c]) + (y * d[c] + z * e[c]);
-    for (int64_t c = width - 4; c < width && last < width; c++)
-        to[c] -= (w * a[c] + x * b[c]) + (y * d[c] + z * e[c]);
-}
-
-INLINE int is_block_zero(const double *top, int64_t rows, int64_t width) {
-    for (int64_t s = 0; s < rows; s++, top += width)
-        if (top[0] != 0.0 || top[1] != 0.0 || top[2] != 0.0 || top[3] != 0.0) return 0;
-    return 1;
-}
-
-/* W = [A b] of the touched columns reduced until the columns order[0..rank) would be those of the
+/* W = [A b] of the touched columns reduced until the columns place[0..rank) would be those of the
  * identity: in their place stands the inverse of what they were. Rows that depend on those above are
  * left out; NO_POINT if one contradicts them. usual, or 0: of each row the column that it had, plus
- * one. pivoted: rows in the order of their pivots, as they may nearly repeat each other; else some are
- * worked out together before all others see them. */
-WIDE static int64_t eliminate(const wbc_qp *qp, reduced *of, int64_t count, int64_t *usual, int pivoted) {
+ * one. pivoted: rows in the order of their pivots, as they may nearly repeat each other. */
+WIDE static int64_t eliminate(const wbc_qp *qp, reduced *of, int64_t count, int64_t *usual,
+                              int pivoted) {
     const int64_t width = PADDED(count + 1);
+    int64_t *place = of->order;
     double *W = of->W;
+    for (int64_t c = 0; c < count; c++) place[c] = c;
     for (int64_t r = 0; r < of->rank;) {
-        const int64_t begin = r, most = pivoted ? r + 1 : r + PANEL;
-        const int64_t stop = most < of->rank ? most : of->rank;
-        int left_out = 0;
-        while (r < stop) {
-            int64_t chosen, best = r, column;
-            double size = best_pivot(of, r, count, usual, &chosen);
-            for (int64_t i = r + 1; pivoted && i < of->rank; i++) {
-                const double other = best_pivot(of, i, count, usual, &column);
-                if (other > size) size = other, best = i, chosen = column;
+        int64_t chosen = r, best = r, column = r;
+        double most = best_pivot(of, r, r, count, place, usual, &chosen);
+        for (int64_t i = r + 1; pivoted && i < of->rank; i++) {
+            const double size = best_pivot(of, i, r, count, place, usual, &column);
+            if (size > most) most = size, best = i, chosen = column;
+        }
+        swap_rows(of, r, best, width);
+        double *restrict top = W + r * width;
+        if (r >= count || !(fabs(top[place[chosen]]) > DEPENDENT)) {
+            if (fabs(top[count]) > CONTRADICTED) {
+                contradict(qp, of, r, count, place);
+                return NO_POINT;
             }
-            swap_rows(of, r, best, width);
-            double *restrict top = W + r * width;
-            left_out = chosen < 0 || !(fabs(top[chosen]) > DEPENDENT);
-            if (left_out) break;
-            of->order[r] = chosen, of->gradient[chosen] = 0.0;
-            if (usual) usual[of->row[r]] = of->touched[chosen] + 1;
-            const double scale = 1.0 / top[chosen];
-            top[chosen] = 1.0;
-            for (int64_t c = 0; c < width; c++) top[c] *= scale;
-            for (int64_t i = begin; i < stop; i++)
-                if (i != r) take_out(of, r, width, W + i * width);
-            r++;
+            swap_rows(of, r, --of->rank, width);
+            continue;
         }
-        int64_t first = 0, last = width - 4;
-        const double *top = W + begin * width;
-        while (first < last && is_block_zero(top + first, r - begin, width)) first += 4;
-        while (last > first && is_block_zero(top + last - 4, r - begin, width)) last -= 4;
-        for (int64_t i = 0; i < of->rank; i++)
-            if ((i < begin || i >= stop) && begin < r)
-                take_all_out(of, begin, r, width, first, last, W + i * width);
-        if (!left_out) continue;
-        if (fabs(W[r * width + count]) > CONTRADICTED) {
-            contradict(qp, of, r, count);
-            return NO_POINT;
+        const int64_t pivot = place[chosen];
+        place[chosen] = place[r], place[r] = pivot;
+        if (usual) usual[of->row[r]] = of->touched[pivot] + 1;
+        const double scale = 1.0 / top[pivot];
+        top[pivot] = 1.0;
+        for (int64_t c = 0; c < width; c++) top[c] *= scale;
+        for (int64_t i = 0; i < of->rank; i++) {
+            double *restrict to = W + i * width;
+            const double factor = to[pivot];
+            if (i == r || factor == 0.0) continue;
+            to[pivot] = 0.0;
+            for (int64_t c = 0; c < width; c++) to[c] -= factor * top[c];
         }
-        swap_rows(of, r, --of->rank, width);
+        r++;
     }
     return 0;
 }
@@ -226,19 +166,15 @@ WIDE static int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *usu
     int64_t *order = of->order, *touched = of->touched;
     const int64_t count = touched_columns(qp, liking, touched), width = PADDED(count + 1);
     for (int64_t c = 0; c < count; c++) liking[c] = is_free(qp, touched[c]) ? PREFERENCE : 1.0;
-    order_rows(qp, pivoted, of->row);
     for (int64_t r = 0; r < qp->k; r++) {
-        const double *from = qp->A + of->row[r] * n;
         double *row = W + r * width;
-        for (int64_t c = 0; c < count; c++) row[c] = from[touched[c]];
-        row[count] = qp->b[of->row[r]];
+        for (int64_t c = 0; c < count; c++) row[c] = qp->A[r * n + touched[c]];
+        row[count] = qp->b[r];
         for (int64_t c = count + 1; c < width; c++) row[c] = 0.0;
+        of->row[r] = r;
     }
-    const int64_t said = eliminate(qp, of, count, usual, pivoted);
+    const int64_t said = eliminate(qp, of, count, usual, pivoted), k = of->rank;
     if (said < 0) return said;
-    const int64_t k = of->rank;
-    for (int64_t c = 0, next = k; c < count; c++)
-        if (liking[c] != 0.0) order[next++] = c;
     place_rest(qp, of);
     of->coupled = count - k;
     for (int64_t d = 0; d < k; d++) {
@@ -246,10 +182,9 @@ WIDE static int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *usu
         double *to = of->G + d * of->stride;
         for (int64_t j = 0; j < of->coupled; j++) to[j] = -row[order[k + j]];
         for (int64_t j = of->coupled; j < of->stride; j++) to[j] = 0.0;
+        for (int64_t s = 0; s < k; s++) of->inverse[d * k + s] = row[order[s]];
         of->h[d] = row[count];
     }
-    memcpy(of->place, order, k * sizeof *order);
-    of->place[k] = count;
     for (int64_t c = 0; c < count; c++) order[c] = touched[order[c]];
     for (int64_t c = 0, next = 0, last = count; c < n; c++)
         if (next < count && touched[next] == c)
@@ -259,43 +194,41 @@ WIDE static int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *usu
     return 0;
 }
 
-/* f = g_i + P_id h + G' (g_d + P_dd h) */
-WIDE static void reduce_gradient(const wbc_qp *qp, const reduced *r) {
-    const int64_t n = qp->n, k = r->rank, left = r->left, *free = r->order + k;
-    memset(r->gradient, 0, n * sizeof *r->gradient); /* g + P h */
-    for (int64_t d = 0; d < k; d++) {
-        const double *row = qp->P + r->order[d] * n, by = r->h[d];
-        for (int64_t i = 0; i < n && by != 0.0; i++) r->gradient[i] += by * row[i];
-    }
-    for (int64_t i = 0; i < n; i++) r->gradient[i] += qp->g[i];
-    for (int64_t d = 0; d < k; d++) r->factor[d] = r->gradient[r->order[d]];
-    for (int64_t i = 0; i < left; i++) r->f[i] = r->gradient[free[i]];
-    add_rows(left, k, r->factor, r->G, r->stride, r->f); /* G is 0 beyond what is coupled */
-}
-
-/* H = P_ii + G' full + P_id G with full = P_di + P_dd G */
+/* H = P_ii + G' half + half' G with half = P_di + 1/2 P_dd G; f = g_i + P_id h + G' (..) */
 WIDE static void reduce_cost(const wbc_qp *qp, const reduced *r) {
     const int64_t n = qp->n, k = r->rank, left = r->left, coupled = r->coupled, stride = r->stride;
     const int64_t *dependent = r->order, *free = r->order + k;
-    double *restrict factor = r->factor;
+    const double *P = qp->P, *h = r->h;
+    double *restrict factor = r->factor, *restrict pull = r->multipliers;
     for (int64_t d = 0; d < k; d++) {
-        const double *row = qp->P + dependent[d] * n;
-        double *restrict to = r->full + d * stride;
+        const double *row = P + dependent[d] * n;
+        double *restrict to = r->half + d * stride;
+        double sum = qp->g[dependent[d]];
         for (int64_t j = 0; j < left; j++) to[j] = row[free[j]];
         for (int64_t j = left; j < stride; j++) to[j] = 0.0;
-        for (int64_t s = 0; s < k; s++) factor[s] = row[dependent[s]];
+        for (int64_t s = 0; s < k; s++) {
+            const double entry = row[dependent[s]];
+            sum += entry * h[s];
+            factor[s] = 0.5 * entry;
+        }
+        pull[d] = sum;
         add_rows(PADDED(coupled), k, factor, r->G, stride, to);
     }
     for (int64_t i = 0; i < left; i++) {
-        const double *row = qp->P + free[i] * n;
-        double *restrict to = r->H + i * left, *restrict more = r->triangle;
+        const double *row = P + free[i] * n;
+        double sum = qp->g[free[i]], *restrict to = r->H + i * left, *restrict more = r->triangle;
+        for (int64_t d = 0; d < k; d++) sum += row[dependent[d]] * h[d];
         for (int64_t j = i; j < left; j++) to[j] = row[free[j]];
+        for (int64_t d = 0; d < k && i < coupled; d++) {
+            factor[d] = r->G[d * stride + i];
+            sum += factor[d] * pull[d];
+        }
+        r->f[i] = sum;
         if (i >= coupled) continue;
         const int64_t begin = i & ~(int64_t)3;
         for (int64_t j = begin; j < stride; j++) more[j] = 0.0;
-        for (int64_t d = 0; d < k; d++) factor[d] = r->G[d * stride + i];
-        add_rows(stride - begin, k, factor, r->full + begin, stride, more + begin);
-        for (int64_t d = 0; d < k; d++) factor[d] = row[dependent[d]];
+        add_rows(stride - begin, k, factor, r->half + begin, stride, more + begin);
+        for (int64_t d = 0; d < k; d++) factor[d] = r->half[d * stride + i];
         add_rows(PADDED(coupled) - begin, k, factor, r->G + begin, stride, more + begin);
         for (int64_t j = i; j < left; j++) to[j] += more[j];
     }
@@ -346,15 +279,13 @@ WIDE static void lift_multipliers(const wbc_qp *qp, const reduced *r) {
     for (int64_t s = 0; s < k; s++)
         z[dependent[s]] = is_free(qp, dependent[s]) ? 0.0 : r->multipliers[bounded++];
     memcpy(qp->z, r->multipliers + left, qp->m * sizeof *qp->z);
+    memset(y, 0, qp->k * sizeof *y);
     for (int64_t i = 0; i < n; i++) gradient[i] += z[i];
     for (int64_t m = 0; m < qp->m; m++)
         for (int64_t i = 0; i < n && qp->z[m] != 0.0; i++) gradient[i] += qp->C[m * n + i] * qp->z[m];
-    const int64_t width = PADDED(r->place[k] + 1); /* of W, where the inverse of A_d is */
-    for (int64_t s = 0; s < k; s++) r->factor[s] = -gradient[dependent[s]];
-    memset(r->wide, 0, width * sizeof *r->wide);
-    add_rows(width, k, r->factor, r->W, width, r->wide);
-    memset(y, 0, qp->k * sizeof *y);
-    for (int64_t t = 0; t < k; t++) y[r->row[t]] = r->wide[r->place[t]];
+    for (int64_t s = 0; s < k; s++)
+        for (int64_t t = 0; t < k; t++)
+            y[r->row[t]] -= r->inverse[s * k + t] * gradient[dependent[s]];
 }
 
 WIDE void lift_point(const wbc_qp *qp, const reduced *r) {
@@ -389,22 +320,29 @@ WIDE int64_t reduce(const wbc_qp *qp, reduced *r, int64_t *usual, int pivoted) {
     const int64_t said = solve_equalities(qp, r, usual, pivoted);
     if (said < 0) return said;
     r->row[qp->k] = r->rank; /* for resume */
-    reduce_gradient(qp, r);
     reduce_cost(qp, r);
     return reduce_bounds(qp, r, 0);
 }
 
 WIDE void renew(const wbc_qp *qp, reduced *r) {
-    const int64_t n = qp->n, k = r->rank, *dependent = r->order;
-    const int64_t width = PADDED(r->place[k] + 1);
-    memset(r->wide, 0, width * sizeof *r->wide);
-    for (int64_t t = 0; t < k; t++) r->wide[r->place[t]] = qp->b[r->row[t]];
-    for (int64_t s = 0; s < k; s++) r->h[s] = dot(width, r->W + s * width, r->wide);
+    const int64_t n = qp->n, k = r->rank, left = r->left;
+    const int64_t *dependent = r->order, *free = r->order + k;
+    double *factor = r->factor;
+    for (int64_t t = 0; t < k; t++) factor[t] = qp->b[r->row[t]];
+    for (int64_t s = 0; s < k; s++) r->h[s] = dot(k, r->inverse + s * k, factor);
     for (int64_t t = k; t < qp->k; t++) {
         double end = 0.0;
         for (int64_t d = 0; d < k; d++) end += qp->A[r->row[t] * n + dependent[d]] * r->h[d];
         qp->b[r->row[t]] = end;
     }
-    reduce_gradient(qp, r);
+    memset(r->gradient, 0, n * sizeof *r->gradient); /* g + P h */
+    for (int64_t d = 0; d < k; d++) {
+        const double *row = qp->P + dependent[d] * n, by = r->h[d];
+        for (int64_t i = 0; i < n && by != 0.0; i++) r->gradient[i] += by * row[i];
+    }
+    for (int64_t i = 0; i < n; i++) r->gradient[i] += qp->g[i];
+    for (int64_t d = 0; d < k; d++) factor[d] = r->gradient[dependent[d]];
+    for (int64_t i = 0; i < left; i++) r->f[i] = r->gradient[free[i]];
+    add_rows(left, k, factor, r->G, r->stride, r->f); /* G is 0 beyond what is coupled */
     reduce_bounds(qp, r, 1);
 }

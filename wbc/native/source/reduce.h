@@ -12,14 +12,13 @@ typedef struct {
     int64_t rank;          /* of A: unknowns x_d, and rows that are no others' sum */
     int64_t left;          /* unknowns x_i: order[rank..n) */
     int64_t coupled;       /* of them, the first: those on which some x_d depends */
-    int64_t stride;        /* of rows of G and full: left, padded */
+    int64_t stride;        /* of rows of G and half: left, padded */
     int64_t *order;        /* x_d, then x_i */
     int64_t *touched;      /* (n) columns of A that are not 0 */
     int64_t *row;          /* (k) rows of A in the order in which they were eliminated */
-    int64_t *place;        /* (k) of x_d in touched, behind them how many of these there are */
-    double *W;             /* (k, padded n + 1): to eliminate in; the inverse of A_d at place */
-    double *wide, *h;      /* (padded n + 1): to work in; (rank): x_d = G x_i + h */
-    double *G, *full;      /* (rank, stride) each */
+    double *W;             /* (k, padded n + 1): to eliminate in */
+    double *inverse, *h;   /* (rank, rank): of A_d; (rank): x_d = G x_i + h */
+    double *G, *half;      /* (rank, stride) each */
     double *H, *f;         /* (left, left), (left) */
     double *low, *up;      /* (left + m + rank): bounds, C, then the bounded x_d */
     double *rows;          /* (m + rank, left) */
