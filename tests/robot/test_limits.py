@@ -84,6 +84,20 @@ def test_joint_positions_are_angles(chain: Robot) -> None:
         np.testing.assert_allclose(positions, [wheel, 0.2, -4.0, spinner], atol=1e-15)
 
 
+def test_joint_positions_of_many_and_how_far_they_are_past_limits(chain: Robot) -> None:
+    rng, limits = np.random.default_rng(0), chain.limits
+    qs = np.array([chain.integrate(chain.postures["neutral"], rng.normal(size=chain.nv), 1.0)
+                   for _ in range(6)])  # fmt: skip
+    positions = limits.joint_positions(qs.reshape(2, 3, -1))
+    each = [limits.joint_positions(q) for q in qs]
+    np.testing.assert_array_equal(positions.reshape(6, -1), each)
+    for past, at in zip(limits.past(positions).reshape(6, -1), each, strict=True):
+        for k, value in enumerate(at):
+            beyond = [limits.lower[k] - value, value - limits.upper[k]]
+            assert past[k] == max(beyond)
+    assert (limits.past(np.full(4, np.nan)) > 0.0).sum() == 0
+
+
 def test_joint_positions_follow_the_velocity(chain: Robot) -> None:
     v = np.array([0, 0, 0, 0, 0, 0, 0.5, 0.1, -0.4, 2.0])
     q = chain.integrate(chain.postures["neutral"], v, 0.5)

@@ -240,7 +240,7 @@ def check_limits(
     """
     limits = robot.limits
     recorded = np.array([column is not None for column in columns], dtype=bool)
-    excess = np.fmax(limits.lower - joints, joints - limits.upper)  # NaN compares as inside
+    excess = limits.past(joints)
     wrong = (excess > beyond) & recorded
     if not wrong.any():
         return

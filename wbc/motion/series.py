@@ -226,7 +226,7 @@ class RmpSeries:
         """How far joints are past their limits at worst [rad or m]; only those that are."""
         limits = self.robot.limits
         joints = self.q[:, list(limits.starts)]  # of continuous joints something, without limits
-        past = np.fmax(limits.lower - joints, joints - limits.upper).max(axis=0)
+        past = limits.past(joints).max(axis=0)
         names = zip(self.robot.joint_names, past.tolist(), strict=True)
         return {name: excess for name, excess in names if excess > ROUNDED}
 

@@ -69,19 +69,17 @@ class Mended(NamedTuple):
 
 def mended(motion: WholeMotion, q: Array, rounds: int = ROUNDS) -> Mended:
     """Return configurations near to some (n, nq) that keep what is hard, or come nearest to it."""
-    best: _Problem | None = None
-    weight = BEGUN
-    for _ in range(rounds + 1):
-        now = _Problem(motion, q)
+    now = best = _Problem(motion, q)
+    weight = LESS * BEGUN
+    for _ in range(rounds):
         if now.found.kept:
             return now.found
-        if best is None or now.cost < best.cost:
+        now = _Problem(motion, best.further(weight))
+        if now.cost < best.cost:
             best, weight = now, LESS * weight
         else:
             weight *= MORE
-        q = best.further(weight)
-    assert best is not None
-    return best.found
+    return now.found if now.found.kept else best.found
 
 
 class _Problem:
@@ -92,8 +90,8 @@ class _Problem:
         states = motion.states(q)
         v = states.v[:-1]
         limits, dt = tasks.robot.limits, tasks.targets.dt
-        joints = np.array([limits.joint_positions(one) for one in q])
-        past = np.maximum(limits.lower - joints, joints - limits.upper)
+        joints = limits.joint_positions(q)
+        past = limits.past(joints)
         self.normal = NormalEquations(len(q), tasks.robot.nv)
         self.feet, self.margins, self.cost = 0.0, 0.0, 0.0
         self._feet(states)

@@ -24,14 +24,9 @@ def broken(
 ) -> tuple[Unbalanced, ...]:  # fmt: skip
     """Return what is hard and not kept by a motion (n, nq), (n, nv)."""
     limits, time = robot.limits, targets.time
-    joints = np.array([limits.joint_positions(one) for one in q])
     parts = [
         ("sole slides", slides(robot, targets, q), [f"{side} foot" for side in SIDES]),
-        (
-            "joint limit passed",
-            np.maximum(limits.lower - joints, joints - limits.upper),
-            robot.joint_names,
-        ),
+        ("joint limit passed", limits.past(limits.joint_positions(q)), robot.joint_names),
         (
             "speed above the limit",
             np.abs(v[:, BASE_NV:]) / limits.velocity - 1.0,

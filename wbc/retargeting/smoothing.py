@@ -154,7 +154,7 @@ class WholeMotion:
     def _looked_at(self, q: Array, v: Array) -> Array:
         """Return the joints (n, nv - 6); begin to tell violations."""
         robot = self.tasks.robot
-        joints = np.array([robot.limits.joint_positions(one) for one in q])
+        joints = robot.limits.joint_positions(q)
         self.violation = float(np.maximum(self.lower - joints, joints - self.upper).max()) - INSIDE
         self.violation = max(self.violation, 0.0)
         self.speed = float((np.abs(v[:, BASE_NV:]) / robot.limits.velocity).max())

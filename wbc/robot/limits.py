@@ -90,17 +90,24 @@ class JointLimits:
         return tuple(self.names[k] for k in np.flatnonzero(np.isinf(self.effort)))
 
     def joint_positions(self, q: Array) -> Array:
-        """Return the joint positions (nv-6,) held in ``q`` (nq,); angles of continuous joints.
+        """Return joint positions (..., nv-6) held in ``q`` (..., nq); angles of continuous joints.
 
         Without continuous joints this is a view of ``q``.
         """
         if not self.unbounded:
-            return q[BASE_NQ:]
-        positions = q[list(self.starts)]
+            return q[..., BASE_NQ:]
+        positions = q[..., list(self.starts)]
         for k in self.unbounded:
             start = self.starts[k]
-            positions[k] = np.arctan2(q[start + 1], q[start])
+            positions[..., k] = np.arctan2(q[..., start + 1], q[..., start])
         return positions
+
+    def past(self, positions: Array) -> Array:
+        """Return how far joint positions (..., nv-6) are past their limits [rad or m].
+
+        Negative inside; NaN compares as inside.
+        """
+        return np.fmax(self.lower - positions, positions - self.upper)
 
     def write_positions(self, q: Array, positions: Array) -> None:
         """Write joint positions (nv-6,) [rad or m] into ``q`` (nq,), whatever their limits."""

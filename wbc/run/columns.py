@@ -44,7 +44,7 @@ def placed_columns(robot: Robot, q: Array) -> Iterator[Column]:
     """Yield the columns of configurations (n, nq)."""
     for k, name in enumerate(BASE):
         yield f"base_{name}", q[:, k]
-    joints = np.array([robot.limits.joint_positions(one) for one in q])
+    joints = robot.limits.joint_positions(q)
     for k, (name, turns) in enumerate(zip(robot.joint_names, turning_joints(robot), strict=True)):
         yield f"{name} [{'rad' if turns else 'm'}]", joints[:, k]
 
