@@ -198,12 +198,7 @@ def human_motion(
         robot = human_robot(body, soles)
         motion = _motion(robot, recording, q, dropouts)
     fit[:, : len(columns)][lost] = np.nan
-    off = float(np.sqrt(np.nanmean((fit**2).sum(axis=2))))
-    if off > NO_HUMAN:
-        notes += (
-            f"markers are {1e3 * off:.0f} mm off the fit: they are not one human's, or their names"
-            " mean other places",
-        )
+    notes += _fit_note(fit)
     noise = residual_noise(time, poses, observed, fit, found.markers, found.dimensions, robot)
     return HumanMotion(
         motion, body, recording, found.markers, fit, down, cutoff, ground, noise, notes
@@ -270,6 +265,16 @@ def _contacts(motion: Motion, q: Array, ground: float) -> tuple[Bools, float]:
     down = feet_down(motion.robot, sole_series(motion.robot, even), grid, ground)
     nearest = np.abs(np.searchsorted(grid, motion.time - 0.5 / rate)).clip(0, len(grid) - 1)
     return down[nearest], min(chosen_cutoff(down, grid), 0.45 * rate)
+
+
+def _fit_note(fit: Array) -> tuple[str, ...]:
+    off = float(np.sqrt(np.nanmean((fit**2).sum(axis=2))))
+    if off <= NO_HUMAN:
+        return ()
+    return (
+        f"markers are {1e3 * off:.0f} mm off the fit: they are not one human's, or their names"
+        " mean other places",
+    )
 
 
 def _mass_note(weighed: float | None, guess: float, plates: bool) -> tuple[str, ...]:
