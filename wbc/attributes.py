@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, no_attribute, suggest
+from wbc.errors import InvalidInputError, NoAttributeError, suggest
 from wbc.validate import Array
 
 
@@ -59,4 +59,4 @@ class DeclaredAttributes:
         __setattr__ = _set_attribute
 
         def __getattr__(self, name):
-            raise no_attribute(f"{type(self).__name__!r} object", name, self._declared)
+            raise NoAttributeError(f"{type(self).__name__!r} object", name, self._declared)

@@ -10,6 +10,7 @@ rows on the unknowns (:class:`ForcePart`).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import accumulate, pairwise
 from operator import is_, itemgetter
 from typing import Any, NamedTuple
 
@@ -112,10 +113,8 @@ class Part:
         rows = (self.rows or ())[len(self._places)]
         k = len(self.chosen(rows))
         sizes = (_HEADER, k, k, k, *map(np.size, rows.numbers))
-        ends = np.cumsum(sizes).tolist()
-        header, weight, *rest = (
-            memory[end - size : end] for end, size in zip(ends, sizes, strict=True)
-        )
+        ends = (0, *accumulate(sizes))
+        header, weight, *rest = (memory[begin:end] for begin, end in pairwise(ends))
         self._places.append(_Place(header, weight, rest))
         for name, where in zip(rows.moving, rest, strict=False):
             if name and self._rereads:

@@ -118,7 +118,8 @@ class Controller(DeclaredAttributes, ABC):
     deadline: float | None
     ticks: int  # that were answered
     _core: CorePlan
-    _second: CorePlan | None
+    _second: CorePlan | None  # without margins, where the first has them; if it was asked for
+    _curved: frozenset[str]
     _added: Array  # (held,) to the errors of loops and gears
 
     _fixed = checks.PLANNED
@@ -293,7 +294,11 @@ class Controller(DeclaredAttributes, ABC):
     @property
     def _marginless(self) -> CorePlan:
         """The plan in which no margin is the core's: theirs are rows that come from here."""
-        return self._core if self._second is None else self._second
+        if not self._margins_in_core:
+            return self._core
+        if self._second is None:  # few ticks ask for it, and each change of contacts plans anew
+            self._second = self._core_plan(None, self._curved)
+        return self._second
 
     def _planned_anew(self, plan: CorePlan, given: Sequence[Asked]) -> CorePlan:
         """Plan again where tasks are others than those planned; return what stands for ``plan``."""
@@ -380,8 +385,10 @@ class Controller(DeclaredAttributes, ABC):
     def _return_to(self, kept: tuple[Any, ...]) -> None:
         """Take up what was kept before a tick."""
         self._core.memory.usual, usual = kept
-        if self._second is not None:
-            self._second.memory.usual = usual
+        if not usual:
+            self._second = None
+        elif self._margins_in_core:
+            self._marginless.memory.usual = usual
 
     @property
     def core(self) -> CorePlan:
@@ -478,12 +485,11 @@ class Controller(DeclaredAttributes, ABC):
         if not self._levels.looked_into and solves(self.backend):
             kept_apart = only_self_collision(self.constraints, self.slacks)
         self._added = np.zeros(len(plan.held.labels))
-        self._margins_in_core, self._second = False, None
-        self._core = self._core_plan(None, curved)
-        if kept_apart is not None and kept_apart.watched() is not None:
-            self._margins_in_core, self._second = True, self._core
-            self._core = self._core_plan(kept_apart, curved)
-        core = self._core
+        self._curved, self._second = curved, None
+        if kept_apart is not None and kept_apart.watched() is None:
+            kept_apart = None
+        self._margins_in_core = kept_apart is not None
+        self._core = core = self._core_plan(kept_apart, curved)
         # Asked in the ticks; of all others the core reports the error.
         asked = [one for one in self._motion if any(one is other for other in core.python_tasks)]
         self._deviating = [one for one in asked if type(one).deviation is not Task.deviation]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.constraints.limits import Limits
+from wbc.constraints.mechanics import Mechanics
 from wbc.constraints.rows import Bounds
 from wbc.controllers.blocks import Part
 from wbc.controllers.core_blocks import CoreBlocks
@@ -99,7 +100,7 @@ class CoreMemory:
         if limits is not None:
             self.struct.limited, self.struct.recovery = True, limits.recovery
             self.struct.braked = limits.braking == "bounded"
-        bent = any(getattr(part.task, "bends", False) for part in parts)
+        bent = any(isinstance(part.task, Mechanics) and part.task.bends for part in parts)
         self.struct.closing = bent and rows is None and solver is not None
         self._usual, self._outside = np.zeros(0, dtype=np.int64), False
         self._point(solver)
