@@ -1,7 +1,7 @@
 """The controller in a process of its own: a tick that takes too long, or hangs, stops no cycle.
 
-A thread would share the interpreter's lock with the cycle, and hold it for up to 13 ms in the ticks
-in which contacts change.
+A thread would share the interpreter's lock with the cycle, and hold it for 2 ms in the ticks in
+which contacts change: for as long as a cycle.
 """
 
 from __future__ import annotations
