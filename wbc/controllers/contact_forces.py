@@ -16,13 +16,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.constraints.contact import Contact, PointContact
+from wbc.constraints.friction import FrictionCone
 from wbc.constraints.mechanics import ClosedLoop, Mechanics
 from wbc.constraints.rows import Bounds
 from wbc.errors import InvalidInputError
@@ -209,18 +210,11 @@ class ContactForces:
             contact = part.surface
             if contact is None or contact.friction is None:
                 continue
-            facets = contact.friction.matrix()
-            angles = np.rad2deg(np.arctan2(facets[:, 1], facets[:, 0])) % 360.0
-            facets = facets @ _axes_of(part.normal).T
-            count = _corners(part)
-            row = np.zeros((count * len(facets), self.size))
-            row[:, part.columns] = np.kron(np.eye(count), facets)
+            facets, called = _facets_of(contact.friction, tuple(part.normal), _corners(part))
+            row = np.zeros((len(facets), self.size))
+            row[:, part.columns] = facets
             rows.append(row)
-            labels += [
-                f"{contact.name} corner {corner} friction at {angle:.0f} deg"
-                for corner in range(count)
-                for angle in angles
-            ]
+            labels += [f"{contact.name} {one}" for one in called]
         self._matrix = read_only(np.concatenate([np.zeros((0, self.size)), *rows]))
         self.labels = tuple(labels)
         self._bounds = self._within(NO_RAMPS)
@@ -322,6 +316,18 @@ def _part(contact: Task, begin: int) -> ContactPart | None:
     if isinstance(contact, Contact | Mechanics):
         return ContactPart(contact, slice(begin, begin + len(contact.rows)), None)
     return None
+
+
+@lru_cache(maxsize=64)  # a walk plans the same soles again and again, while its robot waits
+def _facets_of(
+    cone: FrictionCone, normal: tuple[float, ...], corners: int
+) -> tuple[Array, tuple[str, ...]]:
+    """Return rows on the forces of so many corners (facets of each, 3 each), and their names."""
+    facets = cone.matrix()
+    angles = np.rad2deg(np.arctan2(facets[:, 1], facets[:, 0])) % 360.0
+    rows = np.kron(np.eye(corners), facets @ _axes_of(np.array(normal)).T)
+    called = (f"corner {k} friction at {angle:.0f} deg" for k in range(corners) for angle in angles)
+    return read_only(rows), tuple(called)
 
 
 def _axes_of(normal: Array) -> Array:
