@@ -2,6 +2,7 @@
 
 import inspect
 import pickle
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -54,7 +55,6 @@ def test_snapshot_names() -> None:
     [
         (lambda one, _: one.solve, "; did you mean 'step'?"),
         (lambda one, _: one.limits.velocity, "'Limits' object has no attribute 'velocity'"),
-        (lambda one, _: one.tasks[0].wieght, "; did you mean 'weight'?"),
         (lambda _, tick: tick.dq, "; did you mean 'velocity'?"),
         (lambda _, tick: tick.v, "; did you mean 'velocity'?"),
         (lambda _, tick: tick.torque, "; torques and forces are of a TorqueController's ticks"),
@@ -71,6 +71,15 @@ def test_a_name_that_is_read_and_not_there_is_answered_with_the_one_that_is(
     with pytest.raises(AttributeError) as refusal:
         read(one, one.step(here))
     assert str(refusal.value).endswith(meant) and "choose from" not in str(refusal.value)
+
+
+def test_a_misspelt_attribute_is_answered_by_python(capsys: pytest.CaptureFixture[str]) -> None:
+    robot = wbc.Robot.load("hoap2_like")
+    task: Any = wbc.ComTask(robot, [0.0, 0.0, 0.3])
+    with pytest.raises(AttributeError) as refusal:
+        _ = task.wieght
+    sys.__excepthook__(type(refusal.value), refusal.value, None)  # as at the end of a script
+    assert capsys.readouterr().err.endswith("Did you mean: 'weight'?\n")
 
 
 def test_no_name_is_looked_for_where_nobody_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from time import perf_counter
-from typing import Any, Never
+from typing import TYPE_CHECKING, Any, Never
 
 import numpy as np
 
@@ -41,7 +41,7 @@ from wbc.controllers.outcome import Box, Outcome
 from wbc.controllers.plan import Decision, LevelPlan
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.controllers.tick import POLICIES, Tick
-from wbc.errors import ControllerFailure, InvalidInputError
+from wbc.errors import ControllerFailure, InvalidInputError, NoAttributeError
 from wbc.kinds import check_kind, one_of
 from wbc.laws import Rows
 from wbc.qp.backend import Backend, backend_of
@@ -192,6 +192,13 @@ class Controller(DeclaredAttributes, ABC):
         """Change what is held: :meth:`change` for contacts alone."""
         checks.check_list("contacts", contacts, Task)  # None would leave them as they are
         self.change(contacts=contacts)
+
+    if not TYPE_CHECKING:  # for checkers there is none
+
+        @property
+        def solve(self):
+            """What other libraries call :meth:`step`."""
+            raise NoAttributeError(f"{type(self).__name__!r} object", "solve", ["step"])
 
     def step(self, snapshot: Snapshot, wrenches: None = None) -> Tick:
         """Return the command for ``snapshot``; wrenches are of the torque level.
