@@ -67,6 +67,12 @@ class CoreBlocks(NamedTuple):
         return sum(block["rows"] for block in self.blocks if block["held"])
 
     @property
+    def mechanics(self) -> int:
+        """How many of them are of loops and gears."""
+        kinds = Kind.LOOP, Kind.GEAR
+        return sum(block["rows"] for block in self.blocks if block["held"] and block["kind"] in kinds)
+
+    @property
     def costs(self) -> int:
         """How many rows are costs."""
         return sum(block["rows"] for block in self.blocks if not block["held"])

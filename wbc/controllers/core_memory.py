@@ -295,22 +295,21 @@ class CoreMemory:
         """Make room to work in for so many given rows."""
         n, m = self.n, self._m + given
         k = self.k + (self.costs if self.levels > 1 else 0)
-        sizes = np.empty(2, dtype=np.int64)
-        lib.wbc_sizes(n, k, m, integers(sizes))
-        solving, order = sizes.tolist()
+        sizes = np.empty(3, dtype=np.int64)
+        lib.wbc_sizes(n, k, m, self._planned.mechanics, integers(sizes))
+        solving, order, begin = sizes.tolist()
         solving += m
         looking = self.held + 2 * (n + self.k) + m + 5 if self.struct.closing else 0
         if self.margin is not None:
             looking = max(looking, self._margin_scratch_size(self.margin))
         scratch = max(self._scratch_size(), solving + max(looking, n))
         order += k + (0 if self.margin is None else self.margin.pairs)
-        self.struct.solving = solving
+        self.struct.solving, self.struct.usual = solving, begin
         if "scratch" not in self.arrays or self.arrays["scratch"].size < scratch:
             self._put("scratch", np.zeros(scratch))
         if "order" not in self.arrays or self.arrays["order"].size < order:
             before = self._usual
             self._put("order", np.zeros(order, dtype=np.int64))
-            begin = 2 * n + k + 1  # as usual_columns in source/problem.h
             self._usual = self.arrays["order"][begin : begin + k]
             self._usual[: before.size] = before
         self._reduced.clear()

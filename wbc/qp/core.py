@@ -162,6 +162,6 @@ def _struct(qp: QP, eps: float = 0.0) -> tuple[Any, object]:
 @lru_cache(maxsize=256)
 def _sizes(n: int, k: int, m: int) -> tuple[int, int]:
     """Return how many numbers, and how many whole ones, the core works with."""
-    wanted = np.empty(2, dtype=np.int64)
-    lib.wbc_sizes(n, k, m, integers(wanted))
+    wanted = np.empty(3, dtype=np.int64)
+    lib.wbc_sizes(n, k, m, 0, integers(wanted))
     return int(wanted[0]), int(wanted[1])

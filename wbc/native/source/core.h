@@ -220,6 +220,7 @@ typedef struct {
     int64_t always;  /* whether a solver is asked where the optimum of the cost alone would do, too */
     int64_t most;    /* iterations of the active-set method */
     int64_t solving; /* where in scratch ends what QPs are solved in */
+    int64_t usual;   /* where in order the columns begin that the last tick eliminated: see wbc_sizes */
     int64_t closing; /* whether loops and gears are closed where the command leads: source/closing.c */
     double dt, mass, unit, eps; /* unit: newtons per unit of a force; eps: as in wbc_qp */
     double recovery; /* part of what a joint is outside its limits that is taken back in a tick */
@@ -284,8 +285,9 @@ int wbc_reduced(const wbc_plan *plan, int64_t *begin);
  * bounds, times scale; x 0: by the active-set method. May be called again; then wbc_descend. */
 int wbc_answer(const wbc_plan *plan, const double *x, const double *z, double scale,
                int64_t iterations);
-/* Write how many numbers and integers a QP of n unknowns, k equalities and m rows is solved in. */
-int wbc_sizes(int64_t n, int64_t k, int64_t m, int64_t *sizes);
+/* Write how many numbers and integers a QP of n unknowns, k equalities (loops of them of loops and gears) and m
+ * rows is solved in, and where in the integers begin those that last. */
+int wbc_sizes(int64_t n, int64_t k, int64_t m, int64_t loops, int64_t *sizes);
 /* Write where a level's QP lies: n, k, m, and where in out (of levels below the first, what they have of
  * their own: in below) P A C g lower upper b l u x y z z_box found D offset errors heaviest exact torque
  * clearance chosen begin; last, how many numbers out and below hold. */

@@ -5,6 +5,7 @@
  * and inequality rows hold on all, widened to where rounding left the level above, so that none is without
  * a solution. A level that is not solved all the same leaves the command to the one above.
  */
+#include "fold.h"
 #include "linear.h"
 #include "margin.h"
 #include "problem.h"
@@ -93,9 +94,10 @@ static const double *given_give(const wbc_plan *plan, const wbc_qp *qp, double *
 }
 
 solving how_to(const wbc_plan *plan, int64_t level, const wbc_qp *qp) {
-    int64_t *usual = usual_columns(plan, qp), *pairs = usual + most_equalities(plan);
+    int64_t first, *usual = usual_columns(plan), *pairs = usual + most_equalities(plan);
+    const wbc_plan *loops = plan->torque && mechanics(plan, &first) > 0 ? plan : 0;
     double *give = plan->scratch + plan->solving - qp->m; /* the last of what solving works in */
-    solving how = {given_give(plan, qp, give), 0, pairs, plan->most, 1.0, level > 0, 0, 0, 0, 0, 0};
+    solving how = {given_give(plan, qp, give), loops, 0, pairs, plan->most, 1.0, level > 0, 0, 0, 0, 0, 0};
     if (plan->margin) how.work += plan->margin->of->pairs;
     if (level == 0) {
         how.usual = plan->outside ? usual : 0;
@@ -163,7 +165,7 @@ int wbc_finish(const wbc_plan *plan, const double *q, const double *v) {
     lay_out_level(plan, (int64_t)first.found[4] - 1, &qp);
     if (!is_measured(qp.x, plan->tree->nv)) return UNSOLVED; /* no robot's velocity */
     if (plan->torque) command(plan, &qp), decide_errors(plan, &qp);
-    int64_t *pairs = usual_columns(plan, &qp) + most_equalities(plan);
+    int64_t *pairs = usual_columns(plan) + most_equalities(plan);
     double *scratch = plan->scratch + plan->solving;
     return plan->margin && leads_inside(plan, q, v, &qp, scratch, pairs) ? LEADS_INSIDE : DONE;
 }
@@ -212,9 +214,12 @@ int wbc_answer(const wbc_plan *plan, const double *x, const double *z, double sc
 
 int wbc_reduced(const wbc_plan *plan, int64_t *begin) {
     wbc_qp qp;
+    folded f;
     reduced r;
     lay_out(plan, &qp);
-    resume(&qp, plan->scratch, plan->order, &r);
+    const solving how = how_to(plan, 0, &qp);
+    find_folded(&qp, how.loops, plan->scratch, plan->order, &f);
+    resume(&f.rest, f.scratch, f.order, &r);
     const double *every[] = {r.H, r.f, r.low, r.up, r.rows};
     for (int i = 0; i < 5; i++) begin[i] = every[i] - plan->scratch;
     begin[5] = r.left;

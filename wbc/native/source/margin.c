@@ -84,7 +84,7 @@ int add_margin(const wbc_plan *plan, const double *state, const double *v, doubl
     double *work = twist + 6 * plan->tree->joints;
     const wbc_closing closing = closing_at(plan, v, twist);
     const double now = plan->torque ? wbc_margin_braking * plan->dt : INFINITY;
-    int64_t *chosen = usual_columns(plan, qp) + most_equalities(plan);
+    int64_t *chosen = usual_columns(plan) + most_equalities(plan);
     if (plan->torque) add_twists(plan, state, v, twist);
     const int said = soonest(margin->of, state, k, margin->kept, plan->torque ? &closing : 0, work,
                              chosen, nearest);

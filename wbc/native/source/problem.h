@@ -24,11 +24,9 @@ static inline int64_t most_equalities(const wbc_plan *plan) {
     return plan->passives + plan->held + (plan->levels > 1 ? plan->costs : 0);
 }
 
-/* In plan->order, behind what reduce works in: the columns that were eliminated (k), which last from
+/* In plan->order, behind what fold and reduce work in: the columns that were eliminated (k), which last from
  * tick to tick, then numbers of pairs, then what the active-set method works in. */
-static inline int64_t *usual_columns(const wbc_plan *plan, const wbc_qp *first) {
-    return plan->order + 2 * first->n + most_equalities(plan) + 1;
-}
+static inline int64_t *usual_columns(const wbc_plan *plan) { return plan->order + plan->usual; }
 
 /* Whether its numbers are finite, and lower bounds below upper ones. */
 int is_qp(const wbc_qp *qp);

@@ -159,8 +159,7 @@ WIDE static int64_t eliminate(const wbc_qp *qp, reduced *of, int64_t count, int6
     return 0;
 }
 
-/* order, G, h and the inverse of A_d. Returns as eliminate does. */
-WIDE static int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *usual, int pivoted) {
+WIDE int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *usual, int pivoted) {
     const int64_t n = qp->n;
     double *W = of->W, *liking = of->gradient;
     int64_t *order = of->order, *touched = of->touched;

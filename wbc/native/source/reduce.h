@@ -39,6 +39,9 @@ int64_t reduced_integers(int64_t n, int64_t k);
  * column that it had, plus one. pivoted: rows may nearly repeat each other. */
 int64_t reduce(const wbc_qp *qp, reduced *r, int64_t *usual, int pivoted);
 
+/* The part of that which needs A and b alone: order, G, h and the inverse of A_d. Returns 0, or NO_POINT. */
+int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *usual, int pivoted);
+
 /* Whether reduce left something in that memory, and what. */
 int is_reduced(const wbc_qp *qp, const int64_t *order);
 void resume(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r);

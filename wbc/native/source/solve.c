@@ -1,8 +1,9 @@
-/* A QP solved: its equalities eliminated (reduce.c), what is left by the active-set method unless the
+/* A QP solved: what loops determine taken out (fold.c), its equalities eliminated (reduce.c), what is left by the active-set method unless the
  * optimum of the cost alone keeps all bounds, and the answer judged by the KKT residuals of the full QP.
  */
 #include "solve.h"
 #include "active_set.h"
+#include "fold.h"
 #include "linear.h"
 #include "problem.h"
 #include "reduce.h"
@@ -38,15 +39,17 @@ static int64_t ask(const reduced *r, int64_t bounded, const double *give, int64_
 }
 
 /* Why there is no answer, with a certificate where no point meets all rows. */
-static int fail(const wbc_qp *qp, const reduced *r, int64_t said, int left) {
+static int fail(const wbc_qp *qp, const folded *f, const reduced *r, int64_t said, int left) {
+    const wbc_qp *rest = &f->rest;
     qp->found[3] = (double)said;
     if (said != NO_POINT) return UNSOLVED;
     if (left) /* of what is left without equalities */
-        lift_certificate(qp, r);
+        lift_certificate(rest, r);
     else { /* of the equalities alone, which wrote y */
-        memset(qp->z, 0, qp->m * sizeof *qp->z);
-        memset(qp->z_box, 0, qp->n * sizeof *qp->z_box);
+        memset(rest->z, 0, rest->m * sizeof *rest->z);
+        memset(rest->z_box, 0, rest->n * sizeof *rest->z_box);
     }
+    unfold(qp, f, 1);
     return INFEASIBLE;
 }
 
@@ -55,10 +58,11 @@ static const double PASSED = 1e-7;
 
 /* x, y, z, z of the box, the three residuals and the number of iterations of a QP. accuracy: by how much
  * of eps they may be more. */
-static int conclude(const wbc_qp *qp, const reduced *r, const double *give, double accuracy,
-                    int64_t iterations) {
-    lift(qp, r);
-    residuals(qp, give, r->gradient);
+static int conclude(const wbc_qp *qp, const folded *f, const reduced *r, const double *give,
+                    double accuracy, int64_t iterations) {
+    lift(&f->rest, r);
+    unfold(qp, f, 0);
+    residuals(qp, give, f->count > 0 ? f->gradient : r->gradient);
     qp->found[3] = (double)iterations;
     for (int i = 0; i < 3; i++)
         if (!(qp->found[i] <= accuracy * qp->eps)) return UNSOLVED; /* NaN is not */
@@ -67,9 +71,11 @@ static int conclude(const wbc_qp *qp, const reduced *r, const double *give, doub
     return DONE;
 }
 
-int wbc_sizes(int64_t n, int64_t k, int64_t m, int64_t *sizes) {
+int wbc_sizes(int64_t n, int64_t k, int64_t m, int64_t loops, int64_t *sizes) {
     sizes[0] = reduced_numbers(n, k, m) + n + m + active_set_numbers(n, n + m);
-    sizes[1] = reduced_integers(n, k) + 3 * (n + m);
+    sizes[2] = reduced_integers(n, k);
+    if (loops > 0) sizes[0] += folded_numbers(n, k, m), sizes[2] += folded_integers(n, k);
+    sizes[1] = sizes[2] + 3 * (n + m);
     return DONE;
 }
 
@@ -88,13 +94,16 @@ static void correct(const wbc_qp *qp, reduced *r, int64_t bounded, const solving
 }
 
 int solve(const wbc_qp *qp, const solving *how, double *scratch, int64_t *order) {
+    folded f;
     reduced r;
-    place(qp, scratch, order, &r);
-    const int64_t bounded = reduce(qp, &r, how->usual, how->pivoted);
-    if (bounded < 0) return fail(qp, &r, bounded, 0);
+    fold(qp, how->loops, how->usual, scratch, order, &f);
+    place(&f.rest, f.scratch, f.order, &r);
+    int64_t *usual = how->usual && f.count > 0 ? how->usual + f.loops : how->usual;
+    const int64_t bounded = reduce(&f.rest, &r, usual, how->pivoted);
+    if (bounded < 0) return fail(qp, &f, &r, bounded, 0);
     if (!how->always && is_kept(&r, bounded, 0)) {
         if (how->correct) correct(qp, &r, bounded, how);
-        if (conclude(qp, &r, how->give, how->accuracy, 0) == DONE) return DONE;
+        if (conclude(qp, &f, &r, how->give, how->accuracy, 0) == DONE) return DONE;
     }
     qp->found[0] = (double)(bounded - r.left);
     return how->outside ? REDUCED : solve_reduced(qp, how, scratch, order, 0, 0, 1.0, 0);
@@ -102,18 +111,20 @@ int solve(const wbc_qp *qp, const solving *how, double *scratch, int64_t *order)
 
 int solve_reduced(const wbc_qp *qp, const solving *how, double *scratch, int64_t *order,
                   const double *x, const double *z, double scale, int64_t iterations) {
+    folded f;
     reduced r;
-    resume(qp, scratch, order, &r);
-    const int64_t bounded = bounds_left(qp, &r), rows = bounded - r.left;
+    find_folded(qp, how->loops, scratch, order, &f);
+    resume(&f.rest, f.scratch, f.order, &r);
+    const int64_t bounded = bounds_left(&f.rest, &r), rows = bounded - r.left;
     if (x) {
         memcpy(r.answer, x, r.left * sizeof *x);
         for (int64_t i = 0; i < r.left; i++) r.multipliers[i] = z[rows + i] / scale;
         for (int64_t i = 0; i < rows; i++) r.multipliers[r.left + i] = z[i] / scale;
     } else {
         iterations = ask(&r, bounded, how->give, qp->m, how->most, how->work);
-        if (iterations < 0) return fail(qp, &r, iterations, 1);
+        if (iterations < 0) return fail(qp, &f, &r, iterations, 1);
     }
-    return conclude(qp, &r, how->give, how->accuracy, iterations);
+    return conclude(qp, &f, &r, how->give, how->accuracy, iterations);
 }
 
 int prepare(const wbc_qp *qp, double *scratch, int64_t *order) {
@@ -124,19 +135,21 @@ int prepare(const wbc_qp *qp, double *scratch, int64_t *order) {
 }
 
 int solve_again(const wbc_qp *qp, const solving *how, double *scratch, int64_t *order) {
+    folded f;
     reduced r;
+    find_folded(qp, 0, scratch, order, &f);
     resume(qp, scratch, order, &r);
     renew(qp, &r);
     const int64_t bounded = bounds_left(qp, &r);
-    if (is_kept(&r, bounded, 1)) return conclude(qp, &r, how->give, how->accuracy, 0);
+    if (is_kept(&r, bounded, 1)) return conclude(qp, &f, &r, how->give, how->accuracy, 0);
     const int64_t iterations = ask(&r, bounded, how->give, qp->m, how->most, how->work);
-    if (iterations < 0) return fail(qp, &r, iterations, 1);
-    return conclude(qp, &r, how->give, how->accuracy, iterations);
+    if (iterations < 0) return fail(qp, &f, &r, iterations, 1);
+    return conclude(qp, &f, &r, how->give, how->accuracy, iterations);
 }
 
 int wbc_solve_qp(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
                  int64_t *order) {
     const int64_t integers = reduced_integers(qp->n, qp->k);
-    const solving how = {give, 0, order + integers, most, 1.0, 1, 0, 0, 0, 0, 0};
+    const solving how = {give, 0, 0, order + integers, most, 1.0, 1, 0, 0, 0, 0, 0};
     return is_qp(qp) ? solve(qp, &how, scratch, order) : NOT_FINITE;
 }

@@ -9,6 +9,7 @@
 
 typedef struct {
     const double *give; /* (m), or 0: how far rows C give way by their multipliers */
+    const wbc_plan *loops; /* or 0: whose loops and gears are taken out first; then its ends cannot be changed */
     int64_t *usual;     /* (k), or 0: of each equality the column that was eliminated last time, plus 1 */
     int64_t *work;      /* 3 (n + m), for the active-set method, and its iterations at most */
     int64_t most;

@@ -1,0 +1,350 @@
+/* What closed loops and gears determine is taken out of a QP before the other equalities are.
+ *
+ * Rows of loops speak of few unknowns: those of their own joints. By small inverses N = A_e^-1 they turn
+ * into x_e = T x + t, of joints without a motor at the torque level. The dynamics of those joints are rows
+ * in which the loops' forces f stand, by -A_e' exactly: they go by N' and are in no other equality. What is left
+ * is the QP of a robot without loops, in size, too.
+ */
+#include "fold.h"
+#include "linear.h"
+#include "problem.h"
+#include "reduce.h"
+
+#include <string.h>
+
+static const double LARGEST = 1e4; /* entries of N [1/m]: near dead centres others are to be eliminated */
+
+static int is_mechanics(const wbc_block *block) {
+    return block->held && (block->kind == LOOP || block->kind == GEAR);
+}
+
+int64_t mechanics(const wbc_plan *plan, int64_t *first) {
+    int64_t count = 0;
+    for (const wbc_block *block = plan->block + plan->blocks; block-- > plan->block;)
+        if (is_mechanics(block)) *first = block->first, count += block->rows;
+    return count;
+}
+
+int64_t folded_numbers(int64_t n, int64_t k, int64_t m) {
+    return n * n + 4 * k * n + m * n + (2 * k + m) * k + 6 * n + 6 * k + 3 * m + 5;
+}
+
+int64_t folded_integers(int64_t n, int64_t k) { return 5 + 4 * n + 3 * k; }
+
+static int is_bounded(const wbc_qp *qp, int64_t i) { return qp->upper[i] < INFINITY || qp->lower[i] > -INFINITY; }
+
+/* Count, loops and supports stand in front; bounds of what was taken out are further rows C. */
+void find_folded(const wbc_qp *qp, const wbc_plan *plan, double *scratch, int64_t *order, folded *f) {
+    const int64_t n = qp->n, k = qp->k;
+    f->rest = *qp, f->scratch = scratch, f->order = order, f->count = 0;
+    if (!plan) return;
+    f->count = order[0], f->loops = order[1], f->supports = order[2];
+    f->column = order + 3, f->row = f->column + k, f->others = f->row + k, f->kept = f->others + k;
+    f->support = f->kept + n, f->run = f->support + n, f->order = order + folded_integers(n, k);
+    if (f->count == 0) return;
+    wbc_qp *rest = &f->rest;
+    rest->n -= f->count, rest->k -= f->count;
+    for (int64_t e = 0; e < f->count; e++) rest->m += is_bounded(qp, f->column[e]);
+    double **parts[] = {&rest->P, &rest->A, &rest->C, &rest->g, &rest->lower, &rest->upper, &rest->b,
+                        &rest->l, &rest->u, &rest->x, &rest->y, &rest->z, &rest->z_box, &rest->found,
+                        &f->by, &f->force, &f->shift, &f->inverse, &f->gradient, &f->entry};
+    const int64_t most = qp->m + f->count;
+    const int64_t size[] = {rest->n * rest->n, rest->k * rest->n, most * rest->n, rest->n, rest->n,
+                            rest->n, rest->k, most, most, rest->n, rest->k, most, rest->n, 5,
+                            f->loops * rest->n, f->loops * rest->n, f->count, f->loops * f->loops, n,
+                            (rest->k + qp->m) * f->count};
+    for (int i = 0; i < 20; i++) *parts[i] = f->scratch, f->scratch += size[i];
+}
+
+/* Which velocities go by the loops' rows, of those that may, and by which inverse; false if they do not. */
+static int invert_loops(const wbc_qp *qp, const wbc_plan *plan, int64_t begin, int64_t *usual, folded *f) {
+    const int64_t n = qp->n, loops = f->loops;
+    const double *A = qp->A + begin * n;
+    double largest = 0.0;
+    wbc_qp own = *qp;
+    reduced r;
+    own.k = loops, own.b = qp->b + begin, own.m = 0;
+    own.A = f->scratch + reduced_numbers(n, loops, 0);
+    memset(own.A, 0, loops * n * sizeof *A); /* what has a motor has a torque, which is no equality */
+    for (int64_t p = 0; p < plan->passives; p++)
+        for (int64_t i = 0; i < loops; i++) own.A[i * n + plan->passive[p]] = A[i * n + plan->passive[p]];
+    place(&own, f->scratch, f->order, &r);
+    if (solve_equalities(&own, &r, usual, 0) < 0 || r.rank < loops) return 0;
+    memcpy(f->inverse, r.inverse, loops * loops * sizeof *A);
+    memcpy(f->column, r.order, loops * sizeof *r.order);
+    for (int64_t i = 0; i < loops; i++) f->row[i] = begin + r.row[i];
+    for (int64_t i = 0; i < loops * loops; i++)
+        if (!(fabs(f->inverse[i]) < largest)) largest = fabs(f->inverse[i]);
+    return largest < LARGEST;
+}
+
+/* The forces in the loops, in the order of their rows, and the dynamics that they stand in; false if there are
+ * others than that, or costs that mix them. */
+static int find_forces(const wbc_qp *qp, const wbc_plan *plan, int64_t begin, folded *f) {
+    const int64_t n = qp->n, loops = f->loops;
+    int64_t *column = f->column + loops, *row = f->row + loops, found = 0;
+    for (int64_t e = 0; e < loops; e++)
+        for (int64_t p = 0; p < plan->passives; p++)
+            if (plan->passive[p] == f->column[e]) row[e] = p, found++;
+    for (const wbc_force *force = plan->force; force < plan->force + plan->bearing; force++) {
+        const wbc_block *block = plan->block + force->block;
+        if (!is_mechanics(block) || force->count != block->rows) continue;
+        const int64_t first = plan->passives + block->first;
+        for (int64_t i = 0; i < loops; i++)
+            if (f->row[i] >= first && f->row[i] < first + block->rows)
+                column[i] = plan->tree->nv + force->column + f->row[i] - first, found++;
+    }
+    for (int64_t i = 0; i < loops && found == 2 * loops; i++) {
+        const double *P = qp->P + column[i] * n, entry = P[column[i]];
+        if (dot(n, P, P) != entry * entry) return 0;
+    }
+    return found == 2 * loops;
+}
+
+/* The unknowns that stay and the equalities that do. */
+static void find_kept(const wbc_qp *qp, folded *f) {
+    int64_t *mark = f->order, *run = f->run, count = 0;
+    memset(mark, 0, (qp->n > qp->k ? qp->n : qp->k) * sizeof *mark);
+    for (int64_t e = 0; e < f->count; e++) mark[f->column[e]] = 1;
+    for (int64_t c = 0; c < qp->n; c++)
+        if (!mark[c]) {
+            f->kept[count++] = c;
+            if (c > 0 && !mark[c - 1]) run[-1]++;
+            else run[0] = c, run[1] = 1, run += 2;
+        }
+    run[1] = 0;
+    memset(mark, 0, qp->k * sizeof *mark);
+    for (int64_t e = 0; e < f->count; e++) mark[f->row[e]] = 1;
+    count = 0;
+    for (int64_t r = 0; r < qp->k; r++)
+        if (!mark[r]) f->others[count++] = r;
+}
+
+/* Run by run. Four at a time, written out: of a loop compilers make a call, which takes longer than a run. */
+INLINE void gather(const folded *f, const double *row, double *restrict to) {
+    for (const int64_t *run = f->run; run[1] > 0; run += 2) {
+        const double *restrict from = row + run[0];
+        int64_t left = run[1];
+        for (; left >= 4; left -= 4, from += 4, to += 4)
+            to[0] = from[0], to[1] = from[1], to[2] = from[2], to[3] = from[3];
+        if (left > 1) to[0] = from[0], to[1] = from[1], from += 2, to += 2, left -= 2;
+        if (left > 0) *to++ = *from;
+    }
+}
+
+/* What of the unknowns that were taken out is in a row; whether any is. */
+INLINE int taken(const folded *f, const double *row, int64_t count, double *restrict entry) {
+    for (int64_t e = 0; e < count; e++) entry[e] = row[f->column[e]];
+    return dot(count, entry, entry) != 0.0;
+}
+
+/* A row of the QP as one of rest, and what of those unknowns was in it: of velocities, or of all. */
+INLINE void fold_row(const folded *f, const double *row, int64_t count, double *entry, double *restrict to) {
+    const int64_t loops = f->loops, n = f->rest.n;
+    gather(f, row, to);
+    if (!taken(f, row, count, entry)) return;
+    for (int64_t j = 0; j < f->supports; j++) to[f->support[j]] += dot(loops, entry, f->by + j * loops);
+    if (count > loops) add_rows(n, loops, entry + loops, f->force, n, to);
+}
+
+/* T of velocities, -N A of what stays, where it is not 0. */
+INLINE void depend(const wbc_qp *qp, folded *f) {
+    const int64_t loops = f->loops;
+    double *sum = f->scratch, *column = sum + qp->n;
+    memset(sum, 0, qp->n * sizeof *sum);
+    for (int64_t i = 0; i < loops; i++)
+        for (int64_t c = 0; c < qp->n; c++) sum[c] += fabs(qp->A[f->row[i] * qp->n + c]);
+    f->supports = 0;
+    for (int64_t j = 0; j < f->rest.n; j++) {
+        if (sum[f->kept[j]] == 0.0) continue;
+        for (int64_t i = 0; i < loops; i++) column[i] = qp->A[f->row[i] * qp->n + f->kept[j]];
+        for (int64_t e = 0; e < loops; e++)
+            f->by[f->supports * loops + e] = -dot(loops, f->inverse + e * loops, column);
+        f->support[f->supports++] = j;
+    }
+}
+
+/* T of forces, N' D of the dynamics D of joints that they move. */
+INLINE void balance(const wbc_qp *qp, const folded *f) {
+    const int64_t n = f->rest.n, loops = f->loops;
+    double *factor = f->scratch, *dynamics = factor + loops;
+    for (int64_t e = 0; e < loops; e++)
+        fold_row(f, qp->A + f->row[loops + e] * qp->n, loops, factor, dynamics + e * n);
+    memset(f->force, 0, loops * n * sizeof *f->force);
+    for (int64_t i = 0; i < loops; i++) {
+        for (int64_t e = 0; e < loops; e++) factor[e] = f->inverse[e * loops + i];
+        add_rows(n, loops, factor, dynamics, n, f->force + i * n);
+    }
+}
+
+/* What of P is of velocities, folded: rows and columns of what they depend on. */
+INLINE void fold_velocities(const wbc_qp *qp, const folded *f) {
+    const int64_t n = f->rest.n, loops = f->loops;
+    double *P = f->rest.P, *all = f->scratch, *own = all + qp->n;
+    for (int64_t i = 0; i < n; i++) gather(f, qp->P + f->kept[i] * qp->n, P + i * n);
+    for (int64_t j = 0; j < f->supports; j++) {
+        const double *by = f->by + j * loops;
+        const int64_t at = f->support[j];
+        memset(all, 0, qp->n * sizeof *all);
+        for (int64_t e = 0; e < loops; e++) {
+            const double *restrict row = qp->P + f->column[e] * qp->n, part = by[e];
+            for (int64_t c = 0; c < qp->n && part != 0.0; c++) all[c] += part * row[c];
+        }
+        gather(f, all, own);
+        INDEPENDENT
+        for (int64_t i = 0; i < n; i++) P[at * n + i] += own[i];
+        for (int64_t i = 0; i < n; i++) P[i * n + at] += own[i];
+        taken(f, all, loops, own);
+        for (int64_t i = 0; i < f->supports; i++) P[at * n + f->support[i]] += dot(loops, own, f->by + i * loops);
+    }
+}
+
+/* The costs of forces, which stand for themselves: a sum of squares of what they depend on. */
+INLINE void fold_forces(const wbc_qp *qp, const folded *f) {
+    const int64_t n = f->rest.n, loops = f->loops;
+    double *weighted = f->scratch, *none = weighted + loops * n, *size = none + loops;
+    int64_t *touched = f->order, count = 0;
+    memset(none, 0, (loops + n) * sizeof *none);
+    for (int64_t i = 0; i < loops; i++) {
+        const double root = sqrt(qp->P[f->column[loops + i] * (qp->n + 1)]), *force = f->force + i * n;
+        for (int64_t j = 0; j < n; j++) weighted[i * n + j] = root * force[j], size[j] += fabs(force[j]);
+    }
+    for (int64_t j = 0; j < n; j++)
+        if (size[j] != 0.0) touched[count++] = j;
+    square(n, loops, weighted, none, f->rest.P, n, f->rest.g);
+    for (int64_t i = 0; i < count; i++)
+        for (int64_t j = i + 1; j < count; j++)
+            f->rest.P[touched[j] * n + touched[i]] = f->rest.P[touched[i] * n + touched[j]];
+}
+
+/* What the ends of all rows leave, and the gradient. */
+INLINE void shift_ends(const wbc_qp *qp, const folded *f) {
+    const int64_t n = qp->n, loops = f->loops, count = f->count;
+    const wbc_qp *rest = &f->rest;
+    double *end = f->scratch, *shift = f->shift, *gradient = f->gradient, *entry = end + count;
+    for (int64_t e = 0; e < count; e++) end[e] = qp->b[f->row[e]];
+    for (int64_t e = 0; e < loops; e++) shift[e] = dot(loops, f->inverse + e * loops, end);
+    for (int64_t e = loops; e < count; e++) { /* what motion leaves to forces */
+        taken(f, qp->A + f->row[e] * n, loops, entry);
+        end[e] -= dot(loops, entry, shift);
+    }
+    memset(shift + loops, 0, (count - loops) * sizeof *shift);
+    for (int64_t e = 0; e < loops; e++)
+        for (int64_t i = 0; i < loops; i++) shift[loops + i] -= f->inverse[e * loops + i] * end[loops + e];
+    memcpy(gradient, qp->g, n * sizeof *gradient);
+    for (int64_t e = 0; e < loops; e++) {
+        const double *row = qp->P + f->column[e] * n, by = shift[e];
+        for (int64_t i = 0; i < n; i++) gradient[i] += by * row[i];
+    }
+    for (int64_t e = loops; e < count; e++)
+        gradient[f->column[e]] += shift[e] * qp->P[f->column[e] * (n + 1)];
+    fold_row(f, gradient, count, entry, rest->g);
+    for (int64_t r = 0; r < rest->k; r++) rest->b[r] = qp->b[f->others[r]] - dot(count, f->entry + r * count, shift);
+    for (int64_t r = 0; r < qp->m; r++) {
+        const double known = dot(count, f->entry + (rest->k + r) * count, shift);
+        rest->l[r] = qp->l[r] - known, rest->u[r] = qp->u[r] - known;
+    }
+    for (int64_t e = 0, r = qp->m; e < count; e++) {
+        const int64_t c = f->column[e];
+        if (!is_bounded(qp, c)) continue;
+        rest->l[r] = qp->lower[c] - shift[e], rest->u[r++] = qp->upper[c] - shift[e];
+    }
+}
+
+WIDE static void fold_all(const wbc_qp *qp, folded *f) {
+    const wbc_qp *rest = &f->rest;
+    const int64_t count = f->count;
+    double *entry = f->entry;
+    depend(qp, f);
+    balance(qp, f);
+    fold_velocities(qp, f);
+    fold_forces(qp, f);
+    for (int64_t r = 0; r < rest->k; r++, entry += count)
+        fold_row(f, qp->A + f->others[r] * qp->n, count, entry, rest->A + r * rest->n);
+    for (int64_t r = 0; r < qp->m; r++, entry += count)
+        fold_row(f, qp->C + r * qp->n, count, entry, rest->C + r * rest->n);
+    for (int64_t e = 0, r = qp->m; e < f->count; e++) {
+        if (!is_bounded(qp, f->column[e])) continue;
+        double *to = rest->C + r++ * rest->n;
+        memset(to, 0, rest->n * sizeof *to);
+        if (e >= f->loops)
+            memcpy(to, f->force + (e - f->loops) * rest->n, rest->n * sizeof *to);
+        else
+            for (int64_t j = 0; j < f->supports; j++) to[f->support[j]] = f->by[j * f->loops + e];
+    }
+    gather(f, qp->lower, rest->lower);
+    gather(f, qp->upper, rest->upper);
+    shift_ends(qp, f);
+}
+
+void fold(const wbc_qp *qp, const wbc_plan *plan, int64_t *usual, double *scratch, int64_t *order, folded *f) {
+    int64_t first = 0;
+    if (plan) {
+        order[1] = mechanics(plan, &first), order[0] = 2 * order[1], order[2] = 0;
+        memset(order + 3, 0, qp->k * sizeof *order); /* columns that nobody knows yet */
+    }
+    find_folded(qp, plan, scratch, order, f);
+    if (!plan) return;
+    first += plan->passives;
+    if (!invert_loops(qp, plan, first, usual, f) || !find_forces(qp, plan, first, f))
+        order[0] = 0;
+    find_folded(qp, plan, scratch, order, f);
+    if (f->count == 0) return;
+    find_kept(qp, f);
+    fold_all(qp, f);
+    order[2] = f->supports;
+}
+
+INLINE void unfold_point(const wbc_qp *qp, const folded *f) {
+    const int64_t n = f->rest.n, loops = f->loops;
+    const double *x = f->rest.x;
+    if (f->count == 0) return;
+    for (int64_t j = 0; j < n; j++) qp->x[f->kept[j]] = x[j];
+    for (int64_t e = 0; e < loops; e++) {
+        double sum = f->shift[e];
+        for (int64_t j = 0; j < f->supports; j++) sum += f->by[j * loops + e] * x[f->support[j]];
+        qp->x[f->column[e]] = sum;
+    }
+    for (int64_t e = loops; e < f->count; e++)
+        qp->x[f->column[e]] = f->shift[e] + dot(n, f->force + (e - loops) * n, x);
+}
+
+/* y of what was taken out: from the gradient, that P x + g + z_box + C'z + A'y is 0 there. */
+INLINE void unfold_equalities(const wbc_qp *qp, const folded *f) {
+    const int64_t n = qp->n, loops = f->loops;
+    double *rest = f->scratch, *y = qp->y;
+    for (int64_t r = 0; r < f->rest.k; r++) y[f->others[r]] = f->rest.y[r];
+    for (int64_t part = 1; part >= 0; part--) { /* forces before velocities */
+        const int64_t *column = f->column + part * loops, *row = f->row + part * loops;
+        for (int64_t e = 0; e < loops; e++) rest[e] = f->gradient[column[e]];
+        add_rows(loops, f->rest.k, f->rest.y, f->entry + part * loops, f->count, rest);
+        for (int64_t r = loops; part == 0 && r < f->count; r++) {
+            const double *A = qp->A + f->row[r] * n, by = y[f->row[r]];
+            for (int64_t e = 0; e < loops; e++) rest[e] += by * A[column[e]];
+        }
+        for (int64_t i = 0; i < loops; i++) {
+            double sum = 0.0;
+            for (int64_t e = 0; e < loops; e++)
+                sum += f->inverse[part ? i * loops + e : e * loops + i] * rest[e];
+            y[row[i]] = part ? sum : -sum;
+        }
+    }
+}
+
+WIDE void unfold(const wbc_qp *qp, const folded *f, int certificate) {
+    const int64_t n = qp->n;
+    double *restrict gradient = f->gradient, *z = qp->z_box;
+    if (f->count == 0) return;
+    for (int64_t j = 0; j < f->rest.n; j++) z[f->kept[j]] = f->rest.z_box[j];
+    for (int64_t e = 0, r = qp->m; e < f->count; e++)
+        z[f->column[e]] = is_bounded(qp, f->column[e]) ? f->rest.z[r++] : 0.0;
+    memcpy(qp->z, f->rest.z, qp->m * sizeof *z);
+    memcpy(gradient, z, n * sizeof *z);
+    add_rows(n, qp->m, qp->z, qp->C, n, gradient);
+    if (!certificate) {
+        unfold_point(qp, f);
+        for (int64_t i = 0; i < n; i++) gradient[i] += qp->g[i];
+        add_rows(n, n, qp->x, qp->P, n, gradient); /* P is symmetric */
+    }
+    unfold_equalities(qp, f);
+}
