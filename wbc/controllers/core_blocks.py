@@ -70,7 +70,9 @@ class CoreBlocks(NamedTuple):
     def mechanics(self) -> int:
         """How many of them are of loops and gears."""
         kinds = Kind.LOOP, Kind.GEAR
-        return sum(block["rows"] for block in self.blocks if block["held"] and block["kind"] in kinds)
+        return sum(
+            block["rows"] for block in self.blocks if block["held"] and block["kind"] in kinds
+        )
 
     @property
     def costs(self) -> int:

@@ -296,7 +296,8 @@ class CoreMemory:
         n, m = self.n, self._m + given
         k = self.k + (self.costs if self.levels > 1 else 0)
         sizes = np.empty(3, dtype=np.int64)
-        lib.wbc_sizes(n, k, m, self._planned.mechanics, integers(sizes))
+        loops = 0 if self.forces is None else self._planned.mechanics
+        lib.wbc_sizes(n, k, m, loops, integers(sizes))
         solving, order, begin = sizes.tolist()
         solving += m
         looking = self.held + 2 * (n + self.k) + m + 5 if self.struct.closing else 0

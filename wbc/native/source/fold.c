@@ -56,36 +56,34 @@ void find_folded(const wbc_qp *qp, const wbc_plan *plan, double *scratch, int64_
     for (int i = 0; i < 20; i++) *parts[i] = f->scratch, f->scratch += size[i];
 }
 
-/* Which velocities go by the loops' rows, of those that may, and by which inverse; false if they do not. */
+/* Which velocities go by the loops' rows, of joints without a motor, and by which inverse; false if they do not. */
 static int invert_loops(const wbc_qp *qp, const wbc_plan *plan, int64_t begin, int64_t *usual, folded *f) {
-    const int64_t n = qp->n, loops = f->loops;
-    const double *A = qp->A + begin * n;
-    double largest = 0.0;
-    wbc_qp own = *qp;
+    const int64_t loops = f->loops, passives = plan->passives;
+    double *A = f->scratch + reduced_numbers(passives, loops, 0), *none = A + loops * passives, largest = 0.0;
+    const wbc_qp own = {.n = passives, .k = loops, .A = A, .b = qp->b + begin, .y = qp->y, .lower = none, .upper = none};
     reduced r;
-    own.k = loops, own.b = qp->b + begin, own.m = 0;
-    own.A = f->scratch + reduced_numbers(n, loops, 0);
-    memset(own.A, 0, loops * n * sizeof *A); /* what has a motor has a torque, which is no equality */
-    for (int64_t p = 0; p < plan->passives; p++)
-        for (int64_t i = 0; i < loops; i++) own.A[i * n + plan->passive[p]] = A[i * n + plan->passive[p]];
+    for (int64_t i = 0; i < loops; i++)
+        for (int64_t p = 0; p < passives; p++)
+            A[i * passives + p] = qp->A[(begin + i) * qp->n + plan->passive[p]];
+    memset(none, 0, passives * sizeof *none); /* bounds: no joint is preferred to others */
     place(&own, f->scratch, f->order, &r);
     if (solve_equalities(&own, &r, usual, 0) < 0 || r.rank < loops) return 0;
     memcpy(f->inverse, r.inverse, loops * loops * sizeof *A);
-    memcpy(f->column, r.order, loops * sizeof *r.order);
-    for (int64_t i = 0; i < loops; i++) f->row[i] = begin + r.row[i];
+    for (int64_t i = 0; i < loops; i++) {
+        f->row[i] = begin + r.row[i];
+        f->row[loops + i] = r.order[i]; /* its dynamics */
+        f->column[i] = plan->passive[r.order[i]];
+    }
     for (int64_t i = 0; i < loops * loops; i++)
         if (!(fabs(f->inverse[i]) < largest)) largest = fabs(f->inverse[i]);
     return largest < LARGEST;
 }
 
-/* The forces in the loops, in the order of their rows, and the dynamics that they stand in; false if there are
- * others than that, or costs that mix them. */
-static int find_forces(const wbc_qp *qp, const wbc_plan *plan, int64_t begin, folded *f) {
+/* The forces in the loops, in the order of their rows; false if there are others than that, or costs that mix
+ * them. */
+static int find_forces(const wbc_qp *qp, const wbc_plan *plan, folded *f) {
     const int64_t n = qp->n, loops = f->loops;
-    int64_t *column = f->column + loops, *row = f->row + loops, found = 0;
-    for (int64_t e = 0; e < loops; e++)
-        for (int64_t p = 0; p < plan->passives; p++)
-            if (plan->passive[p] == f->column[e]) row[e] = p, found++;
+    int64_t *column = f->column + loops, found = 0;
     for (const wbc_force *force = plan->force; force < plan->force + plan->bearing; force++) {
         const wbc_block *block = plan->block + force->block;
         if (!is_mechanics(block) || force->count != block->rows) continue;
@@ -94,11 +92,11 @@ static int find_forces(const wbc_qp *qp, const wbc_plan *plan, int64_t begin, fo
             if (f->row[i] >= first && f->row[i] < first + block->rows)
                 column[i] = plan->tree->nv + force->column + f->row[i] - first, found++;
     }
-    for (int64_t i = 0; i < loops && found == 2 * loops; i++) {
+    for (int64_t i = 0; i < loops && found == loops; i++) {
         const double *P = qp->P + column[i] * n, entry = P[column[i]];
         if (dot(n, P, P) != entry * entry) return 0;
     }
-    return found == 2 * loops;
+    return found == loops;
 }
 
 /* The unknowns that stay and the equalities that do. */
@@ -134,8 +132,12 @@ INLINE void gather(const folded *f, const double *row, double *restrict to) {
 
 /* What of the unknowns that were taken out is in a row; whether any is. */
 INLINE int taken(const folded *f, const double *row, int64_t count, double *restrict entry) {
-    for (int64_t e = 0; e < count; e++) entry[e] = row[f->column[e]];
-    return dot(count, entry, entry) != 0.0;
+    int any = 0;
+    for (int64_t e = 0; e < count; e++) {
+        const double one = row[f->column[e]];
+        entry[e] = one, any |= one != 0.0;
+    }
+    return any;
 }
 
 /* A row of the QP as one of rest, and what of those unknowns was in it: of velocities, or of all. */
@@ -199,22 +201,39 @@ INLINE void fold_velocities(const wbc_qp *qp, const folded *f) {
     }
 }
 
-/* The costs of forces, which stand for themselves: a sum of squares of what they depend on. */
+INLINE int is_alike(int64_t n, const double *one, const double *other) {
+    int64_t differs = 0;
+    for (int64_t j = 0; j < n; j++) differs += (one[j] != 0.0) != (other[j] != 0.0);
+    return differs == 0;
+}
+
+/* The costs of forces, which stand for themselves: squares of what they depend on, together of those that depend
+ * on the same. */
 INLINE void fold_forces(const wbc_qp *qp, const folded *f) {
     const int64_t n = f->rest.n, loops = f->loops;
-    double *weighted = f->scratch, *none = weighted + loops * n, *size = none + loops;
-    int64_t *touched = f->order, count = 0;
-    memset(none, 0, (loops + n) * sizeof *none);
-    for (int64_t i = 0; i < loops; i++) {
-        const double root = sqrt(qp->P[f->column[loops + i] * (qp->n + 1)]), *force = f->force + i * n;
-        for (int64_t j = 0; j < n; j++) weighted[i * n + j] = root * force[j], size[j] += fabs(force[j]);
+    double *P = f->rest.P, *none = f->scratch, *weighted = none + loops + n;
+    int64_t *on = f->order;
+    memset(none, 0, (loops + n) * sizeof *none); /* wanted, and a gradient that nobody reads */
+    for (int64_t begin = 0, end = 0; begin < loops; begin = end) {
+        const double *first = f->force + begin * n;
+        int64_t many = 0;
+        for (int64_t j = 0; j < n; j++)
+            if (first[j] != 0.0) on[many++] = j;
+        double *square_of = weighted + loops * many;
+        for (; end < loops && is_alike(n, first, f->force + end * n); end++) {
+            const double root = sqrt(qp->P[f->column[loops + end] * (qp->n + 1)]), *force = f->force + end * n;
+            for (int64_t j = 0; j < many; j++) weighted[(end - begin) * many + j] = root * force[on[j]];
+        }
+        memset(square_of, 0, many * many * sizeof *none);
+        square(many, end - begin, weighted, none, square_of, many, none + loops);
+        for (int64_t i = 0; i < many; i++) {
+            P[on[i] * (n + 1)] += square_of[i * (many + 1)];
+            for (int64_t j = i + 1; j < many; j++) {
+                P[on[i] * n + on[j]] += square_of[i * many + j];
+                P[on[j] * n + on[i]] += square_of[i * many + j];
+            }
+        }
     }
-    for (int64_t j = 0; j < n; j++)
-        if (size[j] != 0.0) touched[count++] = j;
-    square(n, loops, weighted, none, f->rest.P, n, f->rest.g);
-    for (int64_t i = 0; i < count; i++)
-        for (int64_t j = i + 1; j < count; j++)
-            f->rest.P[touched[j] * n + touched[i]] = f->rest.P[touched[i] * n + touched[j]];
 }
 
 /* What the ends of all rows leave, and the gradient. */
@@ -251,9 +270,9 @@ INLINE void shift_ends(const wbc_qp *qp, const folded *f) {
     }
 }
 
-WIDE static void fold_all(const wbc_qp *qp, folded *f) {
+WIDE static void fold_all(const wbc_qp *qp, const wbc_plan *plan, folded *f) {
     const wbc_qp *rest = &f->rest;
-    const int64_t count = f->count;
+    const int64_t count = f->count, cones = plan->bounded;
     double *entry = f->entry;
     depend(qp, f);
     balance(qp, f);
@@ -262,7 +281,12 @@ WIDE static void fold_all(const wbc_qp *qp, folded *f) {
     for (int64_t r = 0; r < rest->k; r++, entry += count)
         fold_row(f, qp->A + f->others[r] * qp->n, count, entry, rest->A + r * rest->n);
     for (int64_t r = 0; r < qp->m; r++, entry += count)
-        fold_row(f, qp->C + r * qp->n, count, entry, rest->C + r * rest->n);
+        if (r < cones || r >= cones + plan->cones)
+            fold_row(f, qp->C + r * qp->n, count, entry, rest->C + r * rest->n);
+        else { /* of other forces */
+            gather(f, qp->C + r * qp->n, rest->C + r * rest->n);
+            memset(entry, 0, count * sizeof *entry);
+        }
     for (int64_t e = 0, r = qp->m; e < f->count; e++) {
         if (!is_bounded(qp, f->column[e])) continue;
         double *to = rest->C + r++ * rest->n;
@@ -280,25 +304,24 @@ WIDE static void fold_all(const wbc_qp *qp, folded *f) {
 void fold(const wbc_qp *qp, const wbc_plan *plan, int64_t *usual, double *scratch, int64_t *order, folded *f) {
     int64_t first = 0;
     if (plan) {
-        order[1] = mechanics(plan, &first), order[0] = 2 * order[1], order[2] = 0;
+        const int64_t loops = mechanics(plan, &first);
+        const int known = loops <= plan->passives && loops <= plan->forces;
+        order[0] = known ? 2 * loops : 0, order[1] = loops, order[2] = 0;
         memset(order + 3, 0, qp->k * sizeof *order); /* columns that nobody knows yet */
     }
     find_folded(qp, plan, scratch, order, f);
-    if (!plan) return;
-    first += plan->passives;
-    if (!invert_loops(qp, plan, first, usual, f) || !find_forces(qp, plan, first, f))
-        order[0] = 0;
+    if (f->count == 0) return;
+    if (!invert_loops(qp, plan, first + plan->passives, usual, f) || !find_forces(qp, plan, f)) order[0] = 0;
     find_folded(qp, plan, scratch, order, f);
     if (f->count == 0) return;
     find_kept(qp, f);
-    fold_all(qp, f);
+    fold_all(qp, plan, f);
     order[2] = f->supports;
 }
 
-INLINE void unfold_point(const wbc_qp *qp, const folded *f) {
+WIDE void unfold_point(const wbc_qp *qp, const folded *f, double *gradient) {
     const int64_t n = f->rest.n, loops = f->loops;
     const double *x = f->rest.x;
-    if (f->count == 0) return;
     for (int64_t j = 0; j < n; j++) qp->x[f->kept[j]] = x[j];
     for (int64_t e = 0; e < loops; e++) {
         double sum = f->shift[e];
@@ -307,6 +330,9 @@ INLINE void unfold_point(const wbc_qp *qp, const folded *f) {
     }
     for (int64_t e = loops; e < f->count; e++)
         qp->x[f->column[e]] = f->shift[e] + dot(n, f->force + (e - loops) * n, x);
+    memcpy(f->gradient, qp->g, qp->n * sizeof *gradient);
+    add_rows(qp->n, qp->n, qp->x, qp->P, qp->n, f->gradient); /* P is symmetric */
+    fold_row(f, f->gradient, f->count, f->scratch, gradient);
 }
 
 /* y of what was taken out: from the gradient, that P x + g + z_box + C'z + A'y is 0 there. */
@@ -331,20 +357,14 @@ INLINE void unfold_equalities(const wbc_qp *qp, const folded *f) {
     }
 }
 
-WIDE void unfold(const wbc_qp *qp, const folded *f, int certificate) {
+WIDE void unfold(const wbc_qp *qp, const folded *f) {
     const int64_t n = qp->n;
     double *restrict gradient = f->gradient, *z = qp->z_box;
-    if (f->count == 0) return;
     for (int64_t j = 0; j < f->rest.n; j++) z[f->kept[j]] = f->rest.z_box[j];
     for (int64_t e = 0, r = qp->m; e < f->count; e++)
         z[f->column[e]] = is_bounded(qp, f->column[e]) ? f->rest.z[r++] : 0.0;
     memcpy(qp->z, f->rest.z, qp->m * sizeof *z);
-    memcpy(gradient, z, n * sizeof *z);
+    for (int64_t i = 0; i < n; i++) gradient[i] += z[i];
     add_rows(n, qp->m, qp->z, qp->C, n, gradient);
-    if (!certificate) {
-        unfold_point(qp, f);
-        for (int64_t i = 0; i < n; i++) gradient[i] += qp->g[i];
-        add_rows(n, n, qp->x, qp->P, n, gradient); /* P is symmetric */
-    }
     unfold_equalities(qp, f);
 }

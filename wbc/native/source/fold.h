@@ -19,7 +19,7 @@ typedef struct {
     double *force, *shift;      /* but for shift (count) */
     double *inverse;            /* (loops, loops) of the loops' rows, in those velocities */
     double *entry;              /* (rest.k + m, count) of them in the other rows A and C */
-    double *gradient;           /* (n): see unfold */
+    double *gradient;           /* (n): see unfold_point */
     double *scratch;            /* behind */
     int64_t *order;
 } folded;
@@ -35,8 +35,10 @@ int64_t mechanics(const wbc_plan *plan, int64_t *first);
 void fold(const wbc_qp *qp, const wbc_plan *plan, int64_t *usual, double *scratch, int64_t *order, folded *f);
 /* The same, where it has been done in that memory. */
 void find_folded(const wbc_qp *qp, const wbc_plan *plan, double *scratch, int64_t *order, folded *f);
-/* Write y, z, z_box, too, and f->gradient: P x + g + z_box + C'z; of a certificate z_box + C'z. */
-void unfold(const wbc_qp *qp, const folded *f, int certificate);
+/* Write x of the QP by that of rest, P x + g to f->gradient, and what that is in rest (n). */
+void unfold_point(const wbc_qp *qp, const folded *f, double *gradient);
+/* Write y, z, z_box by those of rest; z_box + C'z is added to f->gradient, P x + g or, of a certificate, 0. */
+void unfold(const wbc_qp *qp, const folded *f);
 
 #pragma GCC visibility pop
 

@@ -234,13 +234,10 @@ static void add_dynamics(const wbc_plan *plan, const double *frames, const doubl
     const int64_t nv = plan->tree->nv, n = qp->n, f = plan->forces;
     const double *cone = plan->cone, *least = cone + plan->cones * f, *most = least + plan->cones;
     for (int64_t i = 0; i < nv; i++) {
-        double *row = qp->D + i * n, sum = (motion[BIAS(nv) + i] - plan->load[i]) / plan->unit;
-        for (int64_t c = 0; c < nv; c++) {
-            row[c] = motion[i * nv + c] / plan->mass;
-            sum -= row[c] * v[c];
-        }
+        double *row = qp->D + i * n;
+        for (int64_t c = 0; c < nv; c++) row[c] = motion[i * nv + c] / plan->mass;
         for (int64_t c = nv; c < n; c++) row[c] = 0.0;
-        qp->offset[i] = sum;
+        qp->offset[i] = (motion[BIAS(nv) + i] - plan->load[i]) / plan->unit - dot(nv, row, v);
         if (i >= 6) row[i] += plan->joint_damping[i - 6] / plan->unit;
     }
     add_forces(plan, frames, q, qp->D);

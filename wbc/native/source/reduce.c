@@ -268,8 +268,8 @@ INLINE int64_t reduce_bounds(const wbc_qp *qp, const reduced *r, int again) {
     return bounded;
 }
 
-/* z, z of the box, and y by the rows of x_d: that P x + g + z + C'z, in gradient but for z, is -A'y. */
-WIDE static void lift_multipliers(const wbc_qp *qp, const reduced *r) {
+/* y by the rows of x_d: that P x + g + z + C'z is -A'y. */
+WIDE void lift_multipliers(const wbc_qp *qp, const reduced *r) {
     const int64_t n = qp->n, k = r->rank, left = r->left;
     const int64_t *dependent = r->order, *free = r->order + k;
     double *y = qp->y, *z = qp->z_box, *restrict gradient = r->gradient;

@@ -57,6 +57,8 @@ int64_t bounds_left(const wbc_qp *qp, const reduced *r);
 void lift_point(const wbc_qp *qp, const reduced *r);
 /* Write x, y, z, z_box of the full QP from the answer of the reduced one, and P x + g + z + C'z. */
 void lift(const wbc_qp *qp, const reduced *r);
+/* Write y, z, z_box from r->gradient P x + g, to which z_box + C'z is added. */
+void lift_multipliers(const wbc_qp *qp, const reduced *r);
 /* Write y, z, z_box of the full QP from a certificate of the reduced one that no point meets all rows. */
 void lift_certificate(const wbc_qp *qp, const reduced *r);
 

@@ -49,7 +49,10 @@ static int fail(const wbc_qp *qp, const folded *f, const reduced *r, int64_t sai
         memset(rest->z, 0, rest->m * sizeof *rest->z);
         memset(rest->z_box, 0, rest->n * sizeof *rest->z_box);
     }
-    unfold(qp, f, 1);
+    if (f->count > 0) {
+        memset(f->gradient, 0, qp->n * sizeof *f->gradient);
+        unfold(qp, f);
+    }
     return INFEASIBLE;
 }
 
@@ -60,8 +63,13 @@ static const double PASSED = 1e-7;
  * of eps they may be more. */
 static int conclude(const wbc_qp *qp, const folded *f, const reduced *r, const double *give,
                     double accuracy, int64_t iterations) {
-    lift(&f->rest, r);
-    unfold(qp, f, 0);
+    if (f->count > 0) {
+        lift_point(&f->rest, r);
+        unfold_point(qp, f, r->gradient);
+        lift_multipliers(&f->rest, r);
+        unfold(qp, f);
+    } else
+        lift(qp, r);
     residuals(qp, give, f->count > 0 ? f->gradient : r->gradient);
     qp->found[3] = (double)iterations;
     for (int i = 0; i < 3; i++)
