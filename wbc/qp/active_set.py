@@ -30,6 +30,7 @@ NEARLY = 100.0
 # Steps of the proximal-point method for costs that are not strictly convex, and its weight by the
 # largest curvature: what a step leaves of the error shrinks by curvature / (curvature + weight).
 _STEPS, _PROXIMAL = 30, 1e-6
+_LOST = 1e6  # a point that misses rows by this is none to go on from
 NO_RESIDUALS = KktResiduals(np.inf, np.inf, np.inf)
 
 
@@ -164,7 +165,7 @@ def proximal(qp: QP, eps: float, max_iterations: int) -> RawSolution | None:
     raw = None
     for _ in range(_STEPS):
         found = solve_in_core(curved._replace(g=qp.g - weight * x), eps, max_iterations)
-        if found.iterations < 0:
+        if found.iterations < 0 or not found.residuals.primal < _LOST:
             return raw
         steps += found.iterations
         moved = weight * float(np.abs(found.x - x).max(initial=0.0))

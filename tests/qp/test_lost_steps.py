@@ -1,0 +1,32 @@
+"""A proximal step that rounding throws far away ends the search, in place of posing the next QP."""
+
+import numpy as np
+import pytest
+
+from wbc.qp import QP, Labels, active_set
+
+
+def test_proximal_step_beyond_all_rows_leaves_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    none = np.zeros((0, 2))
+    qp = QP(
+        np.zeros((2, 2)),
+        np.ones(2),
+        none,
+        np.zeros(0),
+        np.array([[1.0, 1.0]]),
+        np.array([1.0]),
+        np.array([2.0]),
+        np.zeros(2),
+        np.ones(2),
+        Labels.numbered(2, 0, 1),
+    )
+    solve = active_set.solve_in_core
+
+    def thrown(*given: object) -> object:
+        found = solve(*given)  # type: ignore[arg-type]
+        far = found.residuals._replace(primal=1e22)
+        return found._replace(x=np.full(2, 1e200), residuals=far)
+
+    assert active_set.proximal(qp, 1e-8, 100) is not None
+    monkeypatch.setattr(active_set, "solve_in_core", thrown)
+    assert active_set.proximal(qp, 1e-8, 100) is None
