@@ -189,8 +189,9 @@ int wbc_box(const wbc_plan *plan, const double *q, const double *v, double *box)
 }
 
 /* What the forces of contacts do to v: the columns of D behind v+, negative. */
-static void add_forces(const wbc_plan *plan, const double *frames, const double *q, double *D) {
+static void add_forces(const wbc_plan *plan, const double *frames, const double *q, const wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = nv + plan->forces;
+    double *D = qp->D;
     for (const wbc_force *force = plan->force; force < plan->force + plan->bearing; force++) {
         const wbc_block *block = plan->block + force->block;
         const double *frame = frames + block->frame * FRAME_SIZE(nv), *R = frame + FRAME_ROTATION;
@@ -198,6 +199,12 @@ static void add_forces(const wbc_plan *plan, const double *frames, const double 
         static const double world[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
         const double *axes = force->aligned ? world : R;
         double *to = D + nv + force->column;
+        if (block->kind == LOOP && block->held && block->rows == force->count) { /* its rows are there */
+            const double *A = qp->A + (plan->passives + block->first) * n;
+            for (int64_t r = 0; r < force->count; r++)
+                for (int64_t i = 0; i < nv; i++) to[i * n + r] = -A[r * n + i];
+            continue;
+        }
         if (block->kind == LOOP) {
             for (int64_t r = 0; r < force->count; r++) loop_row(plan, block, frames, r, -1.0, to + r, n);
             continue;
@@ -228,7 +235,7 @@ static void add_forces(const wbc_plan *plan, const double *frames, const double 
     }
 }
 
-/* Base forces and torques D x + offset by the unknowns, and the rows made of them. */
+/* Base forces and torques D x + offset by the unknowns, and the rows made of them; behind those of loops. */
 static void add_dynamics(const wbc_plan *plan, const double *frames, const double *motion,
                          const double *q, const double *v, const wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = qp->n, f = plan->forces;
@@ -240,7 +247,7 @@ static void add_dynamics(const wbc_plan *plan, const double *frames, const doubl
         qp->offset[i] = (motion[BIAS(nv) + i] - plan->load[i]) / plan->unit - dot(nv, row, v);
         if (i >= 6) row[i] += plan->joint_damping[i - 6] / plan->unit;
     }
-    add_forces(plan, frames, q, qp->D);
+    add_forces(plan, frames, q, qp);
     for (int64_t r = 0; r < plan->passives; r++) {
         memcpy(qp->A + r * n, qp->D + plan->passive[r] * n, n * sizeof *qp->A);
         qp->b[r] = -qp->offset[plan->passive[r]];
@@ -479,7 +486,6 @@ int wbc_problem(const wbc_plan *plan, const double *state, const void *measured,
         wbc_motion(plan->tree, state, v, motion, J);
         wbc_drifts(plan->tree, state, motion, plan->frames, plan->frame_joint,
                    plan->frame_placement, accelerations);
-        add_dynamics(plan, frames, motion, q, v, &qp);
     }
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++)
         if (is_of_forces(block)) {
@@ -487,6 +493,7 @@ int wbc_problem(const wbc_plan *plan, const double *state, const void *measured,
             add_force_rows(plan, block, J, &qp), wide = qp.n;
         } else
             add_block(plan, block, &at, J, &qp, &damping);
+    if (plan->torque) add_dynamics(plan, frames, motion, q, v, &qp);
     if (plan->rows) wide = add_costs(plan, 0, J, qp.P, qp.g, qp.heaviest);
     const int kept = plan->margin ? add_margin(plan, state, v, J, &qp) : DONE;
     if (kept != DONE) return kept;
