@@ -8,119 +8,12 @@
 #include "fold.h"
 #include "linear.h"
 #include "problem.h"
-#include "reduce.h"
 
 #include <string.h>
 
-static const double LARGEST = 1e4; /* entries of N [1/m]: near dead centres others are to be eliminated */
-
-static int is_mechanics(const wbc_block *block) {
-    return block->held && (block->kind == LOOP || block->kind == GEAR);
-}
-
-int64_t mechanics(const wbc_plan *plan, int64_t *first) {
-    int64_t count = 0;
-    for (const wbc_block *block = plan->block + plan->blocks; block-- > plan->block;)
-        if (is_mechanics(block)) *first = block->first, count += block->rows;
-    return count;
-}
-
-int64_t folded_numbers(int64_t n, int64_t k, int64_t m) {
-    return n * n + 4 * k * n + m * n + (2 * k + m) * k + 6 * n + 6 * k + 3 * m + 5;
-}
-
-int64_t folded_integers(int64_t n, int64_t k) { return 5 + 4 * n + 3 * k; }
-
-static int is_bounded(const wbc_qp *qp, int64_t i) { return qp->upper[i] < INFINITY || qp->lower[i] > -INFINITY; }
-
-/* Count, loops and supports stand in front; bounds of what was taken out are further rows C. */
-void find_folded(const wbc_qp *qp, const wbc_plan *plan, double *scratch, int64_t *order, folded *f) {
-    const int64_t n = qp->n, k = qp->k;
-    f->rest = *qp, f->scratch = scratch, f->order = order, f->count = 0;
-    if (!plan) return;
-    f->count = order[0], f->loops = order[1], f->supports = order[2];
-    f->column = order + 3, f->row = f->column + k, f->others = f->row + k, f->kept = f->others + k;
-    f->support = f->kept + n, f->run = f->support + n, f->order = order + folded_integers(n, k);
-    if (f->count == 0) return;
-    wbc_qp *rest = &f->rest;
-    rest->n -= f->count, rest->k -= f->count;
-    for (int64_t e = 0; e < f->count; e++) rest->m += is_bounded(qp, f->column[e]);
-    double **parts[] = {&rest->P, &rest->A, &rest->C, &rest->g, &rest->lower, &rest->upper, &rest->b,
-                        &rest->l, &rest->u, &rest->x, &rest->y, &rest->z, &rest->z_box, &rest->found,
-                        &f->by, &f->force, &f->shift, &f->inverse, &f->gradient, &f->entry};
-    const int64_t most = qp->m + f->count;
-    const int64_t size[] = {rest->n * rest->n, rest->k * rest->n, most * rest->n, rest->n, rest->n,
-                            rest->n, rest->k, most, most, rest->n, rest->k, most, rest->n, 5,
-                            f->loops * rest->n, f->loops * rest->n, f->count, f->loops * f->loops, n,
-                            (rest->k + qp->m) * f->count};
-    for (int i = 0; i < 20; i++) *parts[i] = f->scratch, f->scratch += size[i];
-}
-
-/* Which velocities go by the loops' rows, of joints without a motor, and by which inverse; false if they do not. */
-static int invert_loops(const wbc_qp *qp, const wbc_plan *plan, int64_t begin, int64_t *usual, folded *f) {
-    const int64_t loops = f->loops, passives = plan->passives;
-    double *A = f->scratch + reduced_numbers(passives, loops, 0), *none = A + loops * passives, largest = 0.0;
-    const wbc_qp own = {.n = passives, .k = loops, .A = A, .b = qp->b + begin, .y = qp->y, .lower = none, .upper = none};
-    reduced r;
-    for (int64_t i = 0; i < loops; i++)
-        for (int64_t p = 0; p < passives; p++)
-            A[i * passives + p] = qp->A[(begin + i) * qp->n + plan->passive[p]];
-    memset(none, 0, passives * sizeof *none); /* bounds: no joint is preferred to others */
-    place(&own, f->scratch, f->order, &r);
-    if (solve_equalities(&own, &r, usual, 0) < 0 || r.rank < loops) return 0;
-    memcpy(f->inverse, r.inverse, loops * loops * sizeof *A);
-    for (int64_t i = 0; i < loops; i++) {
-        f->row[i] = begin + r.row[i];
-        f->row[loops + i] = r.order[i]; /* its dynamics */
-        f->column[i] = plan->passive[r.order[i]];
-    }
-    for (int64_t i = 0; i < loops * loops; i++)
-        if (!(fabs(f->inverse[i]) < largest)) largest = fabs(f->inverse[i]);
-    return largest < LARGEST;
-}
-
-/* The forces in the loops, in the order of their rows; false if there are others than that, or costs that mix
- * them. */
-static int find_forces(const wbc_qp *qp, const wbc_plan *plan, folded *f) {
-    const int64_t n = qp->n, loops = f->loops;
-    int64_t *column = f->column + loops, found = 0;
-    for (const wbc_force *force = plan->force; force < plan->force + plan->bearing; force++) {
-        const wbc_block *block = plan->block + force->block;
-        if (!is_mechanics(block) || force->count != block->rows) continue;
-        const int64_t first = plan->passives + block->first;
-        for (int64_t i = 0; i < loops; i++)
-            if (f->row[i] >= first && f->row[i] < first + block->rows)
-                column[i] = plan->tree->nv + force->column + f->row[i] - first, found++;
-    }
-    for (int64_t i = 0; i < loops && found == loops; i++) {
-        const double *P = qp->P + column[i] * n, entry = P[column[i]];
-        if (dot(n, P, P) != entry * entry) return 0;
-    }
-    return found == loops;
-}
-
-/* The unknowns that stay and the equalities that do. */
-static void find_kept(const wbc_qp *qp, folded *f) {
-    int64_t *mark = f->order, *run = f->run, count = 0;
-    memset(mark, 0, (qp->n > qp->k ? qp->n : qp->k) * sizeof *mark);
-    for (int64_t e = 0; e < f->count; e++) mark[f->column[e]] = 1;
-    for (int64_t c = 0; c < qp->n; c++)
-        if (!mark[c]) {
-            f->kept[count++] = c;
-            if (c > 0 && !mark[c - 1]) run[-1]++;
-            else run[0] = c, run[1] = 1, run += 2;
-        }
-    run[1] = 0;
-    memset(mark, 0, qp->k * sizeof *mark);
-    for (int64_t e = 0; e < f->count; e++) mark[f->row[e]] = 1;
-    count = 0;
-    for (int64_t r = 0; r < qp->k; r++)
-        if (!mark[r]) f->others[count++] = r;
-}
-
 /* Run by run. Four at a time, written out: of a loop compilers make a call, which takes longer than a run. */
-INLINE void gather(const folded *f, const double *row, double *restrict to) {
-    for (const int64_t *run = f->run; run[1] > 0; run += 2) {
+INLINE void gather_runs(const int64_t *run, const double *row, double *restrict to) {
+    for (; run[1] > 0; run += 2) {
         const double *restrict from = row + run[0];
         int64_t left = run[1];
         for (; left >= 4; left -= 4, from += 4, to += 4)
@@ -128,6 +21,21 @@ INLINE void gather(const folded *f, const double *row, double *restrict to) {
         if (left > 1) to[0] = from[0], to[1] = from[1], from += 2, to += 2, left -= 2;
         if (left > 0) *to++ = *from;
     }
+}
+
+INLINE void gather(const folded *f, const double *row, double *to) { gather_runs(f->run, row, to); }
+
+/* A cone, which is of forces alone, and of no loop's. */
+INLINE void gather_cone(const wbc_plan *plan, const folded *f, const double *row, double *to) {
+    const int64_t *run = f->run;
+    int64_t before = 0;
+    for (; run[1] > 0 && run[0] < plan->tree->nv; run += 2) before += run[1];
+    memset(to, 0, before * sizeof *to);
+    gather_runs(run, row, to + before);
+}
+
+INLINE int is_cone(const wbc_plan *plan, int64_t r) {
+    return r >= plan->bounded && r < plan->bounded + plan->cones;
 }
 
 /* What of the unknowns that were taken out is in a row; whether any is. */
@@ -237,7 +145,7 @@ INLINE void fold_forces(const wbc_qp *qp, const folded *f) {
 }
 
 /* What the ends of all rows leave, and the gradient. */
-INLINE void shift_ends(const wbc_qp *qp, const folded *f) {
+INLINE void shift_ends(const wbc_qp *qp, const wbc_plan *plan, const folded *f) {
     const int64_t n = qp->n, loops = f->loops, count = f->count;
     const wbc_qp *rest = &f->rest;
     double *end = f->scratch, *shift = f->shift, *gradient = f->gradient, *entry = end + count;
@@ -260,7 +168,7 @@ INLINE void shift_ends(const wbc_qp *qp, const folded *f) {
     fold_row(f, gradient, count, entry, rest->g);
     for (int64_t r = 0; r < rest->k; r++) rest->b[r] = qp->b[f->others[r]] - dot(count, f->entry + r * count, shift);
     for (int64_t r = 0; r < qp->m; r++) {
-        const double known = dot(count, f->entry + (rest->k + r) * count, shift);
+        const double known = is_cone(plan, r) ? 0.0 : dot(count, f->entry + (rest->k + r) * count, shift);
         rest->l[r] = qp->l[r] - known, rest->u[r] = qp->u[r] - known;
     }
     for (int64_t e = 0, r = qp->m; e < count; e++) {
@@ -272,7 +180,7 @@ INLINE void shift_ends(const wbc_qp *qp, const folded *f) {
 
 WIDE static void fold_all(const wbc_qp *qp, const wbc_plan *plan, folded *f) {
     const wbc_qp *rest = &f->rest;
-    const int64_t count = f->count, cones = plan->bounded;
+    const int64_t count = f->count;
     double *entry = f->entry;
     depend(qp, f);
     balance(qp, f);
@@ -281,12 +189,10 @@ WIDE static void fold_all(const wbc_qp *qp, const wbc_plan *plan, folded *f) {
     for (int64_t r = 0; r < rest->k; r++, entry += count)
         fold_row(f, qp->A + f->others[r] * qp->n, count, entry, rest->A + r * rest->n);
     for (int64_t r = 0; r < qp->m; r++, entry += count)
-        if (r < cones || r >= cones + plan->cones)
+        if (is_cone(plan, r))
+            gather_cone(plan, f, qp->C + r * qp->n, rest->C + r * rest->n);
+        else
             fold_row(f, qp->C + r * qp->n, count, entry, rest->C + r * rest->n);
-        else { /* of other forces */
-            gather(f, qp->C + r * qp->n, rest->C + r * rest->n);
-            memset(entry, 0, count * sizeof *entry);
-        }
     for (int64_t e = 0, r = qp->m; e < f->count; e++) {
         if (!is_bounded(qp, f->column[e])) continue;
         double *to = rest->C + r++ * rest->n;
@@ -298,23 +204,12 @@ WIDE static void fold_all(const wbc_qp *qp, const wbc_plan *plan, folded *f) {
     }
     gather(f, qp->lower, rest->lower);
     gather(f, qp->upper, rest->upper);
-    shift_ends(qp, f);
+    shift_ends(qp, plan, f);
 }
 
 void fold(const wbc_qp *qp, const wbc_plan *plan, int64_t *usual, double *scratch, int64_t *order, folded *f) {
-    int64_t first = 0;
-    if (plan) {
-        const int64_t loops = mechanics(plan, &first);
-        const int known = loops <= plan->passives && loops <= plan->forces;
-        order[0] = known ? 2 * loops : 0, order[1] = loops, order[2] = 0;
-        memset(order + 3, 0, qp->k * sizeof *order); /* columns that nobody knows yet */
-    }
-    find_folded(qp, plan, scratch, order, f);
+    choose_folded(qp, plan, usual, scratch, order, f);
     if (f->count == 0) return;
-    if (!invert_loops(qp, plan, first + plan->passives, usual, f) || !find_forces(qp, plan, f)) order[0] = 0;
-    find_folded(qp, plan, scratch, order, f);
-    if (f->count == 0) return;
-    find_kept(qp, f);
     fold_all(qp, plan, f);
     order[2] = f->supports;
 }
