@@ -52,7 +52,8 @@ void find_folded(const wbc_qp *qp, const wbc_plan *plan, double *scratch, int64_
 static int invert_loops(const wbc_qp *qp, const wbc_plan *plan, int64_t begin, int64_t *usual, folded *f) {
     const int64_t loops = f->loops, passives = plan->passives;
     double *A = f->scratch + reduced_numbers(passives, loops, 0), *none = A + loops * passives, largest = 0.0;
-    const wbc_qp own = {.n = passives, .k = loops, .A = A, .b = qp->b + begin, .y = qp->y, .lower = none, .upper = none};
+    const wbc_qp own = {.n = passives, .k = loops, .A = A, .b = qp->b + begin, .y = qp->y, .lower = none,
+                        .upper = none};
     reduced r;
     for (int64_t i = 0; i < loops; i++)
         for (int64_t p = 0; p < passives; p++)
