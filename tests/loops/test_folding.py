@@ -9,6 +9,7 @@ from tests.loops import ankle
 from wbc import Limits, PostureTask, TorqueController
 from wbc.qp.core import DONE, INFEASIBLE, solve_in_core
 from wbc.robot import Robot
+from wbc.validate import Array
 
 
 def torque_level(robot: Robot, q: np.ndarray, **given: object) -> TorqueController:
@@ -30,7 +31,7 @@ def test_torque_tick_of_loops_answers_the_qp_as_it_stands(
     robot: Robot, pitch: float, roll: float, solver: str
 ) -> None:
     q = robot.posture("standing", {"pitch": pitch, "roll": roll})
-    v = np.zeros(robot.nv)
+    v: Array = np.zeros(robot.nv)
     controller = torque_level(robot, q, solver=solver)
     for _ in range(5):  # at speed, rows have ends
         tick = controller.step(robot.snapshot(q, v))
@@ -49,6 +50,7 @@ def test_torque_tick_of_loops_without_a_solution_is_given_a_certificate(robot: R
     q = robot.posture("standing", {"pitch": 0.1})
     weak = 1e-3  # of the motors: gravity asks for more than that part of their torques
     controller = torque_level(robot, q, torque_limits=weak, solver="active_set")
+    assert controller.limits is not None
     controller.limits.speed = np.full(robot.nv - 6, 1e-6)  # and none may fall
     found = controller.core.tick(robot.snapshot(q, np.zeros(robot.nv)))
     assert found is not None

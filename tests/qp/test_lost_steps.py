@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from wbc.qp import QP, Labels, active_set
+from wbc.qp import QP, Labels
+from wbc.qp.active_set import proximal
+from wbc.qp.core import CoreAnswer, solve_in_core
 
 
 def test_proximal_step_beyond_all_rows_leaves_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -20,13 +22,12 @@ def test_proximal_step_beyond_all_rows_leaves_no_answer(monkeypatch: pytest.Monk
         np.ones(2),
         Labels.numbered(2, 0, 1),
     )
-    solve = active_set.solve_in_core
 
-    def thrown(*given: object) -> object:
-        found = solve(*given)  # type: ignore[arg-type]
+    def thrown(qp: QP, eps: float, most: int) -> CoreAnswer:
+        found = solve_in_core(qp, eps, most)
         far = found.residuals._replace(primal=1e22)
         return found._replace(x=np.full(2, 1e200), residuals=far)
 
-    assert active_set.proximal(qp, 1e-8, 100) is not None
-    monkeypatch.setattr(active_set, "solve_in_core", thrown)
-    assert active_set.proximal(qp, 1e-8, 100) is None
+    assert proximal(qp, 1e-8, 100) is not None
+    monkeypatch.setattr("wbc.qp.active_set.solve_in_core", thrown)
+    assert proximal(qp, 1e-8, 100) is None
