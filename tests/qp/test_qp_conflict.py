@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from conflict_judge import blamed_in_vain, can_hold
 
+from tests.qp.conftest import recorded
 from wbc.qp import QP, Labels, ProxQP, Status, core, find_conflict, installed_solvers, make_backend
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.conflict import conflict_by_simplex
@@ -309,6 +310,17 @@ def test_how_small_a_conflict_is_proved(rows, steep, c, most, tolerance) -> None
             weights = [row.multiplier for row in found.rows]
             assert sorted(np.abs(weights)) == pytest.approx([0.5 * d / steep] * 2, rel=1e-2)
             assert min(weights) < 0.0 < max(weights)
+
+
+@pytest.mark.parametrize("number", ["0", "1"])
+def test_conflicts_of_wild_ticks_that_hardly_are_some_are_proved_without_a_needless_row(
+    number: str,
+) -> None:
+    """Torque ticks of a Romeo: all can hold but for 4e-8; weights from 1 down to 1e-13."""
+    qp = recorded(f"conflicts {number}")
+    found = ActiveSet().solve(qp)
+    assert found.conflict is not None, found.describe()
+    assert blamed_in_vain(qp, found.conflict) == []
 
 
 def test_rows_that_only_repair_what_is_lost_beyond_reach_are_not_blamed() -> None:

@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from wbc.qp.conflict import conflict_of, find_conflict
+from wbc.qp.conflict import FINEST, conflict_by_simplex, conflict_of, find_conflict
 from wbc.qp.core import DONE, INFEASIBLE, CoreAnswer, FlatQP, solve_in_core
 from wbc.qp.kkt import SolveCheck
 from wbc.qp.problem import QP
@@ -133,6 +133,8 @@ class ActiveSet:
             settled = None if conflict else self._settled(qp, check, raw)
             if settled is not None:
                 return settled
+            if conflict is None and not quick:  # missed by less than counts as met, and not met
+                conflict = conflict_by_simplex(qp, FINEST)
         claim = Status.FAILED if conflict is None else Status.INFEASIBLE
         message = "" if conflict else "no answer whose residuals are small, and no proof of none"
         none = RawSolution.none(qp, claim, message)

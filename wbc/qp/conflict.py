@@ -40,6 +40,9 @@ _SPARED = 0.1  # of the gap, what a row may close of it within REACH if it is sp
 REACH = 1e6
 # Rows scaled to unit length count as met within this, by 1 + their ends.
 TOLERANCE = 1e-7
+# And where no point is found that meets them so: the sums of a certificate are still far above
+# what rounding leaves of them.
+FINEST = 2e-9
 _MOST_ITERATIONS = 1000
 # What unknowns are damped by, which need not be determined by the rows that are missed least; with
 # the lightest, of many rows that nearly repeat each other, the active-set method can lose its way.
@@ -212,12 +215,8 @@ def _ends(qp: QP, rows: UnitRows, weights: Array) -> Array:
 
 def _dependencies(matrix: Array) -> Iterator[tuple[Array, float]]:
     """Yield orthonormal bases (s, k) of combinations of rows (s, n) that are 0 but for so much."""
-    last = 0
     for zero in _ZERO:
-        basis = _zeros(matrix.T, zero)
-        if basis.shape[1] != last:
-            yield basis, zero
-        last = basis.shape[1]
+        yield _zeros(matrix.T, zero), zero
 
 
 def _irreducible(weights: Array, free: Array, ends: Array, least: float) -> Array | None:
