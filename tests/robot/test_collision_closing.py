@@ -28,9 +28,8 @@ def test_the_way_is_not_shorter_than_the_margins_law_needs(slowest: float, rng) 
     assert (closing.way(-speed) == 0.0).all()
 
 
-@pytest.mark.parametrize("in_core", [True, False])
 @pytest.mark.parametrize("around", [None, Capsule.of([0.3, 0, 0], [0.3, 0, 1], 0.02), WALL])
-def test_those_with_the_least_left_of_all_pairs(in_core: bool, around: Shape | None, rng) -> None:
+def test_those_with_the_least_left_of_all_pairs(around: Shape | None, rng) -> None:
     """Bounds on speeds never underestimate: no pair is left out that brute force finds."""
     robot = Robot.load("hoap2_like")
     bodies = [
@@ -41,8 +40,6 @@ def test_those_with_the_least_left_of_all_pairs(in_core: bool, around: Shape | N
         bodies.append(Body("around", "", 0, around))
     n = len(bodies)
     model = CollisionModel(robot, bodies, [(a, b) for a in range(n) for b in range(a + 1, n)])
-    if not in_core:
-        model.native = None  # by arrays, as with half-spaces
     kept, more = 0.01 * rng.random(len(model.pairs)), 0
     for _ in range(25):
         q, v = random_state(robot, rng)

@@ -214,21 +214,6 @@ def test_distances_depend_on_the_posture_alone(robot_named, rng) -> None:
             np.testing.assert_array_equal(one, other)
 
 
-def test_results_that_do_not_lie_side_by_side(
-    robot_named, random_snapshot, rng, monkeypatch
-) -> None:
-    """Read one by one, coal's results are those that are read through a window."""
-    robot = robot_named("hoap2_like")
-    bodies = bodies_on(robot, rng)
-    pairs = all_pairs(bodies)
-    here = random_snapshot(robot, rng)
-    at_once = CollisionModel(robot, bodies, pairs).nearest(here, 15)
-    monkeypatch.setattr("wbc.robot.collision.distances._side_by_side", lambda fields: None)
-    one_by_one = CollisionModel(robot, bodies, pairs).nearest(here, 15)
-    for quick, slow in zip(at_once[:4], one_by_one[:4], strict=True):
-        np.testing.assert_array_equal(quick, slow)
-
-
 def test_a_half_space_against_arithmetic(robot_named, random_snapshot, rng) -> None:
     robot = robot_named("hoap2_like")
     bodies = bodies_on(robot, rng)

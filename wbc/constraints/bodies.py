@@ -89,15 +89,12 @@ class BodyMargin(Margin):
         if not len(model.pairs):
             none = np.zeros(0, dtype=np.int64)
             return none, none, np.zeros(0), np.zeros((0, self.robot.nv))
-        if model.native is None:
-            unknown = np.arange(len(states))
-        else:
-            pairs, found = model.native.within(states.array, states.tree, limit, kept)
-            unknown = np.unique(pairs[found[:, 0] == -np.inf, 0])
-            known = ~np.isin(pairs[:, 0], unknown)
-            pairs, found = pairs[known], found[known]
-            J = model.rows_of(states, pairs, found)
-            parts.append((*pairs.T, found[:, 0] - kept.take(pairs[:, 1]), J))
+        pairs, found = model.native.within(states.array, states.tree, limit, kept)
+        unknown = np.unique(pairs[found[:, 0] == -np.inf, 0])
+        known = ~np.isin(pairs[:, 0], unknown)
+        pairs, found = pairs[known], found[known]
+        J = model.rows_of(states, pairs, found)
+        parts.append((*pairs.T, found[:, 0] - kept.take(pairs[:, 1]), J))
         for k in unknown.tolist():
             one = self.distances(self.robot.snapshot(q[k]))
             own = one.clearance < limit

@@ -131,9 +131,9 @@ class SelfCollision(BodyMargin):
         return Distances(found.pairs, clearance, rows(snapshot, found), None, found, beyond)
 
     def watched(self) -> WatchedPairs | None:
-        """Return what the native core needs for the rows, or None if it knows not all bodies."""
+        """Return what the native core needs for the rows, or None if there are no pairs."""
         model = self.model
-        if model.native is None or not len(model.pairs):
+        if not len(model.pairs):
             return None
         law = self.count, self._joint_acceleration, self.braking
         return WatchedPairs(model.native, self._kept, model.shorter, *law)

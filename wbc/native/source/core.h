@@ -90,17 +90,19 @@ int wbc_drifts(const wbc_tree *tree, const double *state, const double *motion, 
                const int64_t *joint, const double *placement, double *out);
 
 /* What distances count on, here and in Python; said in source/pairs.c. */
-extern const double wbc_parallel, wbc_touching, wbc_even;
+extern const double wbc_even;
 
 /* Convex bodies on joints: hulls of corners with a radius, each in a capsule that is itself of two
- * corners and of one; and the pairs of them that are to be kept apart. */
+ * corners and of one, and half-spaces on joint 0; and the pairs of them that are to be kept apart. */
+enum { CAPSULES = 0, HULLS = 1, ABOVE = 2 }; /* HULLS: at least one; ABOVE: the second is a half-space */
 typedef struct {
     int64_t nv, joints, bodies, pairs;
     const int64_t *joint;  /* (bodies) */
-    const double *local;   /* (bodies, 3, 3) columns: start, unit direction, middle; joint's axes */
+    const double *local;   /* (bodies, 3, 3) columns: start, unit direction, middle; joint's axes.
+                            * Of a half-space: a point of its surface, its normal, the point */
     const double *size;    /* (bodies, 3): length, radius, radius of a ball about the middle */
     const int64_t *pair;   /* (pairs, 2) */
-    const int64_t *solid;  /* (pairs): whether a body of it is no capsule, but covered by one */
+    const int64_t *kind;   /* (pairs) */
     const int64_t *common; /* (pairs): the last joint that carries both */
     const int64_t *first;  /* (bodies + 1): where a body's corners begin */
     const double *corner;  /* (3, corners) of all, joint's axes */
@@ -109,11 +111,11 @@ typedef struct {
 
 /* Write the numbers, increasing, of the count pairs of least distance, less kept (pairs) if that is
  * not 0, and of these (7, count): distance, normal to the first, point on the first. A distance of
- * -INFINITY: how deep they are inside each other is not known here. Returns 0; -1: to be done in
- * Python. scratch holds 10 numbers a body and 10 a pair. */
+ * -INFINITY: hulls touch, and how deep they are inside each other is not known here. Returns 0; -1: count
+ * pairs do, or the state is not finite. scratch holds 10 numbers a body and 10 a pair. */
 int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
                 double *scratch, int64_t *chosen, double *nearest);
-/* Write (7, k) of k pairs, as wbc_nearest does. Returns 0; -1: to be done in Python. */
+/* Write (7, k) of k pairs, as wbc_nearest does. Returns 0. */
 int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64_t *chosen,
                 double *scratch, double *nearest);
 /* Write frame and pair (k, 2), and what is nearest (k, 7), of all pairs of n states, stride numbers

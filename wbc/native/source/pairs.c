@@ -8,11 +8,11 @@
 
 #include <string.h>
 
-const double wbc_parallel = 1e-10; /* squared sine of an angle below which two segments count as parallel */
-const double wbc_touching = 1e-9;  /* m: nearer axes have no direction between them */
-const double wbc_even = 1e-9;      /* m: clearances that differ by less are equal, and the lower numbers win */
+static const double PARALLEL = 1e-10; /* squared sine of an angle below which two segments count as parallel */
+static const double TOUCHING = 1e-9;  /* m: nearer axes have no direction between them */
+const double wbc_even = 1e-9; /* m: clearances that differ by less are equal, and the lower numbers win */
 
-/* Of a body, in a row: start, unit direction and middle, world axes. */
+/* Of a body, in a row: start, unit direction and middle, world axes; of a half-space point, normal, point. */
 enum { START = 0, DIRECTION = 3, MIDDLE = 6, PLACED = 9 };
 enum { LENGTH = 0, RADIUS = 1, REACH = 2, SIZES = 3 };
 enum { FOUND = 7 }; /* distance, normal, point on the first */
@@ -36,30 +36,49 @@ static double within(double x, double length) {
     return least < length ? least : length;
 }
 
-/* Of two capsules. Ericson, Real-Time Collision Detection (2005), sec. 5.1.9; false where the axes
- * touch. */
-static int measure_capsules(const wbc_pairs *of, const double *placed, int64_t pair,
-                            double *found) {
+/* The part of x across an axis, if it has a length. */
+static int across(const double *x, const double *axis, double *n) {
+    const double squared = dot3(axis, axis), share = squared > 0.0 ? dot3(x, axis) / squared : 0.0;
+    for (int i = 0; i < 3; i++) n[i] = x[i] - share * axis[i];
+    return dot3(n, n) > TOUCHING * TOUCHING;
+}
+
+/* A unit vector to push apart two segments a, b whose axes touch: across both, to the side of a's middle. */
+static void part(const double *a, const double *b, const double *between, double *n) {
+    static const double up[3] = {0.0, 0.0, 1.0}, ahead[3] = {1.0, 0.0, 0.0}; /* one is off any axis */
+    const double aa = dot3(a, a), bb = dot3(b, b), *axis = aa >= bb ? a : b;
+    double middles[3];
+    for (int i = 0; i < 3; i++) middles[i] = between[i] + 0.5 * (a[i] - b[i]);
+    cross3(a, b, n);
+    if (dot3(n, n) <= PARALLEL * aa * bb && !across(middles, axis, n) && !across(up, axis, n))
+        across(ahead, axis, n);
+    const double length = sqrt(dot3(n, n)), sign = dot3(n, middles) < 0.0 ? -1.0 : 1.0;
+    for (int i = 0; i < 3; i++) n[i] *= sign / length;
+}
+
+/* Of the capsules of two bodies. Ericson, Real-Time Collision Detection (2005), sec. 5.1.9. */
+static void measure_capsules(const wbc_pairs *of, const double *placed, int64_t pair,
+                             double *found) {
     const int64_t first = of->pair[2 * pair], second = of->pair[2 * pair + 1];
     const double *A = placed + PLACED * first, *B = placed + PLACED * second;
     const double *a = A + DIRECTION, *b = B + DIRECTION;
     const double *own = of->size + SIZES * first, *other = of->size + SIZES * second;
-    double between[3], apart[3];
+    double between[3], apart[3], along[2][3];
     for (int i = 0; i < 3; i++) between[i] = A[i] - B[i];
     const double ab = dot3(a, b), ar = dot3(a, between), br = dot3(b, between);
-    const double sine = 1.0 - ab * ab > wbc_parallel ? 1.0 - ab * ab : wbc_parallel;
+    const double sine = 1.0 - ab * ab > PARALLEL ? 1.0 - ab * ab : PARALLEL;
     const double near = within((ab * br - ar) / sine, own[LENGTH]);
     const double t = within(ab * near + br, other[LENGTH]);
     const double s = within(ab * t - ar, own[LENGTH]);
     for (int i = 0; i < 3; i++) apart[i] = between[i] + s * a[i] - t * b[i];
     const double distance = sqrt(dot3(apart, apart));
-    if (!(distance >= wbc_touching)) return 0;
     found[0] = distance - own[RADIUS] - other[RADIUS];
-    for (int i = 0; i < 3; i++) {
-        found[1 + i] = apart[i] / distance;
-        found[4 + i] = A[i] + s * a[i] - own[RADIUS] * found[1 + i];
+    for (int i = 0; i < 3; i++) found[1 + i] = apart[i] / distance;
+    if (distance < TOUCHING) {
+        for (int i = 0; i < 3; i++) along[0][i] = own[LENGTH] * a[i], along[1][i] = other[LENGTH] * b[i];
+        part(along[0], along[1], between, found + 1);
     }
-    return 1;
+    for (int i = 0; i < 3; i++) found[4 + i] = A[i] + s * a[i] - own[RADIUS] * found[1 + i];
 }
 
 /* Of any two bodies, by their corners; -INFINITY where who knows of depths must: convex_distance. */
@@ -88,6 +107,37 @@ static void measure_hulls(const wbc_pairs *of, const double *state, const double
     }
     found[0] -= of->rounding[first] + of->rounding[second];
     for (int i = 0; i < 3; i++) found[4 + i] += origin[0][i] - of->rounding[first] * found[1 + i];
+}
+
+/* Of a body above a half-space, by the lowest of its corners. */
+static void measure_above(const wbc_pairs *of, const double *state, const double *placed, int64_t pair,
+                          double *found) {
+    const int64_t body = of->pair[2 * pair], corners = of->first[of->bodies];
+    const double *R = state + ROTATIONS(of->nv) + 9 * of->joint[body];
+    const double *p = state + ORIGINS(of->nv, of->joints) + 3 * of->joint[body];
+    const double *plane = placed + PLACED * of->pair[2 * pair + 1], *n = plane + DIRECTION;
+    found[0] = INFINITY;
+    for (int64_t c = of->first[body]; c < of->first[body + 1]; c++) {
+        const double local[3] = {of->corner[c], of->corner[corners + c], of->corner[2 * corners + c]};
+        double corner[3], height = -of->rounding[body];
+        times3(R, local, corner);
+        for (int i = 0; i < 3; i++) corner[i] += p[i], height += n[i] * (corner[i] - plane[i]);
+        if (height >= found[0]) continue;
+        found[0] = height;
+        for (int i = 0; i < 3; i++) found[4 + i] = corner[i] - of->rounding[body] * n[i];
+    }
+    memcpy(found + 1, n, 3 * sizeof *n);
+}
+
+/* Of any pair; where one is no capsule, found is of the capsules round them, if it is above a limit. */
+static void measure(const wbc_pairs *of, const double *state, const double *placed, int64_t pair,
+                    double limit, double *found) {
+    if (of->kind[pair] == ABOVE) {
+        measure_above(of, state, placed, pair, found);
+        return;
+    }
+    measure_capsules(of, placed, pair, found);
+    if (of->kind[pair] == HULLS && !(found[0] > limit)) measure_hulls(of, state, placed, pair, found);
 }
 
 /* The k-th smallest (from 0) of n values, which are put in another order: Hoare's selection. */
@@ -161,9 +211,9 @@ static int bound_by_balls(const wbc_pairs *of, const double *placed, const doubl
     for (int64_t p = 0; p < of->pairs; p++) {
         const int64_t a = of->pair[2 * p], b = of->pair[2 * p + 1];
         const double *A = placed + PLACED * a + MIDDLE, *B = placed + PLACED * b + MIDDLE;
-        const double x = A[0] - B[0], y = A[1] - B[1], z = A[2] - B[2];
-        lower[p] = sqrt(x * x + y * y + z * z) - of->size[SIZES * a + REACH] -
-                   of->size[SIZES * b + REACH] - less[p];
+        const double apart[3] = {A[0] - B[0], A[1] - B[1], A[2] - B[2]}, *n = placed + PLACED * b + DIRECTION;
+        const double way = of->kind[p] == ABOVE ? dot3(apart, n) : sqrt(dot3(apart, apart));
+        lower[p] = way - of->size[SIZES * a + REACH] - of->size[SIZES * b + REACH] - less[p];
         if (!(lower[p] < INFINITY)) return 0;
     }
     return 1;
@@ -199,18 +249,15 @@ int soonest(const wbc_pairs *of, const double *state, int64_t count, const doubl
             double *own = found + FOUND * p;
             if (lower[p] > limit) continue;
             if (own[0] == INFINITY) {
-                /* Axes of covers that touch say nothing, those of capsules have no direction. */
-                const int has_axes = measure_capsules(of, placed, p, own);
-                if (!has_axes && !of->solid[p]) return -1;
-                if (of->solid[p]) {
-                    const double way = closing ? longest_way(of, closing, placed, p) : 0.0;
-                    if (round && has_axes && own[0] - less[p] - way > limit) {
-                        own[0] = INFINITY;
-                        continue;
-                    }
-                    measure_hulls(of, state, placed, p, own);
-                    if (own[0] == -INFINITY && ++unknown >= count) return -1;
+                double most = INFINITY; /* of the capsules round a pair that may be among the nearest */
+                if (round && of->kind[p] == HULLS)
+                    most = limit + less[p] + (closing ? longest_way(of, closing, placed, p) : 0.0);
+                measure(of, state, placed, p, most, own);
+                if (own[0] > most) {
+                    own[0] = INFINITY;
+                    continue;
                 }
+                if (own[0] == -INFINITY && ++unknown >= count) return -1;
                 if (closing) less[p] += stopping_way(closing, closing_speed(of, closing, p, own));
             }
             sorted[measured++] = own[0] - less[p];
@@ -241,10 +288,7 @@ int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64
     for (int64_t i = 0; i < k; i++) {
         const int64_t p = chosen[i];
         double found[FOUND];
-        if (of->solid[p])
-            measure_hulls(of, state, scratch, p, found);
-        else if (!measure_capsules(of, scratch, p, found))
-            return -1;
+        measure(of, state, scratch, p, INFINITY, found);
         for (int r = 0; r < FOUND; r++) nearest[r * k + i] = found[r];
     }
     return 0;
@@ -262,13 +306,8 @@ int64_t wbc_within(const wbc_pairs *of, const double *states, int64_t n, int64_t
         for (int64_t p = 0; p < of->pairs; p++) {
             double found[FOUND];
             if (!(lower[p] < limit)) continue;
-            memset(found, 0, sizeof found);
-            found[0] = -INFINITY;
-            if (measure_capsules(of, placed, p, found) && !(found[0] - kept[p] < limit)) continue;
-            if (of->solid[p]) {
-                measure_hulls(of, state, placed, p, found);
-                if (!(found[0] - kept[p] < limit)) continue;
-            }
+            measure(of, state, placed, p, limit + kept[p], found);
+            if (!(found[0] - kept[p] < limit)) continue;
             if (k < room) {
                 chosen[2 * k] = f, chosen[2 * k + 1] = p;
                 memcpy(nearest + FOUND * k, found, sizeof found);

@@ -8,7 +8,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.robot.collision.distances import nearest_points, parts
 from wbc.robot.collision.fitting import quick_capsule
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull, Shape
 from wbc.robot.model import Snapshot
@@ -47,11 +46,8 @@ class Covers:
         reach = np.array([body.bounding_ball[1] for body in bodies])
         self.sizes = np.column_stack((lengths, radii, reach))
         self._reaches = reach[self._first] + reach[self._second]
-        self._thickness = radii[self._first] + radii[self._second]
-        self._first_radius = radii[self._first]
-        self._length_a, self._length_b = lengths[self._first], lengths[self._second]
         flat = np.array([isinstance(body.shape, HalfSpace) for body in bodies])
-        self.flat = np.flatnonzero(flat[self._second])  # pairs with a half-space
+        self._flat = np.flatnonzero(flat[self._second])  # pairs with a half-space
 
     def place(self, body: int, rotation: Array, origin: Array) -> None:
         """Move a body of joint 0: its frame is put at ``rotation``, ``origin`` (world)."""
@@ -78,27 +74,12 @@ class Covers:
         bounds = np.add.reduce(apart)
         np.sqrt(bounds, out=bounds)
         bounds -= self._reaches
-        if self.flat.size:
-            planes, bodies = self._second[self.flat], self._first[self.flat]
+        if self._flat.size:
+            planes, bodies = self._second[self._flat], self._first[self._flat]
             above = placed[2, :, bodies] - placed[0, :, planes]  # (k, 3)
             heights = np.einsum("ki,ki->k", above, placed[1, :, planes])
-            bounds[self.flat] = heights - self._reaches[self.flat]
+            bounds[self._flat] = heights - self._reaches[self._flat]
         return bounds
-
-    def capsules(self, placed: Array, chosen: Index | None) -> Array:
-        """Return distances, normals and nearest points of the capsules of some pairs (None: all).
-
-        (7, k): see :func:`wbc.robot.collision.distances.parts`.
-        """
-        first, second = chosen_of(self._first, chosen), chosen_of(self._second, chosen)
-        A, B = placed.take(first, axis=2), placed.take(second, axis=2)
-        found = nearest_points(
-            A, B, chosen_of(self._length_a, chosen), chosen_of(self._length_b, chosen)
-        )
-        distance, normal, point = parts(found)
-        distance -= chosen_of(self._thickness, chosen)
-        point -= chosen_of(self._first_radius, chosen) * normal
-        return found
 
 
 def chosen_of(values: NDArray[Scalar], chosen: Index | None) -> NDArray[Scalar]:

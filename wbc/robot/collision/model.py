@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, shown
 from wbc.robot.collision.closing import PairMotion
-from wbc.robot.collision.covers import Covers, chosen_of, smallest
+from wbc.robot.collision.covers import Covers, smallest
 from wbc.robot.collision.curvature import CurvatureBounds
 from wbc.robot.collision.distances import ShapePairs, parts
 from wbc.robot.collision.native_pairs import NativePairs
-from wbc.robot.collision.shapes import Body, Capsule, HalfSpace
+from wbc.robot.collision.shapes import Body, HalfSpace
 from wbc.robot.model import Robot, Snapshot
 from wbc.robot.series import StateSeries
 from wbc.validate import Array, finite_array, read_only
 
 Index = NDArray[np.int64]
-# Pairs measured for each pair asked for: bounding balls are loose about long shapes, and where most
-# shapes are no capsules, the capsules round them only tell which pairs to measure.
-CANDIDATES, CANDIDATES_OF_SOLIDS = 3, 5
-# Pairs measured at once for each asked for, where that needs GJK (1.5 us each).
-NARROWED = 3
-# Where many bodies touch, so many times as many pairs are asked of the core before coal measures
-# all: the core does not know how deep they overlap, so that others may be deeper.
+# Where many bodies touch, so many times as many pairs are asked of the core before all: it does not
+# know how deep they overlap, so that others may be deeper.
 MORE = 4
 _REST = read_only(np.zeros(3))
 
@@ -64,10 +60,8 @@ class CollisionModel:
     covers:
         Balls and capsules round the bodies.
     native:
-        The pairs as the native core reads them; None if there are half-spaces.
+        The pairs as the native core reads them.
     """
-
-    native: NativePairs | None
 
     def __init__(
         self, robot: Robot, bodies: Sequence[Body], pairs: Sequence[tuple[int, int]]
@@ -95,19 +89,18 @@ class CollisionModel:
         if any(isinstance(self.bodies[k].shape, HalfSpace) for k in first.tolist()):
             raise InvalidInputError("pairs: a half-space must be the second of a pair")
         self.covers = Covers(self.bodies, self.pairs)
-        # Pairs of capsules are measured as segments, the others by coal.
-        other = np.array([not isinstance(body.shape, Capsule) for body in self.bodies])
-        solid = np.logical_or(other[first], other[second])  # (pairs,)
-        self._solid_number = np.where(solid, np.cumsum(solid) - 1, -1)  # (pairs,)
-        self._every_solid = np.flatnonzero(solid), np.arange(np.count_nonzero(solid))
-        most = 2 * np.count_nonzero(solid) > len(solid)
-        self._candidates = CANDIDATES_OF_SOLIDS if most else CANDIDATES
-        self._solids = ShapePairs(robot, self.bodies, self.pairs[solid]) if solid.any() else None
-        self.native = None  # the core knows no half-spaces
+        self._moved: dict[int, tuple[Array, Array]] = {}  # bodies, and where to
         self._many_touch = 0
-        if not self.covers.flat.size:
-            parents = [0, *map(int, list(robot.model.parents)[1:])]
-            self.native = NativePairs(self.covers, self.bodies, self.pairs, solid, parents)
+        parents = [0, *map(int, list(robot.model.parents)[1:])]
+        self.native = NativePairs(self.covers, self.bodies, self.pairs, parents)
+
+    def __getstate__(self) -> dict[str, Any]:  # coal's results can be neither copied nor pickled
+        return {name: value for name, value in vars(self).items() if name != "_shapes"}
+
+    @cached_property
+    def _shapes(self) -> ShapePairs:
+        """The pairs as coal measures them."""
+        return ShapePairs(self.robot, self.bodies, self.pairs, self._moved)
 
     def __repr__(self) -> str:
         return (
@@ -140,10 +133,10 @@ class CollisionModel:
         self._own_twists[:3, body] = velocity - np.cross(spin, p)
         self._own_twists[3:, body] = spin
         self._curvature.place(body, core)
-        if self.native is not None:
-            self.native.place(body, core)
-        if self._solids is not None:
-            self._solids.place(body, (R, p))
+        self.native.place(body, core)
+        self._moved[body] = R, p
+        if "_shapes" in vars(self):
+            self._shapes.place(body, (R, p))
 
     def measure(self, snapshot: Snapshot, pairs: Index) -> PairDistances:
         """Return the distances of some pairs, given by their numbers, increasing.
@@ -160,12 +153,9 @@ class CollisionModel:
                 f"pairs: expected numbers (k,) from 0 to {total - 1}, got {shown(pairs)}"
             )
         pairs = pairs.astype(np.int64, copy=False)  # as the core reads them
-        if self.native is not None:
-            found = self.native.measure(snapshot.native_state, pairs)
-            if found is not None:
-                self._fill_in(snapshot, pairs, found)
-                return _pair_distances(snapshot, pairs, found)
-        return _pair_distances(snapshot, *self._measured(snapshot, None, pairs, len(pairs)))
+        found = self.native.measure(snapshot.native_state, pairs)
+        self._fill_in(snapshot, pairs, found)
+        return _pair_distances(snapshot, pairs, found)
 
     def nearest(
         self, snapshot: Snapshot, count: int | None = None, kept: Array | None = None
@@ -178,55 +168,29 @@ class CollisionModel:
             raise InvalidInputError(f"nearest, count: at least 1, got {count}")
         total = len(self.pairs)
         count = total if count is None else min(count, total)
-        if self.native is not None and total:
-            # As bodies touch for many ticks, what was too few is not asked for first again.
-            for most in (count, min(MORE * count, total))[self._many_touch :]:
-                nearest = self.native.nearest(snapshot.native_state, most, kept)
-                if nearest is None:
-                    continue
-                touching = np.count_nonzero(nearest[1][0] == -np.inf)
-                if most < total and MORE * touching > most:
-                    continue  # coal takes as long for them as the core for all
-                known = self._fill_in(snapshot, *nearest)
-                found = _pair_distances(snapshot, *nearest)
-                left = _above(found, kept)
-                # Of those that the core measured, none that it left out is nearer.
-                if known.all() or left[known].max(initial=-np.inf) >= smallest(left, count):
-                    self._many_touch = int(MORE * touching > count)
-                    return _fewest(found, count, kept)
-        if kept is None:
-            return self._nearest(snapshot, count)
-        # Pairs are found by distance: so many may be nearer than one of less clearance.
-        closer = int(np.count_nonzero(kept < kept.max(initial=0.0)))
-        return _fewest(self._nearest(snapshot, min(count + closer, total)), count, kept)
+        # As bodies touch for many ticks, what was too few is not asked for first again.
+        for most in (count, min(MORE * count, total))[self._many_touch :]:
+            nearest = self.native.nearest(snapshot.native_state, most, kept)
+            if nearest is None:
+                continue
+            touching = np.count_nonzero(nearest[1][0] == -np.inf)
+            if most < total and MORE * touching > most:
+                continue  # coal takes as long for them as the core for all
+            known = self._fill_in(snapshot, *nearest)
+            found = _pair_distances(snapshot, *nearest)
+            left = _above(found, kept)
+            # Of those that the core measured, none that it left out is nearer.
+            if known.all() or left[known].max(initial=-np.inf) >= smallest(left, count):
+                self._many_touch = int(MORE * touching > count)
+                return _fewest(found, count, kept)
+        return _fewest(self.measure(snapshot, self._every), count, kept)
 
     def _fill_in(self, snapshot: Snapshot, pairs: Index, found: Array) -> NDArray[np.bool_]:
         """Measure what the core could not; return which (k,) it could."""
         known = found[0] > -np.inf
-        if self._solids is not None and not known.all():
-            solids = self._solid_number.take(pairs[~known])
-            found[:, ~known] = self._solids.measure(snapshot, solids)
+        if not known.all():
+            found[:, ~known] = self._shapes.measure(snapshot, pairs[~known])
         return known
-
-    def _nearest(self, snapshot: Snapshot, count: int) -> PairDistances:
-        """Return the nearest pairs, by arrays and coal."""
-        total = len(self.pairs)
-        tried = self._candidates * count
-        if tried >= total:
-            return _pair_distances(snapshot, *self._measured(snapshot, None, self._every, count))
-        placed = self.covers.placed(snapshot)
-        lower = self.covers.balls(placed)
-        order = lower.argpartition(tried)
-        near = order[:tried]
-        near.sort()
-        pairs, found = self._measured(snapshot, placed, near, count)
-        farthest = float(np.maximum.reduce(found[0]))
-        if lower[order[tried]] < farthest:  # one that was left out may be nearer
-            left = order[tried:]
-            more = self._measured(snapshot, placed, left[lower[left] < farthest], count, farthest)
-            both = np.concatenate((pairs, more[0])), np.concatenate((found, more[1]), axis=1)
-            pairs, found = _least(*both, count)
-        return _pair_distances(snapshot, pairs, found)
 
     def rows(self, snapshot: Snapshot, found: PairDistances) -> Array:
         """Return the derivative (k, nv) of the distances by the velocity.
@@ -236,16 +200,7 @@ class CollisionModel:
         body and not the other.
         """
         n, p = found.normal.T, found.point.T
-        if self.native is not None:
-            return self.native.rows(snapshot.native_state, found.pairs, n, p)
-        line = np.empty((6, len(found.pairs)))
-        line[:3] = n
-        n, p = np.concatenate((n, n)), np.concatenate((p, p))  # x y z x y z
-        arm = np.multiply(p[1:4], n[2:5], out=line[3:])
-        arm -= p[2:5] * n[1:4]
-        matrix = line.T @ snapshot.joint_twists
-        matrix *= chosen_of(self._signs, self._or_all(found.pairs))
-        return matrix
+        return self.native.rows(snapshot.native_state, found.pairs, n, p)
 
     def rows_of(self, states: StateSeries, pairs: Index, found: Array) -> Array:
         """Return :meth:`rows` (k, nv) of pairs that were found in several states.
@@ -293,52 +248,6 @@ class CollisionModel:
         """Return the numbers of some pairs, which increase; None if these are all."""
         return None if len(pairs) == len(self.pairs) else pairs
 
-    def _measured(
-        self,
-        snapshot: Snapshot,
-        placed: Array | None,
-        tried: Index,
-        count: int,
-        farthest: float = np.inf,
-    ) -> tuple[Index, Array]:
-        """Return the ``count`` nearest of the pairs ``tried``, or all, measured exactly.
-
-        Those beyond ``farthest`` need not be exact.
-        """
-        solids, (where, numbers) = self._solids, self._solids_among(tried)
-        if solids is not None and len(where) == count == len(tried):
-            return tried, solids.measure(snapshot, numbers)
-        placed = self.covers.placed(snapshot) if placed is None else placed
-        found = self.covers.capsules(placed, self._or_all(tried))
-        distance, rank, limit = found[0], NARROWED * count, farthest
-        if self.covers.flat.size:
-            distance[np.isin(tried, self.covers.flat)] = -np.inf  # nothing is round a plane
-        if where.size > rank:
-            limit = min(farthest, float(np.partition(distance, rank)[rank]))
-        while solids is not None and where.size:  # those that may be among the nearest
-            some, now, far = where, numbers, where[:0]
-            if limit < np.inf:
-                near = distance.take(where) <= limit
-                some, now, far, numbers = where[near], numbers[near], where[~near], numbers[~near]
-            if some.size:
-                found[:, some] = solids.measure(snapshot, now)
-            elif rank < count:
-                break
-            where, rank = far, min(count, len(tried)) - 1
-            if where.size:
-                limit = min(farthest, float(np.partition(distance, rank)[rank]))
-        if count < len(tried):
-            tried, found = _least(tried, found, count)
-        return tried, found
-
-    def _solids_among(self, tried: Index) -> tuple[Index, Index]:
-        """Return where coal measures among pairs, and their numbers there."""
-        if self._or_all(tried) is None:
-            return self._every_solid
-        numbers = self._solid_number.take(tried)
-        where = np.flatnonzero(numbers >= 0)
-        return where, numbers.take(where)
-
 
 def _pair_distances(snapshot: Snapshot, pairs: Index, found: Array) -> PairDistances:
     distance, normal, point = parts(found)
@@ -354,13 +263,6 @@ def _fewest(found: PairDistances, count: int, kept: Array | None) -> PairDistanc
     if len(found.pairs) == count:
         return found
     return found.take(np.sort(np.argpartition(_above(found, kept), count)[:count]))
-
-
-def _least(pairs: Index, found: Array, count: int) -> tuple[Index, Array]:
-    """Return the ``count`` nearest pairs and their columns of ``found``, in order."""
-    best = found[0].argpartition(count)[:count]
-    best = best[pairs.take(best).argsort()]
-    return pairs.take(best), found.take(best, axis=1)
 
 
 def _moved_by(robot: Robot) -> Array:

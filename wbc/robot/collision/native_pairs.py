@@ -1,7 +1,7 @@
 """Pairs of convex bodies in the native core: the nearest, their distances and Jacobians.
 
-One call looks at the balls round all bodies and measures what may be among the nearest, as
-:class:`~wbc.robot.collision.covers.Covers` does by arrays; capsules as segments, others by corners.
+One call looks at the balls round all bodies and measures what may be among the nearest: capsules as
+segments, others by corners.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from wbc.native import doubles, ffi, integers, lib, pointer
 from wbc.robot.collision.covers import Covers
-from wbc.robot.collision.shapes import Body
+from wbc.robot.collision.shapes import Body, Capsule, HalfSpace
 from wbc.robot.kernel import NativeState, NativeTree
 from wbc.validate import Array
 
@@ -27,11 +27,9 @@ class NativePairs:
     Parameters
     ----------
     covers:
-        Capsules and balls round the bodies, none of which is a half-space.
+        Capsules and balls round the bodies.
     pairs:
-        (N, 2) indices of bodies.
-    solid:
-        (N,) whether a body of the pair is no capsule.
+        (N, 2) indices of bodies; a half-space is the second of its pair.
     parents:
         Of each joint; they come before their children.
 
@@ -48,13 +46,13 @@ class NativePairs:
         covers: Covers,
         bodies: Sequence[Body],
         pairs: Index,
-        solid: NDArray[np.bool_],
         parents: Sequence[int],
     ) -> None:
-        self._made_of = covers, bodies, pairs, solid, parents
+        self._made_of = covers, bodies, pairs, parents
         joints = np.array([body.joint for body in bodies], dtype=np.int64)
         both = joints[pairs].tolist()
         common = np.array([_common(parents, a, b) for a, b in both], dtype=np.int64)
+        kinds = np.array([_kind(body) for body in bodies], dtype=np.int64)
         cores = [body.shape.core for body in bodies]
         self._first = np.cumsum([0, *map(len, cores)], dtype=np.int64)
         self._corner = np.ascontiguousarray(np.concatenate(cores).T)
@@ -64,7 +62,7 @@ class NativePairs:
             "local": covers.local,
             "size": covers.sizes,
             "pair": pairs,
-            "solid": solid.astype(np.int64),
+            "kind": kinds[pairs].max(axis=1, initial=lib.CAPSULES),
             "common": common,
             "first": self._first,
             "corner": self._corner,
@@ -92,9 +90,9 @@ class NativePairs:
     ) -> tuple[Index, Array] | None:
         """Return the ``count`` pairs of least distance, or of least distance less ``kept`` (N,).
 
-        Their numbers, increasing, and what is nearest (7, k). The distance of bodies that touch is
-        -infinity: how deep they are inside each other is not known here. None where the axes of
-        capsules touch, or more than ``count`` pairs of others.
+        Their numbers, increasing, and what is nearest (7, k). The distance of hulls that touch is
+        -infinity: how deep they are inside each other is not known here. None where ``count`` pairs
+        do.
         """
         bodies, pairs = self.counts
         scratch, found = np.empty(10 * (bodies + pairs)), np.empty((7, count))
@@ -105,14 +103,14 @@ class NativePairs:
         said = lib.wbc_nearest(struct, at, count, less, work, numbers, nearest)
         return None if said else (chosen, found)
 
-    def measure(self, state: NativeState, pairs: Index) -> Array | None:
-        """Return distance, normal and point (7, k) of some pairs; None: see :meth:`nearest`."""
+    def measure(self, state: NativeState, pairs: Index) -> Array:
+        """Return distance, normal and point (7, k) of some pairs: see :meth:`nearest`."""
         scratch, found = np.empty(9 * self.counts[0]), np.empty((7, len(pairs)))
         struct = self.struct(state.tree)
         at, work, nearest = map(doubles, (state.array, scratch, found))
         numbers = integers(np.ascontiguousarray(pairs))
-        said = lib.wbc_measure(struct, at, len(pairs), numbers, work, nearest)
-        return None if said else found
+        lib.wbc_measure(struct, at, len(pairs), numbers, work, nearest)
+        return found
 
     def within(
         self, states: Array, tree: NativeTree, limit: float, kept: Array
@@ -160,6 +158,12 @@ class NativePairs:
         bodies, pairs = self.counts
         sizes = {"nv": tree.nv, "joints": tree.joints, "bodies": bodies, "pairs": pairs}
         return ffi.new("wbc_pairs *", {**sizes, **self._places})
+
+
+def _kind(body: Body) -> int:
+    shape = body.shape
+    kind = {Capsule: lib.CAPSULES, HalfSpace: lib.ABOVE}.get(type(shape), lib.HULLS)
+    return int(kind)
 
 
 def _common(parents: Sequence[int], a: int, b: int) -> int:
