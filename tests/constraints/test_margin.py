@@ -6,7 +6,7 @@ The base moves along x, axes as the world's; wall k is at ``places[k]`` and come
 import numpy as np
 import pytest
 
-from wbc.constraints import Limits
+from wbc.constraints import Limits, PositionBox
 from wbc.constraints.margin import (
     SKIN,
     USED,
@@ -15,8 +15,9 @@ from wbc.constraints.margin import (
     _matched,
     point_curvature_bound,
 )
-from wbc.constraints.rows import Bounds, Distances
+from wbc.constraints.rows import Bounds, Distances, stack, take
 from wbc.errors import InvalidInputError
+from wbc.laws import Rows
 from wbc.native import lib
 from wbc.robot import Robot, Snapshot
 
@@ -26,8 +27,10 @@ DT = 0.005
 class Walls(Margin):
     """Keeps the base's x below walls; the distances that were asked for are remembered."""
 
-    def __init__(self, robot: Robot, places, speeds=None, bend: float = 0.0, keys=None) -> None:
-        super().__init__(robot, "walls", None)
+    def __init__(
+        self, robot: Robot, places, speeds=None, bend=0.0, keys=None, braking=None, limits=None
+    ) -> None:
+        super().__init__(robot, "walls", braking, limits)
         self.places = np.array(places, dtype=float)
         self.speeds = None if speeds is None else np.array(speeds, dtype=float)
         self.keys = np.arange(len(places)) if keys is None else np.array(keys)
@@ -76,6 +79,11 @@ def cut(walls: Walls, x: float, speed: float) -> Bounds | None:
     return walls.cutting_planes(there, v, DT, rows)
 
 
+def greediest(rows: Bounds) -> float:
+    """Largest velocity along x that the row allows (the base's axes are the world's)."""
+    return -float(rows.lower[0])
+
+
 # ------------------------------------------------------------------ rows
 
 
@@ -99,18 +107,120 @@ def test_what_is_inside_is_pushed_out_and_what_is_not_brakes(robot) -> None:
     np.testing.assert_array_equal(rows.upper, np.inf)
 
 
-def test_recovery_is_bounded(robot) -> None:
-    rows = Walls(robot, [0.0, 1.0]).rows(at(robot, 0.5), DT)
-    assert rows.push is not None
-    np.testing.assert_allclose(rows.push.target, [BrakingParameters().recovery_speed])
-    np.testing.assert_allclose(rows.lower[0], -lib.wbc_interior)
-
-
 def test_no_distances_make_no_rows(robot) -> None:
     rows = Walls(robot, [], []).rows(at(robot, 0.0), DT)
     assert rows.labels == ()
     assert rows.lower.shape == (0,)
     assert rows.push is None
+
+
+@pytest.mark.parametrize("gain", [0.2, 0.5, 1.0])
+@pytest.mark.parametrize("braking", [0.5, 5.0, 50.0])
+def test_the_greediest_approach_brakes_as_declared_and_never_turns(robot, gain, braking) -> None:
+    wall = Walls(robot, [1.0], braking=BrakingParameters(deceleration=braking, gain=gain))
+    x, last, history = 0.0, None, []
+    for _ in range(3000):
+        speed = greediest(wall.rows(at(robot, x), DT))
+        assert speed >= 0.0
+        if last is not None:
+            # Braking by the law's own deceleration; the last millimetres go by `gain`, which at
+            # worst brakes by gain / dt times the speed there, 2 braking dt / gain: twice as hard.
+            assert last - speed <= 2.0 * braking * DT + 1e-12
+        x, last = x + DT * speed, speed
+        history.append(x)
+    assert (np.diff(history) >= 0.0).all()
+    assert x <= 1.0 - SKIN + 1e-12
+    assert x == pytest.approx(1.0 - SKIN, abs=1e-3)
+
+
+@pytest.mark.parametrize("room", [0.0, 1e-12, 1e-3, 0.5, 1e5])
+@pytest.mark.parametrize("braking", [0.1, 10.0])
+def test_speed_towards_a_margin_leaves_just_enough_room(robot, room: float, braking: float) -> None:
+    """From u: one tick at u, then braking evenly, ends exactly at the room's end."""
+    wall = Walls(robot, [0.0], braking=BrakingParameters(deceleration=braking, gain=1.0))
+    u = -wall.rows(at(robot, -SKIN - room), DT).lower[0]
+    # The clearance is a difference of numbers about SKIN: 1e-19 of it is rounding.
+    assert u * DT + u * u / (2 * braking) == pytest.approx(room, rel=1e-12, abs=1e-18)
+
+
+@pytest.mark.parametrize("x", [0.0, 0.9999, 1.0, 1.00005, 1.01, 5.0])
+@pytest.mark.parametrize("speed", [0.0, 0.3, -0.3, 100.0])
+def test_rest_is_always_allowed(robot, x: float, speed: float) -> None:
+    rows = Walls(robot, [1.0], [speed]).rows(at(robot, x), DT)
+    assert (rows.lower <= 0.0).all()
+    assert (rows.upper >= 0.0).all()
+
+
+def test_inside_it_is_pushed_out_at_a_bounded_rate(robot) -> None:
+    law = BrakingParameters(recovery=0.2, recovery_speed=0.05)
+    wall = Walls(robot, [1.0], braking=law)
+    deep, shallow = (wall.rows(at(robot, x), DT).push for x in (1.1, 1.0 + 1e-4))
+    assert deep is not None and shallow is not None
+    np.testing.assert_allclose(deep.target, [0.05])
+    np.testing.assert_allclose(shallow.target, [0.2 / DT * 1e-4], rtol=1e-9)
+    assert wall.rows(at(robot, 1.0 - 0.5 * SKIN), DT).push is None  # in its skin only
+    # Following the push: out of the margin, monotonically, and no farther.
+    x = 1.02
+    for _ in range(400):
+        rows = wall.rows(at(robot, x), DT)
+        if rows.push is None:
+            break
+        assert rows.push.target[0] > 0.0
+        x -= DT * rows.push.target[0]
+        if x < 1.0 + 1e-12:
+            break
+    assert x == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_wall_that_comes_nearer_slows_the_approach_and_then_pushes(robot) -> None:
+    still, coming = Walls(robot, [1.0]), Walls(robot, [1.0], [0.1])
+    far = [greediest(wall.rows(at(robot, 0.5), DT)) for wall in (still, coming)]
+    assert far[0] - far[1] == pytest.approx(0.1)
+    near = coming.rows(at(robot, 1.0 - SKIN - 1e-5), DT)
+    assert -lib.wbc_interior <= near.lower[0] <= 0.0
+    assert near.push is not None
+    allowed = 0.5 / DT * 1e-5  # by the gain
+    np.testing.assert_allclose(near.push.target, [0.1 - allowed], rtol=1e-6)
+    leaving = Walls(robot, [1.0], [-0.1]).rows(at(robot, 1.0 - SKIN), DT)
+    assert greediest(leaving) == pytest.approx(0.1)
+
+
+def test_braking_counts_on_half_of_what_the_joints_give(robot, rng) -> None:
+    """A gap that depends on two joints: a = sum |row| a_max / 2, if that is less than declared."""
+    limits = Limits(robot, acceleration=2.0)
+
+    class Sum(Walls):
+        def distances(self, snapshot, keys=None):
+            matrix = np.zeros((1, self.robot.nv))
+            matrix[0, 6:8] = 0.3, -0.1
+            return Distances(np.zeros(1, dtype=np.int64), np.array([0.5]), matrix, np.zeros(1))
+
+    here = at(robot, 0.0)
+    able = 0.5 * 2.0 * 0.4
+    slow = greediest(Sum(robot, [1.0], limits=limits).rows(here, DT))
+    assert slow * DT + slow**2 / (2 * able) == pytest.approx(0.5)
+    declared = greediest(
+        Sum(robot, [1.0], braking=BrakingParameters(deceleration=0.1), limits=limits).rows(here, DT)
+    )
+    assert declared * DT + declared**2 / (2 * 0.1) == pytest.approx(0.5)
+
+
+def test_rows_of_several_constraints_are_joined(robot) -> None:
+    here = at(robot, 1.05)
+    parts = [Walls(robot, [place]).rows(here, DT) for place in (1.0, 2.0, 1.01)]
+    whole = stack(parts)
+    assert whole.labels == ("wall 0",) * 3
+    np.testing.assert_array_equal(whole.lower, [part.lower[0] for part in parts])
+    assert isinstance(whole.push, Rows)
+    assert whole.push.matrix.shape == (2, robot.nv)
+    assert stack(parts[:1]) is parts[0]
+
+
+def test_names_are_picked_in_order() -> None:
+    names = ("a", "b", "c")
+    for which in ([], [1], [0, 2]):
+        expected = tuple(names[k] for k in which)
+        assert take(names, np.array(which, dtype=np.int64)) == expected
 
 
 # ------------------------------------------------------------------ where a command leads
@@ -127,6 +237,9 @@ def test_a_cut_ends_where_the_wall_will_be(robot) -> None:
     np.testing.assert_array_equal(found.upper, [np.inf])
     allowed = -float(found.lower[0])
     assert 0.9 + DT * allowed == pytest.approx(1.0 - 2.0 * DT - SKIN, rel=1e-12)
+    rows, v = walls.rows(at(robot, 0.9), DT), along(robot, 20.0)
+    assert walls.still_violated(at(robot, 1.0), v, DT, rows, found)
+    assert not walls.still_violated(at(robot, 0.9), v, DT, rows, found)
 
 
 def test_a_cut_never_asks_to_go_back(robot) -> None:
@@ -249,6 +362,19 @@ def test_the_bound_on_bends_of_points() -> None:
     np.testing.assert_allclose(point_curvature_bound(three, step), [expected] * 3, rtol=1e-12)
 
 
+def test_a_base_that_slides_and_turns_bends_its_way(robot) -> None:
+    """Five centimetres along while turning by 5 mrad end an eighth of a millimetre lower."""
+    box = PositionBox.height(robot, 0.0)
+    here = at(robot, 0.0)
+    before = box.distances(here)
+    step = np.zeros(robot.nv)
+    step[0], step[4] = 0.05, 0.005  # nose down: ahead is below
+    after = box.distances(robot.snapshot(robot.integrate(here.q, step, 1.0)))
+    lost = before.clearance + before.jacobian @ step - after.clearance
+    assert lost[0] == pytest.approx(1.25e-4, rel=1e-3)
+    assert (lost <= box.curvature_bound(before, step)).all()
+
+
 # ------------------------------------------------------------------ words
 
 
@@ -270,3 +396,21 @@ def test_joints_without_limits_of_acceleration_brake_all_the_same(robot) -> None
     Margin.__init__(bounded, robot, "walls", None, free)
     here = at(robot, 0.9)
     np.testing.assert_array_equal(bounded.rows(here, DT).lower, walls.rows(here, DT).lower)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"deceleration": 0.0}, "deceleration"),
+        ({"gain": 1.5}, "gain"),
+        ({"recovery_speed": np.inf}, "recovery_speed"),
+    ],
+)
+def test_bad_laws(values, words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        BrakingParameters(**values)
+
+
+def test_limits_of_another_robot(robot, robot_named) -> None:
+    with pytest.raises(InvalidInputError, match="another robot"):
+        Walls(robot, [1.0], limits=Limits(robot_named("talos")))
