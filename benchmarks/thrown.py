@@ -19,8 +19,8 @@ import numpy as np
 from wbc.constraints import Limits, Obstacles, SelfCollision, support
 from wbc.constraints.margin import Margin
 from wbc.controllers import TorqueController
-from wbc.robot import Robot
-from wbc.robot.collision import Obstacle
+from wbc.robot import Robot, Snapshot
+from wbc.robot.collision import CollisionModel, Obstacle
 from wbc.tasks import ComTask, PostureTask
 from wbc.validate import Array
 
@@ -38,12 +38,18 @@ def balls_of(robot: Robot, rng: np.random.Generator) -> list[Obstacle]:
     here, model = robot.snapshot(q), SelfCollision(robot).model
     found: list[Obstacle] = []
     while len(found) < BALLS:
-        there = model.covers.placed(robot.snapshot(anywhere(robot, q, rng, True)))[2].T
-        moved = np.flatnonzero(np.abs(there - model.covers.placed(here)[2].T).max(axis=1) > ROOM)
+        there = middles_of(model, robot.snapshot(anywhere(robot, q, rng, True)))
+        moved = np.flatnonzero(np.abs(there - middles_of(model, here)).max(axis=1) > ROOM)
         ball = Obstacle.sphere(f"ball {len(found)}", there[rng.choice(moved)], RADIUS)
         if Obstacles(robot, [ball], margin=ROOM).distances(here).clearance.min() > 0.0:
             found.append(ball)
     return found
+
+
+def middles_of(model: CollisionModel, here: Snapshot) -> Array:
+    """Return the middles of all bodies (bodies, 3) [m], world axes."""
+    R, p = here.joint_placements
+    return np.array([R[one.joint] @ one.bounding_ball[0] + p[one.joint] for one in model.bodies])
 
 
 def anywhere(robot: Robot, q: Array, rng: np.random.Generator, stands: bool) -> Array:

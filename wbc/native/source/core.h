@@ -89,9 +89,6 @@ int wbc_motion(const wbc_tree *tree, const double *state, const double *v, doubl
 int wbc_drifts(const wbc_tree *tree, const double *state, const double *motion, int64_t count,
                const int64_t *joint, const double *placement, double *out);
 
-/* What distances count on, here and in Python; said in source/pairs.c. */
-extern const double wbc_even;
-
 /* Convex bodies on joints: hulls of corners with a radius, each in a capsule that is itself of two
  * corners and of one, and half-spaces on joint 0; and the pairs of them that are to be kept apart. */
 enum { CAPSULES = 0, HULLS = 1, ABOVE = 2 }; /* HULLS: at least one; ABOVE: the second is a half-space */
@@ -125,6 +122,18 @@ int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64
 int64_t wbc_within(const wbc_pairs *of, const double *states, int64_t n, int64_t stride,
                    double limit, const double *kept, double *scratch, int64_t room,
                    int64_t *chosen, double *nearest);
+/* How bodies close, and how they stop: wbc/robot/collision/closing.py. */
+typedef struct {
+    const double *twist;    /* (k, 6): linear part at the world's origin, then angular */
+    const int64_t *carrier; /* (bodies): which of them is each body's */
+    double dt, slowest;
+    double least; /* dt / gain */
+    double half;  /* 0.5 / deceleration */
+} wbc_closing;
+/* As wbc_nearest, of least distance less kept and what they need to stop in; left (count): that. Returns 1,
+ * too: more than count may not stop in time. */
+int wbc_soonest(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
+                const wbc_closing *closing, double *scratch, int64_t *chosen, double *nearest, double *left);
 /* Write the derivatives (k, nv) of distances by v; normals and points (3, k). Returns 0. */
 int wbc_pair_rows(const wbc_pairs *of, const wbc_tree *tree, const double *state, int64_t k,
                   const int64_t *chosen, const double *normal, const double *point, double *rows);

@@ -51,7 +51,7 @@ int wbc_approach(const wbc_margin *margin, int64_t nv, double dt, int64_t k, con
 /* How bodies stop at v. */
 static wbc_closing closing_at(const wbc_plan *plan, const double *v, double *twist) {
     const wbc_margin *margin = plan->margin;
-    wbc_closing closing = {twist, plan->dt, 0.0, plan->dt / margin->gain, 0.5 / margin->deceleration};
+    wbc_closing closing = {twist, margin->of->joint, plan->dt, 0.0, plan->dt / margin->gain, 0.5 / margin->deceleration};
     for (int64_t j = 6; margin->acceleration && j < plan->tree->nv; j++) {
         const double time = fabs(v[j]) / margin->acceleration[j - 6];
         if (time > closing.slowest) closing.slowest = time;

@@ -7,14 +7,6 @@
 /* Not of the library's interface. */
 #pragma GCC visibility push(hidden)
 
-/* How bodies close, and how they stop: wbc/robot/collision/closing.py. */
-typedef struct {
-    const double *twist; /* (joints, 6): linear part at the world's origin, then angular */
-    double dt, slowest;
-    double least; /* dt / gain */
-    double half;  /* 0.5 / deceleration */
-} wbc_closing;
-
 /* What a pair needs to stop in that closes at a speed. */
 static inline double stopping_way(const wbc_closing *closing, double speed) {
     const double braking = closing->half * speed;

@@ -10,7 +10,7 @@
 
 static const double PARALLEL = 1e-10; /* squared sine of an angle below which two segments count as parallel */
 static const double TOUCHING = 1e-9;  /* m: nearer axes have no direction between them */
-const double wbc_even = 1e-9; /* m: clearances that differ by less are equal, and the lower numbers win */
+static const double EVEN = 1e-9;      /* m: clearances that differ by less are equal, and the lower numbers win */
 
 /* Of a body, in a row: start, unit direction and middle, world axes; of a half-space point, normal, point. */
 enum { START = 0, DIRECTION = 3, MIDDLE = 6, PLACED = 9 };
@@ -168,7 +168,7 @@ static double smallest(double *values, int64_t n, int64_t k) {
 static void bound_speeds(const wbc_pairs *of, const wbc_closing *closing, const double *placed,
                          double *most) {
     for (int64_t b = 0; b < of->bodies; b++) {
-        const double *T = closing->twist + 6 * of->joint[b], *c = placed + PLACED * b + MIDDLE;
+        const double *T = closing->twist + 6 * closing->carrier[b], *c = placed + PLACED * b + MIDDLE;
         double at[3];
         cross3(T + 3, c, at);
         for (int i = 0; i < 3; i++) at[i] += T[i];
@@ -179,8 +179,8 @@ static void bound_speeds(const wbc_pairs *of, const wbc_closing *closing, const 
 /* How the second body of a pair moves against the first, at a point; returns its turn, squared. */
 static double against(const wbc_pairs *of, const wbc_closing *closing, int64_t pair,
                       const double *point, double *at) {
-    const double *A = closing->twist + 6 * of->joint[of->pair[2 * pair]];
-    const double *B = closing->twist + 6 * of->joint[of->pair[2 * pair + 1]];
+    const double *A = closing->twist + 6 * closing->carrier[of->pair[2 * pair]];
+    const double *B = closing->twist + 6 * closing->carrier[of->pair[2 * pair + 1]];
     const double turn[3] = {B[3] - A[3], B[4] - A[4], B[5] - A[5]};
     cross3(turn, point, at);
     for (int i = 0; i < 3; i++) at[i] += B[i] - A[i];
@@ -235,8 +235,10 @@ int soonest(const wbc_pairs *of, const double *state, int64_t count, const doubl
     if (!bound_by_balls(of, placed, less, lower)) return -1;
     if (closing) {
         bound_speeds(of, closing, placed, speed);
-        for (int64_t p = 0; p < pairs; p++)
-            lower[p] -= stopping_way(closing, speed[of->pair[2 * p]] + speed[of->pair[2 * p + 1]]);
+        for (int64_t p = 0; p < pairs; p++) /* nothing bounds how fast a half-space that turns moves */
+            lower[p] -= of->kind[p] == ABOVE
+                            ? longest_way(of, closing, placed, p)
+                            : stopping_way(closing, speed[of->pair[2 * p]] + speed[of->pair[2 * p + 1]]);
     }
     memcpy(sorted, lower, pairs * sizeof *lower);
     limit = smallest(sorted, pairs, count - 1);
@@ -264,7 +266,7 @@ int soonest(const wbc_pairs *of, const double *state, int64_t count, const doubl
         }
         limit = smallest(sorted, measured, count - 1);
     }
-    const double even = closing ? wbc_even : 0.0; /* of those as far as the farthest, the first */
+    const double even = closing ? EVEN : 0.0; /* of those as far as the farthest, the first */
     for (int64_t p = 0; p < pairs; p++) beyond += found[FOUND * p] - less[p] < limit - even;
     beyond = count - beyond;
     for (int64_t p = 0; p < pairs && k < count; p++) {
@@ -280,6 +282,14 @@ int soonest(const wbc_pairs *of, const double *state, int64_t count, const doubl
 int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
                 double *scratch, int64_t *chosen, double *nearest) {
     return soonest(of, state, count, kept, 0, scratch, chosen, nearest);
+}
+
+int wbc_soonest(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
+                const wbc_closing *closing, double *scratch, int64_t *chosen, double *nearest, double *left) {
+    const int said = soonest(of, state, count, kept, closing, scratch, chosen, nearest);
+    const double *less = scratch + (PLACED + 1) * of->bodies + of->pairs;
+    for (int64_t i = 0; i < count && said >= 0; i++) left[i] = nearest[i] - less[chosen[i]];
+    return said;
 }
 
 int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64_t *chosen,

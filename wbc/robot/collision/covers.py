@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from wbc.robot.collision.fitting import quick_capsule
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull, Shape
-from wbc.robot.model import Snapshot
 from wbc.validate import Array
 
 Index = NDArray[np.int64]
@@ -22,11 +21,6 @@ class Covers:
 
     Of a half-space, the ball is a point of its surface, and nothing else is round it.
 
-    Parameters
-    ----------
-    pairs:
-        (N, 2) indices of bodies; a half-space is the second of its pair.
-
     Attributes
     ----------
     local:
@@ -35,51 +29,20 @@ class Covers:
         (bodies, 3) length and radius of the capsule, radius of the ball [m].
     """
 
-    def __init__(self, bodies: Sequence[Body], pairs: Index) -> None:
+    def __init__(self, bodies: Sequence[Body]) -> None:
         covers = [_cover(body.shape) for body in bodies]
         self._own = [_columns(*both) for both in zip(bodies, covers, strict=True)]
         self.local = np.stack(self._own)
-        self._joints = np.array([body.joint for body in bodies], dtype=np.int64)
-        self._first, self._second = pairs[:, 0].copy(), pairs[:, 1].copy()
         radii = np.array([cover.radius for cover in covers])
         lengths = np.array([_length(cover) for cover in covers])
         reach = np.array([body.bounding_ball[1] for body in bodies])
         self.sizes = np.column_stack((lengths, radii, reach))
-        self._reaches = reach[self._first] + reach[self._second]
-        flat = np.array([isinstance(body.shape, HalfSpace) for body in bodies])
-        self._flat = np.flatnonzero(flat[self._second])  # pairs with a half-space
 
     def place(self, body: int, rotation: Array, origin: Array) -> None:
         """Move a body of joint 0: its frame is put at ``rotation``, ``origin`` (world)."""
         self.local[body] = rotation @ self._own[body]
         self.local[body, :, 0] += origin
         self.local[body, :, 2] += origin
-
-    def placed(self, snapshot: Snapshot) -> Array:
-        """Return start, direction and middle of all bodies, (3, 3, bodies), world axes.
-
-        Bodies come last: NumPy is quickest along the long side.
-        """
-        R, p = snapshot.joint_placements
-        turned = np.matmul(R.take(self._joints, axis=0), self.local)
-        placed = np.ascontiguousarray(turned.T)
-        placed[::2] += p.take(self._joints, axis=0).T
-        return placed
-
-    def balls(self, placed: Array) -> Array:
-        """Return the distances (N,) of the bodies' balls [m], or of ball and plane."""
-        apart = placed[2].take(self._first, axis=1)
-        apart -= placed[2].take(self._second, axis=1)
-        apart *= apart
-        bounds = np.add.reduce(apart)
-        np.sqrt(bounds, out=bounds)
-        bounds -= self._reaches
-        if self._flat.size:
-            planes, bodies = self._second[self._flat], self._first[self._flat]
-            above = placed[2, :, bodies] - placed[0, :, planes]  # (k, 3)
-            heights = np.einsum("ki,ki->k", above, placed[1, :, planes])
-            bounds[self._flat] = heights - self._reaches[self._flat]
-        return bounds
 
 
 def chosen_of(values: NDArray[Scalar], chosen: Index | None) -> NDArray[Scalar]:

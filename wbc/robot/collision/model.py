@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, shown
-from wbc.robot.collision.closing import PairMotion
 from wbc.robot.collision.covers import Covers, smallest
 from wbc.robot.collision.curvature import CurvatureBounds
 from wbc.robot.collision.distances import ShapePairs, parts
@@ -88,7 +87,7 @@ class CollisionModel:
         self._curvature = CurvatureBounds(self.bodies, self.pairs, np.abs(self._signs))
         if any(isinstance(self.bodies[k].shape, HalfSpace) for k in first.tolist()):
             raise InvalidInputError("pairs: a half-space must be the second of a pair")
-        self.covers = Covers(self.bodies, self.pairs)
+        self.covers = Covers(self.bodies)
         self._moved: dict[int, tuple[Array, Array]] = {}  # bodies, and where to
         self._many_touch = 0
         parents = [0, *map(int, list(robot.model.parents)[1:])]
@@ -153,7 +152,10 @@ class CollisionModel:
                 f"pairs: expected numbers (k,) from 0 to {total - 1}, got {shown(pairs)}"
             )
         pairs = pairs.astype(np.int64, copy=False)  # as the core reads them
-        found = self.native.measure(snapshot.native_state, pairs)
+        return self.filled_in(snapshot, pairs, self.native.measure(snapshot.native_state, pairs))
+
+    def filled_in(self, snapshot: Snapshot, pairs: Index, found: Array) -> PairDistances:
+        """Return what the core found of some pairs (7, k), with what it could not measure."""
         self._fill_in(snapshot, pairs, found)
         return _pair_distances(snapshot, pairs, found)
 
@@ -223,8 +225,11 @@ class CollisionModel:
 
     def rates(self, found: PairDistances) -> Array:
         """Return by how much (k,) [m/s] distances grow while the robot stands still."""
-        motion = PairMotion(self._own_twists, self.pairs[found.pairs])
-        return -motion.closing(found.normal, found.point)
+        first, second = self.pairs[found.pairs].T
+        turn = self._own_twists.take(second, axis=1) - self._own_twists.take(first, axis=1)
+        moving = turn[:3].T + np.cross(turn[3:].T, found.point)
+        rates: Array = -np.einsum("ki,ki->k", moving, found.normal)
+        return rates
 
     def curvature_bound(self, pairs: Index, step: Array) -> Array:
         """Return how far (k,) the distances may end below their linear prediction [m].

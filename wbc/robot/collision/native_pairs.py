@@ -7,18 +7,28 @@ segments, others by corners.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.native import doubles, ffi, integers, lib, pointer
+from wbc.robot.collision.closing import Closing
 from wbc.robot.collision.covers import Covers
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace
 from wbc.robot.kernel import NativeState, NativeTree
 from wbc.validate import Array
 
 Index = NDArray[np.int64]
+
+
+class SoonestPairs(NamedTuple):
+    """Pairs that have to brake first: their numbers, increasing, and what is nearest of them."""
+
+    pairs: Index  # (k,)
+    nearest: Array  # (7, k), as of :meth:`NativePairs.nearest`
+    left: Array  # (k,) clearance once they have stopped [m]
+    complete: bool  # whether all others have some left
 
 
 class NativePairs:
@@ -69,6 +79,7 @@ class NativePairs:
             "rounding": rounding,
         }
         self.counts = len(joints), len(pairs)
+        self._every = np.arange(len(joints))
         self._places = {name: pointer(array) for name, array in self.arrays.items()}
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -102,6 +113,37 @@ class NativePairs:
         less, numbers = ffi.NULL if kept is None else doubles(kept), integers(chosen)
         said = lib.wbc_nearest(struct, at, count, less, work, numbers, nearest)
         return None if said else (chosen, found)
+
+    def soonest(
+        self, state: NativeState, count: int, kept: Array, twists: Array, closing: Closing
+    ) -> SoonestPairs | None:
+        """Return the ``count`` pairs with the least left once they have stopped; None: as nearest.
+
+        Parameters
+        ----------
+        kept:
+            (N,) what each pair keeps [m].
+        twists:
+            (6, bodies) velocities at the world's origin [m/s] and spins [rad/s].
+        """
+        bodies, pairs = self.counts
+        scratch, found = np.empty(10 * (bodies + pairs)), np.empty((8, count))
+        chosen, twist = np.empty(count, dtype=np.int64), np.ascontiguousarray(twists.T)
+        own = ffi.new(
+            "wbc_closing *",
+            {
+                "twist": doubles(twist),
+                "carrier": integers(self._every),
+                "dt": closing.dt,
+                "slowest": closing.slowest,
+                "least": closing.dt / closing.gain,
+                "half": 0.5 / closing.deceleration,
+            },
+        )
+        given = self.struct(state.tree), doubles(state.array), count, doubles(kept), own
+        out = doubles(scratch), integers(chosen), doubles(found), doubles(found[7])
+        said = lib.wbc_soonest(*given, *out)
+        return None if said < 0 else SoonestPairs(chosen, found[:7], found[7], said == 0)
 
     def measure(self, state: NativeState, pairs: Index) -> Array:
         """Return distance, normal and point (7, k) of some pairs: see :meth:`nearest`."""

@@ -8,15 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.native import lib
-from wbc.robot.collision.closing import Closing, PairMotion
-from wbc.robot.collision.covers import smallest
+from wbc.robot.collision.closing import Closing
 from wbc.robot.collision.model import CollisionModel, PairDistances
 from wbc.robot.model import Snapshot
 from wbc.validate import Array
-
-CANDIDATES = 3  # pairs measured at first for each asked for
-EVEN: float = lib.wbc_even  # m: clearances that differ by less are equal
 
 
 def soonest(
@@ -25,31 +20,23 @@ def soonest(
     """Return the pairs that have to brake first, in order, and what they have left (k,) [m].
 
     That is their distance, less the one to keep (``kept``, (N,)), less the one that stopping takes.
-    Returned are the ``count`` pairs with the least, and all with less than nothing. Balls round the
-    bodies bound distances and closing speeds, and so tell which pairs need to be measured.
+    Returned are the ``count`` pairs with the least, and all with less than nothing.
     """
-    pairs, total = model.pairs, len(model.pairs)
-    count = min(count, total)
-    twists, placed = model.twists(snapshot), model.covers.placed(snapshot)
-    first = pairs[:, 0]
-    reach = model.covers.sizes[:, 2]
-    speed = PairMotion(twists, pairs).most(placed[2].take(first, axis=1), reach.take(first))
-    lower = model.covers.balls(placed)
-    lower -= kept
-    lower -= closing.way(speed)
-    limit = max(0.0, smallest(lower, min(CANDIDATES * count, total)))
+    total = len(model.pairs)
+    asked = count = min(count, total)
+    twists = model.twists(snapshot)
     while True:
-        found = model.measure(snapshot, np.flatnonzero(lower <= limit))
-        motion = PairMotion(twists, pairs.take(found.pairs, axis=0))
-        speed = motion.closing(found.normal, found.point)
-        left = found.distance - kept.take(found.pairs) - closing.way(speed)
-        last = smallest(left, count)
-        if last <= limit or len(found.pairs) == total:
+        found = model.native.soonest(snapshot.native_state, asked, kept, twists, closing)
+        if asked == total or (found is not None and found.complete):
             break
-        limit = last  # those that were left out may have less
-    chosen = left < last - EVEN
-    last_ones = np.flatnonzero(~chosen & (left <= last + EVEN))
-    chosen[last_ones[: count - np.count_nonzero(chosen)]] = True
-    chosen |= left < 0.0
-    which = np.flatnonzero(chosen)
-    return found.take(which), left.take(which)
+        asked = min(2 * asked, total)
+    if found is None:  # all pairs are inside each other
+        every = model.measure(snapshot, np.arange(total))
+        return every, every.distance - kept
+    distances, left = model.filled_in(snapshot, found.pairs, found.nearest), found.left
+    unknown = left == -np.inf
+    left[unknown] = (distances.distance - kept.take(found.pairs))[unknown]
+    if asked == count:
+        return distances, left
+    late = np.flatnonzero(left < 0.0)
+    return distances.take(late), left.take(late)
