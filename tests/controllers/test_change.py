@@ -9,15 +9,12 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.standing import standing
 from wbc.controllers import Controller
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError
 from wbc.robot import Robot, Snapshot
 
 Load = Callable[[str], Robot]
-
-
-def standing(robot: Robot) -> Snapshot:
-    return robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
 
 
 def made(level: str, parts: Mapping[str, Any], solver: str = "daqp") -> Controller:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.standing import standing
 from wbc.constraints import support
 from wbc.controllers.closed_loop import ticks_of
 from wbc.controllers.force_ramps import ForceRamps
@@ -20,10 +21,6 @@ DT, RAMP = 0.002, 0.05
 TICKS = 25  # of a ramp
 # When the CoM is over the left foot, that foot is released, it is down again, held, CoM between.
 OVER, RELEASE, UP, DOWN, LAND, BACK, END = 1.0, 1.2, 1.55, 1.95, 2.4, 2.5, 3.1
-
-
-def standing(robot: Robot) -> Snapshot:
-    return robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
 
 
 def controlled(here: Snapshot, solver: str = "daqp") -> wbc.TorqueController:

@@ -16,14 +16,11 @@ from scipy.sparse import csc_matrix
 
 import wbc
 from tests.conftest import MIXED
+from tests.standing import standing
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError
 from wbc.robot import Robot, Snapshot
 
 Load = Callable[[str], Robot]
-
-
-def standing(robot: Robot) -> Snapshot:
-    return robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
 
 
 @pytest.mark.parametrize("name", ["g1", "talos", "hoap2_like", "icub", "romeo"])

@@ -9,25 +9,12 @@ import pinocchio as pin
 import pytest
 
 import wbc
+from tests.standing import stack, standing
 from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.robot import Robot, Snapshot
 
 Load = Callable[[str], Robot]
 ROBOTS = ("g1", "g1_27", "talos", "icub", "romeo", "hoap2_like")
-
-
-def standing(robot: Robot) -> Snapshot:
-    return robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
-
-
-def stack(here: Snapshot) -> list[wbc.Task]:
-    """CoM, trunk and posture with no gains given at all."""
-    robot = here.robot
-    return [
-        wbc.ComTask(robot, here.com),
-        wbc.OrientationTask(robot, "base", here.rotation("base")),
-        wbc.PostureTask(robot, here.q),
-    ]
 
 
 def disturbed(here: Snapshot, rng: np.random.Generator, size: float) -> Snapshot:

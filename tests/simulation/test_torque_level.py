@@ -8,19 +8,11 @@ import pytest
 
 import wbc
 from tests.simulation.accelerations import acceleration_from_mujoco
+from tests.standing import stack
 from wbc.robot import Robot
 from wbc.simulation import Plant
 
 State = Callable[[Robot, np.random.Generator], tuple[np.ndarray, np.ndarray]]
-
-
-def stack(here: wbc.Snapshot) -> list[wbc.Task]:
-    robot = here.robot
-    return [
-        wbc.ComTask(robot, here.com),
-        wbc.OrientationTask(robot, "base", here.rotation("base")),
-        wbc.PostureTask(robot, here.q),
-    ]
 
 
 @pytest.mark.parametrize("mode", ["double", "right", "floating"])

@@ -8,25 +8,13 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.standing import stack, standing
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import Affine, Dynamics, ForceTask, Task
 
 Load = Callable[[str], Robot]
 FEET = ("left_sole", "right_sole")
-
-
-def standing(robot: Robot) -> Snapshot:
-    return robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
-
-
-def stack(here: Snapshot) -> list[Task]:
-    robot = here.robot
-    return [
-        wbc.ComTask(robot, here.com),
-        wbc.OrientationTask(robot, "base", here.rotation("base")),
-        wbc.PostureTask(robot, here.q),
-    ]
 
 
 def controlled(here: Snapshot, *extra: Task, tasks: Sequence[Task] | None = None, **keys):  # type: ignore[no-untyped-def]
