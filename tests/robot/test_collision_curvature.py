@@ -1,49 +1,11 @@
 """What a linear prediction leaves out is bounded, closely, against coal at the place reached."""
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.spatial import ConvexHull
 
+from tests.robot.by_coal import all_pairs, corners, distances
 from wbc.robot.collision import Body, Capsule, CollisionModel, HalfSpace, Hull
-
-
-def solid(shape) -> tuple[coal.CollisionGeometry, float]:
-    """coal's polytope of a shape's core, thickened where it is a segment, and what to take off."""
-    core = shape.core
-    if isinstance(shape, Capsule):
-        # A spindle of 1e-6 m round the segment stands for it.
-        core = np.concatenate([core + 1e-6 * step for step in np.vstack((np.eye(3), -np.eye(3)))])
-    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    for corner in core:
-        points.append(corner)
-    for face in ConvexHull(core).simplices.tolist():
-        faces.append(coal.Triangle(*face))
-    return coal.Convex(points, faces), shape.radius
-
-
-def distances(robot, bodies, pairs, q) -> np.ndarray:
-    """Distances by coal's polytopes alone, the joints placed by a fresh ``pin.Data``."""
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, q)
-    request = coal.DistanceRequest()
-    request.gjk_tolerance = request.epa_tolerance = 1e-9
-    found = []
-    for pair in pairs:
-        arguments, radius = [], 0.0
-        for k in pair:
-            geometry, rounding = solid(bodies[k].shape)
-            pose = data.oMi[bodies[k].joint]
-            arguments += [geometry, coal.Transform3s(pose.rotation, pose.translation)]
-            radius += rounding
-        found.append(coal.distance(*arguments, request, coal.DistanceResult()) - radius)
-    return np.array(found)
-
-
-def corners(rng) -> np.ndarray:
-    points = rng.normal(size=(25, 3))
-    return points[ConvexHull(points).vertices]
 
 
 def bodies_on(robot, rng) -> list[Body]:
@@ -53,15 +15,10 @@ def bodies_on(robot, rng) -> list[Body]:
         shape = [
             Capsule.of(place, place + 0.2 * rng.normal(size=3), 0.02),
             Hull.box(0.02 + 0.1 * rng.random(3), place),
-            Hull(place + 0.05 * corners(rng), 0.01),
+            Hull(place + 0.05 * corners(rng, 25), 0.01),
         ][k % 3]
         bodies.append(Body(f"body{k}", f"body{k}", joint, shape))
     return bodies
-
-
-def every(bodies) -> list[tuple[int, int]]:
-    n = len(bodies)
-    return [(a, b) for a in range(n) for b in range(a + 1, n) if bodies[a].joint != bodies[b].joint]
 
 
 @pytest.mark.parametrize("name", ["hoap2_like", "mixed_joints"])
@@ -69,7 +26,7 @@ def every(bodies) -> list[tuple[int, int]]:
 def test_no_distance_ends_below_the_bound(name, size, robot_named, random_snapshot, rng) -> None:
     robot = robot_named(name)
     bodies = bodies_on(robot, rng)
-    model = CollisionModel(robot, bodies, every(bodies))
+    model = CollisionModel(robot, bodies, all_pairs(bodies))
     doubted = np.full(len(model.pairs), -1.0)
     for _ in range(6):
         here = random_snapshot(robot, rng)
@@ -77,7 +34,7 @@ def test_no_distance_ends_below_the_bound(name, size, robot_named, random_snapsh
         step = size * rng.normal(size=robot.nv)
         there = distances(robot, bodies, model.pairs.tolist(), robot.integrate(here.q, step, 1.0))
         left = found.distance + model.rows(here, found) @ step - there
-        # Both iterations stop at 1e-7 m, EPA ten times later; a spindle is 1e-6 m thick.
+        # Both iterations stop at 1e-7 m, EPA ten times later.
         tight = model.tight_curvature_bound(found, step, doubted)
         assert (left <= tight + 5e-6).all()
         assert (
@@ -90,7 +47,7 @@ def test_only_what_is_parallel_keeps_a_first_order(robot_named, random_snapshot,
     """At small angles the bound from the corners is a small part of the other for most pairs."""
     robot = robot_named("hoap2_like")
     bodies = bodies_on(robot, rng)
-    model = CollisionModel(robot, bodies, every(bodies))
+    model = CollisionModel(robot, bodies, all_pairs(bodies))
     found = model.nearest(random_snapshot(robot, rng))
     step = 1e-4 * rng.normal(size=robot.nv)
     coarse = model.curvature_bound(found.pairs, step)
