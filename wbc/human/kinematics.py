@@ -89,12 +89,6 @@ def place(poses: Poses, dimensions: Array) -> Placed:
     return Placed(rotation, origin, axis)
 
 
-def points(placed: Placed, segments: NDArray[np.intp], local: Array) -> Array:
-    """Return points (n, m, 3) given their segments (m,) and places there (m, 3) [m]."""
-    turned = (placed.rotation[:, segments] @ local[None, :, :, None])[..., 0]
-    return np.asarray(placed.origin[:, segments] + turned)
-
-
 def point_jacobian(placed: Placed, segments: NDArray[np.intp], at: Array) -> Array:
     """Return derivatives (n, m, 3, 40) of points ``at`` (n, m, 3) by steps of the postures."""
     count, many = at.shape[:2]

@@ -145,10 +145,6 @@ class FrameTasks:
                 one.set_target(way)
         self._aim(self.feet, k)
 
-    def aim_contacts(self, k: int) -> None:
-        """Set where feet on the ground are held in frame ``k``."""
-        self._aim(self.contacts, k)
-
     def _aim(self, tasks: Mapping[str, PoseTask], k: int) -> None:
         for side, task in tasks.items():
             task.set_target(self.targets.feet.paths[side].place[k], self.rotations[side][k])

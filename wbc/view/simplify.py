@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.robot.geometry import Mesh
-from wbc.validate import Array
 
 FINEST, GROWTH = 1e-3, 1.25  # m of the first grid tried, and how much coarser the next is
 
@@ -48,9 +47,3 @@ def within(meshes: list[Mesh], triangles: int) -> list[Mesh]:
 
 def _count(meshes: list[Mesh]) -> int:
     return sum(len(mesh.faces) for mesh in meshes)
-
-
-def extent(meshes: list[Mesh]) -> Array:
-    """Return the lowest and highest corner (2, 3) of meshes [m]."""
-    corners = np.concatenate([mesh.vertices for mesh in meshes])
-    return np.stack((corners.min(axis=0), corners.max(axis=0)))

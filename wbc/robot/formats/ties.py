@@ -41,10 +41,6 @@ class Coupling:
         """Return the derivative of :meth:`value`."""
         return self.ratio if self.is_linear else float(self.polynomial.deriv()(driver))
 
-    def curvature(self, driver: float) -> float:
-        """Return the second derivative of :meth:`value`."""
-        return 0.0 if self.is_linear else float(self.polynomial.deriv(2)(driver))
-
     @property
     def is_constant(self) -> bool:
         """Whether it follows no joint: it is held at ``offset``."""
