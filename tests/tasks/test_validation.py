@@ -7,7 +7,7 @@ from scipy.sparse import csr_matrix
 from wbc.constraints import Bounds, Constraint, Limits, support
 from wbc.controllers import KinematicController, TorqueController
 from wbc.errors import InvalidInputError
-from wbc.laws import Residual
+from wbc.laws import Residual, Rows
 from wbc.robot import Robot
 from wbc.tasks import ForceTask, PositionTask, PostureTask, Task
 from wbc.tasks.force_task import Affine
@@ -137,6 +137,15 @@ def test_odd_return_of_a_later_tick_is_refused_by_name(robot, level: str, field,
     assert said.startswith("task 'mine': residual()") and field in said
 
 
+@pytest.mark.parametrize("bound", [-1.0, np.ones(3), "little"])
+def test_odd_bound_on_curvature_is_refused_where_it_is_asked_for(robot, bound) -> None:
+    """The velocity level asks tasks with gains for it."""
+    task = Mine(robot)
+    controller, here = controller_of(robot, "velocity", task)
+    said = str(given_up(controller, here, task, place("curvature_bound", lambda _: lambda: bound)))
+    assert said.startswith("task 'mine': residual(), curvature_bound")
+
+
 @pytest.mark.parametrize("how", ["complex", "columns missing", "NaN", "masked"])
 @pytest.mark.parametrize(
     "options",
@@ -257,6 +266,7 @@ class Box(Constraint):
 WRONG_BOUNDS = {
     **{("matrix", how): WRONG["jacobian"][how] for how in WRONG["jacobian"]},
     ("lower", "NaN"): lambda a: with_(a, 0, np.nan),
+    ("lower", "above upper"): lambda a: a + 5.0,
     ("upper", "row missing"): lambda a: a[:2],
     ("upper", "complex"): lambda a: a + 0j,
     ("lower", "masked"): lambda a: np.ma.array(a, mask=[True, False, False]),
@@ -264,6 +274,7 @@ WRONG_BOUNDS = {
     ("labels", "word"): lambda _: "xyz",
     ("slack", "negative"): lambda _: np.array([1.0, -1.0, 1.0]),
     ("push", "list"): lambda _: [1.0],
+    ("push", "columns missing"): lambda _: Rows(np.eye(3), np.ones(3), np.ones(3)),
 }
 
 

@@ -26,7 +26,6 @@ from wbc.robot import Snapshot
 from wbc.validate import Array
 
 OFF = 1e-9  # m, rad: smaller errors are no reason why a tick cannot be had
-DEPENDENT = 1e-6  # singular values below this part of the largest: rows that follow from others
 HALVINGS = 6  # of the part of errors that is taken back
 REST = "what loops miss to second order"
 INSIDE = 1.0 - 1e-9  # of what limits allow
@@ -94,26 +93,13 @@ class LoopClosing:
                 if is_over():
                     found.__dict__["left_out"] = (*found.left_out, REST)
                     break
-                before = self._added.copy()
                 self._added += missed
                 again = step(snapshot)
                 if not again.ok:  # rows that follow from others may contradict each other
-                    self._added[:] = before + self._reached(found, missed)
-                    again = step(snapshot)
-                if not again.ok:
                     break
                 found = again
         finally:
             self._forget()
-        return found
-
-    def _reached(self, tick: Tick, errors: Array) -> Array:
-        """Return the part of errors (held,) that rows of loops and gears can give together."""
-        rows = np.concatenate([np.arange(errors.size)[where] for _, where in self.parts])
-        U, sizes, _ = np.linalg.svd(tick.qp.A[rows], full_matrices=False)
-        U = U[:, sizes > DEPENDENT * sizes.max(initial=0.0)]
-        found = errors.copy()
-        found[rows] = U @ (U.T @ errors[rows])
         return found
 
     def within_reach(
