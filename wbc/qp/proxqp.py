@@ -8,7 +8,6 @@ from typing import NamedTuple, Protocol
 
 from wbc.qp.active_set import NAME, NEARLY, ActiveSet, checked_settings
 from wbc.qp.kkt import SolveCheck
-from wbc.qp.polish import polish
 from wbc.qp.problem import QP, check_qp, is_sound
 from wbc.qp.proxqp_workspace import Workspace
 from wbc.qp.solution import RawSolution, Solution, Status
@@ -84,14 +83,13 @@ class ProxQP:
 
     Policy: (1) solve in few iterations, warm from the last tick or cold; (2) if our KKT residuals
     reject that, solve by the core's active-set method, which also proves that there is no solution
-    (weights over many decades stall ProxQP); (3) settle the active set of ProxQP's point by a few
-    exact steps (:mod:`wbc.qp.polish`), or accept a solution within 100 eps: a robot that stands
-    still for want of 1e-7 rad/s is worse off, and the residuals tell; (4) return a status that says
-    what was found. The workspace of a failed tick is dropped, so a failure cannot affect the next
-    tick. Where ProxQP ran into its cap, the next 100 QPs of that name go to the active-set method
-    first: what stalls once, stalls in every tick, for a millisecond each. QPs that will not come
-    again (``workspace=None``) always go there first. Between calls nothing is kept but that and the
-    warm start. ``Solution.solver`` says who answered.
+    (weights over many decades stall ProxQP); (3) accept a solution within 100 eps: a robot that
+    stands still for want of 1e-7 rad/s is worse off, and the residuals tell; (4) return a status
+    that says what was found. The workspace of a failed tick is dropped, so a failure cannot affect
+    the next tick. Where ProxQP ran into its cap, the next 100 QPs of that name go to the active-set
+    method first: what stalls once, stalls in every tick, for a millisecond each. QPs that will not
+    come again (``workspace=None``) always go there first. Between calls nothing is kept but that
+    and the warm start. ``Solution.solver`` says who answered.
 
     Parameters
     ----------
@@ -167,10 +165,8 @@ class ProxQP:
             exact = self.active_set.solve(qp, quick=quick)._replace(attempts=2)
         if quick or exact.solved or exact.status is Status.INFEASIBLE:
             return self._timed(exact, check)
-        settled = check.accept(qp, polish(qp, attempt.raw), 3)
         nearly = check._replace(eps=NEARLY * self.eps)
-        settled = settled or nearly.accept(qp, attempt.raw, 3)
-        return settled or check.judge(qp, attempt.raw, 3)
+        return nearly.accept(qp, attempt.raw, 2) or check.judge(qp, attempt.raw, 2)
 
     def solve_reduced(
         self, reduced: Reduced, workspace: Hashable, bounded: bool
