@@ -204,24 +204,6 @@ def test_declared_policies(robot_named: Load, rng) -> None:
     assert caught.value.tick.status.value == "infeasible"
 
 
-def test_the_same_inputs_give_the_same_commands(robot_named: Load, rng) -> None:
-    robot = robot_named("g1_27")
-    here = stance(robot, rng)
-    tasks = some_tasks(robot, here, rng)
-
-    def run() -> np.ndarray:
-        controller = KinematicController(
-            robot, tasks, contacts=support(here, "double"), limits=Limits(robot)
-        )
-        q, v = here.q, np.zeros(robot.nv)
-        for _ in range(20):
-            v = controller.step(robot.snapshot(q, v)).velocity
-            q = robot.integrate(q, v, DT)
-        return q
-
-    np.testing.assert_array_equal(run(), run())
-
-
 def test_diagnostics(robot_named: Load, rng) -> None:
     robot = robot_named("hoap2_like")
     here = stance(robot, rng)

@@ -66,26 +66,6 @@ def test_a_level_never_gives_way(name, mode, robot_named, rng) -> None:
         assert np.abs(velocity - without).max() > 1e-3, "the lower level does act"
 
 
-def test_levels_run_warm_in_a_loop(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    q, v = robot.posture("standing"), np.zeros(robot.nv)
-    start = robot.snapshot(q)
-    tasks = [
-        ComTask(robot, start.com + [0.01, 0, -0.02], gain=0.1),
-        InertiaTask(robot, 3 * start.inertia, per_mass=True, priority=1),
-    ]
-    controller = KinematicController(
-        robot, tasks, contacts=support(start, "double"), limits=Limits(robot), dt=DT
-    )
-    for _ in range(300):
-        tick = controller.step(robot.snapshot(q, v))
-        assert tick.ok, tick.report()
-        v = tick.velocity
-        q = robot.integrate(q, v, DT)
-    # Weighted against each other the inertia, three times too large, would drag the CoM away.
-    assert np.linalg.norm(tick.errors["com"]) < 1e-6
-
-
 def test_a_level_that_takes_everything_leaves_the_next_nothing(robot_named) -> None:
     robot = robot_named("hoap2_like")
     here = robot.snapshot(robot.posture("standing"))

@@ -18,7 +18,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.robot.collision.covers import chosen_of
 from wbc.robot.collision.shapes import Body, HalfSpace
 from wbc.validate import Array
 
@@ -71,7 +70,7 @@ class CurvatureBounds:
     def quick(self, pairs: Index | None, step: Array) -> Array:
         """Return the bound (k,) [m] by lengths, of all pairs if None, for a ``step`` (nv,)."""
         angle, curvature = self._angles(pairs, step)
-        curvature += chosen_of(self.shorter, pairs) * angle
+        curvature += _chosen_of(self.shorter, pairs) * angle
         return curvature
 
     def tight(
@@ -86,7 +85,7 @@ class CurvatureBounds:
         """
         chosen = None if len(pairs) == len(self._pairs) else pairs
         angle, curvature = self._angles(chosen, step)
-        bound = chosen_of(self.shorter, chosen) * angle
+        bound = _chosen_of(self.shorter, chosen) * angle
         bound += curvature
         unsure = np.flatnonzero(bound > clearance)
         if unsure.size:
@@ -135,11 +134,16 @@ class CurvatureBounds:
     def _angles(self, pairs: Index | None, step: Array) -> tuple[Array, Array]:
         """Return by how much pairs turn against each other (k,) [rad], how far paths curve [m]."""
         size = np.abs(step)
-        angle = chosen_of(self._turns, pairs) @ size
+        angle = _chosen_of(self._turns, pairs) @ size
         lever = 0.5 * LEVER * angle
         if self._carries is not None:  # while the base slides, its turn curves the path
-            lever += 0.5 * (chosen_of(self._carries, pairs) @ size[:3])
+            lever += 0.5 * (_chosen_of(self._carries, pairs) @ size[:3])
         return angle, lever * angle
+
+
+def _chosen_of(values: Array, chosen: Index | None) -> Array:
+    """Return what belongs to the chosen pairs; if these are all (None), without a copy."""
+    return values if chosen is None else values.take(chosen, axis=0)
 
 
 def _filled(core: Array, most: int) -> Array:

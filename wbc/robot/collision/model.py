@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, shown
-from wbc.robot.collision.covers import Covers, smallest
 from wbc.robot.collision.curvature import CurvatureBounds
 from wbc.robot.collision.distances import ShapePairs, parts
 from wbc.robot.collision.native_pairs import NativePairs
@@ -56,8 +55,6 @@ class CollisionModel:
     ----------
     labels:
         One for each pair, such as ``"left_hand vs pelvis"``.
-    covers:
-        Balls and capsules round the bodies.
     native:
         The pairs as the native core reads them.
     """
@@ -87,11 +84,10 @@ class CollisionModel:
         self._curvature = CurvatureBounds(self.bodies, self.pairs, np.abs(self._signs))
         if any(isinstance(self.bodies[k].shape, HalfSpace) for k in first.tolist()):
             raise InvalidInputError("pairs: a half-space must be the second of a pair")
-        self.covers = Covers(self.bodies)
         self._moved: dict[int, tuple[Array, Array]] = {}  # bodies, and where to
         self._many_touch = 0
         parents = [0, *map(int, list(robot.model.parents)[1:])]
-        self.native = NativePairs(self.covers, self.bodies, self.pairs, parents)
+        self.native = NativePairs(self.bodies, self.pairs, parents)
 
     def __getstate__(self) -> dict[str, Any]:  # coal's results can be neither copied nor pickled
         return {name: value for name, value in vars(self).items() if name != "_shapes"}
@@ -127,12 +123,11 @@ class CollisionModel:
             raise InvalidInputError(f"body {self.bodies[body].name!r} is moved by the robot")
         R = finite_array("rotation", rotation, (3, 3))
         p = finite_array("origin", origin, (3,))
-        self.covers.place(body, R, p)
         core = self.bodies[body].shape.core @ R.T + p
         self._own_twists[:3, body] = velocity - np.cross(spin, p)
         self._own_twists[3:, body] = spin
         self._curvature.place(body, core)
-        self.native.place(body, core)
+        self.native.place(body, R, p, core)
         self._moved[body] = R, p
         if "_shapes" in vars(self):
             self._shapes.place(body, (R, p))
@@ -182,7 +177,10 @@ class CollisionModel:
             found = _pair_distances(snapshot, *nearest)
             left = _above(found, kept)
             # Of those that the core measured, none that it left out is nearer.
-            if known.all() or left[known].max(initial=-np.inf) >= smallest(left, count):
+            if (
+                known.all()
+                or left[known].max(initial=-np.inf) >= np.partition(left, count - 1)[count - 1]
+            ):
                 self._many_touch = int(MORE * touching > count)
                 return _fewest(found, count, kept)
         return _fewest(self.measure(snapshot, self._every), count, kept)

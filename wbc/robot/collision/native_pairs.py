@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from wbc.native import doubles, ffi, integers, lib, pointer
 from wbc.robot.collision.closing import Closing
-from wbc.robot.collision.covers import Covers
+from wbc.robot.collision.covers import covers
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace
 from wbc.robot.kernel import NativeState, NativeTree
 from wbc.validate import Array
@@ -36,8 +36,6 @@ class NativePairs:
 
     Parameters
     ----------
-    covers:
-        Capsules and balls round the bodies.
     pairs:
         (N, 2) indices of bodies; a half-space is the second of its pair.
     parents:
@@ -53,15 +51,16 @@ class NativePairs:
 
     def __init__(
         self,
-        covers: Covers,
         bodies: Sequence[Body],
         pairs: Index,
         parents: Sequence[int],
     ) -> None:
-        self._made_of = covers, bodies, pairs, parents
+        self._made_of = bodies, pairs, parents
         joints = np.array([body.joint for body in bodies], dtype=np.int64)
         both = joints[pairs].tolist()
         common = np.array([_common(parents, a, b) for a, b in both], dtype=np.int64)
+        local, sizes = covers(bodies)
+        self._own = local.copy()  # as they are before they are moved
         kinds = np.array([_kind(body) for body in bodies], dtype=np.int64)
         cores = [body.shape.core for body in bodies]
         self._first = np.cumsum([0, *map(len, cores)], dtype=np.int64)
@@ -69,8 +68,8 @@ class NativePairs:
         rounding = np.array([body.shape.radius for body in bodies])
         self.arrays: dict[str, NDArray[Any]] = {
             "joint": joints,
-            "local": covers.local,
-            "size": covers.sizes,
+            "local": local,
+            "size": sizes,
             "pair": pairs,
             "kind": kinds[pairs].max(axis=1, initial=lib.CAPSULES),
             "common": common,
@@ -82,18 +81,21 @@ class NativePairs:
         self._every = np.arange(len(joints))
         self._places = {name: pointer(array) for name, array in self.arrays.items()}
 
-    def __reduce__(self) -> tuple[object, ...]:
-        return type(self)._with_corners, (*self._made_of, self._corner)  # arrays of its own
+    def __reduce__(self) -> tuple[object, ...]:  # arrays of its own
+        return type(self)._moved, (*self._made_of, self.arrays["local"], self._corner)
 
     @classmethod
-    def _with_corners(cls, *parts: object) -> NativePairs:
-        *made_of, corner = parts
+    def _moved(cls, *parts: object) -> NativePairs:
+        *made_of, local, corner = parts
         made = cls(*made_of)  # type: ignore[arg-type]
-        made._corner[:] = corner
+        made.arrays["local"][:], made._corner[:] = local, corner
         return made
 
-    def place(self, body: int, core: Array) -> None:
-        """Set the corners (k, 3) of a body of joint 0 in the world."""
+    def place(self, body: int, rotation: Array, origin: Array, core: Array) -> None:
+        """Put the frame of a body of joint 0 somewhere (world), and its corners (k, 3) there."""
+        local = self.arrays["local"][body]
+        local[:] = rotation @ self._own[body]
+        local[:, ::2] += origin[:, None]
         self._corner[:, self._first[body] : self._first[body + 1]] = core.T
 
     def nearest(
