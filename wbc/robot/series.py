@@ -1,12 +1,12 @@
-"""What Pinocchio knows of a robot at many states in a row, in preallocated arrays.
+"""What is known of a robot at many states in a row, in preallocated arrays.
 
-One pass per frame, which costs about 5 us for 31 velocities, of Pinocchio or of the compiled core;
-everything that can be computed for all frames at once is left to NumPy. Linear first, world axes.
+One pass of the core per state, which costs about 5 us for 31 velocities; everything that can be
+computed for all states at once is left to NumPy. Linear first, world axes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -16,10 +16,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from wbc.robot.kernel import NativeState, NativeTree
-from wbc.robot.limits import BASE_NQ
 from wbc.robot.model import Robot
 from wbc.robot.tree import KinematicTree
-from wbc.rotations import rotations_from
+from wbc.spatial import vech_inverse
 from wbc.validate import Array, finite_array
 
 FRAMES_PER_CALL = 500  # frames from one call of ``progress`` to the next
@@ -170,24 +169,19 @@ def centroidal_series(
     q = finite_array("q", q, (count, robot.nq))
     v = finite_array("v", v, (count, robot.nv))
     acceleration = finite_array("acceleration", acceleration, (count, robot.nv))
-    model = robot.model
-    data = model.createData()
     com, momentum, rate = np.empty((count, 3)), np.empty((count, 6)), np.empty((count, 6))
-    inertia, turned = np.empty((count, 3, 3)), np.empty((count, 3, 3))
-    soles, ids = _room_for_soles(robot, count)
-    for k in range(count):
-        pin.dccrba(model, data, q[k], v[k])
-        com[k] = data.com[0]
-        momentum[k] = data.hg.vector
-        inertia[k] = data.Ig.inertia
-        map_rate = data.dAg
-        np.matmul(data.Ag, acceleration[k], out=rate[k])
-        rate[k] += map_rate @ v[k]
-        turned[k] = map_rate[3:, 3:6]
-        for frame, room in ids:
-            room[k] = pin.updateFramePlacement(model, data, frame).homogeneous
-        _report(progress, k + 1, count)
-    inertia_rate = _inertia_rate(inertia, turned, q[:, 3:BASE_NQ], v[:, 3:6])
+    inertia, inertia_rate = np.empty((2, count, 3, 3))
+    soles = _room_for_soles(robot, count)
+    for part, states in _parts(robot, q, v, progress):
+        com[part], inertia[part] = states.com, states.inertia
+        momentum[part] = states.part("momentum", 6)
+        centroidal_map = states.part("centroidal_map", 6, -1)
+        rate[part] = (centroidal_map @ acceleration[part][:, :, None])[:, :, 0]
+        for k, now in enumerate(v[part]):
+            motion = states.state(k).motion(now)
+            rate[part.start + k] += motion.part("momentum_drift", 6)
+            inertia_rate[part.start + k] = vech_inverse(motion.part("inertia_rate", 6))
+        _place_soles(robot, states, part, soles)
     return CentroidalSeries(com, momentum, rate, inertia, inertia_rate, soles)
 
 
@@ -238,13 +232,9 @@ def sole_series(robot: Robot, q: Array, progress: Progress | None = None) -> dic
     """
     count = len(q)
     q = finite_array("q", q, (count, robot.nq))
-    data = robot.model.createData()
-    soles, ids = _room_for_soles(robot, count)
-    for k in range(count):
-        pin.forwardKinematics(robot.model, data, q[k])
-        for frame, room in ids:
-            room[k] = pin.updateFramePlacement(robot.model, data, frame).homogeneous
-        _report(progress, k + 1, count)
+    soles = _room_for_soles(robot, count)
+    for part, states in _parts(robot, q, np.zeros((count, robot.nv)), progress):
+        _place_soles(robot, states, part, soles)
     return soles
 
 
@@ -255,24 +245,25 @@ def turning_joints(robot: Robot) -> NDArray[np.bool_]:
     return np.array([not kind.startswith("JointModelP") for kind in kinds], dtype=bool)
 
 
-def _room_for_soles(robot: Robot, count: int) -> tuple[dict[str, Array], list[tuple[int, Array]]]:
-    """Return arrays (n, 4, 4) by foot, and the same with Pinocchio's index of the sole frame."""
-    soles: dict[str, Array] = {name: np.empty((count, 4, 4)) for name in robot.feet}
-    return soles, [(robot.frame_id(robot.feet[name].frame), room) for name, room in soles.items()]
+def _parts(
+    robot: Robot, q: Array, v: Array, progress: Progress | None
+) -> Iterator[tuple[slice, StateSeries]]:
+    """Yield some states after the others, with the frames of the soles."""
+    frames = [foot.frame for foot in robot.feet.values()]
+    for begin in range(0, len(q), FRAMES_PER_CALL):
+        part = slice(begin, min(begin + FRAMES_PER_CALL, len(q)))
+        yield part, state_series(robot, q[part], v[part], frames)
+        if progress is not None:
+            progress(part.stop, len(q))
 
 
-def _report(progress: Progress | None, done: int, count: int) -> None:
-    if progress is not None and (done % FRAMES_PER_CALL == 0 or done == count):
-        progress(done, count)
+def _room_for_soles(robot: Robot, count: int) -> dict[str, Array]:
+    return {name: np.tile(np.eye(4), (count, 1, 1)) for name in robot.feet}
 
 
-def _inertia_rate(inertia: Array, turned: Array, quaternion: Array, spin: Array) -> Array:
-    """Return dI/dt (n, 3, 3), read off the centroidal map's rate.
-
-    Spinning the base at w in base axes gives the angular momentum I R w, so the map's block is I R
-    and its rate, ``turned``, is dI/dt R + I R [spin].
-    """
-    R = rotations_from(quaternion)
-    carried = np.cross(inertia @ R, spin[:, None])  # X [spin]: each row of X crossed with spin
-    rate = (turned - carried) @ np.swapaxes(R, 1, 2)
-    return np.asarray(0.5 * (rate + np.swapaxes(rate, 1, 2)))
+def _place_soles(
+    robot: Robot, states: StateSeries, part: slice, soles: Mapping[str, Array]
+) -> None:
+    for name, placed in soles.items():
+        frame = robot.feet[name].frame
+        placed[part, :3, :3], placed[part, :3, 3] = states.rotation(frame), states.position(frame)
