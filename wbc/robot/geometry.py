@@ -63,20 +63,8 @@ class RobotMeshes:
 
     def at(self, q: ArrayLike) -> list[Mesh]:
         """Return the meshes in the world at configuration ``q`` (nq,)."""
-        model, q = self._robot.model, self._robot.check_configuration(q)
-        data = model.createData()
-        pin.forwardKinematics(model, data, q)
-        return [_moved(mesh, data.oMi[joint]) for joint, mesh in self._meshes]
-
-
-def joint_placements(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:
-    """Return rotation (n, 3, 3) and origin (n, 3) in the world of each joint, by its index."""
-    model, data = robot.model, robot.model.createData()
-    pin.forwardKinematics(model, data, robot.check_configuration(q))
-    poses = data.oMi.tolist()
-    return np.array([pose.rotation for pose in poses]), np.array(
-        [pose.translation for pose in poses]
-    )
+        R, p = self._robot.snapshot(q).joint_placements
+        return [_moved(mesh, R[joint], p[joint]) for joint, mesh in self._meshes]
 
 
 def _in_joint_frame(
@@ -88,11 +76,13 @@ def _in_joint_frame(
         surface = _NOTHING
     link = str(model.frames[shape.parentFrame].name)
     mesh = Mesh(link, surface.vertices, surface.faces, (rgba[0], rgba[1], rgba[2]))
-    return int(shape.parentJoint), _moved(mesh, shape.placement)
+    return int(shape.parentJoint), _moved(
+        mesh, shape.placement.rotation, shape.placement.translation
+    )
 
 
-def _moved(mesh: Mesh, pose: pin.SE3) -> Mesh:
-    vertices = mesh.vertices @ pose.rotation.T + pose.translation
+def _moved(mesh: Mesh, rotation: Array, origin: Array) -> Mesh:
+    vertices = mesh.vertices @ rotation.T + origin
     return Mesh(mesh.name, vertices, mesh.faces, mesh.colour)
 
 

@@ -360,18 +360,15 @@ class Robot(KinematicTree):
         InvalidInputError
             See :meth:`check_configuration` and :meth:`check_velocity`.
         """
-        q = self.check_configuration(q)
-        rates = np.zeros(self.nv) if v is None else self.check_velocity(v)
-        return self._passive_forces(object(), q, rates)
+        return self.passive_forces_at(self.snapshot(q, v))
 
     def passive_forces_at(self, snapshot: Snapshot) -> Array:
         """Return :meth:`passive_forces` at a snapshot, whose state has been checked."""
         check_snapshot("passive_forces_at", snapshot)
-        return self._passive_forces(snapshot, snapshot.q, snapshot.v)
-
-    def _passive_forces(self, owner: object, q: Array, v: Array) -> Array:
-        placed = self.workspace.placed(owner, q) if self.passive.lifts else None
-        return self.passive.forces(self.model, self.limits, q, v, placed)
+        placed = None
+        if self.passive.lifts:
+            placed = *snapshot.joint_placements, snapshot.joint_twists
+        return self.passive.forces(self.model, self.limits, snapshot.q, snapshot.v, placed)
 
     def snapshot(self, q: ArrayLike, v: ArrayLike | None = None) -> Snapshot:
         """Return everything known at configuration ``q`` moving at ``v``.

@@ -74,7 +74,7 @@ def parallel_axis_hessian(
     twists:
         (6, nv), the linear part that of the point at the world's origin.
     orders:
-        See :class:`~wbc.robot.workspace.CarriedColumns`.
+        See :attr:`wbc.robot.tree.KinematicTree.carried`.
     """
     K = _turned(weights)
     pull = mass * K.dot(arm)

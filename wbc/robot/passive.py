@@ -15,6 +15,10 @@ import pinocchio as pin
 from wbc.robot.limits import BASE_NV, JointLimits
 from wbc.validate import Array, read_only
 
+# Rotations (njoints, 3, 3) and origins (njoints, 3) of joints, and their twists (6, nv) at the
+# world's origin.
+Placed = tuple[Array, Array, Array]
+
 
 class Spring(NamedTuple):
     """A spring on one joint that rests at ``rest`` [rad or m].
@@ -68,12 +72,12 @@ class PassiveForces:
         )
 
     def forces(
-        self, model: pin.Model, limits: JointLimits, q: Array, v: Array, placed: pin.Data | None
+        self, model: pin.Model, limits: JointLimits, q: Array, v: Array, placed: Placed | None
     ) -> Array:
         """Return the generalised forces (nv,) [N, N m] at ``q`` (nq,) and ``v`` (nv,).
 
         They stand on the side of the torques: M a + bias = S' tau + J' f + forces - friction.
-        ``placed`` holds the joints' placements at q, and has to be given where there are lifts.
+        ``placed`` is where the joints are at q, and has to be given where there are lifts.
         """
         found = np.zeros(model.nv)
         positions = limits.joint_positions(q)
@@ -89,16 +93,17 @@ class PassiveForces:
             found += self._lifted(model, placed)
         return read_only(found)
 
-    def _lifted(self, model: pin.Model, data: pin.Data) -> Array:
-        pin.computeJointJacobians(model, data)  # at the placements that are in it
+    def _lifted(self, model: pin.Model, placed: Placed) -> Array:
+        rotations, origins, twists = placed
         gravity, found = np.array(model.gravity.linear), np.zeros(model.nv)
         for lift in self.lifts:
             frame = model.frames[_frame_of(model, lift)]
-            pose = data.oMi[frame.parentJoint] * frame.placement
-            force = -lift.mass * gravity
-            point = pose.act(np.array(lift.point))
-            J = pin.getJointJacobian(model, data, frame.parentJoint, pin.ReferenceFrame.WORLD)
-            found += J.T @ np.concatenate((force, np.cross(point, force)))
+            joint, force = frame.parentJoint, -lift.mass * gravity
+            point = rotations[joint] @ frame.placement.act(np.array(lift.point)) + origins[joint]
+            pull = np.concatenate((force, np.cross(point, force))) @ twists
+            for above in list(model.supports[joint])[1:]:
+                moved = slice(model.idx_vs[above], model.idx_vs[above] + model.nvs[above])
+                found[moved] += pull[moved]
         return found
 
 

@@ -266,7 +266,7 @@ class KinematicState:
         hessian = self.native_state.inertia_hessian(weights, mass)
         if not is_com(about):
             arm, of_arm = self.arm(about), self.arm_jacobian(about)
-            twists, orders = self.joint_twists, self.robot.workspace.columns.orders
+            twists, orders = self.joint_twists, self.robot.carried
             hessian += parallel_axis_hessian(weights, mass, arm, of_arm, twists, orders)
         return read_only(hessian)
 

@@ -24,7 +24,6 @@ from wbc.robot.limits import BASE_NQ, BASE_NV, JointLimits
 from wbc.robot.loops import Closure
 from wbc.robot.names import frame_table, matching
 from wbc.robot.passive import PassiveForces
-from wbc.robot.workspace import ModelScratch
 from wbc.validate import Array, finite_array, finite_number, plain_copy, read_only
 
 # Of entries of q and v: beyond it they are no measurement.
@@ -34,7 +33,6 @@ LARGEST: float = lib.wbc_largest_state
 class _PerThread(threading.local):
     """What each thread has its own of."""
 
-    workspace: ModelScratch
     native: NativePass
 
 
@@ -217,17 +215,21 @@ class KinematicTree:
 
     @cached_property
     def scratch(self) -> _PerThread:
-        """What each thread has of its own; see :attr:`workspace`."""
+        """What each thread has of its own; see :attr:`native`."""
         return _PerThread()
 
-    @property
-    def workspace(self) -> ModelScratch:
-        """Scratch memory of snapshots, one for each thread and for each copy of the robot."""
-        try:
-            return self.scratch.workspace
-        except AttributeError:  # the first time in this thread
-            self.scratch.workspace = ModelScratch(self.model)
-            return self.scratch.workspace
+    @cached_property
+    def carried(self) -> Array:
+        """Which entries of v carry which, (nv, nv): with its transpose, both orders of every pair.
+
+        2 where column j moves the body of column k and not the other way round, 1 where both move
+        one body, 0 elsewhere.
+        """
+        model = self.model
+        body = np.repeat(np.arange(model.njoints), list(model.nvs))
+        chains = [set(map(int, chain)) for chain in model.supports]
+        reaches = np.array([[int(j) in chains[k] for j in body] for k in body])
+        return np.asarray(reaches * (2.0 - reaches.T))
 
     @property
     def native(self) -> NativePass:

@@ -19,7 +19,7 @@ from PIL import Image  # matplotlib brings it
 from wbc.errors import InvalidInputError
 from wbc.files import ending_of, why
 from wbc.robot import Robot
-from wbc.robot.geometry import Mesh, RobotMeshes, joint_placements
+from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array, finite_number
 from wbc.view import style
@@ -267,7 +267,7 @@ class Film:
     def _portrait(self, row: int) -> Portrait:
         run = self._run
         pose = run.pose(row, now=True)
-        rotations, origins = joint_placements(run.robot, run.q[row])
+        rotations, origins = run.robot.snapshot(run.q[row]).joint_placements
         placed: Sequence[Mesh] = [
             Mesh(mesh.name, mesh.vertices @ rotations[j].T + origins[j], mesh.faces, mesh.colour)
             for j, mesh in zip(self._joints, self._meshes, strict=True)

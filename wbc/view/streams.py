@@ -21,7 +21,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.extras import require
 from wbc.rmp.ellipsoid import equimomental
 from wbc.robot import Robot
-from wbc.robot.geometry import RobotMeshes, joint_placements
+from wbc.robot.geometry import RobotMeshes
 from wbc.validate import Array
 from wbc.view.mcap_export import (
     NANO,
@@ -150,7 +150,7 @@ class RerunStream:
         """Send a tick."""
         rerun, snapshot = self._rerun, now.snapshot
         self._out.set_time("time", duration=now.time)
-        rotations, origins = joint_placements(self.robot, snapshot.q)
+        rotations, origins = snapshot.joint_placements
         for joint in self._joints:
             place = rerun.Transform3D(translation=origins[joint], mat3x3=rotations[joint])
             self._out.log(f"robot/{joint}", place)

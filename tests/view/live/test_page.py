@@ -10,7 +10,6 @@ import wbc
 from tests.view.live.conftest import Stage, frame_at
 from wbc.human import HumanBody, human_robot
 from wbc.rmp.ellipsoid import equimomental
-from wbc.robot.geometry import joint_placements
 from wbc.rotations import rotation_from
 from wbc.view.live.collect import cast_of, told_of
 from wbc.view.live.layers.layer import WORLD
@@ -39,7 +38,7 @@ def test_links_and_ellipsoid_are_where_the_robot_is(
     rng = np.random.default_rng(0)
     q = robot.integrate(robot.posture("standing"), 0.2 * rng.normal(size=robot.nv), 1.0)
     stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
-    rotations, origins = joint_placements(robot, q)
+    rotations, origins = robot.snapshot(q).joint_placements
     joints = list(stage.server.scene._children_from_node_name[f"{WORLD}/robot"])
     assert len(joints) > 10
     for joint in joints:
@@ -64,7 +63,7 @@ def test_a_human_is_beside_the_robot(robot: wbc.Robot, controller: wbc.Kinematic
         q = human.integrate(human.posture("neutral"), 0.3 * rng.normal(size=human.nv), 1.0)
         frame = frame_at(controller, robot.posture("standing"), 0.0)
         stage.draw(replace(frame, beside=q))
-        rotations, origins = joint_placements(human, q)
+        rotations, origins = human.snapshot(q).joint_placements
         joints = list(stage.server.scene._children_from_node_name[f"{WORLD}/human"])
         assert len(joints) > 10
         for joint in joints:

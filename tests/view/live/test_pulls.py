@@ -10,7 +10,6 @@ from websockets.sync.client import ClientConnection
 
 from tests.view.live.conftest import Stage, Watched, client_of, simulated_problem, tell
 from wbc.robot import Robot
-from wbc.robot.geometry import joint_placements
 from wbc.view.live.clock import Clock
 from wbc.view.live.messages import Frame, LetGo, PullRobot
 from wbc.view.live.simulated import SimulatedSession, pulled
@@ -111,7 +110,7 @@ def test_a_part_of_the_robot_is_grabbed_dragged_and_let_go(
     drawn = np.asarray(grabbable.handle("").position)  # at the page's origin plus this
     assert np.linalg.norm(drawn) > 0.9 * far
     shape = shape_of(grabbable, HAND)
-    rotations, origins = joint_placements(robot, q)
+    rotations, origins = robot.snapshot(q).joint_placements
     joint = int(shape.split("/")[3])
     grabbed = origins[joint] + rotations[joint] @ [0.01, 0.02, 0.03]
     pointer = grabbed + [0.1, 0.2, 0.3]

@@ -63,7 +63,7 @@ class ShapePairs:
         rounding = np.array([_rounding(body) for body in bodies])
         self._thickness = rounding[pairs].sum(axis=1)
         self._first_rounding = rounding[pairs[:, 0]]
-        self._data = pin.GeometryData(self._shapes)
+        self._joints, self._data = robot.model.createData(), pin.GeometryData(self._shapes)
         for request in self._data.distanceRequests:
             request.gjk_tolerance = request.epa_tolerance = TOLERANCE
             _begin_anew(request)
@@ -77,8 +77,7 @@ class ShapePairs:
     def measure(self, snapshot: Snapshot, chosen: Index) -> Array:
         """Return distance, normal and nearest point of some pairs, (7, k): see :func:`parts`."""
         robot, shapes, results = snapshot.robot, self._shapes, []
-        data = robot.workspace.placed(snapshot, snapshot.q)
-        pin.updateGeometryPlacements(robot.model, data, shapes, self._data)
+        pin.updateGeometryPlacements(robot.model, self._joints, shapes, self._data, snapshot.q)
         for k in chosen.tolist():
             one = pin.computeDistance(shapes, self._data, k)
             results.append((one.min_distance, *-one.normal, *one.getNearestPoint1()))

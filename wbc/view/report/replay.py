@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from wbc.problem.pendulum.result import PendulumHistory
 from wbc.rmp.ellipsoid import equimomental, reaction_mass_radii
 from wbc.robot.formats.triangles import Triangles
-from wbc.robot.geometry import Mesh, RobotMeshes, joint_placements
+from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.validate import Array
 from wbc.view import palette, style
 from wbc.view.boards import board_surfaces
@@ -51,7 +51,7 @@ def replay_data(run: DrawnRun, rows: Sequence[int]) -> dict[str, Any]:
     places, com, axes, sizes, stands, grounded = [], [], [], [], [], []
     for row in rows:
         snapshot = robot.snapshot(run.q[row])
-        rotations, origins = joint_placements(robot, run.q[row])
+        rotations, origins = robot.snapshot(run.q[row]).joint_placements
         places.append(np.column_stack((origins, Rotation.from_matrix(rotations).as_quat())))
         ellipsoid = equimomental(snapshot.inertia, robot.mass)
         radii = reaction_mass_radii(ellipsoid.inertia(), robot.mass)

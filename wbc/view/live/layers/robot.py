@@ -10,7 +10,7 @@ from viser import SceneApi
 from wbc.errors import ModelError
 from wbc.robot import Robot
 from wbc.robot.collision import robot_bodies
-from wbc.robot.geometry import Mesh, RobotMeshes, joint_placements
+from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.validate import Array
 from wbc.view.live.layers.layer import GREY, Layer, surface_of, wxyz
 from wbc.view.live.shown import Shown
@@ -55,7 +55,7 @@ class RobotShapes:
 
     def extent(self, robot: Robot, q: Array) -> tuple[Array, Array]:
         """Return the lowest and the highest corner (3,) of all shapes at ``q`` [m]."""
-        rotations, origins = joint_placements(robot, q)
+        rotations, origins = robot.snapshot(q).joint_placements
         corners = [
             mesh.vertices @ rotations[joint].T + origins[joint] for joint, mesh in self.shapes
         ]
@@ -102,7 +102,7 @@ class RobotLayer(Layer):
 
     def place(self, q: Array) -> None:
         """Move the links to a configuration (nq,)."""
-        rotations, origins = joint_placements(self._robot, q)
+        rotations, origins = self._robot.snapshot(q).joint_placements
         for node, joint in zip(self._nodes, self._joints, strict=True):
             node.wxyz, node.position = wxyz(rotations[joint]), origins[joint]
 
