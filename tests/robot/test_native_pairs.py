@@ -51,7 +51,7 @@ def test_hulls_are_certified_and_coals(rng) -> None:
     pairs = random_pairs(bodies, rng, 150)
     model, coals = (
         CollisionModel(robot, bodies, pairs),
-        ShapePairs(robot, bodies, np.array(pairs), {}),
+        ShapePairs(bodies, np.array(pairs)),
     )
     certified = handed = 0
     for _ in range(20):
@@ -92,7 +92,7 @@ def test_what_pairs_keep_and_those_that_touch(rng) -> None:
     pairs = random_pairs(bodies, rng, 150)
     ours, theirs = (
         CollisionModel(robot, bodies, pairs),
-        ShapePairs(robot, bodies, np.array(pairs), {}),
+        ShapePairs(bodies, np.array(pairs)),
     )
     kept, count, touching = 0.1 * rng.random(len(pairs)), 50, 0
     for _ in range(10):

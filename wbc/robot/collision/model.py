@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,18 +83,10 @@ class CollisionModel:
         self._curvature = CurvatureBounds(self.bodies, self.pairs, np.abs(self._signs))
         if any(isinstance(self.bodies[k].shape, HalfSpace) for k in first.tolist()):
             raise InvalidInputError("pairs: a half-space must be the second of a pair")
-        self._moved: dict[int, tuple[Array, Array]] = {}  # bodies, and where to
+        self._overlapping = ShapePairs(self.bodies, self.pairs)
         self._many_touch = 0
         parents = [0, *map(int, list(robot.model.parents)[1:])]
         self.native = NativePairs(self.bodies, self.pairs, parents)
-
-    def __getstate__(self) -> dict[str, Any]:  # coal's results can be neither copied nor pickled
-        return {name: value for name, value in vars(self).items() if name != "_shapes"}
-
-    @cached_property
-    def _shapes(self) -> ShapePairs:
-        """The pairs as coal measures them."""
-        return ShapePairs(self.robot, self.bodies, self.pairs, self._moved)
 
     def __repr__(self) -> str:
         return (
@@ -128,9 +119,7 @@ class CollisionModel:
         self._own_twists[3:, body] = spin
         self._curvature.place(body, core)
         self.native.place(body, R, p, core)
-        self._moved[body] = R, p
-        if "_shapes" in vars(self):
-            self._shapes.place(body, (R, p))
+        self._overlapping.place(body, R, p)
 
     def measure(self, snapshot: Snapshot, pairs: Index) -> PairDistances:
         """Return the distances of some pairs, given by their numbers, increasing.
@@ -189,7 +178,7 @@ class CollisionModel:
         """Measure what the core could not; return which (k,) it could."""
         known = found[0] > -np.inf
         if not known.all():
-            found[:, ~known] = self._shapes.measure(snapshot, pairs[~known])
+            found[:, ~known] = self._overlapping.measure(snapshot, pairs[~known])
         return known
 
     def rows(self, snapshot: Snapshot, found: PairDistances) -> Array:
