@@ -210,7 +210,7 @@ def test_a_copy_is_the_same_robot_with_its_own_memory(
 ) -> None:
     robot = robot_named(name)
     other = again(robot)
-    assert other.workspace is not robot.workspace
+    assert other.native is not robot.native
     assert (other.name, other.frame_names, other.notes) == (
         robot.name,
         robot.frame_names,
