@@ -82,10 +82,10 @@ class NativePairs:
         self._places = {name: pointer(array) for name, array in self.arrays.items()}
 
     def __reduce__(self) -> tuple[object, ...]:  # arrays of its own
-        return type(self)._moved, (*self._made_of, self.arrays["local"], self._corner)
+        return type(self)._with_places, (*self._made_of, self.arrays["local"], self._corner)
 
     @classmethod
-    def _moved(cls, *parts: object) -> NativePairs:
+    def _with_places(cls, *parts: object) -> NativePairs:
         *made_of, local, corner = parts
         made = cls(*made_of)  # type: ignore[arg-type]
         made.arrays["local"][:], made._corner[:] = local, corner
