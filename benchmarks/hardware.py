@@ -40,7 +40,7 @@ import os, sys, time
 os.sched_setaffinity(0, {int(sys.argv[1])})
 os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(45))
 begin = float(sys.argv[2])
-time.sleep(begin - time.monotonic())
+time.sleep(max(0.0, begin - time.monotonic()))
 while time.monotonic() < begin + 0.2:
     pass
 """
