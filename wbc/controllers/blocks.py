@@ -21,6 +21,7 @@ from wbc.laws import AccelerationLaw, Residual, Rows, VelocityLaw
 from wbc.native import lib
 from wbc.native.rows import Kind, NativeRows
 from wbc.tasks.force_task import ForceTask
+from wbc.tasks.inertia import InertiaTask
 from wbc.tasks.task import Task
 from wbc.validate import Array
 
@@ -98,7 +99,7 @@ class Part:
     @property
     def second(self) -> bool:
         """Whether the curvature that its rows leave out is in the cost."""
-        return not self.torque and bool(getattr(self.task, "second_order", False))
+        return not self.torque and isinstance(self.task, InertiaTask) and self.task.second_order
 
     def chosen(self, rows: NativeRows) -> list[int]:
         """Return the rows of a block that are kept."""
