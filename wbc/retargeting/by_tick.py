@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,13 +115,16 @@ class TickPass:
             q[k] = robot.integrate(q[k - 1], v, dt)
             if progress is not None and k % REPORTED == 0:
                 progress(int(frames[k]), last)
-        return self._between(q, frames)
+        return between(robot, q, np.interp(np.arange(last + 1), frames, np.arange(count)))
 
-    def _between(self, q: Array, frames: NDArray[np.intp]) -> Array:
-        """Return configurations of all frames, on straight ways between those of some."""
-        robot, found = self.tasks.robot, [q[0]]
-        for a, b, way in zip(q[:-1], q[1:], np.diff(frames), strict=True):
-            step = robot.difference(a, b)
-            found += [robot.integrate(a, step, m / way) for m in range(1, way)]
-            found.append(b)
-        return np.array(found)
+
+def between(robot: Robot, q: Array, places: Array) -> Array:
+    """Return configurations (m, nq) on straight ways between some (n, nq), at places (m,) there."""
+    first = np.minimum(places.astype(int), len(q) - 2)
+    steps = [robot.difference(a, b) for a, b in pairwise(q)]
+    return np.array(
+        [
+            robot.integrate(q[k], steps[k], part)
+            for k, part in zip(first, places - first, strict=True)
+        ]
+    )

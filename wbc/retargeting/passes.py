@@ -10,7 +10,7 @@ import numpy as np
 from wbc.constraints import Limits
 from wbc.errors import InvalidInputError, shown
 from wbc.human import HumanMotion
-from wbc.retargeting.by_tick import Progress, TickPass, first_configuration
+from wbc.retargeting.by_tick import Progress, TickPass, between, first_configuration
 from wbc.retargeting.ground_forces import ground_forces
 from wbc.retargeting.mending import mended, resettled
 from wbc.retargeting.not_kept import broken
@@ -31,8 +31,8 @@ from wbc.validate import Array, finite_number, read_only
 RATE = 50.0  # Hz: of what trainers of policies read
 # Of the whole motion: a round that leaves WORSE times as much that is not kept is taken back, if
 # that is much, and damped MORE.
-SETTLED = 0.1  # rad or m: a round that moves nothing more than this is the last one
-WORSE, ASTRAY, MORE = 2.0, 5e-3, 5.0
+SETTLED = 0.05  # a round that gains no more of the sum of squares is the last one
+WORSE, ASTRAY, MORE = 2.0, 0.02, 4.0
 TRAPPED = 0.2  # rad or m: feet so far off after the first pass are behind something
 LEAST_ROUNDS, ROUNDS = 4, 14
 # What is nearly right is damped less from round to round, for light tasks such as arms to come to
@@ -140,13 +140,14 @@ def retarget(
     asked, notes = scale.time, list(body.notes)
     softer = 0
     hurried: tuple[WholeMotion, Array, MotionScale] | None = None
+    q: Array | None = None
     for number in range(TRIES):
         low = human.cutoff if cutoff is None else cutoff
         source = human_frames(human, rate * scale.time, low, roll)
         targets = scaled_targets(source, robot, legs, body, standing, scale, balance)
         tasks = FrameTasks(robot, body, targets, weights, legs.length)
         motion = WholeMotion(tasks, collision, legs.length)
-        q = _solved(motion, source.series.axes, rounds, balance, progress)
+        q = _solved(motion, source.series.axes, rounds, balance, progress, q)
         # Joints that are a little too slow spoil a motion in its own time.
         speed = motion.fastest(q)
         if NEARLY < speed < TOO_SLOW and number < TRIES - 1:
@@ -154,6 +155,7 @@ def retarget(
             scale = replace(scale, time=scale.time * speed * (1.0 + (number + 1) * MORE_SLOWLY))
             continue
         found = mended(motion, q)
+        q = None
         if found.kept or number == TRIES - 1:
             break
         softer += 1
@@ -213,21 +215,26 @@ def judged(
 
 
 def _solved(
-    motion: WholeMotion, axes: Array, rounds: int, balance: bool, progress: Progress | None
-) -> Array:
+    motion: WholeMotion, axes: Array, rounds: int, balance: bool, progress: Progress | None,
+    begun: Array | None,
+) -> Array:  # fmt: skip
     """Return configurations (n, nq) as near to the targets as they come.
 
-    What is hard is kept but for what tasks pull at it.
+    What is hard is kept but for what tasks pull at it. ``begun``: those of the same motion in other
+    time (m, nq), from which to go on.
     """
     tasks, collision = motion.tasks, motion.collision
     robot = tasks.robot
     constraints = [] if collision is None else [collision]
-    start = first_configuration(tasks, constraints)
     limits = Limits(robot, velocity=None)
-    q = TickPass(tasks, limits, constraints).run(start, progress)
+    if begun is None:
+        start = first_configuration(tasks, constraints)
+        q = TickPass(tasks, limits, constraints).run(start, progress)
+    else:
+        q = between(robot, begun, np.linspace(0.0, len(begun) - 1.0, len(tasks.targets.time)))
     states = motion.states(q)
     tasks.shape_like(states.inertia, axes)
-    best, least = q, np.inf
+    best, least, cheapest, near = None, np.inf, np.inf, False
     for number in range(rounds):
         if number > 0:
             states = motion.states(q)
@@ -235,24 +242,26 @@ def _solved(
             k = states.part("momentum", 6)[:, 3:]
             tasks.targets = balanced(tasks.targets, robot, k, states.com)
         further = motion.improved(q, states)
-        if number == 0 and motion.violation > TRAPPED:  # legs that do not get past each other
+        if number == 0 and begun is None and motion.violation > TRAPPED:  # legs that do not get past each other
             freely = TickPass(tasks, limits, ()).run(start, progress)
             trapped, q_further, by = q, further, motion.violation
             q, further = freely, motion.improved(freely)
             if motion.violation > by:
                 q, further, motion.violation = trapped, q_further, by
-        if motion.violation > max(WORSE * least, ASTRAY):  # it led astray: go on more carefully
-            q, motion.damping = best, MORE * motion.damping
-            continue
-        if motion.violation < least:
-            best, least = q, motion.violation
-        q = further
-        near = motion.violation < ASTRAY
-        if number + 1 >= LEAST_ROUNDS and near and motion.moved < SETTLED:
-            return q
-        if near and number + 1 < PATIENT:
-            motion.damping = max(BOLDER * motion.damping, BOLDEST)
-        elif near:  # what is nearly right moves to and fro
-            motion.damping = min(CALMER * motion.damping, CALMEST)
+        if q is not best:
+            near = motion.violation < ASTRAY
+            if motion.violation > max(WORSE * least, ASTRAY) or (near and motion.cost > cheapest):
+                q, motion.damping = best, MORE * motion.damping  # led astray: more carefully
+                continue
+            settled = number + 1 >= LEAST_ROUNDS and cheapest - motion.cost < SETTLED * motion.cost
+            settled &= motion.speed <= NEARLY
+            if near and settled:
+                return q
+            if near and number + 1 < PATIENT:
+                motion.damping = max(BOLDER * motion.damping, BOLDEST)
+            elif near:  # what is nearly right moves to and fro
+                motion.damping = min(CALMER * motion.damping, CALMEST)
+        best, least, q = q, motion.violation, further
+        cheapest = motion.cost if near else np.inf
     motion.judge(q)
-    return best if motion.violation >= least else q
+    return best if motion.violation > max(WORSE * least, ASTRAY) else q

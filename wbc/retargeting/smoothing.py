@@ -76,8 +76,11 @@ class WholeMotion:
         How far the last round moved anything [m or rad].
     damping:
         Weight of displacements.
+    cost:
+        Sum of squares of tasks and momentum before the last round.
     """
 
+    cost: float
     violation: float
     off: float
     broken: float
@@ -100,7 +103,7 @@ class WholeMotion:
         arms = [task.frame for pair in tasks.arms.values() for task in pair]
         soles = [tasks.robot.feet[side].frame for side in SIDES]
         self._frames = (*tasks.turns, *arms, *soles)
-        self.violation = self.off = self.broken = self.moved = np.inf
+        self.violation = self.off = self.broken = self.moved = self.cost = np.inf
         self.speed = self.force = np.inf
         self.damping = DAMPED
         self.able = able_accelerations(tasks.robot)
@@ -118,12 +121,14 @@ class WholeMotion:
         states = self.states(q) if states is None else states
         v = states.v[:-1]
         joints = self._looked_at(q, v)
-        rows = self._rows(states) + self.contacts(states) + self._near(q, states)
+        tasks = self._rows(states)
+        self.cost = sum(float(np.square(e).sum()) for _, e in tasks)
+        rows = tasks + self.contacts(states) + self._near(q, states)
         A, e = (np.concatenate(part, axis=1) for part in zip(*rows, strict=True))
         normal = NormalEquations(*A.shape[::2])
         normal.add(A, e)
         self._posture(joints, normal)
-        self.momentum(states, normal)
+        self.cost += self.momentum(states, normal)
         self.jerk(v, normal)
         self.motors(v, normal)
         normal.diagonal[:, 0] += self.damping**2
@@ -224,6 +229,7 @@ class WholeMotion:
             e = np.hstack((states.position(frame) - path.place, turn))
             if path.down.any():
                 self._violated(np.abs(e[path.down]))
+            self.cost += float(np.square(tasks.foot_weight * e[~path.down]).sum())
             weight = np.where(path.down[:, None], self._exact, tasks.foot_weight)
             found.append((weight[..., None] * states.jacobian(frame), weight * e))
         return found
@@ -261,8 +267,14 @@ class WholeMotion:
 
     def momentum(
         self, states: StateSeries, normal: NormalEquations, *, stays: bool = False
-    ) -> None:
-        """Add the rows of the momentum between frames, and of its rate; or that both ``stay``."""
+    ) -> float:
+        """Add the rows of the momentum between frames, and of its rate; or that both ``stay``.
+
+        Returns
+        -------
+        float
+            Their sum of squares.
+        """
         tasks, targets = self.tasks, self.tasks.targets
         dt, robot, k = targets.dt, tasks.robot, targets.angular_momentum
         maps, v = states.part("centroidal_map", 6, -1)[:-1], states.v[:-1]
@@ -272,12 +284,15 @@ class WholeMotion:
             off[:] = 0.0
         w = tasks.momentum
         A = w[:, None] * maps[:, 3:] / dt
-        normal.add_first_differences(A, w * off[:, 3:])
+        turning = w * off[:, 3:]
+        normal.add_first_differences(A, turning)
         # By how far the CoP is moved, in legs' lengths.
         height = float(np.mean(targets.com[:, 2]))
         w = PRESSED / (robot.weight * self.leg) * np.array([height] * 3 + [1.0] * 3)
         A = w[:, None] * maps / dt**2
-        normal.add_second_differences(A, w * np.diff(off, axis=0) / dt)
+        pressing = w * np.diff(off, axis=0) / dt
+        normal.add_second_differences(A, pressing)
+        return float(np.square(turning).sum() + np.square(pressing).sum())
 
     def jerk(self, v: Array, normal: NormalEquations, times: float = 1.0) -> None:
         """Add the jerk of all coordinates; lengths of the base by the legs'."""
@@ -300,7 +315,7 @@ class WholeMotion:
         Returns
         -------
         float
-            Half of the square of what is beyond, weighted.
+            Their sum of squares.
         """
         dt, fastest = self.tasks.targets.dt, self.tasks.robot.limits.velocity
         speeds, rates, cost = v[:, BASE_NV:], np.diff(v[:, BASE_NV:], axis=0) / dt, 0.0
