@@ -1,8 +1,8 @@
 """Segments of the human body: masses, centres and gyration radii, and the usual proportions.
 
 Masses, centres and radii are those of de Leva (1996, J. Biomech. 29, 1223-1230), Table 4; lengths
-are the means of the same table. De Leva has centres on the long axes; how far those of the legs are
-behind them is from Dumas, Cheze and Verriest (2007).
+are the means of the same table. De Leva has centres on the long axes; how far those of the trunk and of
+the legs are behind them is from Dumas, Cheze and Verriest (2007).
 """
 
 from __future__ import annotations
@@ -85,8 +85,8 @@ DE_LEVA: Mapping[str, Mapping[str, SegmentInertia]] = MappingProxyType(
 # axis: Dumas, Cheze and Verriest (2007, J. Biomech. 40, 543-553), Table 2.
 BEHIND: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
-        "female": MappingProxyType({"thigh": 0.077, "shank": 0.049}),
-        "male": MappingProxyType({"thigh": 0.041, "shank": 0.048}),
+        "female": MappingProxyType({"trunk": 0.016, "thigh": 0.077, "shank": 0.049}),
+        "male": MappingProxyType({"trunk": 0.036, "thigh": 0.041, "shank": 0.048}),
     }
 )
 PAIRED = ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")

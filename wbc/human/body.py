@@ -235,8 +235,10 @@ def masses(body: HumanBody) -> dict[str, Mass]:
     lumbar = np.array((body.size("lumbar_x"), 0.0, body.size("lumbar_z")))
     neck = np.array((body.size("neck_x"), 0.0, body.size("neck_z")))
     chest = MIDDLE_TRUNK * neck
+    back = np.array((-BEHIND[body.sex]["trunk"] * float(np.linalg.norm(neck)), 0.0, 0.0))
     trunk = joined(
-        along(table["upper_trunk"], neck, chest), along(table["middle_trunk"], chest, zero)
+        along(table["upper_trunk"], neck + back, chest + back),
+        along(table["middle_trunk"], chest + back, back),
     )
     # The table's axis of the head is from the top down to C7, above which the neck leans forward.
     top = np.array((0.02, 0.0, table["head"].length / MEAN_STATURE[body.sex] * body.stature))

@@ -32,7 +32,7 @@ RATE = 50.0  # Hz: of what trainers of policies read
 # Of the whole motion: a round that leaves WORSE times as much that is not kept is taken back, if
 # that is much, and damped MORE.
 SETTLED = 0.05  # a round that gains no more of the sum of squares is the last one
-WORSE, ASTRAY, MORE = 2.0, 0.02, 4.0
+WORSE, ASTRAY, MORE, MOST = 2.0, 0.02, 4.0, 100.0
 TRAPPED = 0.2  # rad or m: feet so far off after the first pass are behind something
 LEAST_ROUNDS, ROUNDS = 4, 14
 # What is nearly right is damped less from round to round, for light tasks such as arms to come to
@@ -234,7 +234,7 @@ def _solved(
         q = between(robot, begun, np.linspace(0.0, len(begun) - 1.0, len(tasks.targets.time)))
     states = motion.states(q)
     tasks.shape_like(states.inertia, axes)
-    best, least, cheapest, near = None, np.inf, np.inf, False
+    least, cheapest, fastest = np.inf, np.inf, np.inf
     for number in range(rounds):
         if number > 0:
             states = motion.states(q)
@@ -244,24 +244,32 @@ def _solved(
         further = motion.improved(q, states)
         if number == 0 and begun is None and motion.violation > TRAPPED:  # legs that do not get past each other
             freely = TickPass(tasks, limits, ()).run(start, progress)
-            trapped, q_further, by = q, further, motion.violation
-            q, further = freely, motion.improved(freely)
+            trapped, q_further, by = motion.linear, further, motion.violation
+            further = motion.improved(freely)
             if motion.violation > by:
-                q, further, motion.violation = trapped, q_further, by
-        if q is not best:
-            near = motion.violation < ASTRAY
-            if motion.violation > max(WORSE * least, ASTRAY) or (near and motion.cost > cheapest):
-                q, motion.damping = best, MORE * motion.damping  # led astray: more carefully
-                continue
-            settled = number + 1 >= LEAST_ROUNDS and cheapest - motion.cost < SETTLED * motion.cost
-            settled &= motion.speed <= NEARLY
-            if near and settled:
-                return q
-            if near and number + 1 < PATIENT:
-                motion.damping = max(BOLDER * motion.damping, BOLDEST)
-            elif near:  # what is nearly right moves to and fro
-                motion.damping = min(CALMER * motion.damping, CALMEST)
-        best, least, q = q, motion.violation, further
-        cheapest = motion.cost if near else np.inf
+                motion.linear, further, motion.violation = trapped, q_further, by
+        near = motion.violation < ASTRAY
+        slower = motion.speed < fastest and fastest > NEARLY
+        dearer = near and motion.cost > cheapest and not slower
+        if motion.violation > max(WORSE * least, ASTRAY) or dearer:
+            motion.damping *= MORE  # it led astray: more carefully from where it was good
+            if motion.damping > MOST:
+                return best.q
+            q = motion.stepped(best)
+            continue
+        steady = cheapest - motion.cost < SETTLED * motion.cost
+        steady &= motion.speed <= NEARLY or (
+            number >= PATIENT and motion.speed > (1.0 - SETTLED) * fastest
+        )
+        best, least, fastest, q = motion.linear, motion.violation, motion.speed, further
+        if not near:
+            continue
+        cheapest = motion.cost
+        if number + 1 >= LEAST_ROUNDS and steady:
+            return best.q
+        if number + 1 < PATIENT or fastest <= NEARLY:
+            motion.damping = max(BOLDER * motion.damping, BOLDEST)
+        else:  # joints that are too fast move to and fro
+            motion.damping = min(CALMER * motion.damping, CALMEST)
     motion.judge(q)
-    return best if motion.violation > max(WORSE * least, ASTRAY) else q
+    return best.q if motion.violation > max(WORSE * least, ASTRAY) else q

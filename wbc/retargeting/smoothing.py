@@ -16,6 +16,8 @@ are banded: linear in the number of frames.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -50,6 +52,14 @@ DAMPED = 2.0  # weight of displacements (Levenberg and Marquardt): rows are of f
 LARGEST = 0.3  # rad or m: of one frame in one round
 
 
+class Linear(NamedTuple):
+    """A round: configurations (n, nq), their joints (n, nv - 6), and the rows to first order."""
+
+    q: Array
+    joints: Array
+    normal: NormalEquations
+
+
 class WholeMotion:
     """The least-squares problem of a motion.
 
@@ -76,10 +86,13 @@ class WholeMotion:
         How far the last round moved anything [m or rad].
     damping:
         Weight of displacements.
+    linear:
+        The last round, from which :meth:`stepped` goes again.
     cost:
         Sum of squares of tasks and momentum before the last round.
     """
 
+    linear: Linear
     cost: float
     violation: float
     off: float
@@ -131,11 +144,13 @@ class WholeMotion:
         self.cost += self.momentum(states, normal)
         self.jerk(v, normal)
         self.motors(v, normal)
-        normal.diagonal[:, 0] += self.damping**2
         normal.seal()
-        step = self._within_limits(joints, normal)
-        np.clip(step, -LARGEST, LARGEST, out=step)
-        return self.further(q, step)
+        self.linear = Linear(q, joints, normal)
+        return self.stepped(self.linear)
+
+    def stepped(self, linear: Linear) -> Array:
+        """Return configurations (n, nq) after a step from some, as damped as it is now."""
+        return self.further(linear.q, self._within_limits(linear.joints, linear.normal))
 
     def further(self, q: Array, step: Array) -> Array:
         """Return configurations (n, nq) after displacements (n, nv), none of them too large."""
@@ -250,10 +265,9 @@ class WholeMotion:
         room = np.where(joints > 0.5 * (self.lower + self.upper), self.upper, self.lower)
         room = np.where(np.isfinite(room), room, joints)
         for _ in range(ACTIVE_SETS):
-            held = np.zeros_like(normal.slope)
-            held[:, BASE_NV:] = LIMITED**2 * self._held
-            pull = held.copy()
-            pull[:, BASE_NV:] *= joints - room
+            held, pull = np.full_like(normal.slope, self.damping**2), np.zeros_like(normal.slope)
+            held[:, BASE_NV:] += LIMITED**2 * self._held
+            pull[:, BASE_NV:] = LIMITED**2 * self._held * (joints - room)
             step = normal.solved(held, pull)
             goal = joints + step[:, BASE_NV:]
             out = (goal > self.upper) | (goal < self.lower)

@@ -24,6 +24,9 @@ from wbc.tasks import (
 from wbc.validate import Array, check_fields
 
 TURNING = 0.1  # of m h sqrt(g h): angular momentum of who turns as a whole; who walks has a fifth
+# Of a leg's length and of m h sqrt(g h): who moves and turns by less is followed more closely, by
+# this at most.
+STILL, QUIET, CLOSEST = 0.02, 0.01, 3.0
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,8 @@ class FrameTasks:
         start = robot.snapshot(standing)
         height = float(np.mean(targets.com[:, 2]))
         unit = robot.mass * height * np.sqrt(robot.gravity * height)
-        self.com = ComTask(robot, start.com, weight=w.com / leg, gain=1.0)
+        moves = _closer(targets.com.std(axis=0) / (STILL * leg))
+        self.com = ComTask(robot, start.com, weight=w.com / leg * moves, gain=1.0)
         rate = {body.pelvis: w.pelvis, body.trunk: w.trunk}
         if body.head is not None:
             rate[body.head] = w.head
@@ -111,7 +115,8 @@ class FrameTasks:
         # What turns with all of its body has to get round: the momentum of a body of another shape
         # would leave it behind.
         most = np.abs(targets.angular_momentum).max(axis=0) / (TURNING * unit)
-        self.momentum = w.momentum / unit / (1.0 + most**2)
+        turns = _closer(targets.angular_momentum.std(axis=0) / (QUIET * unit))
+        self.momentum = w.momentum / unit * turns / (1.0 + most**2)
         self.inertia = InertiaTask(
             robot, start.inertia, weight=w.inertia / float(np.trace(start.inertia)), gain=1.0
         )
@@ -168,3 +173,8 @@ class FrameTasks:
         moments = mine.mean(axis=0) * theirs / theirs.mean(axis=0)
         found = np.einsum("nij,nj,nkj->nik", axes, moments, axes)
         self.ellipsoids = 0.5 * (found + np.swapaxes(found, 1, 2))
+
+
+def _closer(part: Array) -> Array:
+    """Return factors on weights (3,) by which a small motion is not lost among other tasks."""
+    return np.minimum(np.sqrt(1.0 + 1.0 / np.maximum(part, 1e-9) ** 2), CLOSEST)
