@@ -1,8 +1,8 @@
 """Segments of the human body: masses, centres and gyration radii, and the usual proportions.
 
 Masses, centres and radii are those of de Leva (1996, J. Biomech. 29, 1223-1230), Table 4; lengths
-are the means of the same table. De Leva has centres on the long axes; how far those of the trunk and of
-the legs are behind them is from Dumas, Cheze and Verriest (2007).
+are the means of the same table. De Leva has centres on the long axes; how far those of trunk and
+legs are behind them is from Dumas, Cheze and Verriest (2007).
 """
 
 from __future__ import annotations

@@ -24,19 +24,21 @@ from wbc.retargeting.targets import Targets, balanced, scaled_targets
 from wbc.retargeting.tasks import FrameTasks, RetargetWeights
 from wbc.robot import Robot
 from wbc.robot.model import check_robot
-from wbc.robot.series import centroidal_series, rates
+from wbc.robot.series import centroidal_series, rates, velocities
 from wbc.robot.tree import refuse_loops
 from wbc.validate import Array, finite_number, read_only
 
 RATE = 50.0  # Hz: of what trainers of policies read
-# Of the whole motion: a round that leaves WORSE times as much that is not kept is taken back, if
-# that is much, and damped MORE.
-SETTLED = 0.05  # a round that gains no more of the sum of squares is the last one
+# Of the whole motion: a round that leaves WORSE times as much that is not kept, if that is much
+# [m or rad], or tasks farther off, led astray; it is damped MORE, up to MOST.
 WORSE, ASTRAY, MORE, MOST = 2.0, 0.02, 4.0, 100.0
+# A round that gains no more of the sum of squares than this part is the last one, and one that
+# leaves so little by frame.
+SETTLED, ENOUGH = 0.05, 0.4
 TRAPPED = 0.2  # rad or m: feet so far off after the first pass are behind something
-LEAST_ROUNDS, ROUNDS = 4, 14
+LEAST_ROUNDS, ROUNDS = 2, 14
 # What is nearly right is damped less from round to round, for light tasks such as arms to come to
-# their targets, and more after so many.
+# their targets, and more after so many if joints are too fast.
 PATIENT, BOLDER, BOLDEST, CALMER, CALMEST = 6, 0.7, 1.0, 1.5, 15.0
 FRICTION, MARGIN = 0.6, 0.01
 # What is hard and cannot be kept is tried again, with so much less asked of the CoM, in so many
@@ -149,7 +151,7 @@ def retarget(
         motion = WholeMotion(tasks, collision, legs.length)
         q = _solved(motion, source.series.axes, rounds, balance, progress, q)
         # Joints that are a little too slow spoil a motion in its own time.
-        speed = motion.fastest(q)
+        speed = motion.fastest(velocities(robot, q, targets.dt))
         if NEARLY < speed < TOO_SLOW and number < TRIES - 1:
             hurried = (motion, q, scale) if hurried is None else hurried
             scale = replace(scale, time=scale.time * speed * (1.0 + (number + 1) * MORE_SLOWLY))
@@ -234,42 +236,36 @@ def _solved(
         q = between(robot, begun, np.linspace(0.0, len(begun) - 1.0, len(tasks.targets.time)))
     states = motion.states(q)
     tasks.shape_like(states.inertia, axes)
-    least, cheapest, fastest = np.inf, np.inf, np.inf
-    for number in range(rounds):
-        if number > 0:
-            states = motion.states(q)
-        if balance and number > 0:
+    best = motion.looked_at(q, states)
+    if begun is None and best.violation > TRAPPED:  # legs that do not get past each other
+        freely = motion.looked_at(TickPass(tasks, limits, ()).run(start, progress))
+        best = min(best, freely, key=lambda one: one.violation)
+    for number in range(1, rounds + 1):
+        q = motion.stepped(best)
+        states = motion.states(q)
+        if balance:
             k = states.part("momentum", 6)[:, 3:]
             tasks.targets = balanced(tasks.targets, robot, k, states.com)
-        further = motion.improved(q, states)
-        if number == 0 and begun is None and motion.violation > TRAPPED:  # legs that do not get past each other
-            freely = TickPass(tasks, limits, ()).run(start, progress)
-            trapped, q_further, by = motion.linear, further, motion.violation
-            further = motion.improved(freely)
-            if motion.violation > by:
-                motion.linear, further, motion.violation = trapped, q_further, by
-        near = motion.violation < ASTRAY
-        slower = motion.speed < fastest and fastest > NEARLY
-        dearer = near and motion.cost > cheapest and not slower
-        if motion.violation > max(WORSE * least, ASTRAY) or dearer:
-            motion.damping *= MORE  # it led astray: more carefully from where it was good
+        before, now = best, motion.looked_at(q, states)
+        near, hurried = now.violation < ASTRAY, now.speed > NEARLY
+        dearer = near and before.violation < ASTRAY and now.cost > before.cost
+        if before.speed > NEARLY and now.speed < before.speed:
+            dearer = False  # what joints are too slow for costs something
+        if dearer or now.violation > max(WORSE * before.violation, ASTRAY):
+            motion.damping *= MORE
             if motion.damping > MOST:
-                return best.q
-            q = motion.stepped(best)
+                break
             continue
-        steady = cheapest - motion.cost < SETTLED * motion.cost
-        steady &= motion.speed <= NEARLY or (
-            number >= PATIENT and motion.speed > (1.0 - SETTLED) * fastest
-        )
-        best, least, fastest, q = motion.linear, motion.violation, motion.speed, further
+        best = now
         if not near:
             continue
-        cheapest = motion.cost
-        if number + 1 >= LEAST_ROUNDS and steady:
-            return best.q
-        if number + 1 < PATIENT or fastest <= NEARLY:
+        steady = before.violation < ASTRAY and now.cost > (1.0 - SETTLED) * before.cost
+        if hurried and number >= PATIENT and now.speed > (1.0 - SETTLED) * before.speed:
+            hurried = not steady  # it gets no slower
+        if number >= LEAST_ROUNDS and not hurried and (steady or now.cost < ENOUGH):
+            break
+        if number < PATIENT or now.speed <= NEARLY:
             motion.damping = max(BOLDER * motion.damping, BOLDEST)
         else:  # joints that are too fast move to and fro
             motion.damping = min(CALMER * motion.damping, CALMEST)
-    motion.judge(q)
-    return best.q if motion.violation > max(WORSE * least, ASTRAY) else q
+    return best.q

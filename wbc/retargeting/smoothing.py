@@ -52,12 +52,29 @@ DAMPED = 2.0  # weight of displacements (Levenberg and Marquardt): rows are of f
 LARGEST = 0.3  # rad or m: of one frame in one round
 
 
-class Linear(NamedTuple):
-    """A round: configurations (n, nq), their joints (n, nv - 6), and the rows to first order."""
+class Round(NamedTuple):
+    """What is known of configurations, and the rows about them to first order.
+
+    Attributes
+    ----------
+    q, joints:
+        (n, nq), (n, nv - 6).
+    normal:
+        The least squares of the next step.
+    violation:
+        How far feet on the ground, limits and margins are off at most [m or rad].
+    speed:
+        Of the fastest joint, by its limit.
+    cost:
+        Sum of squares of tasks and momentum by frame.
+    """
 
     q: Array
     joints: Array
     normal: NormalEquations
+    violation: float
+    speed: float
+    cost: float
 
 
 class WholeMotion:
@@ -74,32 +91,10 @@ class WholeMotion:
 
     Attributes
     ----------
-    violation:
-        How far feet on the ground, limits and margins were off at most before the last round
-        [m or rad].
-    off, broken:
-        The same without margins, and of margins alone.
-    speed, force:
-        Of the fastest joint then, by its limit, and the acceleration that is largest by what its
-        motor can.
-    moved:
-        How far the last round moved anything [m or rad].
     damping:
         Weight of displacements.
-    linear:
-        The last round, from which :meth:`stepped` goes again.
-    cost:
-        Sum of squares of tasks and momentum before the last round.
     """
 
-    linear: Linear
-    cost: float
-    violation: float
-    off: float
-    broken: float
-    speed: float
-    force: float
-    moved: float
     damping: float
 
     def __init__(
@@ -116,8 +111,6 @@ class WholeMotion:
         arms = [task.frame for pair in tasks.arms.values() for task in pair]
         soles = [tasks.robot.feet[side].frame for side in SIDES]
         self._frames = (*tasks.turns, *arms, *soles)
-        self.violation = self.off = self.broken = self.moved = self.cost = np.inf
-        self.speed = self.force = np.inf
         self.damping = DAMPED
         self.able = able_accelerations(tasks.robot)
         joints = len(tasks.targets.time), tasks.robot.nv - BASE_NV
@@ -129,72 +122,53 @@ class WholeMotion:
         v = velocities(robot, q, self.tasks.targets.dt)
         return state_series(robot, q, np.vstack((v, v[-1:])), self._frames)
 
-    def improved(self, q: Array, states: StateSeries | None = None) -> Array:
-        """Return configurations (n, nq) after one round; ``states``: theirs, if they are known."""
+    def looked_at(self, q: Array, states: StateSeries | None = None) -> Round:
+        """Return what is known of configurations (n, nq); ``states``: theirs, if they are known."""
         states = self.states(q) if states is None else states
         v = states.v[:-1]
-        joints = self._looked_at(q, v)
-        tasks = self._rows(states)
-        self.cost = sum(float(np.square(e).sum()) for _, e in tasks)
-        rows = tasks + self.contacts(states) + self._near(q, states)
+        joints = self.tasks.robot.limits.joint_positions(q)
+        past = float(np.maximum(self.lower - joints, joints - self.upper).max()) - INSIDE
+        tasks, (feet, off, cost) = self._rows(states), self._contacts(states)
+        near, broken = self._near(q, states)
+        cost += sum(float(np.square(e).sum()) for _, e in tasks)
+        rows = [*tasks, *feet, *near]
         A, e = (np.concatenate(part, axis=1) for part in zip(*rows, strict=True))
         normal = NormalEquations(*A.shape[::2])
         normal.add(A, e)
         self._posture(joints, normal)
-        self.cost += self.momentum(states, normal)
+        cost += self.momentum(states, normal)
         self.jerk(v, normal)
         self.motors(v, normal)
         normal.seal()
-        self.linear = Linear(q, joints, normal)
-        return self.stepped(self.linear)
+        violation = max(0.0, past, off, broken)
+        return Round(q, joints, normal, violation, self.fastest(v), cost / len(q))
 
-    def stepped(self, linear: Linear) -> Array:
-        """Return configurations (n, nq) after a step from some, as damped as it is now."""
-        return self.further(linear.q, self._within_limits(linear.joints, linear.normal))
+    def stepped(self, known: Round) -> Array:
+        """Return configurations (n, nq) after a step, as damped as it is now."""
+        return self.further(known.q, self._within_limits(known.joints, known.normal))
 
     def further(self, q: Array, step: Array) -> Array:
         """Return configurations (n, nq) after displacements (n, nv), none of them too large."""
         np.clip(step, -LARGEST, LARGEST, out=step)
-        self.moved = float(np.abs(step).max())
         robot = self.tasks.robot
         return np.array([robot.integrate(one, d, 1.0) for one, d in zip(q, step, strict=True)])
 
-    def fastest(self, q: Array) -> float:
-        """Return the largest speed of a joint by its limit."""
-        self._looked_at(q, velocities(self.tasks.robot, q, self.tasks.targets.dt))
-        return self.speed
+    def fastest(self, v: Array) -> float:
+        """Return the largest speed of a joint by its limit, of velocities (n, nv)."""
+        return float((np.abs(v[:, BASE_NV:]) / self.tasks.robot.limits.velocity).max())
 
-    def judge(self, q: Array) -> None:
-        """Set what configurations (n, nq) violate."""
-        states = self.states(q)
-        self._looked_at(q, states.v[:-1])
-        self.contacts(states)
-        self._near(q, states)
+    def _near(self, q: Array, states: StateSeries) -> tuple[list[tuple[Array, Array]], float]:
+        """Return weighted rows and errors of bodies near each other; zeros fill them up.
 
-    def _looked_at(self, q: Array, v: Array) -> Array:
-        """Return the joints (n, nv - 6); begin to tell violations."""
-        robot = self.tasks.robot
-        joints = robot.limits.joint_positions(q)
-        self.violation = float(np.maximum(self.lower - joints, joints - self.upper).max()) - INSIDE
-        self.violation = max(self.violation, 0.0)
-        self.speed = float((np.abs(v[:, BASE_NV:]) / robot.limits.velocity).max())
-        rates = np.diff(v[:, BASE_NV:], axis=0) / self.tasks.targets.dt
-        self.force = float((np.abs(rates) / self.able).max())
-        return joints
-
-    def _near(self, q: Array, states: StateSeries) -> list[tuple[Array, Array]]:
-        """Return weighted rows and errors of bodies near each other; zeros fill them up."""
-        self.off, self.broken = self.violation, 0.0
+        And by how much a margin is broken at most [m].
+        """
         if self.collision is None:
-            return []
+            return [], 0.0
         frames, _, clearance, J = self.collision.near(q, states, NEAR)
         if not frames.size:
-            return []
-        self.broken = max(float(-clearance.min()), 0.0)
-        self._violated(-clearance)
-        off = np.minimum(clearance - KEPT, 0.0)
-        w = APART / self.leg
-        return [padded(frames, w * J, w * off, len(q))]
+            return [], 0.0
+        off, w = np.minimum(clearance - KEPT, 0.0), APART / self.leg
+        return [padded(frames, w * J, w * off, len(q))], -float(clearance.min())
 
     def _rows(self, states: StateSeries) -> list[tuple[Array, Array]]:
         """Return weighted rows (n, r, nv) and errors (n, r) of the tasks, frame by frame."""
@@ -235,19 +209,21 @@ class WholeMotion:
         J[:, :3] += skews(arm) @ J[:, 3:]
         return e, J
 
-    def contacts(self, states: StateSeries) -> list[tuple[Array, Array]]:
-        """Return weighted rows and errors of the feet, those in the air for their tasks."""
-        tasks, found = self.tasks, list[tuple[Array, Array]]()
+    def _contacts(self, states: StateSeries) -> tuple[list[tuple[Array, Array]], float, float]:
+        """Return weighted rows and errors of the feet, those in the air for their tasks.
+
+        And how far those on the ground are off at most [m or rad], and the squares of the others.
+        """
+        tasks, found, off, cost = self.tasks, list[tuple[Array, Array]](), 0.0, 0.0
         for side in SIDES:
             path, frame = tasks.targets.feet.paths[side], tasks.robot.feet[side].frame
             turn = _rotation_vectors(states.rotation(frame), tasks.rotations[side])
             e = np.hstack((states.position(frame) - path.place, turn))
-            if path.down.any():
-                self._violated(np.abs(e[path.down]))
-            self.cost += float(np.square(tasks.foot_weight * e[~path.down]).sum())
+            off = max(off, float(np.abs(e[path.down]).max(initial=0.0)))
+            cost += float(np.square(tasks.foot_weight * e[~path.down]).sum())
             weight = np.where(path.down[:, None], self._exact, tasks.foot_weight)
             found.append((weight[..., None] * states.jacobian(frame), weight * e))
-        return found
+        return found, off, cost
 
     def _posture(self, joints: Array, normal: NormalEquations) -> None:
         """Add the posture."""
@@ -275,9 +251,6 @@ class WholeMotion:
                 break
             self._held = out
         return step
-
-    def _violated(self, by: Array) -> None:
-        self.violation = max(self.violation, float(by.max()))
 
     def momentum(
         self, states: StateSeries, normal: NormalEquations, *, stays: bool = False
