@@ -12,19 +12,19 @@ from wbc.errors import InvalidInputError, shown
 from wbc.human import HumanMotion
 from wbc.retargeting.by_tick import Progress, TickPass, between, first_configuration
 from wbc.retargeting.ground_forces import ground_forces
-from wbc.retargeting.mending import mended, resettled
+from wbc.retargeting.mending import Mended, mended, resettled
 from wbc.retargeting.not_kept import broken
 from wbc.retargeting.prepared import Prepared, prepared
 from wbc.retargeting.reaching import reached
 from wbc.retargeting.result import Retargeted
 from wbc.retargeting.scaling import FROUDE, MotionScale, scale_of
-from wbc.retargeting.smoothing import WholeMotion
+from wbc.retargeting.smoothing import Round, WholeMotion
 from wbc.retargeting.source import human_frames
 from wbc.retargeting.targets import Targets, balanced, scaled_targets
 from wbc.retargeting.tasks import FrameTasks, RetargetWeights
 from wbc.robot import Robot
 from wbc.robot.model import check_robot
-from wbc.robot.series import centroidal_series, rates, velocities
+from wbc.robot.series import centroidal_series, rates
 from wbc.robot.tree import refuse_loops
 from wbc.validate import Array, finite_number, read_only
 
@@ -44,9 +44,10 @@ FRICTION, MARGIN = 0.6, 0.01
 # What is hard and cannot be kept is tried again, with so much less asked of the CoM, in so many
 # times the time if joints would have to be faster or stronger.
 TRIES, SOFTER, SLOWER = 4, 0.5, 1.2
-# Joints that would be faster than they are by this and no more make the motion slower at once, by
-# as much and a little, and again each time that this was not enough.
-NEARLY, TOO_SLOW, MORE_SLOWLY = 1.02, 2.0, 0.03
+# Joints that would be faster than they are by this and no more make the motion slower, by as much
+# and a little but by no more than this at once, if what is mended in its own time is spoiled.
+NEARLY, TOO_SLOW, MORE_SLOWLY, SLOWEST = 1.02, 4.0, 0.03, 1.5
+SPOILED = 1.5  # times the sum of squares of what is not mended
 
 
 def retarget(
@@ -141,7 +142,7 @@ def retarget(
     scale = scale_of(human, robot, legs, standing, duration)
     asked, notes = scale.time, list(body.notes)
     softer = 0
-    hurried: tuple[WholeMotion, Array, MotionScale] | None = None
+    hurried: tuple[Mended, WholeMotion, MotionScale] | None = None
     q: Array | None = None
     for number in range(TRIES):
         low = human.cutoff if cutoff is None else cutoff
@@ -149,14 +150,17 @@ def retarget(
         targets = scaled_targets(source, robot, legs, body, standing, scale, balance)
         tasks = FrameTasks(robot, body, targets, weights, legs.length)
         motion = WholeMotion(tasks, collision, legs.length)
-        q = _solved(motion, source.series.axes, rounds, balance, progress, q)
-        # Joints that are a little too slow spoil a motion in its own time.
-        speed = motion.fastest(velocities(robot, q, targets.dt))
-        if NEARLY < speed < TOO_SLOW and number < TRIES - 1:
-            hurried = (motion, q, scale) if hurried is None else hurried
-            scale = replace(scale, time=scale.time * speed * (1.0 + (number + 1) * MORE_SLOWLY))
+        best = _solved(motion, source.series.axes, rounds, balance, progress, q)
+        found = mended(motion, best.q)
+        if NEARLY < best.speed < TOO_SLOW and number < TRIES - 1:
+            # Joints that are too slow may spoil a motion in its own time.
+            if found.kept:
+                hurried = (found, motion, scale) if hurried is None else hurried
+                if motion.looked_at(found.q).cost < SPOILED * max(best.cost, ENOUGH):
+                    break
+            slower = min(best.speed, SLOWEST) * (1.0 + (number + 1) * MORE_SLOWLY)
+            scale, q = replace(scale, time=scale.time * slower), best.q
             continue
-        found = mended(motion, q)
         q = None
         if found.kept or number == TRIES - 1:
             break
@@ -166,9 +170,7 @@ def retarget(
         if max(found.speed, found.force) > 1.0:
             scale = replace(scale, time=SLOWER * scale.time)
     if hurried is not None and not found.kept:  # slower it is not kept either: in its own time
-        again = mended(hurried[0], hurried[1])
-        if again.kept:
-            found, (motion, _, scale), softer = again, hurried, 0
+        (found, motion, scale), softer = hurried, 0
     if scale.time != asked:
         notes.append(
             f"{scale.time / asked:.2f} times as slow as asked for: joints of {robot.name} are no"
@@ -219,8 +221,8 @@ def judged(
 def _solved(
     motion: WholeMotion, axes: Array, rounds: int, balance: bool, progress: Progress | None,
     begun: Array | None,
-) -> Array:  # fmt: skip
-    """Return configurations (n, nq) as near to the targets as they come.
+) -> Round:  # fmt: skip
+    """Return the round whose configurations (n, nq) are as near to the targets as they come.
 
     What is hard is kept but for what tasks pull at it. ``begun``: those of the same motion in other
     time (m, nq), from which to go on.
@@ -268,4 +270,4 @@ def _solved(
             motion.damping = max(BOLDER * motion.damping, BOLDEST)
         else:  # joints that are too fast move to and fro
             motion.damping = min(CALMER * motion.damping, CALMEST)
-    return best.q
+    return best
