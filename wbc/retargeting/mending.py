@@ -22,8 +22,8 @@ from wbc.constraints import SelfCollision
 from wbc.gait.legs import SIDES
 from wbc.motion.dropouts import runs
 from wbc.retargeting.footsteps import FootPaths, Footprint
-from wbc.retargeting.normal_equations import NormalEquations
-from wbc.retargeting.smoothing import WholeMotion, padded
+from wbc.retargeting.normal_equations import NormalEquations, padded
+from wbc.retargeting.smoothing import WholeMotion
 from wbc.robot import Robot
 from wbc.robot.collision.raw_pairs import RawPairs
 from wbc.robot.limits import BASE_NV
@@ -89,7 +89,7 @@ class _Problem:
         self.motion, tasks = motion, motion.tasks
         states = motion.states(q)
         v = states.v[:-1]
-        limits, dt = tasks.robot.limits, tasks.targets.dt
+        limits = tasks.robot.limits
         joints = limits.joint_positions(q)
         past = limits.past(joints)
         self.normal = NormalEquations(len(q), tasks.robot.nv)
@@ -109,14 +109,12 @@ class _Problem:
         self.lower = np.minimum(limits.lower + INSIDE, limits.upper)
         self.upper = np.maximum(limits.upper - INSIDE, limits.lower)
         self.cost += float(np.square(FIRM * np.maximum(past, 0.0)).sum())
-        fast, hard = v[:, BASE_NV:], np.diff(v[:, BASE_NV:], axis=0) / dt
         self.found = Mended(
             q,
             self.feet,
             max(float(past.max()), 0.0),
             self.margins,
-            float((np.abs(fast) / limits.velocity).max()),
-            float((np.abs(hard) / motion.able).max()),
+            *motion.haste(v),
         )
 
     def _feet(self, states: StateSeries) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
+from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
 from wbc.errors import SolverError
@@ -123,3 +124,12 @@ class NormalEquations:
                 f"retarget: the motion's least squares failed: {failure}"
             ) from failure
         return np.asarray(found.reshape(pull.shape))
+
+
+def padded(frames: NDArray[np.intp], J: Array, off: Array, count: int) -> tuple[Array, Array]:
+    """Return rows (k, nv) and errors (k,) of increasing frames by frame, filled up with zeros."""
+    place = np.arange(len(frames)) - np.searchsorted(frames, frames)  # in its frame
+    shape = count, int(place.max()) + 1
+    rows, errors = np.zeros((*shape, J.shape[1])), np.zeros(shape)
+    rows[frames, place], errors[frames, place] = J, off
+    return rows, errors

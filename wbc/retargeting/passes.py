@@ -159,7 +159,8 @@ def retarget(
                 if motion.looked_at(found.q).cost < SPOILED * max(best.cost, ENOUGH):
                     break
             slower = min(best.speed, SLOWEST) * (1.0 + (number + 1) * MORE_SLOWLY)
-            scale, q = replace(scale, time=scale.time * slower), best.q
+            scale = replace(scale, time=scale.time * slower)
+            q = best.q if best.violation < ASTRAY else None
             continue
         q = None
         if found.kept or number == TRIES - 1:
@@ -249,10 +250,10 @@ def _solved(
             k = states.part("momentum", 6)[:, 3:]
             tasks.targets = balanced(tasks.targets, robot, k, states.com)
         before, now = best, motion.looked_at(q, states)
-        near, hurried = now.violation < ASTRAY, now.speed > NEARLY
+        near, hurried = now.violation < ASTRAY, now.haste > NEARLY
         dearer = near and before.violation < ASTRAY and now.cost > before.cost
-        if before.speed > NEARLY and now.speed < before.speed:
-            dearer = False  # what joints are too slow for costs something
+        if before.haste > NEARLY and now.haste < before.haste:
+            dearer = False  # what joints are too slow or too weak for costs something
         if dearer or now.violation > max(WORSE * before.violation, ASTRAY):
             motion.damping *= MORE
             if motion.damping > MOST:
@@ -262,11 +263,11 @@ def _solved(
         if not near:
             continue
         steady = before.violation < ASTRAY and now.cost > (1.0 - SETTLED) * before.cost
-        if hurried and number >= PATIENT and now.speed > (1.0 - SETTLED) * before.speed:
+        if hurried and number >= PATIENT and now.haste > (1.0 - SETTLED) * before.haste:
             hurried = not steady  # it gets no slower
         if number >= LEAST_ROUNDS and not hurried and (steady or now.cost < ENOUGH):
             break
-        if number < PATIENT or now.speed <= NEARLY:
+        if number < PATIENT or now.haste <= NEARLY:
             motion.damping = max(BOLDER * motion.damping, BOLDEST)
         else:  # joints that are too fast move to and fro
             motion.damping = min(CALMER * motion.damping, CALMEST)

@@ -19,12 +19,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from wbc.constraints.collision import SelfCollision
 from wbc.gait.legs import SIDES
-from wbc.retargeting.normal_equations import NormalEquations
+from wbc.retargeting.normal_equations import NormalEquations, padded
 from wbc.retargeting.tasks import FrameTasks
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
@@ -63,8 +62,8 @@ class Round(NamedTuple):
         The least squares of the next step.
     violation:
         How far feet on the ground, limits and margins are off at most [m or rad].
-    speed:
-        Of the fastest joint, by its limit.
+    speed, force:
+        Of the fastest joint, by its limit; and the largest acceleration by what its motor can.
     cost:
         Sum of squares of tasks and momentum by frame.
     """
@@ -74,7 +73,13 @@ class Round(NamedTuple):
     normal: NormalEquations
     violation: float
     speed: float
+    force: float
     cost: float
+
+    @property
+    def haste(self) -> float:
+        """Of speeds and accelerations what is largest, by what joints and motors can."""
+        return max(self.speed, self.force)
 
 
 class WholeMotion:
@@ -141,7 +146,8 @@ class WholeMotion:
         self.motors(v, normal)
         normal.seal()
         violation = max(0.0, past, off, broken)
-        return Round(q, joints, normal, violation, self.fastest(v), cost / len(q))
+        speed, force = self.haste(v)
+        return Round(q, joints, normal, violation, speed, force, cost / len(q))
 
     def stepped(self, known: Round) -> Array:
         """Return configurations (n, nq) after a step, as damped as it is now."""
@@ -153,9 +159,11 @@ class WholeMotion:
         robot = self.tasks.robot
         return np.array([robot.integrate(one, d, 1.0) for one, d in zip(q, step, strict=True)])
 
-    def fastest(self, v: Array) -> float:
-        """Return the largest speed of a joint by its limit, of velocities (n, nv)."""
-        return float((np.abs(v[:, BASE_NV:]) / self.tasks.robot.limits.velocity).max())
+    def haste(self, v: Array) -> tuple[float, float]:
+        """Return the largest speed and acceleration by what joints can, of velocities (n, nv)."""
+        speeds, rates = v[:, BASE_NV:], np.diff(v[:, BASE_NV:], axis=0) / self.tasks.targets.dt
+        fastest = np.abs(speeds) / self.tasks.robot.limits.velocity
+        return float(fastest.max()), float((np.abs(rates) / self.able).max())
 
     def _near(self, q: Array, states: StateSeries) -> tuple[list[tuple[Array, Array]], float]:
         """Return weighted rows and errors of bodies near each other; zeros fill them up.
@@ -320,15 +328,6 @@ class WholeMotion:
             normal.add_differences(ways, square / unit**2, square * off / unit, BASE_NV)
             cost += float((square * off**2).sum())
         return cost
-
-
-def padded(frames: NDArray[np.intp], J: Array, off: Array, count: int) -> tuple[Array, Array]:
-    """Return rows (k, nv) and errors (k,) of increasing frames by frame, filled up with zeros."""
-    place = np.arange(len(frames)) - np.searchsorted(frames, frames)  # in its frame
-    shape = count, int(place.max()) + 1
-    rows, errors = np.zeros((*shape, J.shape[1])), np.zeros(shape)
-    rows[frames, place], errors[frames, place] = J, off
-    return rows, errors
 
 
 def able_accelerations(robot: Robot) -> Array:
