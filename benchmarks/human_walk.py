@@ -23,6 +23,7 @@ from scipy.interpolate import make_interp_spline
 
 from wbc.human import Comparison, HumanMotion, compared, human_motion, read_markers
 from wbc.human.body import SEGMENT_NAMES, masses
+from wbc.human.contacts import HARMONICS
 from wbc.motion import RmpSeries, analyze
 from wbc.view.human import momentum_scale, plot_human
 
@@ -209,7 +210,7 @@ def main() -> None:
     answer = {
         "body": {"stature_m": human.body.stature, "mass_kg": human.body.mass},
         "markers_mm": 1e3 * human.rms,
-        "steps_per_minute": 60.0 * human.cutoff / 2.6,
+        "steps_per_minute": 60.0 * human.cutoff / HARMONICS,
         "cutoff_hz": human.cutoff,
         "against_plates": figures(found),
         "without_static_trial": figures(analyzed(human_motion(recording))[1]),

@@ -14,7 +14,7 @@ LOW, SLOW = 0.035, 0.6  # m above the ground and m/s: of the lowest corner of a 
 SHORTEST = 0.06  # s: shorter contacts, and gaps in them, are noise
 # Of steps, whose third harmonic is the last in which most of the ground's force is (Antonsson and
 # Mann 1985, J. Biomech. 18, 39-47); above it markers tell more of skin than of bones.
-HARMONICS = 2.6
+HARMONICS = 2.4
 USUAL_CUTOFF, CUTOFFS = 6.0, (4.0, 12.0)  # Hz: without steps, and at least and most with them
 
 Bools = NDArray[np.bool_]
@@ -52,6 +52,6 @@ def step_rate(down: Bools, time: Array) -> float | None:
 
 
 def chosen_cutoff(down: Bools, time: Array) -> float:
-    """Return the low-pass for a human's motion [Hz]: three times its steps per second."""
+    """Return the low-pass for a human's motion [Hz], by its steps per second."""
     rate = step_rate(down, time)
     return USUAL_CUTOFF if rate is None else float(np.clip(HARMONICS * rate, *CUTOFFS))

@@ -58,7 +58,7 @@ class HumanMotion:
     down:
         Which feet touch the ground (n, f), by height and speed.
     cutoff:
-        Low-pass for this motion [Hz], three times its steps per second, 6 Hz without steps.
+        Low-pass for this motion [Hz], 2.4 times its steps per second, 6 Hz without steps.
     ground_height:
         Height of the ground [m].
     noise:

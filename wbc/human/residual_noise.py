@@ -28,7 +28,7 @@ from wbc.validate import Array
 TOGETHER = 1.4
 # The CoM's place in the body, one standard deviation [m] along each axis: tables of segments differ
 # by some 10 mm in it (Dumas et al. 2007; Pearsall and Costigan 1999).
-CENTRE = 0.007
+CENTRE = 0.010
 MOST_FRAMES = 100  # of which the gains are averaged
 LEAST_LEFT = 0.1  # a coordinate that nothing else tells of leaves no residual
 

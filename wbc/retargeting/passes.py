@@ -15,7 +15,7 @@ from wbc.retargeting.ground_forces import ground_forces
 from wbc.retargeting.mending import Mended, mended, resettled
 from wbc.retargeting.not_kept import broken
 from wbc.retargeting.prepared import Prepared, prepared
-from wbc.retargeting.reaching import reached
+from wbc.retargeting.reaching import reached, unlike
 from wbc.retargeting.result import Retargeted
 from wbc.retargeting.scaling import FROUDE, MotionScale, scale_of
 from wbc.retargeting.smoothing import Round, WholeMotion
@@ -199,7 +199,7 @@ def judged(
     whole = centroidal_series(robot, q, v, acceleration)
     stands = targets.feet.supports
     ground = ground_forces(robot, q, v, acceleration, whole, targets.time, stands, friction)
-    return Retargeted(
+    found = Retargeted(
         robot=robot,
         source=source,
         scale=scale,
@@ -217,6 +217,7 @@ def judged(
         broken=broken(robot, known.collision, targets, q, v, acceleration),
         notes=notes,
     )
+    return replace(found, notes=(*notes, *unlike(found)))
 
 
 def _solved(

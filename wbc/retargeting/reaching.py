@@ -6,13 +6,14 @@ import numpy as np
 
 from wbc.gait.legs import SIDES
 from wbc.retargeting.body_map import BodyMap
-from wbc.retargeting.result import Reached
+from wbc.retargeting.result import Reached, Retargeted, correlations
 from wbc.retargeting.targets import Targets
 from wbc.rmp.axes import told_apart, track
 from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries, state_series
 from wbc.validate import Array
 
+ALIKE, NEAR = 0.95, 10.0  # correlations and degrees, of which who is farther off is told
 GAP = 0.2  # part of the largest second moment: nearer ones have axes that mean little
 
 
@@ -70,6 +71,27 @@ def reached(
         if np.isfinite(v).any()
     ]
     return tuple(found)
+
+
+def unlike(found: Retargeted) -> list[str]:
+    """Return a note of what of CoM, angular momentum and long axis is little like the human's."""
+    whole, human = found.whole, found.targets.human_com
+    both = whole.momentum[:, 3:], found.targets.angular_momentum
+    told = [
+        f"the CoM correlates by {part:.2f} along {axis} (the human's moves by {1e3 * way:.0f} mm)"
+        for axis, part, way in zip("xyz", found.com_correlation, np.ptp(human, axis=0), strict=True)
+        if part < ALIKE
+    ]
+    together = float(correlations(*(one.reshape(-1, 1) for one in both))[0])
+    if together < ALIKE:
+        told.append(f"the angular momentum by {together:.2f}")
+    told += [
+        f"the long axis is up to {one.largest:.0f} degrees off, at {one.at:.2f} s"
+        for one in found.reached
+        if one.task == "principal axis 1" and one.largest > NEAR
+    ]
+    why = "feet, limits, margins, motors, balance and where trunk and arms are go before"
+    return [f"unlike the human: {', '.join(told)}; {why}"] if told else []
 
 
 def axes_off(mine: Array, theirs: Array) -> Array:

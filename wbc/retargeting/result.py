@@ -121,12 +121,12 @@ class Retargeted:
         Along an axis in which the human moves by millimetres, balance moves the robot by as much:
         there it says little, and the errors in ``reached`` say more.
         """
-        return _correlation(self.whole.com, self.targets.human_com)
+        return correlations(self.whole.com, self.targets.human_com)
 
     @property
     def angular_momentum_correlation(self) -> Array:
         """Of the angular momentum with the human's, scaled: x, y and z (3,)."""
-        return _correlation(self.whole.momentum[:, 3:], self.targets.angular_momentum)
+        return correlations(self.whole.momentum[:, 3:], self.targets.angular_momentum)
 
     @property
     def slide(self) -> float:
@@ -176,7 +176,7 @@ def slides(robot: Robot, targets: Targets, q: Array) -> Array:
     return found
 
 
-def _correlation(a: Array, b: Array) -> Array:
+def correlations(a: Array, b: Array) -> Array:
     """Return Pearson's coefficients of the columns; 1 where neither changes, 0 where one does."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     sizes = np.sqrt((a**2).sum(axis=0) * (b**2).sum(axis=0))
