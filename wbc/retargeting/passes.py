@@ -43,7 +43,7 @@ PATIENT, BOLDER, BOLDEST, CALMER, CALMEST = 6, 0.7, 1.0, 1.5, 15.0
 FRICTION, MARGIN = 0.6, 0.01
 # What is hard and cannot be kept is tried again, with so much less asked of the CoM, in so many
 # times the time if joints would have to be faster or stronger.
-TRIES, SOFTER, SLOWER = 4, 0.5, 1.2
+TRIES, SOFTER, SLOWER = 5, 0.5, 1.2
 # Joints that would be faster than they are by this and no more make the motion slower, by as much
 # and a little but by no more than this at once, if what is mended in its own time is spoiled.
 NEARLY, TOO_SLOW, MORE_SLOWLY, SLOWEST = 1.02, 4.0, 0.03, 1.5
@@ -152,19 +152,19 @@ def retarget(
         motion = WholeMotion(tasks, collision, legs.length)
         best = _solved(motion, source.series.axes, rounds, balance, progress, q)
         found = mended(motion, best.q)
-        if NEARLY < best.speed < TOO_SLOW and number < TRIES - 1:
+        last, too_fast = number == TRIES - 1, NEARLY < best.speed < TOO_SLOW
+        if found.kept and too_fast and not last:
             # Joints that are too slow may spoil a motion in its own time.
-            if found.kept:
-                hurried = (found, motion, scale) if hurried is None else hurried
-                if motion.looked_at(found.q).cost < SPOILED * max(best.cost, ENOUGH):
-                    break
+            hurried = (found, motion, scale) if hurried is None else hurried
+            too_fast = motion.looked_at(found.q).cost > SPOILED * max(best.cost, ENOUGH)
+        if last or (found.kept and not too_fast):
+            break
+        if too_fast and (found.kept or number == 0):
             slower = min(best.speed, SLOWEST) * (1.0 + (number + 1) * MORE_SLOWLY)
             scale = replace(scale, time=scale.time * slower)
             q = best.q if best.violation < ASTRAY else None
             continue
         q = None
-        if found.kept or number == TRIES - 1:
-            break
         softer += 1
         # With less asked of CoM and momentum it may, and with more time motors be strong enough.
         weights = replace(weights, com=SOFTER * weights.com, momentum=SOFTER**2 * weights.momentum)
