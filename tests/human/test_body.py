@@ -38,6 +38,12 @@ def test_masses_are_the_tables(sex: str) -> None:
     about_hip = thigh.inertia[1, 1] + thigh.mass * thigh.centre[2] ** 2
     expected = 70.0 * row.mass * length**2 * (row.radii[1] ** 2 + row.centre**2)
     assert about_hip == pytest.approx(expected, rel=1e-12)
+    # As far behind the line from the joint up to C7 as Dumas et al. (2007) have it, by its length.
+    neck = np.array((body.size("neck_x"), 0.0, body.size("neck_z")))
+    line = neck / np.linalg.norm(neck)
+    off = found["trunk"].centre - line * (line @ found["trunk"].centre)
+    behind = {"female": 0.016, "male": 0.036}[sex] * np.linalg.norm(neck)
+    assert off[0] == pytest.approx(-behind, rel=1e-3) and off[1] == 0.0
     for part in found.values():  # inertias of real bodies
         moments = np.linalg.eigvalsh(part.inertia)
         assert 0.0 < moments[2] < moments[0] + moments[1]

@@ -1,6 +1,7 @@
 """Human motion on humanoids: what is promised of feet, limits, margins, CoM and momentum."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,9 @@ import wbc
 from tests.retargeting.humans import crouching, stepping
 from wbc.retargeting import RetargetWeights, body_map
 from wbc.retargeting.beside import human_beside
+from wbc.retargeting.by_tick import between
+from wbc.retargeting.reaching import unlike
+from wbc.retargeting.result import Reached
 from wbc.robot import Robot
 from wbc.view.mcap_export import write_retargeted
 
@@ -142,6 +146,36 @@ def test_a_step(name: str) -> None:
     assert found.angular_momentum_correlation.min() > 0.9
     # One foot bears alone for a while, and the CoP lies in its sole.
     assert not [one for one in found.unbalanced if one.what.startswith("CoP") and one.by > 0.01]
+
+
+def test_what_is_little_like_the_human_is_said(crouch: wbc.Retargeted) -> None:
+    """Of a motion that is the human's but for a CoM that goes up when the human's goes down."""
+    human, k = crouch.targets.human_com, crouch.targets.angular_momentum
+    momentum = np.hstack((crouch.whole.momentum[:, :3], k))
+    same = replace(crouch, whole=replace(crouch.whole, com=human, momentum=momentum), reached=())
+    assert unlike(same) == []
+    other = replace(same, whole=replace(same.whole, com=human * [1.0, 1.0, -1.0]))
+    (note,) = unlike(other)
+    assert "CoM correlates by -1.00 along z" in note and "along x" not in note
+    assert f"moves by {1e3 * np.ptp(human[:, 2]):.0f} mm" in note and "momentum by" not in note
+    turned = momentum * [1.0, 1.0, 1.0, -1.0, -1.0, -1.0]
+    (note,) = unlike(replace(same, whole=replace(same.whole, momentum=turned)))
+    assert "angular momentum by -" in note and "CoM" not in note.split(";")[0]
+    far = Reached("principal axis 1", 5.0, 12.0, 0.5, "deg")
+    assert (
+        "long axis is up to 12 degrees off, at 0.50 s" in unlike(replace(same, reached=(far,)))[0]
+    )
+
+
+def test_configurations_between_others_are_on_the_way(robot: Robot) -> None:
+    rng = np.random.default_rng(3)
+    start = robot.postures["standing"]
+    q = np.array([robot.integrate(start, 0.3 * rng.normal(size=robot.nv), 1.0) for _ in range(3)])
+    found = between(robot, q, np.array([0.0, 0.25, 1.0, 1.5, 2.0]))
+    np.testing.assert_allclose(found[[0, 2, 4]], q, atol=1e-12)  # rounding
+    model = robot.model
+    for one, (a, b, part) in zip(found[[1, 3]], ((0, 1, 0.25), (1, 2, 0.5)), strict=True):
+        np.testing.assert_allclose(one, pin.interpolate(model, q[a], q[b], part), atol=1e-9)
 
 
 def test_who_stands_for_whom() -> None:
