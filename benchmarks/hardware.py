@@ -57,19 +57,32 @@ class Pair:
         shared = ["--bus", bus, "--domain", str(domain), "--slower", f"{slower:g}"]
         sim = ["sim", "g1", *shared, "--report", str(folder / "sim.json")]
         sim += ["--push", push] if push else []
-        self.sim = self._begin(sim)
+        # The robot is another computer: it does not share a processor with who commands it.
+        first, *others = sorted(os.sched_getaffinity(0))
+        self.sim = self._begin(sim, {first} if others else None)
         self._wait_for(self.sim, "ready")
         files = ["--log", str(folder / "log.npz"), "--report", str(folder / "run.json")]
         walks = ["--set", "gait.commands=[{at: 0.2, vx: 0.3}]"]  # until it is told to sit
         told = ["run", str(PROBLEM), *shared, "--unattended", f"{seconds:g}", *files, *walks]
+        for cpu in 2 * others[-1:]:  # of the loop, and of its controller
+            told += ["--cpu", str(cpu)]
         self.run = self._begin(told)
 
-    def _begin(self, arguments: list[str]) -> subprocess.Popen[str]:
+    def _begin(self, arguments: list[str], cpus: set[int] | None = None) -> subprocess.Popen[str]:
         environment = {**os.environ, "OMP_NUM_THREADS": "1"}
         command = [sys.executable, "-u", "-m", "wbc", "hardware", *arguments]
-        return subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
-        )
+        before = os.sched_getaffinity(0)
+        os.sched_setaffinity(0, cpus or before)  # processes inherit it, with all of their threads
+        try:
+            return subprocess.Popen(
+                command,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                env=environment,
+            )
+        finally:
+            os.sched_setaffinity(0, before)
 
     def _wait_for(self, process: subprocess.Popen[str], word: str) -> None:
         assert process.stdout is not None
