@@ -208,8 +208,17 @@ def test_damaged_files_are_refused_by_name(robot_named, rng, tmp_path: Path) -> 
         else:
             del data[rng.integers(len(data)) :]
         path.write_bytes(data)
+        if _content(data) == _content(whole):
+            continue  # a run of zeros that is copied from elsewhere is the same run
         with pytest.raises(InvalidInputError, match=r"tick\.wbc: "):
             SavedTick.load(path)
+
+
+def _content(data: bytes | bytearray) -> bytes | None:
+    try:
+        return zlib.decompress(data.partition(b"\n")[2])
+    except zlib.error:
+        return None
 
 
 def test_other_files_are_told_from_ticks(tmp_path: Path) -> None:
