@@ -73,7 +73,7 @@ if not TYPE_CHECKING:  # to a checker, a module with this function has every nam
         for module in map(import_module, rooms):
             if name in _NAMES or name in module.__all__:
                 return globals().setdefault(name, getattr(module, name))  # not asked again
-        raise import_module("wbc.errors").NoAttributeError("module 'wbc'", name, __dir__())
+        raise import_module("wbc.errors").no_attribute("module 'wbc'", name, __dir__())
 
 
 def __dir__() -> list[str]:

@@ -98,25 +98,12 @@ def suggest(name: str, choices: Iterable[str], listed: int = 40) -> str:
     return f"{hint} (choose from: {first}{more})"
 
 
-class NoAttributeError(AttributeError):
-    """``owner`` has no such name; which of those known is nearest is looked for when it is shown.
-
-    ``hasattr`` and ``getattr`` with a default raise it, too, and throw it away: in every tick.
-    """
-
-    def __init__(self, owner: str, name: str, known: Iterable[str], hint: str = "") -> None:
-        super().__init__(owner, name=name, obj=None)  # or Python adds a hint of its own
-        self._owner, self._missing, self._known, self._hint = owner, name, known, hint
-
-    def __str__(self) -> str:
-        hint = self._hint
-        if not (hint or self._missing.startswith("_")):
-            public = [one for one in self._known if not one.startswith("_")]
-            hint = suggest(self._missing, public, listed=0)
-        return f"{self._owner} has no attribute {self._missing!r}{hint}"
-
-    def __reduce__(self) -> tuple[type[AttributeError], tuple[str]]:
-        return AttributeError, (str(self),)  # as it is shown: what is known may not be pickled
+def no_attribute(owner: str, name: str, known: Iterable[str], hint: str = "") -> AttributeError:
+    """Return the error for a name that ``owner`` does not have, with the nearest of those known."""
+    if not (hint or name.startswith("_")):
+        hint = suggest(name, [one for one in known if not one.startswith("_")], listed=0)
+    what = f"{owner} has no attribute {name!r}{hint}"
+    return AttributeError(what, name=name, obj=None)  # or Python adds a hint of its own
 
 
 def shown(value: object, most: int = 60) -> str:

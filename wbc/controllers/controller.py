@@ -41,7 +41,7 @@ from wbc.controllers.outcome import Box, Outcome
 from wbc.controllers.plan import Decision, LevelPlan
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.controllers.tick import POLICIES, Tick
-from wbc.errors import ControllerFailure, InvalidInputError, NoAttributeError
+from wbc.errors import ControllerFailure, InvalidInputError, no_attribute
 from wbc.kinds import check_kind, one_of
 from wbc.laws import Rows
 from wbc.qp.backend import Backend, backend_of
@@ -198,7 +198,7 @@ class Controller(DeclaredAttributes, ABC):
         @property
         def solve(self):
             """What other libraries call :meth:`step`."""
-            raise NoAttributeError(f"{type(self).__name__!r} object", "solve", ["step"])
+            raise no_attribute(f"{type(self).__name__!r} object", "solve", ["step"])
 
     def step(self, snapshot: Snapshot, wrenches: None = None) -> Tick:
         """Return the command for ``snapshot``; wrenches are of the torque level.

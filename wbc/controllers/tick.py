@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.constraints.limits import Limits
 from wbc.controllers.singular import Singularity
-from wbc.errors import InvalidInputError, NoAttributeError
+from wbc.errors import InvalidInputError, no_attribute
 from wbc.notebook import as_html, some
 from wbc.pickled import write_pickled
 from wbc.qp.problem import QP
@@ -173,7 +173,7 @@ class Tick:
                 if name in ("torque", "forces", "cop", "acceleration", "reaction", "relaxed"):
                     hint = "; torques and forces are of a TorqueController's ticks"
                 known = _LATER.union(dir(type(self)), self.__dict__)
-                raise NoAttributeError(f"{type(self).__name__!r} object", name, known, hint)
+                raise no_attribute(f"{type(self).__name__!r} object", name, known, hint)
             value = self.__dict__[name] = getattr(evidence, name)
             return value
 
