@@ -223,7 +223,7 @@ def empty_loop(seconds: float = 10.0) -> dict[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", nargs="*", choices=[*EXPERIMENTS, []], default=EXPERIMENTS)
+    parser.add_argument("what", nargs="*", choices=[*EXPERIMENTS, []], help="all")
     parser.add_argument("--bus", choices=("unitree", "udp"), default="unitree")
     parser.add_argument("--seconds", type=float, default=60.0, help="of walking")
     parser.add_argument("--slower", type=float, default=1.0)
@@ -233,7 +233,7 @@ def main() -> None:
     wanted = parser.parse_args()
     output: Path = wanted.output
     found = json.loads(output.read_text()) if output.exists() else {}
-    for what in wanted.what:
+    for what in wanted.what or EXPERIMENTS:
         machine = empty_loop()
         told: Any
         if what == "walk":

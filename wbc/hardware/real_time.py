@@ -17,6 +17,8 @@ from wbc.validate import finite_number
 
 ABSOLUTE = 1  # TIMER_ABSTIME
 LOCK_NOW_AND_LATER = 3  # MCL_CURRENT | MCL_FUTURE
+# s of each sleep that are waited for awake: a processor that slept wakes up later than it should.
+AWAKE = 2e-4
 SWITCH = 1e-4  # s after which Python's threads take turns; 5 ms is its default
 
 
@@ -45,18 +47,21 @@ class _TimeSpec(ctypes.Structure):
 def sleep_until(deadline: float) -> None:
     """Sleep until a time of :func:`now` [s], by ``clock_nanosleep`` where there is one.
 
-    A sleep to a deadline does not add up what the way to it took, as relative ones do.
+    A sleep to a deadline does not add up what the way to it took, as relative ones do; its last
+    0.2 ms are waited for awake.
     """
     deadline *= _slower
-    if sys.platform == "linux":
-        whole = int(deadline)
-        spec = _TimeSpec(whole, int((deadline - whole) * 1e9))
+    rings = deadline - AWAKE
+    left = rings - time.monotonic()
+    if left > 0.0 and sys.platform == "linux":
+        whole = int(rings)
+        spec = _TimeSpec(whole, int((rings - whole) * 1e9))
         while _libc().clock_nanosleep(time.CLOCK_MONOTONIC, ABSOLUTE, ctypes.byref(spec), None):
             pass  # woken by a signal: the deadline stays
-        return
-    left = deadline - time.monotonic()
-    if left > 0.0:
+    elif left > 0.0:
         time.sleep(left)
+    while time.monotonic() < deadline:
+        pass
 
 
 @cache  # each has circular references, and no garbage is collected while a loop runs
