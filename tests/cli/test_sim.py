@@ -1,6 +1,7 @@
 """``wbc sim`` as a user meets it: what it prints and writes, and exit codes."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,20 @@ def test_it_stands_and_writes_what_others_read(file: Path, tmp_path: Path) -> No
         again = command("analyze", recording, "--robot", "hoap2_like")
         assert again.exit_code == 0, again.output
         assert "CoP inside the support" in again.stdout
+
+
+def test_known_forces_and_lost_frames_are_said(file: Path) -> None:
+    wrench = "{frame: base, force: [0, 5, 0], at: 0.1, duration: 0.05, told: false}"
+    done = command(
+        *("sim", file, "--set", "simulation.duration=0.2", "--set", "simulation.pushes=[]"),
+        *("--set", f"simulation.wrenches=[{wrench}]"),
+        *("--set", "simulation.sensors={dropout: 0.2, seed: 1}"),
+    )
+    assert done.exit_code == 0, done.output
+    said = " ".join(done.stdout.split())
+    assert "[0, 5, 0] N, [0, 0, 0] N m on base from 0.1 to 0.15 s, not told to the" in said
+    lost = re.search(r"sensors (\d+) of 100 frames lost", said)
+    assert lost and 8 <= int(lost[1]) <= 35  # 20 of 100, and five deviations
 
 
 def test_a_fall_is_exit_code_three(file: Path) -> None:

@@ -176,6 +176,9 @@ PARTS = {
     "controller: {solver: active_set}": {
         "controller: {method: pseudo_inverse}": "controller.method",
     },
+    "support: double": {
+        "support: [left_sole, {frame: right_sole, slack: 100}]": "may give way: 'right_sole'",
+    },
 }
 REFUSED = [(old, new, said) for old, by in PARTS.items() for new, said in by.items()]
 

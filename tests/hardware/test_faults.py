@@ -229,6 +229,24 @@ def test_where_logs_go_is_looked_at_before_it_matters(asked: tuple[str, str], to
     assert (answer.exit_code, answer.stderr) == (1, f"error: {told}\n")
 
 
+@pytest.mark.parametrize(
+    ("problem", "asked", "told"),
+    [
+        ("rmp_spin", (), "a pendulum's problem runs on no robot"),
+        ("walk_g1", ("--slower", "2"), "--slower: a robot on 'eth0' would not be slower"),
+        ("walk_g1", ("--unattended", "5"), "--unattended: nobody would stop a robot on 'eth0'"),
+    ],
+)
+def test_what_no_real_robot_can_be_asked_is_refused_before_it_is_looked_for(
+    problem: str, asked: tuple[str, ...], told: str, tmp_path: Path
+) -> None:
+    where = ("--interface", "eth0", "--log", str(tmp_path / "log.npz"))
+    answer = CliRunner().invoke(
+        app, ["hardware", "run", f"problems/{problem}.yaml", *where, *asked]
+    )
+    assert answer.exit_code == 1 and told in answer.stderr
+
+
 def test_a_cpu_that_is_not_there_is_named_before_anything_is_forked() -> None:
     with pytest.raises(InvalidInputError, match="CPU 4711: this process may run on"):
         check_cpus((4711,))

@@ -343,3 +343,89 @@ def test_trc_mistakes(tmp_path: Path, change, words: str) -> None:  # type: igno
     path.write_text(change(path.read_text()))
     with pytest.raises(RecordingError, match=words):
         read_markers(path)
+
+
+NESTED = "JOINT a\n{\nOFFSET 0 1 0\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: t.replace("Frame Time: 0.01", "Frame Time: 0"), "frame time is 0 s"),
+        (lambda t: t.replace("Frames: 12", "Frames: 13"), "tells of 13 frames and has 12"),
+        (lambda t: t[: t.index("Frame Time")], "no frames"),
+        (lambda t: t.replace("CHANNELS 3", "CHANNELS 4", 1), "channels 'CHANNELS 4"),
+        (lambda t: t.replace("OFFSET 0 60 0", "OFFSET 0 sixty 0"), "expected 3 numbers"),
+        (lambda t: t.replace("JOINT Neck", "ROOT Neck"), "a root in a joint"),
+        (lambda t: t.replace("JOINT Neck", "JIONT Neck"), "is not expected here"),
+        (lambda t: t.replace("}\nMOTION", "MOTION"), "not closed"),
+        (lambda t: t.replace("JOINT Neck", NESTED * 300 + "JOINT Neck"), "nested over"),
+        (lambda t: t.replace("60", "6e7"), "in no unit a human"),
+    ],
+)
+def test_bvh_mistakes(tmp_path: Path, change, words: str) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / "a.bvh"
+    write_bvh(path)
+    path.write_text(change(path.read_text()))
+    with pytest.raises(RecordingError, match=words):
+        read_markers(path)
+    with pytest.raises(RecordingError, match="unit: expected"):
+        write_bvh(path)
+        read_markers(path, unit="furlong")
+
+
+def _with(path: Path, group: str, **values: object) -> None:
+    """Write a C3D file again with other parameters."""
+    import ezc3d
+
+    file = ezc3d.c3d(str(path))
+    for name, value in values.items():
+        file.add_parameter(group, name, value)
+    file.write(str(path))
+
+
+def test_c3d_with_a_plate_of_type_4_is_calibrated_by_its_matrix(tmp_path: Path) -> None:
+    path = tmp_path / "march.c3d"
+    truth = write_c3d(path)
+    _with(path, "FORCE_PLATFORM", TYPE=[4.0], CAL_MATRIX=np.diag((2.0,) * 6)[:, :, None])
+    plate = read_markers(path).upright("z").plates[0]
+    np.testing.assert_allclose(plate.force, 2.0 * truth[:, :3], atol=2e-3)
+
+
+def test_c3d_whose_plate_cannot_be_read_says_why_and_keeps_its_markers(tmp_path: Path) -> None:
+    path = tmp_path / "march.c3d"
+    for values, words in (
+        ({"TYPE": [4.0]}, "of type 4 without a calibration matrix"),
+        ({"CHANNEL": np.arange(4.0, 10.0)[:, None]}, "not among the 6 recorded"),
+        ({"CORNERS": [1.0]}, "corners, origin or channels are missing"),
+    ):
+        write_c3d(path)
+        _with(path, "FORCE_PLATFORM", **values)
+        found = read_markers(path)
+        assert len(found.labels) == len(LABELS) and not found.plates
+        assert any(words in note for note in found.notes), found.notes
+
+
+def test_c3d_of_a_head_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "march.c3d"
+    write_c3d(path)
+    _with(path, "POINT", UNITS=["furlong"])
+    with pytest.raises(RecordingError, match="POINT:UNITS: expected mm"):
+        read_markers(path)
+    write_c3d(path)
+    path.write_bytes(path.read_bytes()[:-600])
+    with pytest.raises(RecordingError, match="is it cut off"):
+        read_markers(path)
+
+
+def test_motive_table_that_lacks_what_places_bodies_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bodies.csv"
+    write_bodies(path, motive=True)
+    text = path.read_text()
+    for changed, words in (
+        (text.replace("Millimeters", "Furlongs"), "lengths in 'Furlongs'"),
+        (text.replace(",Name,", ",Nmae,"), "no rows Name and Frame"),
+    ):
+        path.write_text(changed)
+        with pytest.raises(RecordingError, match=words):
+            read_markers(path)

@@ -73,3 +73,35 @@ def test_a_file_that_declares_another_shape_is_refused(tmp_path: Path) -> None:
         file.writestr("solution.npy", header.getvalue() + bytes(80))
     with pytest.raises(InvalidInputError, match=r"'solution': its header says shape \(10000000"):
         load_plan(tmp_path / "p.npz")
+
+
+def _with_meta(path: Path, meta: object, **arrays: np.ndarray) -> Path:
+    """Write a plan's file again with other parts."""
+    with np.load(path) as file:
+        parts = dict(file)
+    np.savez(path.with_name("changed.npz"), **(parts | {"meta": np.array(meta)} | arrays))
+    return path.with_name("changed.npz")
+
+
+def test_plan_whose_parts_were_changed_is_refused_by_what_is_wrong(tmp_path: Path) -> None:
+    plan = solve(example("lean"))
+    path = save_plan(plan, tmp_path / "lean.npz")
+    with np.load(path) as file:
+        text = str(file["meta"])
+    meta = json.loads(text)
+    pendulum = meta["problem"] | {"pendulum": meta["problem"]["pendulum"] | {"kind": "cubic"}}
+    for changed, said in (
+        ("no json", "cannot be read as a plan"),
+        (json.dumps([1]), "is not a plan"),
+        (json.dumps(meta | {"format": "other"}), "is not a plan"),
+        (json.dumps(meta | {"version": 99}), "format version 99; this package reads"),
+        (json.dumps(meta | {"stats": 3}), "stats"),
+        (json.dumps(meta | {"problem": meta["problem"] | {"schedule": 3}}), "list of phases"),
+        (json.dumps(meta | {"problem": pendulum}), "unknown pendulum kind 'cubic'"),
+    ):
+        with pytest.raises(InvalidInputError, match=said):
+            load_plan(_with_meta(path, changed))
+    with pytest.raises(InvalidInputError, match="is not one of its problem"):
+        load_plan(_with_meta(path, text, solution=plan.solution[:-1]))
+    with pytest.raises(InvalidInputError, match="NaN"):
+        load_plan(_with_meta(path, text, solution=np.full_like(plan.solution, np.nan)))

@@ -113,7 +113,7 @@ def load_plan(path: str | Path) -> Plan:
     try:
         problem = problem_from_data(meta.get("problem", {}))
         stats = _made("stats", Stats, meta.get("stats"))
-    except (TypeError, ValueError, AttributeError, OverflowError) as error:
+    except (UnknownNameError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise InvalidInputError(f"{path}: is damaged: {error}") from error
     solution, at_variables, at_rows = arrays
     if {solution.shape, at_variables.shape} != {(lay_out(problem).count,)}:
