@@ -229,3 +229,17 @@ def test_a_number_is_taken_up_to_its_end(name: str) -> None:
     for value in refused:
         with pytest.raises(InvalidInputError, match=name):
             make(value)
+
+
+@pytest.mark.parametrize("level", [KinematicController, TorqueController])
+def test_joints_in_degrees_are_said_once_and_those_within_limits_never(level, caplog):  # type: ignore[no-untyped-def]
+    q = ROBOT.posture("standing")
+    controller = level(ROBOT, [PostureTask(ROBOT, q)], contacts=())
+    controller.step(ROBOT.snapshot(q))
+    assert not caplog.records
+    controller = level(ROBOT, [PostureTask(ROBOT, q)], contacts=())
+    wrong = ROBOT.snapshot(np.r_[q[:7], np.degrees(q[7:])])
+    for _ in range(2):
+        controller.step(wrong)
+    (said,) = [one.getMessage() for one in caplog.records]
+    assert "joints outside their limits" in said and "is q in degrees" in said

@@ -6,6 +6,8 @@ import logging
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Constraint
@@ -26,6 +28,7 @@ PLANNED = dict.fromkeys(("tasks", "contacts", "constraints"), "call change()") |
     ANOTHER,
 )
 
+FAR_OUTSIDE = 0.2  # rad, m: no calibration of a joint is off by that
 UNTOLD = VelocityLaw()
 # What a controller of velocities, and of torques, does not read; its name; and what it does read.
 LEVEL_GAINS = ("kp, kd", "velocity", "gain"), ("gain", "torque", "kp, kd")
@@ -42,6 +45,19 @@ def held_by(robot: Robot, contacts: Sequence[Task] | None) -> Sequence[Task]:
             robot.name,
         )
     return ()
+
+
+def say_outside(snapshot: Snapshot) -> None:
+    """Log which joints are far outside their limits, as in degrees, or in another order."""
+    past = snapshot.robot.limits.past(snapshot.joint_positions)
+    far = np.flatnonzero(past > FAR_OUTSIDE)
+    if far.size:
+        worst = int(past.argmax())
+        logging.getLogger(__name__).warning(
+            "controller: %s begins with %d of its joints outside their limits, %s by %.3g rad or m:"
+            " is q in degrees, or in another order than robot.joint_names?",
+            *(snapshot.robot.name, far.size, snapshot.robot.joint_names[worst], past[worst]),
+        )
 
 
 def refuse_unnamed(more: Sequence[object]) -> None:

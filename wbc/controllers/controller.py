@@ -232,6 +232,8 @@ class Controller(DeclaredAttributes, ABC):
             checks.look_closely(snapshot, self.dt, self._motion, self.contacts, self.constraints)
             raise
         tick.__dict__["_began"] = began
+        if number == 1:
+            checks.say_outside(snapshot)
         if measured.endswith(self._rest):
             self._missing_velocity.watch(snapshot, tick.velocity, limits)
         return tick
