@@ -286,3 +286,26 @@ def test_joint_velocities_have_the_delay_and_the_noise_that_is_stated(
     assert white.std() == pytest.approx(1e-3 * noisy.gain, rel=0.065)
     with pytest.raises(InvalidInputError, match="window"):
         JointVelocityFilter(1, 1)
+
+
+def test_what_it_cannot_serve_is_refused_by_name(hoap: Robot) -> None:
+    with pytest.raises(InvalidInputError, match="its base is bolted; a base is estimated from"):
+        StateEstimator(Robot.load("hoap2_like", base="fixed"))
+    with pytest.raises(InvalidInputError, match="imus: 99 of them; at most"):
+        StateEstimator(hoap, [ImuMount(f"imu {k}") for k in range(99)])
+
+
+def test_it_shows_its_imus_and_how_far_it_is(hoap: Robot, rng: np.random.Generator) -> None:
+    estimator = StateEstimator(hoap, MOUNTS)
+    assert repr(estimator) == "StateEstimator('hoap2_like', chest, spare, standing to begin)"
+    fed(estimator, messages(hoap, 300, rng))
+    assert repr(estimator) == "StateEstimator('hoap2_like', chest, spare, t=0.598 s)"
+
+
+def test_measured_forces_of_feet_tell_which_bear(hoap: Robot, rng: np.random.Generator) -> None:
+    half = 0.5 * hoap.weight
+    for right, stands in ((half, True), (0.0, False)):
+        forces = {"left": 2.0 * half - right, "right": right}
+        sent = [changed(m, contacts=None, forces=forces) for m in messages(hoap, 400, rng)]
+        found = fed(StateEstimator(hoap, MOUNTS), sent)
+        assert ("right" in found.contacts) == stands and "left" in found.contacts

@@ -8,11 +8,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.human.walker import LABELS, recorded, write_trc
+from wbc.errors import WbcError
 from wbc.human import human_motion, is_human_recording, read_markers
 from wbc.human.body import HumanBody
 from wbc.human.bones import REACH
 from wbc.human.c3d_parameters import read_c3d_head
-from wbc.human.markers import MarkerRecording
+from wbc.human.markers import ForcePlate, MarkerRecording
 from wbc.human.plates import plate_wrench
 from wbc.motion.table import RecordingError
 
@@ -429,3 +430,49 @@ def test_motive_table_that_lacks_what_places_bodies_is_refused(tmp_path: Path) -
         path.write_text(changed)
         with pytest.raises(RecordingError, match=words):
             read_markers(path)
+
+
+def test_floats_of_a_vax_are_read() -> None:
+    """As an F_floating is laid out: 1.0 is 0x4080 in the first half, -0.15625 is 0xbf20."""
+    from wbc.human.c3d_parameters import DEC, floats
+
+    data = bytes((0x80, 0x40, 0, 0, 0x20, 0xBF, 0, 0))
+    np.testing.assert_array_equal(floats(data, DEC), [1.0, -0.15625])
+
+
+def test_smpl_poses_in_two_arrays_are_those_in_one(tmp_path: Path) -> None:
+    poses = 0.1 * np.random.default_rng(0).standard_normal((9, 66))
+    rest = {"trans": np.zeros((9, 3)), "mocap_framerate": 60.0}
+    np.savez(tmp_path / "one.npz", poses=poses, **rest)
+    np.savez(tmp_path / "two.npz", root_orient=poses[:, :3], pose_body=poses[:, 3:], **rest)
+    one, two = (read_markers(tmp_path / f"{name}.npz") for name in ("one", "two"))
+    np.testing.assert_array_equal(one.positions, two.positions)
+    for parts, words in (
+        ({"root_orient": poses[:5, :3], "pose_body": poses[:, 3:]}, "differ in length"),
+        ({"poses": poses[:, :60]}, r"poses have shape \(9, 60\)"),
+    ):
+        np.savez(tmp_path / "wrong.npz", **parts, **rest)
+        with pytest.raises(RecordingError, match=words):
+            read_markers(tmp_path / "wrong.npz")
+
+
+def test_recordings_from_arrays_that_make_no_sense_are_refused() -> None:
+    time, places = np.arange(9.0), np.zeros((9, 2, 3))
+    assert repr(MarkerRecording(time, ("a", "b"), places)) == (
+        "MarkerRecording(2 markers, 9 frames, 8 s)"
+    )
+    for arguments, words in (
+        ((time, "ab", places), "labels: expected names, got 'ab'"),
+        ((time[::-1], ("a", "b"), places), "time must increase"),
+        ((time[:3], ("a", "b"), places[:3]), "3 frames; at least"),
+        ((time, ("a", "a"), places), "'a' is there twice"),
+        ((time, ("a", "b", "c"), places), r"shape \(9, 2, 3\), expected \(9, 3, 3\)"),
+        ((time, ("a", "b"), places + 2e3), "over 1000 m from the origin; are its units"),
+        ((time, ("a", "b"), places, (), "up"), "axis that is up"),
+    ):
+        with pytest.raises(WbcError, match=words):
+            MarkerRecording(*arguments)
+    with pytest.raises(WbcError, match="expected x, y or z, got 'w'"):
+        MarkerRecording(time, ("a", "b"), places).upright("w")
+    with pytest.raises(WbcError, match="times must increase, at least two"):
+        ForcePlate("plate", np.zeros(2), np.zeros((2, 3)), np.zeros((2, 3)))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from wbc.gait.walls import WALL_THICKNESS, Wall
 from wbc.robot.formats.triangles import Triangles
 from wbc.simulation import Step, Terrain
 from wbc.view.boards import board_surfaces
@@ -44,3 +45,14 @@ def test_only_what_is_near_is_made() -> None:
     np.testing.assert_allclose(corners.min(axis=0), [0.05, -0.2, -0.1], atol=1e-12)
     np.testing.assert_allclose(corners.max(axis=0), [0.1, 0.2, 0.0], atol=1e-12)
     assert board_surfaces(TERRAIN, np.array((-5.0, 0.0)), 0.5) == []
+
+
+def test_what_of_a_wall_is_near_is_made() -> None:
+    wall = Wall(point=(2.0, 0.0, 0.0), normal=(-1.0, 0.0, 0.0), size=(3.0, 2.0))
+    (whole,) = board_surfaces(Terrain(walls=(wall,)))
+    size = np.ptp(whole.vertices, axis=0)
+    np.testing.assert_allclose(size, [WALL_THICKNESS, 3.0, 2.0], atol=1e-12)
+    assert whole.vertices[:, 0].min() == pytest.approx(2.0)  # it is behind its face
+    (near,) = board_surfaces(Terrain(walls=(wall,)), np.array((0.0, 1.2)), 0.5)
+    np.testing.assert_allclose(np.sort(np.unique(near.vertices[:, 1].round(9))), [0.7, 1.5])
+    assert board_surfaces(Terrain(walls=(wall,)), np.array((0.0, 5.0)), 0.5) == []
