@@ -29,6 +29,7 @@ BENCH_EXIT_CODES = (
 TEXTS = (".json", ".md", ".html")
 SECTION = "solvers"  # of a page that has marks for it
 ENDINGS = (*TEXTS, ".png", ".svg", ".pdf")
+ACCURACIES = [1e-6]
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -77,14 +78,18 @@ def bench(
     """
     with errors_in_one_line():
         places = _checked(output or [])
+        from qpbench.solvers import candidate_names, make_candidate
         from qpbench.summary import load_summary
 
         old = None if compare is None else load_summary(compare)
+        solvers = solver or list(candidate_names())
+        for name in solvers:  # recording takes longer than a misspelt name deserves
+            make_candidate(name, (eps or ACCURACIES)[0])
         _one_thread()
         found = _sequences(problems or [], sequences, job or [], ticks, quiet)
         if qpbenchmark is not None:
             _export(qpbenchmark, found, quiet)
-        summary = _measure(found, solver, eps or [1e-6], repeats, quiet)
+        summary = _measure(found, solvers, eps or ACCURACIES, repeats, quiet)
         changes: Sequence[SpeedChange] = ()
         if old is not None:
             changes = _compared(old, summary)
@@ -180,24 +185,22 @@ def _export(folder: Path, sequences: list[QpSequence], quiet: bool) -> None:
 
 def _measure(
     sequences: list[QpSequence],
-    solvers: list[str] | None,
+    solvers: list[str],
     accuracies: list[float],
     repeats: int,
     quiet: bool,
 ) -> dict[str, Any]:
     from qpbench.measure import measure
-    from qpbench.solvers import candidate_names
     from qpbench.summary import summarise
     from wbc.cli.progress import shown_progress
 
-    names = solvers or list(candidate_names())
     with shown_progress(quiet) as progress:
 
         def tell(done: int, total: int, name: str) -> None:
             if progress is not None:
                 progress(done, total, {"solver": name})
 
-        measured = measure(sequences, names, accuracies, repeats, tell)
+        measured = measure(sequences, solvers, accuracies, repeats, tell)
     return summarise(sequences, measured, shlex.join(["wbc", *sys.argv[1:]]))
 
 

@@ -54,8 +54,6 @@ def measure(
     UnknownNameError
         A solver that is not here.
     """
-    for name in solvers:
-        make_candidate(name, accuracies[0])
     keys = [(s, name, eps) for s in sequences for eps in accuracies for name in solvers]
     passes: dict[int, list[_Pass]] = {k: [] for k in range(len(keys))}
     done, total = 0, repeats * len(keys)
