@@ -72,6 +72,10 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: KinematicController(ROBOT, [CALM], support(START, "double")),  # type: ignore[arg-type]
         r"all else by name, as in contacts=.*; got \(Contact",
     ),
+    "friction as a number": (
+        lambda: support(START, "double", friction=0.6),
+        r"expected FrictionCone\(0\.6\), or None, got 0\.6",
+    ),
     "slack": (lambda: made(slack="left_sole"), "expected weights by name"),
     "dt": (lambda: made(dt="0.005"), "expected a number, got '0.005'"),
     "robot": (lambda: KinematicController(NO_ROBOT, [CALM]), "expected a robot"),

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from tests.simulation.accelerations import acceleration_from_mujoco
+from wbc.controllers import TorqueController
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
 from wbc.simulation import Plant, Sensors, SimulationError, Step, Terrain
+from wbc.tasks import PostureTask
 
 Load = Callable[[str], Robot]
 State = Callable[[Robot, np.random.Generator], tuple[np.ndarray, np.ndarray]]
@@ -346,6 +348,10 @@ def test_mistakes_are_typed(load: Load) -> None:
         plant.step(zero[1:])
     with pytest.raises(InvalidInputError, match="torque"):
         plant.step(zero * np.nan)
+    posture = PostureTask(robot, robot.posture("standing"))
+    tick = TorqueController(robot, [posture], contacts=()).step(plant.snapshot())
+    with pytest.raises(InvalidInputError, match=r"plant\.step\(tick\.torque\)"):
+        plant.step(tick)  # type: ignore[arg-type]
     with pytest.raises(InvalidInputError, match="multiple of physics_dt"):
         plant.step(zero, dt=0.0025)
     with pytest.raises(InvalidInputError, match="multiple"):

@@ -108,7 +108,7 @@ class Contact(CoreTask):
             check_rotation(f"{self}, {name}", value)
         elif name == "friction" and not isinstance(value, FrictionCone | None):
             raise InvalidInputError(
-                f"{self}, friction: expected a FrictionCone or None, got {shown(value)}"
+                f"{self}, friction: expected FrictionCone(0.6), or None, got {shown(value)}"
             )
         elif name == "corners" and name in self.__dict__:  # forces at them are unknowns of a QP
             raise InvalidInputError(

@@ -241,6 +241,8 @@ class Plant:
         SimulationError
             The physics blew up, or its memory is full; the message names time and joint.
         """
+        if hasattr(torque, "torque"):
+            raise InvalidInputError("plant, torque: expected numbers: plant.step(tick.torque)")
         torque = finite_vector("plant, torque", torque, self.robot.nv - BASE_NV)
         count = self._substeps("dt", self.dt if dt is None else dt)
         applied = np.clip(torque, -self._most_torque, self._most_torque)
