@@ -64,3 +64,18 @@ def test_joints_that_follow_others_are_named(tmp_path: Path) -> None:
     joints = joint.format("thumb", "") + joint.format("finger", mimic)
     path.write_text(f'<robot name="hand">{links}{joints}</robot>')
     assert "finger follows: -0.5 thumb +0.1\n" in command("robots", path).stdout
+
+
+def test_tab_offers_what_begins_so() -> None:
+    from wbc.cli.options import (
+        directions_beginning,
+        layers_beginning,
+        robots_beginning,
+        solvers_beginning,
+    )
+
+    assert "g1" in robots_beginning("g") and "talos" not in robots_beginning("g")
+    assert solvers_beginning("act") == ["active_set"]
+    assert directions_beginning("front-r") == ["front-right"]
+    assert layers_beginning("ground,ell") == ["ground,ellipsoid"]
+    assert "no-ground" in layers_beginning("no-") and "robot" not in layers_beginning("no-")
