@@ -13,21 +13,25 @@ from qpbench.page import put_section
 
 import wbc
 
-CASES = ((0.02, 0.5), (0.02, 0.02), (0.5, 0.5))  # gain of CoM and hand, of trunk and posture
+# Gain of CoM and hand, of trunk and posture; whether weights are those of errors.
+CASES = ((0.02, 0.5, False), (0.02, 0.02, False), (0.5, 0.5, False), (0.02, 0.5, True))
 TICKS, DT = 1500, 0.005
 
 
-def at_rest(robot: wbc.Robot, reaching: float, others: float) -> tuple[float, float, float]:
+def at_rest(
+    robot: wbc.Robot, reaching: float, others: float, weighs_error: bool
+) -> tuple[float, float, float]:
     """Return what is left of CoM [m], hand [m] and trunk [rad]."""
     q, v = robot.posture("standing"), np.zeros(robot.nv)
-    start = robot.snapshot(q)
+    start, how = robot.snapshot(q), {"weighs_error": weighs_error}
     tasks = [
-        wbc.ComTask(robot, start.com - [0.0, 0.0, 0.15], weight=10.0, gain=reaching),
+        wbc.ComTask(robot, start.com - [0.0, 0.0, 0.15], weight=10.0, gain=reaching,
+                    **how),
         wbc.PositionTask(robot, "right_rubber_hand", (0.35, -0.15, 0.25), name="hand",
-                         weight=3.0, gain=reaching),
+                         weight=3.0, gain=reaching, **how),
         wbc.OrientationTask(robot, "torso_link", start.rotation("torso_link"), name="trunk",
-                            weight=0.3, gain=others),
-        wbc.PostureTask(robot, q, weight=0.01, gain=others),
+                            weight=0.3, gain=others, **how),
+        wbc.PostureTask(robot, q, weight=0.01, gain=others, **how),
     ]  # fmt: skip
     controller = wbc.KinematicController(
         robot, tasks, contacts=wbc.support(start, "double"), limits=wbc.Limits(robot),
@@ -45,14 +49,15 @@ def main() -> None:
     """Print and write the table."""
     robot = wbc.Robot.load("g1")
     lines = [
-        "| gain of CoM and hand | of trunk and posture | CoM off by | hand | trunk |",
-        "|---|---|---|---|---|",
+        "| gain of CoM and hand | of trunk and posture | weighs_error"
+        " | CoM off by | hand | trunk |",
+        "|---|---|---|---|---|---|",
     ]
     for case in CASES:
         com, hand, trunk = at_rest(robot, *case)
         lines.append(
-            f"| {case[0]:g} | {case[1]:g} | {1e3 * com:.0f} mm | {1e3 * hand:.0f} mm"
-            f" | {trunk:.2f} rad |"
+            f"| {case[0]:g} | {case[1]:g} | {'yes' if case[2] else 'no'} | {1e3 * com:.0f} mm"
+            f" | {1e3 * hand:.0f} mm | {trunk:.2f} rad |"
         )
     print(*lines, sep="\n")
     put_section(Path(sys.argv[1]), "gains", "\n".join(lines))

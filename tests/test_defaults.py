@@ -21,6 +21,7 @@ LAWS: dict[str, Any] = {
     "lm_damping": 0.0,
     "singular_threshold": 0.0,
     "curvature_damping": True,
+    "weighs_error": False,
     "kp": 100.0,
 }
 DEFAULTS: dict[str, dict[str, Any]] = {

@@ -18,6 +18,7 @@ LAWS = (
     "lm_damping",
     "singular_threshold",
     "curvature_damping",
+    "weighs_error",
     "kp",
     "kd",
 )
@@ -66,7 +67,7 @@ def test_defaults_that_a_signature_shows_are_those_that_a_task_gets(robot_named:
 def test_every_keyword_of_a_signature_is_taken_and_arrives(robot_named: Any) -> None:
     robot = robot_named("hoap2_like")
     first: dict[str, Any] = {"gain": 0.3, "lm_damping": 0.1, "singular_threshold": 0.2}
-    first |= {"curvature_damping": False}
+    first |= {"curvature_damping": False, "weighs_error": True}
     task = wbc.ComTask(robot, [0.0, 0.0, 0.3], weight=3.0, priority=2, kp=50.0, kd=9.0, **first)
     assert task.law == VelocityLaw(**first)
     assert task.acceleration_law == AccelerationLaw(50.0, 9.0)

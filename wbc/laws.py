@@ -122,6 +122,11 @@ class VelocityLaw:
     curvature_damping:
         Whether the curvature that Gauss-Newton leaves out is damped; False is the plain step of
         the paper's eq. 38.
+    weighs_error:
+        Whether a task's weight is that of its error, whatever the gain: tasks that cannot all be
+        met come to rest where the sum of 1/2 |weight * error|^2 is least. By default it is that of
+        the rate, whose gradient at rest is weight^2 * gain * error; so it is divided by the root
+        of the gain.
     """
 
     gain: float = 0.5
@@ -129,6 +134,7 @@ class VelocityLaw:
     singular_threshold: float = 0.0
     gain_per_second: float | None = None
     curvature_damping: bool = True
+    weighs_error: bool = False
 
     def __post_init__(self) -> None:
         finite_number("gain", self.gain, least=0.0)
@@ -138,6 +144,7 @@ class VelocityLaw:
             finite_number("gain_per_second", self.gain_per_second, above=0.0)
         finite_number("lm_damping", self.lm_damping, least=0.0)
         switch("curvature_damping", self.curvature_damping)
+        switch("weighs_error", self.weighs_error)
         finite_number("singular_threshold", self.singular_threshold, least=0.0)
 
     def fraction(self, dt: float) -> float:
@@ -145,6 +152,11 @@ class VelocityLaw:
         if self.gain_per_second is None:
             return self.gain
         return -math.expm1(-self.gain_per_second * dt)
+
+    def factor(self, dt: float) -> float:
+        """Return the factor on a task's weights: see ``weighs_error``."""
+        gain = self.fraction(dt)
+        return 1.0 / math.sqrt(gain) if self.weighs_error and gain > 0.0 else 1.0
 
 
 @dataclass(frozen=True, slots=True)

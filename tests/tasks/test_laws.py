@@ -70,7 +70,7 @@ def test_capture_point_law_moves_the_capture_point_exponentially() -> None:
 
 def test_what_acts_on_errors_is_refused_by_tasks_without(robot_named) -> None:
     robot = robot_named("hoap2_like")
-    for key in ("gain", "gain_per_second", "lm_damping", "curvature_damping", "kp"):
+    for key in ("gain", "gain_per_second", "lm_damping", "curvature_damping", "weighs_error", "kp"):
         for kind in (MomentumTask, DampingTask):
             with pytest.raises(InvalidInputError, match=f"{key}: has no effect.*give kd"):
                 kind(robot, **{key: 1.0})

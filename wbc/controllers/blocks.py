@@ -89,6 +89,7 @@ class Part:
         self._motion_of = _reader(())  # what reads the latter
         self._motion: tuple[object, ...] = ()  # what they were when they were written
         self._law: VelocityLaw | AccelerationLaw | None = None
+        self._factor = scale  # on the weights, with the law's own
         self._second, self._singular = self.second, self.singular
 
     @property
@@ -155,11 +156,13 @@ class Part:
         """Write the numbers of the law, and weights."""
         task, offset = self.task, 0
         law = task.acceleration_law if self.torque else task.law
+        if isinstance(law, VelocityLaw) and not self.held:
+            self._factor = self._scale * law.factor(dt)
         for now, place in zip(found, self._places, strict=True):
             if law is not self._law:
                 place.header[:] = _header(law, now, dt)
             own = task.weight[offset : offset + len(now.entries)]
-            place.weight[:] = self._scale * (own if self.kept is None else own[self.kept])
+            place.weight[:] = self._factor * (own if self.kept is None else own[self.kept])
             offset += len(now.entries)
         self._law = law
 
@@ -232,8 +235,10 @@ class AskedPart(Part):
         elif place.header[lib.HALF_GAIN] > 0.0 and not self.held:
             left_out = residual.curvature_bound
             bound[:] = left_out() if callable(left_out) else left_out
+            bound *= self._factor**2
         if curvature:
             curvature[0][:] = 0.0 if residual.curvature is None else residual.curvature.ravel()
+            curvature[0][:] *= self._factor**2
         return True
 
 

@@ -12,6 +12,7 @@ from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Constraint
 from wbc.constraints.validation import look_closely_at
+from wbc.controllers.competing import competing
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.errors import InvalidInputError, shown
 from wbc.laws import AccelerationLaw, VelocityLaw
@@ -20,6 +21,7 @@ from wbc.robot.model import check_robot
 from wbc.tasks import validation
 from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
+from wbc.validate import Array
 
 # What is worked into a controller's plan, and what to do instead of assigning it.
 ANOTHER = "make another controller"
@@ -58,6 +60,19 @@ def say_outside(snapshot: Snapshot) -> None:
             " is q in degrees, or in another order than robot.joint_names?",
             *(snapshot.robot.name, far.size, snapshot.robot.joint_names[worst], past[worst]),
         )
+
+
+def say_competing(tasks: Sequence[Task], snapshot: Snapshot, velocity: Array, dt: float) -> bool:
+    """Log which tasks compete at rest at different gains; return whether any do."""
+    gains = competing(tasks, snapshot, velocity, dt)
+    if gains:
+        told = ", ".join(f"{name!r} (gain {gain:.3g})" for name, gain in gains.items())
+        logging.getLogger(__name__).warning(
+            "controller: at rest, and off their targets: %s; there gains act as weights. Equal"
+            " gains, or weighs_error=True, give what the weights say",
+            told,
+        )
+    return bool(gains)
 
 
 def refuse_unnamed(more: Sequence[object]) -> None:

@@ -52,6 +52,7 @@ from wbc.validate import Array, finite_number, read_only, time_step
 
 # How contacts are treated: as equality rows, which the core eliminates; both are the same now.
 FORMULATIONS = ("equality", "reduced")
+SETTLED = 128  # ticks in which a robot may come to rest
 Answers = Callable[[CorePlan], list[Asked]]
 
 
@@ -124,6 +125,7 @@ class Controller(DeclaredAttributes, ABC):
 
     _fixed = checks.PLANNED
     _policies: tuple[str, ...] = POLICIES
+    _said = False  # that tasks compete
     _bears = False  # whether the level decides forces
     _going_slack: Mapping[str, float] = NO_SLACK  # of contacts that are leaving
     _ramped: Mapping[str, float] = NO_RAMPS  # largest normal forces of those that come or go
@@ -232,11 +234,19 @@ class Controller(DeclaredAttributes, ABC):
             checks.look_closely(snapshot, self.dt, self._motion, self.contacts, self.constraints)
             raise
         tick.__dict__["_began"] = began
-        if number == 1:
-            checks.say_outside(snapshot)
+        if not number & (number - 1):  # the first tick, the second, fourth, eighth...
+            self._look_at(snapshot, tick, number)
         if measured.endswith(self._rest):
             self._missing_velocity.watch(snapshot, tick.velocity, limits)
         return tick
+
+    def _look_at(self, snapshot: Snapshot, tick: Tick, number: int) -> None:
+        """Log what a user should know of a tick, rarely: it takes as long as one."""
+        if number == 1:
+            checks.say_outside(snapshot)
+        elif number >= SETTLED and tick.ok and not (self._bears or self._said):
+            given = self._motion, snapshot, tick.velocity, self.dt
+            self._said = checks.say_competing(*given)
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command: the core's alone, as most are, or by what is decided here."""

@@ -15,7 +15,7 @@ from wbc.problem.support import ContactSpec, Support
 
 VELOCITY, TORQUE = "velocity", "torque"
 TASK_KEYS = {
-    VELOCITY: ("gain", "gain_per_second", "lm_damping", "singular_threshold"),
+    VELOCITY: ("gain", "gain_per_second", "lm_damping", "singular_threshold", "weighs_error"),
     TORQUE: ("kp", "kd", "law"),
 }
 CONTACT_KEYS = {VELOCITY: ("gain",), TORQUE: ("kp", "kd", "friction", "corners")}

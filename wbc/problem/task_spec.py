@@ -121,6 +121,9 @@ class ErrorTaskSpec(MotionTaskSpec):
     lm_damping: NonNegative = default_of(VelocityLaw, "lm_damping")
     """Levenberg-Marquardt damping: steadies a task whose target cannot be reached. Of the velocity
     level, as the gains."""
+    weighs_error: bool = default_of(VelocityLaw, "weighs_error")
+    """Whether the weight is that of the error, whatever the gain: what tasks that compete give way
+    at rest. Of the velocity level."""
     kp: NonNegative | None = None
     """At the torque level: stiffness of the error [1/s^2]; left out: 100."""
 

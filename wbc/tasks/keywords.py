@@ -26,6 +26,7 @@ class ErrorKeywords(TypedDict, total=False):
     gain_per_second: float | None
     lm_damping: float
     curvature_damping: bool
+    weighs_error: bool
     kp: float
 
 

@@ -79,9 +79,9 @@ class Task(DeclaredAttributes, ABC):
         Level, 0 the most important: tasks of a level never give way to those of a later one.
         Within a level tasks are weighed against each other.
     law:
-        ``gain`` or ``gain_per_second``, ``lm_damping``, ``singular_threshold`` and
-        ``curvature_damping`` of the :class:`~wbc.laws.VelocityLaw`; ``kp`` and ``kd`` of the
-        :class:`~wbc.laws.AccelerationLaw`.
+        ``gain`` or ``gain_per_second``, ``lm_damping``, ``singular_threshold``,
+        ``curvature_damping`` and ``weighs_error`` of the :class:`~wbc.laws.VelocityLaw`; ``kp`` and
+        ``kd`` of the :class:`~wbc.laws.AccelerationLaw`.
 
     Attributes
     ----------
