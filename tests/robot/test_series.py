@@ -50,7 +50,7 @@ def test_near_pairs_in_a_row(rng: np.random.Generator) -> None:
     """All pairs of all states that are near, against those of each, one by one."""
     robot, limit = Robot.load("hoap2_like"), 0.02  # m
     q, _, _ = states(robot, rng)
-    every = SelfCollision(robot, pairs=10_000)
+    every = SelfCollision(robot, pairs=10_000, margin=0.013)
     where, pairs, clearance, J = every.near(q, state_series(robot, q), limit)
     assert len(where) > 10
     for k in range(COUNT):
