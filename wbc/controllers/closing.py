@@ -86,7 +86,7 @@ class LoopClosing:
         self.busy = True
         try:
             for _ in range(lib.CLOSING_ROUNDS):
-                missed = memory.gaps(snapshot.q, found.velocity)
+                missed = memory.gaps(snapshot, found.velocity)
                 worst = float(np.abs(missed).max())
                 if worst <= lib.wbc_closed or not worst < lib.wbc_far_open:
                     break

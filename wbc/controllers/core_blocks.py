@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.controllers.blocks import Part
-from wbc.native.rows import Kind
+from wbc.native.rows import Kind, frames_of
 from wbc.robot.names import BASE
 from wbc.validate import Array
 
@@ -20,6 +20,8 @@ class CoreBlocks(NamedTuple):
     ----------
     frames:
         That they are about; the first is the base.
+    moving:
+        How many of them have Jacobians, the first.
     entries:
         Entries of what their kinds know, one block behind the other.
     blocks:
@@ -31,6 +33,7 @@ class CoreBlocks(NamedTuple):
     """
 
     frames: list[str]
+    moving: int
     entries: list[int]
     blocks: list[dict[str, int]]
     number: Array
@@ -39,13 +42,13 @@ class CoreBlocks(NamedTuple):
     @classmethod
     def of(cls, parts: Sequence[Part]) -> CoreBlocks:
         """Return the blocks of all parts, which get to know where their numbers go."""
-        frames, entries, blocks = [BASE], list[int](), list[dict[str, int]]()
+        frames, moving = frames_of(BASE, (rows for part in parts for rows in part.rows or ()))
+        entries, blocks = list[int](), list[dict[str, int]]()
         begins: list[tuple[Part, int]] = []
         size, moments, counts = 0, 0, [0, 0]  # the last: rows of costs, of contacts
         for part in parts:
             for rows in part.rows or ():
                 kept = part.chosen(rows)
-                frames += [name for name in rows.frames if name not in frames]
                 places = {"rows": len(kept), "first": counts[part.held], "index": len(entries)}
                 levels = {"held": part.held, "level": part.level, "second": part.second}
                 if rows.kind == Kind.COP:
@@ -59,7 +62,7 @@ class CoreBlocks(NamedTuple):
         number = np.zeros(size)
         for part, begin in begins:
             part.place(number[begin:])
-        return cls(frames, entries, blocks, number, moments)
+        return cls(frames, moving, entries, blocks, number, moments)
 
     @property
     def held(self) -> int:
@@ -80,6 +83,11 @@ class CoreBlocks(NamedTuple):
         return sum(block["rows"] for block in self.blocks if not block["held"])
 
     @property
+    def of_forces(self) -> bool:
+        """Whether costs are about forces, too."""
+        return any(block["kind"] in (Kind.GIVEN, Kind.COP) for block in self.blocks)
+
+    @property
     def largest(self) -> int:
         """How many rows the largest block has."""
         return max((block["rows"] for block in self.blocks), default=0)
@@ -87,5 +95,5 @@ class CoreBlocks(NamedTuple):
     @property
     def counts(self) -> dict[str, int]:
         """The fields of ``wbc_plan`` that count them."""
-        sizes = {"blocks": len(self.blocks), "frames": len(self.frames)}
+        sizes = {"blocks": len(self.blocks), "frames": self.moving}
         return {**sizes, "costs": self.costs, "held": self.held}

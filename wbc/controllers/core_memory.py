@@ -21,7 +21,7 @@ from wbc.native import doubles, ffi, integers, lib, pointer
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.problem import QP, Labels
 from wbc.qp.proxqp import ProxQP
-from wbc.robot import Robot
+from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import NativeTree, frame_places, joint_starts
 from wbc.validate import Array
 
@@ -97,6 +97,7 @@ class CoreMemory:
         settings = {"dt": dt, "mass": robot.mass, "unit": 1.0, "eps": 1e-8, "most": 1000}
         self.struct = ffi.new("wbc_plan *", {**self._planned.counts, **settings})
         self.struct.levels, self.struct.curved = self.levels, self.curved
+        self.struct.wide = self.n if self._planned.of_forces else tree.nv
         if limits is not None:
             self.struct.limited, self.struct.recovery = True, limits.recovery
             self.struct.braked = limits.braking == "bounded"
@@ -213,10 +214,10 @@ class CoreMemory:
         self.said = int(lib.wbc_finish(self.struct, self.asked, NULL))
         return self.said
 
-    def gaps(self, q: Array, v: Array) -> Array:
+    def gaps(self, snapshot: Snapshot, v: Array) -> Array:
         """Return how far loops and gears are open (held,) where a command leads [m, rad]."""
-        gaps = np.empty(self.held)
-        lib.wbc_gaps(self.struct, doubles(q), doubles(v), doubles(gaps))
+        gaps, at = np.empty(self.held), (snapshot.native_state.array, snapshot.q, v)
+        lib.wbc_gaps(self.struct, *map(doubles, at), doubles(gaps))
         return gaps
 
     def cost(self, level: int) -> tuple[Array, Array]:
@@ -340,7 +341,7 @@ class CoreMemory:
             rows = self.margin.rows * tree.nv
             work = max(work, rows + self._margin_scratch_size(self.margin))
         motion = tree.motion_size if self.forces is not None else 0
-        return len(self._planned.frames) * (tree.frame_size + 6) + motion + work + n
+        return self._planned.moving * (tree.frame_size + 6) + motion + work + n
 
     def _margin_scratch_size(self, margin: NativeMargin) -> int:
         """Return how many numbers looking where an answer leads needs."""

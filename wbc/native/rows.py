@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -77,3 +77,13 @@ class NativeRows(NamedTuple):
         """Return the ``wbc_block`` of source/core.h, by where these frames and all else are."""
         own, other = (-1 if one is None else frames.index(one) for one in (self.frame, self.other))
         return {"kind": self.kind, "frame": own, "other": other, **places}
+
+
+def frames_of(base: str, rows: Iterable[NativeRows]) -> tuple[list[str], int]:
+    """Return the frames that rows are about, ``base`` first, and how many of them need Jacobians.
+
+    Those of loops alone are behind the others: the core works out rows of loops without.
+    """
+    named = [(one.frames, one.kind != Kind.LOOP) for one in rows]
+    moving = dict.fromkeys((base, *(name for frames, moves in named if moves for name in frames)))
+    return list(moving | dict.fromkeys(name for frames, _ in named for name in frames)), len(moving)

@@ -53,7 +53,7 @@ class FlatForm:
         self.labels = labels
         n, k, m = len(labels.variables), len(labels.equality), len(labels.inequality)
         self.n, self.lengths = n, (n * n, k * n, m * n, n, n, n, k, m, m)
-        self._sizes, self._given = (n, k, m), _begins(self.lengths)
+        self._sizes, self._given = (n, k, m, n), _begins(self.lengths)
         self._answer = *_begins((n, k, m, n)), 2 * n + k + m
         self._working, self._places = _sizes(n, k, m)
 
@@ -153,7 +153,7 @@ def _struct(qp: QP, eps: float = 0.0) -> tuple[Any, object]:
     shapes = [(n, n), (k, n), (m, n), (n,), (n,), (n,), (k,), (m,), (m,)]
     if [array.shape for array in given] != shapes:
         check_qp(qp)
-    struct = ffi.new("wbc_qp *", {"n": n, "k": k, "m": m, "eps": eps})
+    struct = ffi.new("wbc_qp *", {"n": n, "k": k, "m": m, "wide": n, "eps": eps})
     for name, array in zip(_GIVEN, given, strict=True):
         setattr(struct, name, doubles(array))
     return struct, given

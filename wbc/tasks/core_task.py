@@ -14,7 +14,7 @@ import numpy as np
 
 from wbc.laws import Residual
 from wbc.native import doubles, ffi, lib, pointer
-from wbc.native.rows import NativeRows
+from wbc.native.rows import NativeRows, frames_of
 from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import frame_places, joint_starts
 from wbc.robot.model import check_sizes
@@ -70,7 +70,7 @@ class _Plan:
     """Memory of one thread for tasks of one structure."""
 
     def __init__(self, robot: Robot, described: Sequence[NativeRows]) -> None:
-        frames = list(dict.fromkeys((BASE, *(name for rows in described for name in rows.frames))))
+        frames, moving = frames_of(BASE, described)
         blocks, size, first = list[dict[str, int]](), 0, 0
         for rows in described:
             k = len(rows.entries)
@@ -87,11 +87,11 @@ class _Plan:
             "frame_joint": joint,
             "frame_placement": placement,
             "start": joint_starts(robot.limits),
-            "scratch": np.empty(len(frames) * (tree.frame_size + 6)),
+            "scratch": np.empty(moving * (tree.frame_size + 6)),
         }
         block, counts = ffi.new("wbc_block[]", blocks), {"blocks": len(blocks), "held": first}
         fields = {name: pointer(array) for name, array in arrays.items()}
-        at = {"tree": tree.struct, "block": block, "frames": len(frames)}
+        at = {"tree": tree.struct, "block": block, "frames": moving}
         self._struct = ffi.new("wbc_plan *", {**at, **counts, **fields})
         self._kept = tree, block, arrays  # which the struct points at
 

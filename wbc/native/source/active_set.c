@@ -54,23 +54,6 @@ static double *row_of(const active_set *a, int64_t k) {
     return a->L + k * (k - 1) / 2;
 }
 
-/* to += c' R for the k rows numbered, of n entries; of a triangle (ascending) from the diagonal on. */
-INLINE void add_numbered(int64_t n, int64_t k, const double *c, const int64_t *number,
-                         const double *rows, int triangle, double *restrict to) {
-    for (int64_t r = 0; r < k; r += 4) {
-        const double *row[4];
-        double by[4];
-        for (int i = 0; i < 4; i++) {
-            by[i] = r + i < k ? c[r + i] : 0.0;
-            row[i] = rows + number[r + i < k ? r + i : r] * n;
-        }
-        const double *a = row[0], *b = row[1], *d = row[2], *e = row[3];
-        const double w = by[0], x = by[1], y = by[2], z = by[3];
-        for (int64_t j = triangle ? number[r] : 0; j < n; j++)
-            to[j] += (w * a[j] + x * b[j]) + (y * d[j] + z * e[j]);
-    }
-}
-
 /* wanted = L^-T wanted */
 WIDE static void back(active_set *a) {
     double *restrict x = a->wanted;
@@ -87,7 +70,7 @@ WIDE static double left_of(active_set *a, int64_t row, const double *l) {
     memcpy(a->wanted, l, a->size * sizeof *l);
     back(a);
     memset(a->left, 0, a->n * sizeof *a->left);
-    add_numbered(a->n, a->size, a->wanted, a->active, a->M, 0, a->left);
+    add_numbered(a->n, a->n, a->size, a->wanted, a->active, a->M, 0, a->left);
     for (int64_t i = 0; i < a->n; i++) a->left[i] -= a->M[row * a->n + i];
     for (int64_t j = 0; j < a->size; j++)
         soft += a->give[a->active[j]] * a->wanted[j] * a->wanted[j];
@@ -177,7 +160,7 @@ WIDE static void refine(active_set *a) {
     }
     solve(a, a->w, 0);
     for (int64_t j = 0; j < a->size; j++) a->z[j] += a->wanted[j], a->w[j] = -a->wanted[j];
-    add_numbered(a->n, a->size, a->w, a->active, a->M, 0, a->y);
+    add_numbered(a->n, a->n, a->size, a->w, a->active, a->M, 0, a->y);
 }
 
 /* Go towards what is wanted (or, endless, along it) until a multiplier would change its sign.
@@ -217,7 +200,7 @@ WIDE static int64_t missed(active_set *a, int64_t *side) {
         if (ROUNDED * fabs(a->z[j]) > met) met = ROUNDED * fabs(a->z[j]);
         a->w[j] = -a->z[j];
     }
-    add_numbered(a->n, a->size, a->w, a->active, a->M, 0, a->y);
+    add_numbered(a->n, a->n, a->size, a->w, a->active, a->M, 0, a->y);
     a->worst = met;
     for (int64_t c = 0; c < a->candidates; c++) {
         const int64_t i = a->candidate[c];
@@ -273,7 +256,7 @@ WIDE static int transform(active_set *a, const double *H, const double *f, const
             for (int64_t c = 0; c < n; c++)
                 if (row[c] != 0.0) a->w[count] = row[c], a->candidate[count++] = c;
             memset(to, 0, n * sizeof *to);
-            add_numbered(n, count, a->w, a->candidate, a->inverse, 1, to);
+            add_numbered(n, n, count, a->w, a->candidate, a->inverse, 1, to);
         }
         const double length = sqrt(dot(n, to, to)), shift = dot(n, to, a->v);
         const double by = length > SHORTEST ? length : 1.0;

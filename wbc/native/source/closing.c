@@ -13,18 +13,18 @@
 const double wbc_closed = 1e-10;  /* m, rad: smaller gaps at the end of a tick stay */
 const double wbc_far_open = 1.0;  /* m, rad: a larger gap is no matter of curvature */
 
-/* Write how far loops are open where x leads; whether they are to be closed. */
+/* Write how far loops are open where x leads from the tick's state; whether they are to be closed. */
 static int is_open(const wbc_plan *plan, const double *q, const double *x, double *gaps) {
     double worst = 0.0;
-    wbc_gaps(plan, q, x, gaps);
+    wbc_gaps(plan, plan->state, q, x, gaps);
     for (int64_t r = 0; r < plan->held; r++)
         if (!(fabs(gaps[r]) <= worst)) worst = fabs(gaps[r]); /* NaN is not */
     return worst > wbc_closed && worst < wbc_far_open;
 }
 
 static void change_ends(const wbc_plan *plan, const wbc_qp *qp, const double *gaps, double sign) {
-    for (int64_t r = 0; r < plan->held; r++)
-        qp->b[plan->passives + r] -= sign * gaps[r] / plan->dt;
+    const double by = sign / plan->dt;
+    for (int64_t r = 0; r < plan->held; r++) qp->b[plan->passives + r] -= by * gaps[r];
 }
 
 /* A tick, how many rounds there were, and whether the last was taken back. */

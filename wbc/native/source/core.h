@@ -193,8 +193,8 @@ typedef struct {
     const wbc_block *block;
     const int64_t *index;
     const double *number;
-    const int64_t *frame_joint;    /* (frames); the first is the base */
-    const double *frame_placement; /* (frames, 12) */
+    const int64_t *frame_joint;    /* (frames); the first is the base; behind them, ends of loops */
+    const double *frame_placement; /* (12) of each */
     const int64_t *start;          /* (nv - 6): where a joint's coordinate is in q */
     const double *damping;         /* (nv + forces) */
     const double *limit; /* (5, nv - 6): lower, upper, speed, and how fast joints speed up and
@@ -224,7 +224,7 @@ typedef struct {
     int64_t *order;       /* the second of wbc_sizes, and (k) to keep, (pairs) of a margin */
     const wbc_margin *margin; /* rows behind all others, or 0 */
     int64_t blocks, frames, costs, held, limited;
-    int64_t torque, forces, bearing, passives, bounded, cones;
+    int64_t torque, forces, bearing, passives, bounded, cones, wide; /* wide: see wbc_qp */
     int64_t levels, curved, given_rows, soft, pushes; /* soft: whether given rows give way */
     int64_t braked;  /* whether a joint's acceleration bounds how it slows down, too */
     int64_t outside; /* whether the reduced QP is solved by others */
@@ -241,7 +241,7 @@ typedef struct {
  * equalities, m rows. Of a plan besides: D, offset: base forces and torques by x, at the torque
  * level; errors of the costs, and the largest square of a weighted row. */
 typedef struct {
-    int64_t n, k, m;
+    int64_t n, k, m, wide; /* wide: from there on P has entries on its diagonal alone */
     double eps; /* an answer of larger residuals is none */
     double *P, *A, *C, *g, *lower, *upper, *b, *l, *u;
     double *x, *y, *z, *z_box, *found; /* the answer; residuals (3), iterations, levels solved */
@@ -256,8 +256,8 @@ typedef struct {
  * stop in time, than the plan has. REDUCED: to who solves it, outside. */
 enum said { INFEASIBLE = -2, UNSOLVED = -1, DONE = 0, NOT_FINITE = 3, NOT_MEASURED = 4,
             LEADS_INSIDE = 5, MORE_ROWS = 6, REDUCED = 7, OUTLIER = 8 };
-/* Write the QP of the first level. state is what wbc_state wrote at (q, v) without frames, or 0: then it
- * is found here. v may be 0, here and below: it lies behind q then. */
+/* Write the QP of the first level. state is plan->state with what wbc_state wrote at (q, v) without frames, or
+ * 0: then it is found here. v may be 0, here and below: it lies behind q then. */
 int wbc_problem(const wbc_plan *plan, const double *state, const void *measured, const double *v);
 /* The same and the answer of all levels: x, y, z, z of the box of each QP; primal, dual and complementarity
  * residuals, iterations, and of the first how many levels were solved. The equalities are eliminated;
@@ -286,9 +286,9 @@ int wbc_box(const wbc_plan *plan, const double *q, const double *v, double *box)
 /* From where on loops and gears count as open, and up to where they are closed by steps; source/closing.c. */
 extern const double wbc_closed, wbc_far_open;
 enum { CLOSING_ROUNDS = 5 }; /* each leaves a gap by that part which joints move in a tick [rad] */
-/* Write how far loops and gears are open (held) where v leads in dt, 0 for rows that do not bend. Returns
- * how many do. */
-int64_t wbc_gaps(const wbc_plan *plan, const double *q, const double *v, double *gaps);
+/* Write how far loops and gears are open (held) where v leads in dt from a state at q, 0 for rows that do not
+ * bend. Returns how many do. */
+int64_t wbc_gaps(const wbc_plan *plan, const double *state, const double *q, const double *v, double *gaps);
 /* Where the reduced QP begins in scratch: P (left, left), g, lower and upper bounds (left + rows) of
  * x and then of C x, C (rows, left); and left. Returns 0. */
 int wbc_reduced(const wbc_plan *plan, int64_t *begin);

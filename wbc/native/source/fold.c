@@ -25,6 +25,14 @@ INLINE void gather_runs(const int64_t *run, const double *row, double *restrict 
 
 INLINE void gather(const folded *f, const double *row, double *to) { gather_runs(f->run, row, to); }
 
+/* Of the first entries alone, which runs do not cross: velocities, or all. */
+INLINE void gather_wide(const folded *f, const double *row, int64_t wide, double *to) {
+    for (const int64_t *run = f->run; run[1] > 0 && run[0] < wide; run += 2) {
+        memcpy(to, row + run[0], run[1] * sizeof *to);
+        to += run[1];
+    }
+}
+
 /* A cone, which is of forces alone, and of no loop's. */
 INLINE void gather_cone(const wbc_plan *plan, const folded *f, const double *row, double *to) {
     const int64_t *run = f->run;
@@ -38,34 +46,39 @@ INLINE int is_cone(const wbc_plan *plan, int64_t r) {
     return r >= plan->bounded && r < plan->bounded + plan->cones;
 }
 
-/* What of the unknowns that were taken out is in a row; whether any is. */
+/* What of the unknowns that were taken out is in a row; whether any is: by their bits, which is faster. */
 INLINE int taken(const folded *f, const double *row, int64_t count, double *restrict entry) {
-    int any = 0;
+    const int64_t loops = f->loops;
+    uint64_t any = 0, bits;
+    for (int64_t e = 0; e < loops; e++) entry[e] = row[f->column[e]];
+    if (count > loops) memcpy(entry + loops, row + f->column[loops], (count - loops) * sizeof *entry);
     for (int64_t e = 0; e < count; e++) {
-        const double one = row[f->column[e]];
-        entry[e] = one, any |= one != 0.0;
+        memcpy(&bits, entry + e, sizeof bits);
+        any |= bits << 1; /* but for the sign */
     }
-    return any;
+    return any != 0;
 }
 
-/* A row of the QP as one of rest, and what of those unknowns was in it: of velocities, or of all. */
-INLINE void fold_row(const folded *f, const double *row, int64_t count, double *entry, double *restrict to) {
+/* A row of the QP as one of rest, and what of those unknowns was in it: of velocities, or of all. Returns what
+ * they are at shift. */
+INLINE double fold_row(const folded *f, const double *row, int64_t count, double *entry, double *restrict to) {
     const int64_t loops = f->loops, n = f->rest.n;
     gather(f, row, to);
-    if (!taken(f, row, count, entry)) return;
+    if (!taken(f, row, count, entry)) return 0.0;
     for (int64_t j = 0; j < f->supports; j++) to[f->support[j]] += dot(loops, entry, f->by + j * loops);
     if (count > loops) add_rows(n, loops, entry + loops, f->force, n, to);
+    return dot(count, entry, f->shift);
 }
 
 /* T of velocities, -N A of what stays, where it is not 0. */
-INLINE void depend(const wbc_qp *qp, folded *f) {
+INLINE void depend(const wbc_qp *qp, int64_t nv, folded *f) {
     const int64_t loops = f->loops;
-    double *sum = f->scratch, *column = sum + qp->n;
-    memset(sum, 0, qp->n * sizeof *sum);
+    double *sum = f->scratch, *column = sum + nv;
+    memset(sum, 0, nv * sizeof *sum);
     for (int64_t i = 0; i < loops; i++)
-        for (int64_t c = 0; c < qp->n; c++) sum[c] += fabs(qp->A[f->row[i] * qp->n + c]);
+        for (int64_t c = 0; c < nv; c++) sum[c] += fabs(qp->A[f->row[i] * qp->n + c]);
     f->supports = 0;
-    for (int64_t j = 0; j < f->rest.n; j++) {
+    for (int64_t j = 0; j < f->rest.n && f->kept[j] < nv; j++) {
         if (sum[f->kept[j]] == 0.0) continue;
         for (int64_t i = 0; i < loops; i++) column[i] = qp->A[f->row[i] * qp->n + f->kept[j]];
         for (int64_t e = 0; e < loops; e++)
@@ -74,16 +87,21 @@ INLINE void depend(const wbc_qp *qp, folded *f) {
     }
 }
 
-/* T of forces, N' D of the dynamics D of joints that they move. */
+/* t of velocities, N b; T of forces, N' D of the dynamics D of joints that they move, and t by their ends. */
 INLINE void balance(const wbc_qp *qp, const folded *f) {
     const int64_t n = f->rest.n, loops = f->loops;
-    double *factor = f->scratch, *dynamics = factor + loops;
-    for (int64_t e = 0; e < loops; e++)
-        fold_row(f, qp->A + f->row[loops + e] * qp->n, loops, factor, dynamics + e * n);
+    double *factor = f->scratch, *end = factor + loops, *dynamics = end + loops, *shift = f->shift;
+    for (int64_t e = 0; e < loops; e++) end[e] = qp->b[f->row[e]];
+    for (int64_t e = 0; e < loops; e++) shift[e] = dot(loops, f->inverse + e * loops, end);
+    for (int64_t e = 0; e < loops; e++) {
+        const int64_t r = f->row[loops + e];
+        end[e] = fold_row(f, qp->A + r * qp->n, loops, factor, dynamics + e * n) - qp->b[r];
+    }
     memset(f->force, 0, loops * n * sizeof *f->force);
     for (int64_t i = 0; i < loops; i++) {
         for (int64_t e = 0; e < loops; e++) factor[e] = f->inverse[e * loops + i];
         add_rows(n, loops, factor, dynamics, n, f->force + i * n);
+        shift[loops + i] = dot(loops, factor, end);
     }
 }
 
@@ -91,15 +109,17 @@ INLINE void balance(const wbc_qp *qp, const folded *f) {
 INLINE void fold_velocities(const wbc_qp *qp, const folded *f) {
     const int64_t n = f->rest.n, loops = f->loops;
     double *P = f->rest.P, *all = f->scratch, *own = all + qp->n;
-    for (int64_t i = 0; i < n; i++) gather(f, qp->P + f->kept[i] * qp->n, P + i * n);
+    memset(P, 0, n * n * sizeof *P);
+    for (int64_t i = 0; i < n; i++)
+        if (f->kept[i] < qp->wide)
+            gather_wide(f, qp->P + f->kept[i] * qp->n, qp->wide, P + i * n);
+        else
+            P[i * (n + 1)] = qp->P[f->kept[i] * (qp->n + 1)];
     for (int64_t j = 0; j < f->supports; j++) {
         const double *by = f->by + j * loops;
         const int64_t at = f->support[j];
         memset(all, 0, qp->n * sizeof *all);
-        for (int64_t e = 0; e < loops; e++) {
-            const double *restrict row = qp->P + f->column[e] * qp->n, part = by[e];
-            for (int64_t c = 0; c < qp->n && part != 0.0; c++) all[c] += part * row[c];
-        }
+        add_numbered(qp->wide, qp->n, loops, by, f->column, qp->P, 0, all);
         gather(f, all, own);
         INDEPENDENT
         for (int64_t i = 0; i < n; i++) P[at * n + i] += own[i];
@@ -144,67 +164,50 @@ INLINE void fold_forces(const wbc_qp *qp, const folded *f) {
     }
 }
 
-/* What the ends of all rows leave, and the gradient. */
-INLINE void shift_ends(const wbc_qp *qp, const wbc_plan *plan, const folded *f) {
+/* The gradient where x of rest is 0, as one of rest. */
+INLINE void fold_gradient(const wbc_qp *qp, const folded *f) {
     const int64_t n = qp->n, loops = f->loops, count = f->count;
-    const wbc_qp *rest = &f->rest;
-    double *end = f->scratch, *shift = f->shift, *gradient = f->gradient, *entry = end + count;
-    for (int64_t e = 0; e < count; e++) end[e] = qp->b[f->row[e]];
-    for (int64_t e = 0; e < loops; e++) shift[e] = dot(loops, f->inverse + e * loops, end);
-    for (int64_t e = loops; e < count; e++) { /* what motion leaves to forces */
-        taken(f, qp->A + f->row[e] * n, loops, entry);
-        end[e] -= dot(loops, entry, shift);
-    }
-    memset(shift + loops, 0, (count - loops) * sizeof *shift);
-    for (int64_t e = 0; e < loops; e++)
-        for (int64_t i = 0; i < loops; i++) shift[loops + i] -= f->inverse[e * loops + i] * end[loops + e];
+    double *gradient = f->gradient;
     memcpy(gradient, qp->g, n * sizeof *gradient);
-    for (int64_t e = 0; e < loops; e++) {
-        const double *row = qp->P + f->column[e] * n, by = shift[e];
-        for (int64_t i = 0; i < n; i++) gradient[i] += by * row[i];
-    }
+    add_numbered(qp->wide, n, loops, f->shift, f->column, qp->P, 0, gradient);
     for (int64_t e = loops; e < count; e++)
-        gradient[f->column[e]] += shift[e] * qp->P[f->column[e] * (n + 1)];
-    fold_row(f, gradient, count, entry, rest->g);
-    for (int64_t r = 0; r < rest->k; r++) rest->b[r] = qp->b[f->others[r]] - dot(count, f->entry + r * count, shift);
+        gradient[f->column[e]] += f->shift[e] * qp->P[f->column[e] * (n + 1)];
+    fold_row(f, gradient, count, f->scratch, f->rest.g);
+}
+
+WIDE static void fold_all(const wbc_qp *qp, const wbc_plan *plan, folded *f) {
+    const wbc_qp *rest = &f->rest;
+    const int64_t n = rest->n, count = f->count;
+    depend(qp, plan->tree->nv, f);
+    balance(qp, f);
+    fold_velocities(qp, f);
+    fold_forces(qp, f);
+    fold_gradient(qp, f);
+    for (int64_t r = 0; r < rest->k; r++) {
+        const int64_t from = f->others[r];
+        rest->b[r] = qp->b[from] - fold_row(f, qp->A + from * qp->n, count, f->entry + r * count, rest->A + r * n);
+    }
     for (int64_t r = 0; r < qp->m; r++) {
-        const double known = is_cone(plan, r) ? 0.0 : dot(count, f->entry + (rest->k + r) * count, shift);
+        double known = 0.0, *to = rest->C + r * n;
+        if (is_cone(plan, r))
+            gather_cone(plan, f, qp->C + r * qp->n, to);
+        else
+            known = fold_row(f, qp->C + r * qp->n, count, f->scratch, to);
         rest->l[r] = qp->l[r] - known, rest->u[r] = qp->u[r] - known;
     }
     for (int64_t e = 0, r = qp->m; e < count; e++) {
         const int64_t c = f->column[e];
         if (!is_bounded(qp, c)) continue;
-        rest->l[r] = qp->lower[c] - shift[e], rest->u[r++] = qp->upper[c] - shift[e];
-    }
-}
-
-WIDE static void fold_all(const wbc_qp *qp, const wbc_plan *plan, folded *f) {
-    const wbc_qp *rest = &f->rest;
-    const int64_t count = f->count;
-    double *entry = f->entry;
-    depend(qp, f);
-    balance(qp, f);
-    fold_velocities(qp, f);
-    fold_forces(qp, f);
-    for (int64_t r = 0; r < rest->k; r++, entry += count)
-        fold_row(f, qp->A + f->others[r] * qp->n, count, entry, rest->A + r * rest->n);
-    for (int64_t r = 0; r < qp->m; r++, entry += count)
-        if (is_cone(plan, r))
-            gather_cone(plan, f, qp->C + r * qp->n, rest->C + r * rest->n);
-        else
-            fold_row(f, qp->C + r * qp->n, count, entry, rest->C + r * rest->n);
-    for (int64_t e = 0, r = qp->m; e < f->count; e++) {
-        if (!is_bounded(qp, f->column[e])) continue;
-        double *to = rest->C + r++ * rest->n;
-        memset(to, 0, rest->n * sizeof *to);
+        double *to = rest->C + r * n;
+        memset(to, 0, n * sizeof *to);
         if (e >= f->loops)
-            memcpy(to, f->force + (e - f->loops) * rest->n, rest->n * sizeof *to);
+            memcpy(to, f->force + (e - f->loops) * n, n * sizeof *to);
         else
             for (int64_t j = 0; j < f->supports; j++) to[f->support[j]] = f->by[j * f->loops + e];
+        rest->l[r] = qp->lower[c] - f->shift[e], rest->u[r++] = qp->upper[c] - f->shift[e];
     }
     gather(f, qp->lower, rest->lower);
     gather(f, qp->upper, rest->upper);
-    shift_ends(qp, plan, f);
 }
 
 void fold(const wbc_qp *qp, const wbc_plan *plan, int64_t *usual, double *scratch, int64_t *order, folded *f) {
@@ -226,14 +229,14 @@ WIDE void unfold_point(const wbc_qp *qp, const folded *f, double *gradient) {
     for (int64_t e = loops; e < f->count; e++)
         qp->x[f->column[e]] = f->shift[e] + dot(n, f->force + (e - loops) * n, x);
     memcpy(f->gradient, qp->g, qp->n * sizeof *gradient);
-    add_rows(qp->n, qp->n, qp->x, qp->P, qp->n, f->gradient); /* P is symmetric */
+    add_slope(qp, qp->x, f->gradient);
     fold_row(f, f->gradient, f->count, f->scratch, gradient);
 }
 
 /* y of what was taken out: from the gradient, that P x + g + z_box + C'z + A'y is 0 there. */
 INLINE void unfold_equalities(const wbc_qp *qp, const folded *f) {
     const int64_t n = qp->n, loops = f->loops;
-    double *rest = f->scratch, *y = qp->y;
+    double *rest = f->scratch, *sum = rest + loops, *y = qp->y;
     for (int64_t r = 0; r < f->rest.k; r++) y[f->others[r]] = f->rest.y[r];
     for (int64_t part = 1; part >= 0; part--) { /* forces before velocities */
         const int64_t *column = f->column + part * loops, *row = f->row + part * loops;
@@ -243,12 +246,12 @@ INLINE void unfold_equalities(const wbc_qp *qp, const folded *f) {
             const double *A = qp->A + f->row[r] * n, by = y[f->row[r]];
             for (int64_t e = 0; e < loops; e++) rest[e] += by * A[column[e]];
         }
-        for (int64_t i = 0; i < loops; i++) {
-            double sum = 0.0;
-            for (int64_t e = 0; e < loops; e++)
-                sum += f->inverse[part ? i * loops + e : e * loops + i] * rest[e];
-            y[row[i]] = part ? sum : -sum;
-        }
+        memset(sum, 0, loops * sizeof *sum);
+        if (part) /* N rest, else N' rest */
+            for (int64_t i = 0; i < loops; i++) sum[i] = -dot(loops, f->inverse + i * loops, rest);
+        else
+            add_rows(loops, loops, rest, f->inverse, loops, sum);
+        for (int64_t i = 0; i < loops; i++) y[row[i]] = -sum[i];
     }
 }
 

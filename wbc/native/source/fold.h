@@ -22,7 +22,7 @@ typedef struct {
     double *by;                 /* (supports, loops), and of forces (loops, rest.n): x_e by x of rest, */
     double *force, *shift;      /* but for shift (count) */
     double *inverse;            /* (loops, loops) of the loops' rows, in those velocities */
-    double *entry;              /* (rest.k + m, count) of them in the other rows A and C */
+    double *entry;              /* (rest.k, count) of them in the other rows A */
     double *gradient;           /* (n): see unfold_point */
     double *scratch;            /* behind */
     int64_t *order;

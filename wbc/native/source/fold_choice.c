@@ -20,7 +20,7 @@ int64_t mechanics(const wbc_plan *plan, int64_t *first) {
 }
 
 int64_t folded_numbers(int64_t n, int64_t k, int64_t m) {
-    return n * n + 4 * k * n + m * n + (2 * k + m) * k + 6 * n + 6 * k + 3 * m + 5;
+    return n * n + 4 * k * n + m * n + 2 * k * k + 6 * n + 6 * k + 3 * m + 5;
 }
 
 int64_t folded_integers(int64_t n, int64_t k) { return 5 + 4 * n + 3 * k; }
@@ -35,7 +35,7 @@ void find_folded(const wbc_qp *qp, const wbc_plan *plan, double *scratch, int64_
     f->support = f->kept + n, f->run = f->support + n, f->order = order + folded_integers(n, k);
     if (f->count == 0) return;
     wbc_qp *rest = &f->rest;
-    rest->n -= f->count, rest->k -= f->count;
+    rest->n -= f->count, rest->k -= f->count, rest->wide = rest->n;
     for (int64_t e = 0; e < f->count; e++) rest->m += is_bounded(qp, f->column[e]);
     double **parts[] = {&rest->P, &rest->A, &rest->C, &rest->g, &rest->lower, &rest->upper, &rest->b,
                         &rest->l, &rest->u, &rest->x, &rest->y, &rest->z, &rest->z_box, &rest->found,
@@ -44,7 +44,7 @@ void find_folded(const wbc_qp *qp, const wbc_plan *plan, double *scratch, int64_
     const int64_t size[] = {rest->n * rest->n, rest->k * rest->n, most * rest->n, rest->n, rest->n,
                             rest->n, rest->k, most, most, rest->n, rest->k, most, rest->n, 5,
                             f->loops * rest->n, f->loops * rest->n, f->count, f->loops * f->loops, n,
-                            (rest->k + qp->m) * f->count};
+                            rest->k * f->count};
     for (int i = 0; i < 20; i++) *parts[i] = f->scratch, f->scratch += size[i];
 }
 
@@ -72,8 +72,8 @@ static int invert_loops(const wbc_qp *qp, const wbc_plan *plan, int64_t begin, i
     return largest < LARGEST;
 }
 
-/* The forces in the loops, in the order of their rows; false if there are others than that, or costs that mix
- * them. */
+/* The forces in the loops, which are behind each other in the order of their rows; false if there are others than
+ * that, or costs that mix them. */
 static int find_forces(const wbc_qp *qp, const wbc_plan *plan, folded *f) {
     const int64_t n = qp->n, loops = f->loops;
     int64_t *column = f->column + loops, found = 0;
@@ -87,7 +87,8 @@ static int find_forces(const wbc_qp *qp, const wbc_plan *plan, folded *f) {
     }
     for (int64_t i = 0; i < loops && found == loops; i++) {
         const double *P = qp->P + column[i] * n, entry = P[column[i]];
-        if (dot(n, P, P) != entry * entry) return 0;
+        if (column[i] != column[0] + i) return 0;
+        if (column[i] < qp->wide && dot(n, P, P) != entry * entry) return 0;
     }
     return found == loops;
 }

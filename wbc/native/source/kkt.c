@@ -37,7 +37,7 @@ WIDE void residuals(const wbc_qp *qp, const double *give, double *gradient) {
 int wbc_residuals(const wbc_qp *qp, double *gradient) {
     const int64_t n = qp->n;
     for (int64_t i = 0; i < n; i++) gradient[i] = qp->g[i] + qp->z_box[i];
-    add_rows(n, n, qp->x, qp->P, n, gradient); /* P is symmetric */
+    add_slope(qp, qp->x, gradient);
     add_rows(n, qp->m, qp->z, qp->C, n, gradient);
     residuals(qp, 0, gradient);
     return DONE;

@@ -5,10 +5,19 @@
 #include <math.h>
 #include <string.h>
 
+/* Four at a time, from the end: their sums over what is known wait for nothing. */
 INLINE void back_substitute(int64_t n, int64_t width, const double *triangle, double *x) {
-    for (int64_t i = n - 1; i >= 0; i--) {
-        const double *row = triangle + i * width;
-        x[i] = (row[n] - dot(n - 1 - i, row + i + 1, x + i + 1)) * row[i];
+    for (int64_t end = n; end > 0; end = (end - 1) & ~(int64_t)3) {
+        const int64_t begin = (end - 1) & ~(int64_t)3;
+        for (int64_t i = begin; i < end; i++) {
+            const double *row = triangle + i * width;
+            x[i] = row[n] - dot(n - end, row + end, x + end);
+        }
+        for (int64_t i = end - 1; i >= begin; i--) {
+            const double *row = triangle + i * width;
+            for (int64_t j = end - 1; j > i; j--) x[i] -= row[j] * x[j];
+            x[i] *= row[i];
+        }
     }
 }
 
@@ -36,10 +45,15 @@ WIDE int least(int64_t n, const double *H, int64_t stride, const double *f, doub
 WIDE void least_again(int64_t n, const double *f, double *triangle, double *x) {
     const int64_t width = PADDED(n + 1);
     for (int64_t i = 0; i < n; i++) x[i] = -f[i];
-    for (int64_t i = 0; i < n; i++) {
-        double *row = triangle + i * width;
-        const double end = row[n] = x[i] * row[i];
-        for (int64_t j = i + 1; j < n; j++) x[j] -= end * row[j];
+    for (int64_t i = 0; i < n; i += 4) { /* four rows, then what they are to all others */
+        const int64_t behind = i + 4 < n ? i + 4 : n;
+        double end[4] = {0.0, 0.0, 0.0, 0.0};
+        for (int64_t j = i; j < behind; j++) {
+            double *row = triangle + j * width;
+            row[n] = x[j] * row[j], end[j - i] = -row[n];
+            for (int64_t k = j + 1; k < behind; k++) x[k] += end[j - i] * row[k];
+        }
+        add_rows(n - behind, behind - i, end, triangle + i * width + behind, width, x + behind);
     }
     back_substitute(n, width, triangle, x);
 }

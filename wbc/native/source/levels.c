@@ -142,8 +142,8 @@ int wbc_pose(const wbc_plan *plan, const double *q, const double *v, int64_t lev
     double heaviest = 0.0;
     memset(qp.P, 0, n * n * sizeof *qp.P);
     memset(qp.g, 0, n * sizeof *qp.g);
-    const int64_t wide = add_costs(plan, level, J, qp.P, qp.g, &heaviest);
-    close_cost(plan, level, wide, velocity_of(plan->tree, q, v), 0.0, J, qp.P, qp.g);
+    add_costs(plan, level, J, qp.P, qp.g, &heaviest);
+    close_cost(plan, level, velocity_of(plan->tree, q, v), 0.0, J, qp.P, qp.g);
     return is_qp(&qp) ? DONE : NOT_FINITE;
 }
 

@@ -1,7 +1,8 @@
-/* Small vectors, and symmetric (3, 3) matrices as xx xy xz yy yz zz. */
+/* Small vectors, rotations, and symmetric (3, 3) matrices as xx xy xz yy yz zz. */
 #ifndef WBC_LINEAR_H
 #define WBC_LINEAR_H
 
+#include <math.h>
 #include <stdint.h>
 
 /* A function compiled twice, and run with wider vectors where the machine has them; INLINE for what
@@ -49,20 +50,35 @@ INLINE double dot(int64_t n, const double *a, const double *b) {
     return ((p + t) + (r + v)) + ((q + u) + (s + w));
 }
 
-/* to += c' R for k rows of n entries, stride apart; four at a time: a quarter of the traffic of to. */
+/* to += w a + x b + y d + z e: four rows at a time are a quarter of the traffic of to. */
+INLINE void add_four(int64_t n, const double *c, const double *a, const double *b, const double *d,
+                     const double *e, double *restrict to) {
+    const double w = c[0], x = c[1], y = c[2], z = c[3];
+    if (w == 0.0 && x == 0.0 && y == 0.0 && z == 0.0) return;
+    for (int64_t j = 0; j < n; j++) to[j] += (w * a[j] + x * b[j]) + (y * d[j] + z * e[j]);
+}
+
+/* to += c' R for k rows of n entries, stride apart. */
 INLINE void add_rows(int64_t n, int64_t k, const double *c, const double *rows, int64_t stride,
                      double *restrict to) {
+    for (; k >= 4; k -= 4, c += 4, rows += 4 * stride)
+        add_four(n, c, rows, rows + stride, rows + 2 * stride, rows + 3 * stride, to);
+    const double rest[4] = {k > 0 ? c[0] : 0.0, k > 1 ? c[1] : 0.0, k > 2 ? c[2] : 0.0, 0.0};
+    if (k > 0) add_four(n, rest, rows, k > 1 ? rows + stride : rows, k > 2 ? rows + 2 * stride : rows, rows, to);
+}
+
+/* The same for the k rows numbered, of n entries of stride; of a triangle (ascending) from the diagonal on. */
+INLINE void add_numbered(int64_t n, int64_t stride, int64_t k, const double *c, const int64_t *number,
+                         const double *rows, int triangle, double *restrict to) {
     for (int64_t r = 0; r < k; r += 4) {
         const double *row[4];
+        const int64_t begin = triangle ? number[r] : 0;
         double by[4];
         for (int i = 0; i < 4; i++) {
             by[i] = r + i < k ? c[r + i] : 0.0;
-            row[i] = rows + (r + i < k ? r + i : r) * stride;
+            row[i] = rows + number[r + i < k ? r + i : r] * stride + begin;
         }
-        const double *a = row[0], *b = row[1], *d = row[2], *e = row[3];
-        const double w = by[0], x = by[1], y = by[2], z = by[3];
-        if (w == 0.0 && x == 0.0 && y == 0.0 && z == 0.0) continue;
-        for (int64_t j = 0; j < n; j++) to[j] += (w * a[j] + x * b[j]) + (y * d[j] + z * e[j]);
+        add_four(n - begin, by, row[0], row[1], row[2], row[3], to + begin);
     }
 }
 
@@ -109,6 +125,26 @@ static inline void congruent(const double *R, const double *S, double *out) {
     for (int i = 0; i < 3; i++) symmetric_times(S, R + 3 * i, T + 3 * i);
     out[0] = dot3(R, T), out[1] = dot3(R, T + 3), out[2] = dot3(R, T + 6);
     out[3] = dot3(R + 3, T + 3), out[4] = dot3(R + 3, T + 6), out[5] = dot3(R + 6, T + 6);
+}
+
+/* exp(r) = 1 + c[0] [r] + c[1] [r]^2, and its integrals over time 1 + c[1] [r] + c[2] [r]^2 and
+ * 1/2 + c[2] [r] + c[3] [r]^2 (Hartley et al., the appendix's Gamma 0, 1, 2). */
+static inline void coefficients(const double *r, double *c) {
+    const double tt = dot3(r, r);
+    if (tt < 0.01) { /* series: the closed form loses half the digits of c[3]; divisions take long */
+        const double a = tt * (1.0 / 20), b = tt * (1.0 / 30), d = tt * (1.0 / 42), e = tt * (1.0 / 56);
+        const double f = tt * (1.0 / 72), g = tt * (1.0 / 90), h = tt * (1.0 / 110), i = tt * (1.0 / 132);
+        c[0] = 1.0 - tt * (1.0 / 6) * (1.0 - a * (1.0 - d * (1.0 - f)));
+        c[1] = 0.5 * (1.0 - tt * (1.0 / 12) * (1.0 - b * (1.0 - e * (1.0 - g))));
+        c[2] = (1.0 / 6) * (1.0 - a * (1.0 - d * (1.0 - f * (1.0 - h))));
+        c[3] = (1.0 / 24) * (1.0 - b * (1.0 - e * (1.0 - g * (1.0 - i))));
+        return;
+    }
+    const double t = sqrt(tt);
+    c[0] = sin(t) / t;
+    c[1] = (1.0 - cos(t)) / tt;
+    c[2] = (1.0 - c[0]) / tt;
+    c[3] = (0.5 - c[1]) / tt;
 }
 
 /* S += factor ((a.b) 2 - a b' - b a'): with a = b half of it is the parallel-axis theorem. */

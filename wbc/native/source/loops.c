@@ -2,6 +2,7 @@
  *
  * In axes of the other frame of a loop, which is where its error is, joints that carry both frames move
  * nothing: their columns are exactly 0, and all that follows looks at the joints between the frames alone.
+ * The frames need no Jacobians: those that nothing else is about are behind plan->frames.
  */
 #include "rows.h"
 #include "tree.h"
@@ -11,104 +12,113 @@
 /* Numbers of a gear: two joints, and the coefficients of its polynomial, lowest first. */
 enum { FOLLOWER = 0, DRIVER = 1, POWERS = 2, GEAR_DEGREE = 4 };
 
-/* The last joint that carries two others; parents come before children. */
-static int64_t carrier(const wbc_tree *tree, int64_t i, int64_t j) {
-    while (i != j)
+/* The joints that carry one end of a loop and not the other: from one inwards to another, that without, which is
+ * the base or behind it. */
+typedef struct {
+    int64_t from, to;
+} chain;
+
+static chain chain_of(const wbc_plan *plan, const wbc_block *block, int side) {
+    const int64_t *parent = plan->tree->parent, one = plan->frame_joint[block->frame];
+    const int64_t other = plan->frame_joint[block->other];
+    int64_t i = one, j = other;
+    while (i != j) /* parents come before children */
         if (i > j)
-            i = tree->parent[i];
+            i = parent[i];
         else
-            j = tree->parent[j];
-    return i;
+            j = parent[j];
+    const chain found = {side ? other : one, i};
+    return found;
 }
 
-static const double *place_of(const wbc_plan *plan, int64_t frame, const double *frames) {
-    return frames + frame * FRAME_SIZE(plan->tree->nv);
+/* A loop's ends in the world: origins and rotations (12 each) of its frame, of which the rotation only if it
+ * holds turns, too, and of that at which it is held. */
+typedef struct {
+    double one[12], other[12];
+    int turns;
+} loop_ends;
+
+static void place_ends(const wbc_plan *plan, const wbc_block *block, const double *state, loop_ends *ends) {
+    ends->turns = 0;
+    for (int64_t i = 0; i < block->rows; i++) ends->turns |= plan->index[block->index + i] >= 3;
+    place_frame(plan->tree, state, plan->frame_joint[block->frame], plan->frame_placement + 12 * block->frame,
+                ends->turns, ends->one);
+    place_frame(plan->tree, state, plan->frame_joint[block->other], plan->frame_placement + 12 * block->other,
+                1, ends->other);
 }
 
-/* The rows of a loop by where its frame is as seen from the other, each given by origin and rotation. */
-static void gap_of(const wbc_plan *plan, const wbc_block *block, const double *one,
-                   const double *other, double *gap) {
+/* The rows of a loop by where its frame is as seen from the other. */
+static void gap_of(const wbc_plan *plan, const wbc_block *block, const loop_ends *ends, double *gap) {
     const int64_t *chosen = plan->index + block->index;
-    const double *axes = other + FRAME_ROTATION;
+    const double *axes = ends->other + FRAME_ROTATION;
     double arm[3], relative[9], all[6];
-    for (int i = 0; i < 3; i++) arm[i] = one[i] - other[i];
+    for (int i = 0; i < 3; i++) arm[i] = ends->one[i] - ends->other[i];
     transposed_times3(axes, arm, all);
-    int turns = 0;
-    for (int64_t i = 0; i < block->rows; i++) turns |= chosen[i] >= 3;
-    if (turns) { /* position, then rotation vector */
-        transposed_product3(axes, one + FRAME_ROTATION, relative);
+    if (ends->turns) { /* position, then rotation vector */
+        transposed_product3(axes, ends->one + FRAME_ROTATION, relative);
         logarithm(relative, all + 3);
     }
     for (int64_t i = 0; i < block->rows; i++) gap[i] = all[chosen[i]];
 }
 
-void loop_errors(const wbc_plan *plan, const wbc_block *block, const double *frames, double *e) {
-    gap_of(plan, block, place_of(plan, block->frame, frames), place_of(plan, block->other, frames), e);
-}
-
-/* Entries of a row for the joints from one up to another that carries it: u' linear + w' angular. */
-static void add_columns(const wbc_plan *plan, int64_t joint, int64_t last, const double *J,
-                        const double *u, const double *w, double *row, int64_t stride) {
+/* Its rows are by the joints that carry one end and not the other: what they do to a point at the frame's
+ * origin, on either side, in the other's axes. */
+void loop_rows(const wbc_plan *plan, const wbc_block *block, const double *state, double scale,
+               double *rows, int64_t apart, int64_t stride, double *errors) {
     const wbc_tree *tree = plan->tree;
-    const int64_t nv = tree->nv;
-    for (int64_t j = joint; j != last; j = tree->parent[j]) {
-        const int64_t first = j == 1 ? 0 : tree->iv[j], behind = j == 1 ? 6 : first + 1;
-        for (int64_t c = first; c < behind; c++)
-            row[c * stride] = u[0] * J[c] + u[1] * J[nv + c] + u[2] * J[2 * nv + c] +
-                              w[0] * J[3 * nv + c] + w[1] * J[4 * nv + c] + w[2] * J[5 * nv + c];
-    }
+    const int64_t nv = tree->nv, k = block->rows, *chosen = plan->index + block->index;
+    const double *T = state + TWISTS(nv);
+    const chain sides[2] = {chain_of(plan, block, 0), chain_of(plan, block, 1)};
+    double u[3], all[6];
+    loop_ends ends;
+    place_ends(plan, block, state, &ends);
+    if (errors) gap_of(plan, block, &ends, errors);
+    for (int64_t i = 0; i < k; i++)
+        for (int64_t c = 0; c < nv; c++) rows[i * apart + c * stride] = 0.0;
+    for (int side = 0; side < 2; side++, scale = -scale)
+        for (int64_t j = sides[side].from; j != sides[side].to; j = tree->parent[j]) {
+            const int64_t c = tree->iv[j];
+            const double w[3] = {T[3 * nv + c], T[4 * nv + c], T[5 * nv + c]};
+            speed_at(tree, state, j, c, ends.one, u);
+            transposed_times3(ends.other + FRAME_ROTATION, u, all);
+            if (ends.turns) transposed_times3(ends.other + FRAME_ROTATION, w, all + 3);
+            for (int64_t i = 0; i < k; i++) rows[i * apart + c * stride] = scale * all[chosen[i]];
+        }
 }
 
-/* A row of position is u' (J - J_other) + (u x arm)' W_other with u an axis and W the angular rows, one of
- * the turn u' (W - W_other). */
-void loop_row(const wbc_plan *plan, const wbc_block *block, const double *frames, int64_t i,
-              double scale, double *row, int64_t stride) {
-    static const double none[3] = {0.0, 0.0, 0.0};
-    const int64_t nv = plan->tree->nv, chosen = plan->index[block->index + i], axis = chosen % 3;
-    const int64_t joint = plan->frame_joint[block->frame], held = plan->frame_joint[block->other];
-    const int64_t both = carrier(plan->tree, joint, held);
-    const double *frame = place_of(plan, block->frame, frames);
-    const double *there = place_of(plan, block->other, frames), *R = there + FRAME_ROTATION;
-    const double u[3] = {scale * R[axis], scale * R[3 + axis], scale * R[6 + axis]};
-    const double back[3] = {-u[0], -u[1], -u[2]};
-    double arm[3], moved[3];
-    for (int64_t c = 0; c < nv; c++) row[c * stride] = 0.0;
-    if (chosen >= 3) {
-        add_columns(plan, joint, both, frame + FRAME_JACOBIAN, none, u, row, stride);
-        add_columns(plan, held, both, there + FRAME_JACOBIAN, none, back, row, stride);
-        return;
-    }
-    for (int j = 0; j < 3; j++) arm[j] = frame[j] - there[j];
-    cross3(u, arm, moved);
-    add_columns(plan, joint, both, frame + FRAME_JACOBIAN, u, none, row, stride);
-    add_columns(plan, held, both, there + FRAME_JACOBIAN, back, moved, row, stride);
-}
-
-/* Of Ra' (pb - pa) and, for the turn, of its rate Ra' (wb - wa). */
-void loop_drift(const wbc_plan *plan, const wbc_block *block, const double *frames,
-                const double *motion, const double *accelerations, const double *v, double *out) {
-    const int64_t nv = plan->tree->nv;
-    const double *frame = place_of(plan, block->frame, frames), *J = frame + FRAME_JACOBIAN;
-    const double *there = place_of(plan, block->other, frames), *back = there + FRAME_JACOBIAN;
-    const double *a = accelerations + 6 * block->frame, *b = accelerations + 6 * block->other;
-    const double *moving = motion + JOINT_MOTION(nv);
+/* Of Ra' (pb - pa): a' - w' x arm - w x (w x arm) - 2 w x (the rate in axes of a); and of its turn's rate,
+ * Ra' (wb - wa). */
+void loop_drift(const wbc_plan *plan, const wbc_block *block, const double *state,
+                const double *motion, const double *v, double *out) {
+    const wbc_tree *tree = plan->tree;
+    const int64_t frames[2] = {block->frame, block->other};
+    const double *moving = motion + JOINT_MOTION(tree->nv);
     const double *w = moving + JOINT_MOTION_SIZE * plan->frame_joint[block->frame] + OMEGA;
     const double *wa = moving + JOINT_MOTION_SIZE * plan->frame_joint[block->other] + OMEGA;
-    double arm[3], slide[3], all[6], one[3], two[3];
-    for (int i = 0; i < 3; i++) {
-        arm[i] = frame[i] - there[i];
-        slide[i] = dot(nv, J + i * nv, v) - dot(nv, back + i * nv, v);
-        all[i] = a[i] - b[i], all[3 + i] = a[3 + i] - b[3 + i];
+    double a[12], rate[3] = {0.0, 0.0, 0.0}, arm[3], turn[3], u[3], all[6];
+    loop_ends ends;
+    place_ends(plan, block, state, &ends);
+    for (int side = 0; side < 2; side++) {
+        const chain along = chain_of(plan, block, side);
+        wbc_drifts(tree, state, motion, 1, plan->frame_joint + frames[side],
+                   plan->frame_placement + 12 * frames[side], a + 6 * side);
+        for (int64_t j = along.from; j != along.to; j = tree->parent[j]) {
+            const double by = v[tree->iv[j]];
+            speed_at(tree, state, j, tree->iv[j], ends.one, u);
+            for (int i = 0; i < 3; i++) rate[i] += (side ? -by : by) * u[i];
+        }
     }
-    cross3(b + 3, arm, one);
-    for (int i = 0; i < 3; i++) all[i] -= one[i];
-    cross3(wa, arm, one);
-    for (int i = 0; i < 3; i++) one[i] -= 2.0 * slide[i];
-    cross3(wa, one, two);
-    cross3(wa, w, one);
-    for (int i = 0; i < 3; i++) all[i] += two[i], all[3 + i] -= one[i];
-    transposed_times3(there + FRAME_ROTATION, all, out);
-    transposed_times3(there + FRAME_ROTATION, all + 3, out + 3);
+    for (int i = 0; i < 6; i++) all[i] = a[i] - a[6 + i];
+    for (int i = 0; i < 3; i++) arm[i] = ends.one[i] - ends.other[i];
+    cross3(a + 9, arm, turn);
+    for (int i = 0; i < 3; i++) all[i] -= turn[i];
+    cross3(wa, arm, turn);
+    for (int i = 0; i < 3; i++) turn[i] += 2.0 * rate[i];
+    cross3(wa, turn, u);
+    cross3(wa, w, turn);
+    for (int i = 0; i < 3; i++) all[i] -= u[i], all[3 + i] -= turn[i];
+    transposed_times3(ends.other + FRAME_ROTATION, all, out);
+    transposed_times3(ends.other + FRAME_ROTATION, all + 3, out + 3);
 }
 
 /* A gear's polynomial at its driver's position, and its derivatives. */
@@ -147,46 +157,58 @@ static double gear_gap(const wbc_plan *plan, const double *gear, const double *q
     return joint_position(plan, q, follower) + plan->dt * v[6 + follower] - by[0];
 }
 
-/* Origin and rotation (12) of a frame in a joint that carries it, once all have moved by v dt. */
-static void moved_frame(const wbc_plan *plan, int64_t frame, int64_t carrying, const double *q,
-                        const double *v, double *pose) {
-    const wbc_tree *tree = plan->tree;
-    const double *placement = plan->frame_placement + 12 * frame;
-    double *p = pose, *R = pose + FRAME_ROTATION;
-    memcpy(R, placement, 9 * sizeof *R);
-    memcpy(p, placement + 9, 3 * sizeof *p);
-    for (int64_t j = plan->frame_joint[frame]; j != carrying; j = tree->parent[j]) {
-        double there[12], turned[9], arm[3];
-        moved_joint(tree, j, q, v, plan->dt, there);
-        product3(there, R, turned);
-        times3(there, p, arm);
-        memcpy(R, turned, sizeof turned);
-        for (int i = 0; i < 3; i++) p[i] = there[9 + i] + arm[i];
+/* Move a frame, its origin and maybe its rotation, by a joint's twist for a while: so no joint is placed anew. */
+static void move_by(const wbc_tree *tree, int64_t j, const double *state, const double *v, double time,
+                    int turns, double *pose) {
+    const int64_t nv = tree->nv, c = tree->iv[j];
+    const double *T = state + TWISTS(nv) + c, by = time * v[c];
+    const double w[3] = {by * T[3 * nv], by * T[4 * nv], by * T[5 * nv]};
+    double u[3], turn[3], again[3], k[4];
+    coefficients(w, k);
+    speed_at(tree, state, j, c, pose, u);
+    cross3(w, u, turn);
+    for (int i = 0; i < 3; i++) pose[i] += by * (k[0] * u[i] + k[1] * turn[i]);
+    for (int a = 0; a < 3 && turns; a++) { /* axis by axis */
+        double *R = pose + FRAME_ROTATION + a;
+        const double axis[3] = {R[0], R[3], R[6]};
+        cross3(w, axis, turn);
+        cross3(w, turn, again);
+        for (int i = 0; i < 3; i++) R[3 * i] += k[0] * turn[i] + k[1] * again[i];
     }
 }
 
-static void loop_gaps(const wbc_plan *plan, const wbc_block *block, const double *q,
+/* The other way by joints up to another, which comes first. */
+static void move_back(const wbc_plan *plan, int64_t joint, int64_t to, const double *state, const double *v,
+                      loop_ends *ends) {
+    if (joint == to) return;
+    move_back(plan, plan->tree->parent[joint], to, state, v, ends);
+    move_by(plan->tree, joint, state, v, -plan->dt, ends->turns, ends->one);
+}
+
+/* Where its frame gets to as seen from the other: moved outwards by its own joints, back by the other's. */
+static void loop_gaps(const wbc_plan *plan, const wbc_block *block, const double *state,
                       const double *v, double *gaps) {
-    const int64_t both =
-        carrier(plan->tree, plan->frame_joint[block->frame], plan->frame_joint[block->other]);
-    double one[12], other[12];
-    moved_frame(plan, block->frame, both, q, v, one);
-    moved_frame(plan, block->other, both, q, v, other);
-    gap_of(plan, block, one, other, gaps);
+    const chain own = chain_of(plan, block, 0), held = chain_of(plan, block, 1);
+    loop_ends ends;
+    place_ends(plan, block, state, &ends);
+    for (int64_t j = own.from; j != own.to; j = plan->tree->parent[j])
+        move_by(plan->tree, j, state, v, plan->dt, ends.turns, ends.one);
+    move_back(plan, held.from, held.to, state, v, &ends);
+    gap_of(plan, block, &ends, gaps);
 }
 
 static int bends(const double *gear) {
     return gear[POWERS + 2] != 0.0 || gear[POWERS + 3] != 0.0 || gear[POWERS + 4] != 0.0;
 }
 
-int64_t wbc_gaps(const wbc_plan *plan, const double *q, const double *v, double *gaps) {
+int64_t wbc_gaps(const wbc_plan *plan, const double *state, const double *q, const double *v, double *gaps) {
     int64_t bent = 0;
     memset(gaps, 0, plan->held * sizeof *gaps);
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++) {
         const double *own = plan->number + block->number + WEIGHTS + 3 * block->rows;
         double *to = gaps + block->first;
         if (block->held && block->kind == LOOP)
-            loop_gaps(plan, block, q, v, to), bent += block->rows;
+            loop_gaps(plan, block, state, v, to), bent += block->rows;
         else if (block->held && block->kind == GEAR && bends(own))
             *to = gear_gap(plan, own, q, v), bent++;
     }

@@ -7,6 +7,7 @@
  */
 #include "core.h"
 #include "linear.h"
+#include "tree.h"
 
 #include <string.h>
 
@@ -16,12 +17,6 @@ static void twist_at_com(int64_t nv, const double *state, int64_t k, double *u, 
     for (int i = 0; i < 3; i++) w[i] = T[(3 + i) * nv];
     cross3(w, state + COM, u);
     for (int i = 0; i < 3; i++) u[i] += T[i * nv];
-}
-
-/* The columns [first, last) of v that move a joint. */
-static int64_t columns(const wbc_tree *tree, int64_t j, int64_t *first) {
-    *first = j == 1 ? 0 : tree->iv[j];
-    return j == 1 ? 6 : *first + 1;
 }
 
 /* Acceleration of a point at an arm from one that accelerates by c; out may be c. */
@@ -127,12 +122,12 @@ static void mass_matrix(const wbc_tree *tree, const double *state, const double 
     memset(M, 0, nv * nv * sizeof *M);
     for (int64_t j = 1; j < tree->joints; j++) {
         int64_t first, begin;
-        const int64_t last = columns(tree, j, &first);
+        const int64_t last = columns_of(tree, j, &first);
         for (int64_t k = first; k < last; k++) {
             double A[6];
             for (int r = 0; r < 6; r++) A[r] = state[CENTROIDAL_MAP + r * nv + k];
             for (int64_t above = j; above > 0; above = tree->parent[above]) {
-                const int64_t end = columns(tree, above, &begin);
+                const int64_t end = columns_of(tree, above, &begin);
                 for (int64_t i = begin; i < end; i++) {
                     const double *t = twists + 6 * i;
                     M[i * nv + k] = M[k * nv + i] = dot3(t, A) + dot3(t + 3, A + 3);
@@ -166,7 +161,7 @@ int wbc_motion(const wbc_tree *tree, const double *state, const double *v, doubl
     for (int i = 0; i < 3; i++) mean[i] /= mass, push[i] = drift[MOMENTUM_DRIFT + i] / mass;
     for (int64_t j = n - 1; j > 0; j--) {
         int64_t first;
-        const int64_t last = columns(tree, j, &first);
+        const int64_t last = columns_of(tree, j, &first);
         for (int64_t k = first; k < last; k++) {
             const double *t = twists + 6 * k;
             motion[BIAS(nv) + k] = dot3(t, wrench + 6 * j) + dot3(t + 3, wrench + 6 * j + 3);

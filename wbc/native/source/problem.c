@@ -24,7 +24,7 @@ void lay_out(const wbc_plan *plan, wbc_qp *qp) {
     const int64_t m = plan->bounded + plan->cones + margin_rows(plan) + plan->given_rows;
     const int64_t D = plan->torque ? nv : 0;
     double *at = plan->out;
-    qp->n = n, qp->k = k, qp->m = m, qp->eps = plan->eps;
+    qp->n = n, qp->k = k, qp->m = m, qp->wide = plan->wide, qp->eps = plan->eps;
     qp->P = at, at += n * n;
     qp->A = at, at += k * n;
     qp->C = at, at += m * n;
@@ -189,7 +189,8 @@ int wbc_box(const wbc_plan *plan, const double *q, const double *v, double *box)
 }
 
 /* What the forces of contacts do to v: the columns of D behind v+, negative. */
-static void add_forces(const wbc_plan *plan, const double *frames, const double *q, const wbc_qp *qp) {
+static void add_forces(const wbc_plan *plan, const double *state, const double *frames, const double *q,
+                       const wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = nv + plan->forces;
     double *D = qp->D;
     for (const wbc_force *force = plan->force; force < plan->force + plan->bearing; force++) {
@@ -202,11 +203,12 @@ static void add_forces(const wbc_plan *plan, const double *frames, const double 
         if (block->kind == LOOP && block->held && block->rows == force->count) { /* its rows are there */
             const double *A = qp->A + (plan->passives + block->first) * n;
             for (int64_t r = 0; r < force->count; r++)
-                for (int64_t i = 0; i < nv; i++) to[i * n + r] = -A[r * n + i];
+                for (int64_t i = 0; i < nv; i++)
+                    if (A[r * n + i] != 0.0) to[i * n + r] = -A[r * n + i]; /* few are */
             continue;
         }
         if (block->kind == LOOP) {
-            for (int64_t r = 0; r < force->count; r++) loop_row(plan, block, frames, r, -1.0, to + r, n);
+            loop_rows(plan, block, state, -1.0, to, 1, n, 0);
             continue;
         }
         if (block->kind == GEAR) {
@@ -220,34 +222,35 @@ static void add_forces(const wbc_plan *plan, const double *frames, const double 
                 for (int64_t i = 0; i < nv; i++) to[i * n + r] = -rows[r * nv + i];
             continue;
         }
-        for (int64_t c = 0; c < force->corners; c++, corner += 3, to += 3) {
-            double arm[3];
-            times3(axes, corner, arm);
-            for (int64_t i = 0; i < nv; i++) {
+        for (int64_t j = plan->frame_joint[block->frame], i; j > 0; j = plan->tree->parent[j])
+            for (int64_t behind = columns_of(plan->tree, j, &i); i < behind; i++) { /* which move the frame */
                 const double w[3] = {J[3 * nv + i], J[4 * nv + i], J[5 * nv + i]};
-                double u[3];
-                cross3(w, arm, u);
-                for (int r = 0; r < 3; r++) u[r] += J[r * nv + i];
-                for (int r = 0; r < 3; r++)
-                    to[i * n + r] = -(u[0] * axes[r] + u[1] * axes[3 + r] + u[2] * axes[6 + r]);
+                for (int64_t c = 0; c < force->corners; c++) {
+                    double arm[3], u[3], along[3];
+                    times3(axes, corner + 3 * c, arm);
+                    cross3(w, arm, u);
+                    for (int r = 0; r < 3; r++) u[r] += J[r * nv + i];
+                    transposed_times3(axes, u, along);
+                    for (int r = 0; r < 3; r++) to[i * n + 3 * c + r] = -along[r];
+                }
             }
-        }
     }
 }
 
 /* Base forces and torques D x + offset by the unknowns, and the rows made of them; behind those of loops. */
-static void add_dynamics(const wbc_plan *plan, const double *frames, const double *motion,
-                         const double *q, const double *v, const wbc_qp *qp) {
+static void add_dynamics(const wbc_plan *plan, const double *state, const double *frames,
+                         const double *motion, const double *q, const double *v, const wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = qp->n, f = plan->forces;
     const double *cone = plan->cone, *least = cone + plan->cones * f, *most = least + plan->cones;
+    const double by_mass = 1.0 / plan->mass;
     for (int64_t i = 0; i < nv; i++) {
         double *row = qp->D + i * n;
-        for (int64_t c = 0; c < nv; c++) row[c] = motion[i * nv + c] / plan->mass;
+        for (int64_t c = 0; c < nv; c++) row[c] = motion[i * nv + c] * by_mass;
         for (int64_t c = nv; c < n; c++) row[c] = 0.0;
         qp->offset[i] = (motion[BIAS(nv) + i] - plan->load[i]) / plan->unit - dot(nv, row, v);
         if (i >= 6) row[i] += plan->joint_damping[i - 6] / plan->unit;
     }
-    add_forces(plan, frames, q, qp);
+    add_forces(plan, state, frames, q, qp);
     for (int64_t r = 0; r < plan->passives; r++) {
         memcpy(qp->A + r * n, qp->D + plan->passive[r] * n, n * sizeof *qp->A);
         qp->b[r] = -qp->offset[plan->passive[r]];
@@ -316,7 +319,7 @@ static void keep_row(const wbc_plan *plan, const wbc_block *block, int64_t i, co
     double *to = block->held ? qp->A + (plan->passives + r) * n : kept.matrix + r * n;
     if (block->kind == JOINTS && !block->held)
         memset(to, 0, nv * sizeof *to), to[6 + plan->index[block->index + i]] = 1.0;
-    else
+    else if (to != row)
         memcpy(to, row, nv * sizeof *to);
     memset(to + nv, 0, (n - nv) * sizeof *to);
     if (block->held)
@@ -333,9 +336,11 @@ WIDE static void add_block(const wbc_plan *plan, const wbc_block *block, const w
     const double *number = plan->number + block->number, *weight = number + WEIGHTS;
     double *e = J + k * nv, *bias = e + k, *drift = bias + k, *wanted = drift + k, curved;
     double *error = block->held ? e : qp->errors + block->first;
+    /* where they are to be, if they fit there */
+    double *rows = block->held && n == nv ? qp->A + (plan->passives + block->first) * n : J;
     const int is_diagonal = block->kind == JOINTS && !block->held;
     const int is_rate = block->kind == MOMENTUM_ENTRIES && !block->held;
-    evaluate(plan, block, at->state, at->frames, at->q, J, error, bias, &curved);
+    evaluate(plan, block, at->state, at->frames, at->q, rows, error, bias, &curved);
     for (int64_t i = 0; i < k && (block->kind == LOOP || block->kind == GEAR); i++)
         error[i] += plan->added[block->first + i];
     if (plan->torque)
@@ -347,7 +352,7 @@ WIDE static void add_block(const wbc_plan *plan, const wbc_block *block, const w
     }
     for (int64_t i = 0; i < k; i++) {
         const int64_t c = 6 + plan->index[block->index + i];
-        double *row = J + i * nv, moving = 0.0, size = weight[i] * weight[i];
+        double *row = rows + i * nv, moving = 0.0, size = weight[i] * weight[i];
         if (plan->torque || is_rate) moving = is_diagonal ? at->v[c] : dot(nv, row, at->v);
         const double rate = wanted_rate(plan, number, error[i], bias[i], drift[i], moving);
         if (is_rate) error[i] = moving + bias[i]; /* a law has no use for it; it is reported */
@@ -368,17 +373,15 @@ WIDE static void add_block(const wbc_plan *plan, const wbc_block *block, const w
     if (!block->held && !plan->rows && !is_diagonal) square(nv, k, J, wanted, qp->P, n, qp->g);
 }
 
-WIDE int64_t add_costs(const wbc_plan *plan, int64_t level, double *J, double *P, double *g,
-                       double *heaviest) {
+WIDE void add_costs(const wbc_plan *plan, int64_t level, double *J, double *P, double *g,
+                    double *heaviest) {
     const int64_t nv = plan->tree->nv, n = nv + plan->forces;
     const wbc_costs kept = kept_costs(plan);
-    int64_t wide = nv;
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++) {
         if (block->held || (level >= 0 && block->level != level)) continue;
         const double *weight = plan->number + block->number + WEIGHTS;
         const int64_t k = block->rows, width = is_of_forces(block) ? n : nv;
         double *wanted = J + k * width;
-        if (width > wide) wide = width;
         for (int64_t i = 0; i < k; i++) {
             const double *from = kept.matrix + (block->first + i) * n;
             const int64_t c = 6 + plan->index[block->index + i];
@@ -394,12 +397,11 @@ WIDE int64_t add_costs(const wbc_plan *plan, int64_t level, double *J, double *P
         }
         if (block->kind != JOINTS) square(width, k, J, wanted, P, n, g);
     }
-    return wide;
 }
 
-void close_cost(const wbc_plan *plan, int64_t level, int64_t wide, const double *v, double damping,
-                double *work, double *P, double *g) {
-    const int64_t nv = plan->tree->nv, n = nv + plan->forces;
+void close_cost(const wbc_plan *plan, int64_t level, const double *v, double damping, double *work,
+                double *P, double *g) {
+    const int64_t nv = plan->tree->nv, n = nv + plan->forces, wide = plan->wide;
     const int64_t first = level < 0 ? 0 : level, last = level < 0 ? plan->levels - 1 : level;
     const wbc_costs kept = kept_costs(plan);
     for (int64_t i = 0; i < wide; i++)
@@ -454,7 +456,9 @@ WIDE int is_qp(const wbc_qp *qp) {
         if (!is_range(qp->lower[i], qp->upper[i])) return 0;
     for (int64_t i = 0; i < qp->m; i++)
         if (!is_range(qp->l[i], qp->u[i])) return 0;
-    return is_sound(qp->P, n * n) && is_sound(qp->A, qp->k * n) && is_sound(qp->C, qp->m * n) &&
+    for (int64_t i = 0; i < n; i++) /* where only that is not 0 */
+        if (!is_sound(qp->P + i * n + (i < qp->wide ? 0 : i), i < qp->wide ? qp->wide : 1)) return 0;
+    return is_sound(qp->A, qp->k * n) && is_sound(qp->C, qp->m * n) &&
            is_sound(qp->g, n) && is_sound(qp->b, qp->k);
 }
 
@@ -471,7 +475,6 @@ int wbc_problem(const wbc_plan *plan, const double *state, const void *measured,
     double *J = motion + (plan->torque ? MOTION_SIZE(nv, plan->tree->joints) : 0);
     const wbc_state_at at = {state, q, v, frames, motion, accelerations};
     double damping = 0.0;
-    int64_t wide = nv; /* of the cost: forces are in it where rows are given */
     wbc_qp qp;
     lay_out(plan, &qp);
     memset(qp.P, 0, qp.n * qp.n * sizeof *qp.P);
@@ -490,18 +493,18 @@ int wbc_problem(const wbc_plan *plan, const double *state, const void *measured,
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++)
         if (is_of_forces(block)) {
             if (block->kind == COP) add_moments(plan, block, frames);
-            add_force_rows(plan, block, J, &qp), wide = qp.n;
+            add_force_rows(plan, block, J, &qp);
         } else
             add_block(plan, block, &at, J, &qp, &damping);
-    if (plan->torque) add_dynamics(plan, frames, motion, q, v, &qp);
-    if (plan->rows) wide = add_costs(plan, 0, J, qp.P, qp.g, qp.heaviest);
+    if (plan->torque) add_dynamics(plan, state, frames, motion, q, v, &qp);
+    if (plan->rows) add_costs(plan, 0, J, qp.P, qp.g, qp.heaviest);
     const int kept = plan->margin ? add_margin(plan, state, v, J, &qp) : DONE;
     if (kept != DONE) return kept;
     add_given_bounds(plan, &qp);
     for (int64_t i = 0; i < nv; i++) qp.lower[i] = -INFINITY, qp.upper[i] = INFINITY;
     if (plan->limited) bound(plan, q, v, qp.lower, qp.upper);
     if (plan->limited && !plan->torque) recover(plan, q, &qp);
-    close_cost(plan, 0, wide, v, damping, J, qp.P, qp.g);
+    close_cost(plan, 0, v, damping, J, qp.P, qp.g);
     return is_qp(&qp) ? DONE : NOT_FINITE;
 }
 
@@ -511,7 +514,7 @@ int wbc_cost(const wbc_plan *plan, const double *q, const double *v, int64_t lev
     double heaviest = 0.0;
     memset(P, 0, n * n * sizeof *P);
     memset(g, 0, n * sizeof *g);
-    const int64_t wide = add_costs(plan, level, plan->scratch, P, g, &heaviest);
-    close_cost(plan, level, wide, velocity_of(plan->tree, q, v), 0.0, plan->scratch, P, g);
+    add_costs(plan, level, plan->scratch, P, g, &heaviest);
+    close_cost(plan, level, velocity_of(plan->tree, q, v), 0.0, plan->scratch, P, g);
     return DONE;
 }

@@ -3,6 +3,7 @@
 #define WBC_PROBLEM_H
 
 #include "core.h"
+#include "linear.h"
 #include "solve.h"
 
 /* Not of the library's interface. */
@@ -36,6 +37,13 @@ int is_qp(const wbc_qp *qp);
  * multipliers. */
 void residuals(const wbc_qp *qp, const double *give, double *gradient);
 
+/* gradient += P x */
+INLINE void add_slope(const wbc_qp *qp, const double *x, double *restrict gradient) {
+    const int64_t n = qp->n, wide = qp->wide;
+    add_rows(wide, wide, x, qp->P, n, gradient); /* P is symmetric */
+    for (int64_t i = wide; i < n; i++) gradient[i] += qp->P[i * (n + 1)] * x[i];
+}
+
 /* Write x (n) of least 1/2 x'H x + f'x, H (n, n) symmetric, of which the upper half is read, its rows
  * stride apart; by Cholesky factors in triangle (n, padded n + 1). False: H is not positive definite. */
 int least(int64_t n, const double *H, int64_t stride, const double *f, double *triangle, double *x);
@@ -49,12 +57,12 @@ void square(int64_t nv, int64_t rows, const double *restrict J, const double *wa
 
 /* Write the cost of one level, or of all (-1), that was kept in plan->rows, to the upper half of P (n, n)
  * and to g, and the largest square of a weighted row to heaviest. J holds the rows (n) of a block, and as
- * many numbers more. Returns how many unknowns it speaks of. */
-int64_t add_costs(const wbc_plan *plan, int64_t level, double *J, double *P, double *g,
+ * many numbers more. */
+void add_costs(const wbc_plan *plan, int64_t level, double *J, double *P, double *g,
                   double *heaviest);
 /* What is left to do for a cost: its lower half, curvature, damping. */
-void close_cost(const wbc_plan *plan, int64_t level, int64_t wide, const double *v, double damping,
-                double *work, double *P, double *g);
+void close_cost(const wbc_plan *plan, int64_t level, const double *v, double damping, double *work,
+                double *P, double *g);
 
 /* What plan->rows holds. */
 typedef struct {

@@ -10,6 +10,7 @@
 #include "reduce.h"
 #include "active_set.h"
 #include "linear.h"
+#include "problem.h"
 
 #include <math.h>
 #include <string.h>
@@ -65,6 +66,7 @@ void resume(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r) {
     place(qp, scratch, order, r);
     r->rank = order[2 * qp->n + qp->k];
     place_rest(qp, r);
+    r->coupled = r->left; /* at most */
 }
 
 /* Columns of A that are not zero, into touched; returns how many. Arms, say, are not in the rows of
@@ -145,14 +147,19 @@ WIDE static int64_t eliminate(const wbc_qp *qp, reduced *of, int64_t count, int6
         place[chosen] = place[r], place[r] = pivot;
         if (usual) usual[of->row[r]] = of->touched[pivot] + 1;
         const double scale = 1.0 / top[pivot];
-        top[pivot] = 1.0;
         for (int64_t c = 0; c < width; c++) top[c] *= scale;
+        top[pivot] = scale;
+        int64_t begin = 0, end = count; /* rows of loops are of few columns, and an end */
+        while (top[begin] == 0.0) begin++;
+        while (top[end - 1] == 0.0) end--;
+        begin &= ~(int64_t)3, end = PADDED(end);
         for (int64_t i = 0; i < of->rank; i++) {
             double *restrict to = W + i * width;
             const double factor = to[pivot];
             if (i == r || factor == 0.0) continue;
-            to[pivot] = 0.0;
-            for (int64_t c = 0; c < width; c++) to[c] -= factor * top[c];
+            for (int64_t c = begin; c < end; c++) to[c] -= factor * top[c];
+            if (end <= count) to[count] -= factor * top[count];
+            to[pivot] = -factor * scale; /* behind the others: vectors would wait for it */
         }
         r++;
     }
@@ -193,39 +200,41 @@ WIDE int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *usual, int
     return 0;
 }
 
-/* H = P_ii + G' half + half' G with half = P_di + 1/2 P_dd G; f = g_i + P_id h + G' (..) */
+/* f = g_i + P_id h + G' (g_d + P_dd h) */
+INLINE void reduce_gradient(const wbc_qp *qp, const reduced *r) {
+    const int64_t n = qp->n, k = r->rank, left = r->left;
+    const int64_t *dependent = r->order, *free = r->order + k;
+    double *gradient = r->gradient, *factor = r->factor;
+    memcpy(gradient, qp->g, n * sizeof *gradient);
+    add_numbered(n, n, k, r->h, dependent, qp->P, 0, gradient); /* P is symmetric */
+    for (int64_t d = 0; d < k; d++) factor[d] = gradient[dependent[d]];
+    for (int64_t i = 0; i < left; i++) r->f[i] = gradient[free[i]];
+    add_rows(r->coupled, k, factor, r->G, r->stride, r->f);
+}
+
+/* H = P_ii + G' half + half' G with half = P_di + 1/2 P_dd G */
 WIDE static void reduce_cost(const wbc_qp *qp, const reduced *r) {
     const int64_t n = qp->n, k = r->rank, left = r->left, coupled = r->coupled, stride = r->stride;
     const int64_t *dependent = r->order, *free = r->order + k;
-    const double *P = qp->P, *h = r->h;
-    double *restrict factor = r->factor, *restrict pull = r->multipliers;
+    const double *P = qp->P;
+    double *restrict factor = r->factor;
+    reduce_gradient(qp, r);
     for (int64_t d = 0; d < k; d++) {
         const double *row = P + dependent[d] * n;
         double *restrict to = r->half + d * stride;
-        double sum = qp->g[dependent[d]];
         for (int64_t j = 0; j < left; j++) to[j] = row[free[j]];
         for (int64_t j = left; j < stride; j++) to[j] = 0.0;
-        for (int64_t s = 0; s < k; s++) {
-            const double entry = row[dependent[s]];
-            sum += entry * h[s];
-            factor[s] = 0.5 * entry;
-        }
-        pull[d] = sum;
+        for (int64_t s = 0; s < k; s++) factor[s] = 0.5 * row[dependent[s]];
         add_rows(PADDED(coupled), k, factor, r->G, stride, to);
     }
     for (int64_t i = 0; i < left; i++) {
         const double *row = P + free[i] * n;
-        double sum = qp->g[free[i]], *restrict to = r->H + i * left, *restrict more = r->triangle;
-        for (int64_t d = 0; d < k; d++) sum += row[dependent[d]] * h[d];
+        double *restrict to = r->H + i * left, *restrict more = r->triangle;
         for (int64_t j = i; j < left; j++) to[j] = row[free[j]];
-        for (int64_t d = 0; d < k && i < coupled; d++) {
-            factor[d] = r->G[d * stride + i];
-            sum += factor[d] * pull[d];
-        }
-        r->f[i] = sum;
         if (i >= coupled) continue;
         const int64_t begin = i & ~(int64_t)3;
         for (int64_t j = begin; j < stride; j++) more[j] = 0.0;
+        for (int64_t d = 0; d < k; d++) factor[d] = r->G[d * stride + i];
         add_rows(stride - begin, k, factor, r->half + begin, stride, more + begin);
         for (int64_t d = 0; d < k; d++) factor[d] = r->half[d * stride + i];
         add_rows(PADDED(coupled) - begin, k, factor, r->G + begin, stride, more + begin);
@@ -273,25 +282,26 @@ WIDE void lift_multipliers(const wbc_qp *qp, const reduced *r) {
     const int64_t n = qp->n, k = r->rank, left = r->left;
     const int64_t *dependent = r->order, *free = r->order + k;
     double *y = qp->y, *z = qp->z_box, *restrict gradient = r->gradient;
+    double *factor = r->factor, *pull = r->W; /* which is done with */
     int64_t bounded = left + qp->m;
     for (int64_t i = 0; i < left; i++) z[free[i]] = r->multipliers[i];
     for (int64_t s = 0; s < k; s++)
         z[dependent[s]] = is_free(qp, dependent[s]) ? 0.0 : r->multipliers[bounded++];
     memcpy(qp->z, r->multipliers + left, qp->m * sizeof *qp->z);
-    memset(y, 0, qp->k * sizeof *y);
     for (int64_t i = 0; i < n; i++) gradient[i] += z[i];
-    for (int64_t m = 0; m < qp->m; m++)
-        for (int64_t i = 0; i < n && qp->z[m] != 0.0; i++) gradient[i] += qp->C[m * n + i] * qp->z[m];
-    for (int64_t s = 0; s < k; s++)
-        for (int64_t t = 0; t < k; t++)
-            y[r->row[t]] -= r->inverse[s * k + t] * gradient[dependent[s]];
+    add_rows(n, qp->m, qp->z, qp->C, n, gradient);
+    for (int64_t s = 0; s < k; s++) factor[s] = -gradient[dependent[s]];
+    memset(pull, 0, k * sizeof *pull);
+    add_rows(k, k, factor, r->inverse, k, pull);
+    memset(y, 0, qp->k * sizeof *y);
+    for (int64_t t = 0; t < k; t++) y[r->row[t]] = pull[t];
 }
 
 WIDE void lift_point(const wbc_qp *qp, const reduced *r) {
     const int64_t k = r->rank, left = r->left, *dependent = r->order, *free = r->order + k;
     for (int64_t i = 0; i < left; i++) qp->x[free[i]] = r->answer[i];
     for (int64_t s = 0; s < k; s++)
-        qp->x[dependent[s]] = r->h[s] + dot(left, r->G + s * r->stride, r->answer);
+        qp->x[dependent[s]] = r->h[s] + dot(r->coupled, r->G + s * r->stride, r->answer);
 }
 
 WIDE void lift(const wbc_qp *qp, const reduced *r) {
@@ -299,7 +309,7 @@ WIDE void lift(const wbc_qp *qp, const reduced *r) {
     double *restrict gradient = r->gradient;
     lift_point(qp, r);
     memcpy(gradient, qp->g, n * sizeof *gradient);
-    add_rows(n, n, qp->x, qp->P, n, gradient); /* P is symmetric */
+    add_slope(qp, qp->x, gradient);
     lift_multipliers(qp, r);
 }
 
@@ -324,8 +334,7 @@ WIDE int64_t reduce(const wbc_qp *qp, reduced *r, int64_t *usual, int pivoted) {
 }
 
 WIDE void renew(const wbc_qp *qp, reduced *r) {
-    const int64_t n = qp->n, k = r->rank, left = r->left;
-    const int64_t *dependent = r->order, *free = r->order + k;
+    const int64_t n = qp->n, k = r->rank, *dependent = r->order;
     double *factor = r->factor;
     for (int64_t t = 0; t < k; t++) factor[t] = qp->b[r->row[t]];
     for (int64_t s = 0; s < k; s++) r->h[s] = dot(k, r->inverse + s * k, factor);
@@ -334,14 +343,6 @@ WIDE void renew(const wbc_qp *qp, reduced *r) {
         for (int64_t d = 0; d < k; d++) end += qp->A[r->row[t] * n + dependent[d]] * r->h[d];
         qp->b[r->row[t]] = end;
     }
-    memset(r->gradient, 0, n * sizeof *r->gradient); /* g + P h */
-    for (int64_t d = 0; d < k; d++) {
-        const double *row = qp->P + dependent[d] * n, by = r->h[d];
-        for (int64_t i = 0; i < n && by != 0.0; i++) r->gradient[i] += by * row[i];
-    }
-    for (int64_t i = 0; i < n; i++) r->gradient[i] += qp->g[i];
-    for (int64_t d = 0; d < k; d++) factor[d] = r->gradient[dependent[d]];
-    for (int64_t i = 0; i < left; i++) r->f[i] = r->gradient[free[i]];
-    add_rows(left, k, factor, r->G, r->stride, r->f); /* G is 0 beyond what is coupled */
+    reduce_gradient(qp, r);
     reduce_bounds(qp, r, 1);
 }

@@ -7,23 +7,6 @@
 #include <math.h>
 #include <string.h>
 
-/* exp(r) = 1 + c[0] [r] + c[1] [r]^2, and its integrals over time 1 + c[1] [r] + c[2] [r]^2 and
- * 1/2 + c[2] [r] + c[3] [r]^2 (Hartley et al., the appendix's Gamma 0, 1, 2). */
-static inline void coefficients(const double *r, double *c) {
-    const double tt = dot3(r, r), t = sqrt(tt);
-    if (t < 0.1) { /* series: the closed form loses half the digits of c[3] */
-        c[0] = 1.0 - tt / 6.0 * (1.0 - tt / 20.0 * (1.0 - tt / 42.0 * (1.0 - tt / 72.0)));
-        c[1] = 0.5 * (1.0 - tt / 12.0 * (1.0 - tt / 30.0 * (1.0 - tt / 56.0 * (1.0 - tt / 90.0))));
-        c[2] = (1.0 - tt / 20.0 * (1.0 - tt / 42.0 * (1.0 - tt / 72.0 * (1.0 - tt / 110.0)))) / 6.0;
-        c[3] = (1.0 - tt / 30.0 * (1.0 - tt / 56.0 * (1.0 - tt / 90.0 * (1.0 - tt / 132.0)))) / 24.0;
-        return;
-    }
-    c[0] = sin(t) / t;
-    c[1] = (1.0 - cos(t)) / tt;
-    c[2] = (1.0 - c[0]) / tt;
-    c[3] = (0.5 - c[1]) / tt;
-}
-
 /* out = a + b [r] + c [r]^2 */
 static inline void polynomial(const double *r, double a, double b, double c, double *out) {
     const double tt = dot3(r, r);

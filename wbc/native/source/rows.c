@@ -216,12 +216,11 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
         double target[15];
         seen_target(own, there, target);
         rotation_error(target, R, all + 3, to_error);
-        loop_errors(plan, block, frames, e);
+        loop_rows(plan, block, state, 1.0, J, nv, 1, e);
         for (int64_t i = 0; i < k; i++) {
             const int64_t r = chosen[i];
             if (r < 3) {
                 e[i] -= own[r], bias[i] = -own[12 + r];
-                loop_row(plan, block, frames, i, 1.0, J + i * nv, 1);
                 continue;
             }
             const double *T = to_error + 3 * (r - 3);
@@ -231,8 +230,7 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
         return;
     }
     case LOOP:
-        loop_errors(plan, block, frames, e);
-        for (int64_t i = 0; i < k; i++) loop_row(plan, block, frames, i, 1.0, J + i * nv, 1);
+        loop_rows(plan, block, state, 1.0, J, nv, 1, e);
         return;
     case GEAR:
         *e = gear_row(plan, own, q, 1.0, J, 1);
@@ -343,14 +341,14 @@ void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
         rotation_error(target, R, all, T);
         cross3(wa, target + 9, turned); /* the target rides on the other frame */
         for (int i = 0; i < 3; i++) target[12 + i] += b[3 + i] + turned[i], target[9 + i] += wa[i];
-        loop_drift(plan, block, frames, motion, accelerations, v, whole);
+        loop_drift(plan, block, state, motion, v, whole);
         orientation_drift(target, R, w, acceleration + 3, all, whole + 3);
         for (int64_t i = 0; i < k; i++)
             drift[i] += whole[chosen[i]] - (chosen[i] < 3 ? own[18 + chosen[i]] : 0.0);
         return;
     }
     case LOOP:
-        loop_drift(plan, block, frames, motion, accelerations, v, whole);
+        loop_drift(plan, block, state, motion, v, whole);
         for (int64_t i = 0; i < k; i++) drift[i] += whole[chosen[i]];
         return;
     case GEAR:

@@ -28,15 +28,14 @@ void add_curvature(const wbc_plan *plan, const wbc_block *block, const double *s
 /* Rotation vector (3) of R; near half a turn its axis is that of R + R', since sines say little there. */
 void logarithm(const double *R, double *r);
 
-/* Errors of a LOOP; row i of its matrix (nv), times scale, its entries stride apart; second derivatives (6)
- * of all that it could hold. Source: loops.c. */
-void loop_errors(const wbc_plan *plan, const wbc_block *block, const double *frames, double *e);
-void loop_row(const wbc_plan *plan, const wbc_block *block, const double *frames, int64_t i,
-              double scale, double *row, int64_t stride);
-void loop_drift(const wbc_plan *plan, const wbc_block *block, const double *frames,
-                const double *motion, const double *accelerations, const double *v, double *out);
+/* The matrix of a LOOP, times scale, its rows apart and their entries (nv) stride apart, and if not 0 its errors;
+ * second derivatives (6) of all that it could hold. Source: loops.c. */
+void loop_rows(const wbc_plan *plan, const wbc_block *block, const double *state, double scale,
+               double *rows, int64_t apart, int64_t stride, double *errors);
+void loop_drift(const wbc_plan *plan, const wbc_block *block, const double *state,
+                const double *motion, const double *v, double *out);
 
-/* Return the error of a GEAR, whose numbers are given, and write its row as loop_row does; its drift. */
+/* Return the error of a GEAR, whose numbers are given, and write its row as loop_rows does; its drift. */
 double gear_row(const wbc_plan *plan, const double *gear, const double *q, double scale, double *row,
                 int64_t stride);
 double gear_drift(const wbc_plan *plan, const double *gear, const double *q, const double *v);

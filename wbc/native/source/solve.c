@@ -12,15 +12,15 @@
 
 /* Whether the optimum of the cost alone keeps all bounds and rows: then it is the optimum. again: its
  * factors are there already. */
-WIDE static int is_kept(const reduced *r, int64_t bounded, int again) {
+WIDE static int is_kept(const wbc_qp *qp, const reduced *r, int64_t bounded, int again) {
     if (again)
         least_again(r->left, r->f, r->triangle, r->answer);
     else if (!least(r->left, r->H, r->left, r->f, r->triangle, r->answer))
         return 0;
     for (int64_t i = 0; i < bounded; i++) {
-        const int64_t row = i - r->left;
+        const int64_t row = i - r->left, entries = row < qp->m ? r->left : r->coupled;
         const double value =
-            row < 0 ? r->answer[i] : dot(r->left, r->rows + row * r->left, r->answer);
+            row < 0 ? r->answer[i] : dot(entries, r->rows + row * r->left, r->answer);
         if (!(value >= r->low[i] && value <= r->up[i])) return 0;
         r->multipliers[i] = 0.0;
     }
@@ -93,10 +93,10 @@ static void correct(const wbc_qp *qp, reduced *r, int64_t bounded, const solving
         lift_point(qp, r);
         if (!how->correct(how->at, qp, how->change, 0)) return;
         renew(qp, r);
-        if (is_kept(r, bounded, 1)) continue;
+        if (is_kept(qp, r, bounded, 1)) continue;
         how->correct(how->at, qp, how->change, 1); /* back to where it kept them */
         renew(qp, r);
-        is_kept(r, bounded, 1);
+        is_kept(qp, r, bounded, 1);
         return;
     }
 }
@@ -109,7 +109,7 @@ int solve(const wbc_qp *qp, const solving *how, double *scratch, int64_t *order)
     int64_t *usual = how->usual && f.count > 0 ? how->usual + f.loops : how->usual;
     const int64_t bounded = reduce(&f.rest, &r, usual, how->pivoted);
     if (bounded < 0) return fail(qp, &f, &r, bounded, 0);
-    if (!how->always && is_kept(&r, bounded, 0)) {
+    if (!how->always && is_kept(&f.rest, &r, bounded, 0)) {
         if (how->correct) correct(qp, &r, bounded, how);
         if (conclude(qp, &f, &r, how->give, how->accuracy, 0) == DONE) return DONE;
     }
@@ -149,7 +149,7 @@ int solve_again(const wbc_qp *qp, const solving *how, double *scratch, int64_t *
     resume(qp, scratch, order, &r);
     renew(qp, &r);
     const int64_t bounded = bounds_left(qp, &r);
-    if (is_kept(&r, bounded, 1)) return conclude(qp, &f, &r, how->give, how->accuracy, 0);
+    if (is_kept(qp, &r, bounded, 1)) return conclude(qp, &f, &r, how->give, how->accuracy, 0);
     const int64_t iterations = ask(&r, bounded, how->give, qp->m, how->most, how->work);
     if (iterations < 0) return fail(qp, &f, &r, iterations, 1);
     return conclude(qp, &f, &r, how->give, how->accuracy, iterations);

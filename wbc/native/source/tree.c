@@ -184,23 +184,6 @@ int wbc_integrate(const wbc_tree *tree, const double *q, const double *step, dou
     return 0;
 }
 
-void moved_joint(const wbc_tree *tree, int64_t j, const double *q, const double *v, double dt,
-                 double *pose) {
-    const double *P = tree->placement + 12 * j;
-    double value[7], step[6], local[9];
-    if (j == 1) {
-        for (int i = 0; i < 6; i++) step[i] = dt * v[i];
-        integrate_base(q, step, step + 3, value);
-        from_quaternion(value + 3, local);
-        product3(P, local, pose);
-        times3(P, value, pose + 9);
-        for (int i = 0; i < 3; i++) pose[9 + i] += P[9 + i];
-        return;
-    }
-    integrate_joint(tree->kind[j], q + tree->iq[j], dt * v[tree->iv[j]], value);
-    place_in_parent(tree, j, value, pose, pose + 9);
-}
-
 int64_t configuration_size(const wbc_tree *tree) {
     const int64_t last = tree->joints - 1;
     return last < 2 ? 7 : tree->iq[last] + (tree->kind[last] == CONTINUOUS ? 2 : 1);
@@ -299,28 +282,18 @@ int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *st
 
 int wbc_frames(const wbc_tree *tree, const double *state, int64_t count, const int64_t *joint,
                const double *placement, double *out) {
-    const int64_t n = tree->joints, nv = tree->nv;
-    const double *rotations = state + ROTATIONS(nv), *origins = state + ORIGINS(nv, n);
+    const int64_t nv = tree->nv;
     const double *T = state + TWISTS(nv);
     for (int64_t f = 0; f < count; f++, out += FRAME_SIZE(nv), placement += 12) {
-        const double *R = rotations + 9 * joint[f];
-        double *J = out + FRAME_JACOBIAN;
-        times3(R, placement + 9, out);
-        for (int i = 0; i < 3; i++) out[i] += origins[3 * joint[f] + i];
-        product3(R, placement, out + FRAME_ROTATION);
+        double *J = out + FRAME_JACOBIAN, u[3];
+        place_frame(tree, state, joint[f], placement, 1, out);
         for (int64_t k = 0; k < 6 * nv; k++) J[k] = 0.0;
         for (int64_t j = joint[f]; j > 0; j = tree->parent[j]) {
-            const int64_t first = j == 1 ? 0 : tree->iv[j], last = j == 1 ? 6 : first + 1;
-            double arm[3];
-            for (int i = 0; i < 3; i++) arm[i] = out[i] - origins[3 * j + i];
-            for (int64_t k = first; k < last; k++) {
-                double axis[3] = {T[3 * nv + k], T[4 * nv + k], T[5 * nv + k]}, u[3];
-                int slides = j == 1 ? k < 3 : tree->kind[j] == PRISMATIC;
-                if (slides)
-                    for (int i = 0; i < 3; i++) u[i] = T[i * nv + k];
-                else
-                    cross3(axis, arm, u);
-                for (int i = 0; i < 3; i++) J[i * nv + k] = u[i], J[(3 + i) * nv + k] = axis[i];
+            int64_t first;
+            const int64_t behind = columns_of(tree, j, &first);
+            for (int64_t k = first; k < behind; k++) {
+                speed_at(tree, state, j, k, out, u);
+                for (int i = 0; i < 3; i++) J[i * nv + k] = u[i], J[(3 + i) * nv + k] = T[(3 + i) * nv + k];
             }
         }
     }
