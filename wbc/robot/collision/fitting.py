@@ -13,19 +13,22 @@ import contextlib
 import hashlib
 import json
 import math
+import weakref
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import coal
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 import wbc.files as files  # "from wbc" would look among the rooms first
 from wbc.files import CACHE_VARIABLE as CACHE_VARIABLE
 from wbc.native import doubles, lib
 from wbc.robot.collision.shapes import Capsule, Hull, Solid
 from wbc.validate import Array
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
 
 DIRECTIONS = 128  # in which a hull keeps the farthest vertex
 FEW = 8  # and with which a close hull begins
@@ -35,6 +38,7 @@ THINNEST = 1e-4  # m: flat points get a box of this thickness
 CHUNK = 1024  # points looked at together: what stands in memory is 2 MB
 STEPS, ACCURACY = 600, (1e-5, 1e-12)  # of the search for a capsule; [m], [m^3]
 _SAMPLES = 400
+_known: dict[int, tuple[weakref.ref[Array], Array]] = {}  # corners of hulls, by id of the points
 VERSION = 3  # of the fit and of the file: change it, and everything is fitted again
 
 
@@ -80,7 +84,8 @@ def fit_hull(points: Array, pad: float = 0.0) -> Fit:
     corners = hull_corners(points)
     if _is_flat(corners):
         corners = _thick_box(corners)
-    return _rounded_hull(_farthest(corners, _directions(DIRECTIONS)), corners, pad)
+    kept = hull_corners(_farthest(corners, _directions(DIRECTIONS)))
+    return _rounded_hull(kept, corners, pad)
 
 
 def fit_close_hull(points: Array, tolerance: float, corners: Array | None = None) -> Fit:
@@ -95,22 +100,22 @@ def fit_close_hull(points: Array, tolerance: float, corners: Array | None = None
         corners = _thick_box(corners)
     kept = _farthest(corners, _directions(FEW))
     while not _is_flat(kept):
-        planes = ConvexHull(kept).equations
+        hull = _hull_of(kept)
+        planes = hull.equations
         outside = corners @ planes[:, :3].T + planes[:, 3]  # (corners, faces)
         beyond = outside.max(axis=0) > tolerance
         if not beyond.any():
-            break
+            return _rounded_hull(kept[hull.vertices], corners, 0.0)
         farthest = np.unique(outside[:, beyond].argmax(axis=0))
         apart = farthest[np.argsort(-outside[farthest].max(axis=1))][: max(len(kept) // 2, 1)]
         kept = np.concatenate((kept, corners[apart]))
-    return _rounded_hull(kept, corners, 0.0)
+    return _rounded_hull(hull_corners(kept), corners, 0.0)
 
 
 def _rounded_hull(kept: Array, corners: Array, pad: float) -> Fit:
-    kept = hull_corners(kept)
     if _is_flat(kept):
         kept = _thick_box(corners)
-    excess = _farthest_from_hull(corners, kept)
+    excess = _farthest_from_hull(corners, _hull_of(kept))
     radius = (excess + ROUNDING if excess > 0.0 else 0.0) + pad
     return Fit(Hull(kept.copy(), radius), radius)
 
@@ -135,13 +140,13 @@ def contains(shape: Solid, points: Array) -> bool:
     elif _is_flat(shape.vertices):
         return False
     else:
-        outside = np.array(_farthest_from_hull(points, shape.vertices))
+        outside = np.array(_farthest_from_hull(points, _hull_of(shape.vertices)))
     return bool((outside <= shape.radius + ROUNDING).all())
 
 
 def convex(vertices: Array) -> coal.Convex:
     """Return coal's polytope with these corners (k, 3), not all in one plane."""
-    return _polytope(vertices, ConvexHull(vertices))
+    return _polytope(vertices, _hull_of(vertices))
 
 
 def _polytope(vertices: Array, hull: ConvexHull) -> coal.Convex:
@@ -202,15 +207,13 @@ def _nearest(points: Array, ends: Array) -> Array:
     return begin + share[:, None] * along
 
 
-def _farthest_from_hull(points: Array, vertices: Array, inner: Array | None = None) -> float:
-    """Return how far outside the hull of ``vertices`` points (k, 3) are at most; 0: all are inside.
+def _farthest_from_hull(points: Array, hull: ConvexHull, inner: ConvexHull | None = None) -> float:
+    """Return how far outside a hull points (k, 3) are at most; 0: all are inside.
 
-    A point is no farther from the hull than from any face of a hull within it, of the same vertices
-    or of ``inner`` ones, which may be fewer: asked for are the distances of those alone that may
-    be the farthest.
+    A point is no farther from the hull than from any face of a hull within it, itself or ``inner``,
+    of fewer faces: asked for are the distances of those alone that may be the farthest.
     """
-    hull = ConvexHull(vertices)
-    most = _to_some_face(points, vertices if inner is None else inner) + NEARLY
+    most = _to_some_face(points, inner or hull) + NEARLY
     polytope, normals, offsets = None, hull.equations[:, :3], hull.equations[:, 3]
     still, place, speck = coal.Transform3s(), coal.Transform3s(), coal.Sphere(1e-12)
     request, farthest = coal.DistanceRequest(), 0.0
@@ -220,19 +223,18 @@ def _farthest_from_hull(points: Array, vertices: Array, inner: Array | None = No
         outside = float((normals @ points[k] + offsets).max())
         if outside <= 0.0:
             continue
-        polytope = polytope or _polytope(vertices, hull)
+        polytope = polytope or _polytope(hull.points, hull)
         place.setTranslation(points[k])
         apart = coal.distance(polytope, still, speck, place, request, coal.DistanceResult())
         farthest = max(farthest, apart, outside)
     return farthest
 
 
-def _to_some_face(points: Array, vertices: Array) -> Array:
+def _to_some_face(points: Array, hull: ConvexHull) -> Array:
     """Return the distance (k,) of points to the face of a hull that they are farthest outside of.
 
     Minus infinity of points that are inside.
     """
-    hull = ConvexHull(vertices)
     normals, offsets = np.ascontiguousarray(hull.equations[:, :3].T), hull.equations[:, 3]
     found = np.full(len(points), -np.inf)
     for start in range(0, len(points), CHUNK):
@@ -240,7 +242,7 @@ def _to_some_face(points: Array, vertices: Array) -> Array:
         over += offsets
         face = over.argmax(axis=1)
         outside = np.flatnonzero(over[np.arange(len(over)), face] > 0.0)
-        triangles = vertices[hull.simplices[face[outside]]]
+        triangles = hull.points[hull.simplices[face[outside]]]
         found[start + outside] = _to_triangles(points[start + outside], triangles)
     return found
 
@@ -284,7 +286,7 @@ def _bulge(capsule: Capsule, corners: Array) -> float:
     across /= np.maximum(np.linalg.norm(across, axis=1), 1e-9)[:, None]
     barrel = capsule.ends[0] + share * axis + capsule.radius * across
     samples = np.concatenate((ends + capsule.radius * rays, barrel))
-    return _farthest_from_hull(samples, corners, corners if _is_flat(few) else few)
+    return _farthest_from_hull(samples, _hull_of(corners), None if _is_flat(few) else _hull_of(few))
 
 
 def _directions(count: int) -> Array:
@@ -303,11 +305,31 @@ def _farthest(points: Array, directions: Array) -> Array:
 
 
 def hull_corners(points: Array) -> Array:
-    """Return the corners of the convex hull of points (k, 3); all of them if they are flat."""
+    """Return the corners of the convex hull of points (k, 3); all of them if they are flat.
+
+    Meshes are asked for by several fits: those of points that are still there are known.
+    """
+    number = id(points)
+    known = _known.get(number)
+    if known is None or known[0]() is not points:
+        here = weakref.ref(points, lambda _: _known.pop(number, None))
+        known = _known[number] = here, _hull_corners(points)
+    return known[1]
+
+
+def _hull_of(points: Array) -> ConvexHull:
+    from scipy.spatial import ConvexHull  # only here: what is in the cache need not wait for it
+
+    return ConvexHull(points)
+
+
+def _hull_corners(points: Array) -> Array:
+    from scipy.spatial import QhullError
+
     if _is_flat(points):
         return np.unique(points, axis=0)
     try:
-        return np.asarray(points[ConvexHull(points).vertices])
+        return np.asarray(points[_hull_of(points).vertices])
     except QhullError:  # almost flat: nothing is gained by leaving points out
         return points
 

@@ -39,10 +39,10 @@ class Clusters:
             corners, owners = _halves(corners[:, :, ~short]), np.tile(owners[~short], 2)
         corners, owners = np.concatenate(pieces, axis=2), np.concatenate(their)
         lows, highs = _boxes(corners)
-        x, y, z = ((0.5 * (lows + highs) - first[:, None]) / cell).astype(np.int32)
-        number = (x * (CELLS + 1) + y) * (CELLS + 1) + z
+        x, y, z = ((0.5 * (lows + highs) - first[:, None]) / cell).astype(np.int16)
+        number = (x * (CELLS + 1) + y) * (CELLS + 1) + z  # of two bytes: sorted in one go
         order = np.argsort(number, kind="stable")
-        self._corners, self._owners = corners[:, :, order], owners[order]
+        self._corners, self._owners, self._order = corners, owners, order
         self._starts = np.flatnonzero(np.diff(number[order], prepend=-1))
         self._sizes = np.diff(self._starts, append=len(number))
         lows = np.minimum.reduceat(lows[:, order], self._starts, axis=1)
@@ -53,13 +53,14 @@ class Clusters:
     def triangles(self, chosen: Array) -> Triangles:
         """Return those of some clusters, (n,) of bool, with the vertices that they have."""
         kept = np.zeros(len(self.surface.faces), dtype=bool)
-        kept[self._owners[np.repeat(chosen, self._sizes)]] = True
+        kept[self._owners[self._order[np.repeat(chosen, self._sizes)]]] = True
         return without_spare(self.surface.vertices, self.surface.faces[kept])
 
     def corners(self, cluster: int) -> Array:
         """Return the corners (k, 3) of a cluster's triangles."""
         start = self._starts[cluster]
-        return self._corners[:, :, start : start + self._sizes[cluster]].reshape(3, -1).T
+        own = self._order[start : start + self._sizes[cluster]]
+        return self._corners[:, :, own].reshape(3, -1).T
 
 
 def _boxes(corners: Array) -> tuple[Array, Array]:

@@ -75,4 +75,6 @@ def without_spare(vertices: Array, faces: Index) -> Triangles:
     """Return triangles without the vertices (k, 3) that none uses."""
     used = np.zeros(len(vertices), dtype=bool)
     used[faces] = True
+    if used.all():
+        return Triangles(vertices, faces)
     return Triangles(vertices[used], (np.cumsum(used) - 1)[faces])
