@@ -1,9 +1,9 @@
 """Bipeds with closed loops in their MJCF, Cassie and Digit: stand by torques at motors alone.
 
 Leaf springs are taken for rigid, or are joints that give way (``--free``) and begin at rest; the
-ball ends of rods are three hinges each; feet that are lines, as Cassie's, are held at their two
-ends. They are pushed ahead by 0.3 M omega d after a second, in our plant and in the file's own
-model under raw MuJoCo, in which springs give way, and loops and contacts a little.
+ball ends of rods are three hinges each. They are pushed ahead by 0.3 M omega d after a second, in
+our plant and in the file's own model under raw MuJoCo, in which springs give way, and loops and
+contacts a little.
 
 The posture that is kept is that of joints with motors: what bears is 30 to 40 mrad from where it
 rests.
@@ -25,40 +25,9 @@ from foreign_reading import spec_of
 from foreign_trial import AWAY, LASTING, LEAST_HEIGHT, MOST_TILT, RATIO, RawModel, add_ground
 
 import wbc
-from wbc.constraints.contact import Contact, PointContact
 from wbc.simulation import Plant, capture_impulse, simulate
 
 DT, PUSHED = 0.002, 1.0  # s
-
-
-def read_spec(path: Path) -> Any:
-    """Return the specification of a file, with sites at the ends of feet that are lines."""
-    import mujoco
-
-    found = wbc.Robot.load(path)
-    here = found.snapshot(found.posture())
-    spec, _ = spec_of(mujoco, path)
-    for name, foot in found.feet.items():
-        if len(foot.polygon) == 2:
-            origin, R = here.placement(foot.link)
-            at, sole = here.placement(foot.frame)
-            for k, corner in enumerate(foot.polygon):
-                place = at + sole[:, :2] @ corner - origin
-                spec.body(foot.link).add_site(name=end_of(name, k), pos=R.T @ place)
-    return spec
-
-
-def end_of(foot: str, k: int) -> str:
-    return f"{foot} end {k}"
-
-
-def touching(robot: wbc.Robot) -> list[str]:
-    """Return the frames that are held on the ground: soles, and the ends of feet that are lines."""
-    held = []
-    for name, foot in robot.feet.items():
-        line = len(foot.polygon) == 2
-        held += [end_of(name, k) for k in range(2)] if line else [foot.frame]
-    return held
 
 
 def controller_of(robot: wbc.Robot, q: np.ndarray) -> wbc.TorqueController:
@@ -68,12 +37,7 @@ def controller_of(robot: wbc.Robot, q: np.ndarray) -> wbc.TorqueController:
         wbc.OrientationTask(robot, "base", start.rotation("base")),
         wbc.PostureTask(robot, q, joints=dict.fromkeys(robot.motorless, 0.0), weight=0.1),
     ]
-    soles = [foot.frame for foot in robot.feet.values()]
-    contacts = [
-        (Contact if frame in soles else PointContact).hold(start, frame)
-        for frame in touching(robot)
-    ]
-    limits = wbc.Limits(robot)
+    limits, contacts = wbc.Limits(robot), wbc.support(start, "all")
     return wbc.TorqueController(
         robot, tasks, contacts=contacts, limits=limits, dt=DT, solver="active_set"
     )
@@ -125,11 +89,10 @@ def main() -> None:
     parser.add_argument("--push", type=float, default=RATIO, help="of M omega d")
     options = parser.parse_args()
     logging.disable(logging.WARNING)
-    spec = read_spec(options.path)
-    robot = wbc.Robot.load(spec)
+    robot = wbc.Robot.load(options.path)
     if not options.free:
         rigid = {name: spring.rest for name, spring in robot.passive.springs.items()}
-        robot = wbc.Robot.load(spec, locked=rigid)
+        robot = wbc.Robot.load(options.path, locked=rigid)
     q = robot.posture()
     start = robot.snapshot(q)
     impulse = options.push * capture_impulse(start, robot.feet, AWAY)

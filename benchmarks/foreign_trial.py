@@ -207,7 +207,7 @@ def turning_of(angles: np.ndarray) -> np.ndarray:
 
 def walking(robot: Robot) -> dict[str, Any]:
     """Return whether a humanoid with flat soles walks two metres with default settings."""
-    flat = all(len(foot.polygon) > 2 for foot in robot.feet.values())
+    flat = all(len(foot.polygon) > 1 for foot in robot.feet.values())
     if set(robot.feet) != {"left", "right"} or not flat or robot.fixed_base:
         return {"walked": None, "why": "not two flat feet"}
     walker = Walker(robot, dt=DT)

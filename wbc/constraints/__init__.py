@@ -6,6 +6,7 @@ from wbc.constraints.contact import Contact, PointContact
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.independent_coordinates import IndependentCoordinates
 from wbc.constraints.limits import Limits
+from wbc.constraints.line_contact import LineContact
 from wbc.constraints.margin import BrakingParameters, Margin
 from wbc.constraints.obstacles import Obstacles
 from wbc.constraints.position_box import PositionBox
@@ -23,6 +24,7 @@ __all__ = [
     "FrictionCone",
     "IndependentCoordinates",
     "Limits",
+    "LineContact",
     "Margin",
     "Obstacles",
     "PointContact",

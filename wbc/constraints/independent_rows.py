@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from wbc.constraints.contact import Contact, ContactRows, PointContact
+from wbc.constraints.line_contact import LineContact
 from wbc.constraints.rows import Index
 from wbc.rotations import log_rotation
 from wbc.spatial import skew
@@ -60,7 +61,7 @@ def _agree(a: Contact, b: Contact) -> bool:
         a, b = b, a
     here, there = (one.robot.frame(one.frame).placement for one in (a, b))
     arm, separation = there.translation - here.translation, b.position - a.position
-    if isinstance(a, PointContact):
+    if isinstance(a, PointContact | LineContact):
         return abs(float(np.linalg.norm(arm) - np.linalg.norm(separation))) <= DRIFT
     link = a.rotation @ here.rotation.T
     if np.linalg.norm(link @ arm - separation) > DRIFT:
@@ -88,7 +89,7 @@ def _independent(contacts: Sequence[Contact]) -> Index:
     size = max(float(np.linalg.norm(lever)) for lever in levers)
     rows = np.concatenate(
         [
-            _twist_rows(lever / size if size > 0.0 else lever)[: len(contact.rows)]
+            _rows_of(contact, lever / size if size > 0.0 else lever)
             for contact, lever in zip(contacts, levers, strict=True)
         ]
     )
@@ -98,6 +99,9 @@ def _independent(contacts: Sequence[Contact]) -> Index:
     return np.sort(order[:rank]).astype(np.int64)
 
 
-def _twist_rows(lever: Array) -> Array:
-    """Return velocity and angular velocity (6, 6) of a point by the twist of its link."""
-    return np.block([[np.eye(3), -skew(lever)], [np.zeros((3, 3)), np.eye(3)]])
+def _rows_of(contact: Contact, lever: Array) -> Array:
+    """Return a contact's rows by the twist of its link (k, 6); ``lever`` (3,) leads to its frame."""
+    rows = np.block([[np.eye(3), -skew(lever)], [np.zeros((3, 3)), np.eye(3)]])
+    if isinstance(contact, LineContact):
+        return np.concatenate((rows[:3], contact.axes_across @ rows[3:]))
+    return rows[: len(contact.rows)]

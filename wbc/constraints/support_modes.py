@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from wbc.constraints.contact import DEFAULT_FRICTION, Contact, PointContact
 from wbc.constraints.friction import FrictionCone
+from wbc.constraints.line_contact import LineContact
 from wbc.errors import InvalidInputError, UnknownNameError, shown
 from wbc.kinds import check_word
 from wbc.robot import Robot, Snapshot
@@ -25,7 +26,7 @@ def support(
     """Return the contacts of a support mode, anchored at ``snapshot`` (paper 5.2).
 
     Those of a robot whose base is fixed begin with its base, whatever the mode. Feet that end in
-    points are held as points, see :func:`contact_kind`.
+    points or lines are held as such, see :func:`contact_kind`.
 
     Parameters
     ----------
@@ -57,9 +58,9 @@ def support(
 
 
 def contact_kind(robot: Robot, frame: str) -> type[Contact]:
-    """Return the contact that a frame makes: PointContact if it is the sole of a point foot."""
-    points = (foot.frame for foot in robot.feet.values() if len(foot.polygon) == 1)
-    return PointContact if frame in points else Contact
+    """Return the contact that a frame makes: a point or a line if it is the sole of such a foot."""
+    corners = (len(foot.polygon) for foot in robot.feet.values() if foot.frame == frame)
+    return {1: PointContact, 2: LineContact}.get(next(corners, 0), Contact)
 
 
 def base_contact(snapshot: Snapshot) -> tuple[Contact, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 
 import numpy as np
+from scipy.linalg import null_space
 
 from wbc.constraints.mechanics import BoltedBase, mechanics_of
 from wbc.gait.legs import SIDES, leg_joints
@@ -13,7 +14,24 @@ from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
 from wbc.validate import Array
 
-FREE = 6  # joints by which a sole stays flat wherever the pelvis goes
+# By how much a leg's joints turn a sole about its length, in rad per rad of theirs (norm), if it can
+# be rolled; and below which part of the strongest motion of a sole they have none.
+LEAST_ROLL, NONE = 0.1, 1e-3
+
+
+def rolls(posture: Snapshot, side: str) -> bool:
+    """Return whether a leg's own joints can roll its sole while the rest of it stays where it is.
+
+    Other legs, of five joints without an ankle's roll, hold their soles level only where the hip
+    is above them: seen from ahead they are pendulums on the sole's length.
+    """
+    robot = posture.robot
+    frame = robot.feet[side].frame
+    own = [int(robot.model.idx_vs[joint]) for joint in leg_joints(robot, side)]
+    R, J = posture.rotation(frame), posture.jacobian(frame)[:, own].reshape(2, 3, -1)
+    rows = (R.T @ J).reshape(6, -1)  # in the sole's axes
+    left = null_space(np.delete(rows, 3, axis=0), rcond=NONE)
+    return bool(left.size) and float(np.linalg.norm(rows[3] @ left)) > LEAST_ROLL
 
 
 def lacks(posture: Snapshot, most: Array) -> tuple[str, ...]:
@@ -28,12 +46,11 @@ def lacks(posture: Snapshot, most: Array) -> tuple[str, ...]:
     """
     robot = posture.robot
     said = []
-    count = {side: len(leg_joints(robot, side)) for side in SIDES}
-    few = [f"the {side} leg has {n}" for side, n in count.items() if n < FREE]
-    if few:
+    stiff = [f"the {side} leg" for side in SIDES if not rolls(posture, side)]
+    if stiff:
         said.append(
-            f"{' and '.join(few)} of the six joints by which a sole stays flat wherever the pelvis"
-            " goes: feet turn on their edges or slide, and it may fall"
+            f"{' and '.join(stiff)} cannot roll the sole, which is held along its length only"
+            " (LineContact), and stands on an edge at times"
         )
     both = [np.abs(bearing_torques(posture, robot.feet[side].frame)) for side in SIDES]
     needed = np.max(both, axis=0)

@@ -119,7 +119,7 @@ def check_walker(robot: Robot) -> None:
             f"walker: walking takes two feet, left and right; {robot.name} has: {feet}. Name them"
             " in Robot.load(..., feet={'left': ..., 'right': ...})"
         )
-    points = [foot.link for foot in robot.feet.values() if len(foot.polygon) < 3]
+    points = [foot.link for foot in robot.feet.values() if len(foot.polygon) < 2]
     if points:
         raise InvalidInputError(
             f"walker: walking takes soles to stand on; {robot.name} touches the ground in points"

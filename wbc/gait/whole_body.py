@@ -9,11 +9,12 @@ from typing import Any, Self
 
 import numpy as np
 
-from wbc.constraints import Contact, Limits
+from wbc.constraints import Contact, Limits, LineContact
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Constraint
+from wbc.constraints.support_modes import contact_kind
 from wbc.controllers.torque import TorqueController
-from wbc.gait.ability import lacks
+from wbc.gait.ability import lacks, rolls
 from wbc.gait.crouch import walking_posture
 from wbc.gait.legs import SIDES, Legs, leg_joints
 from wbc.gait.swing import FootPose, SwingMotion, turned
@@ -136,6 +137,12 @@ class WholeBody:
         robot, w = start.robot, weights
         self._friction = friction
         self._frames = {foot: sole.frame for foot, sole in robot.feet.items()}
+        posture = walking_posture(start, height)
+        bent = robot.snapshot(posture)
+        self._kinds: dict[str, type[Contact]] = {
+            foot: contact_kind(robot, frame) if rolls(bent, foot) else LineContact
+            for foot, frame in self._frames.items()
+        }
         self._exact_weight = w.swing
         self.weigh_swing(w.swing, w.lift)
         trunks = dict.fromkeys((BASE, heaviest_link(robot)))
@@ -164,7 +171,6 @@ class WholeBody:
             )
             for foot, frame in self._frames.items()
         }
-        posture = walking_posture(start, height)
         self._yaw = MomentumTask(robot, components=["kz"], name="yaw", weight=w.yaw / inertia)
         own: list[Task] = [
             self._pressure,
@@ -187,12 +193,14 @@ class WholeBody:
         for task in self._swing.values():
             task.switch_off()
         self._swing_freely(robot)
-        self.lacks = lacks(robot.snapshot(posture), self.controller.torque_bounds)
+        self.lacks = lacks(bent, self.controller.torque_bounds)
         self.lasting = (self._height, *self._trunk.values(), *tasks)
 
     def _held(self, snapshot: Snapshot, feet: Iterable[str]) -> list[Contact]:
-        frames = [self._frames[foot] for foot in feet]
-        return [Contact.hold(snapshot, frame, friction=self._friction) for frame in frames]
+        return [
+            self._kinds[foot].hold(snapshot, self._frames[foot], friction=self._friction)
+            for foot in feet
+        ]
 
     def _swing_freely(self, robot: Robot) -> None:
         """Let legs speed up as their torques allow, where no acceleration was given.

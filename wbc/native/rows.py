@@ -19,7 +19,9 @@ class Kind(IntEnum):
     INERTIA = lib.INERTIA_ENTRIES
     JOINTS = lib.JOINTS  # positions (k,); entries: joints
     MOMENTUM = lib.MOMENTUM_ENTRIES  # none; entries
-    CONTACT = lib.CONTACT  # position (3,), rotation (3, 3); entries: rows
+    # Position (3,), rotation (3, 3), and of lines two axes across it there (2, 3); entries: rows, 6
+    # and 7 about those axes.
+    CONTACT = lib.CONTACT
     LINEAR = lib.LINEAR  # matrix (k, nv), offset (k,): error = matrix @ (0, joints) - offset
     LOOP = lib.LOOP  # none; entries: rows
     # Seen from the other frame: position (3,), rotation (3, 3), rate (6,), acceleration (6,).

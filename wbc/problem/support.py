@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from wbc.constraints import Contact, PointContact, support
+from wbc.constraints import Contact, LineContact, PointContact, support
 from wbc.constraints.contact import DEFAULT_FRICTION
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.support_modes import (
@@ -42,9 +42,10 @@ class ContactSpec(Section):
 
     frame: Name
     """A foot, link, sole or other frame of the robot."""
-    type: Literal["fixed", "point"] | None = None
-    """fixed: position and orientation are held; point: the position only; left out: point for the
-    sole of a foot that ends in a point, as those of quadrupeds do, else fixed."""
+    type: Literal["fixed", "point", "line"] | None = None
+    """fixed: position and orientation are held; point: the position only; line: all but the turn
+    about the line of its corners, or of the sole's length; left out: point or line for the sole of
+    a foot that ends in one, else fixed."""
     gain: Annotated[float, Field(allow_inf_nan=False, ge=0, le=1)] = 0.5
     """Fraction of the drift to take back in one tick, in [0, 1]."""
     kp: NonNegative | None = None
@@ -82,7 +83,7 @@ Support = Annotated[
     | NonEmpty[
         Annotated[
             Name | ContactSpec,
-            Forms("the name of a foot or frame, or {frame: ..., type: fixed or point}"),
+            Forms("the name of a foot or frame, or {frame: ..., type: fixed, point or line}"),
         ]
     ],
     Forms("floating, left, right, double, all, or a list of feet and frames"),
@@ -114,7 +115,7 @@ def contacts_of(
     for k, frame in enumerate(frames):
         if frame in frames[:k]:
             raise Misplaced(f"frame {frame!r} is named twice", k)
-    kinds = {"fixed": Contact, "point": PointContact}
+    kinds = {"fixed": Contact, "point": PointContact, "line": LineContact}
     held = (
         (kinds[one.type] if one.type else contact_kind(robot, frame)).hold(
             snapshot, frame, **one.settings(friction)

@@ -88,6 +88,19 @@ static void turn_row(int64_t nv, const double *T, const double *one, const doubl
                  T[2] * (one[2 * nv + c] - other[2 * nv + c]);
 }
 
+/* row = T' W for the angular rows W of a frame's Jacobian. */
+static void angular_row(int64_t nv, const double *T, const double *jacobian, double *row) {
+    const double *W = jacobian + 3 * nv;
+    for (int64_t c = 0; c < nv; c++) row[c] = T[0] * W[c] + T[1] * W[nv + c] + T[2] * W[2 * nv + c];
+}
+
+/* The axis in the world that a contact's row 6 or 7 is about, across its line. Returns whether it is one. */
+static int across(const double *own, int64_t row, double *axis) {
+    if (row < 6) return 0;
+    times3(own + 3, own + 12 + 3 * (row - 6), axis);
+    return 1;
+}
+
 /* row = s' R for six rows R. */
 WIDE static void combine(int64_t nv, const double *s, const double *R, double *row) {
     for (int64_t c = 0; c < nv; c++) row[c] = 0.0;
@@ -139,11 +152,8 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
     case ORIENTATION: /* own: target (3, 3), its angular velocity (3) and acceleration (3) */
         rotation_error(own, R, e, to_error);
         for (int i = 0; i < 3; i++) {
-            const double *T = to_error + 3 * i;
-            for (int64_t c = 0; c < nv; c++)
-                J[i * nv + c] = T[0] * jacobian[3 * nv + c] + T[1] * jacobian[4 * nv + c] +
-                                T[2] * jacobian[5 * nv + c];
-            bias[i] = -dot3(T, own + 9);
+            angular_row(nv, to_error + 3 * i, jacobian, J + i * nv);
+            bias[i] = -dot3(to_error + 3 * i, own + 9);
         }
         return;
     case POINTING: /* own: target (3), axis (3) in the frame's axes */
@@ -199,13 +209,18 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
             copy_row(J + i * nv, state + CENTROIDAL_MAP + chosen[i] * nv, nv);
         }
         return;
-    case CONTACT: { /* own: position (3), rotation (3, 3) */
-        double drift[6], turn[3];
+    case CONTACT: { /* own: position (3), rotation (3, 3); of a line two axes across it there (2, 3) */
+        double drift[6], turn[3], axis[3];
         for (int i = 0; i < 3; i++) drift[i] = frame[i] - own[i];
         transposed_product3(own + 3, R, relative);
         logarithm(relative, turn);
         times3(R, turn, drift + 3);
         for (int64_t i = 0; i < k; i++) {
+            if (across(own, chosen[i], axis)) {
+                e[i] = dot3(axis, drift + 3);
+                angular_row(nv, axis, jacobian, J + i * nv);
+                continue;
+            }
             e[i] = drift[chosen[i]];
             copy_row(J + i * nv, jacobian + chosen[i] * nv, nv);
         }
@@ -307,7 +322,8 @@ void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
     case POINT:
     case CONTACT:
         if (block->frame < 0) acceleration = drifts + COM_DRIFT;
-        for (int64_t i = 0; i < k; i++) drift[i] += acceleration[chosen[i]];
+        for (int64_t i = 0; i < k; i++)
+            drift[i] += across(own, chosen[i], whole) ? dot3(whole, acceleration + 3) : acceleration[chosen[i]];
         return;
     case ORIENTATION:
         orientation_drift(own, R, w, acceleration + 3, e, whole);

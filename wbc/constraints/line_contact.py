@@ -1,0 +1,96 @@
+"""A contact along a line: an edge, or a sole that its leg cannot hold level."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.constraints.contact import Contact
+from wbc.errors import InvalidInputError
+from wbc.native.rows import Kind, NativeRows
+from wbc.polygon import half_planes
+from wbc.tasks.point import AXES
+from wbc.validate import Array, read_only
+
+if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
+    from wbc.robot.symbolic import Expression, SymbolicPosture
+
+STRAIGHT = 1e-3  # m: how far its points may be beside a line through the frame's origin
+LEAST_FLAT = 0.1  # of a line's length: seen from above
+
+
+class LineContact(Contact):
+    """A frame held, but free to turn about a line (five rows: x y z, and ry rz across the line).
+
+    So an edge is held, a sole that is much narrower than long, and the sole of a leg that has no
+    joint to roll it: held in all six rows a walking robot on such legs cannot fall aside as a
+    pendulum does, and goes over the sole's edge unforeseen.
+
+    Parameters
+    ----------
+    corners:
+        (k, 2) or (k, 3) points at which forces act, in the frame's axes [m]: on a line through its
+        origin, of which the first and the last are the ends. By default where the x axis leaves the
+        sole that the frame is, or its corners if those are two.
+    friction:
+        As of any :class:`Contact`, but not None.
+
+    See :class:`Contact` for the others.
+    """
+
+    corners: Array
+
+    ROWS = (*AXES, "ry", "rz")
+
+    def _set_attribute(self, name: str, value: Any) -> None:
+        if name == "friction" and value is None:
+            raise InvalidInputError(
+                f"{self}, friction: what pulls and twists holds all six rows; use Contact, or give"
+                " a FrictionCone"
+            )
+        super()._set_attribute(name, value)
+
+    def _corners(self, given: ArrayLike | None) -> Array:
+        corners = super()._corners(given)
+        if given is None and corners is not None and len(corners) > 2:
+            corners = _along(corners)
+        line = np.zeros(3) if corners is None else corners[-1] - corners[0]
+        length, side = float(np.linalg.norm(line)), np.array((-line[1], line[0], 0.0))
+        flat = math.hypot(*side) > LEAST_FLAT * length
+        if corners is None or not flat or np.abs(np.cross(corners, line)).max() > STRAIGHT * length:
+            raise InvalidInputError(
+                f"{self}, corners: expected points on a line through the origin of {self.frame!r},"
+                " the first and the last its ends, across its z axis"
+            )
+        side /= math.hypot(*side)
+        self._across = read_only(np.stack((side, np.cross(line / length, side))))
+        return corners
+
+    def native(self) -> tuple[NativeRows, ...]:
+        """Return its rows."""
+        numbers = self.position, self.rotation.ravel(), self._across.ravel()
+        still, rows = self._still, (0, 1, 2, 6, 7)
+        return (NativeRows(Kind.CONTACT, self.frame, rows, still, still, numbers),)
+
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return the drift from the anchor, [m] above [rad], as an expression of the posture."""
+        rows = np.eye(5, 6)
+        rows[3:, 3:] = self._across
+        return (super().symbolic_error(posture).T @ rows.T).T
+
+    @property
+    def axes_across(self) -> Array:
+        """Unit vectors (2, 3) that the last two rows are about, in the world, at the anchor."""
+        return np.asarray(self._across @ self.rotation.T)
+
+
+def _along(sole: Array) -> Array:
+    """Return where the x axis leaves a sole of corners (k, 3): ahead and behind (2, 3)."""
+    normals, offsets = half_planes(sole[:, :2])
+    inverse = normals[:, 0] / offsets  # of where each edge cuts the axis; inside is the origin
+    ends = np.zeros((2, 3))
+    ends[:, 0] = 1.0 / inverse.max(), 1.0 / inverse.min()
+    return read_only(ends)
