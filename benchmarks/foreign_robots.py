@@ -7,7 +7,8 @@ For each URDF and MJCF in a folder, duplicates left out, in a process of its own
   reader in NumPy, of an MJCF with what MuJoCo compiles;
 - robots with feet stand for 3 s, pushed ahead by 0.3 M omega d, in our plant and, of an MJCF, in
   the file's own model under raw MuJoCo;
-- humanoids with flat soles walk two metres at a Froude number of 0.01, with default settings.
+- humanoids with soles walk two metres at a Froude number of 0.01, or as fast as the walker says
+  that their legs can, with default settings.
 
 Every file is a line of the journal, and what is there already is not tried again, but for what
 ``--again`` names; how many lines are of other code of this package is said in the end. Files
@@ -186,7 +187,7 @@ def summary(entries: Sequence[dict[str, Any]], code: str) -> list[str]:
         f" most; more than {AGREED:g}: {', '.join(apart) or 'none'}",
         f"stand for 3 s and take 0.3 M omega d: {of('plant', 'stood')} in our plant,"
         f" {of('own', 'stood')} in the file's own model under raw MuJoCo",
-        f"humanoids with flat soles that walk two metres: {of('walk', 'walked')}",
+        f"humanoids with soles that walk two metres: {of('walk', 'walked')}",
         f"found with other code of this package than the present: {others} of {len(entries)}",
     ]
 

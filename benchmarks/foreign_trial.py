@@ -206,13 +206,14 @@ def turning_of(angles: np.ndarray) -> np.ndarray:
 
 
 def walking(robot: Robot) -> dict[str, Any]:
-    """Return whether a humanoid with flat soles walks two metres with default settings."""
-    flat = all(len(foot.polygon) > 1 for foot in robot.feet.values())
-    if set(robot.feet) != {"left", "right"} or not flat or robot.fixed_base:
+    """Return whether a humanoid walks two metres with default settings."""
+    soles = all(len(foot.polygon) > 1 for foot in robot.feet.values())
+    if set(robot.feet) != {"left", "right"} or not soles or robot.fixed_base:
         return {"walked": None, "why": "not two flat feet"}
     walker = Walker(robot, dt=DT)
     start = robot.snapshot(robot.posture())
-    speed = max(SLOWEST, FROUDE * float(np.sqrt(robot.gravity * start.com[2])))
+    usual = max(SLOWEST, FROUDE * float(np.sqrt(robot.gravity * start.com[2])))
+    speed = min(usual, walker.limits.forwards)
     plant = Plant(robot, dt=DT)
     walk = CommandedWalk(
         walker, [TimedCommand(0.2, Velocity(speed, 0.0, 0.0))], lambda: plant.felt_forces

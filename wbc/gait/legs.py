@@ -18,6 +18,10 @@ from wbc.validate import Array
 SIDES = ("left", "right")
 # Part of a leg's full length that it may be stretched to: a straight knee has no way out.
 STRETCH = 0.98
+# Likewise while it walks: knees stay bent in a long step.
+BENT = 0.905
+# By so much of its length a leg is shortened as it lifts its foot.
+LIFTED = 0.1
 # Part of torques and of ranges that a swing may count on; the rest is for all else that legs do.
 SHARE = 0.8
 # Likewise of speeds: while the hip swings, the knee must bend and stretch within the same time.
@@ -44,6 +48,7 @@ class Legs:
     swing_acceleration: float  # likewise, by the hip's torque against the leg's inertia [m/s^2]
     turn: float  # how far a foot can be turned about the vertical, either way [rad]
     turn_speed: float  # at which a foot can be turned so [rad/s]
+    lift_speed: float  # at which the knee lifts a foot, on the mean [m/s]
     # Shortest distance of the ankle from the hip at which the knee bears the robot alone [m].
     bearing_length: float
     gravity: float  # [m/s^2]
@@ -73,6 +78,7 @@ class Legs:
             swing_acceleration=least[3],
             turn=least[4],
             turn_speed=least[5],
+            lift_speed=least[6],
             bearing_length=bearing,
             gravity=robot.gravity,
         )
@@ -173,13 +179,18 @@ def _leg(robot: Robot, side: str) -> tuple[float, ...]:
     lever, hip = abs(float(J[0, forwards])), forwards - BASE_NV
     inertia = float(snapshot.mass_matrix[forwards, forwards])
     limits, at = robot.limits, float(snapshot.joint_positions[turning])
+    with np.errstate(divide="ignore", invalid="ignore"):  # damping may leave no torque before
+        speed = np.fmin(limits.velocity, limits.effort / robot.damping)
+    lift = LIFTED * float(lengths.max())
+    low, high = (_bend(angles, lengths, part * lengths.max()) for part in (BENT, BENT - LIFTED))
     return (
         float(lengths.max()),
         float(_leg_vectors(robot, joints, [snapshot.q])[0, 2]),
-        SPEED_SHARE * float(limits.velocity[hip]) * lever,
+        SPEED_SHARE * float(speed[hip]) * lever,
         min(SHARE * float(limits.effort[hip]) / inertia * lever, QUICKEST),
         SHARE * min(float(limits.upper[turning]) - at, at - float(limits.lower[turning])),
-        SHARE * float(limits.velocity[turning]),
+        SHARE * float(speed[turning]),
+        SHARE * float(speed[int(robot.model.idx_vs[knee]) - BASE_NV]) * lift / abs(high - low),
         _bearing_length(robot, knee, angles, lengths),
     )
 
@@ -192,12 +203,17 @@ def knee_bends(robot: Robot, length: float) -> dict[str, float]:
     bends = {}
     for side in SIDES:
         knee, angles, lengths = _knee(robot, leg_joints(robot, side))
-        straight = int(lengths.argmax())
-        ahead = angles[-1] - angles[straight] > angles[straight] - angles[0]
-        bent = slice(straight, None) if ahead else slice(straight, None, -1)
-        shorter = np.maximum.accumulate(-lengths[bent])  # rises along the bend
-        bends[str(robot.model.names[knee])] = float(np.interp(-length, shorter, angles[bent]))
+        bends[str(robot.model.names[knee])] = _bend(angles, lengths, length)
     return bends
+
+
+def _bend(angles: Array, lengths: Array, length: float) -> float:
+    """Return the angle [rad] at which a leg has a length [m], see :func:`knee_bends`."""
+    straight = int(lengths.argmax())
+    ahead = angles[-1] - angles[straight] > angles[straight] - angles[0]
+    bent = slice(straight, None) if ahead else slice(straight, None, -1)
+    shorter = np.maximum.accumulate(-lengths[bent])  # rises along the bend
+    return float(np.interp(-length, shorter, angles[bent]))
 
 
 def bending_joint(robot: Robot, joints: Sequence[int]) -> int:

@@ -9,12 +9,10 @@ from typing import Self
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.dcm import StepTimes
-from wbc.gait.legs import Legs
+from wbc.gait.legs import BENT, Legs
 from wbc.validate import check_fields, finite_number
 
-# The hip's height over the ankle, in parts of the leg's length: knees stay bent in a long step.
-BENT = 0.905
-# Likewise, at most: for the sake of weak knees.
+# The hip's height over the ankle, in parts of the leg's length, at most: for the sake of weak knees.
 TALLEST = 0.97
 # Times in units of the pendulum's time constant 1/omega, lengths in units of the CoM's height.
 # A foot's peak acceleration goes with the inverse square of its time in the air, and moves the
@@ -110,7 +108,8 @@ class GaitSettings:
         chosen.setdefault("width", max(legs.width, legs.sole_width + ROOM * height))
         narrow = legs.sole_width + GAP * height
         chosen.setdefault("least_width", min(narrow, chosen["width"]))
-        chosen.setdefault("clearance", CLEARANCE * height)
+        lifted = 0.5 * chosen["single"] * legs.lift_speed  # slow knees lift feet less
+        chosen.setdefault("clearance", min(CLEARANCE * height, lifted))
         chosen.setdefault("acceleration", SPEED_UP * legs.gravity * math.sqrt(height))
         return cls(**chosen, gravity=legs.gravity)
 
