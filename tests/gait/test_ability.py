@@ -7,10 +7,13 @@ import pinocchio as pin
 import pytest
 
 from tests.conftest import load
-from wbc.gait import Walker
+from wbc.constraints import Contact, LineContact
+from wbc.gait import Velocity, Walker
 from wbc.gait.ability import bearing_torques
+from wbc.gait.commanded import CommandedWalk, TimedCommand
 from wbc.problem import load_problem
 from wbc.robot import Robot
+from wbc.simulation import Plant, simulate
 
 
 @pytest.mark.parametrize("name", ["hoap2_like", "g1"])
@@ -49,10 +52,63 @@ def test_weak_joints_are_named(caplog: pytest.LogCaptureFixture) -> None:
     assert Walker(robot, torque_limits=2.0).notes == ()
 
 
-def test_legs_of_five_joints() -> None:
-    locked = {"left_ankle_roll": 0.0, "right_ankle_roll": 0.0}
-    (note,) = Walker(Robot.load("hoap2_like", locked=locked)).notes
-    assert "the left leg has 5 and the right leg has 5 of the six joints" in note
+def without(joint: str, half_width: float) -> Robot:
+    """A small humanoid without a joint of either leg, on soles of that half width [m]."""
+    polygon = [
+        [-0.047, -half_width],
+        [0.047, -half_width],
+        [0.047, half_width],
+        [-0.047, half_width],
+    ]
+    feet = {side: {"link": f"{side}_sole", "polygon": polygon} for side in ("left", "right")}
+    locked = {f"{side}_{joint}": 0.0 for side in ("left", "right")}
+    return Robot.load("hoap2_like", locked=locked, feet=feet)
+
+
+@pytest.mark.parametrize(
+    ("joint", "half_width", "kind"),
+    [
+        ("ankle_roll", 0.01, LineContact),
+        ("ankle_roll", 0.031, Contact),  # wide enough to stay flat
+        ("hip_yaw", 0.01, Contact),  # five joints, too, of which the ankle's rolls the sole
+    ],
+)
+def test_feet_are_held_along_their_length_where_legs_cannot_roll_them(
+    joint: str, half_width: float, kind: type[Contact]
+) -> None:
+    walker = Walker(without(joint, half_width))
+    assert {type(one) for one in walker.controller.contacts} == {kind}
+    said = " ".join(walker.notes)
+    assert ("the left leg and the right leg cannot roll the sole" in said) == (joint != "hip_yaw")
+    assert ("held along its length only (LineContact)" in said) == (kind is LineContact)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("push", [0.0, 10.0])
+def test_legs_without_an_ankle_roll_walk_on_narrow_soles(push: float) -> None:
+    """Held in all six rows their soles tip unforeseen, and it falls after a second."""
+    walker = Walker(without("ankle_roll", 0.005))
+    plant = Plant(walker.robot, dt=0.002)
+    plant.push("base", [0.0, push, 0.0], "com", start=2.0, duration=0.1)
+    walk = CommandedWalk(
+        walker, [TimedCommand(0.2, Velocity(0.1, 0.0, 0.0))], lambda: plant.felt_forces
+    )
+    *_, last = simulate(walker.controller, plant, 5.0, update=walk.update)
+    assert last.verdict.stood, last.verdict.reason
+    assert plant.com[0] > 0.8 * 0.1 * 4.0
+
+
+def test_feet_are_lifted_as_fast_as_damped_motors_turn_their_knees() -> None:
+    """Where damping takes all of a motor's torque its speed ends: at 2 and at 1 rad/s here."""
+    robot: Robot = load("hoap2_like")
+    effort = float(robot.limits.effort[robot.joint_index("left_knee_pitch") - 6])
+    assert robot.limits.velocity[robot.joint_index("left_knee_pitch") - 6] > 2.0
+    usual, slow, slower = (
+        Walker(Robot.load("hoap2_like", damping={"*_knee_pitch": damping})).gait.clearance
+        for damping in (0.0, effort / 2.0, effort)
+    )
+    assert slow < 0.9 * usual
+    assert slower == pytest.approx(0.5 * slow, rel=1e-12)
 
 
 def test_a_simulation_says_it_too(tmp_path) -> None:

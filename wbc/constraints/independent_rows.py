@@ -100,7 +100,7 @@ def _independent(contacts: Sequence[Contact]) -> Index:
 
 
 def _rows_of(contact: Contact, lever: Array) -> Array:
-    """Return a contact's rows by the twist of its link (k, 6); ``lever`` (3,) leads to its frame."""
+    """Return a contact's rows (k, 6) by its link's twist; ``lever`` (3,) leads to its frame."""
     rows = np.block([[np.eye(3), -skew(lever)], [np.zeros((3, 3)), np.eye(3)]])
     if isinstance(contact, LineContact):
         return np.concatenate((rows[:3], contact.axes_across @ rows[3:]))

@@ -60,7 +60,8 @@ def support(
 def contact_kind(robot: Robot, frame: str) -> type[Contact]:
     """Return the contact that a frame makes: a point or a line if it is the sole of such a foot."""
     corners = (len(foot.polygon) for foot in robot.feet.values() if foot.frame == frame)
-    return {1: PointContact, 2: LineContact}.get(next(corners, 0), Contact)
+    kinds: dict[int, type[Contact]] = {1: PointContact, 2: LineContact}
+    return kinds.get(next(corners, 0), Contact)
 
 
 def base_contact(snapshot: Snapshot) -> tuple[Contact, ...]:

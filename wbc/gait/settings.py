@@ -12,7 +12,7 @@ from wbc.gait.dcm import StepTimes
 from wbc.gait.legs import BENT, Legs
 from wbc.validate import check_fields, finite_number
 
-# The hip's height over the ankle, in parts of the leg's length, at most: for the sake of weak knees.
+# The hip's height over the ankle, in parts of the leg's length, for the sake of weak knees.
 TALLEST = 0.97
 # Times in units of the pendulum's time constant 1/omega, lengths in units of the CoM's height.
 # A foot's peak acceleration goes with the inverse square of its time in the air, and moves the

@@ -9,12 +9,11 @@ from typing import Any, Self
 
 import numpy as np
 
-from wbc.constraints import Contact, Limits, LineContact
+from wbc.constraints import Contact, Limits
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Constraint
-from wbc.constraints.support_modes import contact_kind
 from wbc.controllers.torque import TorqueController
-from wbc.gait.ability import lacks, rolls
+from wbc.gait.ability import contact_of, lacks
 from wbc.gait.crouch import walking_posture
 from wbc.gait.legs import SIDES, Legs, leg_joints
 from wbc.gait.swing import FootPose, SwingMotion, turned
@@ -139,10 +138,7 @@ class WholeBody:
         self._frames = {foot: sole.frame for foot, sole in robot.feet.items()}
         posture = walking_posture(start, height)
         bent = robot.snapshot(posture)
-        self._kinds: dict[str, type[Contact]] = {
-            foot: contact_kind(robot, frame) if rolls(bent, foot) else LineContact
-            for foot, frame in self._frames.items()
-        }
+        self._kinds = {foot: contact_of(bent, foot) for foot in self._frames}
         self._exact_weight = w.swing
         self.weigh_swing(w.swing, w.lift)
         trunks = dict.fromkeys((BASE, heaviest_link(robot)))
