@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.constraints import Constraint, Contact, Limits, PointContact
+from wbc.constraints import Constraint, Contact, Limits, LineContact, PointContact
 from wbc.constraints.com_support import support_polygon
 from wbc.constraints.margin import SKIN, Margin
 from wbc.polygon import polygon_margin
@@ -116,7 +116,7 @@ def touchdowns(before: Iterable[Contact], now: Iterable[Contact]) -> tuple[str, 
 
 def held_joints(robot: Robot, contacts: Iterable[Contact]) -> set[int]:
     """Return the joints whose bodies are held in position and orientation."""
-    fixed = (one for one in contacts if not isinstance(one, PointContact))
+    fixed = (one for one in contacts if not isinstance(one, PointContact | LineContact))
     return {carrier(robot, contact.frame) for contact in fixed}
 
 
