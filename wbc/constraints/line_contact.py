@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from wbc.constraints.contact import Contact
 from wbc.errors import InvalidInputError
 from wbc.native.rows import Kind, NativeRows
-from wbc.polygon import half_planes
 from wbc.tasks.point import AXES
 from wbc.validate import Array, read_only
 
@@ -55,18 +54,22 @@ class LineContact(Contact):
 
     def _corners(self, given: ArrayLike | None) -> Array:
         corners = super()._corners(given)
-        if given is None and corners is not None and len(corners) > 2:
+        if corners is None:
+            corners = np.zeros((1, 3))
+        elif given is None and len(corners) > 2:
             corners = _along(corners)
-        line = np.zeros(3) if corners is None else corners[-1] - corners[0]
-        length, side = float(np.linalg.norm(line)), np.array((-line[1], line[0], 0.0))
-        flat = math.hypot(*side) > LEAST_FLAT * length
-        if corners is None or not flat or np.abs(np.cross(corners, line)).max() > STRAIGHT * length:
+        line = corners[-1] - corners[0]
+        length, across = math.hypot(*line.tolist()), math.hypot(*line[:2].tolist())
+        line /= max(length, 1e-300)
+        beside = np.abs(corners - np.outer(corners @ line, line)).max()
+        if across <= LEAST_FLAT * length or beside > STRAIGHT:
             raise InvalidInputError(
                 f"{self}, corners: expected points on a line through the origin of {self.frame!r},"
                 " the first and the last its ends, across its z axis"
             )
-        side /= math.hypot(*side)
-        self._across = read_only(np.stack((side, np.cross(line / length, side))))
+        dx, dy, dz = line.tolist()
+        x, y = -dy * length / across, dx * length / across
+        self._across = read_only(np.array(((x, y, 0.0), (-dz * y, dz * x, dx * y - dy * x))))
         return corners
 
     def native(self) -> tuple[NativeRows, ...]:
@@ -88,9 +91,11 @@ class LineContact(Contact):
 
 
 def _along(sole: Array) -> Array:
-    """Return where the x axis leaves a sole of corners (k, 3): ahead and behind (2, 3)."""
-    normals, offsets = half_planes(sole[:, :2])
-    inverse = normals[:, 0] / offsets  # of where each edge cuts the axis; inside is the origin
-    ends = np.zeros((2, 3))
-    ends[:, 0] = 1.0 / inverse.max(), 1.0 / inverse.min()
-    return read_only(ends)
+    """Return where the x axis leaves a sole of corners (k, 3): behind and ahead (2, 3)."""
+    corners = sole[:, :2].tolist()  # a handful: plain numbers are faster
+    ends = [
+        x - y * (u - x) / (v - y)
+        for (x, y), (u, v) in zip(corners, corners[1:] + corners[:1], strict=True)
+        if y * v <= 0.0 and y != v
+    ]
+    return read_only(np.array(((min(ends), 0.0, 0.0), (max(ends), 0.0, 0.0))))
