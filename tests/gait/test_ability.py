@@ -8,6 +8,7 @@ import pytest
 
 from tests.conftest import load
 from wbc.constraints import Contact, LineContact
+from wbc.errors import InvalidInputError
 from wbc.gait import Velocity, Walker
 from wbc.gait.ability import bearing_torques
 from wbc.gait.commanded import CommandedWalk, TimedCommand
@@ -81,6 +82,24 @@ def test_feet_are_held_along_their_length_where_legs_cannot_roll_them(
     said = " ".join(walker.notes)
     assert ("the left leg and the right leg cannot roll the sole" in said) == (joint != "hip_yaw")
     assert ("held along its length only (LineContact)" in said) == (kind is LineContact)
+
+
+@pytest.mark.slow
+def test_feet_that_are_edges_ahead_walk_and_those_across_are_refused() -> None:
+    feet = {side: {"link": f"{side}_sole"} for side in ("left", "right")}
+    ahead, across = (
+        Robot.load("hoap2_like", feet={key: {**one, "polygon": ends} for key, one in feet.items()})
+        for ends in ([[-0.047, 0.0], [0.047, 0.0]], [[0.0, -0.03], [0.0, 0.03]])
+    )
+    walker = Walker(ahead)
+    plant = Plant(ahead, dt=0.002)
+    command = [TimedCommand(0.2, Velocity(0.1, 0.0, 0.0))]
+    walk = CommandedWalk(walker, command, lambda: plant.felt_forces)
+    *_, last = simulate(walker.controller, plant, 5.0, update=walk.update)
+    assert last.verdict.stood, last.verdict.reason
+    assert plant.com[0] > 0.8 * 0.1 * 4.0
+    with pytest.raises(InvalidInputError, match=r"edges across its way, with left_sole, right"):
+        Walker(across)
 
 
 @pytest.mark.slow

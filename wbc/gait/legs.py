@@ -32,6 +32,8 @@ QUICKEST = 1e4
 SAMPLES = 33
 # Of the leg's length: how far a hip moves the foot forwards or to a side, at least, per rad.
 LEVER = 0.2
+# Of a foot that is an edge: how far it reaches to a side for its length, if it can be walked on.
+ASKEW = 0.2
 
 
 @dataclass(frozen=True)
@@ -125,12 +127,18 @@ def check_walker(robot: Robot) -> None:
             f"walker: walking takes two feet, left and right; {robot.name} has: {feet}. Name them"
             " in Robot.load(..., feet={'left': ..., 'right': ...})"
         )
-    points = [foot.link for foot in robot.feet.values() if len(foot.polygon) < 2]
+    points = [
+        foot.link
+        for foot in robot.feet.values()
+        if len(foot.polygon) < 3
+        and np.ptp(foot.polygon[:, 1]) >= ASKEW * np.ptp(foot.polygon[:, 0])
+    ]
     if points:
         raise InvalidInputError(
-            f"walker: walking takes soles to stand on; {robot.name} touches the ground in points"
-            f" with {', '.join(points)}. Give polygons: Robot.load(..., feet={{'left': {{'link':"
-            " ..., 'polygon': [[x, y], ...], 'height': ...}, ...})"
+            f"walker: walking takes soles to stand on; {robot.name} touches the ground in points,"
+            f" or along edges across its way, with {', '.join(points)}. Give polygons:"
+            " Robot.load(..., feet={'left': {'link': ..., 'polygon': [[x, y], ...], 'height': ...},"
+            " ...})"
         )
     if robot.fixed_base:
         raise InvalidInputError(f"walker: the base of {robot.name} is fixed; load it floating")
