@@ -22,7 +22,8 @@ def nothing_installed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     programs = tmp_path / "programs"
     programs.mkdir()
     monkeypatch.setenv("PATH", str(programs))
-    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("CC", "")  # so that what builds set is taken back, too
+    monkeypatch.delenv("CC")
     monkeypatch.setattr(sysconfig, "get_config_var", {"CC": "gcc -pthread"}.get)
     return programs
 
