@@ -7,6 +7,9 @@ plates in one half of the frames and are judged in the other.
 
     python benchmarks/human_walk.py walk.trc --forces walk_grf.mot [--static static.trc]
         [-o benchmarks/human_walk.json] [--plot PICTURE]
+    python benchmarks/human_walk.py --many *.c3d *.trc -o benchmarks/human_walks.json
+
+With ``--many`` only what is judged, of each; forces of a TRC are those of the MOT beside it.
 """
 
 import os
@@ -195,14 +198,29 @@ def _rounded(value: Any) -> Any:
     return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
+def judged(path: Path) -> dict[str, Any]:
+    """Return what is judged of one recording more."""
+    forces = path.with_suffix(".mot") if path.suffix == ".trc" else None
+    human = human_motion(read_markers(path, forces=forces))
+    body = {"mass_kg": human.body.mass, "stature_m": human.body.stature}
+    return {**body, "markers_mm": 1e3 * human.rms, **figures(analyzed(human)[1])}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("recording", type=Path)
+    parser.add_argument("recording", type=Path, nargs="?")
     parser.add_argument("--forces", type=Path)
     parser.add_argument("--static", type=Path)
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--plot", type=Path)
+    parser.add_argument("--many", type=Path, nargs="+", help="recordings, of each less")
     options = parser.parse_args()
+    if options.many is not None:
+        rows = {path.stem: judged(path) for path in options.many}
+        text = json.dumps(_rounded(rows), indent=1)
+        print(text)
+        options.output.write_text(text + "\n")
+        return
     recording = read_markers(options.recording, forces=options.forces)
     static = None if options.static is None else read_markers(options.static)
     human = human_motion(recording, static=static)

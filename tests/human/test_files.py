@@ -72,6 +72,17 @@ def test_c3d_with_a_plate(tmp_path: Path) -> None:
     np.testing.assert_allclose(plate.moment, truth[:, 3:], atol=2e-3)
 
 
+def test_c3d_in_metres_whose_word_is_cut_off_is_read_in_metres(tmp_path: Path) -> None:
+    ezc3d = pytest.importorskip("ezc3d")
+    path = tmp_path / "march.c3d"
+    write_c3d(path)
+    before, file = read_markers(path), ezc3d.c3d(str(path))
+    file["parameters"]["POINT"]["UNITS"]["value"] = ["mete"]
+    file["data"]["points"][:3] *= 1e-3
+    file.write(str(path))
+    np.testing.assert_allclose(read_markers(path).positions, before.positions, atol=1e-6)
+
+
 def test_c3d_whose_field_numbers_are_a_column(tmp_path: Path) -> None:
     ezc3d = pytest.importorskip("ezc3d")
     write_c3d(tmp_path / "march.c3d")
@@ -137,7 +148,8 @@ def test_mot_plates(tmp_path: Path) -> None:
     ]
     names = [f"ground_{k}" for k in ("force_vx", "force_vy", "force_vz", "force_px", "force_py")]
     names += ["ground_force_pz", *(f"ground_torque_{axis}" for axis in "xyz")]
-    text = "grf\nnRows=3\nnColumns=10\nendheader\n" + "\n".join(["time " + " ".join(names), *rows])
+    head = "grf\nnRows=3\nnColumns=10\nendheader\n\n"
+    text = head + "\n".join(["  time " + " ".join(names), *rows])
     (tmp_path / "a.mot").write_text(text)
     found = read_markers(tmp_path / "a.trc", forces=tmp_path / "a.mot")
     plate = found.plates[0]

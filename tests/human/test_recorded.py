@@ -10,7 +10,9 @@ from wbc.human import MarkerRecording, compared, human_motion, read_markers
 from wbc.human.body import HINGE_NAMES, NAMES, SEGMENT_NAMES, HumanBody
 from wbc.human.fit import MarkerSet, continuous, first_poses, fit_poses
 from wbc.human.kinematics import Poses, place
+from wbc.human.known import known_markers
 from wbc.human.landmarks import landmark, landmark_of
+from wbc.human.markers import ForcePlate
 from wbc.human.skeleton import configurations, human_robot
 from wbc.motion.table import RecordingError
 
@@ -105,6 +107,46 @@ def test_plates_that_have_not_all_are_not_compared(marched: tuple) -> None:  # t
     nowhere = np.zeros((len(human.motion.time), 2), dtype=bool)
     assert compared(series, human.recording.plates, nowhere, human.motion.time) is None
     assert compared(series, (), human.down, human.motion.time) is None
+
+
+@pytest.mark.slow
+def test_frames_beside_those_in_which_a_foot_is_on_no_plate_are_not_compared(
+    marched: tuple,  # type: ignore[type-arg]
+) -> None:
+    _, _, human = marched
+    series = wbc.analyze(human.motion, cutoff=6.0, noise=None, feet=None)
+    robot, time = human.motion.robot, human.motion.time
+    q = np.hstack((human.motion.base, human.motion.joints))
+    soles = np.array([robot.snapshot(one).position(robot.feet["left"].frame) for one in q])
+    force = np.where(time[:, None] < 1.5, 0.0, human.recording.plates[0].force)
+    plate = ForcePlate("plate", time, force, np.cross(soles * (1.0, 1.0, 0.0), force))
+    found = compared(series, (plate,), np.tile((True, False), (len(time), 1)), time)
+    assert found is not None
+    # What the low-pass carries of the missing force into the frames beside it is 9 % at its edge.
+    assert np.abs(found.force_error[:, 2]).max() < 0.03 * found.force[:, 2].max()
+
+
+def test_a_human_that_comes_late_and_leaves_early_is_taken_while_it_is_seen() -> None:
+    recording, _ = recorded(BODY, seconds=1.0)
+    here = recording.positions.copy()
+    here[:35] = here[80:] = np.nan
+    here[35:40, :10] = np.nan  # not all of it at once
+    seen = MarkerRecording(recording.time, recording.labels, here, up="z")
+    human = human_motion(seen, mass=72.0)
+    assert human.motion.time[[0, -1]] == pytest.approx(recording.time[[35, 79]])
+    assert any("0.35 to 0.79 s" in note for note in human.notes)
+    assert human.rms < 5e-3
+
+
+def test_axes_that_plug_in_gait_writes_as_markers_are_left_out() -> None:
+    recording, _ = recorded(BODY, seconds=0.1)
+    axes = tuple(f"{side}CL{end}" for side in "LR" for end in "OALP")
+    places = np.zeros((len(recording.time), len(axes), 3))
+    both = np.concatenate((recording.positions, places), axis=1)
+    names, _, notes = known_markers(
+        MarkerRecording(recording.time, recording.labels + axes, both, up="z"), None
+    )
+    assert names == recording.labels and "LCLA" in notes[0]
 
 
 def test_y_up_in_mm_is_found(tmp_path) -> None:  # type: ignore[no-untyped-def]

@@ -42,6 +42,7 @@ def read_c3d(path: Path) -> MarkerRecording:
     with np.errstate(all="ignore"):  # what is no number was not seen
         marked, analog = _data(file, frames, points, per_frame)
     unit = next(iter(file.texts("POINT:UNITS")), "mm").lower()
+    unit = "m" if unit.startswith("met") else unit  # metres, which may be cut off
     if unit not in LENGTHS:
         raise file.error(f"POINT:UNITS: expected mm, cm or m, got {unit[:20]!r}")
     labels, keep = _labels(file, points)

@@ -72,7 +72,7 @@ class _Prior:
 def key_frames(observed: Array, most: int = KEY_FRAMES) -> NDArray[np.intp]:
     """Return frames spread over a recording (n, m, 3), of those that show most of its markers."""
     seen = np.isfinite(observed).all(axis=2).sum(axis=1)
-    good = np.flatnonzero(seen >= np.quantile(seen, 0.5))
+    good = np.flatnonzero(seen >= max(np.quantile(seen, 0.5), 0.5 * seen.max()))
     return good[np.unique(np.linspace(0, len(good) - 1, min(most, len(good))).round().astype(int))]
 
 

@@ -25,6 +25,7 @@ from wbc.validate import Array
 LOADED = 20.0  # N: a plate that is pushed less is empty
 BESIDE = 0.15  # m: how far a plate's CoP may be from a sole that stands on it
 LATE = 0.06  # s: how much a foot's landing on a plate and its landing by the motion may differ
+SMEARED = 0.4  # of the low-pass' period: how far a force that no plate has reaches into others
 LEAST_FRAMES = 5
 PRESSED = 0.3  # of the weight: below it neither CoP means much
 
@@ -169,7 +170,8 @@ def _complete(
     around = np.ones((2 * late + 1, 1), dtype=bool)
     covered = binary_dilation(on, around) | ~down
     whole = covered.all(axis=1) & (on & down).any(axis=1) & inside & ~stray
-    return np.asarray(binary_erosion(whole, around[:, 0])), force, moment
+    apart = late + (0 if series.cutoff is None else round(SMEARED / series.cutoff / step))
+    return np.asarray(binary_erosion(whole, np.ones(2 * apart + 1, dtype=bool))), force, moment
 
 
 def _at(plate: ForcePlate, time: Array, cutoff: float | None) -> tuple[Array, Array]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from wbc.human.markers import MarkerRecording
 from wbc.motion.dropouts import MISSING, Dropout, runs
 from wbc.validate import Array
 
@@ -14,6 +17,25 @@ FARTHER = 6.0  # times its usual residual: what is farther is no longer that mar
 # by this factor.
 JUMP, CLOSER = 0.04, 0.4
 SWAPPED, GHOSTS = "swapped markers", "ghost"
+SHOWN = 0.5  # of the most markers seen at once: with fewer a human has not come yet, or has gone
+
+
+def while_shown(
+    recording: MarkerRecording, names: tuple[str, ...]
+) -> tuple[MarkerRecording, tuple[str, ...]]:
+    """Return the recording from when its human comes until it goes, and a note if that is less.
+
+    A human that no marker tells of would stand still there, and be taken for one that stands.
+    """
+    columns = [recording.labels.index(name) for name in names if name in recording.labels]
+    count = np.isfinite(recording.positions[:, columns]).all(axis=2).sum(axis=1)
+    shown = np.flatnonzero(count >= SHOWN * count.max())
+    part = slice(shown[0], shown[-1] + 1)
+    time = recording.time[part]
+    if len(time) == len(recording.time):
+        return recording, ()
+    note = f"taken from {time[0]:.2f} to {time[-1]:.2f} s: else most markers are not seen"
+    return replace(recording, time=time, positions=recording.positions[part]), (note,)
 
 
 def filled_shortly(

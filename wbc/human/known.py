@@ -28,7 +28,9 @@ def known_markers(
     for one in (recording, *(() if static is None else (static,))):
         given = one.landmarks or (None,) * len(one.labels)
         for label, mark in zip(one.labels, given, strict=True):
-            name = landmark_of(label)
+            # Plug-in Gait writes its segments' axes as if they were markers: LCLA is no clavicle.
+            axis = label[-1:] in "OALP" and all(label[:-1] + end in one.labels for end in "OALP")
+            name = None if axis else landmark_of(label)
             if mark is None and name is None:
                 unknown += [label] if label not in unknown else []
             elif label not in found:

@@ -1,8 +1,9 @@
 """Places on a human that markers are put on, and the names that laboratories give to them.
 
-Names are those of Plug-in Gait and CGM2 (Vicon), Helen Hayes, IOR (Leardini 2007), ISB (Wu 2002,
-2005), OpenSim's gait2392, Rajagopal and OpenCap, CMU and Visual3D. Spelling, separators and the
-place of the side do not matter: ``R.ASIS``, ``RASI``, ``r_asis_study``, ``ASIS_R``.
+Names are those of Plug-in Gait and CGM2 (Vicon), Helen Hayes, HBM (Motek), IOR (Leardini 2007),
+ISB (Wu 2002, 2005), OpenSim's gait2392, Rajagopal and OpenCap, CMU and Visual3D. Spelling,
+separators and the place of the side do not matter: ``R.ASIS``, ``RASI``, ``r_asis_study``,
+``ASIS_R``.
 """
 
 from __future__ import annotations
@@ -51,26 +52,27 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
     "iliac_crest": ("pelvis", "pelvis", (-10, 135, 150), 40, 10, "ICR ILC IC ILIACCREST CREST"),
     "hip_centre": ("pelvis", "_thigh", (0, 0, 0), 10, 8, "HJC HIPCENTRE HIPCENTER HIPJOINT HIPJC"),
     "trochanter": ("_thigh", "_thigh", (0, 85, 0), 30, 15, "GT GTR FTC TROC TROCH GTROC TROCHANTER"
-                   " GREATERTROCHANTER GTROCHANTER HIP"),
+                   " GREATERTROCHANTER GTROCHANTER GTRO HIP"),
     "thigh": ("_thigh", "_thigh", (0, 70, -220), 120, 15, "THI THIGH TH TH1 TH2 TH3 TH4 TH5 TH6"
               " THIGH1 THIGH2 THIGH3 THIGH4 THIGHUPPER THIGHFRONT THIGHREAR THIGHLAT THAP THAD THLD"
               " UTHIGH LTHIGH THIGHLOWER THIGHDIST THIGHPROX QUAD BAR1 WAND1"),
     "knee_lateral": ("_thigh", "_shank", (0, 58, 0), 12, 10, "KNE KNEE KNEELAT LATKNEE LKNEE LKNE"
                      " KNEEOUT KNEE1 LFC FLE LE LEP LK KNEEEXT KNL KNEL LFEP LFE LCON FLC"
-                     " KNEELATERAL"),
+                     " KNEELATERAL LEK"),
     "knee_medial": ("_thigh", "_shank", (0, -58, 0), 12, 10, "MKNEE MKNE KNEEMED MEDKNEE KNM KNEM"
-                    " MFC FME ME MEP MK KNEEIN KNEEINT MFEP MFE MCON FMC KNEEMEDIAL"),
+                    " MFC FME ME MEP MK KNEEIN KNEEINT MFEP MFE MCON FMC KNEEMEDIAL MEK KNEIN"),
     "knee_centre": ("_thigh", "_shank", (0, 0, 0), 10, 8, "KJC KNEEJOINT KNEECENTRE KNEECENTER"
                     " KNEEJC"),
     "fibula_head": ("_shank", "_shank", (-15, 55, -50), 20, 10, "HF FH FAX FIBHEAD FIBULA FIBHD"),
     "tibial_tuberosity": ("_shank", "_shank", (45, 0, -65), 25, 10, "TT TTC TTUB TIBTUB TUB"),
     "shank": ("_shank", "_shank", (20, 40, -200), 120, 10, "TIB TIBIA SHANK SH SH1 SH2 SH3 SH4 SH5"
               " SH6 SHN SHIN SHANK1 SHANK2 SHANK3 SHANK4 SHANKUPPER SHANKFRONT SHANKREAR SHANKLAT"
-              " TIAP TIAD TB TB1 TB2 TB3 TB4 TIB1 TIB2 TIB3 SK1 SK2 SK3 SK4 LEG CALF BAR2 WAND2"),
+              " TIAP TIAD TB TB1 TB2 TB3 TB4 TIB1 TIB2 TIB3 SK1 SK2 SK3 SK4 LEG CALF BAR2 WAND2"
+              " SHA ATI"),
     "ankle_lateral": ("_shank", "_foot", (0, 42, 0), 10, 8, "ANK ANKLE ANKLELAT LATANKLE LANKLE"
                       " LANK LMAL MAL MALL LM FAL ANKLEOUT ANKLEEXT ANL LMA ANKLELATERAL"),
     "ankle_medial": ("_shank", "_foot", (8, -42, 5), 10, 8, "MANKLE MANK ANKLEMED MEDANKLE MMAL MED"
-                     " MM TAM ANKLEIN ANKLEINT ANM MMA ANKLEMEDIAL"),
+                     " MM TAM ANKLEIN ANKLEINT ANM MMA ANKLEMEDIAL ANKIN"),
     "ankle_centre": ("_shank", "_foot", (0, 0, 0), 10, 8, "AJC ANKLEJOINT ANKLECENTRE ANKLECENTER"
                      " ANKLEJC"),
     "heel": ("_foot", "_foot", (-65, 0, -55), 25, 6, "HEE HEEL CAL CALC CALCANEUS CA FCC HL HEEL1"
@@ -93,14 +95,14 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
     "upper_arm": ("_upper_arm", "_upper_arm", (0, 45, -150), 90, 12, "UPA BICEP BICEPS UPPERARM UA"
                   " UA1 UA2 UA3 UARM ARM UPPERARM1 HUMERUS UPARM TRICEP TRICEPS DELT"),
     "elbow_lateral": ("_upper_arm", "_forearm", (0, 38, 0), 15, 10, "ELB ELBOW ELBOWLAT LATELBOW"
-                      " LELBOW LEL HLE ELBOWOUT ELBL LELB ELBLAT ELL ELBOWLATERAL EL LHE"),
+                      " LELBOW LEL HLE ELBOWOUT ELBL LELB ELBLAT ELL ELBOWLATERAL EL LHE LEE"),
     "elbow_medial": ("_upper_arm", "_forearm", (0, -38, 0), 15, 10, "MELBOW ELBOWMED MEDELBOW MEL"
-                     " HME ELBOWIN ELBM MELB ELBMED ELM ELBOWMEDIAL EM MHE"),
+                     " HME ELBOWIN ELBM MELB ELBMED ELM ELBOWMEDIAL EM MHE MEE"),
     "elbow_centre": ("_upper_arm", "_forearm", (0, 0, 0), 10, 10, "EJC ELBOWCENTRE ELBOWCENTER"
                      " ELBOWJOINT ELBOWJC"),
     "forearm": ("_forearm", "_forearm", (20, 30, -140), 90, 10, "FRM FOREARM FRA FARM FA FA1 FA2"
                 " FASUPERIOR FORE FOREARM1 RADULN"),
-    "wrist": ("_forearm", "_hand", (0, 25, 0), 30, 10, "WRIST WRI WR"),
+    "wrist": ("_forearm", "_hand", (0, 25, 0), 30, 10, "WRIST WRI WR MW LW"),
     "wrist_radial": ("_forearm", "_hand", (32, 0, 0), 12, 8, "WRA RSP WRISTRAD WRISTLAT LATWRIST"
                      " LWRIST FARADIUS RAD RADIUS RS WRR WRISTRADIUS WRISTTHUMB"),
     "wrist_ulnar": ("_forearm", "_hand", (-32, 0, 0), 12, 8, "WRB USP WRISTULN WRISTMED MEDWRIST"
@@ -127,11 +129,12 @@ _MIDDLE: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
                 " CLAVICLE SUPR MIDCLAVICLE INCJ SS"),
     "xiphoid": ("trunk", "trunk", (95, 0, 240), 60, 12, "STRN STERNUM SXS PX XIPH XYPH XIPHOID STER"
                 " XP CHEST"),
-    "back": ("trunk", "trunk", (-110, -70, 300), 90, 12, "RBAK LBAK OFFSET ROFFSET RSCAP BACK"
+    "back": ("trunk", "trunk", (-110, -70, 300), 90, 12, "RBAK LBAK OFFSET ROFFSET RSCAP BACK BBAC"
              " BACKOFFSET"),
-    "head_top": ("head", "head", (20, 0, 250), 30, 6, "TOPHEAD HEADTOP TOP HDTP VERTEX HTOP HEAD"),
+    "head_top": ("head", "head", (20, 0, 250), 30, 6, "TOPHEAD HEADTOP TOP HDTP VERTEX HTOP HEAD"
+                 " THEAD"),
     "head_mid_front": ("head", "head", (120, 0, 165), 40, 6, "FRONTHEAD FOREHEAD HEADFRONT HDFR"
-                       " GLAB GLABELLA NASION"),
+                       " GLAB GLABELLA NASION FHEAD"),
     "head_mid_back": ("head", "head", (-90, 0, 165), 40, 6, "BACKHEAD REARHEAD HEADBACK HDBK OCC"),
     "neck_centre": ("trunk", "head", (0, 0, 0), 15, 10, "CJC NECKJOINT NECKCENTRE"),
     "head_centre": ("head", "head", (20, 0, 90), 40, 8, "HEADCENTRE HEADJOINT"),

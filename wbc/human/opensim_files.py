@@ -99,10 +99,11 @@ def read_plates(path: Path) -> tuple[ForcePlate, ...]:
     end = next((k for k, line in enumerate(lines[:200]) if line.strip() == "endheader"), None)
     if end is None or end + 2 > len(lines):
         raise RecordingError("it has no line 'endheader', as MOT and STO files have", source)
-    names = [name.lower() for name in lines[end + 1].split()]
-    if not names or names[0] != "time":
+    head = next((k for k in range(end + 1, len(lines)) if lines[k].strip()), end)
+    names = [name.lower() for name in lines[head].split()]
+    if names[0] != "time":
         raise RecordingError("its first column is not time", source)
-    rows = _rows([line.replace("\t", " ") for line in lines], end + 2, len(names), source)
+    rows = _rows([line.replace("\t", " ") for line in lines], head + 1, len(names), source)
     if not np.isfinite(rows).all():
         bad = int(np.flatnonzero(~np.isfinite(rows).all(axis=1))[0])
         raise RecordingError("a number is missing", source, None, bad + 1)

@@ -14,7 +14,7 @@ from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
 from wbc.human.comparison import plates_mass
 from wbc.human.contacts import Bools, chosen_cutoff, feet_down
 from wbc.human.fit import MarkerSet, continuous, fit_poses, residuals
-from wbc.human.gaps import filled_by_fit, filled_shortly, unswapped, without_ghosts
+from wbc.human.gaps import filled_by_fit, filled_shortly, unswapped, while_shown, without_ghosts
 from wbc.human.kinematics import Poses, place
 from wbc.human.known import known_markers, upright
 from wbc.human.landmarks import Landmark
@@ -158,6 +158,8 @@ def human_motion(
         static, _ = of_subject(static, subject)
     names, marks, notes = known_markers(recording, static)
     notes = told + notes
+    recording, told = while_shown(recording, names)
+    notes += told
     recording, axis = upright(recording, names, marks, up)
     belt = belt_velocity(recording, names, marks)
     if belt.any():

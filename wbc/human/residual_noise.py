@@ -25,7 +25,7 @@ from wbc.validate import Array
 # Markers of one segment also slide together (Barre et al. 2013, IEEE Trans. Biomed. Eng. 60, 3131:
 # most of what skin does), which joints to other segments show only in part. Chosen so that bands of
 # one walk held what its force plates measured; what that gives is in docs/howto/humans.md.
-TOGETHER = 1.4
+TOGETHER = 1.45
 # The CoM's place in the body, one standard deviation [m] along each axis: tables of segments differ
 # by some 10 mm in it (Dumas et al. 2007; Pearsall and Costigan 1999).
 CENTRE = 0.010
