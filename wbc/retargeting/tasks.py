@@ -27,6 +27,8 @@ TURNING = 0.1  # of m h sqrt(g h): angular momentum of who turns as a whole; who
 # Of a leg's length and of m h sqrt(g h): who moves and turns by less is followed more closely, by
 # this at most.
 STILL, QUIET, CLOSEST = 0.02, 0.01, 3.0
+# Of the ellipsoid's entries xx xy xz yy yz zz: xz and yz are how its long axis leans.
+TILTED = np.array((1.0, 1.0, 10.0, 1.0, 10.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -117,9 +119,8 @@ class FrameTasks:
         most = np.abs(targets.angular_momentum).max(axis=0) / (TURNING * unit)
         turns = _closer(targets.angular_momentum.std(axis=0) / (QUIET * unit))
         self.momentum = w.momentum / unit * turns / (1.0 + most**2)
-        self.inertia = InertiaTask(
-            robot, start.inertia, weight=w.inertia / float(np.trace(start.inertia)), gain=1.0
-        )
+        size = float(np.trace(start.inertia))
+        self.inertia = InertiaTask(robot, start.inertia, weight=w.inertia / size * TILTED, gain=1.0)
         foot = np.array([w.feet / leg] * 3 + [w.tilt] * 3)
         self.feet, self.contacts = {}, {}
         for side in SIDES:
