@@ -34,7 +34,7 @@ RATE = 50.0  # Hz: of what trainers of policies read
 WORSE, ASTRAY, MORE, MOST = 2.0, 0.02, 4.0, 100.0
 # A round that gains no more of the sum of squares than this part is the last one, and one that
 # leaves so little by frame.
-SETTLED, ENOUGH = 0.05, 0.4
+SETTLED, ENOUGH = 0.05, 0.7
 TRAPPED = 0.2  # rad or m: feet so far off after the first pass are behind something
 LEAST_ROUNDS, ROUNDS = 2, 14
 # What is nearly right is damped less from round to round, for light tasks such as arms to come to

@@ -51,14 +51,14 @@ class RetargetWeights:
         Of all joints, towards standing [1/rad].
     """
 
-    com: float = 40.0
+    com: float = 46.0
     feet: float = 20.0
     tilt: float = 2.0
     trunk: float = 1.5
     pelvis: float = 0.5
     head: float = 0.5
     arms: float = 0.6
-    momentum: float = 160.0
+    momentum: float = 280.0
     inertia: float = 1.0
     posture: float = 0.15
 
