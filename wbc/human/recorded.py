@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,20 +154,68 @@ def human_motion(
     longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
     mass = None if mass is None else finite_number("mass", mass, above=0.0)
     stature = None if stature is None else finite_number("stature", stature, above=0.0)
+    recording, static, names, marks, notes = _known(recording, static, subject, up)
+    still = _static(static, names, up, marks)
+    seen = _followed(recording, still, names, marks, stature, longest_gap)
+    found, poses, time = seen.found, seen.poses, recording.time
+    body = HumanBody(found.dimensions, 70.0 if mass is None else mass, found.stature, sex)
+    ground, soles, told = ground_and_soles(place(poses, body.dimensions), time, body, ground_height)
+    notes += told
+    robot = human_robot(body, soles)
+    q = configurations(robot, poses)
+    motion = _motion(robot, recording, q, seen.dropouts)
+    down, cutoff = _contacts(motion, q, ground)
+    if mass is None:
+        weighed = plates_mass(motion, recording.plates, down, cutoff, ground)
+        guess = MEAN_BODY_MASS_INDEX[sex] * found.stature**2
+        notes += _mass_note(weighed, guess, bool(recording.plates))
+        body = replace(body, mass=guess if weighed is None else weighed)
+        robot = human_robot(body, soles)
+        motion = _motion(robot, recording, q, seen.dropouts)
+    fit = seen.residual
+    notes += _fit_note(fit)
+    noise = residual_noise(time, poses, seen.observed, fit, found.markers, found.dimensions, robot)
+    return HumanMotion(
+        motion, body, recording, found.markers, fit, down, cutoff, ground, noise, notes
+    )
+
+
+def _known(
+    recording: MarkerRecording, static: MarkerRecording | None, subject: str | None, up: str | None
+) -> tuple[
+    MarkerRecording, MarkerRecording | None, tuple[str, ...], tuple[Landmark, ...], tuple[str, ...]
+]:
+    """Return the recording of one human on still ground, z up, its markers, and notes."""
     recording, told = of_subject(recording, subject)
     if static is not None and any(":" in label for label in static.labels):
         static, _ = of_subject(static, subject)
     names, marks, notes = known_markers(recording, static)
-    notes = told + notes
-    recording, told = while_shown(recording, names)
-    notes += told
+    recording, shown = while_shown(recording, names)
     recording, axis = upright(recording, names, marks, up)
+    notes = (*recording.notes, *told, *notes, *shown)
     belt = belt_velocity(recording, names, marks)
     if belt.any():
         recording = from_the_belt(recording, belt)
         speed = float(np.linalg.norm(belt))
         notes += (f"feet that stand move at {speed:.2f} m/s: a treadmill, seen from its belt",)
-    notes = (*recording.notes, *notes, *axis)
+    return recording, static, names, marks, notes + axis
+
+
+class _Followed(NamedTuple):
+    """Postures that follow markers, and what is left."""
+
+    found: Calibration
+    poses: Poses
+    observed: Array  # (n, m, 3) [m], mended
+    residual: Array  # (n, m, 3) [m], NaN where not seen
+    dropouts: tuple[Dropout, ...]
+
+
+def _followed(
+    recording: MarkerRecording, still: Array, names: tuple[str, ...], marks: tuple[Landmark, ...],
+    stature: float | None, longest_gap: float,
+) -> _Followed:  # fmt: skip
+    """Return what follows the markers of a recording, z up, with frames of a static trial."""
     time = recording.time
     columns = [recording.labels.index(n) for n in names if n in recording.labels]
     own = names[: len(columns)]
@@ -175,8 +224,7 @@ def human_motion(
     extra = len(names) - len(columns)
     observed = np.concatenate((observed, np.full((len(time), extra, 3), np.nan)), axis=1)
     frames = key_frames(observed, KEY_FRAMES)
-    keyed, still = observed[frames], _static(static, names, up, marks)
-    found = calibrate(np.concatenate((still, keyed)), names, marks, stature)
+    found = calibrate(np.concatenate((still, observed[frames])), names, marks, stature)
     poses = _fitted(found, len(still), frames, observed)
     observed, more = _repaired(time, observed, poses, found)
     if more:
@@ -184,27 +232,9 @@ def human_motion(
         poses = continuous(poses)
     fit = residuals(poses, observed, found.markers, found.dimensions)
     lost = ~np.isfinite(recording.positions[:, columns]).all(axis=2)
-    body = HumanBody(found.dimensions, 70.0 if mass is None else mass, found.stature, sex)
-    ground, soles, told = ground_and_soles(place(poses, body.dimensions), time, body, ground_height)
-    notes += told
-    dropouts = tuple(sorted((*swaps, *gaps, *more), key=lambda one: one.start))
-    robot = human_robot(body, soles)
-    q = configurations(robot, poses)
-    motion = _motion(robot, recording, q, dropouts)
-    down, cutoff = _contacts(motion, q, ground)
-    if mass is None:
-        weighed = plates_mass(motion, recording.plates, down, cutoff, ground)
-        guess = MEAN_BODY_MASS_INDEX[sex] * found.stature**2
-        notes += _mass_note(weighed, guess, bool(recording.plates))
-        body = replace(body, mass=guess if weighed is None else weighed)
-        robot = human_robot(body, soles)
-        motion = _motion(robot, recording, q, dropouts)
     fit[:, : len(columns)][lost] = np.nan
-    notes += _fit_note(fit)
-    noise = residual_noise(time, poses, observed, fit, found.markers, found.dimensions, robot)
-    return HumanMotion(
-        motion, body, recording, found.markers, fit, down, cutoff, ground, noise, notes
-    )
+    dropouts = tuple(sorted((*swaps, *gaps, *more), key=lambda one: one.start))
+    return _Followed(found, poses, observed, fit, dropouts)
 
 
 def _static(
