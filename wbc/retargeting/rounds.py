@@ -15,7 +15,7 @@ from wbc.validate import Array
 WORSE, ASTRAY, MORE, MOST = 2.0, 0.02, 4.0, 100.0
 # A round that gains no more of the sum of squares than this part is the last one, and one that
 # leaves so little by frame.
-SETTLED, ENOUGH = 0.05, 0.7
+SETTLED, ENOUGH = 0.05, 0.4
 TRAPPED = 0.2  # rad or m: feet so far off after the first pass are behind something
 LEAST_ROUNDS = 2
 # What is nearly right is damped less from round to round, for light tasks such as arms to come to
@@ -26,12 +26,12 @@ NEARLY = 1.02  # of speeds and accelerations: what is so little beyond is not sl
 
 def solved(
     motion: WholeMotion, axes: Array, rounds: int, balance: bool, progress: Progress | None,
-    begun: Array | None,
+    begun: Array | None, enough: float = ENOUGH,
 ) -> Round:  # fmt: skip
     """Return the round whose configurations (n, nq) are as near to the targets as they come.
 
     What is hard is kept but for what tasks pull at it. ``begun``: those of the same motion in other
-    time (m, nq), from which to go on.
+    time (m, nq), from which to go on. ``enough``: cost by frame that is left at last.
     """
     tasks, collision = motion.tasks, motion.collision
     robot = tasks.robot
@@ -70,7 +70,7 @@ def solved(
         steady = before.violation < ASTRAY and now.cost > (1.0 - SETTLED) * before.cost
         if hurried and number >= PATIENT and now.haste > (1.0 - SETTLED) * before.haste:
             hurried = not steady  # it gets no slower
-        if number >= LEAST_ROUNDS and not hurried and (steady or now.cost < ENOUGH):
+        if number >= LEAST_ROUNDS and not hurried and (steady or now.cost < enough):
             break
         if number < PATIENT or now.haste <= NEARLY:
             motion.damping = max(BOLDER * motion.damping, BOLDEST)

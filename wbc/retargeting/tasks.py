@@ -27,8 +27,6 @@ TURNING = 0.1  # of m h sqrt(g h): angular momentum of who turns as a whole; who
 # Of a leg's length and of m h sqrt(g h): who moves and turns by less is followed more closely, by
 # this at most.
 STILL, QUIET, CLOSEST = 0.02, 0.01, 3.0
-# Of the ellipsoid's entries xx xy xz yy yz zz: xz and yz are how its long axis leans.
-TILTED = np.array((1.0, 1.0, 10.0, 1.0, 10.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -45,21 +43,22 @@ class RetargetWeights:
         Of their rotations, and of the directions of upper arms and forearms [1/rad].
     momentum:
         Of the angular momentum by m h sqrt(g h).
-    inertia:
-        Of the ellipsoid, by that of the robot's own size.
+    inertia, lean:
+        Of the ellipsoid, by that of the robot's own size; and of how its long axis leans.
     posture:
         Of all joints, towards standing [1/rad].
     """
 
-    com: float = 46.0
+    com: float = 40.0
     feet: float = 20.0
     tilt: float = 2.0
     trunk: float = 1.5
     pelvis: float = 0.5
     head: float = 0.5
     arms: float = 0.6
-    momentum: float = 280.0
+    momentum: float = 160.0
     inertia: float = 1.0
+    lean: float = 1.0
     posture: float = 0.15
 
     def __post_init__(self) -> None:
@@ -120,7 +119,8 @@ class FrameTasks:
         turns = _closer(targets.angular_momentum.std(axis=0) / (QUIET * unit))
         self.momentum = w.momentum / unit * turns / (1.0 + most**2)
         size = float(np.trace(start.inertia))
-        self.inertia = InertiaTask(robot, start.inertia, weight=w.inertia / size * TILTED, gain=1.0)
+        entries = np.array([w.inertia, w.inertia, w.lean, w.inertia, w.lean, w.inertia]) / size
+        self.inertia = InertiaTask(robot, start.inertia, weight=entries, gain=1.0)
         foot = np.array([w.feet / leg] * 3 + [w.tilt] * 3)
         self.feet, self.contacts = {}, {}
         for side in SIDES:

@@ -21,6 +21,9 @@ TRIES, SOFTER, SLOWER = 5, 0.5, 1.2
 # and a little but by no more than this at once, if what is mended in its own time is spoiled.
 TOO_SLOW, MORE_SLOWLY, SLOWEST = 4.0, 0.03, 1.5
 SPOILED = 1.5  # times the sum of squares of what is not mended
+# Before all that more is asked of CoM, momentum and the long axis' lean: who can, does.
+EAGER = {"com": 1.15, "momentum": 1.75, "lean": 10.0}
+PLENTY = 1.2  # what then is left at last, of larger weights
 
 # From a scale and weights to the least squares of a motion, and the human's principal axes.
 Problem = Callable[[MotionScale, RetargetWeights], tuple[WholeMotion, Array]]
@@ -67,6 +70,12 @@ def kept(
     progress: Progress | None,
 ) -> Tried:  # fmt: skip
     """Return the first try that keeps what is hard, or the last one."""
+    more = {name: factor * getattr(weights, name) for name, factor in EAGER.items()}
+    motion, axes = problem(scale, replace(weights, **more))
+    best = solved(motion, axes, rounds, balance, progress, None, PLENTY)
+    found = mended(motion, best.q)
+    if found.kept and best.speed <= NEARLY:
+        return Tried(found.q, motion, scale, 0)
     softer, hurried = 0, None
     q: Array | None = None
     for number in range(TRIES):
