@@ -33,6 +33,8 @@ STILL, QUIET, CLOSEST = 0.02, 0.01, 3.0
 class RetargetWeights:
     """Weights of the tasks; lengths count as parts of the legs', so one fits all robots.
 
+    More is asked first of ``com``, ``momentum`` and ``lean`` (:data:`wbc.retargeting.tries.EAGER`).
+
     Attributes
     ----------
     com, feet:
