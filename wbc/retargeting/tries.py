@@ -16,7 +16,7 @@ from wbc.validate import Array
 ROUNDS = 14  # of the whole motion at once, at most
 # What is hard and cannot be kept is tried again, with so much less asked of the CoM, in so many
 # times the time if joints would have to be faster or stronger.
-TRIES, SOFTER, SLOWER = 5, 0.5, 1.2
+TRIES, SOFTER, SLOWER = 6, 0.5, 1.2
 # Joints that would be faster than they are by this and no more make the motion slower, by as much
 # and a little but by no more than this at once, if what is mended in its own time is spoiled.
 TOO_SLOW, MORE_SLOWLY, SLOWEST = 4.0, 0.03, 1.5
@@ -73,8 +73,7 @@ def kept(
     more = {name: factor * getattr(weights, name) for name, factor in EAGER.items()}
     motion, axes = problem(scale, replace(weights, **more))
     best = solved(motion, axes, rounds, balance, progress, None, PLENTY)
-    found = mended(motion, best.q)
-    if found.kept and best.speed <= NEARLY:
+    if best.speed <= NEARLY and (found := mended(motion, best.q)).kept:
         return Tried(found.q, motion, scale, 0)
     softer, hurried = 0, None
     q: Array | None = None
