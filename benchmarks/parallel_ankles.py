@@ -2,8 +2,8 @@
 
 Rods are added to the URDF of example-robot-data: on each shank two motors turn cranks of 45 mm,
 whose rods (universal joint, ball) drive pitch and roll; the ankle's own joints have no motor. Tick
-times of both levels, in turns; and walks in MuJoCo at 1 m/s, with masses that are wrong by up to
-10 %, sensor noise and delay by the seed (disturbed.py).
+times of both levels, and of a walk, in turns; and walks in MuJoCo at 1 m/s, with masses that are
+wrong by up to 10 %, sensor noise and delay by the seed (disturbed.py).
 
     python benchmarks/parallel_ankles.py [--ticks 1000] [--seeds 10] [--steps 50]
         [--output benchmarks/RESULTS.md]
@@ -17,6 +17,7 @@ import argparse
 import tempfile
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from time import thread_time
 
 import features
 import numpy as np
@@ -135,14 +136,42 @@ class Loop(features.Loop):
             self.gap = max(self.gap, *self.robot.gaps(self.q).values())
 
 
+class Walk:
+    """A walk in MuJoCo, the times of its ticks [s], and how far rods' ends part [m]."""
+
+    def __init__(self, robot: wbc.Robot, seed: int) -> None:
+        posture = robot.posture("standing", JOINTS)
+        self.robot, self.walker = robot, Walker(robot, posture=posture, dt=DT)
+        self.plant = plant_of(robot, seed, Terrain(), posture)
+        self.watch, self.times = FallWatch(self.plant, FallLimits()), list[float]()
+        self.gap, self.relaxed, self.unsolved = 0.0, 0, 0
+
+    def advance(self, ticks: int) -> None:
+        """Time snapshot and step, footsteps and goals among it; go on in MuJoCo."""
+        robot, plant = self.robot, self.plant
+        for _ in range(ticks):
+            if len(self.times) == BLOCK:
+                self.walker.command(SPEED)
+            seen = plant.measure() or plant.state()
+            forces, begun = plant.contact_forces, thread_time()
+            tick = self.walker.step(robot.snapshot(*seen), forces)
+            self.times.append(thread_time() - begun)
+            plant.step(tick.torque)
+            self.relaxed += bool(tick.relaxed)
+            self.unsolved += not (tick.ok or tick.relaxed)
+            if robot.loops and len(self.times) % BLOCK == 0:
+                self.gap = max(self.gap, *robot.gaps(plant.state()[0]).values())
+
+
 def measured(ticks: int) -> list[list[str]]:
-    """Return the rows of a table: both robots at both levels, in turns."""
+    """Return the rows of a table: both robots at both levels and as they walk, in turns."""
     robots = {"serial": serial(), "parallel": parallel()}
-    loops = {
+    loops: dict[tuple[str, str], Loop | Walk] = {
         (level, name): Loop(robot, level == "torque")
         for level in ("velocity", "torque")
         for name, robot in robots.items()
     }
+    loops |= {("walking", name): Walk(robot, 0) for name, robot in robots.items()}
     for _ in range(0, ticks + WARM_UP, BLOCK):
         for loop in loops.values():
             loop.advance(BLOCK)
@@ -166,30 +195,18 @@ def measured(ticks: int) -> list[list[str]]:
 
 def walked(seed: int, steps: int) -> list[str]:
     """Return the row of one walk."""
-    robot = parallel()
-    posture = robot.posture("standing", JOINTS)
-    walker = Walker(robot, posture=posture, dt=DT)
-    plant = plant_of(robot, seed, Terrain(), posture)
-    watch, gap, relaxed, count = FallWatch(plant, FallLimits()), 0.0, 0, 0
-    while plant.time < MOST and walker.steps < steps and watch.verdict().stood:
-        if count == BLOCK:
-            walker.command(SPEED)
-        seen = plant.measure()
-        snapshot = robot.snapshot(*seen) if seen is not None else plant.snapshot()
-        tick = walker.step(snapshot, plant.contact_forces)
-        plant.step(tick.torque)
-        relaxed, count = relaxed + bool(tick.relaxed), count + 1
-        if count % BLOCK == 0:
-            gap = max(gap, *robot.gaps(plant.state()[0]).values())
-    stood, ahead = watch.verdict().stood, float(plant.com[0])
+    walk = Walk(parallel(), seed)
+    while walk.plant.time < MOST and walk.walker.steps < steps and walk.watch.verdict().stood:
+        walk.advance(1)
+    stood, ahead = walk.watch.verdict().stood, float(walk.plant.com[0])
     return [
         str(seed),
-        str(walker.steps),
-        "walks" if stood and walker.steps >= steps else "falls",
+        str(walk.walker.steps),
+        "walks" if stood and walk.walker.steps >= steps else "falls",
         f"{ahead:.2f}",
-        f"{ahead / plant.time:.2f}",
-        f"{1e3 * gap:.4f}",
-        f"{relaxed} of {count}",
+        f"{ahead / walk.plant.time:.2f}",
+        f"{1e3 * walk.gap:.4f}",
+        f"{walk.relaxed} of {len(walk.times)}",
     ]
 
 
