@@ -54,6 +54,8 @@ def test_it_walks_on_its_rods() -> None:
 def test_ticks_are_timed_in_turns() -> None:
     rows = parallel_ankles.measured(50)
     assert [row[0] for row in rows] == [
-        f"{level}, {name}" for level in ("velocity", "torque") for name in ("serial", "parallel")
+        f"{of}, {name}"
+        for of in ("velocity", "torque", "walking")
+        for name in ("serial", "parallel")
     ]
     assert all(row[-1] == "0" for row in rows) and float(rows[1][5]) < 1e-9
