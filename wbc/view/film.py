@@ -266,10 +266,10 @@ class Film:
 
     def _portrait(self, row: int) -> Portrait:
         run = self._run
-        pose = run.pose(row, now=True)
-        rotations, origins = run.robot.snapshot(run.q[row]).joint_placements
+        pose, snapshot = run.pose(row, now=True), run.robot.snapshot(run.q[row])
+        rotations, origins = snapshot.joint_placements
         placed: Sequence[Mesh] = [
             Mesh(mesh.name, mesh.vertices @ rotations[j].T + origins[j], mesh.faces, mesh.colour)
             for j, mesh in zip(self._joints, self._meshes, strict=True)
         ]
-        return portrait_of(run.robot.snapshot(run.q[row]), placed, pose, "", self._view)
+        return portrait_of(snapshot, placed, pose, "", self._view)

@@ -51,7 +51,7 @@ def replay_data(run: DrawnRun, rows: Sequence[int]) -> dict[str, Any]:
     places, com, axes, sizes, stands, grounded = [], [], [], [], [], []
     for row in rows:
         snapshot = robot.snapshot(run.q[row])
-        rotations, origins = robot.snapshot(run.q[row]).joint_placements
+        rotations, origins = snapshot.joint_placements
         places.append(np.column_stack((origins, Rotation.from_matrix(rotations).as_quat())))
         ellipsoid = equimomental(snapshot.inertia, robot.mass)
         radii = reaction_mass_radii(ellipsoid.inertia(), robot.mass)
