@@ -17,13 +17,13 @@ def test_a_band_is_the_dense_least_squares(rng: np.random.Generator) -> None:
         errors.append(off)
 
     A, e = rng.normal(size=(count, rows, nv)), rng.normal(size=(count, rows))
-    normal.add(A, e)
+    normal.add(A, off=e)
     B, f = rng.normal(size=(count - 1, rows, nv)), rng.normal(size=(count - 1, rows))
-    normal.add_first_differences(B, f)
+    normal.add(-B, B, off=f)
     after = rng.normal(size=(count - 1, rows, nv))
-    normal.add_first_differences(B, 2.0 * f, after)
+    normal.add(-B, after, off=2.0 * f)
     g = rng.normal(size=(count - 2, rows))
-    normal.add_second_differences(B, g)
+    normal.add(B[:-1], -B[:-1] - B[1:], B[1:], off=g)
     ways, square, slope = (-1.0, 3.0, -3.0, 1.0), rng.uniform(1, 2, nv - 1), rng.normal(size=nv - 1)
     normal.add_differences(ways, square, np.tile(slope, (count - SPAN, 1)), 1)
     for k in range(count):
@@ -39,7 +39,6 @@ def test_a_band_is_the_dense_least_squares(rng: np.random.Generator) -> None:
             unit = np.eye(nv)[c]
             row({k + m: w * way * unit for m, way in enumerate(ways)}, slope[c - 1] / w)
     more, pull = rng.uniform(size=(count, nv)), rng.normal(size=(count, nv))
-    normal.seal()
     found = normal.solved(more, pull)
     M = np.array(dense)
     H = M.T @ M + np.diag(more.ravel())

@@ -103,7 +103,6 @@ class _Problem:
             tasks.com.weight[:, None] * states.part("com_jacobian", 3, -1), np.zeros((len(q), 3))
         )
         motion.momentum(states, self.normal, stays=True)
-        self.normal.seal()
         # Joints near to their limits stay inside; those that were solved there are let go again.
         self.joints = joints
         self.lower = np.minimum(limits.lower + INSIDE, limits.upper)
@@ -136,7 +135,7 @@ class _Problem:
             slide = np.where(stays, weight * np.diff(e[:, level], axis=0), 0.0)
             rows = weight[:, None] * J[:, level]
             before, after = (np.where(stays[..., None], one, 0.0) for one in (rows[:-1], rows[1:]))
-            self.normal.add_first_differences(before, slide, after)
+            self.normal.add(-before, after, off=slide)
             self.cost += float(np.square(slide).sum())
             self.feet = max(self.feet, float(np.abs(off / upright).max()))
             for first, end in runs(path.down):
@@ -157,7 +156,7 @@ class _Problem:
         self._add(*padded(frames, w * J, w * off, len(q)))
 
     def _add(self, rows: Array, off: Array) -> None:
-        self.normal.add(rows, off)
+        self.normal.add(rows, off=off)
         self.cost += float(np.square(off).sum())
 
     def further(self, weight: float) -> Array:

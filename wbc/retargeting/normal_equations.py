@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
 from wbc.errors import SolverError
+from wbc.native import doubles, lib, pointer
 from wbc.validate import Array
 
 SPAN = 3  # frames that are coupled
@@ -20,64 +20,24 @@ class NormalEquations:
 
     Attributes
     ----------
-    blocks:
-        (n, 4, nv, nv): entry (k, m) is that of the displacements of frames k and k + m.
-    diagonal:
-        (n, 4, nv): what is added to the diagonals of the blocks.
     slope:
         (n, nv).
     """
 
     def __init__(self, count: int, nv: int) -> None:
-        # LAPACK's lower band by columns: entry (i, j) of the matrix is number j * width + i - j, so
-        # blocks are views of it. What these have above the main diagonal falls behind the band.
-        width = (SPAN + 1) * nv + 1
-        self._band = np.zeros((count * nv, width))
-        step = self._band.itemsize
-        shape = count, SPAN + 1, nv, nv
-        strides = step * nv * width, step * nv, step * (width - 1), step
-        # Of the last frames, blocks of frames that are not there end in the memory all the same.
-        self.blocks = as_strided(self._band, shape, strides)
-        # Transposed they lie in memory as NumPy's arrays do, and are added to in half the time.
-        self._turned = np.swapaxes(self.blocks, 2, 3)
-        self.diagonal = np.zeros((count, SPAN + 1, nv))
+        # LAPACK's lower band by columns: entry (i, j) of the matrix is [j, i - j].
+        self._band = np.zeros((count, nv, (SPAN + 1) * nv))
         self.slope = np.zeros((count, nv))
 
-    def add(self, A: Array, off: Array) -> None:
-        """Add A_k d_k, rows (n, r, nv), errors (n, r)."""
-        At = np.swapaxes(A, 1, 2)
-        self.slope += (At @ off[..., None])[..., 0]
-        self._turned[:, 0] += At @ A
-
-    def add_first_differences(self, A: Array, off: Array, after: Array | None = None) -> None:
-        """Add B_k d_k+1 - A_k d_k, rows (n - 1, r, nv), errors (n - 1, r); B is A, or ``after``."""
-        At = np.swapaxes(A, 1, 2)
-        Bt = At if after is None else np.swapaxes(after, 1, 2)
-        square, both = At @ A, At @ A if after is None else Bt @ A
-        self.slope[:-1] -= (At @ off[..., None])[..., 0]
-        self.slope[1:] += (Bt @ off[..., None])[..., 0]
-        self._turned[:-1, 0] += square
-        self._turned[:-1, 1] -= both
-        self._turned[1:, 0] += square if after is None else Bt @ after
-
-    def add_second_differences(self, A: Array, off: Array) -> None:
-        """Add A_k+1 (d_k+2 - d_k+1) - A_k (d_k+1 - d_k), rows (m + 1, r, nv), errors (m, r)."""
-        count = len(off)
-        At = np.swapaxes(A, 1, 2)
-        own, last = At @ A, At[1:] @ A[:-1]
-        here, there = own[:-1], own[1:]
-        turned, both = self._turned, here + last
-        turned[:count, 0] += here
-        turned[:count, 1] -= both
-        turned[:count, 2] += last
-        turned[1 : count + 1, 0] += both + np.swapaxes(last, 1, 2) + there
-        turned[1 : count + 1, 1] -= last + there
-        turned[2 : count + 2, 0] += there
-        first = (At[:-1] @ off[..., None])[..., 0]
-        second = (At[1:] @ off[..., None])[..., 0]
-        self.slope[:count] += first
-        self.slope[1 : count + 1] -= first + second
-        self.slope[2 : count + 2] += second
+    def add(self, *parts: Array, off: Array) -> None:
+        """Add A_k d_k + B_k d_k+1 + ..., parts A, B, ... (m, r, nv), errors (m, r)."""
+        (count, rows, nv), span = parts[0].shape, len(parts)
+        J = np.empty((count, rows, span, nv))
+        for k, part in enumerate(parts):
+            J[:, :, k] = part
+        given = pointer(J), pointer(np.ascontiguousarray(off))
+        height, sums = self._band.shape[2], (doubles(self._band), doubles(self.slope))
+        lib.wbc_band(count, nv, span, rows, *given, height, *sums)
 
     def add_differences(
         self, ways: Sequence[float], square: Array, slope: Array, first: int = 0
@@ -91,18 +51,11 @@ class NormalEquations:
         square, slope:
             Of each difference (m, k), by itself.
         """
-        count = len(slope)
+        count, nv = len(slope), self.slope.shape[1]
         for i, a in enumerate(ways):
             self.slope[i : count + i, first:] += a * slope
             for j in range(i, len(ways)):
-                self.diagonal[i : count + i, j - i, first:] += a * ways[j] * square
-
-    def seal(self) -> None:
-        """Put diagonals in and take out what is behind the band: once, before it is solved."""
-        np.einsum("kmii->kmi", self.blocks)[...] += self.diagonal
-        nv = self.slope.shape[1]
-        for row in range(1, nv):
-            self.blocks[:, 0, row, :row] = 0.0
+                self._band[i : count + i, first:, (j - i) * nv] += a * ways[j] * square
 
     def solved(self, more: Array, pull: Array) -> Array:
         """Return displacements (n, nv), with ``more`` and ``pull`` (n, nv) on diagonal and slope.
@@ -113,10 +66,11 @@ class NormalEquations:
             The matrix is not positive definite.
         """
         band = self._band.copy()
-        band[:, 0] += more.ravel()
+        band[..., 0] += more
+        rows = band.reshape(more.size, -1).T
         try:
             found = solveh_banded(
-                band.T, -(self.slope + pull).ravel(), lower=True, overwrite_ab=True,
+                rows, -(self.slope + pull).ravel(), lower=True, overwrite_ab=True,
                 check_finite=False,
             )  # fmt: skip
         except LinAlgError as failure:

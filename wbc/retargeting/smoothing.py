@@ -139,12 +139,11 @@ class WholeMotion:
         rows = [*tasks, *feet, *near]
         A, e = (np.concatenate(part, axis=1) for part in zip(*rows, strict=True))
         normal = NormalEquations(*A.shape[::2])
-        normal.add(A, e)
+        normal.add(A, off=e)
         self._posture(joints, normal)
         cost += self.momentum(states, normal)
         self.jerk(v, normal)
         self.motors(v, normal)
-        normal.seal()
         violation = max(0.0, past, off, broken)
         speed, force = self.haste(v)
         return Round(q, joints, normal, violation, speed, force, cost / len(q))
@@ -237,8 +236,7 @@ class WholeMotion:
         """Add the posture."""
         wanted = self.tasks.robot.limits.joint_positions(self.tasks.posture.target)
         w = self.tasks.posture.weight
-        normal.slope[:, BASE_NV:] += w**2 * (joints - wanted)
-        normal.diagonal[:, 0, BASE_NV:] += w**2
+        normal.add_differences((1.0,), w**2, w**2 * (joints - wanted), BASE_NV)
 
     def _within_limits(self, joints: Array, normal: NormalEquations) -> Array:
         """Return displacements (n, nv) that lead past no limit, nearly.
@@ -280,13 +278,13 @@ class WholeMotion:
         w = tasks.momentum
         A = w[:, None] * maps[:, 3:] / dt
         turning = w * off[:, 3:]
-        normal.add_first_differences(A, turning)
+        normal.add(-A, A, off=turning)
         # By how far the CoP is moved, in legs' lengths.
         height = float(np.mean(targets.com[:, 2]))
         w = PRESSED / (robot.weight * self.leg) * np.array([height] * 3 + [1.0] * 3)
         A = w[:, None] * maps / dt**2
         pressing = w * np.diff(off, axis=0) / dt
-        normal.add_second_differences(A, pressing)
+        normal.add(A[:-1], -A[:-1] - A[1:], A[1:], off=pressing)
         return float(np.square(turning).sum() + np.square(pressing).sum())
 
     def jerk(self, v: Array, normal: NormalEquations, times: float = 1.0) -> None:

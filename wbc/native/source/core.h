@@ -442,4 +442,9 @@ int wbc_estimator_update(const wbc_estimator *e, const wbc_sample *s, double *ou
 int wbc_joint_rates(int64_t window, int64_t n, double *times, double *positions, int64_t *count, double time,
                     const double *reading, double *rates);
 
+/* Add squares of rows J d + off (count, rows, span nv), the kth over the displacements of frames k to k + span - 1:
+ * J'J to a matrix whose column j has its diagonal and what is below it at j height, J'off to slope. Returns 0. */
+int wbc_band(int64_t count, int64_t nv, int64_t span, int64_t rows, const double *J, const double *off,
+             int64_t height, double *band, double *slope);
+
 #endif
