@@ -11,7 +11,7 @@ from tests.human.walker import LABELS, recorded, write_trc
 from wbc.errors import WbcError
 from wbc.human import human_motion, is_human_recording, read_markers
 from wbc.human.body import HumanBody
-from wbc.human.bones import REACH
+from wbc.human.bones import REACH, joint_landmarks
 from wbc.human.c3d_parameters import read_c3d_head
 from wbc.human.markers import ForcePlate, MarkerRecording
 from wbc.human.plates import plate_wrench
@@ -258,6 +258,47 @@ def test_bvh(tmp_path: Path) -> None:
         read_markers(path)
 
 
+@pytest.mark.parametrize(
+    "leg",
+    [
+        "UpLeg Leg Foot ToeBase",  # Motion Builder, Carnegie Mellon's, LAFAN1, Mixamo
+        "Leg Shin Foot ToeBase",  # SOMA
+        "Hip Knee Ankle Toe",  # Xsens, 100STYLE
+        "Hip Knee Ankle Foot",  # SMPL, Kinect
+        "Thigh Calf Foot Toe0",  # Biped
+        "UpperLeg LowerLeg Foot Toes",  # Bandai Namco
+    ],
+)
+def test_legs_are_known_by_what_others_call_them(leg: str) -> None:
+    names = ["Hips", *(f"{side}{part}" for side in ("Left", "Right") for part in leg.split())]
+    found = joint_landmarks(names, "it")
+    parts = "hip_centre", "knee_centre", "ankle_centre", "toe"
+    wanted = ["root", *(f"{side}_{part}" for side in ("left", "right") for part in parts)]
+    assert [found[k] for k in range(len(names))] == wanted
+
+
+def test_lengths_in_the_unit_of_carnegie_mellons_files(tmp_path: Path) -> None:
+    path, size = tmp_path / "a.bvh", 0.0254 / 0.45  # of their README: inches times 0.45
+    ankle = write_bvh(path)
+    lines = path.read_text().splitlines()
+    for k, line in enumerate(lines):
+        words = line.split()
+        if words[:1] == ["OFFSET"]:
+            lines[k] = " ".join(["OFFSET", *(str(0.01 * float(w) / size) for w in words[1:])])
+        elif k > lines.index("MOTION") + 2 and words:
+            moved = [str(0.01 * float(w) / size) for w in words[:3]]
+            lines[k] = " ".join((*moved, *words[3:]))
+    path.write_text("\n".join(lines) + "\n")
+    for unit, note in ((None, "taken for cmu"), ("cmu", "in cmu, as"), (size, f"in {size} m, as")):
+        found = read_markers(path, unit=unit)
+        at = found.positions[:, found.labels.index("LeftFoot")]
+        np.testing.assert_allclose(at, ankle, atol=1e-5)
+        assert any(note in one for one in found.notes)
+    for unit in (0.0, -1.0, "nan"):
+        with pytest.raises(RecordingError, match=r"unit: expected cm, .* or a length in m, got"):
+            read_markers(path, unit=unit)
+
+
 def write_bodies(path: Path, motive: bool = False) -> MarkerRecording:
     """Write the skeleton of :func:`write_bvh` as rigid bodies; return it as markers."""
     bvh = path.with_suffix(".bvh")
@@ -373,7 +414,7 @@ NESTED = "JOINT a\n{\nOFFSET 0 1 0\n"
         (lambda t: t.replace("JOINT Neck", "JIONT Neck"), "is not expected here"),
         (lambda t: t.replace("}\nMOTION", "MOTION"), "not closed"),
         (lambda t: t.replace("JOINT Neck", NESTED * 300 + "JOINT Neck"), "nested over"),
-        (lambda t: t.replace("60", "6e7"), "in no unit a human"),
+        (lambda t: t.replace("60", "6e7"), "in no usual unit a human"),
     ],
 )
 def test_bvh_mistakes(tmp_path: Path, change, words: str) -> None:  # type: ignore[no-untyped-def]

@@ -32,7 +32,8 @@ Stature = Annotated[
 Sex = Annotated[str, typer.Option(help="Human: male or female, for the segments' table.")]
 Up = Annotated[str | None, typer.Option(help="Human: the file's vertical axis, x, y or z.")]
 Unit = Annotated[
-    str | None, typer.Option(help="Human: of a BVH file's lengths, cm, m, inch or mm.")
+    str | None,
+    typer.Option(help="Human: of a BVH file's lengths, cm, m, inch, mm, cmu, or a length in m."),
 ]
 
 
@@ -47,7 +48,7 @@ class HumanOptions:
     stature: float | None
     sex: str
     up: str | None
-    unit: str | None
+    unit: str | float | None
 
     @property
     def given(self) -> list[str]:

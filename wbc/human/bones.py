@@ -19,15 +19,16 @@ from wbc.validate import Array
 
 REACH = 0.1  # m: of a bone's points from its joint
 FREE, LOOSE = 0.3, 0.02  # m: spread and noise of such points
-# Names of joints after the side, in the order in which they are preferred.
+# Names of joints after the side, in the order in which they are preferred. A leg is a thigh only
+# where another name is the shank's.
 _PAIRED = {
-    "hip_centre": "UPLEG UPPERLEG HIP THIGH UPLEGROLL FEMUR HIPJOINT",
-    "knee_centre": "LEG LOWLEG LOWERLEG KNEE SHIN CALF TIBIA",
-    "ankle_centre": "FOOT ANKLE",
-    "toe": "TOEBASE TOE TOES BALL TOE0 FOOTINDEX FOOT/END ANKLE/END",
+    "knee_centre": "LOWLEG LOWERLEG KNEE SHIN CALF TIBIA LEG",
+    "hip_centre": "UPLEG UPPERLEG HIP THIGH UPLEGROLL FEMUR HIPJOINT LEG",
+    "ankle_centre": "ANKLE FOOT",
+    "toe": "TOEBASE TOE TOES BALL TOE0 FOOTINDEX FOOT FOOT/END ANKLE/END",
     "shoulder_centre": "ARM UPARM UPPERARM UARM SHLDR SHOULDER HUMERUS",
     "elbow_centre": "FOREARM LOWARM LOWERARM FARM ELBOW RADIUS",
-    "wrist_centre": "HAND WRIST",
+    "wrist_centre": "WRIST HAND",
 }
 _MIDDLE = {
     "root": "HIPS PELVIS HIP ROOT REFERENCE",

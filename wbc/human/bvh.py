@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,7 +17,8 @@ from wbc.validate import Array
 MOST_JOINTS, MOST_FRAMES, DEEPEST = 500, 1_000_000, 100
 CHANNELS = {f"{axis}{kind}": (axis, kind) for axis in "XYZ" for kind in ("position", "rotation")}
 # Lengths that files are written in [m], most usual first; and what a human's height may be [m].
-UNITS = {"cm": 0.01, "m": 1.0, "inch": 0.0254, "mm": 0.001}
+# Carnegie Mellon's Graphics Lab wrote inches times 0.45, and so are all files made of its own.
+UNITS = {"cm": 0.01, "m": 1.0, "inch": 0.0254, "mm": 0.001, "cmu": 0.0254 / 0.45}
 HEIGHTS = (1.2, 2.2)
 
 
@@ -28,14 +30,14 @@ class _Joint:
     channels: list[str] = field(default_factory=list)
 
 
-def read_bvh(path: Path, unit: str | None = None) -> MarkerRecording:
+def read_bvh(path: Path, unit: str | float | None = None) -> MarkerRecording:
     """Return a BVH file's motion as markers at its joints, and on its bones for their turning.
 
     Parameters
     ----------
     unit:
-        ``cm``, ``m``, ``inch`` or ``mm``; None: the one in which the skeleton is as tall as a
-        human.
+        ``cm``, ``m``, ``inch``, ``mm``, ``cmu`` (Carnegie Mellon's, 56.4 mm), or its length [m];
+        None: the one of these in which the skeleton is as tall as a human.
 
     Raises
     ------
@@ -171,16 +173,26 @@ def _height(joints: list[_Joint]) -> float:
     return float(np.ptp(np.array(rest), axis=0).max())
 
 
-def _unit(unit: str | None, height: float, source: str) -> tuple[float, str]:
+def _unit(unit: str | float | None, height: float, source: str) -> tuple[float, str]:
     if unit is not None:
-        if unit not in UNITS:
-            raise RecordingError(f"unit: expected {', '.join(UNITS)}, got {unit!r}", source)
-        return UNITS[unit], f"lengths in {unit}, as was said"
+        size = UNITS.get(str(unit), math.nan)
+        if math.isnan(size):
+            try:
+                size = float(unit)
+            except (TypeError, ValueError):
+                size = math.nan
+        if not (math.isfinite(size) and size > 0.0):
+            what = f"unit: expected {', '.join(UNITS)} or a length in m, got {unit!r}"
+            raise RecordingError(what, source)
+        return size, f"lengths in {unit}{'' if str(unit) in UNITS else ' m'}, as was said"
     for name, size in UNITS.items():
         if HEIGHTS[0] <= height * size <= HEIGHTS[1]:
             return (
                 size,
                 f"lengths taken for {name}: its skeleton extends over {height * size:.2f} m",
             )
-    what = f"its skeleton extends over {height:.4g}: in no unit a human; say which one (unit)"
-    raise RecordingError(what, source)
+    raise RecordingError(
+        f"its skeleton extends over {height:.4g}: in no usual unit a human; say in which one, or"
+        " how long that is in m (unit)",
+        source,
+    )

@@ -42,7 +42,7 @@ def read_markers(
     path: str | Path,
     *,
     forces: str | Path | None = None,
-    unit: str | None = None,
+    unit: str | float | None = None,
     stature: float | None = None,
 ) -> MarkerRecording:
     """Read a human's recording from a C3D, TRC, BVH or CSV file, or an NPZ of SMPL poses.
@@ -57,7 +57,8 @@ def read_markers(
         File with force plates of the same world and time, ``.mot``, ``.sto`` or ``.c3d``; in place
         of those of the recording.
     unit:
-        Of a BVH file's lengths, ``cm``, ``m``, ``inch`` or ``mm``; None: by the skeleton's height.
+        Of a BVH file's lengths, ``cm``, ``m``, ``inch``, ``mm``, ``cmu`` (Carnegie Mellon's, 56.4
+        mm), or its length [m]; None: by the skeleton's height.
     stature:
         Of the human whose SMPL poses are read [m].
 

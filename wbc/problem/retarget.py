@@ -38,8 +38,8 @@ class RetargetSpec(Section):
     """For the table of segments."""
     up: Literal["x", "y", "z"] | None = None
     """The recording's vertical axis."""
-    unit: Literal["cm", "m", "inch", "mm"] | None = None
-    """Of a BVH file's lengths."""
+    unit: Literal["cm", "m", "inch", "mm", "cmu"] | Positive | None = None
+    """Of a BVH file's lengths; or how long one is [m]."""
     ground: float | None = None
     """Height of the human's ground [m]."""
     rate: Positive | None = None
