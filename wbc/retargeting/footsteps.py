@@ -35,7 +35,7 @@ LOW = 0.1  # part of that at which a foot counts as lifted
 # none is larger than the third, toes down and up.
 FLAT, EASED, STEEPEST = 0.06, 0.1, (0.6, 0.3)
 LEVEL = 2e-3  # rad: a foot that is tilted by less stands on all of its sole
-EDGE = 5e-3  # m: corners so near to the front or rear are those of its edge
+EDGE = 1e-3  # m: corners so near to the front or rear are those of its edge; two are, at least
 SIGN = {"left": 1.0, "right": -1.0}
 Bools = NDArray[np.bool_]
 
@@ -284,7 +284,7 @@ def _path(
         lift = minimum_jerk(np.minimum(2.0 * np.minimum(rise, sink), np.ones(end - first)))
         lack = CLEARANCE * float(spread[2, 2]) - lowest[first:end] / np.maximum(lift, LOW)
         place[first:end, 2] += max(0.0, float(lack.max())) * lift
-    corners = place[:, None] + _touching(polygon, pitch) @ np.swapaxes(R, 1, 2)
+    corners = place[:, None] + touching(polygon, pitch) @ np.swapaxes(R, 1, 2)
     shift = (place - under @ spread.T - R @ arm)[:, :2]
     return FootPath(place, yaw, pitch, ~swings, corners, shift, origin)
 
@@ -331,14 +331,14 @@ def _rolled(pose: Array, R: Array, pitch: Array, edges: tuple[float, float]) -> 
     return np.asarray(np.array((x, y, 0.0)) + edge * (ahead - R[:, :, 0]))
 
 
-def _touching(polygon: Array, pitch: Array) -> Array:
+def touching(polygon: Array, pitch: Array) -> Array:
     """Return the corners of a sole that touch level ground at these pitches (n, k, 3), its axes."""
     flat = np.column_stack((polygon, np.zeros(len(polygon))))
-    x = polygon[:, 0]
+    x, ordered = polygon[:, 0], np.sort(polygon[:, 0])
     found = np.tile(flat, (len(pitch), 1, 1))
     for where, own in (
-        (pitch < -LEVEL, x > x.max() - EDGE),
-        (pitch > LEVEL, x < x.min() + EDGE),
+        (pitch < -LEVEL, x >= min(ordered[-2], ordered[-1] - EDGE)),
+        (pitch > LEVEL, x <= max(ordered[1], ordered[0] + EDGE)),
     ):
         only = flat[own]
         found[where] = only[np.minimum(np.arange(len(flat)), len(only) - 1)]
