@@ -21,6 +21,7 @@ from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
 from wbc.robot.collision import CollisionModel, Obstacle, robot_bodies
+from wbc.robot.series import state_series
 from wbc.tasks import ComTask, OrientationTask, PositionTask, PostureTask
 
 DT = 0.005
@@ -497,3 +498,23 @@ def test_rows_go_to_the_pairs_of_least_clearance(robot) -> None:
         chosen.clearance, clearance[np.searchsorted(every.pairs, chosen.keys)] - SKIN, atol=1e-12
     )
     assert set(chosen.keys) != set(every.pairs[np.argsort(every.distance)[:5]])
+
+
+@pytest.mark.parametrize("name", ["g1", "hoap2_like"])
+def test_near_pairs_of_many_states_are_those_of_each(name: str, robot_named, rng) -> None:
+    robot, limit = robot_named(name), 0.05
+    margins = SelfCollision(robot, margin=0.02)
+    start, q = robot.posture("standing"), []
+    for _ in range(5):
+        away = np.concatenate((rng.normal(size=6), 0.3 * rng.normal(size=robot.nv - 6)))
+        q.append(robot.integrate(start, away, 1.0))
+    where, pairs, clearance, J = margins.near(q, state_series(robot, np.array(q)), limit)
+    assert pairs.size and (np.diff(where) >= 0).all()
+    for k, one in enumerate(q):
+        every = margins.distances(robot.snapshot(one), np.arange(len(margins.model.pairs)))
+        near = every.clearance < limit
+        own, order = where == k, np.argsort(pairs[where == k])
+        np.testing.assert_array_equal(pairs[own][order], np.sort(every.keys[near]))
+        placed = np.argsort(every.keys[near])
+        for found, wanted in ((clearance, every.clearance), (J, every.jacobian)):
+            np.testing.assert_allclose(found[own][order], wanted[near][placed], atol=1e-9)

@@ -95,8 +95,9 @@ class BodyMargin(Margin):
         pairs, found = pairs[known], found[known]
         J = model.rows_of(states, pairs, found)
         parts.append((*pairs.T, found[:, 0] - kept.take(pairs[:, 1]), J))
+        every = np.arange(len(model.pairs))
         for k in unknown.tolist():
-            one = self.distances(self.robot.snapshot(q[k]))
+            one = self.distances(self.robot.snapshot(q[k]), every)
             own = one.clearance < limit
             where: Index = np.full(np.count_nonzero(own), k)
             parts.append((where, one.keys[own], one.clearance[own], one.jacobian[own]))
