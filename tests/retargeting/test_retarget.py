@@ -15,6 +15,7 @@ from wbc.retargeting.beside import human_beside
 from wbc.retargeting.by_tick import between
 from wbc.retargeting.reaching import unlike
 from wbc.retargeting.result import Reached
+from wbc.retargeting.targets import balanced
 from wbc.robot import Robot
 from wbc.view.mcap_export import write_retargeted
 
@@ -146,6 +147,18 @@ def test_a_step(name: str) -> None:
     assert found.angular_momentum_correlation.min() > 0.9
     # One foot bears alone for a while, and the CoP lies in its sole.
     assert not [one for one in found.unbalanced if one.what.startswith("CoP") and one.by > 0.01]
+
+
+def test_balance_moves_the_com_by_a_part_of_the_human_s_motion(crouch: wbc.Retargeted) -> None:
+    """Of a human that bends ever more suddenly: as it does, or a third of its own way."""
+    robot, targets = crouch.robot, crouch.targets
+    for times in (1.0, 30.0, 300.0):
+        found = balanced(targets, robot, times * targets.angular_momentum)
+        moved, human = found.com - targets.human_com, targets.human_com
+        assert (moved[:, :2].std(axis=0) <= 0.3 * human[:, :2].std(axis=0) + 1e-9).all()
+        each = [np.corrcoef(a, b)[0, 1] for a, b in zip(found.com.T, human.T, strict=True)]
+        assert min(each) > 0.95
+        np.testing.assert_array_equal(found.com[:, 2], targets.com[:, 2])
 
 
 def test_what_is_little_like_the_human_is_said(crouch: wbc.Retargeted) -> None:

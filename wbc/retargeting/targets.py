@@ -27,6 +27,9 @@ STRAIGHTEST = 0.985  # part of the full length that standing legs are stretched 
 STRAIGHT = 0.9  # part of its way that the CoM is away at the end
 # Of its height: so far the CoM is moved for balance at most; how suddenly it is held there.
 FARTHEST, SUDDEN = 0.15, 8
+# And to and fro along an axis by this part of the human's own motion at most, rms by rms: by a
+# third of it both correlate by 0.95.
+UNLIKE = 0.3
 AHEAD = 0.08  # of the legs' length: so far the CoM is put ahead at most
 
 
@@ -145,7 +148,11 @@ def balanced(targets: Targets, robot: Robot, k: Array, com: Array | None = None)
     # What cannot be balanced is not balanced by a CoM that runs away from the human's.
     part = np.linalg.norm(off, axis=1) / (FARTHEST * float(np.mean(targets.com[:, 2])))
     off /= ((1.0 + part**SUDDEN) ** (1.0 / SUDDEN))[:, None]
-    moving[:, :2] = targets.human_com[:, :2] + off
+    # Nor by one that goes its own way where the human's hardly moves.
+    mean, own = off.mean(axis=0), targets.human_com[:, :2].std(axis=0)
+    off -= mean
+    off *= np.minimum(1.0, UNLIKE * own / np.maximum(off.std(axis=0), 1e-12))
+    moving[:, :2] = targets.human_com[:, :2] + mean + off
     return replace(targets, com=moving, cop=goal)
 
 
