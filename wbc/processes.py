@@ -6,7 +6,6 @@ import os
 import signal
 import threading
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import parent_process
 
@@ -22,13 +21,6 @@ def blocked_interrupt() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def terminate(pool: ProcessPoolExecutor) -> None:
-    """End the processes of a pool amid their work, as ``terminate_workers`` of Python 3.14 does."""
-    for process in list((pool._processes or {}).values()):
-        process.terminate()
-    pool.shutdown(cancel_futures=True)
 
 
 def end_with_parent() -> None:

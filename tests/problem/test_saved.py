@@ -75,7 +75,7 @@ def test_what_is_no_result_is_refused_by_name(result: Result, tmp_path: Path) ->
         ("errors/hand", lambda errors: errors[1:]),
         ("obstacles/room/wall/place", lambda place: place[1:]),
         ("summary", lambda text: np.array(str(text).replace('"norm": ', '"norm": "x", "old": '))),
-        ("summary", lambda text: np.array(str(text).replace('"tick_time": {', '"tick_time": 3, "b": {'))),
+        ("summary", lambda text: np.array(str(text).replace('"tick_time": {', '"tick_time": 3, "b": {'))),  # noqa: E501
     ],
 )  # fmt: skip
 def test_damage_ends_in_one_line(

@@ -21,7 +21,7 @@ from wbc.shaping.multi_start import MultiStart, Progress
 from wbc.shaping.nlp import build_nlp
 from wbc.shaping.outcome import ShapingMotion, ShapingOutcome, ShapingStatistics, Stopped
 from wbc.shaping.problem import ShapingProblem, check_parts
-from wbc.shaping.worker_pool import WorkerPool, search_all
+from wbc.shaping.search_all import search_all
 from wbc.tasks import Task
 from wbc.validate import LARGEST, finite_number
 
@@ -92,7 +92,7 @@ class GlobalShaping:
             some 300 to 10,000 a second, which counts but is not cut short.
         workers:
             Processes, this one included, of which those beyond 16 are seldom of use; others are
-            started fresh, see :class:`~wbc.shaping.worker_pool.WorkerPool`.
+            started fresh, see :class:`~wbc.workers.Workers`.
         seed:
             Of the samples and the hops.
         progress:
@@ -119,11 +119,9 @@ class GlobalShaping:
         seed = whole_number("global shaping, seed", seed, most=LARGEST)
         built = build_nlp(self.problem, None if seconds is None else max(seconds, 1.0))
         deadline = None if seconds is None else now + seconds
-        others = min(workers, count) - 1
-        with WorkerPool(built.nlp, others, deadline) as pool:  # loads while starts are drawn
-            multi_start = MultiStart(built, q, count, patience, seed, progress)
-            ready = perf_counter()
-            searches = search_all(multi_start, pool)
+        multi_start = MultiStart(built, q, count, patience, seed, progress)
+        ready = perf_counter()
+        searches = search_all(multi_start, built.nlp, min(workers, count) - 1, deadline)
         if searches.stopped is Stopped.INTERRUPTED and not searches.found:
             raise KeyboardInterrupt
         statistics = ShapingStatistics(

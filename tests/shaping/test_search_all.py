@@ -14,9 +14,9 @@ import pytest
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.shaping import GlobalShaping
-from wbc.shaping import shaping as shaping_module
-from wbc.shaping.worker_pool import WorkerPool
+from wbc.shaping import search_all as search_module
 from wbc.tasks import InertiaTask
+from wbc.workers import Workers
 
 
 def shaping_of(robot: Robot) -> GlobalShaping:
@@ -106,19 +106,29 @@ def test_ctrl_c_inside_ipopt_ends_the_search(robot_named) -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+class Watched(Workers):
+    """Processes that are remembered."""
+
+    def __init__(self, *given, **named) -> None:
+        super().__init__(*given, **named)
+        self.processes = []
+
+    def _start(self):
+        worker = super()._start()
+        self.processes.append(worker.process)
+        return worker
+
+
 @pytest.fixture
-def pools(monkeypatch: pytest.MonkeyPatch) -> list[WorkerPool]:
+def pools(monkeypatch: pytest.MonkeyPatch) -> list[Watched]:
     """The pools that are made during the test."""
-    made: list[WorkerPool] = []
+    made: list[Watched] = []
 
-    class Watched(WorkerPool):
-        def __init__(self, *args) -> None:
-            super().__init__(*args)
-            made.append(self)
-            executor = self._pool
-            self.processes = [] if executor is None else list(executor._processes.values())
+    def watched(*given, **named) -> Watched:
+        made.append(Watched(*given, **named))
+        return made[-1]
 
-    monkeypatch.setattr(shaping_module, "WorkerPool", Watched)
+    monkeypatch.setattr(search_module, "Workers", watched)
     return made
 
 
@@ -128,24 +138,18 @@ def test_nobody_waits_for_a_process_that_was_killed(robot_named, pools) -> None:
     robot = robot_named("hoap2_like")
     shaping, q = shaping_of(robot), robot.posture()
     expected = shaping.solve(q, 40, workers=1)
-    held: list[set[int]] = []
 
     def kill(done: int, total: int, cost: float | None) -> None:
-        pool = pools[-1]
-        if done == 1:
-            while not pool.has_room():  # it is still loading
-                os.sched_yield()
-        if done >= 2 and not held and pool._pending:
-            os.kill(pool.processes[0].pid, signal.SIGKILL)
-            pool.processes[0].join()
-            held.append(set(pool._pending.values()))
+        if done == 2:
+            (process,) = pools[-1].processes
+            os.kill(process.pid, signal.SIGKILL)
+            process.join()
 
     outcome = shaping.solve(q, 40, workers=2, progress=kill)
-    assert held[0]
     assert outcome.statistics.stopped is None
     assert outcome.statistics.searched == 40
     assert [c.cost for c in outcome.candidates] == [c.cost for c in expected.candidates]
-    assert pools[-1]._capacity == 0
+    assert len(pools[-1].processes) == 1
 
 
 def test_ctrl_c_does_not_reach_the_others_while_they_load(robot_named, pools) -> None:
