@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from tests.texts import STAND
@@ -160,7 +161,9 @@ def test_a_film_of_a_pendulum(moved: PendulumResult, tmp_path: Path) -> None:
 def black_at_the_top(drawn: PendulumFilm, row: int) -> float:
     """Return the mean column of the leg's pixels in the middle of the picture's height."""
     drawn.draw(row)
-    pixels = np.asarray(drawn.picture()).astype(int)[90:140]
+    canvas = FigureCanvasAgg(drawn.figure)
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba()).astype(int)[90:140, :, :3]
     dark = (pixels.max(axis=-1) < 90).nonzero()
     return float(dark[1].mean())
 

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from matplotlib.animation import FFMpegWriter
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.figure import Figure
-from PIL import Image  # matplotlib brings it
 
 from wbc.errors import InvalidInputError
 from wbc.files import ending_of, why
@@ -49,8 +45,6 @@ FASTEST = 50  # pictures per second: a GIF has no more
 REST = 0.7  # s for which the end is shown
 MARKS, LINES = 0.8, (1.2, 1.2)  # size of the pendulum; widths of outlines [points]
 ABOVE, EDGE = 0.25, 0.06  # inches, of the title and below the caption
-NEAR_WHITE = 10  # of 255
-COLOURS = (*style.PRINCIPAL, style.BLUE, style.ORANGE, style.YELLOW, style.BLACK, style.SKY)
 BITEXACT = ["-pix_fmt", "yuv420p", "-fflags", "+bitexact", "-flags:v", "+bitexact"]
 
 Progress = Callable[[int, int], None]
@@ -63,9 +57,6 @@ class Drawn(Protocol):
 
     def draw(self, row: int) -> None:
         """Draw a row."""
-
-    def picture(self) -> Image.Image:
-        """Return what is drawn now."""
 
 
 def film_format(path: str | Path) -> str:
@@ -158,14 +149,15 @@ def write_film(
         raise InvalidInputError(f"{path}: there is no folder {path.parent}; make it first")
     rows = film_rows(time, fps, speed)
     drawn = make()
+    drawn.draw(rows[0])
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".film-") as folder:
             part = Path(folder) / f"film{ending}"
-            with _writing(drawn, part, fps) as keep:
+            with _writer(ending, fps).saving(drawn.figure, str(part), DOTS) as writer:
                 for done, row in enumerate(rows, 1):
-                    if done == 1 or row != rows[done - 2]:
+                    if row != rows[max(done - 2, 0)]:
                         drawn.draw(row)
-                    keep()
+                    writer.grab_frame()
                     if progress is not None:
                         progress(done, len(rows))
             part.replace(path)
@@ -176,40 +168,10 @@ def write_film(
     return path
 
 
-@contextmanager
-def _writing(drawn: Drawn, path: Path, fps: int) -> Iterator[Callable[[], None]]:
-    """Give a function to be called after each picture; the file is there at the end."""
-    if path.suffix == ".mp4":
-        writer = FFMpegWriter(fps=fps, codec="libx264", extra_args=BITEXACT)
-        with writer.saving(drawn.figure, str(path), DOTS):
-            yield writer.grab_frame
-        return
-    pictures: list[Image.Image] = []
-
-    def keep() -> None:
-        picture = drawn.picture()
-        palette = pictures[0] if pictures else _palette(picture)
-        pictures.append(picture.quantize(palette=palette, dither=Image.Dither.NONE))
-
-    yield keep
-    first, *others = pictures
-    first.save(path, save_all=True, append_images=others, duration=round(1000 / fps), loop=0)
-
-
-def _palette(picture: Image.Image) -> Image.Image:
-    """Return 256 colours: those of a picture, and those of marks, also where glass is over them."""
-    marks = [np.array(to_rgb(colour)) for colour in COLOURS]
-    tints = [w * mark + 1.0 - w for mark in marks for w in (1.0, 0.6, 0.3)]
-    fixed = np.round(255.0 * np.array([np.ones(3), *tints])).astype(int)
-    count = 256 - len(fixed)
-    found = picture.quantize(count, method=Image.Quantize.MEDIANCUT).getpalette() or []
-    others = np.resize(np.array(found[: 3 * count]).reshape(-1, 3), (count, 3))
-    # Pillow looks for the nearest in a rough way: what is nearly white would be taken for white.
-    others[(np.abs(others - 255) < NEAR_WHITE).all(axis=1)] = 255
-    colours = np.concatenate((fixed, others)).ravel().tolist()
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(colours)
-    return palette
+def _writer(ending: str, fps: int) -> AbstractMovieWriter:
+    if ending == ".mp4":
+        return FFMpegWriter(fps=fps, codec="libx264", extra_args=BITEXACT)
+    return PillowWriter(fps=fps)
 
 
 def sheet(size: tuple[int, int]) -> Figure:
@@ -217,12 +179,6 @@ def sheet(size: tuple[int, int]) -> Figure:
     if min(size) < LEAST:
         raise InvalidInputError(f"film, size: at least {LEAST} x {LEAST} pixels, got {size}")
     return Figure(figsize=(size[0] / DOTS, size[1] / DOTS), dpi=DOTS, facecolor="white")
-
-
-def picture_of(canvas: FigureCanvasAgg) -> Image.Image:
-    """Return the picture on a canvas."""
-    canvas.draw()
-    return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
 
 
 class Film:
@@ -235,7 +191,6 @@ class Film:
         self._joints = [joint for joint, _ in shapes]
         self._meshes = within([mesh for _, mesh in shapes], TRIANGLES)
         self.figure = sheet(size)
-        self._canvas = FigureCanvasAgg(self.figure)
         few = np.unique(np.linspace(0, len(run.time) - 1, POSES).astype(int)).tolist()
         seen = [self._portrait(row) for row in few]
         told = captions(seen, width)
@@ -259,10 +214,6 @@ class Film:
         draw_pendulum(panel, portrait, MARKS, LINES)
         phase = f", {self._run.phase_at(row)}" if self._run.phase_at(row) else ""
         self._head.set_text(f"{self._title}, t = {self._run.time[row]:.2f} s{phase}")
-
-    def picture(self) -> Image.Image:
-        """Return what is drawn now."""
-        return picture_of(self._canvas)
 
     def _portrait(self, row: int) -> Portrait:
         run = self._run

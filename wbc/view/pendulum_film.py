@@ -5,13 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from PIL import Image  # matplotlib brings it
 
 from wbc.problem.pendulum.result import PendulumHistory
 from wbc.validate import Array
 from wbc.view import style
-from wbc.view.film import Progress, even, picture_of, sheet, write_film
+from wbc.view.film import Progress, even, sheet, write_film
 from wbc.view.pendulum import draw_snapshot
 from wbc.view.pendulum_plots import SOLID, view_side
 
@@ -41,7 +39,6 @@ class PendulumFilm:
     def __init__(self, history: PendulumHistory, title: str, size: tuple[int, int]) -> None:
         self._history, self._title, self._side = history, title, view_side(history)
         self.figure = sheet(size)
-        self._canvas = FigureCanvasAgg(self.figure)
         self._axes = self.figure.add_axes((0.0, 0.0, 1.0, 1.0 - HEAD))
         self._head = self.figure.text(
             0.5, 1.0 - 0.3 * HEAD, "", ha="center", va="top", fontsize=8.0, color=style.BLACK
@@ -62,10 +59,6 @@ class PendulumFilm:
         draw_snapshot(axes, history, row, self._side)
         phase = f", {history.phase[row]}" if history.phase[row] else ""
         self._head.set_text(f"{self._title}, t = {history.time[row]:.2f} s{phase}")
-
-    def picture(self) -> Image.Image:
-        """Return what is drawn now."""
-        return picture_of(self._canvas)
 
     def _extent(self) -> tuple[Array, Array]:
         """Return the corners (2,) of what is seen in the whole motion."""
