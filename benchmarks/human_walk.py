@@ -28,7 +28,8 @@ from wbc.human import Comparison, HumanMotion, compared, human_motion, read_mark
 from wbc.human.body import SEGMENT_NAMES, masses
 from wbc.human.contacts import HARMONICS
 from wbc.motion import RmpSeries, analyze
-from wbc.view.human import momentum_scale, plot_human
+from wbc.view.human import human_figure, momentum_scale
+from wbc.view.style import save
 
 CUTOFFS = (4.0, 4.5, 5.0, 5.5, 6.0, 8.0, 10.0)  # Hz
 TABLE = 0.10  # how far a segment's mass may be from the table's: one standard deviation
@@ -242,7 +243,7 @@ def main() -> None:
         options.output.write_text(text + "\n")
     if options.plot is not None:
         title = f"A human of {human.body.stature:.2f} m and {human.body.mass:.1f} kg walks"
-        plot_human(series, found, options.plot, title=title)
+        save(human_figure(series, found, title=title), options.plot)
 
 
 if __name__ == "__main__":

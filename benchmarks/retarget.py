@@ -148,7 +148,8 @@ def picture(human: HumanMotion, found: wbc.Retargeted, path: Path) -> None:
     """Draw the human and the robot at the same moments, side by side."""
     from PIL import Image
 
-    from wbc.view.exposures import plot_exposures
+    from wbc.view.exposures import exposures_figure
+    from wbc.view.style import save
 
     targets = found.targets
     joints, base = human.motion.joints, human.motion.base
@@ -168,7 +169,7 @@ def picture(human: HumanMotion, found: wbc.Retargeted, path: Path) -> None:
         (found.robot, found.q[rows], targets.com),
     ):
         named = {f"{found.time[k]:.1f} s": one for k, one in zip(rows, configurations, strict=True)}
-        plot_exposures(robot, named, path, path_of_com=way)
+        save(exposures_figure(robot, named, path_of_com=way), path)
         with Image.open(path) as image:
             parts.append(image.convert("RGB"))
     parts = [p.resize((HALF, round(p.height * HALF / p.width))) for p in parts]

@@ -40,12 +40,12 @@ from wbc.rmp.balance.push_limits import Wheel, compass, push_limits
 from wbc.rmp.balance.stabiliser import PointStabiliser
 from wbc.rmp.solid import SolidRmp
 from wbc.view import plot_pendulum, plot_robot, plot_run, style
-from wbc.view.analysis import plot_analysis
-from wbc.view.exposures import plot_exposures
+from wbc.view.analysis import analysis_figure
+from wbc.view.exposures import exposures_figure
 from wbc.view.history import read_history
 from wbc.view.options import View
 from wbc.view.portrait import Pose
-from wbc.view.simulation import plot_simulation
+from wbc.view.simulation import simulation_figure
 from wbc.view.style import save
 
 ROOT = Path(__file__).parents[1]
@@ -117,7 +117,8 @@ def simulation_picture(name: str, width: int = 1400) -> None:
     """Draw a simulation as `wbc sim` does."""
     result = shipped(name).simulate()
     title = f"{name}: {result.reason}"
-    plot_simulation(result.robot, result.arrays, place(name), title=title, terrain=result.terrain)
+    figure = simulation_figure(result.robot, result.arrays, title, result.terrain)
+    style.save(figure, place(name))
     smaller(name, width=width)
 
 
@@ -141,9 +142,10 @@ def exposures_picture(name: str, moments: Mapping[str, float], view: str) -> Non
     rows = np.searchsorted(result.arrays["time"], list(moments.values()))
     poses, way = dict(zip(moments, result.arrays["q"][rows], strict=True)), result.arrays["com"]
     look = View.of(view, "robot,ground,soles,com")
-    plot_exposures(
-        result.robot, poses, place(name), path_of_com=way, terrain=result.terrain, view=look
+    figure = exposures_figure(
+        result.robot, poses, path_of_com=way, terrain=result.terrain, view=look
     )
+    style.save(figure, place(name))
     smaller(name, width=1400, shades=True)
 
 
@@ -282,7 +284,7 @@ def draw_analysis(
         result.save(recording)
         series = analyze(read_motion(recording, result.robot))
     title = f"{recording.name}: {series.robot.name}{remark}"
-    plot_analysis(series, place(name), title=title, snapshots=snapshots)
+    style.save(analysis_figure(series, title=title, snapshots=snapshots), place(name))
     smaller(name)
 
 

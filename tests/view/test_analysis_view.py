@@ -11,7 +11,8 @@ from wbc.errors import InvalidInputError
 from wbc.motion import Motion, RmpSeries, analyze
 from wbc.motion.uncertainty import BAND
 from wbc.robot import Robot
-from wbc.view.analysis import analysis_figure, plot_analysis, snapshot_frames
+from wbc.view.analysis import analysis_figure, snapshot_frames
+from wbc.view.style import save
 
 TIME = np.arange(200) / 100.0
 
@@ -76,7 +77,7 @@ def test_flight_and_no_feet(tmp_path: Path) -> None:
     figure = analysis_figure(flying, title="Hopping", snapshots=2)
     margin = plots(figure)["CoP inside the support polygon by"]
     assert any("not judged" in text.get_text() for text in margin.texts)
-    path = plot_analysis(flying, tmp_path / "hop.png", title="Hopping", snapshots=1)
+    path = save(figure, tmp_path / "hop.png")
     assert path.read_bytes().startswith(b"\x89PNG")
 
 

@@ -10,9 +10,10 @@ from wbc.problem.simulation_spec import turned_with
 from wbc.robot import Robot
 from wbc.simulation import Step, Terrain
 from wbc.validate import Array
-from wbc.view.exposures import exposures_figure, plot_exposures, together
+from wbc.view.exposures import exposures_figure, together
 from wbc.view.options import View
 from wbc.view.portrait import Pose, portraits_of
+from wbc.view.style import save
 
 BOARD = Step(centre=(0.5, 0.0, 0.05), size=(0.4, 0.6, 0.05))
 TERRAIN = Terrain(slope=(0.1, 0.0), steps=(BOARD,))
@@ -63,7 +64,7 @@ def test_names_stand_above_the_robots_in_their_order(
     assert (np.diff(x) < 0.0).all() and (np.diff(y) < 0.0).all()
     told = [text.get_text() for text in figure.texts]
     assert told == ["quartered disc: CoM; orange: soles; black: path of the CoM on the ground"]
-    path = plot_exposures(robot, walk, tmp_path / "walk.png", terrain=TERRAIN)
+    path = save(figure, tmp_path / "walk.png")
     assert path.read_bytes().startswith(b"\x89PNG")
 
 

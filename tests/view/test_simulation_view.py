@@ -10,7 +10,8 @@ from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.view.camera import Camera
 from wbc.view.render import Picture, render
 from wbc.view.scene import Scene
-from wbc.view.simulation import plot_simulation, simulation_figure
+from wbc.view.simulation import simulation_figure
+from wbc.view.style import save
 
 Arrays = dict[str, NDArray[np.float64]]
 ROWS = 41
@@ -61,7 +62,7 @@ def test_everything_is_drawn(robot: Robot, arrays: Arrays, tmp_path) -> None:
     np.testing.assert_allclose(lateral.lines[-1].get_ydata(), 0.0, atol=1e-12)
     pushed = lateral.patches[0].get_extents().transformed(lateral.transData.inverted())
     np.testing.assert_allclose((pushed.x0, pushed.x1), (0.2, 0.35))
-    path = plot_simulation(robot, arrays, tmp_path / "push.png", title="push")
+    path = save(figure, tmp_path / "push.png")
     assert path.read_bytes().startswith(b"\x89PNG")
 
 

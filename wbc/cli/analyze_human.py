@@ -82,13 +82,16 @@ def analyze_human(
     for target in output:
         outputs.save(target, series.save)
     if plot is not None:
-        from wbc.view.human import plot_human
+        from wbc.view.human import human_figure
+        from wbc.view.style import save
 
         body = human.body
         title = f"{path.name}: a human of {body.stature:.2f} m and {body.mass:.1f} kg"
         outputs.draw(
             plot,
-            lambda picture: plot_human(series, found, picture, title=title, snapshots=snapshots),
+            lambda picture: save(
+                human_figure(series, found, title=title, snapshots=snapshots), picture
+            ),
         )
     if not quiet:
         print_human(human)

@@ -254,6 +254,7 @@ def _itself(one: PushedProblem) -> PushedProblem:
 
 
 def _draw(maps: Sequence[PushMap], path: Path, settings: PushSettings) -> None:
-    from wbc.view.push import plot_pushes
+    from wbc.view.push import pushes_figure
+    from wbc.view.style import save
 
-    plot_pushes(maps, path, duration=settings.duration)
+    save(pushes_figure(maps, duration=settings.duration), path)

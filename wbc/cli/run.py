@@ -195,10 +195,12 @@ def _simulate(wanted: _Wanted, overrides: dict[str, Any]) -> int:
         result = problem.simulate(progress, cancelled=interrupts, show=show)
 
     def draw(picture: Path) -> None:
-        from wbc.view.simulation import plot_simulation
+        from wbc.view.simulation import simulation_figure
+        from wbc.view.style import save
 
         title = f"{wanted.name}: {result.reason}"
-        plot_simulation(result.robot, result.arrays, picture, title=title, terrain=result.terrain)
+        figure = simulation_figure(result.robot, result.arrays, title, result.terrain)
+        save(figure, picture)
 
     return _finish(
         wanted,

@@ -45,7 +45,7 @@ class ObstacleTrack:
         if NORMAL in arrays:
             normal = np.asarray(arrays[NORMAL], float)
             return cls(HalfSpace.of(normal, float(normal @ core[0])), place)
-        radius = float(arrays[RADIUS])  # type: ignore[arg-type]
+        radius = float(arrays[RADIUS])
         shape = Capsule(core, radius) if len(core) == 2 else Hull(core, radius)
         return cls(shape, place)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from wbc.extras import require
 
 if TYPE_CHECKING:
-    from wbc.view.exposures import exposures_figure, plot_exposures
+    from wbc.view.exposures import exposures_figure
     from wbc.view.history import HistoryLike
     from wbc.view.live.viewer import Viewer
     from wbc.view.pendulum import pendulum_figure, plot_pendulum
@@ -21,7 +21,6 @@ __all__ = [
     "Viewer",
     "exposures_figure",
     "pendulum_figure",
-    "plot_exposures",
     "plot_pendulum",
     "plot_robot",
     "plot_run",
@@ -32,7 +31,6 @@ __all__ = [
 _PICTURES = {
     "HistoryLike": "wbc.view.history",
     "exposures_figure": "wbc.view.exposures",
-    "plot_exposures": "wbc.view.exposures",
     "pendulum_figure": "wbc.view.pendulum",
     "plot_pendulum": "wbc.view.pendulum",
     "plot_robot": "wbc.view.robots",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +18,6 @@ from wbc.view import style
 from wbc.view.analysis_plots import LETTERS, PLOTS
 from wbc.view.portrait import Portrait, draw_pendulum, panels_of, portraits_of, shape_of
 from wbc.view.scene import densified
-from wbc.view.style import picture_file, save
 
 WIDTH = 9.0  # inches
 PANEL_SHAPE = (1.0, 1.9)  # height to width of a snapshot, at least and at most
@@ -41,15 +39,11 @@ MOST = len(LETTERS)
 Snapshots = int | Sequence[float]  # how many, or at which times [s]
 
 
-def plot_analysis(
-    series: RmpSeries, path: str | Path, *, title: str, snapshots: Snapshots = 6
-) -> Path:
-    """Draw a motion's reaction mass pendulum: snapshots, ground, radii, leg and rotation.
+def analysis_figure(series: RmpSeries, *, title: str, snapshots: Snapshots = 6) -> Figure:
+    """Return a figure of a motion's pendulum: snapshots, ground, radii, leg and rotation.
 
     Parameters
     ----------
-    path:
-        The file, which is returned: png, svg or pdf by its suffix.
     title:
         Written above all.
     snapshots:
@@ -58,17 +52,10 @@ def plot_analysis(
     Raises
     ------
     InvalidInputError
-        Another suffix, no such folder, another number of snapshots, or times outside the motion.
+        Another number of snapshots, or times outside the motion.
     ModelError
         The robot's meshes cannot be read.
     """
-    path = picture_file(path)
-    save(analysis_figure(series, title=title, snapshots=snapshots), path)
-    return path
-
-
-def analysis_figure(series: RmpSeries, *, title: str, snapshots: Snapshots = 6) -> Figure:
-    """Return the figure that :func:`plot_analysis` writes."""
     frames = snapshot_frames(series.time, snapshots)
     told = EXPLANATION + (BANDS if series.uncertainty else "")
     figure, grid = sheet_with_snapshots(series, frames, title, told, -(-len(PLOTS) // COLUMNS))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -39,23 +38,20 @@ PATH = "black: path of the CoM on the ground"
 SHOWN = View.of(show="robot,ground,soles,com")
 
 
-def plot_exposures(
+def exposures_figure(
     robot: Robot,
     configurations: Mapping[str, ArrayLike],
-    path: str | Path,
     *,
     path_of_com: ArrayLike = NOWHERE,
     terrain: Terrain = LEVEL,
     view: View = SHOWN,
-) -> Path:
-    """Draw a robot at several moments in one picture, and return the file's path.
+) -> Figure:
+    """Return a figure of a robot at several moments in one picture.
 
     Parameters
     ----------
     configurations:
         What is written above each robot, and its configuration q (nq,).
-    path:
-        The file: png, svg or pdf by its suffix.
     path_of_com:
         Where the CoM went (n, 3) [m]; drawn on the ground below.
     terrain:
@@ -66,27 +62,10 @@ def plot_exposures(
     Raises
     ------
     InvalidInputError
-        No configuration, or an unusable one; another suffix, or no such folder.
+        No configuration, or an unusable one.
     ModelError
         The robot's meshes cannot be read.
     """
-    path = style.picture_file(path)
-    figure = exposures_figure(
-        robot, configurations, path_of_com=path_of_com, terrain=terrain, view=view
-    )
-    style.save(figure, path)
-    return path
-
-
-def exposures_figure(
-    robot: Robot,
-    configurations: Mapping[str, ArrayLike],
-    *,
-    path_of_com: ArrayLike = NOWHERE,
-    terrain: Terrain = LEVEL,
-    view: View = SHOWN,
-) -> Figure:
-    """Return the figure that :func:`plot_exposures` writes."""
     way = real_array("exposures, path_of_com", path_of_com)
     if way.ndim != 2 or way.shape[1] != 3:
         raise InvalidInputError(

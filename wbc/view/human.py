@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,7 +23,6 @@ from wbc.view.analysis_plots import (
     plot_rotation,
     prepare,
 )
-from wbc.view.style import picture_file, save
 
 EXPLANATION = (
     "equimomental ellipsoid with reaction masses at radii r [mm], leg from the CoP to the CoM;"
@@ -35,37 +33,14 @@ DOTS = (0, (1, 1))
 EDGE = 12  # part of the frames at each end that does not set the limits of a plot
 
 
-def plot_human(
-    series: RmpSeries,
-    plates: Comparison | None,
-    path: str | Path,
-    *,
-    title: str,
-    snapshots: Snapshots = 6,
-) -> Path:
-    """Draw a human's pendulum: snapshots, ground force, CoP, angular momentum, radii, rotation.
-
-    Parameters
-    ----------
-    plates:
-        The series against force plates, or None.
-    path:
-        The file, which is returned: png, svg or pdf by its suffix.
-
-    Raises
-    ------
-    InvalidInputError
-        As :func:`wbc.view.analysis.plot_analysis`.
-    """
-    path = picture_file(path)
-    save(human_figure(series, plates, title=title, snapshots=snapshots), path)
-    return path
-
-
 def human_figure(
     series: RmpSeries, plates: Comparison | None, *, title: str, snapshots: Snapshots = 6
 ) -> Figure:
-    """Return the figure that :func:`plot_human` writes."""
+    """Return a figure of a human's pendulum: ground force, CoP, angular momentum, radii, rotation.
+
+    ``plates`` is the series against force plates, or None; for the rest and errors see
+    :func:`wbc.view.analysis.analysis_figure`.
+    """
     frames = snapshot_frames(series.time, snapshots)
     told = EXPLANATION + (DOTTED if plates else "")
     figure, grid = sheet_with_snapshots(series, frames, title, told, 3)

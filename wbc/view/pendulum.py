@@ -16,7 +16,6 @@ from wbc.validate import Array
 from wbc.view import style
 from wbc.view.pendulum_plots import HEIGHT, SOLID, STANDS, plots_of, view_side
 from wbc.view.pendulum_plots import WIDTH as PLOT_WIDTH
-from wbc.view.style import picture_file, save
 
 WIDTH = 9.2  # inches
 BETWEEN, HEADING, BELOW = 0.85, 0.45, 0.5  # inches
@@ -40,7 +39,7 @@ def plot_pendulum(history: PendulumHistory, path: str | Path, title: str = "") -
     InvalidInputError
         A file type that cannot be drawn.
     """
-    save(pendulum_figure(history, title), picture_file(path))
+    style.save(pendulum_figure(history, title), path)
 
 
 def pendulum_figure(history: PendulumHistory, title: str = "") -> Figure:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from wbc.simulation import PushMap
@@ -22,8 +22,8 @@ RINGS = 5  # circles of the grid, about
 SIDES = ((0.0, "forwards"), (0.5 * np.pi, "left"), (np.pi, "back"), (1.5 * np.pi, "right"))
 
 
-def plot_pushes(maps: Sequence[PushMap], path: str | Path, *, duration: float) -> None:
-    """Draw maps of pushes side by side in parts of M omega d, and in N s.
+def pushes_figure(maps: Sequence[PushMap], *, duration: float) -> Figure:
+    """Return a figure of maps of pushes side by side in parts of M omega d, and in N s.
 
     Parameters
     ----------
@@ -31,13 +31,7 @@ def plot_pushes(maps: Sequence[PushMap], path: str | Path, *, duration: float) -
         The second is drawn as a line into the plots of the first, and as dots in one of its own.
     duration:
         Of the pushes [s].
-
-    Raises
-    ------
-    InvalidInputError
-        A file that no picture can be written to.
     """
-    file = style.picture_file(path)
     first = maps[0]
     count = len(maps) + 1
     title = f"{first.robot}: pushes of {duration:g} s survived without a step"
@@ -62,7 +56,7 @@ def plot_pushes(maps: Sequence[PushMap], path: str | Path, *, duration: float) -
         handles, labels, loc="lower center", ncols=4 if count > 2 else 3, fontsize=style.SMALL,
         frameon=False,
     )  # fmt: skip
-    style.save(figure, file)
+    return figure
 
 
 def _told(maps: Sequence[PushMap], k: int) -> str:

@@ -88,5 +88,4 @@ def plot_robot(
         Also for another suffix, or a folder that does not exist.
     """
     path = style.picture_file(path)
-    style.save(robot_figure(robot, configurations, title=title, view=view), path)
-    return path
+    return style.save(robot_figure(robot, configurations, title=title, view=view), path)

@@ -73,8 +73,7 @@ def plot_run(
         The robot's meshes cannot be read.
     """
     path = style.picture_file(path)
-    style.save(run_figure(robot, history, title=title, view=view), path)
-    return path
+    return style.save(run_figure(robot, history, title=title, view=view), path)
 
 
 def run_figure(

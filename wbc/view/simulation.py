@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,33 +40,6 @@ APPLIED = "wrenches/"  # what the names of their arrays begin with
 NEEDED = ("time", "q", "com", "cop", "planned_cop", "torque", "push", "relaxed", "tilt")
 
 
-def plot_simulation(
-    robot: Robot,
-    arrays: Mapping[str, Any],
-    path: str | Path,
-    *,
-    title: str,
-    terrain: Terrain = LEVEL,
-) -> Path:
-    """Draw a simulation: see :func:`simulation_figure`.
-
-    Parameters
-    ----------
-    path:
-        The file, which is returned: png, svg or pdf by its suffix.
-
-    Raises
-    ------
-    InvalidInputError
-        Another suffix, no such folder, or arrays that do not fit together.
-    ModelError
-        The robot's meshes cannot be read.
-    """
-    path = style.picture_file(path)
-    style.save(simulation_figure(robot, arrays, title=title, terrain=terrain), path)
-    return path
-
-
 def simulation_figure(
     robot: Robot, arrays: Mapping[str, Any], title: str = "", terrain: Terrain = LEVEL
 ) -> Figure:
@@ -85,6 +57,13 @@ def simulation_figure(
         As ``wbc sim`` writes them, or :attr:`wbc.simulation.SimulationResult.arrays` has them.
     terrain:
         What the robot stood on, as :attr:`wbc.simulation.SimulationResult.terrain` has it.
+
+    Raises
+    ------
+    InvalidInputError
+        Arrays that do not fit together.
+    ModelError
+        The robot's meshes cannot be read.
     """
     run = _read(robot, arrays)
     time, moments = run["time"], _instants(run)

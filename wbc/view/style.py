@@ -112,17 +112,19 @@ def picture_file(path: str | Path) -> Path:
     return path
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure to a file that :func:`picture_file` has passed.
+def save(figure: Figure, path: str | Path) -> Path:
+    """Write a figure to a file, png, svg or pdf by its suffix, and return its path.
 
     Raises
     ------
     InvalidInputError
-        The system refuses to write it.
+        See :func:`picture_file`; or the system refuses to write it.
     """
+    path = picture_file(path)
     suffix = path.suffix.lower()
     try:
         options: dict[str, Any] = {"format": suffix[1:], "metadata": dict(FORMATS[suffix])}
         write_whole(path, lambda file: figure.savefig(file, dpi=DPI, **options))
     except OSError as error:
         raise InvalidInputError(f"{path}: cannot be written: {why(error)}") from error
+    return path
