@@ -1,14 +1,17 @@
 """Exported C: complete, and where a compiler exists, with the results of CasADi's machine."""
 
 import shutil
+import subprocess
 from pathlib import Path
 
+import casadi as ca
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from wbc.cli import app
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.rmp.functions import CompilerError, compile_c, export_c, largest_difference
+from wbc.rmp.functions import export_c
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import EulerSolidRmp, SolidRmp
 
@@ -16,16 +19,25 @@ from wbc.rmp.solid import EulerSolidRmp, SolidRmp
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", (PlanarRmp, SolidRmp, EulerSolidRmp))
 def test_compiled_functions_agree(kind: type[PlanarRmp], tmp_path: Path) -> None:
+    """Without contraction to fused operations, they are those of CasADi's own machine."""
     model = kind(20.0)
     source = export_c(model, tmp_path)
     text = source.read_text()
     assert all(f"int {name}(const casadi_real** arg" in text for name in model.functions)
     assert source.with_suffix(".h").exists()
-    if shutil.which("cc") is None:
-        with pytest.raises(CompilerError, match="cannot run the C compiler 'cc'"):
-            compile_c(source)
-    else:
-        assert largest_difference(model, compile_c(source)) < 1e-12
+    if (compiler := shutil.which("cc")) is None:
+        pytest.skip("no C compiler")
+    library = source.with_suffix(".so")
+    flags = ["-O2", "-ffp-contract=off", "-fPIC", "-shared"]
+    subprocess.run([compiler, *flags, source, "-o", library, "-lm"], check=True)
+    rng = np.random.default_rng(0)
+    for name, function in model.functions.items():
+        # Between these no pendulum is singular.
+        given = [rng.uniform(0.3, 1.2, function.size1_in(k)) for k in range(function.n_in())]
+        compiled = ca.external(name, str(library)).call(given)
+        for mine, theirs in zip(function.call(given), compiled, strict=True):
+            expected = mine.full()
+            np.testing.assert_allclose(theirs.full(), expected, atol=1e-12 * abs(expected).max())
 
 
 def test_some_functions_only(tmp_path: Path) -> None:
@@ -40,26 +52,10 @@ def test_mistakes(tmp_path: Path) -> None:
         export_c(model, tmp_path, ["energy"])
     with pytest.raises(InvalidInputError, match="is not a directory"):
         export_c(model, tmp_path / "missing")
-    source = export_c(model, tmp_path, ["bias"])
-    with pytest.raises(CompilerError, match="cannot run the C compiler 'no-such-compiler'"):
-        compile_c(source, "no-such-compiler")
-    if shutil.which("cc") is not None:
-        source.write_text("not C at all")
-        with pytest.raises(CompilerError, match=r"cc failed on planarrmp\.c"):
-            compile_c(source)
-
-
-def test_a_difference_is_seen(tmp_path: Path) -> None:
-    if shutil.which("cc") is not None:
-        library = compile_c(export_c(PlanarRmp(20.0), tmp_path, ["bias"]))
-        # Of another mass: the bias is proportional to it.
-        assert largest_difference(PlanarRmp(25.0), library, ["bias"]) == pytest.approx(0.2)
 
 
 def test_command_line(tmp_path: Path) -> None:
     arguments = ["codegen", "planar", "--mass", "20", "-o", str(tmp_path), "--function", "bias"]
-    if shutil.which("cc") is not None:
-        arguments += ["--compiler", "cc"]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0, done.output
     assert "int bias(const" in (tmp_path / "planarrmp.c").read_text()

@@ -55,28 +55,17 @@ def codegen(
         list[str] | None,
         typer.Option(help="Of a pendulum this function only, as in mass_matrix; repeatable."),
     ] = None,
-    compiler: Annotated[
-        str | None,
-        typer.Option(
-            help="C compiler, such as cc: compile a pendulum too, and compare with CasADi."
-        ),
-    ] = None,
 ) -> None:
     """Write the controller of a problem as C: the native core, its plan, and a recorded run.
 
-    Or a pendulum's equations of motion, with a header; compile and compare them.
+    Or a pendulum's equations of motion, with a header.
     """
     with errors_in_one_line():
         of_problem = {"--set": assign, "--ticks": ticks, "--robot": robot}
-        of_pendulum = {
-            "--mass": mass,
-            "--gravity": gravity,
-            "--function": function,
-            "--compiler": compiler,
-        }
+        of_pendulum = {"--mass": mass, "--gravity": gravity, "--function": function}
         if what in PENDULUMS:
             _refuse(of_problem, "a problem", what)
-            _pendulum(what, mass, gravity, output or Path("."), function, compiler)
+            _pendulum(what, mass, gravity, output or Path("."), function)
         else:
             _refuse(of_pendulum, "a pendulum", what)
             _problem(Path(what), output, assign, ticks or 200, robot)
@@ -121,10 +110,9 @@ def _pendulum(
     gravity: float | None,
     output: Path,
     function: list[str] | None,
-    compiler: str | None,
 ) -> None:
     from wbc.errors import InvalidInputError
-    from wbc.rmp.functions import compile_c, export_c, largest_difference
+    from wbc.rmp.functions import export_c
     from wbc.rmp.planar import PlanarRmp
     from wbc.rmp.solid import EulerSolidRmp, SolidRmp
     from wbc.spatial import STANDARD_GRAVITY
@@ -136,10 +124,5 @@ def _pendulum(
     pendulum = kinds[model](mass, STANDARD_GRAVITY if gravity is None else gravity)
     source = export_c(pendulum, output, function or None)
     typer.echo(f"{source} and {source.with_suffix('.h').name}")
-    names = function or list(pendulum.functions)
-    for name in names:
+    for name in function or pendulum.functions:
         typer.echo(f"  {pendulum.functions[name]}")
-    if compiler is not None:
-        library = compile_c(source, compiler)
-        difference = largest_difference(pendulum, library, names)
-        typer.echo(f"{library}: differs from CasADi by {difference:.1e} at most (relative)")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import subprocess
 from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,13 +11,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from wbc.errors import InvalidInputError, UnknownNameError, WbcError
-from wbc.files import why, write_text
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.files import write_text
 from wbc.rmp.pendulum import ReactionMassPendulum
 from wbc.validate import Array
 
-# Random arguments for a comparison.
-SAMPLES = 5
 # What files of CasADi's end with, and have nowhere else.
 ENDS = '} /* extern "C" */\n#endif\n'
 
@@ -51,10 +48,6 @@ class Evaluator:
             place[:] = argument
         self._evaluate()
         return tuple(out[0].copy() if len(out) == 1 else out.T.copy() for out in self._outputs)
-
-
-class CompilerError(WbcError):
-    """No C compiler of the given name, or it refused the source; the message quotes it."""
 
 
 def export_c(
@@ -96,51 +89,3 @@ def export_c(
     for name, text in texts.items():
         write_text(directory / name, text)
     return directory / source.name
-
-
-def compile_c(source: str | Path, compiler: str = "cc") -> Path:
-    """Compile an exported file into a shared library beside it and return its path.
-
-    Its functions load with ``casadi.external(name, path)``.
-
-    Raises
-    ------
-    CompilerError
-        The compiler does not exist, or failed.
-    """
-    source = Path(source)
-    library = source.with_suffix(".so")
-    # Without contraction to fused operations, so that results are those of CasADi's own machine.
-    flags = ["-O2", "-ffp-contract=off", "-fPIC", "-shared"]
-    command = [compiler, *flags, str(source), "-o", str(library), "-lm"]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-    except OSError as error:
-        raise CompilerError(f"cannot run the C compiler {compiler!r}: {why(error)}") from error
-    if done.returncode:
-        raise CompilerError(f"{compiler} failed on {source.name}:\n{done.stderr.strip()}")
-    return library
-
-
-def largest_difference(
-    model: ReactionMassPendulum, library: str | Path, names: Iterable[str] | None = None
-) -> float:
-    """Return by how much compiled Functions differ from CasADi's own machine.
-
-    The largest difference of any result, as a fraction of that result's largest entry, over a few
-    random arguments between 0.3 and 1.2, where no pendulum is singular.
-    """
-    rng, found = np.random.default_rng(0), 0.0
-    for name in model.functions if names is None else names:
-        function = model.functions[name]
-        compiled = ca.external(name, str(Path(library).resolve()))
-        for _ in range(SAMPLES):
-            arguments = [
-                rng.uniform(0.3, 1.2, function.size1_in(k)) for k in range(function.n_in())
-            ]
-            results = zip(function.call(arguments), compiled.call(arguments), strict=True)
-            for mine, theirs in results:
-                expected = mine.full()
-                gap = float(np.abs(expected - theirs.full()).max())
-                found = max(found, gap / float(np.abs(expected).max()))
-    return found
