@@ -84,7 +84,7 @@ class PushedProblem:
 
     def __call__(self, angle: float, ratio: float) -> PushOutcome:
         """Push at rest in a direction [rad], by an impulse in parts of M omega d."""
-        plant, settings, falls = self._plant, self.settings, self.falls
+        plant, settings = self._plant, self.settings
         angle = finite_number("push, angle", angle)
         impulse = finite_number("push, ratio", ratio, least=0.0) * self.unit(angle)
         plant.reset(self.start.q)
@@ -92,17 +92,17 @@ class PushedProblem:
         force = impulse / settings.duration * along
         if impulse > 0.0:
             plant.push(settings.body, force, "com", start=settings.at, duration=settings.duration)
-        up = plant.body_rotation(falls.trunk)[2].copy()
         phases = self.problem.supervisor(plant)
-        loop = simulate(phases.controller, plant, self.duration, update=phases.update, falls=falls)
+        loop = simulate(
+            phases.controller, plant, self.duration, update=phases.update, falls=self.falls
+        )
         ticks = relaxed = 0
-        least_upright, ending = 1.0, ""
+        tilt, ending = 0.0, ""
         try:
             for now in loop:
                 ticks += 1
                 relaxed += bool(now.tick.policy)
-                upright = float(plant.body_rotation(falls.trunk)[2] @ up)
-                least_upright = min(least_upright, upright)
+                tilt = max(tilt, now.verdict.tilt)
                 if not now.verdict.stood:
                     ending = now.verdict.reason
         except (SimulationError, ControllerFailure) as error:
@@ -120,7 +120,7 @@ class PushedProblem:
             survived=not ending,
             reason=ending or f"stood for {plant.time:.3f} s",
             time=plant.time,
-            tilt=float(np.arccos(np.clip(least_upright, -1.0, 1.0))),
+            tilt=tilt,
             slip=self._slip(final.position),
             relaxed=relaxed / max(ticks, 1),
         )

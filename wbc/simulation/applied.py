@@ -8,32 +8,40 @@ from typing import Any
 import numpy as np
 
 from wbc.robot import Robot
+from wbc.simulation.push import Push
+from wbc.simulation.wrench import AppliedWrench
 from wbc.validate import Array
 
 ORIGIN = np.zeros(3)
 
 
-def add_wrench(
-    data: Any,
+def apply(
+    acting: Sequence[Push | AppliedWrench],
     robot: Robot,
     bodies: Sequence[int],
-    frame: str,
-    force: Array,
-    moment: Array,
-    point: Array = ORIGIN,
-) -> None:
-    """Add a force (3,) [N] and a moment (3,) [N m], world axes, to those in MuJoCo's data.
+    data: Any,
+    dt: float,
+) -> Array:
+    """Write what acts, its means over ``dt`` from now, as the forces in MuJoCo's data.
+
+    Returns the sum of the pushes' forces (3,) [N].
 
     Parameters
     ----------
     bodies:
         MuJoCo's body of each Pinocchio joint.
-    point:
-        Where the force acts (3,) [m], in the frame's axes from its origin.
     """
-    here = robot.frame(frame)
-    body = bodies[int(here.parentJoint)]
-    local = np.array(here.placement.rotation) @ point + here.placement.translation
-    arm = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local - data.xipos[body]
-    data.xfrc_applied[body, :3] += force
-    data.xfrc_applied[body, 3:] += moment + np.cross(arm, force)
+    data.xfrc_applied[:] = 0.0
+    pushed = np.zeros(3)
+    for one in acting:
+        force, moment = np.split(one.mean(float(data.time), dt), 2)
+        frame, point = (one.body, one.point) if isinstance(one, Push) else (one.frame, ORIGIN)
+        here = robot.frame(frame)
+        body = bodies[int(here.parentJoint)]
+        local = np.array(here.placement.rotation) @ point
+        local += here.placement.translation
+        arm = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local - data.xipos[body]
+        data.xfrc_applied[body, :3] += force
+        data.xfrc_applied[body, 3:] += moment + np.cross(arm, force)
+        pushed += force * isinstance(one, Push)
+    return pushed

@@ -49,11 +49,15 @@ class FallLimits:
 
 
 class Verdict(NamedTuple):
-    """Whether a robot stood until ``time`` [s], or why it fell then."""
+    """Whether a robot stood until ``time`` [s], or why it fell then.
+
+    ``tilt`` is the present angle of the trunk from its first vertical [rad].
+    """
 
     stood: bool
     time: float
     reason: str
+    tilt: float = 0.0
 
     def __str__(self) -> str:
         return self.reason
@@ -61,11 +65,6 @@ class Verdict(NamedTuple):
 
 class FallWatch:
     """Watches a plant; made when it is as it should stay.
-
-    Attributes
-    ----------
-    tilt:
-        Largest angle of the trunk from its first vertical so far [rad].
 
     Raises
     ------
@@ -79,14 +78,12 @@ class FallWatch:
         self._lifted = plant.robot.foot(limits.lifted).frame if limits.lifted else ""
         self._up = plant.body_rotation(limits.trunk)[2].copy()  # the vertical in the trunk's axes
         self._first_height = self._height()
-        self.tilt = 0.0
 
     def verdict(self) -> Verdict:
         """Return the present verdict."""
         limits, plant = self.limits, self._plant
         upright = float(np.clip(plant.body_rotation(limits.trunk)[2] @ self._up, -1.0, 1.0))
         tilt = float(np.arccos(upright))
-        self.tilt = max(self.tilt, tilt)
         height = self._height()
         reason = ""
         if limits.touch and (links := plant.touching()):
@@ -101,8 +98,8 @@ class FallWatch:
                 f" {self._first_height:.3f} m"
             )
         if reason:
-            return Verdict(False, plant.time, f"fell at t = {plant.time:.3f} s: {reason}")
-        return Verdict(True, plant.time, f"stood for {plant.time:.3f} s")
+            return Verdict(False, plant.time, f"fell at t = {plant.time:.3f} s: {reason}", tilt)
+        return Verdict(True, plant.time, f"stood for {plant.time:.3f} s", tilt)
 
     def _height(self) -> float:
         """Return how far the CoM is above the plane of the ground [m]."""

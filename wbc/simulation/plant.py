@@ -18,17 +18,18 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import check_robot
 from wbc.robot.postures import STANDING
+from wbc.simulation.applied import apply
 from wbc.simulation.build import build
 from wbc.simulation.contact_drift import ContactDrift
 from wbc.simulation.contacts import Contacts, read_contacts, self_contacts, touching_links
 from wbc.simulation.engine import check_state
 from wbc.simulation.mismatch import EXACT, ModelMismatch
-from wbc.simulation.push import Push, apply_pushes, push_point
+from wbc.simulation.push import Push, push_point
 from wbc.simulation.sensors import Measurements, Sensors
 from wbc.simulation.shapes import ShapeOptions
 from wbc.simulation.states import StateMap
 from wbc.simulation.terrain import Terrain
-from wbc.simulation.wrench import AppliedWrench, apply_wrenches, sum_by_frame
+from wbc.simulation.wrench import AppliedWrench, sum_by_frame
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only, time_step
 
 _EVEN = 1e-6  # a control period is so many physics steps, to this part of one
@@ -357,10 +358,8 @@ class Plant:
         for _ in range(count):
             mujoco.mj_step1(model, data)
             self.states.torques_to_mujoco(self._commands.popleft(), data.qfrc_applied)
-            self.push_force = apply_pushes(
-                self.pushes, self.robot, self._built.bodies, data, self.physics_dt
-            )
-            apply_wrenches(self.wrenches, self.robot, self._built.bodies, data, self.physics_dt)
+            acting: list[Push | AppliedWrench] = [*self.pushes, *self.wrenches]
+            self.push_force = apply(acting, self.robot, self._built.bodies, data, self.physics_dt)
             if self._drift is not None:
                 self._drift.subtract(data)
             mujoco.mj_step2(model, data)

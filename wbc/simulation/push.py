@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import UnknownNameError
 from wbc.kinds import check_word, one_of
-from wbc.robot import Robot, Snapshot
-from wbc.simulation.applied import add_wrench
+from wbc.robot import Snapshot
 from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
 
 COM = "com"
@@ -66,14 +64,14 @@ class Push:
         """Time integral of the force (3,) [N s]."""
         return self.force * self.duration * self._share(0.0, 1.0)
 
-    def mean_force(self, time: float, dt: float) -> Array:
-        """Return the mean force (3,) from ``time`` to ``time + dt`` [N].
+    def mean(self, time: float, dt: float) -> Array:
+        """Return the mean force [N] from ``time`` to ``time + dt``, as a wrench (6,).
 
         Held over physics steps, these give the impulse exactly, whatever the steps are.
         """
         begin, end = ((t - self.start) / self.duration for t in (time, time + dt))
         share = self._share(min(max(begin, 0.0), 1.0), min(max(end, 0.0), 1.0))
-        return self.force * (share * self.duration / dt)
+        return np.append(self.force * (share * self.duration / dt), np.zeros(3))
 
     def _share(self, begin: float, end: float) -> float:
         """Return the integral of the profile over a part of [0, 1]; its peak is 1."""
@@ -100,22 +98,3 @@ def push_point(point: ArrayLike | str | None, body: str, snapshot: Callable[[], 
         s = snapshot()
         return s.rotation(body).T @ (s.com - s.position(body))
     return finite_array("push, point", point, (3,))
-
-
-def apply_pushes(
-    pushes: Iterable[Push], robot: Robot, bodies: Sequence[int], data: Any, dt: float
-) -> Array:
-    """Write the mean forces of pushes over ``dt`` from now into MuJoCo's data; return their sum.
-
-    Parameters
-    ----------
-    bodies:
-        MuJoCo's body of each Pinocchio joint.
-    """
-    data.xfrc_applied[:] = 0.0
-    total = np.zeros(3)
-    for push in pushes:
-        force = push.mean_force(float(data.time), dt)
-        add_wrench(data, robot, bodies, push.body, force, np.zeros(3), push.point)
-        total += force
-    return total

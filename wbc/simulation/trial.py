@@ -65,7 +65,7 @@ def run_trial(
     """
     calls = Callbacks(progress, cancelled=cancelled, show=show)
     total = ticks_in(stop.duration, plant.dt)
-    record = TrialRecord(plant, phases, falls)
+    record = TrialRecord(plant, phases)
     first = phases.controller
     loop = simulate(first, plant, total * plant.dt, update=phases.update, falls=falls)
     try:

@@ -11,11 +11,10 @@ from wbc.controllers.closed_loop import LoopTick
 from wbc.robot import Snapshot
 from wbc.run.history import HistoryRecorder as RunRecorder
 from wbc.run.supervisor import Supervisor
-from wbc.simulation.falling import FallLimits, Verdict
+from wbc.simulation.falling import Verdict
 from wbc.simulation.loop import SimulationTick
 from wbc.simulation.plant import Plant
 from wbc.simulation.recorder import Recorder
-from wbc.validate import Array
 
 
 class TrialRecord:
@@ -39,15 +38,14 @@ class TrialRecord:
         Angles of the trunk from its first vertical [rad], of the first state and every period's.
     """
 
-    def __init__(self, plant: Plant, phases: Supervisor, falls: FallLimits) -> None:
+    def __init__(self, plant: Plant, phases: Supervisor) -> None:
         self.truth, self.run = Recorder(plant), RunRecorder(plant.robot, phases.tasks)
         self.pushes, self.wrenches = tuple(plant.pushes), tuple(plant.wrenches)
         self.verdict = Verdict(True, plant.time, "stood for 0 s")
         self.gave_way = Counter[str]()
         self.relaxed = self.lost = 0
         self.tilt = [0.0]
-        self._plant, self._phases, self._trunk = plant, phases, falls.trunk
-        self._up = self._trunk_vertical().copy()
+        self._plant, self._phases = plant, phases
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -68,8 +66,7 @@ class TrialRecord:
         self.relaxed += bool(now.tick.policy)
         self.lost += not now.fresh
         self.verdict = now.verdict
-        cosine = np.clip(self._trunk_vertical() @ self._up, -1.0, 1.0)
-        self.tilt.append(float(np.arccos(cosine)))
+        self.tilt.append(now.verdict.tilt)
         return kept
 
     def info(self) -> dict[str, Any]:
@@ -82,10 +79,6 @@ class TrialRecord:
         if np.array_equal(q, now.snapshot.q) and np.array_equal(v, now.snapshot.v):
             return now.snapshot
         return self._plant.robot.snapshot(q, v)
-
-    def _trunk_vertical(self) -> Array:
-        """Return the vertical (3,) in the trunk's axes."""
-        return self._plant.body_rotation(self._trunk)[2]
 
 
 def as_loop_tick(now: SimulationTick, dt: float) -> LoopTick:

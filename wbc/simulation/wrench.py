@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
 
 from wbc.kinds import check_switches, check_word
-from wbc.robot import Robot
-from wbc.simulation.applied import add_wrench
 from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
 
 DIGITS = 9  # of the part of a period in which a wrench acts: times are sums of many steps
@@ -65,18 +60,3 @@ def sum_by_frame(wrenches: Iterable[AppliedWrench], time: float, dt: float) -> d
         if mean.any():
             found[one.frame] = found[one.frame] + mean if one.frame in found else mean
     return found
-
-
-def apply_wrenches(
-    wrenches: Iterable[AppliedWrench], robot: Robot, bodies: Sequence[int], data: Any, dt: float
-) -> None:
-    """Add wrenches to the forces in MuJoCo's data, their means over ``dt`` from now.
-
-    Parameters
-    ----------
-    bodies:
-        MuJoCo's body of each Pinocchio joint.
-    """
-    for one in wrenches:
-        force, moment = np.split(one.mean(float(data.time), dt), 2)
-        add_wrench(data, robot, bodies, one.frame, force, moment)
