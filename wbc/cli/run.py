@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,10 +41,9 @@ if TYPE_CHECKING:
     from wbc.problem import Problem, Result
     from wbc.problem.pendulum.problem import PendulumProblem
     from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
-    from wbc.run import History
     from wbc.run.callbacks import Show as ShowTick
     from wbc.run.stopping import RunStatus
-    from wbc.simulation import SimulationStatus
+    from wbc.simulation import SimulationResult, SimulationStatus
     from wbc.view.live.watching import Watching
 
 EXIT_CODES = (
@@ -79,68 +78,97 @@ def run(
     with errors_in_one_line():
         check_view(view_from, show)
         wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
-        code = _run(wanted, (view_from, show), overrides_of(assign, solver))
+        code = _run(wanted, overrides_of(assign, solver), (view_from, show), simulated=False)
     raise typer.Exit(code)
 
 
-def _run(wanted: _Wanted, look: tuple[str, str], overrides: dict[str, Any]) -> int:
-    """Run a problem, write and print what came of it, and return the exit code."""
+def _run(
+    wanted: _Wanted, overrides: dict[str, Any], look: tuple[str, str] = ("", ""), *, simulated: bool
+) -> int:
+    """Run or simulate a problem, write, print and show what came of it; return the exit code."""
     from wbc.cli.interrupts import Interrupts, noted_interrupts
+    from wbc.cli.outputs import Outputs
     from wbc.cli.printing import print_pendulum_result, print_result
     from wbc.cli.progress import shown_progress
+    from wbc.cli.sim_report import print_asked, print_simulation
+    from wbc.errors import InvalidInputError
 
     with wanted.starting():
         from wbc.problem import Problem, Result, load_problem
+        from wbc.problem.pendulum.result import PendulumResult
+        from wbc.simulation import SimulationResult
 
         problem = load_problem(wanted.path, overrides)
+    if simulated and not isinstance(problem, Problem):
+        raise InvalidInputError(
+            f"{wanted.path}: a pendulum's problem simulates itself: wbc run {wanted.path}"
+        )
     if isinstance(problem, Problem) and not wanted.quiet:
         print_notes(problem.parts.robot)
+        if simulated:
+            print_asked(problem.parts.plan)
     watching = wanted.watching(problem)
     plans = not isinstance(problem, Problem) and problem.spec.plan is not None
     # Ctrl-C ends a plan at once: there is nothing to keep until it is done.
     listening = nullcontext(Interrupts()) if plans else noted_interrupts()
-    result: Result | PendulumResult
+    result: Result | SimulationResult | PendulumResult
     with (
         shown_progress(wanted.quiet) as progress,
         listening as interrupts,
         wanted.shown_by(problem, watching) as show,
     ):
         if isinstance(problem, Problem):
-            result = problem.run(progress, cancelled=interrupts, show=show)
+            go = problem.simulate if simulated else problem.run
+            result = go(progress, cancelled=interrupts, show=show)
         else:
             result = problem.run(progress, cancelled=interrupts)
     interrupted = interrupts() or _search_interrupted(result)
 
     def draw(path: Path) -> None:
-        from wbc.view import plot_pendulum, plot_run
+        from wbc.view import plot_pendulum, plot_run, style
         from wbc.view.options import View
+        from wbc.view.simulation import simulation_figure
 
         title = f"{wanted.name}: {result.status.value.replace('_', ' ')}"
         if isinstance(result, Result):
             title += f", {result.reach.partition(', held')[0]}" if result.reach else ""
             plot_run(result.robot, result.history, path, title=title, view=View.of(*look))
+        elif isinstance(result, SimulationResult):
+            title = f"{wanted.name}: {result.reason}"
+            figure = simulation_figure(result.robot, result.arrays, title, result.terrain)
+            style.save(figure, path)
         else:
             plot_pendulum(result.history, path, title=title)
 
-    def tell(written: Iterable[Path]) -> None:
-        if isinstance(result, Result):
-            print_result(result, written)
-        else:
-            print_pendulum_result(result, written)
+    output, outputs = wanted.output, Outputs()
+    if interrupted and not output:
+        output = [Path(tempfile.mkdtemp(prefix="wbc-")) / f"{wanted.name}.npz"]
+    for each in output:
+        outputs.save(each, result.save)
+    if wanted.plot is not None:
+        outputs.draw(wanted.plot, draw)
+    if wanted.quiet:
+        pass
+    elif isinstance(result, Result):
+        print_result(result, outputs.written)
+    elif isinstance(result, SimulationResult):
+        print_simulation(result, outputs.written)
+    else:
+        print_pendulum_result(result, outputs.written)
+    code = outputs.exit_code(_exit_code(result.status))
+    if interrupted:
+        where = ", ".join(str(one) for one in outputs.written) or "nowhere"
+        complain(f"interrupted; what was computed until then is in {where}")
+        return interrupts.exit_code
+    if watching is not None and not isinstance(result, PendulumResult):
+        run = result if isinstance(result, Result) else result.run
+        watching.replay(run.history)
+        typer.echo(f"it can be played again at {watching.viewer.url}; Ctrl-C ends", err=True)
+        watching.viewer.wait()
+    return code
 
-    return _finish(
-        wanted,
-        watching,
-        save=result.save,
-        draw=draw,
-        tell=tell,
-        code=_exit_code(result.status),
-        interrupted=interrupts.exit_code if interrupted else None,
-        history=result.history if isinstance(result, Result) else None,
-    )
 
-
-def _search_interrupted(result: Result | PendulumResult) -> bool:
+def _search_interrupted(result: Result | SimulationResult | PendulumResult) -> bool:
     """Return whether Ctrl-C ended the search over postures, which listens for it itself."""
     shaping = getattr(result, "shaping", None)
     return shaping is not None and shaping.effort.stopped == "interrupted"
@@ -165,53 +193,8 @@ def sim(
     """Simulate a problem of the torque level and say whether the robot stood."""
     with errors_in_one_line():
         wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
-        code = _simulate(wanted, overrides_of(assign, solver))
+        code = _run(wanted, overrides_of(assign, solver), simulated=True)
     raise typer.Exit(code)
-
-
-def _simulate(wanted: _Wanted, overrides: dict[str, Any]) -> int:
-    """Simulate a problem, write and print what came of it, and return the exit code."""
-    from wbc.cli.interrupts import noted_interrupts
-    from wbc.cli.progress import shown_progress
-    from wbc.cli.sim_report import print_asked, print_simulation
-    from wbc.errors import InvalidInputError
-
-    path = wanted.path
-    with wanted.starting():
-        from wbc.problem import Problem, load_problem
-
-        problem = load_problem(path, overrides)
-    if not isinstance(problem, Problem):
-        raise InvalidInputError(f"{path}: a pendulum's problem simulates itself: wbc run {path}")
-    if not wanted.quiet:
-        print_notes(problem.parts.robot)
-        print_asked(problem.parts.plan)
-    watching = wanted.watching(problem)
-    with (
-        shown_progress(wanted.quiet) as progress,
-        noted_interrupts() as interrupts,
-        wanted.shown_by(problem, watching) as show,
-    ):
-        result = problem.simulate(progress, cancelled=interrupts, show=show)
-
-    def draw(picture: Path) -> None:
-        from wbc.view.simulation import simulation_figure
-        from wbc.view.style import save
-
-        title = f"{wanted.name}: {result.reason}"
-        figure = simulation_figure(result.robot, result.arrays, title, result.terrain)
-        save(figure, picture)
-
-    return _finish(
-        wanted,
-        watching,
-        save=result.save,
-        draw=draw,
-        tell=lambda written: print_simulation(result, written),
-        code=_exit_code(result.status),
-        interrupted=interrupts.exit_code if interrupts() else None,
-        history=result.run.history,
-    )
 
 
 # ---------------------------------------------------------------------- what both share
@@ -335,46 +318,3 @@ def _exit_code(status: RunStatus | SimulationStatus | PendulumStatus) -> int:
     if status.good:
         return 0
     return QP_FAILED if status.value == "qp_failed" else NOT_REACHED
-
-
-def _finish(
-    wanted: _Wanted,
-    watching: Watching | None,
-    *,
-    save: Callable[[Path], object],
-    draw: Callable[[Path], object],
-    tell: Callable[[Iterable[Path]], object],
-    code: int,
-    interrupted: int | None,
-    history: History | None,
-) -> int:
-    """Write, draw, print and show what came of a run; return the exit code.
-
-    Parameters
-    ----------
-    interrupted:
-        The exit code if the user ended it.
-    history:
-        To be played again, if it was watched.
-    """
-    from wbc.cli.outputs import Outputs
-
-    output, outputs = wanted.output, Outputs()
-    if interrupted is not None and not output:
-        output = [Path(tempfile.mkdtemp(prefix="wbc-")) / f"{wanted.name}.npz"]
-    for each in output:
-        outputs.save(each, save)
-    if wanted.plot is not None:
-        outputs.draw(wanted.plot, draw)
-    if not wanted.quiet:
-        tell(outputs.written)
-    code = outputs.exit_code(code)
-    if interrupted is not None:
-        where = ", ".join(str(one) for one in outputs.written) or "nowhere"
-        complain(f"interrupted; what was computed until then is in {where}")
-        return interrupted
-    if watching is not None and history is not None:
-        watching.replay(history)
-        typer.echo(f"it can be played again at {watching.viewer.url}; Ctrl-C ends", err=True)
-        watching.viewer.wait()
-    return code
