@@ -9,9 +9,9 @@ from dataclasses import replace
 from typing import Any
 
 from wbc.errors import ProblemFileError, suggest
-from wbc.problem.provenance import plain
 from wbc.problem.reading import parse
 from wbc.problem.source import KeyPath, Source, parse_path, written
+from wbc.run.saving import plain
 
 _ASSIGNMENT = re.compile(r"""((?:"[^"]*"|'[^']*'|[^="'])+)=(.*)""", re.DOTALL)
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 import platform
 from collections.abc import Mapping
 from importlib import metadata
-from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from wbc import __version__
 from wbc.problem.source import Source
 from wbc.qp.proxqp_workspace import BUILD
+from wbc.run.saving import plain
 
 PACKAGES = ("numpy", "pin", "proxsuite", "qpsolvers")
 
@@ -43,16 +41,3 @@ def version_of(package: str) -> str:
 def provenance(source: Source, overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Return a problem's file, text and overrides: what is needed to run it again."""
     return {"file": source.name, "text": source.text, "overrides": plain(overrides)}
-
-
-def plain(value: Any) -> Any:
-    """Return ``value`` as a YAML file would give it: arrays and tuples as lists, paths as text."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, Mapping):
-        return {str(key): plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
-    return value

@@ -12,8 +12,9 @@ import numpy as np
 from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.problem.controller_spec import TorqueSpec
 from wbc.problem.problem import Problem, load_problem, load_unchanged
-from wbc.problem.provenance import plain, version_of, versions
+from wbc.problem.provenance import version_of, versions
 from wbc.run.phase_support import held_feet
+from wbc.run.saving import plain
 from wbc.simulation import FallLimits, PushOutcome, SimulationError, capture_impulse, simulate
 from wbc.simulation.push_bounds import PushBounds, push_bounds
 from wbc.validate import Array, check_fields, finite_number

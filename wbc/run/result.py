@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from wbc.robot import Robot
 from wbc.run.columns import Column, history_columns
 from wbc.run.frame import Frame, frame_of
 from wbc.run.history import History, StateRecord
-from wbc.run.saving import save_result
+from wbc.run.saving import plain, save_result
 from wbc.run.shaping_report import ShapingReport
 from wbc.run.stopping import RunStatus
 from wbc.validate import Array
@@ -237,8 +237,10 @@ class Result:
             "ticks": len(self.history),
             "robot": self.robot.name,
             "final": self._final(),
-            "tasks": {name: _task_summary(task) for name, task in self.tasks.items()},
-            "inertia": {name: _inertia_summary(one) for name, one in self.inertia.items()},
+            "tasks": {name: {"norm": one.norm, **plain(one)} for name, one in self.tasks.items()},
+            "inertia": {
+                name: {"unit": "kg m^2", **plain(one)} for name, one in self.inertia.items()
+            },
             "joint_limits": {
                 "smallest_margin": self.margin.value,
                 "joint": self.margin.where,
@@ -263,19 +265,16 @@ class Result:
                 for name, worst in self.clearance.items()
             },
             "held_back": {
-                label: {"seconds": one.ticks * self.dt, **asdict(one)}
+                label: {"seconds": one.ticks * self.dt, **plain(one)}
                 for label, one in self.held_back.items()
             },
             "not_kept": list(self.not_kept),
-            "phases": {name: asdict(phase) for name, phase in self.phases.items()},
+            "phases": plain(self.phases),
             "qp": {
                 "failed_ticks": len(self.failures),
                 "worst_kkt_residual": self.worst_kkt,
                 "left_out": dict(self.left_out),
-                "failures": [
-                    {"tick": failure.tick, "report": failure.report}
-                    for failure in self.failures[:SHOWN_FAILURES]
-                ],
+                "failures": plain(self.failures[:SHOWN_FAILURES]),
             },
             "tick_time": self.tick_times(),
             "shaping": self.shaping and self.shaping.summary(),
@@ -283,16 +282,18 @@ class Result:
         }
 
     def _final(self) -> dict[str, Any]:
-        limits = self.robot.limits
-        return {
-            "q": self.q.tolist(),
-            "joints": dict(
-                zip(self.robot.joint_names, limits.joint_positions(self.q).tolist(), strict=True)
-            ),
-            "v": self.v.tolist(),
-            "com": self.final.com.tolist(),
-            "inertia_world": self.final.inertia.tolist(),
-        }
+        joints = self.robot.limits.joint_positions(self.q)
+        return dict(
+            plain(
+                {
+                    "q": self.q,
+                    "joints": dict(zip(self.robot.joint_names, joints, strict=True)),
+                    "v": self.v,
+                    "com": self.final.com,
+                    "inertia_world": self.final.inertia,
+                }
+            )
+        )
 
     def save(self, path: str | Path) -> None:
         """Write the summary (.json), with the history (.npz), or a table (.csv, .parquet).
@@ -343,25 +344,3 @@ class Result:
         title = f"{self.status.value.replace('_', ' ')}: {self.reason}"
         table = as_html(title, facts, [(f"error of {name}", text) for name, text in errors])
         return with_picture(table, "wbc.view.run:run_figure", self.robot, self.history)
-
-
-def _task_summary(task: TaskResult) -> dict[str, Any]:
-    return {
-        "norm": task.norm,
-        "tolerance": task.tolerance,
-        "rows": list(task.rows),
-        "error": task.error.tolist(),
-        "units": list(task.units),
-    }
-
-
-def _inertia_summary(reading: InertiaReading) -> dict[str, Any]:
-    return {
-        "axes": reading.axes,
-        "about": reading.about if isinstance(reading.about, str) else list(reading.about),
-        "unit": "kg m^2",
-        "components": list(reading.components),
-        "start": reading.start.tolist(),
-        "wanted": reading.wanted.tolist(),
-        "reached": reading.reached.tolist(),
-    }

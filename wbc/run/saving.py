@@ -8,6 +8,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,24 @@ def json_text(summary: Mapping[str, Any]) -> str:
     # Raw line ends stand between values only, never inside a JSON string.
     lists = re.compile(r"\[\n\s*([^\[\]{}]*?)\n\s*\]")
     return lists.sub(lambda found: "[" + re.sub(r"\n\s*", " ", found[1]) + "]", text) + "\n"
+
+
+def plain(value: Any) -> Any:
+    """Return ``value`` as a YAML file would give it: arrays and tuples as lists, paths as text.
+
+    Dataclasses are mappings of their fields.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    if is_dataclass(value):
+        return {one.name: plain(getattr(value, one.name)) for one in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    return value
 
 
 def _finite(value: Any) -> Any:

@@ -18,7 +18,7 @@ from wbc.robot import Robot, Snapshot
 from wbc.run.columns import Column
 from wbc.run.frame import Frame, frame_of
 from wbc.run.result import Result
-from wbc.run.saving import save_result
+from wbc.run.saving import plain, save_result
 from wbc.run.stopping import RunStatus
 from wbc.simulation.falling import Verdict
 from wbc.simulation.plant import Plant
@@ -203,8 +203,8 @@ class SimulationResult:
                 "stood": self.verdict.stood,
                 "verdict": self.verdict.reason,
                 "duration": self.duration,
-                "pushes": [_push_summary(push) for push in self.pushes],
-                "wrenches": [_wrench_summary(wrench) for wrench in self.wrenches],
+                "pushes": [_acting_summary(push) for push in self.pushes],
+                "wrenches": [_acting_summary(wrench) for wrench in self.wrenches],
                 "relaxed": self.relaxed,
                 "gave_way": dict(self.gave_way),
                 "lost_frames": self.lost,
@@ -322,23 +322,9 @@ def _falling(shares: Mapping[str, float]) -> dict[str, float]:
     return dict(sorted(shares.items(), key=lambda one: -one[1]))
 
 
-def _wrench_summary(one: AppliedWrench) -> dict[str, Any]:
-    return {
-        "frame": one.frame,
-        "wrench": one.wrench.tolist(),
-        "at": one.start,
-        "duration": one.duration if np.isfinite(one.duration) else None,
-        "told": one.told,
-    }
-
-
-def _push_summary(push: Push) -> dict[str, Any]:
-    return {
-        "body": push.body,
-        "force": push.force.tolist(),
-        "impulse": push.impulse.tolist(),
-        "point": push.point.tolist(),
-        "at": push.start,
-        "duration": push.duration,
-        "profile": push.profile,
-    }
+def _acting_summary(one: Push | AppliedWrench) -> dict[str, Any]:
+    told = {**plain(one), "at": one.start}
+    del told["start"]
+    if isinstance(one, Push):
+        return {**told, "impulse": plain(one.impulse)}
+    return {**told, "duration": one.duration if np.isfinite(one.duration) else None}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from wbc.errors import InvalidInputError
 from wbc.gait.walls import Wall, check_walls
 from wbc.kinds import check_switches
 from wbc.rotations import upright_on
+from wbc.run.saving import plain
 from wbc.validate import Array, check_fields, finite_array, list_of, read_only, set_fields
 
 # How much of a contact's error the physics corrects, when it begins and when deep, and how deep
@@ -141,20 +142,7 @@ class Terrain:
 
     def to_data(self) -> dict[str, Any]:
         """Return plain data, of which :meth:`from_data` makes the same terrain."""
-        steps = [
-            {
-                **asdict(step),
-                "centre": step.centre.tolist(),
-                "size": step.size.tolist(),
-                "slope": list(step.slope),
-            }
-            for step in self.steps
-        ]
-        walls = [
-            {key: np.asarray(value).tolist() for key, value in asdict(wall).items()}
-            for wall in self.walls
-        ]
-        return {**asdict(self), "slope": list(self.slope), "steps": steps, "walls": walls}
+        return dict(plain(self))
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Terrain:
