@@ -92,8 +92,8 @@ def test_udp_takes_each_command_once_and_the_newest_reading(
     reading: Reading, command: Command
 ) -> None:
     ports = free_port(), free_port()
-    robot = UdpRobotBus(N, port=ports[0], controller_port=ports[1])
-    bus = UdpBus(N, port=ports[1], robot_port=ports[0])
+    robot = UdpRobotBus(N, port=ports[0], other_port=ports[1])
+    bus = UdpBus(N, port=ports[1], other_port=ports[0])
     try:
         assert robot.receive() is None and bus.read() is None
         for number in (3, 2, 3):

@@ -108,7 +108,7 @@ def test_no_names_are_no_phases(robot: Robot, run: Run) -> None:
     [
         ({"phase": ["down"]}, "history: phase: expected 31 words, got 1"),
         ({"support": ["left"]}, "history: support: expected 31 words, got 1"),
-        ({"balance": [0.1]}, "history: balance: expected one number for each time"),
+        ({"balance": [0.1]}, "history: balance: expected numbers, one row for each time"),
     ],
 )
 def test_what_does_not_fit_is_refused(

@@ -102,7 +102,6 @@ def verdict(series: RmpSeries, human: bool = False) -> Text:
     unjudged = int(series.cop_unknown.sum())
     margin, noise = series.cop_margin, series.uncertainty
     judged = margin is not None and bool(np.isfinite(margin).any())
-    judged = margin is not None and bool(np.isfinite(margin).any())
     if margin is None:
         line.append("CoP not judged: no feet. ")
     elif unjudged and not judged:

@@ -12,7 +12,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Callable
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
@@ -87,8 +87,15 @@ def unpack_command(packet: bytes, joints: int) -> Command | None:
     return Command(sequence, position, velocity, torque, kp, kd, bool(flags & _FLAG))
 
 
-class UdpBus:
-    """The controller's end; ``robot`` is the address to which commands go.
+class _UdpEnd:
+    """An end of the bus, on its own port.
+
+    Parameters
+    ----------
+    address:
+        Of the other end; 127.x for this machine alone.
+    port, other_port:
+        Where this end and the other one listen.
 
     Raises
     ------
@@ -96,56 +103,73 @@ class UdpBus:
         The port is taken, or no such address.
     """
 
-    def __init__(
-        self,
-        joints: int,
-        robot: str = "127.0.0.1",
-        *,
-        port: int = READING_PORT,
-        robot_port: int = COMMAND_PORT,
-    ) -> None:
-        self.joints, self.dropped = whole_number("UDP bus, joints", joints, least=1), Counter[str]()
-        self._to = robot, _port(robot_port)
-        self._socket = _opened(robot, port)
-
-    def read(self) -> Reading | None:
-        """Return the newest reading since the last call, by its sequence; None if none came."""
-        return _newest(self._socket, unpack_reading, self.joints, -1, self.dropped)
-
-    def write(self, command: Command) -> None:
-        """Send a command."""
-        _send(self._socket, pack_command(command), self._to)
-
-    def close(self) -> None:
-        """Leave the bus."""
-        self._socket.close()
-
-
-class UdpRobotBus:
-    """The robot's end; readings go to where the last command came from, at first to this machine.
-
-    Raises
-    ------
-    BusError
-        The port is taken, or no such address.
-    """
+    PORTS: ClassVar[tuple[int, int]]  # own and other's by default
 
     def __init__(
         self,
         joints: int,
         address: str = "127.0.0.1",
         *,
-        port: int = COMMAND_PORT,
-        controller_port: int = READING_PORT,
+        port: int | None = None,
+        other_port: int | None = None,
     ) -> None:
+        own, other = self.PORTS
         self.joints, self.dropped = whole_number("UDP bus, joints", joints, least=1), Counter[str]()
-        self._to = address, _port(controller_port)
-        self._socket = _opened(address, port)
-        self._last = -1
+        self._to = address, _port(other if other_port is None else other_port)
+        self._socket = _opened(address, own if port is None else port)
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._socket.close()
+
+    def _newest(
+        self, unpack: Callable[[bytes, int], Message | None], last: int = -1
+    ) -> Message | None:
+        """Return the newest message that waits, beyond the sequence ``last``; count the others."""
+        newest: Message | None = None
+        for packet in _waiting(self._socket):
+            found = unpack(packet, self.joints)
+            if found is None:
+                self.dropped["damaged"] += 1
+            elif found.sequence <= last:
+                self.dropped["repeated or out of order"] += 1
+            else:
+                newest, last = found, found.sequence
+        return newest
+
+
+class UdpBus(_UdpEnd):
+    """The controller's end: commands go to the robot's ``address``.
+
+    Parameters are ``joints``, the robot's address (this machine by default), ``port``, where readings
+    come, and ``other_port``, where commands go.
+
+    Raises
+    ------
+    BusError
+        The port is taken, or no such address.
+    """
+
+    PORTS = READING_PORT, COMMAND_PORT
+
+    def read(self) -> Reading | None:
+        """Return the newest reading since the last call, by its sequence; None if none came."""
+        return self._newest(unpack_reading)
+
+    def write(self, command: Command) -> None:
+        """Send a command."""
+        _send(self._socket, pack_command(command), self._to)
+
+
+class UdpRobotBus(_UdpEnd):
+    """The robot's end: readings go to the controller's ``address``."""
+
+    PORTS = COMMAND_PORT, READING_PORT
+    _last = -1
 
     def receive(self) -> Command | None:
         """Return the newest command since the last call; None if none came."""
-        newest = _newest(self._socket, unpack_command, self.joints, self._last, self.dropped)
+        newest = self._newest(unpack_command, self._last)
         self._last = self._last if newest is None else newest.sequence
         return newest
 
@@ -153,30 +177,6 @@ class UdpRobotBus:
         """Send a reading; that nobody listens is no error."""
         with contextlib.suppress(BusError):
             _send(self._socket, pack_reading(reading), self._to)
-
-    def close(self) -> None:
-        """Leave the bus."""
-        self._socket.close()
-
-
-def _newest(
-    bus: socket.socket,
-    unpack: Callable[[bytes, int], Message | None],
-    joints: int,
-    last: int,
-    dropped: Counter[str],
-) -> Message | None:
-    """Return the newest message that waits, beyond the sequence ``last``; count what is dropped."""
-    newest: Message | None = None
-    for packet in _waiting(bus):
-        found = unpack(packet, joints)
-        if found is None:
-            dropped["damaged"] += 1
-        elif found.sequence <= last:
-            dropped["repeated or out of order"] += 1
-        else:
-            newest, last = found, found.sequence
-    return newest
 
 
 def _packed(kind: int, joints: int, flags: int, sequence: int, time: float, values: Array) -> bytes:

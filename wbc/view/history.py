@@ -16,7 +16,7 @@ from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.spatial import vech
 from wbc.validate import Array, finite_array
 from wbc.view.portrait import Aimed, Pose
-from wbc.view.series import Series, error_series, moment_series
+from wbc.view.series import Series, error_series, moment_series, rows_of
 
 
 class HistoryLike(Protocol):
@@ -135,11 +135,7 @@ def read_history(robot: Robot, history: HistoryLike, terrain: Terrain = LEVEL) -
         inertia = [vech(robot.snapshot(one).inertia) for one in q]
     moments = moment_series(finite_array("history: inertia", inertia, (count, 6)))
     if balance is not None:
-        try:
-            balance = np.asarray(balance, dtype=np.float64).reshape(count)
-        except (TypeError, ValueError) as error:
-            what = "history: balance: expected one number for each time"
-            raise InvalidInputError(what) from error
+        balance = rows_of("balance", balance, (count,))
         balance = balance if np.isfinite(balance).any() else None
     errors = error_series(history.errors, count)
     supports = _words(history, "support", count) if hasattr(history, "support") else None
@@ -167,14 +163,7 @@ def read_history(robot: Robot, history: HistoryLike, terrain: Terrain = LEVEL) -
 def _rows(history: HistoryLike, name: str, shape: tuple[int, ...]) -> dict[str, Array]:
     """Return arrays by name, NaN where there is nothing; none if the history has none."""
     given: Mapping[str, Any] = getattr(history, name, None) or {}
-    rows = dict[str, Array]()
-    for key, values in given.items():
-        try:
-            rows[key] = np.asarray(values, dtype=np.float64).reshape(shape)
-        except (TypeError, ValueError) as error:
-            what = f"history: {name} of {key!r}: expected numbers, one row for each time"
-            raise InvalidInputError(what) from error
-    return rows
+    return {key: rows_of(f"{name} of {key!r}", values, shape) for key, values in given.items()}
 
 
 def _phases(history: HistoryLike, time: Array) -> list[PhaseSpan]:

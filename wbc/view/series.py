@@ -42,15 +42,28 @@ def error_series(errors: Mapping[str, ArrayLike], count: int) -> list[Series]:
         Not one row of numbers for each time.
     """
     looks = cycle([(colour, dashes) for dashes in ("-", "--", ":") for colour in style.SERIES])
-    series = []
-    for (name, values), look in zip(errors.items(), looks, strict=False):
-        try:
-            rows = np.asarray(values, dtype=np.float64).reshape(count, -1)
-        except (TypeError, ValueError) as error:
-            what = f"history: errors of {name!r}: expected numbers, one row for each time"
-            raise InvalidInputError(what) from error
-        series.append(Series(name, *look, np.linalg.norm(rows, axis=1)))
-    return series
+    rows = {
+        name: rows_of(f"errors of {name!r}", values, (count, -1)) for name, values in errors.items()
+    }
+    return [
+        Series(name, *look, np.linalg.norm(values, axis=1))
+        for (name, values), look in zip(rows.items(), looks, strict=False)
+    ]
+
+
+def rows_of(what: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return what a history has at each time, of a shape; NaN where there is nothing.
+
+    Raises
+    ------
+    InvalidInputError
+        No numbers, or not for each time.
+    """
+    try:
+        return np.asarray(values, dtype=np.float64).reshape(shape)
+    except (TypeError, ValueError) as error:
+        what = f"history: {what}: expected numbers, one row for each time"
+        raise InvalidInputError(what) from error
 
 
 def moment_series(inertias: Array) -> list[Series]:
