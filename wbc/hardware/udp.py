@@ -141,8 +141,8 @@ class _UdpEnd:
 class UdpBus(_UdpEnd):
     """The controller's end: commands go to the robot's ``address``.
 
-    Parameters are ``joints``, the robot's address (this machine by default), ``port``, where readings
-    come, and ``other_port``, where commands go.
+    Parameters are ``joints``, the robot's address (by default this machine), ``port``, where
+    readings come, and ``other_port``, where commands go.
 
     Raises
     ------
