@@ -146,9 +146,9 @@ def walked(human: HumanMotion, name: str, seed: int) -> dict[str, Any]:
 
 def picture(human: HumanMotion, found: wbc.Retargeted, path: Path) -> None:
     """Draw the human and the robot at the same moments, side by side."""
+    from exposures import exposures_figure
     from PIL import Image
 
-    from wbc.view.exposures import exposures_figure
     from wbc.view.style import save
 
     targets = found.targets

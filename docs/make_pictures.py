@@ -18,6 +18,7 @@ from PIL import Image  # matplotlib brings it
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))  # they import each other by name
 
 from balance_figures import pushes_figure, regions_figure
+from exposures import exposures_figure
 from footsteps import landed
 from push_recovery import largest_impulses
 from region_of_attraction import lean_grid, region_of_attraction
@@ -41,7 +42,6 @@ from wbc.rmp.balance.stabiliser import PointStabiliser
 from wbc.rmp.solid import SolidRmp
 from wbc.view import plot_pendulum, plot_robot, plot_run, style
 from wbc.view.analysis import analysis_figure
-from wbc.view.exposures import exposures_figure
 from wbc.view.history import read_history
 from wbc.view.options import View
 from wbc.view.portrait import Pose

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from wbc.extras import require
 
 if TYPE_CHECKING:
-    from wbc.view.exposures import exposures_figure
     from wbc.view.history import HistoryLike
     from wbc.view.live.viewer import Viewer
     from wbc.view.pendulum import pendulum_figure, plot_pendulum
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 __all__ = [
     "HistoryLike",
     "Viewer",
-    "exposures_figure",
     "pendulum_figure",
     "plot_pendulum",
     "plot_robot",
@@ -30,7 +28,6 @@ __all__ = [
 
 _PICTURES = {
     "HistoryLike": "wbc.view.history",
-    "exposures_figure": "wbc.view.exposures",
     "pendulum_figure": "wbc.view.pendulum",
     "plot_pendulum": "wbc.view.pendulum",
     "plot_robot": "wbc.view.robots",

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exposures import exposures_figure, together
 
 from wbc.errors import InvalidInputError
 from wbc.problem.simulation_spec import turned_with
 from wbc.robot import Robot
 from wbc.simulation import Step, Terrain
 from wbc.validate import Array
-from wbc.view.exposures import exposures_figure, together
 from wbc.view.options import View
 from wbc.view.portrait import Pose, portraits_of
 from wbc.view.style import save
