@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from qpbench.sequence import QpSequence
-from wbc.batch.table import write_lists
 from wbc.extras import require
-from wbc.files import write_text
+from wbc.files import write_text, write_whole
 from wbc.qp import QP
 from wbc.qp.qpsolvers_backend import OneSided
 
@@ -103,7 +102,7 @@ def export_qpbenchmark(folder: Path, sequences: Sequence[QpSequence]) -> list[Pa
         for k, qp in enumerate(one.qps)
     ]
     table = folder / f"{NAME}.parquet"
-    write_lists(table, rows)
+    _write(table, rows)
     names = ", ".join(one.name for one in sequences)
     description = f"{len(rows)} QPs of {len(sequences)} sequences: {names}."
     told = {"name": NAME, "description": description}
@@ -121,3 +120,12 @@ def problem_of(qp: QP) -> dict[str, Any]:
         "lb": qp.lower, "ub": qp.upper,
     }  # fmt: skip
     return {name: part.ravel().tolist() if part.size else None for name, part in parts.items()}
+
+
+def _write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """Write rows of lists of numbers, or text, as they are."""
+    import pyarrow
+    from pyarrow import parquet
+
+    table = pyarrow.Table.from_pylist(list(rows))
+    write_whole(path, lambda file: parquet.write_table(table, file, compression="zstd"))

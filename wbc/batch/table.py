@@ -14,21 +14,6 @@ ENDING = ".parquet"
 _MADE_OF = b"wbc"  # under this key of the schema's metadata
 
 
-def write_lists(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows of lists of numbers, or text, as they are.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-    """
-    import pyarrow
-    from pyarrow import parquet
-
-    table = pyarrow.Table.from_pylist(list(rows))
-    write_whole(path, lambda file: parquet.write_table(table, file, compression="zstd"))
-
-
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], made_of: Mapping[str, Any]) -> None:
     """Write rows as a table, whole or not at all.
 

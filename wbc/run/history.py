@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +24,7 @@ from wbc.tasks import InertiaTask, PrincipalInertiaTask, Task
 from wbc.validate import Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class History:
     """One row per tick: the state in which it began, and what the controller answered.
 
@@ -85,18 +85,18 @@ class History:
     v: Array
     com: Array
     inertia: Array
-    task_inertia: Mapping[str, Array]
-    errors: Mapping[str, Array]
-    slip: Mapping[str, Array]
-    turn: Mapping[str, Array]
+    task_inertia: Mapping[str, Array] = field(default_factory=dict)
+    errors: Mapping[str, Array] = field(default_factory=dict)
+    slip: Mapping[str, Array] = field(default_factory=dict)
+    turn: Mapping[str, Array] = field(default_factory=dict)
     margin: Array
     balance: Array
-    clearance: Mapping[str, Array]
-    nearest: Mapping[str, NDArray[np.str_]]
-    active: Mapping[str, NDArray[np.bool_]]
-    points: Mapping[str, Array]
-    targets: Mapping[str, Array]
-    obstacles: Mapping[str, ObstacleTrack]
+    clearance: Mapping[str, Array] = field(default_factory=dict)
+    nearest: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
+    active: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    points: Mapping[str, Array] = field(default_factory=dict)
+    targets: Mapping[str, Array] = field(default_factory=dict)
+    obstacles: Mapping[str, ObstacleTrack] = field(default_factory=dict)
     kkt: Array
     tick_time: Array
     tick_cpu_time: Array
