@@ -12,7 +12,8 @@ from wbc.hardware.bus import BaseTruth, Command, Reading, RobotBus
 from wbc.hardware.gantry import Gantry
 from wbc.hardware.real_time import CycleClock, now, real_time
 from wbc.robot.limits import BASE_NQ, BASE_NV
-from wbc.rotations import rotation_from
+from wbc.rotations import exp_rotation, quaternion_from, rotation_from
+from wbc.run.saving import plain
 from wbc.simulation import Plant
 from wbc.validate import Array, check_fields
 
@@ -103,17 +104,7 @@ class RobotReport:
 
     def to_data(self) -> dict[str, Any]:
         """Return it as plain data."""
-        return {
-            "events": [list(event) for event in self.events],
-            "commands": self.commands,
-            "damaged": self.damaged,
-            "steps": self.steps,
-            "late": self.late,
-            "latest": self.latest,
-            "tilt": self.tilt,
-            "fell": self.fell,
-            "path": [list(row) for row in self.path],
-        }
+        return {**plain(self), "fell": self.fell}
 
 
 class SimulatedRobot:
@@ -262,7 +253,7 @@ class SimulatedRobot:
         self._velocity, self._force_time = velocity, self.plant.time
         force = R.T @ (rate - np.array(robot.model.gravity.linear))
         joints = robot.limits.joint_positions(q)
-        w = 0.5 * s.orientation_noise * draw(size=3)
+        w = s.orientation_noise * draw(size=3)
         self._count += 1
         return Reading(
             self._count,
@@ -271,7 +262,7 @@ class SimulatedRobot:
             v[BASE_NV:] + s.velocity_noise * draw(size=n),
             self.plant.torque.copy(),
             self._temperature.copy(),
-            _turned(q[3:7], w),
+            quaternion_from(R @ exp_rotation(w)),
             v[3:6] + s.gyroscope_noise * draw(size=3),
             force + s.accelerometer_noise * draw(size=3),
             base_truth=BaseTruth(q[:BASE_NQ].copy(), v[:BASE_NV].copy()) if s.truth else None,
@@ -284,20 +275,6 @@ class SimulatedRobot:
         if report.steps % 100 == 0:
             height = float(self.plant.com[2])
             report.path.append((self.plant.time, *q[:3].tolist(), height))
-
-
-def _turned(quaternion: Array, half: Array) -> Array:
-    """Return a quaternion x y z w turned by a small rotation about its own axes."""
-    (x, y, z, w), (a, b, c) = quaternion.tolist(), half.tolist()
-    turned = np.array(
-        (
-            x + w * a + y * c - z * b,
-            y + w * b + z * a - x * c,
-            z + w * c + x * b - y * a,
-            w - x * a - y * b - z * c,
-        )
-    )
-    return turned / np.linalg.norm(turned)
 
 
 def _is_finite(command: Command) -> bool:

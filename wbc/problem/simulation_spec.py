@@ -33,7 +33,7 @@ from wbc.problem.section import (
     default_of,
 )
 from wbc.robot import Snapshot
-from wbc.rotations import rotation_from
+from wbc.rotations import quaternion_from, rotation_from, upright_on
 from wbc.simulation import (
     AppliedWrench,
     FallLimits,
@@ -197,13 +197,9 @@ def turned_with(q: Array, normal: Array) -> Array:
     normal:
         (3,) of the plane, upwards, of unit length.
     """
-    # The shortest rotation takes z to the normal: x y z w = (z x n, 1 + z.n), normalised.
-    turn = np.array((-normal[1], normal[0], 0.0, 1.0 + normal[2]))
-    turn /= np.linalg.norm(turn)
-    a, b, turned = turn[:3], q[3:6], np.array(q, dtype=float)
-    turned[:3] = rotation_from(turn) @ q[:3]
-    turned[3:6] = turn[3] * b + q[6] * a + np.cross(a, b)
-    turned[6] = turn[3] * q[6] - a @ b
+    R, turned = upright_on(normal), np.array(q, dtype=float)
+    turned[:3] = R @ q[:3]
+    turned[3:7] = quaternion_from(R @ rotation_from(q[3:7]))
     return turned
 
 
