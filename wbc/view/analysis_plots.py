@@ -36,7 +36,7 @@ def plot_ground(
         ("cop", "CoP", style.BLUE),
     ):
         if name != "cmp":  # as wide as that of the CoP, which it would hide
-            _band(axes, series, name, MM, colour, k)
+            band(axes, series, name, MM, colour, k)
         curve(axes, series, MM * getattr(series, name)[:, k], label, colour)
     legend(axes)
 
@@ -56,14 +56,14 @@ def plot_margin(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
         axes.set_yticks([])
         return
     margin = MM * series.cop_margin
-    band = _band(axes, series, "cop_margin", MM, style.BLUE)
+    half = band(axes, series, "cop_margin", MM, style.BLUE)
     curve(axes, series, margin, "margin", style.BLUE)
     axes.axhline(0.0, color=style.VERMILION, linewidth=0.9)
     axes.fill_between(
         series.time, margin, 0.0, where=series.infeasible, color=style.VERMILION, alpha=0.35,
         linewidth=0.0,
     )  # fmt: skip
-    low, high = np.nanmin([*(margin - band), 0.0]), np.nanmax([*(margin + band), 0.0])
+    low, high = np.nanmin([*(margin - half), 0.0]), np.nanmax([*(margin + half), 0.0])
     room = 0.08 * (high - low or 1.0)
     axes.set_ylim(low - room, high + room)
 
@@ -76,7 +76,7 @@ def plot_radii(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
         if not defined.all():
             axes.plot(series.time, radius, color=colour, linewidth=0.7, linestyle=":")
         label = f"r{style.INDEX[k]}"
-        _band(axes, series, "radii", MM, colour, k)
+        band(axes, series, "radii", MM, colour, k)
         curve(axes, series, np.where(defined, radius, np.nan), label, colour)
     axes.set_ylim(0.0, 1.08 * MM * float(series.radii.max()))
     legend(axes)
@@ -88,7 +88,7 @@ def plot_leg(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     lean = DEGREES * (series.leg_angles - [0.5 * np.pi, 0.0])
     # Theta turns the leg from x to z: what leans forward has a theta below 90 degrees.
     for k, colour in enumerate((style.BLUE, style.VERMILION)):
-        _band(axes, series, "leg_angles", DEGREES, colour, k, (-1.0, 1.0)[k] * lean[:, k])
+        band(axes, series, "leg_angles", DEGREES, colour, k, (-1.0, 1.0)[k] * lean[:, k])
     curve(axes, series, -lean[:, 0], "forward", style.BLUE)
     curve(axes, series, lean[:, 1], "left", style.VERMILION)
     other = style.right_axis(axes, "length [mm]", style.GREY)
@@ -101,7 +101,7 @@ def plot_rotation(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     """Plot the momentum's average angular velocity against that of the principal axes."""
     prepare(axes, series, frames, "Rotation", "rad/s")
     for k, colour in enumerate(XYZ):
-        _band(axes, series, "average_angular_velocity", 1.0, colour, k)
+        band(axes, series, "average_angular_velocity", 1.0, colour, k)
         curve(axes, series, series.average_angular_velocity[:, k], "xyz"[k], colour)
         curve(axes, series, series.axes_angular_velocity[:, k], None, colour, "--")
     axes.plot([], [], color=style.BLACK, linewidth=WIDTH, label="I⁻¹k")
@@ -158,7 +158,7 @@ def curve(
     axes.plot(series.time, values, label=label, **look)
 
 
-def _band(
+def band(
     axes: Axes,
     series: RmpSeries,
     name: str,

@@ -10,13 +10,12 @@ from matplotlib.figure import Figure
 
 from wbc.human import Comparison
 from wbc.motion import RmpSeries
-from wbc.motion.uncertainty import BAND
 from wbc.view import style
 from wbc.view.analysis import Snapshots, sheet_with_snapshots, snapshot_frames
 from wbc.view.analysis_plots import (
     MM,
-    SHADE,
     XYZ,
+    band,
     curve,
     legend,
     plot_radii,
@@ -58,11 +57,7 @@ def _force(axes: Axes, series: RmpSeries, plates: Comparison | None, frames: Seq
     weight = series.robot.weight
     for k, colour in enumerate(XYZ):
         values = series.ground_force[:, k] / weight
-        if series.uncertainty is not None:
-            half = BAND * series.uncertainty.momentum_rate[:, k] / weight
-            axes.fill_between(
-                series.time, values - half, values + half, color=colour, alpha=SHADE, linewidth=0.0
-            )
+        band(axes, series, "momentum_rate", 1.0 / weight, colour, k, values)
         curve(axes, series, values, "xyz"[k], colour)
         if plates is not None:
             axes.plot(plates.time, plates.force[:, k] / weight, linestyle=DOTS, color=style.BLACK)
@@ -73,11 +68,7 @@ def _cop(axes: Axes, series: RmpSeries, plates: Comparison | None, frames: Seque
     prepare(axes, series, frames, "CoP from the CoM", "mm")
     for k, colour in enumerate(XYZ[:2]):
         values = MM * (series.cop[:, k] - series.com[:, k])
-        if series.uncertainty is not None:
-            half = BAND * MM * series.uncertainty.cop[:, k]
-            axes.fill_between(
-                series.time, values - half, values + half, color=colour, alpha=SHADE, linewidth=0.0
-            )
+        band(axes, series, "cop", MM, colour, k, values)
         curve(axes, series, values, "xy"[k], colour)
         if plates is not None:
             com = np.interp(plates.time, series.time, series.com[:, k])
