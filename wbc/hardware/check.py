@@ -13,10 +13,11 @@ import numpy as np
 from wbc.errors import WbcError
 from wbc.hardware.bus import Bus, Command, Reading
 from wbc.hardware.real_time import CycleClock, now
-from wbc.hardware.safety import Mode, Safety, vertical_part
+from wbc.hardware.safety import Mode, Safety
 from wbc.hardware.sensor_checks import SensorChecks
 from wbc.minimum_jerk import minimum_jerk
 from wbc.robot import Robot
+from wbc.rotations import rotation_from
 from wbc.validate import Array
 
 MOVE = math.radians(2.0)
@@ -105,9 +106,10 @@ def _at_rest(robot: Robot, readings: list[Reading], last: Reading) -> list[Check
     worst = int(beyond.argmax())
     force = np.mean([one.specific_force for one in readings], axis=0)
     spin = float(np.linalg.norm(np.mean([one.angular_velocity for one in readings], axis=0)))
-    up = vertical_part(last.quaternion, (0.0, 0.0, 1.0))
+    vertical = rotation_from(last.quaternion)[2]
+    up = float(vertical[2])
     along = force / max(float(np.linalg.norm(force)), 1e-9)
-    gravity = vertical_part(last.quaternion, (along[0], along[1], along[2]))
+    gravity = float(vertical @ along)
     lean = math.degrees(math.acos(min(max(gravity, -1.0), 1.0)))
     return [
         CheckFinding(

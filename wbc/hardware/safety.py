@@ -20,6 +20,7 @@ from wbc.errors import InvalidInputError, WbcError
 from wbc.hardware.bus import Command, Reading
 from wbc.kinds import check_kind
 from wbc.robot import Robot
+from wbc.rotations import rotation_from
 from wbc.validate import Array, check_fields, finite_array, finite_number, real_array
 
 # ---------------------------------------------------------------------- modes
@@ -97,7 +98,6 @@ class Fault(StrEnum):
     STALLED = "process stalled"
     BUS_FAILED = "command could not be sent"
     BUTTON = "stop button"
-    LOG_FAILED = "log not written"
 
 
 RULES: Mapping[Fault, Rule] = MappingProxyType(
@@ -135,7 +135,6 @@ RULES: Mapping[Fault, Rule] = MappingProxyType(
         Fault.STALLED: Rule(Answer.STOP),
         Fault.BUS_FAILED: Rule(Answer.STOP, 0.020),
         Fault.BUTTON: Rule(Answer.STOP),
-        Fault.LOG_FAILED: Rule(Answer.NOTE),
     }
 )
 """The answer to each fault. A fault that comes and goes is borne as long in sum: what was borne is
@@ -338,7 +337,8 @@ class Safety:
         self._worst(Fault.OVERLOAD, np.abs(reading.torque) - limits.overload * limits.effort, 0.0)
         self._worst(Fault.WARM, reading.temperature, limits.warm)
         self._worst(Fault.HOT, reading.temperature, limits.hot)
-        if not vertical_part(reading.quaternion, limits.up) >= np.cos(limits.tilt):  # NaN, too
+        vertical = float(rotation_from(reading.quaternion)[2] @ limits.up)
+        if not vertical >= np.cos(limits.tilt):  # NaN, too
             self.report(Fault.TILT, f"by more than {limits.tilt:g} rad")
         if reading.stop:
             self.report(Fault.BUTTON)
@@ -411,11 +411,3 @@ class Safety:
     def _given(self, command: Command) -> Command:
         self._last = command
         return command
-
-
-def vertical_part(quaternion: Array, axis: tuple[float, float, float]) -> float:
-    """Return the vertical part of an axis that is turned by a quaternion x y z w."""
-    x, y, z, w = quaternion.tolist()
-    ax, ay, az = axis
-    row = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
-    return row[0] * ax + row[1] * ay + row[2] * az
