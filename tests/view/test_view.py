@@ -192,7 +192,7 @@ def test_other_suffixes_are_refused_by_name(
         lambda path: plot_run(robot, run, path, title=""),
         lambda path: plot_robot(robot, {"a": run.q[0]}, path),
     ):
-        with pytest.raises(InvalidInputError, match=r"suffix .*use one of \.png, \.svg, \.pdf"):
+        with pytest.raises(InvalidInputError, match=r"a picture is written as \.png, \.svg, \.pdf"):
             call(tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from wbc.errors import InvalidInputError
-from wbc.files import why, write_whole
+from wbc.files import ending_of, why, write_whole
 from wbc.validate import Array
 from wbc.view import palette
 
@@ -101,12 +101,8 @@ def picture_file(path: str | Path) -> Path:
     InvalidInputError
         Unknown suffix, or no such folder.
     """
+    ending_of(path, FORMATS, f"a picture is written as {', '.join(FORMATS)}")
     path = Path(path)
-    if path.suffix.lower() not in FORMATS:
-        raise InvalidInputError(
-            f"{path}: cannot write a picture with the suffix {path.suffix!r}; use one of"
-            f" {', '.join(FORMATS)}"
-        )
     if not path.parent.is_dir():
         raise InvalidInputError(f"{path}: there is no folder {path.parent}; make it first")
     return path
