@@ -237,9 +237,6 @@ def test_a_cut_ends_where_the_wall_will_be(robot) -> None:
     np.testing.assert_array_equal(found.upper, [np.inf])
     allowed = -float(found.lower[0])
     assert 0.9 + DT * allowed == pytest.approx(1.0 - 2.0 * DT - SKIN, rel=1e-12)
-    rows, v = walls.rows(at(robot, 0.9), DT), along(robot, 20.0)
-    assert walls.still_violated(at(robot, 1.0), v, DT, rows, found)
-    assert not walls.still_violated(at(robot, 0.9), v, DT, rows, found)
 
 
 def test_a_cut_never_asks_to_go_back(robot) -> None:
@@ -314,24 +311,6 @@ def test_only_what_may_be_violated_is_measured_again(robot) -> None:
     walls.asked.clear()
     walls.cutting_planes(at(robot, 2.0), along(robot, 1.0), DT, plain)
     assert walls.asked == [None]
-
-
-def test_bends_are_bounded_once_for_a_look(robot, monkeypatch) -> None:
-    """Whether something may be violated, and what is to be measured: by the same estimate."""
-    walls, asked = Walls(robot, [1.0, 1.05]), []
-    monkeypatch.setattr(walls, "curvature_bound", lambda *given: asked.append(1) or np.zeros(2))
-    here, far = at(robot, 0.9), at(robot, 0.8)
-    rows, others, v = walls.rows(here, DT), walls.rows(far, DT), along(robot, 24.0)
-    assert walls.may_violate(rows, v, DT)
-    there = robot.snapshot(robot.integrate(here.q, v, DT))
-    walls.asked.clear()
-    assert walls.cutting_planes(there, v, DT, rows) is not None
-    assert walls.asked == [[0]] and len(asked) == 1
-    # Of another place, another velocity or another tick it says nothing.
-    assert not walls.may_violate(others, v, DT)
-    assert not walls.may_violate(rows, along(robot, 1.0), DT)
-    assert not walls.may_violate(rows, v, 0.1 * DT)
-    assert len(asked) == 4
 
 
 def test_distances_are_matched_by_their_keys() -> None:

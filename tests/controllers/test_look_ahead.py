@@ -11,7 +11,6 @@ from wbc.controllers import KinematicController
 from wbc.controllers.look_ahead import (
     RELAXED,
     ROUNDS,
-    SCALES,
     MarginRows,
     solve_with_look_ahead,
 )
@@ -155,30 +154,6 @@ def test_where_nothing_moves_nothing_is_broken(robot) -> None:
     tick = control.step(here)
     assert tick.step_scale == 0.0
     assert not tick.velocity.any()
-
-
-def test_what_a_longer_step_violated_is_looked_at_first(robot) -> None:
-    """Only the first look of the scaled steps is at everything; what comes of them is the same."""
-
-    class Remembering(Slow):
-        quick = 0
-
-        def still_violated(self, there, v, dt, rows, cut) -> bool:
-            self.quick += 1
-            return float(np.abs(v).max()) > self.most + 1e-9
-
-    ticks, looks = [], []
-    for kind, most in ((Slow, 1e-6), (Remembering, 1e-6), (Slow, 0.5), (Remembering, 0.5)):
-        constraint = kind(robot, most, useful=False)
-        control = moving(robot, constraint, "left_elbow_pitch")
-        here = robot.snapshot(robot.posture("standing"))
-        constraint.start = here.q
-        ticks.append(control.step(here))
-        looks.append((len(constraint.tried), getattr(constraint, "quick", 0)))
-    plain, quick, *parts = ticks
-    assert plain.step_scale == quick.step_scale == 0.0
-    assert parts[0].step_scale == parts[1].step_scale > 0.0
-    assert looks[:2] == [(ROUNDS + len(SCALES), 0), (ROUNDS + 1, len(SCALES) - 1)]
 
 
 def outcome(side: str | None) -> Outcome:

@@ -1,4 +1,4 @@
-"""What a linear prediction leaves out is bounded, closely, against coal at the place reached."""
+"""What a linear prediction leaves out is bounded, against coal at the place reached."""
 
 import numpy as np
 import pinocchio as pin
@@ -27,7 +27,6 @@ def test_no_distance_ends_below_the_bound(name, size, robot_named, random_snapsh
     robot = robot_named(name)
     bodies = bodies_on(robot, rng)
     model = CollisionModel(robot, bodies, all_pairs(bodies))
-    doubted = np.full(len(model.pairs), -1.0)
     for _ in range(6):
         here = random_snapshot(robot, rng)
         found = model.nearest(here)
@@ -35,26 +34,7 @@ def test_no_distance_ends_below_the_bound(name, size, robot_named, random_snapsh
         there = distances(robot, bodies, model.pairs.tolist(), robot.integrate(here.q, step, 1.0))
         left = found.distance + model.rows(here, found) @ step - there
         # Both iterations stop at 1e-7 m, EPA ten times later.
-        tight = model.tight_curvature_bound(found, step, doubted)
-        assert (left <= tight + 5e-6).all()
-        assert (
-            model.tight_curvature_bound(found, step, doubted)
-            <= model.curvature_bound(found.pairs, step)
-        ).all()
-
-
-def test_only_what_is_parallel_keeps_a_first_order(robot_named, random_snapshot, rng) -> None:
-    """At small angles the bound from the corners is a small part of the other for most pairs."""
-    robot = robot_named("hoap2_like")
-    bodies = bodies_on(robot, rng)
-    model = CollisionModel(robot, bodies, all_pairs(bodies))
-    found = model.nearest(random_snapshot(robot, rng))
-    step = 1e-4 * rng.normal(size=robot.nv)
-    coarse = model.curvature_bound(found.pairs, step)
-    sharp = model.tight_curvature_bound(found, step, np.full(len(coarse), -1.0))
-    assert np.median(sharp / coarse) < 0.05
-    # Where there is room for it, the coarse bound is left as it is.
-    np.testing.assert_array_equal(model.tight_curvature_bound(found, step, coarse), coarse)
+        assert (left <= model.curvature_bound(found.pairs, step) + 5e-6).all()
 
 
 def test_plates_face_to_face_may_lose_what_their_edges_do(robot_named) -> None:
@@ -76,7 +56,7 @@ def test_plates_face_to_face_may_lose_what_their_edges_do(robot_named) -> None:
     for angle in (0.01, -0.01):  # of the base, and the upper plate, about an axis in their plane
         step = np.zeros(robot.nv)
         step[3] = angle
-        bound = model.tight_curvature_bound(found, step, np.array([-1.0]))[0]
+        bound = model.curvature_bound(found.pairs, step)[0]
         there = robot.integrate(here.q, step, 1.0)
         left = (found.distance + model.rows(here, found) @ step)[0]
         lost.append(left - distances(robot, bodies, [(1, 0)], there)[0])
@@ -109,9 +89,9 @@ def test_a_strip_that_leans_loses_what_turning_past_parallel_takes(tilt, robot_n
     there = robot.integrate(here.q, step, 1.0)
     left = (found.distance + model.rows(here, found) @ step)[0]
     left -= distances(robot, bodies, [(0, 1)], there)[0]
-    bound = model.tight_curvature_bound(found, step, np.array([-1.0]))[0]
+    bound = model.curvature_bound(found.pairs, step)[0]
     assert left == pytest.approx(0.2 * (angle - tilt), rel=0.1)
-    assert left <= bound <= left + 1e-4
+    assert left <= bound <= 1.05 * angle * 0.2  # of turning by all of it
 
 
 def test_random_plates_lose_what_the_bound_says_and_no_less(robot_named, rng) -> None:
@@ -137,7 +117,7 @@ def test_random_plates_lose_what_the_bound_says_and_no_less(robot_named, rng) ->
         model = CollisionModel(robot, bodies, [(0, 1)])
         found = model.nearest(here)
         step = size * rng.normal(size=robot.nv)
-        bound = model.tight_curvature_bound(found, step, np.array([-1.0]))[0]
+        bound = model.curvature_bound(found.pairs, step)[0]
         there = robot.integrate(here.q, step, 1.0)
         left = (found.distance + model.rows(here, found) @ step)[0]
         left -= distances(robot, bodies, [(0, 1)], there)[0]
@@ -146,9 +126,9 @@ def test_random_plates_lose_what_the_bound_says_and_no_less(robot_named, rng) ->
         between = supports[one] ^ supports[other]
         angle = sum(abs(step[robot.model.idx_vs[k]]) for k in between)
         beyond += left > 0.5 * angle * angle + 5e-6
-    # 77 of 150 lose what is not of second order, and up to 0.77 of the bound is used.
+    # 77 of 150 lose what is not of second order, and up to 0.44 of the bound is used.
     assert beyond > 60
-    assert max(used) > 0.6
+    assert max(used) > 0.4
 
 
 @pytest.mark.parametrize("shape", ["ball", "box"])
@@ -172,24 +152,4 @@ def test_a_base_that_slides_and_turns_is_counted(shape, robot_named, rng) -> Non
         lost = (found.distance + model.rows(here, found) @ step - model.nearest(there).distance)[0]
         worst = max(worst, lost)
         assert lost <= model.curvature_bound(found.pairs, step)[0] + 1e-6
-        assert lost <= model.tight_curvature_bound(found, step, np.array([-1.0]))[0] + 1e-6
     assert worst > 1e-4  # half of 5 cm times 5 mrad is 0.125 mm
-
-
-def test_obstacles_count_where_they_were_put_and_planes_not_at_all(robot_named, rng) -> None:
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
-    ball = Body("hand", "hand", robot.model.njoints - 1, Capsule.sphere(np.zeros(3), 0.03))
-    box, wall = Hull.box([0.1, 0.2, 0.3]), HalfSpace.of([0.0, 0.0, 1.0], -1.0)
-    around = [Body("box", "box", 0, box), Body("wall", "wall", 0, wall)]
-    model = CollisionModel(robot, [ball, *around], [(0, 1), (0, 2)])
-    turn, shift = pin.exp3(rng.normal(size=3)), np.array([0.3, 0.2, 0.1])
-    model.place(1, turn, shift)
-    found = model.nearest(here)
-    step = 1e-2 * rng.normal(size=robot.nv)
-    sharp = model.tight_curvature_bound(found, step, np.full(2, -1.0))
-    moved = Body("box", "box", 0, Hull(box.vertices @ turn.T + shift))
-    same = CollisionModel(robot, [ball, moved], [(0, 1)])
-    there = same.tight_curvature_bound(same.nearest(here), step, np.full(1, -1.0))
-    np.testing.assert_allclose(sharp[0], there[0], rtol=0, atol=1e-6)
-    assert np.isfinite(sharp).all()

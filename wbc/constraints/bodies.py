@@ -120,6 +120,10 @@ class BodyMargin(Margin):
         found, left = soonest(self.model, snapshot, self.count, self.kept(), closing)
         return self._rows(self.made_of(snapshot, found, float(left.max())), dt)
 
+    def curvature_bound(self, distances: Distances, step: Array) -> Array:
+        """See :meth:`wbc.robot.collision.CollisionModel.curvature_bound`."""
+        return self.model.curvature_bound(distances.keys, step)
+
     def has_more(self, distances: Distances) -> bool:
         """Whether there are pairs without rows."""
         return distances.keys.size < len(self.model.pairs)

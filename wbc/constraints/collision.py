@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.constraints.bodies import BodyMargin
 from wbc.constraints.limits import Limits
-from wbc.constraints.margin import SKIN, USED, BrakingParameters
+from wbc.constraints.margin import SKIN, BrakingParameters
 from wbc.constraints.rows import Distances, SeparatedPairs
 from wbc.errors import InvalidInputError
 from wbc.kinds import check_kind
@@ -28,7 +28,6 @@ class WatchedPairs(NamedTuple):
 
     pairs: NativePairs
     kept: Array  # (N,) distance that each pair keeps, skin included [m]
-    shorter: Array  # (N,) length of the shorter body of each pair [m]
     rows: int  # how many pairs get one
     acceleration: Array | None  # (nv - 6,) of the joints that braking may count on, or None
     braking: BrakingParameters
@@ -136,16 +135,8 @@ class SelfCollision(BodyMargin):
         if not len(model.pairs):
             return None
         law = self.count, self._joint_acceleration, self.braking
-        return WatchedPairs(model.native, self._kept, model.shorter, *law)
+        return WatchedPairs(model.native, self._kept, *law)
 
     def symbolic_rows(self, posture: SymbolicPosture) -> SeparatedPairs:
         """Return all pairs."""
         return SeparatedPairs(self.model, self._kept, {})
-
-    def curvature_bound(self, distances: Distances, step: Array) -> Array:
-        """See :meth:`wbc.robot.collision.CollisionModel.tight_curvature_bound`."""
-        if distances.found is None:
-            return self.model.curvature_bound(distances.keys, step)
-        left = distances.clearance + distances.jacobian @ step
-        left += USED
-        return self.model.tight_curvature_bound(distances.found, step, left)

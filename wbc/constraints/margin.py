@@ -88,7 +88,6 @@ class Margin(DeclaredAttributes, Constraint):
     """
 
     braking: BrakingParameters
-    _looked: tuple[Distances, float, Array, Array] | None = None
 
     def __init__(
         self,
@@ -190,14 +189,6 @@ class Margin(DeclaredAttributes, Constraint):
         which = Distances(after.keys[violated], after.clearance[violated], matrix, rate, found)
         return Bounds(chosen, matrix, least, np.full(violated.size, np.inf), distances=which)
 
-    def still_violated(
-        self, there: Snapshot, v: Array, dt: float, rows: Bounds, cut: Bounds
-    ) -> bool:
-        """Look at the distances of ``cut`` alone."""
-        if cut.distances is None:
-            return False
-        return bool(self._lacking(self.distances(there, cut.distances.keys), rows, dt).any())
-
     def _lacking(self, after: Distances, rows: Bounds, dt: float) -> Array:
         """Return what clearances (m,) must end higher by [m]; 0 where nothing is violated."""
         start, drift = _matched(rows.distances, after)
@@ -206,20 +197,13 @@ class Margin(DeclaredAttributes, Constraint):
         return np.where(clearance < floor, np.minimum(0.0, start) - clearance, 0.0)
 
     def _least(self, distances: Distances, v: Array, dt: float) -> Array:
-        """Return lower estimates (m,) of the clearances where ``v`` leads.
-
-        The last is kept: one check asks twice, for ``may_violate`` and for what to measure there.
-        """
-        last = self._looked
-        if last and last[0] is distances and last[1] == dt and np.array_equal(last[2], v):
-            return last[3]
+        """Return lower estimates (m,) of the clearances where ``v`` leads."""
         step = dt * v
         predicted = distances.jacobian @ step
         predicted += distances.clearance
         if distances.rate is not None:
             predicted += dt * distances.rate
         predicted -= self.curvature_bound(distances, step)
-        self._looked = distances, dt, v.copy(), predicted
         return predicted
 
     def _watched(self, rows: Bounds, v: Array, dt: float) -> Index | None:

@@ -127,10 +127,6 @@ class Obstacles(BodyMargin):
         }
         return SeparatedPairs(self.model, self.margin + SKIN, places)
 
-    def curvature_bound(self, distances: Distances, step: Array) -> Array:
-        """See :meth:`wbc.robot.collision.CollisionModel.curvature_bound`."""
-        return self.model.curvature_bound(distances.keys, step)
-
 
 def _bodies_of(bodies: Sequence[Body], patterns: Iterable[str]) -> tuple[Body, ...]:
     """Return the bodies of the links that match a pattern."""

@@ -126,15 +126,6 @@ class Constraint(ABC):
         """Return further rows if ``there``, which ``v`` leads to, is a violation; else None."""
         return None
 
-    def still_violated(
-        self, there: Snapshot, v: Array, dt: float, rows: Bounds, cut: Bounds
-    ) -> bool:
-        """Whether something of ``cut``, violated where another v leads, is ``there`` as well.
-
-        A quick look, before :meth:`cutting_planes` looks at everything: False may be wrong.
-        """
-        return False
-
 
 def relax_for_contacts(bounds: Bounds, held: Sequence[Rows]) -> Bounds:
     """Return the rows, relaxed where they would forbid what contacts need to take back a drift.

@@ -8,7 +8,7 @@ again, once. If that is not enough the step is scaled down; standing still is al
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from wbc.constraints.rows import Bounds, Constraint, relax_for_contacts, stack
@@ -64,46 +64,21 @@ class MarginRows(NamedTuple):
 
     def violated(self, v: Array) -> list[Bounds]:
         """Return the rows of margins that are violated where ``v`` leads."""
-        return [cut for _, cut in self._cuts(v, self._doubtful(v))]
-
-    def step_scale(self, v: Array, scales: Sequence[float] = SCALES) -> float:
-        """Return the part of ``v`` that leads to no violation: one of ``scales``, or rest."""
-        suspect: tuple[int, Bounds] | None = None
-        for scale in scales:
-            doubtful = self._doubtful(scale * v)
-            suspect = next(self._cuts(scale * v, doubtful, suspect), None)
-            if suspect is None:
-                return scale
-        return 0.0
-
-    def _doubtful(self, v: Array) -> list[int]:
-        """Return which constraints may be violated where ``v`` leads."""
-        return [
+        doubtful = [
             k
             for k, (constraint, part) in enumerate(zip(self.constraints, self.parts, strict=True))
             if self.slacks.is_hard(constraint.name) and constraint.may_violate(part, v, self.dt)
         ]
-
-    def _cuts(
-        self, v: Array, doubtful: Sequence[int], suspect: tuple[int, Bounds] | None = None
-    ) -> Iterator[tuple[int, Bounds]]:
-        """Yield the rows of ``doubtful`` margins that are violated where ``v`` leads.
-
-        ``suspect`` is what was violated elsewhere: looked at first, for less, and enough.
-        """
         if not doubtful:
-            return
+            return []
         robot, step = self.snapshot.robot, (v, self.dt)
         there = robot.snapshot(robot.integrate(self.snapshot.q, *step))
-        if suspect is not None:
-            k, cut = suspect
-            if self.constraints[k].still_violated(there, *step, self.parts[k], cut):
-                yield suspect
-                return
-        for k in doubtful:
-            found = cuts_of(self.constraints[k], there, *step, self.parts[k])
-            if found is not None:
-                yield k, found
+        found = (cuts_of(self.constraints[k], there, *step, self.parts[k]) for k in doubtful)
+        return [cut for cut in found if cut is not None]
+
+    def step_scale(self, v: Array) -> float:
+        """Return the part of ``v`` that leads to no violation: one of ``SCALES``, or rest."""
+        return next((scale for scale in SCALES if not self.violated(scale * v)), 0.0)
 
 
 def solve_with_look_ahead(

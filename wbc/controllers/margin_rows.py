@@ -35,7 +35,7 @@ class NativeMargin:
         self.bodies, self.pairs = known.pairs.counts
         self.rows = min(known.rows, self.pairs)
         law, self.watched = known.braking, known.pairs.struct(tree)
-        self.arrays = {"kept": known.kept, "shorter": known.shorter}
+        self.arrays = {"kept": known.kept}
         if known.acceleration is not None:
             self.arrays["acceleration"] = known.acceleration
         self.struct = ffi.new("wbc_margin *", {"of": self.watched, "rows": self.rows})

@@ -104,6 +104,7 @@ typedef struct {
     const int64_t *first;  /* (bodies + 1): where a body's corners begin */
     const double *corner;  /* (3, corners) of all, joint's axes */
     const double *rounding; /* (bodies): about the hull of the corners */
+    const double *shorter;  /* (pairs): length of the shorter body's core */
 } wbc_pairs;
 
 /* Write the numbers, increasing, of the count pairs of least distance, less kept (pairs) if that is
@@ -137,12 +138,15 @@ int wbc_soonest(const wbc_pairs *of, const double *state, int64_t count, const d
 /* Write the derivatives (k, nv) of distances by v; normals and points (3, k). Returns 0. */
 int wbc_pair_rows(const wbc_pairs *of, const wbc_tree *tree, const double *state, int64_t k,
                   const int64_t *chosen, const double *normal, const double *point, double *rows);
+/* Write bounds (k) on how far distances end below their linear prediction over a step (nv). turns holds a
+ * number a joint. Returns 0. */
+int wbc_bends(const wbc_pairs *of, const wbc_tree *tree, const double *step, int64_t k, const int64_t *chosen,
+              double *turns, double *bends);
 
 /* A margin between those pairs: wbc/constraints/margin.py and collision.py. */
 typedef struct {
     const wbc_pairs *of;
     const double *kept;         /* (pairs): distance, skin included */
-    const double *shorter;      /* (pairs): length of the shorter body */
     const double *acceleration; /* (nv - 6) of joints that braking may count on, or 0 */
     int64_t rows;               /* pairs that get one, those of least clearance: see soonest */
     double deceleration, gain, recovery, recovery_speed;

@@ -119,16 +119,23 @@ static void add_turns(const wbc_tree *tree, const double *step, double *turns) {
         turns[j] = turns[tree->parent[j]] + fabs(step[tree->iv[j]]);
 }
 
-/* How far a pair may end below its linear prediction: quick in wbc/robot/collision/curvature.py. */
-static double bend(const wbc_margin *margin, int64_t pair, const double *step,
-                   const double *turns) {
-    const wbc_pairs *of = margin->of;
+/* How far a pair may end below its linear prediction. While two bodies turn against each other by an
+ * angle, at most the sum of those between them, the paths of their points curve, which is of second
+ * order in it; and where surfaces are parallel the nearest points jump along the shorter one. */
+static double bend(const wbc_pairs *of, int64_t pair, const double *step, const double *turns) {
     const int64_t *both = of->pair + 2 * pair, common = of->common[pair];
     const double angle =
         turns[of->joint[both[0]]] + turns[of->joint[both[1]]] - 2.0 * turns[common];
     double lever = wbc_lever * angle; /* while the base slides, its turn curves the path */
     if (common == 0) lever += fabs(step[0]) + fabs(step[1]) + fabs(step[2]);
-    return 0.5 * lever * angle + margin->shorter[pair] * angle;
+    return 0.5 * lever * angle + of->shorter[pair] * angle;
+}
+
+int wbc_bends(const wbc_pairs *of, const wbc_tree *tree, const double *step, int64_t k, const int64_t *chosen,
+              double *turns, double *bends) {
+    add_turns(tree, step, turns);
+    for (int64_t i = 0; i < k; i++) bends[i] = bend(of, chosen[i], step, turns);
+    return DONE;
 }
 
 /* The pairs that have to be measured where a step leads; returns how many, -1: any may come. */
@@ -150,7 +157,7 @@ static int64_t watched(const wbc_plan *plan, const wbc_qp *qp, const double *v,
     for (int64_t i = 0; i < k; i++) {
         const int64_t pair = (int64_t)qp->chosen[i];
         const double change = dot(nv, qp->C + (before + i) * qp->n, step);
-        if (qp->clearance[i] + change - bend(margin, pair, step, turns) < -wbc_used)
+        if (qp->clearance[i] + change - bend(margin->of, pair, step, turns) < -wbc_used)
             pairs[count++] = pair;
     }
     return count;

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, shown
-from wbc.robot.collision.curvature import CurvatureBounds
 from wbc.robot.collision.distances import ShapePairs, parts
 from wbc.robot.collision.native_pairs import NativePairs
 from wbc.robot.collision.shapes import Body, HalfSpace
@@ -80,7 +79,6 @@ class CollisionModel:
         self._own_twists = np.zeros((6, len(joints)))  # of what does not hang on the robot
         # What turns the first body away from the second: joints below both move neither.
         self._signs = moves[joints[first]] - moves[joints[second]]  # (pairs, nv)
-        self._curvature = CurvatureBounds(self.bodies, self.pairs, np.abs(self._signs))
         if any(isinstance(self.bodies[k].shape, HalfSpace) for k in first.tolist()):
             raise InvalidInputError("pairs: a half-space must be the second of a pair")
         self._overlapping = ShapePairs(self.bodies, self.pairs)
@@ -92,11 +90,6 @@ class CollisionModel:
         return (
             f"CollisionModel({self.robot.name}, bodies={len(self.bodies)}, pairs={len(self.pairs)})"
         )
-
-    @property
-    def shorter(self) -> Array:
-        """Length of the shorter body of each pair (N,) [m]."""
-        return self._curvature.shorter
 
     def place(
         self,
@@ -117,7 +110,6 @@ class CollisionModel:
         core = self.bodies[body].shape.core @ R.T + p
         self._own_twists[:3, body] = velocity - np.cross(spin, p)
         self._own_twists[3:, body] = spin
-        self._curvature.place(body, core)
         self.native.place(body, R, p, core)
         self._overlapping.place(body, R, p)
 
@@ -223,22 +215,9 @@ class CollisionModel:
 
         Over a displacement ``step`` (nv,) the two bodies turn against each other by at most the sum
         of the angles between them. That curves the paths of their points, and where surfaces are
-        parallel the nearest points may jump along the shorter one; see ``curvature``.
+        parallel the nearest points may jump along the shorter one.
         """
-        return self._curvature.quick(self._or_all(pairs), step)
-
-    def tight_curvature_bound(self, found: PairDistances, step: Array, clearance: Array) -> Array:
-        """Return :meth:`curvature_bound`, more closely where it is above ``clearance`` (k,).
-
-        Only surfaces that are parallel and near each other keep the first bound.
-        """
-        nearest = found.distance, found.normal, found.point
-        places = found.snapshot.joint_placements
-        return self._curvature.tight(places, found.pairs, nearest, step, clearance)
-
-    def _or_all(self, pairs: Index) -> Index | None:
-        """Return the numbers of some pairs, which increase; None if these are all."""
-        return None if len(pairs) == len(self.pairs) else pairs
+        return self.native.bends(self.robot.native.tree, pairs, step)
 
 
 def _pair_distances(snapshot: Snapshot, pairs: Index, found: Array) -> PairDistances:

@@ -76,6 +76,7 @@ class NativePairs:
             "first": self._first,
             "corner": self._corner,
             "rounding": rounding,
+            "shorter": np.array([body.length for body in bodies])[pairs].min(axis=1),
         }
         self.counts = len(joints), len(pairs)
         self._every = np.arange(len(joints))
@@ -195,6 +196,17 @@ class NativePairs:
         n, p = (doubles(np.ascontiguousarray(array)) for array in (normal, point))
         where = struct, tree.struct, doubles(state.array)
         lib.wbc_pair_rows(*where, len(pairs), chosen, n, p, doubles(out))
+        return out
+
+    def bends(self, tree: NativeTree, pairs: Index, step: Array) -> Array:
+        """Return how far (k,) distances may end below their linear prediction [m].
+
+        Over a displacement ``step`` (nv,): see ``bend`` of native/source/margin.c.
+        """
+        turns, out = np.empty(tree.joints), np.empty(len(pairs))
+        chosen, moved = np.ascontiguousarray(pairs), np.ascontiguousarray(step)
+        given = self.struct(tree), tree.struct, doubles(moved), len(pairs), integers(chosen)
+        lib.wbc_bends(*given, doubles(turns), doubles(out))
         return out
 
     def struct(self, tree: NativeTree) -> Any:
