@@ -21,6 +21,7 @@ from wbc.errors import InvalidInputError
 
 CACHE_VARIABLE = "WBC_CACHE"
 OFF = ("", "0", "off", "none")
+CACHED = "collision"  # the folder in it
 _COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 0x1  # flag of a zip entry
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
@@ -34,23 +35,16 @@ class ArrayFileError(InvalidInputError):
         super().__init__(f"{path}: {what if name is None else f'array {name[:60]!r}: {what}'}")
 
 
-# What is kept, by the names of its folders.
-CACHED = {
-    "shapes": "shapes fitted to meshes",
-    "collision": "bodies and pairs of robots for self-collision",
-}
-
-
-def cache_folder(kind: str) -> Path | None:
-    """Return the folder for what is kept of a kind, which need not exist; None if there is none.
+def cache_folder() -> Path | None:
+    """Return the folder for robots' collision shapes, which need not exist; None if there is none.
 
     It lies in the folder that the environment variable ``WBC_CACHE`` names (``off``: nowhere), by
     default in the platform's folder for caches.
     """
     given = os.environ.get(CACHE_VARIABLE)
     if given is not None:
-        return None if given.strip().lower() in OFF else Path(given).expanduser() / kind
-    return user_cache_path("wbc", appauthor=False) / kind
+        return None if given.strip().lower() in OFF else Path(given).expanduser() / CACHED
+    return user_cache_path("wbc", appauthor=False) / CACHED
 
 
 def ending_of(path: str | Path, endings: Collection[str], expected: str) -> str:

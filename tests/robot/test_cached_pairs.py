@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.files import cache_folder
 from wbc.robot import Robot
 from wbc.robot.collision import Selection, cached_pairs, chosen_pairs, robot_bodies, select_pairs
 
@@ -80,6 +81,16 @@ def test_whatever_it_depends_on_makes_another(folder: Path, monkeypatch) -> None
     assert count() == 1 and count() == 0
     monkeypatch.setenv("WBC_CACHE", "off")
     assert count() == 1 and count() == 1
+
+
+def test_a_folder_that_cannot_be_written_to_is_left_alone(folder: Path, monkeypatch) -> None:
+    (folder / "file").write_text("not a folder")
+    monkeypatch.setenv("WBC_CACHE", str(folder / "file"))
+    assert chosen_pairs(Robot.load(folder / "r.urdf")).pairs
+    monkeypatch.delenv("WBC_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "home"))
+    assert cache_folder() == folder / "home" / "wbc" / "collision"
+    assert not (folder / "home").exists()  # nothing was made by asking
 
 
 def test_mistakes_are_those_of_what_is_cached(folder: Path) -> None:

@@ -1,8 +1,4 @@
-"""Fits hold every vertex; how far they bulge out is what they say; the cache gives the same."""
-
-import json
-import os
-from pathlib import Path
+"""Fits hold every vertex; how far they bulge out is what they say."""
 
 import coal
 import numpy as np
@@ -10,7 +6,6 @@ import pytest
 from scipy.optimize import nnls
 
 from wbc.robot import Robot
-from wbc.robot.collision import fitting
 from wbc.robot.collision.bodies import robot_bodies
 from wbc.robot.collision.fitting import fit_capsule, fit_hull, quick_capsule
 from wbc.robot.collision.refine import FinerShapes
@@ -99,8 +94,7 @@ def test_the_bulge_of_a_boxs_capsule_is_known() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "fit"), [("romeo", "capsule"), ("icub", "hull")])
-def test_every_vertex_of_a_robot_is_inside(name: str, fit: str, robot_named, monkeypatch) -> None:
-    monkeypatch.setenv(fitting.CACHE_VARIABLE, "off")
+def test_every_vertex_of_a_robot_is_inside(name: str, fit: str, robot_named) -> None:
     robot: Robot = robot_named(name)
     bodies = robot_bodies(robot, fit)
     assert len(bodies) == robot.collision_model.ngeoms
@@ -164,63 +158,6 @@ def test_cylinders_and_boxes(fit: str, robot_named) -> None:
             worst = max(outside_hull(point, body.shape.vertices) for point in placed[:20])
             assert worst < body.shape.radius + 1e-6
     assert {coal.Cylinder, coal.Box} <= seen
-
-
-def test_the_cache_gives_the_same_and_survives_damage(tmp_path: Path, monkeypatch, rng) -> None:
-    monkeypatch.setenv(fitting.CACHE_VARIABLE, str(tmp_path))
-    points = rng.normal(size=(60, 3))
-    fit, calls = fit_capsule(points), []
-
-    def counted(cloud):
-        calls.append(1)
-        return fit
-
-    first = fitting.cached_fit("test", counted, points)
-    again = fitting.cached_fit("test", counted, points)
-    assert len(calls) == 1
-    np.testing.assert_array_equal(again.shape.ends, first.shape.ends)
-    assert (again.shape.radius, again.bulge) == (first.shape.radius, first.bulge)
-    (file,) = (tmp_path / "shapes").iterdir()
-    entry = json.loads(file.read_text())
-    damages = ["", "{", "[]", json.dumps({"shape": "capsule"})]
-    damages += [
-        json.dumps(entry | {"radius": 0.5 * first.shape.radius}),  # holds not every point any more
-        json.dumps(entry | {"radius": float("nan")}),
-        json.dumps(entry | {"core": [[0, 0], [1, 1]]}),
-        json.dumps(entry | {"shape": "cloud"}),
-        json.dumps(entry | {"shape": "hull", "core": [[0, 0, 0]] * 5}),
-    ]
-    for count, damage in enumerate(damages, start=2):
-        file.write_text(damage)
-        mended = fitting.cached_fit("test", counted, points)
-        assert len(calls) == count, damage
-        np.testing.assert_array_equal(mended.shape.ends, first.shape.ends)
-    fitting.cached_fit("test", counted, points + 1e-9)  # other content, another entry
-    assert len(list((tmp_path / "shapes").iterdir())) == 2
-
-
-def test_hulls_are_cached_too(tmp_path: Path, monkeypatch, rng) -> None:
-    monkeypatch.setenv(fitting.CACHE_VARIABLE, str(tmp_path))
-    points = rng.normal(size=(60, 3))
-    first, again = (fitting.cached_fit("hull", fit_hull, points) for _ in range(2))
-    np.testing.assert_array_equal(again.shape.vertices, first.shape.vertices)
-
-
-def test_the_cache_can_be_off_or_unwritable(tmp_path: Path, monkeypatch, rng) -> None:
-    points = rng.normal(size=(20, 3))
-    for off in ("off", "0", ""):
-        monkeypatch.setenv(fitting.CACHE_VARIABLE, off)
-        assert fitting.cache_folder() is None
-        assert fitting.cached_fit("test", fit_capsule, points).shape.radius > 0.0
-    blocked = tmp_path / "file"
-    blocked.write_text("not a folder")
-    monkeypatch.setenv(fitting.CACHE_VARIABLE, str(blocked))
-    assert fitting.cached_fit("test", fit_capsule, points).shape.radius > 0.0
-    monkeypatch.delenv(fitting.CACHE_VARIABLE)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    folder = fitting.cache_folder()
-    assert folder == tmp_path / "wbc" / "shapes"
-    assert os.listdir(tmp_path) == ["file"]  # nothing was made by asking
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 200])

@@ -10,6 +10,7 @@ import pytest
 from tests.robot.by_coal import all_pairs, corners, distances
 from wbc.constraints import SelfCollision
 from wbc.errors import InvalidInputError, ModelError, UnknownNameError
+from wbc.files import CACHE_VARIABLE
 from wbc.robot import Robot
 from wbc.robot.collision import (
     Body,
@@ -21,7 +22,6 @@ from wbc.robot.collision import (
     robot_bodies,
     select_pairs,
 )
-from wbc.robot.collision.fitting import CACHE_VARIABLE
 
 
 @pytest.fixture(autouse=True)

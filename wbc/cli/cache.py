@@ -14,17 +14,16 @@ def cache(
 ) -> None:
     """Say where fitted shapes are kept, and how much; WBC_CACHE names another folder, or off."""
     with errors_in_one_line():
-        from wbc.files import CACHE_VARIABLE, CACHED, cache_folder
+        from wbc.files import CACHE_VARIABLE, cache_folder
 
-        for kind, what in CACHED.items():
-            folder = cache_folder(kind)
-            if folder is None:
-                typer.echo(f"nothing is kept: {CACHE_VARIABLE}=off")
-                return
-            files = [file for file in folder.glob("*") if file.is_file()]
-            size = sum(file.stat().st_size for file in files)
-            if clear:
-                for file in files:
-                    file.unlink(missing_ok=True)
-            done = "deleted" if clear else "kept"
-            typer.echo(f"{folder}: {len(files)} files, {size / 1e6:.1f} MB {done} ({what})")
+        folder = cache_folder()
+        if folder is None:
+            typer.echo(f"nothing is kept: {CACHE_VARIABLE}=off")
+            return
+        files = [file for file in folder.glob("*") if file.is_file()]
+        size = sum(file.stat().st_size for file in files)
+        if clear:
+            for file in files:
+                file.unlink(missing_ok=True)
+        done = "deleted" if clear else "kept"
+        typer.echo(f"{folder}: {len(files)} files, {size / 1e6:.1f} MB {done}")

@@ -2,7 +2,6 @@
 
 from wbc.robot.collision.bodies import robot_bodies
 from wbc.robot.collision.cached_pairs import chosen_pairs, fitted_bodies
-from wbc.robot.collision.fitting import cache_folder
 from wbc.robot.collision.model import CollisionModel, PairDistances
 from wbc.robot.collision.pairs import Selection, select_pairs
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull, Obstacle, Shape
@@ -17,7 +16,6 @@ __all__ = [
     "PairDistances",
     "Selection",
     "Shape",
-    "cache_folder",
     "chosen_pairs",
     "fitted_bodies",
     "robot_bodies",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from functools import partial
 from typing import NamedTuple
 
 import coal
@@ -12,7 +11,7 @@ import pinocchio as pin
 
 from wbc.errors import ModelError, listed
 from wbc.kinds import one_of
-from wbc.robot.collision.fitting import Fit, cached_fit, fit_capsule, fit_hull
+from wbc.robot.collision.fitting import Fit, fit_capsule, fit_hull
 from wbc.robot.collision.shapes import Body, Capsule, Hull, moved
 from wbc.robot.formats.triangles import Triangles
 from wbc.robot.geometry import AROUND, triangulated
@@ -27,7 +26,7 @@ def robot_bodies(robot: Robot, fit: str = "capsule") -> tuple[Body, ...]:
     """Return the collision shapes of a robot, each in the frame of the joint that moves it.
 
     Spheres, capsules and boxes are taken as they are. Meshes and other shapes become what ``fit``
-    says, larger than what they stand for and never smaller; meshes are looked up in the cache.
+    says, larger than what they stand for and never smaller.
 
     Parameters
     ----------
@@ -133,8 +132,7 @@ def simple_shape(geometry: object, fit: str, where: str) -> Fit:
         raise ModelError(f"{where}: {type(geometry).__name__} is no shape we know; use a mesh")
     smooth = isinstance(geometry, coal.Ellipsoid | coal.Cone)
     pad = _sag(vertices) if smooth else 0.0
-    make = partial(fit_capsule if fit == "capsule" else fit_hull, pad=pad)
-    return cached_fit(f"{fit} {pad!r}", make, vertices)
+    return (fit_capsule if fit == "capsule" else fit_hull)(vertices, pad)
 
 
 def _vertices(geometry: object) -> Array:

@@ -1,9 +1,10 @@
 """A robot's bodies and pairs, kept in the cache: meshes need not be read to keep them apart.
 
-Fitting shapes to the meshes of a G1 and looking for pairs takes seconds, and reading
-what was fitted to each mesh, and the mesh, takes most of them. So what came of it all is kept, too,
-under a digest of everything that it was made of: the description, every byte of its meshes, joints,
-limits, postures and what was asked for.
+Reading the meshes of a G1, fitting shapes to them and looking for pairs takes a second. So what
+came of it is kept, under a digest of everything that it was made of: the description, every byte of
+its meshes, joints, limits, postures and what was asked for. It is kept in the folder that the
+environment variable ``WBC_CACHE`` names (``off``: nowhere), by default the platform's for caches;
+a folder that cannot be written to is left alone.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def chosen_pairs(
 def _kept(robot: Robot, asked: str, make: Callable[[], Made]) -> Made:
     """Return what ``make`` does, from the cache if it was made of the same before."""
     refuse_missing(robot)
-    folder = cache_folder("collision")
+    folder = cache_folder()
     name = None if folder is None else _digest(robot, asked)
     if folder is None or name is None:
         return make()

@@ -1,28 +1,17 @@
 """Meshes made simple: the smallest capsule or a hull of few corners that holds every vertex.
 
-Both are conservative, and say by how much they stick out of the mesh's own convex hull. Fits are
-kept on disk, named by the content that was fitted: in the folder that the environment variable
-``WBC_CACHE`` names (``off``: nowhere), by default the platform's folder for caches. A file that
-cannot be read, or whose shape does not hold every point, is fitted again; a folder that cannot be
-written to is left alone.
+Both are conservative, and say by how much they stick out of the mesh's own convex hull.
 """
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
-import json
 import math
 import weakref
-from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import coal
 import numpy as np
 
-import wbc.files as files  # "from wbc" would look among the rooms first
-from wbc.files import CACHE_VARIABLE as CACHE_VARIABLE
 from wbc.native import doubles, lib
 from wbc.robot.collision.shapes import Capsule, Hull, Solid
 from wbc.validate import Array
@@ -39,7 +28,7 @@ CHUNK = 1024  # points looked at together: what stands in memory is 2 MB
 STEPS, ACCURACY = 600, (1e-5, 1e-12)  # of the search for a capsule; [m], [m^3]
 _SAMPLES = 400
 _known: dict[int, tuple[weakref.ref[Array], Array]] = {}  # corners of hulls, by id of the points
-VERSION = 3  # of the fit and of the file: change it, and everything is fitted again
+VERSION = 3  # of the fits: change it, and everything is fitted again
 
 
 class Fit(NamedTuple):
@@ -131,17 +120,6 @@ def quick_capsule(points: Array) -> Capsule:
     ]
     ends = min(tried, key=lambda found: _volume(found, points))
     return Capsule(ends.copy(), float(_to_segment(points, ends).max()) + ROUNDING)
-
-
-def contains(shape: Solid, points: Array) -> bool:
-    """Whether every point (k, 3) lies in the shape, to the rounding of its radius."""
-    if isinstance(shape, Capsule):
-        outside = _to_segment(points, shape.ends)
-    elif _is_flat(shape.vertices):
-        return False
-    else:
-        outside = np.array(_farthest_from_hull(points, _hull_of(shape.vertices)))
-    return bool((outside <= shape.radius + ROUNDING).all())
 
 
 def convex(vertices: Array) -> coal.Convex:
@@ -348,66 +326,3 @@ def _thick_box(points: Array) -> Array:
     local = (points - middle) @ axes.T
     centre, half = 0.5 * (local.max(axis=0) + local.min(axis=0)), 0.5 * np.ptp(local, axis=0)
     return (Hull.box(2.0 * np.maximum(half, THINNEST)).vertices + centre) @ axes + middle
-
-
-def cache_folder() -> Path | None:
-    """Return the folder of fitted shapes, which need not exist, or None if the cache is off."""
-    return files.cache_folder("shapes")
-
-
-def cached_fit(kind: str, fit: Callable[[Array], Fit], points: Array) -> Fit:
-    """Return ``fit(points)``, from the cache if it was made before.
-
-    Parameters
-    ----------
-    kind:
-        Names the fit and its settings.
-    """
-    folder = cache_folder()
-    if folder is None:
-        return fit(points)
-    file = folder / f"{_name(kind, points)}.json"
-    found = _read(file, points)
-    if found is None:
-        found = fit(points)
-        _write(file, found)
-    return found
-
-
-def _name(kind: str, points: Array) -> str:
-    content = hashlib.sha256(f"{VERSION} {kind} {points.shape} ".encode())
-    content.update(np.ascontiguousarray(points, dtype="<f8").tobytes())
-    return content.hexdigest()
-
-
-def _read(file: Path, points: Array) -> Fit | None:
-    """Return the fit in a file, or None if there is none, or it is not one of these points."""
-    try:
-        entry = json.loads(file.read_text(encoding="utf-8"))
-        core = np.array(entry["core"], dtype=float)
-        radius, bulge = float(entry["radius"]), float(entry["bulge"])
-        shape = _shape(entry["shape"], core, radius)
-        sound = np.isfinite([radius, bulge]).all() and np.isfinite(core).all()
-        if not sound or radius < 0.0 or not contains(shape, points):
-            return None
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError):  # RuntimeError: from Qhull
-        return None
-    return Fit(shape, bulge)
-
-
-def _shape(kind: str, core: Array, radius: float) -> Solid:
-    if kind == "capsule" and core.shape == (2, 3):
-        return Capsule(core, radius)
-    if kind == "hull" and core.ndim == 2 and core.shape[1] == 3 and len(core) >= 4:
-        return Hull(core, radius)
-    raise ValueError(f"no shape: {kind!r} of {core.shape}")
-
-
-def _write(file: Path, fit: Fit) -> None:
-    """Write a fit so that a reader finds all of it or nothing; without a place to write, do not."""
-    shape = fit.shape
-    kind = "capsule" if isinstance(shape, Capsule) else "hull"
-    entry = {"shape": kind, "core": shape.core.tolist(), "radius": shape.radius, "bulge": fit.bulge}
-    with contextlib.suppress(OSError):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        files.write_whole(file, lambda stream: stream.write(json.dumps(entry).encode()))

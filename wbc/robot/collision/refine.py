@@ -20,7 +20,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from wbc.robot.collision.bodies import named_surfaces, simple_shape
-from wbc.robot.collision.fitting import Fit, cached_fit, convex, fit_close_hull, hull_corners
+from wbc.robot.collision.fitting import Fit, convex, fit_close_hull, hull_corners
 from wbc.robot.collision.nearest_triangles import Clusters, nearest_triangles
 from wbc.robot.collision.shapes import Body, Hull, moved
 from wbc.robot.formats.triangles import Triangles, as_bvh, without_spare
@@ -89,14 +89,9 @@ class _Part:
     geometry: coal.ShapeBase
 
     @classmethod
-    def of(cls, surface: _Surface, tolerance: float, kept: bool = True) -> _Part:
-        """Return a part; ``kept`` says whether its fit is looked up, and put, in the cache."""
-
-        def make(points: Array) -> Fit:
-            return fit_close_hull(points, tolerance, surface.hull)
-
-        points = surface.points
-        fit = cached_fit(f"close {tolerance}", make, points) if kept else make(points)
+    def of(cls, surface: _Surface, tolerance: float) -> _Part:
+        """Return a part."""
+        fit = fit_close_hull(surface.points, tolerance, surface.hull)
         return cls(fit, surface, convex(fit.shape.core))
 
     @property
@@ -108,8 +103,7 @@ class _Part:
     def halves(self) -> tuple[_Part, _Part]:
         """Its two halves: of a body that is near several others they are asked for again."""
         first, second = self.surface.halves
-        finest = TOLERANCES[-1]  # what came of all halves is kept as a whole
-        return _Part.of(first, finest, kept=False), _Part.of(second, finest, kept=False)
+        return _Part.of(first, TOLERANCES[-1]), _Part.of(second, TOLERANCES[-1])
 
 
 NONE = _Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))

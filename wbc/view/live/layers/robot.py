@@ -9,7 +9,7 @@ from viser import SceneApi
 
 from wbc.errors import ModelError
 from wbc.robot import Robot
-from wbc.robot.collision import robot_bodies
+from wbc.robot.collision import fitted_bodies
 from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.validate import Array
 from wbc.view.live.layers.layer import GREY, Layer, surface_of, wxyz
@@ -41,7 +41,7 @@ class RobotShapes:
 
     def _simple(self, robot: Robot) -> Sequence[tuple[int, Mesh]]:
         try:
-            bodies = robot_bodies(robot)
+            bodies = fitted_bodies(robot)
         except ModelError as error:
             self.note += f"; no shapes to draw: {error}"
             return ()
