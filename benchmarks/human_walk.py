@@ -58,6 +58,7 @@ def figures(found: Comparison) -> dict[str, Any]:
         "horizontal_percent_of_peak": 100.0 * found.horizontal,
         "cop_single_mm": 1e3 * found.cop_rms(True),
         "cop_double_mm": 1e3 * found.cop_rms(False),
+        "plates_late_ms": 1e3 * found.late,
         "within_bands_percent": {name: 100.0 * part for name, part in found.held.items()},
         "within_all_bands_percent": 100.0 * float(np.mean(list(found.held.values()))),
     }
@@ -232,6 +233,9 @@ def main() -> None:
         "steps_per_minute": 60.0 * human.cutoff / HARMONICS,
         "cutoff_hz": human.cutoff,
         "against_plates": figures(found),
+        "by_markers_alone": figures(
+            analyzed(human_motion(recording, static=static, by_steps=False))[1]
+        ),
         "without_static_trial": figures(analyzed(human_motion(recording))[1]),
         "by_cutoff": {str(c): figures(analyzed(human, c)[1]) for c in CUTOFFS},
         "halves": fitted_on_one_half(human, series, found),

@@ -10,11 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_erosion
 
-from wbc.human.contacts import Bools
+from wbc.human.contacts import Bools, nearest_rows
 from wbc.human.markers import ForcePlate
-from wbc.motion.analysis import analyze
 from wbc.motion.filtering import low_passed
-from wbc.motion.recording import Motion
 from wbc.motion.series import RmpSeries
 from wbc.motion.smoothing import even_grid
 from wbc.motion.uncertainty import BAND
@@ -44,6 +42,8 @@ class Comparison:
         Of the motion, less those.
     single:
         Whether one foot is down (m,), rather than two.
+    late:
+        By how much the plates' vertical force comes later than the motion's [s], by least squares.
     held:
         Parts of the frames in which the plates are within the motion's 95 % bands, by ``force x``,
         ``force y``, ``force z``, ``cop x``, ``cop y``; empty without bands.
@@ -55,6 +55,7 @@ class Comparison:
     force_error: Array
     cop_error: Array
     single: Bools
+    late: float
     held: dict[str, float]
 
     @property
@@ -92,8 +93,7 @@ def compared(
     """
     if not plates:
         return None
-    nearest = np.abs(time[None] - series.time[:, None]).argmin(axis=1)
-    feet = down[nearest]
+    feet = down[nearest_rows(time, series.time)]
     soles = _sole_places(series)
     whole, force, moment = _complete(plates, series, feet, soles)
     whole &= force[:, 2] > PRESSED * series.robot.weight
@@ -101,6 +101,7 @@ def compared(
         return None
     force, moment = force[whole], moment[whole]
     cop = centre_of_pressure(np.zeros_like(force), force, moment, series.ground_height)
+    rate = np.gradient(series.ground_force[:, 2], series.time)[whole]
     error, off = series.ground_force[whole] - force, series.cop[whole] - cop
     return Comparison(
         time=series.time[whole],
@@ -109,22 +110,26 @@ def compared(
         force_error=error,
         cop_error=off[:, :2],
         single=feet[whole].sum(axis=1) == 1,
+        late=float(error[:, 2] @ rate / (rate @ rate)),
         held=_held(series, whole, error, off),
     )
 
 
 def plates_mass(
-    motion: Motion, plates: tuple[ForcePlate, ...], down: Bools, cutoff: float, height: float
+    series: RmpSeries, plates: tuple[ForcePlate, ...], down: Bools
 ) -> float | None:
     """Return a human's mass [kg]: the plates' vertical force by g + c'', both summed over time.
 
     None if the plates never have all of the force.
+
+    Parameters
+    ----------
+    down:
+        Which feet are down (n, f) in the series' frames.
     """
     if not plates:
         return None
-    series = analyze(motion, cutoff=cutoff, noise=None, feet=None, ground_height=height)
-    nearest = np.abs(motion.time[None] - series.time[:, None]).argmin(axis=1)
-    whole, force, _ = _complete(plates, series, down[nearest], _sole_places(series))
+    whole, force, _ = _complete(plates, series, down, _sole_places(series))
     whole &= force[:, 2] > LOADED
     if whole.sum() < LEAST_FRAMES:
         return None

@@ -43,6 +43,11 @@ def feet_down(robot: Robot, soles: dict[str, Array], time: Array, height: float)
     return np.asarray(down)
 
 
+def nearest_rows(time: Array, at: Array) -> NDArray[np.intp]:
+    """Return the rows of increasing times (n,) that are nearest to others (m,)."""
+    return np.rint(np.interp(at, time, np.arange(len(time)))).astype(np.intp)
+
+
 def step_rate(down: Bools, time: Array) -> float | None:
     """Return steps per second, by the median time between landings; None with fewer than three."""
     landings = np.sort(time[1:][(down[1:] & ~down[:-1]).any(axis=1)])

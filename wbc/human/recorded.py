@@ -13,7 +13,7 @@ from wbc.human.anthropometry import MEAN_BODY_MASS_INDEX, check_sex
 from wbc.human.body import HumanBody
 from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
 from wbc.human.comparison import plates_mass
-from wbc.human.contacts import Bools, chosen_cutoff, feet_down
+from wbc.human.contacts import Bools, chosen_cutoff, feet_down, nearest_rows
 from wbc.human.fit import MarkerSet, continuous, fit_poses, residuals
 from wbc.human.gaps import filled_by_fit, filled_shortly, unswapped, while_shown, without_ghosts
 from wbc.human.kinematics import Poses, place
@@ -21,11 +21,13 @@ from wbc.human.known import known_markers, upright
 from wbc.human.landmarks import Landmark
 from wbc.human.markers import MarkerRecording
 from wbc.human.residual_noise import ResidualNoise, residual_noise
+from wbc.human.rolling import moved_by_steps
 from wbc.human.skeleton import configurations, human_robot
 from wbc.human.soles import ground_and_soles
 from wbc.human.subjects import of_subject
 from wbc.human.treadmill import belt_velocity, from_the_belt
 from wbc.kinds import check_kind
+from wbc.motion.analysis import analyze
 from wbc.motion.dropouts import Dropout
 from wbc.motion.filtering import low_passed
 from wbc.motion.recording import LONGEST_GAP, Motion
@@ -110,6 +112,7 @@ def human_motion(
     up: str | None = None,
     ground_height: float | None = None,
     longest_gap: float = LONGEST_GAP,
+    by_steps: bool = True,
 ) -> HumanMotion:
     """Fit a human of rigid segments to markers.
 
@@ -136,6 +139,9 @@ def human_motion(
     longest_gap:
         Longest time [s] over which a marker that was not seen is interpolated; over longer ones it
         follows the fit.
+    by_steps:
+        Whether the body is moved by some mm to where its CoP rolls over the soles in steps; see
+        :mod:`wbc.human.rolling`.
 
     Raises
     ------
@@ -165,13 +171,21 @@ def human_motion(
     q = configurations(robot, poses)
     motion = _motion(robot, recording, q, seen.dropouts)
     down, cutoff = _contacts(motion, q, ground)
+    weighed = None
+    if cutoff * (time[-1] - time[0]) > LEAST_CUTOFF_PERIODS:
+        series = analyze(motion, cutoff=cutoff, noise=None, feet=None, ground_height=ground)
+        standing = down[nearest_rows(time, series.time)]
+        weighed = plates_mass(series, recording.plates, standing)
+        if by_steps:
+            moves, told = moved_by_steps(series, standing, found.stature)
+            q[:, :2] += np.column_stack([np.interp(time, series.time, one) for one in moves.T])
+            notes += told
     if mass is None:
-        weighed = plates_mass(motion, recording.plates, down, cutoff, ground)
         guess = MEAN_BODY_MASS_INDEX[sex] * found.stature**2
         notes += _mass_note(weighed, guess, bool(recording.plates))
         body = replace(body, mass=guess if weighed is None else weighed)
         robot = human_robot(body, soles)
-        motion = _motion(robot, recording, q, seen.dropouts)
+    motion = _motion(robot, recording, q, seen.dropouts)
     fit = seen.residual
     notes += _fit_note(fit)
     noise = residual_noise(time, poses, seen.observed, fit, found.markers, found.dimensions, robot)
@@ -295,8 +309,7 @@ def _contacts(motion: Motion, q: Array, ground: float) -> tuple[Bools, float]:
         even = low_passed(even, rate, low)
     even[:, 3:BASE_NQ] /= np.linalg.norm(even[:, 3:BASE_NQ], axis=1)[:, None]
     down = feet_down(motion.robot, sole_series(motion.robot, even), grid, ground)
-    nearest = np.abs(np.searchsorted(grid, motion.time - 0.5 / rate)).clip(0, len(grid) - 1)
-    return down[nearest], min(chosen_cutoff(down, grid), 0.45 * rate)
+    return down[nearest_rows(grid, motion.time)], min(chosen_cutoff(down, grid), 0.45 * rate)
 
 
 def _fit_note(fit: Array) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 Skin moves against bone: an error that is not white, and of which a fit sees only the part in which
 markers contradict each other. Its size at each time scale is taken from the residuals themselves,
 filtered and differentiated as the motion will be; how it reaches the posture from the fit's normal
-matrix. What leaves no residual is allowed for by a factor.
+matrix. What leaves no residual is taken for a part of that, and moves the body as a whole.
 """
 
 from __future__ import annotations
@@ -23,14 +23,17 @@ from wbc.robot import Robot
 from wbc.validate import Array
 
 # Markers of one segment also slide together (Barre et al. 2013, IEEE Trans. Biomed. Eng. 60, 3131:
-# most of what skin does), which joints to other segments show only in part. Chosen so that bands of
-# one walk held what its force plates measured; what that gives is in docs/howto/humans.md.
-TOGETHER = 1.45
+# most of what skin does), and the body with them: along each axis by this part of what a marker
+# does on its own. Without a residual, so chosen, as the next, so that bands of nine walks held what
+# force plates measured; what it gives in others is in docs/howto/humans.md.
+TOGETHER = 0.2
+# By how much the times of markers and of what the motion is held against may differ, one standard
+# deviation [s]: of 20 recordings' vertical forces, less than 2 ms in some and 14 ms in others.
+LATE = 0.008
 # The CoM's place in the body, one standard deviation [m] along each axis: tables of segments differ
 # by some 10 mm in it (Dumas et al. 2007; Pearsall and Costigan 1999).
 CENTRE = 0.010
 MOST_FRAMES = 100  # of which the gains are averaged
-LEAST_LEFT = 0.1  # a coordinate that nothing else tells of leaves no residual
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,19 +45,21 @@ class ResidualNoise:
     time:
         Of the frames (n,) [s].
     residual:
-        Of the markers' coordinates (n, k) [m], without gaps, each by the root of the part of its
-        error that the fit leaves in it (one less its leverage).
+        Of the markers' coordinates (n, k) [m], without gaps and means.
     gain:
         (f, nv, k): from errors of the markers' coordinates to those of the posture in some frames:
         base along world axes [m], about its own axes [rad], joints [rad].
     constant:
         (nv, 3): errors that do not change over time, likewise.
+    late:
+        Of the times, one standard deviation [s].
     """
 
     time: Array
     residual: Array
     gain: Array
     constant: Array
+    late: float = LATE
 
     def recorded(self) -> Noise:
         """Return the standard deviations of the channels, unfiltered."""
@@ -63,7 +68,7 @@ class ResidualNoise:
         return Noise(deviation[6:], deviation[:3], deviation[3:6], coloured=False)
 
     def filtered(self, cutoff: float | None) -> tuple[Array, Array]:
-        """Return what is left after the low-pass [Hz]: a covariance (3, 3), and a root (nv, nv).
+        """Return what is left after the low-pass [Hz]: a covariance (3, 3), and a root (nv, nv+3).
 
         The errors' accelerations are the root times independent ones of size 1; the covariance is
         that of value, velocity and acceleration of one of these.
@@ -80,10 +85,12 @@ class ResidualNoise:
         return np.asarray(covariance / covariance[2, 2]), root
 
     def _root(self, variances: Array) -> Array:
-        """Return a root (nv, nv) of the posture's covariance, given the markers' variances (k,)."""
+        """Return a root (nv, nv+3) of the posture's covariance by the markers' variances (k,)."""
         whole = ((self.gain * variances) @ np.swapaxes(self.gain, 1, 2)).mean(axis=0)
         values, vectors = np.linalg.eigh(whole)
-        return np.asarray(TOGETHER * vectors * np.sqrt(np.maximum(values, 0.0)))
+        own = vectors * np.sqrt(np.maximum(values, 0.0))
+        shared = TOGETHER * np.sqrt(variances.mean()) * np.eye(len(whole), 3)
+        return np.hstack((own, shared))
 
 
 def residual_noise(
@@ -95,10 +102,9 @@ def residual_noise(
     dimensions: Array,
     robot: Robot,
 ) -> ResidualNoise:
-    """Return what a fit's residuals (n, m, 3) tell of its errors (White 1980; MacKinnon 1985, HC2).
+    """Return what a fit's residuals (n, m, 3) tell of its errors (White 1980, Econometrica 48, 817).
 
-    Each coordinate of a marker has an error of its own size; of its square the fit leaves the part
-    1 - h in the residual, h being the coordinate's leverage.
+    Each coordinate of a marker has an error of its own size, which is taken for its residual's.
     """
     seen = np.asarray(np.isfinite(residual).all(axis=2))
     always = np.flatnonzero(seen.mean(axis=0) > 0.5)
@@ -111,12 +117,9 @@ def residual_noise(
     J = J.reshape(len(frames), -1, DOFS)
     weight = np.repeat(markers.noise[always] ** -2, 3)
     gain = np.linalg.solve(H, np.swapaxes(J, 1, 2) * weight)
-    leverage = np.einsum("nki,nik->k", J, gain) / len(frames)
     # From steps of the fit to the robot's tangent: about the base's own axes, joints in its order.
     turned = np.swapaxes(some.rotation, 1, 2) @ gain[:, 3:6]
     gain = np.concatenate((gain[:, :3], turned, gain[:, 6:][:, hinge_order(robot)]), axis=1)
-    scaled = rest.reshape(len(time), -1) / np.sqrt(np.maximum(1.0 - leverage, LEAST_LEFT))
-    scaled = scaled - scaled.mean(axis=0)  # what is constant, the calibration has taken in
-    constant = np.zeros((DOFS, 3))
-    constant[:3] = CENTRE * np.eye(3)
-    return ResidualNoise(time, scaled, gain, constant)
+    own = rest.reshape(len(time), -1)
+    own = own - own.mean(axis=0)  # what is constant, the calibration has taken in
+    return ResidualNoise(time, own, gain, CENTRE * np.eye(DOFS, 3))

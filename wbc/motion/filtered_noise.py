@@ -33,6 +33,7 @@ class FilteredNoise:
     # of the standard deviations of ``recorded``; and of such as do not change over time.
     root: Array | None = None
     constant: Array | None = None
+    late: float = 0.0  # of all times together, one standard deviation [s]
 
 
 def noise_covariances(count: int, rate: float, cutoff: float | None, passes: int = 1) -> Array:

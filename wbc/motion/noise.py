@@ -81,6 +81,11 @@ class CorrelatedNoise(Protocol):
         """
         ...
 
+    @property
+    def late(self) -> float:
+        """By how much all times may be wrong together, one standard deviation [s]."""
+        ...
+
     def recorded(self) -> Noise:
         """Return the standard deviations of the channels, unfiltered."""
         ...

@@ -100,6 +100,7 @@ def smooth_trajectory(
             growth[:, :, None] * covariance * growth[:, None],
             root,
             noise.constant,
+            noise.late,
         )
     elif noise is not None:
         if not isinstance(noise, Noise):

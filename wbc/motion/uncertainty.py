@@ -115,7 +115,9 @@ def propagated(pendulum: Pendulum, moving: SmoothMotion, noise: FilteredNoise) -
     widths |= {"cop": 2, "cmp": 2, "leg": 3, "margin": 1}
     found = {name: np.full((count, width), np.nan) for name, width in widths.items()}
     pushing = ~reaction.flight & (not pendulum.measured)
+    rates = noise.late * np.gradient(_moved_rows(pendulum), moving.time, axis=0)[:, :, None]
     for frames, covariance in covariances(robot, moving, noise):
+        covariance += rates[frames] @ np.swapaxes(rates[frames], 1, 2)
         for name, rows in (("com", COM), ("momentum", MOMENTUM), ("momentum_rate", RATE)):
             found[name][frames] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[:, rows])
         inertia = covariance[:, INERTIA, INERTIA]
@@ -152,6 +154,14 @@ def propagated(pendulum: Pendulum, moving: SmoothMotion, noise: FilteredNoise) -
         radii=np.sqrt(3.0) * root,
         average_angular_velocity=found["spin"],
     )
+
+
+def _moved_rows(pendulum: Pendulum) -> Array:
+    """Return what noise moves (n, r), in the order of :mod:`wbc.motion.sensitivity`."""
+    whole = pendulum.whole
+    soles = [whole.soles[foot][:, :2, 3] for foot in pendulum.robot.feet]
+    inertia = whole.inertia[:, ROWS, COLUMNS]
+    return np.hstack((whole.com, whole.momentum, whole.momentum_rate, inertia, *soles))
 
 
 def _deviations(slopes: Array, covariance: Array) -> Array:
