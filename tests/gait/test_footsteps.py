@@ -163,13 +163,36 @@ def test_the_com_sinks_for_a_step_that_is_longer_than_in_a_walk(legs: Legs) -> N
     assert sunk[1] == pytest.approx(0.03 * hip)
 
 
-def test_a_foot_that_lands_early_waits_unless_it_had_to_hurry(legs: Legs) -> None:
+@pytest.mark.parametrize(
+    ("early", "behind", "waits"),
+    [
+        (0.1, 0.04, 0.04),
+        (0.1, 0.1, 0.1),
+        (0.1, 0.2, 0.1),
+        (0.1, -0.1, 0.0),
+        (-0.02, 0.04, 0.0),
+    ],
+)
+def test_a_foot_that_lands_early_waits_for_the_dcm(
+    legs: Legs, early: float, behind: float, waits: float
+) -> None:
+    """With the VRP still, and then on its way, the DCM comes to where the next foot wants it."""
     gait = GaitSettings.of(legs)
-    planner, T = planner_of(legs, gait), gait.single
-    assert planner.double_time(on_one_foot("left", T, 0.0)) == gait.double
-    assert planner.double_time(on_one_foot("left", T - 0.01, 0.01)) == gait.double + 0.01
-    assert planner.double_time(on_one_foot("left", 0.7 * T, 0.3 * T)) == gait.double + 0.3 * T
-    assert planner.double_time(on_one_foot("left", 0.5 * T, 0.1 * T)) == gait.double
+    planner, omega, goal, offset = planner_of(legs, gait), gait.omega, 0.3 - 0.2j, 0.02 + 0.01j
+    phase = on_one_foot("left", 0.3, early, goal)._replace(offset=offset)
+    dcm, n = goal + offset, 2000
+    for k in range(n):  # backwards, from where the next foot bears alone
+        vrp, dt = goal * (1.0 - (k + 0.5) / n), gait.double / n
+        dcm = vrp + (dcm - vrp) * np.exp(-omega * dt)
+    now = GaitState(dcm * np.exp(-omega * behind), dict.fromkeys(SIGN, np.zeros(3)), {})
+    assert planner.double_time(phase, now) == pytest.approx(gait.double + waits, abs=1e-6)
+
+
+def test_a_foot_that_lands_early_waits_for_a_dcm_that_goes_back(legs: Legs) -> None:
+    gait = GaitSettings.of(legs)
+    now = GaitState(-0.1 + 0.0j, dict.fromkeys(SIGN, np.zeros(3)), {})
+    phase = on_one_foot("left", 0.3, 0.1, 0.3 - 0.2j)
+    assert planner_of(legs, gait).double_time(phase, now) == gait.double + 0.1
 
 
 def test_between_two_feet_the_pressure_is_wanted_where_they_are(legs: Legs) -> None:

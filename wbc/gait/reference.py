@@ -37,8 +37,6 @@ SOLE_SHARE = 0.6
 # relieved and lifted; what its way takes follows from the acceleration. At 0.45 a G1 that is pushed
 # towards the foot it has begun to stand on waits for the other one, which could be down.
 QUICKEST = 0.2
-# A step that is shorter than this part of its usual time had to hurry.
-HURRIED = 0.9
 # A foot that bears this part of the weight has landed.
 TOUCH = 0.1
 # Nearer to the landing than this, in units of 1/omega, a footstep is not changed any more.
@@ -139,13 +137,16 @@ class StepPlanner:
 
     def single(self, phase: SingleSupport, now: GaitState) -> Reference:
         """Return the reference on one foot: back from the footstep that is planned."""
-        omega, double = self.gait.omega, self.gait.double
         base, ground = now.place(phase.support), float(now.places[phase.support][2])
-        shift = shift_gain(omega, double) * (phase.goal - base) + phase.offset
-        leaving = math.exp(-omega * double) * shift  # the DCM when the VRP begins to move
         left = max(phase.left, 0.0)
-        dcm = base + math.exp(-omega * left) * leaving
+        dcm = base + math.exp(-self.gait.omega * left) * self._leaving(phase, base)
         return Reference(base, dcm, ground, phase.level, left)
+
+    def _leaving(self, phase: SingleSupport, base: complex) -> complex:
+        """Return where the DCM should be, from the foot at ``base``, as the VRP leaves that [m]."""
+        omega, double = self.gait.omega, self.gait.double
+        shift = shift_gain(omega, double) * (phase.goal - base) + phase.offset
+        return math.exp(-omega * double) * shift
 
     def sunk(self, phase: Phase, now: GaitState, heading: float) -> float:
         """Return how much lower than usual the CoM should be [m].
@@ -194,14 +195,17 @@ class StepPlanner:
         swing = phase.swing.advanced(goal, ground, phase.left, dt)
         return phase._replace(swing=swing), swing.pose()
 
-    def double_time(self, phase: SingleSupport) -> float:
+    def double_time(self, phase: SingleSupport, now: GaitState) -> float:
         """Return how long the double support lasts that ends a phase now [s].
 
-        A foot that lands before its time, on higher ground, waits until then: the DCM is not yet
-        where the next single support begins. Not one that had to hurry: time is what lacks there.
+        A foot that lands before its time, on higher ground, waits for the DCM, which is not yet
+        where the VRP leaves the other foot, but no longer than until then.
         """
-        hurried = phase.elapsed + phase.left < HURRIED * self.single_time(phase)
-        return self.gait.double + (0.0 if hurried else max(phase.left, 0.0))
+        base = now.place(phase.support)
+        leaving = self._leaving(phase, base)
+        there = ((now.dcm - base) * leaving.conjugate()).real / abs(leaving) ** 2  # of the way
+        lacks = -math.log(there) / self.gait.omega if there > 0.0 else math.inf
+        return self.gait.double + max(min(phase.left, lacks), 0.0)
 
     def velocity_on_steps(self, phase: Phase, now: GaitState, heading: float) -> Velocity | None:
         """Return the velocity of the footstep that is being made, if it was given."""

@@ -315,7 +315,8 @@ class Walker:
             phase = planner.adapted(phase, now, self.heading, self.velocity)
             self._count(phase)
             phase, pose = planner.swung(phase, now, self.heading, self.velocity, dt)
-            self._whole_body.swing(other(phase.support), pose, exact=bool(phase.given))
+            exact = bool(phase.given) and phase.swing.crossing is None
+            self._whole_body.swing(other(phase.support), pose, exact=exact)
             if felt:
                 phase = phase.felt(now, felt[phase.support], self.robot.weight)
             reference = planner.single(phase, now)
@@ -440,6 +441,6 @@ class Walker:
                 self._normal = phase.given[0].normal
         rests = self.wanted.at_rest and not self.coming
         halts = rests and self._planner.at_its_end(phase, now, self.heading, self.velocity)
-        time = SHIFT / self.gait.omega if halts else self._planner.double_time(phase)
+        time = SHIFT / self.gait.omega if halts else self._planner.double_time(phase, now)
         moves = time if halts or phase.level is None else self.gait.double
         return DoubleSupport(foot, start, moves, time, halts=halts, level=phase.level)
