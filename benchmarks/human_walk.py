@@ -203,9 +203,15 @@ def _rounded(value: Any) -> Any:
 def judged(path: Path) -> dict[str, Any]:
     """Return what is judged of one recording more."""
     forces = path.with_suffix(".mot") if path.suffix == ".trc" else None
-    human = human_motion(read_markers(path, forces=forces))
-    body = {"mass_kg": human.body.mass, "stature_m": human.body.stature}
-    return {**body, "markers_mm": 1e3 * human.rms, **figures(analyzed(human)[1])}
+    recording = read_markers(path, forces=forces)
+    human = human_motion(recording)
+    return {
+        "mass_kg": human.body.mass,
+        "stature_m": human.body.stature,
+        "markers_mm": 1e3 * human.rms,
+        **figures(analyzed(human)[1]),
+        "by_markers_alone": figures(analyzed(human_motion(recording, by_steps=False))[1]),
+    }
 
 
 def main() -> None:

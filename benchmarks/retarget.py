@@ -262,7 +262,7 @@ def main() -> None:
         first = number == 0
         recording = read_markers(path, forces=options.forces if first else None)
         static = read_markers(options.static) if first and options.static else None
-        human = human_motion(recording, static=static)
+        human = human_motion(recording, static=static, by_steps=False)
         if options.plot is not None:
             picture(human, retargeted(human, options.robots[0])[0], options.plot)
             break

@@ -66,7 +66,8 @@ def figures(path: Path, name: str, slower: float, lean: float | None, seeds: int
     robot = robot_named(name)
     with tempfile.TemporaryDirectory() as folder:
         motion, problem = Path(folder) / "motion.npz", Path(folder) / "problem.yaml"
-        wbc.retarget(human_motion(read_markers(path)), robot, roll=0.0).save(motion)
+        human = human_motion(read_markers(path), by_steps=False)
+        wbc.retarget(human, robot, roll=0.0).save(motion)
         standing = StandingMotion.read(motion, robot)
         trunk = body_map(robot).trunk
         text = standing_problem(

@@ -1,5 +1,7 @@
 """A human fitted to the markers of a motion that is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -124,6 +126,31 @@ def test_frames_beside_those_in_which_a_foot_is_on_no_plate_are_not_compared(
     assert found is not None
     # What the low-pass carries of the missing force into the frames beside it is 9 % at its edge.
     assert np.abs(found.force_error[:, 2]).max() < 0.03 * found.force[:, 2].max()
+
+
+@pytest.mark.slow
+def test_plates_whose_clock_is_late_are_told_and_bands_allow_for_clocks(
+    marched: tuple,  # type: ignore[type-arg]
+) -> None:
+    _, _, human = marched
+    series = wbc.analyze(human.motion, cutoff=6.0, noise=human.noise, feet=None)
+    robot, time = human.motion.robot, human.motion.time
+    force = human.recording.plates[0].force
+    q = np.hstack((human.motion.base, human.motion.joints))
+    soles = np.array([robot.snapshot(one).position(robot.feet["left"].frame) for one in q])
+    moment = np.cross(soles * (1.0, 1.0, 0.0), force)
+    down = np.tile((True, False), (len(time), 1))
+    late = []
+    for by in (0.0, 0.012):
+        found = compared(series, (ForcePlate("plate", time + by, force, moment),), down, time)
+        assert found is not None
+        late.append(found.late)
+    assert late[1] - late[0] == pytest.approx(0.012, abs=0.002)
+    punctual = replace(human.noise, late=0.0)
+    other = wbc.analyze(human.motion, cutoff=6.0, noise=punctual, feet=None)
+    wider = series.uncertainty.momentum_rate**2 - other.uncertainty.momentum_rate**2
+    rate = np.gradient(series.ground_force, series.time, axis=0)
+    np.testing.assert_allclose(wider[:, :3], (human.noise.late * rate) ** 2, atol=1e-3)
 
 
 def test_a_human_that_comes_late_and_leaves_early_is_taken_while_it_is_seen() -> None:

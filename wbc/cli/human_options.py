@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -56,7 +56,7 @@ class HumanOptions:
         names = [each.name for each in fields(self) if each.name != "sex"]
         return [f"--{name}" for name in names if getattr(self, name) is not None]
 
-    def motion(self, path: Path, ground: float | None, **how: float) -> HumanMotion:
+    def motion(self, path: Path, ground: float | None, **how: Any) -> HumanMotion:
         """Return the motion of a recording; ``how``: what else ``human_motion`` takes."""
         from wbc.human import human_motion, read_markers
 

@@ -164,7 +164,9 @@ def retarget(
         if not quiet:
             print_notes(loaded)
         human = HumanOptions(**{name: asked[name] for name in HUMAN}).motion(
-            asked["motion"], asked["ground"]
+            asked["motion"],
+            asked["ground"],
+            by_steps=False,  # a robot balances by itself
         )
         with shown_progress(quiet) as progress:
             ways = {key: asked[key] for key in WAYS}

@@ -115,9 +115,7 @@ def compared(
     )
 
 
-def plates_mass(
-    series: RmpSeries, plates: tuple[ForcePlate, ...], down: Bools
-) -> float | None:
+def plates_mass(series: RmpSeries, plates: tuple[ForcePlate, ...], down: Bools) -> float | None:
     """Return a human's mass [kg]: the plates' vertical force by g + c'', both summed over time.
 
     None if the plates never have all of the force.

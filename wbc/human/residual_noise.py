@@ -102,7 +102,7 @@ def residual_noise(
     dimensions: Array,
     robot: Robot,
 ) -> ResidualNoise:
-    """Return what a fit's residuals (n, m, 3) tell of its errors (White 1980, Econometrica 48, 817).
+    """Return what a fit's residuals (n, m, 3) tell of its errors (White 1980, Econometrica).
 
     Each coordinate of a marker has an error of its own size, which is taken for its residual's.
     """

@@ -32,9 +32,7 @@ END = 0.5  # periods of the cutoff at both ends, which are guesses
 FAR = 0.15  # m rms, half a sole: what asks for such a CoP is no human that only its feet carry
 
 
-def moved_by_steps(
-    series: RmpSeries, down: Bools, stature: float
-) -> tuple[Array, tuple[str, ...]]:
+def moved_by_steps(series: RmpSeries, down: Bools, stature: float) -> tuple[Array, tuple[str, ...]]:
     """Return by how much the body is beside where markers have it, and notes.
 
     Parameters
@@ -86,8 +84,8 @@ def _loads(down: Bools) -> tuple[Array, Bools]:
     On both feet where that is a step's: from the one that stood before to the one that stands
     after, by a cubic (medians of 21 walks are within 0.06 of it).
     """
-    load, both = down.astype(float), down.all(axis=1)
-    known = down.any(axis=1)
+    load = down.astype(float)
+    both, known = np.asarray(down.all(axis=1)), np.asarray(down.any(axis=1))
     for first, end in runs(both):
         known[first:end] = False
         if first == 0 or end == len(both) or (down[first - 1] == down[end]).any():

@@ -115,9 +115,9 @@ def propagated(pendulum: Pendulum, moving: SmoothMotion, noise: FilteredNoise) -
     widths |= {"cop": 2, "cmp": 2, "leg": 3, "margin": 1}
     found = {name: np.full((count, width), np.nan) for name, width in widths.items()}
     pushing = ~reaction.flight & (not pendulum.measured)
-    rates = noise.late * np.gradient(_moved_rows(pendulum), moving.time, axis=0)[:, :, None]
-    for frames, covariance in covariances(robot, moving, noise):
-        covariance += rates[frames] @ np.swapaxes(rates[frames], 1, 2)
+    shift = _shifted(pendulum, moving.time, noise.late)
+    for frames, noisy in covariances(robot, moving, noise):
+        covariance = noisy + shift[frames, :, None] * shift[frames, None]
         for name, rows in (("com", COM), ("momentum", MOMENTUM), ("momentum_rate", RATE)):
             found[name][frames] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[:, rows])
         inertia = covariance[:, INERTIA, INERTIA]
@@ -156,12 +156,15 @@ def propagated(pendulum: Pendulum, moving: SmoothMotion, noise: FilteredNoise) -
     )
 
 
-def _moved_rows(pendulum: Pendulum) -> Array:
-    """Return what noise moves (n, r), in the order of :mod:`wbc.motion.sensitivity`."""
-    whole = pendulum.whole
-    soles = [whole.soles[foot][:, :2, 3] for foot in pendulum.robot.feet]
+def _shifted(pendulum: Pendulum, time: Array, late: float) -> Array:
+    """Return by how much what noise moves (n, r) is another so many seconds later."""
+    whole, feet = pendulum.whole, pendulum.robot.feet
+    if late == 0.0:
+        return np.zeros((len(time), SOLES + 2 * len(feet)))
+    soles = [whole.soles[foot][:, :2, 3] for foot in feet]
     inertia = whole.inertia[:, ROWS, COLUMNS]
-    return np.hstack((whole.com, whole.momentum, whole.momentum_rate, inertia, *soles))
+    rows = np.hstack((whole.com, whole.momentum, whole.momentum_rate, inertia, *soles))
+    return np.asarray(late * np.gradient(rows, time, axis=0))
 
 
 def _deviations(slopes: Array, covariance: Array) -> Array:
