@@ -31,6 +31,20 @@ from wbc.motion import RmpSeries, analyze
 from wbc.view.human import human_figure, momentum_scale
 from wbc.view.style import save
 
+# Walks on which the numbers of steps and bands were chosen, wbc/human/rolling.py and
+# residual_noise.py; the others judge them.
+CHOSEN_ON = (
+    "opencap_walking1",
+    "btk_Gait",
+    "opensim_test_walking",
+    *(f"biomechzoo_HC0{one}" for one in ("02D06", "31A06", "33A10", "38A11", "44A15", "55A09")),
+)
+MEANS = (
+    "horizontal_percent_of_peak",
+    "cop_single_mm",
+    "cop_double_mm",
+    "within_all_bands_percent",
+)
 CUTOFFS = (4.0, 4.5, 5.0, 5.5, 6.0, 8.0, 10.0)  # Hz
 TABLE = 0.10  # how far a segment's mass may be from the table's: one standard deviation
 CENTRE = 0.015  # m: and its centre
@@ -214,6 +228,19 @@ def judged(path: Path) -> dict[str, Any]:
     }
 
 
+def means(rows: dict[str, Any], chosen: bool) -> dict[str, list[float]]:
+    """Return means over walks on which numbers were chosen, or the others: by markers alone, all.
+
+    Without those that have no such frames.
+    """
+    half = [row for name, row in rows.items() if (name in CHOSEN_ON) == chosen]
+    alone = [row["by_markers_alone"] for row in half]
+    return {
+        key: [float(np.nanmean([row[key] for row in part])) for part in (alone, half)]
+        for key in MEANS
+    }
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("recording", type=Path, nargs="?")
@@ -225,6 +252,7 @@ def main() -> None:
     options = parser.parse_args()
     if options.many is not None:
         rows = {path.stem: judged(path) for path in options.many}
+        rows |= {"chosen on": means(rows, True), "others": means(rows, False)}
         text = json.dumps(_rounded(rows), indent=1)
         print(text)
         options.output.write_text(text + "\n")

@@ -8,12 +8,14 @@ it. A benchmark that is run again fails these until its page says what came out.
 
 import json
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
 from tests.docs.allowed_figures import ALLOWED, OPEN
+from tests.docs.from_files import Figures, both, from_json
+from tests.docs.human_claims import HUMANS
 from tests.docs.page_figures import (
     LONG,
     PAGES,
@@ -28,7 +30,6 @@ from tests.docs.page_figures import (
 
 RESULTS = (ROOT / "benchmarks" / "RESULTS.md").read_text("utf-8")
 TICK = "its tick [us]"
-Figures = Callable[[], Iterable[object]]
 
 
 def rows_of(section: str, title: str) -> list[list[str]]:
@@ -47,21 +48,6 @@ def table(section: str, title: str) -> dict[str, dict[str, str]]:
 
 def cells(section: str, title: str, column: str, *rows: str) -> Figures:
     return lambda: [table(section, title)[row][column] for row in rows]
-
-
-def from_json(name: str, form: str, *paths: str) -> Figures:
-    """Return numbers of a file by their places, keys with ``/`` between them, as text."""
-
-    def figures() -> list[str]:
-        found = []
-        for path in paths:
-            value = json.loads((ROOT / "benchmarks" / name).read_text("utf-8"))
-            for key in path.split("/"):
-                value = value[int(key)] if isinstance(value, list) else value[key]
-            found.append(form.format(value))
-        return found
-
-    return figures
 
 
 def said(section: str, pattern: str) -> Figures:
@@ -107,10 +93,6 @@ def turned() -> list[float]:
     return found
 
 
-def both(*parts: Figures) -> Figures:
-    return lambda: [figure for part in parts for figure in part()]
-
-
 def standing(name: str) -> Figures:
     """Return how many seeds stood, of how many, and the CoM's error: mean rms, worst [mm]."""
 
@@ -140,7 +122,6 @@ BOUNDS = ("pendulum", *(f"{what}, {most} N m" for most in (35, 120)
 SEQUENCES = "All sequences, accuracy 1e-06"
 OF_SOLVERS = "solved", "shifted geo. mean [us]", "median", "p99"
 ENTER = "From Enter to the robot on the page [s]"
-HUMAN = "against_plates", "without_static_trial"
 CLAIMS: dict[str, tuple[str, str, Figures]] = {
     "README, velocity ticks": (
         "README.md",
@@ -206,35 +187,7 @@ CLAIMS: dict[str, tuple[str, str, Figures]] = {
         "docs/figures.md", "push_g1.yaml` {} s with empty caches, {} s again",
         lambda: [row[3] for row in rows_of("viewer-start", ENTER)[1:3]],
     ),
-    "a human's markers": (
-        "docs/howto/humans.md", "| markers, rms | {} mm |",
-        from_json("human_walk.json", "{:.1f}", "markers_mm"),
-    ),
-    **{
-        name: ("docs/howto/humans.md", f"| {name} | {{}} {unit} | {{}} {unit} |",
-               from_json("human_walk.json", form, *(f"{one}/{key}" for one in HUMAN)))
-        for name, unit, form, key in (
-            ("vertical force, rms by its peak", "%", "{:.1f}", "vertical_percent_of_peak"),
-            ("horizontal force, rms by its peak", "%", "{:.1f}", "horizontal_percent_of_peak"),
-            ("CoP in single support, rms", "mm", "{:.0f}", "cop_single_mm"),
-            ("CoP in double support, rms", "mm", "{:.0f}", "cop_double_mm"),
-            ("all of these together", "%", "{:.1f}", "within_all_bands_percent"),
-        )
-    },
-    "a second human's markers, forces and CoP": (
-        "docs/howto/humans.md",
-        "markers {} mm; vertical force {} %, horizontal {} %; CoP {} mm in single and {} mm in"
-        " double support; {} % within the bands",
-        both(
-            from_json("human_walk_treadmill.json", "{:.1f}", "markers_mm",
-                      "against_plates/vertical_percent_of_peak",
-                      "against_plates/horizontal_percent_of_peak"),
-            from_json("human_walk_treadmill.json", "{:.0f}", "against_plates/cop_single_mm",
-                      "against_plates/cop_double_mm"),
-            from_json("human_walk_treadmill.json", "{:.1f}",
-                      "against_plates/within_all_bands_percent"),
-        ),
-    ),
+    **HUMANS,
     "what a hand on a wall is worth": (
         "docs/figures.md",
         "The hand is worth {} times the push without a wall on average and {} times at least.",
