@@ -88,7 +88,7 @@ def test_files_of_all_layouts_and_what_came_of_it(walk: Path, monkeypatch) -> No
 def test_a_standing_motion_is_a_problem_that_is_simulated(tmp_path: Path, monkeypatch) -> None:
     pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(HumanOptions, "motion", lambda *given: crouching(1.2))
+    monkeypatch.setattr(HumanOptions, "motion", lambda *given, **how: crouching(1.2))
     options = ["--robot", "hoap2_like", "--rate", "40", "-o", "m.npz", "--problem", "m.yaml", "-q"]
     found = CliRunner().invoke(app, ["retarget", "any.trc", *options])
     assert found.exit_code == 0, found.output

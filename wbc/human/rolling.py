@@ -17,7 +17,7 @@ from wbc.human.residual_noise import CENTRE
 from wbc.motion.dropouts import runs
 from wbc.motion.filtering import low_passed
 from wbc.motion.series import RmpSeries
-from wbc.robot.series import state_series
+from wbc.robot.series import FRAMES_PER_CALL, state_series
 from wbc.validate import Array
 
 # Parts of the stature: how far a foot's CoP is in front of the ankle for each rad by which the
@@ -103,16 +103,19 @@ def _rolled(series: RmpSeries, stature: float) -> tuple[Array, Array]:
     spots, ahead = np.empty((2, len(series), 2, 2))
     robot = series.robot
     for k, (side, foot) in enumerate(robot.feet.items()):
-        shank, ankle = f"{side}_shank", f"{side}_foot"
-        states = state_series(robot, series.q, frames=(shank, ankle, foot.frame))
-        at, (x, y, z) = states.position(ankle), states.rotation(foot.frame).transpose(2, 0, 1)
-        below = at - z * ((at - states.position(foot.frame)) * z).sum(axis=1)[:, None]
-        ahead[:, k] = x[:, :2] / np.maximum(np.linalg.norm(x[:, :2], axis=1), 1e-3)[:, None]
-        leg = states.position(shank) - at
-        lean = np.arctan2((leg[:, :2] * ahead[:, k]).sum(axis=1), leg[:, 2])
-        front = stature * np.clip(ARC * lean, 0.0, BALL)
+        shank, ankle, sole = f"{side}_shank", f"{side}_foot", foot.frame
         out = stature * OUTWARD * (1.0 if side == "left" else -1.0)
-        spots[:, k] = (below + front[:, None] * x + out * y)[:, :2]
+        for first in range(0, len(series), FRAMES_PER_CALL):
+            part = slice(first, first + FRAMES_PER_CALL)
+            states = state_series(robot, series.q[part], frames=(shank, ankle, sole))
+            at, (x, y, z) = states.position(ankle), states.rotation(sole).transpose(2, 0, 1)
+            below = at - z * ((at - states.position(sole)) * z).sum(axis=1)[:, None]
+            level = x[:, :2] / np.maximum(np.linalg.norm(x[:, :2], axis=1), 1e-3)[:, None]
+            leg = states.position(shank) - at
+            lean = np.arctan2((leg[:, :2] * level).sum(axis=1), leg[:, 2])
+            front = stature * np.clip(ARC * lean, 0.0, BALL)
+            spots[part, k] = (below + front[:, None] * x + out * y)[:, :2]
+            ahead[part, k] = level
     return spots, ahead
 
 
