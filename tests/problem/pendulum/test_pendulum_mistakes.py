@@ -52,7 +52,7 @@ MISTAKES = {
                      " support: flight}}}", "law (to simulate) or plan"),
     "broken triangle": (
         LAW.replace("rmp_planar", "rmp_solid").replace("static_lean, angle: 1.5", "stabiliser"),
-        "radii: 0.25", "inertia: [5.0, 1.0, 1.0]", "no mass has these moments"),
+        "radii: 0.25", "inertia: [5.0, 1.0, 1.0]", "start.inertia: moments"),
     "spin out of reach": (
         LAW.replace("radii: 0.25", "radii: 0.25, rates: {spin: 1.0}"),
         "static_lean, angle: 1.5", "spin, spin: 1e6", "out of reach"),

@@ -8,8 +8,10 @@ from typing import Annotated
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from wbc.errors import InvalidInputError
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import Forms, NonNegative, Number, Point, Section, Size, Three
+from wbc.rmp.plan import radii_for
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array
@@ -116,12 +118,7 @@ def _three(value: float | tuple[float, ...], *where: str) -> Array:
 
 
 def _radii(moments: Array, mass: float) -> Array:
-    """Return r_k (3,) with (M/3) (r_i^2 + r_j^2) the moments of inertia (3,)."""
-    squares = 3.0 * (0.5 * moments.sum() - moments) / mass
-    if squares.min() < 0.0:
-        k = int(squares.argmin())
-        raise Misplaced(
-            f"no mass has these moments: {moments[k]:g} is more than the sum of the other two",
-            "inertia",
-        )
-    return np.asarray(np.sqrt(squares))
+    try:
+        return radii_for(mass, moments.tolist())
+    except InvalidInputError as error:
+        raise Misplaced(str(error).removeprefix("inertia: "), "inertia") from error
