@@ -153,6 +153,30 @@ def test_plates_whose_clock_is_late_are_told_and_bands_allow_for_clocks(
     np.testing.assert_allclose(wider[:, :3], (human.noise.late * rate) ** 2, atol=1e-3)
 
 
+@pytest.mark.slow
+def test_frames_in_which_a_foot_stands_over_the_edge_of_a_plate_are_not_compared(
+    marched: tuple,  # type: ignore[type-arg]
+) -> None:
+    _, _, human = marched
+    series = wbc.analyze(human.motion, cutoff=6.0, noise=None, feet=None)
+    robot, time = human.motion.robot, human.motion.time
+    force = human.recording.plates[0].force
+    q = np.hstack((human.motion.base, human.motion.joints))
+    soles = np.array([robot.snapshot(one).position(robot.feet["left"].frame) for one in q])
+    moment = np.cross(soles * (1.0, 1.0, 0.0), force)
+    down = np.tile((True, False), (len(time), 1))
+    square = np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
+    frames = []
+    for corners in (None, 3.0 * square, 3.0 * square + soles[0] - (0.0, 3.0, 0.0)):
+        plate = ForcePlate("plate", time, force, moment, corners)
+        found = compared(series, (plate,), down, time)
+        frames.append(0 if found is None else len(found.time))
+    assert frames[1] == frames[0] > 100
+    # The third one's edge is under the middle of the sole at first: it is left while it is over it.
+    over = np.abs(soles[:, 1] - soles[0, 1]) < 0.02
+    assert over.sum() > 20 and frames[2] <= frames[0] - over.sum()
+
+
 def test_a_human_that_comes_late_and_leaves_early_is_taken_while_it_is_seen() -> None:
     recording, _ = recorded(BODY, seconds=1.0)
     here = recording.positions.copy()

@@ -174,7 +174,6 @@ def _plate(file: C3dFile, k: int, signals: Array, time: Array, unit: float) -> F
     texts = [text.lower().replace(".", "") for text in file.texts("ANALOG:UNITS")]
     torque = texts[columns[-1]] if columns[-1] < len(texts) else ""
     arm = {"nmm": 1e-3, "nm": 1.0, "ncm": 1e-2}.get(torque, unit)
-    force, moment = plate_wrench(
-        kind, values, unit * corners[:, :, k].T, unit * origin[:, k], unit, arm
-    )
-    return ForcePlate(f"plate {k + 1}", time, force, moment)
+    places = unit * corners[:, :, k].T
+    force, moment = plate_wrench(kind, values, places, unit * origin[:, k], unit, arm)
+    return ForcePlate(f"plate {k + 1}", time, force, moment, places)

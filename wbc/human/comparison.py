@@ -13,15 +13,19 @@ from scipy.ndimage import binary_dilation, binary_erosion
 from wbc.human.contacts import Bools, nearest_rows
 from wbc.human.markers import ForcePlate
 from wbc.motion.filtering import low_passed
+from wbc.motion.ground import sole_corners
 from wbc.motion.series import RmpSeries
 from wbc.motion.smoothing import even_grid
 from wbc.motion.uncertainty import BAND
+from wbc.polygon import convex_hull, polygon_margin
 from wbc.rmp.ground import centre_of_pressure
+from wbc.robot.series import sole_series
 from wbc.spatial import STANDARD_GRAVITY
 from wbc.validate import Array
 
 LOADED = 20.0  # N: a plate that is pushed less is empty
 BESIDE = 0.15  # m: how far a plate's CoP may be from a sole that stands on it
+BEYOND = 0.02  # m: a sole that reaches farther over the plates' edge stands beside them in part
 LATE = 0.06  # s: how much a foot's landing on a plate and its landing by the motion may differ
 SMEARED = 0.4  # of the low-pass' period: how far a force that no plate has reaches into others
 LEAST_FRAMES = 5
@@ -94,8 +98,7 @@ def compared(
     if not plates:
         return None
     feet = down[nearest_rows(time, series.time)]
-    soles = _sole_places(series)
-    whole, force, moment = _complete(plates, series, feet, soles)
+    whole, force, moment = _complete(plates, series, feet)
     whole &= force[:, 2] > PRESSED * series.robot.weight
     if whole.sum() < LEAST_FRAMES:
         return None
@@ -127,7 +130,7 @@ def plates_mass(series: RmpSeries, plates: tuple[ForcePlate, ...], down: Bools) 
     """
     if not plates:
         return None
-    whole, force, _ = _complete(plates, series, down, _sole_places(series))
+    whole, force, _ = _complete(plates, series, down)
     whole &= force[:, 2] > LOADED
     if whole.sum() < LEAST_FRAMES:
         return None
@@ -135,23 +138,25 @@ def plates_mass(series: RmpSeries, plates: tuple[ForcePlate, ...], down: Bools) 
     return float(force[whole, 2].sum() / needed.sum())
 
 
-def _sole_places(series: RmpSeries) -> Array:
-    """Return the middles of the soles (n, f, 2) [m]."""
-    robot = series.robot
-    found = np.empty((len(series), len(robot.feet), 2))
-    for k, q in enumerate(series.q):
-        state = robot.snapshot(q)
-        for number, foot in enumerate(robot.feet.values()):
-            found[k, number] = state.position(foot.frame)[:2]
-    return found
+def _beyond(plates: tuple[ForcePlate, ...], corners: Array) -> Bools:
+    """Return which feet (n, f), of corners (n, f, k, 2), reach beyond the plates, if those say."""
+    beyond = np.ones(corners.shape[:-1], dtype=bool)
+    for plate in plates:
+        if plate.corners is None:
+            return np.zeros(corners.shape[:2], dtype=bool)
+        beyond &= polygon_margin(convex_hull(plate.corners[:, :2]), corners) < -BEYOND
+    return np.asarray(beyond.any(axis=2))
 
 
 def _complete(
-    plates: tuple[ForcePlate, ...], series: RmpSeries, down: Bools, soles: Array
+    plates: tuple[ForcePlate, ...], series: RmpSeries, down: Bools
 ) -> tuple[Bools, Array, Array]:
     """Return in which frames the plates have all of the force, the force and its moment (n, 3)."""
     time = series.time
     step = float(time[1] - time[0])
+    placed = sole_series(series.robot, series.q)
+    soles = np.stack([placed[foot][:, :2, 3] for foot in series.robot.feet], axis=1)
+    beyond = _beyond(plates, sole_corners(series.robot, placed)[..., :2])
     on = np.zeros(down.shape, dtype=bool)
     force, moment = np.zeros((2, len(time), 3))
     inside = np.ones(len(time), dtype=bool)
@@ -173,6 +178,7 @@ def _complete(
     around = np.ones((2 * late + 1, 1), dtype=bool)
     covered = binary_dilation(on, around) | ~down
     whole = covered.all(axis=1) & (on & down).any(axis=1) & inside & ~stray
+    whole &= ~(beyond & down).any(axis=1)
     apart = late + (0 if series.cutoff is None else round(SMEARED / series.cutoff / step))
     return np.asarray(binary_erosion(whole, np.ones(2 * apart + 1, dtype=bool))), force, moment
 

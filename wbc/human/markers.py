@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,6 +37,7 @@ class ForcePlate:
     time: Array  # (k,) [s]
     force: Array  # (k, 3) [N], of the ground on the human
     moment: Array  # (k, 3) about the world's origin [N m]
+    corners: Array | None = None  # (4, 3) of its surface [m]; None: not known
 
     def __post_init__(self) -> None:
         count = real_array(f"{self.name}: time", self.time).size
@@ -46,15 +47,19 @@ class ForcePlate:
         if count < 2 or not (np.diff(time) > 0.0).all():
             raise InvalidInputError(f"{self.name}: times must increase, at least two of them")
         set_fields(self, time=read_only(time), force=read_only(force), moment=read_only(moment))
+        if self.corners is not None:
+            corners = finite_array(f"{self.name}: corners", self.corners, (4, 3))
+            set_fields(self, corners=read_only(corners))
 
     def pushing(self) -> ForcePlate:
         """Return it with the sign for which the ground pushes up (z) rather than pulls."""
         sign = -1.0 if float(self.force[:, 2].sum()) < 0.0 else 1.0
-        return ForcePlate(self.name, self.time, sign * self.force, sign * self.moment)
+        return replace(self, force=sign * self.force, moment=sign * self.moment)
 
     def rotated(self, R: Array) -> ForcePlate:
         """Return it in world axes turned by ``R`` (3, 3)."""
-        return ForcePlate(self.name, self.time, self.force @ R.T, self.moment @ R.T)
+        corners = None if self.corners is None else self.corners @ R.T
+        return ForcePlate(self.name, self.time, self.force @ R.T, self.moment @ R.T, corners)
 
 
 @dataclass(frozen=True, eq=False)
