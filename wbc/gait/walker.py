@@ -315,8 +315,8 @@ class Walker:
             phase = planner.adapted(phase, now, self.heading, self.velocity)
             self._count(phase)
             phase, pose = planner.swung(phase, now, self.heading, self.velocity, dt)
-            exact = bool(phase.given) and phase.swing.crossing is None
-            self._whole_body.swing(other(phase.support), pose, exact=exact)
+            exact, over = bool(phase.given), phase.swing.crossing is not None
+            self._whole_body.swing(other(phase.support), pose, exact=exact, over=over)
             if felt:
                 phase = phase.felt(now, felt[phase.support], self.robot.weight)
             reference = planner.single(phase, now)

@@ -30,6 +30,8 @@ UP = np.array((0.0, 0.0, 1.0))
 FIRM_HIPS = 4.0
 # How much a foot in the air weighs in how it is turned, in parts of its place.
 TURN = 0.3
+# How high it is, likewise, where it has to land on a footstep beyond an edge.
+OVER = 3.0
 
 
 @dataclass(frozen=True)
@@ -48,9 +50,10 @@ class WalkingWeights:
     place, a leg swung by its hip drew a G1's foot down by 25 m/s^2 when it hurried ahead at 70, and
     held it up as it slowed; at three times that weight, hurried ahead or aside after a push, it was
     3 cm lower than planned, scuffed and landed 0.4 m short of its footstep. On footsteps that are
-    given, and cross no edge, the place counts as much: with a firm height a small humanoid's feet
-    landed 4 mm from them in place of 2. Down stairs of 15 cm, where the ankle that bears is at its
-    limit, a G1's foot was drawn 2 cm too low without it, landed 0.1 s early and threw the CoM up.
+    given the place counts as much: with a firm height a small humanoid's feet landed 4 mm from them
+    in place of 2. Not quite over edges: down stairs of 15 cm, where the ankle that bears is at its
+    limit, a G1's foot was drawn 2 cm too low, landed 0.1 s early and threw the CoM up. At three
+    times the place it lands in time.
 
     Where that foot is comes before how it is turned: ankles and hips that are at their bounds as a
     leg is hurried aside held it back for that. Of 190 m/s^2 that a G1's late foot was asked for it
@@ -141,6 +144,7 @@ class WholeBody:
         bent = robot.snapshot(posture)
         self._kinds = {foot: contact_of(bent, foot) for foot in self._frames}
         self._exact_weight = w.swing
+        self._over_weight = w.swing * np.array((1.0, 1.0, OVER, 1.0, 1.0, 1.0))
         self.weigh_swing(w.swing, w.lift)
         trunks = dict.fromkeys((BASE, heaviest_link(robot)))
         self._upright = {one: turned(-heading) @ start.rotation(one) for one in trunks}
@@ -226,11 +230,12 @@ class WholeBody:
         turn = TURN * swing
         self._swing_weight = np.array((swing, swing, lift, turn, turn, turn))
 
-    def swing(self, foot: str, pose: FootPose, *, exact: bool = False) -> None:
-        """Lead a foot through the air; ``exact``: without a height that comes before the place."""
+    def swing(self, foot: str, pose: FootPose, *, exact: bool = False, over: bool = False) -> None:
+        """Lead a foot through the air; ``exact``: to a place that counts, ``over`` edges or not."""
         task = self._swing[foot]
         if not task.weight.any():
-            task.weight = self._exact_weight if exact else self._swing_weight
+            given = self._over_weight if over else self._exact_weight
+            task.weight = given if exact else self._swing_weight
         task.set_target(*pose)
 
     def lead(
