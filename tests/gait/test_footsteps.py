@@ -163,6 +163,10 @@ def test_the_com_sinks_for_a_step_that_is_longer_than_in_a_walk(legs: Legs) -> N
     assert sunk[1] == pytest.approx(0.03 * hip)
 
 
+def still(dcm: complex) -> GaitState:
+    return GaitState(dcm, dict.fromkeys(SIGN, np.zeros(3)), {})
+
+
 @pytest.mark.parametrize(
     ("early", "behind", "waits"),
     [
@@ -184,15 +188,22 @@ def test_a_foot_that_lands_early_waits_for_the_dcm(
     for k in range(n):  # backwards, from where the next foot bears alone
         vrp, dt = goal * (1.0 - (k + 0.5) / n), gait.double / n
         dcm = vrp + (dcm - vrp) * np.exp(-omega * dt)
-    now = GaitState(dcm * np.exp(-omega * behind), dict.fromkeys(SIGN, np.zeros(3)), {})
+    now = still(dcm * np.exp(-omega * behind))
     assert planner.double_time(phase, now) == pytest.approx(gait.double + waits, abs=1e-6)
 
 
-def test_a_foot_that_lands_early_waits_for_a_dcm_that_goes_back(legs: Legs) -> None:
+@pytest.mark.parametrize("aside", [0.0, 0.5, 2.0])
+def test_a_foot_that_lands_early_waits_until_the_dcm_is_nearest(legs: Legs, aside: float) -> None:
+    """Of a DCM that is pushed aside, or goes back, by a search over times."""
     gait = GaitSettings.of(legs)
-    now = GaitState(-0.1 + 0.0j, dict.fromkeys(SIGN, np.zeros(3)), {})
-    phase = on_one_foot("left", 0.3, 0.1, 0.3 - 0.2j)
-    assert planner_of(legs, gait).double_time(phase, now) == gait.double + 0.1
+    planner, phase = planner_of(legs, gait), on_one_foot("left", 0.3, 0.2, 0.3 - 0.2j)
+    wanted = planner.single(phase._replace(left=0.0), still(0.0)).dcm
+    for part in (0.8, 0.5, -0.3):
+        dcm = wanted * (part + 1j * part * aside)
+        times = np.linspace(0.0, phase.left, 20001)
+        nearest = times[np.argmin(np.abs(dcm * np.exp(gait.omega * times) - wanted))]
+        found = planner.double_time(phase, still(dcm))
+        assert found == pytest.approx(gait.double + nearest, abs=2e-5)
 
 
 def test_between_two_feet_the_pressure_is_wanted_where_they_are(legs: Legs) -> None:

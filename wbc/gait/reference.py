@@ -198,13 +198,14 @@ class StepPlanner:
     def double_time(self, phase: SingleSupport, now: GaitState) -> float:
         """Return how long the double support lasts that ends a phase now [s].
 
-        A foot that lands before its time, on higher ground, waits for the DCM, which is not yet
-        where the VRP leaves the other foot, but no longer than until then.
+        A foot that lands before its time, on higher ground, waits for the DCM to come as near as it
+        does to where the VRP leaves the other foot, but no longer than until then. After a push
+        aside that is sooner than ahead it is there: what goes aside grows as long as one waits.
         """
         base = now.place(phase.support)
-        leaving = self._leaving(phase, base)
-        there = ((now.dcm - base) * leaving.conjugate()).real / abs(leaving) ** 2  # of the way
-        lacks = -math.log(there) / self.gait.omega if there > 0.0 else math.inf
+        leaving, there = self._leaving(phase, base), now.dcm - base
+        grows = (leaving * there.conjugate()).real / max(abs(there) ** 2, 1e-12)
+        lacks = math.log(grows) / self.gait.omega if grows > 1.0 else 0.0
         return self.gait.double + max(min(phase.left, lacks), 0.0)
 
     def velocity_on_steps(self, phase: Phase, now: GaitState, heading: float) -> Velocity | None:
