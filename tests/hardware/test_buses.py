@@ -13,7 +13,7 @@ import pytest
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.hardware.bus import BaseTruth, BusError, Command, Reading
 from wbc.hardware.ring_log import RingLog
-from wbc.hardware.ros import fill, joint_state, odometry
+from wbc.hardware.ros import fill, joint_state, odometry, state_of
 from wbc.hardware.setup import Where
 from wbc.hardware.udp import (
     UdpBus,
@@ -92,8 +92,8 @@ def test_udp_takes_each_command_once_and_the_newest_reading(
     reading: Reading, command: Command
 ) -> None:
     ports = free_port(), free_port()
-    robot = UdpRobotBus(N, port=ports[0], other_port=ports[1])
-    bus = UdpBus(N, port=ports[1], other_port=ports[0])
+    robot = UdpRobotBus(N, port=ports[0], controller_port=ports[1])
+    bus = UdpBus(N, port=ports[1], robot_port=ports[0])
     try:
         assert robot.receive() is None and bus.read() is None
         for number in (3, 2, 3):
@@ -251,12 +251,14 @@ def test_ros_fields_return_the_state(g1: Robot, reading: Reading) -> None:
     joints = joint_state(g1, reading)
     base = odometry(q, v, 12.25, pose_covariance=np.eye(6))
     assert base["header"]["stamp"] == {"sec": 12, "nanosec": 250_000_000}
-    place, rates = base["pose"]["pose"], base["twist"]["twist"]
-    assert [*place["position"].values(), *place["orientation"].values()] == q[:7].tolist()
-    assert [*rates["linear"].values(), *rates["angular"].values()] == v[:6].tolist()
-    assert joints["name"] == list(g1.joint_names)
-    assert joints["position"] == reading.position.tolist() and joints["velocity"] == v[6:].tolist()
-    assert base["pose"]["covariance"] == np.eye(6).ravel().tolist()
+    shuffled = np.random.default_rng(5).permutation(N)
+    mixed = {key: [joints[key][k] for k in shuffled] for key in ("name", "position", "velocity")}
+    found_q, found_v = state_of(g1, mixed, base)
+    np.testing.assert_array_equal(found_q, np.concatenate((q[:7], reading.position)))
+    np.testing.assert_array_equal(found_v, v)
+    lacking = {key: values[1:] for key, values in mixed.items()}
+    with pytest.raises(InvalidInputError, match="JointState, position"):
+        state_of(g1, lacking, base)
     message = SimpleNamespace(header=SimpleNamespace(stamp=SimpleNamespace()))
     fill(message, {"header": joints["header"], "name": joints["name"]})
     assert message.header.stamp.nanosec == 42_000_000 and message.name == list(g1.joint_names)

@@ -7,11 +7,16 @@ message object. ``examples/ros2_node.py`` is a node.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from wbc.hardware.bus import Reading
+from wbc.hardware.robot_controller import configuration
 from wbc.robot import Robot
+from wbc.robot.limits import BASE_NV
 from wbc.validate import Array, finite_array
 
 NANO = 1_000_000_000
@@ -84,6 +89,33 @@ def odometry(
             "covariance": _flat("twist_covariance", twist_covariance),
         },
     }
+
+
+def state_of(
+    robot: Robot, joints: Mapping[str, Any], base: Mapping[str, Any]
+) -> tuple[Array, Array]:
+    """Return configuration (nq,) and velocity (nv,) of a ``JointState`` and an ``Odometry``.
+
+    Joints may come in any order; other joints' values are left out.
+
+    Raises
+    ------
+    InvalidInputError
+        A joint of the robot is missing, or numbers that are not finite.
+    """
+    places = {name: k for k, name in enumerate(joints["name"])}
+    order = [places.get(name, -1) for name in robot.joint_names]
+    padded = {key: [*joints[key], math.nan] for key in ("position", "velocity")}
+    n = (len(order),)
+    position, rates = (
+        finite_array(f"JointState, {key}", np.array([values[k] for k in order]), n)
+        for key, values in padded.items()
+    )
+    pose, twist = base["pose"]["pose"], base["twist"]["twist"]
+    at = [*pose["position"].values(), *pose["orientation"].values()]
+    moving = [*twist["linear"].values(), *twist["angular"].values()]
+    q = configuration(robot, finite_array("Odometry, pose", at, (7,)), position)
+    return q, np.concatenate((finite_array("Odometry, twist", moving, (BASE_NV,)), rates))
 
 
 def fill(message: Any, fields: Mapping[str, Any]) -> Any:

@@ -21,7 +21,7 @@ from wbc.hardware.robot_controller import (
 from wbc.hardware.robot_side import STEP, RobotSettings, SimulatedRobot
 from wbc.hardware.safety import Safety, SafetyLimits
 from wbc.hardware.sensor_checks import SensorChecks
-from wbc.hardware.udp import UdpBus, UdpRobotBus
+from wbc.hardware.udp import COMMAND_PORT, READING_PORT, UdpBus, UdpRobotBus
 from wbc.hardware.unitree.profiles import Profile, by_pattern
 from wbc.problem.problem import Problem
 from wbc.problem.provenance import versions
@@ -78,7 +78,9 @@ class Where(NamedTuple):
             DDS without cyclonedds.
         """
         if self.bus == "udp":
-            return UdpBus(len(robot.joint_names), self.address, **self._ports(UdpBus.PORTS))
+            ports = {"port": READING_PORT, "robot_port": COMMAND_PORT}
+            moved = {name: port + 2 * self.domain for name, port in ports.items()}
+            return UdpBus(len(robot.joint_names), self.address, **moved)
         self._check()
         from wbc.hardware.unitree.dds import UnitreeBus
 
@@ -87,16 +89,13 @@ class Where(NamedTuple):
     def open_robot(self, profile: Profile, robot: Robot) -> RobotBus:
         """Return the robot's end; it raises as :meth:`open` does."""
         if self.bus == "udp":
-            ports = self._ports(UdpRobotBus.PORTS)
-            return UdpRobotBus(len(robot.joint_names), self.address, **ports)
+            ports = {"port": COMMAND_PORT, "controller_port": READING_PORT}
+            moved = {name: port + 2 * self.domain for name, port in ports.items()}
+            return UdpRobotBus(len(robot.joint_names), self.address, **moved)
         self._check()
         from wbc.hardware.unitree.dds import UnitreeRobotBus
 
         return UnitreeRobotBus(profile, robot, self.interface, self.domain)
-
-    def _ports(self, ports: tuple[int, int]) -> dict[str, int]:
-        own, other = (port + 2 * self.domain for port in ports)
-        return {"port": own, "other_port": other}
 
     def _check(self) -> None:
         if self.bus not in BUSES:

@@ -12,7 +12,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Callable
-from typing import ClassVar, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -88,35 +88,13 @@ def unpack_command(packet: bytes, joints: int) -> Command | None:
 
 
 class _UdpEnd:
-    """An end of the bus, on its own port.
+    """An end of the bus: it listens on its ``port``, and sends to the other one."""
 
-    Parameters
-    ----------
-    address:
-        Of the other end; 127.x for this machine alone.
-    port, other_port:
-        Where this end and the other one listen.
-
-    Raises
-    ------
-    BusError
-        The port is taken, or no such address.
-    """
-
-    PORTS: ClassVar[tuple[int, int]]  # own and other's by default
-
-    def __init__(
-        self,
-        joints: int,
-        address: str = "127.0.0.1",
-        *,
-        port: int | None = None,
-        other_port: int | None = None,
-    ) -> None:
-        own, other = self.PORTS
+    def __init__(self, joints: int, to: tuple[str, int], port: int) -> None:
         self.joints, self.dropped = whole_number("UDP bus, joints", joints, least=1), Counter[str]()
-        self._to = address, _port(other if other_port is None else other_port)
-        self._socket = _opened(address, own if port is None else port)
+        address, other = to
+        self._to = address, _port(other)
+        self._socket = _opened(address, port)
 
     def close(self) -> None:
         """Leave the bus."""
@@ -139,10 +117,7 @@ class _UdpEnd:
 
 
 class UdpBus(_UdpEnd):
-    """The controller's end: commands go to the robot's ``address``.
-
-    Parameters are ``joints``, the robot's address (by default this machine), ``port``, where
-    readings come, and ``other_port``, where commands go.
+    """The controller's end; ``robot`` is the address to which commands go.
 
     Raises
     ------
@@ -150,7 +125,15 @@ class UdpBus(_UdpEnd):
         The port is taken, or no such address.
     """
 
-    PORTS = READING_PORT, COMMAND_PORT
+    def __init__(
+        self,
+        joints: int,
+        robot: str = "127.0.0.1",
+        *,
+        port: int = READING_PORT,
+        robot_port: int = COMMAND_PORT,
+    ) -> None:
+        super().__init__(joints, (robot, robot_port), port)
 
     def read(self) -> Reading | None:
         """Return the newest reading since the last call, by its sequence; None if none came."""
@@ -162,10 +145,24 @@ class UdpBus(_UdpEnd):
 
 
 class UdpRobotBus(_UdpEnd):
-    """The robot's end: readings go to the controller's ``address``."""
+    """The robot's end; readings go to the controller at ``address``.
 
-    PORTS = COMMAND_PORT, READING_PORT
-    _last = -1
+    Raises
+    ------
+    BusError
+        The port is taken, or no such address.
+    """
+
+    def __init__(
+        self,
+        joints: int,
+        address: str = "127.0.0.1",
+        *,
+        port: int = COMMAND_PORT,
+        controller_port: int = READING_PORT,
+    ) -> None:
+        super().__init__(joints, (address, controller_port), port)
+        self._last = -1
 
     def receive(self) -> Command | None:
         """Return the newest command since the last call; None if none came."""
