@@ -244,7 +244,7 @@ def ablation_picture(name: str) -> None:
             most = [survived[variant].get((side, phase), 0.0) for side in sides]
             left = at + width * (k + 0.5 - 0.5 * len(shown))
             bars = axes.bar(left, most, 0.95 * width, color=colour, label=variant)
-            how = {"fmt": "%.1f", "color": "white", "label_type": "center"}
+            how = {"fmt": "%.0f", "color": "white", "label_type": "center"}
             axes.bar_label(bars, fontsize=style.SMALL, **how)
         for (colour, dots), (bound, largest) in zip(BOUNDS, bounds.items(), strict=False):
             for k, side in enumerate(sides):

@@ -200,7 +200,7 @@ CLAIMS: dict[str, tuple[str, str, Figures]] = {
             "docs/figures.md", f"| {side}, {phase}/4 | " + " | ".join(["{}"] * 7) + " |",
             survived(side, phase),
         )
-        for side in ("back", "right", "front", "left") for phase in (0, 3)
+        for side in ("back", "right", "front", "left") for phase in range(4)
     },
     "turns of the standing foot": (
         "docs/figures.md",
