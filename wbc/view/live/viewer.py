@@ -22,6 +22,7 @@ from wbc.robot.model import check_robot
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array
 from wbc.view.live.collect import cast_of, obstacles_of, targets_of, told_of
+from wbc.view.live.mailbox import Mailbox
 from wbc.view.live.messages import Frame, Pulled, Request, Setup, WholeRun, Wish
 from wbc.view.live.process import HOST, Failed, PageProcess, free_place
 from wbc.view.live.steering import Steering
@@ -121,8 +122,7 @@ class Viewer:
         self.steering = Steering()
         self.error = ""
         self._may_steer = steer
-        self._latest = deque[News](maxlen=1)  # what nobody has taken is replaced
-        self._updates = self._taken = 0
+        self._mailbox = Mailbox[News]()
         self._wishes = deque[Wish]()
         self._requests = deque[Request]()
         self._recorded: WholeRun | None = None
@@ -201,10 +201,9 @@ class Viewer:
         if time is None:
             time = self._since_first()
         controller = self.controller
-        self._latest.append(
+        self._mailbox.put(
             News(time, snapshot, tick, controller, seconds, phase, remark, playing, push, pull)
         )
-        self._updates += 1
 
     def steer(self) -> None:
         """Set the targets and weights that the user wants; :meth:`update` does it too.
@@ -265,7 +264,7 @@ class Viewer:
     @property
     def dropped(self) -> int:
         """How many updates were not sent, since a later one was there."""
-        return self._updates - self._taken - len(self._latest)
+        return self._mailbox.dropped
 
     def _since_first(self) -> float:
         now = time.monotonic()
@@ -279,8 +278,7 @@ class Viewer:
         """Send the latest news, at most every :data:`PERIOD`."""
         known: tuple[object, ...] = ()
         while not self._closed.wait(PERIOD):
-            news = self._latest.pop() if self._latest else None
-            self._taken += news is not None
+            news = self._mailbox.take()
             recorded, self._recorded = self._recorded, None
             try:
                 if recorded is not None:
