@@ -131,7 +131,7 @@ def calls() -> list[Call]:
         ("felt", felt.update, {"q": q, "v": s.v, "torque": np.zeros(robot.nv - 6), "dt": 0.01}),
         ("measurement", Measurement, {"time": 0.0, "positions": np.zeros(3), "imus": ()}),
         ("safety", Safety, {"limits": None, "damping": np.ones(3), "dt": 0.002}),
-        ("udp", bus, {"joints": 3, "address": "127.0.0.1", "port": 0}),
+        ("udp", bus, {"joints": 3, "robot": "127.0.0.1", "port": 0}),
         ("reduce", wbc.reduce, {"snapshot": s, "feet": None, "wrenches": None,
                                 "previous": None}),
         ("pendulum", wbc.pendulum_of, {"start": s}),
