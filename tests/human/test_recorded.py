@@ -8,7 +8,7 @@ import pytest
 import wbc
 from tests.human.walker import LABELS, marching, recorded, write_trc
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.human import MarkerRecording, compared, human_motion, read_markers
+from wbc.human import HumanMotion, MarkerRecording, compared, human_motion, read_markers
 from wbc.human.body import HINGE_NAMES, NAMES, SEGMENT_NAMES, HumanBody
 from wbc.human.fit import MarkerSet, continuous, first_poses, fit_poses
 from wbc.human.kinematics import Poses, place
@@ -111,17 +111,22 @@ def test_plates_that_have_not_all_are_not_compared(marched: tuple) -> None:  # t
     assert compared(series, (), human.down, human.motion.time) is None
 
 
+def below(human: HumanMotion) -> np.ndarray:
+    """Return where the left sole is above the ground (n, 3) [m], at its height 0."""
+    robot, q = human.motion.robot, np.hstack((human.motion.base, human.motion.joints))
+    frame = robot.feet["left"].frame
+    return np.array([robot.snapshot(one).position(frame) * (1.0, 1.0, 0.0) for one in q])
+
+
 @pytest.mark.slow
 def test_frames_beside_those_in_which_a_foot_is_on_no_plate_are_not_compared(
     marched: tuple,  # type: ignore[type-arg]
 ) -> None:
     _, _, human = marched
     series = wbc.analyze(human.motion, cutoff=6.0, noise=None, feet=None)
-    robot, time = human.motion.robot, human.motion.time
-    q = np.hstack((human.motion.base, human.motion.joints))
-    soles = np.array([robot.snapshot(one).position(robot.feet["left"].frame) for one in q])
+    time = human.motion.time
     force = np.where(time[:, None] < 1.5, 0.0, human.recording.plates[0].force)
-    plate = ForcePlate("plate", time, force, np.cross(soles * (1.0, 1.0, 0.0), force))
+    plate = ForcePlate("plate", time, force, np.cross(below(human), force))
     found = compared(series, (plate,), np.tile((True, False), (len(time), 1)), time)
     assert found is not None
     # What the low-pass carries of the missing force into the frames beside it is 9 % at its edge.
@@ -134,11 +139,8 @@ def test_plates_whose_clock_is_late_are_told_and_bands_allow_for_clocks(
 ) -> None:
     _, _, human = marched
     series = wbc.analyze(human.motion, cutoff=6.0, noise=human.noise, feet=None)
-    robot, time = human.motion.robot, human.motion.time
-    force = human.recording.plates[0].force
-    q = np.hstack((human.motion.base, human.motion.joints))
-    soles = np.array([robot.snapshot(one).position(robot.feet["left"].frame) for one in q])
-    moment = np.cross(soles * (1.0, 1.0, 0.0), force)
+    time, force, soles = human.motion.time, human.recording.plates[0].force, below(human)
+    moment = np.cross(soles, force)
     down = np.tile((True, False), (len(time), 1))
     late = []
     for by in (0.0, 0.012):
@@ -159,11 +161,8 @@ def test_frames_in_which_a_foot_stands_over_the_edge_of_a_plate_are_not_compared
 ) -> None:
     _, _, human = marched
     series = wbc.analyze(human.motion, cutoff=6.0, noise=None, feet=None)
-    robot, time = human.motion.robot, human.motion.time
-    force = human.recording.plates[0].force
-    q = np.hstack((human.motion.base, human.motion.joints))
-    soles = np.array([robot.snapshot(one).position(robot.feet["left"].frame) for one in q])
-    moment = np.cross(soles * (1.0, 1.0, 0.0), force)
+    time, force, soles = human.motion.time, human.recording.plates[0].force, below(human)
+    moment = np.cross(soles, force)
     down = np.tile((True, False), (len(time), 1))
     square = np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
     frames = []

@@ -175,16 +175,16 @@ def _height(joints: list[_Joint]) -> float:
 
 def _unit(unit: str | float | None, height: float, source: str) -> tuple[float, str]:
     if unit is not None:
-        size = UNITS.get(str(unit), math.nan)
-        if math.isnan(size):
-            try:
-                size = float(unit)
-            except (TypeError, ValueError):
-                size = math.nan
-        if not (math.isfinite(size) and size > 0.0):
+        if str(unit) in UNITS:
+            return UNITS[str(unit)], f"lengths in {unit}, as was said"
+        try:
+            size = float(unit)
+        except (TypeError, ValueError):
+            size = math.nan
+        if not 0.0 < size < math.inf:
             what = f"unit: expected {', '.join(UNITS)} or a length in m, got {unit!r}"
             raise RecordingError(what, source)
-        return size, f"lengths in {unit}{'' if str(unit) in UNITS else ' m'}, as was said"
+        return size, f"lengths in {unit} m, as was said"
     for name, size in UNITS.items():
         if HEIGHTS[0] <= height * size <= HEIGHTS[1]:
             return (

@@ -171,11 +171,11 @@ def human_motion(
     q = configurations(robot, poses)
     motion = _motion(robot, recording, q, seen.dropouts)
     down, cutoff = _contacts(motion, q, ground)
-    weighed = None
-    if cutoff * (time[-1] - time[0]) > LEAST_CUTOFF_PERIODS:
+    weighed, weighs = None, mass is None and bool(recording.plates)
+    if (weighs or by_steps) and cutoff * (time[-1] - time[0]) > LEAST_CUTOFF_PERIODS:
         series = analyze(motion, cutoff=cutoff, noise=None, feet=None, ground_height=ground)
         standing = down[nearest_rows(time, series.time)]
-        weighed = plates_mass(series, recording.plates, standing)
+        weighed = plates_mass(series, recording.plates, standing) if weighs else None
         if by_steps:
             moves, told = moved_by_steps(series, standing, found.stature)
             q[:, :2] += np.column_stack([np.interp(time, series.time, one) for one in moves.T])
