@@ -120,6 +120,7 @@ def test_a_log_opens_as_a_run(log: Path, tmp_path: Path) -> None:
     [
         ({"made_of": np.array("{}")}, "does not say what ran"),
         ({"q": None}, "'q': expected shape"),
+        ({"mode": lambda mode: mode + 100}, "damaged"),
         ({"events": None}, "not a log"),
     ],
 )

@@ -53,7 +53,6 @@ def render(
         from wbc.cli.progress import shown_progress
         from wbc.extras import require
         from wbc.problem.pendulum.result import SavedPendulum
-        from wbc.problem.saved import damage_told
 
         require("matplotlib", "wbc render")
         from wbc.view.film import film_format, film_run
@@ -65,7 +64,7 @@ def render(
         check_place("--output", output)
         pixels = _size(size)
         saved = _saved_or_run(run, robot, quiet)
-        with shown_progress(quiet) as progress, damage_told(run):
+        with shown_progress(quiet) as progress:
             told = None if progress is None else _told(progress)
             title = _title_of(saved)
             if isinstance(saved, SavedPendulum):
@@ -102,7 +101,6 @@ def report(
     with errors_in_one_line():
         from wbc.cli.outputs import check_place, write_one
         from wbc.extras import require
-        from wbc.problem.saved import damage_told
 
         require("matplotlib", "wbc report")
         from wbc.view.report.report import report_format
@@ -111,8 +109,7 @@ def report(
         check_place("--output", output)
         saved = _saved_or_run(run, robot, quiet)
         title = _title_of(saved)
-        with damage_told(run):
-            code = write_one(output, lambda path: _write_report(saved, path, title), quiet)
+        code = write_one(output, lambda path: _write_report(saved, path, title), quiet)
     raise typer.Exit(code)
 
 
@@ -137,7 +134,7 @@ def export(
     with errors_in_one_line():
         from wbc.cli.outputs import check_place, write_one
         from wbc.errors import InvalidInputError
-        from wbc.problem.saved import SavedRun, damage_told
+        from wbc.problem.saved import SavedRun
         from wbc.view.mcap_export import mcap_format, write_mcap
 
         mcap_format(output)
@@ -149,10 +146,9 @@ def export(
                 " by: wbc run PROBLEM.yaml -o motion.csv"
             )
         parts = saved.robot, saved.history, saved.summary
-        with damage_told(run):
-            code = write_one(
-                output, lambda path: write_mcap(*parts, path, simulation=saved.simulation), quiet
-            )
+        code = write_one(
+            output, lambda path: write_mcap(*parts, path, simulation=saved.simulation), quiet
+        )
     raise typer.Exit(code)
 
 
@@ -173,13 +169,12 @@ def _saved_or_run(path: Path, robot: str | None, quiet: bool) -> SavedRun | Save
     from wbc.hardware.log_file import HardwareLog, is_log
     from wbc.problem import Problem, load_problem
     from wbc.problem.pendulum.result import SavedPendulum
-    from wbc.problem.saved import SavedRun, damage_told, load_result
+    from wbc.problem.saved import SavedRun, load_result
     from wbc.robot import Robot
 
     if path.suffix.lower() == ".npz":
         if robot is None and is_log(path):
-            with damage_told(path):
-                return HardwareLog.load(path).as_run()
+            return HardwareLog.load(path).as_run()
         return load_result(path, None if robot is None else Robot.load(robot))
     if robot is not None:
         raise InvalidInputError("--robot: only for a result's .npz; a problem names its robot")

@@ -17,7 +17,7 @@ from wbc.hardware.log_row import FAULTS, MODES, log_fields
 from wbc.hardware.ring_log import FORMAT
 from wbc.problem.problem import Problem, problem_of
 from wbc.problem.reading import parse
-from wbc.problem.saved import DAMAGE, SavedRun
+from wbc.problem.saved import SavedRun
 from wbc.robot.names import BASE
 from wbc.run.history import History
 from wbc.spatial import vech
@@ -162,18 +162,26 @@ def _made_of(path: Path, found: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     if any(name not in found for name in WORDS):
         raise InvalidInputError(f"{path}: not a log of wbc hardware run")
     try:
-        made_of = dict(json.loads(str(found["made_of"])))
-        whole = made_of["format"] == FORMAT and "text" in made_of["problem"]
-    except DAMAGE:
+        made_of = json.loads(str(found["made_of"]))
+        known = made_of["format"] == FORMAT
+        whole = known and isinstance(made_of["problem"]["text"], str)
+    except (KeyError, TypeError, ValueError, RecursionError):
         whole = False
     if not whole:
         raise InvalidInputError(f"{path}: does not say what ran, as a {FORMAT!r} does")
-    return made_of
+    return dict(made_of)
 
 
 def _check(path: Path, arrays: Mapping[str, NDArray[Any]], problem: Problem) -> None:
-    robot, count = problem.parts.robot, len(arrays.get("time", ()))
+    robot = problem.parts.robot
+    count = arrays["time"].shape[0] if "time" in arrays and arrays["time"].ndim == 1 else 0
+    if not count:
+        raise InvalidInputError(f"{path}: has no rows")
     for name, size in log_fields(len(robot.joint_names), robot.nq, robot.nv).items():
         shape = (count,) if size == 1 else (count, size)
         if name not in arrays or arrays[name].shape != shape:
-            raise InvalidInputError(f"{path}: array {name!r}: expected shape {shape}; damaged")
+            got = arrays[name].shape if name in arrays else "none"
+            raise InvalidInputError(f"{path}: array {name!r}: expected shape {shape}, got {got}")
+    modes = arrays["mode"]
+    if not (np.isin(modes, range(len(MODES))).all() and np.isfinite(arrays["faults"]).all()):
+        raise InvalidInputError(f"{path}: arrays 'mode' and 'faults': damaged")

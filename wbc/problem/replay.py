@@ -15,7 +15,8 @@ from wbc.errors import InvalidInputError, listed
 from wbc.files import read_arrays
 from wbc.problem.problem import Problem, problem_of
 from wbc.problem.reading import parse
-from wbc.problem.saved import LARGEST, read_summary
+from wbc.problem.saved import FORMATS, LARGEST
+from wbc.problem.saved_summary import read_summary
 from wbc.run.callbacks import Cancelled, Progress
 
 # Of a result, what no two runs share: how long something took, and what it took it with.
@@ -96,12 +97,12 @@ def read_result(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     if path.suffix.lower() == ".npz":
         arrays = read_arrays(path, list, lambda _: "Ubfiu", LARGEST)
         text = str(arrays.pop("summary", ""))
-        return read_summary(path, text), arrays
+        return read_summary(path, text, FORMATS), arrays
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise InvalidInputError(f"{path}: neither a result nor a saved tick") from error
-    return read_summary(path, text), {}
+    return read_summary(path, text, FORMATS), {}
 
 
 def _array_differences(

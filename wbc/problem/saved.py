@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
 
-from wbc.errors import InvalidInputError, WbcError
+from wbc.errors import InvalidInputError, ModelError, WbcError
 from wbc.files import read_arrays
 from wbc.problem.overrides import apply_overrides
 from wbc.problem.pendulum.result import FORMAT as PENDULUM_FORMAT
-from wbc.problem.pendulum.result import SavedPendulum
+from wbc.problem.pendulum.result import SavedPendulum, pendulum_of
 from wbc.problem.reading import parse
 from wbc.problem.robot_spec import RobotSpec
+from wbc.problem.saved_arrays import check_arrays
+from wbc.problem.saved_summary import REMEDY, read_summary
 from wbc.problem.walk import read_problem
 from wbc.robot import Robot
 from wbc.run.history import History
@@ -30,9 +30,6 @@ LARGEST = 2_000_000_000  # bytes of all arrays unpacked
 WORDS = ("phase", "support", "status", "nearest", "summary", "joint_names")
 ANSWERS = ("active", "relaxed", "flat")  # yes or no
 FORMATS = (FORMAT, PENDULUM_FORMAT)
-REMEDY = "make it by: wbc run PROBLEM.yaml -o result.npz"
-# What reading and drawing raise where a file is not what it should be.
-DAMAGE = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +78,7 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | Save
     if summary["format"] == PENDULUM_FORMAT:
         if robot is not None:
             raise InvalidInputError(f"{path}: a pendulum's result, which has no robot to name")
-        with damage_told(path):
-            return SavedPendulum.of_arrays(path.stem, arrays, summary)
+        return pendulum_of(path, arrays, summary)
     if robot is None:
         robot = _robot_of(path, summary)
     names = tuple(str(name) for name in arrays.get("joint_names", ()))
@@ -91,22 +87,15 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | Save
             f"{path}: its joints are not those of {robot.name}; name its robot with --robot, or "
             + REMEDY
         )
-    with damage_told(path):
-        terrain = _terrain(summary)
-        simulation = arrays if "simulation" in summary else None
-        return SavedRun(path.stem, robot, _history(arrays), summary, simulation, terrain)
-
-
-@contextmanager
-def damage_told(path: str | Path) -> Iterator[None]:
-    """Raise InvalidInputError for what a file lacks, or is damaged in, as it is read or drawn."""
+    check_arrays(path, robot, arrays)
     try:
-        yield
-    except WbcError:
-        raise
-    except DAMAGE as error:
-        what = "lacks" if isinstance(error, KeyError) else "damaged:"
-        raise InvalidInputError(f"{path}: {what} {error!s:.200}; {REMEDY}") from error
+        history = _history(arrays)
+    except KeyError as error:
+        raise InvalidInputError(f"{path}: lacks the array {error}; {REMEDY}") from None
+    except (InvalidInputError, ModelError) as error:
+        raise InvalidInputError(f"{path}: {error}; {REMEDY}") from error
+    simulation = arrays if "simulation" in summary else None
+    return SavedRun(path.stem, robot, history, summary, simulation, _terrain(path, summary))
 
 
 def _summary_alone(names: Iterable[str]) -> list[str]:
@@ -119,26 +108,9 @@ def _kinds(name: str) -> str:
 
 
 def _summary(path: Path, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    return read_summary(path, str(arrays.get("summary", "")))
-
-
-def read_summary(path: Path, text: str) -> dict[str, Any]:
-    """Return the summary in a result's file.
-
-    Raises
-    ------
-    InvalidInputError
-        No JSON, or not of a result.
-    """
-    try:
-        summary = dict(json.loads(text))
-        found = summary["format"]
-    except DAMAGE as error:
-        raise InvalidInputError(f"{path}: not the result of a run; {REMEDY}") from error
-    if found not in FORMATS:
-        known = " or ".join(map(repr, FORMATS))
-        raise InvalidInputError(f"{path}: is a {found!r:.40}, not a {known}; {REMEDY}")
-    return summary
+    if "summary" not in arrays:
+        raise InvalidInputError(f"{path}: not the result of a run; {REMEDY}")
+    return read_summary(path, str(arrays["summary"]), FORMATS)
 
 
 def _robot_of(path: Path, summary: Mapping[str, Any]) -> Robot:
@@ -157,32 +129,45 @@ def _robot_of(path: Path, summary: Mapping[str, Any]) -> Robot:
     return robot.load(Path(source.name).parent)
 
 
-def _terrain(summary: Mapping[str, Any]) -> Terrain:
+def _terrain(path: Path, summary: Mapping[str, Any]) -> Terrain:
     """Return what a simulated robot stood on; level ground where an older file does not say it."""
-    told = summary.get("simulation", {}).get("terrain")
-    return LEVEL if told is None else Terrain.from_data(told)
+    try:
+        told = summary.get("simulation", {}).get("terrain")
+        return LEVEL if told is None else Terrain.from_data(told)
+    except (AttributeError, KeyError, TypeError, InvalidInputError) as error:
+        raise InvalidInputError(f"{path}: its terrain cannot be read; {REMEDY}") from error
 
 
 def _history(arrays: Mapping[str, NDArray[Any]]) -> History:
     values: dict[str, Any] = {}
     for field in fields(History):
-        if not str(field.type).startswith("Mapping"):
+        if field.name in arrays:
             values[field.name] = arrays[field.name]
-            continue
-        begin = f"{field.name}/"
-        group = {
-            name.removeprefix(begin): array
-            for name, array in arrays.items()
-            if name.startswith(begin)
-        }
-        values[field.name] = _tracks(group) if field.name == "obstacles" else group
+        else:
+            begin = f"{field.name}/"
+            group = {
+                name.removeprefix(begin): array
+                for name, array in arrays.items()
+                if name.startswith(begin)
+            }
+            values[field.name] = (
+                _tracks(group, arrays["time"].size) if field.name == "obstacles" else group
+            )
     return History(**values)
 
 
-def _tracks(group: Mapping[str, NDArray[Any]]) -> dict[str, ObstacleTrack]:
+def _tracks(group: Mapping[str, NDArray[Any]], count: int) -> dict[str, ObstacleTrack]:
     """Return tracks from arrays such as ``room/wall/place``."""
     parts: dict[str, dict[str, NDArray[Any]]] = {}
     for name, array in group.items():
         obstacle, _, part = name.rpartition("/")
         parts.setdefault(obstacle, {})[part] = array
-    return {name: ObstacleTrack.from_arrays(arrays) for name, arrays in parts.items()}
+    try:
+        tracks = {name: ObstacleTrack.from_arrays(arrays) for name, arrays in parts.items()}
+    except KeyError as error:
+        raise InvalidInputError(f"an obstacle lacks the array {error}") from error
+    for name, track in tracks.items():
+        if len(track.place) != count:
+            what = f"expected {count} rows, got {len(track.place)}"
+            raise InvalidInputError(f"place of obstacle {name[:60]!r}: {what}")
+    return tracks

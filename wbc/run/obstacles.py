@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from wbc.constraints import Constraint
 from wbc.constraints.obstacles import Obstacles
+from wbc.errors import InvalidInputError
 from wbc.robot.collision import Capsule, HalfSpace, Hull, Obstacle, Shape
-from wbc.validate import Array
+from wbc.validate import Array, finite_array, finite_number
 
 PLACE, CORE, RADIUS, NORMAL = "place", "core", "radius", "normal"
 
@@ -38,14 +39,21 @@ class ObstacleTrack:
 
         Raises
         ------
+        InvalidInputError
+            An array is not of its shape, or its numbers are not finite.
         KeyError
-            An array is missing.
+            One is missing.
         """
-        place, core = np.asarray(arrays[PLACE], float), np.asarray(arrays[CORE], float)
+        place = np.asarray(arrays[PLACE], dtype=float)
+        if place.ndim != 3 or place.shape[1:] != (3, 4):
+            raise InvalidInputError(f"obstacle, place: expected (n, 3, 4), got {place.shape}")
+        core = finite_array("obstacle, core", arrays[CORE], (len(np.atleast_1d(arrays[CORE])), 3))
+        if not len(core):
+            raise InvalidInputError("obstacle, core: has no points")
         if NORMAL in arrays:
-            normal = np.asarray(arrays[NORMAL], float)
+            normal = finite_array("obstacle, normal", arrays[NORMAL], (3,))
             return cls(HalfSpace.of(normal, float(normal @ core[0])), place)
-        radius = float(arrays[RADIUS])
+        radius = finite_number("obstacle, radius", arrays[RADIUS], least=0.0)
         shape = Capsule(core, radius) if len(core) == 2 else Hull(core, radius)
         return cls(shape, place)
 

@@ -11,12 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.errors import InvalidInputError
 from wbc.notebook import as_html, with_picture
 from wbc.run.frame import Frame, frame_of
 from wbc.run.saving import save_result
 from wbc.validate import Array
 
 FORMAT = "wbc pendulum result 1"
+PLACES = ("com", "com_velocity", "foot", "cop", "cmp", "radii", "momentum")  # (n, 3)
 # Of what is measured, by the last words of its name; what is not here has none.
 UNITS = {
     "leg": "rad",
@@ -191,23 +193,38 @@ class SavedPendulum:
         """Return what a file with the result would give."""
         return cls(name, result.history, result.summary())
 
-    @classmethod
-    def of_arrays(
-        cls, name: str, arrays: Mapping[str, NDArray[Any]], summary: Mapping[str, Any]
-    ) -> SavedPendulum:
-        """Return the motion that arrays of a file hold.
 
-        Raises
-        ------
-        KeyError
-            An array is missing.
-        """
-        names = (each.name for each in fields(PendulumHistory) if each.name != "supports")
-        values: dict[str, Any] = {each: arrays[each] for each in names}
-        values["flat"] = bool(arrays["flat"])
-        values["phase"] = tuple(map(str, arrays["phase"]))
-        supports = tuple(
-            Support(start, end, arrays[f"support_{k}"])
-            for k, (start, end) in enumerate(arrays["support_times"].reshape(-1, 2).tolist())
-        )
-        return cls(name, PendulumHistory(**values, supports=supports), summary)
+def pendulum_of(
+    path: Path, arrays: Mapping[str, NDArray[Any]], summary: Mapping[str, Any]
+) -> SavedPendulum:
+    """Return the motion that arrays of a file hold.
+
+    Raises
+    ------
+    InvalidInputError
+        Arrays are missing or do not fit together.
+    """
+    needed = [each.name for each in fields(PendulumHistory) if each.name != "supports"]
+    missing = [name for name in (*needed, "support_times") if name not in arrays]
+    if missing:
+        raise InvalidInputError(f"{path}: lacks the array {missing[0]!r}")
+    count = np.size(arrays["time"])
+    shapes = {"time": (count,), "phase": (count,), "axes": (count, 3, 3)}
+    shapes |= dict.fromkeys(PLACES, (count, 3))
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape or not count:
+            raise InvalidInputError(
+                f"{path}: array {name!r}: expected shape {shape}, got {arrays[name].shape}"
+            )
+    spans = arrays["support_times"].reshape(-1, 2).tolist()
+    try:
+        polygons = [arrays[f"support_{k}"] for k in range(len(spans))]
+    except KeyError as error:
+        raise InvalidInputError(f"{path}: lacks the array {error}") from None
+    values: dict[str, Any] = {name: arrays[name] for name in needed}
+    values["flat"] = bool(arrays["flat"])
+    values["phase"] = tuple(str(one) for one in arrays["phase"])
+    supports = tuple(
+        Support(start, end, each) for (start, end), each in zip(spans, polygons, strict=True)
+    )
+    return SavedPendulum(path.stem, PendulumHistory(**values, supports=supports), summary)
