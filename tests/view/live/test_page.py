@@ -1,5 +1,8 @@
 """The page without a browser: what its scene and its panel hold after each frame."""
 
+import threading
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -7,7 +10,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.view.live.conftest import Stage, frame_at
+from tests.view.live.conftest import Stage, client_of, frame_at, tell
 from wbc.human import HumanBody, human_robot
 from wbc.rmp.ellipsoid import equimomental
 from wbc.rotations import rotation_from
@@ -25,6 +28,14 @@ def controller(robot: wbc.Robot) -> wbc.KinematicController:
     return wbc.KinematicController(
         robot, tasks, contacts=wbc.support(start, "double"), limits=wbc.Limits(robot)
     )
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Wait for what another thread does."""
+    late = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < late
+        time.sleep(0.01)
 
 
 def rotation_of(handle: Any) -> np.ndarray:
@@ -129,6 +140,26 @@ def test_going_back_in_time(stage: Stage, controller: wbc.KinematicController) -
     stage.page._controls.past = None
     stage.draw()
     assert ball.position[2] == pytest.approx(heights[0])
+
+
+def test_where_the_user_puts_the_slider_is_kept_while_others_are_answered(
+    stage: Stage, controller: wbc.KinematicController
+) -> None:
+    q, free = controller.robot.posture("standing"), threading.Event()
+    busy = stage.server.gui.add_button("busy")
+    busy.on_click(lambda _: free.wait(30.0))
+    with client_of(stage.url) as client:
+        for k in range(5):
+            stage.draw(frame_at(controller, q, float(k)))
+        for _ in range(40):  # more than are answered at once
+            tell(client, "GuiUpdateMessage", uuid=busy._impl.uuid, updates={"value": True})
+        stage.move_slider(client, "Time [s]", 1.5)
+        slider = stage.gui("Time [s]")
+        until(lambda: slider.value == 1.5)
+        stage.draw(frame_at(controller, q, 5.0))  # the loop goes on, and so does the slider
+        free.set()
+        until(lambda: stage.page._controls.past is not None)
+    assert stage.page._controls.past == 1.5
 
 
 def test_a_floating_robot_has_no_leg(stage: Stage, robot: wbc.Robot) -> None:

@@ -56,7 +56,8 @@ class Controls:
         self._replay = gui.add_button("Replay from here", visible=False)
         self._replay.on_click(lambda _: self._begin_replay())
 
-    def _scrubbed(self, event: Any) -> None:
+    async def _scrubbed(self, event: Any) -> None:
+        # async: answered before the page moves the slider on, which would be taken for the user's.
         if event.client_id is not None:  # not moved by the page itself
             self.past, self._replaying = float(event.target.value), False
             self._moved_at = time.monotonic()
