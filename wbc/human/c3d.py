@@ -122,11 +122,10 @@ def _plates(
     used = int(file.number("FORCE_PLATFORM:USED", 0.0))
     if used < 1 or samples < 1 or not analog.size:
         return (), ()
-    channels = analog.shape[1] // samples
-    signals = analog.reshape(-1, channels)
-    if samples * channels != analog.shape[1]:
+    channels, rest = divmod(analog.shape[1], samples)
+    if rest:
         raise file.error(f"{analog.shape[1]} analog values in a frame are no {samples} per channel")
-    signals = _scaled(file, signals)
+    signals = _scaled(file, analog.reshape(-1, channels))
     time = np.arange(len(signals)) / (rate * samples)
     plates, notes = list[ForcePlate](), list[str]()
     for k in range(min(used, 32)):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from wbc.human.markers import ForcePlate, MarkerRecording
-from wbc.motion.table import RecordingError, read_text, shortened
+from wbc.motion.table import RecordingError, numbers_of, read_text, shortened
 from wbc.validate import Array
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "meters": 1.0, "millimeters": 1e-3}
@@ -71,9 +71,7 @@ def _rows(lines: list[str], first: int, width: int, source: str) -> Array:
             what = f"{shortened(bad.strip())!r} is not a number"
             raise RecordingError(what, source, None, len(found) + 1, number) from None
         found.append(row + [np.nan] * (width - len(row)))
-    if not found:
-        raise RecordingError("it holds no rows of numbers", source)
-    return np.array(found)
+    return numbers_of(found, source)
 
 
 def _is_number(text: str) -> bool:

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc.human.bones import Bone, bone_markers, joint_landmarks
 from wbc.human.markers import MarkerRecording
-from wbc.motion.table import RecordingError, read_text, shortened
+from wbc.motion.table import RecordingError, numbers_of, read_text, shortened
 from wbc.validate import Array
 
 MOTIVE = "Format Version"
@@ -156,9 +156,7 @@ def _numbers(lines: Sequence[str], first: int, source: str) -> Array:
             found.append([float(cell) if cell.strip() else np.nan for cell in cells])
         except ValueError:
             raise RecordingError(f"line {number} has a cell that is no number", source) from None
-    if not found:
-        raise RecordingError("it has no rows of numbers", source)
-    return np.array(found)
+    return numbers_of(found, source)
 
 
 def _placed(values: Array, name: str, source: str) -> tuple[Array, Array]:

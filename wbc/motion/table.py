@@ -15,6 +15,7 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.files import ArrayFileError, read_arrays, why
+from wbc.validate import LARGEST as LARGEST_NUMBER
 from wbc.validate import Array
 
 DELIMITERS = (",", ";", "\t")
@@ -81,6 +82,25 @@ class MotionTable:
         name = None if column is None else self.columns[column]
         line = self.lines[row] if self.lines and row is not None else None
         return RecordingError(what, self.source, name, None if row is None else row + 1, line)
+
+
+def numbers_of(rows: Sequence[Sequence[float]], source: str) -> Array:
+    """Return rows of numbers (n, k), each with as many; NaN where there is none.
+
+    Raises
+    ------
+    RecordingError
+        No rows, or a number that nobody measured: products of a few would overflow.
+    """
+    if not rows:
+        raise RecordingError("it holds no rows of numbers", source)
+    values = np.array(rows)
+    far = (np.abs(values) > LARGEST_NUMBER).any(axis=1)
+    if far.any():
+        row = int(far.argmax())
+        worst = np.nanmax(np.abs(values[row]))
+        raise RecordingError(f"{worst:.3g} is no measured number", source, None, row + 1)
+    return values
 
 
 def read_text(path: Path, strict: bool = True) -> str:
