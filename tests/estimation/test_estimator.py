@@ -240,6 +240,26 @@ def test_sensors_that_fail_are_named_and_done_without(
         assert np.linalg.norm(found.v[:6]) < 0.02, word
 
 
+def test_where_no_foot_is_still_the_slower_one_is_counted_on(
+    hoap: Robot, rng: np.random.Generator
+) -> None:
+    # It hangs at rest, its soles' switches stuck: one leg swings, the other creeps.
+    e = StateEstimator(hoap, MOUNTS)
+    sent = messages(hoap, 400, rng)
+    fed(e, sent[:300])
+    hips = [hoap.joint_index(f"{side}_hip_pitch") - 6 for side in ALL]
+    notes, speeds = list[str](), list[float]()
+    for k, one in enumerate(sent[300:], 1):
+        joints = one.positions.copy()
+        joints[hips] += k * DT * np.array((-8.0, 1.5))  # feet at 2.0 and 0.4 m/s
+        found = e.update(changed(one, positions=joints))
+        assert found is not None
+        notes += [note for note in found.notes if note.startswith("no foot is still")]
+        speeds.append(float(np.linalg.norm(found.v[:3])))
+    assert notes and all("right is counted on" in note for note in notes)
+    assert max(speeds) < 0.6
+
+
 def test_without_contacts_it_says_what_it_takes_for_granted(
     hoap: Robot, rng: np.random.Generator
 ) -> None:

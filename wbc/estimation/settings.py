@@ -64,7 +64,7 @@ class EstimatorSettings:
         By how much two feet that are counted on may come nearer to each other, or farther [m]:
         beyond it the one that moved faster of late slips.
     lost:
-        After how long without any foot one that bears is counted on whatever its speed [s].
+        After how long without any foot the slowest that bears is counted on whatever its speed [s].
     timeout:
         After how long without readings an IMU counts as dead, and another takes over [s].
     history:

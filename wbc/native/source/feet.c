@@ -114,24 +114,43 @@ static void load(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *
     }
 }
 
+static void see(const wbc_estimator *e, int64_t k, const double *rate, const double *rates, foot_seen *seen) {
+    const int64_t nv = e->tree->nv, size = FRAME_SIZE(nv);
+    const double *soles = e->frames + e->imus * size, *imu = soles + e->feet * size;
+    wbc_foot_place(nv, imu, soles + k * size, rates, e->encoder_variance, e->floor, seen->place, seen->noise);
+    seen->speed = wbc_filter_foot_speed(e->filter, rate, seen->place);
+}
+
+/* The foot to count on where none stands: of those that bear the slowest, -1 if none does. Forces that are
+ * estimated make a foot in the air bear, too, as soon as the estimate is off. */
+static int64_t slowest(const wbc_estimator *e, const wbc_memory *m, const double *rate, const double *rates) {
+    int64_t found = -1;
+    foot_seen seen;
+    double least = INFINITY;
+    for (int64_t k = 0; k < e->feet; k++) {
+        if (!m->bears[k] || m->stands[k]) continue;
+        see(e, k, rate, rates, &seen);
+        if (seen.speed < least) least = seen.speed, found = k;
+    }
+    return found;
+}
+
 int wbc_see_feet(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, const double *rate,
                  const double *rates, int standing, double *squared) {
-    const int64_t nv = e->tree->nv, size = FRAME_SIZE(nv), *held = e->filter->held;
-    const double *soles = e->frames + e->imus * size, *imu = soles + e->feet * size;
-    const int lost = *m->time - *m->lost_since > e->lost;
+    const int64_t *held = e->filter->held;
     foot_seen seen[MOMENTUM_MOST_FEET];
     double by = 0.0;
     int64_t stands = 0, bears = 0;
     load(e, m, s, standing);
     m->counts[NIS_ROWS] = 0, *squared = 0.0;
     for (int64_t k = 0; k < e->feet; k++) m->stands[k] = held[k], seen[k].speed = 0.0;
+    const int lost = *m->time - *m->lost_since > e->lost;
+    const int64_t counted = lost ? slowest(e, m, rate, rates) : -1;
     for (int64_t k = 0; k < e->feet; k++) {
         if (!m->bears[k] && !m->stands[k]) continue;
-        wbc_foot_place(nv, imu, soles + k * size, rates, e->encoder_variance, e->floor, seen[k].place,
-                       seen[k].noise);
-        seen[k].speed = wbc_filter_foot_speed(e->filter, rate, seen[k].place);
+        see(e, k, rate, rates, seen + k);
         const double speed = seen[k].speed;
-        if (lost && m->bears[k] && !m->stands[k]) {
+        if (k == counted) {
             wbc_note(e, COUNTED_ANYWAY, k, speed);
             wbc_filter_widen(e->filter, speed * speed);
             seen[k].speed = 0.0, m->since[k] = -INFINITY;
