@@ -37,6 +37,8 @@ SOLE_SHARE = 0.6
 # relieved and lifted; what its way takes follows from the acceleration. At 0.45 a G1 that is pushed
 # towards the foot it has begun to stand on waits for the other one, which could be down.
 QUICKEST = 0.2
+# A step that is shorter than this part of its usual time had to hurry.
+HURRIED = 0.9
 # A foot that bears this part of the weight has landed.
 TOUCH = 0.1
 # Nearer to the landing than this, in units of 1/omega, a footstep is not changed any more.
@@ -200,13 +202,15 @@ class StepPlanner:
 
         A foot that lands before its time, on higher ground, waits for the DCM to come as near as it
         does to where the VRP leaves the other foot, but no longer than until then. After a push
-        aside that is sooner than ahead it is there: what goes aside grows as long as one waits.
+        aside that is sooner than ahead it is there: what goes aside grows as long as one waits. A
+        step of a walk that had to hurry does not wait: time is what it lacks.
         """
         base = now.place(phase.support)
         leaving, there = self._leaving(phase, base), now.dcm - base
         grows = (leaving * there.conjugate()).real / max(abs(there) ** 2, 1e-12)
         lacks = math.log(grows) / self.gait.omega if grows > 1.0 else 0.0
-        return self.gait.double + max(min(phase.left, lacks), 0.0)
+        hurried = not phase.given and phase.elapsed + phase.left < HURRIED * self.single_time(phase)
+        return self.gait.double + (0.0 if hurried else max(min(phase.left, lacks), 0.0))
 
     def velocity_on_steps(self, phase: Phase, now: GaitState, heading: float) -> Velocity | None:
         """Return the velocity of the footstep that is being made, if it was given."""
