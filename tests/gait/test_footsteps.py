@@ -204,7 +204,8 @@ def test_a_foot_that_lands_early_waits_until_the_dcm_is_nearest(legs: Legs, asid
         nearest = times[np.argmin(np.abs(dcm * np.exp(gait.omega * times) - wanted))]
         found = planner.double_time(phase, still(dcm))
         assert found == pytest.approx(gait.double + nearest, abs=2e-5)
-        assert planner.double_time(phase._replace(elapsed=0.1), still(dcm)) == gait.double  # hurried
+        hurried = phase._replace(elapsed=0.1)
+        assert planner.double_time(hurried, still(dcm)) == gait.double
 
 
 def test_between_two_feet_the_pressure_is_wanted_where_they_are(legs: Legs) -> None:
