@@ -22,7 +22,12 @@ _PRECEDENCE = (
 
 
 def matches(pattern: str, names: Sequence[str]) -> tuple[int, ...]:
-    """Return the entries of ``names`` that a name or pattern matches; empty if none does."""
+    """Return the entries of ``names`` that a name or pattern matches; empty if none does.
+
+    A name that is there means itself alone, also where it would be a pattern: ``hinge[1]``.
+    """
+    if pattern in names:
+        return (names.index(pattern),)
     return tuple(k for k, name in enumerate(names) if fnmatchcase(name, pattern))
 
 

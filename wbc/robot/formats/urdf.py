@@ -37,6 +37,7 @@ from wbc.robot.formats.urdf_exporters import (
     unset_limits,
 )
 from wbc.robot.formats.urdf_shapes import UrdfGeometry
+from wbc.robot.formats.urdf_words import unknown_words
 from wbc.robot.formats.xml import LARGEST, LARGEST_GEAR, numbers
 from wbc.robot.limits import UNLIMITED
 
@@ -66,7 +67,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         joints, or a number in it is wrong.
     """
     refuse_macros(root, path)
-    head_notes = complete_head(root, path)
+    head_notes = complete_head(root, path) + unknown_words(root)
     world_notes = _add_world(root)
     joints, base = _checked_tree(root, path)
     notes = head_notes + world_notes + unset_limits(joints)

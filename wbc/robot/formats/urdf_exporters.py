@@ -93,7 +93,7 @@ def leave_first(root: ET.Element) -> tuple[str, ...]:
 
 
 def _is_empty(part: ET.Element) -> bool:
-    return part.tag == "dynamics" and not part.attrib
+    return part.tag == "dynamics" and not {"damping", "friction"} & set(part.attrib)
 
 
 def _drop(element: ET.Element, parts: list[ET.Element]) -> list[ET.Element]:

@@ -1,0 +1,64 @@
+"""What a URDF says in words that URDF does not know: passed over, but not in silence."""
+
+from pathlib import Path
+
+import pytest
+
+from wbc.robot import Robot
+
+LINK = (
+    '<link name="{0}"><inertial><mass value="1"/>'
+    '<inertia ixx=".01" ixy="0" ixz="0" iyy=".01" iyz="0" izz=".01"/></inertial></link>'
+)
+ARM = (
+    '<robot name="arm">'
+    + "".join(LINK.format(name) for name in ("trunk", "upper", "lower"))
+    + '<joint name="j" type="revolute"><parent link="trunk"/><child link="upper"/>'
+    '<origin xyz="0 0 .2"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="3"/>'
+    '<dynamics damping="1"/></joint>'
+    '<joint name="f" type="fixed"><parent link="upper"/><child link="lower"/></joint></robot>'
+)
+
+
+def note_of(text: str) -> str:
+    notes = [note for note in Robot.load(text).notes if "URDF does not know" in note]
+    assert len(notes) <= 1
+    return "".join(notes)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "told", "meant"),
+    [
+        ("<limit lower", "<Limit lower", "<Limit> of joint 'j'", "limit"),
+        ("upper=", "uper=", "'uper' in <limit> of joint 'j'", "upper"),
+        ('<origin xyz="0 0 .2"/>', '<orign xyz="0 0 .2"/>', "<orign> of joint 'j'", "origin"),
+        ('<origin xyz="0 0 .2"/>', '<origin xzy="0 0 .2"/>', "'xzy' in <origin>", ""),
+        ("damping=", "dampling=", "'dampling' in <dynamics> of joint 'j'", "damping"),
+        ('damping="1"', 'damping="1" armature="2"', "'armature' in <dynamics>", ""),
+        ("</joint>", '<mimik joint="k"/></joint>', "<mimik> of joint 'j'", "mimic"),
+        ("</joint></robot>", "</joint><Link/></robot>", "<Link> of the robot", "link"),
+        ("</link>", "<contact/></link>", "<contact> of link 'trunk' and 2 more", ""),
+    ],
+)
+def test_unknown_word_is_told_with_its_place_and_what_is_meant(
+    right: str, wrong: str, told: str, meant: str
+) -> None:
+    note = note_of(ARM.replace(right, wrong, 1 if wrong != "<contact/></link>" else 3))
+    assert told in note
+    assert (f"(is {meant!r} meant?)" in note) == bool(meant)
+
+
+def test_inertia_that_is_misspelt_is_told_where_the_mass_is_lost() -> None:
+    lost = ARM.replace(LINK.format("lower"), LINK.format("lower").replace("inertial", "interial"))
+    assert Robot.load(lost).mass == 2.0
+    assert "<interial> of link 'lower' (is 'inertial' meant?)" in note_of(lost)
+
+
+def test_words_of_urdf_and_what_is_left_for_others_are_not_told(tmp_path: Path) -> None:
+    more = '<gazebo/><transmission/><sensor/><mujoco/><material name="m"/><!-- c -->'
+    with_more = ARM.replace("</joint></robot>", f"</joint>{more}</robot>")
+    with_more = with_more.replace("<dynamics", '<d:x xmlns:d="drake"/><calibration/><dynamics')
+    for text in (ARM, with_more):
+        assert not note_of(text)
+    for name in ("hoap2_like", "g1", "talos"):
+        assert not any("URDF does not know" in note for note in Robot.load(name).notes)
