@@ -284,3 +284,68 @@ def test_places_between_joints_of_one_body_are_no_feet() -> None:
         "</worldbody></mujoco>"
     )
     assert not robot.feet and any("it has wheels" in note for note in robot.notes)
+
+
+FOOT = box("0.03 0 -.03", ".2 .1 .04")
+
+
+@pytest.mark.parametrize(("left", "right"), [("LL_FOOT", "LR_FOOT"), ("ll_foot", "rl_foot")])
+def test_legs_called_left_and_right_are_no_corners(tmp_path: Path, left: str, right: str) -> None:
+    """LR and RL are the rear left of a quadruped, and the right leg of these bipeds."""
+    path = biped(tmp_path, FOOT)
+    text = (
+        path.read_text().replace('"left_foot"', f'"{left}"').replace('"right_foot"', f'"{right}"')
+    )
+    path.write_text(text)
+    robot = Robot.load(path)
+    assert {name: foot.link for name, foot in robot.feet.items()} == {"left": left, "right": right}
+    standing = robot.snapshot(robot.posture("standing"))
+    assert standing.position("left_sole")[1] > 0.05 > -0.05 > standing.position("right_sole")[1]
+
+
+def test_feet_without_a_side_or_shapes_are_told_as_such(tmp_path: Path) -> None:
+    path = biped(tmp_path, "", end="foot_{0}")
+    path.write_text(path.read_text().replace("foot_left", "foot_1").replace("foot_right", "foot_2"))
+    (note,) = [note for note in Robot.load(path).notes if "no feet" in note]
+    assert "no link is called a left or right foot" in note
+    assert "foot_2, foot_1, have no shapes" in note
+
+
+@pytest.mark.parametrize("size", ["200 100 40", ".0002 .0001 .00004"])
+def test_soles_in_other_units_are_told(tmp_path: Path, size: str) -> None:
+    notes = Robot.load(biped(tmp_path, box("0 0 -.03", size))).notes
+    assert sum("in other units?" in note for note in notes) == 2
+    assert not any("units" in note for note in Robot.load(biped(tmp_path, FOOT)).notes)
+
+
+def test_toes_on_joints_of_their_own_are_told_where_they_touch_the_ground(tmp_path: Path) -> None:
+    toe = link("{0}_toe", box(".03 0 0", ".06 .1 .04"), 0.1) + joint(
+        "{0}_ball", "{end}", "{0}_toe", "0 1 0", ".13 0 -.03"
+    )
+    path = biped(tmp_path, FOOT, extra=toe)
+    (note,) = [note for note in Robot.load(path).notes if "soles" in note]
+    assert "left_toe, right_toe" in note
+    robot = Robot.load(path, locked={"*_ball": 0.0})
+    assert not any("soles" in note for note in robot.notes)
+    for foot in robot.feet.values():  # from the heel to the toe's tip
+        np.testing.assert_allclose(np.ptp(foot.polygon, axis=0), [0.26, 0.1], atol=1e-9)
+
+
+def test_one_link_is_not_two_feet(tmp_path: Path) -> None:
+    both = {name: {"link": "left_foot"} for name in ("left", "right")}
+    with pytest.raises(InvalidInputError, match="'left_foot' is the left foot already"):
+        Robot.load(biped(tmp_path, FOOT), feet=both)
+
+
+def test_feet_drawn_rolled_inwards_are_levelled_where_they_are(tmp_path: Path) -> None:
+    """By the ankles: hips that share the turn would cross the legs."""
+    path = biped(tmp_path, box("0.03 0 -.03", ".2 .1 .04", "ROLL 0 0"))
+    text = path.read_text()
+    for roll in ("0.35", "-0.35"):  # left, then right
+        text = text.replace("ROLL", roll, 1)
+    path.write_text(text)
+    robot = Robot.load(path)
+    standing = robot.snapshot(robot.posture("standing"))
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        assert abs(standing.position(f"{side}_sole")[1] - y) < 0.03
+        np.testing.assert_allclose(standing.rotation(f"{side}_sole")[2], [0, 0, 1], atol=1e-6)

@@ -21,6 +21,7 @@ from wbc.validate import Array, finite_array, finite_number, read_only
 SAME_PLACE, SAME_TILT = 1e-3, np.deg2rad(1.0)  # m, rad: a frame of the file is the sole's frame
 GIVE_FEET = "a robot that stands needs them: feet: {left: {link: LINK}, ...}"
 NO_FEET = f"no feet were found (robot.notes: why); {GIVE_FEET}"
+TINY = 0.01  # of a robot's size: no sole is as small
 POINT = 0.03  # m: a found sole that is nowhere longer is the underside of a ball
 
 
@@ -121,7 +122,8 @@ def find_feet(
     UnknownNameError
         A foot's link does not exist.
     InvalidInputError
-        A link whose z axis does not point up with a polygon, or neither polygon nor shapes.
+        A link whose z axis does not point up with a polygon, or neither polygon nor shapes, or one
+        link as two feet.
     """
     data, feet, notes = model.createData(), dict[str, Foot](), list[str]()
     pin.framesForwardKinematics(model, data, q)
@@ -131,6 +133,7 @@ def find_feet(
         if not specs:
             return {}, (f"no feet were found: {lacking}; {GIVE_FEET}",)
         notes += [f"not all feet were found: {lacking}; {GIVE_FEET}"] if lacking else []
+    _refuse_doubled(specs)
     for name, spec in specs.items():
         placement, polygon, share = _sole(model, data, geometry, name, spec)
         small = spec.polygon is None and float(np.ptp(polygon, axis=0).max()) < POINT
@@ -139,7 +142,7 @@ def find_feet(
         parent = model.frames[_frame_id(model, spec.link)]
         frame, polygon, note = _sole_frame(model, name, parent, placement, polygon)
         feet[name] = Foot(name, frame, spec.link, polygon)
-        notes += note
+        notes += note + _odd_size(data, name, placement, polygon)
         if len(polygon) == 2 and spec.polygon is None:
             notes.append(
                 f"the {name} foot touches level ground along a line only; give its polygon if more"
@@ -151,6 +154,29 @@ def find_feet(
                 " its body: no more of it touches level ground; give its polygon if it should"
             )
     return feet, tuple(notes)
+
+
+def _odd_size(data: pin.Data, name: str, sole: pin.SE3, polygon: Array) -> list[str]:
+    """Return a note of a sole larger than its robot, or next to nothing: of other units."""
+    places = np.array([at.translation for at in list(data.oMi)[1:]])
+    size = float(np.linalg.norm(np.ptp(places, axis=0))) + float(np.linalg.norm(sole.translation))
+    length = float(np.ptp(polygon, axis=0).max())
+    if length <= size and (length == 0.0 or length >= TINY * size):
+        return []
+    return [
+        f"the {name} sole is {length:.3g} m long, and the robot {size:.3g} m: are lengths of shapes"
+        " or polygons in other units?"
+    ]
+
+
+def _refuse_doubled(specs: Mapping[str, FootSpec]) -> None:
+    taken = dict[str, str]()
+    for name, spec in specs.items():
+        other = taken.setdefault(spec.link, name)
+        if other != name:
+            raise InvalidInputError(
+                f"foot {name!r}: {spec.link!r} is the {other} foot already; name another link"
+            )
 
 
 def _frame_id(model: pin.Model, link: str) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.robot.formats.description import GeometrySource
-from wbc.robot.sole import body_points, found_sole, is_round_about
+from wbc.robot.sole import found_sole, is_round_about, lowest_point
 from wbc.rotations import exp_rotation
 from wbc.validate import Array
 
@@ -29,6 +29,7 @@ ENDS = {"front": {"front", "fore"}, "hind": {"hind", "rear", "back"}}
 FOOT_WORDS = {"foot", "feet", "ankle", "sole", "contact"}
 WHEEL_WORDS = {"wheel", "caster", "roller"}
 ARM_WORDS = {"hand", "gripper", "finger", "wrist", "palm", "arm"}
+NAMELESS = "no link is called a left or right foot, ankle or sole"
 NOT_FEET = WHEEL_WORDS | ARM_WORDS
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 _GLUED = re.compile(rf"(left|right|[lr])({'|'.join(sorted(FOOT_WORDS))})")  # lfoot, rightankle
@@ -182,9 +183,9 @@ def guess_links(
     A foot is a link whose name holds a side (left, l, right, r) or a corner (FL, hr, ...) and one
     of :data:`FOOT_WORDS`, and whose rigid body has shapes; of several, the one that reaches lowest.
     A body is one foot, however many of its frames are called so, and which of four feet is in front
-    is seen, not read. Without such names, or shapes there: the two bodies at the ends of limbs that
-    reach lowest, with flat undersides, one to the left and its image to the right; or four, two on
-    either side.
+    is seen, not read. Without such names, or shapes there, or with some of four corners only: the
+    two bodies at the ends of limbs that reach lowest, with flat undersides, one to the left and its
+    image to the right; or four, two on either side.
     Wheels, what carries them, and hands are none: what is called so, or ends a limb, turns without
     end and is round.
 
@@ -200,11 +201,17 @@ def guess_links(
     named = _one_of_each(model, data, bodies)
     lowest: dict[str, tuple[float, str]] = {}
     for foot, frame in named:
-        height = _lowest_point(model, data, geometry, frame.parentJoint)
+        height = lowest_point(model, data, geometry, frame.parentJoint)
         lowest[foot] = min(lowest.get(foot, (np.inf, "~")), (height, str(frame.name)))
     ordered = {name: lowest[name] for name in SIDES | CORNERS if name in lowest}
     found = {name: link for name, (height, link) in ordered.items() if height < np.inf}
     shapeless = ", ".join(link for height, link in ordered.values() if height == np.inf)
+    lacking = _one_sided(found) if found else ""
+    if lacking and set(found) <= set(CORNERS):  # LR_FOOT is the foot of a biped's right leg
+        joints = {str(frame.name): int(frame.parentJoint) for frame in bodies}
+        others, _ = _lowest_pair(model, data, geometry, bodies)
+        if {joints[link] for link in found.values()} < {joints[link] for link in others.values()}:
+            return others, ""
     if not found and rolling:
         return {}, "it has wheels, and wheels are no soles"
     if not found:
@@ -214,7 +221,7 @@ def guess_links(
     if shapeless:
         missing = f"no shapes to find soles from on {shapeless}"
         return found, f"{missing}; give link, polygon and height"
-    return found, _one_sided(found)
+    return found, lacking
 
 
 def _may_be_foot(model: pin.Model, frame: pin.Frame) -> bool:
@@ -305,15 +312,6 @@ def _one_sided(found: dict[str, str]) -> str:
     return f"no link is called the {', '.join(lacking)} foot, as {called} is" if lacking else ""
 
 
-def _lowest_point(model: pin.Model, data: pin.Data, geometry: GeometrySource, joint: int) -> float:
-    """Return how high the lowest point of a joint's body is [m]; infinite if it has no shape."""
-    pose = data.oMi[joint]
-    points = body_points(model, geometry, joint, pose.rotation[2])
-    if not len(points):
-        return np.inf
-    return float((points @ pose.rotation[2]).min()) + float(pose.translation[2])
-
-
 def _lowest_pair(
     model: pin.Model, data: pin.Data, geometry: GeometrySource, bodies: list[pin.Frame]
 ) -> tuple[dict[str, str], str]:
@@ -326,10 +324,8 @@ def _lowest_pair(
     low = {joint: z for joint, z in low.items() if z < min(low.values()) + 2 * SAME_HEIGHT}
     names = [str(ends[joint].name) for joint in low]
     if not low:
-        return {}, "no link is called a foot, ankle or sole, and no limb ends below the base"
-    lowest = (
-        f"no link is called a foot, ankle or sole; the lowest ends of limbs, {', '.join(names)}"
-    )
+        return {}, f"{NAMELESS}, and no limb ends below the base"
+    lowest = f"{NAMELESS}; the lowest ends of limbs, {', '.join(names)}"
     if any(words_of(name) & NOT_FEET for name in names):
         return {}, f"{lowest}, are called hands or wheels"
     if len(low) == 4:
@@ -340,7 +336,9 @@ def _lowest_pair(
     for joint in low:
         R = data.oMi[joint].rotation @ ends[joint].placement.rotation
         found = found_sole(model, geometry, ends[joint], R)
-        if found is None or np.prod(np.ptp(found[1], axis=0)) < LEAST_AREA:
+        if found is None:
+            return {}, f"{lowest}, have no shapes"
+        if np.prod(np.ptp(found[1], axis=0)) < LEAST_AREA:
             return {}, f"{lowest}, have no flat undersides"
         soles.append((data.oMi[joint] * found[0]).translation)
     apart = np.abs(soles[0] * [1, -1, 1] - soles[1])

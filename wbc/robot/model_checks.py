@@ -40,7 +40,7 @@ def check_supported(model: pin.Model, path: Path) -> tuple[str, ...]:
     """
     _check_joints(model, path)
     notes = _check_masses(model, path) + _check_inertias(model, path)
-    notes += _too_large(model) + _units(model)
+    notes += _too_large(model) + _units(model) + _held_still(model)
     _check_turning(model, path)
     return notes
 
@@ -172,6 +172,17 @@ def _units(model: pin.Model) -> tuple[str, ...]:
             " degrees?"
         )
     return tuple(notes)
+
+
+def _held_still(model: pin.Model) -> tuple[str, ...]:
+    """Note joints that cannot move, as exporters write where no limits were entered."""
+    held = [
+        f"{model.names[j]} at {model.lowerPositionLimit[model.idx_qs[j]]:g}"
+        for j in range(2, model.njoints)
+        if model.nqs[j] == 1
+        and model.lowerPositionLimit[model.idx_qs[j]] == model.upperPositionLimit[model.idx_qs[j]]
+    ]
+    return (f"limits leave these joints no range: {listed(held)}",) if held else ()
 
 
 def _refuse_inertia(model: pin.Model, joint: int, path: Path, reason: str) -> None:

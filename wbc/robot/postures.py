@@ -23,6 +23,7 @@ from wbc.validate import Array, by_name
 
 NEUTRAL, STANDING, HALF_SITTING = "neutral", "standing", "half_sitting"
 NEAR = 0.7  # rad or m: a posture whose joints differ more is another one
+APART = 10.0  # rad/m: by how much joints rather turn than that soles move to each other
 LEVEL = 1e-3  # m: corners of soles no further apart than this stand on one ground
 
 
@@ -170,6 +171,7 @@ def settled(
 
     Gauss-Newton, damped, on the heights and tilts of the soles and on the CoM over the middle of
     their hull; joints stay within their limits, and those that springs alone hold where they are.
+    Soles are levelled where they are: what moves them together or apart is dear.
 
     Parameters
     ----------
@@ -182,7 +184,7 @@ def settled(
     found = q.copy()
     held = [BASE_NV + limits.names.index(joint) for joint in closure.sprung]
     for _ in range(100):
-        error, J = _standing_error(model, found, feet)
+        error, J, apart = _standing_error(model, found, feet)
         if com is not None:
             error[:2] -= com
         if closure.binds:
@@ -190,7 +192,8 @@ def settled(
                 np.concatenate(both) for both in zip((error, J), closure.errors(found), strict=True)
             )
         J[:, held] = 0.0
-        step = J.T @ np.linalg.solve(J @ J.T + 1e-6 * np.eye(len(J)), error)
+        cheap = np.linalg.solve(np.eye(model.nv) + APART**2 * apart.T @ apart, J.T)
+        step = cheap @ np.linalg.solve(J @ cheap + 1e-6 * np.eye(len(J)), error)
         step *= -min(1.0, 0.2 / max(float(np.abs(step).max()), 1e-12))  # rad or m
         found = limits.clamped(pin.integrate(model, found, step))
         if float(np.abs(error).max()) < 1e-7:
@@ -214,20 +217,24 @@ def com_from_middle(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Arr
     return _standing_error(model, q, feet)[0][:2]
 
 
-def _standing_error(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> tuple[Array, Array]:
-    """Return what keeps ``q`` from standing (k,) [m, rad], and its Jacobian (k, nv)."""
+def _standing_error(
+    model: pin.Model, q: Array, feet: Mapping[str, Foot]
+) -> tuple[Array, Array, Array]:
+    """Return what keeps ``q`` from standing (k,) [m, rad], and its Jacobian (k, nv).
+
+    Then the Jacobian (2 feet, nv) of where soles are on the ground, from the middle of all.
+    """
     data, frames = model.createData(), frame_table(model)
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
     com_jacobian = pin.jacobianCenterOfMass(model, data, q)
     hull = convex_hull(_sole_corners(model, data, feet)[:, :2])
     error = [data.com[0][:2] - centroid(hull)]
-    middle = np.zeros((2, model.nv))
-    rows = []
+    rows, places = [], []
     for foot in feet.values():
         index = frames[foot.frame]
         J = pin.getFrameJacobian(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-        middle += J[:2] / len(feet)
+        places.append(J[:2])
         pose = data.oMf[index]
         error.append(pose.translation[2:])
         rows.append(J[2:3])
@@ -235,7 +242,9 @@ def _standing_error(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> tup
             normal = pose.rotation[:, 2]
             error.append(normal[:2])
             rows.append(-(skew(normal) @ J[3:])[:2])
-    return np.concatenate(error), np.concatenate([com_jacobian[:2] - middle, *rows])
+    middle = np.mean(places, axis=0)
+    J = np.concatenate([com_jacobian[:2] - middle, *rows])
+    return np.concatenate(error), J, np.concatenate(places - middle)
 
 
 def _sole_corners(model: pin.Model, data: pin.Data, feet: Mapping[str, Foot]) -> Array:

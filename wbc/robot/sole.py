@@ -82,6 +82,18 @@ def body_points(model: pin.Model, geometry: GeometrySource, joint: int, up: Arra
     return _points(body_shapes(model, geometry, joint), up)
 
 
+def lowest_point(model: pin.Model, data: pin.Data, geometry: GeometrySource, joint: int) -> float:
+    """Return how high the lowest point of a joint's body is [m]; infinite if it has no shape.
+
+    ``data`` holds the places of joints.
+    """
+    pose = data.oMi[joint]
+    points = body_points(model, geometry, joint, pose.rotation[2])
+    if not len(points):
+        return np.inf
+    return float((points @ pose.rotation[2]).min()) + float(pose.translation[2])
+
+
 def _points(shapes: list[Placed], up: Array) -> Array:
     """Return points (k, 3) of shapes, their lowest among them, in the joint's frame."""
     found = [np.empty((0, 3))]

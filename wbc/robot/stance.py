@@ -16,10 +16,11 @@ from wbc.robot.limits import JointLimits
 from wbc.robot.loops import Closure
 from wbc.robot.model_checks import link_of
 from wbc.robot.postures import STANDING, grounded, settled, stands
-from wbc.robot.sole import body_points
+from wbc.robot.sole import lowest_point
 from wbc.validate import Array, by_name
 
-LOWER = 5e-3  # m: a shape that much lower than the soles would touch the ground first
+# m: a shape lower than the soles by more touches the ground before them, by less with them.
+LOWER = 5e-3
 NEAR_GROUND = 0.3  # of the CoM's height: shapes of joints below it are looked at
 
 
@@ -124,7 +125,7 @@ def stance_from(
 def _below_soles(
     model: pin.Model, geometry: GeometrySource, q: Array, feet: Mapping[str, Foot]
 ) -> tuple[str, ...]:
-    """Return a note of what is lower than the soles: what hangs on feet or beside them, or low."""
+    """Return notes of what is lower than the soles, or as low, of what hangs there."""
     if not feet:
         return ()
     soles = {int(model.frames[model.getFrameId(foot.frame)].parentJoint) for foot in feet.values()}
@@ -138,17 +139,22 @@ def _below_soles(
     data = model.createData()
     high = NEAR_GROUND * float(pin.centerOfMass(model, data, q)[2])
     near |= {k for k in range(2, model.njoints) if data.oMi[k].translation[2] < high} - soles
-    lower = []
-    for joint in sorted(near):
-        pose = data.oMi[joint]
-        points = body_points(model, geometry, joint, pose.rotation[2])
-        if len(points):
-            depth = -float((points @ pose.rotation[2]).min() + pose.translation[2])
-            if depth > LOWER:
-                lower.append(f"{link_of(model, joint)} by {1e3 * depth:.0f} mm")
-    if not lower:
-        return ()
-    return (f"lower than the soles in 'standing': {', '.join(lower)}; are these its soles (feet)?",)
+    heights = {joint: lowest_point(model, data, geometry, joint) for joint in sorted(near)}
+    lower = [
+        f"{link_of(model, joint)} by {-1e3 * height:.0f} mm"
+        for joint, height in heights.items()
+        if height < -LOWER
+    ]
+    level = [link_of(model, joint) for joint, height in heights.items() if abs(height) <= LOWER]
+    told = (
+        (lower, "lower than the soles in 'standing': {}; are these its soles (feet)?"),
+        (
+            level,
+            "level with the soles in 'standing', and no part of them: {}; locked=... of their"
+            " joints makes them so",
+        ),
+    )
+    return tuple(words.format(", ".join(found)) for found, words in told if found)
 
 
 def _foot_specs(

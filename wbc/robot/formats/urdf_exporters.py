@@ -140,21 +140,34 @@ def _colour(text: str) -> str | None:
 
 
 def unset_limits(joints: list[ET.Element]) -> tuple[str, ...]:
-    """Take away limits of which all four are 0, as exporters write where nothing was entered."""
-    found = []
+    """Take away limits of which all four are 0, as exporters write where nothing was entered.
+
+    Return notes of these, of joints that have no range and of speed limits of 0.
+    """
+    unset, free, still = list[str](), list[str](), list[str]()
     for joint in joints:
-        limit = joint.find("limit")
-        if joint.get("type") not in MOVING or limit is None or not {*LIMITS} <= {*limit.attrib}:
+        limit, name = joint.find("limit"), joint.get("name", "")
+        given = {} if limit is None else limit.attrib
+        zero = [key for key in LIMITS if key in given and _is_zero(given[key])]
+        if joint.get("type") not in MOVING:
             continue
-        if all(_is_zero(limit.attrib[key]) for key in LIMITS):
+        if limit is not None and len(zero) == len(LIMITS):
             joint.remove(limit)
-            found.append(joint.get("name", ""))
-    if not found:
-        return ()
-    return (
-        f"limits of {listed(found)} are all 0 (position, effort, speed), as exporters write where"
-        " nothing was entered: taken as none",
+            unset.append(name)
+        elif joint.get("type") != "continuous" and not {"lower", "upper"} & set(given):
+            free.append(name)
+        elif "velocity" in zero:
+            still.append(name)
+    told = (
+        (
+            unset,
+            "limits of {} are all 0 (position, effort, speed), as exporters write where nothing was"
+            " entered: taken as none",
+        ),
+        (free, "{} have no range in the file: taken as without limits"),
+        (still, "speed limits of 0 are taken as none: {}"),
     )
+    return tuple(words.format(listed(names)) for names, words in told if names)
 
 
 def _is_zero(text: str) -> bool:
