@@ -164,3 +164,14 @@ def test_tendons_and_joints_without_motors_are_said() -> None:
     robot, _ = load(text(arm(rest=arm(name="fore").replace("j1", "j2")), tail=tail))
     said = " | ".join(robot.notes)
     assert "winch" in said and "tendons are not read" in said and "no motor of the file" in said
+
+
+def test_what_acts_on_the_free_joint_itself_is_told() -> None:
+    """A thruster and a spring move the base in MuJoCo, and nothing here."""
+    root = TRUNK.replace("<freejoint/>", '<joint name="root" type="free" stiffness="5"/>')
+    thruster = '<actuator><motor name="jet" joint="root" gear="0 0 1 0 0 0"/></actuator>'
+    robot, model = load(text(arm(), root=root, tail=thruster))
+    assert model.nu == 1
+    assert model.jnt_stiffness[0] == 5.0
+    assert any(note.endswith("free joints) are not read: jet") for note in robot.notes)
+    assert "the file gives the free joint a spring, which is not used" in robot.notes

@@ -161,11 +161,15 @@ def drive_notes(
     notes = []
     mine = {*part.joints}
     every, acting = motors_on_joints(mujoco, model), acting_motors(mujoco, model)
-    elsewhere = [names.actuators[k] for k in range(model.nu) if k not in every]
+    elsewhere = [
+        names.actuators[k]
+        for k in range(model.nu)
+        if k not in every or kind_of(mujoco, model, every[k]) == "free"
+    ]
     if elsewhere:
         notes.append(
-            f"actuators that act on no single joint (tendons, sites, bodies) are not read:"
-            f" {listed(elsewhere)}"
+            "actuators that act on no single joint (tendons, sites, bodies, free joints) are not"
+            f" read: {listed(elsewhere)}"
         )
     if off := [names.actuators[k] for k in every if k not in acting]:
         notes.append(f"actuators of groups that the file switches off drive nothing: {listed(off)}")
@@ -194,6 +198,8 @@ def drive_notes(
         ):
             if np.any(values[start : start + BASE_NV]):
                 notes.append(f"the file gives the free joint {what}, which is not used")
+        if model.jnt_stiffness[model.body_jntadr[part.roots[0]]]:
+            notes.append("the file gives the free joint a spring, which is not used")
     if model.ntendon:
         notes.append(
             f"tendons are not read (their springs, limits and couplings): {listed(names.tendons)}"
