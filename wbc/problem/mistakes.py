@@ -202,10 +202,10 @@ def decimal_comma(value: Any) -> str:
     return f" (write {value.strip().replace(',', '.')}, with a point)" if comma else ""
 
 
-def _number(value: Any, _: Detail) -> str:
+def _number(value: Any, _: Detail, kind: str = "a number") -> str:
     if isinstance(value, str):
-        return f"expected a number, got the text {shown(value)}{_remedy(value)}"
-    return f"expected a number, got {shown(value)}"
+        return f"expected {kind}, got the text {shown(value)}{_remedy(value)}"
+    return f"expected {kind}, got {shown(value)}"
 
 
 def _remedy(value: str) -> str:
@@ -249,7 +249,7 @@ def _entries(value: Any, context: Detail) -> str:
 _TEXTS: Mapping[str, Callable[[Any, Detail], str]] = {
     "twice": lambda _, context: f"{context['entry']} is named twice",
     "float_type": _number,
-    "int_type": _number,
+    "int_type": lambda value, context: _number(value, context, "a whole number"),
     "finite_number": lambda value, _: f"must be a finite number, got {shown(value)}",
     "bool_type": lambda value, _: f"expected true or false, got {shown(value)}",
     "string_type": _word,

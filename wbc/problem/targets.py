@@ -84,6 +84,7 @@ class FromMotion(Section):
     """How far inside the soles the CoM is led to keep the CoP [m]; left out: it is not."""
 
 
+ALIKE = 0.8  # of keys that may be meant: 'position' is not 'motion'
 Followed = FromPlan | FromMotion
 
 LOOP = Tag("(loop)")
@@ -110,7 +111,7 @@ def form_with_plan(value: object) -> str | None:
         return MOTION.tag
     if isinstance(value, Mapping) and not isinstance(value, BaseModel):
         words = ("plan", "begins", "motion")
-        near = [get_close_matches(str(key), words, n=1) for key in value]
+        near = [get_close_matches(str(key), words, n=1, cutoff=ALIKE) for key in value]
         if ["motion"] in near:
             return MOTION.tag
         if any(near):

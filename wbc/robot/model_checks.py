@@ -85,7 +85,7 @@ def _check_masses(model: pin.Model, path: Path) -> tuple[str, ...]:
                 f"{where}: what the joint moves has no mass; give the link its mass, or make the"
                 " joint fixed, or lock it"
             )
-        if body.mass == 0.0:
+        if body.mass == 0.0 and joint > 1:  # the root is between none
             empty.append(link_of(model, joint))
     if empty:
         return (f"links without mass between two joints: {', '.join(empty)}",)
@@ -214,4 +214,5 @@ def link_of(model: pin.Model, joint: int) -> str:
 
 
 def _where(model: pin.Model, joint: int, path: Path) -> str:
-    return f"{path}: joint {model.names[joint]!r}, link {link_of(model, joint)!r}"
+    named = f"joint {model.names[joint]!r}, " if joint > 1 else ""  # the root's is not the file's
+    return f"{path}: {named}link {link_of(model, joint)!r}"
