@@ -115,17 +115,32 @@ class Closure:
         loose = [k for k in first if names[k] not in self.sprung]
         nearest, found = np.inf, q
         for columns in (loose, first, rest):
-            if not columns:
+            if not columns and columns is not rest:
                 continue
-            found = self._solved(q, np.array(columns))
+            found = self._solved(q, np.array(columns, dtype=int))
             nearest = float(np.abs(self.errors(found)[0]).max())
             if nearest <= CLOSED:
                 return found
         gaps = [f"{name} by {by:.3g}" for name, by in self.gaps(found).items() if by > CLOSED]
-        where = f"open: {listed(gaps)} m or rad at the nearest" if gaps else "off their drivers"
+        where = f"open: {listed(gaps)} m or rad at the nearest" if gaps else self._off(found)
         raise InvalidInputError(
             f"loops: no posture near it closes them ({where}); begin nearer, or look at the loops'"
             " frames and the joints' limits"
+            if self.loops
+            else f"{where}: that is beyond its limits, or another value is given; give others"
+        )
+
+    def _off(self, q: Array) -> str:
+        """Return which mimic joints are not where their drivers put them, in words."""
+        positions, names = self.limits.joint_positions(q), self.limits.names
+        return "; ".join(
+            f"{joint!r} cannot follow {one.driver!r} to {wanted:.4g}"
+            for joint, one in self.couplings.items()
+            if abs(
+                (wanted := one.value(float(positions[names.index(one.driver)])))
+                - positions[names.index(joint)]
+            )
+            > CLOSED
         )
 
     # ------------------------------------------------------------------ Newton's method

@@ -324,7 +324,8 @@ class Robot(KinematicTree):
         ----------
         joints:
             Joint names, or patterns such as ``*_knee*``, and their values [rad or m]. Mimic joints
-            follow their drivers, and loops are closed by the joints that are not named.
+            follow their drivers, which go along where a mimic joint is named alone, and loops are
+            closed by the joints that are not named.
         on_ground:
             Put the lowest corner of the soles at z = 0; otherwise the base stays where it is in
             the named posture.
@@ -334,7 +335,8 @@ class Robot(KinematicTree):
         UnknownNameError
             No such posture or joint.
         InvalidInputError
-            A value outside the joint's limits, or one with which loops cannot be closed.
+            A value outside the joint's limits, or one with which loops cannot be closed or mimic
+            joints cannot follow.
         """
         if not isinstance(reference, str) or reference not in self.postures:
             first = f"its name comes first, then joints: posture({STANDING!r}, {{joint: value}})"
@@ -343,10 +345,12 @@ class Robot(KinematicTree):
         q = self.postures[reference].copy()
         given = {} if joints is None else joints
         set_joints(self.limits, q, given)
-        follow(self.limits, q, self.couplings)
-        if self.loops and given:
+        free = {name: one for name, one in self.couplings.items() if name not in given}
+        follow(self.limits, q, free)
+        if given and self.closure.binds:
             names = self.joint_names
-            q = self.closed(q, [names[k] for key in given for k in matching(key, names)])
+            meant = [names[k] for key in given for k in matching(key, names)]
+            q = self.closure.closed(q, [name for name in meant if name not in free])
         return grounded(self.model, q, self.feet) if switch("posture, on_ground", on_ground) else q
 
     def passive_forces(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:
