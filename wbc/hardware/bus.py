@@ -122,6 +122,16 @@ class Command:
         return self.torque + feedback
 
 
+def rows_of(size: int, *values: object) -> Array | None:
+    """Return values of joints as rows (k, size); None: of another size, or no real numbers."""
+    try:
+        rows = np.array(values)
+    except ValueError:  # of different sizes
+        return None
+    fits = rows.shape == (len(values), size) and rows.dtype.kind in "fiu"
+    return rows.astype(float, copy=False) if fits else None
+
+
 class Bus(Protocol):
     """The controller's end of a robot's bus."""
 

@@ -17,11 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.errors import InvalidInputError, WbcError
-from wbc.hardware.bus import Command, Reading
+from wbc.hardware.bus import Command, Reading, rows_of
 from wbc.kinds import check_kind
 from wbc.robot import Robot
 from wbc.rotations import rotation_from
-from wbc.validate import Array, check_fields, finite_array, finite_number, real_array
+from wbc.validate import Array, check_fields, finite_array, finite_number, names_of, set_fields
 
 # ---------------------------------------------------------------------- modes
 
@@ -166,7 +166,8 @@ class SafetyLimits:
     names:
         Of the joints.
     lower, upper, velocity, effort:
-        Of the joints (n,) [rad or m, per second, N m or N]; effort must be finite.
+        Of the joints (n,) [rad or m, per second, N m or N]; effort must be finite, and velocity
+        above 0.
     kp, kd:
         Largest gains (n,).
     torque_rate:
@@ -178,9 +179,15 @@ class SafetyLimits:
     warm, hot:
         Of the motors [degrees C].
     tilt:
-        Of the IMU's axis ``up`` from the vertical [rad].
+        Of the IMU's axis ``up`` from the vertical [rad], at most pi.
     up:
-        The axis of the IMU (3,) that is vertical when the robot stands.
+        The axis of the IMU (3,) that is vertical when the robot stands; made of length 1.
+
+    Raises
+    ------
+    InvalidInputError
+        Limits that nothing can keep, or that would never be exceeded: of other sizes, NaN, upside
+        down, negative.
     """
 
     names: tuple[str, ...]
@@ -200,12 +207,26 @@ class SafetyLimits:
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
-        check_fields(self, "safety limits, ", "overrun", "overspeed", "overload", "tilt", above=0.0)
-        n = real_array("safety limits, effort", self.effort).shape
+        what = "safety limits, "
+        check_fields(self, what, "overrun", "overspeed", "overload", "tilt", above=0.0)
+        check_fields(self, what, "warm", "hot")
+        n = len(names_of(f"{what}names", self.names))
         for name in ("effort", "kp", "kd", "torque_rate"):
-            value = finite_array(f"safety limits, {name}", getattr(self, name), n)
+            value = finite_array(f"{what}{name}", getattr(self, name), (n,))
             if not (value >= 0.0).all():
-                raise InvalidInputError(f"safety limits, {name}: must not be negative")
+                raise InvalidInputError(f"{what}{name}: must not be negative")
+        ranges = rows_of(n, self.lower, self.upper, self.velocity)
+        if ranges is None or not (ranges[0] <= ranges[1]).all() or not (ranges[2] > 0.0).all():
+            raise InvalidInputError(
+                f"{what}lower, upper, velocity: expected {n} numbers each, lower at most upper,"
+                " velocity above 0"
+            )
+        if self.hot < self.warm or self.tilt > np.pi:
+            raise InvalidInputError(f"{what}hot, tilt: must be at least warm, and at most pi")
+        up = finite_array(f"{what}up", self.up, (3,))
+        if not up.any():
+            raise InvalidInputError(f"{what}up: is 0; give the direction")
+        set_fields(self, up=tuple((up / np.linalg.norm(up)).tolist()))
 
     @classmethod
     def of(cls, robot: Robot, kp: Array, kd: Array) -> SafetyLimits:
@@ -254,7 +275,9 @@ class Safety:
 
     def __init__(self, limits: SafetyLimits, damping: Array, dt: float) -> None:
         check_kind("safety, limits", limits, SafetyLimits, "SafetyLimits.of(robot, kp, kd)")
-        self.damping = finite_array("safety, damping", damping, limits.kd.shape)
+        self.damping = finite_array("safety, damping", damping, (len(limits.names),))
+        if not (self.damping >= 0.0).all():
+            raise InvalidInputError("safety, damping: must not be negative: joints would speed up")
         self.limits, self.dt = limits, finite_number("safety, dt", dt, above=0.0)
         self.mode = Mode.IDLE
         self.events = deque[Event](maxlen=1000)
@@ -330,6 +353,9 @@ class Safety:
     def measured(self, reading: Reading) -> None:
         """Look at a usable reading: joints, motors, tilt, button."""
         limits, q, v = self.limits, reading.position, reading.velocity
+        if rows_of(len(limits.names), q, v, reading.torque, reading.temperature) is None:
+            self.report(Fault.NOT_FINITE, f"not of {len(limits.names)} joints")
+            return
         self._measured = q, v
         beyond = np.maximum(q - limits.upper, limits.lower - q)
         self._worst(Fault.POSITION, beyond, limits.overrun)
@@ -386,25 +412,27 @@ class Safety:
             return self._given(self._brake)
         if wanted is None:
             return self._last
-        stacked = np.stack((wanted.position, wanted.velocity, wanted.torque, wanted.kp, wanted.kd))
-        if not np.isfinite(stacked).all():
-            self.report(Fault.COMMAND_NOT_FINITE)
+        n, told = len(self.limits.names), (wanted.position, wanted.velocity, wanted.torque)
+        rows = rows_of(n, *told, wanted.kp, wanted.kd)
+        if rows is None or not np.isfinite(rows).all():
+            self.report(Fault.COMMAND_NOT_FINITE, f"not of {n} joints" if rows is None else "")
             return self._last
         limits, last, (q, v) = self.limits, self._last, self._measured
-        kp, kd = np.clip(wanted.kp, 0.0, limits.kp), np.clip(wanted.kd, 0.0, limits.kd)
+        position, velocity, torque, kp, kd = rows
+        kp, kd = np.clip(kp, 0.0, limits.kp), np.clip(kd, 0.0, limits.kd)
         reach = limits.velocity * self.dt
         held = np.where(last.kp > 0.0, last.position, q)
-        position = np.clip(wanted.position, held - reach, held + reach)
+        position = np.clip(position, held - reach, held + reach)
         position = np.clip(position, limits.lower, limits.upper)
-        velocity = np.clip(wanted.velocity, -limits.velocity, limits.velocity)
+        velocity = np.clip(velocity, -limits.velocity, limits.velocity)
         feedback = kp * (position - q) + kd * (velocity - v)
         share = np.minimum(1.0, limits.effort / np.maximum(np.abs(feedback), 1e-9))
         kp, kd, feedback = share * kp, share * kd, share * feedback
         step = limits.torque_rate * self.dt
-        torque = np.clip(wanted.torque, last.torque - step, last.torque + step)
+        torque = np.clip(torque, last.torque - step, last.torque + step)
         torque = np.clip(torque + feedback, -limits.effort, limits.effort) - feedback
         torque = np.clip(torque, -limits.effort, limits.effort)
-        if np.abs(torque - wanted.torque).max() > 1e-6:
+        if np.abs(torque - rows[2]).max() > 1e-6:
             self.report(Fault.CLIPPED)
         return self._given(Command(wanted.sequence, position, velocity, torque, kp, kd))
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.hardware.bus import Reading
+from wbc.hardware.bus import Reading, rows_of
 from wbc.hardware.safety import Fault
 from wbc.robot import Robot
 from wbc.rotations import rotation_from
@@ -109,9 +109,12 @@ class SensorChecks:
         r = reading
         if r.sequence <= self._sequence and not self._restarted(reading):
             return SensorFinding(Fault.OUT_OF_ORDER, f"number {r.sequence} after {self._sequence}")
-        joints = np.stack((r.position, r.velocity, r.torque, r.temperature))
-        imu = np.concatenate((r.quaternion, r.angular_velocity, r.specific_force))
-        if not (np.isfinite(joints).all() and np.isfinite(imu).all() and np.isfinite(r.time)):
+        joints = rows_of(len(self._names), r.position, r.velocity, r.torque, r.temperature)
+        turns, imu = rows_of(4, r.quaternion), rows_of(3, r.angular_velocity, r.specific_force)
+        if joints is None or turns is None or imu is None:
+            what = f"not of {len(self._names)} joints" if joints is None else "IMU"
+            return SensorFinding(Fault.NOT_FINITE, what)
+        if not (np.isfinite(joints).all() and np.isfinite([*turns.flat, *imu.flat, r.time]).all()):
             rows = ("position", "velocity", "torque", "temperature")
             bad = [
                 name for name, row in zip(rows, joints, strict=True) if not np.isfinite(row).all()

@@ -1,0 +1,111 @@
+"""Limits that would never be exceeded are refused; what has another size is a fault, no crash."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError
+from wbc.hardware.bus import Command, Reading
+from wbc.hardware.safety import Fault, Safety, SafetyLimits
+from wbc.hardware.sensor_checks import SensorChecks
+from wbc.robot import Robot
+
+DT = 0.002
+ROBOT = Robot.load("g1")
+N = len(ROBOT.joint_names)
+LIMITS = SafetyLimits.of(ROBOT, np.full(N, 100.0), np.full(N, 5.0))
+NAN = np.full(N, np.nan)
+
+
+def reading(**changed: Any) -> Reading:
+    zero = np.zeros(N)
+    imu = np.array((0.0, 0.0, 0.0, 1.0)), np.zeros(3), np.array((0.0, 0.0, 9.81))
+    made = Reading(1, 0.0, zero, zero, zero, np.full(N, 30.0), *imu)
+    return replace(made, **changed)
+
+
+def standing_up() -> Safety:
+    safety = Safety(LIMITS, np.ones(N), DT)
+    safety.arm(0.0)
+    safety.measured(reading())
+    safety.stand_up(0.0)
+    return safety
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"lower": NAN},
+        {"lower": LIMITS.upper, "upper": LIMITS.lower},
+        {"lower": LIMITS.lower[:-1]},
+        {"velocity": NAN},
+        {"velocity": -LIMITS.velocity},
+        {"names": LIMITS.names[:-1]},
+        {"up": (0.0, 0.0, 0.0)},
+        {"up": (0.0, 1.0)},
+        {"warm": np.nan},
+        {"hot": 20.0},
+        {"tilt": 7.0},
+    ],
+    ids=str,
+)
+def test_limits_that_nothing_can_exceed_or_keep_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(InvalidInputError, match="safety limits, "):
+        replace(LIMITS, **wrong)
+
+
+def test_tilt_does_not_depend_on_how_long_the_axis_is_written() -> None:
+    """By 1 rad about x; more than 0.8. Twice the axis would have had twice the cosine, 1.08."""
+    leaning = reading(quaternion=np.array((np.sin(0.5), 0.0, 0.0, np.cos(0.5))))
+    for length in (1.0, 2.0):
+        safety = Safety(replace(LIMITS, up=(0.0, 0.0, length)), np.ones(N), DT)
+        safety.measured(leaning)
+        safety.judge(0.0)
+        assert safety.present == (Fault.TILT,)
+
+
+def test_damping_that_speeds_joints_up_is_refused() -> None:
+    with pytest.raises(InvalidInputError, match="must not be negative"):
+        Safety(LIMITS, np.full(N, -1.0), DT)
+
+
+@pytest.mark.parametrize(
+    "torque",
+    [np.zeros(N - 1), np.zeros(1), 0.0, None, np.full(N, "a"), np.zeros(N) + 1j],
+    ids=["short", "one", "number", "None", "words", "complex"],
+)
+def test_command_of_another_size_is_a_fault_and_the_last_one_is_held(torque: Any) -> None:
+    safety, fine = standing_up(), [np.full(N, 0.1), np.zeros(N), np.zeros(N)]
+    gains = np.full(N, 10.0), np.ones(N)
+    before = safety.admit(Command(1, *fine, *gains))
+    assert safety.admit(Command(2, *fine[:2], torque, *gains)) is before
+    rows = [np.zeros(N - 1)] * 5  # all of them
+    assert safety.admit(Command(3, *rows)) is before
+    safety.measured(reading())
+    safety.judge(DT)
+    assert Fault.COMMAND_NOT_FINITE in safety.present
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"position": np.zeros(N - 1)},
+        {"position": None},
+        {"temperature": np.zeros(3)},
+        {name: np.zeros(N + 1) for name in ("position", "velocity", "torque", "temperature")},
+        {"position": np.full(N, "a")},
+        {"quaternion": np.zeros(3)},
+        {"specific_force": 9.81},
+    ],
+    ids=str,
+)
+def test_reading_of_another_size_is_of_no_use_and_said(wrong: dict[str, Any]) -> None:
+    useful, (found,) = SensorChecks(ROBOT).look_at(reading(**wrong), 0.0)
+    assert not useful and found.fault is Fault.NOT_FINITE
+    if not {"quaternion", "specific_force"} & set(wrong):
+        safety = standing_up()
+        safety.measured(reading(**wrong))
+        safety.judge(0.0)
+        assert safety.present == (Fault.NOT_FINITE,)
