@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import wbc
+from wbc.errors import InvalidInputError
 from wbc.estimation import (
     ContactFilter,
     EstimatorSettings,
@@ -17,8 +18,9 @@ from wbc.estimation import (
     StateEstimator,
 )
 from wbc.gait import Footstep, Walker
-from wbc.hardware import Safety, UdpBus
+from wbc.hardware import Safety, SensorChecks, UdpBus
 from wbc.human import human_motion, human_robot, read_markers
+from wbc.qp import make_backend
 from wbc.robot import Robot
 from wbc.shaping import GlobalShaping
 from wbc.simulation import (
@@ -44,7 +46,8 @@ WRONG = (
 )  # fmt: skip
 # Where any name, path or position means something until a robot or a disk is looked at.
 LET = {("load", "package_dirs"), ("load", "name"), ("push", "body"), ("wrench", "frame"),
-       ("fall", "trunk"), ("fall", "lifted")}  # fmt: skip
+       ("fall", "trunk"), ("fall", "lifted"), ("axis", "name"), ("orientation", "name"),
+       ("place", "name"), ("apart", "name")}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +64,7 @@ def calls() -> list[Call]:
     plant, walker = Plant(robot), Walker(robot)
     collision, limits = wbc.SelfCollision(robot), wbc.Limits(robot)
 
+    ball = [wbc.Obstacle.sphere("ball", (1.0, 0.0, 1.0), 0.1)]
     place, rates = np.concatenate((np.zeros(3), np.eye(3).ravel())), JointVelocityFilter(4)
     feet, felt = ContactFilter(2), MomentumObserver(robot)
     for k in range(2):
@@ -88,6 +92,22 @@ def calls() -> list[Call]:
                                       "per_mass": True, "second_order": False}),
         ("relative", wbc.RelativePoseTask, {"robot": robot, "frame": "base", "relative_to": sole,
                                             "position": np.ones(3), "rotation": np.eye(3)}),
+        ("axis", wbc.AxisTask, {"robot": robot, "frame": "base", "target": (0, 0, 1),
+                                "name": None}),
+        ("orientation", wbc.OrientationTask, {"robot": robot, "frame": "base", "target": np.eye(3),
+                                              "name": None}),
+        ("place", wbc.PositionTask, {"robot": robot, "frame": sole, "target": (0, 0, 1),
+                                     "name": None}),
+        ("apart", wbc.DistanceTask, {"robot": robot, "frame": sole, "other": "base", "target": 0.3,
+                                     "name": None}),
+        ("damping", wbc.DampingTask, {"robot": robot, "joints": None, "base": True}),
+        ("joints", wbc.PostureTask, {"robot": robot, "target": q, "joints": None, "weight": 1.0}),
+        ("principal", wbc.PrincipalInertiaTask, {"robot": robot, "target": (1, 2, 3),
+                                                 "per_mass": True}),
+        ("com support", wbc.ComSupport, {"robot": robot, "polygon": np.eye(3)[:, :2], **margin}),
+        ("obstacles", wbc.Obstacles, {"robot": robot, "obstacles": ball, **margin}),
+        ("solver", make_backend, {"name": "active_set"}),
+        ("sensor checks", SensorChecks, {"robot": robot}),
         ("residual", com.residual, {"snapshot": s}),
         ("support", wbc.support, {"snapshot": s, "mode": "double"}),
         ("friction", wbc.FrictionCone, {"coefficient": 0.6, "facets": 4, "inner": True}),
@@ -191,3 +211,21 @@ def test_numbers_of_pairs_are_read_whatever_their_width() -> None:
         found = collision.distances(snapshot, keys.astype(width))  # type: ignore[arg-type]
         np.testing.assert_array_equal(found.clearance, wanted.clearance)
         np.testing.assert_array_equal(found.jacobian, wanted.jacobian)
+
+
+@pytest.mark.parametrize("part", ["tasks", "contacts", "constraints"])
+def test_parts_that_can_be_looked_at_once_only_are_refused(part: str) -> None:
+    """Checked, a generator is empty: the robot would have stood on nothing."""
+    robot = Robot.load("hoap2_like")
+    s = robot.snapshot(robot.posture("standing"))
+    parts: dict[str, Any] = {"tasks": [wbc.ComTask(robot, s.com)]}
+    parts |= {"contacts": wbc.support(s, "double"), "constraints": [wbc.ComSupport.over(s)]}
+    for controller in (wbc.KinematicController, wbc.TorqueController):
+        with pytest.raises(InvalidInputError, match=f"controller, {part}: expected a list"):
+            controller(robot, **{**parts, part: (one for one in parts[part])})
+
+
+def test_obstacles_are_kept_however_they_are_listed() -> None:
+    robot = Robot.load("hoap2_like")
+    balls = [wbc.Obstacle.sphere(f"ball {k}", (1.0, 0.0, k), 0.1) for k in range(2)]
+    assert wbc.Obstacles(robot, (one for one in balls)).obstacles == tuple(balls)  # type: ignore[arg-type]

@@ -57,7 +57,12 @@ class ComSupport(Margin):
         braking: BrakingParameters | None = None,
         limits: Limits | None = None,
     ) -> None:
-        super().__init__(robot, "com support", braking or BrakingParameters(COM_BRAKING), limits)
+        super().__init__(
+            robot,
+            "com support",
+            BrakingParameters(COM_BRAKING) if braking is None else braking,
+            limits,
+        )
         self.margin = clearance("com support", margin)
         self.set_polygon(polygon)
 

@@ -74,12 +74,12 @@ class Obstacles(BodyMargin):
     ) -> None:
         super().__init__(robot, "obstacles", pairs, braking, limits)
         self.margin = clearance("obstacles", margin)
-        listed = isinstance(obstacles, Iterable)
-        if not listed or not all(isinstance(one, Obstacle) for one in obstacles):
+        listed = tuple(obstacles) if isinstance(obstacles, Iterable) else (None,)
+        if not all(isinstance(one, Obstacle) for one in listed):
             raise InvalidInputError(f"obstacles: expected a list of Obstacle, got {obstacles!r}")
-        if not obstacles:
+        if not listed:
             raise InvalidInputError("obstacles: none given; name at least one, or leave this out")
-        self.obstacles = tuple(obstacles)
+        self.obstacles = listed
         own = _bodies_of(fitted_bodies(robot, fit), links)
         around = [Body(one.name, one.name, 0, one.shape) for one in self.obstacles]
         self._first = len(own)

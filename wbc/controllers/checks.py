@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -249,7 +249,7 @@ def check_list(kind: str, given: Any, wanted: type) -> None:
     if isinstance(given, wanted):
         raise InvalidInputError(f"controller, {kind}: expected a list, got one; write [...]")
     hint = '; wbc.support(snapshot, "double") makes contacts' if kind == "contacts" else ""
-    if isinstance(given, str) or not isinstance(given, Iterable):
+    if isinstance(given, str) or not isinstance(given, Collection):
         raise InvalidInputError(
             f"controller, {kind}: expected a list of {what}, got {given!r}{hint}"
         )

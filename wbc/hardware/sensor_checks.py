@@ -10,6 +10,7 @@ import numpy as np
 from wbc.hardware.bus import Reading, rows_of
 from wbc.hardware.safety import Fault
 from wbc.robot import Robot
+from wbc.robot.model import check_robot
 from wbc.rotations import rotation_from
 from wbc.validate import Array
 
@@ -42,6 +43,7 @@ class SensorChecks:
     """Looks at each reading of a robot; keeps what it compares with."""
 
     def __init__(self, robot: Robot) -> None:
+        check_robot("sensor checks", robot)
         limits, self._names = robot.limits, robot.joint_names
         self._lower, self._upper = limits.lower, limits.upper
         self._velocity, self._effort = limits.velocity, limits.effort

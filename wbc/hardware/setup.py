@@ -26,6 +26,7 @@ from wbc.hardware.unitree.profiles import Profile, by_pattern
 from wbc.problem.problem import Problem
 from wbc.problem.provenance import versions
 from wbc.robot import Robot
+from wbc.robot.model import check_robot
 from wbc.run.supervisor import Supervisor
 from wbc.simulation import Plant
 from wbc.validate import Array, finite_number
@@ -209,11 +210,12 @@ def simulated_robot(
     InvalidInputError
         A robot with a fixed base, or that cannot crouch.
     """
+    check_robot("hardware sim", robot)
     if robot.fixed_base:
         raise InvalidInputError(f"hardware sim: {robot.name} has a fixed base, and cannot stand up")
     if start is None:
         start = CrouchPath.of(robot.snapshot(robot.postures["standing"])).lowest
-    start = start.copy()
+    start = robot.check_configuration(start)
     start[2] += finite_number("simulated robot, lifted", lifted, least=0.0)
     plant = Plant(robot, dt=STEP, physics_dt=STEP)
     return SimulatedRobot(plant, bus, start, by_pattern(robot, profile.damping), settings)

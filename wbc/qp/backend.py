@@ -10,6 +10,7 @@ from collections.abc import Callable, Hashable
 from typing import Any, Protocol
 
 from wbc.errors import InvalidInputError, SolverError, UnknownNameError
+from wbc.kinds import check_word
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.problem import QP
 from wbc.qp.proxqp import ProxQP
@@ -90,6 +91,7 @@ def make_backend(name: str, **settings: Any) -> Backend:
         raise InvalidInputError(
             f"eps of QP solver {name!r}: {eps:g} is above {LOOSEST:g}; nothing would be checked"
         )
+    check_word("QP solver", name)
     maker = _maker(name)
     try:
         inspect.signature(maker).bind(**settings)

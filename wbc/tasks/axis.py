@@ -42,7 +42,7 @@ class AxisTask(CoreTask):
         name: str | None = None,
         **law: Unpack[Gains],
     ) -> None:
-        super().__init__(robot, name or f"{frame} axis", AXES, **law)
+        super().__init__(robot, f"{frame} axis" if name is None else name, AXES, **law)
         robot.frame_id(frame)
         self.frame = frame
         self.axis = self._unit(axis, "axis")

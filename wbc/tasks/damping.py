@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import switch
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
@@ -53,8 +54,10 @@ class DampingTask(Task):
     ) -> None:
         check_robot(type(self).__name__, robot)
         factors = np.ones(robot.nv)
-        factors[:BASE_NV] = float(base)
-        for pattern, factor in by_name(f"task {name!r}, joints", joints or {}).items():
+        factors[:BASE_NV] = switch(f"task {name!r}, base", base)
+        for pattern, factor in by_name(
+            f"task {name!r}, joints", {} if joints is None else joints
+        ).items():
             what = f"task {name!r}, weight of joint {pattern!r}"
             factors[list(robot.joint_indices(pattern))] = finite_number(what, factor, least=0.0)
         chosen = np.flatnonzero(factors)

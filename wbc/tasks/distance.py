@@ -53,7 +53,8 @@ class DistanceTask(Task):
         name: str | None = None,
         **law: Unpack[Gains],
     ) -> None:
-        super().__init__(robot, name or f"{frame} to {other}", ("distance",), **law)
+        own = f"{frame} to {other}" if name is None else name
+        super().__init__(robot, own, ("distance",), **law)
         if robot.frame_id(frame) == robot.frame_id(other):
             raise InvalidInputError(f"{self}: {frame!r} has no distance from itself")
         self.frame, self.other = frame, other

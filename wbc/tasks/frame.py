@@ -43,7 +43,7 @@ class OrientationTask(CoreTask):
         name: str | None = None,
         **law: Unpack[Gains],
     ) -> None:
-        super().__init__(robot, name or f"{frame} orientation", TURNS, **law)
+        super().__init__(robot, f"{frame} orientation" if name is None else name, TURNS, **law)
         robot.frame_id(frame)
         self.frame = frame
         self.set_target(target)
@@ -100,7 +100,7 @@ class PoseTask(PlacementTask, CoreTask):
         name: str | None = None,
         **law: Unpack[Gains],
     ) -> None:
-        super().__init__(robot, name or f"{frame} pose", AXES + TURNS, **law)
+        super().__init__(robot, f"{frame} pose" if name is None else name, AXES + TURNS, **law)
         robot.frame_id(frame)
         self.frame = frame
         self.set_target(position, rotation)

@@ -135,7 +135,7 @@ class PositionTask(PointTask):
         check_robot(type(self).__name__, robot)
         robot.frame_id(frame)  # an unknown frame is an error now, not at the first tick
         self.frame = frame
-        super().__init__(robot, name or f"{frame} position", target, axes, **law)
+        super().__init__(robot, f"{frame} position" if name is None else name, target, axes, **law)
 
     def _point(self, snapshot: Snapshot) -> Array:
         return snapshot.position(self.frame)

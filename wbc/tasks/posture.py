@@ -48,12 +48,12 @@ class PostureTask(CoreTask):
         **law: Unpack[LawKeywords],
     ) -> None:
         check_robot(type(self).__name__, robot)
-        factors = _factors(robot, joints or {}, name)
+        factors = _factors(robot, {} if joints is None else joints, name)
         chosen = np.flatnonzero(factors > 0.0)
         if chosen.size == 0:
             raise InvalidInputError(f"task {name!r}: every joint has weight 0; leave the task out")
         names = [robot.joint_names[k] for k in chosen]
-        if np.ndim(weight) or isinstance(weight, Mapping):
+        if isinstance(weight, Mapping | list | tuple) or np.ndim(weight):
             raise InvalidInputError(
                 f"task {name!r}, weight: expected one number for all joints, got {shown(weight)};"
                 ' joints={"*knee*": 10} weighs them apart'

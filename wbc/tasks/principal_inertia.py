@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import switch
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import congruence, vech, vech_inverse
@@ -51,8 +52,8 @@ class PrincipalInertiaTask(Task):
         **law: Unpack[Gains],
     ) -> None:
         super().__init__(robot, name, ALL, **law)
-        self.per_mass = per_mass
-        self._selection = read_only((1.0 / robot.mass if per_mass else 1.0) * FROBENIUS_ROWS)
+        self.per_mass = switch(f"task {name!r}, per_mass", per_mass)
+        self._selection = read_only((1.0 / robot.mass if self.per_mass else 1.0) * FROBENIUS_ROWS)
         self.set_target(target)
 
     @property
