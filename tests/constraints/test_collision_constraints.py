@@ -352,6 +352,8 @@ def test_what_makes_no_sense_is_refused(robot, robot_named) -> None:
         SelfCollision(robot, pairs=0)
     with pytest.raises(InvalidInputError, match="none given"):
         Obstacles(robot, [])
+    with pytest.raises(InvalidInputError, match="'b' is named twice"):
+        Obstacles(robot, [Obstacle.sphere("b", [x, 9, 9], 1) for x in (5, 9)])
     with pytest.raises(UnknownNameError, match="left_hand"):
         Obstacles(robot, [Obstacle.sphere("b", [9, 9, 9], 1)], links=["left_hnd"])
     posture = PostureTask(robot, here.q)

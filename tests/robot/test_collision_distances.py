@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.robot.collision import Body, Capsule, CollisionModel, PairDistances
+from wbc.robot.collision import Body, Capsule, CollisionModel, Obstacle, PairDistances
 
 ROBOT, JOINT = Robot.load("hoap2_like"), 7
 
@@ -131,3 +132,21 @@ def test_many_pairs_with_degenerate_ones_among_them(rng) -> None:
     np.testing.assert_array_equal(mixed.distance[rest], clean.distance[rest])
     assert np.isfinite(mixed.normal).all()
     assert mixed.distance[7] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_what_an_obstacle_cannot_be_assigned_is_refused() -> None:
+    """Before, ``obstacle.position = ...`` was taken, and the obstacle stayed where it was."""
+    ball = Obstacle.sphere("ball", (1.0, 0.0, 1.0), 0.1)
+    wrong = {"position": (0, 0, 1), "shape": ball.shape, "origin": (0, np.nan, 1)}
+    for name, value in (*wrong.items(), ("velocity", (1, 2)), ("rotation", 2.0 * np.eye(3))):
+        with pytest.raises(InvalidInputError, match=f"{name}"):
+            setattr(ball, name, value)
+    ball.move(np.eye(3), (0.5, 0.0, 0.0), velocity=(1.0, 0.0, 0.0))
+    ball.advance(0.5)
+    np.testing.assert_array_equal(ball.origin, (1.0, 0.0, 0.0))
+    ball.origin = [0, 0, 2]
+    np.testing.assert_array_equal(ball.origin, (0.0, 0.0, 2.0))
+    with pytest.raises(InvalidInputError, match="expected a shape"):
+        Obstacle("ball", 3)  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match="obstacle, name"):
+        Obstacle("", ball.shape)

@@ -15,7 +15,7 @@ from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import Body, CollisionModel, Obstacle, PairDistances, fitted_bodies
 from wbc.robot.names import matching
-from wbc.validate import Array, clearance
+from wbc.validate import Array, clearance, names_of
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
@@ -53,6 +53,8 @@ class Obstacles(BodyMargin):
         A mesh is missing, or the robot has no collision shapes.
     UnknownNameError
         A pattern that matches no link.
+    InvalidInputError
+        No obstacles, or two of one name.
     """
 
     margin: float
@@ -79,6 +81,7 @@ class Obstacles(BodyMargin):
             raise InvalidInputError(f"obstacles: expected a list of Obstacle, got {obstacles!r}")
         if not listed:
             raise InvalidInputError("obstacles: none given; name at least one, or leave this out")
+        names_of("obstacles", [one.name for one in listed])
         self.obstacles = listed
         own = _bodies_of(fitted_bodies(robot, fit), links)
         around = [Body(one.name, one.name, 0, one.shape) for one in self.obstacles]

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
+from wbc.attributes import DeclaredAttributes
+from wbc.errors import InvalidInputError, shown
+from wbc.kinds import check_word
 from wbc.rotations import check_rotation, exp_rotation
-from wbc.validate import Array, finite_array, finite_number, read_only
+from wbc.validate import Array, finite_array, finite_number, read_only, set_fields
 
 _ZERO = (0.0, 0.0, 0.0)
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
@@ -139,8 +142,10 @@ class Body:
         return np.inf
 
 
-class Obstacle:
+class Obstacle(DeclaredAttributes):
     """Something that the robot does not carry, with a place and a velocity.
+
+    It is moved by :meth:`move`, or by its attributes.
 
     Parameters
     ----------
@@ -155,11 +160,31 @@ class Obstacle:
         Place of its frame: (3, 3) and (3,) [m].
     velocity, angular_velocity:
         Of its frame's origin (3,) [m/s] and of its frame (3,) [rad/s]; world axes.
+
+    Raises
+    ------
+    InvalidInputError
+        No name, or no shape.
     """
 
+    name: str
+    shape: Shape
+    rotation: Array
+    origin: Array
+    velocity: Array
+    angular_velocity: Array
+
+    _fixed = dict.fromkeys(("name", "shape"), "make another Obstacle")
+    _MOVING = ("rotation", "origin", "velocity", "angular_velocity")
+
     def __init__(self, name: str, shape: Shape) -> None:
-        self.name = name
-        self.shape = shape
+        check_word("obstacle, name", name)
+        if not isinstance(shape, Shape):
+            raise InvalidInputError(
+                f"obstacle {name!r}: expected a shape, such as Capsule.of(...), got {shown(shape)};"
+                " Obstacle.sphere() and others make both"
+            )
+        self.name, self.shape = name, shape
         self.move(np.eye(3), _ZERO)
 
     def __repr__(self) -> str:
@@ -199,16 +224,19 @@ class Obstacle:
         InvalidInputError
             Not finite, of another size, or no rotation.
         """
-        what = f"obstacle {self.name!r}"
-        R = finite_array(f"{what}, rotation", rotation, (3, 3))
-        check_rotation(f"{what}, rotation", R)
-        place = finite_array(f"{what}, origin", origin, (3,))
-        rates = (
-            finite_array(f"{what}, velocity", velocity, (3,)),
-            finite_array(f"{what}, angular velocity", angular_velocity, (3,)),
-        )
-        self.rotation, self.origin = read_only(R), read_only(place)
-        self.velocity, self.angular_velocity = (read_only(rate) for rate in rates)
+        given = zip(self._MOVING, (rotation, origin, velocity, angular_velocity), strict=True)
+        set_fields(self, **{name: self._checked(name, value) for name, value in given})
+
+    def _set_attribute(self, name: str, value: object) -> None:
+        moving = name in self._MOVING
+        super()._set_attribute(name, self._checked(name, value) if moving else value)
+
+    def _checked(self, name: str, value: Any) -> Array:
+        what = f"obstacle {self.name!r}, {name.replace('_', ' ')}"
+        found = finite_array(what, value, (3, 3) if name == "rotation" else (3,))
+        if name == "rotation":
+            check_rotation(what, found)
+        return read_only(found)
 
     def advance(self, dt: float) -> None:
         """Move on by ``dt`` [s] at the present velocities."""
