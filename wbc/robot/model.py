@@ -34,6 +34,7 @@ from wbc.robot.payload import CarryingGeometry, Payload, described
 from wbc.robot.postures import (
     NEUTRAL,
     STANDING,
+    apart_from_neutral,
     close_postures,
     com_from_middle,
     follow,
@@ -189,7 +190,11 @@ class Robot(KinematicTree):
         limits = JointLimits.of(model)
         states_file = found.srdf if srdf is None else Path(srdf)
         said = read_srdf(states_file, description.model) if states_file else None
-        states = {**description.states, **(said.states if said else {})}
+        own, renamed = apart_from_neutral(description.states)
+        description = replace(description, states=own)
+        said_states, also = apart_from_neutral(said.states if said else {})
+        states = {**own, **said_states}
+        notes += renamed or also
         notes += said.notes(description.model) if said and states_file != found.srdf else ()
         neutral = pin.neutral(model)
         neutral[:BASE_NQ] = description.base

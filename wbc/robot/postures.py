@@ -52,6 +52,18 @@ def named_postures(
     return postures, tuple(notes)
 
 
+def apart_from_neutral(states: Mapping[str, State]) -> tuple[dict[str, State], tuple[str, ...]]:
+    """Return states with another name for one called as the posture of zeros is, and a note of it.
+
+    Pairs that touch, plants and searches take that posture for joints at 0.
+    """
+    if NEUTRAL not in states:
+        return dict(states), ()
+    other = f"{NEUTRAL}_2"
+    note = f"the file's posture {NEUTRAL!r} is called {other!r}: in {NEUTRAL!r} joints are at 0"
+    return {other if name == NEUTRAL else name: state for name, state in states.items()}, (note,)
+
+
 def _posture_of(
     limits: JointLimits, neutral: Array, name: str, state: State
 ) -> tuple[Array, list[str]]:

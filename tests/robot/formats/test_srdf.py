@@ -121,3 +121,33 @@ def test_the_base_of_a_state_is_no_unknown_joint(tmp_path: Path) -> None:
         tmp_path, state("home", "a", world_joint="0 0 1 0 0 0 1", root_joint="0 0 1 0 0 0 1")
     )
     assert not any("SRDF" in note for note in robot.notes)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ('<group_stat name="home" group="g"/>', "<group_stat> (is 'group_state' meant?)"),
+        ('<disable_collision link1="l1" link2="l3"/>', "(is 'disable_collisions' meant?)"),
+        ('<group_state name="home"><Joint name="j1" value="1"/></group_state>', "<Joint> in state"),
+        ('<virtual_joint type="fixed" child_link="base"/>', "<virtual_joint> of type 'fixed'"),
+    ],
+)
+def test_what_looks_as_if_it_should_be_read_is_told(
+    tmp_path: Path, content: str, told: str
+) -> None:
+    (note,) = [note for note in load(tmp_path, content).notes if note.startswith("SRDF")]
+    assert told in note
+
+
+def test_elements_of_other_programs_are_passed_over(tmp_path: Path) -> None:
+    content = (
+        '<group name="g"/><end_effector name="e"/><rotor_params/><virtual_joint type="floating"/>'
+    )
+    assert not any("SRDF" in note for note in load(tmp_path, content).notes)
+
+
+def test_neutral_has_joints_at_zero_whatever_the_file_calls_so(tmp_path: Path) -> None:
+    robot = load(tmp_path, state("neutral", "g", j1=0.5))
+    np.testing.assert_array_equal(robot.posture("neutral")[7:9], [0.0, 0.0])
+    np.testing.assert_array_equal(robot.posture("neutral_2")[7:9], [0.5, 0.0])
+    assert any("is called 'neutral_2'" in note for note in robot.notes)

@@ -6,6 +6,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 
 import pinocchio as pin
@@ -13,9 +14,12 @@ import pinocchio as pin
 from wbc.errors import ModelError, listed
 from wbc.robot.formats.description import State
 from wbc.robot.formats.urdf_exporters import refuse_macros
+from wbc.robot.formats.urdf_words import ALIKE
 from wbc.robot.formats.xml import read_xml
 from wbc.robot.limits import BASE_NQ
 
+COLLISIONS = ("disable_collisions", "disable_default_collisions", "enable_collisions")
+READ = ("group_state", "passive_joint", *COLLISIONS)
 UNIT = 1e-2  # by which files may round a cosine and a sine
 
 
@@ -27,13 +31,14 @@ class Semantics:
     disabled: frozenset[frozenset[str]]  # pairs of links that are not checked for collisions
     passive: tuple[str, ...]  # joints without motors
     overwritten: tuple[str, ...]  # what groups contradict each other in, in words
+    unread: tuple[str, ...]  # what is not read, though it looks as if it should be, in words
 
     def notes(self, model: pin.Model) -> tuple[str, ...]:
         """Return what is not used of it with a robot, in words.
 
         ``model`` has all joints of the description, none locked.
         """
-        notes = list(self.overwritten)
+        notes = [*self.overwritten, *self.unread]
         joints = {str(name) for name in model.names}
         for name, state in self.states.items():
             unknown = [
@@ -88,7 +93,26 @@ def read_srdf(path: Path, model: pin.Model | None = None) -> Semantics:
         for name, joints in contradicted.items()
     )
     passive = tuple(joint.get("name", "?") for joint in root.findall("passive_joint"))
-    return Semantics(dict(states), frozenset(_disabled(root, path, model)), passive, overwritten)
+    disabled = frozenset(_disabled(root, path, model))
+    return Semantics(dict(states), disabled, passive, overwritten, _unread(root))
+
+
+def _unread(root: ET.Element) -> tuple[str, ...]:
+    """Return notes of misspelt elements, and of a base that is not to float.
+
+    SRDFs hold elements of many other programs, which are passed over.
+    """
+    told = list[str]()
+    for element in root:
+        near = get_close_matches(str(element.tag).lower(), READ, n=1, cutoff=ALIKE)
+        if near and element.tag not in READ:
+            told.append(f"<{element.tag}> (is {near[0]!r} meant?)")
+        if element.tag == "group_state":
+            others = [str(one.tag) for one in element if one.tag != "joint"]
+            told += [f"<{tag}> in state {element.get('name')!r}" for tag in others]
+        if element.tag == "virtual_joint" and element.get("type") not in (None, "floating"):
+            told.append(f"<virtual_joint> of type {element.get('type')!r} (base='fixed' bolts it)")
+    return (f"SRDF, not read: {listed(told)}",) if told else ()
 
 
 def _disabled(root: ET.Element, path: Path, model: pin.Model | None) -> set[frozenset[str]]:
