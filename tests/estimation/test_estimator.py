@@ -329,3 +329,19 @@ def test_measured_forces_of_feet_tell_which_bear(hoap: Robot, rng: np.random.Gen
         sent = [changed(m, contacts=None, forces=forces) for m in messages(hoap, 400, rng)]
         found = fed(StateEstimator(hoap, MOUNTS), sent)
         assert ("right" in found.contacts) == stands and "left" in found.contacts
+
+
+@pytest.mark.parametrize(
+    "given", [{"nose": 1.0}, {"left": 1.0}, {"left": 1, "right": 1, "tail": 1}]
+)
+def test_loads_of_other_feet_than_the_robot_has_are_refused(
+    hoap: Robot, rng: np.random.Generator, given: dict[str, float]
+) -> None:
+    """A foot that is not named was one that does not bear, and a misspelt one nothing at all."""
+    (message,) = messages(hoap, 1, rng)
+    pressed = {name: bool(load) for name, load in given.items()}
+    for loads in ({"contacts": pressed}, {"contacts": None, "forces": given}):
+        with pytest.raises(InvalidInputError, match="one for each of the feet left, right"):
+            StateEstimator(hoap, MOUNTS).update(changed(message, **loads))
+    with pytest.raises(InvalidInputError, match="measurement, contacts, left: expected True"):
+        changed(message, contacts={"left": "no", "right": "yes"})

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import compress
 from typing import Any
@@ -149,7 +149,8 @@ class StateEstimator:
         Raises
         ------
         InvalidInputError
-            A message of another robot, or without any reading of the leading IMU to begin with.
+            A message of another robot, of other feet, or without any reading of the leading IMU to
+            begin with.
         """
         if not isinstance(measurement, Measurement) or measurement.positions.shape != self._shape:
             raise InvalidInputError(
@@ -211,13 +212,21 @@ class StateEstimator:
     def _shares(self, m: Measurement) -> Any:
         """Return what the core reads of the loads of the feet, in parts of the weight."""
         if m.forces is not None:
-            weight = self.robot.weight
-            self._loads[:] = [m.forces.get(name, 0.0) / weight for name in self._feet]
+            self._loads[:] = self._by_foot("forces", m.forces)
+            self._loads /= self.robot.weight
         elif m.contacts is not None:
-            self._loads[:] = [m.contacts.get(name, False) for name in self._feet]
+            self._loads[:] = self._by_foot("contacts", m.contacts)
         else:
             return ffi.NULL
         return doubles(self._loads)
+
+    def _by_foot(self, what: str, given: Mapping[str, float]) -> list[float]:
+        if given.keys() != {*self._feet}:
+            raise InvalidInputError(
+                f"estimator, {what}: expected one for each of the feet {', '.join(self._feet)}, got"
+                f" {', '.join(given) or 'none'}"
+            )
+        return [given[name] for name in self._feet]
 
     def _estimate(self, m: Measurement, out: Array) -> Estimate:
         nv, nq, count = self.robot.nv, self.robot.nq, len(self._feet)

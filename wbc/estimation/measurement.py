@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.kinds import check_word
+from wbc.kinds import check_word, switch
 from wbc.validate import (
     Array,
     by_name,
@@ -69,9 +69,9 @@ class Measurement:
     imus:
         Readings of IMUs; one that has nothing new is left out.
     contacts:
-        Foot switches by foot: whether each is pressed; None: there are none.
+        Foot switches by foot, of all: whether each is pressed; None: there are none.
     forces:
-        Normal forces by foot [N]; None: no such sensor.
+        Normal forces by foot, of all [N]; None: no such sensor.
 
     Raises
     ------
@@ -102,7 +102,9 @@ class Measurement:
         checked["imus"] = list_of("measurement, imus", self.imus, ImuReading, example)
         if self.contacts is not None:
             pressed = by_name("measurement, contacts", self.contacts)
-            checked["contacts"] = {name: bool(one) for name, one in pressed.items()}
+            checked["contacts"] = {
+                name: switch(f"measurement, contacts, {name}", one) for name, one in pressed.items()
+            }
         if self.forces is not None:
             felt = by_name("measurement, forces", self.forces)
             checked["forces"] = {
