@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from wbc.errors import ModelError
 from wbc.robot import Robot
 
 LINK = (
@@ -62,3 +63,31 @@ def test_words_of_urdf_and_what_is_left_for_others_are_not_told(tmp_path: Path) 
         assert not note_of(text)
     for name in ("hoap2_like", "g1", "talos"):
         assert not any("URDF does not know" in note for note in Robot.load(name).notes)
+
+
+@pytest.mark.parametrize(
+    ("limit", "told"),
+    [
+        ('lower="-1_0" upper="1_0"', "<limit lower='-1_0'> is not a number"),
+        (
+            'lower="-1" upper="\N{ARABIC-INDIC DIGIT ONE}"',
+            "<limit upper='\N{ARABIC-INDIC DIGIT ONE}'> is not a number",
+        ),
+        ('lower="1" upper="-1"', "swap them"),
+        ('upper="-1"', "the one left out is 0: give both"),
+    ],
+)
+def test_limits_that_are_none_are_refused_in_words_of_their_own(limit: str, told: str) -> None:
+    """The first two are numbers to Python, and stopped the parser without a word of where."""
+    with pytest.raises(ModelError, match=f"joint 'j': .*{told}"):
+        Robot.load(ARM.replace('lower="-1" upper="1"', limit))
+
+
+def test_joints_without_range_or_speed_are_told() -> None:
+    free = Robot.load(ARM.replace(' lower="-1" upper="1"', ""))
+    assert "j have no range in the file: taken as without limits" in free.notes
+    still = Robot.load(ARM.replace('lower="-1" upper="1"', 'lower=".5" upper=".5"'))
+    assert "limits leave these joints no range: j at 0.5" in still.notes
+    slow = Robot.load(ARM.replace('velocity="3"', 'velocity="0"'))
+    assert "speed limits of 0 are taken as none: j" in slow.notes
+    assert not any("range" in note or "speed" in note for note in Robot.load(ARM).notes)

@@ -316,9 +316,11 @@ def _complete_limit(joint: ET.Element, where: str) -> None:
             limit.set(key, str(unlimited))
     given = {key: numbers(limit, key, 1, where)[0] for key in limit.attrib if key in LIMITS}
     if given.get("lower", 0.0) > given.get("upper", 0.0):
+        both = {"lower", "upper"} <= set(given)
+        remedy = "swap them" if both else "the one left out is 0: give both"
         raise ModelError(
             f"{where}: lower limit {given.get('lower', 0.0):g} is above the upper limit"
-            f" {given.get('upper', 0.0):g}; swap them"
+            f" {given.get('upper', 0.0):g}; {remedy}"
         )
     for key in ("effort", "velocity"):
         if given.get(key, 0.0) < 0.0:

@@ -104,11 +104,15 @@ def numbers(
     text = element.get(key)
     if text is None:
         raise ModelError(f"{where}: <{element.tag}> has no {key!r}; add it")
+    words = text.split()
     try:
-        values = [float(word) for word in text.split()]
-    except ValueError as error:
+        values = [float(word) for word in words]
+    except ValueError:
+        values = []
+    # Python alone reads 1_0 and other scripts' digits.
+    if len(values) != len(words) or not text.isascii() or "_" in text:
         shown = text if len(text) < 100 else f"{text[:100]}..."
-        raise ModelError(f"{where}: <{element.tag} {key}={shown!r}> is not a number") from error
+        raise ModelError(f"{where}: <{element.tag} {key}={shown!r}> is not a number")
     if len(values) != count or not all(math.isfinite(value) for value in values):
         wanted = "a finite number" if count == 1 else f"{count} finite numbers"
         raise ModelError(f"{where}: <{element.tag} {key}={text!r}>: expected {wanted}")
