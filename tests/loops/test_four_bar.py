@@ -243,6 +243,7 @@ def test_locked_joints_leave_a_loop_rigid_or_are_refused() -> None:
     ("loops", "words"),
     [
         ({"pin": ["coupler"]}, "loop 'pin': expected two frames"),
+        ({"pin": ["coupler", "coupler"]}, "loop 'pin': 'coupler' is both frames"),
         ({"pin": {"frames": ["coupler", "rocker"], "kind": "ball"}}, "kind of loop 'pin'.*point"),
         ({"pin": ["coupler", "rockers"]}, "frame of loop 'pin'.*did you mean 'rocker'"),
         ({"pin": {"frame": "coupler"}}, "loop 'pin': expected frames and kind"),

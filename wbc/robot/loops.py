@@ -52,6 +52,8 @@ def _loop(what: str, given: Any) -> Loop:
         frames, kind = given.get("frames"), given.get("kind", KINDS[0])
     if isinstance(frames, str) or not isinstance(frames, Sequence) or len(frames) != 2:
         raise InvalidInputError(f"{what}: expected two frames, got {shown(frames)}")
+    if frames[0] == frames[1]:
+        raise InvalidInputError(f"{what}: {shown(frames[0])} is both frames; name another")
     if kind not in KINDS:
         raise UnknownNameError(f"kind of {what}", kind, KINDS)
     return Loop((frames[0], frames[1]), kind)
