@@ -26,6 +26,7 @@ LARGEST, HEAVIEST = 20.0, 5000.0  # m, kg: what is larger or heavier is in other
 # rad: what the middle one of a robot's joints can turn by, a little more than twice around (joints
 # that turn without end are written as 1.5 turns); and what stands for no limit.
 ROUND, NO_LIMIT = 13.0, 400.0
+SLIGHT = 0.06  # rad: 3.4, more than half around, taken for degrees
 FEW_JOINTS = 6  # their places say little of how large a robot is
 
 
@@ -170,6 +171,12 @@ def _units(model: pin.Model) -> tuple[str, ...]:
         notes.append(
             f"half of its joints turn by {np.median(farthest):.3g} rad and more: are limits in"
             " degrees?"
+        )
+    turned = farthest[farthest > 0.0]
+    if turned.size and np.median(turned) < SLIGHT:
+        notes.append(
+            f"half of its joints turn by {np.median(turned):.2g} rad and less: are limits in"
+            ' radians, and angles of the file in degrees (<compiler angle="radian"/>)?'
         )
     return tuple(notes)
 

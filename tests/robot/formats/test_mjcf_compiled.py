@@ -465,3 +465,14 @@ def test_a_key_frame_that_stands_is_standing_where_the_neutral_posture_does_not(
     keys = keys.replace(" 1.5708", "")
     robot = Robot.load(text(LEGS, root=root, tail=keys))
     assert not any("key frame 'up'" in note for note in robot.notes)
+
+
+def test_radians_that_are_read_as_degrees_are_told() -> None:
+    """Angles of an MJCF are in degrees unless it says otherwise: 1 is 0.017 rad then."""
+    radians = text(arm())
+    degrees = radians.replace('<compiler angle="radian"/>', "")
+    robot, model = load(degrees)
+    np.testing.assert_allclose(robot.limits.upper, np.deg2rad(1.0), rtol=1e-12)
+    np.testing.assert_array_equal(robot.limits.upper, model.jnt_range[1:, 1])
+    assert any("are limits in radians" in note for note in robot.notes)
+    assert not any("radians" in note for note in load(radians)[0].notes)
