@@ -349,3 +349,15 @@ def test_feet_drawn_rolled_inwards_are_levelled_where_they_are(tmp_path: Path) -
     for side, y in (("left", 0.1), ("right", -0.1)):
         assert abs(standing.position(f"{side}_sole")[1] - y) < 0.03
         np.testing.assert_allclose(standing.rotation(f"{side}_sole")[2], [0, 0, 1], atol=1e-6)
+
+
+def test_locked_legs_are_told_and_turn_nothing_upside_down(tmp_path: Path) -> None:
+    """With both legs locked the base carries the feet, below it; with one, the other stands."""
+    path = biped(tmp_path, FOOT)
+    robot = Robot.load(path, locked={"*": 0.0})
+    assert not robot.feet
+    np.testing.assert_array_equal(robot.posture("standing")[3:7], [0.0, 0.0, 0.0, 1.0])
+    assert "the base carries left_foot, right_foot with no joint between" in robot.notes[0]
+    one = Robot.load(path, locked={"left_*": 0.1})
+    assert list(one.feet) == ["right"]
+    assert "the base carries left_foot with no joint between" in one.notes[0]

@@ -1,4 +1,4 @@
-"""Which links of an unknown robot are its feet, which way it stands, and whether it is an arm.
+"""Which links of an unknown robot are its feet, and which way it stands.
 
 All guessed from names, places and shapes; what is not found has a reason in words.
 """
@@ -59,24 +59,6 @@ def foot_of(link: str) -> str | None:
         return None
     ends = [end for end, marks in ENDS.items() if words & marks]
     return f"{ends[0]}_{found[0]}" if len(ends) == 1 and found[0] in SIDES else found[0]
-
-
-def arm_reason(model: pin.Model, q: Array) -> str:
-    """Return why a robot without feet is an arm (or a hand) bolted down, in words; empty if not.
-
-    One joint carries all else and none is below the base as legs are; or the root link's name says
-    so. ``q`` (nq,) has the base upright.
-    """
-    root = next((str(frame.name) for frame in _bodies(model) if frame.parentJoint == 1), "")
-    if words_of(root) & ARM_WORDS:
-        return f"the root link is called {root!r}"
-    if list(model.parents).count(1) != 1:
-        return ""
-    data = model.createData()
-    pin.forwardKinematics(model, data, q)
-    heights = [pose.translation[2] for pose in data.oMi][1:]
-    above = min(heights) > heights[0] - BELOW_BASE
-    return "the root link carries a single arm" if above else ""
 
 
 def upright(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> tuple[Array, str]:
@@ -142,13 +124,21 @@ def facing_ahead(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> 
 def _named_places(
     model: pin.Model, data: pin.Data, feet: Mapping[str, str] | None
 ) -> dict[str, Array]:
-    """Return where the joints of feet are in the base (3,), of those given or called so."""
-    bodies = {str(frame.name): frame.parentJoint for frame in _bodies(model)}
+    """Return where feet are in the base (3,): their joints, or links that the base carries.
+
+    Of those given, or called so.
+    """
+    bodies = {str(frame.name): frame for frame in bodies_of(model)}
     if feet is None:
-        named = [(foot, joint) for name, joint in bodies.items() if (foot := foot_of(name))]
+        named = [(foot, frame) for name, frame in bodies.items() if (foot := foot_of(name))]
     else:
         named = [(foot, bodies[link]) for foot, link in feet.items() if link in bodies]
-    return {foot: data.oMi[1].actInv(data.oMi[joint]).translation for foot, joint in named}
+    return {
+        foot: frame.placement.translation  # of a leg that is locked
+        if frame.parentJoint == 1
+        else data.oMi[1].actInv(data.oMi[frame.parentJoint]).translation
+        for foot, frame in named
+    }
 
 
 def _sides(places: Mapping[str, Array]) -> tuple[list[Array], list[Array]]:
@@ -191,7 +181,7 @@ def guess_links(
 
     ``data`` holds the frame placements of a posture with the base upright.
     """
-    bodies = [frame for frame in _bodies(model) if _may_be_foot(model, frame)]
+    bodies = [frame for frame in bodies_of(model) if _may_be_foot(model, frame)]
     rolling = {frame.parentJoint for frame in bodies if words_of(frame.name) & WHEEL_WORDS}
     below = float(data.oMi[1].translation[2]) - BELOW_BASE
     low = [j for j in _endless_ends(model) if float(data.oMi[j].translation[2]) < below]
@@ -212,16 +202,20 @@ def guess_links(
         others, _ = _lowest_pair(model, data, geometry, bodies)
         if {joints[link] for link in found.values()} < {joints[link] for link in others.values()}:
             return others, ""
+    rigid = [
+        str(one.name) for one in bodies_of(model) if one.parentJoint == 1 and foot_of(one.name)
+    ]
+    locked = f"the base carries {', '.join(rigid)} with no joint between: is a leg locked?"
     if not found and rolling:
         return {}, "it has wheels, and wheels are no soles"
     if not found:
         others, why = _lowest_pair(model, data, geometry, bodies)
         if others or not shapeless:
-            return others, why
+            return others, locked if rigid and not others else why
     if shapeless:
         missing = f"no shapes to find soles from on {shapeless}"
         return found, f"{missing}; give link, polygon and height"
-    return found, lacking
+    return found, locked if rigid and lacking else lacking
 
 
 def _may_be_foot(model: pin.Model, frame: pin.Frame) -> bool:
@@ -300,7 +294,8 @@ def _four(data: pin.Data, low: Mapping[int, str], lowest: str) -> tuple[dict[str
     return found, ""
 
 
-def _bodies(model: pin.Model) -> list[pin.Frame]:
+def bodies_of(model: pin.Model) -> list[pin.Frame]:
+    """Return the frames that are links."""
     return [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
 
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from wbc.errors import ModelError
 from wbc.robot.feet import Foot, FootSpec, find_feet
-from wbc.robot.foot_guess import arm_reason, facing_ahead, upright
+from wbc.robot.foot_guess import ARM_WORDS, BELOW_BASE, bodies_of, facing_ahead, upright, words_of
 from wbc.robot.formats.description import Description, GeometrySource
 from wbc.robot.library import NamedRobot, RobotSource
 from wbc.robot.limits import JointLimits
@@ -31,6 +31,24 @@ class StandingPose(NamedTuple):
     feet: Mapping[str, Foot]
     bolted: bool  # whether its base is fixed
     notes: tuple[str, ...]  # what was guessed or turned, in words
+
+
+def arm_reason(model: pin.Model, q: Array) -> str:
+    """Return why a robot without feet is an arm (or a hand) bolted down, in words; empty if not.
+
+    One joint carries all else and none is below the base as legs are; or the root link's name says
+    so. ``q`` (nq,) has the base upright.
+    """
+    root = next((str(frame.name) for frame in bodies_of(model) if frame.parentJoint == 1), "")
+    if words_of(root) & ARM_WORDS:
+        return f"the root link is called {root!r}"
+    if list(model.parents).count(1) != 1:
+        return ""
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    heights = [pose.translation[2] for pose in data.oMi][1:]
+    above = min(heights) > heights[0] - BELOW_BASE
+    return "the root link carries a single arm" if above else ""
 
 
 def find_stance(
