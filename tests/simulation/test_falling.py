@@ -1,7 +1,11 @@
-"""What counts as a fall: a lifted foot that comes down."""
+"""What counts as a fall: a lifted foot that comes down; and what does not: toes."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
+from tests.robot.test_feet_of_others import biped, box, joint, link
 from wbc.errors import UnknownNameError
 from wbc.robot import Robot
 from wbc.simulation import FallLimits, Plant
@@ -29,3 +33,22 @@ def test_a_lifted_foot_that_touches_the_ground_is_a_fall(plant: Plant) -> None:
 def test_the_lifted_foot_must_exist(plant: Plant) -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'right'"):
         FallWatch(plant, FallLimits(lifted="rihgt"))
+
+
+def test_toes_on_joints_of_their_own_may_touch_the_ground(tmp_path: Path) -> None:
+    """Before, a robot with toes had fallen after two steps of the physics."""
+    foot = box("0.03 0 -.03", ".2 .1 .04")
+    toe = link("{0}_toe", box(".03 0 0", ".06 .1 .04"), 0.1) + joint(
+        "{0}_ball", "{end}", "{0}_toe", "0 1 0", ".13 0 -.03"
+    )
+    robot = Robot.load(biped(tmp_path, foot, extra=toe))
+    plant = Plant(robot)
+    plant.reset(robot.posture("standing"))
+    watch = FallWatch(plant, FallLimits())
+    plant.step(np.zeros(robot.nv - 6), 0.004)
+    assert plant.touching() == ("left_toe", "right_toe")
+    assert watch.verdict().stood
+    lying = robot.posture("standing")
+    lying[2:7] = 0.1, 0.0, 2**-0.5, 0.0, 2**-0.5
+    plant.reset(lying)
+    assert "trunk touched the ground" in watch.verdict().reason

@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.kinds import check_switches, check_word
+from wbc.robot import Robot
 from wbc.robot.names import BASE
 from wbc.simulation.plant import Plant
 from wbc.validate import check_fields
@@ -27,7 +28,7 @@ class FallLimits:
     trunk:
         Frame of the trunk.
     touch:
-        Anything but a sole touches the ground.
+        Anything touches the ground but a sole, or what joints carry beyond one, such as toes.
     lifted:
         Foot that must not come down, of a robot that stands on the other one; empty: none.
     """
@@ -63,6 +64,17 @@ class Verdict(NamedTuple):
         return self.reason
 
 
+def beyond_feet(robot: Robot) -> frozenset[str]:
+    """Return the links that joints carry beyond the feet, such as toes."""
+    model = robot.model
+    beyond = set[int]()
+    feet = {int(robot.frame(foot.frame).parentJoint) for foot in robot.feet.values()}
+    for joint in range(2, model.njoints):  # parents come first
+        if int(model.parents[joint]) in feet | beyond:
+            beyond.add(joint)
+    return frozenset(str(frame.name) for frame in model.frames if frame.parentJoint in beyond)
+
+
 class FallWatch:
     """Watches a plant; made when it is as it should stay.
 
@@ -78,6 +90,7 @@ class FallWatch:
         self._lifted = plant.robot.foot(limits.lifted).frame if limits.lifted else ""
         self._up = plant.body_rotation(limits.trunk)[2].copy()  # the vertical in the trunk's axes
         self._first_height = self._height()
+        self._toes = beyond_feet(plant.robot)
 
     def verdict(self) -> Verdict:
         """Return the present verdict."""
@@ -86,7 +99,8 @@ class FallWatch:
         tilt = float(np.arccos(upright))
         height = self._height()
         reason = ""
-        if limits.touch and (links := plant.touching()):
+        touching = plant.touching() if limits.touch else ()
+        if links := [link for link in touching if link not in self._toes]:
             reason = f"{links[0]} touched the ground"
         elif self._lifted and plant.contact_forces[self._lifted][2] > 0.0:
             reason = f"the {limits.lifted} foot, which was lifted, touched the ground"
