@@ -1,21 +1,28 @@
 """Postures of robots with mimic joints: what is named is met by both, or refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from tests.robot.test_names import JOINT, LINK
 from wbc.errors import InvalidInputError
+from wbc.problem import load_problem
 from wbc.robot import Robot
+from wbc.tasks import PostureTask
 
 GEAR = '<mimic joint="j1" multiplier="-2" offset="0.1"/></joint>'
 
 
+LINKS = "".join(LINK.format(name) for name in ("trunk", "upper", "lower", "tip"))
+JOINTS = JOINT.format("j1", "trunk", "upper") + JOINT.format("j3", "lower", "tip")
+JOINTS += JOINT.format("j2", "upper", "lower").replace("</joint>", GEAR)
+GEARED = f'<robot name="geared">{LINKS}{JOINTS}</robot>'
+
+
 @pytest.fixture(scope="module")
 def robot() -> Robot:
-    links = "".join(LINK.format(name) for name in ("trunk", "upper", "lower", "tip"))
-    joints = JOINT.format("j1", "trunk", "upper") + JOINT.format("j3", "lower", "tip")
-    joints += JOINT.format("j2", "upper", "lower").replace("</joint>", GEAR)
-    return Robot.load(f'<robot name="geared">{links}{joints}</robot>')
+    return Robot.load(GEARED)
 
 
 @pytest.mark.parametrize(
@@ -39,3 +46,15 @@ def test_gear_that_cannot_be_met_is_refused_by_name(robot: Robot, given: dict[st
     """At 0.9 the follower would have to be at -1.7, beyond its limit."""
     with pytest.raises(InvalidInputError, match="'j2' cannot follow 'j1' to -"):
         robot.posture("neutral", given)
+
+
+@pytest.mark.parametrize(("joint", "found"), [("j1", [0.3, -0.5, 0.0]), ("j2", [-0.1, 0.3, 0.0])])
+def test_posture_target_of_a_problem_names_either_end_of_a_gear(
+    tmp_path: Path, joint: str, found: list[float]
+) -> None:
+    (tmp_path / "geared.urdf").write_text(GEARED)
+    target = f"{{type: posture, target: {{{joint}: 0.3}}}}"
+    (tmp_path / "p.yaml").write_text(f"robot: geared.urdf\ntasks: {{p: {target}}}\n")
+    (task,) = load_problem(tmp_path / "p.yaml").parts.tasks
+    assert isinstance(task, PostureTask)
+    np.testing.assert_allclose(task.target[7:], found, atol=1e-9)

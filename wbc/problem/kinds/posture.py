@@ -70,9 +70,16 @@ class PostureSpec(ErrorTaskSpec):
 
 
 def with_joints(robot: Robot, q: Array, joints: Mapping[str, float]) -> Array:
-    """Return ``q`` with joints, by name or pattern, at the given values [rad or m]."""
+    """Return ``q`` with joints, by name or pattern, at the given values [rad or m].
+
+    Mimic joints and their drivers go together.
+    """
     named = robot.posture("neutral", joints)
-    chosen = sorted({index for pattern in joints for index in robot.joint_indices(pattern)})
+    meant = {index for pattern in joints for index in robot.joint_indices(pattern)}
+    for joint, coupling in robot.couplings.items():
+        gear = {*robot.joint_indices(joint), *robot.joint_indices(coupling.driver)}
+        meant |= gear if gear & meant else set()
+    chosen = sorted(meant)
     step = np.zeros(robot.nv)
     step[chosen] = robot.difference(q, named)[chosen]
     return robot.integrate(q, step, 1.0)
