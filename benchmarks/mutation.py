@@ -116,7 +116,8 @@ def main() -> None:
     sample = random.Random(options.seed).sample(every, min(options.faults, len(every)))
     print(f"seed {options.seed}: {len(sample)} of {len(every)} faults", flush=True)
     trials = Trials(sample, path, watched)
-    forked(trials.run, 0)
+    if forked(trials.run, 0):
+        raise SystemExit("the tests could not be collected, or a fault not be put in: see above")
     tried_afresh(trials)
     print(report(sample, trials.found()))
     print(f"every verdict, and which test found it: {path.relative_to(ROOT)}")
