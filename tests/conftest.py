@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wbc.controllers.core_memory import CoreMemory
 from wbc.robot import Robot, Snapshot
 from wbc.robot.notes import _warn_once
 
@@ -56,6 +57,22 @@ def _coarse_pictures() -> Iterator[None]:
 def _notes_are_told_anew() -> None:
     """Notes on robots are logged once in a process; here, once in a test."""
     _warn_once.cache_clear()
+
+
+@pytest.fixture(autouse=True)
+def _no_tick_writes_behind_its_memory(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    put, behind = CoreMemory._put, list[np.ndarray]()
+
+    def guarded(self: CoreMemory, name: str, array: np.ndarray) -> None:
+        if name in ("scratch", "order"):
+            whole = np.concatenate((array, np.full(4096, -54321, dtype=array.dtype)))
+            array = whole[: array.size]
+            behind.append(whole[array.size :])
+        put(self, name, array)
+
+    monkeypatch.setattr(CoreMemory, "_put", guarded)
+    yield
+    assert all((tail == -54321).all() for tail in behind)
 
 
 @pytest.fixture(params=ROBOTS)

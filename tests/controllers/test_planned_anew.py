@@ -48,6 +48,10 @@ def no_longer_singular(tasks: list[wbc.Task]) -> None:
     tasks[2].singular_threshold = 0.0
 
 
+def accelerated(tasks: list[wbc.Task]) -> None:
+    tasks[0].set_target(tasks[0].target, acceleration=[2.0, -1.0, 0.5])
+
+
 Change = Callable[[list[wbc.Task]], None]
 
 
@@ -61,6 +65,7 @@ Change = Callable[[list[wbc.Task]], None]
         with_a_law_of_its_own,
         near_singular,
         no_longer_singular,
+        accelerated,
     ],
 )
 def test_a_task_that_is_changed_commands_as_if_it_had_always_been_so(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wbc.constraints import Contact, Limits, support
+from wbc.constraints import Contact, Limits, PointContact, support
 from wbc.constraints.margin import Margin
 from wbc.constraints.rows import Distances
 from wbc.controllers import KinematicController, TorqueController
@@ -11,7 +11,15 @@ from wbc.errors import InvalidInputError
 from wbc.laws import Residual
 from wbc.qp import kkt_residuals
 from wbc.robot import Robot
-from wbc.tasks import ComTask, CopTask, PoseTask, PostureTask, RelativePoseTask, Task
+from wbc.tasks import (
+    ComTask,
+    CopTask,
+    PoseTask,
+    PositionTask,
+    PostureTask,
+    RelativePoseTask,
+    Task,
+)
 
 DT = 0.002
 
@@ -102,6 +110,14 @@ def test_tasks_may_be_added_while_others_are_off(robot) -> None:
     assert controller.step(here).ok
     with pytest.raises(InvalidInputError, match="task 'idle' has no weight"):
         controller.change(tasks=[posture, ComTask(robot, here.com, name="idle", weight=0.0)])
+
+
+@pytest.mark.parametrize("kind", [KinematicController, TorqueController])
+def test_task_at_every_frame_fits_in_the_memory_of_a_tick(robot, kind) -> None:
+    here = robot.snapshot(robot.posture("standing"))
+    tasks = [PositionTask(robot, name, here.position(name)) for name in robot.frame_indices]
+    point = PointContact(robot, "left_sole", here.position("left_sole"), np.eye(3))  # few unknowns
+    assert kind(robot, tasks, contacts=[point]).step(here).ok
 
 
 class Ordered(Task):

@@ -217,7 +217,7 @@ class Limits(DeclaredAttributes):
 def _position_bounds(robot: Robot, position: bool, margin: float) -> tuple[Array, Array]:
     margin = finite_number("limits, margin", margin, least=0.0)
     if not switch("limits, position", position):
-        if margin > 0.0:
+        if margin:
             raise InvalidInputError(
                 f"limits: margin={margin:g} has no effect with position=False; leave one out"
             )

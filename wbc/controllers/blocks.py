@@ -270,9 +270,7 @@ def _reader(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ..
     """Return what reads several attributes, as a tuple."""
     if not names:
         return lambda _: ()
-    if len(names) == 1:
-        return lambda attributes: (attributes[names[0]],)
-    return itemgetter(*names)
+    return itemgetter(*names, names[0])  # of one name alone it is no tuple
 
 
 def described(task: Task, torque: bool) -> Sequence[NativeRows] | None:

@@ -92,8 +92,14 @@ class StanceBraking:
 def effort_bounds(robot: Robot, factor: float | None) -> Array:
     """Return the largest torques (nv - 6,): infinite without a bound, 0 without a motor."""
     check_robot("controller", robot)
-    if factor is None:
-        return _without_motors(robot, np.full(robot.nv - 6, np.inf), 0.0)
+    most = np.full(robot.nv - 6, np.inf)
+    if factor is not None:
+        most = finite_number("controller, torque_limits", factor, above=0.0) * robot.limits.effort
+        _say_unbounded(robot)
+    return _without_motors(robot, most, 0.0)
+
+
+def _say_unbounded(robot: Robot) -> None:
     without = [name for name in robot.limits.without_effort if name not in robot.unactuated]
     if without:
         logging.getLogger(__name__).warning(
@@ -103,8 +109,6 @@ def effort_bounds(robot: Robot, factor: float | None) -> Array:
             ", ".join(without),
             without[0],
         )
-    most = finite_number("controller, torque_limits", factor, above=0.0) * robot.limits.effort
-    return _without_motors(robot, most, 0.0)
 
 
 def _without_motors(robot: Robot, torques: Array, value: float) -> Array:

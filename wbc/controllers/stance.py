@@ -159,7 +159,7 @@ def stance_torques(
 def _statics(forces: ContactForces, known: Array, by_force: Array, most: Array) -> QP:
     """Return the QP of forces and of torques beyond ``most``, all in units of the weight."""
     k, n = forces.size, most.size
-    # x = (f, excess): tau = bias - J' f, |tau - excess| <= most; base rows are costs.
+    # x = (f, lack): tau = bias - J' f, |tau + lack| <= most; base rows are costs.
     base, joints = by_force[:6], by_force[6:]
     P = np.zeros((k + n, k + n))
     P[:k, :k] = UNHELD * base.T @ base + TORQUE * joints.T @ joints + FORCE * np.eye(k)
@@ -170,7 +170,7 @@ def _statics(forces: ContactForces, known: Array, by_force: Array, most: Array) 
     rows = np.zeros((cones.lower.size + int(bounded.sum()), k + n))
     rows[: cones.lower.size, :k] = cones.matrix
     rows[cones.lower.size :, :k] = -joints[bounded]
-    rows[cones.lower.size :, k:] = -np.eye(n)[bounded]
+    rows[cones.lower.size :, k:] = np.eye(n)[bounded]
     free = np.full(n, np.inf)
     return QP(
         P,

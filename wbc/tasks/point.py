@@ -155,5 +155,5 @@ def axis_indices(axes: Sequence[str]) -> slice | np.ndarray:
         if axis not in AXES:
             raise UnknownNameError("axis", axis, AXES)
     if tuple(axes) == AXES:
-        return slice(0, 3)
+        return slice(None)
     return np.array([AXES.index(axis) for axis in axes])
