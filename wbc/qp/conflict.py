@@ -25,8 +25,7 @@ from wbc.validate import Array
 
 # Rows of the certificate lighter than this part of the heaviest, scaled to unit length, are
 # rounding; where that leads nowhere, others.
-_LIGHTEST = 1e-7
-_SHARES = _LIGHTEST, 1e-3, 1e-9, 1e-13
+_SHARES = 1e-7, 1e-3, 1e-9, 1e-13
 # Part of the tolerance that must survive the check: the core looked at it in other numbers.
 _SURVIVING = 0.5
 # Combinations of rows of unit length that are shorter are 0: what is met only beyond REACH is not
@@ -47,9 +46,6 @@ _MOST_ITERATIONS = 1000
 # What unknowns are damped by, which need not be determined by the rows that are missed least; with
 # the lightest, of many rows that nearly repeat each other, the active-set method can lose its way.
 _DAMPINGS = 1e-10, 1e-8, 1e-6
-# A bound counts as active within this; rows below this share of the heaviest one are missed by
-# rounding.
-_NEAR, _SHARE = 1e-8, 1e-3
 _EPS = 1e-11
 
 
@@ -87,46 +83,7 @@ def find_conflict(
         proved = conflict_of(qp, found.y, found.z, found.z_box, tolerance)
         if proved is not None:
             return proved
-    return _by_least_violation(qp, tolerance)
-
-
-def _by_least_violation(qp: QP, tolerance: float) -> Conflict | None:
-    """Return the conflict that the point of least violation shows: by how much it misses rows.
-
-    Of many rows that nearly repeat each other the active-set method loses its way; slacks of all
-    rows leave it none to lose. What they name is then proved anew without all other rows, which
-    leaves those that are needless out.
-    """
-    rows, me = UnitRows.of(qp), qp.b.size
-    _, violation = least_violation(qp)
-    missed = violation / rows.norms
-    weights, z_box = missed / rows.norms, -missed @ rows.matrix
-    least = _LIGHTEST * np.abs(missed).max()
-    pulls = np.where(np.abs(missed) > least, weights, 0.0)
-    again = _among(qp, pulls[:me], pulls[me:], np.where(np.abs(z_box) > least, z_box, 0.0))
-    rough = weights[:me], weights[me:], z_box
-    for y, z, box in (rough,) if again is None else (again, rough):
-        proved = conflict_of(qp, y, z, box, tolerance)
-        if proved is not None:
-            return proved
-    return conflict_by_simplex(qp, tolerance)
-
-
-def _among(qp: QP, y: Array, z: Array, z_box: Array) -> tuple[Array, Array, Array] | None:
-    """Return a certificate of the rows and bounds alone that one names, if there is one."""
-    n, equal, bounded, above = qp.g.size, y != 0.0, z != 0.0, z > 0.0
-    part = qp._replace(
-        P=np.eye(n), g=np.zeros(n), A=qp.A[equal], b=qp.b[equal], C=qp.C[bounded],
-        l=np.where(above, -np.inf, qp.l)[bounded], u=np.where(above, qp.u, np.inf)[bounded],
-        lower=np.where(z_box < 0.0, qp.lower, -np.inf),
-        upper=np.where(z_box > 0.0, qp.upper, np.inf),
-    )  # fmt: skip
-    found = solve_in_core(part, 1e-8, _MOST_ITERATIONS)
-    if found.said != INFEASIBLE:
-        return None
-    y, z = np.zeros(qp.b.size), np.zeros(qp.u.size)
-    y[equal], z[bounded] = found.y, found.z
-    return y, z, found.z_box
+    return conflict_by_simplex(qp, tolerance)  # where the active-set method loses its way
 
 
 def conflict_by_simplex(qp: QP, tolerance: float = TOLERANCE) -> Conflict | None:
@@ -378,28 +335,6 @@ def least_violation(qp: QP) -> tuple[Array, Array]:
         found = solve_in_core(damped, _EPS, _MOST_ITERATIONS, np.ones(rows.norms.size))
         if found.said == DONE:
             break
-    rough = np.where(np.isfinite(found.x), found.x, 0.0) if found.iterations >= 0 else np.zeros(n)
-    rough = np.clip(rough, qp.lower, qp.upper)
-    points = _polished(qp, rows, rough), rough
-    x = min(points, key=lambda point: np.square(rows.violation(point)).sum())
+    x = np.where(np.isfinite(found.x), found.x, 0.0) if found.iterations >= 0 else np.zeros(n)
+    x = np.clip(x, qp.lower, qp.upper)
     return x, rows.violation(x) * rows.norms
-
-
-def _polished(qp: QP, rows: UnitRows, x: Array) -> Array:
-    """Return the exact least violation for the bounds and rows that are active at x.
-
-    With these fixed it is a plain least-squares problem, whose residual is orthogonal to the free
-    columns to rounding.
-    """
-    violation = rows.violation(x)
-    gradient = np.abs(violation @ rows.matrix)
-    clearance = np.minimum(x - qp.lower, qp.upper - x)
-    least = _SHARE * np.abs(violation).max()
-    free = (clearance > _NEAR) | (gradient <= least)
-    violated = np.abs(violation) > least
-    violated[: qp.b.size] = True
-    target = np.where(violation > 0.0, rows.upper, rows.lower)[violated]
-    active = rows.matrix[violated]
-    polished = np.where(free, 0.0, x)
-    polished[free] = np.linalg.lstsq(active[:, free], target - active @ polished, rcond=None)[0]
-    return np.clip(polished, qp.lower, qp.upper)
