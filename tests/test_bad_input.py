@@ -145,10 +145,6 @@ CASES: dict[str, tuple[Callable[[Robot], Any], str]] = {
         lambda r: controller(r, tasks=[ComTask(r, np.zeros(3), weight=[0, 0, 0])]),
         "task 'com' has no weight",
     ),
-    "a margin of no limits": (
-        lambda r: Limits(r, position=False, margin=0.1),
-        "margin=0.1 has no effect with position=False",
-    ),
 }
 
 

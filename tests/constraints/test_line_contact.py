@@ -107,7 +107,7 @@ def test_the_line_of_a_sole_is_where_its_x_axis_leaves_it() -> None:
     [
         ({"corners": [[0.0, 0.0]]}, "on a line through the origin of 'left_sole'"),
         ({"corners": [[-0.1, 0.02], [0.1, 0.02]]}, "on a line through the origin"),
-        ({"corners": [[0.0, 0.0, 0.0], [0.0, 0.0, 0.1]]}, "across its z axis"),
+        ({"corners": [[-0.008, 0.0, -0.1], [0.008, 0.0, 0.1]]}, "across its z axis"),
         ({"friction": None}, "friction: what pulls and twists holds all six rows; use Contact"),
     ],
 )
@@ -116,6 +116,7 @@ def test_what_is_no_line_is_refused(here: Snapshot, more: dict[str, object], mat
         LineContact.hold(here, "left_sole", **more)  # type: ignore[arg-type]
     with pytest.raises(InvalidInputError, match="on a line"):
         LineContact.hold(here, "left_hand")  # no sole, and no corners
+    LineContact.hold(here, "left_sole", corners=[[-0.015, 0.0, -0.1], [0.015, 0.0, 0.1]])  # steep
 
 
 def test_feet_that_are_lines_stand_on_them() -> None:

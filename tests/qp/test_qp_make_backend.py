@@ -35,8 +35,8 @@ def test_known_but_missing_solver_says_what_to_install(monkeypatch, name, comman
     with pytest.raises(SolverNotInstalledError, match=rf"pip install '{command}'") as caught:
         make_backend(name)
     assert "installed: active_set, piqp, proxqp, proxqp_cold" in str(caught.value)
-    assert isinstance(caught.value, UnknownNameError)
-    assert isinstance(caught.value, SolverError)
+    assert isinstance(caught.value, UnknownNameError) and caught.value.name == name
+    assert isinstance(caught.value, SolverError) and "piqp" in caught.value.choices
 
 
 def test_daqp_is_answered_by_a_method_of_its_kind_where_it_is_missing(monkeypatch, caplog) -> None:

@@ -108,6 +108,9 @@ def test_sizes_that_do_not_fit_are_refused(field: str, name: str) -> None:
 def test_multipliers_that_are_no_numbers_are_no_evidence(field) -> None:
     qp = random_qp(np.random.default_rng(10), 7, 5, 2)
     raw = ActiveSet().answer(qp)
+    nowhere = qp._replace(lower=np.full(7, 9e3), upper=np.full(7, 1e4))
+    assert ActiveSet().answer(nowhere).claim is Status.INFEASIBLE
+    assert ActiveSet(max_iterations=1).answer(qp).claim is Status.ITERATION_LIMIT
     check = SolveCheck("none", 1e-8, 0.0)
     assert check.accept(qp, raw) is not None
     parts = {name: getattr(raw, name).copy() for name in ("x", "y", "z", "z_box")}

@@ -7,6 +7,7 @@ from tests.qp.conftest import recorded
 from wbc.controllers.first_level import FirstLevel
 from wbc.qp import QP, ProxQP, Status, make_backend
 from wbc.qp.active_set import NO_RESIDUALS, ActiveSet
+from wbc.qp.proxqp import WARM_ITERATIONS
 from wbc.qp.proxqp_workspace import Workspace
 from wbc.qp.solution import RawSolution, Solution
 
@@ -216,6 +217,14 @@ def test_iteration_limit_is_reported_and_forgotten(ticks, monkeypatch):
     again, fresh = backend.solve(second), ProxQP(max_iterations=1).solve(second)
     assert again.attempts == fresh.attempts, "the failed tick left a workspace behind"
     assert again.iterations == fresh.iterations
+
+
+@pytest.mark.parametrize(("most", "warm"), [(7, 7), (20, WARM_ITERATIONS)])
+def test_warm_starts_take_few_iterations_and_never_more_than_allowed(ticks, most, warm) -> None:
+    backend, (qp,) = ProxQP(max_iterations=most), ticks(seed=4, count=1)
+    assert backend.solve(qp).solver == "proxqp"
+    (kept,) = backend._workspaces.values()
+    assert kept.native.settings.max_iter == warm
 
 
 def test_an_infeasible_tick_does_not_poison_the_next(ticks):

@@ -53,7 +53,11 @@ def test_principal_error_does_not_depend_on_orientation(robot: Robot, rng, rando
 def test_ratios_are_bounded_at_equal_moments() -> None:
     equal = np.array([1.0, 1.0, 2.0])
     # The wanted ones differ where the actual ones are equal: limited to 1, not infinite.
-    assert turning_ratios(equal, np.array([0.5, 1.5, 2.0]))[0, 1] == 1.0
+    ratios = turning_ratios(equal, np.array([0.5, 1.5, 2.0]))
+    assert ratios[0, 1] == 1.0
+    # Of a robot whose moments are a millionth of these they are the same.
+    small = turning_ratios(1e-6 * equal, 1e-6 * np.array([0.5, 1.5, 2.0]))
+    np.testing.assert_allclose(small, ratios, rtol=1e-9)
     # Equal wanted moments: the whole block is driven, off-diagonal entry included.
     assert (turning_ratios(equal, np.ones(3)) == 0.0).all()
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from wbc.constraints import Contact
 from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError
 from wbc.laws import AccelerationLaw, Residual, VelocityLaw
@@ -130,3 +131,5 @@ def test_laws_are_checked_where_they_are_given(robot) -> None:
     task.gain = 0.25
     assert task.law == VelocityLaw(0.25)
     assert task.acceleration_law == AccelerationLaw(50.0)
+    here = robot.snapshot(robot.posture())
+    assert Contact.hold(here, "base").acceleration_law == AccelerationLaw(100.0)

@@ -186,7 +186,7 @@ class ProxQP:
         if bounded:
             warm, cold, hard = BOUNDED_WARM_ITERATIONS, COLD_ITERATIONS, BOUNDED_HARD
         qp = reduced.qp
-        key = workspace, qp.g.size, 0, qp.u.size
+        key = workspace, qp.g.size, qp.b.size, qp.u.size
         cooling = self._cools(workspace)
         last = None if cooling else self._workspaces.pop(key, None)
         if last is not None and bounded and last.is_far(qp):
