@@ -109,6 +109,7 @@ def calls() -> list[Call]:
         ("solver", make_backend, {"name": "active_set"}),
         ("sensor checks", SensorChecks, {"robot": robot}),
         ("residual", com.residual, {"snapshot": s}),
+        ("slip", held[0].slip, {"snapshot": s}),
         ("support", wbc.support, {"snapshot": s, "mode": "double"}),
         ("friction", wbc.FrictionCone, {"coefficient": 0.6, "facets": 4, "inner": True}),
         ("limits", wbc.Limits, {"robot": robot, "position": True, "braking": "free"}),

@@ -1,4 +1,4 @@
-"""What is assigned to a task between ticks counts in the next; a new controller is the oracle."""
+"""What is assigned to a task or margin between ticks counts in the next; a new controller is the oracle."""
 
 from collections.abc import Callable
 
@@ -99,3 +99,20 @@ def test_a_task_that_is_changed_commands_as_if_it_had_always_been_so(
     assert before.ok and found.ok and wanted.ok
     np.testing.assert_allclose(found.velocity, wanted.velocity, rtol=0.0, atol=1e-8)
     assert found.singular.keys() == wanted.singular.keys()
+
+
+def test_braking_that_is_assigned_counts_in_the_next_tick() -> None:
+    robot = Robot.load("hoap2_like")
+    start = robot.snapshot(robot.posture("standing"))
+    gently = wbc.BrakingParameters(deceleration=0.01, gain=0.01)
+
+    def inwards(apart: wbc.SelfCollision) -> wbc.KinematicController:
+        hand = wbc.PositionTask(robot, "left_palm", start.position("base"))
+        return wbc.KinematicController(robot, [hand], contacts=(), constraints=[apart])
+
+    apart = wbc.SelfCollision(robot)
+    changed, fresh = inwards(apart), inwards(wbc.SelfCollision(robot, braking=gently))
+    before, wanted = changed.step(start), fresh.step(start)
+    apart.braking = gently
+    np.testing.assert_allclose(changed.step(start).velocity, wanted.velocity, atol=1e-6)
+    assert np.abs(before.velocity - wanted.velocity).max() > 0.1
