@@ -38,21 +38,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "0.0 -> 0.001",
     ): "2e-18, where a tenth of 1e-12 is the least that is asked for",
     (
-        "wbc/shaping/unknowns.py",
-        'x = ca.SX.sym("x", n + 3 + 3 * count)',
-        "3 -> 4",
-    ): "unknowns that nothing uses",
-    (
-        "wbc/qp/conflict.py",
-        "target = np.where(violation > 0.0, rows.upper, rows.lower)[violated]",
-        "Gt -> GtE",
-    ): "of rows that are met only equality rows are chosen, whose ends are one",
-    (
-        "wbc/qp/conflict.py",
-        "target = np.where(violation > 0.0, rows.upper, rows.lower)",
-        "Gt -> GtE",
-    ): "rows that are met are left out of all that it is used for",
-    (
         "wbc/qp/conflict.py",
         'upper = "upper" if weight > 0.0 else "lower"',
         "Gt -> GtE",
@@ -67,6 +52,41 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "return NullSpace(np.zeros((root.size, 0)), np.zeros(root.size), root)",
         "0 -> 1",
     ): "a basis vector of zeros",
+    (
+        "wbc/controllers/core_memory.py",
+        'self._put("scratch", np.zeros(scratch))',
+        "zeros -> ones",
+    ): "numbers that are written before they are read",
+    (
+        "wbc/controllers/core_memory.py",
+        "looking = self.held + 2 * (n + self.k) + m + 5 if self.struct.closing else 0",
+        "0 -> 1",
+    ): "room for one number more",
+    (
+        "wbc/controllers/core_memory.py",
+        "self._usual, self._outside = np.zeros(0, dtype=np.int64), False",
+        "0 -> 1",
+    ): "a 0 that is written over a 0",
+    (
+        "wbc/controllers/blocks.py",
+        "k, none = len(chosen), np.zeros(len(task.rows))",
+        "zeros -> ones",
+    ): "numbers that each tick writes",
+    (
+        "wbc/controllers/effort_bounds.py",
+        "if len(self._able) == MOST:",
+        "Eq -> NotEq",
+    ): "what is kept is worked out anew, to the same",
+    (
+        "wbc/controllers/outcome.py",
+        "if excess.item(worst) <= TOLERANCE:  # NaN is not",
+        "LtE -> Lt",
+    ): "at the one number where it differs nothing depends on it",
+    (
+        "wbc/qp/proxqp_workspace.py",
+        "P, g = (qp.P, qp.g) if self.scale == 1.0 else (self.scale * qp.P, self.scale * qp.g)",
+        "1.0 -> 2.001",
+    ): "products with 1",
 }
 
 
