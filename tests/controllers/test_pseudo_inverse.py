@@ -5,6 +5,8 @@ import pytest
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
+from wbc.errors import InvalidInputError
+from wbc.qp import QP, make_backend
 from wbc.tasks import ComTask, InertiaTask
 
 
@@ -59,3 +61,10 @@ def test_clipping_is_not_the_optimum_and_says_so(robot_named) -> None:
     residuals = baseline.solution.residuals
     assert max(residuals.primal, residuals.dual, residuals.complementarity) > 1e-3
     assert max(by_qp.solution.residuals.dual, by_qp.solution.residuals.primal) < 1e-6
+
+
+def test_what_is_no_qp_is_refused() -> None:
+    with pytest.raises(InvalidInputError, match="QP"):
+        make_backend("pseudo_inverse").solve(
+            QP.build(np.eye(2), [1.0, 0.0])._replace(g=np.zeros(3))
+        )

@@ -94,7 +94,7 @@ def test_what_is_far_from_the_last_qp_is_no_warm_start_where_ticks_are_relaxed(r
 def test_ticks_that_stall_are_the_active_set_methods_for_a_while(reduced, monkeypatch) -> None:
     """A hundred of that name; of others none; then ProxQP is asked again."""
     backend = ProxQP(max_iterations=1)
-    assert backend.solve_reduced(reduced, "a", False).solver == "active_set"
+    assert backend.solve_reduced(reduced, "a", False) == ("active_set", 3)
     made: list[int] = []
     honest = Workspace.create
     monkeypatch.setattr(Workspace, "create", lambda *a, **k: made.append(1) or honest(*a, **k))

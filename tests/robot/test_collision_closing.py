@@ -81,7 +81,7 @@ def test_accelerations_that_joints_have_make_the_way_longer() -> None:
     for known in (None, limits):
         margins = SelfCollision(robot, pairs=1, limits=known)
         if known is not None:
-            limits.acceleration = np.full(robot.nv - 6, 2.0)
+            limits.acceleration = np.full(robot.nv - 6, 0.4)
             margins = SelfCollision(robot, pairs=1, limits=limits)
         rows = margins.braked_rows(here, 0.002)
         distances = margins.distances(here, np.arange(len(margins.margins)))

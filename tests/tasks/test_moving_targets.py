@@ -210,6 +210,8 @@ def test_rate_and_drift_of_a_moving_target(
         assert_close(residual.rate(here.v), (ahead - behind) / (2 * H), 2e-6)
         second = (ahead - 2.0 * middle + behind) / H**2
         assert_close(residual.jacobian @ a + task.drift(here), second, 2e-5)
+        task.set_target(*moving.target(0.0), moving.rate)  # the acceleration is no part of the rate
+        assert_close(task.residual(here).rate(here.v), residual.rate(here.v), 1e-12)
 
 
 def test_momentum_whose_target_moves(robot: Robot, rng, random_snapshot) -> None:
