@@ -39,6 +39,7 @@ DEFAULTS: dict[str, dict[str, Any]] = {
     "CopTask": {"weight": 1.0, "priority": 0},
     "DampingTask": {"base": True, "weight": 1.0, "priority": 0},
     "ForceRateTask": {"weight": 0.1, "priority": 0},
+    "ForceTask": {"weight": 1.0, "priority": 0},
     "FrictionCone": {"coefficient": 0.6, "facets": 4, "inner": True, "least": 0.0, "most": INF},
     "InertiaTask": {
         "components": ("xx", "xy", "xz", "yy", "yz", "zz"),

@@ -1,4 +1,4 @@
-"""What is assigned to a task or margin between ticks counts in the next; a new controller is the oracle."""
+"""What is assigned to a task or margin counts in the next tick; a new controller is the oracle."""
 
 from collections.abc import Callable
 

@@ -56,7 +56,7 @@ class CorePlan:
     shares_state:
         Whether others in the tick look at what the core finds at a state: it is kept then.
     added:
-        (held,) what is added to the errors of loops and gears; None: nothing ever.
+        (held,) what is added to the errors of loops and gears.
     curved:
         Tasks in Python whose residuals have a curvature, by name.
 
@@ -81,13 +81,13 @@ class CorePlan:
         limits: Limits | None,
         dt: float,
         backend: Backend,
-        rows: TorqueRows | None = None,
-        constraint: SelfCollision | None = None,
-        looked_into: bool = False,
-        shares_state: bool = False,
-        soft_weights: Mapping[str, float] | None = None,
-        curved: frozenset[str] = frozenset(),
-        added: Array | None = None,
+        rows: TorqueRows | None,
+        constraint: SelfCollision | None,
+        looked_into: bool,
+        shares_state: bool,
+        soft_weights: Mapping[str, float],
+        curved: frozenset[str],
+        added: Array,
     ) -> None:
         tree = robot.native.tree
         self._made_of = (
@@ -95,11 +95,10 @@ class CorePlan:
             *(looked_into, shares_state, soft_weights, curved, added),
         )
         torque, n = rows is not None, plan.decision.size
-        weights = {} if soft_weights is None else soft_weights
         self._parts: list[Part] = []
         for k, task in enumerate((*tasks, *plan.soft, *forces)):
             level = next(i for i, members in enumerate(plan.levels) if k in members)
-            scale = float(np.sqrt(weights[task.name])) if task in plan.soft else 1.0
+            scale = float(np.sqrt(soft_weights[task.name])) if task in plan.soft else 1.0
             self._parts.append(Part(task, None, False, torque, level, scale))
         for contact, kept in zip(plan.held.contacts, plan.held.kept, strict=True):
             chosen = None if kept is None else kept.tolist()
@@ -118,8 +117,6 @@ class CorePlan:
         self._limits, self._limits_changes = limits, 0 if limits is None else limits._changes
         self._solver = solver = backend if solves(backend) else None
         self.margin = None if constraint is None else NativeMargin.of(constraint, tree)
-        if added is None:
-            added = np.zeros(len(plan.held.labels))
         made_of = robot, tree, plan, self._parts, limits, dt, rows, self.margin
         self.memory = CoreMemory(*made_of, solver, added, looked_into)
         costs = (*tasks, *plan.soft, *forces)
