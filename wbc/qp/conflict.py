@@ -79,11 +79,8 @@ def find_conflict(
     found = solve_in_core(nearest, 1e-8, _MOST_ITERATIONS)
     if found.said == DONE:
         return None
-    if found.said == INFEASIBLE:
-        proved = conflict_of(qp, found.y, found.z, found.z_box, tolerance)
-        if proved is not None:
-            return proved
-    return conflict_by_simplex(qp, tolerance)  # where the active-set method loses its way
+    proved = found.said == INFEASIBLE and conflict_of(qp, found.y, found.z, found.z_box, tolerance)
+    return proved or conflict_by_simplex(qp, tolerance)  # where the active-set method loses its way
 
 
 def conflict_by_simplex(qp: QP, tolerance: float = TOLERANCE) -> Conflict | None:
