@@ -290,10 +290,6 @@ def test_a_polygon_must_have_area_and_room(robot) -> None:
     held = ComSupport(robot, square, margin=0.1)
     held.set_polygon(2 * square)
     np.testing.assert_allclose(held.corners.max(axis=0), [2, 2])
-    with pytest.raises(InvalidInputError, match="leaves nothing"):
-        ComSupport(robot, square, margin=0.6)
-    with pytest.raises(InvalidInputError, match="no area"):
-        ComSupport(robot, [[0, 0], [1, 1], [2, 2]])
     with pytest.raises(InvalidInputError, match="shape"):
         ComSupport(robot, [[0, 0, 0]])
 
@@ -327,10 +323,6 @@ def test_a_workspace_for_a_hand(robot, rng) -> None:
     np.testing.assert_allclose(distances.clearance, 0.02 - SKIN, atol=1e-12)
     ahead = box.distances(robot.snapshot(robot.integrate(here.q, v, h))).clearance
     np.testing.assert_allclose((ahead - distances.clearance) / h, distances.jacobian @ v, atol=1e-5)
-    with pytest.raises(InvalidInputError, match="below"):
-        PositionBox(robot, "left_hand", place, place)
-    with pytest.raises(InvalidInputError, match="no bound"):
-        PositionBox(robot, "left_hand", [-np.inf] * 3, [np.inf] * 3)
     with pytest.raises(UnknownNameError, match="left_hand"):
         PositionBox(robot, "left_hnd", place, place + 1.0)
 
@@ -348,8 +340,6 @@ def test_what_makes_no_sense_is_refused(robot, robot_named) -> None:
         )
     with pytest.raises(InvalidInputError, match="another robot"):
         SelfCollision(other, model=margins.model)
-    with pytest.raises(InvalidInputError, match="pairs"):
-        SelfCollision(robot, pairs=0)
     with pytest.raises(InvalidInputError, match="none given"):
         Obstacles(robot, [])
     with pytest.raises(InvalidInputError, match="'b' is named twice"):

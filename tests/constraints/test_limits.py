@@ -120,19 +120,6 @@ def test_outside_may_only_move_back(robot: Robot) -> None:
     assert limits.worst_margin(here.q)[0] == pytest.approx(-0.05)
 
 
-def test_bad_limits_are_refused(robot: Robot) -> None:
-    with pytest.raises(InvalidInputError, match=r"margin: 100 leaves no range for joint"):
-        Limits(robot, margin=100.0)
-    with pytest.raises(InvalidInputError, match=r"velocity: must be greater than 0"):
-        Limits(robot, velocity=-1.0)
-    with pytest.raises(InvalidInputError, match=r"acceleration: every entry must be positive"):
-        Limits(robot, acceleration=0.0)
-    with pytest.raises(InvalidInputError, match=r"acceleration: expected numbers, got \{'\*'"):
-        Limits(robot, acceleration={"*": 1.0})
-    with pytest.raises(InvalidInputError, match=r"base_twist: expected shape \(6,\)"):
-        Limits(robot, base_twist=[1.0])
-
-
 def test_without_limits_nothing_is_bounded(robot: Robot) -> None:
     nothing = Limits(robot, position=False, velocity=None)
     here = robot.snapshot(neutral(robot))
@@ -219,10 +206,8 @@ def test_a_robot_without_joints_has_no_worst_one(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"recovery": 1.5}, r"^limits, recovery: 1\.5 is above 1"),
-        ({"recovery": 0.0}, r"^limits, recovery: must be greater than 0"),
-        ({"recovery": 1.0001}, r"above 1 \(all in one tick\)"),
-        ({"margin": -0.1}, r"^limits, margin: must be at least 0"),
+        ({"recovery": 1.5}, r"^limits, recovery: 1\.5 is above 1 \(all in one tick\)"),
+        ({"base_twist": [1.0]}, r"base_twist: expected shape \(6,\)"),
         ({"position": False, "margin": 0.1}, r"margin=0\.1 has no effect with position=False"),
         ({"braking": "fre"}, r"unknown kind of braking 'fre'; did you mean 'free'"),
     ],
@@ -230,12 +215,6 @@ def test_a_robot_without_joints_has_no_worst_one(tmp_path) -> None:
 def test_each_mistake_is_named(robot: Robot, given: dict, told: str) -> None:
     with pytest.raises(WbcError, match=told):
         Limits(robot, **given)
-
-
-def test_the_whole_way_in_one_tick_is_allowed(robot: Robot) -> None:
-    assert Limits(robot, recovery=1.0).recovery == 1.0
-    with pytest.raises(InvalidInputError, match=r"^limits: expected a robot"):
-        Limits(None)
 
 
 @pytest.mark.parametrize("name", ["g1", "hoap2_like"])

@@ -130,9 +130,7 @@ def test_a_search_knows_the_cosine_of_the_tilt(robot) -> None:
 @pytest.mark.parametrize(
     ("what", "answer"),
     [
-        ({"angle": 0.0}, "must be greater than 0"),
         ({"angle": 3.5}, "below pi"),
-        ({"angle": np.nan}, "finite"),
         ({"axis": (0.0, 0.0, 0.0)}, "has no length"),
         ({"axis": (0.0, 1.0)}, "3"),
     ],

@@ -91,7 +91,6 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
     "pairs": (lambda: SelfCollision(ROBOT, pairs="x"), "expected a number"),  # type: ignore[arg-type]
     "one obstacle": (lambda: Obstacles(ROBOT, BALL), "a list of Obstacle"),  # type: ignore[arg-type]
     "polygon": (lambda: ComSupport(ROBOT, "abc"), "expected numbers"),  # type: ignore[arg-type]
-    "support of q": (lambda: support(START.q, "double"), "expected a snapshot"),  # type: ignore[arg-type]
     "support 3": (lambda: support(START, 3), "expected a mode"),  # type: ignore[arg-type]
     "a snapshot's com": (lambda: setattr(START, "com", np.zeros(3)), "cannot be assigned"),
     "quaternion": (

@@ -245,8 +245,6 @@ def test_parts_are_checked_before_anything_moves(robot_named: Load) -> None:
         KinematicController(robot, [com], formulation="reducd")
     with pytest.raises(UnknownNameError, match="proxqp"):
         KinematicController(robot, [com], solver="proxpq")
-    with pytest.raises(InvalidInputError, match="dt"):
-        KinematicController(robot, [com], dt=0.0)
     with pytest.raises(UnknownNameError, match="failure policy"):
         KinematicController(robot, [com], on_failure="panic")
     with pytest.raises(UnknownNameError, match="support mode"):
