@@ -1,5 +1,6 @@
 """Mimic joints are driven as their gear says, and a fixed base stays, without being asked to."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from wbc import KinematicController, PositionTask, PostureTask, load_problem
 from wbc.constraints.limits import Limits
+from wbc.controllers.closing import _part
 from wbc.robot import Robot
 
 BODY = (
@@ -141,3 +143,12 @@ def test_gears_that_begin_off_come_back_as_fast_as_limits_allow(
     assert together is not None and together < abs(OFF[case]) / 2.0 + 0.2
     assert late > 0
     np.testing.assert_allclose(q[7:], wanted[7:], atol=1e-6)
+
+
+def test_what_a_box_lets_rows_take_back_is_found_at_its_corners(rng) -> None:
+    for _ in range(30):
+        J, rate = rng.normal(size=(2, 4)), 4.0 * rng.normal(size=2)
+        box = -rng.uniform(0.1, 1.0, 4), rng.uniform(0.1, 1.0, 4)
+        rates = np.array([J @ corner for corner in product(*zip(*box, strict=True))])
+        farthest = (-np.sign(rate) * rates).max(axis=0)
+        assert _part(J, rate, box) == pytest.approx(min(1.0, *(farthest / np.abs(rate))))

@@ -119,6 +119,8 @@ def test_loop_that_never_passes_the_velocity_is_told_once(hoap: Robot, caplog) -
     with caplog.at_level(logging.WARNING):
         run(controller, hoap, 2, passed=False)
         assert not warned(caplog)  # two ticks at rest may be two first ones
+        run(controller, hoap, 3, passed=False)
+        assert len(warned(caplog)) == 1
         run(controller, hoap, 20, passed=False)
     (said,) = warned(caplog)
     assert "acceleration limits" in said and "robot.snapshot(q, tick.velocity)" in said
@@ -141,10 +143,11 @@ def test_first_ticks_at_many_postures_are_told_nothing(hoap: Robot, caplog, rng)
     assert not warned(caplog)
 
 
-def test_loop_without_limits_is_told_nothing(hoap: Robot, caplog) -> None:
+def test_loop_that_no_limit_holds_is_told_nothing(hoap: Robot, caplog) -> None:
     """At the velocity level nothing else reads the velocity."""
     with caplog.at_level(logging.WARNING):
-        run(shaping(hoap, limits=None), hoap, 10, passed=False)
+        for limits in (None, Limits(hoap, acceleration=1e4)):
+            run(shaping(hoap, limits=limits), hoap, 10, passed=False)
     assert not warned(caplog)
 
 

@@ -96,9 +96,10 @@ def test_ramps_and_last_forces_are_those_before_the_tick(robot_named, rng, tmp_p
     controller = wild(robot, "torque", rng, force_ramp=0.01, dt=0.002)
     assert isinstance(controller, wbc.TorqueController)
     controller.step(start)
-    controller.set_contacts(wbc.support(start, "left"))
     path = tmp_path / "tick.wbc"
-    for _ in range(8):
+    for k in range(16):
+        if k % 8 == 0:
+            controller.set_contacts(wbc.support(start, "double" if k else "left"))
         tick = controller.step(start)
         tick.save(path)
         saved = SavedTick.load(path)

@@ -63,6 +63,7 @@ def test_a_com_beyond_the_sole_cannot_be_borne(robot_named: Load) -> None:
     here = standing(robot)
     stance = wbc.stance_torques(here, wbc.support(here, "left"))
     assert not stance.held and "no forces of left_sole" in stance.report()
+    assert f"and {np.linalg.norm(stance.unheld[3:]):.4g} N m on its base" in stance.report()
     reach = np.linalg.norm(here.com[:2] - here.position("left_sole")[:2])
     assert 0.0 < np.linalg.norm(stance.unheld[3:]) < 9.81 * robot.mass * reach
     floating = wbc.stance_torques(here, ())

@@ -111,8 +111,7 @@ class CoreTick:
 
     def take_over(self, other: CoreTick) -> None:
         """Let this be what ``other`` is: of the same snapshot, in other memory."""
-        self.__dict__.clear()
-        self.__dict__.update(other.__dict__)
+        self.__dict__ = other.__dict__.copy()
 
     # ------------------------------------------------------------------ the QPs
 
