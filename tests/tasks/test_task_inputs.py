@@ -162,6 +162,7 @@ def test_units_are_those_of_the_rows(robot_named: Callable[[str], Robot]) -> Non
         ComTask(robot, here.com): place,
         PositionTask(robot, "left_palm", zero): place,
         OrientationTask(robot, "left_palm", eye): turn,
+        AxisTask(robot, "left_palm", eye[2]): ("1",) * 3,
         PoseTask(robot, "left_palm", zero, eye): (*place, *turn),
         RelativePoseTask(robot, "left_palm", "right_palm", zero, eye): (*place, *turn),
         DistanceTask(robot, "left_palm", "right_palm", 0.1): ("m",),

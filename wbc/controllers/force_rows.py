@@ -131,7 +131,7 @@ class NativeForces:
 
     def write(self, ramps: Mapping[str, float]) -> bool:
         """Write the cones if contacts were changed or forces come and go; False: of other size."""
-        if not self.stale and not ramps and not self._ramps:
+        if not self.stale and ramps == self._ramps:
             return True
         cones = self.rows.forces.bounds(ramps)
         if cones.matrix.size + 2 * len(cones.labels) != self.cone.size:
