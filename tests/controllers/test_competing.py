@@ -90,10 +90,15 @@ def test_tasks_that_do_not_compete_so_are_not_named(robot, one, other, caplog) -
     assert not [record for record in caplog.records if "act as weights" in record.getMessage()]
 
 
-def test_tasks_on_their_way_are_not_named(robot) -> None:
+def test_tasks_on_their_way_and_light_ones_are_not_named(robot) -> None:
     tasks = [Elbow(robot, -0.2, gain=0.1), Elbow(robot, -1.2, gain=0.5)]
     tick, _ = at_rest(robot, tasks, 3)
     here = robot.snapshot(robot.posture("standing"))
     assert np.abs(tick.velocity).max() > 0.1
     assert competing(tasks, here, tick.velocity, 0.005) == {}
     assert list(competing(tasks, here, np.zeros(robot.nv), 0.005)) == [one.name for one in tasks]
+    # One that is lighter than a fiftieth of the heaviest has no part in it.
+    tasks = [tasks[1], Elbow(robot, -0.7, gain=0.1, weight=1e-3)]
+    assert competing(tasks, here, np.zeros(robot.nv), 0.005) == {}
+    tasks[1].weight = 0.5
+    assert len(competing(tasks, here, np.zeros(robot.nv), 0.005)) == 2

@@ -135,7 +135,6 @@ class Contact(CoreTask):
     def _placed(cls, snapshot: Snapshot, frame: str) -> tuple[Robot, str, Array, Array]:
         """Return robot, frame, and the anchor where it is in ``snapshot``."""
         check_snapshot(f"{cls.__name__}.hold", snapshot)
-        snapshot.robot.frame_id(frame)
         return snapshot.robot, frame, *snapshot.placement(frame)
 
     def __repr__(self) -> str:
