@@ -36,7 +36,7 @@ def test_cuts_that_came_too_late_are_said_and_the_step_is_shorter(robot) -> None
     """All of the step would break the margin; a quarter, which needs no QP, does not."""
     here = robot.snapshot(robot.posture("standing"))
     ticks = []
-    for deadline in (None, AT_ONCE):
+    for deadline in (None, 60.0, AT_ONCE):
         constraint = Slow(robot, 0.5, useful=True)
         constraint.start = here.q
         control = moving(robot, constraint, "left_elbow_pitch", deadline=deadline)
@@ -45,8 +45,8 @@ def test_cuts_that_came_too_late_are_said_and_the_step_is_shorter(robot) -> None
         assert tick.ok and (tick.velocity >= lower).all() and (tick.velocity <= upper).all()
         assert np.abs(tick.velocity).max() <= 0.5 + 1e-6
         ticks.append(tick)
-    free, late = ticks
-    assert free.left_out == () and free.step_scale == 1.0
+    *free, late = ticks
+    assert all(tick.left_out == () and tick.step_scale == 1.0 for tick in free)
     assert late.left_out == (CUTS,) and 0.0 < late.step_scale < 1.0
     assert late.report() == f"solved, but left out: {CUTS}"
 
