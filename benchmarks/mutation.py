@@ -64,6 +64,26 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "room for one number more",
     (
         "wbc/controllers/core_memory.py",
+        "begin = np.zeros(6, dtype=np.int64)",
+        "zeros -> ones",
+    ): "numbers that the core writes",
+    (
+        "wbc/qp/core.py",
+        "found = np.empty(3 + qp.g.size)",
+        "3 -> 4",
+    ): "room for one number more",
+    (
+        "wbc/tasks/task.py",
+        'own["_changes"], own["_remakes"] = self._changes + 1, self._remakes + 1',
+        "1 -> 2",
+    ): "it is only asked whether they are what they were",
+    (
+        "wbc/qp/active_set.py",
+        "weight = _PROXIMAL * max(float(qp.P.diagonal().max(initial=0.0)), 1.0)",
+        "0.0 -> 0.001",
+    ): "1 is more",
+    (
+        "wbc/controllers/core_memory.py",
         "self._usual, self._outside = np.zeros(0, dtype=np.int64), False",
         "0 -> 1",
     ): "a 0 that is written over a 0",

@@ -224,7 +224,7 @@ def _position_bounds(robot: Robot, position: bool, margin: float) -> tuple[Array
         free = np.full(robot.nv - 6, np.inf)
         return read_only(-free), read_only(free)
     lower, upper = robot.limits.lower + margin, robot.limits.upper - margin
-    for k in np.flatnonzero(lower > upper)[:1]:
+    for k in np.flatnonzero(lower > upper):
         raise InvalidInputError(
             f"limits, margin: {margin:g} leaves no range for joint {robot.joint_names[k]!r} "
             f"[{robot.limits.lower[k]:g}, {robot.limits.upper[k]:g}]"
