@@ -8,7 +8,8 @@ quickest. A test that fails without any fault as well is not counted.
 
 Every fault that was not noticed is a line `FILE:LINE: [verdict] fault: text of the line`. It goes
 on where it was stopped: what was found is kept in benchmarks/results/mutation_SEED.json, and which
-test calls what beside it. A file that has changed since is tried again.
+test calls what beside it. A file that has changed since is tried again; where sources call each
+other otherwise than before, ``--fresh`` is needed.
 """
 
 import argparse

@@ -16,6 +16,7 @@ from wbc.constraints import (
     SelfCollision,
     support,
 )
+from wbc.constraints.com_support import COM_BRAKING
 from wbc.constraints.margin import SKIN
 from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError, UnknownNameError
@@ -288,6 +289,9 @@ def test_the_coms_rows_are_slopes(robot, rng) -> None:
 def test_a_polygon_must_have_area_and_room(robot) -> None:
     square = np.array([[0, 0], [0, 1], [1, 1], [1, 0]], dtype=float)
     held = ComSupport(robot, square, margin=0.1)
+    assert held.braking == BrakingParameters(COM_BRAKING)
+    gentle = BrakingParameters(0.5)
+    assert ComSupport(robot, square, braking=gentle).braking is gentle
     held.set_polygon(2 * square)
     np.testing.assert_allclose(held.corners.max(axis=0), [2, 2])
     with pytest.raises(InvalidInputError, match="shape"):

@@ -23,6 +23,7 @@ from wbc import (
     LoadShareTask,
     Obstacle,
     Obstacles,
+    PointContact,
     PositionBox,
     PostureTask,
     Robot,
@@ -198,6 +199,8 @@ RANGES: dict[str, tuple[Make, tuple[Any, ...], tuple[Any, ...]]] = {
     "tilt of .*, angle": (
         lambda x: TiltLimit(ROBOT, "base", x), (LITTLE, np.pi - LITTLE), (0.0, np.pi)),
     "tilt of .*, axis": (lambda x: TiltLimit(ROBOT, "base", 0.1, axis=[0, 0, x]), (TINY,), (0.0,)),
+    "contact 'left_sole', normal": (
+        lambda x: PointContact.hold(START, "left_sole", normal=[0, 0, x]), (1e-8,), (0.0,)),
     "com support, margin": (
         lambda x: ComSupport(ROBOT, SQUARE, margin=x), (0.0, 0.0999999), (-TINY, 0.1)),
     "com support, polygon": (

@@ -117,7 +117,7 @@ def test_tasks_may_be_added_while_others_are_off(robot) -> None:
 def test_task_at_every_frame_fits_in_the_memory_of_a_tick(robot, kind) -> None:
     here = robot.snapshot(robot.posture("standing"))
     tasks = [PositionTask(robot, name, here.position(name)) for name in robot.frame_indices]
-    tasks.append(InertiaTask(robot, here.inertia, second_order=True))
+    tasks.append(InertiaTask(robot, 1.5 * here.inertia, second_order=True))
     point = PointContact(robot, "left_sole", here.position("left_sole"), np.eye(3))  # few unknowns
     assert kind(robot, tasks, contacts=[point]).step(here).ok
 

@@ -168,6 +168,7 @@ def test_units_are_those_of_the_rows(robot_named: Callable[[str], Robot]) -> Non
         DistanceTask(robot, "left_palm", "right_palm", 0.1): ("m",),
         InertiaTask(robot, here.inertia, components=["xx", "yz"]): ("kg m^2",) * 2,
         PrincipalInertiaTask(robot, np.linalg.eigvalsh(here.inertia)): None,
+        PostureTask(robot, here.q, joints={"*": 1e-6}): ("rad",) * (robot.nv - 6),
     }
     for task, units in said.items():
         assert units is None or task.units == units, task
