@@ -387,6 +387,7 @@ def test_smpl_poses(tmp_path: Path) -> None:
         (lambda t: t.replace("PathFileType", "Path"), "does not begin as a TRC file"),
         (lambda t: t.replace("\tmm\t", "\tfurlong\t"), "Units: expected mm"),
         (lambda t: t.replace("0.00000", "soon", 1), "row 1 .line 7.: 'soon' is not a number"),
+        (lambda t: t.replace("0.00000", "7e300", 1), "row 1: 7e.300 is no measured number"),
         (lambda t: t.replace("RASI", "LASI"), "'LASI' is there twice"),
         (lambda t: "\n".join(t.splitlines()[:9]), "at least 8 are needed"),
     ],
@@ -465,6 +466,12 @@ def test_c3d_of_a_head_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
     write_c3d(path)
     _with(path, "POINT", UNITS=["furlong"])
     with pytest.raises(RecordingError, match="POINT:UNITS: expected mm"):
+        read_markers(path)
+    write_c3d(path)
+    data = bytearray(path.read_bytes())
+    data[18:20] = struct.pack("<h", 513)  # analog samples of each channel in a frame
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match="6 analog values in a frame are no 513 per channel"):
         read_markers(path)
     write_c3d(path)
     path.write_bytes(path.read_bytes()[:-600])

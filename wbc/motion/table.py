@@ -85,7 +85,7 @@ class MotionTable:
 
 
 def numbers_of(rows: Sequence[Sequence[float]], source: str) -> Array:
-    """Return rows of numbers (n, k), each with as many; NaN where there is none.
+    """Return rows of numbers (n, k), each with as many; NaN or infinite where there is none.
 
     Raises
     ------
@@ -95,11 +95,9 @@ def numbers_of(rows: Sequence[Sequence[float]], source: str) -> Array:
     if not rows:
         raise RecordingError("it holds no rows of numbers", source)
     values = np.array(rows)
-    far = (np.abs(values) > LARGEST_NUMBER).any(axis=1)
-    if far.any():
-        row = int(far.argmax())
-        worst = np.nanmax(np.abs(values[row]))
-        raise RecordingError(f"{worst:.3g} is no measured number", source, None, row + 1)
+    for row, column in np.argwhere(np.isfinite(values) & (np.abs(values) > LARGEST_NUMBER)):
+        what = f"{values[row, column]:.3g} is no measured number"
+        raise RecordingError(what, source, None, int(row) + 1)
     return values
 
 
