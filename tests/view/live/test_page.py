@@ -1,8 +1,6 @@
 """The page without a browser: what its scene and its panel hold after each frame."""
 
 import threading
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -28,14 +26,6 @@ def controller(robot: wbc.Robot) -> wbc.KinematicController:
     return wbc.KinematicController(
         robot, tasks, contacts=wbc.support(start, "double"), limits=wbc.Limits(robot)
     )
-
-
-def until(condition: Callable[[], bool]) -> None:
-    """Wait for what another thread does."""
-    late = time.monotonic() + 60.0
-    while not condition():
-        assert time.monotonic() < late
-        time.sleep(0.01)
 
 
 def rotation_of(handle: Any) -> np.ndarray:
@@ -145,7 +135,7 @@ def test_going_back_in_time(stage: Stage, controller: wbc.KinematicController) -
 def test_where_the_user_puts_the_slider_is_kept_while_others_are_answered(
     stage: Stage, controller: wbc.KinematicController
 ) -> None:
-    q, free = controller.robot.posture("standing"), threading.Event()
+    q, free, moved = controller.robot.posture("standing"), threading.Event(), threading.Event()
     busy = stage.server.gui.add_button("busy")
     busy.on_click(lambda _: free.wait(30.0))
     with client_of(stage.url) as client:
@@ -153,12 +143,15 @@ def test_where_the_user_puts_the_slider_is_kept_while_others_are_answered(
             stage.draw(frame_at(controller, q, float(k)))
         for _ in range(40):  # more than are answered at once
             tell(client, "GuiUpdateMessage", uuid=busy._impl.uuid, updates={"value": True})
+
+        async def seen(_: object) -> None:  # after the page's own
+            moved.set()
+
+        stage.gui("Time [s]").on_update(seen)
         stage.move_slider(client, "Time [s]", 1.5)
-        slider = stage.gui("Time [s]")
-        until(lambda: slider.value == 1.5)
+        assert moved.wait(60.0)
         stage.draw(frame_at(controller, q, 5.0))  # the loop goes on, and so does the slider
         free.set()
-        until(lambda: stage.page._controls.past is not None)
     assert stage.page._controls.past == 1.5
 
 
