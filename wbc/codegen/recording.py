@@ -121,8 +121,8 @@ def check_kind(problem: Problem) -> None:
     Raises
     ------
     CodegenError
-        A walk, phases, hands that lean, a search, the pseudo-inverse, or wrenches that the
-        controller is told of.
+        A walk, phases, hands that lean, a law with two gains, a search, the pseudo-inverse, or
+        wrenches that the controller is told of.
     """
     spec = problem.spec
     reason = None
@@ -132,6 +132,8 @@ def check_kind(problem: Problem) -> None:
         reason = "phases: they change the controller while it runs"
     elif spec.hands is not None:
         reason = "hands: they change its contacts while it runs"
+    elif attended := [one.task.name for one in problem.parts.targeted if one.attendant]:
+        reason = f"tasks.{attended[0]}.law.spin: the gain is chosen in Python, tick by tick"
     elif not isinstance(spec.controller, QpSpec | TorqueSpec):
         reason = "controller.method: only one QP per tick is written out"
     elif any(wrench.told for wrench in spec.simulation.wrenches):

@@ -1,6 +1,7 @@
-"""Walking: footsteps from a velocity, adapted to the measured capture point; hands on walls."""
+"""Walking: footsteps for the capture point. Standing under pushes: its gain, hands on walls."""
 
 from wbc.gait.arms import Arm
+from wbc.gait.capture_gain import CaptureGain
 from wbc.gait.command import Admitted, CommandLimits, Velocity
 from wbc.gait.hand_supervisor import WithHands
 from wbc.gait.hand_support import HandSupport
@@ -15,6 +16,7 @@ from wbc.gait.whole_body import WalkingWeights
 __all__ = [
     "Admitted",
     "Arm",
+    "CaptureGain",
     "CommandLimits",
     "Footstep",
     "GaitSettings",

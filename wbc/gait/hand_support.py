@@ -27,13 +27,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.constraints import Contact, PointContact
+from wbc.constraints import PointContact
 from wbc.constraints.friction import FrictionCone
 from wbc.controllers.checks import check_snapshot
 from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError, shown
 from wbc.gait.arms import Arm
 from wbc.gait.leaning import HandsFree, Leaning, LeanSettings, Reaching, Withdrawing
+from wbc.gait.soles import anchored_soles
 from wbc.gait.swing import SPEED_UP, SwingMotion, towards
 from wbc.gait.wall_reach import check_reach
 from wbc.gait.walls import Hand, Wall, check_hands, check_walls
@@ -182,14 +183,11 @@ class HandSupport:
 
     def _soles_and_dcm(self, snapshot: Snapshot) -> tuple[Array, Array] | None:
         """Return the corners (k, 2) of the soles that stand, and the capture point (2,) [m]."""
-        corners = [
-            snapshot.position(one.frame) + one.corners @ snapshot.rotation(one.frame).T
-            for one in self.controller.contacts
-            if isinstance(one, Contact) and one.corners is not None and not self._is_hand(one)
-        ]
-        if not corners:
+        hands = {hand.frame for hand in self.arms}
+        contacts = self.controller.contacts
+        points = anchored_soles([one for one in contacts if one.name not in hands])
+        if points is None:
             return None
-        points = np.concatenate(corners)
         height = max(float(snapshot.com[2] - points[:, 2].mean()), LOST)
         omega = math.sqrt(self.controller.robot.gravity / height)
         return points[:, :2], snapshot.com[:2] + snapshot.com_velocity[:2] / omega
@@ -359,9 +357,6 @@ class HandSupport:
         self._trunk[self.arms[hand].trunk].switch_off()
 
     # ------------------------------------------------------------------ checks, words
-
-    def _is_hand(self, contact: Contact) -> bool:
-        return any(contact.frame == hand.frame for hand in self.arms)
 
     def _tell(self, what: str) -> None:
         self._told.append(f"{self.time:.3f} s: {what}")

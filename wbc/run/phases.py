@@ -168,6 +168,7 @@ class PhaseExecutor:
         held = tuple(first.hold(start))
         self.controller = make_controller(self._changed(first, start), held, start)
         self._enter(first, held)
+        self._attended = [one.attendant(self.controller) for one in tasks if one.attendant]
 
     @classmethod
     def single(cls, controller: Controller, start: Snapshot) -> PhaseExecutor:
@@ -210,6 +211,8 @@ class PhaseExecutor:
             self._change_controller(self.controller, tasks, contacts, snapshot)
             self._enter(phase, contacts)
         self._move_targets(tick * dt)
+        for attend in self._attended:
+            attend(snapshot)
         return self.controller
 
     def move_to(self, time: float) -> None:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from wbc.controllers import Controller
 from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.robot import Robot, Snapshot
 from wbc.rotations import exp_rotation, log_rotation
@@ -23,6 +24,8 @@ from wbc.validate import Array
 SetTarget = Callable[[Array, Array, Array], None]
 # Returns where a target is to be, from the robot now and the target until then.
 Goal = Callable[[Snapshot, Array], Array]
+# Sets what a task's law is to be, from the robot now.
+Attend = Callable[[Snapshot], None]
 
 
 class Space(NamedTuple):
@@ -159,6 +162,8 @@ class TargetedTask:
     ramp: float | None = None
     # Where the target goes instead, from the start of the run on, or None.
     course: Course | None = None
+    # Returns what sets the task's law before each tick of a run with a controller, or None.
+    attendant: Callable[[Controller], Attend] | None = None
     # (k,) of the task as it was made; that of the task itself may change in a run.
     weight: Array = field(init=False)
 

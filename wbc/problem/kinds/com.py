@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, Tag
 
+from wbc.controllers import Controller
 from wbc.errors import UnknownNameError
+from wbc.gait.capture_gain import CaptureGain
 from wbc.laws import AccelerationLaw
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
@@ -38,7 +40,7 @@ from wbc.problem.targets import (
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot
 from wbc.robot.feet import NO_FEET
-from wbc.run.ramps import VECTORS, TargetedTask
+from wbc.run.ramps import VECTORS, Attend, TargetedTask
 from wbc.tasks import ComTask
 from wbc.validate import Array
 
@@ -89,6 +91,10 @@ class CapturePointLaw(Section):
     gain: Positive = default_of(AccelerationLaw.capture_point, "gain")
     """How far beyond the capture point the centroidal moment pivot goes, by its error: kp = gain
     omega^2 and kd = (1 + gain) omega, omega^2 = gravity / height."""
+    spin: Positive | None = None
+    """Gain at the edges of the soles, where angular momentum has to help: at least gain, which is
+    then for what soles can press, and gets less where they can press no more. The height is the
+    CoM's over the soles, from tick to tick. Left out: gain, wherever the capture point is."""
 
 
 class ComSpec(ErrorTaskSpec):
@@ -130,7 +136,10 @@ class ComSpec(ErrorTaskSpec):
 
         settings = {**self.settings(self.axes), **self._gains(start)}
         task = ComTask(start.robot, goal(start, start.com), axes=self.axes, name=name, **settings)
-        return TargetedTask(task, goal, lambda now: now.com, VECTORS, task.set_target, self.ramp)
+        return TargetedTask(
+            task, goal, lambda now: now.com, VECTORS, task.set_target, self.ramp,
+            attendant=self._attendant(task),
+        )  # fmt: skip
 
     def _gains(self, start: Snapshot) -> dict[str, float | None]:
         """Return kp and kd by the law, if one is given."""
@@ -142,8 +151,18 @@ class ComSpec(ErrorTaskSpec):
         if "z" in self.axes:
             raise Misplaced("a capture point is on the ground; give axes: [x, y]", "law")
         given = CapturePointLaw(type="capture_point") if isinstance(self.law, str) else self.law
+        if given.spin is not None and given.spin < given.gain:
+            raise Misplaced(f"is below gain, {given.gain:g}", "law", "spin")
         law = AccelerationLaw.capture_point(float(start.com[2]), given.gain)
         return {"kp": law.kp, "kd": law.kd}
+
+    def _attendant(self, task: ComTask) -> Callable[[Controller], Attend] | None:
+        """Return what makes the law follow the capture point, if it does."""
+        law = self.law
+        if not isinstance(law, CapturePointLaw) or law.spin is None:
+            return None
+        gains = {"gain": law.gain, "spin": law.spin}
+        return lambda controller: CaptureGain(controller, task, **gains).prepare
 
     def feet_below(self, robot: Robot) -> tuple[str, ...]:
         """Return the feet that the target is above, all of which exist."""
