@@ -22,12 +22,13 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.controllers import Controller, TorqueController
+from wbc.controllers.checks import check_snapshot
 from wbc.errors import InvalidInputError, shown
 from wbc.gait.soles import anchored_soles
 from wbc.laws import AccelerationLaw
 from wbc.polygon import convex_hull, half_planes, polygon_area
 from wbc.robot import Snapshot
-from wbc.tasks import ComTask, Task
+from wbc.tasks import ComTask
 from wbc.validate import Array, finite_number
 
 # How near to an edge of the soles momentum begins to help: in heights of the CoM, and at most in
@@ -43,10 +44,10 @@ LEAST = 1e-3  # m, for a target at an edge, or beyond it
 class _Soles(NamedTuple):
     """What stands, seen from above: inside is ``normals @ p <= offsets``."""
 
-    contacts: tuple[Task, ...]
+    corners: Array  # (n, 3) [m]
     normals: Array  # (k, 2), outwards
     offsets: Array  # (k,) [m]
-    height: float  # of their corners, in the mean [m]
+    height: float  # of the corners, in the mean [m]
 
 
 class CaptureGain:
@@ -104,6 +105,7 @@ class CaptureGain:
         InvalidInputError
             Not a snapshot, or one of another robot object.
         """
+        check_snapshot(self.controller.robot, snapshot)
         snapshot = self.controller.predicted(snapshot)
         soles = self._standing()
         height = max(float(snapshot.com[2]) - soles.height, LEAST) if soles else 0.0
@@ -118,15 +120,15 @@ class CaptureGain:
 
     def _standing(self) -> _Soles | None:
         """Return what stands, worked out anew where that changes; None if it has no area."""
-        contacts = self.controller.contacts
-        if self._soles is not None and self._soles.contacts == contacts:
-            return self._soles
-        corners = anchored_soles(contacts)
-        hull = np.zeros((0, 2)) if corners is None else convex_hull(corners[:, :2])
-        if corners is None or len(hull) < 3 or polygon_area(hull) < LEAST**2:
+        corners, before = anchored_soles(self.controller.contacts), self._soles
+        if corners is None:
             return None
-        normals, offsets = half_planes(hull)
-        self._soles = _Soles(contacts, normals, offsets, float(corners[:, 2].mean()))
+        if before is not None and np.array_equal(before.corners, corners):
+            return before
+        hull = convex_hull(corners[:, :2])
+        if len(hull) < 3 or polygon_area(hull) < LEAST**2:
+            return None
+        self._soles = _Soles(corners, *half_planes(hull), float(corners[:, 2].mean()))
         self._last = None
         return self._soles
 
