@@ -30,7 +30,8 @@ from wbc.hardware.operator import LoopStatus, Wish
 from wbc.hardware.postures import CrouchPath, Motions, PostureMotion
 from wbc.hardware.real_time import Beat
 from wbc.hardware.robot_controller import ControllerAnswer, EstimateError
-from wbc.hardware.safety import Mode, Safety, SafetyLimits
+from wbc.hardware.safety import Mode, Safety
+from wbc.hardware.safety_limits import SafetyLimits
 from wbc.hardware.sensor_checks import SensorChecks
 
 DT = 0.002

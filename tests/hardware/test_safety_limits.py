@@ -8,7 +8,8 @@ import pytest
 
 from wbc.errors import InvalidInputError
 from wbc.hardware.bus import Command, Reading
-from wbc.hardware.safety import Fault, Safety, SafetyLimits
+from wbc.hardware.safety import Fault, Safety
+from wbc.hardware.safety_limits import SafetyLimits
 from wbc.hardware.sensor_checks import SensorChecks
 from wbc.robot import Robot
 

@@ -12,7 +12,8 @@ from wbc.hardware.operator import Keyboard, LoopStatus, Operator, Script, Wish
 from wbc.hardware.postures import CrouchPath, Motions, PostureMotion
 from wbc.hardware.robot_controller import RobotController, SensorEstimator, TruthEstimator
 from wbc.hardware.robot_side import RobotReport, RobotSettings, SimulatedRobot
-from wbc.hardware.safety import RULES, TRANSITIONS, Fault, Mode, Safety, SafetyLimits
+from wbc.hardware.safety import RULES, TRANSITIONS, Fault, Mode, Safety
+from wbc.hardware.safety_limits import SafetyLimits
 from wbc.hardware.sensor_checks import SensorChecks
 from wbc.hardware.setup import Where, loop_of, simulated_robot
 from wbc.hardware.udp import UdpBus, UdpRobotBus

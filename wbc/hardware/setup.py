@@ -19,7 +19,8 @@ from wbc.hardware.robot_controller import (
     TruthEstimator,
 )
 from wbc.hardware.robot_side import STEP, RobotSettings, SimulatedRobot
-from wbc.hardware.safety import Safety, SafetyLimits
+from wbc.hardware.safety import Safety
+from wbc.hardware.safety_limits import SafetyLimits
 from wbc.hardware.sensor_checks import SensorChecks
 from wbc.hardware.udp import COMMAND_PORT, READING_PORT, UdpBus, UdpRobotBus
 from wbc.hardware.unitree.profiles import Profile, by_pattern
