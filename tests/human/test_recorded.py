@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.human.walker import LABELS, marching, recorded, write_trc
+from tests.human.walker import LABELS, marching, recorded, squatting, write_trc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.human import HumanMotion, MarkerRecording, compared, human_motion, read_markers
 from wbc.human.body import HINGE_NAMES, NAMES, SEGMENT_NAMES, HumanBody
@@ -176,6 +176,23 @@ def test_frames_in_which_a_foot_stands_over_the_edge_of_a_plate_are_not_compared
     assert over.sum() > 20 and frames[2] <= frames[0] - over.sum()
 
 
+@pytest.mark.slow
+def test_squats_with_clusters_on_thighs_and_shanks_are_followed() -> None:
+    """Where a cluster's markers are is not known: they must not turn the first postures."""
+    few = [n for n in LABELS if n[1:] not in ("THI", "TIB", "FHD", "BHD")]
+    few = [n for n in few if n not in ("T10", "CLAV", "STRN")]
+    more = [f"{side}{part}{k}" for side in "LR" for part in ("TH", "SH") for k in range(1, 5)]
+    labels = [*few, "LHJC", "RHJC", *more]
+    recording, _ = recorded(BODY, labels=labels, off=1.0, noise=1e-3, seed=4, posed=squatting())
+    human = human_motion(recording, mass=72.0)
+    assert human.rms < 3e-3  # 1.7 mm of noise in three axes; knees bent backwards: 10 mm
+    knees = [human.motion.robot.joint_names.index(f"{s}_knee_flexion") for s in ("left", "right")]
+    # Bent by 0.1 to 2.1, as far as markers tell where a straight knee is.
+    bent = human.motion.joints[:, knees]
+    assert (np.abs(bent.min(axis=0) - 0.1) < 0.2).all()
+    assert (np.abs(bent.max(axis=0) - 2.1) < 0.2).all()
+
+
 def test_a_human_that_comes_late_and_leaves_early_is_taken_while_it_is_seen() -> None:
     recording, _ = recorded(BODY, seconds=1.0)
     here = recording.positions.copy()
@@ -186,6 +203,55 @@ def test_a_human_that_comes_late_and_leaves_early_is_taken_while_it_is_seen() ->
     assert human.motion.time[[0, -1]] == pytest.approx(recording.time[[35, 79]])
     assert any("0.35 to 0.79 s" in note for note in human.notes)
     assert human.rms < 5e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", [100, 25])
+def test_a_frame_of_another_posture_before_the_motion_changes_nothing_and_is_told(
+    rate: int,
+) -> None:
+    """As files of animation begin with a T-pose, away from where the motion begins."""
+    whole, _ = recorded(BODY, seconds=1.0)
+    step = 100 // rate
+    time, places = whole.time[::step], whole.positions[::step]
+    first = places[0].copy()
+    first[[whole.labels.index(n) for n in ("LELB", "LWRA", "LWRB", "LFIN")]] += (0.0, 0.4, 0.4)
+    first += (-0.25, 0.1, 0.0)
+    found = human_motion(
+        MarkerRecording(
+            np.append(time[0] - step / 100, time),
+            whole.labels,
+            np.concatenate((first[None], places)),
+            up="z",
+        )
+    )
+    truth = human_motion(MarkerRecording(time, whole.labels, places, up="z"))
+    np.testing.assert_array_equal(found.motion.time, truth.motion.time)
+    np.testing.assert_array_equal(found.motion.base, truth.motion.base)
+    assert any("leaps at 0.000 s" in note for note in found.notes)
+    assert not any("leaps" in note for note in truth.notes)
+
+
+@pytest.mark.slow
+def test_recordings_that_were_joined_are_taken_where_they_are_longest() -> None:
+    whole, _ = recorded(BODY, seconds=1.0)
+    places = whole.positions.copy()
+    places[30:] += (1.0, -0.5, 0.0)
+    found = human_motion(MarkerRecording(whole.time, whole.labels, places, up="z"))
+    assert found.motion.time[0] == 0.3 and len(found.motion.time) == 70
+    assert any("leaps at 0.300 s" in note and "0.990 s" in note for note in found.notes)
+
+
+@pytest.mark.slow
+def test_points_whose_places_the_file_says_are_never_taken_for_swapped() -> None:
+    whole, _ = recorded(BODY, seconds=1.0)
+    places, k = whole.positions.copy(), whole.labels.index
+    places[40:, [k("LANK"), k("LTOE")]] = places[40:, [k("LTOE"), k("LANK")]]
+    marks = tuple(landmark(str(landmark_of(label))) for label in whole.labels)
+    for given, told in (((), True), (marks, False)):
+        seen = MarkerRecording(whole.time, whole.labels, places, up="z", landmarks=given)
+        kinds = {one.kind for one in human_motion(seen).motion.dropouts}
+        assert ("swapped markers" in kinds) is told
 
 
 def test_axes_that_plug_in_gait_writes_as_markers_are_left_out() -> None:

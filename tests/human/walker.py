@@ -40,6 +40,18 @@ SWING = {
 }
 
 
+SQUAT = {  # on high, and how much more below
+    "hip_flexion": (0.2, 1.7),
+    "hip_adduction": (-0.35, -0.1),
+    "hip_rotation": (-0.6, -0.3),
+    "knee_flexion": (0.1, 2.0),
+    "ankle_dorsiflexion": (0.1, 0.5),
+    "elbow_flexion": (1.5, 0.0),
+    "shoulder_lift": (0.8, 0.0),
+    "lumbar_flexion": (0.2, 0.3),
+}
+
+
 def marching(seconds: float = 3.0, rate: float = RATE) -> tuple[Array, Poses]:
     """Return times (n,) and postures of a march with one step a second and leg."""
     t = np.arange(round(seconds * rate)) / rate
@@ -49,6 +61,21 @@ def marching(seconds: float = 3.0, rate: float = RATE) -> tuple[Array, Poses]:
         angles[:, HINGE_NAMES.index(name)] = mean + size * np.sin(phase + shift)
     position = np.column_stack((0.3 * t, 0.02 * np.sin(phase), 0.93 + 0.015 * np.cos(2.0 * phase)))
     turn = np.column_stack((0.03 * np.sin(phase), 0.02 * np.cos(phase), 0.4 + 0.1 * np.sin(phase)))
+    return t, Poses(position, rotations(turn), angles)
+
+
+def squatting(seconds: float = 4.0, rate: float = 50.0) -> tuple[Array, Poses]:
+    """Return times (n,) and postures of two deep squats, feet wide and turned out."""
+    t = np.arange(round(seconds * rate)) / rate
+    deep = 0.5 - 0.5 * np.cos(np.pi * t)
+    angles = np.zeros((len(t), len(HINGES)))
+    for name, (high, more) in SQUAT.items():
+        sides = (name,) if name.startswith("lumbar") else (f"left_{name}", f"right_{name}")
+        for side in sides:
+            angles[:, HINGE_NAMES.index(side)] = high + more * deep
+    still = np.zeros(len(t))
+    position = np.column_stack((still, 0.02 * np.sin(3.0 * t), 0.9 - 0.45 * deep))
+    turn = np.column_stack((still, 0.5 * deep, 0.1 * np.sin(2.0 * t)))
     return t, Poses(position, rotations(turn), angles)
 
 

@@ -8,6 +8,7 @@ methods, and where the motion does not tell, where anatomy has them: the hips by
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -90,9 +91,11 @@ def calibrate(
     for _ in range(2 if stature is None else 1):
         prior = _prior(observed, landmarks, guess)
         markers = MarkerSet(names, landmarks, prior.place.copy())
+        # Until places are found, a marker tells no more than how far from the usual one it may be.
+        vague = replace(markers, landmarks=tuple(_vague(one) for one in landmarks))
         poses = first_poses(observed, markers, prior.dimensions)
-        poses, cost = fit_poses(poses, observed, markers, prior.dimensions)
-        poses = _retried(poses, cost, observed, markers, prior.dimensions)
+        poses, cost = fit_poses(poses, observed, vague, prior.dimensions)
+        poses = _retried(poses, cost, observed, vague, prior.dimensions)
         found = _adjusted(poses, observed, markers, prior)
         lengths = ("upper_arm", "forearm", "thigh", "shank")
         usual = usual_dimensions(REFERENCE_STATURE)[0]
@@ -100,6 +103,10 @@ def calibrate(
         if stature is None:
             guess = float(np.clip(np.mean(parts) * REFERENCE_STATURE, *STATURES))
     return replace(found, stature=guess)
+
+
+def _vague(one: Landmark) -> Landmark:
+    return replace(one, noise=math.hypot(one.noise, one.spread))
 
 
 def _retried(

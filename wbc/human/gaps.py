@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from wbc.human.markers import MarkerRecording
@@ -18,6 +19,10 @@ FARTHER = 6.0  # times its usual residual: what is farther is no longer that mar
 JUMP, CLOSER = 0.04, 0.4
 SWAPPED, GHOSTS = "swapped markers", "ghost"
 SHOWN = 0.5  # of the most markers seen at once: with fewer a human has not come yet, or has gone
+# A leap: half of the markers move farther in one step than in those beside it, by at least so far
+# [m], and by more than this acceleration [m/s^2] brings about, which no whole body has.
+LEAP, SUDDEN = 0.05, 40.0
+LEAPS = 4  # that are named
 
 
 def while_shown(
@@ -36,6 +41,38 @@ def while_shown(
         return recording, ()
     note = f"taken from {time[0]:.2f} to {time[-1]:.2f} s: else most markers are not seen"
     return replace(recording, time=time, positions=recording.positions[part]), (note,)
+
+
+def without_leaps(
+    recording: MarkerRecording, names: tuple[str, ...]
+) -> tuple[MarkerRecording, tuple[str, ...]]:
+    """Return the longest part of a recording in which its human does not leap, and a note.
+
+    Many files of animation begin with one frame of another posture, mostly a T-pose elsewhere;
+    others were joined. A low-pass across a leap makes forces of many times the weight of it.
+    """
+    columns = [recording.labels.index(name) for name in names if name in recording.labels]
+    places, time = recording.positions[:, columns], recording.time
+    moved = np.linalg.norm(np.diff(places, axis=0), axis=2)
+    seen = np.isfinite(moved)
+    enough = seen.sum(axis=1) >= SHOWN * seen.sum(axis=1).max(initial=1)
+    far = np.zeros(len(moved))
+    far[enough] = np.nanmedian(moved[enough], axis=1)
+    beside = np.maximum(np.append(0.0, far[:-1]), np.append(far[1:], 0.0))
+    step = 1.0 / recording.rate
+    leaps = np.flatnonzero(far - beside > max(LEAP, SUDDEN * step**2)) + 1
+    leaps = leaps[np.diff(time)[leaps - 1] < 1.5 * step]  # else nobody knows what was between
+    if not len(leaps):
+        return recording, ()
+    ends = np.array((0, *leaps, len(time)))
+    longest = int(np.diff(ends).argmax())
+    part = slice(ends[longest], ends[longest + 1])
+    told = ", ".join(f"{time[k]:.3f} s" for k in leaps[:LEAPS]) + (" ..." * (len(leaps) > LEAPS))
+    note = (
+        f"all of the body leaps at {told}, as from a T-pose: taken from {time[part.start]:.3f} to"
+        f" {time[part.stop - 1]:.3f} s"
+    )
+    return replace(recording, time=time[part], positions=recording.positions[part]), (note,)
 
 
 def filled_shortly(
@@ -81,19 +118,19 @@ def filled_by_fit(
 
 
 def unswapped(
-    time: Array, positions: Array, labels: tuple[str, ...]
+    time: Array, positions: Array, labels: tuple[str, ...], fixed: NDArray[np.bool_]
 ) -> tuple[Array, list[Dropout]]:
     """Return positions (n, m, 3) in which swapped labels are swapped back, and which.
 
     Two markers are swapped from a frame on if each goes on where the other was, and not where it
-    was itself.
+    was itself. Those with ``fixed`` labels (m,) cannot be: a skeleton's file says which is which.
     """
     positions, found = positions.copy(), list[Dropout]()
     since = dict[tuple[int, int], int]()
     for frame in range(1, len(time)):
         before, now = positions[frame - 1], positions[frame]
         own = np.linalg.norm(now - before, axis=1)
-        jumped = np.flatnonzero(np.nan_to_num(own) > JUMP).tolist()
+        jumped = np.flatnonzero((np.nan_to_num(own) > JUMP) & ~fixed).tolist()
         for number, a in enumerate(jumped):
             for b in jumped[number + 1 :]:
                 crossed = np.linalg.norm(now[[a, b]] - before[[b, a]], axis=1)

@@ -84,7 +84,8 @@ class MarkerRecording:
     notes:
         What was tolerated while reading, in words.
     landmarks:
-        What some markers are, by label, where their names do not say it.
+        What some markers are, by label, where their names do not say it. As joints of a skeleton,
+        these are never taken for swapped.
 
     Raises
     ------

@@ -15,7 +15,14 @@ from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
 from wbc.human.comparison import plates_mass
 from wbc.human.contacts import Bools, chosen_cutoff, feet_down, nearest_rows
 from wbc.human.fit import MarkerSet, continuous, fit_poses, residuals
-from wbc.human.gaps import filled_by_fit, filled_shortly, unswapped, while_shown, without_ghosts
+from wbc.human.gaps import (
+    filled_by_fit,
+    filled_shortly,
+    unswapped,
+    while_shown,
+    without_ghosts,
+    without_leaps,
+)
 from wbc.human.kinematics import Poses, place
 from wbc.human.known import known_markers, upright
 from wbc.human.landmarks import Landmark
@@ -205,8 +212,9 @@ def _known(
         static, _ = of_subject(static, subject)
     names, marks, notes = known_markers(recording, static)
     recording, shown = while_shown(recording, names)
+    recording, leaps = without_leaps(recording, names)
     recording, axis = upright(recording, names, marks, up)
-    notes = (*recording.notes, *told, *notes, *shown)
+    notes = (*recording.notes, *told, *notes, *shown, *leaps)
     belt = belt_velocity(recording, names, marks)
     if belt.any():
         recording = from_the_belt(recording, belt)
@@ -233,7 +241,9 @@ def _followed(
     time = recording.time
     columns = [recording.labels.index(n) for n in names if n in recording.labels]
     own = names[: len(columns)]
-    observed, swaps = unswapped(time, recording.positions[:, columns], own)
+    given = recording.landmarks or (None,) * len(recording.labels)
+    fixed = np.array([given[k] is not None for k in columns])
+    observed, swaps = unswapped(time, recording.positions[:, columns], own, fixed)
     observed, gaps = filled_shortly(time, observed, own, longest_gap)
     extra = len(names) - len(columns)
     observed = np.concatenate((observed, np.full((len(time), extra, 3), np.nan)), axis=1)
