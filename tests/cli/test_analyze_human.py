@@ -61,6 +61,8 @@ def test_whose_motion_it_is_must_be_said(tmp_path: Path) -> None:
         ((humans, "--robot", "g1"), "leave --robot out"),
         ((robots, "--robot", "g1", "--mass", 70), "--mass: only of a human's recording"),
         ((humans,), "does not begin as a TRC file"),
+        ((humans, "--degrees", "--rate", 50), "--rate, --degrees: only of a robot's recording"),
+        ((humans, "--unit", "m"), "unit: only of .bvh; of .trc the file says it"),
         ((tmp_path / "none.c3d",), "cannot be read"),
     ):
         answer = command(*arguments)

@@ -277,6 +277,48 @@ def test_y_up_in_mm_is_found(tmp_path) -> None:  # type: ignore[no-untyped-def]
     assert human.motion.base[:, 2].mean() == pytest.approx(0.93, abs=0.03)
 
 
+@pytest.mark.parametrize("axes", [(0, 2, 1), (1, 0, 2)])
+def test_axes_that_are_left_handed_are_refused(axes: tuple[int, int, int]) -> None:
+    """As Unity writes them: a human of 2 mm of residual would walk backwards."""
+    recording, _ = recorded(BODY, seconds=0.1)
+    turned = recording.positions[:, :, axes]
+    with pytest.raises(RecordingError, match="left-handed"):
+        human_motion(MarkerRecording(recording.time, recording.labels, turned))
+
+
+def test_an_axis_that_is_not_up_is_told() -> None:
+    recording, _ = recorded(BODY, seconds=0.1)
+    seen = MarkerRecording(recording.time, recording.labels, recording.positions)
+    said = "x taken for up, as was said, but from feet to trunk leads z"
+    assert any(said in note for note in human_motion(seen, mass=72.0, up="x").notes)
+    assert not any("taken for up" in n for n in human_motion(seen, mass=72.0, up="z").notes)
+
+
+@pytest.mark.parametrize("given", [{"stature": 176.0}, {"mass": 72e3}, {"mass": 706.0}])
+def test_mass_and_stature_in_another_unit_are_refused(given: dict[str, float]) -> None:
+    recording, _ = recorded(BODY, seconds=0.1)
+    with pytest.raises(InvalidInputError, match="no human's"):
+        human_motion(recording, **given)  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+def test_plates_that_weigh_another_mass_than_was_said_are_told() -> None:
+    recording, _ = recorded(BODY, seconds=2.0, plates=True)
+    for mass, told in ((72.0, False), (158.7, True)):  # pounds
+        notes = human_motion(recording, mass=mass).notes
+        assert any("weighed 7" in n and "158.7 kg was said" in n for n in notes) is told
+
+
+def test_markers_of_no_human_are_told_so() -> None:
+    recording, _ = recorded(BODY, seconds=0.5)
+    places = recording.positions.copy()
+    trunk = [recording.labels.index(n) for n in ("C7", "T10", "CLAV", "STRN", "LSHO", "RSHO")]
+    places[:, trunk, 2] -= 1.4
+    seen = MarkerRecording(recording.time, recording.labels, places)
+    with pytest.raises(InvalidInputError, match="off any human"):
+        human_motion(seen, up="z")
+
+
 def test_missing_markers_are_named() -> None:
     labels = [label for label in LABELS if label not in ("LKNE", "LANK")] + ["Foo"]
     recording, _ = recorded(BODY, labels=labels[:-1], seconds=0.2)

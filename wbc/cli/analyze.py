@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 # Kept in step with wbc.motion, which is not imported only to print the help.
 CUTOFF, LONGEST_GAP, BEYOND, SNAPSHOTS, FEET = "10", 0.1, 0.1, "6", "auto"
+# Of a robot's recording only.
+ROBOTS = ("planted", "rate", "degrees", "missing", "ignore", "beyond", "fill")
 
 
 class Missing(StrEnum):
@@ -53,6 +55,7 @@ def analyze(
             metavar="MOTION",
         ),
     ],
+    context: typer.Context,
     robot: Annotated[
         str | None,
         typer.Option(help="The robot: a name, or a URDF or MJCF file; none for a human."),
@@ -131,6 +134,7 @@ def analyze(
         options = HumanOptions(static, forces, subject, mass, stature, sex, up, unit)
         human = is_human(motion, robot, options)
         if human or robot is None:
+            _refuse_of_robots(context)
             code = analyze_human(
                 motion,
                 options,
@@ -180,6 +184,16 @@ def analyze(
             print_analysis(series, outputs.written)
         code = outputs.exit_code()
     raise typer.Exit(code)
+
+
+def _refuse_of_robots(context: typer.Context) -> None:
+    """Raise InvalidInputError for options that a human's recording does not heed."""
+    from wbc.errors import InvalidInputError
+
+    sources = {name: context.get_parameter_source(name) for name in ROBOTS}
+    given = [f"--{name}" for name, by in sources.items() if by and by.name == "COMMANDLINE"]
+    if given:
+        raise InvalidInputError(f"{', '.join(given)}: only of a robot's recording, with --robot")
 
 
 def _cutoff(text: str) -> float | str | None:

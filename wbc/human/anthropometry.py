@@ -10,8 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 from wbc.errors import InvalidInputError
+from wbc.validate import finite_number
 
 SEXES = ("female", "male")
 # Mean stature [m] and body mass index [kg/m^2] of de Leva's subjects.
@@ -89,6 +91,7 @@ BEHIND: Mapping[str, Mapping[str, float]] = MappingProxyType(
         "male": MappingProxyType({"trunk": 0.036, "thigh": 0.041, "shank": 0.048}),
     }
 )
+STATURES, MASSES = (0.4, 2.8), (3.0, 400.0)  # m, kg: what a human may have
 PAIRED = ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")
 
 
@@ -103,6 +106,29 @@ def check_sex(sex: str) -> str:
     if not isinstance(sex, str) or sex.lower() not in SEXES:
         raise InvalidInputError(f"sex: expected {' or '.join(SEXES)}, got {sex!r}")
     return sex.lower()
+
+
+def check_build(mass: Any, stature: Any) -> tuple[float | None, float | None]:
+    """Return mass [kg] and stature [m] as numbers, or None.
+
+    Raises
+    ------
+    InvalidInputError
+        No numbers, or such as no human has: in another unit.
+    """
+    found = list[float | None]()
+    for what, value, (least, most), unit in (
+        ("mass", mass, MASSES, "kg"),
+        ("stature", stature, STATURES, "m"),
+    ):
+        number = None if value is None else finite_number(what, value, above=0.0)
+        if number is not None and not least <= number <= most:
+            raise InvalidInputError(
+                f"{what}: {number:g} {unit} is no human's, {least:g} to {most:g} {unit}; say it in"
+                f" {unit}"
+            )
+        found.append(number)
+    return found[0], found[1]
 
 
 def segment_table(sex: str) -> Mapping[str, SegmentInertia]:

@@ -86,6 +86,11 @@ def calibrate(
     ----------
     stature:
         [m]; None: by the lengths between joints.
+
+    Raises
+    ------
+    InvalidInputError
+        Lengths of no human.
     """
     guess = stature if stature is not None else _stature(observed, landmarks)
     for _ in range(2 if stature is None else 1):
@@ -102,6 +107,13 @@ def calibrate(
         parts = [found.dimensions[NAMES.index(n)] / usual[NAMES.index(n)] for n in lengths]
         if stature is None:
             guess = float(np.clip(np.mean(parts) * REFERENCE_STATURE, *STATURES))
+    sizes = dict(zip(NAMES, found.dimensions.tolist(), strict=True))
+    odd = next((n for n, size in sizes.items() if size <= 0.0 and not n.endswith("_x")), None)
+    if odd is not None:
+        raise InvalidInputError(
+            f"markers: they are {1e3 * found.rms:.0f} mm off any human, whose {odd} would be"
+            f" {sizes[odd]:.3g} m: they are not one human's, or their names mean other places"
+        )
     return replace(found, stature=guess)
 
 
@@ -156,8 +168,8 @@ def _stature(observed: Array, landmarks: tuple[Landmark, ...]) -> float:
     tall, (least, most) = float(np.median(found)), STATURES
     if not 0.7 * least < tall < 1.3 * most:
         raise InvalidInputError(
-            f"markers: by the distances between them the human is {tall:.3g} m tall; are the"
-            " file's lengths in the unit that was said (unit)?"
+            f"markers: by the distances between them the human is {tall:.3g} m tall: the file's"
+            " lengths are in another unit than it says, or than was said (unit, of a BVH)"
         )
     return min(max(tall, least), most)
 

@@ -58,19 +58,22 @@ def read_markers(
         of those of the recording.
     unit:
         Of a BVH file's lengths, ``cm``, ``m``, ``inch``, ``mm``, ``cmu`` (Carnegie Mellon's, 56.4
-        mm), or its length [m]; None: by the skeleton's height.
+        mm), or its length [m]; None: by the skeleton's height. Others say theirs themselves.
     stature:
         Of the human whose SMPL poses are read [m].
 
     Raises
     ------
     RecordingError
-        A file cannot be read, or is none of these.
+        A file cannot be read, or is none of these; a unit for one that says its own.
     InvalidInputError
         What it holds is no recording: see :class:`MarkerRecording`.
     """
     check_path("read_markers, path", path)
     path, source = Path(path), str(path)
+    if unit is not None and path.suffix.lower() != ".bvh":
+        what = f"unit: only of .bvh; of {path.suffix or 'this'} the file says it, or it is m"
+        raise RecordingError(what, source)
     try:
         match path.suffix.lower():
             case ".c3d":

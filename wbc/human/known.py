@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
 from wbc.errors import listed
 from wbc.human.landmarks import Landmark, lacking, landmark, landmark_of
-from wbc.human.markers import MarkerRecording
+from wbc.human.markers import UPS, MarkerRecording
 from wbc.motion.table import RecordingError
+from wbc.validate import Array
 
 UPRIGHT = 0.8  # cosine between the way from feet to trunk and the axis that is taken for up
+LYING = 0.5  # the same: with less the axis that was said is not up, or the human lies
+MIRRORED = -0.2  # of the volume that left, up and the way of the toes span, which is 0.4 to 1
+TOES, HEELS = ("toe", "metatarsal_1", "metatarsal_5"), ("heel", "ankle_lateral", "ankle_centre")
 
 
 def known_markers(
@@ -69,28 +75,27 @@ def known_markers(
 def upright(
     recording: MarkerRecording, names: tuple[str, ...], marks: tuple[Landmark, ...], up: str | None
 ) -> tuple[MarkerRecording, tuple[str, ...]]:
-    """Return the recording with z up, and a note if that axis was found, not said.
+    """Return the recording with z up, and a note if that axis was found, or is not the one said.
 
     Raises
     ------
     RecordingError
-        From feet to trunk leads along none of the axes.
+        From feet to trunk leads along none of the axes; or left is right of where toes point.
     """
     axis = up if up is not None else recording.up
-    if axis is not None:
-        return recording.upright(axis), ()
-    high, low = (
-        [
-            recording.labels.index(name)
-            for name, mark in zip(names, marks, strict=True)
-            if name in recording.labels and any(part in mark.segment for part in parts)
-        ]
-        for parts in (("trunk", "pelvis"), ("foot", "shank"))
-    )
-    way = np.nanmedian(recording.positions[:, high], axis=(0, 1))
-    way = way - np.nanmedian(recording.positions[:, low], axis=(0, 1))
+    high = _middle(recording, names, marks, lambda mark: mark.segment in ("trunk", "pelvis"))
+    low = _middle(recording, names, marks, lambda mark: mark.segment.endswith(("foot", "shank")))
+    _check_sides(recording, names, marks, high - low)
+    way = np.nanmedian(high, axis=0) - np.nanmedian(low, axis=0)
     way /= np.linalg.norm(way)
     k = int(np.abs(way).argmax())
+    if axis is not None:
+        lies = axis in UPS and way["xyz".index(axis)] < LYING
+        leads = f"{'-' * bool(way[k] < 0.0)}{'xyz'[k]}"
+        note = (
+            f"{axis} taken for up, as was said, but from feet to trunk leads {leads}: does it lie?"
+        )
+        return recording.upright(axis), (note,) if lies else ()
     if not way[k] > UPRIGHT:
         raise RecordingError(
             f"from feet to trunk leads ({way[0]:.2f}, {way[1]:.2f}, {way[2]:.2f}), along none of"
@@ -98,3 +103,52 @@ def upright(
             recording.source,
         )
     return recording.upright("xyz"[k]), (f"{'xyz'[k]} taken for up, from feet to trunk",)
+
+
+def _check_sides(
+    recording: MarkerRecording, names: tuple[str, ...], marks: tuple[Landmark, ...], up: Array
+) -> None:
+    """Raise RecordingError where left is on the right of where toes point; ``up``: (n, 3)."""
+
+    def middle(side: str, segments: Sequence[str] = (), kinds: Sequence[str] = ()) -> Array:
+        return _middle(
+            recording,
+            names,
+            marks,
+            lambda mark: (
+                mark.name.startswith(side)
+                and (mark.segment in segments or mark.name.removeprefix(side) in kinds)
+            ),
+        )
+
+    body = ("pelvis", "trunk")
+    left = middle("left_", body) - middle("right_", body)
+    feet = [middle(s, (), TOES) - middle(s, (), HEELS) for s in ("left_", "right_")]
+    forward = feet[0] + feet[1]
+    sizes = [np.linalg.norm(one, axis=1) for one in (left, up, forward)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        volume = (np.cross(left, up) * forward).sum(axis=1) / np.prod(sizes, axis=0)
+    if np.isfinite(volume).any() and float(np.nanmedian(volume)) < MIRRORED:
+        raise RecordingError(
+            "its left side is on the right of where its toes point: its axes are left-handed, as"
+            " Unity's, or its sides are exchanged; negate one axis, or rename the markers",
+            recording.source,
+        )
+
+
+def _middle(
+    recording: MarkerRecording,
+    names: tuple[str, ...],
+    marks: tuple[Landmark, ...],
+    which: Callable[[Landmark], bool],
+) -> Array:
+    """Return the mean (n, 3) of those of some markers that are seen; NaN where none is."""
+    columns = [
+        recording.labels.index(name)
+        for name, mark in zip(names, marks, strict=True)
+        if name in recording.labels and which(mark)
+    ]
+    places = recording.positions[:, columns]
+    seen = np.isfinite(places).all(axis=2)[..., None]
+    with np.errstate(invalid="ignore"):  # 0 / 0: not seen
+        return np.asarray(np.where(seen, places, 0.0).sum(axis=1) / seen.sum(axis=1))

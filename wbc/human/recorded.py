@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.human.anthropometry import MEAN_BODY_MASS_INDEX, check_sex
+from wbc.human.anthropometry import MEAN_BODY_MASS_INDEX, check_build, check_sex
 from wbc.human.body import HumanBody
 from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
 from wbc.human.comparison import plates_mass
@@ -46,6 +46,7 @@ from wbc.validate import Array, finite_number
 
 STATIC_FRAMES = 6  # of a static trial, which hardly differ
 LEAST_CUTOFF_PERIODS = 2.0
+HEAVIER = 0.05  # of the mass that was said: plates that weigh another one say so
 NO_HUMAN = 0.06  # m rms: a fit of which no figure is to be believed
 
 
@@ -158,15 +159,14 @@ def human_motion(
     UnknownNameError
         No subject of that name.
     InvalidInputError
-        Numbers that are not positive, another sex or axis.
+        Numbers that are not positive, mass or stature of no human, another sex or axis.
     """
     example = "read_markers(path)"
     check_kind("human_motion, recording", recording, MarkerRecording, example)
     check_kind("human_motion, static", static, MarkerRecording, example, or_none=True)
     check_sex(sex)
     longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
-    mass = None if mass is None else finite_number("mass", mass, above=0.0)
-    stature = None if stature is None else finite_number("stature", stature, above=0.0)
+    mass, stature = check_build(mass, stature)
     recording, static, names, marks, notes = _known(recording, static, subject, up)
     still = _static(static, names, up, marks)
     seen = _followed(recording, still, names, marks, stature, longest_gap)
@@ -178,7 +178,7 @@ def human_motion(
     q = configurations(robot, poses)
     motion = _motion(robot, recording, q, seen.dropouts)
     down, cutoff = _contacts(motion, q, ground)
-    weighed, weighs = None, mass is None and bool(recording.plates)
+    weighed, weighs = None, bool(recording.plates)
     if (weighs or by_steps) and cutoff * (time[-1] - time[0]) > LEAST_CUTOFF_PERIODS:
         series = analyze(motion, cutoff=cutoff, noise=None, feet=None, ground_height=ground)
         standing = down[nearest_rows(time, series.time)]
@@ -192,6 +192,8 @@ def human_motion(
         notes += _mass_note(weighed, guess, bool(recording.plates))
         body = replace(body, mass=guess if weighed is None else weighed)
         robot = human_robot(body, soles)
+    elif weighed is not None and abs(weighed - mass) > HEAVIER * mass:
+        notes += (f"the force plates weighed {weighed:.1f} kg, {mass:g} kg was said",)
     motion = _motion(robot, recording, q, seen.dropouts)
     fit = seen.residual
     notes += _fit_note(fit)

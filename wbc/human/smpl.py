@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wbc.files import ArrayFileError, read_arrays
+from wbc.human.anthropometry import check_build
 from wbc.human.body import MIDDLE_TRUNK, HumanBody
 from wbc.human.bones import Bone, bone_markers
 from wbc.human.markers import MarkerRecording
@@ -53,6 +54,7 @@ def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
         Unreadable, without these arrays, or of other shapes.
     """
     source = str(path)
+    _, stature = check_build(None, stature)
     check_file(path)
     wanted = ("poses", "pose_body", "root_orient", "trans", *RATES)
     try:
