@@ -83,6 +83,56 @@ def test_c3d_in_metres_whose_word_is_cut_off_is_read_in_metres(tmp_path: Path) -
     np.testing.assert_allclose(read_markers(path).positions, before.positions, atol=1e-6)
 
 
+@pytest.mark.parametrize("word", ["N-M", "N.m", "Nm", "N*m"])
+def test_c3d_with_moments_in_newton_metres_however_they_are_spelt(
+    tmp_path: Path, word: str
+) -> None:
+    ezc3d = pytest.importorskip("ezc3d")
+    path = tmp_path / "march.c3d"
+    truth = write_c3d(path)
+    file = ezc3d.c3d(str(path))
+    file["parameters"]["ANALOG"]["UNITS"]["value"] = ["N"] * 3 + [word] * 3
+    file["data"]["analogs"][:, 3:] *= 1e-3
+    file.write(str(path))
+    plate = read_markers(path).upright("z").plates[0]
+    np.testing.assert_allclose(plate.moment, truth[:, 3:], atol=2e-3)
+
+
+def test_c3d_whose_data_would_begin_in_its_head_is_read_where_the_header_says(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "march.c3d"
+    write_c3d(path)
+    before, data = read_markers(path), bytearray(path.read_bytes())
+    at = data.index(b"DATA_START") + 10 + 2 + 2  # type, number of dimensions
+    data[at : at + 2] = struct.pack("<h", 1)
+    path.write_bytes(data)
+    np.testing.assert_array_equal(read_markers(path).positions, before.positions)
+
+
+def test_c3d_with_points_of_one_name_takes_the_first_and_says_so(tmp_path: Path) -> None:
+    ezc3d = pytest.importorskip("ezc3d")
+    path = tmp_path / "march.c3d"
+    write_c3d(path)
+    before, file = read_markers(path), ezc3d.c3d(str(path))
+    labels = ["LTOE" if name == "RTOE" else name for name in LABELS]
+    file["parameters"]["POINT"]["LABELS"]["value"] = labels
+    file.write(str(path))
+    found = read_markers(path)
+    assert "several points are called LTOE: the first is taken" in found.notes
+    expected = before.positions[:, labels.index("LTOE")]
+    np.testing.assert_array_equal(found.positions[:, found.labels.index("LTOE")], expected)
+
+
+def test_a_plate_that_drifts_for_long_and_is_stepped_on_shortly_pushes_up() -> None:
+    force, moment = np.zeros((2, 1000, 3))
+    force[:, 2] = -8.0
+    force[400:410, 2] = 700.0
+    for sign in (1.0, -1.0):
+        plate = ForcePlate("plate", np.arange(1000) / 1e3, sign * force, moment).pushing()
+        assert plate.force[405, 2] == 700.0
+
+
 def test_c3d_whose_field_numbers_are_a_column(tmp_path: Path) -> None:
     ezc3d = pytest.importorskip("ezc3d")
     write_c3d(tmp_path / "march.c3d")
@@ -159,6 +209,26 @@ def test_mot_plates(tmp_path: Path) -> None:
     assert not plate.force[2].any() and not plate.moment[2].any()  # 1 N: its point is noise
     up = found.upright("y").plates[0]
     assert up.force[0].tolist() == [10.0, 5.0, 700.0]
+
+
+def test_trc_parted_by_blanks_between_tabs_is_read(tmp_path: Path) -> None:
+    """As files of the University of Wisconsin: a head with blanks, rows behind a tab."""
+    path = tmp_path / "a.trc"
+    write_trc(path, recorded(BODY, seconds=0.1)[0])
+    before, lines = read_markers(path), path.read_text().splitlines()
+    lines[3] = "Frame#\tTime      " + "      ".join(LABELS)
+    path.write_text("\n".join([*lines[:5], *("\t" + line for line in lines[5:])]))
+    found = read_markers(path)
+    assert found.labels == before.labels
+    np.testing.assert_array_equal(found.positions, before.positions)
+
+
+def test_mot_force_without_its_point_is_refused(tmp_path: Path) -> None:
+    write_trc(tmp_path / "a.trc", recorded(BODY, seconds=0.1)[0])
+    names = "time r_force_vx r_force_vy r_force_vz"
+    (tmp_path / "a.mot").write_text(f"a\nendheader\n{names}\n0 1 700 2\n0.1 1 700 2\n")
+    with pytest.raises(RecordingError, match="r_force has no point: three columns such as"):
+        read_markers(tmp_path / "a.trc", forces=tmp_path / "a.mot")
 
 
 BVH = """HIERARCHY

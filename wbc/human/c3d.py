@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, listed
 from wbc.human.c3d_parameters import BLOCK, MIPS, C3dFile, floats, read_c3d_head
 from wbc.human.markers import ForcePlate, MarkerRecording
 from wbc.human.plates import plate_wrench
@@ -45,7 +46,7 @@ def read_c3d(path: Path) -> MarkerRecording:
     unit = "m" if unit.startswith("met") else unit  # metres, which may be cut off
     if unit not in LENGTHS:
         raise file.error(f"POINT:UNITS: expected mm, cm or m, got {unit[:20]!r}")
-    labels, keep = _labels(file, points)
+    labels, keep, twice = _labels(file, points)
     positions = marked[:, :, :3] * LENGTHS[unit]
     positions[marked[:, :, 3] < 0.0] = np.nan
     positions[(positions == 0.0).all(axis=2)] = np.nan
@@ -55,7 +56,7 @@ def read_c3d(path: Path) -> MarkerRecording:
     if first > 1:
         notes += (f"its first frame has the number {first}; times begin at 0 there",)
     return MarkerRecording(
-        time, labels, positions[:, keep], plates, source=source, notes=notes + told
+        time, labels, positions[:, keep], plates, source=source, notes=notes + twice + told
     )
 
 
@@ -77,7 +78,8 @@ def _frames(file: C3dFile) -> tuple[int, tuple[str, ...]]:
 
 def _data(file: C3dFile, frames: int, points: int, per_frame: int) -> tuple[Array, Array]:
     """Return points (n, m, 4) in the file's unit, with residual, and analog samples (n, k)."""
-    start = int(file.number("POINT:DATA_START", file.header[8])) or file.header[8]
+    start = int(file.number("POINT:DATA_START", 0.0))
+    start = start if start > file.data[0] else file.header[8]  # behind the parameters, or untrue
     start = BLOCK * (start - 1)
     real = file.scale < 0.0
     width, words = (4 if real else 2), 4 * points + per_frame
@@ -100,19 +102,20 @@ def _data(file: C3dFile, frames: int, points: int, per_frame: int) -> tuple[Arra
     return marked, table[:, 4 * points :]
 
 
-def _labels(file: C3dFile, points: int) -> tuple[tuple[str, ...], list[int]]:
-    """Return the labels of markers, and which points they are; angles, powers and such are not."""
+def _labels(file: C3dFile, points: int) -> tuple[tuple[str, ...], list[int], tuple[str, ...]]:
+    """Return the labels of markers, which points they are, and notes; angles and such are none."""
     labels = file.texts("POINT:LABELS")
     names = [labels[k] if k < len(labels) and labels[k] else f"*{k + 1}" for k in range(points)]
     other = set[str]()
     for kind in ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS"):
         other |= set(file.texts(f"POINT:{kind}"))
-    keep, seen = list[int](), set[str]()
+    first = dict[str, int]()
     for k, name in enumerate(names):
-        if name not in other and name not in seen:
-            keep.append(k)
-            seen.add(name)
-    return tuple(names[k] for k in keep), keep
+        if name not in other:
+            first.setdefault(name, k)
+    twice = [name for name in first if names.count(name) > 1]
+    notes = (f"several points are called {listed(twice, 8)}: the first is taken",) if twice else ()
+    return tuple(first), list(first.values()), notes
 
 
 def _plates(
@@ -170,7 +173,7 @@ def _plate(file: C3dFile, k: int, signals: Array, time: Array, unit: float) -> F
         if calibration.ndim != 3 or calibration.shape[:2] != (6, 6):
             raise file.error("it is of type 4 without a calibration matrix")
         values = values @ calibration[:, :, k].T
-    texts = [text.lower().replace(".", "") for text in file.texts("ANALOG:UNITS")]
+    texts = [re.sub("[^a-z]", "", text.lower()) for text in file.texts("ANALOG:UNITS")]
     torque = texts[columns[-1]] if columns[-1] < len(texts) else ""
     arm = {"nmm": 1e-3, "nm": 1.0, "ncm": 1e-2}.get(torque, unit)
     places = unit * corners[:, :, k].T

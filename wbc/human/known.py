@@ -149,6 +149,6 @@ def _middle(
         if name in recording.labels and which(mark)
     ]
     places = recording.positions[:, columns]
-    seen = np.isfinite(places).all(axis=2)[..., None]
+    seen = np.asarray(np.isfinite(places).all(axis=2))[..., None]
     with np.errstate(invalid="ignore"):  # 0 / 0: not seen
         return np.asarray(np.where(seen, places, 0.0).sum(axis=1) / seen.sum(axis=1))

@@ -52,8 +52,12 @@ class ForcePlate:
             set_fields(self, corners=read_only(corners))
 
     def pushing(self) -> ForcePlate:
-        """Return it with the sign for which the ground pushes up (z) rather than pulls."""
-        sign = -1.0 if float(self.force[:, 2].sum()) < 0.0 else 1.0
+        """Return it with the sign for which the ground pushes up (z) rather than pulls.
+
+        Large forces decide: an amplifier's offset lasts longer than a step.
+        """
+        up = self.force[:, 2]
+        sign = -1.0 if float((up * np.abs(up)).sum()) < 0.0 else 1.0
         return replace(self, force=sign * self.force, moment=sign * self.moment)
 
     def rotated(self, R: Array) -> ForcePlate:

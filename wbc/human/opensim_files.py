@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -32,8 +33,7 @@ def read_trc(path: Path) -> MarkerRecording:
     unit = fields.get("Units", "").lower()
     if unit not in UNITS:
         raise RecordingError(f"Units: expected mm, cm or m, got {shortened(unit)!r}", source)
-    head = lines[3].split("\t") if "\t" in lines[3] else lines[3].split()
-    labels = [cell.strip() for cell in head[2:] if cell.strip()]
+    labels = [cell.strip() for cell in _cells(lines[3])[2:] if cell.strip()]
     if not labels or len(labels) > MOST_MARKERS:
         raise RecordingError(f"line 4 names {len(labels)} markers", source)
     notes = list[str]()
@@ -58,9 +58,10 @@ def _rows(lines: list[str], first: int, width: int, source: str) -> Array:
     for number, line in enumerate(lines[first:], first + 1):
         if not line.strip():
             continue
-        cells = line.split("\t") if "\t" in line else line.split()
-        while len(cells) > width and not cells[-1].strip():
-            cells.pop()
+        cells = _cells(line)
+        for end in (-1, 0):
+            while len(cells) > width and not cells[end].strip():
+                cells.pop(end)
         if len(cells) > width:
             what = f"it has {len(cells)} cells, the header has {width}"
             raise RecordingError(what, source, None, len(found) + 1, number)
@@ -72,6 +73,12 @@ def _rows(lines: list[str], first: int, width: int, source: str) -> Array:
             raise RecordingError(what, source, None, len(found) + 1, number) from None
         found.append(row + [np.nan] * (width - len(row)))
     return numbers_of(found, source)
+
+
+def _cells(line: str) -> list[str]:
+    """Return what tabs part; or blanks, where two in a row do so between two tabs."""
+    blank = "\t" not in line or re.search("[^\t ] {2,}[^\t ]", line) is not None
+    return line.split() if blank else line.split("\t")
 
 
 def _is_number(text: str) -> bool:
@@ -91,7 +98,8 @@ def read_plates(path: Path) -> tuple[ForcePlate, ...]:
     Raises
     ------
     RecordingError
-        Unreadable, no such header, no forces, or numbers that are missing.
+        Unreadable, no such header, no forces, a force without its point, or numbers that are
+        missing.
     """
     source, lines = str(path), read_text(path, strict=False).splitlines()
     end = next((k for k, line in enumerate(lines[:200]) if line.strip() == "endheader"), None)
@@ -112,6 +120,9 @@ def read_plates(path: Path) -> tuple[ForcePlate, ...]:
         raise RecordingError("no force is in it: three columns such as ground_force_vx", source)
     plates = []
     for plate, found in columns.items():
+        if "p" not in found:
+            what = f"{plate} has no point: three columns such as {plate}_px are needed"
+            raise RecordingError(what, source)
         force, point, torque = (
             rows[:, found[kind]] if kind in found else np.zeros((len(rows), 3)) for kind in "vpt"
         )
