@@ -430,6 +430,50 @@ def test_rigid_bodies_in_a_csv(tmp_path: Path, motive: bool) -> None:
     assert not is_human_recording(path)  # a robot's
 
 
+def test_of_two_skeletons_in_one_table_the_one_that_is_said_is_taken(tmp_path: Path) -> None:
+    path = tmp_path / "bodies.csv"
+    write_bodies(path, motive=True)
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    name, where = rows[3][2:], rows[6][2:]
+    for row in rows[2:7]:
+        row += [cell.replace("Skeleton 001", "Bo") for cell in row[2:]]
+    across = [
+        kind == "X" and axis == 4 for kind, axis in zip(where, [*range(7)] * 99, strict=False)
+    ]
+    assert sum(across) * 7 == len(name)
+    for row in rows[7:]:
+        row += [
+            f"{float(cell) + 2000.0:.9g}" if x else cell
+            for cell, x in zip(row[2:], across, strict=True)
+        ]
+    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    found = read_markers(path)
+    with pytest.raises(RecordingError, match="2 humans, Skeleton 001, Bo: say whose"):
+        human_motion(found, mass=70.0)
+    one = human_motion(found, mass=70.0, subject="Skeleton 001")
+    bo = human_motion(found, mass=70.0, subject="Bo")
+    np.testing.assert_allclose(bo.motion.base[:, 0] - one.motion.base[:, 0], 2.0, atol=1e-5)
+    np.testing.assert_allclose(bo.motion.joints, one.motion.joints, atol=1e-4)
+
+
+def test_bvh_of_two_humans_is_refused_and_a_thing_beside_one_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "a.bvh"
+    write_bvh(path)
+    alone, text = read_markers(path), path.read_text()
+    head, begin = text[: text.index("MOTION")], text.index("Frame Time: 0.01") + 17
+    rows = text[begin:].splitlines()
+    other = head.removeprefix("HIERARCHY\n")
+    tail = text[len(head) : begin] + "\n".join(f"{row} {row}" for row in rows)
+    path.write_text(head + other.replace("Hips", "Bo") + tail)
+    with pytest.raises(RecordingError, match="2 humans, Hips, Bo: a file for each"):
+        read_markers(path)
+    other = other.replace("UpLeg", "Rod").replace("Hips", "Table")
+    path.write_text(head + other + tail)
+    found = read_markers(path)
+    assert found.labels == alone.labels
+    np.testing.assert_array_equal(found.positions, alone.positions)
+
+
 def test_smpl_poses(tmp_path: Path) -> None:
     path, frames = tmp_path / "amass.npz", 10
     poses = np.zeros((frames, 156))

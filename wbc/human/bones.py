@@ -17,6 +17,7 @@ from wbc.human.markers import MarkerRecording
 from wbc.motion.table import RecordingError
 from wbc.validate import Array
 
+LEGS = frozenset(f"{s}_{n}_centre" for s in ("left", "right") for n in ("hip", "knee", "ankle"))
 REACH = 0.1  # m: of a bone's points from its joint
 FREE, LOOSE = 0.3, 0.02  # m: spread and noise of such points
 # Names of joints after the side, in the order in which they are preferred. A leg is a thigh only
@@ -61,16 +62,44 @@ class Bone:
     landmark: str | None  # what its joint is; None: nothing that a human's model has
 
 
-def joint_landmarks(names: Sequence[str], source: str) -> dict[int, str]:
+def joint_landmarks(
+    names: Sequence[str], source: str, owners: Sequence[str] | None = None
+) -> dict[int, str]:
     """Return which landmark some joints of an animation are, by their number.
+
+    Parameters
+    ----------
+    owners:
+        Whose each joint is; None: what stands before the colon of its name. Of several, all that
+        have legs are humans.
 
     Raises
     ------
     RecordingError
         Hips, knees or ankles are not found.
     """
-    found = dict[int, str]()
+    owners = [name.rpartition(":")[0] for name in names] if owners is None else owners
     plain = [_plain(name) for name in names]
+    found = dict[int, str]()
+    for owner in dict.fromkeys(owners):
+        one = _landmarks_of(
+            [p if who == owner else "" for p, who in zip(plain, owners, strict=True)]
+        )
+        found |= one if set(one.values()) >= LEGS else {}
+    found = found or _landmarks_of(plain)
+    lost = sorted(LEGS - set(found.values()))
+    if lost:
+        raise RecordingError(
+            f"its skeleton has no {', '.join(lost)} by the usual names (LeftUpLeg, LeftLeg,"
+            " LeftFoot, ...); rename its joints",
+            source,
+        )
+    return found
+
+
+def _landmarks_of(plain: Sequence[str]) -> dict[int, str]:
+    """Return the landmarks of one skeleton's joints."""
+    found = dict[int, str]()
     for side, marks in (("left", ("LEFT", "L")), ("right", ("RIGHT", "R"))):
         for name, words in _PAIRED.items():
             for word in words.split():
@@ -82,14 +111,6 @@ def joint_landmarks(names: Sequence[str], source: str) -> dict[int, str]:
         hit = next((plain.index(word) for word in words.split() if word in plain), None)
         if hit is not None and hit not in found:
             found[hit] = name
-    wanted = {f"{s}_{n}_centre" for s in ("left", "right") for n in ("hip", "knee", "ankle")}
-    lost = sorted(wanted - set(found.values()))
-    if lost:
-        raise RecordingError(
-            f"its skeleton has no {', '.join(lost)} by the usual names (LeftUpLeg, LeftLeg,"
-            " LeftFoot, ...); rename its joints",
-            source,
-        )
     return found
 
 

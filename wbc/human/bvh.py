@@ -52,7 +52,7 @@ def read_bvh(path: Path, unit: str | float | None = None) -> MarkerRecording:
     joints = _hierarchy(lines[1:start], source)
     time, values = _motion(lines, start, sum(len(joint.channels) for joint in joints), source)
     places, turns = _forward(joints, values)
-    landmarks = joint_landmarks([joint.name for joint in joints], source)
+    landmarks = _landmarks(joints, source)
     heights = _height(joints)
     scale, note = _unit(unit, heights, source)
     bones = [
@@ -60,6 +60,19 @@ def read_bvh(path: Path, unit: str | float | None = None) -> MarkerRecording:
         for k, joint in enumerate(joints)
     ]
     return bone_markers(time, bones, source, (note,))
+
+
+def _landmarks(joints: list[_Joint], source: str) -> dict[int, str]:
+    """Return which landmark some joints are, of the only skeleton that is a human's."""
+    roots = list[str]()
+    for k, joint in enumerate(joints):
+        roots.append(f"{k} {joint.name}" if joint.parent < 0 else roots[joint.parent])
+    found = joint_landmarks([joint.name for joint in joints], source, roots)
+    humans = list(dict.fromkeys(roots[k] for k in found))
+    if len(humans) > 1:
+        whose = ", ".join(root.partition(" ")[2] for root in humans)
+        raise RecordingError(f"skeletons of {len(humans)} humans, {whose}: a file for each", source)
+    return found
 
 
 def _hierarchy(lines: list[str], source: str) -> list[_Joint]:

@@ -83,7 +83,9 @@ def read_rigid_bodies(path: Path) -> MarkerRecording:
     for k, body in enumerate(bodies):
         place, R = _placed(values[:, list(body.columns)], body.name, source)
         bones.append(Bone(body.name, scale * place, R, landmarks.get(k)))
-    notes += _loose(bones)
+    owners = [bone.name.rpartition(":")[0] for bone in bones]
+    for one in dict.fromkeys(owners):
+        notes += _loose([bone for bone, who in zip(bones, owners, strict=True) if who == one])
     if not np.isfinite(values[:, time]).all():
         raise RecordingError("a time is no number", source)
     return bone_markers(values[:, time], bones, source, tuple(notes))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from wbc.errors import UnknownNameError, listed
+from wbc.human.bones import LEGS
 from wbc.human.landmarks import lacking, landmark_of
 from wbc.human.markers import MarkerRecording
 from wbc.motion.table import RecordingError
@@ -35,7 +36,7 @@ def of_subject(
         if subject not in known:
             raise UnknownNameError("subject of the markers", subject, known)
         return _only(recording, named[subject]), ()
-    humans = [name for name in known if _is_human(named[name])]
+    humans = [name for name in known if _is_human(recording, named[name])]
     if len(humans) > 1:
         raise RecordingError(
             f"markers of {len(humans)} humans, {listed(humans, 8)}: say whose,"
@@ -49,7 +50,10 @@ def of_subject(
     return _only(recording, kept), (f"markers of other things left out: {listed(others, 8)}",)
 
 
-def _is_human(labels: list[str]) -> bool:
+def _is_human(recording: MarkerRecording, labels: list[str]) -> bool:
+    if recording.landmarks:  # a skeleton's
+        marks = dict(zip(recording.labels, recording.landmarks, strict=True))
+        return {mark.name for label in labels if (mark := marks[label]) is not None} >= LEGS
     return not lacking([name for label in labels if (name := landmark_of(label)) is not None])
 
 
