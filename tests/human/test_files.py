@@ -619,8 +619,14 @@ def test_smpl_poses_in_two_arrays_are_those_in_one(tmp_path: Path) -> None:
     rest = {"trans": np.zeros((9, 3)), "mocap_framerate": 60.0}
     np.savez(tmp_path / "one.npz", poses=poses, **rest)
     np.savez(tmp_path / "two.npz", root_orient=poses[:, :3], pose_body=poses[:, 3:], **rest)
-    one, two = (read_markers(tmp_path / f"{name}.npz") for name in ("one", "two"))
-    np.testing.assert_array_equal(one.positions, two.positions)
+    np.savez(tmp_path / "shaped.npz", poses=poses.reshape(9, 22, 3), **rest)
+    smplx = {"global_orient": poses[:, :3], "body_pose": poses[:, 3:].reshape(9, 21, 3)}
+    np.savez(tmp_path / "smplx.npz", **smplx, transl=rest["trans"], fps=60)
+    one = read_markers(tmp_path / "one.npz")
+    for name in ("two", "shaped", "smplx"):
+        assert is_human_recording(tmp_path / f"{name}.npz")
+        found = read_markers(tmp_path / f"{name}.npz")
+        np.testing.assert_array_equal(one.positions, found.positions)
     for parts, words in (
         ({"root_orient": poses[:5, :3], "pose_body": poses[:, 3:]}, "differ in length"),
         ({"poses": poses[:, :60]}, r"poses have shape \(9, 60\)"),

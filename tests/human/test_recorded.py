@@ -294,6 +294,22 @@ def test_an_axis_that_is_not_up_is_told() -> None:
     assert not any("taken for up" in n for n in human_motion(seen, mass=72.0, up="z").notes)
 
 
+def test_an_axis_that_points_down_is_said() -> None:
+    recording, _ = recorded(BODY, seconds=0.1)
+    turned = recording.positions[:, :, [0, 2, 1]] * (1.0, -1.0, 1.0)
+    with pytest.raises(RecordingError, match="its y axis points down"):
+        human_motion(MarkerRecording(recording.time, recording.labels, turned))
+
+
+def test_a_human_faster_than_any_is_told() -> None:
+    recording, _ = recorded(BODY, seconds=0.3)
+    for speed, told in ((9.0, False), (90.0, True)):
+        ahead = recording.time[:, None, None] * (speed, 0.0, 0.0)
+        seen = MarkerRecording(recording.time, recording.labels, recording.positions + ahead)
+        notes = human_motion(seen, mass=72.0).notes
+        assert any("moves at 90 m/s" in note for note in notes) is told
+
+
 @pytest.mark.parametrize("given", [{"stature": 176.0}, {"mass": 72e3}, {"mass": 706.0}])
 def test_mass_and_stature_in_another_unit_are_refused(given: dict[str, float]) -> None:
     recording, _ = recorded(BODY, seconds=0.1)

@@ -96,6 +96,9 @@ def upright(
             f"{axis} taken for up, as was said, but from feet to trunk leads {leads}: does it lie?"
         )
         return recording.upright(axis), (note,) if lies else ()
+    if way[k] < -UPRIGHT:
+        what = f"its {'xyz'[k]} axis points down, as a camera's: turn it over (negate two axes)"
+        raise RecordingError(what, recording.source)
     if not way[k] > UPRIGHT:
         raise RecordingError(
             f"from feet to trunk leads ({way[0]:.2f}, {way[1]:.2f}, {way[2]:.2f}), along none of"

@@ -47,6 +47,7 @@ from wbc.validate import Array, finite_number
 STATIC_FRAMES = 6  # of a static trial, which hardly differ
 LEAST_CUTOFF_PERIODS = 2.0
 HEAVIER = 0.05  # of the mass that was said: plates that weigh another one say so
+FASTEST = 13.0  # m/s: of a human on its own feet, and some more
 NO_HUMAN = 0.06  # m rms: a fit of which no figure is to be believed
 
 
@@ -196,7 +197,7 @@ def human_motion(
         notes += (f"the force plates weighed {weighed:.1f} kg, {mass:g} kg was said",)
     motion = _motion(robot, recording, q, seen.dropouts)
     fit = seen.residual
-    notes += _fit_note(fit)
+    notes += _fit_note(fit) + _speed_note(time, q[:, :3])
     noise = residual_noise(time, poses, seen.observed, fit, found.markers, found.dimensions, robot)
     return HumanMotion(
         motion, body, recording, found.markers, fit, down, cutoff, ground, noise, notes
@@ -322,6 +323,13 @@ def _contacts(motion: Motion, q: Array, ground: float) -> tuple[Bools, float]:
     even[:, 3:BASE_NQ] /= np.linalg.norm(even[:, 3:BASE_NQ], axis=1)[:, None]
     down = feet_down(motion.robot, sole_series(motion.robot, even), grid, ground)
     return down[nearest_rows(grid, motion.time)], min(chosen_cutoff(down, grid), 0.45 * rate)
+
+
+def _speed_note(time: Array, position: Array) -> tuple[str, ...]:
+    speed = float(np.median(np.linalg.norm(np.gradient(position, time, axis=0), axis=1)))
+    if speed <= FASTEST:
+        return ()
+    return (f"it moves at {speed:.0f} m/s: are its lengths and times in the right units?",)
 
 
 def _fit_note(fit: Array) -> tuple[str, ...]:

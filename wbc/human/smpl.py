@@ -6,6 +6,7 @@ are those of usual proportions.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,13 @@ from wbc.validate import Array, finite_array
 
 STATURE, MASS, SEX = 1.70, 70.0, "male"  # of the bones; a mass is needed by nothing here
 RATES = ("mocap_framerate", "mocap_frame_rate", "fps", "framerate")
+# What the arrays are called, in AMASS and in what SMPL-X's own package writes.
+WORDS = {
+    "poses": ("poses",),
+    "trans": ("trans", "transl"),
+    "root_orient": ("root_orient", "global_orient"),
+    "pose_body": ("pose_body", "body_pose"),
+}
 PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
 JOINTS = (  # noqa: SIM905
     "pelvis left_hip right_hip spine1 left_knee right_knee spine2 left_ankle right_ankle spine3"
@@ -31,17 +39,18 @@ _LANDMARKS = {"pelvis": "root", "neck": "neck_centre", "head": "head_centre"}
 _PAIRED = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
 
 
-def is_smpl(names: list[str]) -> bool:
+def is_smpl(names: Collection[str]) -> bool:
     """Return whether arrays of these names are pose parameters."""
-    return "trans" in names and ("poses" in names or "pose_body" in names)
+    there = {key for key, words in WORDS.items() if any(word in names for word in words)}
+    return "trans" in there and ("poses" in there or "pose_body" in there)
 
 
 def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
     """Return an AMASS-like NPZ's motion as markers at joints and on bones.
 
-    Arrays ``poses`` (n, 66 or more), rotation vectors of pelvis and joints, or ``root_orient`` and
-    ``pose_body``; ``trans`` (n, 3) [m]; and ``mocap_framerate`` (or ``mocap_frame_rate``) [Hz].
-    The world's z axis points up, as in AMASS.
+    Arrays ``poses`` (n, 66 or more; or n, 22 or more, 3), rotation vectors of pelvis and joints, or
+    ``root_orient`` and ``pose_body`` (or ``global_orient`` and ``body_pose``); ``trans`` (or
+    ``transl``) (n, 3) [m]; and ``mocap_framerate`` (or ``mocap_frame_rate``, ``fps``) [Hz].
 
     Parameters
     ----------
@@ -56,15 +65,20 @@ def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
     source = str(path)
     _, stature = check_build(None, stature)
     check_file(path)
-    wanted = ("poses", "pose_body", "root_orient", "trans", *RATES)
+    wanted = (*(word for words in WORDS.values() for word in words), *RATES)
     try:
         arrays = read_arrays(path, lambda _: wanted, lambda _: "iuf", LARGEST)
     except ArrayFileError as error:
         raise RecordingError(error.what, source, error.name) from error
-    if "poses" in arrays:
-        poses = arrays["poses"]
-    elif "pose_body" in arrays and "root_orient" in arrays:
-        parts = arrays["root_orient"], arrays["pose_body"]
+    told = {
+        key: one.reshape(len(one), -1) if one.ndim > 1 else one
+        for key, words in WORDS.items()
+        if (one := next((arrays[word] for word in words if word in arrays), None)) is not None
+    }
+    if "poses" in told:
+        poses = told["poses"]
+    elif "pose_body" in told and "root_orient" in told:
+        parts = told["root_orient"], told["pose_body"]
         if any(part.ndim != 2 for part in parts) or len(parts[0]) != len(parts[1]):
             raise RecordingError("root_orient and pose_body differ in length", source)
         poses = np.hstack(parts)
@@ -74,12 +88,15 @@ def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
         raise RecordingError(f"poses have shape {poses.shape}; expected (n, 66 or more)", source)
     rate = next((arrays[name] for name in RATES if name in arrays), None)
     if rate is None or rate.size != 1 or not 0.0 < float(rate.ravel()[0]) <= 1e5:
-        raise RecordingError(f"it has no rate ({', '.join(RATES[:2])})", source)
+        raise RecordingError(f"it has no rate; add an array {' or '.join(RATES[:2])}", source)
     count = len(poses)
     vectors = finite_array(f"{source}: poses", poses[:, :66].astype(float), (count, 66))
-    trans = finite_array(f"{source}: trans", arrays.get("trans", np.zeros(0)), (count, 3))
+    trans = finite_array(f"{source}: trans", told.get("trans", np.zeros(0)), (count, 3))
     bones = _bones(vectors.reshape(count, 22, 3), trans, STATURE if stature is None else stature)
-    note = "bones of usual proportions: the file's body shape needs a model that is not read"
+    note = (
+        "bones of usual proportions: the file's body shape needs a model that is not read; its"
+        " gender is not read, either: say sex"
+    )
     time = np.arange(count) / float(rate.ravel()[0])
     return bone_markers(time, bones, source, (note,))
 
