@@ -10,8 +10,8 @@ from tests.human.walker import LABELS, marching, recorded, squatting, write_trc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.human import HumanMotion, MarkerRecording, compared, human_motion, read_markers
 from wbc.human.body import HINGE_NAMES, NAMES, SEGMENT_NAMES, HumanBody
-from wbc.human.fit import MarkerSet, continuous, first_poses, fit_poses
-from wbc.human.kinematics import Poses, place
+from wbc.human.fit import MarkerSet, continuous, first_poses, fit_poses, unstuck
+from wbc.human.kinematics import Poses, place, rotations
 from wbc.human.known import known_markers
 from wbc.human.landmarks import landmark, landmark_of
 from wbc.human.markers import ForcePlate
@@ -37,6 +37,54 @@ def test_a_known_body_is_followed_exactly() -> None:
     # Joints lean to neutral by (10 mm / lever / spread)^2 of their angle: a mm or so.
     assert np.abs(seen).max() < 3e-3
     assert np.sqrt((seen**2).mean()) < 5e-4
+
+
+def markers_of(labels: list[str]) -> MarkerSet:
+    marks = tuple(landmark(str(landmark_of(label))) for label in labels)
+    return MarkerSet(tuple(labels), marks, BODY.scale * np.array([one.place for one in marks]))
+
+
+def test_knees_and_elbows_that_only_centres_of_joints_tell_of_bend_as_they_can() -> None:
+    """The centres alone allow them to bend backwards, the limb turned by half a turn, as well."""
+    limbs = [f"{s}{j}JC" for s in "LR" for j in ("H", "K", "A", "S", "E", "W")]
+    labels = ["LASI", "RASI", "LPSI", "RPSI", "C7", "CLAV", "STRN", *limbs]
+    rng, time = np.random.default_rng(1), np.arange(100) / 30.0
+    ranges = {
+        "hip_flexion": (-0.4, 2.2),
+        "hip_adduction": (-0.7, 0.3),
+        "hip_rotation": (-0.7, 0.5),
+        "knee_flexion": (0.2, 2.5),
+        "shoulder_lift": (-0.5, 2.0),
+        "shoulder_swing": (-0.3, 1.2),
+        "shoulder_rotation": (-0.8, 0.8),
+        "elbow_flexion": (0.2, 2.3),
+    }
+    angles = np.zeros((100, len(HINGE_NAMES)))
+    for name, (least, most) in ranges.items():
+        for side in ("left", "right"):
+            angles[:, HINGE_NAMES.index(f"{side}_{name}")] = rng.uniform(least, most, 100)
+    posed = Poses(np.zeros((100, 3)), rotations(0.4 * rng.standard_normal((100, 3))), angles)
+    recording, _ = recorded(BODY, labels=labels, posed=(time, posed))
+    start = first_poses(recording.positions, markers_of(labels), BODY.dimensions)
+    found, _ = fit_poses(start, recording.positions, markers_of(labels), BODY.dimensions)
+    for name in ("knee_flexion", "elbow_flexion"):
+        both = [HINGE_NAMES.index(f"{side}_{name}") for side in ("left", "right")]
+        assert (found.angles[:, both] > 0.0).all(), name
+
+
+def test_frames_that_are_stuck_go_on_from_those_beside_them() -> None:
+    recording, truth = recorded(BODY, posed=squatting(rate=25.0))
+    markers = markers_of(LABELS)
+    wrong = truth.angles.copy()
+    hip, knee = (HINGE_NAMES.index(f"left_{n}") for n in ("hip_rotation", "knee_flexion"))
+    for frames in (slice(20, 30), slice(68, 82)):
+        wrong[frames, hip] += np.pi
+        wrong[frames, knee] *= -1.0
+    start = Poses(truth.position, truth.rotation, wrong)
+    stuck, cost = fit_poses(start, recording.positions, markers, BODY.dimensions)
+    found = unstuck(stuck, cost.copy(), recording.positions, markers, BODY.dimensions)
+    assert (stuck.angles[22:28, knee] < 0.0).all()  # or the test would be none
+    assert np.abs(found.angles[:, knee] - truth.angles[:, knee]).max() < 0.05
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,7 @@ from wbc.human.fit import (
     first_poses,
     fit_poses,
     residuals,
+    unstuck,
     weights,
 )
 from wbc.human.kinematics import (
@@ -101,6 +102,8 @@ def calibrate(
         poses = first_poses(observed, markers, prior.dimensions)
         poses, cost = fit_poses(poses, observed, vague, prior.dimensions)
         poses = _retried(poses, cost, observed, vague, prior.dimensions)
+        _, cost = fit_poses(poses, observed, vague, prior.dimensions, 0)
+        poses = unstuck(poses, cost, observed, vague, prior.dimensions)
         found = _adjusted(poses, observed, markers, prior)
         lengths = ("upper_arm", "forearm", "thigh", "shank")
         usual = usual_dimensions(REFERENCE_STATURE)[0]

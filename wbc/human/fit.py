@@ -24,12 +24,15 @@ from wbc.human.kinematics import (
 from wbc.human.landmarks import Landmark, segment_index
 from wbc.validate import Array
 
+# Where searches begin: from straight knees and elbows they could bend either way.
+BENT = np.array([0.5 * hinge.name.endswith(("knee_flexion", "elbow_flexion")) for hinge in HINGES])
 SPREADS = np.array([hinge.spread for hinge in HINGES])  # rad
 HUBER = 3.0  # standard deviations beyond which a residual counts linearly
 STEPS = 40
 SETTLED = 1e-6  # relative decrease of the cost below which a frame is done
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-9, 1e6
 FRAMES_AT_ONCE = 250
+STUCK = (2.0, 20.0)  # times the cost of the frame beside it, and more: another minimum
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +136,27 @@ def _fit(
     return poses, cost
 
 
+def unstuck(
+    poses: Poses, cost: Array, observed: Array, markers: MarkerSet, dimensions: Array
+) -> Poses:
+    """Return postures (n) in which frames that fit far worse than those beside them go on from those.
+
+    A search that begins elsewhere may end in another minimum, in which a knee is bent backwards.
+    """
+    poses = Poses(poses.position.copy(), poses.rotation.copy(), poses.angles.copy())
+    factor, more = STUCK
+    for step, frames in ((1, range(1, len(cost))), (-1, range(len(cost) - 2, -1, -1))):
+        for k in frames:
+            if cost[k] > factor * cost[k - step] + more:
+                one = slice(k - step, k - step + 1)
+                found, new = fit_poses(poses[one], observed[k : k + 1], markers, dimensions)
+                if new[0] < cost[k]:
+                    poses.position[k] = found.position[0]
+                    poses.rotation[k] = found.rotation[0]
+                    poses.angles[k], cost[k] = found.angles[0], new[0]
+    return poses
+
+
 def normal_equations(
     poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array
 ) -> tuple[Array, Array]:
@@ -210,7 +234,9 @@ FOLDS = _folds()
 
 
 def first_poses(observed: Array, markers: MarkerSet, dimensions: Array) -> Poses:
-    """Return upright postures (n) put where the markers of pelvis and trunk are, by Kabsch (1976).
+    """Return postures (n) put where the markers of pelvis and trunk are, by Kabsch (1976).
+
+    Upright, knees and elbows somewhat bent.
 
     The rotation is the one that brings the neutral posture's markers nearest; without three of
     them in a frame, as in the frame before.
@@ -230,4 +256,4 @@ def first_poses(observed: Array, markers: MarkerSet, dimensions: Array) -> Poses
             R = Vt.T @ np.diag((1.0, 1.0, sign)) @ U.T
             p = there.mean(axis=0) - R @ here.mean(axis=0)
         position[k], rotation[k] = p, R
-    return Poses(position, rotation, np.zeros((count, len(HINGES))))
+    return Poses(position, rotation, np.tile(BENT, (count, 1)))

@@ -97,8 +97,11 @@ def upright(
         )
         return recording.upright(axis), (note,) if lies else ()
     if way[k] < -UPRIGHT:
-        what = f"its {'xyz'[k]} axis points down, as a camera's: turn it over (negate two axes)"
-        raise RecordingError(what, recording.source)
+        raise RecordingError(
+            f"from feet to trunk leads -{'xyz'[k]}: its {'xyz'[k]} axis points down, as a camera's"
+            " (negate two axes), or the human sits or lies: say which one points up (up)",
+            recording.source,
+        )
     if not way[k] > UPRIGHT:
         raise RecordingError(
             f"from feet to trunk leads ({way[0]:.2f}, {way[1]:.2f}, {way[2]:.2f}), along none of"

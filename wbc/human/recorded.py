@@ -14,7 +14,7 @@ from wbc.human.body import HumanBody
 from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
 from wbc.human.comparison import plates_mass
 from wbc.human.contacts import Bools, chosen_cutoff, feet_down, nearest_rows
-from wbc.human.fit import MarkerSet, continuous, fit_poses, residuals
+from wbc.human.fit import MarkerSet, continuous, fit_poses, residuals, unstuck
 from wbc.human.gaps import (
     filled_by_fit,
     filled_shortly,
@@ -289,7 +289,8 @@ def _fitted(found: Calibration, still: int, frames: NDArray[np.intp], observed: 
     """Return the postures of all frames, begun from those of the nearest key frames."""
     nearest = np.abs(frames[None] - np.arange(len(observed))[:, None]).argmin(axis=1)
     start = found.poses[still + nearest]
-    poses, _ = fit_poses(start, observed, found.markers, found.dimensions)
+    poses, cost = fit_poses(start, observed, found.markers, found.dimensions)
+    poses = unstuck(poses, cost, observed, found.markers, found.dimensions)
     poses, _ = fit_poses(continuous(poses), observed, found.markers, found.dimensions)
     return continuous(poses)
 
