@@ -139,7 +139,7 @@ def _fit(
 def unstuck(
     poses: Poses, cost: Array, observed: Array, markers: MarkerSet, dimensions: Array
 ) -> Poses:
-    """Return postures (n) in which frames that fit far worse than those beside them go on from those.
+    """Return postures (n) in which frames far worse than those beside them go on from those.
 
     A search that begins elsewhere may end in another minimum, in which a knee is bent backwards.
     """
