@@ -175,6 +175,7 @@ PARTS = {
     },
     "controller: {solver: active_set}": {
         "controller: {method: pseudo_inverse}": "controller.method",
+        "controller: {solver: active_set, deadline: 0.001}": "a deadline",
     },
     "support: double": {
         "support: [left_sole, {frame: right_sole, slack: 100}]": "may give way: 'right_sole'",
@@ -190,6 +191,13 @@ def test_what_the_core_does_not_know_is_named(
     assert VELOCITY.count(old) == 1
     path = write(tmp_path, re.sub(r", ramp: [\d.]+", "", VELOCITY.replace(old, new)))
     with pytest.raises(CodegenError, match=said):
+        export_problem(path, tmp_path / "c")
+    assert not (tmp_path / "c").exists()
+
+
+def test_a_delay_that_python_predicts_over_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path, TORQUE.replace("dt: 0.002", "dt: 0.002, delay: 0.004"))
+    with pytest.raises(CodegenError, match="a delay to predict over"):
         export_problem(path, tmp_path / "c")
     assert not (tmp_path / "c").exists()
 

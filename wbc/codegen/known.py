@@ -57,7 +57,11 @@ def _unknown(controller: Controller) -> str | None:
         return f"the braking {controller.limits.braking!r} of limits; set it to free"
     if controller.robot.loops:
         return f"closed loops: {', '.join(map(repr, controller.robot.loops))}"
+    if controller.deadline is not None:
+        return "a deadline, as it reads no clock; leave controller.deadline out"
     torque = isinstance(controller, TorqueController)
+    if isinstance(controller, TorqueController) and controller.delay:
+        return "a delay to predict over; leave controller.delay out"
     if torque and controller.robot.passive:
         return "springs and other forces that no motor gives"
     for task in (*controller.tasks, *controller.plan.held.contacts):

@@ -24,7 +24,7 @@ from wbc.problem.mistakes import Mistakes, read_section
 from wbc.problem.overrides import apply_overrides
 from wbc.problem.problem import load_problem
 from wbc.problem.reading import read_source
-from wbc.problem.section import Distinct, Name, Names, Section
+from wbc.problem.section import Distinct, Forms, Name, Names, NonEmpty, Section
 from wbc.problem.source import KeyPath, Source
 from wbc.problem.spec import PlainName, ProblemSpec
 from wbc.problem.walk import read_problem
@@ -32,7 +32,10 @@ from wbc.problem.walk import read_problem
 MOST_RUNS = 1_000_000
 Values = dict[Name, Any]
 Span = Annotated[list[Any], Field(min_length=2, max_length=2)]
-Whole = Annotated[int, Field(ge=0)]
+Seeds = Annotated[
+    Annotated[int, Field(ge=1)] | NonEmpty[Annotated[int, Field(ge=0)]],
+    Forms("how many from 0 on, or a list of whole numbers"),
+]
 
 
 class CampaignSpec(Section):
@@ -48,7 +51,7 @@ class CampaignSpec(Section):
     """The same by names of your choice: every problem is run in every case."""
     grid: dict[Name, Annotated[list[Any], Field(min_length=1)]] = Field(default_factory=dict)
     """Lists of values by key path: every combination is run."""
-    seeds: Annotated[int, Field(ge=1)] | Annotated[list[Whole], Field(min_length=1)] | None = None
+    seeds: Seeds | None = None
     """How many seeds, from 0 on, or a list of them: what is random in a problem, and what is drawn
     below, is another with each."""
     draw: dict[Name, Span] = Field(default_factory=dict)
@@ -110,7 +113,7 @@ def load_campaign(path: str | Path) -> Campaign:
     mistakes = Mistakes(source)
     if spec.draw and spec.seeds is None:
         mistakes.fail(("draw",), "is drawn by seed: give seeds: 10, or a list of them")
-    if isinstance(spec.seeds, list) and len(set(spec.seeds)) < len(spec.seeds):
+    if isinstance(spec.seeds, tuple) and len(set(spec.seeds)) < len(spec.seeds):
         mistakes.fail(("seeds",), "a seed is there twice, which would be the same run")
     files = {name: path.parent / file for name, file in _names(spec.problems).items()}
     sources = {}
@@ -120,7 +123,7 @@ def load_campaign(path: str | Path) -> Campaign:
             load_problem(file, spec.set)
     mistakes.raise_any()
     seeds = range(spec.seeds) if isinstance(spec.seeds, int) else spec.seeds or (None,)
-    count = len(files) * len(spec.cases or "1") * len(list(seeds))
+    count = len(files) * len(spec.cases or "1") * len(seeds)
     for values in spec.grid.values():
         count *= len(values)
     if count > MOST_RUNS:
@@ -226,6 +229,8 @@ def _drawn(random: np.random.Generator, low: Any, high: Any) -> Any:
     numbers = [one for one in (low, high) if type(one) in (int, float) and np.isfinite(one)]
     if len(numbers) < 2:
         raise InvalidInputError(f"expected two numbers, or two lists alike, got {[low, high]}")
+    if not 0.0 <= high - low < np.inf:
+        raise InvalidInputError(f"expected the lower number first, got {[low, high]}")
     return float(random.uniform(low, high))
 
 

@@ -210,7 +210,7 @@ def _tag_of(member: Any) -> str:
     if origin is tuple:
         entry = get_args(parts[0])[0] if get_origin(parts[0]) is Annotated else parts[0]
         return MATRIX.tag if get_origin(entry) is tuple else LIST.tag
-    return {str: WORD.tag, float: NUMBER.tag}.get(kind, MAPPING.tag)
+    return {str: WORD.tag, float: NUMBER.tag, int: NUMBER.tag}.get(kind, MAPPING.tag)
 
 
 def _distinct(entries: tuple[str, ...]) -> tuple[str, ...]:
