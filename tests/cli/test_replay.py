@@ -44,6 +44,8 @@ def test_a_recorded_run_is_the_same_and_a_changed_one_is_not(file: Path, tmp_pat
     answer = wbc_command("replay", npz)
     assert answer.exit_code == 3
     assert "not the same: q: from tick 7 on" in answer.stdout
+    np.savez(npz, **{**arrays, "time": np.array(0.0)})
+    assert "time: expected a row of times, got ()" in refused("replay", npz)
     data = json.loads(summary.read_text())
     data["final"]["com"][0] += 1e-15
     data["versions"]["numpy"] = "1.0"

@@ -97,7 +97,10 @@ def read_result(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     if path.suffix.lower() == ".npz":
         arrays = read_arrays(path, list, lambda _: "Ubfiu", LARGEST)
         text = str(arrays.pop("summary", ""))
-        return read_summary(path, text, FORMATS), arrays
+        summary, times = read_summary(path, text, FORMATS), arrays.get("time")
+        if times is not None and times.ndim != 1:
+            raise InvalidInputError(f"{path}: time: expected a row of times, got {times.shape}")
+        return summary, arrays
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
