@@ -7,8 +7,9 @@ import pytest
 
 from tests.robot.test_feet_of_others import biped, box, joint, link
 from wbc.errors import UnknownNameError
+from wbc.gait import Wall
 from wbc.robot import Robot
-from wbc.simulation import FallLimits, Plant
+from wbc.simulation import FallLimits, Plant, Step, Terrain
 from wbc.simulation.falling import FallWatch
 
 
@@ -52,3 +53,29 @@ def test_toes_on_joints_of_their_own_may_touch_the_ground(tmp_path: Path) -> Non
     lying[2:7] = 0.1, 0.0, 2**-0.5, 0.0, 2**-0.5
     plant.reset(lying)
     assert "trunk touched the ground" in watch.verdict().reason
+
+
+@pytest.mark.parametrize(
+    ("terrain", "what"),
+    [
+        (Terrain(walls=[Wall((0.15, 0.0, 0.3), (-1.0, 0.0, 0.0))]), "wall 0"),
+        (Terrain(steps=(Step((0.2, 0.0, 0.3), (0.1, 1.0, 0.3)),)), "step 0"),
+        (Terrain(), "the ground"),
+    ],
+)
+def test_what_a_link_touched_is_told_and_whether_it_did_at_the_start(
+    terrain: Terrain, what: str
+) -> None:
+    plant = Plant(Robot.load("hoap2_like"), terrain=terrain)
+    q, _ = plant.state()
+    watch = FallWatch(plant, FallLimits())
+    assert watch.verdict().stood
+    into = q.copy()
+    into[0] += 0.1
+    if what == "the ground":
+        into[2] -= 0.2
+    plant.reset(into)
+    assert watch.verdict().reason.endswith(f" touched {what}")
+    inside = FallWatch(plant, FallLimits()).verdict().reason
+    assert inside.endswith(f" touched {what}, as at the start: the robot begins there")
+    assert set(plant.touched()) == set(plant.touching())

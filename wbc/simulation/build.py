@@ -33,7 +33,8 @@ FRICTION_STIFFNESS = 100.0
 # 2e-17, all other robots 1.5e-5 and more. Real joints have rotors.
 LEAST_FELT = 1e-8  # kg m^2, or kg
 WORLD_SITE = "world site"
-WALL = "wall "  # and its number: a geom's name
+# Geoms' names, the latter two with their numbers.
+GROUND, BOX, WALL = "ground", "step ", "wall "
 _FAR = 1e6  # stands for a limit that is missing on one side [rad or m]
 
 
@@ -149,7 +150,7 @@ def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain, factor: float) -> Non
     quaternion = np.empty(4)
     mujoco.mju_quatZ2Vec(quaternion, terrain.normal)
     ground = spec.worldbody.add_geom(
-        name="ground",
+        name=GROUND,
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[PLANE_HALF_SIZE, PLANE_HALF_SIZE, 1.0],
         quat=quaternion,
@@ -159,7 +160,7 @@ def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain, factor: float) -> Non
         half, R = 0.5 * step.size, step.rotation
         mujoco.mju_mat2Quat(quaternion, R.ravel())
         box = spec.worldbody.add_geom(
-            name=f"step {k}",
+            name=f"{BOX}{k}",
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=half,
             pos=step.centre - half[2] * R[:, 2],

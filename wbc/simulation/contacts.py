@@ -94,18 +94,18 @@ def read_contacts(mujoco: Any, built: Built, data: Any) -> Contacts:
     )
 
 
-def touching_links(built: Built, data: Any) -> tuple[str, ...]:
-    """Return the links that touch the ground with anything but a sole, without any force.
+def touched_by_links(built: Built, data: Any) -> dict[str, str]:
+    """Return what links touch with anything but a sole, without any force, in order of their names.
 
-    Hands and their forearms may touch walls.
+    That is ``ground``, or a step or wall by its number. Hands and their forearms may touch walls.
     """
-    links, found = built.links, set[str]()
+    links, found = built.links, dict[str, str]()
     for pair in data.contact.geom.tolist():
-        touched = [geom for geom in pair if links[geom]]
+        touching, others = ([one for one in pair if bool(links[one]) is own] for own in (True, False))
         leans = not built.walls.isdisjoint(pair) and not built.forearms.isdisjoint(pair)
-        if len(touched) == 1 and not built.feet[touched[0]] and not leans:
-            found.add(links[touched[0]])
-    return tuple(sorted(found))
+        if len(touching) == 1 and not built.feet[touching[0]] and not leans:
+            found[links[touching[0]]] = str(built.model.geom(others[0]).name)
+    return dict(sorted(found.items()))
 
 
 def self_contacts(built: Built, data: Any) -> tuple[tuple[str, str], ...]:

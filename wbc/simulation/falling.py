@@ -11,6 +11,7 @@ from wbc.errors import InvalidInputError
 from wbc.kinds import check_switches, check_word
 from wbc.robot import Robot
 from wbc.robot.names import BASE
+from wbc.simulation.build import GROUND
 from wbc.simulation.plant import Plant
 from wbc.validate import check_fields
 
@@ -91,6 +92,7 @@ class FallWatch:
         self._up = plant.body_rotation(limits.trunk)[2].copy()  # the vertical in the trunk's axes
         self._first_height = self._height()
         self._toes = beyond_feet(plant.robot)
+        self._at_first = plant.touched()
 
     def verdict(self) -> Verdict:
         """Return the present verdict."""
@@ -99,9 +101,12 @@ class FallWatch:
         tilt = float(np.arccos(upright))
         height = self._height()
         reason = ""
-        touching = plant.touching() if limits.touch else ()
-        if links := [link for link in touching if link not in self._toes]:
-            reason = f"{links[0]} touched the ground"
+        touched = plant.touched() if limits.touch else {}
+        if links := [link for link in touched if link not in self._toes]:
+            what = touched[links[0]]
+            reason = f"{links[0]} touched {'the ground' if what == GROUND else what}"
+            if self._at_first.get(links[0]) == what:
+                reason += ", as at the start: the robot begins there"
         elif self._lifted and plant.contact_forces[self._lifted][2] > 0.0:
             reason = f"the {limits.lifted} foot, which was lifted, touched the ground"
         elif tilt > limits.tilt:

@@ -21,7 +21,7 @@ from wbc.robot.postures import STANDING
 from wbc.simulation.applied import apply
 from wbc.simulation.build import build
 from wbc.simulation.contact_drift import ContactDrift
-from wbc.simulation.contacts import Contacts, read_contacts, self_contacts, touching_links
+from wbc.simulation.contacts import Contacts, read_contacts, self_contacts, touched_by_links
 from wbc.simulation.engine import check_state
 from wbc.simulation.mismatch import EXACT, ModelMismatch
 from wbc.simulation.push import Push, push_point
@@ -409,7 +409,11 @@ class Plant:
 
     def touching(self) -> tuple[str, ...]:
         """Return the links that touch the ground with anything but a sole."""
-        return touching_links(self._built, self.data)
+        return tuple(self.touched())
+
+    def touched(self) -> dict[str, str]:
+        """Return what these touch, by link: ``ground``, ``step 0`` or ``wall 0`` of the terrain."""
+        return touched_by_links(self._built, self.data)
 
     def self_contacts(self) -> tuple[tuple[str, str], ...]:
         """Return the pairs of links that touch each other; none without ``self_collision``."""
