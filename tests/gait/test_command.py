@@ -115,6 +115,8 @@ BAD = {
     "no double support": ({"double": 0.0}, "gait, double: must be greater than 0"),
     "too tall": ({"height": 0.5}, r"height: with the CoM at 0.5 m .* less than 0.28\d m"),
     "too low": ({"height": 0.05}, r"give more than 0.09\d"),
+    "too wide": ({"width": 3.0}, "width: feet 3 m from each other are out of reach of the legs"),
+    "too slow": ({"single": 100.0}, "single: 100 s and double: 0.02.* at most 8.3. s together"),
     "hasty": ({"ramp": 0.2}, "ramp: 0.2 s is longer than the double support"),
     "crossing": ({"least_width": 0.2}, "least_width: 0.2 m is above the width, 0.09"),
 }

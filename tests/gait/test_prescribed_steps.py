@@ -116,6 +116,23 @@ def test_what_legs_cannot_do_is_refused(
     assert len(able.admitted([good], feet, relative=True)) == 1
 
 
+GROUNDS = {
+    "no function": (0.0, "ground: expected a function of points .k, 2. that returns heights"),
+    "one number": (lambda points: 0.1, "ground, at k points: expected shape"),
+    "NaN": (lambda points: points[:, 0] * math.nan, "ground, at k points: NaN"),
+    "elsewhere": (lambda points: 0.3 + 0.0 * points[:, 0], "z: 0 m in the world, but the ground"),
+}
+
+
+@pytest.mark.parametrize(("ground", "said"), GROUNDS.values(), ids=GROUNDS)
+def test_ground_that_is_none_or_not_where_a_footstep_is_is_refused(
+    able: StepRange, feet: dict[str, Array], ground: Any, said: str
+) -> None:
+    step = Footstep("right", 0.1, -able.gait.width, z=0.0)
+    with pytest.raises(InvalidInputError, match=said):
+        able.admitted([step], feet, relative=True, ground=ground)
+
+
 def test_the_range_that_is_told_is_the_range(able: StepRange, feet: dict[str, Array]) -> None:
     far, apart, near = able.limits.step, able.limits.apart, able.gait.least_width
     slow = {"duration": 2.0}  # in a gait's time hips do not go so far
@@ -194,9 +211,11 @@ def test_bad_values_are_refused() -> None:
 
 def test_landings_and_velocity(able: StepRange) -> None:
     step = Footstep("left", 1.0, 2.0, 3.1)
-    landing = Landing.of(step, np.array((1.03, 1.96, -3.1)))
-    assert landing.distance == pytest.approx(0.05)
+    landing = Landing.of(step, np.array((1.03, 1.96, -3.1, 0.2)))
+    assert landing.distance == pytest.approx(0.05) and landing.height == 0.0
     assert landing.turn == pytest.approx(math.tau - 6.2)
+    high = Footstep("left", 1.0, 2.0, z=0.25)
+    assert Landing.of(high, np.array((1.0, 2.0, 0.0, 0.2))).height == pytest.approx(-0.05)
     gait = able.gait
     ahead = Footstep("left", 0.2, gait.width, 0.2)
     velocity = velocity_on(np.zeros(3), ahead, 0.0, 0.5, gait)

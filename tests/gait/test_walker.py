@@ -42,6 +42,13 @@ def test_forces_that_are_none_are_a_typed_error(robot_named: Load) -> None:
             walker.prepare(here, bad)  # type: ignore[arg-type]
 
 
+def test_a_task_named_as_one_of_the_walk_is_refused_by_name(robot_named: Load) -> None:
+    robot = robot_named("hoap2_like")
+    arms = wbc.PostureTask(robot, robot.posture("standing"))
+    with pytest.raises(InvalidInputError, match="has a task 'posture' of its own; give yours anoth"):
+        wbc.gait.Walker(robot, tasks=[arms])
+
+
 def test_a_footstep_without_solution_is_counted_and_said(
     robot_named: Load, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -139,6 +139,17 @@ def test_it_walks_on_footsteps_and_says_where_feet_landed(tmp_path: Path) -> Non
     np.testing.assert_allclose(R.T @ (left - right), (0.0, 0.095, 0.0), atol=3e-3)
 
 
+@pytest.mark.slow
+def test_a_footstep_that_is_not_at_the_height_that_was_said_is_told(tmp_path: Path) -> None:
+    step = {"foot": "left", "x": 0.02, "y": 0.095, "z": 0.02, "duration": 0.5}
+    (note,) = problem(tmp_path, FOOTSTEPS, {"gait.footsteps": [step]}).simulate().notes
+    assert note.endswith("as measured; footstep 1 at -20 mm from its z")
+    seen = {"gait.footsteps": [step | {"z": 0.05}], "gait.see": True}
+    seen["simulation.terrain.steps"] = [{"centre": [2, 0, 0.1], "size": [1, 1, 0.1]}]
+    told = complaint_of(tmp_path, FOOTSTEPS, seen)
+    assert "footsteps[0].z: 0.05 m in the world, but the ground that is given is at 0 m" in told
+
+
 def test_footsteps_in_the_world_are_those_of_relative_ones(tmp_path: Path) -> None:
     relative = problem(tmp_path, FOOTSTEPS)
     assert isinstance(relative.spec, WalkSpec)

@@ -17,6 +17,8 @@ from wbc.run.phase_support import PhaseSupport
 from wbc.tasks import Task
 from wbc.validate import Array, finite_number
 
+# A foot that landed farther from the height of its footstep is told [m].
+TOLD = 0.01
 # Wrenches (6,) on the soles now, by frame.
 Forces = Callable[[], Mapping[str, Array]]
 
@@ -123,9 +125,12 @@ def landings_in_words(landings: Sequence[Landing], count: int) -> str:
         return made
     worst = max(range(len(landings)), key=lambda k: landings[k].distance)
     way, turn = landings[worst].distance, max(one.turn for one in landings)
+    uneven = max(range(len(landings)), key=lambda k: abs(landings[k].height))
+    rise = landings[uneven].height
+    told = f"; footstep {uneven + 1} at {1e3 * rise:+.0f} mm from its z" if abs(rise) > TOLD else ""
     return (
         f"{made}; feet landed within {1e3 * way:.1f} mm (footstep {worst + 1}) and"
-        f" {math.degrees(turn):.1f} degrees of them, as measured"
+        f" {math.degrees(turn):.1f} degrees of them, as measured{told}"
     )
 
 

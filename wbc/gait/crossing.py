@@ -7,9 +7,10 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from wbc.errors import InvalidInputError, shown
 from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.run.phase_support import Ground
-from wbc.validate import Array
+from wbc.validate import Array, finite_array
 
 # In parts of how high a foot is lifted: how far about the sole edges are looked for, and how high
 # above an edge it is when it comes there.
@@ -86,7 +87,7 @@ class Crossing(NamedTuple):
             c, s = np.cos(yaw), np.sin(yaw)
             dx, dy = outline.T
             points = np.stack((x + c * dx - s * dy, y + s * dx + c * dy), axis=-1)
-            below = ground(points.reshape(-1, 2)).reshape(PLACES, -1).max(axis=1)
+            below = heights(ground, points.reshape(-1, 2)).reshape(PLACES, -1).max(axis=1)
         up, down = (below > height + UNEVEN * clearance for height in (first, last))
         if not (up.any() or down.any()):
             return None
@@ -126,6 +127,22 @@ class Crossing(NamedTuple):
         """Return how far the toe is tipped down [rad], its rate and acceleration, likewise."""
         part, slope, curve = (self.tip * one for one in _bump(s, rate, TIPPED))
         return part, slope, curve
+
+
+def heights(ground: Ground, points: Array) -> Array:
+    """Return the heights (k,) of ground that the user gave at points (k, 2) [m].
+
+    Raises
+    ------
+    InvalidInputError
+        No function, or it returns something else, or what is not finite.
+    """
+    if not callable(ground):
+        raise InvalidInputError(
+            "footsteps, ground: expected a function of points (k, 2) that returns heights (k,),"
+            f" such as terrain.height, got {shown(ground)}"
+        )
+    return finite_array("footsteps, ground, at k points", ground(points), (len(points),))
 
 
 def _bump(s: float, rate: float, top: float) -> tuple[float, float, float]:

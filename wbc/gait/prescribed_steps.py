@@ -118,17 +118,21 @@ class Landing(NamedTuple):
         Over the ground [m].
     turn:
         About the vertical [rad].
+    height:
+        Over the footstep's z, if that was given [m].
     """
 
     footstep: Footstep
     distance: float
     turn: float
+    height: float = 0.0
 
     @classmethod
     def of(cls, footstep: Footstep, pose: Array) -> Self:
         """Return it of a foot at ``pose`` (x, y, yaw, z)."""
         way = float(np.linalg.norm(pose[:2] - footstep.place))
-        return cls(footstep, way, abs(math.remainder(pose[2] - footstep.yaw, math.tau)))
+        turn, above = math.remainder(pose[2] - footstep.yaw, math.tau), footstep.pose(pose[3])[3]
+        return cls(footstep, way, abs(turn), float(pose[3] - above))
 
 
 def in_world(footsteps: Sequence[Footstep], feet: Mapping[str, Array]) -> tuple[Footstep, ...]:

@@ -20,6 +20,8 @@ TALLEST = 0.97
 SINGLE, DOUBLE, RAMP, CLEARANCE = 1.56, 0.16, 0.08, 0.09
 # Between the soles, at least, and as they walk: a step inwards needs room.
 GAP, ROOM = 0.04, 0.12
+# Longest step, in 1/omega: rounding has grown by e^50 then, 5e21.
+LONGEST = 50.0
 # Of the commanded velocity, in units of gravity.
 SPEED_UP = 0.08
 
@@ -73,6 +75,13 @@ class GaitSettings:
                 f"gait, single: {self.single:g} s is shorter than a foot takes to bear its load;"
                 f" give at least {self.ramp:g} s (ramp)"
             )
+        most = LONGEST / self.omega
+        if self.single + self.double > most:
+            raise InvalidInputError(
+                f"gait, single: {self.single:g} s and double: {self.double:g} s are too long for a"
+                f" step: errors of the capture point grow by e in each {1.0 / self.omega:.2g} s;"
+                f" give at most {most:.3g} s together"
+            )
         if self.least_width > self.width:
             raise InvalidInputError(
                 f"gait, least_width: {self.least_width:g} m is above the width, {self.width:g} m"
@@ -99,7 +108,12 @@ class GaitSettings:
             if value is not None
         }
         height = chosen.setdefault("height", default_height(legs))
-        legs.reach(height)  # raises where there is none
+        widest = legs.width + 2.0 * legs.reach(height)  # which raises where there is none
+        if chosen.get("width", 0.0) > widest:
+            raise InvalidInputError(
+                f"gait, width: feet {chosen['width']:g} m from each other are out of reach of the"
+                f" legs; give at most {widest:.3g} m"
+            )
         finite_number("gait, gravity", legs.gravity, above=0.0)
         omega = math.sqrt(legs.gravity / height)
         chosen.setdefault("single", SINGLE / omega)

@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.gait.command import PEAK_ACCELERATION, CommandLimits
-from wbc.gait.crossing import Crossing
+from wbc.gait.crossing import Crossing, heights
 from wbc.gait.footsteps import SIGN, other
 from wbc.gait.legs import STRETCH, Legs
 from wbc.gait.prescribed_steps import Footstep, in_world
@@ -189,6 +189,14 @@ class StepRange:
                 f"{seen.z:.3g} m over the {stands} foot is out of reach of the legs, as far ahead"
                 f" as this is: {-most:.3g} to {most:.3g} m",
             )
+        if step.z is not None and ground is not None:
+            below = float(heights(ground, step.place[None])[0])
+            if abs(step.z - below) > self.gait.clearance:
+                yield (
+                    "z",
+                    f"{step.z:.3g} m in the world, but the ground that is given is at {below:.3g} m"
+                    f" there; they may be {self.gait.clearance:.3g} m apart (gait.clearance)",
+                )
         if step.slope is not None and math.hypot(*step.slope) > STEEPEST:
             yield (
                 "slope",

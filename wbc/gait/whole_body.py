@@ -13,6 +13,7 @@ from wbc.constraints import Contact, Limits
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Constraint
 from wbc.controllers.torque import TorqueController
+from wbc.errors import InvalidInputError
 from wbc.gait.ability import contact_of, lacks
 from wbc.gait.crouch import walking_posture
 from wbc.gait.legs import SIDES, Legs, leg_joints
@@ -182,6 +183,13 @@ class WholeBody:
             PostureTask(robot, posture, kp=w.stiff_posture, weight=w.posture),
             *self._swing.values(),
         ]
+        taken = [task.name for task in own]
+        for one in tasks:
+            if one.name in taken:
+                raise InvalidInputError(
+                    f"walker, tasks: a walk has a task {one.name!r} of its own; give yours another"
+                    f" name than: {', '.join(taken)}"
+                )
         self.controller = TorqueController(
             robot,
             [*own, *tasks],
