@@ -63,6 +63,16 @@ def test_pushed_written_and_drawn(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_who_is_not_at_rest_without_a_push_either_is_told(tmp_path: Path) -> None:
+    text = STAND + "simulation: {duration: 0.25, start: {velocity: [0.4, 0, 0]}}\n"
+    grid = ("--directions", 1, "--ratios", "3.0", "--workers", 1, "--at", 0.05)
+    told = run(tmp_path, *grid, text=text)
+    assert told.exit_code == 0
+    assert "stand: nor does it survive without any push: not at rest in the end" in told.stderr
+    assert "without any push" not in run(tmp_path, *GRID).stderr
+
+
+@pytest.mark.slow
 def test_ended_by_ctrl_c_it_goes_on_and_comes_to_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -47,6 +47,20 @@ def test_who_still_moves_in_the_end_has_not_survived(tmp_path: Path) -> None:
     assert not moving.survived and "not at rest" in moving.reason
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "acts",
+    ["wrenches: [{frame: torso, force: [60, 0, 0], told: false}]", "start: {velocity: [2, 0, 0]}"],
+)
+def test_wrenches_and_the_start_of_the_file_are_there_when_it_is_pushed(
+    tmp_path: Path, acts: str
+) -> None:
+    quiet = "simulation: {duration: 1.0}\n"
+    assert loader(tmp_path, STAND + quiet)()(0.0, 0.0).survived
+    acted_on = loader(tmp_path, STAND + quiet.replace("1.0", f"1.0, {acts}"))()
+    assert "fell" in acted_on(0.0, 0.0).reason and "fell" in acted_on(0.0, 0.0).reason
+
+
 def test_bounds_are_those_of_the_stance(tmp_path: Path) -> None:
     one = loader(tmp_path)()
     bounds = one.bounds(np.array((0.0, 1.0)))

@@ -170,6 +170,7 @@ def _campaign(
                 log.remove()
         if not quiet:
             print_maps(maps, settings, outputs.written)
+            _print_unpushed(names, pushed, maps)
     code = outputs.exit_code()
     if interrupts():
         complain(f"interrupted; the same command goes on with what is in {kept}")
@@ -204,6 +205,17 @@ def _print_left_out(names: Sequence[str], pushed: Sequence[PushedProblem]) -> No
         if one.own_pushes:
             plural = "es" if one.own_pushes > 1 else ""
             print_note(f"{name}: {one.own_pushes} push{plural} of simulation.pushes left out")
+
+
+def _print_unpushed(
+    names: Sequence[str], pushed: Sequence[PushedProblem], maps: Sequence[PushMap]
+) -> None:
+    """Say of a robot that survived nothing whether it would have been at rest without a push."""
+    for name, one, found in zip(names, pushed, maps, strict=True):
+        if found.outcomes and not any(outcome.survived for outcome in found.outcomes):
+            alone = one(0.0, 0.0)
+            if not alone.survived:
+                print_note(f"{name}: nor does it survive without any push: {alone.reason}")
 
 
 def _push_all(

@@ -84,11 +84,11 @@ class PushedProblem:
         return push_bounds(self.start, self.feet, angles, settings.duration, self.falls.tilt)
 
     def __call__(self, angle: float, ratio: float) -> PushOutcome:
-        """Push at rest in a direction [rad], by an impulse in parts of M omega d."""
+        """Push in a direction [rad], by an impulse in parts of M omega d, which may be 0."""
         plant, settings = self._plant, self.settings
         angle = finite_number("push, angle", angle)
         impulse = finite_number("push, ratio", ratio, least=0.0) * self.unit(angle)
-        plant.reset(self.start.q)
+        self.problem.spec.simulation.begin(plant, self.start)
         along = np.array((np.cos(angle), np.sin(angle), 0.0))
         force = impulse / settings.duration * along
         if impulse > 0.0:

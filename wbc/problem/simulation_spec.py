@@ -303,7 +303,9 @@ class SimulationSpec(Section):
                 if push.at >= duration:
                     text = f"begins after the end of the simulation ({duration:g} s)"
                     raise Misplaced(text, "at")
-
+                if push.force is None and push.at + push.duration > duration * (1.0 + EVEN):
+                    text = f"the simulation ends at {duration:g} s, before the impulse is given"
+                    raise Misplaced(text, "duration")
         for k, wrench in enumerate(self.wrenches):
             with mistakes.at("simulation", "wrenches", k):
                 start.robot.frame_id(wrench.frame)
@@ -365,7 +367,11 @@ class SimulationSpec(Section):
             plant: Plant = SensedPlant(start.robot, **settings)
         else:
             plant = Plant(start.robot, **settings)
-        plant.reset(*self.start.state(start))
+        self.begin(plant, start)
         plant.pushes += [push.push(start, feet) for push in self.pushes]
-        plant.wrenches += [wrench.applied() for wrench in self.wrenches]
         return plant
+
+    def begin(self, plant: Plant, start: Snapshot) -> None:
+        """Put a plant to where the simulation begins, with all that acts but pushes."""
+        plant.reset(*self.start.state(start))
+        plant.wrenches += [wrench.applied() for wrench in self.wrenches]
