@@ -89,6 +89,24 @@ def test_contacts_in_the_air_are_said(robot_named: Load) -> None:
     assert not controller.step(here).displaced
 
 
+def test_a_controller_says_at_once_of_contacts_that_are_elsewhere(
+    robot_named: Load, caplog: pytest.LogCaptureFixture
+) -> None:
+    """At the velocity level the base is commanded there within a tick or two, at 100 m/s."""
+    robot = robot_named("g1")
+    here = standing(robot)
+    q = here.q.copy()
+    q[0] += 1.0
+    there, tasks = robot.snapshot(q, np.zeros(robot.nv)), [wbc.PostureTask(robot, here.q)]
+    for make in (wbc.KinematicController, wbc.TorqueController):
+        make(robot, tasks, contacts=wbc.support(there, "double")).step(there)
+        assert not caplog.messages
+        make(robot, tasks, contacts=wbc.support(here, "double")).step(there)
+        (said,) = caplog.messages
+        assert "'left_sole' by 1e+03 mm, 'right_sole' by 1e+03 mm" in said
+        caplog.clear()
+
+
 def test_missing_effort_limits_are_said_by_name(
     caplog: pytest.LogCaptureFixture, tmp_path: Path
 ) -> None:

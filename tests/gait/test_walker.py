@@ -45,8 +45,54 @@ def test_forces_that_are_none_are_a_typed_error(robot_named: Load) -> None:
 def test_a_task_named_as_one_of_the_walk_is_refused_by_name(robot_named: Load) -> None:
     robot = robot_named("hoap2_like")
     arms = wbc.PostureTask(robot, robot.posture("standing"))
-    with pytest.raises(InvalidInputError, match="has a task 'posture' of its own; give yours anoth"):
+    with pytest.raises(
+        InvalidInputError, match="has a task 'posture' of its own; give yours anoth"
+    ):
         wbc.gait.Walker(robot, tasks=[arms])
+
+
+def test_commands_keep_the_limits_that_a_walker_is_given(robot_named: Load) -> None:
+    """Speeds of commands go with those of joints; before, what was asked for could not be done."""
+    robot = robot_named("hoap2_like")
+    usual, same, slow, calm = (
+        wbc.gait.Walker(robot, limits=limits).limits
+        for limits in (
+            None,
+            wbc.Limits(robot),
+            wbc.Limits(robot, velocity=0.25),
+            wbc.Limits(robot, acceleration=2.0),
+        )
+    )
+    assert same == usual and usual.why[0] == slow.why[0] == "speed of the hips"
+    assert slow.forwards == pytest.approx(0.25 * usual.forwards)
+    assert calm.why[0] == "torque of the hips" and calm.swing < 0.2 * usual.swing
+
+
+def test_left_feet_on_the_right_are_refused() -> None:
+    feet = {"left": {"link": "right_foot"}, "right": {"link": "left_foot"}}
+    robot = Robot.load("hoap2_like", feet=feet)
+    with pytest.raises(InvalidInputError, match="left foot of hoap2_like, right_foot, does not st"):
+        wbc.gait.Walker(robot)
+
+
+@pytest.mark.slow
+def test_a_walker_made_elsewhere_begins_where_the_robot_stands_and_faces(robot_named: Load) -> None:
+    """As one that was made there does; before, it walked another way."""
+    robot = robot_named("hoap2_like")
+    there = robot.posture("standing")
+    there[:3] += 300.0, -200.0, 0.0
+    there[3:7] = 0.0, 0.0, np.sin(1.0), np.cos(1.0)
+    ends = []
+    for posture in (None, there):
+        walker, plant = wbc.gait.Walker(robot, posture=posture), Plant(robot)
+        plant.reset(there)
+        walker.command(0.1)
+        for _ in range(700):
+            plant.step(walker.step(plant.snapshot(), plant.contact_forces).torque)
+        ends.append(plant.com)
+    np.testing.assert_allclose(*ends, atol=1e-5)
+    way = (ends[0] - there[:3])[:2]
+    assert way @ (np.cos(2.0), np.sin(2.0)) > 0.03
 
 
 def test_a_footstep_without_solution_is_counted_and_said(

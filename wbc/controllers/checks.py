@@ -13,6 +13,7 @@ from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Constraint
 from wbc.constraints.validation import look_closely_at
 from wbc.controllers.competing import competing
+from wbc.controllers.contact_forces import displaced
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.errors import InvalidInputError, shown
 from wbc.laws import AccelerationLaw, VelocityLaw
@@ -59,6 +60,18 @@ def say_outside(snapshot: Snapshot) -> None:
             "controller: %s begins with %d of its joints outside their limits, %s by %.3g rad or m:"
             " is q in degrees, or in another order than robot.joint_names?",
             *(snapshot.robot.name, far.size, snapshot.robot.joint_names[worst], past[worst]),
+        )
+
+
+def say_displaced(snapshot: Snapshot, contacts: Sequence[Task]) -> None:
+    """Log which contacts are not at their anchors, as those of a robot that is elsewhere."""
+    away = displaced(snapshot, contacts)
+    if away:
+        told = ", ".join(f"{name!r} by {1e3 * by:.3g} mm" for name, by in away.items())
+        logging.getLogger(__name__).warning(
+            "controller: contacts of %s are not where they are to be held: %s; they are moved there"
+            " at once. Make them of the measured state: wbc.support(snapshot, ...)",
+            *(snapshot.robot.name, told),
         )
 
 

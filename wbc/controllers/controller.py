@@ -244,6 +244,7 @@ class Controller(DeclaredAttributes, ABC):
         """Log what a user should know of a tick, rarely: it takes as long as one."""
         if number == 1:
             checks.say_outside(snapshot)
+            checks.say_displaced(snapshot, self.contacts)
         elif number >= SETTLED and tick.ok and not (self._bears or self._said):
             given = self._motion, snapshot, tick.velocity, self.dt
             self._said = checks.say_competing(*given)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from wbc.constraints import Limits
 from wbc.errors import InvalidInputError
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import Robot, check_robot
@@ -56,18 +57,33 @@ class Legs:
     gravity: float  # [m/s^2]
 
     @classmethod
-    def of(cls, robot: Robot) -> Legs:
+    def of(cls, robot: Robot, limits: Limits | None = None) -> Legs:
         """Return the legs of a robot with the feet ``left`` and ``right``.
+
+        Parameters
+        ----------
+        limits:
+            That joints keep besides the robot's own: speeds, and accelerations that were given.
 
         Raises
         ------
         InvalidInputError
-            Another number of feet, a base that is fixed, or a leg without a knee.
+            Another number of feet, a base that is fixed, a leg without a knee, or a left foot that
+            stands to the right of the right one.
         """
         check_walker(robot)
         snapshot = robot.snapshot(robot.postures[STANDING])
-        found = [_leg(robot, side) for side in SIDES]
+        found = [_leg(robot, side, limits) for side in SIDES]
         places = [snapshot.position(robot.feet[side].frame) for side in SIDES]
+        ahead = np.sum([snapshot.rotation(robot.feet[side].frame)[:, 0] for side in SIDES], axis=0)
+        apart = places[0] - places[1]
+        if ahead[0] * apart[1] - ahead[1] * apart[0] <= 0.0:
+            links = [robot.feet[side].link for side in SIDES]
+            raise InvalidInputError(
+                f"walker: the left foot of {robot.name}, {links[0]}, does not stand to the left of"
+                f" the right one, {links[1]}; exchange them in feet, or turn their frames: x is"
+                " ahead"
+            )
         soles = [np.ptp(robot.feet[side].polygon[:, 1]) for side in SIDES]
         least, bearing = np.min(found, axis=0).tolist(), float(np.max(found, axis=0)[-1])
         return cls(
@@ -161,7 +177,7 @@ def _chain(robot: Robot, side: str) -> list[int]:
     return joints
 
 
-def _leg(robot: Robot, side: str) -> tuple[float, ...]:
+def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:
     """Return what :class:`Legs` has of one leg: from its length to its bearing length."""
     joints = leg_joints(robot, side)
     if len(joints) < 3:
@@ -189,13 +205,18 @@ def _leg(robot: Robot, side: str) -> tuple[float, ...]:
     limits, at = robot.limits, float(snapshot.joint_positions[turning])
     with np.errstate(divide="ignore", invalid="ignore"):  # damping may leave no torque before
         speed = np.fmin(limits.velocity, limits.effort / robot.damping)
+    quickest = QUICKEST
+    if given is not None:
+        speed = np.fmin(speed, given.speed)
+        fast = given.acceleration if given.speed_up is None else given.speed_up
+        quickest = QUICKEST if given.by_default else min(QUICKEST, float(fast[hip]) * lever)
     lift = LIFTED * float(lengths.max())
     low, high = (_bend(angles, lengths, part * lengths.max()) for part in (BENT, BENT - LIFTED))
     return (
         float(lengths.max()),
         float(_leg_vectors(robot, joints, [snapshot.q])[0, 2]),
         SPEED_SHARE * float(speed[hip]) * lever,
-        min(SHARE * float(limits.effort[hip]) / inertia * lever, QUICKEST),
+        min(SHARE * float(limits.effort[hip]) / inertia * lever, quickest),
         SHARE * min(float(limits.upper[turning]) - at, at - float(limits.lower[turning])),
         SHARE * float(speed[turning]),
         SHARE * float(speed[int(robot.model.idx_vs[knee]) - BASE_NV]) * lift / abs(high - low),

@@ -9,6 +9,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from wbc.constraints import Limits
 from wbc.errors import InvalidInputError
 from wbc.gait.command import PEAK_ACCELERATION, CommandLimits
 from wbc.gait.crossing import Crossing, heights
@@ -57,9 +58,9 @@ class StepRange:
     corners: Mapping[str, Array]
 
     @classmethod
-    def of(cls, robot: Robot, gait: GaitSettings) -> Self:
-        """Return it for a robot that walks so."""
-        legs = Legs.of(robot)
+    def of(cls, robot: Robot, gait: GaitSettings, limits: Limits | None = None) -> Self:
+        """Return it for a robot that walks so, its joints within limits, if any are given."""
+        legs = Legs.of(robot, limits)
         corners = {foot: sole.polygon for foot, sole in robot.feet.items()}
         return cls(gait, CommandLimits.of(legs, gait), legs, corners)
 

@@ -17,6 +17,7 @@ comes and goes by itself, takes nothing from the sole (:class:`~wbc.gait.phases.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -68,6 +69,8 @@ FOLLOW = 3.0
 LEVELLING = 0.2
 # So many steps before a speed is reached its settings are taken.
 AHEAD_OF_PACE = 2.0
+# A robot that is so far from where a walker was made for begins where it is [m], [rad].
+ELSEWHERE = 0.1
 # Of the robot's weight, what is counted on at least while the CoM sinks.
 LIGHTEST = 0.5
 # A robot that falls aside pushes the ground with half its weight. Of a pyramid of four sides inside
@@ -89,13 +92,13 @@ class Walker:
         (:meth:`~wbc.gait.WalkingWeights.for_legs`).
     posture:
         (nq,) what arms and trunk are drawn to; its soles are on the ground. The standing one,
-        if None.
+        if None. Where the robot stands, and which way it faces, is measured in the first tick.
     friction:
         What soles may bear.
     tasks, constraints:
         More of them, such as a :class:`~wbc.constraints.SelfCollision`.
     limits:
-        Of the joints; the robot's own if None.
+        Of the joints, which walking commands keep, too; the robot's own if None.
     dt:
         Period of the control loop [s].
     settings:
@@ -149,11 +152,11 @@ class Walker:
         solver: str | Backend = "active_set",
         **settings: Any,
     ) -> None:
-        legs = Legs.of(robot)
+        check_kind("walker, limits", limits, Limits, "Limits(robot)", or_none=True)
+        legs = Legs.of(robot, limits)
         check_kind("walker, weights", weights, WalkingWeights, "WalkingWeights()", or_none=True)
         check_list("tasks", tasks, Task)
         check_list("constraints", constraints, Constraint)
-        check_kind("walker, limits", limits, Limits, "Limits(robot)", or_none=True)
         self.robot = robot
         given = by_name("walker, gait", {} if gait is None else gait)
         self.gait = GaitSettings.of(legs, **given)
@@ -166,7 +169,7 @@ class Walker:
         chosen = [name for name, value in given.items() if value is not None]
         self._paces = Paces.of(self._planner, weights, chosen)
         self.limits, self._usual = self._paces.limits, self.gait.height
-        self._range = StepRange.of(robot, self.gait)
+        self._range = StepRange.of(robot, self.gait, limits)
         now = GaitState.of(start, self._frames, self.gait.omega, self.gait.height)
         self.heading = heading_of(now.rotations.values())
         self._ground = SwingMotion.rest(float(now.middle[2]))
@@ -194,6 +197,7 @@ class Walker:
         self.landings: tuple[Landing, ...] = ()
         self.unadapted = 0
         self._push = PushObserver(self.gait.omega, self.gait.height)
+        self._made_at: Array | None = now.middle
 
     def __repr__(self) -> str:
         vx, vy, yaw = self.velocity
@@ -299,6 +303,8 @@ class Walker:
         check_snapshot(self.robot, snapshot)
         dt, acceleration = self.dt, self.gait.acceleration
         now, felt = self._measured(snapshot), self._felt(forces)
+        if self._made_at is not None:
+            self._begin(snapshot, now, self._made_at)
         self._push = self._push.seen(snapshot, now, felt, dt)
         if self.controller.delay:
             snapshot = self.controller.predicted(snapshot)
@@ -329,6 +335,15 @@ class Walker:
         return self.controller
 
     # ------------------------------------------------------------------ parts of a tick
+
+    def _begin(self, snapshot: Snapshot, now: GaitState, made_at: Array) -> None:
+        """Begin where the robot stands, if that is elsewhere than where its posture has it."""
+        self._made_at, facing = None, heading_of(now.rotations.values())
+        turn = abs(math.remainder(facing - self.heading, math.tau))
+        if max(float(np.linalg.norm(now.middle - made_at)), turn) > ELSEWHERE:
+            self.heading, self._ground = facing, SwingMotion.rest(float(now.middle[2]))
+            self._normal = unit(now.normal)
+            self._whole_body.hold(snapshot, self._frames, 0.0)
 
     def _lead(self, snapshot: Snapshot, now: GaitState, reference: Reference) -> None:
         """Set the goals of CoM and trunk."""

@@ -125,7 +125,8 @@ def _check_parts(spec: ProblemSpec, parts: Parts, start: Snapshot, mistakes: Mis
             with mistakes.at("hands"):
                 raise InvalidInputError(f"is for a robot that stands, and there are {key}")
     if isinstance(spec, WalkSpec):
-        spec.gait.check(start, spec.whole_stop.duration, spec.ground_height, mistakes)
+        duration = spec.whole_stop.duration
+        spec.gait.check(start, parts.limits, duration, spec.ground_height, mistakes)
         mistakes.require(("gait",), partial(walker_of, spec, parts))
         return
     make = partial(parts.controller, spec.controller, parts.tasks, parts.contacts, start)

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from wbc.constraints import Limits
 from wbc.constraints.friction import FrictionCone
 from wbc.gait import Footstep, Legs, Velocity, Walker, WalkingWeights
 from wbc.gait.commanded import CommandedWalk, Forces, TimedCommand
@@ -115,19 +116,24 @@ class GaitSpec(Section):
         return self.model_dump(exclude=others)
 
     def check(
-        self, start: Snapshot, duration: float, ground: Ground | None, mistakes: Mistakes
+        self,
+        start: Snapshot,
+        limits: Limits | None,
+        duration: float,
+        ground: Ground | None,
+        mistakes: Mistakes,
     ) -> None:
         """Note what shows only with the robot, and commands and footsteps that cannot be.
 
         ``ground`` is the height of the terrain, if it has any.
         """
         with mistakes.at("gait"):
-            settings = GaitSettings.of(Legs.of(start.robot), **self.settings)
+            settings = GaitSettings.of(Legs.of(start.robot, limits), **self.settings)
             if not self.commands and not self.footsteps:
                 raise Misplaced("says not where to: give commands, or footsteps")
             if self.see and not self.footsteps:
                 raise Misplaced("is about footsteps that are given, and none are", "see")
-            able = StepRange.of(start.robot, settings)
+            able = StepRange.of(start.robot, settings, limits)
             self._check_footsteps(start, able, ground if self.see else None, mistakes)
         with mistakes.at("gait", "weights"):
             WalkingWeights(**self.weights)
