@@ -87,6 +87,62 @@ def test_it_begins_from_standing_with_the_tilt_that_it_has(
     assert np.allclose(fed(e, sent).q[:3], q[:3], atol=2e-3)
 
 
+KEPT = {
+    "another name": (
+        lambda k, m: {"imus": (ImuReading("imu", (0, 0, 0), (0, 0, 9.81)),)},
+        "no reading of IMU 'chest', those of the last message are: 'imu'",
+    ),
+    "no IMU": (lambda k, m: {"imus": ()}, "those of the last message are: none"),
+    "turning": (
+        lambda k, m: {"imus": (ImuReading("chest", (0, 0, 9.0), (0, 0, 9.81)),)},
+        "has to stand still; IMU 'chest' says 9 rad/s",
+    ),
+    "one time": (lambda k, m: {"time": 5.0}, "is of 5 s, and the one before it of 5 s"),
+}
+
+
+@pytest.mark.parametrize(("change", "said"), KEPT.values(), ids=KEPT)
+def test_what_keeps_it_from_beginning_is_said_once(
+    change: Callable[[int, Measurement], dict[str, object]],
+    said: str,
+    hoap: Robot,
+    rng: np.random.Generator,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    e = StateEstimator(hoap, MOUNTS)
+    sound = messages(hoap, 1, rng)[0]
+    for k in range(1100):
+        m = changed(sound, **({"time": k * DT} | change(k, sound)))
+        assert e.update(m) is None
+    (warning,) = caplog.messages
+    assert "1001 messages, and no estimate yet: " in warning and said in warning
+
+
+def test_times_in_another_unit_are_said(
+    hoap: Robot, rng: np.random.Generator, caplog: pytest.LogCaptureFixture
+) -> None:
+    sent = messages(hoap, 60, rng)
+    e = StateEstimator(hoap, MOUNTS)
+    fed(e, [changed(m, time=1e3 * m.time) for m in sent])
+    assert "messages are 2 s apart, and dt is 0.002 s: are times in s?" in caplog.text
+    e = StateEstimator(hoap, MOUNTS)
+    with pytest.raises(InvalidInputError, match="covariance; messages are 2000 s apart"):
+        fed(e, [changed(sent[0], time=2000.0 * k) for k in range(600)])
+
+
+def test_an_imu_that_says_gravity_downwards_is_refused(
+    hoap: Robot, rng: np.random.Generator
+) -> None:
+    def turned(m: Measurement) -> Measurement:
+        imus = [ImuReading(one.name, one.angular_velocity, -one.specific_force) for one in m.imus]
+        return changed(m, imus=tuple(imus))
+
+    e, sent = StateEstimator(hoap, MOUNTS), messages(hoap, 600, rng)
+    with pytest.raises(InvalidInputError, match="by IMU 'chest' the robot stands on its head"):
+        fed(e, map(turned, sent))
+    assert fed(e, [changed(m, time=m.time + 10.0) for m in sent]).q[2] > 0.2
+
+
 def swaying(
     robot: Robot, count: int, mounts: tuple[ImuMount, ...], rng: np.random.Generator
 ) -> list[tuple[Array, ...]]:

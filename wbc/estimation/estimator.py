@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, shown
+from wbc.estimation.beginning import Beginning
 from wbc.estimation.contact_filter import SHOWN
 from wbc.estimation.core import EstimatorCore, EstimatorMemory
 from wbc.estimation.estimate import Estimate
@@ -96,6 +97,7 @@ class StateEstimator:
         joints = robot.nv - BASE_NV
         self.velocity_delay = JointVelocityFilter(joints, window, dt).delay
         self.core = EstimatorCore(robot, self.imus, self.settings, dt)
+        self._beginning = Beginning(robot, self.imus, self.settings.standing_time, dt)
         self._shape, self._feet = (joints,), tuple(robot.feet)
         self._names = NoteNames(tuple(names), robot.joint_names, self._feet)
         self._at_imu = {name: k for k, name in enumerate(names)}
@@ -136,13 +138,15 @@ class StateEstimator:
         self.core.reset(None if q is None else self.robot.check_configuration(q))
         self._past: deque[tuple[Measurement, EstimatorMemory]] = deque(maxlen=self.settings.history)
         self._last: Estimate | None = None
+        self._beginning.anew()
 
     # ------------------------------------------------------------------ messages
 
     def update(self, measurement: Measurement) -> Estimate | None:
         """Take in a message; return the estimate at the time of the latest one.
 
-        None while it stands to begin. A message that comes late is filed where it belongs, and what
+        None while it stands to begin; a warning says why, where that takes long. A message that
+        comes late is filed where it belongs, and what
         followed is taken in again: to the same bits as in order. One that is older than
         ``history`` messages, or came twice, is dropped, and a note says so.
 
@@ -150,7 +154,7 @@ class StateEstimator:
         ------
         InvalidInputError
             A message of another robot, of other feet, or without any reading of the leading IMU to
-            begin with.
+            begin with; or one by which the robot stands on its head, as where an IMU says -g.
         """
         if not isinstance(measurement, Measurement) or measurement.positions.shape != self._shape:
             raise InvalidInputError(
@@ -203,11 +207,19 @@ class StateEstimator:
         out = np.empty(core.out)
         said = lib.wbc_estimator_update(core.struct, sample, doubles(out))
         if said == lib.STANDING:
+            self._beginning.waits(m)
             return None
         if said != lib.DONE:
             raise InvalidInputError(self._why_none(said))
-        self._last = self._estimate(m, out)
-        return self._last
+        estimate = self._estimate(m, out)
+        if self._last is None:
+            try:
+                self._beginning.check(m, estimate)
+            except InvalidInputError:
+                lib.wbc_estimator_reset(core.struct)
+                raise
+        self._last = estimate
+        return estimate
 
     def _shares(self, m: Measurement) -> Any:
         """Return what the core reads of the loads of the feet, in parts of the weight."""
@@ -266,5 +278,8 @@ class StateEstimator:
                 f" {self.core.detail[0]:.2f}: are its units g, or is it falling?"
             )
         if said == lib.NOT_FINITE:
-            return "filter: the innovation of a foot has no positive covariance"
+            return (
+                "filter: the innovation of a foot has no positive covariance"
+                f"{self._beginning.apart}"
+            )
         return "estimator: the estimate is not finite; reset it"

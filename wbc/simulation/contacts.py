@@ -101,9 +101,8 @@ def touched_by_links(built: Built, data: Any) -> dict[str, str]:
     """
     links, found = built.links, dict[str, str]()
     for pair in data.contact.geom.tolist():
-        touching, others = (
-            [one for one in pair if bool(links[one]) is own] for own in (True, False)
-        )
+        touching = [one for one in pair if links[one]]
+        others = [one for one in pair if not links[one]]
         leans = not built.walls.isdisjoint(pair) and not built.forearms.isdisjoint(pair)
         if len(touching) == 1 and not built.feet[touching[0]] and not leans:
             found[links[touching[0]]] = str(built.model.geom(others[0]).name)
