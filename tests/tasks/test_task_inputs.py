@@ -147,6 +147,8 @@ def test_a_misspelt_attribute_is_an_error(robot_named: Callable[[str], Robot]) -
     task = ComTask(robot_named("hoap2_like"), np.zeros(3))
     with pytest.raises(InvalidInputError, match=r"no attribute 'wieght'; did you mean 'weight'\?$"):
         task.wieght = 5.0
+    with pytest.raises(InvalidInputError, match=r"kp: is of its law: acceleration_law = wbc"):
+        task.kp = 30.0
     with pytest.raises(InvalidInputError, match=r"no attribute 'cost'; did you mean 'weight'\?$"):
         task.cost = 5.0
     task.weight = 5.0

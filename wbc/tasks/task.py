@@ -179,6 +179,10 @@ class Task(DeclaredAttributes, ABC):
             raise InvalidInputError(
                 f"{self}, {name}: goes with the target: set_target(target, rate, acceleration)"
             )
+        elif name in ("kp", "kd") and not self._takes_any:
+            raise InvalidInputError(
+                f"{self}, {name}: is of its law: acceleration_law = wbc.AccelerationLaw({name}=...)"
+            )
         super()._set_attribute(name, value)
         self._remade()
 
