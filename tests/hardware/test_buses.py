@@ -12,9 +12,11 @@ import pytest
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.hardware.bus import BaseTruth, BusError, Command, Reading
+from wbc.hardware.operator import Script
 from wbc.hardware.ring_log import RingLog
+from wbc.hardware.robot_side import RobotSettings
 from wbc.hardware.ros import fill, joint_state, odometry, state_of
-from wbc.hardware.setup import Where
+from wbc.hardware.setup import Where, left_out, loop_of, simulated_robot
 from wbc.hardware.udp import (
     UdpBus,
     UdpRobotBus,
@@ -26,6 +28,7 @@ from wbc.hardware.udp import (
 from wbc.hardware.unitree import profile_named
 from wbc.hardware.unitree.conversion import Converter
 from wbc.hardware.unitree.layout import CDR_HEAD, LAYOUTS, crc32
+from wbc.problem import Problem, load_problem
 from wbc.robot import Robot
 
 N = 29
@@ -280,3 +283,29 @@ def test_a_ring_is_shared_with_the_process_that_writes(tmp_path: Path) -> None:
     with np.load(tmp_path / "log.npz") as log:
         assert log["time"].tolist() == [3, 4, 5, 6, 7]
         assert log["events"].tolist() == ["one", "two"] and log["about"] == "a test"
+
+
+STAND_G1 = """
+robot: {model: g1, locked: {waist_yaw_joint: 0.0}}
+support: double
+tasks: {posture: {type: posture}}
+controller: {level: torque}
+simulation: {duration: 1, wrenches: [{frame: base, force: [0, 0, -10], told: true}]}
+"""
+
+
+def test_what_is_left_out_on_a_robot_is_said_and_another_robot_refused_on_any_bus(
+    tmp_path: Path, g1: Robot
+) -> None:
+    """UDP counts joints alone: an H1-2 with as many would be commanded in the order of a G1."""
+    path = tmp_path / "p.yaml"
+    path.write_text(STAND_G1)
+    problem, profile = load_problem(path), profile_named("unitree_g1")
+    assert isinstance(problem, Problem)
+    off, untold = left_out(problem, profile)
+    assert off.endswith("or locked: waist_yaw_joint") and "wrenches" in untold
+    other = profile_named("unitree_h1_2")
+    with pytest.raises(InvalidInputError, match="no motor for joint waist_roll_joint"):
+        loop_of(problem, other, lambda: pytest.fail("opened"), Script(1.0), forked=False)
+    with pytest.raises(InvalidInputError, match="no motor for joint waist_yaw_joint"):
+        simulated_robot(g1, other, None, RobotSettings())  # type: ignore[arg-type]

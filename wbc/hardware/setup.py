@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError, listed
 from wbc.hardware.bus import Bus, RobotBus
 from wbc.hardware.loop import PERIOD, HardwareLoop
 from wbc.hardware.operator import Operator
@@ -156,10 +156,12 @@ def loop_of(
     Raises
     ------
     InvalidInputError
-        A problem of the velocity level, a robot that cannot crouch from the problem's start, or
-        whose effort limits are not known.
+        A problem of the velocity level, a robot that cannot crouch from the problem's start, whose
+        effort limits are not known, or whose joints are others than the profile's.
     """
     robot, supervisor = problem.parts.robot, problem.supervisor_on_robot()
+    for note in left_out(problem, profile):
+        say(note)
     controller = controller_of(supervisor, robot, profile, problem.parts.start, estimator)
     path = CrouchPath.of(problem.parts.at_start)
     return HardwareLoop(
@@ -183,6 +185,26 @@ def loop_of(
         cpus=cpus,
         say=say,
     )
+
+
+def left_out(problem: Problem, profile: Profile) -> list[str]:
+    """Return what of a robot and its problem is left out on this bus, in words.
+
+    Raises
+    ------
+    InvalidInputError
+        A joint of the robot has no motor there.
+    """
+    robot, found = problem.parts.robot, list[str]()
+    profile.order(robot)
+    off = [joint for joint in profile.motors if joint not in robot.joint_names]
+    if off:
+        found.append(
+            f"motors stay off, as {robot.name} has no such joint, or locked: {listed(off)}"
+        )
+    if any(wrench.told for wrench in problem.spec.simulation.wrenches):
+        found.append("simulation.wrenches: the controller is told of none on a robot")
+    return found
 
 
 def controller_of(
@@ -209,9 +231,10 @@ def simulated_robot(
     Raises
     ------
     InvalidInputError
-        A robot with a fixed base, or that cannot crouch.
+        A robot with a fixed base, that cannot crouch, or of other joints than the profile's.
     """
     check_robot("hardware sim", robot)
+    profile.order(robot)
     if robot.fixed_base:
         raise InvalidInputError(f"hardware sim: {robot.name} has a fixed base, and cannot stand up")
     if start is None:
