@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -263,3 +264,26 @@ def test_motors_have_bounds_and_what_follows_them_has_none(geared: Robot, share:
         np.testing.assert_allclose(unit * (qp.u - values), bounds - torques, atol=1e-7 * unit)
         crossed += np.count_nonzero(np.abs(torques) > bounds)
     assert crossed
+
+
+ARM = """<mujoco><compiler angle="radian"/><worldbody>
+<body name="b"><joint name="j1" axis="0 0 1" range="-3 3"/>
+ <geom type="capsule" size=".04" fromto="0 0 0 0 0 .3" mass="2"/>
+ <body name="c" pos="0 0 .3"><joint name="j2" axis="0 1 0" range="-2 2"/>
+  <geom type="capsule" size=".04" fromto="0 0 0 .3 0 0" mass="1"/></body></body></worldbody>
+<actuator><motor joint="j1" ctrlrange="-50 50"/><motor joint="j2" ctrlrange="-50 50"/></actuator>
+</mujoco>"""
+
+
+def test_an_arm_whose_joint_is_bolted_to_the_world_is_held(tmp_path: Path) -> None:
+    """Its base has no mass, so that base and first joint turn the same; torques by Pinocchio."""
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM)
+    arm = wbc.Robot.load(path)
+    here = arm.snapshot(arm.posture("standing"), np.zeros(arm.nv))
+    assert arm.fixed_base and np.linalg.matrix_rank(here.mass_matrix) < arm.nv
+    tick = wbc.TorqueController(arm, [wbc.PostureTask(arm, here.q)], contacts=()).step(here)
+    data, still = arm.model.createData(), np.zeros(arm.nv)
+    held = pin.rnea(arm.model, data, here.q, still, still)[6:]
+    np.testing.assert_allclose(tick.torque, held, rtol=1e-3, atol=1e-9)  # damping takes 1e-4
+    assert abs(held[1]) > 1.0

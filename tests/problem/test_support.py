@@ -8,6 +8,8 @@ import pytest
 from tests.problem.loading import problem_of
 from wbc.errors import ProblemFileError
 from wbc.problem import Problem
+from wbc.run.phase_support import held_feet
+from wbc.simulation import capture_impulse
 
 TEXT = """
 robot: {robot}
@@ -37,6 +39,18 @@ def test_a_quadruped_stands_on_all_feet_with_its_com_over_them(tmp_path: Path, q
     middle = np.mean([start.position(sole) for sole in soles], axis=0)
     (com,) = (one for one in parts.targeted if one.task.name == "com")
     np.testing.assert_allclose(com.goal(start, start.com)[:2], middle[:2], atol=1e-12)
+
+
+def test_feet_that_are_points_count_for_pushes_and_balance(tmp_path: Path, quadruped) -> None:
+    """By hand: d of M omega d ahead is as far as the front feet are from the CoM."""
+    parts = load(tmp_path, quadruped, "all", "all").parts
+    feet, start = held_feet(parts.contacts), parts.at_start
+    assert sorted(feet) == ["front_left", "front_right", "hind_left", "hind_right"]
+    soles = np.array([start.position(parts.robot.feet[foot].frame) for foot in feet])
+    height = start.com[2] - soles[:, 2].mean()
+    d = soles[:, 0].max() - start.com[0]
+    caught = parts.robot.mass * np.sqrt(parts.robot.gravity / height) * d
+    assert capture_impulse(start, feet, (1.0, 0.0)) == pytest.approx(caught, rel=1e-6)
 
 
 def test_feet_are_listed_by_their_names_beside_frames(tmp_path: Path) -> None:

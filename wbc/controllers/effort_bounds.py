@@ -77,7 +77,11 @@ class StanceBraking:
         standing, robot = self._standing, self._robot
         joints = np.array([standing.position(name) for name in robot.joint_names])
         away = np.linalg.norm(joints - standing.com, axis=1)
-        return np.linalg.inv(standing.mass_matrix), robot.gravity / np.maximum(away, HELD)
+        # A base that is bolted rests in any case, and may be without mass of its own.
+        moves = slice(BASE_NV if robot.fixed_base else 0, None)
+        freely = np.zeros((robot.nv, robot.nv))
+        freely[moves, moves] = np.linalg.inv(standing.mass_matrix[moves, moves])
+        return freely, robot.gravity / np.maximum(away, HELD)
 
     def _able_against(self, J: Array) -> Array:
         """Return what joints are able to, before limits, while rows J (k, nv) of contacts rest."""

@@ -151,8 +151,9 @@ def off_the_ground(
 
 
 def _foot_of(contact: Contact) -> str | None:
-    """Return the foot that a contact holds as a whole, or None."""
-    if isinstance(contact, PointContact):
-        return None
-    feet = contact.robot.feet.items()
-    return next((name for name, foot in feet if contact.frame in (foot.frame, foot.link)), None)
+    """Return the foot that a contact holds as a whole, or None: a point holds one that is one."""
+    point = isinstance(contact, PointContact)
+    for name, foot in contact.robot.feet.items():
+        if contact.frame in (foot.frame, foot.link) and (len(foot.polygon) == 1 or not point):
+            return name
+    return None

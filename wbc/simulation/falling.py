@@ -106,7 +106,7 @@ class FallWatch:
             what = touched[links[0]]
             reason = f"{links[0]} touched {'the ground' if what == GROUND else what}"
             if self._at_first.get(links[0]) == what:
-                reason += ", as at the start: the robot begins there"
+                reason += ", as at the start: the robot begins there; falls: {touch: false} lets it"
         elif self._lifted and plant.contact_forces[self._lifted][2] > 0.0:
             reason = f"the {limits.lifted} foot, which was lifted, touched the ground"
         elif tilt > limits.tilt:
