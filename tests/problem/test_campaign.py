@@ -87,6 +87,9 @@ def test_seeds_go_where_a_problem_is_random_and_draws_follow_them(tmp_path: Path
         "problems: [stand.yaml, push.yaml]\nseeds: [5]\n"
         "draw: {tasks.posture.weight: [0.1, 1.0], limits.margin: [0, 0.01]}\n",
     )
+    estimated = "set: {simulation.sensors: {}, simulation.estimate: true}\n"
+    devices = load(tmp_path, "problems: [push.yaml]\nseeds: [3, 5]\n" + estimated).runs
+    assert [run.overrides["simulation.devices.seed"] for run in devices] == [3, 5]
     # One problem's draws do not depend on another's, nor on what else is drawn.
     one, other = (run.overrides["tasks.posture.weight"] for run in again.runs)
     assert one == other

@@ -209,7 +209,12 @@ def _seed_paths(spec: ProblemSpec | None) -> tuple[str, ...]:
     if spec is not None and isinstance(spec.controller, GlobalSpec):
         return ("controller.seed",)
     if spec is not None and isinstance(spec.controller, TorqueSpec):
-        used = {"sensors": spec.simulation.sensors, "model_error": spec.simulation.model_error}
+        made = spec.simulation
+        used = {
+            "sensors": made.sensors,
+            "model_error": made.model_error,
+            "devices": made.estimate,
+        }
         return tuple(f"simulation.{name}.seed" for name, given in used.items() if given)
     return ()
 
