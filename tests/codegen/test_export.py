@@ -13,6 +13,8 @@ from typer.testing import CliRunner
 from tests.needs import needs_compiler
 from wbc.cli import app
 from wbc.codegen import CodegenError, export_problem
+from wbc.errors import InvalidInputError
+from wbc.hardware.unitree import profile_named
 
 AGREES = 1e-9  # as main.c demands; rounding of two paths was 1e-13 at most
 VELOCITY = """
@@ -199,6 +201,13 @@ def test_a_delay_that_python_predicts_over_is_refused(tmp_path: Path) -> None:
     path = write(tmp_path, TORQUE.replace("dt: 0.002", "dt: 0.002, delay: 0.004"))
     with pytest.raises(CodegenError, match="a delay to predict over"):
         export_problem(path, tmp_path / "c")
+    assert not (tmp_path / "c").exists()
+
+
+def test_a_bus_of_another_robot_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path, TORQUE)
+    with pytest.raises(InvalidInputError, match="unitree_g1: no motor for joint head_yaw"):
+        export_problem(path, tmp_path / "c", ticks=2, robot=profile_named("unitree_g1"))
     assert not (tmp_path / "c").exists()
 
 

@@ -97,6 +97,8 @@ def _problem(
         print_note(f"solved by active_set, as C is, not by {made.solver}")
     for reason, count in made.recording.left_out.items():
         print_note(f"in {count} ticks, left out, C gives no command: {reason}")
+    for note in made.left_out:
+        print_note(note)
     count = len(made.recording.ticks)
     typer.echo(f"written  {folder}: the controller, and {count} ticks of Python to compare with")
     typer.echo(f"now try  make -C {quote(str(folder))} run")

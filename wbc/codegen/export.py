@@ -12,6 +12,7 @@ from wbc.codegen.known import CodegenError
 from wbc.codegen.recording import TickRecording, check_kind, record
 from wbc.codegen.texts import plan_header, plan_source, recording_text
 from wbc.files import write_text
+from wbc.hardware.setup import left_out
 from wbc.hardware.unitree.profiles import Profile
 from wbc.native.sources import FLAGS
 from wbc.native.sources import SOURCE as CORE
@@ -29,6 +30,7 @@ class Export(NamedTuple):
     folder: Path
     recording: TickRecording
     solver: str | None  # the problem's own, if that is not the core's, which the C has
+    left_out: tuple[str, ...] = ()  # of the robot on its bus, in words
 
 
 def export_problem(
@@ -58,6 +60,8 @@ def export_problem(
         The problem is made of something that the native core does not know, named.
     ProblemFileError
         The file is wrong.
+    InvalidInputError
+        The problem's robot is not the one on the bus.
     OSError
         A file cannot be written.
     """
@@ -67,6 +71,7 @@ def export_problem(
     if solver != NAME:
         problem = _load(path, {**overrides, SOLVER: NAME})
     recording = record(problem, ticks)
+    untold = () if robot is None else tuple(left_out(problem, robot))
     title = _title(problem, recording)
     texts = {
         "plan.h": plan_header(recording, title),
@@ -86,7 +91,7 @@ def export_problem(
     for name, text in texts.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         write_text(folder / name, text)
-    return Export(folder, recording, None if solver == NAME else solver)
+    return Export(folder, recording, None if solver == NAME else solver, untold)
 
 
 def _written(source: Path, into: str) -> dict[str, str]:
