@@ -13,7 +13,7 @@ from wbc.human.body import HINGE_NAMES, NAMES, SEGMENT_NAMES, HumanBody
 from wbc.human.fit import MarkerSet, continuous, first_poses, fit_poses, unstuck
 from wbc.human.kinematics import Poses, place, rotations
 from wbc.human.known import known_markers
-from wbc.human.landmarks import landmark, landmark_of
+from wbc.human.landmarks import lacking, landmark, landmark_of
 from wbc.human.markers import ForcePlate
 from wbc.human.skeleton import configurations, human_robot
 from wbc.motion.table import RecordingError
@@ -375,12 +375,46 @@ def test_plates_that_weigh_another_mass_than_was_said_are_told() -> None:
 
 def test_markers_of_no_human_are_told_so() -> None:
     recording, _ = recorded(BODY, seconds=0.5)
-    places = recording.positions.copy()
-    trunk = [recording.labels.index(n) for n in ("C7", "T10", "CLAV", "STRN", "LSHO", "RSHO")]
-    places[:, trunk, 2] -= 1.4
+    places, k = recording.positions.copy(), recording.labels.index
+    swapped = [k(name) for name in ("LKNE", "LANK", "RKNE", "RANK")]
+    places[:, swapped] = places[:, [swapped[j] for j in (1, 0, 3, 2)]]
     seen = MarkerRecording(recording.time, recording.labels, places)
-    with pytest.raises(InvalidInputError, match="off any human"):
+    with pytest.raises(InvalidInputError, match="off any human, whose shank would be"):
         human_motion(seen, up="z")
+
+
+OPTITRACK = (  # its baseline set: places by what Motive shows them on
+    "WaistLFront left_asis WaistRFront right_asis WaistLBack left_psis WaistRBack right_psis"
+    " BackTop spine_high Chest xiphoid BackLeft left_scapula HeadTop head_top LShoulderTop"
+    " left_acromion RShoulderTop right_acromion LUArmHigh left_upper_arm LElbowOut"
+    " left_elbow_lateral LWristIn left_wrist LHandOut left_hand LThigh left_thigh LKneeOut"
+    " left_knee_lateral RKneeOut right_knee_lateral LShin left_shank LAnkleOut left_ankle_lateral"
+    " RAnkleOut right_ankle_lateral LHeel left_heel LToeOut left_metatarsal_5 LToeIn"
+    " left_metatarsal_1 LToeTip left_toe RToeTip right_toe"
+)
+QUALISYS = (  # its animation set
+    "WaistLFront left_asis WaistRFront right_asis WaistBack sacrum SpineTop spine_high Chest"
+    " xiphoid LShoulderTop left_acromion RShoulderTop right_acromion HeadL left_ear LKneeOut"
+    " left_knee_lateral RKneeOut right_knee_lateral LAnkleOut left_ankle_lateral RAnkleOut"
+    " right_ankle_lateral LHeelBack left_heel LForefootOut left_metatarsal_5 RForefootIn"
+    " right_metatarsal_1"
+)
+XSENS = (
+    "pRightASI right_asis pLeftASI left_asis pSacrum sacrum pRightCSI right_iliac_crest pIJ jugular"
+    " pPX xiphoid pC7SpinalProcess c7 pT8SpinalProcess spine pRightAcromion right_acromion"
+    " pRightArmLatEpicondyle right_elbow_lateral pLeftUlnarStyloid left_wrist_ulnar"
+    " pLeftKneeLatEpicondyle left_knee_lateral pRightKneeMedEpicondyle right_knee_medial"
+    " pLeftLatMalleolus left_ankle_lateral pRightLatMalleolus right_ankle_lateral pLeftHeelFoot"
+    " left_heel pLeftFirstMetatarsal left_metatarsal_1 pRightToe right_toe"
+)
+
+
+@pytest.mark.parametrize("given", [OPTITRACK, QUALISYS, XSENS])
+def test_marker_sets_that_come_with_a_system_are_known(given: str) -> None:
+    words = given.split()
+    marks = words[1::2]
+    assert [landmark_of(label) for label in words[::2]] == marks
+    assert not lacking(marks)
 
 
 def test_missing_markers_are_named() -> None:

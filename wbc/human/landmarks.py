@@ -1,9 +1,9 @@
 """Places on a human that markers are put on, and the names that laboratories give to them.
 
 Names are those of Plug-in Gait and CGM2 (Vicon), Helen Hayes, HBM (Motek), IOR (Leardini 2007),
-ISB (Wu 2002, 2005), OpenSim's gait2392, Rajagopal and OpenCap, CMU and Visual3D. Spelling,
-separators and the place of the side do not matter: ``R.ASIS``, ``RASI``, ``r_asis_study``,
-``ASIS_R``.
+ISB (Wu 2002, 2005), OpenSim's gait2392, Rajagopal and OpenCap, CMU, Visual3D, OptiTrack's baseline,
+Qualisys' animation and Xsens. Spelling, separators and the place of the side do not matter:
+``R.ASIS``, ``RASI``, ``r_asis_study``, ``ASIS_R``, ``WaistRFront``.
 """
 
 from __future__ import annotations
@@ -47,83 +47,87 @@ class Landmark:
 # What the left or right ones are called besides the side: segment, anchor, place on the left [mm],
 # spread and noise [mm].
 _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]] = {
-    "asis": ("pelvis", "pelvis", (46, 120, 83), 12, 8, "ASIS ASI IAS FWT FRONTWAIST"),
-    "psis": ("pelvis", "pelvis", (-105, 45, 83), 15, 8, "PSIS PSI IPS BWT BACKWAIST"),
-    "iliac_crest": ("pelvis", "pelvis", (-10, 135, 150), 40, 10, "ICR ILC IC ILIACCREST CREST"),
+    "asis": ("pelvis", "pelvis", (46, 120, 83), 12, 8, "ASIS ASI IAS FWT FRONTWAIST WAISTFRONT"),
+    "psis": ("pelvis", "pelvis", (-105, 45, 83), 15, 8, "PSIS PSI IPS BWT BACKWAIST WAISTBACK"),
+    "iliac_crest": ("pelvis", "pelvis", (-10, 135, 150), 40, 10, "ICR ILC IC ILIACCREST CREST CSI"),
     "hip_centre": ("pelvis", "_thigh", (0, 0, 0), 10, 8, "HJC HIPCENTRE HIPCENTER HIPJOINT HIPJC"),
     "trochanter": ("_thigh", "_thigh", (0, 85, 0), 30, 15, "GT GTR FTC TROC TROCH GTROC TROCHANTER"
                    " GREATERTROCHANTER GTROCHANTER GTRO HIP"),
     "thigh": ("_thigh", "_thigh", (0, 70, -220), 120, 15, "THI THIGH TH TH1 TH2 TH3 TH4 TH5 TH6"
               " THIGH1 THIGH2 THIGH3 THIGH4 THIGHUPPER THIGHFRONT THIGHREAR THIGHLAT THAP THAD THLD"
-              " UTHIGH LTHIGH THIGHLOWER THIGHDIST THIGHPROX QUAD BAR1 WAND1"),
+              " UTHIGH LTHIGH THIGHLOWER THIGHDIST THIGHPROX QUAD BAR1 WAND1 THIGH5 THIGHFRONTLOW"),
     "knee_lateral": ("_thigh", "_shank", (0, 58, 0), 12, 10, "KNE KNEE KNEELAT LATKNEE LKNEE LKNE"
                      " KNEEOUT KNEE1 LFC FLE LE LEP LK KNEEEXT KNL KNEL LFEP LFE LCON FLC"
-                     " KNEELATERAL LEK"),
+                     " KNEELATERAL LEK KNEELATEPICONDYLE"),
     "knee_medial": ("_thigh", "_shank", (0, -58, 0), 12, 10, "MKNEE MKNE KNEEMED MEDKNEE KNM KNEM"
-                    " MFC FME ME MEP MK KNEEIN KNEEINT MFEP MFE MCON FMC KNEEMEDIAL MEK KNEIN"),
+                    " MFC FME ME MEP MK KNEEIN KNEEINT MFEP MFE MCON FMC KNEEMEDIAL MEK KNEIN"
+              " KNEEMEDEPICONDYLE"),
     "knee_centre": ("_thigh", "_shank", (0, 0, 0), 10, 8, "KJC KNEEJOINT KNEECENTRE KNEECENTER"
                     " KNEEJC"),
     "fibula_head": ("_shank", "_shank", (-15, 55, -50), 20, 10, "HF FH FAX FIBHEAD FIBULA FIBHD"),
-    "tibial_tuberosity": ("_shank", "_shank", (45, 0, -65), 25, 10, "TT TTC TTUB TIBTUB TUB"),
+    "tibial_tuberosity": ("_shank", "_shank", (45, 0, -65), 25, 10, "TT TTC TTUB TIBTUB TUB"
+              " TIBIALTUB"),
     "shank": ("_shank", "_shank", (20, 40, -200), 120, 10, "TIB TIBIA SHANK SH SH1 SH2 SH3 SH4 SH5"
               " SH6 SHN SHIN SHANK1 SHANK2 SHANK3 SHANK4 SHANKUPPER SHANKFRONT SHANKREAR SHANKLAT"
               " TIAP TIAD TB TB1 TB2 TB3 TB4 TIB1 TIB2 TIB3 SK1 SK2 SK3 SK4 LEG CALF BAR2 WAND2"
-              " SHA ATI"),
+              " SHA ATI SHINFRONTHIGH SHANKANTSUP"),
     "ankle_lateral": ("_shank", "_foot", (0, 42, 0), 10, 8, "ANK ANKLE ANKLELAT LATANKLE LANKLE"
-                      " LANK LMAL MAL MALL LM FAL ANKLEOUT ANKLEEXT ANL LMA ANKLELATERAL"),
+                      " LANK LMAL MAL MALL LM FAL ANKLEOUT ANKLEEXT ANL LMA ANKLELATERAL"
+              " LATMALLEOLUS"),
     "ankle_medial": ("_shank", "_foot", (8, -42, 5), 10, 8, "MANKLE MANK ANKLEMED MEDANKLE MMAL MED"
-                     " MM TAM ANKLEIN ANKLEINT ANM MMA ANKLEMEDIAL ANKIN"),
+                     " MM TAM ANKLEIN ANKLEINT ANM MMA ANKLEMEDIAL ANKIN MEDMALLEOLUS"),
     "ankle_centre": ("_shank", "_foot", (0, 0, 0), 10, 8, "AJC ANKLEJOINT ANKLECENTRE ANKLECENTER"
                      " ANKLEJC"),
     "heel": ("_foot", "_foot", (-65, 0, -55), 25, 6, "HEE HEEL CAL CALC CALCANEUS CA FCC HL HEEL1"
-             " HEE1 PHEEL CALCBACK"),
+             " HEE1 PHEEL CALCBACK HEELBACK HEELFOOT HEELCENTER"),
     "toe": ("_foot", "_foot", (150, 0, -55), 50, 8, "TOE TOES SMH FM2 SM MT2 TOETIP TOEMID FOREFOOT"
-            " MTP TOE2 2META TOECENTER MT3 D2M MH2"),
+            " MTP TOE2 2META TOECENTER MT3 D2M MH2 FOREFOOT2"),
     "metatarsal_1": ("_foot", "_foot", (125, -35, -58), 30, 8, "MT1 FMH FM1 FM TOEMED 1META MTP1"
-                     " D1M MH1 1MT 1MTP TOE1"),
+                     " D1M MH1 1MT 1MTP TOE1 TOEIN FOREFOOTIN FIRSTMETATARSAL"),
     "metatarsal_5": ("_foot", "_foot", (105, 50, -65), 30, 8, "MT5 VMH FM5 VM TOELAT 5META MTP5 D5M"
-                     " MH5 5MT 5MTP TOE5 MET MT5HEAD"),
+                     " MH5 5MT 5MTP TOE5 MET MT5HEAD TOEOUT FOREFOOTOUT FOREFOOT5 FIFTHMETATARSAL"),
     "foot": ("_foot", "_foot", (60, 10, -40), 80, 8, "MIDFOOTSUP MIDFOOTLAT MIDFOOT FOOT FOOT1"
              " FOOT2 FOOT3 P1MT P5MT P1M P5M MIDFOOTMED NAV LCAL MCAL STL"),
     "acromion": ("trunk", "_upper_arm", (0, 5, 45), 25, 15, "SHO SHOULDER ACR ACROMION ACROMIUM AC"
-                 " CAJ ACRO SHLD SHD SAE SAJ SHOULD"),
+                 " CAJ ACRO SHLD SHD SAE SAJ SHOULD SHOULDERTOP"),
     "shoulder_centre": ("trunk", "_upper_arm", (0, 0, 0), 15, 12, "SJC SHOULDERCENTRE GHJC"
                         " SHOULDERCENTER SHOULDERJOINT SHOULDERJC"),
-    "clavicle": ("trunk", "trunk", (65, 30, 380), 40, 10, "CLAVICLE CLA SC SCJ CLAV"),
+    "clavicle": ("trunk", "trunk", (65, 30, 380), 40, 10, "CLAVICLE CLA SC SCJ CLAV STERNUM"),
     "scapula": ("trunk", "trunk", (-110, 90, 320), 80, 15, "SCAP BAK SIA SAA SRS SCAPULA ACRB"
-                " SCAPINF IAS2"),
+                " SCAPINF IAS2 SHOULDERBACK BACK"),
     "upper_arm": ("_upper_arm", "_upper_arm", (0, 45, -150), 90, 12, "UPA BICEP BICEPS UPPERARM UA"
-                  " UA1 UA2 UA3 UARM ARM UPPERARM1 HUMERUS UPARM TRICEP TRICEPS DELT"),
+                  " UA1 UA2 UA3 UARM ARM UPPERARM1 HUMERUS UPARM TRICEP TRICEPS DELT UARMHIGH"),
     "elbow_lateral": ("_upper_arm", "_forearm", (0, 38, 0), 15, 10, "ELB ELBOW ELBOWLAT LATELBOW"
-                      " LELBOW LEL HLE ELBOWOUT ELBL LELB ELBLAT ELL ELBOWLATERAL EL LHE LEE"),
+                      " LELBOW LEL HLE ELBOWOUT ELBL LELB ELBLAT ELL ELBOWLATERAL EL LHE LEE"
+              " ARMLATEPICONDYLE"),
     "elbow_medial": ("_upper_arm", "_forearm", (0, -38, 0), 15, 10, "MELBOW ELBOWMED MEDELBOW MEL"
-                     " HME ELBOWIN ELBM MELB ELBMED ELM ELBOWMEDIAL EM MHE MEE"),
+                     " HME ELBOWIN ELBM MELB ELBMED ELM ELBOWMEDIAL EM MHE MEE ARMMEDEPICONDYLE"),
     "elbow_centre": ("_upper_arm", "_forearm", (0, 0, 0), 10, 10, "EJC ELBOWCENTRE ELBOWCENTER"
                      " ELBOWJOINT ELBOWJC"),
     "forearm": ("_forearm", "_forearm", (20, 30, -140), 90, 10, "FRM FOREARM FRA FARM FA FA1 FA2"
                 " FASUPERIOR FORE FOREARM1 RADULN"),
-    "wrist": ("_forearm", "_hand", (0, 25, 0), 30, 10, "WRIST WRI WR MW LW"),
+    "wrist": ("_forearm", "_hand", (0, 25, 0), 30, 10, "WRIST WRI WR MW LW WRISTOUT WRISTIN"),
     "wrist_radial": ("_forearm", "_hand", (32, 0, 0), 12, 8, "WRA RSP WRISTRAD WRISTLAT LATWRIST"
-                     " LWRIST FARADIUS RAD RADIUS RS WRR WRISTRADIUS WRISTTHUMB"),
+                     " LWRIST FARADIUS RAD RADIUS RS WRR WRISTRADIUS WRISTTHUMB RADIALSTYLOID"),
     "wrist_ulnar": ("_forearm", "_hand", (-32, 0, 0), 12, 8, "WRB USP WRISTULN WRISTMED MEDWRIST"
-                    " MWRIST FAULNA ULN ULNA UHE US WRU WRISTULNA WRISTPINKY"),
+                    " MWRIST FAULNA ULN ULNA UHE US WRU WRISTULNA WRISTPINKY ULNARSTYLOID"),
     "wrist_centre": ("_forearm", "_hand", (0, 0, 0), 10, 10, "WJC WRISTCENTRE WRISTCENTER"
                      " WRISTJOINT WRISTJC"),
     "hand": ("_hand", "_hand", (0, 20, -75), 35, 8, "FIN HAND HM3 HM2 HM5 FIN1 HANDTOP MCP3 MCP2"
-             " MC3 MCP5 MCP MC2 MC5 HND"),
+             " MC3 MCP5 MCP MC2 MC5 HND HANDOUT TOPOFHAND"),
     "head_front": ("head", "head", (110, 70, 165), 40, 6, "FHD HDF FRONTHEAD HEADFRONT FH1"),
     "head_back": ("head", "head", (-75, 70, 165), 40, 6, "BHD HDB BACKHEAD HEADBACK REARHEAD"),
-    "ear": ("head", "head", (15, 75, 125), 30, 6, "EAR TRAGUS TRAG HEAD HD"),
+    "ear": ("head", "head", (15, 75, 125), 30, 6, "EAR TRAGUS TRAG HEAD HD AURICULARIS"),
 }  # fmt: skip
 _MIDDLE: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]] = {
     "sacrum": ("pelvis", "pelvis", (-110, 0, 75), 20, 8, "SACR SACRUM S2 S1 VSACRAL VSAC SAC MPSIS"
-               " SACRAL MIDPSIS"),
+               " SACRAL MIDPSIS WAISTBACK"),
     "mid_asis": ("pelvis", "pelvis", (46, 0, 83), 12, 8, "MIDASIS"),
     "root": ("pelvis", "pelvis", (0, 0, 20), 30, 8, "PELVISROOT"),
     "spine_low": ("trunk", "trunk", (-100, 0, 60), 80, 12, "L1 L2 L3 L4 L5 LV1 LV3 LV5 LUMBAR"),
     "spine": ("trunk", "trunk", (-115, 0, 230), 90, 10, "T10 TV10 T8 TV8 T12 TV12 T6 T7 T4 T5 T9"
               " T11 THORAX SPINE"),
-    "spine_high": ("trunk", "head", (-60, 0, -50), 40, 10, "T2 TV2 T1 TV1 T3"),
+    "spine_high": ("trunk", "head", (-60, 0, -50), 40, 10, "T2 TV2 T1 TV1 T3 BACKTOP SPINETOP"),
     "c7": ("trunk", "head", (-55, 0, 0), 15, 10, "C7 CV7 CERV7 C7T1"),
     "jugular": ("trunk", "trunk", (65, 0, 386), 30, 10, "CLAV SJN SNJ IJ SUP JN MANUBRIUM JUG"
                 " CLAVICLE SUPR MIDCLAVICLE INCJ SS"),
@@ -132,16 +136,22 @@ _MIDDLE: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
     "back": ("trunk", "trunk", (-110, -70, 300), 90, 12, "RBAK LBAK OFFSET ROFFSET RSCAP BACK BBAC"
              " BACKOFFSET"),
     "head_top": ("head", "head", (20, 0, 250), 30, 6, "TOPHEAD HEADTOP TOP HDTP VERTEX HTOP HEAD"
-                 " THEAD"),
+                 " THEAD TOPOFHEAD"),
     "head_mid_front": ("head", "head", (120, 0, 165), 40, 6, "FRONTHEAD FOREHEAD HEADFRONT HDFR"
                        " GLAB GLABELLA NASION FHEAD"),
-    "head_mid_back": ("head", "head", (-90, 0, 165), 40, 6, "BACKHEAD REARHEAD HEADBACK HDBK OCC"),
+    "head_mid_back": ("head", "head", (-90, 0, 165), 40, 6, "BACKHEAD REARHEAD HEADBACK HDBK OCC"
+              " BACKOFHEAD"),
     "neck_centre": ("trunk", "head", (0, 0, 0), 15, 10, "CJC NECKJOINT NECKCENTRE"),
     "head_centre": ("head", "head", (20, 0, 90), 40, 8, "HEADCENTRE HEADJOINT"),
 }  # fmt: skip
 SIDES = {"L": "left", "R": "right", "LEFT": "left", "RIGHT": "right"}
 CLUSTER = 3  # markers that tell how a segment turns
-_SUFFIXES = ("STUDY", "MARKER", "REFERENCE")
+_SUFFIXES = ("STUDY", "MARKER", "REFERENCE", "SPINALPROCESS")
+# Words of a label in camel case, and what Xsens writes before each.
+_HUMP, _POINT = (
+    re.compile("(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])"),
+    re.compile("^p(?=[A-Z])"),
+)
 
 
 def _aliases(table: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]]
@@ -161,11 +171,13 @@ def landmark_of(label: str) -> str | None:
 
     ``left_asis`` from ``Subject1:LASI``, ``L.ASIS``, ``asis_left`` and the like.
     """
-    text = re.sub(r"[^A-Z0-9]+", " ", label.rpartition(":")[2].upper()).strip()
-    for suffix in _SUFFIXES:
-        text = text.removesuffix(suffix).strip()
-    parts = text.split()
+    text = _HUMP.sub(" ", _POINT.sub("", label.rpartition(":")[2]))
+    parts = re.sub(r"[^A-Z0-9]+", " ", text.upper()).split()
     words = "".join(parts)
+    for suffix in _SUFFIXES:
+        if words.endswith(suffix):
+            words, end = words.removesuffix(suffix), len(words) - len(suffix)
+            parts = [part for k, part in enumerate(parts) if len("".join(parts[: k + 1])) <= end]
     if words in _MIDDLE_ALIASES:
         return _MIDDLE_ALIASES[words]
     for side in sorted(SIDES, key=len, reverse=True):
