@@ -417,6 +417,20 @@ def test_marker_sets_that_come_with_a_system_are_known(given: str) -> None:
     assert not lacking(marks)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("pair", [(), ("LASI", "RASI"), ("LTHI", "LKNE"), ("LTOE", "LHEE")])
+def test_markers_whose_names_were_swapped_are_told(pair: tuple[str, ...]) -> None:
+    """They fit to 2 mm: the places of all markers are found, too."""
+    recording, _ = recorded(BODY, seconds=1.0, off=0.6, noise=1e-3)
+    places, k = recording.positions.copy(), [recording.labels.index(name) for name in pair]
+    places[:, k] = places[:, k[::-1]]
+    seen = MarkerRecording(recording.time, recording.labels, places, up="z")
+    human = human_motion(seen, mass=72.0)
+    told = [note for note in human.notes if "far from where their names have them" in note]
+    assert human.rms < 3e-3 and len(told) == bool(pair)
+    assert all(name in note for note in told for name in pair[-1:])
+
+
 def test_missing_markers_are_named() -> None:
     labels = [label for label in LABELS if label not in ("LKNE", "LANK")] + ["Foo"]
     recording, _ = recorded(BODY, labels=labels[:-1], seconds=0.2)

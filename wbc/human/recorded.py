@@ -174,7 +174,7 @@ def human_motion(
     found, poses, time = seen.found, seen.poses, recording.time
     body = HumanBody(found.dimensions, 70.0 if mass is None else mass, found.stature, sex)
     ground, soles, told = ground_and_soles(place(poses, body.dimensions), time, body, ground_height)
-    notes += told
+    notes += found.notes + told
     robot = human_robot(body, soles)
     q = configurations(robot, poses)
     motion = _motion(robot, recording, q, seen.dropouts)
