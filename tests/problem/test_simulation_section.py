@@ -184,7 +184,6 @@ MISTAKES = [
     ("duration: 0.3", "falls: {lifted: right}", "falls.lifted: the right foot stands at the start"),
     ("duration: 0.3", "terrain: {slope: 1}", "simulation.terrain.slope: expected a list"),
     ("at: 0.1", "at: 0.7, body: bsae", "p.yaml:11: simulation.pushes[0].body: unknown frame 'bsa"),
-    ("at: 0.1", "at: 0.25", "pushes[0].duration: the simulation ends at 0.3 s, before the impulse"),
     ("at: 0.1", "at: 0.7", "pushes[0].at: begins after the end of the simulation (0.3 s)"),
     ("at: 0.1", "profile: sine", "simulation.pushes[0]: 'at' is missing"),
     ("at: 0.1", "at: 0, profile: half", "profile: 'half' does not exist; did you mean 'half_sine'"),

@@ -303,9 +303,7 @@ class SimulationSpec(Section):
                 if push.at >= duration:
                     text = f"begins after the end of the simulation ({duration:g} s)"
                     raise Misplaced(text, "at")
-                if push.force is None and push.at + push.duration > duration * (1.0 + EVEN):
-                    text = f"the simulation ends at {duration:g} s, before the impulse is given"
-                    raise Misplaced(text, "duration")
+
         for k, wrench in enumerate(self.wrenches):
             with mistakes.at("simulation", "wrenches", k):
                 start.robot.frame_id(wrench.frame)
