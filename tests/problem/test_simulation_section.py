@@ -57,6 +57,15 @@ def test_it_stands_and_tells_of_it(tmp_path: Path) -> None:
     assert "mujoco" in result.run.provenance["versions"]
 
 
+@pytest.mark.parametrize(("duration", "told"), [(0.15, True), (0.2, False)])
+def test_a_push_that_the_end_cuts_short_is_told(
+    tmp_path: Path, duration: float, told: bool
+) -> None:
+    result = problem(tmp_path, overrides={"simulation.duration": duration}).simulate()
+    words = "the push on base from 0.1 s on lasts until 0.2 s, and was over with the simulation"
+    assert any(words in note for note in result.notes) is told
+
+
 @pytest.mark.slow
 def test_the_same_file_gives_the_same_bits(tmp_path: Path) -> None:
     noisy = {"simulation.sensors": {"position_noise": 1e-4, "dropout": 0.1, "seed": 3}}

@@ -49,8 +49,15 @@ class TrialRecord:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What physics and supervisor have to say."""
-        return (*self._plant.notes, *self._phases.notes)
+        """What physics and supervisor have to say, and which pushes the end cut short."""
+        end, dt = self._plant.time, self._plant.dt
+        cut = [
+            f"the push on {one.body} from {one.start:g} s on lasts until {late:g} s, and was over"
+            f" with the simulation, at {end:g} s"
+            for one in self.pushes
+            if self.verdict.stood and one.start < end < (late := one.start + one.duration) - dt / 2
+        ]
+        return (*self._plant.notes, *self._phases.notes, *cut)
 
     @property
     def ticks(self) -> int:
