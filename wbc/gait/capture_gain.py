@@ -32,8 +32,8 @@ from wbc.tasks import ComTask
 from wbc.validate import Array, finite_number
 
 # How near to an edge of the soles momentum begins to help: in heights of the CoM, and at most in
-# parts of how far inside the target is. At the second part of that it helps all it can, up to the
-# third soles are counted on: nearer to their edges a little error of theirs tips them.
+# parts of how far inside the target is. At FULL of that distance it helps all it can. Up to RESERVE
+# of it soles are counted on: pressed nearer to their edges, a little error tips them.
 NEAR, OF_TARGET = 0.082, 0.64
 FULL, RESERVE = 0.4, 0.6
 # In units of 1/omega: how far ahead xi is looked at, and how soon its speed is seen.
