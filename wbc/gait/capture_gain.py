@@ -24,7 +24,7 @@ import numpy as np
 from wbc.controllers import Controller, TorqueController
 from wbc.controllers.checks import check_snapshot
 from wbc.errors import InvalidInputError, shown
-from wbc.gait.soles import anchored_soles
+from wbc.gait.soles import anchored_soles, capture_point
 from wbc.laws import AccelerationLaw
 from wbc.polygon import convex_hull, half_planes, polygon_area
 from wbc.robot import Snapshot
@@ -113,8 +113,7 @@ class CaptureGain:
             self._last = None
             self._set(self.gain, max(float(snapshot.com[2]), LEAST))
             return
-        omega = math.sqrt(self.controller.robot.gravity / height)
-        point = snapshot.com[:2] + snapshot.com_velocity[:2] / omega
+        point, omega = capture_point(snapshot, height)
         self._see(point, omega)
         self._set(self._wanted(soles, point, omega, height), height)
 

@@ -34,7 +34,7 @@ from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError, shown
 from wbc.gait.arms import Arm
 from wbc.gait.leaning import HandsFree, Leaning, LeanSettings, Reaching, Withdrawing
-from wbc.gait.soles import anchored_soles
+from wbc.gait.soles import anchored_soles, capture_point
 from wbc.gait.swing import SPEED_UP, SwingMotion, towards
 from wbc.gait.wall_reach import check_reach
 from wbc.gait.walls import Hand, Wall, check_hands, check_walls
@@ -189,8 +189,7 @@ class HandSupport:
         if points is None:
             return None
         height = max(float(snapshot.com[2] - points[:, 2].mean()), LOST)
-        omega = math.sqrt(self.controller.robot.gravity / height)
-        return points[:, :2], snapshot.com[:2] + snapshot.com_velocity[:2] / omega
+        return points[:, :2], capture_point(snapshot, height)[0]
 
     def _inside(self, snapshot: Snapshot) -> float:
         """Return how far the capture point is inside the polygon of the soles [m]."""
