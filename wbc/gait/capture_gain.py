@@ -24,7 +24,7 @@ import numpy as np
 from wbc.controllers import Controller, TorqueController
 from wbc.controllers.checks import check_snapshot
 from wbc.errors import InvalidInputError, shown
-from wbc.gait.soles import anchored_soles, capture_point
+from wbc.gait.soles import capture_point, standing_soles
 from wbc.laws import AccelerationLaw
 from wbc.polygon import convex_hull, half_planes, polygon_area
 from wbc.robot import Snapshot
@@ -119,9 +119,10 @@ class CaptureGain:
 
     def _standing(self) -> _Soles | None:
         """Return what stands, worked out anew where that changes; None if it has no area."""
-        corners, before = anchored_soles(self.controller.contacts), self._soles
-        if corners is None:
+        soles, before = standing_soles(self.controller.contacts), self._soles
+        if not soles:
             return None
+        corners = np.concatenate([one.anchored for one in soles])
         if before is not None and np.array_equal(before.corners, corners):
             return before
         hull = convex_hull(corners[:, :2])

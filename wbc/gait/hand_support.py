@@ -34,7 +34,7 @@ from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError, shown
 from wbc.gait.arms import Arm
 from wbc.gait.leaning import HandsFree, Leaning, LeanSettings, Reaching, Withdrawing
-from wbc.gait.soles import anchored_soles, capture_point
+from wbc.gait.soles import capture_point, standing_soles
 from wbc.gait.swing import SPEED_UP, SwingMotion, towards
 from wbc.gait.wall_reach import check_reach
 from wbc.gait.walls import Hand, Wall, check_hands, check_walls
@@ -184,10 +184,11 @@ class HandSupport:
     def _soles_and_dcm(self, snapshot: Snapshot) -> tuple[Array, Array] | None:
         """Return the corners (k, 2) of the soles that stand, and the capture point (2,) [m]."""
         hands = {hand.frame for hand in self.arms}
-        contacts = self.controller.contacts
-        points = anchored_soles([one for one in contacts if one.name not in hands])
-        if points is None:
+        soles = standing_soles(self.controller.contacts)
+        corners = [one.measured(snapshot) for one in soles if one.contact.frame not in hands]
+        if not corners:
             return None
+        points = np.concatenate(corners)
         height = max(float(snapshot.com[2] - points[:, 2].mean()), LOST)
         return points[:, :2], capture_point(snapshot, height)[0]
 

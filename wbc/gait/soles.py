@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-
-import numpy as np
+from typing import NamedTuple
 
 from wbc.constraints import Contact, PointContact
 from wbc.robot import Snapshot
@@ -15,17 +14,30 @@ from wbc.validate import Array
 UPWARDS = 0.5  # a point that faces up by less is on a wall
 
 
-def anchored_soles(contacts: Sequence[Task]) -> Array | None:
-    """Return the corners (n, 3) [m] of soles, world axes, where they are held; None without any.
+class SoleContact(NamedTuple):
+    """A contact, and the corners (k, 3) of its sole in its frame's axes [m]."""
 
-    Points on walls are left out.
-    """
-    corners = [
-        one.position + one.corners @ one.rotation.T
+    contact: Contact
+    corners: Array
+
+    @property
+    def anchored(self) -> Array:
+        """The corners (k, 3) where they are held, world axes [m]."""
+        return self.contact.position + self.corners @ self.contact.rotation.T
+
+    def measured(self, snapshot: Snapshot) -> Array:
+        """Return the corners (k, 3) where they are, world axes [m]."""
+        frame = self.contact.frame
+        return snapshot.position(frame) + self.corners @ snapshot.rotation(frame).T
+
+
+def standing_soles(contacts: Sequence[Task]) -> list[SoleContact]:
+    """Return what is held by corners that bear: soles and points, without those on walls."""
+    return [
+        SoleContact(one, one.corners)
         for one in contacts
         if isinstance(one, Contact) and one.corners is not None and not _on_a_wall(one)
     ]
-    return np.concatenate(corners) if corners else None
 
 
 def capture_point(snapshot: Snapshot, height: float) -> tuple[Array, float]:
