@@ -26,12 +26,12 @@ NEARLY = 1.02  # of speeds and accelerations: what is so little beyond is not sl
 
 def solved(
     motion: WholeMotion, axes: Array, rounds: int, balance: bool, progress: Progress | None,
-    begun: Array | None, enough: float = ENOUGH,
+    begun: Array | None,
 ) -> Round:  # fmt: skip
     """Return the round whose configurations (n, nq) are as near to the targets as they come.
 
     What is hard is kept but for what tasks pull at it. ``begun``: those of the same motion in other
-    time (m, nq), from which to go on. ``enough``: cost by frame that is left at last.
+    time (m, nq), from which to go on.
     """
     tasks, collision = motion.tasks, motion.collision
     robot = tasks.robot
@@ -70,7 +70,7 @@ def solved(
         steady = before.violation < ASTRAY and now.cost > (1.0 - SETTLED) * before.cost
         if hurried and number >= PATIENT and now.haste > (1.0 - SETTLED) * before.haste:
             hurried = not steady  # it gets no slower
-        if number >= LEAST_ROUNDS and not hurried and (steady or now.cost < enough):
+        if number >= LEAST_ROUNDS and not hurried and (steady or now.cost < ENOUGH):
             break
         if number < PATIENT or now.haste <= NEARLY:
             motion.damping = max(BOLDER * motion.damping, BOLDEST)

@@ -26,7 +26,7 @@ from wbc.validate import Array, check_fields
 TURNING = 0.1  # of m h sqrt(g h): angular momentum of who turns as a whole; who walks has a fifth
 # Of a leg's length and of m h sqrt(g h): who moves and turns by less is followed more closely, by
 # this at most.
-STILL, QUIET, CLOSEST = 0.02, 0.01, 3.0
+STILL, QUIET, CLOSEST = 0.02, 0.01, 6.0
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,6 @@ TOO_SLOW, MORE_SLOWLY, SLOWEST = 4.0, 0.03, 1.5
 SPOILED = 1.5  # times the sum of squares of what is not mended
 # Before all that more is asked of CoM, momentum and the long axis' lean: who can, does.
 EAGER = {"com": 1.15, "momentum": 1.75, "lean": 10.0}
-PLENTY = 1.2  # what then is left at last, of larger weights
 
 # From a scale and weights to the least squares of a motion, and the human's principal axes.
 Problem = Callable[[MotionScale, RetargetWeights], tuple[WholeMotion, Array]]
@@ -72,7 +71,7 @@ def kept(
     """Return the first try that keeps what is hard, or the last one."""
     more = {name: factor * getattr(weights, name) for name, factor in EAGER.items()}
     motion, axes = problem(scale, replace(weights, **more))
-    best = solved(motion, axes, rounds, balance, progress, None, PLENTY)
+    best = solved(motion, axes, rounds, balance, progress, None)
     if best.speed <= NEARLY and (found := mended(motion, best.q)).kept:
         return Tried(found.q, motion, scale, 0)
     softer, hurried = 0, None
