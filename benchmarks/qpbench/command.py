@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import NOT_REACHED, errors_in_one_line, print_note
+from wbc.cli.errors import NOT_REACHED, print_note
 from wbc.cli.options import Quiet
 
 if TYPE_CHECKING:
@@ -76,28 +76,27 @@ def bench(
     Without problem files: standard jobs, from an arm to 62 joints, velocities and torques, smooth
     and hard, up to 200 pairs of bodies.
     """
-    with errors_in_one_line():
-        places = _checked(output or [])
-        from qpbench.solvers import candidate_names, make_candidate
-        from qpbench.summary import load_summary
+    places = _checked(output or [])
+    from qpbench.solvers import candidate_names, make_candidate
+    from qpbench.summary import load_summary
 
-        old = None if compare is None else load_summary(compare)
-        solvers = solver or list(candidate_names())
-        for name in solvers:  # recording takes longer than a misspelt name deserves
-            make_candidate(name, (eps or ACCURACIES)[0])
-        _one_thread()
-        found = _sequences(problems or [], sequences, job or [], ticks, quiet)
-        if qpbenchmark is not None:
-            _export(qpbenchmark, found, quiet)
-        summary = _measure(found, solvers, eps or ACCURACIES, repeats, quiet)
-        changes: Sequence[SpeedChange] = ()
-        if old is not None:
-            changes = _compared(old, summary)
-        outputs = _write_all(places, summary, changes)
-        if not quiet:
-            _print(summary, changes, outputs.written)
-        worse = any(one.verdict in ("slower", "fails more") for one in changes)
-        code = outputs.exit_code(NOT_REACHED if worse else 0)
+    old = None if compare is None else load_summary(compare)
+    solvers = solver or list(candidate_names())
+    for name in solvers:  # recording takes longer than a misspelt name deserves
+        make_candidate(name, (eps or ACCURACIES)[0])
+    _one_thread()
+    found = _sequences(problems or [], sequences, job or [], ticks, quiet)
+    if qpbenchmark is not None:
+        _export(qpbenchmark, found, quiet)
+    summary = _measure(found, solvers, eps or ACCURACIES, repeats, quiet)
+    changes: Sequence[SpeedChange] = ()
+    if old is not None:
+        changes = _compared(old, summary)
+    outputs = _write_all(places, summary, changes)
+    if not quiet:
+        _print(summary, changes, outputs.written)
+    worse = any(one.verdict in ("slower", "fails more") for one in changes)
+    code = outputs.exit_code(NOT_REACHED if worse else 0)
     raise typer.Exit(code)
 
 

@@ -7,11 +7,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import typer
 from typer.testing import CliRunner, Result
 
 import wbc.cli.analyze as command_module
-from wbc.cli.analyze import analyze
+from wbc.cli import app
 from wbc.cli.analyze_report import verdict
 from wbc.cli.sim_report import _cop
 from wbc.motion import Motion, read_motion
@@ -35,9 +34,7 @@ def walk(tmp_path: Path) -> Path:
 
 
 def command(*arguments: object) -> Result:
-    app = typer.Typer(pretty_exceptions_enable=False)
-    app.command()(analyze)
-    return CliRunner().invoke(app, [*map(str, arguments), "--robot", "hoap2_like"])
+    return CliRunner().invoke(app, ["analyze", *map(str, arguments), "--robot", "hoap2_like"])
 
 
 def test_a_good_run(walk: Path, tmp_path: Path) -> None:

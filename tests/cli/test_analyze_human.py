@@ -4,20 +4,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
 from typer.testing import CliRunner, Result
 
 from tests.human.walker import recorded, write_trc
-from wbc.cli.analyze import analyze
+from wbc.cli import app
 from wbc.human.body import HumanBody
 
 BODY = HumanBody.of(1.76, 72.0, "male")
 
 
 def command(*arguments: object) -> Result:
-    app = typer.Typer(pretty_exceptions_enable=False)
-    app.command()(analyze)
-    return CliRunner().invoke(app, [*map(str, arguments)])
+    return CliRunner().invoke(app, ["analyze", *map(str, arguments)])
 
 
 def write_mot(path: Path, seconds: float) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.errors import errors_in_one_line, print_notes
+from wbc.cli.errors import print_notes
 from wbc.cli.human_options import (
     SEX,
     Forces,
@@ -120,70 +120,68 @@ def analyze(
     unit: Unit = None,
 ) -> None:
     """Reduce a recorded motion to its reaction mass pendulum over time."""
-    with errors_in_one_line():
-        from wbc.cli.analyze_human import analyze_human, is_human
-        from wbc.cli.analyze_report import print_analysis
-        from wbc.cli.outputs import Outputs
-        from wbc.cli.progress import shown_progress
-        from wbc.motion import analyze, read_motion
-        from wbc.robot import Robot
+    from wbc.cli.analyze_human import analyze_human, is_human
+    from wbc.cli.analyze_report import print_analysis
+    from wbc.cli.outputs import Outputs
+    from wbc.cli.progress import shown_progress
+    from wbc.motion import analyze, read_motion
+    from wbc.robot import Robot
 
-        moments = _snapshots(snapshots)
-        low_pass = _cutoff(CUTOFF if cutoff is None else cutoff)
-        _check_outputs(motion, output or [], plot, moments)
-        options = HumanOptions(static, forces, subject, mass, stature, sex, up, unit)
-        human = is_human(motion, robot, options)
-        if human or robot is None:
-            _refuse_of_robots(context)
-            code = analyze_human(
-                motion,
-                options,
-                cutoff=None if cutoff is None else (low_pass,),
-                ground=ground,
-                rate=resample,
-                noise=noise is not NoiseOption.NONE,
-                feet=_feet(feet),
-                longest_gap=longest_gap,
-                output=output or [],
-                plot=plot,
-                snapshots=moments,
-                quiet=quiet,
-            )
-            raise typer.Exit(code)
-        loaded = Robot.load(robot)
-        if not quiet:
-            print_notes(loaded)
-        recording = read_motion(
+    moments = _snapshots(snapshots)
+    low_pass = _cutoff(CUTOFF if cutoff is None else cutoff)
+    _check_outputs(motion, output or [], plot, moments)
+    options = HumanOptions(static, forces, subject, mass, stature, sex, up, unit)
+    human = is_human(motion, robot, options)
+    if human or robot is None:
+        _refuse_of_robots(context)
+        code = analyze_human(
             motion,
-            loaded,
-            rate=rate,
-            degrees=degrees,
-            missing=missing.value if missing else None,
-            ignore=ignore or (),
-            beyond=beyond,
-            fill=fill,
+            options,
+            cutoff=None if cutoff is None else (low_pass,),
+            ground=ground,
+            rate=resample,
+            noise=noise is not NoiseOption.NONE,
+            feet=_feet(feet),
             longest_gap=longest_gap,
+            output=output or [],
+            plot=plot,
+            snapshots=moments,
+            quiet=quiet,
         )
-        with shown_progress(quiet) as progress:
-            series = analyze(
-                recording,
-                rate=resample,
-                cutoff=low_pass,
-                planted=planted,
-                feet=_feet(feet),
-                ground_height=0.0 if ground is None else ground,
-                noise=None if noise is NoiseOption.NONE else noise.value,
-                progress=progress,
-            )
-        outputs = Outputs()
-        for path in output or []:
-            outputs.save(path, series.save)
-        if plot is not None:
-            outputs.draw(plot, lambda picture: _draw(series, picture, moments))
-        if not quiet:
-            print_analysis(series, outputs.written)
-        code = outputs.exit_code()
-    raise typer.Exit(code)
+        raise typer.Exit(code)
+    loaded = Robot.load(robot)
+    if not quiet:
+        print_notes(loaded)
+    recording = read_motion(
+        motion,
+        loaded,
+        rate=rate,
+        degrees=degrees,
+        missing=missing.value if missing else None,
+        ignore=ignore or (),
+        beyond=beyond,
+        fill=fill,
+        longest_gap=longest_gap,
+    )
+    with shown_progress(quiet) as progress:
+        series = analyze(
+            recording,
+            rate=resample,
+            cutoff=low_pass,
+            planted=planted,
+            feet=_feet(feet),
+            ground_height=0.0 if ground is None else ground,
+            noise=None if noise is NoiseOption.NONE else noise.value,
+            progress=progress,
+        )
+    outputs = Outputs()
+    for path in output or []:
+        outputs.save(path, series.save)
+    if plot is not None:
+        outputs.draw(plot, lambda picture: _draw(series, picture, moments))
+    if not quiet:
+        print_analysis(series, outputs.written)
+    raise typer.Exit(outputs.exit_code())
 
 
 def _refuse_of_robots(context: typer.Context) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import NOT_REACHED, complain, errors_in_one_line, print_note
+from wbc.cli.errors import NOT_REACHED, complain, print_note
 from wbc.cli.options import Quiet
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ SHOWN = 5  # runs without result that are named
 
 
 def batch(
-    campaign: Annotated[Path, typer.Argument(help="A campaign file.", metavar="CAMPAIGN.yaml")],
+    path: Annotated[Path, typer.Argument(help="A campaign file.", metavar="CAMPAIGN.yaml")],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -53,20 +53,6 @@ def batch(
     quiet: Quiet = False,
 ) -> None:
     """Run problems with many values and seeds, and write a table with a row for each run."""
-    with errors_in_one_line():
-        code = _batch(campaign, output, workers, cluster, check, quiet)
-    raise typer.Exit(code)
-
-
-def _batch(
-    path: Path,
-    output: Path | None,
-    workers: int | None,
-    cluster: str | None,
-    check: bool,
-    quiet: bool,
-) -> int:
-    """Run a campaign, write and print what came of it, and return the exit code."""
     from wbc.batch import load_campaign, write_rows
     from wbc.batch.row import made_with
     from wbc.cli.outputs import Outputs
@@ -80,11 +66,11 @@ def _batch(
     campaign = load_campaign(path)
     if check:
         typer.echo(f"{path}: valid: {_told(campaign)}")
-        return 0
+        return
     made_of = {**campaign.made_of(), "versions": made_with()}
     if _is_done(output, made_of):
         typer.echo(f"{output} has all {len(campaign.runs)} runs already; delete it to begin anew")
-        return 0
+        return
     kept, outputs = output.with_name(output.name + PARTIAL), Outputs()
     with Journal(kept, made_of) as journal:
         if journal.entries and not quiet:
@@ -100,8 +86,8 @@ def _batch(
         _print_table(campaign, rows, outputs.written)
     if interrupts():
         complain(f"interrupted; the same command goes on with what is in {kept}")
-        return interrupts.exit_code
-    return outputs.exit_code(_exit_code(rows))
+        raise typer.Exit(interrupts.exit_code)
+    raise typer.Exit(outputs.exit_code(_exit_code(rows)))
 
 
 def _checked(output: Path) -> Path:

@@ -8,8 +8,6 @@ from typing import Annotated
 
 import typer
 
-from wbc.cli.errors import errors_in_one_line
-
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 
 
@@ -30,8 +28,7 @@ def without_clone(
     """Measure QP solvers on the QPs of controllers: in a clone of the repository."""
     from wbc.errors import InvalidInputError
 
-    with errors_in_one_line():
-        raise InvalidInputError(
-            "wbc bench: the benchmarks are no part of the installed package; clone the repository,"
-            " call make test there once, then .venv/bin/wbc bench"
-        )
+    raise InvalidInputError(
+        "wbc bench: the benchmarks are no part of the installed package; clone the repository,"
+        " call make test there once, then .venv/bin/wbc bench"
+    )

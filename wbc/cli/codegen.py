@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.errors import errors_in_one_line, print_note
+from wbc.cli.errors import print_note
 from wbc.cli.options import Assign, overrides_of
 
 if TYPE_CHECKING:
@@ -60,15 +60,14 @@ def codegen(
 
     Or a pendulum's equations of motion, with a header.
     """
-    with errors_in_one_line():
-        of_problem = {"--set": assign, "--ticks": ticks, "--robot": robot}
-        of_pendulum = {"--mass": mass, "--gravity": gravity, "--function": function}
-        if what in PENDULUMS:
-            _refuse(of_problem, "a problem", what)
-            _pendulum(what, mass, gravity, output or Path("."), function)
-        else:
-            _refuse(of_pendulum, "a pendulum", what)
-            _problem(Path(what), output, assign, ticks or 200, robot)
+    of_problem = {"--set": assign, "--ticks": ticks, "--robot": robot}
+    of_pendulum = {"--mass": mass, "--gravity": gravity, "--function": function}
+    if what in PENDULUMS:
+        _refuse(of_problem, "a problem", what)
+        _pendulum(what, mass, gravity, output or Path("."), function)
+    else:
+        _refuse(of_pendulum, "a pendulum", what)
+        _problem(Path(what), output, assign, ticks or 200, robot)
 
 
 def _refuse(options: Mapping[str, object], kind: str, what: str) -> None:

@@ -8,22 +8,20 @@ from importlib.metadata import PackageNotFoundError, version
 import typer
 
 from wbc import __version__
-from wbc.cli.errors import errors_in_one_line
 
 PACKAGES = ("cffi", "pin", "coal", "proxsuite", "casadi", "numpy", "scipy", "mujoco")
 
 
 def doctor() -> None:
     """Say what is installed, and how far the compiled core and Pinocchio are apart."""
-    with errors_in_one_line():
-        found = {name: _version(name) for name in PACKAGES}
-        typer.echo(
-            f"wbc {__version__}, Python {platform.python_version()}, "
-            f"{platform.system()} {platform.machine()}"
-        )
-        typer.echo(", ".join(f"{name} {number}" for name, number in found.items()))
-        for line in core_lines():
-            typer.echo(line)
+    found = {name: _version(name) for name in PACKAGES}
+    typer.echo(
+        f"wbc {__version__}, Python {platform.python_version()}, "
+        f"{platform.system()} {platform.machine()}"
+    )
+    typer.echo(", ".join(f"{name} {number}" for name, number in found.items()))
+    for line in core_lines():
+        typer.echo(line)
 
 
 def core_lines() -> list[str]:

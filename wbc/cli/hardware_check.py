@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.errors import complain, errors_in_one_line, print_note
+from wbc.cli.errors import complain, print_note
 from wbc.cli.hardware_options import STOPPED, Bus, Domain, Interface, OnBus, Priority, Slower
 from wbc.cli.options import robots_beginning
 
@@ -31,44 +31,41 @@ def check(
     slower: Slower = 1.0,
 ) -> None:
     """Check a robot: bus, rates, sensors; then, after asking, order and sign of each joint."""
-    with errors_in_one_line():
-        from wbc.hardware.check import CheckFinding, CheckGains, listen, move_joints
-        from wbc.hardware.real_time import real_time, slow_down
-        from wbc.hardware.setup import Where, safety_of
-        from wbc.hardware.unitree import profile_named
-        from wbc.hardware.unitree.profiles import by_pattern
-        from wbc.robot import Robot
+    from wbc.hardware.check import CheckFinding, CheckGains, listen, move_joints
+    from wbc.hardware.real_time import real_time, slow_down
+    from wbc.hardware.setup import Where, safety_of
+    from wbc.hardware.unitree import profile_named
+    from wbc.hardware.unitree.profiles import by_pattern
+    from wbc.robot import Robot
 
-        loaded, profile = Robot.load(model), profile_named(robot)
-        where = Where(bus, interface, domain)
-        slow_down(slower)
-        end = where.open(profile, loaded)
-        wrong = 0
+    loaded, profile = Robot.load(model), profile_named(robot)
+    where = Where(bus, interface, domain)
+    slow_down(slower)
+    end = where.open(profile, loaded)
+    wrong = 0
 
-        def told(finding: CheckFinding) -> None:
-            nonlocal wrong
-            wrong += not finding.good
-            mark = (
-                typer.style("ok   ", fg="green") if finding.good else typer.style("WRONG", fg="red")
-            )
-            typer.echo(f"{mark} {finding.what:28s} {finding.seen}")
+    def told(finding: CheckFinding) -> None:
+        nonlocal wrong
+        wrong += not finding.good
+        mark = typer.style("ok   ", fg="green") if finding.good else typer.style("WRONG", fg="red")
+        typer.echo(f"{mark} {finding.what:28s} {finding.seen}")
 
-        with real_time(priority) as refused:
-            for note in refused:
-                print_note(note)
-            for finding in listen(end, loaded):
-                told(finding)
-            if wrong:
-                complain("joints are not moved before this is mended")
-                raise typer.Exit(STOPPED)
-            if move is None:
-                move = _asked_to_move(loaded, where)
-            if move:
-                kp, kd = by_pattern(loaded, profile.stiffness), by_pattern(loaded, profile.holding)
-                safety = safety_of(loaded, profile, 0.002)
-                move_joints(end, loaded, safety, CheckGains(kp, kd), told=told)
-        end.close()
-        raise typer.Exit(STOPPED if wrong else 0)
+    with real_time(priority) as refused:
+        for note in refused:
+            print_note(note)
+        for finding in listen(end, loaded):
+            told(finding)
+        if wrong:
+            complain("joints are not moved before this is mended")
+            raise typer.Exit(STOPPED)
+        if move is None:
+            move = _asked_to_move(loaded, where)
+        if move:
+            kp, kd = by_pattern(loaded, profile.stiffness), by_pattern(loaded, profile.holding)
+            safety = safety_of(loaded, profile, 0.002)
+            move_joints(end, loaded, safety, CheckGains(kp, kd), told=told)
+    end.close()
+    raise typer.Exit(STOPPED if wrong else 0)
 
 
 def _asked_to_move(robot: Robot, where: Where) -> bool:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import errors_in_one_line, print_note
+from wbc.cli.errors import print_note
 from wbc.cli.hardware_options import STOPPED, Bus, Cpus, Domain, Interface, OnBus, Priority, Slower
 from wbc.cli.options import Assign, Quiet, overrides_of
 
@@ -66,50 +66,49 @@ def run(
 
     An empty line stops at once; so does a second Ctrl-C, the first one sits down.
     """
-    with errors_in_one_line():
-        from wbc.cli.interrupts import noted_interrupts
-        from wbc.errors import InvalidInputError
-        from wbc.hardware.operator import Keyboard, Script, Wish
-        from wbc.hardware.real_time import slow_down
-        from wbc.hardware.setup import Where, loop_of
-        from wbc.hardware.unitree import profile_named
-        from wbc.problem import Problem, load_problem
+    from wbc.cli.interrupts import noted_interrupts
+    from wbc.errors import InvalidInputError
+    from wbc.hardware.operator import Keyboard, Script, Wish
+    from wbc.hardware.real_time import slow_down
+    from wbc.hardware.setup import Where, loop_of
+    from wbc.hardware.unitree import profile_named
+    from wbc.problem import Problem, load_problem
 
-        _check_places(log, report)
-        loaded = load_problem(problem, overrides_of(assign))
-        if not isinstance(loaded, Problem):
-            raise InvalidInputError(f"{problem}: a pendulum's problem runs on no robot")
-        where, profile = Where(bus, interface, domain), profile_named(robot)
-        if slower > 1.0 and not where.is_here:
-            raise InvalidInputError(f"--slower: a robot on {interface!r} would not be slower")
-        slow_down(slower)
-        if unattended is not None and not where.is_here:
-            raise InvalidInputError(
-                f"--unattended: nobody would stop a robot on {interface!r}; it is for lo"
-            )
-        say = _silent if quiet else typer.echo
-        operator = Keyboard(say) if unattended is None else Script(unattended)
-        loop = loop_of(
-            loaded,
-            profile,
-            lambda: where.open(profile, loaded.parts.robot),
-            operator,
-            estimator=estimator,
-            log=log,
-            keep=keep,
-            watch=_watch_of(loaded.parts.robot) if view else None,
-            priority=priority,
-            cpus=cpu or (),
-            say=say,
+    _check_places(log, report)
+    loaded = load_problem(problem, overrides_of(assign))
+    if not isinstance(loaded, Problem):
+        raise InvalidInputError(f"{problem}: a pendulum's problem runs on no robot")
+    where, profile = Where(bus, interface, domain), profile_named(robot)
+    if slower > 1.0 and not where.is_here:
+        raise InvalidInputError(f"--slower: a robot on {interface!r} would not be slower")
+    slow_down(slower)
+    if unattended is not None and not where.is_here:
+        raise InvalidInputError(
+            f"--unattended: nobody would stop a robot on {interface!r}; it is for lo"
         )
-        with noted_interrupts() as interrupts:
-            loop.interrupted = lambda: _sits(interrupts, operator, Wish.SIT)
-            result = loop.run()
-        loop.bus.close()
-        _tell(result, report, quiet)
-        if interrupts():
-            raise typer.Exit(interrupts.exit_code)
-        raise typer.Exit(0 if result.good else STOPPED)
+    say = _silent if quiet else typer.echo
+    operator = Keyboard(say) if unattended is None else Script(unattended)
+    loop = loop_of(
+        loaded,
+        profile,
+        lambda: where.open(profile, loaded.parts.robot),
+        operator,
+        estimator=estimator,
+        log=log,
+        keep=keep,
+        watch=_watch_of(loaded.parts.robot) if view else None,
+        priority=priority,
+        cpus=cpu or (),
+        say=say,
+    )
+    with noted_interrupts() as interrupts:
+        loop.interrupted = lambda: _sits(interrupts, operator, Wish.SIT)
+        result = loop.run()
+    loop.bus.close()
+    _tell(result, report, quiet)
+    if interrupts():
+        raise typer.Exit(interrupts.exit_code)
+    raise typer.Exit(0 if result.good else STOPPED)
 
 
 def _watch_of(robot: Any) -> Any:

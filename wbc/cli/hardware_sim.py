@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from wbc.cli.errors import errors_in_one_line, print_note
+from wbc.cli.errors import print_note
 from wbc.cli.hardware_options import Bus, Domain, Interface, OnBus, Priority, Slower
 from wbc.cli.options import Quiet, robots_beginning
 
@@ -52,46 +52,45 @@ def sim(
 
     It hangs in its gantry's straps at the height of its crouch, feet on the ground.
     """
-    with errors_in_one_line():
-        import json
+    import json
 
-        from wbc.cli.interrupts import noted_interrupts
-        from wbc.errors import InvalidInputError
-        from wbc.extras import require
-        from wbc.files import write_text
-        from wbc.hardware.real_time import check_cpus, pin, real_time, slow_down
-        from wbc.hardware.robot_side import RobotSettings
-        from wbc.hardware.setup import Where, simulated_robot
-        from wbc.hardware.unitree import profile_named
-        from wbc.robot import Robot
+    from wbc.cli.interrupts import noted_interrupts
+    from wbc.errors import InvalidInputError
+    from wbc.extras import require
+    from wbc.files import write_text
+    from wbc.hardware.real_time import check_cpus, pin, real_time, slow_down
+    from wbc.hardware.robot_side import RobotSettings
+    from wbc.hardware.setup import Where, simulated_robot
+    from wbc.hardware.unitree import profile_named
+    from wbc.robot import Robot
 
-        require("mujoco", "wbc hardware sim")
-        check_cpus(() if cpu is None else (cpu,))
-        loaded, profile = Robot.load(model, armature=armature), profile_named(robot)
-        settings = RobotSettings(truth=truth, gantry=not no_gantry, patience=patience)
-        with real_time(priority):  # which the bus's own threads inherit
-            end = Where(bus, interface, domain).open_robot(profile, loaded)
-        side = simulated_robot(loaded, profile, end, settings, lifted=lifted)
-        for one in push or ():
-            try:
-                at, fx, fy, seconds = (float(word) for word in one.split(","))
-            except ValueError:
-                raise InvalidInputError(f"--push {one}: expected AT,FX,FY,SECONDS") from None
-            side.push(at, push_body, (fx, fy, 0.0), seconds)
-        pin(cpu)
-        slow_down(slower)
-        if not quiet:
-            typer.echo(f"{loaded.name} on {bus} {interface}: ready")
-        with noted_interrupts() as interrupts:
-            done = side.run(duration, cancelled=interrupts, priority=priority, say=print_note)
-        if report is not None:
-            write_text(report, json.dumps(done.to_data()) + "\n")
-        if not quiet:
-            for event in done.events:
-                typer.echo(f"{event.time:.4f}  {event.what}")
-            typer.echo(
-                f"{done.commands} commands, {done.damaged} damaged; tilted by at most"
-                f" {done.tilt:.2f} rad; {done.late} of {done.steps} steps made up for,"
-                f" {1e3 * done.latest:.1f} ms late at most"
-            )
-        raise typer.Exit(0)
+    require("mujoco", "wbc hardware sim")
+    check_cpus(() if cpu is None else (cpu,))
+    loaded, profile = Robot.load(model, armature=armature), profile_named(robot)
+    settings = RobotSettings(truth=truth, gantry=not no_gantry, patience=patience)
+    with real_time(priority):  # which the bus's own threads inherit
+        end = Where(bus, interface, domain).open_robot(profile, loaded)
+    side = simulated_robot(loaded, profile, end, settings, lifted=lifted)
+    for one in push or ():
+        try:
+            at, fx, fy, seconds = (float(word) for word in one.split(","))
+        except ValueError:
+            raise InvalidInputError(f"--push {one}: expected AT,FX,FY,SECONDS") from None
+        side.push(at, push_body, (fx, fy, 0.0), seconds)
+    pin(cpu)
+    slow_down(slower)
+    if not quiet:
+        typer.echo(f"{loaded.name} on {bus} {interface}: ready")
+    with noted_interrupts() as interrupts:
+        done = side.run(duration, cancelled=interrupts, priority=priority, say=print_note)
+    if report is not None:
+        write_text(report, json.dumps(done.to_data()) + "\n")
+    if not quiet:
+        for event in done.events:
+            typer.echo(f"{event.time:.4f}  {event.what}")
+        typer.echo(
+            f"{done.commands} commands, {done.damaged} damaged; tilted by at most"
+            f" {done.tilt:.2f} rad; {done.late} of {done.steps} steps made up for,"
+            f" {1e3 * done.latest:.1f} ms late at most"
+        )
+    raise typer.Exit(0)

@@ -8,6 +8,8 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from wbc.cli.errors import errors_in_one_line
+
 UsageError: Any = typer.BadParameter.__base__  # typer does not show it
 OF_THE_FILE = "values of the file are replaced by --set"
 
@@ -16,19 +18,20 @@ class Commands(TyperGroup):
     """Commands whose refusals say what to write where that can be known."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command of the line.
+        """Run the command of the line; the package's own errors become a message each.
 
         Raises
         ------
         UsageError
             Typer's own, which typer tells; what to write is in its message.
         """
-        try:
-            return super().invoke(ctx)
-        except UsageError as error:
-            if hint := self._hint(error):
-                error.message = f"{error.message.rstrip('.')}; {hint}"
-            raise
+        with errors_in_one_line():
+            try:
+                return super().invoke(ctx)
+            except UsageError as error:
+                if hint := self._hint(error):
+                    error.message = f"{error.message.rstrip('.')}; {hint}"
+                raise
 
     def _hint(self, error: Any) -> str:
         """Return what to write in place of what is refused; empty where nobody knows."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line, print_notes
+from wbc.cli.errors import BAD_INPUT, complain, print_notes
 from wbc.cli.options import Assign, overrides_of, robots_beginning
 
 if TYPE_CHECKING:
@@ -32,30 +32,29 @@ def init(
 
     Neither replaces a file that is there.
     """
-    with errors_in_one_line():
-        from wbc.cli.outputs import check_place
-        from wbc.errors import InvalidInputError
-        from wbc.files import write_text
-        from wbc.problem.template import problem_template
-        from wbc.robot import Robot
+    from wbc.cli.outputs import check_place
+    from wbc.errors import InvalidInputError
+    from wbc.files import write_text
+    from wbc.problem.template import problem_template
+    from wbc.robot import Robot
 
-        shown = str(path) == "-"
-        if not shown:
-            check_place("wbc init", path)
-            if path.exists():
-                raise InvalidInputError(f"wbc init {path}: is there already; name another file")
-        loaded = Robot.load(robot)
-        is_file = loaded.path.resolve() == Path(robot).resolve()
-        name = str(loaded.path.resolve()) if is_file else robot
-        if shown:
-            typer.echo(problem_template(loaded, name, "problem.yaml"), nl=False)
-            return
-        schema = path.parent / SCHEMA_FILE
-        if not schema.exists():
-            write_text(schema, _schema_text())
-        text = problem_template(loaded, name, str(path), SCHEMA_FILE)
-        write_text(path, text)
-        typer.echo(f"written  {path}\nschema   {schema}\nnow try  wbc run {path}")
+    shown = str(path) == "-"
+    if not shown:
+        check_place("wbc init", path)
+        if path.exists():
+            raise InvalidInputError(f"wbc init {path}: is there already; name another file")
+    loaded = Robot.load(robot)
+    is_file = loaded.path.resolve() == Path(robot).resolve()
+    name = str(loaded.path.resolve()) if is_file else robot
+    if shown:
+        typer.echo(problem_template(loaded, name, "problem.yaml"), nl=False)
+        return
+    schema = path.parent / SCHEMA_FILE
+    if not schema.exists():
+        write_text(schema, _schema_text())
+    text = problem_template(loaded, name, str(path), SCHEMA_FILE)
+    write_text(path, text)
+    typer.echo(f"written  {path}\nschema   {schema}\nnow try  wbc run {path}")
 
 
 def check(
@@ -67,23 +66,21 @@ def check(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print mistakes only.")] = False,
 ) -> None:
     """Check problem files without running them: every mistake with its line."""
-    wrong = 0
-    with errors_in_one_line():
-        from wbc.errors import WbcError
-        from wbc.problem import Problem, load_problem
+    from wbc.errors import WbcError
+    from wbc.problem import Problem, load_problem
 
-        overrides = overrides_of(assign)
-        for path in problems:
-            try:
-                problem = load_problem(path, overrides)
-            except WbcError as error:
-                complain(str(error))
-                wrong += 1
-                continue
-            if not quiet:
-                typer.echo(f"{problem.source.name}: {_told(problem)}")
-                if isinstance(problem, Problem):
-                    print_notes(problem.parts.robot)
+    wrong, overrides = 0, overrides_of(assign)
+    for path in problems:
+        try:
+            problem = load_problem(path, overrides)
+        except WbcError as error:
+            complain(str(error))
+            wrong += 1
+            continue
+        if not quiet:
+            typer.echo(f"{problem.source.name}: {_told(problem)}")
+            if isinstance(problem, Problem):
+                print_notes(problem.parts.robot)
     raise typer.Exit(BAD_INPUT if wrong else 0)
 
 
@@ -115,16 +112,15 @@ def schema(
 
     A problem file names it in its first line: # yaml-language-server: $schema=wbc.schema.json
     """
-    with errors_in_one_line():
-        from wbc.cli.outputs import check_place
-        from wbc.files import write_text
+    from wbc.cli.outputs import check_place
+    from wbc.files import write_text
 
-        text = _schema_text()
-        if output is None:
-            typer.echo(text, nl=False)
-            return
-        check_place("--output", output)
-        write_text(output, text)
+    text = _schema_text()
+    if output is None:
+        typer.echo(text, nl=False)
+        return
+    check_place("--output", output)
+    write_text(output, text)
 
 
 def _schema_text() -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import complain, errors_in_one_line, print_note, print_notes
+from wbc.cli.errors import complain, print_note, print_notes
 from wbc.cli.options import Assign, Quiet, Solver, overrides_of
 
 if TYPE_CHECKING:
@@ -84,22 +84,20 @@ def push(
     survived: the robot stood to the end of the simulation and was at rest there. Pushes of the
     file's own are left out.
     """
-    with errors_in_one_line():
-        from wbc.cli.outputs import check_outputs
-        from wbc.cli.starting import starting
-        from wbc.problem.pushing import LoadPushed, PushSettings
-        from wbc.simulation import PushGrid
+    from wbc.cli.outputs import check_outputs
+    from wbc.cli.starting import starting
+    from wbc.problem.pushing import LoadPushed, PushSettings
+    from wbc.simulation import PushGrid
 
-        grid = PushGrid(directions, ratios_of(ratios), failures)
-        settings = PushSettings(body=body, duration=duration, at=at)
-        check_outputs(output or [], plot)
-        overrides = overrides_of(assign, solver)
-        paths = [problem] if compare is None else [problem, compare]
-        with starting(f"loading {', '.join(map(str, paths))}", quiet):
-            loads = [LoadPushed.of(path, overrides, settings) for path in paths]
-        count = workers or len(os.sched_getaffinity(0))
-        code = _campaign(paths, loads, settings, grid, count, output or [], plot, quiet)
-    raise typer.Exit(code)
+    grid = PushGrid(directions, ratios_of(ratios), failures)
+    settings = PushSettings(body=body, duration=duration, at=at)
+    check_outputs(output or [], plot)
+    overrides = overrides_of(assign, solver)
+    paths = [problem] if compare is None else [problem, compare]
+    with starting(f"loading {', '.join(map(str, paths))}", quiet):
+        loads = [LoadPushed.of(path, overrides, settings) for path in paths]
+    count = workers or len(os.sched_getaffinity(0))
+    raise typer.Exit(_campaign(paths, loads, settings, grid, count, output or [], plot, quiet))
 
 
 def ratios_of(text: str) -> list[float]:

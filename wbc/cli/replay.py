@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from wbc.cli.errors import NOT_REACHED, errors_in_one_line
+from wbc.cli.errors import NOT_REACHED
 from wbc.cli.options import Quiet
 
 REPLAY_EXIT_CODES = (
@@ -37,19 +37,18 @@ def replay(
 
     A tick is saved by wbc run --save-tick, or by tick.save(path).
     """
-    with errors_in_one_line():
-        from wbc.controllers.tick import TICK_FILE
-        from wbc.errors import InvalidInputError
-        from wbc.pickled import kind_of
+    from wbc.controllers.tick import TICK_FILE
+    from wbc.errors import InvalidInputError
+    from wbc.pickled import kind_of
 
-        if kind_of(file) == TICK_FILE:
-            same, text = _tick(file, code)
-        elif code is not None:
-            raise InvalidInputError("--code: only for a saved tick")
-        else:
-            same, text = _run(file, quiet)
-        if not quiet:
-            typer.echo(text)
+    if kind_of(file) == TICK_FILE:
+        same, text = _tick(file, code)
+    elif code is not None:
+        raise InvalidInputError("--code: only for a saved tick")
+    else:
+        same, text = _run(file, quiet)
+    if not quiet:
+        typer.echo(text)
     raise typer.Exit(0 if same else NOT_REACHED)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import errors_in_one_line, print_notes
+from wbc.cli.errors import print_notes
 from wbc.cli.human_options import (
     SEX,
     Forces,
@@ -127,75 +127,74 @@ def retarget(
     unit: Unit = None,
 ) -> None:
     """Make a humanoid move as a recorded human: feet, CoM, momentum, ellipsoid, trunk and arms."""
-    with errors_in_one_line():
-        from wbc.cli.outputs import Outputs, check_place
-        from wbc.cli.progress import shown_progress
-        from wbc.errors import InvalidInputError
-        from wbc.extras import require
-        from wbc.files import write_text
-        from wbc.retargeting import retarget as retargeted
-        from wbc.retargeting.layouts import check_layout
-        from wbc.robot import Robot
-        from wbc.view.mcap_export import mcap_format, write_retargeted
+    from wbc.cli.outputs import Outputs, check_place
+    from wbc.cli.progress import shown_progress
+    from wbc.errors import InvalidInputError
+    from wbc.extras import require
+    from wbc.files import write_text
+    from wbc.retargeting import retarget as retargeted
+    from wbc.retargeting.layouts import check_layout
+    from wbc.robot import Robot
+    from wbc.view.mcap_export import mcap_format, write_retargeted
 
-        if view:
-            require("viser", "wbc retarget --view")
-        written = [(path, _layout(path, layout)) for path in output or []]
-        for path, kind in written:
-            if kind == MCAP:
-                mcap_format(path)
-            else:
-                check_layout(path, kind)
-            check_place("--output", path)
-        if problem is not None:
-            _check_problem(problem, written)
-        asked: dict[str, Any] = {
-            "motion": motion, "robot": robot, "static": static, "forces": forces,
-            "subject": subject, "mass": mass, "stature": stature, "sex": sex, "up": up,
-            "unit": unit, "ground": ground, "rate": rate, "duration": _duration(duration),
-            "cutoff": cutoff, "roll": roll, "balance": balance, "friction": friction,
-            "margin": margin, "links": _links(link or []),
-        }  # fmt: skip
-        if motion.suffix.lower() in (".yaml", ".yml"):
-            asked |= _of_file(motion, asked.keys(), context)
-        if asked["robot"] is None:
-            raise InvalidInputError("--robot: say which one is to move as the human")
-        loaded = Robot.load(asked["robot"])
-        if not quiet:
-            print_notes(loaded)
-        human = HumanOptions(**{name: asked[name] for name in HUMAN}).motion(
-            asked["motion"],
-            asked["ground"],
-            by_steps=False,  # a robot balances by itself
-        )
-        with shown_progress(quiet) as progress:
-            ways = {key: asked[key] for key in WAYS}
-            found = retargeted(human, loaded, **ways, progress=progress)
-        outputs = Outputs()
-        for path, kind in written:
-            if kind == MCAP:
-                outputs.save(path, lambda place: write_retargeted(found, place))
-            else:
-                outputs.save(path, lambda place, kind=kind: found.save(place, kind))  # type: ignore[misc]
-        if problem is not None:
-            text = _problem(found, problem, written, asked)
-            outputs.save(problem, lambda place: write_text(place, text))
-        if not quiet:
-            from wbc.cli.analyze_human import print_human
+    if view:
+        require("viser", "wbc retarget --view")
+    written = [(path, _layout(path, layout)) for path in output or []]
+    for path, kind in written:
+        if kind == MCAP:
+            mcap_format(path)
+        else:
+            check_layout(path, kind)
+        check_place("--output", path)
+    if problem is not None:
+        _check_problem(problem, written)
+    asked: dict[str, Any] = {
+        "motion": motion, "robot": robot, "static": static, "forces": forces,
+        "subject": subject, "mass": mass, "stature": stature, "sex": sex, "up": up,
+        "unit": unit, "ground": ground, "rate": rate, "duration": _duration(duration),
+        "cutoff": cutoff, "roll": roll, "balance": balance, "friction": friction,
+        "margin": margin, "links": _links(link or []),
+    }  # fmt: skip
+    if motion.suffix.lower() in (".yaml", ".yml"):
+        asked |= _of_file(motion, asked.keys(), context)
+    if asked["robot"] is None:
+        raise InvalidInputError("--robot: say which one is to move as the human")
+    loaded = Robot.load(asked["robot"])
+    if not quiet:
+        print_notes(loaded)
+    human = HumanOptions(**{name: asked[name] for name in HUMAN}).motion(
+        asked["motion"],
+        asked["ground"],
+        by_steps=False,  # a robot balances by itself
+    )
+    with shown_progress(quiet) as progress:
+        ways = {key: asked[key] for key in WAYS}
+        found = retargeted(human, loaded, **ways, progress=progress)
+    outputs = Outputs()
+    for path, kind in written:
+        if kind == MCAP:
+            outputs.save(path, lambda place: write_retargeted(found, place))
+        else:
+            outputs.save(path, lambda place, kind=kind: found.save(place, kind))  # type: ignore[misc]
+    if problem is not None:
+        text = _problem(found, problem, written, asked)
+        outputs.save(problem, lambda place: write_text(place, text))
+    if not quiet:
+        from wbc.cli.analyze_human import print_human
 
-            print_human(human)
-            print_retargeted(found)
-            for path in outputs.written:
-                typer.echo(f"wrote {path}")
-        code = outputs.exit_code()
-        if view:
-            from wbc.view.live.retargeted import view_retargeted
+        print_human(human)
+        print_retargeted(found)
+        for path in outputs.written:
+            typer.echo(f"wrote {path}")
+    code = outputs.exit_code()
+    if view:
+        from wbc.view.live.retargeted import view_retargeted
 
-            viewer = view_retargeted(human, found)
-            typer.echo("Ctrl-C ends it", err=True)
-            viewer.wait()
-            if viewer.error:
-                typer.echo(viewer.error, err=True)
+        viewer = view_retargeted(human, found)
+        typer.echo("Ctrl-C ends it", err=True)
+        viewer.wait()
+        if viewer.error:
+            typer.echo(viewer.error, err=True)
     raise typer.Exit(code)
 
 

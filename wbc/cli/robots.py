@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.errors import errors_in_one_line, missing_limits, print_notes
+from wbc.cli.errors import missing_limits, print_notes
 from wbc.cli.options import robots_beginning
 
 if TYPE_CHECKING:
@@ -26,29 +26,28 @@ def robots(
     ] = None,
 ) -> None:
     """List the robots that a problem can name, or describe one: joints, limits, links, frames."""
-    with errors_in_one_line():
-        from wbc.errors import ModelError
-        from wbc.robot import Robot
-        from wbc.robot.library import find_robot, robot_names
-        from wbc.robot.packages import menagerie_names
+    from wbc.errors import ModelError
+    from wbc.robot import Robot
+    from wbc.robot.library import find_robot, robot_names
+    from wbc.robot.packages import menagerie_names
 
-        if name is not None:
-            robot = Robot.load(name)
-            _describe(robot)
-            print_notes(robot)
-            return
-        width = max(len(name) for name in robot_names())
-        for name in robot_names():
-            try:
-                where = str(find_robot(name).path)
-            except ModelError:
-                where = "not installed (pip install 'wbc[robots]')"
-            typer.echo(f"{name:{width}}  {where}")
-        others = menagerie_names()
-        for name in others:
-            typer.echo(name)
-        if not others:
-            typer.echo("menagerie:NAME  not installed (pip install 'wbc[menagerie]')")
+    if name is not None:
+        robot = Robot.load(name)
+        _describe(robot)
+        print_notes(robot)
+        return
+    width = max(len(name) for name in robot_names())
+    for name in robot_names():
+        try:
+            where = str(find_robot(name).path)
+        except ModelError:
+            where = "not installed (pip install 'wbc[robots]')"
+        typer.echo(f"{name:{width}}  {where}")
+    others = menagerie_names()
+    for name in others:
+        typer.echo(name)
+    if not others:
+        typer.echo("menagerie:NAME  not installed (pip install 'wbc[menagerie]')")
 
 
 def _describe(robot: Robot) -> None:
@@ -108,16 +107,15 @@ def collisions(
     fit: Annotated[str, typer.Option(help="capsule or hull")] = "capsule",
 ) -> None:
     """List the pairs of a robot's bodies that self-collision does not watch, and why."""
-    with errors_in_one_line():
-        from wbc.constraints import SelfCollision
-        from wbc.robot import Robot
+    from wbc.constraints import SelfCollision
+    from wbc.robot import Robot
 
-        loaded = Robot.load(robot)
-        print_notes(loaded)
-        margins = SelfCollision(loaded, margin=margin, fit=fit)
-        typer.echo(f"{len(margins.model.pairs)} pairs are watched; with finer shapes:")
-        for pair, why in margins.finer.items():
-            typer.echo(f"  {pair}: {why}")
-        typer.echo(f"{len(margins.excluded)} pairs are not watched:")
-        for pair, why in sorted(margins.excluded.items(), key=lambda both: both[1]):
-            typer.echo(f"  {pair}: {why}")
+    loaded = Robot.load(robot)
+    print_notes(loaded)
+    margins = SelfCollision(loaded, margin=margin, fit=fit)
+    typer.echo(f"{len(margins.model.pairs)} pairs are watched; with finer shapes:")
+    for pair, why in margins.finer.items():
+        typer.echo(f"  {pair}: {why}")
+    typer.echo(f"{len(margins.excluded)} pairs are not watched:")
+    for pair, why in sorted(margins.excluded.items(), key=lambda both: both[1]):
+        typer.echo(f"  {pair}: {why}")

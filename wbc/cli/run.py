@@ -15,7 +15,6 @@ from wbc.cli.errors import (
     NOT_REACHED,
     QP_FAILED,
     complain,
-    errors_in_one_line,
     print_note,
     print_notes,
 )
@@ -75,11 +74,9 @@ def run(
     stream: Streamed = None,
 ) -> None:
     """Run a problem and say what came of it."""
-    with errors_in_one_line():
-        check_view(view_from, show)
-        wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
-        code = _run(wanted, overrides_of(assign, solver), (view_from, show), simulated=False)
-    raise typer.Exit(code)
+    check_view(view_from, show)
+    wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
+    raise typer.Exit(_run(wanted, overrides_of(assign, solver), (view_from, show), simulated=False))
 
 
 def _run(
@@ -191,10 +188,8 @@ def sim(
     stream: Streamed = None,
 ) -> None:
     """Simulate a problem of the torque level and say whether the robot stood."""
-    with errors_in_one_line():
-        wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
-        code = _run(wanted, overrides_of(assign, solver), simulated=True)
-    raise typer.Exit(code)
+    wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
+    raise typer.Exit(_run(wanted, overrides_of(assign, solver), simulated=True))
 
 
 # ---------------------------------------------------------------------- what both share

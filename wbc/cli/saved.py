@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.errors import complain, errors_in_one_line
+from wbc.cli.errors import complain
 from wbc.cli.options import (
     Quiet,
     RobotOfResult,
@@ -48,34 +48,33 @@ def render(
     quiet: Quiet = False,
 ) -> None:
     """Draw a run as a film, without a screen; the same run gives the same file."""
-    with errors_in_one_line():
-        from wbc.cli.outputs import check_place
-        from wbc.cli.progress import shown_progress
-        from wbc.extras import require
-        from wbc.problem.pendulum.result import SavedPendulum
+    from wbc.cli.outputs import check_place
+    from wbc.cli.progress import shown_progress
+    from wbc.extras import require
+    from wbc.problem.pendulum.result import SavedPendulum
 
-        require("matplotlib", "wbc render")
-        from wbc.view.film import film_format, film_run
-        from wbc.view.options import View
-        from wbc.view.pendulum_film import film_pendulum
+    require("matplotlib", "wbc render")
+    from wbc.view.film import film_format, film_run
+    from wbc.view.options import View
+    from wbc.view.pendulum_film import film_pendulum
 
-        check_view(view_from, show)
-        film_format(output)
-        check_place("--output", output)
-        pixels = _size(size)
-        saved = _saved_or_run(run, robot, quiet)
-        with shown_progress(quiet) as progress:
-            told = None if progress is None else _told(progress)
-            title = _title_of(saved)
-            if isinstance(saved, SavedPendulum):
-                film_pendulum(saved.history, output, title=title, fps=fps, speed=speed,
-                              size=pixels, progress=told)  # fmt: skip
-            else:
-                film_run(saved.robot, saved.history, output, title=title, fps=fps, speed=speed,
-                         size=pixels, view=View.of(view_from, show), terrain=saved.terrain,
-                         progress=told)  # fmt: skip
-        if not quiet:
-            typer.echo(f"written  {output}")
+    check_view(view_from, show)
+    film_format(output)
+    check_place("--output", output)
+    pixels = _size(size)
+    saved = _saved_or_run(run, robot, quiet)
+    with shown_progress(quiet) as progress:
+        told = None if progress is None else _told(progress)
+        title = _title_of(saved)
+        if isinstance(saved, SavedPendulum):
+            film_pendulum(saved.history, output, title=title, fps=fps, speed=speed,
+                          size=pixels, progress=told)  # fmt: skip
+        else:
+            film_run(saved.robot, saved.history, output, title=title, fps=fps, speed=speed,
+                     size=pixels, view=View.of(view_from, show), terrain=saved.terrain,
+                     progress=told)  # fmt: skip
+    if not quiet:
+        typer.echo(f"written  {output}")
 
 
 def _told(progress: ProgressCall) -> Callable[[int, int], None]:
@@ -98,19 +97,17 @@ def report(
     quiet: Quiet = False,
 ) -> None:
     """Write a run as one HTML file: replay in 3-D, plots, tables, the problem and versions."""
-    with errors_in_one_line():
-        from wbc.cli.outputs import check_place, write_one
-        from wbc.extras import require
+    from wbc.cli.outputs import check_place, write_one
+    from wbc.extras import require
 
-        require("matplotlib", "wbc report")
-        from wbc.view.report.report import report_format
+    require("matplotlib", "wbc report")
+    from wbc.view.report.report import report_format
 
-        report_format(output)
-        check_place("--output", output)
-        saved = _saved_or_run(run, robot, quiet)
-        title = _title_of(saved)
-        code = write_one(output, lambda path: _write_report(saved, path, title), quiet)
-    raise typer.Exit(code)
+    report_format(output)
+    check_place("--output", output)
+    saved = _saved_or_run(run, robot, quiet)
+    title = _title_of(saved)
+    raise typer.Exit(write_one(output, lambda path: _write_report(saved, path, title), quiet))
 
 
 def _write_report(saved: SavedRun | SavedPendulum, path: Path, title: str) -> None:
@@ -131,24 +128,23 @@ def export(
     quiet: Quiet = False,
 ) -> None:
     """Write a run as MCAP, for Foxglove, Rerun or PlotJuggler: links, joints, errors, forces."""
-    with errors_in_one_line():
-        from wbc.cli.outputs import check_place, write_one
-        from wbc.errors import InvalidInputError
-        from wbc.problem.saved import SavedRun
-        from wbc.view.mcap_export import mcap_format, write_mcap
+    from wbc.cli.outputs import check_place, write_one
+    from wbc.errors import InvalidInputError
+    from wbc.problem.saved import SavedRun
+    from wbc.view.mcap_export import mcap_format, write_mcap
 
-        mcap_format(output)
-        check_place("--output", output)
-        saved = _saved_or_run(run, robot, quiet)
-        if not isinstance(saved, SavedRun):
-            raise InvalidInputError(
-                f"{run}: a pendulum, which has no links to show; its motion is written as a table"
-                " by: wbc run PROBLEM.yaml -o motion.csv"
-            )
-        parts = saved.robot, saved.history, saved.summary
-        code = write_one(
-            output, lambda path: write_mcap(*parts, path, simulation=saved.simulation), quiet
+    mcap_format(output)
+    check_place("--output", output)
+    saved = _saved_or_run(run, robot, quiet)
+    if not isinstance(saved, SavedRun):
+        raise InvalidInputError(
+            f"{run}: a pendulum, which has no links to show; its motion is written as a table"
+            " by: wbc run PROBLEM.yaml -o motion.csv"
         )
+    parts = saved.robot, saved.history, saved.summary
+    code = write_one(
+        output, lambda path: write_mcap(*parts, path, simulation=saved.simulation), quiet
+    )
     raise typer.Exit(code)
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from wbc.cli.errors import errors_in_one_line, print_notes
+from wbc.cli.errors import print_notes
 from wbc.cli.options import Assign, name_of, overrides_of
 
 
@@ -26,39 +26,38 @@ def view(
 
     A problem of the torque level is simulated, and the robot can be pushed.
     """
-    with errors_in_one_line():
-        from wbc.cli.starting import starting
-        from wbc.extras import require
+    from wbc.cli.starting import starting
+    from wbc.extras import require
 
-        require("viser", "wbc view")
-        with starting(f"loading {problem}"):
-            from wbc.problem import load_problem
-            from wbc.view.live.clock import Clock
-            from wbc.view.live.session import Session, checked
-            from wbc.view.live.simulated import SimulatedSession, strongest_push
-            from wbc.view.live.viewer import Viewer
+    require("viser", "wbc view")
+    with starting(f"loading {problem}"):
+        from wbc.problem import load_problem
+        from wbc.view.live.clock import Clock
+        from wbc.view.live.session import Session, checked
+        from wbc.view.live.simulated import SimulatedSession, strongest_push
+        from wbc.view.live.viewer import Viewer
 
-            clock = Clock(speed)
-            loaded = checked(load_problem(problem, overrides_of(assign)))
-        print_notes(loaded.parts.robot)
-        simulated = loaded.spec.controller.level == "torque"
-        robot, push = loaded.parts.robot, strongest_push(loaded) if simulated else 0.0
-        session = SimulatedSession if simulated else Session
-        with starting(f"starting the page, and reading what {robot.name} looks like"):
-            viewer = Viewer(
-                robot,
-                host=host,
-                port=port,
-                title=name_of(problem),
-                clock=True,
-                push=push,
-                terrain=loaded.spec.simulation.ground(),
-            )
-        with viewer as page:
-            typer.echo("Ctrl-C ends it", err=True)
-            try:
-                session(loaded, page, clock).run()
-            except KeyboardInterrupt:
-                return
-        if page.error:
-            typer.echo(page.error, err=True)
+        clock = Clock(speed)
+        loaded = checked(load_problem(problem, overrides_of(assign)))
+    print_notes(loaded.parts.robot)
+    simulated = loaded.spec.controller.level == "torque"
+    robot, push = loaded.parts.robot, strongest_push(loaded) if simulated else 0.0
+    session = SimulatedSession if simulated else Session
+    with starting(f"starting the page, and reading what {robot.name} looks like"):
+        viewer = Viewer(
+            robot,
+            host=host,
+            port=port,
+            title=name_of(problem),
+            clock=True,
+            push=push,
+            terrain=loaded.spec.simulation.ground(),
+        )
+    with viewer as page:
+        typer.echo("Ctrl-C ends it", err=True)
+        try:
+            session(loaded, page, clock).run()
+        except KeyboardInterrupt:
+            return
+    if page.error:
+        typer.echo(page.error, err=True)
