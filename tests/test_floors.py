@@ -69,8 +69,8 @@ ONLY_IN = {
     "mujoco": {"simulation", "robot/formats"},
     "cyclonedds": {"hardware/unitree"},
     "distributed": {"batch"},
-    "pyarrow": {"batch", "run/frame"},
-    "pandas": {"run/frame"},
+    "pyarrow": {"batch", "run/columns"},
+    "pandas": {"run/columns"},
 }
 FILES = sorted(PACKAGE.rglob("*.py"))
 

@@ -28,9 +28,9 @@ from wbc.rmp.ellipsoid import (
 from wbc.rmp.plan.schedule import PlanPhase, at_rest, hull, radii_for
 from wbc.rmp.planar import PlanarRmp
 from wbc.robot.collision.shapes import Capsule, HalfSpace, Hull, Obstacle
-from wbc.simulation.impulse import capture_impulse
 from wbc.simulation.mismatch import ModelMismatch
 from wbc.simulation.push import Push
+from wbc.simulation.push_bounds import capture_impulse
 from wbc.simulation.terrain import Step
 
 ROBOT = Robot.load("hoap2_like")

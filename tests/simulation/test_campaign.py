@@ -16,8 +16,7 @@ import pytest
 
 from wbc.errors import InvalidInputError
 from wbc.simulation import PushGrid, PushOutcome, run_campaign
-from wbc.simulation.campaign import Trial
-from wbc.simulation.campaign_log import CampaignLog
+from wbc.simulation.campaign import CampaignLog, Trial
 from wbc.workers import WorkerDiedError
 
 RATIOS = (0.8, 1.0, 1.2, 1.4, 1.6)
@@ -212,7 +211,7 @@ def test_after_a_kill_it_goes_on_and_no_process_is_left(tmp_path: Path) -> None:
             from pathlib import Path
             from tests.simulation.test_campaign import Ellipse, RATIOS
             from wbc.simulation import PushGrid, run_campaign
-            from wbc.simulation.campaign_log import CampaignLog
+            from wbc.simulation.campaign import CampaignLog
 
             def record(one):
                 kept.record("one", one)

@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from wbc import __version__
+from wbc.cli import hardware_check, hardware_run, hardware_sim
 from wbc.cli.analyze import analyze
 from wbc.cli.batch import BATCH_EXIT_CODES, batch
 from wbc.cli.bench import add_bench
@@ -20,7 +21,7 @@ from wbc.cli.cache import cache
 from wbc.cli.codegen import codegen
 from wbc.cli.doctor import doctor
 from wbc.cli.errors import BAD_INPUT, complain, refused
-from wbc.cli.hardware import hardware
+from wbc.cli.hardware_options import HARDWARE_EXIT_CODES
 from wbc.cli.mistakes import Commands
 from wbc.cli.problems import check, init, schema
 from wbc.cli.push import PUSH_EXIT_CODES, push
@@ -99,6 +100,13 @@ app.command()(robots)
 app.command()(collisions)
 app.command()(schema)
 app.command()(codegen)
+hardware = typer.Typer(
+    cls=Commands,
+    help="On a robot: run a problem, be a simulated robot, check a real one.",
+    no_args_is_help=True,
+)
+for command in (hardware_run.run, hardware_sim.sim, hardware_check.check):
+    hardware.command(epilog=HARDWARE_EXIT_CODES)(command)
 app.add_typer(hardware, name="hardware")
 app.command()(doctor)
 app.command()(cache)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from wbc.cli.progress import ProgressCall
     from wbc.problem.pushing import LoadPushed, PushedProblem, PushSettings
     from wbc.simulation import PushGrid, PushMap
-    from wbc.simulation.campaign_log import CampaignLog
+    from wbc.simulation.campaign import CampaignLog
 
 PUSH_EXIT_CODES = (
     "Exit codes: 0 every push was tried; 1 bad input; 2 wrong usage; 130 or 143 ended by Ctrl-C or"
@@ -139,7 +139,7 @@ def _campaign(
     from wbc.cli.outputs import Outputs
     from wbc.cli.push_report import print_maps
     from wbc.problem.pushing import conditions
-    from wbc.simulation.campaign_log import CampaignLog
+    from wbc.simulation.campaign import CampaignLog
     from wbc.simulation.push_map import save_maps
 
     pushed = [load() for load in loads]

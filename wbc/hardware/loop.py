@@ -22,11 +22,10 @@ from wbc.hardware.operator import LoopStatus, Operator, Wish
 from wbc.hardware.postures import Motions
 from wbc.hardware.real_time import Beat, CycleClock, check_cpus, pin, real_time
 from wbc.hardware.real_time import now as clock_now
-from wbc.hardware.ring_log import LogWriter, RingLog
+from wbc.hardware.ring_log import LogWriter, RingLog, Watcher
 from wbc.hardware.robot_controller import RobotController
 from wbc.hardware.safety import Event, Fault, ForbiddenTransition, Mode, Safety
 from wbc.hardware.sensor_checks import SensorChecks
-from wbc.hardware.watcher import Watcher
 from wbc.hardware.worker import ForkedWorker, Job, Worker, WorkerOutcome, can_fork
 from wbc.validate import Array, finite_number
 

@@ -1,7 +1,8 @@
 """What happened lately, kept in memory; written to a file when something goes wrong.
 
 The memory is shared with a process that writes: packing a log takes a hundred cycles. Where the
-loop's own process is killed, that one is still there, and writes what happened before.
+loop's own process is killed, that one is still there, and writes what happened before. Another
+process may look at it while the loop fills it: whatever that does, no cycle waits.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import json
 import mmap
 import multiprocessing
 import signal
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -189,3 +190,30 @@ def _serve(writer: LogWriter, pipe: Connection, others: Connection) -> None:
             pipe.send((writer.written, writer.complaints))
             return
         writer.write_now(*asked)
+
+
+class Watcher:
+    """Calls a function with the ring in a process that is forked now.
+
+    Parameters
+    ----------
+    watch:
+        Returns when it likes; it is ended with the loop.
+    """
+
+    def __init__(self, ring: RingLog, watch: Callable[[RingLog], None]) -> None:
+        context = multiprocessing.get_context("fork")
+        self._process = context.Process(target=_watch, args=(ring, watch), name="watch")
+        self._process.start()
+
+    def close(self) -> None:
+        """End it."""
+        self._process.terminate()
+        self._process.join()
+
+
+def _watch(ring: RingLog, watch: Callable[[RingLog], None]) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal: the loop decides what it means
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    ordinary_priority()
+    watch(ring)

@@ -1,11 +1,16 @@
-"""A run as a table: a row per tick, columns with names and units."""
+"""A run as a table: a row per tick, columns with names and units; as a data frame, in a file."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from wbc.extras import require
+from wbc.files import write_whole
 from wbc.robot import Robot
 from wbc.robot.series import turning_joints
 from wbc.run.history import History
@@ -77,3 +82,41 @@ def _measured(history: History, rows: Mapping[str, Sequence[str]]) -> Iterator[C
         yield f"held_back/{label} [1]", on.astype(float)
     yield "tick/time [s]", history.tick_time
     yield "tick/kkt_residual [1]", history.kkt
+
+
+Frame: TypeAlias = Any  # a pandas.DataFrame
+SUMMARY = "wbc.summary"  # the key of the file's metadata under which its JSON text is
+
+
+def frame_of(columns: Sequence[Column]) -> Frame:
+    """Return columns as a data frame, a row per tick, heads with units.
+
+    Raises
+    ------
+    MissingPackageError
+        pandas is not installed.
+    """
+    require("pandas", "result.to_frame()")
+    import pandas
+
+    return pandas.DataFrame(dict(columns))
+
+
+def write_parquet(path: str | Path, columns: Sequence[Column], summary: str) -> None:
+    """Write columns into a Parquet file, whole or not at all, with a summary's JSON text.
+
+    Raises
+    ------
+    MissingPackageError
+        pyarrow is not installed.
+    OSError
+        The file cannot be written.
+    """
+    require("pyarrow", "a result as .parquet")
+    import pyarrow
+    from pyarrow import parquet
+
+    table: Any = pyarrow.table(dict(columns)).replace_schema_metadata({SUMMARY: summary})
+    packed = io.BytesIO()
+    parquet.write_table(table, packed)
+    write_whole(path, lambda file: file.write(packed.getbuffer()))

@@ -11,8 +11,7 @@ import numpy as np
 
 from wbc.notebook import as_html, some, with_picture
 from wbc.robot import Robot
-from wbc.run.columns import Column, history_columns
-from wbc.run.frame import Frame, frame_of
+from wbc.run.columns import Column, Frame, frame_of, history_columns
 from wbc.run.history import History, StateRecord
 from wbc.run.saving import plain, save_result
 from wbc.run.shaping_report import ShapingReport
@@ -317,7 +316,7 @@ class Result:
         MissingPackageError
             pandas is not installed.
         """
-        return frame_of(self._columns(), "result.to_frame()")
+        return frame_of(self._columns())
 
     def _columns(self) -> list[Column]:
         rows = {

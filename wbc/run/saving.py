@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from wbc.extras import require
 from wbc.files import ending_of, write_arrays, write_text
-from wbc.run.frame import write_parquet
+from wbc.run.columns import write_parquet
 from wbc.validate import Array
 
 FORMATS = (".json", ".npz", ".csv", ".parquet")

@@ -7,11 +7,11 @@ from wbc.simulation.campaign import PushGrid, PushOutcome, run_campaign
 from wbc.simulation.contacts import Contacts
 from wbc.simulation.engine import SimulationError
 from wbc.simulation.falling import FallLimits, FallWatch, Verdict
-from wbc.simulation.impulse import capture_impulse
 from wbc.simulation.loop import SimulationTick, simulate
 from wbc.simulation.mismatch import ModelMismatch
 from wbc.simulation.plant import Plant
 from wbc.simulation.push import Push
+from wbc.simulation.push_bounds import capture_impulse
 from wbc.simulation.push_map import PushMap
 from wbc.simulation.recorder import Recorder
 from wbc.simulation.result import SimulationResult, SimulationStatus

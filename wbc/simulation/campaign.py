@@ -1,7 +1,8 @@
 """Pushes from all sides, ever harder, in parallel processes: which are survived.
 
 A grid, and not a bisection only: a robot may survive a push and fall by a smaller one, and where it
-does so is a finding. Which pushes are tried depends on the outcomes, not on the workers.
+does so is a finding. Which pushes are tried depends on the outcomes, not on the workers. Outcomes
+are kept in a file, one line as each comes.
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.journal import Journal, not_ours
 from wbc.kinds import whole_number
 from wbc.validate import Array, finite_number, finite_vector, read_only, real_array, set_fields
 from wbc.workers import Workers
@@ -254,3 +257,33 @@ def _in_processes(
                     raise answer.error
                 busy.discard(answer.key)
                 yield answer.value
+
+
+class CampaignLog(Journal):
+    """What was pushed and how, then one outcome in each line; a context.
+
+    Attributes
+    ----------
+    known:
+        Outcomes that were there, by the name of the problem.
+
+    Raises
+    ------
+    InvalidInputError, JournalError
+        As :class:`~wbc.journal.Journal` does.
+    """
+
+    def __init__(self, path: Path, made_of: Mapping[str, Any]) -> None:
+        super().__init__(path, made_of)
+        self.known: dict[str, list[PushOutcome]] = {}
+        try:
+            for entry in self.entries:
+                outcome = {name: value for name, value in entry.items() if name != "problem"}
+                self.known.setdefault(entry["problem"], []).append(PushOutcome(**outcome))
+        except (TypeError, KeyError) as error:
+            self._file.close()
+            raise not_ours(path, error) from error
+
+    def record(self, problem: str, outcome: PushOutcome) -> None:
+        """Keep an outcome."""
+        self.add({"problem": problem, **outcome._asdict()})

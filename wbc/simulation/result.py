@@ -15,8 +15,7 @@ from wbc.constraints.com_support import support_polygon
 from wbc.notebook import as_html, some, with_picture
 from wbc.polygon import polygon_margin
 from wbc.robot import Robot, Snapshot
-from wbc.run.columns import Column
-from wbc.run.frame import Frame, frame_of
+from wbc.run.columns import Column, Frame, frame_of
 from wbc.run.result import Result
 from wbc.run.saving import plain, save_result
 from wbc.run.stopping import RunStatus
@@ -245,7 +244,7 @@ class SimulationResult:
         MissingPackageError
             pandas is not installed.
         """
-        return frame_of(self._columns(), "result.to_frame()")
+        return frame_of(self._columns())
 
     def _repr_html_(self) -> str:
         """Return how a notebook shows it."""

@@ -11,9 +11,8 @@ import wbc
 from tests.needs import needs_browser
 from tests.view.live.browsing import PATIENCE, SIZE, picture
 from wbc.hardware.log_row import FAULTS, MODES, log_fields
-from wbc.hardware.ring_log import RingLog
+from wbc.hardware.ring_log import RingLog, Watcher
 from wbc.hardware.safety import Fault, Mode
-from wbc.hardware.watcher import Watcher
 from wbc.hardware.worker import can_fork
 from wbc.view.live.hardware import watch_loop
 

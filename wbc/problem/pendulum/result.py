@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.notebook import as_html, with_picture
-from wbc.run.frame import Frame, frame_of
+from wbc.run.columns import Frame, frame_of
 from wbc.run.saving import save_result
 from wbc.validate import Array
 
@@ -141,7 +141,7 @@ class PendulumResult:
         MissingPackageError
             pandas is not installed.
         """
-        return frame_of(self._columns(), "result.to_frame()")
+        return frame_of(self._columns())
 
     def _repr_html_(self) -> str:
         """Return how a notebook shows it."""
