@@ -98,9 +98,8 @@ def analyze_human(
         print_analysis(series, [], human=True)
         if human.recording.plates:
             print_plates(found)
-        if outputs.written:
-            for one in outputs.written:
-                typer.echo(f"wrote {one}")
+        for one in outputs.written:
+            typer.echo(f"wrote {one}")
     return outputs.exit_code()
 
 

@@ -124,10 +124,3 @@ def overrides_of(assignments: list[str] | None, solver: str | None = None) -> di
 
     overrides = dict(parse_override(assignment) for assignment in assignments or [])
     return overrides if solver is None else {**overrides, "controller.solver": solver}
-
-
-def check_view(view_from: str, show: str) -> None:
-    """Raise for words that no picture can be drawn by, before any work is done."""
-    from wbc.view.options import View
-
-    View.of(view_from, show)

@@ -193,9 +193,8 @@ def _kept(output: Sequence[Path], problem: Path, made_of: Mapping[str, object]) 
 def _names(paths: Sequence[Path]) -> list[str]:
     """Return names that tell problems apart."""
     stems = [path.stem for path in paths]
-    return (
-        stems if len(set(stems)) == len(stems) else [f"{k + 1}: {p}" for k, p in enumerate(paths)]
-    )
+    tells = len(set(stems)) == len(stems)
+    return stems if tells else [f"{k + 1}: {p}" for k, p in enumerate(paths)]
 
 
 def _print_left_out(names: Sequence[str], pushed: Sequence[PushedProblem]) -> None:

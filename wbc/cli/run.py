@@ -29,7 +29,6 @@ from wbc.cli.options import (
     Streamed,
     ViewFrom,
     Watched,
-    check_view,
     name_of,
     overrides_of,
 )
@@ -44,6 +43,7 @@ if TYPE_CHECKING:
     from wbc.run.stopping import RunStatus
     from wbc.simulation import SimulationResult, SimulationStatus
     from wbc.view.live.watching import Watching
+    from wbc.view.options import View
 
 EXIT_CODES = (
     "Exit codes: 0 solved; 1 bad input; 2 wrong usage; 3 not at rest or a tolerance not met in"
@@ -74,13 +74,15 @@ def run(
     stream: Streamed = None,
 ) -> None:
     """Run a problem and say what came of it."""
-    check_view(view_from, show)
+    from wbc.view.options import View
+
+    look = View.of(view_from, show)  # before any work is done
     wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
-    raise typer.Exit(_run(wanted, overrides_of(assign, solver), (view_from, show), simulated=False))
+    raise typer.Exit(_run(wanted, overrides_of(assign, solver), look, simulated=False))
 
 
 def _run(
-    wanted: _Wanted, overrides: dict[str, Any], look: tuple[str, str] = ("", ""), *, simulated: bool
+    wanted: _Wanted, overrides: dict[str, Any], look: View | None = None, *, simulated: bool
 ) -> int:
     """Run or simulate a problem, write, print and show what came of it; return the exit code."""
     from wbc.cli.interrupts import Interrupts, noted_interrupts
@@ -123,13 +125,13 @@ def _run(
 
     def draw(path: Path) -> None:
         from wbc.view import plot_pendulum, plot_run, style
-        from wbc.view.options import View
+        from wbc.view.portrait import DEFAULT
         from wbc.view.simulation import simulation_figure
 
         title = f"{wanted.name}: {result.status.value.replace('_', ' ')}"
         if isinstance(result, Result):
             title += f", {result.reach.partition(', held')[0]}" if result.reach else ""
-            plot_run(result.robot, result.history, path, title=title, view=View.of(*look))
+            plot_run(result.robot, result.history, path, title=title, view=look or DEFAULT)
         elif isinstance(result, SimulationResult):
             title = f"{wanted.name}: {result.reason}"
             figure = simulation_figure(result.robot, result.arrays, title, result.terrain)

@@ -18,7 +18,6 @@ from wbc.cli.options import (
     SavedOrProblem,
     Show,
     ViewFrom,
-    check_view,
     name_of,
 )
 
@@ -58,7 +57,7 @@ def render(
     from wbc.view.options import View
     from wbc.view.pendulum_film import film_pendulum
 
-    check_view(view_from, show)
+    view = View.of(view_from, show)
     film_format(output)
     check_place("--output", output)
     pixels = _size(size)
@@ -71,7 +70,7 @@ def render(
                           size=pixels, progress=told)  # fmt: skip
         else:
             film_run(saved.robot, saved.history, output, title=title, fps=fps, speed=speed,
-                     size=pixels, view=View.of(view_from, show), terrain=saved.terrain,
+                     size=pixels, view=view, terrain=saved.terrain,
                      progress=told)  # fmt: skip
     if not quiet:
         typer.echo(f"written  {output}")

@@ -158,24 +158,22 @@ def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain, factor: float) -> Non
     _make_ground(ground, PLANE, terrain, factor * terrain.friction)
     for k, step in enumerate(terrain.steps):
         half, R = 0.5 * step.size, step.rotation
-        mujoco.mju_mat2Quat(quaternion, R.ravel())
         box = spec.worldbody.add_geom(
             name=f"{BOX}{k}",
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=half,
             pos=step.centre - half[2] * R[:, 2],
-            quat=quaternion,
+            quat=_quaternion(mujoco, R),
         )
         friction = terrain.friction if step.friction is None else step.friction
         _make_ground(box, STEP, terrain, factor * friction)
     for k, wall in enumerate(terrain.walls):
-        mujoco.mju_mat2Quat(quaternion, wall.rotation.ravel())
         plate = spec.worldbody.add_geom(
             name=f"{WALL}{k}",
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=[0.5 * WALL_THICKNESS, *(0.5 * wall.size)],
             pos=wall.point - 0.5 * WALL_THICKNESS * wall.normal,
-            quat=quaternion,
+            quat=_quaternion(mujoco, wall.rotation),
         )
         _make_ground(plate, STEP, terrain, factor * wall.friction)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -55,6 +55,13 @@ class PushMap:
         """Return what became of a push of the grid, by its indices; None if it was not tried."""
         return self._found.get(key(self.grid.angles[direction], self._ratios[step]))
 
+    def _placed(self) -> Iterator[tuple[tuple[int, int], PushOutcome]]:
+        """Yield direction and ratio, by their indices, of what was tried, and what became of it."""
+        for place in np.ndindex(self.grid.directions, self._ratios.size):
+            outcome = self.outcome(*place)
+            if outcome is not None:
+                yield place, outcome
+
     @cached_property
     def _ratios(self) -> Array:
         return np.asarray(self.grid.ratios)
@@ -63,11 +70,8 @@ class PushMap:
     def table(self) -> NDArray[np.int8]:
         """1 survived, 0 not, -1 not tried (n, k): by direction and ratio."""
         found = np.full((self.grid.directions, self._ratios.size), UNTRIED, dtype=np.int8)
-        for row in range(found.shape[0]):
-            for column in range(found.shape[1]):
-                outcome = self.outcome(row, column)
-                if outcome is not None:
-                    found[row, column] = SURVIVED if outcome.survived else FELL
+        for place, outcome in self._placed():
+            found[place] = SURVIVED if outcome.survived else FELL
         return found
 
     @cached_property
@@ -150,11 +154,8 @@ class PushMap:
         bounds = self.bounds
         none = np.full_like(bounds.ankle, np.nan)
         values = np.full((4, *self.table.shape), np.nan)
-        for row in range(values.shape[1]):
-            for column in range(values.shape[2]):
-                one = self.outcome(row, column)
-                if one is not None:
-                    values[:, row, column] = one.time, one.tilt, one.slip, one.relaxed
+        for place, one in self._placed():
+            values[:, *place] = one.time, one.tilt, one.slip, one.relaxed
         return {
             "angle": self.grid.angles,
             "ratio": self._ratios,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -149,13 +148,9 @@ def curve(
 ) -> None:
     """Plot values over time; a single frame as a dot."""
     marker = "o" if len(series) == 1 else None
-    look: dict[str, Any] = {
-        "color": colour,
-        "linestyle": dashes,
-        "linewidth": WIDTH,
-        "marker": marker,
-    }
-    axes.plot(series.time, values, label=label, **look)
+    axes.plot(
+        series.time, values, dashes, label=label, color=colour, linewidth=WIDTH, marker=marker
+    )
 
 
 def band(

@@ -77,12 +77,9 @@ def write_mcap(
         The file cannot be written.
     """
     mcap_format(path)
-    stamps = [round(NANO * float(t)) for t in history.time]
     snapshots = [robot.snapshot(q) for q in history.q]
     topics = [*_of_run(snapshots, history, summary), *_of_simulation(robot, simulation or {})]
-    content = _content(snapshots, stamps, topics, summary)
-    write_whole(Path(path), lambda file: file.write(content))
-    return Path(path)
+    return _write(path, snapshots, history.time, topics, summary)
 
 
 def write_retargeted(motion: Retargeted, path: str | Path) -> Path:
@@ -114,21 +111,20 @@ def write_retargeted(motion: Retargeted, path: str | Path) -> Path:
             for n, side in enumerate(("left", "right"))
         ),
     ]
-    stamps = [round(NANO * float(t)) for t in motion.time]
     summary = {"source": motion.source, "robot": robot.name, "notes": list(motion.notes)}
-    content = _content(snapshots, stamps, topics, summary)
-    write_whole(Path(path), lambda file: file.write(content))
-    return Path(path)
+    return _write(path, snapshots, motion.time, topics, summary)
 
 
-def _content(
+def _write(
+    path: str | Path,
     snapshots: Sequence[Snapshot],
-    stamps: Sequence[int],
+    times: Array,
     topics: Sequence[Topic],
     summary: Mapping[str, Any],
-) -> bytes:
+) -> Path:
     from mcap.writer import Writer
 
+    stamps = [round(NANO * float(t)) for t in times]
     file = io.BytesIO()
     writer = Writer(file)
     writer.start(profile="", library=f"wbc {__version__}")
@@ -149,7 +145,8 @@ def _content(
         writer.add_attachment(stamps[0], stamps[0], "problem.yaml", "application/yaml", text)
     writer.add_metadata("wbc", {key: json.dumps(value) for key, value in summary.items()})
     writer.finish()
-    return file.getvalue()
+    write_whole(Path(path), lambda out: out.write(file.getvalue()))
+    return Path(path)
 
 
 # ---------------------------------------------------------------------- what there is

@@ -192,8 +192,9 @@ def draw_momentum(axes: Axes, history: PendulumHistory) -> None:
     if history.flat:
         named = {"r": history.radii[:, 0]}
     for (name, values), colour in zip(named.items(), style.PRINCIPAL, strict=False):
-        look: dict[str, Any] = {"color": colour, "linewidth": 1.0, "linestyle": (0, (4, 2))}
-        second.plot(history.time, values, label=name, **look)
+        second.plot(
+            history.time, values, label=name, color=colour, linewidth=1.0, linestyle=(0, (4, 2))
+        )
     second.set_ylim(0.0, 1.05 * max(float(history.radii.max()), 1e-3))
     _ticks(axes)
     _ticks(second)

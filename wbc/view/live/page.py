@@ -16,6 +16,7 @@ from multiprocessing.connection import Connection
 import numpy as np
 import viser
 
+from wbc.view.camera import viewing_axes
 from wbc.view.live.controls import Controls, PushControls
 from wbc.view.live.following import Following
 from wbc.view.live.grip import Grip
@@ -78,16 +79,10 @@ class Page:
         self._build_gui(setup, shapes, size)
 
     def _set_camera(self, centre: np.ndarray, size: float) -> None:
-        way = np.array(
-            [
-                np.cos(ELEVATION) * np.cos(AZIMUTH),
-                np.cos(ELEVATION) * np.sin(AZIMUTH),
-                np.sin(ELEVATION),
-            ]
-        )
+        forward = viewing_axes(AZIMUTH, ELEVATION)[2]
         camera = self.server.initial_camera
         camera.look_at = centre
-        camera.position = centre + DISTANCE * size * way
+        camera.position = centre - DISTANCE * size * forward
         camera.near, camera.far = 0.02 * size, 60.0 * size
 
     def _build_gui(self, setup: Setup, shapes: RobotShapes, size: float) -> None:
