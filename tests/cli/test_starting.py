@@ -4,7 +4,7 @@ import logging
 
 import pytest
 
-from wbc.cli.starting import DOING, starting
+from wbc.cli.progress import DOING, starting
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from wbc.gait.walls import WALL_THICKNESS, Wall
 from wbc.robot.formats.triangles import Triangles
 from wbc.simulation import Step, Terrain
-from wbc.view.boards import board_surfaces
+from wbc.view.solids import board_surfaces
 
 Array = NDArray[np.float64]
 STEP = Step(centre=(1.0, 0.5, 0.3), size=(0.2, 0.4, 0.1), yaw=0.3)

@@ -1,7 +1,11 @@
-"""The progress of a long command: a bar on a terminal, elsewhere a line every few seconds."""
+"""The progress of a long command: a bar on a terminal, elsewhere a line every few seconds.
+
+Before there is any, what the command is doing, where somebody waits at a terminal.
+"""
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Iterator, Mapping
@@ -10,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
+from rich.status import Status
 
 if TYPE_CHECKING:
     from wbc.batch import BatchProgress
@@ -110,3 +115,44 @@ def in_words(seconds: float) -> str:
         if seconds >= 2.0 * size:
             return f"{seconds / size:.3g} {unit}"
     return f"{seconds:.0f} s"
+
+
+DOING = "wbc.doing"  # the logger to which the library says what takes long
+
+
+class _Told(logging.Handler):
+    """Shows the last thing that was said."""
+
+    def __init__(self, status: Status) -> None:
+        super().__init__(logging.INFO)
+        self._status = status
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._status.update(f"{record.getMessage()} ...")
+
+
+@contextmanager
+def starting(what: str, quiet: bool = False) -> Iterator[None]:
+    """Say what is done meanwhile on the terminal, if there is one.
+
+    Parameters
+    ----------
+    what:
+        What begins, such as ``"loading p.yaml"``; the library says the rest as it comes to it.
+    """
+    console, logger = Console(stderr=True, highlight=False), logging.getLogger(DOING)
+    if quiet or not console.is_terminal:
+        yield
+        return
+    level, propagates = logger.level, logger.propagate
+    with console.status(f"{what} ...") as status:
+        told = _Told(status)
+        logger.setLevel(logging.INFO)
+        logger.addHandler(told)
+        logger.propagate = False
+        try:
+            yield
+        finally:
+            logger.removeHandler(told)
+            logger.setLevel(level)
+            logger.propagate = propagates

@@ -85,7 +85,7 @@ def push(
     file's own are left out.
     """
     from wbc.cli.outputs import check_outputs
-    from wbc.cli.starting import starting
+    from wbc.cli.progress import starting
     from wbc.problem.pushing import LoadPushed, PushSettings
     from wbc.simulation import PushGrid
 

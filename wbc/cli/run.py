@@ -232,7 +232,7 @@ class _Wanted:
 
     def starting(self) -> AbstractContextManager[None]:
         """Return what says what is being loaded, if that takes a while."""
-        from wbc.cli.starting import starting
+        from wbc.cli.progress import starting
 
         return starting(f"loading {self.path}", self.quiet)
 

@@ -158,8 +158,7 @@ def _saved_or_run(path: Path, robot: str | None, quiet: bool) -> SavedRun | Save
     InvalidInputError
         Another file than a result.
     """
-    from wbc.cli.progress import shown_progress
-    from wbc.cli.starting import starting
+    from wbc.cli.progress import shown_progress, starting
     from wbc.errors import InvalidInputError
     from wbc.hardware.log_file import HardwareLog, is_log
     from wbc.problem import Problem, load_problem

@@ -26,7 +26,7 @@ def view(
 
     A problem of the torque level is simulated, and the robot can be pushed.
     """
-    from wbc.cli.starting import starting
+    from wbc.cli.progress import starting
     from wbc.extras import require
 
     require("viser", "wbc view")

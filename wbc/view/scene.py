@@ -14,7 +14,7 @@ from wbc.robot.geometry import Mesh
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array
 from wbc.view import palette
-from wbc.view.boards import board_surfaces
+from wbc.view.solids import board_surfaces
 
 SPREAD = 0.9  # of what is in the picture: how far around it boards are drawn; the rest has faded
 

@@ -16,11 +16,10 @@ from wbc.robot.formats.triangles import Triangles
 from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.validate import Array
 from wbc.view import palette, style
-from wbc.view.boards import board_surfaces
 from wbc.view.history import DrawnRun
 from wbc.view.pendulum_plots import SOLID
 from wbc.view.simplify import within
-from wbc.view.solids import solid_surface
+from wbc.view.solids import board_surfaces, solid_surface
 
 TRIANGLES = 40_000  # of the robot
 FPS, MOST = 30.0, 900  # frames per second, and in all

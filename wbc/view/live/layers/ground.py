@@ -9,9 +9,9 @@ from wbc.robot import Robot
 from wbc.rotations import rotation_from
 from wbc.simulation.terrain import Terrain
 from wbc.view import palette
-from wbc.view.boards import board_surfaces
 from wbc.view.live.layers.layer import BLACK, GREY, ORANGE, SKY, Layer, along, closed
 from wbc.view.live.shown import Shown
+from wbc.view.solids import board_surfaces
 
 LIFTED = np.array([0.0, 0.0, 1e-3])  # m above the ground: what is drawn on it would flicker
 
