@@ -300,18 +300,13 @@ class SimulationSpec(Section):
         for k, push in enumerate(self.pushes):
             with mistakes.at("simulation", "pushes", k):
                 push.push(start, feet)
-                if push.at >= duration:
-                    text = f"begins after the end of the simulation ({duration:g} s)"
-                    raise Misplaced(text, "at")
-
+                _check_begins(push.at, duration)
         for k, wrench in enumerate(self.wrenches):
             with mistakes.at("simulation", "wrenches", k):
                 start.robot.frame_id(wrench.frame)
                 if not any((*wrench.force, *wrench.moment)):
                     raise Misplaced("is nothing: give force or moment", "force")
-                if wrench.at >= duration:
-                    text = f"begins after the end of the simulation ({duration:g} s)"
-                    raise Misplaced(text, "at")
+                _check_begins(wrench.at, duration)
 
     def _check_devices(self, start: Snapshot, dt: float, mistakes: Mistakes) -> None:
         """Note devices that cannot be, or are there for nothing."""
@@ -373,3 +368,8 @@ class SimulationSpec(Section):
         """Put a plant to where the simulation begins, with all that acts but pushes."""
         plant.reset(*self.start.state(start))
         plant.wrenches += [wrench.applied() for wrench in self.wrenches]
+
+
+def _check_begins(at: float, duration: float) -> None:
+    if at >= duration:
+        raise Misplaced(f"begins after the end of the simulation ({duration:g} s)", "at")

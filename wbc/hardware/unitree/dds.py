@@ -32,7 +32,60 @@ _NUMBERS |= {"f4": "float32", "f8": "float64"}
 _DOMAINS: dict[int, tuple[str, Any]] = {}
 
 
-class UnitreeBus:
+class _DdsEnd:
+    """One end of the bus: a participant of a domain on one interface.
+
+    Attributes
+    ----------
+    dropped:
+        Messages that were thrown away, by reason.
+    """
+
+    def __init__(self, profile: Profile, robot: Robot, interface: str, domain: int = 0) -> None:
+        self._convert = Converter(profile, robot)
+        self.dropped = Counter[str]()
+        require("cyclonedds", "Unitree's bus")
+        from cyclonedds.domain import Domain, DomainParticipant
+
+        known = _DOMAINS.get(domain)
+        if known is None:
+            try:
+                _DOMAINS[domain] = interface, Domain(domain, _configuration(interface))
+                self._participant = DomainParticipant(domain)
+            except Exception as error:  # DDSException is one of many
+                _DOMAINS.pop(domain, None)
+                raise BusError(f"DDS on {interface!r}: {error}; see: ip addr") from error
+        elif known[0] != interface:
+            raise InvalidInputError(
+                f"DDS: domain {domain} is on {known[0]!r} in this process, not on {interface!r}"
+            )
+        else:
+            self._participant = DomainParticipant(domain)
+
+    def _reader(self, topic: str, layout: MessageLayout) -> Any:
+        from cyclonedds.core import Policy, Qos
+        from cyclonedds.sub import DataReader
+        from cyclonedds.topic import Topic
+
+        # Best effort fits every writer; a lost message is overtaken by the next.
+        qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(AT_MOST))
+        return DataReader(self._participant, Topic(self._participant, topic, _type(layout)), qos)
+
+    def _writer(self, topic: str, layout: MessageLayout) -> Any:
+        from cyclonedds.core import Policy, Qos
+        from cyclonedds.pub import DataWriter
+        from cyclonedds.topic import Topic
+
+        # Reliable fits every reader; with one message kept it never waits for a slow one.
+        qos = Qos(Policy.Reliability.Reliable(0), Policy.History.KeepLast(1))
+        return DataWriter(self._participant, Topic(self._participant, topic, _type(layout)), qos)
+
+    def close(self) -> None:
+        """Leave the bus."""
+        del self._participant
+
+
+class UnitreeBus(_DdsEnd):
     """The controller's end: reads LowState, writes LowCmd.
 
     Parameters
@@ -53,12 +106,10 @@ class UnitreeBus:
     """
 
     def __init__(self, profile: Profile, robot: Robot, interface: str, domain: int = 0) -> None:
-        self._convert = Converter(profile, robot)
-        self.dropped = Counter[str]()
-        self._ends = _Ends(interface, domain)
-        self._states = self._ends.reader(STATE_TOPIC, self._convert.state)
-        self._truths = self._ends.reader(TRUTH_TOPIC, _truth_layout())
-        self._commands = self._ends.writer(COMMAND_TOPIC, self._convert.command)
+        super().__init__(profile, robot, interface, domain)
+        self._states = self._reader(STATE_TOPIC, self._convert.state)
+        self._truths = self._reader(TRUTH_TOPIC, _truth_layout())
+        self._commands = self._writer(COMMAND_TOPIC, self._convert.command)
         self._truth: BaseTruth | None = None  # the last: it may come after its reading
 
     def read(self) -> Reading | None:
@@ -81,21 +132,15 @@ class UnitreeBus:
         """Send a command."""
         _write(self._commands, self._convert.low_command(command))
 
-    def close(self) -> None:
-        """Leave the bus."""
-        self._ends.close()
 
-
-class UnitreeRobotBus:
+class UnitreeRobotBus(_DdsEnd):
     """The robot's end: reads LowCmd, writes LowState; see :class:`UnitreeBus`."""
 
     def __init__(self, profile: Profile, robot: Robot, interface: str, domain: int = 0) -> None:
-        self._convert = Converter(profile, robot)
-        self.dropped = Counter[str]()
-        self._ends = _Ends(interface, domain)
-        self._commands = self._ends.reader(COMMAND_TOPIC, self._convert.command)
-        self._states = self._ends.writer(STATE_TOPIC, self._convert.state)
-        self._truths = self._ends.writer(TRUTH_TOPIC, _truth_layout())
+        super().__init__(profile, robot, interface, domain)
+        self._commands = self._reader(COMMAND_TOPIC, self._convert.command)
+        self._states = self._writer(STATE_TOPIC, self._convert.state)
+        self._truths = self._writer(TRUTH_TOPIC, _truth_layout())
         self._last = 0
 
     def receive(self) -> Command | None:
@@ -125,73 +170,22 @@ class UnitreeRobotBus:
             _write(self._truths, data)
         _write(self._states, self._convert.low_state(reading))
 
-    def close(self) -> None:
-        """Leave the bus."""
-        self._ends.close()
-
 
 # ---------------------------------------------------------------------- DDS
-
-
-class _Ends:
-    """A participant of a domain on one interface."""
-
-    def __init__(self, interface: str, domain: int) -> None:
-        require("cyclonedds", "Unitree's bus")
-        from cyclonedds.domain import Domain, DomainParticipant
-
-        known = _DOMAINS.get(domain)
-        if known is None:
-            try:
-                _DOMAINS[domain] = interface, Domain(domain, _configuration(interface))
-                self._participant = DomainParticipant(domain)
-            except Exception as error:  # DDSException is one of many
-                _DOMAINS.pop(domain, None)
-                raise BusError(f"DDS on {interface!r}: {error}; see: ip addr") from error
-        elif known[0] != interface:
-            raise InvalidInputError(
-                f"DDS: domain {domain} is on {known[0]!r} in this process, not on {interface!r}"
-            )
-        else:
-            self._participant = DomainParticipant(domain)
-
-    def reader(self, topic: str, layout: MessageLayout) -> Any:
-        from cyclonedds.core import Policy, Qos
-        from cyclonedds.sub import DataReader
-        from cyclonedds.topic import Topic
-
-        # Best effort fits every writer; a lost message is overtaken by the next.
-        qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(AT_MOST))
-        return DataReader(self._participant, Topic(self._participant, topic, _type(layout)), qos)
-
-    def writer(self, topic: str, layout: MessageLayout) -> Any:
-        from cyclonedds.core import Policy, Qos
-        from cyclonedds.pub import DataWriter
-        from cyclonedds.topic import Topic
-
-        # Reliable fits every reader; with one message kept it never waits for a slow one.
-        qos = Qos(Policy.Reliability.Reliable(0), Policy.History.KeepLast(1))
-        return DataWriter(self._participant, Topic(self._participant, topic, _type(layout)), qos)
-
-    def close(self) -> None:
-        del self._participant
 
 
 def _configuration(interface: str) -> str:
     """Return the settings of DDS for one network interface."""
     local = interface == "lo"  # has no multicast: participants are asked one by one
+    multicast = str(not local).lower()
     found = '<Peers><Peer address="localhost"/></Peers>' if local else ""
     return (
         "<CycloneDDS><Domain><General><Interfaces>"
-        f'<NetworkInterface name="{interface}" priority="default" multicast="{_word(not local)}"/>'
-        f"</Interfaces><AllowMulticast>{_word(not local)}</AllowMulticast></General>"
+        f'<NetworkInterface name="{interface}" priority="default" multicast="{multicast}"/>'
+        f"</Interfaces><AllowMulticast>{multicast}</AllowMulticast></General>"
         f"<Discovery><ParticipantIndex>auto</ParticipantIndex>{found}</Discovery>"
         "</Domain></CycloneDDS>"
     )
-
-
-def _word(value: bool) -> str:
-    return "true" if value else "false"
 
 
 @cache
