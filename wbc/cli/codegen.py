@@ -106,11 +106,7 @@ def _problem(
 
 
 def _pendulum(
-    model: str,
-    mass: float | None,
-    gravity: float | None,
-    output: Path,
-    function: list[str] | None,
+    model: str, mass: float | None, gravity: float | None, output: Path, function: list[str] | None
 ) -> None:
     from wbc.errors import InvalidInputError
     from wbc.rmp.functions import export_c

@@ -39,8 +39,7 @@ Priority = Annotated[
 Slower = Annotated[
     float,
     typer.Option(
-        help="Slow motion, so many times, on lo, of run and sim alike: for slow machines.",
-        min=1.0,
+        help="Slow motion, so many times, on lo, of run and sim alike: for slow machines.", min=1.0
     ),
 ]
 Cpus = Annotated[

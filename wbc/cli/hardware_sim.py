@@ -32,8 +32,7 @@ def sim(
     push: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="AT,FX,FY,SECONDS",
-            help="Push the trunk at a time, in s and N; repeatable.",
+            metavar="AT,FX,FY,SECONDS", help="Push the trunk at a time, in s and N; repeatable."
         ),
     ] = None,
     push_body: Annotated[str, typer.Option(help="Which body is pushed.")] = "base",

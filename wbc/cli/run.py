@@ -11,13 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import (
-    NOT_REACHED,
-    QP_FAILED,
-    complain,
-    print_note,
-    print_notes,
-)
+from wbc.cli.errors import NOT_REACHED, QP_FAILED, complain, print_note, print_notes
 from wbc.cli.options import (
     Assign,
     Output,

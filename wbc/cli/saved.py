@@ -12,14 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wbc.cli.errors import complain
-from wbc.cli.options import (
-    Quiet,
-    RobotOfResult,
-    SavedOrProblem,
-    Show,
-    ViewFrom,
-    name_of,
-)
+from wbc.cli.options import Quiet, RobotOfResult, SavedOrProblem, Show, ViewFrom, name_of
 
 if TYPE_CHECKING:
     from wbc.cli.progress import ProgressCall

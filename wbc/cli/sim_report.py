@@ -11,15 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wbc.cli.printing import (
-    SHOWN,
-    facts,
-    head,
-    heads,
-    print_unbalanced,
-    print_written,
-    tasks_table,
-)
+from wbc.cli.printing import SHOWN, facts, head, heads, print_unbalanced, print_written, tasks_table
 from wbc.errors import listed
 from wbc.simulation import SimulationResult
 from wbc.simulation.push import Push

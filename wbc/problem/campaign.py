@@ -210,11 +210,7 @@ def _seed_paths(spec: ProblemSpec | None) -> tuple[str, ...]:
         return ("controller.seed",)
     if spec is not None and isinstance(spec.controller, TorqueSpec):
         made = spec.simulation
-        used = {
-            "sensors": made.sensors,
-            "model_error": made.model_error,
-            "devices": made.estimate,
-        }
+        used = {"sensors": made.sensors, "model_error": made.model_error, "devices": made.estimate}
         return tuple(f"simulation.{name}.seed" for name, given in used.items() if given)
     return ()
 

@@ -38,8 +38,7 @@ class DevicesSpec(Section):
     seed: Seed = 0
     """Of the random numbers."""
     estimator: Annotated[
-        dict[str, Any],
-        KeysOf(EstimatorSettings, noise=NoiseKeys, velocity_window=int, history=int),
+        dict[str, Any], KeysOf(EstimatorSettings, noise=NoiseKeys, velocity_window=int, history=int)
     ] = Field(default_factory=dict)
     """What the estimator counts on; the encoders' delay is known to it."""
 

@@ -67,8 +67,7 @@ class PayloadSection(Section):
     com: Point = (0.0, 0.0, 0.0)
     """Its centre of mass [m], in the frame's axes from its origin."""
     inertia: Annotated[
-        Point | Three[Point],
-        Forms("the diagonal [xx, yy, zz], or three rows [[xx, xy, xz], ...]"),
+        Point | Three[Point], Forms("the diagonal [xx, yy, zz], or three rows [[xx, xy, xz], ...]")
     ] = (0.0, 0.0, 0.0)
     """Its moments of inertia about its centre of mass, in the frame's axes [kg m^2]; left out: a
     point."""

@@ -11,12 +11,7 @@ from pydantic import Field
 from wbc.constraints import Contact, LineContact, PointContact, support
 from wbc.constraints.contact import DEFAULT_FRICTION
 from wbc.constraints.friction import FrictionCone
-from wbc.constraints.support_modes import (
-    base_contact,
-    contact_kind,
-    feet_of,
-    sole_or_frame,
-)
+from wbc.constraints.support_modes import base_contact, contact_kind, feet_of, sole_or_frame
 from wbc.errors import InvalidInputError
 from wbc.problem.friction import FrictionSpec, cone
 from wbc.problem.mistakes import Misplaced

@@ -20,13 +20,7 @@ from wbc.run.result import Result
 from wbc.run.shaping_report import Posture, SearchEffort, ShapingReport, relative_error
 from wbc.run.simulate import DEFAULT_STOP, ticks_in
 from wbc.run.stopping import RunStatus, Stop
-from wbc.shaping import (
-    GlobalShaping,
-    ShapingMotion,
-    ShapingOutcome,
-    ShapingStatistics,
-    Stopped,
-)
+from wbc.shaping import GlobalShaping, ShapingMotion, ShapingOutcome, ShapingStatistics, Stopped
 from wbc.shaping.motion import MakeController
 from wbc.shaping.problem import ShapingProblem, posture_errors
 from wbc.tasks import InertiaTask, PrincipalInertiaTask, Task

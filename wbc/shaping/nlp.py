@@ -88,12 +88,7 @@ class Ipopt:
         f, g = nlp.functions(x, p)
         options = ipopt_options(nlp.options)
         self._solver = ca.nlpsol("shaping", "ipopt", {"x": x, "p": p, "f": f, "g": g}, options)
-        self._bounds = {
-            "lbx": nlp.lower,
-            "ubx": nlp.upper,
-            "lbg": nlp.g_lower,
-            "ubg": nlp.g_upper,
-        }
+        self._bounds = {"lbx": nlp.lower, "ubx": nlp.upper, "lbg": nlp.g_lower, "ubg": nlp.g_upper}
 
     def search(self, start: Start) -> Local:
         """Return where IPOPT ends from a start."""

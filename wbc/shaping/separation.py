@@ -25,15 +25,7 @@ from wbc.constraints.margin import USED
 from wbc.robot import Snapshot
 from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
-from wbc.shaping.nlp import (
-    Ipopt,
-    Local,
-    Nlp,
-    Separation,
-    Start,
-    ipopt_options,
-    local_of,
-)
+from wbc.shaping.nlp import Ipopt, Local, Nlp, Separation, Start, ipopt_options, local_of
 from wbc.shaping.planes import Corners, PlaneRows, plane_rows
 from wbc.validate import Array
 

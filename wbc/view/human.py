@@ -12,16 +12,7 @@ from wbc.human import Comparison
 from wbc.motion import RmpSeries
 from wbc.view import style
 from wbc.view.analysis import Snapshots, sheet_with_snapshots, snapshot_frames
-from wbc.view.analysis_plots import (
-    MM,
-    XYZ,
-    band,
-    curve,
-    legend,
-    plot_radii,
-    plot_rotation,
-    prepare,
-)
+from wbc.view.analysis_plots import MM, XYZ, band, curve, legend, plot_radii, plot_rotation, prepare
 
 EXPLANATION = (
     "equimomental ellipsoid with reaction masses at radii r [mm], leg from the CoP to the CoM;"
