@@ -175,7 +175,8 @@ class PhaseExecutor:
         """Return a run of one phase with one controller, whose targets stay where they are."""
         held = tuple(one for one in controller.contacts if isinstance(one, Contact))
         phase = Phase("", 0.0, np.inf, lambda _: held, {}, np.inf)
-        executor = cls([phase], [], (), lambda *_: controller, _never, start)
+        # No second phase begins, which would change the controller.
+        executor = cls([phase], [], (), lambda *_: controller, lambda *_: None, start)
         executor.tasks = controller.tasks
         return executor
 
@@ -282,10 +283,6 @@ class PhaseExecutor:
             self._moving.append(MovingTarget(ramp, set_weight, phase.begins))
             set_weight(begin, begin, begin)
         return True
-
-
-def _never(*_: object) -> None:
-    """Change the controller of a run that has no second phase."""
 
 
 def _set_weight(task: Task, least: Array) -> SetTarget:

@@ -89,15 +89,10 @@ def plot_errors(axes: Axes, time: Array, errors: Iterable[Series]) -> None:
     if largest > 2.0 * DECADE * lowest:
         axes.set_yscale("log")
         axes.set_ylim(lowest, 1.5 * largest)
-        series = [replace(one, values=_at_least(one.values, lowest)) for one in series]
+        series = [replace(one, values=np.maximum(one.values, lowest)) for one in series]
     else:
         axes.set_ylim(0.0, 1.05 * max(largest, SMALLEST))
     plot_curves(axes, time, series)
-
-
-def _at_least(values: Array, least: float) -> Array:
-    """Return values, at least ``least`` where they are numbers."""
-    return np.where(values < least, least, values)
 
 
 def plot_moments(axes: Axes, time: Array, moments: Iterable[Series]) -> None:

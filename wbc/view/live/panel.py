@@ -9,7 +9,7 @@ import numpy as np
 from viser import GuiApi
 
 from wbc.view.live.layers.margins import Pair
-from wbc.view.live.messages import Frame, Told
+from wbc.view.live.messages import Told
 from wbc.view.live.shown import Shown
 
 LISTED = 6  # names under a heading
@@ -30,7 +30,8 @@ class LivePanel:
         """Write the numbers of a frame."""
         frame, told = shown.frame, shown.frame.told
         paused = "" if frame.playing else " (paused)"
-        parts = [_line("time", f"{frame.time:.3f} s{paused}"), *map(_remark, self._remarks(frame))]
+        parts = [_line("time", f"{frame.time:.3f} s{paused}")]
+        parts += [_remark(text) for text in (frame.remark, self._note) if text]
         if frame.phase:
             parts.append(_line("phase", escape(frame.phase)))
         if shown.cast is not None:
@@ -49,9 +50,6 @@ class LivePanel:
         if nearest:
             parts += [_heading("Nearest pairs (least kept)"), *map(_pair, nearest[:LISTED])]
         self._html.content = f"<div style='{_STYLE}'>{''.join(parts)}</div>"
-
-    def _remarks(self, frame: Frame) -> list[str]:
-        return [text for text in (frame.remark, self._note) if text]
 
 
 def _line(name: str, value: str) -> str:
