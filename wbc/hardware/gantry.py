@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from wbc.gait.swing import turned, yaw_of
 from wbc.robot import Robot
 from wbc.rotations import rotation_from
 from wbc.simulation import Plant
@@ -42,10 +43,7 @@ class Gantry:
             return
         R = rotation_from(q[3:7])
         if self._anchor is None:
-            yaw = math.atan2(float(R[1, 0]), float(R[0, 0]))
-            c, s = math.cos(yaw), math.sin(yaw)
-            upright = np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
-            self._anchor = np.array((q[0], q[1], self.height)), upright
+            self._anchor = np.array((q[0], q[1], self.height)), turned(yaw_of(R))
         place, upright = self._anchor
         off = upright @ R.T
         turn = 0.5 * np.array((off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
@@ -14,6 +13,7 @@ from wbc.errors import InvalidInputError, WbcError
 from wbc.estimation import ImuReading, Measurement, StateEstimator
 from wbc.gait.commanded import CommandedWalk
 from wbc.gait.phases import Standing
+from wbc.gait.swing import turned, yaw_of
 from wbc.hardware.bus import Command, Reading
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ, BASE_NV
@@ -123,13 +123,7 @@ def configuration(robot: Robot, pose: Array, joints: Array) -> Array:
     """Return the configuration (nq,) of a base's pose (7,) and joint positions (nv-6,)."""
     q = np.empty(robot.nq)
     q[:BASE_NQ] = pose
-    if not robot.limits.unbounded:
-        q[BASE_NQ:] = joints
-        return q
-    starts = np.array(robot.limits.starts)
-    q[starts] = joints
-    for k in robot.limits.unbounded:
-        q[starts[k] : starts[k] + 2] = math.cos(joints[k]), math.sin(joints[k])
+    robot.limits.write_positions(q, joints)
     return q
 
 
@@ -193,7 +187,8 @@ class RobotController:
         self.dt = supervisor.controller.dt
         self._start, self._kd, self._kp = start, following, stiffness
         self._ticks, self._began = 0, 0.0
-        self._turn, self._shift = np.eye(3), np.zeros(3)
+        self._turn: Array = np.eye(3)
+        self._shift = np.zeros(3)
         self._held: Array = start[BASE_NQ:]
 
     def stand(self) -> None:
@@ -209,9 +204,8 @@ class RobotController:
         """Begin to run: the robot stands, on its feet."""
         self._ticks, self._began = 0, reading.time
         q, _ = self.estimator.update(reading)
-        turn = heading(rotation_from(self._start[3:7])) - heading(rotation_from(q[3:7]))
-        c, s = math.cos(turn), math.sin(turn)
-        self._turn = np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+        there, here = (yaw_of(rotation_from(one[3:7])) for one in (self._start, q))
+        self._turn = turned(there - here)
         soles = self._soles(q) - self._soles(self._start)
         moved = self._turn @ q[:3]
         self._shift = np.array((*(self._start[:2] - moved[:2]), -soles))
@@ -273,8 +267,3 @@ class RobotController:
         s = self.robot.snapshot(q)
         frames = [foot.frame for foot in self.robot.feet.values()]
         return min(float(s.position(frame)[2]) for frame in frames) if frames else 0.0
-
-
-def heading(R: Array) -> float:
-    """Return the angle of a rotation about the vertical [rad]."""
-    return math.atan2(float(R[1, 0]), float(R[0, 0]))

@@ -177,10 +177,7 @@ class _Planner:
             if active and joint in held:
                 below = ("tasks", task) if task in spec.tasks else ()
                 with self._mistakes.at("phases", name, *below):
-                    raise InvalidInputError(
-                        f"task {task!r} moves what the support holds ({frames[joint]}); give "
-                        "active: false, or let go of it"
-                    )
+                    raise _moves_held(task, frames[joint])
         if self._active and not any(self._active.values()):
             with self._mistakes.at("phases", name):
                 raise InvalidInputError("no task is active; there is nothing to do")
@@ -225,10 +222,13 @@ def _check_free(spec: ProblemSpec, start: Snapshot, mistakes: Mistakes) -> None:
             if not task.active or task.moved_frame is None:
                 continue
             if carrier(start.robot, task.moved_frame) in held:
-                raise InvalidInputError(
-                    f"task {name!r} moves what the support holds ({task.moved_frame}); give "
-                    "active: false, or let go of it"
-                )
+                raise _moves_held(name, task.moved_frame)
+
+
+def _moves_held(task: str, frame: str) -> InvalidInputError:
+    return InvalidInputError(
+        f"task {task!r} moves what the support holds ({frame}); give active: false, or let go of it"
+    )
 
 
 def _check_touchdowns(
