@@ -168,22 +168,13 @@ class Part:
 
 
 class Asked(NamedTuple):
-    """What a task in Python answers at one snapshot.
-
-    Attributes
-    ----------
-    residual:
-        Of a task about motion.
-    drift:
-        (k,) its second derivative at zero acceleration of v; None at the velocity level.
-    rows:
-        Of a task about forces, in place of both: rows on the unknowns.
-    """
+    """What a task in Python answers at one snapshot."""
 
     task: Task
-    residual: Residual | None = None
+    residual: Residual | None = None  # of a task about motion
+    # (k,) its second derivative at zero acceleration of v; None at the velocity level.
     drift: Array | None = None
-    rows: Rows | None = None
+    rows: Rows | None = None  # of a task about forces, in place of both: rows on the unknowns
 
 
 class AskedPart(Part):

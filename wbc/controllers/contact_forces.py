@@ -45,19 +45,12 @@ STEEP = math.sqrt(0.5)  # how far up a normal looks at 45 degrees
 
 
 class ContactPart(NamedTuple):
-    """The unknowns of one contact.
-
-    Attributes
-    ----------
-    columns:
-        Which of the force unknowns they are.
-    grasp:
-        (6, k) wrench at the contact's frame, in the axes of the forces, by them; None for free
-        forces along the contact's own rows.
-    """
+    """The unknowns of one contact."""
 
     contact: Task
-    columns: slice
+    columns: slice  # which of the force unknowns they are
+    # (6, k) wrench at the contact's frame, in the axes of the forces, by them; None for free
+    # forces along the contact's own rows.
     grasp: Array | None
 
     @property

@@ -14,30 +14,14 @@ from wbc.validate import Array
 
 
 class CoreBlocks(NamedTuple):
-    """What parts are to the core.
+    """What parts are to the core."""
 
-    Attributes
-    ----------
-    frames:
-        That they are about; the first is the base.
-    moving:
-        How many of them have Jacobians, the first.
-    entries:
-        Entries of what their kinds know, one block behind the other.
-    blocks:
-        Fields of each ``wbc_block`` of source/core.h.
-    number:
-        Numbers of all, which parts write.
-    moments:
-        How many rows are moments about a centre of pressure.
-    """
-
-    frames: list[str]
-    moving: int
-    entries: list[int]
-    blocks: list[dict[str, int]]
-    number: Array
-    moments: int
+    frames: list[str]  # that they are about; the first is the base
+    moving: int  # how many of them have Jacobians, the first
+    entries: list[int]  # entries of what their kinds know, one block behind the other
+    blocks: list[dict[str, int]]  # fields of each ``wbc_block`` of source/core.h
+    number: Array  # numbers of all, which parts write
+    moments: int  # how many rows are moments about a centre of pressure
 
     @classmethod
     def of(cls, parts: Sequence[Part]) -> CoreBlocks:

@@ -9,23 +9,7 @@ from wbc.validate import Array
 
 
 class LevelViews(NamedTuple):
-    """The QP of a level, its answer, and what else is known of a tick: views on its memory.
-
-    Attributes
-    ----------
-    found:
-        (5,) primal, dual and complementarity residual, iterations, levels solved.
-    D, offset:
-        (nv, n), (nv,): base forces and torques by the unknowns; empty at the velocity level.
-    errors:
-        Of all costs, one behind the other.
-    heaviest:
-        (1,) the largest square of a weighted row of the first level.
-    exact, torque:
-        v+ (nv,) that meets the base's dynamics to rounding, and torques (nv - 6,) at that.
-    clearance, chosen:
-        Of the margin's rows, the last of C [m], and the numbers of their pairs.
-    """
+    """The QP of a level, its answer, and what else is known of a tick: views on its memory."""
 
     P: Array
     A: Array
@@ -40,15 +24,16 @@ class LevelViews(NamedTuple):
     y: Array
     z: Array
     z_box: Array
-    found: Array
-    D: Array
-    offset: Array
-    errors: Array
-    heaviest: Array
-    exact: Array
-    torque: Array
-    clearance: Array
-    chosen: Array
+    found: Array  # (5,) primal, dual and complementarity residual, iterations, levels solved
+    # Base forces and torques by the unknowns; empty at the velocity level.
+    D: Array  # (nv, n)
+    offset: Array  # (nv,)
+    errors: Array  # of all costs, one behind the other
+    heaviest: Array  # (1,) the largest square of a weighted row of the first level
+    exact: Array  # v+ (nv,) that meets the base's dynamics to rounding
+    torque: Array  # (nv - 6,) at that
+    clearance: Array  # of the margin's rows, the last of C [m]
+    chosen: Array  # the numbers of their pairs
 
 
 class Layout:

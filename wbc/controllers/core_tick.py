@@ -32,21 +32,11 @@ NO_SOLVER = "cholesky"
 
 
 class TickNames(NamedTuple):
-    """What is the same in every tick of a plan.
+    """What is the same in every tick of a plan."""
 
-    Attributes
-    ----------
-    errors:
-        Of each task, by name: where its error is among all.
-    labels:
-        Of each level's QP; those of inequality rows come with the tick.
-    levels:
-        What levels are called where they are left out.
-    """
-
-    errors: dict[str, slice]
-    labels: Sequence[Labels]
-    levels: Sequence[str]
+    errors: dict[str, slice]  # of each task, by name: where its error is among all
+    labels: Sequence[Labels]  # of each level's QP; those of inequality rows come with the tick
+    levels: Sequence[str]  # what levels are called where they are left out
 
 
 class CoreTick:

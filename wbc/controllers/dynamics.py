@@ -23,21 +23,14 @@ from wbc.validate import Array
 
 @dataclass(frozen=True, eq=False)
 class TickDynamics:
-    """The :class:`~wbc.tasks.force_task.Dynamics` of one tick.
-
-    Attributes
-    ----------
-    physics:
-        Returns base forces and torques (nv, n) by the unknowns, in units of ``unit``, and (nv,) at
-        zero unknowns, as the core finds them: only tasks about torques ask.
-    last:
-        The forces of the last tick; None if there was none.
-    """
+    """The :class:`~wbc.tasks.force_task.Dynamics` of one tick."""
 
     snapshot: Snapshot
     forces: ContactForces
+    # Returns base forces and torques (nv, n) by the unknowns, in units of ``unit``, and (nv,) at
+    # zero unknowns, as the core finds them: only tasks about torques ask.
     physics: Callable[[], tuple[Array, Array]]
-    last: Reaction | None
+    last: Reaction | None  # the forces of the last tick; None if there was none
 
     @cached_property
     def _physics(self) -> tuple[Array, Array]:

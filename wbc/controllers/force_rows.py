@@ -18,34 +18,18 @@ from wbc.validate import Array
 
 @dataclass(frozen=True, eq=False)
 class TorqueRows:
-    """The rows of a torque level that do not come from tasks.
+    """The rows of a torque level that do not come from tasks."""
 
-    Attributes
-    ----------
-    forces:
-        The unknowns behind v+.
-    passive:
-        Entries of v without a motor.
-    bounded, most:
-        Entries of v with a torque bound, and the bounds in units of the forces.
-    labels:
-        Of the torque bounds.
-    deceleration:
-        (nv - 6,) that joints can brake by before their limits [rad/s^2 or m/s^2].
-    spring_time:
-        Within which springs of joints without a motor give way [s], where anything bears.
-    told:
-        (nv,) generalised forces of the wrenches that are known in this tick [N, N m]; the
-        controller writes them.
-    """
-
-    forces: ContactForces
-    passive: NDArray[np.int64]
-    bounded: NDArray[np.int64]
-    most: Array
-    labels: tuple[str, ...]
-    deceleration: Array
+    forces: ContactForces  # the unknowns behind v+
+    passive: NDArray[np.int64]  # entries of v without a motor
+    bounded: NDArray[np.int64]  # entries of v with a torque bound
+    most: Array  # those bounds, in units of the forces
+    labels: tuple[str, ...]  # of the torque bounds
+    deceleration: Array  # (nv - 6,) that joints can brake by before their limits [rad/s^2 or m/s^2]
+    # Within which springs of joints without a motor give way [s], where anything bears.
     spring_time: float
+    # (nv,) generalised forces of the wrenches that are known in this tick [N, N m]; the
+    # controller writes them.
     told: Array
 
 

@@ -32,21 +32,13 @@ Solve = Callable[[Bounds | None, Box | None], Outcome]
 
 
 class MarginRows(NamedTuple):
-    """The inequality rows of all constraints at one snapshot.
-
-    Attributes
-    ----------
-    parts:
-        The rows of each constraint, with slack weights where it may give way.
-    slacks:
-        Which may: where they lead is not looked at.
-    """
+    """The inequality rows of all constraints at one snapshot."""
 
     constraints: Sequence[Constraint]
-    slacks: Slacks
+    slacks: Slacks  # which may: where they lead is not looked at
     snapshot: Snapshot
     dt: float
-    parts: Sequence[Bounds]
+    parts: Sequence[Bounds]  # the rows of each constraint, with slack weights where it may give way
 
     @classmethod
     def at(

@@ -16,21 +16,12 @@ Box = tuple[Array, Array]
 
 
 class Outcome(NamedTuple):
-    """What came of the levels of one tick.
+    """What came of the levels of one tick."""
 
-    Attributes
-    ----------
-    found:
-        Their QPs and answers.
-    failed:
-        The first level's solution, if it could not be solved; None: it was.
-    step_scale:
-        The part of the velocity that is safe to command.
-    """
-
-    found: CoreTick
+    found: CoreTick  # their QPs and answers
+    # The first level's solution, if it could not be solved; None: it was.
     failed: Solution | None = None
-    step_scale: float = 1.0
+    step_scale: float = 1.0  # the part of the velocity that is safe to command
 
     @property
     def solved(self) -> bool:

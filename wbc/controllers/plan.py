@@ -28,22 +28,12 @@ class Decision:
 
     The velocity level has v+ alone; a torque level has contact forces behind it. Rows may have nv
     columns or n: those on v+ are written once for both levels.
-
-    Attributes
-    ----------
-    names:
-        (n,), a bound is named after its unknown.
-    nv:
-        How many of them are v+.
-    damping:
-        (n,) weights of 1/2 x^2 in the cost; they make the optimum unique.
-    lower, upper:
-        (n - nv,) bounds on what is behind v+.
     """
 
-    names: tuple[str, ...]
-    nv: int
-    damping: Array
+    names: tuple[str, ...]  # (n,), a bound is named after its unknown
+    nv: int  # how many of them are v+
+    damping: Array  # (n,) weights of 1/2 x^2 in the cost; they make the optimum unique
+    # (n - nv,) bounds on what is behind v+.
     lower: Array
     upper: Array
 
@@ -73,32 +63,17 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class LevelPlan:
-    """The levels of a controller.
-
-    Attributes
-    ----------
-    motion:
-        The tasks about motion.
-    held:
-        The contacts that are met exactly.
-    soft:
-        Those that may give way: costs of the first level, behind the tasks.
-    levels:
-        Indices of each level's costs among the tasks, the soft contacts, then the tasks about
-        forces.
-    labels:
-        Of each level's QP; those of inequality rows come with the rows.
-    workspace:
-        Names the set of contacts: solvers keep a warm start for each.
-    """
+    """The levels of a controller."""
 
     decision: Decision
-    motion: tuple[Task, ...]
-    held: ContactRows
-    soft: tuple[Task, ...]
+    motion: tuple[Task, ...]  # the tasks about motion
+    held: ContactRows  # the contacts that are met exactly
+    soft: tuple[Task, ...]  # those that may give way: costs of the first level, behind the tasks
+    # Indices of each level's costs among the tasks, the soft contacts, then the tasks about
+    # forces.
     levels: tuple[tuple[int, ...], ...]
-    labels: tuple[Labels, ...]
-    workspace: tuple[object, ...]
+    labels: tuple[Labels, ...]  # of each level's QP; those of inequality rows come with the rows
+    workspace: tuple[object, ...]  # names the set of contacts: solvers keep a warm start for each
 
     @classmethod
     def of(

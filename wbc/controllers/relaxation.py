@@ -46,20 +46,12 @@ NEGLIGIBLE = 1e-5
 
 
 class Physical(NamedTuple):
-    """What stays hard in a relaxed QP.
+    """What stays hard in a relaxed QP."""
 
-    Attributes
-    ----------
-    equalities:
-        How many of the QP's equality rows, the first, are the dynamics'; the contacts' follow.
-    rows:
-        How many of its inequality rows, the first, are torque bounds and friction cones.
-    normal_forces:
-        Which of these are the ranges of normal forces, whose lower ends are dropped.
-    """
-
+    # How many of the QP's equality rows, the first, are the dynamics'; the contacts' follow.
     equalities: int
-    rows: int
+    rows: int  # how many of its inequality rows, the first, are torque bounds and friction cones
+    # Which of these are the ranges of normal forces, whose lower ends are dropped.
     normal_forces: slice
 
 

@@ -73,18 +73,10 @@ class Singularity(NamedTuple):
 
 
 class Grams(NamedTuple):
-    """What the least motions Y (nv, k) in the joints' metric, one along each row, bring about.
+    """What the least motions Y (nv, k) in the joints' metric, one along each row, bring about."""
 
-    Attributes
-    ----------
-    rate:
-        (k, k) J Y, the rates of the rows.
-    speed:
-        (k, k) Y' Y; None if all joints weigh 1, as it is then the same.
-    """
-
-    rate: Array
-    speed: Array | None
+    rate: Array  # (k, k) J Y, the rates of the rows
+    speed: Array | None  # (k, k) Y' Y; None if all joints weigh 1, as it is then the same
 
     def of(self, rows: slice) -> Grams:
         """Return those of some rows."""
@@ -92,21 +84,11 @@ class Grams(NamedTuple):
 
 
 class NullSpace(NamedTuple):
-    """The null space of the held rows, in the joints' metric (velocities times ``root``).
+    """The null space of the held rows, in the joints' metric (velocities times ``root``)."""
 
-    Attributes
-    ----------
-    row_space:
-        (nv, rank) orthonormal basis of the motions that the held rows fix.
-    particular:
-        (nv,) the least motion that meets the held rows.
-    root:
-        (nv,) square roots of the joints' weights.
-    """
-
-    row_space: Array
-    particular: Array
-    root: Array
+    row_space: Array  # (nv, rank) orthonormal basis of the motions that the held rows fix
+    particular: Array  # (nv,) the least motion that meets the held rows
+    root: Array  # (nv,) square roots of the joints' weights
 
 
 def reduce_singular(

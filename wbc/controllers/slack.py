@@ -88,16 +88,10 @@ class GivingQP(NamedTuple):
     """A QP whose inequality rows may give way, in the form in which their slacks are no unknowns.
 
     Also the evidence of a tick, few of which are asked for the QP itself.
-
-    Attributes
-    ----------
-    slackless:
-        The QP without its slacks.
-    weights:
-        (mi,) of the slacks, infinite for rows that may not give way; None: none may.
     """
 
-    slackless: QP
+    slackless: QP  # the QP without its slacks
+    # (mi,) of the slacks, infinite for rows that may not give way; None: none may.
     weights: Array | None
 
     @property

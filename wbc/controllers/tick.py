@@ -53,33 +53,16 @@ class Answering(Protocol):
 
 
 class Began(NamedTuple):
-    """Where a tick began: what its command is compared with, and what asks for it again.
+    """Where a tick began: what its command is compared with, and what asks for it again."""
 
-    Attributes
-    ----------
-    limits:
-        That were kept, or None.
-    measured:
-        The bytes of q, and of v behind it.
-    acceleration:
-        (nv - 6,) limits of the joints in this tick, or None; they may be assigned later.
-    dt:
-        Time step [s].
-    asked:
-        The controller.
-    before:
-        What it kept between ticks until this one, but for warm starts.
-    number:
-        Of this tick among those of the controller.
-    """
-
-    limits: Limits | None
-    measured: bytes
+    limits: Limits | None  # that were kept, or None
+    measured: bytes  # the bytes of q, and of v behind it
+    # (nv - 6,) limits of the joints in this tick, or None; they may be assigned later.
     acceleration: Array | None
-    dt: float
-    asked: Answering
-    before: tuple[object, ...]
-    number: int
+    dt: float  # time step [s]
+    asked: Answering  # the controller
+    before: tuple[object, ...]  # what it kept between ticks until this one, but for warm starts
+    number: int  # of this tick among those of the controller
 
     def braked(self, velocity: Array) -> dict[str, float]:
         """Return how much harder joints brake than their limit, by name: see :class:`Tick`."""

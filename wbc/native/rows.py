@@ -37,38 +37,20 @@ class Kind(IntEnum):
 
 
 class NativeRows(NamedTuple):
-    """Rows of one kind: k of them, behind each other.
-
-    Attributes
-    ----------
-    frame:
-        That they are about, or None.
-    entries:
-        (k,) which entries of what the kind knows.
-    bias:
-        (k,) minus the rate of the target.
-    drift:
-        (k,) minus its acceleration.
-    numbers:
-        What the kind needs, in its order.
-    curved:
-        Whether the kind's curvature is damped; see :class:`~wbc.laws.VelocityLaw`.
-    moving:
-        The task's attributes that bias, drift and numbers are, in this order; "" for what stays.
-        Where a target was set these are read again, and nothing is described anew.
-    other:
-        The frame that a loop's is held at.
-    """
+    """Rows of one kind: k of them, behind each other."""
 
     kind: Kind
-    frame: str | None
-    entries: tuple[int, ...]
-    bias: Array
-    drift: Array
-    numbers: tuple[Array, ...]
+    frame: str | None  # that they are about, or None
+    entries: tuple[int, ...]  # (k,) which entries of what the kind knows
+    bias: Array  # (k,) minus the rate of the target
+    drift: Array  # (k,) minus its acceleration
+    numbers: tuple[Array, ...]  # what the kind needs, in its order
+    # Whether the kind's curvature is damped; see :class:`~wbc.laws.VelocityLaw`.
     curved: bool = True
+    # The task's attributes that bias, drift and numbers are, in this order; "" for what stays.
+    # Where a target was set these are read again, and nothing is described anew.
     moving: tuple[str, ...] = ()
-    other: str | None = None
+    other: str | None = None  # the frame that a loop's is held at
 
     @property
     def frames(self) -> tuple[str, ...]:

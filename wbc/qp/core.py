@@ -20,27 +20,16 @@ _GIVEN = ("P", "A", "C", "g", "lower", "upper", "b", "l", "u")
 
 
 class CoreAnswer(NamedTuple):
-    """What the core says of a QP.
+    """What the core says of a QP."""
 
-    Attributes
-    ----------
-    said:
-        0: x and the multipliers are optimal to the accuracy asked for.
-    x, y, z, z_box:
-        (n,), (me,), (mi,), (n,); of a QP without a point a certificate in place of multipliers.
-    residuals:
-        Of the answer, if it has one.
-    iterations:
-        Negative where there is no answer at all.
-    """
-
-    said: int
-    x: Array
-    y: Array
-    z: Array
-    z_box: Array
-    residuals: KktResiduals
-    iterations: int
+    said: int  # 0: x and the multipliers are optimal to the accuracy asked for
+    x: Array  # (n,)
+    # Multipliers; of a QP without a point a certificate.
+    y: Array  # (me,)
+    z: Array  # (mi,)
+    z_box: Array  # (n,)
+    residuals: KktResiduals  # of the answer, if it has one
+    iterations: int  # negative where there is no answer at all
 
 
 class FlatForm:
@@ -74,15 +63,9 @@ class FlatForm:
 
 
 class FlatQP(NamedTuple):
-    """A QP as one list of numbers.
+    """A QP as one list of numbers."""
 
-    Attributes
-    ----------
-    numbers:
-        P, A and C by rows, g, lower, upper, b, l, u, one behind the other.
-    """
-
-    numbers: list[float]
+    numbers: list[float]  # P, A and C by rows, g, lower, upper, b, l, u, one behind the other
     form: FlatForm
 
     @property

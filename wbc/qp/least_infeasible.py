@@ -27,25 +27,15 @@ _MET = 1e-7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeastInfeasible:
-    """A point within the bounds that violates the rows by as little as any can.
+    """A point within the bounds that violates the rows by as little as any can."""
 
-    Attributes
-    ----------
-    x:
-        (n,), within the bounds exactly.
-    slack:
-        The violation of each violated row, by label, in its own units; positive above.
-    optimal:
-        Whether x also minimises the QP's cost among such points; False if that second problem was
-        not solved, or not asked for, and x is the first one's solution.
-    seconds:
-        Time taken.
-    """
-
-    x: Array
+    x: Array  # (n,), within the bounds exactly
+    # The violation of each violated row, by label, in its own units; positive above.
     slack: Mapping[str, float]
+    # Whether x also minimises the QP's cost among such points; False if that second problem was
+    # not solved, or not asked for, and x is the first one's solution.
     optimal: bool
-    seconds: float
+    seconds: float  # time taken
 
 
 def least_infeasible(qp: QP, eps: float = 1e-8) -> LeastInfeasible:

@@ -61,22 +61,14 @@ def _loop(what: str, given: Any) -> Loop:
 
 @dataclass(frozen=True, eq=False)
 class Closure:
-    """What loops and gears ask of the joints of a model, and how they are met.
-
-    Attributes
-    ----------
-    unactuated:
-        Joints without a motor, which move first.
-    springs:
-        Joints with springs.
-    """
+    """What loops and gears ask of the joints of a model, and how they are met."""
 
     model: pin.Model
     limits: JointLimits
     loops: Mapping[str, Loop]
     couplings: Mapping[str, Coupling]
-    unactuated: tuple[str, ...] = ()
-    springs: Collection[str] = ()
+    unactuated: tuple[str, ...] = ()  # joints without a motor, which move first
+    springs: Collection[str] = ()  # joints with springs
 
     @cached_property
     def sprung(self) -> tuple[str, ...]:

@@ -17,21 +17,11 @@ from wbc.validate import Array, finite_array, read_only
 
 
 class Mount(NamedTuple):
-    """Where something is on a robot.
+    """Where something is on a robot."""
 
-    Attributes
-    ----------
-    frame:
-        A link or frame; what it is fixed to carries it.
-    position:
-        (3,) [m], in the frame's axes from its origin.
-    rotation:
-        (3, 3) taking its axes to the frame's.
-    """
-
-    frame: str
-    position: Array
-    rotation: Array
+    frame: str  # a link or frame; what it is fixed to carries it
+    position: Array  # (3,) [m], in the frame's axes from its origin
+    rotation: Array  # (3, 3) taking its axes to the frame's
 
 
 class MountedFrames:

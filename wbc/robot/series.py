@@ -26,24 +26,12 @@ Progress = Callable[[int, int], None]
 
 
 class StateSeries(NamedTuple):
-    """What the core knows of a robot at n states; :class:`wbc.Snapshot` says what there is.
+    """What the core knows of a robot at n states; :class:`wbc.Snapshot` says what there is."""
 
-    Attributes
-    ----------
-    array:
-        (n, size), one state a row.
-    tree:
-        Whose states they are.
-    slots:
-        Where the frames begin that were asked for, by name.
-    v:
-        Velocities (n, nv).
-    """
-
-    array: Array
-    tree: NativeTree
-    slots: Mapping[str, int]
-    v: Array
+    array: Array  # (n, size), one state a row
+    tree: NativeTree  # whose states they are
+    slots: Mapping[str, int]  # where the frames begin that were asked for, by name
+    v: Array  # velocities (n, nv)
 
     def __len__(self) -> int:
         return len(self.array)
