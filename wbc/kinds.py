@@ -19,13 +19,7 @@ from wbc.validate import finite_number, set_fields
 def check_kind(
     what: str, value: object, kind: type, how: str = "", *, or_none: bool = False
 ) -> None:
-    """Refuse what is no object of a kind; ``how`` is how one is written in Python.
-
-    Raises
-    ------
-    InvalidInputError
-        The message says what is expected.
-    """
+    """Refuse what is no object of a kind, by InvalidInputError; ``how`` is one in Python."""
     if not (isinstance(value, kind) or (or_none and value is None)):
         wanted = f"a {kind.__name__}" + (f", such as {how}" if how else "")
         wanted += " or None" if or_none else ""
@@ -33,13 +27,7 @@ def check_kind(
 
 
 def check_callable(what: str, value: object, arguments: str) -> None:
-    """Refuse what cannot be called, unless it is None; ``arguments`` is what it is called with.
-
-    Raises
-    ------
-    InvalidInputError
-        The message says what is expected.
-    """
+    """Refuse what cannot be called with some arguments, by InvalidInputError; None passes."""
     if value is not None and not callable(value):
         raise InvalidInputError(
             f"{what}: expected a function of {arguments} or None, got {shown(value)}"
@@ -47,13 +35,7 @@ def check_callable(what: str, value: object, arguments: str) -> None:
 
 
 def switch(what: str, value: Any) -> bool:
-    """Return a switch: True or False, and nothing that only counts as one, such as ``"no"``.
-
-    Raises
-    ------
-    InvalidInputError
-        Something else.
-    """
+    """Return True or False; InvalidInputError for what only counts as one, such as ``"no"``."""
     if not isinstance(value, bool | np.bool_):
         raise InvalidInputError(f"{what}: expected True or False, got {shown(value)}")
     return bool(value)
@@ -83,37 +65,19 @@ def whole_number(what: str, value: Any, *, least: int = 0, most: float = 1e6) ->
 
 
 def check_word(what: str, value: object, *, empty: bool = False) -> None:
-    """Refuse what is no word; ``empty`` lets an empty one pass.
-
-    Raises
-    ------
-    InvalidInputError
-        Something else.
-    """
+    """Refuse what is no word, by InvalidInputError; ``empty`` lets an empty one pass."""
     if not isinstance(value, str) or not (value or empty):
         raise InvalidInputError(f"{what}: expected a name, got {shown(value)}")
 
 
 def check_path(what: str, value: object) -> None:
-    """Refuse what is no path of a file or folder.
-
-    Raises
-    ------
-    InvalidInputError
-        Something else.
-    """
+    """Refuse what is no path of a file or folder, by InvalidInputError."""
     if not isinstance(value, str | PathLike):
         raise InvalidInputError(f"{what}: expected a path, got {shown(value)}")
 
 
 def one_of(kind: str, value: Any, choices: Sequence[str]) -> str:
-    """Return ``value`` if it is one of the choices.
-
-    Raises
-    ------
-    UnknownNameError
-        It is none.
-    """
+    """Return ``value`` if it is one of the choices; UnknownNameError if it is none."""
     if not isinstance(value, str) or value not in choices:
         raise UnknownNameError(kind, value, choices)
     return value

@@ -87,13 +87,7 @@ def _has(values: Iterable[Any], kinds: tuple[type, ...]) -> bool:
 
 
 def check_unmasked(what: str, value: Any) -> None:
-    """Refuse an array with entries that are masked: hidden they are, but not gone.
-
-    Raises
-    ------
-    InvalidInputError
-        The message says what to do.
-    """
+    """Refuse an array with masked entries, by InvalidInputError: hidden they are, not gone."""
     if isinstance(value, np.ma.MaskedArray) or (
         isinstance(value, list | tuple) and _has(value, (np.ma.MaskedArray,))
     ):
@@ -120,13 +114,7 @@ def returned_array(what: str, value: Any, shape: tuple[int, ...]) -> Array:
 
 
 def finite_vector(what: str, value: ArrayLike, size: int) -> Array:
-    """Return ``value`` as a fresh (size,) float array.
-
-    Raises
-    ------
-    InvalidInputError
-        See :func:`finite_array`.
-    """
+    """Return ``value`` as a fresh (size,) float array, as :func:`finite_array` does."""
     return finite_array(what, value, (size,))
 
 
@@ -210,13 +198,7 @@ def _warn_of_unit(what: str, name: str, value: float, doubt: str) -> None:
 
 
 def names_of(what: str, value: Any) -> tuple[str, ...]:
-    """Return a list of distinct names, or one name.
-
-    Raises
-    ------
-    InvalidInputError
-        Something else, or a name given twice.
-    """
+    """Return a list of distinct names, or one name; InvalidInputError for all else."""
     names = (value,) if isinstance(value, str) else value
     if not isinstance(names, Iterable):
         raise InvalidInputError(f"{what}: expected a list of names, got {shown(value)}")
@@ -250,13 +232,7 @@ def list_of(what: str, value: Any, kind: type[Part], example: str) -> tuple[Part
 
 
 def by_name(what: str, value: Any) -> Mapping[str, Any]:
-    """Return ``value``, a mapping from names.
-
-    Raises
-    ------
-    InvalidInputError
-        Something else.
-    """
+    """Return ``value``, a mapping from names; InvalidInputError for all else."""
     if not isinstance(value, Mapping):
         raise InvalidInputError(f"{what}: expected {{name: value}}, got {shown(value)}")
     for name in value:

@@ -89,13 +89,7 @@ def say_competing(tasks: Sequence[Task], snapshot: Snapshot, velocity: Array, dt
 
 
 def refuse_unnamed(more: Sequence[object]) -> None:
-    """Refuse what is given without its name.
-
-    Raises
-    ------
-    InvalidInputError
-        The message says what was given.
-    """
+    """Refuse what is given without its name, by InvalidInputError."""
     if more:
         raise InvalidInputError(
             "controller: a robot and a list of tasks, and all else by name, as in contacts=...,"
@@ -104,13 +98,7 @@ def refuse_unnamed(more: Sequence[object]) -> None:
 
 
 def refuse_idle(tasks: Sequence[Task]) -> None:
-    """Refuse tasks without any weight.
-
-    Raises
-    ------
-    InvalidInputError
-        The message names the task.
-    """
+    """Refuse tasks without any weight, by InvalidInputError."""
     for task in tasks:
         if not task.weight.any():
             raise InvalidInputError(

@@ -427,13 +427,7 @@ def _set_drives(model: pin.Model, known: NamedRobot | None, *given: JointValues 
 
 
 def check_robot(what: str, robot: object) -> None:
-    """Refuse what is no robot, such as its name.
-
-    Raises
-    ------
-    InvalidInputError
-        The message says what to write.
-    """
+    """Refuse what is no robot, such as its name, by InvalidInputError."""
     if not isinstance(robot, Robot):
         raise InvalidInputError(
             f"{what}: expected a robot as Robot.load() returns it, got {shown(robot)}"
@@ -455,13 +449,7 @@ def check_sizes(what: object, robot: Robot, snapshot: Snapshot) -> None:
 
 
 def check_snapshot(what: object, snapshot: object) -> None:
-    """Refuse what is no snapshot, such as the robot or its configuration.
-
-    Raises
-    ------
-    InvalidInputError
-        The message says what is expected.
-    """
+    """Refuse what is no snapshot, such as a robot or configuration, by InvalidInputError."""
     if not isinstance(snapshot, Snapshot):
         raise InvalidInputError(
             f"{what}: expected a snapshot of a robot, as robot.snapshot(q) makes it, got"
