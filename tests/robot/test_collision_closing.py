@@ -7,8 +7,7 @@ from tests.conftest import random_state
 from wbc.constraints import Limits, Obstacles, SelfCollision
 from wbc.robot import Robot
 from wbc.robot.collision import Body, Capsule, CollisionModel, HalfSpace, Obstacle, Shape
-from wbc.robot.collision.closing import Closing
-from wbc.robot.collision.soonest import soonest
+from wbc.robot.collision.native_pairs import Closing
 
 WALL = HalfSpace.of([1.0, 0.2, 0.1], -0.5)
 
@@ -29,7 +28,7 @@ def test_the_way_is_not_shorter_than_the_margins_law_needs(slowest: float, rng) 
     model = CollisionModel(robot, [ball, Body("wall", "", 0, WALL)], [(0, 1)])
     for speed in [-1.0, *10.0 ** rng.uniform(-4, 2, 50)]:
         model.place(1, np.eye(3), np.zeros(3), speed * WALL.normal)
-        found, (left,) = soonest(model, here, 1, np.zeros(1), closing)
+        found, (left,) = model.soonest(here, 1, np.zeros(1), closing)
         stop = found.distance[0] - left
         assert stop == pytest.approx(way(closing, speed), rel=1e-9, abs=1e-12)
         # A joint of rate v and acceleration a that closes at |J| v gives |J| a.
@@ -62,7 +61,7 @@ def test_those_with_the_least_left_of_all_pairs(around: Shape | None, rng) -> No
         speed = -model.rows(here, every) @ here.v - model.rates(every)
         left = every.distance - kept - way(closing, speed)
         for count in (1, 10, 1000):
-            found, theirs = soonest(model, here, count, kept, closing)
+            found, theirs = model.soonest(here, count, kept, closing)
             fewest = np.sort(left)[: max(count, np.count_nonzero(left < 0.0))]
             np.testing.assert_allclose(np.sort(theirs), fewest, atol=1e-8)
             np.testing.assert_allclose(theirs, left[found.pairs], atol=1e-8)

@@ -11,8 +11,7 @@ from wbc.constraints.margin import BrakingParameters, Margin
 from wbc.constraints.rows import Bounds, Distances, Index, take
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, PairDistances
-from wbc.robot.collision.closing import Closing
-from wbc.robot.collision.soonest import soonest
+from wbc.robot.collision.native_pairs import Closing
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_sizes
 from wbc.robot.series import StateSeries
@@ -117,7 +116,7 @@ class BodyMargin(Margin):
             slowest = float((np.abs(snapshot.v[BASE_NV:]) / able).max(initial=0.0))
         closing = Closing(dt, law.deceleration, law.gain, slowest)
         self.place()
-        found, left = soonest(self.model, snapshot, self.count, self.kept(), closing)
+        found, left = self.model.soonest(snapshot, self.count, self.kept(), closing)
         return self._rows(self.made_of(snapshot, found, float(left.max())), dt)
 
     def curvature_bound(self, distances: Distances, step: Array) -> Array:

@@ -123,7 +123,7 @@ int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64
 int64_t wbc_within(const wbc_pairs *of, const double *states, int64_t n, int64_t stride,
                    double limit, const double *kept, double *scratch, int64_t room,
                    int64_t *chosen, double *nearest);
-/* How bodies close, and how they stop: wbc/robot/collision/closing.py. */
+/* How bodies close, and how they stop: wbc/robot/collision/native_pairs.py. */
 typedef struct {
     const double *twist;    /* (k, 6): linear part at the world's origin, then angular */
     const int64_t *carrier; /* (bodies): which of them is each body's */

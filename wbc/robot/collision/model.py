@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, shown
 from wbc.robot.collision.distances import ShapePairs, parts
-from wbc.robot.collision.native_pairs import NativePairs
+from wbc.robot.collision.native_pairs import Closing, NativePairs
 from wbc.robot.collision.shapes import Body, HalfSpace
 from wbc.robot.model import Robot, Snapshot
 from wbc.robot.series import StateSeries
@@ -128,10 +128,7 @@ class CollisionModel:
                 f"pairs: expected numbers (k,) from 0 to {total - 1}, got {shown(pairs)}"
             )
         pairs = pairs.astype(np.int64, copy=False)  # as the core reads them
-        return self.filled_in(snapshot, pairs, self.native.measure(snapshot.native_state, pairs))
-
-    def filled_in(self, snapshot: Snapshot, pairs: Index, found: Array) -> PairDistances:
-        """Return what the core found of some pairs (7, k), with what it could not measure."""
+        found = self.native.measure(snapshot.native_state, pairs)
         self._fill_in(snapshot, pairs, found)
         return _pair_distances(snapshot, pairs, found)
 
@@ -165,6 +162,36 @@ class CollisionModel:
                 self._many_touch = int(MORE * touching > count)
                 return _fewest(found, count, kept)
         return _fewest(self.measure(snapshot, self._every), count, kept)
+
+    def soonest(
+        self, snapshot: Snapshot, count: int, kept: Array, closing: Closing
+    ) -> tuple[PairDistances, Array]:
+        """Return the pairs that have to brake first, in order, and what they have left (k,) [m].
+
+        Where velocities cannot change at once, these are not the nearest pairs, but those with the
+        least clearance once they have stopped: their distance, less the one to keep (``kept``,
+        (N,)), less the one that stopping takes. Returned are the ``count`` pairs with the least,
+        and all with less than nothing.
+        """
+        total = len(self.pairs)
+        asked = count = min(count, total)
+        twists = self.twists(snapshot)
+        while True:
+            found = self.native.soonest(snapshot.native_state, asked, kept, twists, closing)
+            if asked == total or (found is not None and found.complete):
+                break
+            asked = min(2 * asked, total)
+        if found is None:  # all pairs are inside each other
+            every = self.measure(snapshot, self._every)
+            return every, every.distance - kept
+        self._fill_in(snapshot, found.pairs, found.nearest)
+        distances, left = _pair_distances(snapshot, found.pairs, found.nearest), found.left
+        unknown = left == -np.inf
+        left[unknown] = (distances.distance - kept.take(found.pairs))[unknown]
+        if asked == count:
+            return distances, left
+        late = np.flatnonzero(left < 0.0)
+        return distances.take(late), left.take(late)
 
     def _fill_in(self, snapshot: Snapshot, pairs: Index, found: Array) -> NDArray[np.bool_]:
         """Measure what the core could not; return which (k,) it could."""

@@ -13,13 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.native import doubles, ffi, integers, lib, pointer
-from wbc.robot.collision.closing import Closing
 from wbc.robot.collision.covers import covers
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace
 from wbc.robot.kernel import NativeState, NativeTree
 from wbc.validate import Array
 
 Index = NDArray[np.int64]
+
+
+class Closing(NamedTuple):
+    """How a pair that closes is braked: the inverse of the speed that a margin allows."""
+
+    dt: float  # time for which a speed is held before braking begins [s]
+    deceleration: float  # of the distance [m/s^2]
+    gain: float  # largest fraction of the clearance to use up in one tick
+    # Time that the slowest joint takes to stop, max |v| / a [s]; 0 if joints brake without limit.
+    # A distance of Jacobian J closes at |J| |v| at most and is braked by |J| a: it takes no
+    # longer than that joint.
+    slowest: float = 0.0
 
 
 class SoonestPairs(NamedTuple):
