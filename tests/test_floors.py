@@ -20,7 +20,6 @@ FLOORS = {
     "native": 0,
     "notebook": 0,
     "pickled": 0,
-    "processes": 0,
     "journal": 0,
     "workers": 0,
     "robot": 1,

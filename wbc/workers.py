@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import signal
+import threading
 from collections import deque
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import connection, get_context
+from multiprocessing import connection, get_context, parent_process
 from multiprocessing.process import BaseProcess
 from typing import Any, NamedTuple
 
 from wbc.errors import WbcError
-from wbc.processes import blocked_interrupt, end_with_parent
 
 ATTEMPTS = 3  # calls of the same, before what they call is held to be what kills
 GRACE = 5.0  # s that a process has to end when asked to
@@ -146,7 +148,7 @@ class Workers:
     def _start(self) -> _Worker:
         ours, theirs = self._context.Pipe()
         process = self._context.Process(target=_serve, args=(theirs, self._make))
-        with blocked_interrupt():
+        with _blocked_interrupt():
             process.start()
         theirs.close()  # so that the end of the process is the end of the channel
         worker = _Worker(process, ours)
@@ -187,7 +189,7 @@ def _how(exit_code: int | None) -> str:
 
 def _serve(channel: connection.Connection, make: Make) -> None:
     """Answer calls until the channel is closed: what runs in a process."""
-    end_with_parent()
+    _end_with_parent()
     function, broken = None, None
     try:
         function = make()
@@ -217,3 +219,32 @@ def _portable(error: Exception) -> Exception:
         pass
     kind = WbcError if isinstance(error, WbcError) else RuntimeError
     return kind(str(error) or type(error).__name__)
+
+
+@contextmanager
+def _blocked_interrupt() -> Iterator[None]:
+    """Start processes that Ctrl-C does not reach, also not while they load.
+
+    A blocked signal stays blocked in what is started; here it waits until it no longer is.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _end_with_parent() -> None:
+    """Let this process end when the one that started it does, even if that was killed.
+
+    A pool's processes would otherwise wait for work for ever.
+    """
+    parent = parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
