@@ -80,6 +80,21 @@ def robot(request: pytest.FixtureRequest) -> Robot:
     return load(request.param)
 
 
+@pytest.fixture(scope="session")
+def hoap2() -> Robot:
+    return load("hoap2_like")
+
+
+@pytest.fixture(scope="session")
+def g1() -> Robot:
+    return load("g1")
+
+
+@pytest.fixture(scope="session")
+def g1_27() -> Robot:
+    return load("g1_27")
+
+
 @pytest.fixture
 def robot_named() -> Callable[[str], Robot]:
     return load

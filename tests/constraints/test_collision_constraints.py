@@ -29,11 +29,6 @@ DT = 0.005
 HANDS = ("left_hand", "right_hand")
 
 
-@pytest.fixture
-def robot(robot_named) -> Robot:
-    return robot_named("hoap2_like")
-
-
 @cache
 def standard(robot: Robot) -> SelfCollision:
     """Margins of 10 mm between all bodies; made once, for they remember nothing."""
@@ -79,16 +74,16 @@ def run(control, q, ticks: int, after=None):
 @pytest.mark.parametrize(
     ("solver", "formulation"), [("proxqp", "equality"), ("daqp", "equality"), ("proxqp", "reduced")]
 )
-def test_hands_pulled_through_the_trunk_stop_at_the_margin(robot, solver, formulation) -> None:
-    margins = standard(robot)
-    q = robot.posture("standing")
-    here = robot.snapshot(q)
-    tasks = hand_tasks(robot, here, here.com)
-    control = controller(robot, tasks, here, [margins], solver=solver, formulation=formulation)
+def test_hands_pulled_through_the_trunk_stop_at_the_margin(hoap2, solver, formulation) -> None:
+    margins = standard(hoap2)
+    q = hoap2.posture("standing")
+    here = hoap2.snapshot(q)
+    tasks = hand_tasks(hoap2, here, here.com)
+    control = controller(hoap2, tasks, here, [margins], solver=solver, formulation=formulation)
     rates, held = [], set()
     for tick, q_now in run(control, q, 300):
         assert tick.ok, tick.report()
-        left = spare(margins, robot.snapshot(q_now))
+        left = spare(margins, hoap2.snapshot(q_now))
         assert left > 0.0  # the skin takes up what the rows' linearity breaks
         rates.append(tick.velocity[6:])
         held |= set(tick.active)
@@ -101,14 +96,14 @@ def test_hands_pulled_through_the_trunk_stop_at_the_margin(robot, solver, formul
     assert turns.sum(axis=0).max() <= 4
 
 
-def test_without_the_constraint_they_would_collide(robot) -> None:
+def test_without_the_constraint_they_would_collide(hoap2) -> None:
     """The same motion without margins ends inside: the test above tests something."""
-    margins = standard(robot)
-    q = robot.posture("standing")
-    here = robot.snapshot(q)
-    control = controller(robot, hand_tasks(robot, here, here.com), here, [])
+    margins = standard(hoap2)
+    q = hoap2.posture("standing")
+    here = hoap2.snapshot(q)
+    control = controller(hoap2, hand_tasks(hoap2, here, here.com), here, [])
     *_, (_, end) = run(control, q, 300)
-    assert margins.model.nearest(robot.snapshot(end)).distance.min() < 0.0
+    assert margins.model.nearest(hoap2.snapshot(end)).distance.min() < 0.0
 
 
 def filled(memory: np.ndarray) -> np.ndarray:
@@ -118,97 +113,97 @@ def filled(memory: np.ndarray) -> np.ndarray:
     return memory
 
 
-def test_lower_priorities_keep_margins_too(robot, monkeypatch) -> None:
+def test_lower_priorities_keep_margins_too(hoap2, monkeypatch) -> None:
     """In memory full of infinities: where the core has no QP it leaves them, and nobody reads them.
 
     Labels were looked up by what stood there, where more pairs were near than the core has rows.
     """
     empty = np.empty
     monkeypatch.setattr(np, "empty", lambda *given, **named: filled(empty(*given, **named)))
-    margins = standard(robot)
-    q = robot.posture("standing")
-    here = robot.snapshot(q)
-    com = ComTask(robot, here.com, priority=0, gain=0.5)
+    margins = standard(hoap2)
+    q = hoap2.posture("standing")
+    here = hoap2.snapshot(q)
+    com = ComTask(hoap2, here.com, priority=0, gain=0.5)
     control = controller(
-        robot, [com, *hand_tasks(robot, here, here.com, priority=1)], here, [margins]
+        hoap2, [com, *hand_tasks(hoap2, here, here.com, priority=1)], here, [margins]
     )
     held = set()
     for tick, q_now in run(control, q, 150):
         assert tick.ok, tick.report()
-        there = robot.snapshot(q_now)
+        there = hoap2.snapshot(q_now)
         assert spare(margins, there) > 0.0
         held |= set(tick.active)
     assert held
     np.testing.assert_allclose(there.com, here.com, atol=1e-4)  # what a tick's curvature leaves
 
 
-def test_a_start_inside_a_margin_is_solved_and_left(robot) -> None:
+def test_a_start_inside_a_margin_is_solved_and_left(hoap2) -> None:
     """Hands held 3 cm nearer to the trunk than they may: out they come, at a bounded rate."""
-    every = standard(robot).model
+    every = standard(hoap2).model
     names = [body.name for body in every.bodies]
     pairs = [(a, b) for a, b in every.pairs.tolist() if names[a][:5] + names[b][5:9] == "torso_han"]
-    hands = CollisionModel(robot, every.bodies, pairs)
-    q = robot.posture("standing")
-    here = robot.snapshot(q)
+    hands = CollisionModel(hoap2, every.bodies, pairs)
+    q = hoap2.posture("standing")
+    here = hoap2.snapshot(q)
     start = hands.nearest(here).distance.min()
     law = BrakingParameters(recovery_speed=0.1)
-    margins = SelfCollision(robot, margin=start + 0.03, model=hands, braking=law)
-    control = controller(robot, [ComTask(robot, here.com)], here, [margins])
+    margins = SelfCollision(hoap2, margin=start + 0.03, model=hands, braking=law)
+    control = controller(hoap2, [ComTask(hoap2, here.com)], here, [margins])
     last = start
     for tick, q_now in run(control, q, 200):
         assert tick.ok, tick.report()
-        distance = hands.nearest(robot.snapshot(q_now)).distance.min()
+        distance = hands.nearest(hoap2.snapshot(q_now)).distance.min()
         assert last - 1e-5 < distance < last + 0.1 * DT + 1e-4
         last = distance
     assert last == pytest.approx(start + 0.03, abs=2e-4)
 
 
-def test_a_robot_inside_its_margins_everywhere_is_solved_too(robot) -> None:
+def test_a_robot_inside_its_margins_everywhere_is_solved_too(hoap2) -> None:
     """25 pairs that cannot all be pushed out: nothing is infeasible, and nothing gets worse."""
-    every = standard(robot).model
-    margins = SelfCollision(robot, margin=0.03, model=every)
-    q = robot.posture("standing")
-    here = robot.snapshot(q)
+    every = standard(hoap2).model
+    margins = SelfCollision(hoap2, margin=0.03, model=every)
+    q = hoap2.posture("standing")
+    here = hoap2.snapshot(q)
     start = every.nearest(here).distance.min()
-    control = controller(robot, [ComTask(robot, here.com)], here, [margins])
+    control = controller(hoap2, [ComTask(hoap2, here.com)], here, [margins])
     ticks = list(run(control, q, 100))
     for tick, _ in ticks:
         assert tick.ok, tick.report()
     end = ticks[-1][1]
     assert tick.qp.l.max() <= 0.0
-    assert every.nearest(robot.snapshot(end)).distance.min() > start - SKIN
+    assert every.nearest(hoap2.snapshot(end)).distance.min() > start - SKIN
 
 
-def test_a_ball_that_comes_is_evaded_and_nothing_is_infeasible(robot) -> None:
-    q = robot.posture("standing")
-    here = robot.snapshot(q)
+def test_a_ball_that_comes_is_evaded_and_nothing_is_infeasible(hoap2) -> None:
+    q = hoap2.posture("standing")
+    here = hoap2.snapshot(q)
     hand = here.position("left_hand")
     ball = Obstacle.sphere("ball", hand + [0.25, 0.0, 0.0], 0.03)
     ball.move(np.eye(3), np.zeros(3), velocity=[-0.15, 0.0, 0.0])
-    around = Obstacles(robot, [ball], margin=0.02, links=["left_hand*", "left_*arm*"])
-    control = controller(robot, [ComTask(robot, here.com)], here, [around])
+    around = Obstacles(hoap2, [ball], margin=0.02, links=["left_hand*", "left_*arm*"])
+    control = controller(hoap2, [ComTask(hoap2, here.com)], here, [around])
     least, touched = np.inf, False
-    v = np.zeros(robot.nv)
+    v = np.zeros(hoap2.nv)
     for _ in range(300):
-        tick = control.step(robot.snapshot(q, v))
+        tick = control.step(hoap2.snapshot(q, v))
         assert tick.ok, tick.report()
         touched |= any("vs ball" in label for label in tick.qp.labels.inequality)
         v = tick.velocity
-        q = robot.integrate(q, v, DT)
+        q = hoap2.integrate(q, v, DT)
         ball.advance(DT)
-        found = around.distances(robot.snapshot(q))
+        found = around.distances(hoap2.snapshot(q))
         least = min(least, float(found.clearance.min()))
     assert touched
     assert least > -1e-3, "the hand had time and room to get out of the way"
-    assert np.linalg.norm(robot.snapshot(q).position("left_hand") - hand) > 0.02
+    assert np.linalg.norm(hoap2.snapshot(q).position("left_hand") - hand) > 0.02
 
 
-def test_a_train_hits_all_the_same_but_the_qp_is_solved(robot) -> None:
-    q = robot.posture("standing")
-    here = robot.snapshot(q)
+def test_a_train_hits_all_the_same_but_the_qp_is_solved(hoap2) -> None:
+    q = hoap2.posture("standing")
+    here = hoap2.snapshot(q)
     train = Obstacle.box("train", [0.2, 2.0, 2.0], [0.6, 0.0, 0.5])
     train.move(np.eye(3), np.zeros(3), velocity=[-5.0, 0.0, 0.0])
-    control = controller(robot, [ComTask(robot, here.com)], here, [Obstacles(robot, [train])])
+    control = controller(hoap2, [ComTask(hoap2, here.com)], here, [Obstacles(hoap2, [train])])
     for _, (tick, _q) in zip(range(60), run(control, q, 60), strict=True):
         assert tick.ok, tick.report()
         train.advance(DT)
@@ -224,24 +219,24 @@ def test_a_train_hits_all_the_same_but_the_qp_is_solved(robot) -> None:
     ],
     ids=["sphere", "capsule", "box", "half-space"],
 )
-def test_a_hand_pressed_on_an_obstacle_stops_at_the_margin(robot, obstacle) -> None:
-    q = robot.posture("standing")
-    here = robot.snapshot(q)
-    around = Obstacles(robot, [obstacle], margin=0.02)
+def test_a_hand_pressed_on_an_obstacle_stops_at_the_margin(hoap2, obstacle) -> None:
+    q = hoap2.posture("standing")
+    here = hoap2.snapshot(q)
+    around = Obstacles(hoap2, [obstacle], margin=0.02)
     assert around.distances(here).clearance.min() > 0.0
     target = np.array([0.3, 0.12, 0.28])
-    control = controller(robot, hand_tasks(robot, here, target)[:1], here, [around])
+    control = controller(hoap2, hand_tasks(hoap2, here, target)[:1], here, [around])
     held = False
     for tick, q_now in run(control, q, 250):
         assert tick.ok, tick.report()
-        assert around.distances(robot.snapshot(q_now)).clearance.min() > -SKIN
+        assert around.distances(hoap2.snapshot(q_now)).clearance.min() > -SKIN
         held |= any("vs thing" in label for label in tick.active)
     assert held
 
 
-def test_rows_follow_a_moving_obstacle(robot, rng) -> None:
+def test_rows_follow_a_moving_obstacle(hoap2, rng) -> None:
     """rate is the slope of the distance while the robot stands still."""
-    here = robot.snapshot(robot.posture("standing"))
+    here = hoap2.snapshot(hoap2.posture("standing"))
     things = [
         Obstacle.sphere("s", [0.3, 0.0, 0.3], 0.05),
         Obstacle.capsule("c", [0.3, 0.3, 0.1], [0.3, 0.4, 0.6], 0.05),
@@ -249,7 +244,7 @@ def test_rows_follow_a_moving_obstacle(robot, rng) -> None:
     ]
     for thing in things:
         thing.move(np.eye(3), np.zeros(3), rng.normal(size=3), rng.normal(size=3))
-    around = Obstacles(robot, things, pairs=10_000)
+    around = Obstacles(hoap2, things, pairs=10_000)
     now = around.distances(here)
     h = 1e-4
     for thing in things:
@@ -262,15 +257,15 @@ def test_rows_follow_a_moving_obstacle(robot, rng) -> None:
 # ------------------------------------------------------------------------------ CoM and boxes
 
 
-def test_the_com_stays_over_its_support(robot) -> None:
-    q = robot.posture("standing")
-    here = robot.snapshot(q)
+def test_the_com_stays_over_its_support(hoap2) -> None:
+    q = hoap2.posture("standing")
+    here = hoap2.snapshot(q)
     held = ComSupport.over(here, margin=0.01)
-    pull = ComTask(robot, here.com + [0.3, 0.05, 0.0], gain=0.2)
-    control = controller(robot, [pull], here, [held])
+    pull = ComTask(hoap2, here.com + [0.3, 0.05, 0.0], gain=0.2)
+    control = controller(hoap2, [pull], here, [held])
     for tick, q_now in run(control, q, 250):
         assert tick.ok, tick.report()
-        com = robot.snapshot(q_now).com[:2]
+        com = hoap2.snapshot(q_now).com[:2]
         edges = np.roll(held.corners, -1, axis=0) - held.corners
         to_com = com - held.corners
         cross = edges[:, 0] * to_com[:, 1] - edges[:, 1] * to_com[:, 0]
@@ -278,34 +273,34 @@ def test_the_com_stays_over_its_support(robot) -> None:
     assert any("com vs support edge" in label for label in tick.active)
 
 
-def test_the_coms_rows_are_slopes(robot, rng) -> None:
-    here = robot.snapshot(robot.posture("standing"))
+def test_the_coms_rows_are_slopes(hoap2, rng) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
     held = ComSupport.over(here)
-    distances, v, h = held.distances(here), rng.normal(size=robot.nv), 1e-6
-    ahead = held.distances(robot.snapshot(robot.integrate(here.q, v, h))).clearance
+    distances, v, h = held.distances(here), rng.normal(size=hoap2.nv), 1e-6
+    ahead = held.distances(hoap2.snapshot(hoap2.integrate(here.q, v, h))).clearance
     np.testing.assert_allclose((ahead - distances.clearance) / h, distances.jacobian @ v, atol=1e-5)
 
 
-def test_a_polygon_must_have_area_and_room(robot) -> None:
+def test_a_polygon_must_have_area_and_room(hoap2) -> None:
     square = np.array([[0, 0], [0, 1], [1, 1], [1, 0]], dtype=float)
-    held = ComSupport(robot, square, margin=0.1)
+    held = ComSupport(hoap2, square, margin=0.1)
     assert held.braking == BrakingParameters(COM_BRAKING)
     gentle = BrakingParameters(0.5)
-    assert ComSupport(robot, square, braking=gentle).braking is gentle
+    assert ComSupport(hoap2, square, braking=gentle).braking is gentle
     held.set_polygon(2 * square)
     np.testing.assert_allclose(held.corners.max(axis=0), [2, 2])
     with pytest.raises(InvalidInputError, match="shape"):
-        ComSupport(robot, [[0, 0, 0]])
+        ComSupport(hoap2, [[0, 0, 0]])
 
 
-def test_the_base_keeps_its_height(robot) -> None:
-    q = robot.posture("standing")
-    here = robot.snapshot(q)
+def test_the_base_keeps_its_height(hoap2) -> None:
+    q = hoap2.posture("standing")
+    here = hoap2.snapshot(q)
     low = q[2] - 0.02
-    box = PositionBox.height(robot, low, q[2] + 0.5)
-    task = PositionTask(robot, "base", here.position("base") - [0, 0, 0.2], gain=0.2)
-    upright = OrientationTask(robot, "base", here.rotation("base"))
-    control = controller(robot, [task, upright], here, [box])
+    box = PositionBox.height(hoap2, low, q[2] + 0.5)
+    task = PositionTask(hoap2, "base", here.position("base") - [0, 0, 0.2], gain=0.2)
+    upright = OrientationTask(hoap2, "base", here.rotation("base"))
+    control = controller(hoap2, [task, upright], here, [box])
     heights = []
     for tick, q_now in run(control, q, 250):
         assert tick.ok, tick.report()
@@ -315,29 +310,29 @@ def test_the_base_keeps_its_height(robot) -> None:
     assert tick.active == ("base z lower",)
 
 
-def test_a_workspace_for_a_hand(robot, rng) -> None:
-    here = robot.snapshot(robot.posture("standing"))
+def test_a_workspace_for_a_hand(hoap2, rng) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
     place = here.position("left_hand")
-    box = PositionBox(robot, "left_hand", place - 0.02, place + [0.02, 0.02, np.inf])
-    distances, v, h = box.distances(here), rng.normal(size=robot.nv), 1e-6
+    box = PositionBox(hoap2, "left_hand", place - 0.02, place + [0.02, 0.02, np.inf])
+    distances, v, h = box.distances(here), rng.normal(size=hoap2.nv), 1e-6
     assert box.labels(distances) == (
         "left_hand x lower", "left_hand y lower", "left_hand z lower",
         "left_hand x upper", "left_hand y upper",
     )  # fmt: skip
     np.testing.assert_allclose(distances.clearance, 0.02 - SKIN, atol=1e-12)
-    ahead = box.distances(robot.snapshot(robot.integrate(here.q, v, h))).clearance
+    ahead = box.distances(hoap2.snapshot(hoap2.integrate(here.q, v, h))).clearance
     np.testing.assert_allclose((ahead - distances.clearance) / h, distances.jacobian @ v, atol=1e-5)
     with pytest.raises(UnknownNameError, match="left_hand"):
-        PositionBox(robot, "left_hnd", place, place + 1.0)
+        PositionBox(hoap2, "left_hnd", place, place + 1.0)
 
 
 # ------------------------------------------------------------------------------ refusals
 
 
-def test_what_makes_no_sense_is_refused(robot, robot_named) -> None:
-    here = robot.snapshot(robot.posture("standing"))
+def test_what_makes_no_sense_is_refused(hoap2, robot_named) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
     other = robot_named("talos")
-    margins = standard(robot)
+    margins = standard(hoap2)
     with pytest.raises(InvalidInputError, match="another robot"):
         KinematicController(
             other, [PostureTask(other, other.posture("standing"))], constraints=[margins]
@@ -345,34 +340,34 @@ def test_what_makes_no_sense_is_refused(robot, robot_named) -> None:
     with pytest.raises(InvalidInputError, match="another robot"):
         SelfCollision(other, model=margins.model)
     with pytest.raises(InvalidInputError, match="none given"):
-        Obstacles(robot, [])
+        Obstacles(hoap2, [])
     with pytest.raises(InvalidInputError, match="'b' is named twice"):
-        Obstacles(robot, [Obstacle.sphere("b", [x, 9, 9], 1) for x in (5, 9)])
+        Obstacles(hoap2, [Obstacle.sphere("b", [x, 9, 9], 1) for x in (5, 9)])
     with pytest.raises(UnknownNameError, match="left_hand"):
-        Obstacles(robot, [Obstacle.sphere("b", [9, 9, 9], 1)], links=["left_hnd"])
-    posture = PostureTask(robot, here.q)
+        Obstacles(hoap2, [Obstacle.sphere("b", [9, 9, 9], 1)], links=["left_hnd"])
+    posture = PostureTask(hoap2, here.q)
     with pytest.raises(InvalidInputError, match="inequality row"):
-        KinematicController(robot, [posture], constraints=[margins], solver="pseudo_inverse").step(
-            robot.snapshot(robot.posture("standing"))
+        KinematicController(hoap2, [posture], constraints=[margins], solver="pseudo_inverse").step(
+            hoap2.snapshot(hoap2.posture("standing"))
         )
 
 
-def test_all_constraints_at_once(robot, rng) -> None:
+def test_all_constraints_at_once(hoap2, rng) -> None:
     """Random targets, every constraint: all QPs solved, nothing broken."""
-    q = robot.posture("standing")
-    here = robot.snapshot(q)
-    margins = standard(robot)
+    q = hoap2.posture("standing")
+    here = hoap2.snapshot(q)
+    margins = standard(hoap2)
     held = ComSupport.over(here, margin=0.005)
-    box = PositionBox.height(robot, q[2] - 0.05)
-    wall = Obstacles(robot, [Obstacle.half_space("wall", [-1, 0, 0], -0.25)])
-    tasks = hand_tasks(robot, here, here.com)
-    control = controller(robot, tasks, here, [margins, held, box, wall], mode="left")
+    box = PositionBox.height(hoap2, q[2] - 0.05)
+    wall = Obstacles(hoap2, [Obstacle.half_space("wall", [-1, 0, 0], -0.25)])
+    tasks = hand_tasks(hoap2, here, here.com)
+    control = controller(hoap2, tasks, here, [margins, held, box, wall], mode="left")
     for k, (tick, q_now) in enumerate(run(control, q, 200)):
         assert tick.ok, tick.report()
         if k % 40 == 0:
             for task in tasks:
                 task.set_target(here.com + rng.normal(scale=0.2, size=3))
-        there = robot.snapshot(q_now)
+        there = hoap2.snapshot(q_now)
         for constraint in (margins, held, box, wall):
             assert constraint.distances(there).clearance.min() > -SKIN, constraint
 
@@ -452,40 +447,39 @@ def test_no_pair_is_left_unwatched_silently(name, robot_named) -> None:
     assert set(margins.finer).isdisjoint(margins.excluded)
 
 
-def test_a_pair_has_room_where_the_robot_stands() -> None:
+def test_a_pair_has_room_where_the_robot_stands(hoap2: Robot) -> None:
     """A ball for a disc 5 mm thick stood 0.09 mm outside the margin, and each bow was inside."""
-    robot = Robot.load("hoap2_like")
-    margins = SelfCollision(robot, margin=0.005)
+    margins = SelfCollision(hoap2, margin=0.005)
     assert "torso#3 vs left_hip_yaw_link" in margins.finer
-    standing = margins.model.nearest(robot.snapshot(robot.posture("standing"))).distance
+    standing = margins.model.nearest(hoap2.snapshot(hoap2.posture("standing"))).distance
     full = margins.margins == 0.005
     assert (standing[full] > 0.0055).all()
 
 
-def test_pairs_without_rows_are_watched_where_the_command_leads(robot, rng) -> None:
+def test_pairs_without_rows_are_watched_where_the_command_leads(hoap2, rng) -> None:
     """One row a tick for all pairs: another one may be farther away now and nearer next."""
-    margins = SelfCollision(robot, margin=0.01, pairs=1)
-    q = robot.posture("standing")
-    here = robot.snapshot(q)
+    margins = SelfCollision(hoap2, margin=0.01, pairs=1)
+    q = hoap2.posture("standing")
+    here = hoap2.snapshot(q)
     tasks = [
-        PositionTask(robot, frame, here.position(frame), gain=0.5)
+        PositionTask(hoap2, frame, here.position(frame), gain=0.5)
         for frame in ("left_palm", "right_palm", "left_sole", "right_sole")
     ]
-    control = controller(robot, tasks, here, [margins], mode="floating")
+    control = controller(hoap2, tasks, here, [margins], mode="floating")
     for k, (tick, q_now) in enumerate(run(control, q, 100)):
         assert tick.ok, tick.report()
         if k % 25 == 0:
             for task in tasks:
                 task.set_target(here.com + rng.normal(scale=0.1, size=3))
-        every = margins.model.nearest(robot.snapshot(q_now))
+        every = margins.model.nearest(hoap2.snapshot(q_now))
         assert (every.distance - margins.margins).min() > -SKIN
 
 
-def test_rows_go_to_the_pairs_of_least_clearance(robot) -> None:
+def test_rows_go_to_the_pairs_of_least_clearance(hoap2) -> None:
     """Not to the nearest: pairs that stand near each other by design keep less."""
-    margins = SelfCollision(robot, margin=0.05, pairs=5)
+    margins = SelfCollision(hoap2, margin=0.05, pairs=5)
     assert (margins.margins < 0.05).any()
-    here = robot.snapshot(robot.posture("standing"))
+    here = hoap2.snapshot(hoap2.posture("standing"))
     every = margins.model.nearest(here)
     clearance = every.distance - margins.margins
     chosen = margins.distances(here)

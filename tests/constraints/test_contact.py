@@ -28,12 +28,11 @@ POINTS = {"left_toe": "0.05 0 0", "left_heel": "-0.04 0 0", "left_ball": "0.02 0
 
 
 @pytest.fixture
-def here(tmp_path) -> Snapshot:
+def here(hoap2, tmp_path) -> Snapshot:
     """A humanoid with more frames on its left foot, turned and leaning."""
-    known = Robot.load("hoap2_like")
     added = "".join(FIXED.format(name=n, parent="left_sole", xyz=p) for n, p in POINTS.items())
     path = tmp_path / "more_frames.urdf"
-    path.write_text(known.path.read_text().replace("</robot>", added + "</robot>"))
+    path.write_text(hoap2.path.read_text().replace("</robot>", added + "</robot>"))
     robot = Robot.load(path)
     rng = np.random.default_rng(3)
     step = np.concatenate((rng.normal(size=6), 0.2 * rng.normal(size=robot.nv - 6)))

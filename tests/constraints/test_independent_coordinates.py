@@ -186,20 +186,19 @@ def test_mimic_joints_follow_and_a_fixed_base_stays(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.basis, expected, atol=1e-12)
 
 
-def test_bad_input_is_named(robot_named, rng) -> None:
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(random_state(robot, rng)[0])
+def test_bad_input_is_named(hoap2, rng) -> None:
+    here = hoap2.snapshot(random_state(hoap2, rng)[0])
     with pytest.raises(UnknownNameError, match="duoble"):
         IndependentCoordinates.of(here, "duoble")
     with pytest.raises(InvalidInputError, match="tolerance"):
         IndependentCoordinates.of(here, "double", tolerance=1.0)
     own = IndependentCoordinates.of(here, ["left_sole"])
-    assert isinstance(Contact.hold(here, "left_sole"), Contact) and len(own.names) == robot.nv - 6
+    assert isinstance(Contact.hold(here, "left_sole"), Contact) and len(own.names) == hoap2.nv - 6
     for rows, change, damping, what in (
         (np.ones((2, 3)), [1, 1], 0.0, "rows"),
-        (np.ones(robot.nv), [1], 0.0, "rows"),
-        (np.ones((2, robot.nv)), [1, np.nan], 0.0, "change"),
-        (np.ones((2, robot.nv)), [1, 1], -1.0, "damping"),
+        (np.ones(hoap2.nv), [1], 0.0, "rows"),
+        (np.ones((2, hoap2.nv)), [1, np.nan], 0.0, "change"),
+        (np.ones((2, hoap2.nv)), [1, 1], -1.0, "damping"),
     ):
         with pytest.raises(InvalidInputError, match=f"independent coordinates, {what}"):
             own.step(rows, change, damping)

@@ -239,13 +239,12 @@ def test_half_of_the_torques_are_counted_on_to_accelerate(robot_named, name: str
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(plain)).speed, 0.5)
 
 
-def test_one_bad_acceleration_among_good_ones_is_refused(robot_named) -> None:
-    robot = robot_named("hoap2_like")
+def test_one_bad_acceleration_among_good_ones_is_refused(hoap2) -> None:
     for bad in (0.0, -1.0):
-        acceleration = np.full(robot.nv - 6, 10.0)
+        acceleration = np.full(hoap2.nv - 6, 10.0)
         acceleration[3] = bad
         with pytest.raises(InvalidInputError, match="acceleration: every entry must be positive"):
-            Limits(robot, acceleration=acceleration)
+            Limits(hoap2, acceleration=acceleration)
 
 
 def test_what_is_assigned_is_checked_as_what_is_given(robot: Robot) -> None:

@@ -1,7 +1,5 @@
 """Contacts along a line: what they hold, where their forces act, and when feet make them."""
 
-from collections.abc import Callable
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -16,14 +14,13 @@ from wbc.robot.symbolic import SymbolicPosture
 from wbc.tasks import ComTask, PostureTask
 from wbc.validate import Array
 
-Load = Callable[[str], Robot]
 ENDS = np.array(((-0.04, -0.02, 0.0), (0.06, 0.03, 0.0)))  # on a line through the sole's origin
 
 
 @pytest.fixture
-def here(robot_named: Load) -> Snapshot:
+def here(hoap2: Robot) -> Snapshot:
     """A humanoid turned, leaning and moving."""
-    robot, rng = robot_named("hoap2_like"), np.random.default_rng(4)
+    robot, rng = hoap2, np.random.default_rng(4)
     step = np.concatenate((rng.normal(size=6), 0.2 * rng.normal(size=robot.nv - 6)))
     q = robot.integrate(robot.posture(), step, 1.0)
     return robot.snapshot(q, rng.normal(size=robot.nv))

@@ -52,11 +52,6 @@ class Walls(Margin):
         return np.full(distances.keys.size, self.bend)
 
 
-@pytest.fixture
-def robot(robot_named) -> Robot:
-    return robot_named("hoap2_like")
-
-
 def at(robot: Robot, x: float) -> Snapshot:
     q = robot.postures["neutral"].copy()
     q[0] = x
@@ -87,9 +82,9 @@ def greediest(rows: Bounds) -> float:
 # ------------------------------------------------------------------ rows
 
 
-def test_what_is_inside_is_pushed_out_and_what_is_not_brakes(robot) -> None:
-    walls = Walls(robot, [1.0 + 3.5e-4, 1.5, 1.2])
-    rows = walls.rows(at(robot, 1.0 + 7e-4), DT)  # 3.5e-4 in the wall, of which SKIN is not lost
+def test_what_is_inside_is_pushed_out_and_what_is_not_brakes(hoap2) -> None:
+    walls = Walls(hoap2, [1.0 + 3.5e-4, 1.5, 1.2])
+    rows = walls.rows(at(hoap2, 1.0 + 7e-4), DT)  # 3.5e-4 in the wall, of which SKIN is not lost
     law = BrakingParameters()
     back = law.recovery / DT * 3.5e-4
     assert rows.push is not None
@@ -107,8 +102,8 @@ def test_what_is_inside_is_pushed_out_and_what_is_not_brakes(robot) -> None:
     np.testing.assert_array_equal(rows.upper, np.inf)
 
 
-def test_no_distances_make_no_rows(robot) -> None:
-    rows = Walls(robot, [], []).rows(at(robot, 0.0), DT)
+def test_no_distances_make_no_rows(hoap2) -> None:
+    rows = Walls(hoap2, [], []).rows(at(hoap2, 0.0), DT)
     assert rows.labels == ()
     assert rows.lower.shape == (0,)
     assert rows.push is None
@@ -116,11 +111,11 @@ def test_no_distances_make_no_rows(robot) -> None:
 
 @pytest.mark.parametrize("gain", [0.2, 0.5, 1.0])
 @pytest.mark.parametrize("braking", [0.5, 5.0, 50.0])
-def test_the_greediest_approach_brakes_as_declared_and_never_turns(robot, gain, braking) -> None:
-    wall = Walls(robot, [1.0], braking=BrakingParameters(deceleration=braking, gain=gain))
+def test_the_greediest_approach_brakes_as_declared_and_never_turns(hoap2, gain, braking) -> None:
+    wall = Walls(hoap2, [1.0], braking=BrakingParameters(deceleration=braking, gain=gain))
     x, last, history = 0.0, None, []
     for _ in range(3000):
-        speed = greediest(wall.rows(at(robot, x), DT))
+        speed = greediest(wall.rows(at(hoap2, x), DT))
         assert speed >= 0.0
         if last is not None:
             # Braking by the law's own deceleration; the last millimetres go by `gain`, which at
@@ -135,34 +130,34 @@ def test_the_greediest_approach_brakes_as_declared_and_never_turns(robot, gain, 
 
 @pytest.mark.parametrize("room", [0.0, 1e-12, 1e-3, 0.5, 1e5])
 @pytest.mark.parametrize("braking", [0.1, 10.0])
-def test_speed_towards_a_margin_leaves_just_enough_room(robot, room: float, braking: float) -> None:
+def test_speed_towards_a_margin_leaves_just_enough_room(hoap2, room: float, braking: float) -> None:
     """From u: one tick at u, then braking evenly, ends exactly at the room's end."""
-    wall = Walls(robot, [0.0], braking=BrakingParameters(deceleration=braking, gain=1.0))
-    u = -wall.rows(at(robot, -SKIN - room), DT).lower[0]
+    wall = Walls(hoap2, [0.0], braking=BrakingParameters(deceleration=braking, gain=1.0))
+    u = -wall.rows(at(hoap2, -SKIN - room), DT).lower[0]
     # The clearance is a difference of numbers about SKIN: 1e-19 of it is rounding.
     assert u * DT + u * u / (2 * braking) == pytest.approx(room, rel=1e-12, abs=1e-18)
 
 
 @pytest.mark.parametrize("x", [0.0, 0.9999, 1.0, 1.00005, 1.01, 5.0])
 @pytest.mark.parametrize("speed", [0.0, 0.3, -0.3, 100.0])
-def test_rest_is_always_allowed(robot, x: float, speed: float) -> None:
-    rows = Walls(robot, [1.0], [speed]).rows(at(robot, x), DT)
+def test_rest_is_always_allowed(hoap2, x: float, speed: float) -> None:
+    rows = Walls(hoap2, [1.0], [speed]).rows(at(hoap2, x), DT)
     assert (rows.lower <= 0.0).all()
     assert (rows.upper >= 0.0).all()
 
 
-def test_inside_it_is_pushed_out_at_a_bounded_rate(robot) -> None:
+def test_inside_it_is_pushed_out_at_a_bounded_rate(hoap2) -> None:
     law = BrakingParameters(recovery=0.2, recovery_speed=0.05)
-    wall = Walls(robot, [1.0], braking=law)
-    deep, shallow = (wall.rows(at(robot, x), DT).push for x in (1.1, 1.0 + 1e-4))
+    wall = Walls(hoap2, [1.0], braking=law)
+    deep, shallow = (wall.rows(at(hoap2, x), DT).push for x in (1.1, 1.0 + 1e-4))
     assert deep is not None and shallow is not None
     np.testing.assert_allclose(deep.target, [0.05])
     np.testing.assert_allclose(shallow.target, [0.2 / DT * 1e-4], rtol=1e-9)
-    assert wall.rows(at(robot, 1.0 - 0.5 * SKIN), DT).push is None  # in its skin only
+    assert wall.rows(at(hoap2, 1.0 - 0.5 * SKIN), DT).push is None  # in its skin only
     # Following the push: out of the margin, monotonically, and no farther.
     x = 1.02
     for _ in range(400):
-        rows = wall.rows(at(robot, x), DT)
+        rows = wall.rows(at(hoap2, x), DT)
         if rows.push is None:
             break
         assert rows.push.target[0] > 0.0
@@ -172,22 +167,22 @@ def test_inside_it_is_pushed_out_at_a_bounded_rate(robot) -> None:
     assert x == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_wall_that_comes_nearer_slows_the_approach_and_then_pushes(robot) -> None:
-    still, coming = Walls(robot, [1.0]), Walls(robot, [1.0], [0.1])
-    far = [greediest(wall.rows(at(robot, 0.5), DT)) for wall in (still, coming)]
+def test_a_wall_that_comes_nearer_slows_the_approach_and_then_pushes(hoap2) -> None:
+    still, coming = Walls(hoap2, [1.0]), Walls(hoap2, [1.0], [0.1])
+    far = [greediest(wall.rows(at(hoap2, 0.5), DT)) for wall in (still, coming)]
     assert far[0] - far[1] == pytest.approx(0.1)
-    near = coming.rows(at(robot, 1.0 - SKIN - 1e-5), DT)
+    near = coming.rows(at(hoap2, 1.0 - SKIN - 1e-5), DT)
     assert -lib.wbc_interior <= near.lower[0] <= 0.0
     assert near.push is not None
     allowed = 0.5 / DT * 1e-5  # by the gain
     np.testing.assert_allclose(near.push.target, [0.1 - allowed], rtol=1e-6)
-    leaving = Walls(robot, [1.0], [-0.1]).rows(at(robot, 1.0 - SKIN), DT)
+    leaving = Walls(hoap2, [1.0], [-0.1]).rows(at(hoap2, 1.0 - SKIN), DT)
     assert greediest(leaving) == pytest.approx(0.1)
 
 
-def test_braking_counts_on_half_of_what_the_joints_give(robot, rng) -> None:
+def test_braking_counts_on_half_of_what_the_joints_give(hoap2, rng) -> None:
     """A gap that depends on two joints: a = sum |row| a_max / 2, if that is less than declared."""
-    limits = Limits(robot, acceleration=2.0)
+    limits = Limits(hoap2, acceleration=2.0)
 
     class Sum(Walls):
         def distances(self, snapshot, keys=None):
@@ -195,24 +190,24 @@ def test_braking_counts_on_half_of_what_the_joints_give(robot, rng) -> None:
             matrix[0, 6:8] = 0.3, -0.1
             return Distances(np.zeros(1, dtype=np.int64), np.array([0.5]), matrix, np.zeros(1))
 
-    here = at(robot, 0.0)
+    here = at(hoap2, 0.0)
     able = 0.5 * 2.0 * 0.4
-    slow = greediest(Sum(robot, [1.0], limits=limits).rows(here, DT))
+    slow = greediest(Sum(hoap2, [1.0], limits=limits).rows(here, DT))
     assert slow * DT + slow**2 / (2 * able) == pytest.approx(0.5)
     declared = greediest(
-        Sum(robot, [1.0], braking=BrakingParameters(deceleration=0.1), limits=limits).rows(here, DT)
+        Sum(hoap2, [1.0], braking=BrakingParameters(deceleration=0.1), limits=limits).rows(here, DT)
     )
     assert declared * DT + declared**2 / (2 * 0.1) == pytest.approx(0.5)
 
 
-def test_rows_of_several_constraints_are_joined(robot) -> None:
-    here = at(robot, 1.05)
-    parts = [Walls(robot, [place]).rows(here, DT) for place in (1.0, 2.0, 1.01)]
+def test_rows_of_several_constraints_are_joined(hoap2) -> None:
+    here = at(hoap2, 1.05)
+    parts = [Walls(hoap2, [place]).rows(here, DT) for place in (1.0, 2.0, 1.01)]
     whole = stack(parts)
     assert whole.labels == ("wall 0",) * 3
     np.testing.assert_array_equal(whole.lower, [part.lower[0] for part in parts])
     assert isinstance(whole.push, Rows)
-    assert whole.push.matrix.shape == (2, robot.nv)
+    assert whole.push.matrix.shape == (2, hoap2.nv)
     assert stack(parts[:1]) is parts[0]
 
 
@@ -226,22 +221,22 @@ def test_names_are_picked_in_order() -> None:
 # ------------------------------------------------------------------ where a command leads
 
 
-def test_a_cut_ends_where_the_wall_will_be(robot) -> None:
+def test_a_cut_ends_where_the_wall_will_be(hoap2) -> None:
     """At x = 0.9 with 20 m/s; the first wall comes at 2 m/s and the second is far away."""
-    walls = Walls(robot, [1.0, 5.0], [2.0, 0.0], keys=[3, 7])
+    walls = Walls(hoap2, [1.0, 5.0], [2.0, 0.0], keys=[3, 7])
     found = cut(walls, 0.9, 20.0)
     assert found is not None
     assert found.labels == ("wall 3",)
-    assert found.matrix.shape == (1, robot.nv)
-    np.testing.assert_array_equal(found.matrix, -along(robot, 1.0)[None])
+    assert found.matrix.shape == (1, hoap2.nv)
+    np.testing.assert_array_equal(found.matrix, -along(hoap2, 1.0)[None])
     np.testing.assert_array_equal(found.upper, [np.inf])
     allowed = -float(found.lower[0])
     assert 0.9 + DT * allowed == pytest.approx(1.0 - 2.0 * DT - SKIN, rel=1e-12)
 
 
-def test_a_cut_never_asks_to_go_back(robot) -> None:
+def test_a_cut_never_asks_to_go_back(hoap2) -> None:
     """The wall comes at 40 m/s: rest is allowed, what more is needed is not a bound."""
-    found = cut(Walls(robot, [1.0], [40.0]), 0.95, 1.0)
+    found = cut(Walls(hoap2, [1.0], [40.0]), 0.95, 1.0)
     assert found is not None
     np.testing.assert_array_equal(found.lower, [0.0])
 
@@ -256,47 +251,47 @@ def test_a_cut_never_asks_to_go_back(robot) -> None:
         (0.0, 1e-5, False),  # rounding
     ],
 )
-def test_from_inside_only_what_the_robot_adds_counts(robot, wall_speed, own, violates) -> None:
-    found = cut(Walls(robot, [1.0], [wall_speed]), 1.001, own)
+def test_from_inside_only_what_the_robot_adds_counts(hoap2, wall_speed, own, violates) -> None:
+    found = cut(Walls(hoap2, [1.0], [wall_speed]), 1.001, own)
     assert (found is not None) == violates
     if found is not None:  # no deeper than at the start
         end = 1.0 - DT * wall_speed - SKIN - (1.001 + DT * -float(found.lower[0]))
         assert end == pytest.approx(min(1.0 - SKIN - 1.001, end), abs=1e-12)
 
 
-def test_half_the_skin_may_be_used(robot) -> None:
-    walls = Walls(robot, [1.0])
-    here = at(robot, 0.9)
+def test_half_the_skin_may_be_used(hoap2) -> None:
+    walls = Walls(hoap2, [1.0])
+    here = at(hoap2, 0.9)
     rows = walls.rows(here, DT)
     for end, may in ((0.0, False), (-0.9 * USED, False), (-1.1 * USED, True)):
-        v = along(robot, (0.1 - SKIN - end) / DT)
+        v = along(hoap2, (0.1 - SKIN - end) / DT)
         assert walls.may_violate(rows, v, DT) == may
         assert (cut(walls, 0.9, float(v[0])) is not None) == may
 
 
 @pytest.mark.parametrize(("bend", "may"), [(0.0, False), (2e-4, True)])
-def test_what_bends_may_end_lower(robot, bend: float, may: bool) -> None:
-    walls = Walls(robot, [1.0], bend=bend)
-    rows = walls.rows(at(robot, 0.9), DT)
-    v = along(robot, (0.1 - SKIN - 1e-4) / DT)  # a linear prediction ends at 1e-4
+def test_what_bends_may_end_lower(hoap2, bend: float, may: bool) -> None:
+    walls = Walls(hoap2, [1.0], bend=bend)
+    rows = walls.rows(at(hoap2, 0.9), DT)
+    v = along(hoap2, (0.1 - SKIN - 1e-4) / DT)  # a linear prediction ends at 1e-4
     assert walls.may_violate(rows, v, DT) == may
 
 
 @pytest.mark.parametrize(("speed", "may"), [(-1.0, False), (1.0, True)])
-def test_a_prediction_counts_the_walls_own_way(robot, speed: float, may: bool) -> None:
-    walls = Walls(robot, [1.0], [speed])
-    rows = walls.rows(at(robot, 0.9), DT)
-    assert walls.may_violate(rows, along(robot, (0.1 - SKIN) / DT), DT) == may
+def test_a_prediction_counts_the_walls_own_way(hoap2, speed: float, may: bool) -> None:
+    walls = Walls(hoap2, [1.0], [speed])
+    rows = walls.rows(at(hoap2, 0.9), DT)
+    assert walls.may_violate(rows, along(hoap2, (0.1 - SKIN) / DT), DT) == may
 
 
-def test_rows_without_distances_violate_nothing(robot) -> None:
-    walls, empty = Walls(robot, [1.0]), np.zeros(0)
-    plain = Bounds((), np.zeros((0, robot.nv)), empty, empty)
-    assert walls.may_violate(plain, along(robot, 1e3), DT) is False
+def test_rows_without_distances_violate_nothing(hoap2) -> None:
+    walls, empty = Walls(hoap2, [1.0]), np.zeros(0)
+    plain = Bounds((), np.zeros((0, hoap2.nv)), empty, empty)
+    assert walls.may_violate(plain, along(hoap2, 1e3), DT) is False
 
 
-def test_only_what_may_be_violated_is_measured_again(robot) -> None:
-    walls = Walls(robot, [1.0, 1.05, 9.0], keys=[2, 4, 6])
+def test_only_what_may_be_violated_is_measured_again(hoap2) -> None:
+    walls = Walls(hoap2, [1.0, 1.05, 9.0], keys=[2, 4, 6])
     cut(walls, 0.9, 24.0)  # ends at 1.02
     assert walls.asked == [[2]]
     cut(walls, 0.9, 29.0)  # ends at 1.045, inside the skin's other half: not violated
@@ -307,9 +302,9 @@ def test_only_what_may_be_violated_is_measured_again(robot) -> None:
     cut(walls, 0.9, 1700.0)
     assert walls.asked == [None]
     empty = np.zeros(0)
-    plain = Bounds((), np.zeros((0, robot.nv)), empty, empty)
+    plain = Bounds((), np.zeros((0, hoap2.nv)), empty, empty)
     walls.asked.clear()
-    walls.cutting_planes(at(robot, 2.0), along(robot, 1.0), DT, plain)
+    walls.cutting_planes(at(hoap2, 2.0), along(hoap2, 1.0), DT, plain)
     assert walls.asked == [None]
 
 
@@ -341,14 +336,14 @@ def test_the_bound_on_bends_of_points() -> None:
     np.testing.assert_allclose(point_curvature_bound(three, step), [expected] * 3, rtol=1e-12)
 
 
-def test_a_base_that_slides_and_turns_bends_its_way(robot) -> None:
+def test_a_base_that_slides_and_turns_bends_its_way(hoap2) -> None:
     """Five centimetres along while turning by 5 mrad end an eighth of a millimetre lower."""
-    box = PositionBox.height(robot, 0.0)
-    here = at(robot, 0.0)
+    box = PositionBox.height(hoap2, 0.0)
+    here = at(hoap2, 0.0)
     before = box.distances(here)
-    step = np.zeros(robot.nv)
+    step = np.zeros(hoap2.nv)
     step[0], step[4] = 0.05, 0.005  # nose down: ahead is below
-    after = box.distances(robot.snapshot(robot.integrate(here.q, step, 1.0)))
+    after = box.distances(hoap2.snapshot(hoap2.integrate(here.q, step, 1.0)))
     lost = before.clearance + before.jacobian @ step - after.clearance
     assert lost[0] == pytest.approx(1.25e-4, rel=1e-3)
     assert (lost <= box.curvature_bound(before, step)).all()
@@ -357,8 +352,8 @@ def test_a_base_that_slides_and_turns_bends_its_way(robot) -> None:
 # ------------------------------------------------------------------ words
 
 
-def test_words(robot) -> None:
-    walls = Walls(robot, [1.0])
+def test_words(hoap2) -> None:
+    walls = Walls(hoap2, [1.0])
     assert repr(walls) == "Walls('walls')"
     with pytest.raises(InvalidInputError, match=r"'walls' is a Walls.*no rows in terms of the po"):
         walls.symbolic_rows(None)
@@ -366,14 +361,14 @@ def test_words(robot) -> None:
         Walls("robot", [1.0])
 
 
-def test_joints_without_limits_of_acceleration_brake_all_the_same(robot) -> None:
+def test_joints_without_limits_of_acceleration_brake_all_the_same(hoap2) -> None:
     """An infinite acceleration of joints must leave the declared deceleration, not a NaN."""
-    walls = Walls(robot, [1.0])
-    free = Limits(robot, velocity=None)
+    walls = Walls(hoap2, [1.0])
+    free = Limits(hoap2, velocity=None)
     assert np.isinf(free.acceleration).all()
-    bounded = Walls(robot, [1.0])
-    Margin.__init__(bounded, robot, "walls", None, free)
-    here = at(robot, 0.9)
+    bounded = Walls(hoap2, [1.0])
+    Margin.__init__(bounded, hoap2, "walls", None, free)
+    here = at(hoap2, 0.9)
     np.testing.assert_array_equal(bounded.rows(here, DT).lower, walls.rows(here, DT).lower)
 
 
@@ -390,6 +385,6 @@ def test_bad_laws(values, words: str) -> None:
         BrakingParameters(**values)
 
 
-def test_limits_of_another_robot(robot, robot_named) -> None:
+def test_limits_of_another_robot(hoap2, robot_named) -> None:
     with pytest.raises(InvalidInputError, match="another robot"):
-        Walls(robot, [1.0], limits=Limits(robot_named("talos")))
+        Walls(hoap2, [1.0], limits=Limits(robot_named("talos")))

@@ -17,11 +17,6 @@ from wbc.robot.symbolic import SymbolicPosture
 TRUNK = "base"
 
 
-@pytest.fixture
-def robot(robot_named) -> Robot:
-    return robot_named("hoap2_like")
-
-
 def tilted(robot: Robot, vector) -> np.ndarray:
     """Return a configuration whose base is turned by a rotation vector [rad]."""
     q = robot.posture("standing").copy()
@@ -37,39 +32,39 @@ def tilt_of(robot: Robot, q: np.ndarray, axis) -> float:
 
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 2.0), (0.3, -0.2, 0.9)])
 def test_the_clearance_is_what_is_left_of_the_angle_and_its_jacobian_the_derivative(
-    robot, axis
+    hoap2, axis
 ) -> None:
-    limit = TiltLimit(robot, TRUNK, 1.0, axis=axis)
+    limit = TiltLimit(hoap2, TRUNK, 1.0, axis=axis)
     unit, rng = np.array(axis) / np.linalg.norm(axis), np.random.default_rng(3)
     for _ in range(20):
-        q = tilted(robot, rng.uniform(-1.2, 1.2, 3))
-        found = limit.distances(robot.snapshot(q))
-        assert found.clearance[0] == pytest.approx(1.0 - tilt_of(robot, q, unit) - SKIN, abs=1e-12)
-        v, h = rng.normal(size=robot.nv), 1e-6
-        ends = [tilt_of(robot, robot.integrate(q, side * v, h), unit) for side in (-1.0, 1.0)]
+        q = tilted(hoap2, rng.uniform(-1.2, 1.2, 3))
+        found = limit.distances(hoap2.snapshot(q))
+        assert found.clearance[0] == pytest.approx(1.0 - tilt_of(hoap2, q, unit) - SKIN, abs=1e-12)
+        v, h = rng.normal(size=hoap2.nv), 1e-6
+        ends = [tilt_of(hoap2, hoap2.integrate(q, side * v, h), unit) for side in (-1.0, 1.0)]
         # Central differences: h^2 of curvature and rounding over h.
         rate = -(ends[1] - ends[0]) / (2.0 * h)
         assert found.jacobian[0] @ v == pytest.approx(rate, abs=1e-7)
 
 
-def test_linear_rows_are_off_by_no_more_than_the_bound(robot) -> None:
-    limit, rng = TiltLimit(robot, TRUNK, 1.2), np.random.default_rng(5)
+def test_linear_rows_are_off_by_no_more_than_the_bound(hoap2) -> None:
+    limit, rng = TiltLimit(hoap2, TRUNK, 1.2), np.random.default_rng(5)
     for size in np.logspace(-4, 0, 60):
-        q = tilted(robot, np.append(rng.uniform(-0.8, 0.8, 2), 0.0))
-        here, step = limit.distances(robot.snapshot(q)), size * rng.normal(size=robot.nv)
-        there = limit.distances(robot.snapshot(robot.integrate(q, step, 1.0)))
+        q = tilted(hoap2, np.append(rng.uniform(-0.8, 0.8, 2), 0.0))
+        here, step = limit.distances(hoap2.snapshot(q)), size * rng.normal(size=hoap2.nv)
+        there = limit.distances(hoap2.snapshot(hoap2.integrate(q, step, 1.0)))
         predicted = here.clearance + here.jacobian @ step
         assert there.clearance >= predicted - limit.curvature_bound(here, step) - 1e-12
 
 
-def test_nearly_upright_any_turn_may_be_a_tilt(robot) -> None:
+def test_nearly_upright_any_turn_may_be_a_tilt(hoap2) -> None:
     """Across the tilt, where the linear prediction is none: what comes is nearly the turn."""
-    limit = TiltLimit(robot, TRUNK, 1.2)
+    limit = TiltLimit(hoap2, TRUNK, 1.2)
     for tilt, turn in itertools.product(np.logspace(-7, -3, 9), np.logspace(-7, -1, 13)):
-        q = tilted(robot, (tilt, 0.0, 0.0))
-        here, step = limit.distances(robot.snapshot(q)), np.zeros(robot.nv)
+        q = tilted(hoap2, (tilt, 0.0, 0.0))
+        here, step = limit.distances(hoap2.snapshot(q)), np.zeros(hoap2.nv)
         step[4] = turn
-        there = limit.distances(robot.snapshot(robot.integrate(q, step, 1.0)))
+        there = limit.distances(hoap2.snapshot(hoap2.integrate(q, step, 1.0)))
         lost = float((here.clearance + here.jacobian @ step - there.clearance)[0])
         bound = float(limit.curvature_bound(here, step)[0])
         assert lost <= bound + 1e-12 and bound <= turn
@@ -78,8 +73,8 @@ def test_nearly_upright_any_turn_may_be_a_tilt(robot) -> None:
         assert bound <= 1.619 * lost + 1e-12
 
 
-def test_a_trunk_that_is_upright_may_tilt_any_way(robot) -> None:
-    start = robot.snapshot(robot.posture("standing"))
+def test_a_trunk_that_is_upright_may_tilt_any_way(hoap2) -> None:
+    start = hoap2.snapshot(hoap2.posture("standing"))
     limit = TiltLimit.upright(start, TRUNK, 0.5)
     rows = limit.rows(start, 0.005)
     assert rows.labels == ("base tilt",)
@@ -87,29 +82,29 @@ def test_a_trunk_that_is_upright_may_tilt_any_way(robot) -> None:
     assert rows.lower[0] < -1.0
 
 
-def test_upright_is_what_points_up_at_the_start(robot) -> None:
-    start = robot.snapshot(tilted(robot, (0.2, -0.4, 0.1)))
+def test_upright_is_what_points_up_at_the_start(hoap2) -> None:
+    start = hoap2.snapshot(tilted(hoap2, (0.2, -0.4, 0.1)))
     assert TiltLimit.upright(start, TRUNK, 0.5).distances(start).clearance[0] == pytest.approx(
         0.5 - SKIN, abs=1e-7
     )
 
 
-def test_a_trunk_pulled_past_its_limit_stops_there_and_brakes_before(robot) -> None:
-    start, dt, braking = robot.snapshot(robot.posture("standing")), 0.005, 2.0
+def test_a_trunk_pulled_past_its_limit_stops_there_and_brakes_before(hoap2) -> None:
+    start, dt, braking = hoap2.snapshot(hoap2.posture("standing")), 0.005, 2.0
     limit = TiltLimit.upright(start, TRUNK, 0.25, braking=BrakingParameters(braking))
-    pulled = OrientationTask(robot, TRUNK, Rotation.from_rotvec([0, 0.6, 0]).as_matrix(), gain=0.2)
+    pulled = OrientationTask(hoap2, TRUNK, Rotation.from_rotvec([0, 0.6, 0]).as_matrix(), gain=0.2)
     controller = KinematicController(
-        robot,
-        [pulled, PostureTask(robot, start.q, weight=0.01)],
+        hoap2,
+        [pulled, PostureTask(hoap2, start.q, weight=0.01)],
         contacts=support(start, "double"),
         constraints=[limit],
         dt=dt,
     )
-    q, v, angles = start.q, np.zeros(robot.nv), []
+    q, v, angles = start.q, np.zeros(hoap2.nv), []
     for _ in range(200):
-        v = controller.step(robot.snapshot(q, v)).velocity
-        q = robot.integrate(q, v, dt)
-        angles.append(tilt_of(robot, q, (0.0, 0.0, 1.0)))
+        v = controller.step(hoap2.snapshot(q, v)).velocity
+        q = hoap2.integrate(q, v, dt)
+        angles.append(tilt_of(hoap2, q, (0.0, 0.0, 1.0)))
     rates, left = np.diff(angles) / dt, 0.25 - np.array(angles[:-1])
     assert max(angles) <= 0.25
     assert angles[-1] == pytest.approx(0.25, abs=2e-3)
@@ -117,13 +112,13 @@ def test_a_trunk_pulled_past_its_limit_stops_there_and_brakes_before(robot) -> N
     assert rates.max() > 0.5  # it came fast enough to have to brake
 
 
-def test_a_search_knows_the_cosine_of_the_tilt(robot) -> None:
-    limit = TiltLimit(robot, TRUNK, 0.7, axis=(0.1, 0.2, 1.0))
-    symbol = ca.SX.sym("q", robot.nq)
-    rows = limit.symbolic_rows(SymbolicPosture.at(robot, symbol))
-    q = tilted(robot, (0.3, 0.1, -0.8))
+def test_a_search_knows_the_cosine_of_the_tilt(hoap2) -> None:
+    limit = TiltLimit(hoap2, TRUNK, 0.7, axis=(0.1, 0.2, 1.0))
+    symbol = ca.SX.sym("q", hoap2.nq)
+    rows = limit.symbolic_rows(SymbolicPosture.at(hoap2, symbol))
+    q = tilted(hoap2, (0.3, 0.1, -0.8))
     value = float(ca.Function("tilt", [symbol], [rows.value])(q))
-    assert value == pytest.approx(np.cos(tilt_of(robot, q, limit.axis.copy())), abs=1e-12)
+    assert value == pytest.approx(np.cos(tilt_of(hoap2, q, limit.axis.copy())), abs=1e-12)
     assert rows.lower == pytest.approx(np.cos(0.7 - SKIN))
 
 
@@ -135,23 +130,23 @@ def test_a_search_knows_the_cosine_of_the_tilt(robot) -> None:
         ({"axis": (0.0, 1.0)}, "3"),
     ],
 )
-def test_a_limit_that_is_none_is_refused(robot, what, answer) -> None:
+def test_a_limit_that_is_none_is_refused(hoap2, what, answer) -> None:
     with pytest.raises(InvalidInputError, match=answer):
-        TiltLimit(robot, TRUNK, **({"angle": 1.0} | what))
+        TiltLimit(hoap2, TRUNK, **({"angle": 1.0} | what))
 
 
-def test_a_frame_that_is_none_is_refused(robot) -> None:
+def test_a_frame_that_is_none_is_refused(hoap2) -> None:
     with pytest.raises(UnknownNameError, match="trunk"):
-        TiltLimit(robot, "trunk", 1.0)
+        TiltLimit(hoap2, "trunk", 1.0)
 
 
-def test_an_assigned_angle_is_checked_and_counts(robot) -> None:
-    limit = TiltLimit(robot, TRUNK, 1.0)
+def test_an_assigned_angle_is_checked_and_counts(hoap2) -> None:
+    limit = TiltLimit(hoap2, TRUNK, 1.0)
     for bad in (0.0, -1.0, 4.0, np.nan, "30 degrees"):
         with pytest.raises(InvalidInputError, match="tilt of base, angle: "):
             limit.angle = bad
     limit.angle = 0.5
-    here = robot.snapshot(tilted(robot, (0.2, 0.0, 0.0)))
+    here = hoap2.snapshot(tilted(hoap2, (0.2, 0.0, 0.0)))
     assert limit.distances(here).clearance[0] == pytest.approx(0.3 - SKIN)
     with pytest.raises(InvalidInputError, match="axis cannot be assigned"):
         limit.axis = (1.0, 0.0, 0.0)

@@ -50,9 +50,9 @@ def test_solvers_of_which_nothing_is_said_solve_torque_ticks(
     assert not [record for record in caplog.records if solver in record.getMessage()]
 
 
-def test_what_osqp_leaves_is_said_before_and_when_the_core_answers(robot_named, caplog) -> None:
+def test_what_osqp_leaves_is_said_before_and_when_the_core_answers(hoap2, caplog) -> None:
     """Once each, though it is many ticks; every tick is answered, and says by whom."""
-    seen = who_answered(robot_named("hoap2_like"), "osqp", 20)
+    seen = who_answered(hoap2, "osqp", 20)
     assert seen["active_set"] >= 1 and {*seen} <= {"osqp", "active_set"}
     told = [record.getMessage() for record in caplog.records if "'osqp'" in record.getMessage()]
     assert len(told) == 2
@@ -60,8 +60,8 @@ def test_what_osqp_leaves_is_said_before_and_when_the_core_answers(robot_named, 
     assert "left a QP unsolved" in told[1] and "'active_set' answered" in told[1]
 
 
-def test_solvers_are_doubted_at_the_torque_level_alone(robot_named, caplog) -> None:
-    controller(robot_named("hoap2_like"), "velocity", "osqp")
+def test_solvers_are_doubted_at_the_torque_level_alone(hoap2, caplog) -> None:
+    controller(hoap2, "velocity", "osqp")
     assert not caplog.records
     for name in ("active_set", "proxqp", "proxqp_cold", "clarabel", "daqp", "piqp"):
         assert doubt_at_torque_level(make_backend(name)) is None
@@ -84,10 +84,9 @@ class Stranger:
 
 
 @pytest.mark.parametrize("level", ["velocity", "torque"])
-def test_what_a_strange_backend_misses_the_core_answers(robot_named, level, caplog) -> None:
-    robot = robot_named("hoap2_like")
-    one, other = controller(robot, level, Stranger()), controller(robot, level, "active_set")
-    here = robot.snapshot(robot.posture("standing"))
+def test_what_a_strange_backend_misses_the_core_answers(hoap2, level, caplog) -> None:
+    one, other = controller(hoap2, level, Stranger()), controller(hoap2, level, "active_set")
+    here = hoap2.snapshot(hoap2.posture("standing"))
     for _ in range(3):
         tick = one.step(here)
         assert tick.ok and tick.solution.solver == "active_set" and tick.solution.attempts == 2

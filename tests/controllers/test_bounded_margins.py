@@ -38,24 +38,23 @@ def box_of(limits: Limits) -> Callable[[np.ndarray, np.ndarray], Box]:
     return box
 
 
-def test_boxes_hold_what_braking_can_reach(robot_named: Callable[[str], Robot]) -> None:
-    robot = robot_named("hoap2_like")
+def test_boxes_hold_what_braking_can_reach(hoap2: Robot) -> None:
     bounds, q, v = (
-        box_of(Limits(robot, acceleration=A)),
-        robot.posture("standing"),
-        np.zeros(robot.nv),
+        box_of(Limits(hoap2, acceleration=A)),
+        hoap2.posture("standing"),
+        np.zeros(hoap2.nv),
     )
-    q[7] = robot.limits.upper[0]
+    q[7] = hoap2.limits.upper[0]
     v[6] = 3.0
     lower, upper = bounds(q, v)
     assert upper[6] == pytest.approx(3.0 - BRAKING * A * DT)  # braked as hard as it can be
     assert lower[6] < upper[6]
-    v[6], q[7] = 0.0, robot.limits.upper[0] + 1e-4
+    v[6], q[7] = 0.0, hoap2.limits.upper[0] + 1e-4
     assert bounds(q, v)[1][6] == pytest.approx(-1e-4 / ARRIVAL * DT / SETTLE)  # it is back
 
 
-def test_no_state_leaves_an_empty_box(robot_named: Callable[[str], Robot]) -> None:
-    robot, rng = robot_named("hoap2_like"), np.random.default_rng(4)
+def test_no_state_leaves_an_empty_box(hoap2: Robot) -> None:
+    robot, rng = hoap2, np.random.default_rng(4)
     kinds = [Limits(robot), Limits(robot, braking="bounded", velocity=None, acceleration=np.inf)]
     boxes = [box_of(limits) for limits in kinds]
     for _ in range(200):
@@ -69,17 +68,14 @@ def test_no_state_leaves_an_empty_box(robot_named: Callable[[str], Robot]) -> No
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.5, 3.0])
-def test_joints_arrive_by_one_deceleration(
-    speed: float, robot_named: Callable[[str], Robot]
-) -> None:
+def test_joints_arrive_by_one_deceleration(speed: float, hoap2: Robot) -> None:
     """Moved by what is allowed, the acceleration held over a tick, as motors and physics do."""
-    robot = robot_named("hoap2_like")
     bounds, q, v = (
-        box_of(Limits(robot, acceleration=A)),
-        robot.posture("standing"),
-        np.zeros(robot.nv),
+        box_of(Limits(hoap2, acceleration=A)),
+        hoap2.posture("standing"),
+        np.zeros(hoap2.nv),
     )
-    most, left, used = robot.limits.upper[0], [], []
+    most, left, used = hoap2.limits.upper[0], [], []
     q[7], v[6] = most - speed * ARRIVAL - speed**2 / (2.0 * A), speed
     for _ in range(500):
         asked = bounds(q, v)[1][6]
@@ -94,9 +90,9 @@ def test_joints_arrive_by_one_deceleration(
     assert np.abs(np.diff(used)).sum() < 2.5 * A
 
 
-def test_small_errors_ask_for_small_accelerations(robot_named: Callable[[str], Robot]) -> None:
+def test_small_errors_ask_for_small_accelerations(hoap2: Robot) -> None:
     """Joints at the end of their range, where contacts leave them 1e-2 rad/s and 1e-4 rad off."""
-    robot, rng = robot_named("hoap2_like"), np.random.default_rng(1)
+    robot, rng = hoap2, np.random.default_rng(1)
     limits = Limits(robot, acceleration=1e3)
     bounds, q, v = box_of(limits), robot.posture("standing"), np.zeros(robot.nv)
     for _ in range(50):
@@ -106,36 +102,35 @@ def test_small_errors_ask_for_small_accelerations(robot_named: Callable[[str], R
         assert abs(asked) < 1.2 * (abs(rate) * (1 / SETTLE + 1 / ARRIVAL) + abs(off) / ARRIVAL**2)
 
 
-def test_legs_that_stand_brake_what_they_carry(robot_named: Callable[[str], Robot]) -> None:
+def test_legs_that_stand_brake_what_they_carry(g1: Robot) -> None:
     """Against the forces that hold the soles while a joint's own torque moves the robot."""
-    robot = robot_named("g1")
-    start = robot.snapshot(robot.posture("standing"))
-    torques = robot.limits.effort
-    limits = Limits(robot).within_torques(torques)
+    start = g1.snapshot(g1.posture("standing"))
+    torques = g1.limits.effort
+    limits = Limits(g1).within_torques(torques)
     held = support(start, "double")
-    braking = StanceBraking(robot, torques)
+    braking = StanceBraking(g1, torques)
     found = braking.decelerations(limits, held)
     J = np.concatenate([contact.residual(start).jacobian for contact in held])
     for name in ("left_ankle_pitch_joint", "right_ankle_roll_joint", "left_knee_joint"):
-        k = robot.joint_index(name)
+        k = g1.joint_index(name)
         kkt = np.block([[start.mass_matrix, J.T], [J, np.zeros((len(J), len(J)))]])
         force = np.zeros(len(kkt))
         force[k] = 0.5 * torques[k - 6]
         moved = np.linalg.lstsq(kkt, force, rcond=1e-12)[0][k]
-        ground = robot.gravity / np.linalg.norm(start.position(name) - start.com)
+        ground = g1.gravity / np.linalg.norm(start.position(name) - start.com)
         able = min(max(moved, ground), limits.acceleration[k - 6])
         assert found[k - 6] == pytest.approx(able, rel=1e-6)
-    pitch, roll = (robot.joint_index(f"left_ankle_{axis}_joint") - 6 for axis in ("pitch", "roll"))
+    pitch, roll = (g1.joint_index(f"left_ankle_{axis}_joint") - 6 for axis in ("pitch", "roll"))
     assert 20.0 < found[pitch] < 0.5 * limits.acceleration[pitch]  # the motor's
     assert 10.0 < found[roll] < 20.0  # the ground's
     np.testing.assert_array_equal(braking.decelerations(limits, ()), limits.acceleration)
-    given = Limits(robot, acceleration=5.0)
+    given = Limits(g1, acceleration=5.0)
     np.testing.assert_array_equal(braking.decelerations(given, held), 5.0)
     # What was found for other contacts is not mixed up with it.
     one = braking.decelerations(limits, held[:1])
     assert not np.array_equal(one, found)
     np.testing.assert_array_equal(braking.decelerations(limits, held), found)
-    anew = StanceBraking(robot, torques).decelerations(limits, held[:1])
+    anew = StanceBraking(g1, torques).decelerations(limits, held[:1])
     np.testing.assert_array_equal(anew, one)
 
 

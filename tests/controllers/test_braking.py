@@ -18,11 +18,6 @@ DT = 0.005
 SOLVED = 1e-4
 
 
-@pytest.fixture
-def robot(robot_named) -> Robot:
-    return robot_named("hoap2_like")
-
-
 def change(v: np.ndarray, before: np.ndarray, limits: Limits) -> np.ndarray:
     """Return changes of joint velocities in parts of what the bound allows in a tick."""
     return np.abs(v - before)[6:] / (limits.acceleration * DT)
@@ -50,9 +45,9 @@ def hardest(robot: Robot, braking: str) -> float:
     return worst
 
 
-def test_changes_are_bounded_both_ways(robot) -> None:
-    assert hardest(robot, "bounded") <= 1.0 + SOLVED
-    assert hardest(robot, "free") > 3.0, "the same without the bound: the test tests something"
+def test_changes_are_bounded_both_ways(hoap2) -> None:
+    assert hardest(hoap2, "bounded") <= 1.0 + SOLVED
+    assert hardest(hoap2, "free") > 3.0, "the same without the bound: the test tests something"
 
 
 def on_one_foot(robot: Robot, rng: np.random.Generator, speed: float) -> Snapshot:
@@ -77,13 +72,13 @@ def gentlest(here: Snapshot, limits: Limits) -> np.ndarray:
 
 
 @pytest.mark.parametrize("formulation", ["equality", "reduced"])
-def test_a_foot_put_down_in_motion_stops_as_gently_as_can_be(robot, rng, formulation) -> None:
-    limits = Limits(robot, acceleration=20.0, braking="bounded")
+def test_a_foot_put_down_in_motion_stops_as_gently_as_can_be(hoap2, rng, formulation) -> None:
+    limits = Limits(hoap2, acceleration=20.0, braking="bounded")
     for speed in (0.2, 0.5, 1.0):
-        here = on_one_foot(robot, rng, speed)
-        tasks = [ComTask(robot, here.com), PostureTask(robot, here.q, weight=0.1, priority=1)]
+        here = on_one_foot(hoap2, rng, speed)
+        tasks = [ComTask(hoap2, here.com), PostureTask(hoap2, here.q, weight=0.1, priority=1)]
         tick = KinematicController(
-            robot, tasks, contacts=support(here, "double"), limits=limits, dt=DT,
+            hoap2, tasks, contacts=support(here, "double"), limits=limits, dt=DT,
             formulation=formulation,
         ).step(here)  # fmt: skip
         assert tick.ok, tick.report()
@@ -96,25 +91,25 @@ def test_a_foot_put_down_in_motion_stops_as_gently_as_can_be(robot, rng, formula
         assert (changed[needed < 0.9] <= 1.0 + SOLVED).all(), "others keep their bound"
 
 
-def test_before_a_wall_that_appears_the_robot_stops_all_the_same(robot, rng) -> None:
+def test_before_a_wall_that_appears_the_robot_stops_all_the_same(hoap2, rng) -> None:
     """A margin that asks for more than joints can brake is kept; the bound is not."""
-    limits = Limits(robot, acceleration=5.0, braking="bounded")
-    still = robot.snapshot(robot.posture("standing"))
-    v = np.zeros(robot.nv)
-    v[robot.joint_index("left_shoulder_pitch")] = 2.0
-    here = robot.snapshot(still.q, v)
+    limits = Limits(hoap2, acceleration=5.0, braking="bounded")
+    still = hoap2.snapshot(hoap2.posture("standing"))
+    v = np.zeros(hoap2.nv)
+    v[hoap2.joint_index("left_shoulder_pitch")] = 2.0
+    here = hoap2.snapshot(still.q, v)
     rate = here.jacobian("left_hand_link")[:3] @ v
     way = int(np.abs(rate).argmax())
     sign = np.sign(rate[way])
     lower, upper = np.full(3, -np.inf), np.full(3, np.inf)
     (upper if sign > 0 else lower)[way] = here.position("left_hand_link")[way] + sign * 1e-3
-    wall = PositionBox(robot, "left_hand_link", lower, upper)
+    wall = PositionBox(hoap2, "left_hand_link", lower, upper)
     tick = KinematicController(
-        robot, [PostureTask(robot, still.q)], contacts=support(here, "double"), limits=limits,
+        hoap2, [PostureTask(hoap2, still.q)], contacts=support(here, "double"), limits=limits,
         constraints=[wall], dt=DT,
     ).step(here)  # fmt: skip
     assert tick.ok, tick.report()
-    there = robot.snapshot(robot.integrate(here.q, tick.velocity, DT)).position("left_hand_link")
+    there = hoap2.snapshot(hoap2.integrate(here.q, tick.velocity, DT)).position("left_hand_link")
     assert (lower <= there).all() and (there <= upper).all()
     assert change(tick.velocity, v, limits).max() > 1.0
 
@@ -132,19 +127,19 @@ def answer(x: np.ndarray, status: Status) -> Solution:
     return Solution(x, none, none, 0 * x, status, KktResiduals(0, 0, 0), 1, 0.0, "scripted")
 
 
-def test_a_box_is_relaxed_just_so_far(robot, rng) -> None:
+def test_a_box_is_relaxed_just_so_far(hoap2, rng) -> None:
     """To the gentlest velocity and a tenth of a bound beyond, never beyond the emergency's box."""
-    nv = robot.nv
-    limits = Limits(robot, acceleration=20.0, braking="bounded")
+    nv = hoap2.nv
+    limits = Limits(hoap2, acceleration=20.0, braking="bounded")
     moving = np.concatenate((np.zeros(6), rng.normal(size=nv - 6)))
-    here = robot.snapshot(robot.posture(), moving)
+    here = hoap2.snapshot(hoap2.posture(), moving)
     widest = limits.emergency_braking_box(here, DT)
     middle = np.zeros(nv)
     middle[6:] = 0.5 * (widest[0][6:] + widest[1][6:])
     half = np.minimum(0.4 * (widest[1] - widest[0]), 0.5)
     assert np.isfinite(half).all()
     lower, upper = middle - half, middle + half
-    qp = some_qp(robot, lower, upper)
+    qp = some_qp(hoap2, lower, upper)
     step = 0.1 * 20.0 * DT
     v = middle + half * rng.uniform(-1.0, 1.0, nv)
     v[8], v[10] = lower[8] - 0.01, upper[10] + 0.01  # these must brake harder
@@ -174,19 +169,19 @@ def test_a_box_is_relaxed_just_so_far(robot, rng) -> None:
     assert whole is not None
     np.testing.assert_array_equal(whole.lower[:nv], widest[0])
     np.testing.assert_array_equal(whole.upper[:nv], widest[1])
-    assert relax_box(some_qp(robot, *widest), limits, here, DT, solve) is None
+    assert relax_box(some_qp(hoap2, *widest), limits, here, DT, solve) is None
     narrower = widest[1].copy()
     narrower[9] -= 0.01
-    assert relax_box(some_qp(robot, widest[0], narrower), limits, here, DT, solve) is not None
+    assert relax_box(some_qp(hoap2, widest[0], narrower), limits, here, DT, solve) is not None
 
 
-def test_the_least_change_is_measured_in_what_joints_can_do(robot) -> None:
+def test_the_least_change_is_measured_in_what_joints_can_do(hoap2) -> None:
     """Gauss's principle: the optimum without rows is v itself, and weights are 1 / change^2."""
-    nv = robot.nv
+    nv = hoap2.nv
     change = np.full(nv, np.inf)
     change[6:] = np.linspace(0.01, 2.0, nv - 6)
     v = np.linspace(-1.0, 1.0, nv)
-    qp = least_acceleration_qp(some_qp(robot, -np.ones(nv), np.ones(nv)), v, change)
+    qp = least_acceleration_qp(some_qp(hoap2, -np.ones(nv), np.ones(nv)), v, change)
     weights = np.diag(qp.P)
     np.testing.assert_array_equal(qp.P, np.diag(weights))
     np.testing.assert_allclose(-qp.g[:nv] / weights[:nv], v, atol=1e-15)
@@ -196,23 +191,23 @@ def test_the_least_change_is_measured_in_what_joints_can_do(robot) -> None:
     np.testing.assert_allclose(weights[[*range(6), nv, nv + 1]], 1e-4)
 
 
-def test_what_contradicts_without_the_bound_is_named(robot, rng) -> None:
-    here = on_one_foot(robot, rng, 1.0)
+def test_what_contradicts_without_the_bound_is_named(hoap2, rng) -> None:
+    here = on_one_foot(hoap2, rng, 1.0)
     left, right = support(here, "double")
-    apart = Contact(robot, left.frame, left.position + (1.0, 0.0, 0.0), left.rotation)
-    limits = Limits(robot, acceleration=20.0, braking="bounded")
+    apart = Contact(hoap2, left.frame, left.position + (1.0, 0.0, 0.0), left.rotation)
+    limits = Limits(hoap2, acceleration=20.0, braking="bounded")
     tick = KinematicController(
-        robot, [ComTask(robot, here.com)], contacts=[apart, right], limits=limits, dt=DT
+        hoap2, [ComTask(hoap2, here.com)], contacts=[apart, right], limits=limits, dt=DT
     ).step(here)
     assert tick.status.value == "infeasible"
     assert not tick.velocity.any()
     assert tick.conflict is not None
     assert any(row.label.startswith("left_sole") for row in tick.conflict.rows)
-    nv, (lower, upper) = robot.nv, limits.emergency_braking_box(here, DT)
+    nv, (lower, upper) = hoap2.nv, limits.emergency_braking_box(here, DT)
     np.testing.assert_array_equal(tick.qp.lower[:nv], lower)
     np.testing.assert_array_equal(tick.qp.upper[:nv], upper)
 
 
-def test_an_unknown_kind_of_braking_is_refused(robot) -> None:
+def test_an_unknown_kind_of_braking_is_refused(hoap2) -> None:
     with pytest.raises(UnknownNameError, match="bounded"):
-        Limits(robot, braking="bound")
+        Limits(hoap2, braking="bound")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,8 +13,6 @@ from tests.standing import standing
 from wbc.controllers import Controller
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError
 from wbc.robot import Robot, Snapshot
-
-Load = Callable[[str], Robot]
 
 
 def made(level: str, parts: Mapping[str, Any], solver: str = "daqp") -> Controller:
@@ -53,11 +51,9 @@ def after(here: Snapshot) -> dict[str, Any]:
 
 @pytest.mark.parametrize("solver", ["daqp", "proxqp"])
 @pytest.mark.parametrize("level", ["velocity", "torque"])
-def test_it_answers_as_one_made_of_the_new_parts(
-    level: str, solver: str, robot_named: Load
-) -> None:
+def test_it_answers_as_one_made_of_the_new_parts(level: str, solver: str, hoap2: Robot) -> None:
     """Without ramps; both solve to 1e-6 of their rows, which are dv / dt: 500 times as much."""
-    here = standing(robot_named("hoap2_like"))
+    here = standing(hoap2)
     no_ramp = {"force_ramp": 0.0} if level == "torque" else {}
     changed = made(level, {**before(here), **no_ramp}, solver)
     assert changed.step(here).ok
@@ -72,8 +68,8 @@ def test_it_answers_as_one_made_of_the_new_parts(
     np.testing.assert_allclose(ours.velocity, theirs.velocity, atol=1e-5)
 
 
-def test_what_is_left_out_stays(robot_named: Load) -> None:
-    here = standing(robot_named("hoap2_like"))
+def test_what_is_left_out_stays(hoap2: Robot) -> None:
+    here = standing(hoap2)
     controller = made("velocity", before(here))
     task = wbc.PostureTask(here.robot, here.q, name="calm")
     kept = controller.contacts, controller.constraints
@@ -85,9 +81,9 @@ def test_what_is_left_out_stays(robot_named: Load) -> None:
     assert list(controller.step(here).errors) == ["calm"]
 
 
-def test_forces_go_on_where_tasks_change_with_the_contacts(robot_named: Load) -> None:
+def test_forces_go_on_where_tasks_change_with_the_contacts(hoap2: Robot) -> None:
     """The foot that is left out is relieved linearly in 10 ticks from what it bore."""
-    here = standing(robot_named("hoap2_like"))
+    here = standing(hoap2)
     controller = made("torque", {**before(here), "constraints": [], "force_ramp": 0.02})
     load = controller.step(here).forces["right_sole"][2]
     assert load > 0.3 * here.robot.weight
@@ -116,9 +112,9 @@ def test_forces_go_on_where_tasks_change_with_the_contacts(robot_named: Load) ->
 )
 @pytest.mark.parametrize("level", ["velocity", "torque"])
 def test_what_is_refused_changes_nothing(
-    level: str, parts: dict[str, Any], error: type[WbcError], words: str, robot_named: Load
+    level: str, parts: dict[str, Any], error: type[WbcError], words: str, hoap2: Robot
 ) -> None:
-    here = standing(robot_named("hoap2_like"))
+    here = standing(hoap2)
     controller = made(level, before(here))
     first = controller.step(here)
     with pytest.raises(error, match=words):
@@ -128,8 +124,8 @@ def test_what_is_refused_changes_nothing(
     assert again.qp.labels == first.qp.labels
 
 
-def test_idle_and_foreign_tasks_are_refused(robot_named: Load) -> None:
-    here = standing(robot_named("hoap2_like"))
+def test_idle_and_foreign_tasks_are_refused(hoap2: Robot) -> None:
+    here = standing(hoap2)
     robot, controller = here.robot, made("velocity", before(here))
     idle = wbc.ComTask(robot, here.com, weight=0.0)
     share = wbc.LoadShareTask(robot, {"left_sole": 1.0, "right_sole": 1.0})

@@ -12,16 +12,11 @@ from wbc.robot import Robot
 from wbc.tasks import ComTask, PositionTask
 
 
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.load("hoap2_like")
-
-
-def test_rank_and_condition_are_those_of_the_rows(robot: Robot) -> None:
-    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+def test_rank_and_condition_are_those_of_the_rows(hoap2: Robot) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
     hand = here.position("left_hand")
-    tasks = [ComTask(robot, here.com, weight=3.0), PositionTask(robot, "left_hand", hand)]
-    controller = KinematicController(robot, tasks, contacts=support(here, "double"), damping=1e-9)
+    tasks = [ComTask(hoap2, here.com, weight=3.0), PositionTask(hoap2, "left_hand", hand)]
+    controller = KinematicController(hoap2, tasks, contacts=support(here, "double"), damping=1e-9)
     found = controller.conditioning(controller.step(here))
     J = np.concatenate((3.0 * here.com_jacobian, here.jacobian("left_hand")[:3]))
     held = np.concatenate([here.jacobian(f"{side}_sole") for side in ("left", "right")])
@@ -33,28 +28,28 @@ def test_rank_and_condition_are_those_of_the_rows(robot: Robot) -> None:
     assert found.condition == pytest.approx((values[0] / values[-1]) ** 2, rel=1e-5)
 
 
-def test_redundant_tasks_have_less_rank_than_rows(robot: Robot) -> None:
-    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+def test_redundant_tasks_have_less_rank_than_rows(hoap2: Robot) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
     hand = here.position("left_hand")
     same = [
-        PositionTask(robot, "left_hand", hand),
-        PositionTask(robot, "left_hand", hand, name="again"),
+        PositionTask(hoap2, "left_hand", hand),
+        PositionTask(hoap2, "left_hand", hand, name="again"),
     ]
-    controller = KinematicController(robot, same)
+    controller = KinematicController(hoap2, same)
     tick = controller.step(here)
     assert tick.ok
     assert controller.conditioning(tick).rank == 3
-    assert controller.conditioning(tick).free == robot.nv
+    assert controller.conditioning(tick).free == hoap2.nv
 
 
-def test_slacks_are_no_motions(robot: Robot) -> None:
-    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
-    room = PositionBox.height(robot, here.position("base")[2] - 0.1, frame="base")
+def test_slacks_are_no_motions(hoap2: Robot) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
+    room = PositionBox.height(hoap2, here.position("base")[2] - 0.1, frame="base")
     found = []
     for slack in ({}, {room.name: 10.0}):
         controller = KinematicController(
-            robot,
-            [ComTask(robot, here.com, weight=3.0)],
+            hoap2,
+            [ComTask(hoap2, here.com, weight=3.0)],
             contacts=support(here, "double"),
             constraints=[room],
             slack=slack,

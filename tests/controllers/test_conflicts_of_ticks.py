@@ -46,22 +46,20 @@ def conflicts_of(robot, formulation: str, solver: str, count: int) -> int:
     ],
 )
 def test_conflicts_of_wild_ticks_are_true_with_every_backend(
-    robot_named, solver: str, formulation: str
+    hoap2, solver: str, formulation: str
 ) -> None:
-    assert conflicts_of(robot_named("hoap2_like"), formulation, solver, 40) >= LEAST
+    assert conflicts_of(hoap2, formulation, solver, 40) >= LEAST
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("formulation", ["equality", "reduced"])
-def test_conflicts_of_wild_ticks_are_true_in_both_formulations(
-    robot_named, formulation: str
-) -> None:
-    assert conflicts_of(robot_named("hoap2_like"), formulation, "proxqp", 24) >= LEAST
+def test_conflicts_of_wild_ticks_are_true_in_both_formulations(hoap2, formulation: str) -> None:
+    assert conflicts_of(hoap2, formulation, "proxqp", 24) >= LEAST
 
 
-def test_every_relaxed_tick_names_rows_that_contradict_and_are_all_needed(robot_named) -> None:
+def test_every_relaxed_tick_names_rows_that_contradict_and_are_all_needed(hoap2) -> None:
     """Of the QP in which all is hard, which the core sets up again: feet that drag, weak motors."""
-    robot, rng = robot_named("hoap2_like"), np.random.default_rng(3)
+    robot, rng = hoap2, np.random.default_rng(3)
     start = robot.snapshot(robot.posture("standing"))
     proved = 0
     for k in range(14):

@@ -3,7 +3,6 @@
 One robot stands on a surface, a point and a grip at once, each turned some way.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -17,14 +16,13 @@ from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask
 
-Load = Callable[[str], Robot]
 UNIT = 700.0  # N by unknown
 CONE = FrictionCone(0.5, facets=6, least=20.0, most=400.0)
 
 
 @pytest.fixture
-def here(robot_named: Load, rng, random_snapshot) -> Snapshot:
-    return random_snapshot(robot_named("hoap2_like"), rng)
+def here(hoap2: Robot, rng, random_snapshot) -> Snapshot:
+    return random_snapshot(hoap2, rng)
 
 
 @pytest.fixture

@@ -8,38 +8,32 @@ from wbc.constraints import FrictionCone, Limits, SelfCollision, support
 from wbc.controllers import KinematicController, TorqueController
 from wbc.controllers.look_ahead import CUTS
 from wbc.errors import InvalidInputError
-from wbc.robot import Robot
 from wbc.tasks import ComTask, PostureTask
 
 AT_ONCE = 1e-9  # s
 
 
-@pytest.fixture
-def robot(robot_named) -> Robot:
-    return robot_named("hoap2_like")
-
-
-def test_ticks_of_one_attempt_lack_nothing(robot) -> None:
-    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
-    tasks = [ComTask(robot, here.com + 0.01), PostureTask(robot, here.q, priority=1)]
+def test_ticks_of_one_attempt_lack_nothing(hoap2) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
+    tasks = [ComTask(hoap2, here.com + 0.01), PostureTask(hoap2, here.q, priority=1)]
     for kind in (KinematicController, TorqueController):
-        parts = {"contacts": support(here, "double"), "constraints": [SelfCollision(robot)]}
+        parts = {"contacts": support(here, "double"), "constraints": [SelfCollision(hoap2)]}
         free, late = (
-            kind(robot, tasks, limits=Limits(robot), deadline=deadline, **parts).step(here)
+            kind(hoap2, tasks, limits=Limits(hoap2), deadline=deadline, **parts).step(here)
             for deadline in (None, AT_ONCE)
         )
         assert late.ok and late.left_out == () and late.report() == "solved"
         np.testing.assert_array_equal(late.velocity, free.velocity)
 
 
-def test_cuts_that_came_too_late_are_said_and_the_step_is_shorter(robot) -> None:
+def test_cuts_that_came_too_late_are_said_and_the_step_is_shorter(hoap2) -> None:
     """All of the step would break the margin; a quarter, which needs no QP, does not."""
-    here = robot.snapshot(robot.posture("standing"))
+    here = hoap2.snapshot(hoap2.posture("standing"))
     ticks = []
     for deadline in (None, 60.0, AT_ONCE):
-        constraint = Slow(robot, 0.5, useful=True)
+        constraint = Slow(hoap2, 0.5, useful=True)
         constraint.start = here.q
-        control = moving(robot, constraint, "left_elbow_pitch", deadline=deadline)
+        control = moving(hoap2, constraint, "left_elbow_pitch", deadline=deadline)
         tick = control.step(here)
         lower, upper = control.limits.box(here, control.dt)
         assert tick.ok and (tick.velocity >= lower).all() and (tick.velocity <= upper).all()
@@ -51,12 +45,12 @@ def test_cuts_that_came_too_late_are_said_and_the_step_is_shorter(robot) -> None
     assert late.report() == f"solved, but left out: {CUTS}"
 
 
-def test_torque_ticks_give_way_in_time(robot) -> None:
+def test_torque_ticks_give_way_in_time(hoap2) -> None:
     """What is relaxed once the deadline is over keeps physics and torque bounds all the same."""
-    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
-    contacts = support(here, "double", friction=FrictionCone(least=10.0 * robot.weight))
+    here = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
+    contacts = support(here, "double", friction=FrictionCone(least=10.0 * hoap2.weight))
     control = TorqueController(
-        robot, [PostureTask(robot, here.q)], contacts=contacts, limits=Limits(robot),
+        hoap2, [PostureTask(hoap2, here.q)], contacts=contacts, limits=Limits(hoap2),
         force_ramp=0.0, deadline=AT_ONCE,
     )  # fmt: skip
     tick = control.step(here)
@@ -67,7 +61,7 @@ def test_torque_ticks_give_way_in_time(robot) -> None:
 
 
 @pytest.mark.parametrize("deadline", [0.0, -1.0, np.nan, "soon"])
-def test_what_is_no_deadline_is_refused(robot, deadline) -> None:
-    task = PostureTask(robot, robot.posture("standing"))
+def test_what_is_no_deadline_is_refused(hoap2, deadline) -> None:
+    task = PostureTask(hoap2, hoap2.posture("standing"))
     with pytest.raises(InvalidInputError, match="controller, deadline"):
-        KinematicController(robot, [task], contacts=(), deadline=deadline)
+        KinematicController(hoap2, [task], contacts=(), deadline=deadline)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -16,7 +14,6 @@ from wbc.errors import UnknownNameError
 from wbc.minimum_jerk import minimum_jerk
 from wbc.robot import Robot, Snapshot
 
-Load = Callable[[str], Robot]
 DT, RAMP = 0.002, 0.05
 TICKS = 25  # of a ramp
 # When the CoM is over the left foot, that foot is released, it is down again, held, CoM between.
@@ -122,7 +119,7 @@ def jumps(ticks: list, begin: float) -> float:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("loop", [Integrated, Simulated])
-def test_a_foot_is_lifted_and_put_down_without_jumps(loop: type, robot_named: Load) -> None:
+def test_a_foot_is_lifted_and_put_down_without_jumps(loop: type, g1: Robot) -> None:
     """The normal force changes by m g / TICKS a tick, 13 N, at no lever above 0.4 m.
 
     That is the distance from a hip to the edge of the other sole, with which a leg's own torque
@@ -131,7 +128,7 @@ def test_a_foot_is_lifted_and_put_down_without_jumps(loop: type, robot_named: Lo
     """
     if loop is Simulated:
         pytest.importorskip("mujoco")
-    here = standing(robot_named("g1"))
+    here = standing(g1)
     weight = 9.81 * here.robot.mass
     bound = 0.4 * weight / TICKS
     ticks = step_in_place(here, loop(here), RAMP)
@@ -160,8 +157,8 @@ def test_a_foot_is_lifted_and_put_down_without_jumps(loop: type, robot_named: Lo
 
 
 @pytest.mark.parametrize("solver", ["proxqp", "daqp"])
-def test_a_contact_that_comes_back_goes_on_from_where_it_is(solver: str, robot_named: Load) -> None:
-    here = standing(robot_named("g1"))
+def test_a_contact_that_comes_back_goes_on_from_where_it_is(solver: str, g1: Robot) -> None:
+    here = standing(g1)
     controller = controlled(here, solver)
     both = controller.contacts
     half = controller.step(here).forces["right_sole"][2]
@@ -180,9 +177,9 @@ def test_a_contact_that_comes_back_goes_on_from_where_it_is(solver: str, robot_n
 
 
 def test_a_contact_that_leaves_is_gone_whatever_else_is_changed_meanwhile(
-    robot_named: Load,
+    g1: Robot,
 ) -> None:
-    here = standing(robot_named("g1"))
+    here = standing(g1)
     controller = controlled(here)
     left, right = controller.contacts
     controller.step(here)
@@ -196,8 +193,8 @@ def test_a_contact_that_leaves_is_gone_whatever_else_is_changed_meanwhile(
     assert controller.contacts == (left,) and not tick.ramps
 
 
-def test_nothing_ramps_before_the_first_tick_or_at_once(robot_named: Load) -> None:
-    here = standing(robot_named("g1"))
+def test_nothing_ramps_before_the_first_tick_or_at_once(g1: Robot) -> None:
+    here = standing(g1)
     controller = controlled(here)
     left, right = controller.contacts
     controller.set_contacts([left])
@@ -212,14 +209,13 @@ def test_nothing_ramps_before_the_first_tick_or_at_once(robot_named: Load) -> No
     assert not controller.step(here).ramps and controller.contacts == (again,)
 
 
-def test_grips_come_at_once_and_least_forces_wait(robot_named: Load) -> None:
-    robot = robot_named("g1")
-    here = standing(robot)
+def test_grips_come_at_once_and_least_forces_wait(g1: Robot) -> None:
+    here = standing(g1)
     controller = controlled(here)
     left, right = controller.contacts
     controller.set_contacts([left], ramp=0.0)
     controller.step(here)
-    hand = next(name for name in robot.frame_names if "wrist_yaw" in name)
+    hand = next(name for name in g1.frame_names if "wrist_yaw" in name)
     right.friction = wbc.FrictionCone(least=50.0)
     controller.set_contacts([left, right, wbc.Contact.hold(here, hand, friction=None)])
     tick = controller.step(here)
@@ -233,13 +229,12 @@ def test_a_ramp_takes_as_many_ticks_as_cover_it() -> None:
     assert ticks_of(0.05, 0.002) == TICKS and ticks_of(0.0501, 0.002) == TICKS + 1
 
 
-def test_a_contact_with_slack_is_not_left_out_alone(robot_named: Load) -> None:
+def test_a_contact_with_slack_is_not_left_out_alone(hoap2: Robot) -> None:
     """Else the name would be missed when its force has gone, in the middle of a step."""
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    here = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
     controller = wbc.TorqueController(
-        robot,
-        [wbc.PostureTask(robot, here.q)],
+        hoap2,
+        [wbc.PostureTask(hoap2, here.q)],
         contacts=wbc.support(here, "double"),
         slack={"left_sole": 1e3},
         solver="daqp",
@@ -260,10 +255,9 @@ def test_a_contact_with_slack_is_not_left_out_alone(robot_named: Load) -> None:
 
 
 @pytest.mark.parametrize("ticks", [1, 2, 4])
-def test_bounds_by_hand_tick_by_tick(ticks: int, robot_named: Load) -> None:
+def test_bounds_by_hand_tick_by_tick(ticks: int, hoap2: Robot) -> None:
     """From 0 up to the weight, and from what was borne down to 0, in equal steps; then none."""
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
+    here = hoap2.snapshot(hoap2.posture("standing"))
     left, right = support(here, "double")
     ramps = ForceRamps(100.0)
     assert ramps.change([left], [right], {"left_sole": 60.0}, ticks) == (right, left)

@@ -37,9 +37,9 @@ def moved(robot: Robot, rng: np.random.Generator, size: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("gain", [0.05, 0.5, 1.0])
-def test_one_joint_goes_as_a_double_integrator_does(robot_named, gain) -> None:
+def test_one_joint_goes_as_a_double_integrator_does(hoap2, gain) -> None:
     """Speeding up at the bound, then the stopping profile, then the gain: in closed form."""
-    robot, acceleration = robot_named("hoap2_like"), 10.0
+    robot, acceleration = hoap2, 10.0
     joint = robot.joint_index("left_shoulder_pitch")
     step = np.zeros(robot.nv)
     step[joint] = -0.8
@@ -139,19 +139,18 @@ def far_hand(robot: Robot, gains: tuple[float, float, float] = (0.5, 0.5, 0.5)) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gains", [(0.5, 0.5, 0.5), (0.4, 0.8, 0.05)])
-def test_what_is_out_of_reach_is_missed_as_before(robot_named, gains) -> None:
-    robot: Robot = robot_named("hoap2_like")
+def test_what_is_out_of_reach_is_missed_as_before(hoap2, gains) -> None:
     ends = []
-    for limits in (Limits(robot, acceleration=10.0), bounded(robot)):
-        tasks = far_hand(robot, gains)
-        q, v = robot.posture("standing"), np.zeros(robot.nv)
-        contacts = support(robot.snapshot(q), "double")
-        controller = KinematicController(robot, tasks, contacts=contacts, limits=limits, dt=DT)
+    for limits in (Limits(hoap2, acceleration=10.0), bounded(hoap2)):
+        tasks = far_hand(hoap2, gains)
+        q, v = hoap2.posture("standing"), np.zeros(hoap2.nv)
+        contacts = support(hoap2.snapshot(q), "double")
+        controller = KinematicController(hoap2, tasks, contacts=contacts, limits=limits, dt=DT)
         for _ in range(1500):
-            v = controller.step(robot.snapshot(q, v)).velocity
-            q = robot.integrate(q, v, DT)
+            v = controller.step(hoap2.snapshot(q, v)).velocity
+            q = hoap2.integrate(q, v, DT)
         assert np.abs(v).max() < 1e-4, "it rests"
-        now = robot.snapshot(q)
+        now = hoap2.snapshot(q)
         ends.append([float(np.linalg.norm(task.residual(now).error)) for task in tasks])
     assert ends[0][0] > 0.5
     # Both rest to within 1e-4 rad/s, at gains of 10/s: 1e-5 of lengths of a tenth.
@@ -213,35 +212,33 @@ def test_one_factor_for_a_level_from_the_worst_joint(robot_named, name) -> None:
         np.testing.assert_allclose(slow.P, free.P, rtol=0.0, atol=1e-12)  # of two paths
 
 
-def test_near_the_target_and_with_free_braking_nothing_is_changed(robot_named, rng) -> None:
-    robot: Robot = robot_named("g1_27")
-    here = robot.snapshot(robot.posture("standing"))
+def test_near_the_target_and_with_free_braking_nothing_is_changed(g1_27, rng) -> None:
+    here = g1_27.snapshot(g1_27.posture("standing"))
     for size, same in ((1e-4, True), (0.3, False)):
-        task = PostureTask(robot, moved(robot, rng, size))
+        task = PostureTask(g1_27, moved(g1_27, rng, size))
         error = task.residual(here).error
-        limits = Limits(robot, acceleration=10.0)
-        free = slopes(KinematicController(robot, [task], limits=limits, dt=DT), here)
+        limits = Limits(g1_27, acceleration=10.0)
+        free = slopes(KinematicController(g1_27, [task], limits=limits, dt=DT), here)
         np.testing.assert_array_equal(free[6:], 0.5 / DT * error)
-        slow = slopes(KinematicController(robot, [task], limits=bounded(robot), dt=DT), here)
+        slow = slopes(KinematicController(g1_27, [task], limits=bounded(g1_27), dt=DT), here)
         assert np.array_equal(slow, free) == same
 
 
-def test_what_a_moving_target_asks_for_beforehand_stays(robot_named) -> None:
+def test_what_a_moving_target_asks_for_beforehand_stays(hoap2) -> None:
     """A hand follows its target at its rate while the other arm has far to go."""
-    robot: Robot = robot_named("hoap2_like")
-    q = robot.posture("standing")
-    joint = robot.joint_index("right_shoulder_pitch")
-    step, v = np.zeros(robot.nv), np.zeros(robot.nv)
+    q = hoap2.posture("standing")
+    joint = hoap2.joint_index("right_shoulder_pitch")
+    step, v = np.zeros(hoap2.nv), np.zeros(hoap2.nv)
     step[joint], v[joint] = -1.0, -stopping(1.0, 10.0)
-    hand = PositionTask(robot, "left_hand_link", np.zeros(3))
+    hand = PositionTask(hoap2, "left_hand_link", np.zeros(3))
     rate = np.array([4e-3, -2e-3, 3e-3])
     others = {"*": 0.0, "right_shoulder_pitch": 1.0}
-    posture = PostureTask(robot, robot.integrate(q, step, 1.0), joints=others)
-    here = robot.snapshot(q, v)
+    posture = PostureTask(hoap2, hoap2.integrate(q, step, 1.0), joints=others)
+    here = hoap2.snapshot(q, v)
     hand.set_target(here.position("left_hand_link"), rate)
     contacts = support(here, "double")
     tick = KinematicController(
-        robot, [hand, posture], contacts=contacts, limits=bounded(robot), dt=DT
+        hoap2, [hand, posture], contacts=contacts, limits=bounded(hoap2), dt=DT
     ).step(here)
     # The shoulder at its stopping speed, a fifteenth of the 100 rad/s that the gain asks for.
     assert tick.velocity[joint] == pytest.approx(v[joint], rel=1e-4)
@@ -250,29 +247,28 @@ def test_what_a_moving_target_asks_for_beforehand_stays(robot_named) -> None:
     np.testing.assert_allclose(achieved, rate, rtol=1e-3)
 
 
-def test_what_takes_precedence_over_tasks_is_not_held_back(robot_named) -> None:
+def test_what_takes_precedence_over_tasks_is_not_held_back(hoap2) -> None:
     """A joint out of its range comes back as fast as ever; a soft contact may have no gain."""
-    robot: Robot = robot_named("hoap2_like")
-    q = robot.posture("standing")
-    joint = robot.joint_index("left_knee_pitch")
-    step = np.zeros(robot.nv)
-    lower = robot.limits.lower[joint - 6]
-    step[joint] = lower - robot.limits.joint_positions(q)[joint - 6] - 0.05
-    step[robot.joint_index("left_shoulder_pitch")] = 0.8  # far from its target
-    here = robot.snapshot(robot.integrate(q, step, 1.0))
+    q = hoap2.posture("standing")
+    joint = hoap2.joint_index("left_knee_pitch")
+    step = np.zeros(hoap2.nv)
+    lower = hoap2.limits.lower[joint - 6]
+    step[joint] = lower - hoap2.limits.joint_positions(q)[joint - 6] - 0.05
+    step[hoap2.joint_index("left_shoulder_pitch")] = 0.8  # far from its target
+    here = hoap2.snapshot(hoap2.integrate(q, step, 1.0))
     feet = [
-        Contact(robot, f"{side}_sole", here.position(f"{side}_sole"), here.rotation(f"{side}_sole"),
+        Contact(hoap2, f"{side}_sole", here.position(f"{side}_sole"), here.rotation(f"{side}_sole"),
                 gain=0.0)
         for side in ("left", "right")
     ]  # fmt: skip
-    task = PostureTask(robot, q)
+    task = PostureTask(hoap2, q)
     free, slow = (
         KinematicController(
-            robot, [task], contacts=feet, limits=limits, slack={"left_sole": 100.0}, dt=DT
+            hoap2, [task], contacts=feet, limits=limits, slack={"left_sole": 100.0}, dt=DT
         ).step(here).qp
-        for limits in (Limits(robot, acceleration=10.0), bounded(robot))
+        for limits in (Limits(hoap2, acceleration=10.0), bounded(hoap2))
     )  # fmt: skip
-    pull = np.zeros(robot.nv)
+    pull = np.zeros(hoap2.nv)
     pull[6:] = -0.5 / DT * task.residual(here).error
     assert free.g[joint] < -2.0 * pull[joint], "recovery outweighs the posture"
     taken = (slow.g - free.g)[joint] / pull[joint]
@@ -280,17 +276,16 @@ def test_what_takes_precedence_over_tasks_is_not_held_back(robot_named) -> None:
     np.testing.assert_allclose(slow.g - free.g, taken * pull, atol=1e-9)
 
 
-def test_each_level_has_a_factor_of_its_own(robot_named, rng) -> None:
+def test_each_level_has_a_factor_of_its_own(hoap2, rng) -> None:
     """A posture far away on the second level does not slow a CoM on the first one down."""
-    robot: Robot = robot_named("hoap2_like")
-    here = robot.snapshot(moved(robot, rng, 0.2))
-    com = ComTask(robot, here.com + np.array([0.0, 0.0, 1e-5]), weight=100.0)
-    far = PostureTask(robot, moved(robot, rng, 0.6), priority=1)
+    here = hoap2.snapshot(moved(hoap2, rng, 0.2))
+    com = ComTask(hoap2, here.com + np.array([0.0, 0.0, 1e-5]), weight=100.0)
+    far = PostureTask(hoap2, moved(hoap2, rng, 0.6), priority=1)
     contacts = support(here, "double")
     rates = []
     for tasks in ([com], [com, far]):
         tick = KinematicController(
-            robot, tasks, contacts=contacts, limits=bounded(robot), dt=DT
+            hoap2, tasks, contacts=contacts, limits=bounded(hoap2), dt=DT
         ).step(here)
         assert tick.ok
         rates.append(here.com_jacobian @ tick.velocity)

@@ -43,14 +43,11 @@ def test_without_contacts_it_is_the_weighted_pseudo_inverse(
 
 @pytest.mark.parametrize("formulation", ["equality", "reduced"])
 @pytest.mark.parametrize("mode", ["left", "double"])
-def test_in_the_motions_that_contacts_leave(
-    formulation: str, mode: str, robot_named: Load, rng
-) -> None:
+def test_in_the_motions_that_contacts_leave(formulation: str, mode: str, g1_27: Robot, rng) -> None:
     """Oracle: the optimality conditions with the contacts' rows, solved by numpy."""
-    robot = robot_named("g1_27")
-    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
-    M, rate = np.exp(rng.normal(size=robot.nv)), np.array([0.1, -0.2, 0.3])
-    task = PositionTask(robot, "left_wrist_yaw_link", np.zeros(3), weight=2.0)
+    here = g1_27.snapshot(g1_27.posture("standing"), np.zeros(g1_27.nv))
+    M, rate = np.exp(rng.normal(size=g1_27.nv)), np.array([0.1, -0.2, 0.3])
+    task = PositionTask(g1_27, "left_wrist_yaw_link", np.zeros(3), weight=2.0)
     task.set_target(here.position(task.frame), rate)
     J = here.jacobian(task.frame)[:3]
     sides = ("left", "right") if mode == "double" else (mode,)
@@ -58,43 +55,41 @@ def test_in_the_motions_that_contacts_leave(
     H = N.T @ (4.0 * J.T @ J + DAMPING * np.diag(M)) @ N
     expected = N @ np.linalg.solve(H, 4.0 * N.T @ J.T @ rate)
     settings = {"contacts": support(here, mode), "joint_weights": M, "damping": DAMPING}
-    tick = KinematicController(robot, [task], formulation=formulation, **settings).step(here)
+    tick = KinematicController(g1_27, [task], formulation=formulation, **settings).step(here)
     np.testing.assert_allclose(tick.velocity, expected, atol=1e-5)
-    tick = KinematicController(robot, [task], solver="pseudo_inverse", **settings).step(here)
+    tick = KinematicController(g1_27, [task], solver="pseudo_inverse", **settings).step(here)
     np.testing.assert_allclose(tick.velocity, expected, atol=1e-9)
 
 
-def test_names_patterns_and_the_base(robot_named: Load) -> None:
-    robot = robot_named("g1_27")
-    com = ComTask(robot, np.zeros(3))
+def test_names_patterns_and_the_base(g1_27: Robot) -> None:
+    com = ComTask(g1_27, np.zeros(3))
     given = {"*": 2.0, "*wrist*": 10.0, "left_wrist_yaw_joint": 0.5, "base": 100.0}
-    weights = KinematicController(robot, [com], joint_weights=given).joint_weights
-    expected = np.full(robot.nv, 2.0)
+    weights = KinematicController(g1_27, [com], joint_weights=given).joint_weights
+    expected = np.full(g1_27.nv, 2.0)
     expected[:6] = 100.0
-    for k, name in enumerate(robot.joint_names):
+    for k, name in enumerate(g1_27.joint_names):
         if "wrist" in name:
             expected[6 + k] = 0.5 if name == "left_wrist_yaw_joint" else 10.0
     np.testing.assert_array_equal(weights, expected)
-    alone = KinematicController(robot, [com], joint_weights={"*knee*": 3.0}).joint_weights
+    alone = KinematicController(g1_27, [com], joint_weights={"*knee*": 3.0}).joint_weights
     assert (alone[:6] == 1.0).all()
     assert np.count_nonzero(alone == 3.0) == 2
-    assert (KinematicController(robot, [com]).joint_weights == 1.0).all()
+    assert (KinematicController(g1_27, [com]).joint_weights == 1.0).all()
 
 
-def test_heavy_joints_move_less(robot_named: Load) -> None:
+def test_heavy_joints_move_less(g1_27: Robot) -> None:
     """At the usual damping of 1e-6: the arm moves a hand, or if that is heavy the trunk."""
-    robot = robot_named("g1_27")
-    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    here = g1_27.snapshot(g1_27.posture("standing"), np.zeros(g1_27.nv))
     hand = "left_wrist_yaw_link"
     rate = np.array([0.1, 0.0, 0.05])
-    arm = [6 + k for k, n in enumerate(robot.joint_names) if n.startswith("left_") and
+    arm = [6 + k for k, n in enumerate(g1_27.joint_names) if n.startswith("left_") and
            any(part in n for part in ("shoulder", "elbow", "wrist"))]  # fmt: skip
 
     def moves(weights: dict[str, float]) -> np.ndarray:
-        task = PositionTask(robot, hand, np.zeros(3))
+        task = PositionTask(g1_27, hand, np.zeros(3))
         task.set_target(here.position(hand), rate)
         controller = KinematicController(
-            robot, [task], contacts=support(here, "double"), joint_weights=weights
+            g1_27, [task], contacts=support(here, "double"), joint_weights=weights
         )
         v = controller.step(here).velocity
         np.testing.assert_allclose(here.jacobian(hand)[:3] @ v, rate, atol=1e-4)
@@ -105,14 +100,13 @@ def test_heavy_joints_move_less(robot_named: Load) -> None:
     assert heavy.max() < 0.1 * plain.max()
 
 
-def test_conditioning_measures_by_the_weights(robot_named: Load, rng) -> None:
+def test_conditioning_measures_by_the_weights(hoap2: Robot, rng) -> None:
     """Oracle: singular values of J M^-1/2 in the motions that contacts leave."""
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
-    M = np.exp(rng.normal(size=robot.nv))
+    here = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
+    M = np.exp(rng.normal(size=hoap2.nv))
     controller = KinematicController(
-        robot,
-        [ComTask(robot, here.com, weight=3.0)],
+        hoap2,
+        [ComTask(hoap2, here.com, weight=3.0)],
         contacts=support(here, "left"),
         damping=1e-9,
         joint_weights=M,
@@ -126,16 +120,15 @@ def test_conditioning_measures_by_the_weights(robot_named: Load, rng) -> None:
     assert found.condition == pytest.approx((values[0] / values[-1]) ** 2, rel=1e-5)
 
 
-def test_mistakes(robot_named: Load) -> None:
-    robot = robot_named("g1_27")
-    com = ComTask(robot, np.zeros(3))
+def test_mistakes(g1_27: Robot) -> None:
+    com = ComTask(g1_27, np.zeros(3))
     with pytest.raises(UnknownNameError, match="did you mean 'left_knee_joint'"):
-        KinematicController(robot, [com], joint_weights={"left_kneejoint": 2.0})
+        KinematicController(g1_27, [com], joint_weights={"left_kneejoint": 2.0})
     with pytest.raises(UnknownNameError, match="did you mean 'base'"):
-        KinematicController(robot, [com], joint_weights={"bas": 2.0})
+        KinematicController(g1_27, [com], joint_weights={"bas": 2.0})
     with pytest.raises(InvalidInputError, match=r"joint_weights: expected shape \(33,\)"):
-        KinematicController(robot, [com], joint_weights=np.ones(5))
+        KinematicController(g1_27, [com], joint_weights=np.ones(5))
     with pytest.raises(InvalidInputError, match="expected names of joints, got 3"):
-        KinematicController(robot, [com], joint_weights={3: 2.0})
+        KinematicController(g1_27, [com], joint_weights={3: 2.0})
     with pytest.raises(InvalidInputError, match="each must be greater than 0, got -1"):
-        KinematicController(robot, [com], joint_weights=-np.ones(robot.nv))
+        KinematicController(g1_27, [com], joint_weights=-np.ones(g1_27.nv))

@@ -39,16 +39,15 @@ def some_tasks(robot: Robot, here: Snapshot, rng: np.random.Generator) -> list[T
     ]
 
 
-def test_joints_come_back_though_all_tasks_are_off(robot_named: Load) -> None:
+def test_joints_come_back_though_all_tasks_are_off(g1_27: Robot) -> None:
     """Against the damping alone: 100 to 1, so by 100/101 of the rate that is asked for."""
-    robot = robot_named("g1_27")
-    q = robot.posture("standing")
-    knee = robot.joint_index("left_knee_joint")
-    q[knee + 1] = robot.limits.upper[knee - 6] + 0.01
-    task, limits = PostureTask(robot, q), Limits(robot)
-    controller = KinematicController(robot, [task], contacts=(), limits=limits, dt=DT)
+    q = g1_27.posture("standing")
+    knee = g1_27.joint_index("left_knee_joint")
+    q[knee + 1] = g1_27.limits.upper[knee - 6] + 0.01
+    task, limits = PostureTask(g1_27, q), Limits(g1_27)
+    controller = KinematicController(g1_27, [task], contacts=(), limits=limits, dt=DT)
     task.switch_off()
-    back = controller.step(robot.snapshot(q)).velocity
+    back = controller.step(g1_27.snapshot(q)).velocity
     wanted = -limits.recovery / DT * 0.01
     assert back[knee] == pytest.approx(100.0 / 101.0 * wanted, rel=1e-4)
     assert np.abs(np.delete(back, knee)).max() < 1e-6
@@ -79,23 +78,22 @@ def test_reduced_and_equality_forms_agree(name, mode, robot_named: Load, rng) ->
         np.testing.assert_allclose(velocities[0], velocities[1], atol=1e-6)
 
 
-def test_a_list_of_frames_and_points_can_be_held(robot_named: Load, rng) -> None:
-    robot = robot_named("hoap2_like")
-    here = stance(robot, rng)
+def test_a_list_of_frames_and_points_can_be_held(hoap2: Robot, rng) -> None:
+    here = stance(hoap2, rng)
     contacts = [
         *support(here, ["left_sole"]),
         PointContact.hold(here, "right_palm"),
     ]
     controller = KinematicController(
-        robot, [ComTask(robot, here.com - [0.01, 0, 0.01])], contacts=contacts, dt=DT
+        hoap2, [ComTask(hoap2, here.com - [0.01, 0, 0.01])], contacts=contacts, dt=DT
     )
-    q, v = here.q, np.zeros(robot.nv)
+    q, v = here.q, np.zeros(hoap2.nv)
     for _ in range(100):
-        tick = controller.step(robot.snapshot(q, v))
+        tick = controller.step(hoap2.snapshot(q, v))
         assert tick.ok
         v = tick.velocity
-        q = robot.integrate(q, v, DT)
-    end = robot.snapshot(q)
+        q = hoap2.integrate(q, v, DT)
+    end = hoap2.snapshot(q)
     assert np.linalg.norm(end.com - controller.tasks[0].target) < 1e-6
     assert max(contact.slip(end) for contact in contacts) < 1e-5
     turned = here.rotation("right_palm").T @ end.rotation("right_palm")
@@ -132,30 +130,29 @@ def test_limits_hold_under_greedy_targets(name, mode, robot_named: Load, rng) ->
 
 
 @pytest.mark.parametrize(("mode", "spread"), [("floating", 0.8), ("left", 0.8), ("double", 0.3)])
-def test_from_outside_its_limits_a_robot_comes_back(mode, spread, robot_named: Load, rng) -> None:
+def test_from_outside_its_limits_a_robot_comes_back(mode, spread, hoap2: Robot, rng) -> None:
     """Any start: the QP is never infeasible, and every joint returns.
 
     Two held feet may leave no way back for a leg; nothing may get worse.
     """
-    robot = robot_named("hoap2_like")
-    limits = Limits(robot)
+    limits = Limits(hoap2)
     for _ in range(5):
-        step = np.concatenate((np.zeros(6), spread * rng.normal(size=robot.nv - 6)))
-        q, v = robot.integrate(robot.posture("standing"), step, 1.0), np.zeros(robot.nv)
-        here = robot.snapshot(q)
+        step = np.concatenate((np.zeros(6), spread * rng.normal(size=hoap2.nv - 6)))
+        q, v = hoap2.integrate(hoap2.posture("standing"), step, 1.0), np.zeros(hoap2.nv)
+        here = hoap2.snapshot(q)
         start = limits.worst_margin(q)[0]
         assert start < -0.01
-        tasks: list[Task] = [PostureTask(robot, robot.posture("standing"), weight=0.1)]
+        tasks: list[Task] = [PostureTask(hoap2, hoap2.posture("standing"), weight=0.1)]
         if mode == "double":
-            tasks.append(ComTask(robot, here.com))
+            tasks.append(ComTask(hoap2, here.com))
         controller = KinematicController(
-            robot, tasks, contacts=support(here, mode), limits=limits, dt=DT
+            hoap2, tasks, contacts=support(here, mode), limits=limits, dt=DT
         )
         for _ in range(400):
-            tick = controller.step(robot.snapshot(q, v))
+            tick = controller.step(hoap2.snapshot(q, v))
             assert tick.ok, tick.report()
             v = tick.velocity
-            q = robot.integrate(q, v, DT)
+            q = hoap2.integrate(q, v, DT)
         assert limits.worst_margin(q)[0] > (start if mode == "double" else 0.0) - 1e-6
 
 
@@ -178,11 +175,10 @@ def contradictory(
 
 @pytest.mark.parametrize("formulation", ["equality", "reduced"])
 def test_an_infeasible_tick_names_the_rows_and_commands_nothing(
-    formulation: str, robot_named: Load, rng
+    formulation: str, hoap2: Robot, rng
 ) -> None:
-    robot = robot_named("hoap2_like")
-    here = stance(robot, rng)
-    tick = contradictory(robot, here, "hold", formulation).step(here)
+    here = stance(hoap2, rng)
+    tick = contradictory(hoap2, here, "hold", formulation).step(here)
     assert not tick.ok
     assert tick.status.value == "infeasible"
     assert tick.policy == "hold"
@@ -193,23 +189,21 @@ def test_an_infeasible_tick_names_the_rows_and_commands_nothing(
     assert "left_foot" in tick.report()
 
 
-def test_declared_policies(robot_named: Load, rng) -> None:
-    robot = robot_named("hoap2_like")
-    still = stance(robot, rng)
-    moving = robot.snapshot(still.q, rng.normal(size=robot.nv))
-    damped = contradictory(robot, moving, "damp").step(moving)
-    lower, upper = Limits(robot).emergency_braking_box(moving, DT)
+def test_declared_policies(hoap2: Robot, rng) -> None:
+    still = stance(hoap2, rng)
+    moving = hoap2.snapshot(still.q, rng.normal(size=hoap2.nv))
+    damped = contradictory(hoap2, moving, "damp").step(moving)
+    lower, upper = Limits(hoap2).emergency_braking_box(moving, DT)
     np.testing.assert_array_equal(damped.velocity, np.clip(0.5 * moving.v, lower, upper))
     with pytest.raises(ControllerFailure, match="left_foot") as caught:
-        contradictory(robot, moving, "raise").step(moving)
+        contradictory(hoap2, moving, "raise").step(moving)
     assert caught.value.tick.status.value == "infeasible"
 
 
-def test_diagnostics(robot_named: Load, rng) -> None:
-    robot = robot_named("hoap2_like")
-    here = stance(robot, rng)
-    com = ComTask(robot, here.com + [0.01, 0, 0])
-    control = KinematicController(robot, [com], limits=Limits(robot))
+def test_diagnostics(hoap2: Robot, rng) -> None:
+    here = stance(hoap2, rng)
+    com = ComTask(hoap2, here.com + [0.01, 0, 0])
+    control = KinematicController(hoap2, [com], limits=Limits(hoap2))
     began = perf_counter()
     tick = control.step(here)
     elapsed = perf_counter() - began
@@ -219,34 +213,33 @@ def test_diagnostics(robot_named: Load, rng) -> None:
     assert min(tick.times.tasks, tick.times.solve) > 0.0
     assert tick.times.total <= elapsed and Times(1.0, 2.0, 4.0).total == 7.0
     assert tick.report() == "solved"
-    assert tick.qp.labels.variables[6:] == robot.joint_names
+    assert tick.qp.labels.variables[6:] == hoap2.joint_names
     with pytest.raises(ValueError, match="read-only"):
         tick.velocity[0] = 1.0
 
 
-def test_parts_are_checked_before_anything_moves(robot_named: Load) -> None:
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
-    com = ComTask(robot, here.com)
+def test_parts_are_checked_before_anything_moves(hoap2: Robot, robot_named: Load) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
+    com = ComTask(hoap2, here.com)
     with pytest.raises(InvalidInputError, match="no task"):
-        KinematicController(robot, [])
+        KinematicController(hoap2, [])
     with pytest.raises(InvalidInputError, match="two tasks are called 'com'"):
-        KinematicController(robot, [com, ComTask(robot, here.com)])
+        KinematicController(hoap2, [com, ComTask(hoap2, here.com)])
     with pytest.raises(InvalidInputError, match="two contacts are called 'left_sole'"):
-        KinematicController(robot, [com], contacts=support(here, ["left_sole", "left_sole"]))
+        KinematicController(hoap2, [com], contacts=support(here, ["left_sole", "left_sole"]))
     with pytest.raises(InvalidInputError, match="another robot"):
         KinematicController(robot_named("talos"), [com])
     with pytest.raises(InvalidInputError, match="another robot"):
-        KinematicController(robot, [com], limits=Limits(robot_named("talos")))
+        KinematicController(hoap2, [com], limits=Limits(robot_named("talos")))
     with pytest.raises(InvalidInputError, match="expected a snapshot of hoap2_like"):
         talos = robot_named("talos")
-        KinematicController(robot, [com]).step(talos.snapshot(talos.posture("standing")))
+        KinematicController(hoap2, [com]).step(talos.snapshot(talos.posture("standing")))
     with pytest.raises(UnknownNameError, match="did you mean 'reduced'"):
-        KinematicController(robot, [com], formulation="reducd")
+        KinematicController(hoap2, [com], formulation="reducd")
     with pytest.raises(UnknownNameError, match="proxqp"):
-        KinematicController(robot, [com], solver="proxpq")
+        KinematicController(hoap2, [com], solver="proxpq")
     with pytest.raises(UnknownNameError, match="failure policy"):
-        KinematicController(robot, [com], on_failure="panic")
+        KinematicController(hoap2, [com], on_failure="panic")
     with pytest.raises(UnknownNameError, match="support mode"):
         support(here, "both")
 

@@ -17,25 +17,24 @@ from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, Postu
 DT = 0.005
 
 
-def test_free_levels_are_the_null_space_recursion(robot_named, rng) -> None:
+def test_free_levels_are_the_null_space_recursion(g1_27, rng) -> None:
     """Oracle: Siciliano and Slotine's recursion with NumPy's pinv, nothing else active."""
-    robot = robot_named("g1_27")
-    here = robot.snapshot(robot.posture("standing"))
+    here = g1_27.snapshot(g1_27.posture("standing"))
     tasks = [
-        ComTask(robot, here.com),
-        PositionTask(robot, "left_sole", here.position("left_sole"), priority=1),
-        PositionTask(robot, "right_sole", here.position("right_sole"), priority=2),
+        ComTask(g1_27, here.com),
+        PositionTask(g1_27, "left_sole", here.position("left_sole"), priority=1),
+        PositionTask(g1_27, "right_sole", here.position("right_sole"), priority=2),
     ]
     for task in tasks:  # at their targets, which move: no error, so no damping of the tasks' own
         task.set_target(task.target, rate=rng.normal(size=3))
-    tick = KinematicController(robot, tasks, dt=DT, damping=1e-8, solver="active_set").step(here)
+    tick = KinematicController(g1_27, tasks, dt=DT, damping=1e-8, solver="active_set").step(here)
     assert tick.ok, tick.report()
-    v, N = np.zeros(robot.nv), np.eye(robot.nv)
+    v, N = np.zeros(g1_27.nv), np.eye(g1_27.nv)
     for task in tasks:
         r = task.residual(here)
         J = r.jacobian @ N
         v = v + N @ np.linalg.pinv(J, rcond=1e-9) @ (-r.bias - r.jacobian @ v)
-        N = N @ (np.eye(robot.nv) - np.linalg.pinv(J, rcond=1e-9) @ J)
+        N = N @ (np.eye(g1_27.nv) - np.linalg.pinv(J, rcond=1e-9) @ J)
     # The damping of 1e-8 bends each level by about 1e-8 / (smallest singular value)^2.
     np.testing.assert_allclose(tick.velocity, v, atol=1e-5 * np.abs(v).max())
 
@@ -66,50 +65,48 @@ def test_a_level_never_gives_way(name, mode, robot_named, rng) -> None:
         assert np.abs(velocity - without).max() > 1e-3, "the lower level does act"
 
 
-def test_a_level_that_takes_everything_leaves_the_next_nothing(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
+def test_a_level_that_takes_everything_leaves_the_next_nothing(hoap2) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
     everything = [
-        PostureTask(robot, robot.posture("neutral")),
-        PositionTask(robot, "base", here.position("base")),
-        OrientationTask(robot, "base", here.rotation("base")),
+        PostureTask(hoap2, hoap2.posture("neutral")),
+        PositionTask(hoap2, "base", here.position("base")),
+        OrientationTask(hoap2, "base", here.rotation("base")),
     ]
-    last = ComTask(robot, [1, 1, 1], priority=1)
-    alone = KinematicController(robot, everything, limits=Limits(robot)).step(here)
-    tick = KinematicController(robot, [*everything, last], limits=Limits(robot)).step(here)
+    last = ComTask(hoap2, [1, 1, 1], priority=1)
+    alone = KinematicController(hoap2, everything, limits=Limits(hoap2)).step(here)
+    tick = KinematicController(hoap2, [*everything, last], limits=Limits(hoap2)).step(here)
     assert tick.ok
     np.testing.assert_allclose(tick.velocity, alone.velocity, atol=1e-9)
 
 
 @pytest.mark.parametrize("solver", ["proxqp", "daqp"])
-def test_bounds_that_hold_a_level_leave_the_next_one_room(robot_named, rng, solver) -> None:
+def test_bounds_that_hold_a_level_leave_the_next_one_room(g1_27, rng, solver) -> None:
     """Far targets: most joints are at their bounds at level 0, and no tick may fail for that.
 
     Between the rows that are kept and the bounds that limit them there was no room: ProxQP failed
     in every one of these ticks. Level 0 achieves what it does alone.
     """
-    robot = robot_named("g1_27")
-    q, v = robot.posture("standing"), np.zeros(robot.nv)
-    here = robot.snapshot(q)
+    q, v = g1_27.posture("standing"), np.zeros(g1_27.nv)
+    here = g1_27.snapshot(q)
     turn = exp_rotation(np.array([0.3, 0.4, -0.3]))
     hand = "left_wrist_yaw_link"
-    first = [OrientationTask(robot, hand, here.rotation(hand) @ turn), ComTask(robot, here.com)]
-    far = robot.integrate(q, np.concatenate((np.zeros(6), 0.8 * rng.normal(size=27))), 1.0)
-    second = PostureTask(robot, far, weight=0.05, priority=1)
+    first = [OrientationTask(g1_27, hand, here.rotation(hand) @ turn), ComTask(g1_27, here.com)]
+    far = g1_27.integrate(q, np.concatenate((np.zeros(6), 0.8 * rng.normal(size=27))), 1.0)
+    second = PostureTask(g1_27, far, weight=0.05, priority=1)
 
     def controller(tasks) -> KinematicController:
         return KinematicController(
-            robot,
+            g1_27,
             tasks,
             contacts=support(here, "double"),
-            limits=Limits(robot),
+            limits=Limits(g1_27),
             dt=DT,
             solver=solver,
         )
 
     alone, both, acted = controller(first), controller([*first, second]), 0.0
     for _ in range(60):
-        now = robot.snapshot(q, v)
+        now = g1_27.snapshot(q, v)
         expected, tick = alone.step(now), both.step(now)
         assert tick.ok, tick.report()
         for task in first:
@@ -117,7 +114,7 @@ def test_bounds_that_hold_a_level_leave_the_next_one_room(robot_named, rng, solv
             np.testing.assert_allclose(J @ tick.velocity, J @ expected.velocity, atol=1e-7)
         acted = max(acted, float(np.abs(tick.velocity - expected.velocity).max()))
         v = tick.velocity
-        q = robot.integrate(q, v, DT)
+        q = g1_27.integrate(q, v, DT)
     assert acted > 0.1, "the lower level does act"
 
 

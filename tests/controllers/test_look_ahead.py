@@ -78,15 +78,10 @@ def moving(
     )
 
 
-@pytest.fixture
-def robot(robot_named) -> Robot:
-    return robot_named("hoap2_like")
-
-
-def test_cuts_are_added_until_the_place_is_good(robot) -> None:
-    constraint = Slow(robot, 0.5, useful=True)
-    control = moving(robot, constraint, "left_elbow_pitch")
-    here = robot.snapshot(robot.posture("standing"))
+def test_cuts_are_added_until_the_place_is_good(hoap2) -> None:
+    constraint = Slow(hoap2, 0.5, useful=True)
+    control = moving(hoap2, constraint, "left_elbow_pitch")
+    here = hoap2.snapshot(hoap2.posture("standing"))
     constraint.start = here.q
     tick = control.step(here)
     assert tick.ok
@@ -94,19 +89,19 @@ def test_cuts_are_added_until_the_place_is_good(robot) -> None:
     assert len(constraint.tried) == 2
     assert constraint.tried[0] > 0.6
     assert np.abs(tick.velocity).max() == pytest.approx(0.5, abs=1e-6)
-    k = robot.joint_index("left_elbow_pitch")
+    k = hoap2.joint_index("left_elbow_pitch")
     assert tick.active == (f"speed {k}",)
     assert tick.qp.labels.inequality == ("nothing", f"speed {k}")
 
 
-def test_a_task_in_python_is_asked_once_in_a_tick_of_several_rounds(robot) -> None:
-    constraint = Slow(robot, 0.5, useful=True)
-    here = robot.snapshot(robot.posture("standing"))
+def test_a_task_in_python_is_asked_once_in_a_tick_of_several_rounds(hoap2) -> None:
+    constraint = Slow(hoap2, 0.5, useful=True)
+    here = hoap2.snapshot(hoap2.posture("standing"))
     constraint.start = here.q
-    task = OwnPosture(robot, robot.posture("standing", {"left_elbow_pitch": -0.2}, on_ground=False))
-    limits = Limits(robot, acceleration=1e4)
-    control = KinematicController(robot, [task], limits=limits, constraints=[constraint], dt=DT)
-    plain = moving(robot, constraint, "left_elbow_pitch").step(here)
+    task = OwnPosture(hoap2, hoap2.posture("standing", {"left_elbow_pitch": -0.2}, on_ground=False))
+    limits = Limits(hoap2, acceleration=1e4)
+    control = KinematicController(hoap2, [task], limits=limits, constraints=[constraint], dt=DT)
+    plain = moving(hoap2, constraint, "left_elbow_pitch").step(here)
     control.step(here)  # the first finds out what the task returns
     constraint.tried, OwnPosture.asked = [], 0
     tick = control.step(here)
@@ -115,15 +110,15 @@ def test_a_task_in_python_is_asked_once_in_a_tick_of_several_rounds(robot) -> No
     np.testing.assert_allclose(tick.velocity, plain.velocity, atol=1e-9)
 
 
-def test_joints_brake_harder_for_a_cut_of_a_later_round_too(robot) -> None:
+def test_joints_brake_harder_for_a_cut_of_a_later_round_too(hoap2) -> None:
     """Bounded braking gives way to margins, whenever in the tick they are seen."""
-    constraint = Slow(robot, 0.5, useful=True)
-    q, v = robot.posture("standing"), np.zeros(robot.nv)
-    v[6 + robot.joint_index("left_elbow_pitch")] = -1.0
-    limits = Limits(robot, acceleration=10.0, braking="bounded")  # 0.05 rad/s in a tick
-    task = PostureTask(robot, q, gain=0.01)
-    control = KinematicController(robot, [task], limits=limits, constraints=[constraint], dt=DT)
-    here = robot.snapshot(q, v)
+    constraint = Slow(hoap2, 0.5, useful=True)
+    q, v = hoap2.posture("standing"), np.zeros(hoap2.nv)
+    v[6 + hoap2.joint_index("left_elbow_pitch")] = -1.0
+    limits = Limits(hoap2, acceleration=10.0, braking="bounded")  # 0.05 rad/s in a tick
+    task = PostureTask(hoap2, q, gain=0.01)
+    control = KinematicController(hoap2, [task], limits=limits, constraints=[constraint], dt=DT)
+    here = hoap2.snapshot(q, v)
     constraint.start = here.q
     tick = control.step(here)
     assert tick.ok and tick.step_scale == 1.0, tick.report()
@@ -132,10 +127,10 @@ def test_joints_brake_harder_for_a_cut_of_a_later_round_too(robot) -> None:
     assert "brakes harder" in tick.report()
 
 
-def test_where_cuts_are_in_vain_a_part_is_commanded(robot) -> None:
-    constraint = Slow(robot, 0.5, useful=False)
-    control = moving(robot, constraint, "left_elbow_pitch")
-    here = robot.snapshot(robot.posture("standing"))
+def test_where_cuts_are_in_vain_a_part_is_commanded(hoap2) -> None:
+    constraint = Slow(hoap2, 0.5, useful=False)
+    control = moving(hoap2, constraint, "left_elbow_pitch")
+    here = hoap2.snapshot(hoap2.posture("standing"))
     constraint.start = here.q
     tick = control.step(here)
     assert tick.ok
@@ -145,11 +140,11 @@ def test_where_cuts_are_in_vain_a_part_is_commanded(robot) -> None:
     assert len(tick.qp.l) == 1 + ROUNDS
 
 
-def test_where_nothing_moves_nothing_is_broken(robot) -> None:
+def test_where_nothing_moves_nothing_is_broken(hoap2) -> None:
     """Not even a sixteenth is allowed: the command is to stand still."""
-    constraint = Slow(robot, 1e-6, useful=False)
-    control = moving(robot, constraint, "left_elbow_pitch")
-    here = robot.snapshot(robot.posture("standing"))
+    constraint = Slow(hoap2, 1e-6, useful=False)
+    control = moving(hoap2, constraint, "left_elbow_pitch")
+    here = hoap2.snapshot(hoap2.posture("standing"))
     constraint.start = here.q
     tick = control.step(here)
     assert tick.step_scale == 0.0
@@ -178,15 +173,15 @@ def outcome(side: str | None) -> Outcome:
         (None, True, 1),
     ],
 )
-def test_margins_are_relaxed_only_where_they_take_part(robot, side, over, solves: int) -> None:
+def test_margins_are_relaxed_only_where_they_take_part(hoap2, side, over, solves: int) -> None:
     """What cannot hold without any margin cannot hold with them relaxed either.
 
     Once the deadline is over they are not relaxed, and that is said.
     """
     asked: list[Bounds] = []
-    here = robot.snapshot(robot.posture("standing"))
-    margins = MarginRows.at(here, [Slow(robot, 0.5, useful=True)], Slacks({}, [], []), DT)
-    held = [Rows(np.eye(1, robot.nv), np.zeros(1), np.ones(1))]
+    here = hoap2.snapshot(hoap2.posture("standing"))
+    margins = MarginRows.at(here, [Slow(hoap2, 0.5, useful=True)], Slacks({}, [], []), DT)
+    held = [Rows(np.eye(1, hoap2.nv), np.zeros(1), np.ones(1))]
     found = solve_with_look_ahead(
         lambda bounds, box: asked.append(bounds) or outcome(side),
         margins,
@@ -200,9 +195,9 @@ def test_margins_are_relaxed_only_where_they_take_part(robot, side, over, solves
 
 
 @pytest.mark.parametrize(("most", "scale"), [(1.0, 1.0), (0.3, 0.25), (0.07, 0.0625), (0.06, 0.0)])
-def test_a_step_is_shortened_to_a_quarter_a_sixteenth_or_rest(robot, most, scale) -> None:
-    here = robot.snapshot(robot.posture("standing"))
-    constraint = Slow(robot, most, useful=False)
+def test_a_step_is_shortened_to_a_quarter_a_sixteenth_or_rest(hoap2, most, scale) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
+    constraint = Slow(hoap2, most, useful=False)
     constraint.start = here.q
     margins = MarginRows.at(here, [constraint], Slacks({}, [], []), DT)
-    assert margins.step_scale(np.eye(robot.nv)[6]) == scale
+    assert margins.step_scale(np.eye(hoap2.nv)[6]) == scale

@@ -69,24 +69,23 @@ Change = Callable[[list[wbc.Task]], None]
     ],
 )
 def test_a_task_that_is_changed_commands_as_if_it_had_always_been_so(
-    kind: type[wbc.Controller], apart: bool, change: Change
+    hoap2: Robot, kind: type[wbc.Controller], apart: bool, change: Change
 ) -> None:
-    robot = Robot.load("hoap2_like")
-    start = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
-    v = 0.1 * np.random.default_rng(1).standard_normal(robot.nv)
-    moving = robot.snapshot(start.q, v)
+    start = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
+    v = 0.1 * np.random.default_rng(1).standard_normal(hoap2.nv)
+    moving = hoap2.snapshot(start.q, v)
 
     def controller(tasks: list[wbc.Task]) -> wbc.Controller:
         return kind(
-            robot,
+            hoap2,
             tasks,
             contacts=wbc.support(start, "double"),
-            limits=wbc.Limits(robot, acceleration=100.0),
-            constraints=[wbc.SelfCollision(robot, margin=0.005)] if apart else [],
+            limits=wbc.Limits(hoap2, acceleration=100.0),
+            constraints=[wbc.SelfCollision(hoap2, margin=0.005)] if apart else [],
             solver="active_set",
         )
 
-    tasks, fresh = tasks_of(robot, start), tasks_of(robot, start)
+    tasks, fresh = tasks_of(hoap2, start), tasks_of(hoap2, start)
     for one in (tasks, fresh):
         one[0].lm_damping = 1e-4 if change is damped_in_place_of_another else 0.0
         one[2].singular_threshold = 0.3 if change is no_longer_singular else 0.0
@@ -101,17 +100,16 @@ def test_a_task_that_is_changed_commands_as_if_it_had_always_been_so(
     assert found.singular.keys() == wanted.singular.keys()
 
 
-def test_braking_that_is_assigned_counts_in_the_next_tick() -> None:
-    robot = Robot.load("hoap2_like")
-    start = robot.snapshot(robot.posture("standing"))
+def test_braking_that_is_assigned_counts_in_the_next_tick(hoap2: Robot) -> None:
+    start = hoap2.snapshot(hoap2.posture("standing"))
     gently = wbc.BrakingParameters(deceleration=0.01, gain=0.01)
 
     def inwards(apart: wbc.SelfCollision) -> wbc.KinematicController:
-        hand = wbc.PositionTask(robot, "left_palm", start.position("base"))
-        return wbc.KinematicController(robot, [hand], contacts=(), constraints=[apart])
+        hand = wbc.PositionTask(hoap2, "left_palm", start.position("base"))
+        return wbc.KinematicController(hoap2, [hand], contacts=(), constraints=[apart])
 
-    apart = wbc.SelfCollision(robot)
-    changed, fresh = inwards(apart), inwards(wbc.SelfCollision(robot, braking=gently))
+    apart = wbc.SelfCollision(hoap2)
+    changed, fresh = inwards(apart), inwards(wbc.SelfCollision(hoap2, braking=gently))
     before, wanted = changed.step(start), fresh.step(start)
     apart.braking = gently
     np.testing.assert_allclose(changed.step(start).velocity, wanted.velocity, atol=1e-6)

@@ -10,13 +10,12 @@ from wbc.qp import QP, make_backend
 from wbc.tasks import ComTask, InertiaTask
 
 
-def test_it_is_the_pseudo_inverse(robot_named, rng) -> None:
+def test_it_is_the_pseudo_inverse(hoap2, rng) -> None:
     """Floating, nothing active: J'(JJ' + damping)^-1 (-k e), the minimum-norm form of eq. 38."""
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing", {"*elbow*": -0.5}))
-    task = InertiaTask(robot, here.inertia * 1.001, gain=0.1)
+    here = hoap2.snapshot(hoap2.posture("standing", {"*elbow*": -0.5}))
+    task = InertiaTask(hoap2, here.inertia * 1.001, gain=0.1)
     tick = KinematicController(
-        robot, [task], dt=0.005, damping=1e-12, solver="pseudo_inverse"
+        hoap2, [task], dt=0.005, damping=1e-12, solver="pseudo_inverse"
     ).step(here)
     residual = task.residual(here)
     J, wanted = residual.jacobian, -0.1 / 0.005 * residual.error
@@ -26,12 +25,11 @@ def test_it_is_the_pseudo_inverse(robot_named, rng) -> None:
     np.testing.assert_allclose(tick.velocity, expected, atol=1e-6 * np.abs(expected).max())
 
 
-def test_the_plain_step_of_the_paper(robot_named) -> None:
+def test_the_plain_step_of_the_paper(hoap2) -> None:
     """Eq. 38 as printed, J^+ (I_d - I) in one step, by NumPy; twice the inertia."""
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing", {"*elbow*": -0.5}))
-    task = InertiaTask(robot, 2.0 * here.inertia, gain=1.0, curvature_damping=False)
-    controller = KinematicController(robot, [task], dt=1.0, damping=1e-13, solver="pseudo_inverse")
+    here = hoap2.snapshot(hoap2.posture("standing", {"*elbow*": -0.5}))
+    task = InertiaTask(hoap2, 2.0 * here.inertia, gain=1.0, curvature_damping=False)
+    controller = KinematicController(hoap2, [task], dt=1.0, damping=1e-13, solver="pseudo_inverse")
     residual = task.residual(here)
     expected = np.linalg.pinv(residual.jacobian) @ -residual.error
     found = controller.step(here).velocity
@@ -40,24 +38,22 @@ def test_the_plain_step_of_the_paper(robot_named) -> None:
 
 
 @pytest.mark.parametrize("mode", ["floating", "left", "double"])
-def test_without_active_limits_it_is_the_qp(mode: str, robot_named, rng) -> None:
-    robot = robot_named("g1_27")
-    here = robot.snapshot(robot.posture("standing"))
-    tasks = [ComTask(robot, here.com + [0.001, 0, 0]), InertiaTask(robot, here.inertia, weight=0.1)]
-    same = {"contacts": support(here, mode), "limits": Limits(robot), "damping": 1e-3}
-    by_qp = KinematicController(robot, tasks, **same).step(here)
-    baseline = KinematicController(robot, tasks, solver="pseudo_inverse", **same).step(here)
+def test_without_active_limits_it_is_the_qp(mode: str, g1_27, rng) -> None:
+    here = g1_27.snapshot(g1_27.posture("standing"))
+    tasks = [ComTask(g1_27, here.com + [0.001, 0, 0]), InertiaTask(g1_27, here.inertia, weight=0.1)]
+    same = {"contacts": support(here, mode), "limits": Limits(g1_27), "damping": 1e-3}
+    by_qp = KinematicController(g1_27, tasks, **same).step(here)
+    baseline = KinematicController(g1_27, tasks, solver="pseudo_inverse", **same).step(here)
     np.testing.assert_allclose(baseline.velocity, by_qp.velocity, atol=1e-6)
     assert baseline.solution.residuals.dual < 1e-6
 
 
-def test_clipping_is_not_the_optimum_and_says_so(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
-    tasks = [ComTask(robot, here.com + [0.1, 0, 0.1])]
-    same = {"contacts": support(here, "double"), "limits": Limits(robot), "damping": 1e-4}
-    baseline = KinematicController(robot, tasks, solver="pseudo_inverse", **same).step(here)
-    by_qp = KinematicController(robot, tasks, **same).step(here)
+def test_clipping_is_not_the_optimum_and_says_so(hoap2) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
+    tasks = [ComTask(hoap2, here.com + [0.1, 0, 0.1])]
+    same = {"contacts": support(here, "double"), "limits": Limits(hoap2), "damping": 1e-4}
+    baseline = KinematicController(hoap2, tasks, solver="pseudo_inverse", **same).step(here)
+    by_qp = KinematicController(hoap2, tasks, **same).step(here)
     residuals = baseline.solution.residuals
     assert max(residuals.primal, residuals.dual, residuals.complementarity) > 1e-3
     assert max(by_qp.solution.residuals.dual, by_qp.solution.residuals.primal) < 1e-6

@@ -12,11 +12,6 @@ DT = 0.005
 OUTWEIGHS = 100.0  # the heaviest of the tasks, squared
 
 
-@pytest.fixture
-def robot(robot_named) -> Robot:
-    return robot_named("hoap2_like")
-
-
 def beyond(robot: Robot, by: dict[str, float], v: np.ndarray | None = None) -> Snapshot:
     """Return the standing posture with joints beyond their upper (> 0) or lower (< 0) limits."""
     q = robot.posture("standing")
@@ -31,21 +26,21 @@ def beyond(robot: Robot, by: dict[str, float], v: np.ndarray | None = None) -> S
 
 @pytest.mark.parametrize("braking", ["free", "bounded"])
 @pytest.mark.parametrize("levels", [1, 2])
-def test_joints_outside_are_moved_back_as_limits_say(robot, rng, braking: str, levels: int) -> None:
+def test_joints_outside_are_moved_back_as_limits_say(hoap2, rng, braking: str, levels: int) -> None:
     """Two of them, one so far that its speed bounds how fast: box, cost and command."""
-    limits = Limits(robot, recovery=0.3, braking=braking)
-    v = 0.05 * rng.normal(size=robot.nv)
+    limits = Limits(hoap2, recovery=0.3, braking=braking)
+    v = 0.05 * rng.normal(size=hoap2.nv)
     outside = {"left_knee_pitch": 1e-3, "right_elbow_pitch": -0.3}
-    here = beyond(robot, outside, v)
-    box, joints = limits.box(here, DT), [robot.joint_index(name) for name in outside]
+    here = beyond(hoap2, outside, v)
+    box, joints = limits.box(here, DT), [hoap2.joint_index(name) for name in outside]
     speed = limits.speed[joints[1] - 6]
     assert speed < 0.3 * 0.3 / DT
-    target, M = np.array((-0.3 * 1e-3 / DT, speed)), np.eye(robot.nv)[joints]
+    target, M = np.array((-0.3 * 1e-3 / DT, speed)), np.eye(hoap2.nv)[joints]
     # At its target, so that no gain is lowered for it where braking is bounded.
-    tasks = [PostureTask(robot, here.q, weight=3.0), ComTask(robot, here.com, priority=levels - 1)]
+    tasks = [PostureTask(hoap2, here.q, weight=3.0), ComTask(hoap2, here.com, priority=levels - 1)]
     qps, ticks = [], []
     for bounds in (limits, None):
-        controller = KinematicController(robot, tasks, contacts=(), limits=bounds, dt=DT)
+        controller = KinematicController(hoap2, tasks, contacts=(), limits=bounds, dt=DT)
         qps.append(controller.core.tick(here, solve=False).qp_of(0))
         ticks.append(controller.step(here))
     assert ticks[0].ok, ticks[0].report()
@@ -61,14 +56,14 @@ def test_joints_outside_are_moved_back_as_limits_say(robot, rng, braking: str, l
     np.testing.assert_allclose(ticks[0].velocity[joints], wanted, rtol=0.02)
 
 
-def test_joints_that_rounding_leaves_outside_are_at_their_limits(robot) -> None:
+def test_joints_that_rounding_leaves_outside_are_at_their_limits(hoap2) -> None:
     """A nanometre; a cost that outweighs all tasks appears beyond that."""
-    limits = Limits(robot)
+    limits = Limits(hoap2)
     P = []
     for excess in (-0.5e-9, 0.5e-9, 2e-9):
-        here = beyond(robot, {"left_knee_pitch": excess})
-        task = PostureTask(robot, here.q)
-        P.append(KinematicController(robot, [task], contacts=(), limits=limits).step(here).qp.P)
+        here = beyond(hoap2, {"left_knee_pitch": excess})
+        task = PostureTask(hoap2, here.q)
+        P.append(KinematicController(hoap2, [task], contacts=(), limits=limits).step(here).qp.P)
     np.testing.assert_array_equal(P[0], P[1])
-    joint = robot.joint_index("left_knee_pitch")
+    joint = hoap2.joint_index("left_knee_pitch")
     assert P[2][joint, joint] - P[1][joint, joint] == pytest.approx(OUTWEIGHS)

@@ -20,11 +20,6 @@ from wbc.tasks import PostureTask
 FORCES = 4
 
 
-@pytest.fixture
-def robot(robot_named) -> Robot:
-    return robot_named("hoap2_like")
-
-
 def rows_of(rng: np.random.Generator, k: int, n: int) -> Rows:
     return Rows(rng.normal(size=(k, n)), rng.normal(size=k), rng.uniform(0.5, 3.0, k))
 
@@ -69,19 +64,19 @@ def least_cost(qp: QP, x: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("bounded", [True, False])
-def test_costs_are_those_declared(robot: Robot, rng, bounded: bool) -> None:
+def test_costs_are_those_declared(hoap2: Robot, rng, bounded: bool) -> None:
     """Tasks, contacts, limits and margins at one weight; gears, bolts and physics stay hard."""
-    here = robot.snapshot(robot.posture())
-    nv = robot.nv
+    here = hoap2.snapshot(hoap2.posture())
+    nv = hoap2.nv
     n = nv + FORCES
-    contacts = [BoltedBase(robot), Contact.hold(here, "left_sole")]
+    contacts = [BoltedBase(hoap2), Contact.hold(here, "left_sole")]
     damping = rng.uniform(1.0, 2.0, nv)
-    decision = Decision.velocity(robot, damping).extended(
+    decision = Decision.velocity(hoap2, damping).extended(
         [f"force {k}" for k in range(FORCES)], np.zeros(FORCES), np.full(FORCES, np.inf),
         np.full(FORCES, 0.5),
     )  # fmt: skip
     physics_names = tuple(f"dynamics {k}" for k in range(6))
-    plan = LevelPlan.of(decision, [PostureTask(robot, here.q)], contacts, Slacks({}, contacts, ()),
+    plan = LevelPlan.of(decision, [PostureTask(hoap2, here.q)], contacts, Slacks({}, contacts, ()),
                    physics_names)  # fmt: skip
     tasks = [rows_of(rng, 5, nv), rows_of(rng, 3, n)]
     held = [rows_of(rng, 6, nv), rows_of(rng, 6, nv)]
@@ -153,12 +148,12 @@ def test_costs_are_those_declared(robot: Robot, rng, bounded: bool) -> None:
     assert told["m b"] == 2e-5 and "m c" not in told
 
 
-def test_weightless_tasks_leave_a_scale_and_no_rows_no_bounds(robot: Robot, rng) -> None:
+def test_weightless_tasks_leave_a_scale_and_no_rows_no_bounds(hoap2: Robot, rng) -> None:
     """With nothing weighed, slacks cost 1e-6; without limits and margins there are no rows."""
-    here = robot.snapshot(robot.posture())
-    nv = robot.nv
-    decision = Decision.velocity(robot, np.ones(nv))
-    plan = LevelPlan.of(decision, [PostureTask(robot, here.q)], (), Slacks({}, (), ()))
+    here = hoap2.snapshot(hoap2.posture())
+    nv = hoap2.nv
+    decision = Decision.velocity(hoap2, np.ones(nv))
+    plan = LevelPlan.of(decision, [PostureTask(hoap2, here.q)], (), Slacks({}, (), ()))
     idle = rows_of(rng, 3, nv)._replace(weight=np.zeros(3))
     free = np.full(nv, np.inf)
     given = qp_of(plan, [idle], [], None, (-free, free), np.zeros(nv))
@@ -170,40 +165,40 @@ def test_weightless_tasks_leave_a_scale_and_no_rows_no_bounds(robot: Robot, rng)
     assert qp.P[nv, nv] == pytest.approx(1e-6)
 
 
-def test_a_load_that_cannot_be_had_is_dropped(robot: Robot) -> None:
+def test_a_load_that_cannot_be_had_is_dropped(hoap2: Robot) -> None:
     """A foot that must bear ten times the weight does not; everything else is kept."""
-    here = robot.snapshot(robot.posture())
-    loaded = FrictionCone(least=10.0 * robot.weight)
+    here = hoap2.snapshot(hoap2.posture())
+    loaded = FrictionCone(least=10.0 * hoap2.weight)
     contacts = support(here, "double", friction=loaded)
     controller = TorqueController(
-        robot, [PostureTask(robot, here.q)], contacts=contacts, limits=Limits(robot), force_ramp=0.0
+        hoap2, [PostureTask(hoap2, here.q)], contacts=contacts, limits=Limits(hoap2), force_ramp=0.0
     )
     tick = controller.step(here)
     assert tick.policy == "relax"
     assert max(map(abs, tick.slack.values()), default=0.0) < 1e-4  # m/s
     forces = tick.reaction.normal_forces()
-    assert sum(forces.values()) == pytest.approx(robot.weight, rel=0.05)
+    assert sum(forces.values()) == pytest.approx(hoap2.weight, rel=0.05)
     assert (np.abs(tick.torque) <= controller.torque_bounds + 1e-9).all()
 
 
-def test_bodies_are_not_pushed_into_each_other_by_tasks(robot, monkeypatch) -> None:
+def test_bodies_are_not_pushed_into_each_other_by_tasks(hoap2, monkeypatch) -> None:
     """Where not all can be kept; as light as a task they gave way to it."""
-    here, v = robot.snapshot(robot.posture("standing")), np.zeros(robot.nv)
-    v[6:] = 8.0 * np.random.default_rng(1).normal(size=robot.nv - 6)
+    here, v = hoap2.snapshot(hoap2.posture("standing")), np.zeros(hoap2.nv)
+    v[6:] = 8.0 * np.random.default_rng(1).normal(size=hoap2.nv - 6)
     target = here.q.copy()
-    target[7:] += np.random.default_rng(2).uniform(-3.0, 3.0, robot.nv - 6)
+    target[7:] += np.random.default_rng(2).uniform(-3.0, 3.0, hoap2.nv - 6)
     missed = []
     for weight in (1.0, relaxation.BODIES):
         monkeypatch.setattr(relaxation, "BODIES", weight)
         controller = TorqueController(
-            robot,
-            [PostureTask(robot, target, kp=2000.0)],
+            hoap2,
+            [PostureTask(hoap2, target, kp=2000.0)],
             contacts=(),
-            limits=Limits(robot),
-            constraints=[SelfCollision(robot)],
+            limits=Limits(hoap2),
+            constraints=[SelfCollision(hoap2)],
             torque_limits=0.05,
         )
-        tick = controller.step(robot.snapshot(here.q, v))
+        tick = controller.step(hoap2.snapshot(here.q, v))
         assert tick.policy == "relax"
         missed.append(sum(by**2 for name, by in tick.slack.items() if " vs " in name))
     assert missed[1] < 0.5 * missed[0]

@@ -18,11 +18,6 @@ DT = 0.005
 CLOSE = 1e-6  # of solvers, by the bound
 
 
-@pytest.fixture
-def hoap(robot_named) -> Robot:
-    return robot_named("hoap2_like")
-
-
 def shaping(robot: Robot, **options) -> KinematicController:
     """Asks for more in the first tick than accelerations allow."""
     start = robot.snapshot(robot.posture("standing"))
@@ -39,20 +34,19 @@ def shaping(robot: Robot, **options) -> KinematicController:
 @pytest.mark.parametrize("formulation", ["equality", "reduced"])
 @pytest.mark.parametrize("braking", ["free", "bounded"])
 def test_first_tick_without_velocity_keeps_the_acceleration_limit(
-    robot_named, formulation: str, braking: str
+    hoap2, formulation: str, braking: str
 ) -> None:
-    robot = robot_named("hoap2_like")
-    limits = Limits(robot, braking=braking)
-    controller = shaping(robot, limits=limits, formulation=formulation)
-    q = robot.posture("standing")
-    tick = controller.step(robot.snapshot(q))
+    limits = Limits(hoap2, braking=braking)
+    controller = shaping(hoap2, limits=limits, formulation=formulation)
+    q = hoap2.posture("standing")
+    tick = controller.step(hoap2.snapshot(q))
     assert tick.ok
     part = np.abs(tick.velocity[6:]) / (DT * limits.acceleration)
     assert part.max() <= 1.0 + CLOSE
     # With gains lowered for braking's sake they may not reach it.
     assert braking == "bounded" or part.max() >= 1.0 - CLOSE
-    same = shaping(robot, limits=Limits(robot, braking=braking), formulation=formulation)
-    still = same.step(robot.snapshot(q, np.zeros(robot.nv)))
+    same = shaping(hoap2, limits=Limits(hoap2, braking=braking), formulation=formulation)
+    still = same.step(hoap2.snapshot(q, np.zeros(hoap2.nv)))
     np.testing.assert_array_equal(tick.velocity, still.velocity)
 
 
@@ -68,16 +62,16 @@ def test_snapshot_without_velocity_has_the_box_of_rest(name: str, robot_named, r
         assert (np.abs(box)[:, 6:] <= most).all()
 
 
-def test_torque_tick_without_velocity_is_that_of_rest(hoap: Robot) -> None:
-    q = hoap.posture("standing")
+def test_torque_tick_without_velocity_is_that_of_rest(hoap2: Robot) -> None:
+    q = hoap2.posture("standing")
     torques = []
-    for v in (None, np.zeros(hoap.nv)):
-        start = hoap.snapshot(q)
-        tasks = [ComTask(hoap, start.com + [0, 0, 0.1], weight=10.0), PostureTask(hoap, q)]
+    for v in (None, np.zeros(hoap2.nv)):
+        start = hoap2.snapshot(q)
+        tasks = [ComTask(hoap2, start.com + [0, 0, 0.1], weight=10.0), PostureTask(hoap2, q)]
         controller = TorqueController(
-            hoap, tasks, contacts=support(start, "double"), limits=Limits(hoap), dt=0.002
+            hoap2, tasks, contacts=support(start, "double"), limits=Limits(hoap2), dt=0.002
         )
-        torques.append(controller.step(hoap.snapshot(q, v)).torque)
+        torques.append(controller.step(hoap2.snapshot(q, v)).torque)
     np.testing.assert_array_equal(*torques)
 
 
@@ -114,55 +108,55 @@ def run(controller, robot: Robot, ticks: int, passed: bool) -> np.ndarray:
     return q
 
 
-def test_loop_that_never_passes_the_velocity_is_told_once(hoap: Robot, caplog) -> None:
-    controller = shaping(hoap)
+def test_loop_that_never_passes_the_velocity_is_told_once(hoap2: Robot, caplog) -> None:
+    controller = shaping(hoap2)
     with caplog.at_level(logging.WARNING):
-        run(controller, hoap, 2, passed=False)
+        run(controller, hoap2, 2, passed=False)
         assert not warned(caplog)  # two ticks at rest may be two first ones
-        run(controller, hoap, 3, passed=False)
+        run(controller, hoap2, 3, passed=False)
         assert len(warned(caplog)) == 1
-        run(controller, hoap, 20, passed=False)
+        run(controller, hoap2, 20, passed=False)
     (said,) = warned(caplog)
     assert "acceleration limits" in said and "robot.snapshot(q, tick.velocity)" in said
 
 
-def test_loop_that_passes_the_velocity_is_told_nothing(hoap: Robot, caplog) -> None:
+def test_loop_that_passes_the_velocity_is_told_nothing(hoap2: Robot, caplog) -> None:
     with caplog.at_level(logging.WARNING):
-        run(shaping(hoap), hoap, 20, passed=True)
+        run(shaping(hoap2), hoap2, 20, passed=True)
     assert not warned(caplog)
 
 
-def test_first_ticks_at_many_postures_are_told_nothing(hoap: Robot, caplog, rng) -> None:
-    controller = shaping(hoap, contacts=())
+def test_first_ticks_at_many_postures_are_told_nothing(hoap2: Robot, caplog, rng) -> None:
+    controller = shaping(hoap2, contacts=())
     with caplog.at_level(logging.WARNING):
         for _ in range(20):
-            controller.step(hoap.snapshot(random_state(hoap, rng)[0]))
-            here = hoap.snapshot(hoap.posture("standing"))
+            controller.step(hoap2.snapshot(random_state(hoap2, rng)[0]))
+            here = hoap2.snapshot(hoap2.posture("standing"))
             controller.step(here)
             controller.step(here)
     assert not warned(caplog)
 
 
-def test_loop_that_no_limit_holds_is_told_nothing(hoap: Robot, caplog) -> None:
+def test_loop_that_no_limit_holds_is_told_nothing(hoap2: Robot, caplog) -> None:
     """At the velocity level nothing else reads the velocity."""
     with caplog.at_level(logging.WARNING):
-        for limits in (None, Limits(hoap, acceleration=1e4)):
-            run(shaping(hoap, limits=limits), hoap, 10, passed=False)
+        for limits in (None, Limits(hoap2, acceleration=1e4)):
+            run(shaping(hoap2, limits=limits), hoap2, 10, passed=False)
     assert not warned(caplog)
 
 
-def test_torque_loop_without_velocity_is_told_that_nothing_is_damped(hoap: Robot, caplog) -> None:
-    q, v = hoap.posture("standing"), np.zeros(hoap.nv)
-    start = hoap.snapshot(q)
-    tasks = [ComTask(hoap, start.com + [0, 0, -0.05], weight=10.0), PostureTask(hoap, q)]
+def test_torque_loop_without_velocity_is_told_that_nothing_is_damped(hoap2: Robot, caplog) -> None:
+    q, v = hoap2.posture("standing"), np.zeros(hoap2.nv)
+    start = hoap2.snapshot(q)
+    tasks = [ComTask(hoap2, start.com + [0, 0, -0.05], weight=10.0), PostureTask(hoap2, q)]
     controller = TorqueController(
-        hoap, tasks, contacts=support(start, "double"), limits=Limits(hoap), dt=0.002
+        hoap2, tasks, contacts=support(start, "double"), limits=Limits(hoap2), dt=0.002
     )
     with caplog.at_level(logging.WARNING):
         for _ in range(6):
-            tick = controller.step(hoap.snapshot(q))
+            tick = controller.step(hoap2.snapshot(q))
             v = v + 0.002 * tick.acceleration  # a plant that moves on
-            q = hoap.integrate(q, v, 0.002)
+            q = hoap2.integrate(q, v, 0.002)
     (said,) = warned(caplog)
     assert "nothing is damped" in said
 
@@ -185,59 +179,59 @@ def reaching(robot: Robot, braking: str) -> KinematicController:
 
 
 @pytest.mark.parametrize("braking", ["free", "bounded"])
-def test_tick_names_joints_that_brake_beyond_their_acceleration(hoap: Robot, braking: str) -> None:
+def test_tick_names_joints_that_brake_beyond_their_acceleration(hoap2: Robot, braking: str) -> None:
     """Oracle: differences of the commands; no joint speeds up beyond its limit."""
-    controller = reaching(hoap, braking)
+    controller = reaching(hoap2, braking)
     hand = controller.tasks[1]
     away = hand.target + [0.05, 0.03, 0.05]
     home = hand.target.copy()
-    q, v, named = hoap.posture("standing"), np.zeros(hoap.nv), 0
+    q, v, named = hoap2.posture("standing"), np.zeros(hoap2.nv), 0
     for k in range(120):
         if k % 8 == 0:
             hand.set_target(away if k % 16 == 0 else home)
-        tick = controller.step(hoap.snapshot(q, v))
+        tick = controller.step(hoap2.snapshot(q, v))
         part = np.abs(tick.velocity - v)[6:] / (50.0 * DT)
-        beyond = {hoap.joint_names[j]: part[j] for j in np.flatnonzero(part > 1.001)}
+        beyond = {hoap2.joint_names[j]: part[j] for j in np.flatnonzero(part > 1.001)}
         assert tick.braked == pytest.approx(beyond)
         for name, by in beyond.items():
-            j = hoap.joint_index(name)
+            j = hoap2.joint_index(name)
             slower = abs(tick.velocity[j]) <= abs(v[j]) or tick.velocity[j] * v[j] < 0.0
             assert slower and f"{name} by {by:.3g} times" in tick.report()
             assert abs(tick.velocity[j]) <= max(abs(v[j]), 50.0 * DT) * (1 + CLOSE)
         named += len(beyond)
         v = tick.velocity
-        q = hoap.integrate(q, v, DT)
+        q = hoap2.integrate(q, v, DT)
     assert named == 0 if braking == "bounded" else named > 5
 
 
-def test_braking_outlives_a_pickle_and_later_limits(hoap: Robot) -> None:
-    controller = reaching(hoap, "free")
+def test_braking_outlives_a_pickle_and_later_limits(hoap2: Robot) -> None:
+    controller = reaching(hoap2, "free")
     controller.tasks[1].set_target(controller.tasks[1].target + [0.05, 0.0, 0.05])
-    v = np.zeros(hoap.nv)
-    v[hoap.joint_index("left_elbow_pitch")] = 3.0
-    tick = controller.step(hoap.snapshot(hoap.posture("standing"), v))
+    v = np.zeros(hoap2.nv)
+    v[hoap2.joint_index("left_elbow_pitch")] = 3.0
+    tick = controller.step(hoap2.snapshot(hoap2.posture("standing"), v))
     controller.limits.acceleration = 1e6
     assert "left_elbow_pitch" in pickle.loads(pickle.dumps(tick)).braked
     assert "left_elbow_pitch" in tick.braked
 
 
-def test_failure_policy_that_stops_at_once_says_how_hard(hoap: Robot) -> None:
-    start = hoap.snapshot(hoap.posture("standing"))
+def test_failure_policy_that_stops_at_once_says_how_hard(hoap2: Robot) -> None:
+    start = hoap2.snapshot(hoap2.posture("standing"))
     contacts = support(start, "double")
-    held = PositionTask(hoap, "left_sole", start.position("left_sole") + 1.0, name="elsewhere")
+    held = PositionTask(hoap2, "left_sole", start.position("left_sole") + 1.0, name="elsewhere")
     held.set_target(held.target, [5.0, 0.0, 0.0])
-    options = {"limits": Limits(hoap), "contacts": [*contacts, held], "dt": DT}
-    v = np.zeros(hoap.nv)
+    options = {"limits": Limits(hoap2), "contacts": [*contacts, held], "dt": DT}
+    v = np.zeros(hoap2.nv)
     v[10] = 3.0
     for policy in ("hold", "raise"):
         controller = KinematicController(
-            hoap, [PostureTask(hoap, start.q)], on_failure=policy, **options
+            hoap2, [PostureTask(hoap2, start.q)], on_failure=policy, **options
         )
         if policy == "hold":
-            tick = controller.step(hoap.snapshot(start.q, v))
+            tick = controller.step(hoap2.snapshot(start.q, v))
             assert not tick.ok and not tick.velocity.any()
             expected = 3.0 / (DT * controller.limits.acceleration[4])
-            assert tick.braked == pytest.approx({hoap.joint_names[4]: expected})
+            assert tick.braked == pytest.approx({hoap2.joint_names[4]: expected})
         else:
             with pytest.raises(ControllerFailure):
-                controller.step(hoap.snapshot(start.q, v))
+                controller.step(hoap2.snapshot(start.q, v))

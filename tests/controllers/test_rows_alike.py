@@ -90,24 +90,23 @@ def test_one_singular_direction_is_scaled_by_its_square_over_the_threshold(rng) 
         assert found[4] == pytest.approx(s)
 
 
-def test_curvature_is_made_positive_at_its_own_scale(robot_named) -> None:
+def test_curvature_is_made_positive_at_its_own_scale(hoap2) -> None:
     """Eigenvalues become their sizes, at least 1e-5 of the largest; vectors stay.
 
     Oracle: NumPy's eigenvalues of the cost, its curvature the residual's in Python.
     """
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
+    here = hoap2.snapshot(hoap2.posture("standing"))
     damping = 1e-3
     for factor, indefinite in ((0.5, True), (1.0 + 1e-6, False), (4.0, True)):
-        task = InertiaTask(robot, factor * here.inertia, weight=10.0, second_order=True)
+        task = InertiaTask(hoap2, factor * here.inertia, weight=10.0, second_order=True)
         residual = task.residual(here)
         J = task.weight[:, None] * residual.jacobian
         H = J.T @ J + residual.curvature
         values, vectors = np.linalg.eigh(H)
         assert bool(values.min() < -1e-3 * values.max()) is indefinite
         sizes = np.maximum(np.abs(values), 1e-5 * np.abs(values).max())
-        expected = (vectors * sizes) @ vectors.T + damping * np.eye(robot.nv)
-        tick = KinematicController(robot, [task], contacts=(), damping=damping).step(here)
+        expected = (vectors * sizes) @ vectors.T + damping * np.eye(hoap2.nv)
+        tick = KinematicController(hoap2, [task], contacts=(), damping=damping).step(here)
         np.testing.assert_allclose(tick.qp.P, expected, atol=1e-9 * np.abs(values).max())
 
 

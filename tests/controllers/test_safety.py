@@ -1,7 +1,5 @@
 """Limits hold whatever levels, margins and look-ahead do, and nothing outside them is commanded."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
@@ -15,32 +13,28 @@ from wbc.robot import Robot
 from wbc.rotations import exp_rotation
 from wbc.tasks import ComTask, MomentumTask, OrientationTask, PositionTask, PostureTask
 
-Load = Callable[[str], Robot]
 DT, HAND = 0.005, "left_rubber_hand"
 
 
 @pytest.mark.parametrize("mode", ["floating", "double"])
 @pytest.mark.parametrize("seed", range(15))
-def test_levels_and_look_ahead_do_not_take_limits_away(
-    mode: str, seed: int, robot_named: Load
-) -> None:
+def test_levels_and_look_ahead_do_not_take_limits_away(mode: str, seed: int, g1: Robot) -> None:
     """Before: up to 130 rad/s above the limits, status "solved", in 11 of 20 of these states."""
-    robot = robot_named("g1")
     rng = np.random.default_rng(seed)
-    q = robot.posture("standing")
-    step = np.concatenate((np.zeros(6), rng.normal(scale=0.2, size=robot.nv - 6)))
-    here = robot.snapshot(robot.integrate(q, step, 1.0))
-    limits = Limits(robot)
+    q = g1.posture("standing")
+    step = np.concatenate((np.zeros(6), rng.normal(scale=0.2, size=g1.nv - 6)))
+    here = g1.snapshot(g1.integrate(q, step, 1.0))
+    limits = Limits(g1)
     at, away = here.position(HAND), rng.normal(size=(2, 3))
-    box = PositionBox(robot, HAND, at - 0.01, at + 0.01)  # the hand turns: look-ahead adds rows
+    box = PositionBox(g1, HAND, at - 0.01, at + 0.01)  # the hand turns: look-ahead adds rows
     tasks = [
-        OrientationTask(robot, "base", exp_rotation(rng.normal(size=3)), weight=10.0),
-        PositionTask(robot, HAND, here.com + away[1], priority=1),
-        ComTask(robot, here.com + away[0], priority=1),
-        PostureTask(robot, robot.posture("standing"), priority=2),
+        OrientationTask(g1, "base", exp_rotation(rng.normal(size=3)), weight=10.0),
+        PositionTask(g1, HAND, here.com + away[1], priority=1),
+        ComTask(g1, here.com + away[0], priority=1),
+        PostureTask(g1, g1.posture("standing"), priority=2),
     ]
     controller = KinematicController(
-        robot,
+        g1,
         tasks,
         contacts=support(here, mode),
         limits=limits,
@@ -60,13 +54,12 @@ class Careless(ProxQP):
         return solution._replace(x=3.0 * np.maximum(qp.upper, 1.0))
 
 
-def test_a_command_outside_the_limits_is_never_given(robot_named: Load) -> None:
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
-    tasks = [ComTask(robot, here.com + 0.01)]
+def test_a_command_outside_the_limits_is_never_given(hoap2: Robot) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
+    tasks = [ComTask(hoap2, here.com + 0.01)]
     twist = np.full(6, 0.5)
     controller = KinematicController(
-        robot, tasks, limits=Limits(robot, base_twist=twist), solver=Careless()
+        hoap2, tasks, limits=Limits(hoap2, base_twist=twist), solver=Careless()
     )
     tick = controller.step(here)
     assert tick.status is Status.CONTRADICTED and tick.policy == "hold"
@@ -75,29 +68,26 @@ def test_a_command_outside_the_limits_is_never_given(robot_named: Load) -> None:
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_the_second_level_is_the_lexicographic_optimum(seed: int, robot_named: Load) -> None:
+def test_the_second_level_is_the_lexicographic_optimum(seed: int, g1: Robot) -> None:
     """Oracle: SciPy's bounded least squares on what the first level leaves, all rows at once.
 
     Before, bounds that only damping held became equalities: up to 67 % above the optimum.
     """
-    robot = robot_named("g1")
     rng = np.random.default_rng(seed)
-    step = np.concatenate((np.zeros(6), rng.normal(scale=0.2, size=robot.nv - 6)))
-    q = robot.integrate(robot.posture("standing"), step, 1.0)
-    here = robot.snapshot(q, rng.normal(scale=0.5, size=robot.nv))
-    limits = Limits(robot, base_twist=np.full(6, 1.0))
+    step = np.concatenate((np.zeros(6), rng.normal(scale=0.2, size=g1.nv - 6)))
+    q = g1.integrate(g1.posture("standing"), step, 1.0)
+    here = g1.snapshot(q, rng.normal(scale=0.5, size=g1.nv))
+    limits = Limits(g1, base_twist=np.full(6, 1.0))
     away = rng.normal(scale=0.5, size=(2, 3))
     tasks = [
-        ComTask(robot, here.com + away[0], weight=10.0),
-        PositionTask(robot, HAND, here.position(HAND) + away[1], priority=1),
-        PostureTask(robot, robot.posture("standing"), weight=0.1, priority=1),
+        ComTask(g1, here.com + away[0], weight=10.0),
+        PositionTask(g1, HAND, here.position(HAND) + away[1], priority=1),
+        PostureTask(g1, g1.posture("standing"), weight=0.1, priority=1),
     ]
-    controller = KinematicController(robot, tasks, limits=limits, dt=DT, solver="active_set")
+    controller = KinematicController(g1, tasks, limits=limits, dt=DT, solver="active_set")
     tick = controller.step(here)
     assert tick.ok, tick.report()
-    first = KinematicController(robot, tasks[:1], limits=limits, dt=DT, solver="active_set").step(
-        here
-    )
+    first = KinematicController(g1, tasks[:1], limits=limits, dt=DT, solver="active_set").step(here)
     com = tasks[0].residual(here)
     np.testing.assert_allclose(
         com.jacobian @ tick.velocity, com.jacobian @ first.velocity, atol=1e-6
@@ -110,8 +100,8 @@ def test_the_second_level_is_the_lexicographic_optimum(seed: int, robot_named: L
         stacked.append(task.weight[:, None] * residual.jacobian)
         wanted.append(task.weight * (-task.gain / DT * residual.error - residual.bias))
         damping += 0.5 * task.gain * (bound() if callable(bound) else bound)
-    stacked.append(np.sqrt(damping) * np.eye(robot.nv))
-    wanted.append(np.zeros(robot.nv))
+    stacked.append(np.sqrt(damping) * np.eye(g1.nv))
+    wanted.append(np.zeros(g1.nv))
     J, w = np.concatenate(stacked), np.concatenate(wanted)
     heavy = 1e5 * com.jacobian
     lower, upper = limits.box(here, DT)
@@ -129,17 +119,16 @@ def test_the_second_level_is_the_lexicographic_optimum(seed: int, robot_named: L
 @pytest.mark.parametrize("solver", ["proxqp", "active_set"])
 @pytest.mark.parametrize("margins", [False, True])
 def test_without_limits_nothing_is_commanded_that_no_state_may_have(
-    solver: str, margins: bool
+    g1: Robot, solver: str, margins: bool
 ) -> None:
     """Before: 1e9 rad/s and "solved", or, with margins, an error from where it led."""
-    robot = Robot.load("g1")
-    here = robot.snapshot(robot.posture("standing"))
+    here = g1.snapshot(g1.posture("standing"))
     for policy in ("hold", "damp", "closest"):
         controller = KinematicController(
-            robot,
-            [MomentumTask(robot, np.full(6, 1e9))],
+            g1,
+            [MomentumTask(g1, np.full(6, 1e9))],
             contacts=[],
-            constraints=[PositionBox.height(robot, 0.1)] if margins else [],
+            constraints=[PositionBox.height(g1, 0.1)] if margins else [],
             limits=None,
             dt=DT,
             solver=solver,
@@ -149,4 +138,4 @@ def test_without_limits_nothing_is_commanded_that_no_state_may_have(
         assert tick.status is Status.CONTRADICTED
         assert "beyond 1e+06, which no state may have" in tick.report()
         assert np.abs(tick.velocity).max() <= 1e6
-        robot.snapshot(robot.integrate(here.q, tick.velocity, 1e-6), tick.velocity)
+        g1.snapshot(g1.integrate(here.q, tick.velocity, 1e-6), tick.velocity)

@@ -70,16 +70,15 @@ def test_failed_and_relaxed_ticks_are_answered_to_the_last_bit(
     assert given_up >= 2
 
 
-def test_a_contradiction_is_answered_again_with_its_names(robot_named, tmp_path: Path) -> None:
-    robot = robot_named("hoap2_like")
-    start = robot.snapshot(robot.posture("standing"))
+def test_a_contradiction_is_answered_again_with_its_names(hoap2, tmp_path: Path) -> None:
+    start = hoap2.snapshot(hoap2.posture("standing"))
     here = start.position("left_sole")
     contacts = [
-        wbc.PositionTask(robot, "left_sole", here + (0, 0, 0.1), name="up", gain=0.5),
-        wbc.PositionTask(robot, "left_sole", here - (0, 0, 0.1), name="down", gain=0.5),
+        wbc.PositionTask(hoap2, "left_sole", here + (0, 0, 0.1), name="up", gain=0.5),
+        wbc.PositionTask(hoap2, "left_sole", here - (0, 0, 0.1), name="down", gain=0.5),
     ]
-    tasks = [wbc.ComTask(robot, start.com)]
-    controller = wbc.KinematicController(robot, tasks, contacts=contacts, on_failure="raise")
+    tasks = [wbc.ComTask(hoap2, start.com)]
+    controller = wbc.KinematicController(hoap2, tasks, contacts=contacts, on_failure="raise")
     with pytest.raises(ControllerFailure) as caught:
         controller.step(start)
     path = tmp_path / "tick.wbc"
@@ -89,11 +88,10 @@ def test_a_contradiction_is_answered_again_with_its_names(robot_named, tmp_path:
     assert "up" in again.tick.report() and "down" in again.tick.report()
 
 
-def test_ramps_and_last_forces_are_those_before_the_tick(robot_named, rng, tmp_path: Path) -> None:
+def test_ramps_and_last_forces_are_those_before_the_tick(hoap2, rng, tmp_path: Path) -> None:
     """A foot that is let go is dropped in the very tick that is saved, or is on its way."""
-    robot = robot_named("hoap2_like")
-    start = robot.snapshot(robot.posture("standing"))
-    controller = wild(robot, "torque", rng, force_ramp=0.01, dt=0.002)
+    start = hoap2.snapshot(hoap2.posture("standing"))
+    controller = wild(hoap2, "torque", rng, force_ramp=0.01, dt=0.002)
     assert isinstance(controller, wbc.TorqueController)
     controller.step(start)
     path = tmp_path / "tick.wbc"
@@ -113,27 +111,25 @@ def test_ramps_and_last_forces_are_those_before_the_tick(robot_named, rng, tmp_p
 
 
 @pytest.mark.slow
-def test_a_copied_controller_gives_the_same_bits_where_the_core_solves(robot_named, rng) -> None:
-    robot = robot_named("g1")
-    controller = wild(robot, "torque", rng, solver="active_set")
-    q, v = robot.posture("standing"), np.zeros(robot.nv)
+def test_a_copied_controller_gives_the_same_bits_where_the_core_solves(g1, rng) -> None:
+    controller = wild(g1, "torque", rng, solver="active_set")
+    q, v = g1.posture("standing"), np.zeros(g1.nv)
     others = []
     for k in range(30):
         if k == 10:
             others = [copy.deepcopy(controller), pickle.loads(pickle.dumps(controller))]
-        tick = controller.step(robot.snapshot(q, v))
+        tick = controller.step(g1.snapshot(q, v))
         for other in others:
             same = other.step(other.robot.snapshot(q, v))
             assert same.torque.tobytes() == tick.torque.tobytes()
             assert same.velocity.tobytes() == tick.velocity.tobytes()
         v = tick.velocity
-        q = robot.integrate(q, v, controller.dt)
+        q = g1.integrate(q, v, controller.dt)
 
 
-def test_what_would_be_another_tick_is_not_saved(robot_named, rng, tmp_path: Path) -> None:
-    robot = robot_named("hoap2_like")
-    start = robot.snapshot(robot.posture("standing"))
-    controller, path = wild(robot, "velocity", rng), tmp_path / "t"
+def test_what_would_be_another_tick_is_not_saved(hoap2, rng, tmp_path: Path) -> None:
+    start = hoap2.snapshot(hoap2.posture("standing"))
+    controller, path = wild(hoap2, "velocity", rng), tmp_path / "t"
     first = controller.step(start)
     with pytest.raises(InvalidInputError, match="a copied tick has no controller"):
         copy.copy(first).save(path)
@@ -151,8 +147,7 @@ class Mine(wbc.PostureTask):
     """A task of a user."""
 
 
-def test_own_code_is_run_only_where_its_file_is_given(robot_named, tmp_path: Path) -> None:
-    robot = robot_named("hoap2_like")
+def test_own_code_is_run_only_where_its_file_is_given(hoap2, tmp_path: Path) -> None:
     code, path = tmp_path / "mine.py", tmp_path / "tick.wbc"
     code.write_text("import wbc\nclass Mine(wbc.PostureTask):\n    pass\n")
     Mine.__module__ = "__main__"
@@ -160,9 +155,9 @@ def test_own_code_is_run_only_where_its_file_is_given(robot_named, tmp_path: Pat
         import __main__
 
         __main__.Mine = Mine  # type: ignore[attr-defined]
-        q = robot.posture("standing")
-        controller = wbc.KinematicController(robot, [Mine(robot, q)], contacts=[])
-        controller.step(robot.snapshot(q)).save(path)
+        q = hoap2.posture("standing")
+        controller = wbc.KinematicController(hoap2, [Mine(hoap2, q)], contacts=[])
+        controller.step(hoap2.snapshot(q)).save(path)
     finally:
         del __main__.Mine  # type: ignore[attr-defined]
         Mine.__module__ = __name__
@@ -197,10 +192,9 @@ def test_a_file_of_a_stranger_runs_nothing(tmp_path: Path, thing: object) -> Non
     assert not Path("/tmp/wbc_was_here").exists()
 
 
-def test_damaged_files_are_refused_by_name(robot_named, rng, tmp_path: Path) -> None:
-    robot = robot_named("hoap2_like")
+def test_damaged_files_are_refused_by_name(hoap2, rng, tmp_path: Path) -> None:
     path = tmp_path / "tick.wbc"
-    wild(robot, "velocity", rng).step(robot.snapshot(robot.posture("standing"))).save(path)
+    wild(hoap2, "velocity", rng).step(hoap2.snapshot(hoap2.posture("standing"))).save(path)
     whole = path.read_bytes()
     for k in range(60):
         data = bytearray(whole)
@@ -232,11 +226,10 @@ def test_other_files_are_told_from_ticks(tmp_path: Path) -> None:
         SavedTick.load(path)
 
 
-def test_what_is_of_torque_ticks_is_said(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    q = robot.posture("standing")
-    controller = wbc.KinematicController(robot, [wbc.PostureTask(robot, q)], contacts=[])
+def test_what_is_of_torque_ticks_is_said(hoap2) -> None:
+    q = hoap2.posture("standing")
+    controller = wbc.KinematicController(hoap2, [wbc.PostureTask(hoap2, q)], contacts=[])
     with pytest.raises(AttributeError, match="of a TorqueController's ticks"):
-        _ = controller.step(robot.snapshot(q)).torque  # type: ignore[attr-defined]
+        _ = controller.step(hoap2.snapshot(q)).torque  # type: ignore[attr-defined]
     with pytest.raises(InvalidInputError, match="position and quaternion come before the joints"):
-        robot.snapshot(q[7:])
+        hoap2.snapshot(q[7:])

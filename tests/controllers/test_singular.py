@@ -268,12 +268,11 @@ def test_contacts_that_may_give_way_count_as_held(name: str, robot_named: Load) 
     assert speed(soft) < 1.0 / 0.08
 
 
-def test_the_pseudo_inverse_holds_back_too(robot_named: Load) -> None:
-    robot = robot_named("g1_27")
-    here = bent(robot, "g1_27", 0.02)
+def test_the_pseudo_inverse_holds_back_too(g1_27: Robot) -> None:
+    here = bent(g1_27, "g1_27", 0.02)
     without, with_threshold = (
         KinematicController(
-            robot, up(robot, here, singular_threshold=least), contacts=support(here, "double"),
+            g1_27, up(g1_27, here, singular_threshold=least), contacts=support(here, "double"),
             damping=1e-6, solver="pseudo_inverse",
         ).step(here)
         for least in (0.0, 0.08)
@@ -282,13 +281,12 @@ def test_the_pseudo_inverse_holds_back_too(robot_named: Load) -> None:
     assert speed(with_threshold) < 1.0 / 0.08
 
 
-def test_the_motion_is_not_damped(robot_named: Load) -> None:
+def test_the_motion_is_not_damped(g1_27: Robot) -> None:
     """A direction in which the task can do nothing is as free for others as without a threshold."""
-    robot = robot_named("g1_27")
-    here = bent(robot, "g1_27", 0.0)
+    here = bent(g1_27, "g1_27", 0.0)
     costs = [
         KinematicController(
-            robot, up(robot, here, singular_threshold=least), contacts=support(here, "double")
+            g1_27, up(g1_27, here, singular_threshold=least), contacts=support(here, "double")
         )
         .step(here)
         .qp.P
@@ -321,20 +319,19 @@ def test_a_com_led_above_its_reach_comes_to_rest(name: str, robot_named: Load) -
     assert at_last < 0.5
 
 
-def test_rows_without_weight_and_faint_tasks(robot_named: Load) -> None:
+def test_rows_without_weight_and_faint_tasks(g1_27: Robot) -> None:
     """Weights of 0 are left out; a phase's faintest weight beside a heavy one gives numbers."""
-    robot = robot_named("g1_27")
-    here = bent(robot, "g1_27", 0.02)
+    here = bent(g1_27, "g1_27", 0.02)
     wanted = here.com + [0.01, 0, 0.01]
-    sideways = ComTask(robot, wanted, weight=[10.0, 10.0, 0.0], singular_threshold=0.08)
+    sideways = ComTask(g1_27, wanted, weight=[10.0, 10.0, 0.0], singular_threshold=0.08)
     base = PoseTask(
-        robot,
+        g1_27,
         "base",
         here.position("base"),
         here.rotation("base"),
         singular_threshold=0.08,
     )
-    controller = KinematicController(robot, [sideways, base], contacts=support(here, "double"))
+    controller = KinematicController(g1_27, [sideways, base], contacts=support(here, "double"))
     base.weight = 0.0
     tick = controller.step(here)
     assert tick.singular.keys() == {"com"}
@@ -342,12 +339,12 @@ def test_rows_without_weight_and_faint_tasks(robot_named: Load) -> None:
     assert tick.singular["com"].rate_reduction is None
     sideways.set_target(here.com, [1, 0, 1])
     sideways.weight = [0.0, 10.0, 10.0]
-    tick = KinematicController(robot, [sideways], contacts=support(here, "double")).step(here)
+    tick = KinematicController(g1_27, [sideways], contacts=support(here, "double")).step(here)
     assert tick.singular["com"].rate_reduction[0] == 0.0
     assert tick.singular["com"].rate_reduction[2] > 0.9
     for faint in (1e-3, 1e-6, 1e-9):
         base.weight, sideways.weight = faint, 10.0
-        tick = KinematicController(robot, [sideways, base], contacts=support(here, "double")).step(
+        tick = KinematicController(g1_27, [sideways, base], contacts=support(here, "double")).step(
             here
         )
         assert speed(tick) < np.sqrt(2.0) / 0.08

@@ -1,6 +1,6 @@
 """Stacks of singular tasks: bounds and closed forms by numpy, contradictions, levels, mistakes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -13,8 +13,6 @@ from wbc.errors import InvalidInputError
 from wbc.laws import Rows
 from wbc.robot import Robot
 from wbc.tasks import ComTask, PositionTask, PostureTask
-
-Load = Callable[[str], Robot]
 
 
 def random_rows(rng, sizes: Sequence[int], nv: int) -> list[Rows]:
@@ -78,10 +76,9 @@ def test_what_held_rows_bring_about_is_not_asked_for(rng) -> None:
     np.testing.assert_allclose(found[0].rate_reduction, lost, atol=1e-12)
 
 
-def test_two_tasks_that_nearly_repeat_each_other(robot_named: Load) -> None:
+def test_two_tasks_that_nearly_repeat_each_other(g1_27: Robot) -> None:
     """Two points 5 cm apart on a hand are to cross: each is easy, both together are not."""
-    robot = robot_named("g1_27")
-    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    here = g1_27.snapshot(g1_27.posture("standing"), np.zeros(g1_27.nv))
     places = {f: here.position(f) for f in ("left_wrist_yaw_link", "left_wrist_pitch_link")}
     apart = np.subtract(*places.values())
     aside = np.cross(apart, [0, 0, 1.0])
@@ -89,12 +86,12 @@ def test_two_tasks_that_nearly_repeat_each_other(robot_named: Load) -> None:
 
     def step(yaw: float, pitch: float) -> Tick:
         tasks = [
-            PositionTask(robot, frame, (0.0, 0.0, 0.0), singular_threshold=least, name=frame)
+            PositionTask(g1_27, frame, (0.0, 0.0, 0.0), singular_threshold=least, name=frame)
             for frame, least in zip(places, (yaw, pitch), strict=True)
         ]
         for task, sign in zip(tasks, (1, -1), strict=True):
             task.set_target(places[task.frame], sign * aside)
-        return KinematicController(robot, tasks, contacts=support(here, "double")).step(here)
+        return KinematicController(g1_27, tasks, contacts=support(here, "double")).step(here)
 
     alone, both = step(0.0, 0.06), step(0.06, 0.06)
     assert min(one.least for one in both.singular.values()) > 0.06
@@ -104,49 +101,46 @@ def test_two_tasks_that_nearly_repeat_each_other(robot_named: Load) -> None:
     assert all(one.rate_reduction is not None for one in both.singular.values())
 
 
-def test_tasks_that_contradict_each_other_settle_by_their_weights(robot_named: Load) -> None:
+def test_tasks_that_contradict_each_other_settle_by_their_weights(g1_27: Robot) -> None:
     """One point in two places at once: the rate is the mean, weighted by the squared weights."""
-    robot = robot_named("g1_27")
-    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    here = g1_27.snapshot(g1_27.posture("standing"), np.zeros(g1_27.nv))
     place = here.position("left_wrist_yaw_link")
     tasks = [
         PositionTask(
-            robot, "left_wrist_yaw_link", place + [0.01 * sign, 0, 0], name=name,
+            g1_27, "left_wrist_yaw_link", place + [0.01 * sign, 0, 0], name=name,
             weight=weight, singular_threshold=0.02,
         )
         for name, sign, weight in (("a", 1.0, 1.0), ("b", -1.0, 3.0))
     ]  # fmt: skip
-    tick = KinematicController(robot, tasks, contacts=support(here, "double")).step(here)
+    tick = KinematicController(g1_27, tasks, contacts=support(here, "double")).step(here)
     rate = here.jacobian("left_wrist_yaw_link")[:3] @ tick.velocity
     # By 1 to 9, as without thresholds, but for (0.02 / singular value)^2.
     np.testing.assert_allclose(rate, [(1 - 9) / 10, 0, 0], atol=0.01)
 
 
-def test_a_level_that_holds_nothing_and_one_that_holds_everything(robot_named: Load) -> None:
-    robot = robot_named("g1_27")
-    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
-    com = ComTask(robot, here.com, priority=1, singular_threshold=0.08)
-    nothing = PostureTask(robot, here.q)
-    controller = KinematicController(robot, [nothing, com], contacts=())
+def test_a_level_that_holds_nothing_and_one_that_holds_everything(g1_27: Robot) -> None:
+    here = g1_27.snapshot(g1_27.posture("standing"), np.zeros(g1_27.nv))
+    com = ComTask(g1_27, here.com, priority=1, singular_threshold=0.08)
+    nothing = PostureTask(g1_27, here.q)
+    controller = KinematicController(g1_27, [nothing, com], contacts=())
     nothing.weight = 0.0
     tick = controller.step(here)
     least = np.linalg.svd(here.com_jacobian, compute_uv=False)[-1]
     assert tick.singular["com"].least == pytest.approx(least, rel=1e-9)
-    everything = PostureTask(robot, here.q)
+    everything = PostureTask(g1_27, here.q)
     contacts = support(here, "left")
-    tick = KinematicController(robot, [everything, com], contacts=contacts).step(here)
+    tick = KinematicController(g1_27, [everything, com], contacts=contacts).step(here)
     assert tick.ok
     assert tick.singular["com"].rank == 0
     assert tick.singular["com"].least < 1e-7
 
 
-def test_a_threshold_is_not_negative(robot_named: Load) -> None:
-    robot = robot_named("g1_27")
+def test_a_threshold_is_not_negative(g1_27: Robot) -> None:
     with pytest.raises(InvalidInputError, match=r"'com', singular_threshold: must be at least 0"):
-        ComTask(robot, np.zeros(3), singular_threshold=-0.1)
-    com = ComTask(robot, np.zeros(3), singular_threshold=0.1)
+        ComTask(g1_27, np.zeros(3), singular_threshold=-0.1)
+    com = ComTask(g1_27, np.zeros(3), singular_threshold=0.1)
     with pytest.raises(InvalidInputError, match=r"'com', singular_threshold: must be finite"):
         com.singular_threshold = np.nan
     assert com.singular_threshold == 0.1
     with pytest.raises(InvalidInputError, match=r"'posture', singular_threshold"):
-        PostureTask(robot, robot.posture("standing"), singular_threshold=np.nan)
+        PostureTask(g1_27, g1_27.posture("standing"), singular_threshold=np.nan)

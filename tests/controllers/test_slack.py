@@ -14,13 +14,8 @@ DT = 0.005
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.load("hoap2_like")
-
-
-@pytest.fixture(scope="module")
-def here(robot: Robot) -> Snapshot:
-    return robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+def here(hoap2: Robot) -> Snapshot:
+    return hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
 
 
 def controller(robot: Robot, here: Snapshot, **settings) -> KinematicController:
@@ -35,10 +30,10 @@ def boxed(robot: Robot, here: Snapshot) -> PositionBox:
     return PositionBox(robot, "base", here.q[:3] - 1.0, here.q[:3] + (1e-4, 1.0, 1.0))
 
 
-def test_a_soft_contact_is_its_rows_as_a_cost(robot: Robot, here: Snapshot) -> None:
+def test_a_soft_contact_is_its_rows_as_a_cost(hoap2: Robot, here: Snapshot) -> None:
     contacts = support(here, "double")
-    soft = controller(robot, here, contacts=contacts, slack={contacts[0].frame: 30.0}).step(here)
-    hard = controller(robot, here, contacts=contacts[1:]).step(here)
+    soft = controller(hoap2, here, contacts=contacts, slack={contacts[0].frame: 30.0}).step(here)
+    hard = controller(hoap2, here, contacts=contacts[1:]).step(here)
     # The oracle: the QP with one contact, the other one's rows added to its cost by hand.
     J = here.jacobian(contacts[0].frame)
     expected = qpsolvers.solve_qp(
@@ -50,13 +45,13 @@ def test_a_soft_contact_is_its_rows_as_a_cost(robot: Robot, here: Snapshot) -> N
     np.testing.assert_allclose(soft.velocity, expected, atol=1e-5)
 
 
-def test_a_soft_contact_counts_by_its_own_weight_too(robot: Robot, here: Snapshot) -> None:
+def test_a_soft_contact_counts_by_its_own_weight_too(hoap2: Robot, here: Snapshot) -> None:
     """A cost is 1/2 slack |weight (rate - wanted)|^2: twice the weight is four times the slack."""
     given = {
         weight: controller(
-            robot,
+            hoap2,
             here,
-            contacts=[PositionTask(robot, "left_palm", here.position("left_palm"), weight=weight)],
+            contacts=[PositionTask(hoap2, "left_palm", here.position("left_palm"), weight=weight)],
             slack={"left_palm position": slack},
         ).step(here)
         for weight, slack in ((1.0, 40.0), (2.0, 10.0), (3.0, 40.0))
@@ -67,11 +62,11 @@ def test_a_soft_contact_counts_by_its_own_weight_too(robot: Robot, here: Snapsho
 
 @pytest.mark.parametrize("weight", [1.0, 1e3])
 def test_a_soft_constraint_gives_way_by_pull_over_weight(
-    robot: Robot, here: Snapshot, weight: float
+    hoap2: Robot, here: Snapshot, weight: float
 ) -> None:
-    box = boxed(robot, here)
+    box = boxed(hoap2, here)
     tick = controller(
-        robot, here, contacts=support(here, "double"), constraints=[box], slack={box.name: weight}
+        hoap2, here, contacts=support(here, "double"), constraints=[box], slack={box.name: weight}
     ).step(here)
     assert tick.ok
     assert tick.slack, "the CoM task pulls forward, so the box must give way"
@@ -79,31 +74,31 @@ def test_a_soft_constraint_gives_way_by_pull_over_weight(
     rows = list(tick.qp.labels.inequality)
     for name, slack in tick.slack.items():
         assert weight * slack == pytest.approx(tick.solution.z[rows.index(name)], rel=1e-5)
-    free = controller(robot, here, contacts=support(here, "double")).step(here)
-    held = controller(robot, here, contacts=support(here, "double"), constraints=[box]).step(here)
+    free = controller(hoap2, here, contacts=support(here, "double")).step(here)
+    held = controller(hoap2, here, contacts=support(here, "double"), constraints=[box]).step(here)
     forward = [each.velocity[0] for each in (held, tick, free)]
     assert forward[0] <= forward[1] + 1e-9 <= forward[2] + 2e-9
     assert forward[0] < forward[2] - 1e-3
 
 
-def test_a_heavy_slack_is_as_good_as_hard(robot: Robot, here: Snapshot) -> None:
-    box = boxed(robot, here)
+def test_a_heavy_slack_is_as_good_as_hard(hoap2: Robot, here: Snapshot) -> None:
+    box = boxed(hoap2, here)
     settings = {"contacts": support(here, "double"), "constraints": [box]}
-    hard = controller(robot, here, **settings).step(here)
-    soft = controller(robot, here, slack={box.name: 1e7}, **settings).step(here)
+    hard = controller(hoap2, here, **settings).step(here)
+    soft = controller(hoap2, here, slack={box.name: 1e7}, **settings).step(here)
     # The row gives way by its pull, some 100, over the weight; joints move up to ten times as much.
     np.testing.assert_allclose(soft.velocity, hard.velocity, atol=5e-4)
 
 
-def test_levels_below_do_not_disturb_a_soft_contact(robot: Robot, here: Snapshot) -> None:
+def test_levels_below_do_not_disturb_a_soft_contact(hoap2: Robot, here: Snapshot) -> None:
     contacts = support(here, "double")
-    hand = PositionTask(robot, "left_hand", here.position("left_hand") + 0.1, priority=1)
-    com = ComTask(robot, here.com + (0.02, 0.0, 0.0), weight=10.0)
+    hand = PositionTask(hoap2, "left_hand", here.position("left_hand") + 0.1, priority=1)
+    com = ComTask(hoap2, here.com + (0.02, 0.0, 0.0), weight=10.0)
     first = KinematicController(
-        robot, [com], contacts=contacts, limits=Limits(robot), slack={contacts[0].frame: 30.0}
+        hoap2, [com], contacts=contacts, limits=Limits(hoap2), slack={contacts[0].frame: 30.0}
     ).step(here)
     both = KinematicController(
-        robot, [com, hand], contacts=contacts, limits=Limits(robot), slack={contacts[0].frame: 30.0}
+        hoap2, [com, hand], contacts=contacts, limits=Limits(hoap2), slack={contacts[0].frame: 30.0}
     ).step(here)
     assert first.ok and both.ok
     J = np.concatenate((here.com_jacobian, here.jacobian(contacts[0].frame)))
@@ -111,20 +106,20 @@ def test_levels_below_do_not_disturb_a_soft_contact(robot: Robot, here: Snapshot
     assert np.abs(both.velocity - first.velocity).max() > 1e-3
 
 
-def test_mistakes(robot: Robot, here: Snapshot) -> None:
+def test_mistakes(hoap2: Robot, here: Snapshot) -> None:
     contacts = support(here, "double")
     with pytest.raises(UnknownNameError, match="did you mean 'left_sole'"):
-        controller(robot, here, contacts=contacts, slack={"left_soul": 1.0})
+        controller(hoap2, here, contacts=contacts, slack={"left_soul": 1.0})
 
 
 def test_the_closest_command_stays_within_limits_and_says_what_it_misses(
-    robot: Robot, here: Snapshot
+    hoap2: Robot, here: Snapshot
 ) -> None:
     left, right = support(here, "double")
-    apart = Contact(robot, left.frame, left.position + (1.0, 0.0, 0.0), left.rotation)
-    limits = Limits(robot)
+    apart = Contact(hoap2, left.frame, left.position + (1.0, 0.0, 0.0), left.rotation)
+    limits = Limits(hoap2)
     tick = KinematicController(
-        robot, [ComTask(robot, here.com)], contacts=[apart, right], limits=limits,
+        hoap2, [ComTask(hoap2, here.com)], contacts=[apart, right], limits=limits,
         on_failure="closest",
     ).step(here)  # fmt: skip
     assert not tick.ok and tick.policy == "closest"

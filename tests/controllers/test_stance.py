@@ -57,31 +57,29 @@ def test_joints_that_are_too_weak_are_named(robot_named: Load) -> None:
     assert strong.ok
 
 
-def test_a_com_beyond_the_sole_cannot_be_borne(robot_named: Load) -> None:
+def test_a_com_beyond_the_sole_cannot_be_borne(g1: Robot) -> None:
     """At most the weight times the distance from the CoM to the sole is left as a moment."""
-    robot = robot_named("g1")
-    here = standing(robot)
+    here = standing(g1)
     stance = wbc.stance_torques(here, wbc.support(here, "left"))
     assert not stance.held and "no forces of left_sole" in stance.report()
     assert f"and {np.linalg.norm(stance.unheld[3:]):.4g} N m on its base" in stance.report()
     reach = np.linalg.norm(here.com[:2] - here.position("left_sole")[:2])
-    assert 0.0 < np.linalg.norm(stance.unheld[3:]) < 9.81 * robot.mass * reach
+    assert 0.0 < np.linalg.norm(stance.unheld[3:]) < 9.81 * g1.mass * reach
     floating = wbc.stance_torques(here, ())
-    assert np.linalg.norm(floating.unheld[:3]) == pytest.approx(9.81 * robot.mass)
+    assert np.linalg.norm(floating.unheld[:3]) == pytest.approx(9.81 * g1.mass)
 
 
-def test_contacts_in_the_air_are_said(robot_named: Load) -> None:
-    robot = robot_named("g1")
-    here = standing(robot)
+def test_contacts_in_the_air_are_said(g1: Robot) -> None:
+    here = standing(g1)
     contacts = wbc.support(here, "double")
     q = here.q.copy()
     q[2] += 0.05
-    there = robot.snapshot(q, np.zeros(robot.nv))
+    there = g1.snapshot(q, np.zeros(g1.nv))
     stance = wbc.stance_torques(there, contacts)
     assert stance.displaced == pytest.approx({"left_sole": 0.05, "right_sole": 0.05})
     assert not stance.ok and "50 mm from its anchor" in stance.report()
-    tasks = [wbc.PostureTask(robot, here.q)]
-    controller = wbc.TorqueController(robot, tasks, contacts=contacts)
+    tasks = [wbc.PostureTask(g1, here.q)]
+    controller = wbc.TorqueController(g1, tasks, contacts=contacts)
     tick = controller.step(there)
     assert tick.displaced == pytest.approx(stance.displaced)
     assert "'left_sole' is 50 mm from its anchor" in tick.report()
@@ -90,18 +88,17 @@ def test_contacts_in_the_air_are_said(robot_named: Load) -> None:
 
 
 def test_a_controller_says_at_once_of_contacts_that_are_elsewhere(
-    robot_named: Load, caplog: pytest.LogCaptureFixture
+    g1: Robot, caplog: pytest.LogCaptureFixture
 ) -> None:
     """At the velocity level the base is commanded there within a tick or two, at 100 m/s."""
-    robot = robot_named("g1")
-    here = standing(robot)
+    here = standing(g1)
     q = here.q.copy()
     q[0] += 1.0
-    there, tasks = robot.snapshot(q, np.zeros(robot.nv)), [wbc.PostureTask(robot, here.q)]
+    there, tasks = g1.snapshot(q, np.zeros(g1.nv)), [wbc.PostureTask(g1, here.q)]
     for make in (wbc.KinematicController, wbc.TorqueController):
-        make(robot, tasks, contacts=wbc.support(there, "double")).step(there)
+        make(g1, tasks, contacts=wbc.support(there, "double")).step(there)
         assert not caplog.messages
-        make(robot, tasks, contacts=wbc.support(here, "double")).step(there)
+        make(g1, tasks, contacts=wbc.support(here, "double")).step(there)
         (said,) = caplog.messages
         assert "'left_sole' by 1e+03 mm, 'right_sole' by 1e+03 mm" in said
         caplog.clear()
@@ -125,17 +122,16 @@ def test_missing_effort_limits_are_said_by_name(
     assert not caplog.text
 
 
-def test_bad_input_is_typed(robot_named: Load) -> None:
-    robot = robot_named("g1")
-    here = standing(robot)
+def test_bad_input_is_typed(g1: Robot) -> None:
+    here = standing(g1)
     contacts = wbc.support(here, "double")
-    controller = wbc.TorqueController(robot, [wbc.PostureTask(robot, here.q)], contacts=contacts)
+    controller = wbc.TorqueController(g1, [wbc.PostureTask(g1, here.q)], contacts=contacts)
     bad = here.q.copy()
     bad[9] = np.nan
     for make in (
         lambda: controller.step(None),
-        lambda: controller.step(robot.snapshot(bad)),
-        lambda: controller.step(robot.snapshot(here.q, np.full(robot.nv, np.inf))),
+        lambda: controller.step(g1.snapshot(bad)),
+        lambda: controller.step(g1.snapshot(here.q, np.full(g1.nv, np.inf))),
         lambda: wbc.stance_torques(None, contacts),
         lambda: wbc.stance_torques(here, contacts[0]),
         lambda: wbc.stance_torques(here, ["left_sole"]),
@@ -216,17 +212,16 @@ def test_torques_are_the_least_and_exceed_the_limits_least(
     assert bool(lacking) == (effort < 10.0)
 
 
-def test_what_is_beyond_a_limit_by_rounding_is_not(robot_named: Load) -> None:
+def test_what_is_beyond_a_limit_by_rounding_is_not(g1: Robot) -> None:
     """A thousandth of a limit, and a millionth of the weight at a metre: by hand."""
-    robot = robot_named("g1")
-    here = standing(robot)
+    here = standing(g1)
     stance = wbc.stance_torques(here, wbc.support(here, "double"))
-    n, weight = robot.nv - 6, robot.weight
+    n, weight = g1.nv - 6, g1.weight
     for most, over, said in ((50.0, 1.0009, False), (50.0, 1.0011, True), (0.0, 0.0, False)):
         torque = np.zeros(n)
         torque[3] = -over * most
         found = replace(stance, torque=torque, most=np.full(n, most)).overloaded
-        assert found == ({robot.joint_names[3]: (-over * most, most)} if said else {})
+        assert found == ({g1.joint_names[3]: (-over * most, most)} if said else {})
     for by, said in ((0.9e-6, False), (1.1e-6, True)):
         torque = np.full(n, by * weight)
         assert bool(replace(stance, torque=torque, most=np.zeros(n)).overloaded) is said

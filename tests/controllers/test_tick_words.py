@@ -12,28 +12,23 @@ from wbc.robot import Robot
 from wbc.tasks import ComTask, PositionTask, PostureTask
 
 
-@pytest.fixture
-def robot(robot_named) -> Robot:
-    return robot_named("hoap2_like")
-
-
 @pytest.mark.parametrize(
     ("count", "told"),
     [(1, "t0"), (3, "t0, t1, t2"), (4, "t0, t1, t2 and 1 more"), (6, "t0, t1, t2 and 3 more")],
 )
-def test_three_errors_are_named(robot, count: int, told: str) -> None:
-    here = robot.snapshot(robot.posture())
-    tasks = [ComTask(robot, here.com, name=f"t{k}") for k in range(count)]
-    tick = KinematicController(robot, tasks, contacts=()).step(here)
-    assert repr(tick) == f"Tick(solved, nv={robot.nv}, errors: {told})"
+def test_three_errors_are_named(hoap2, count: int, told: str) -> None:
+    here = hoap2.snapshot(hoap2.posture())
+    tasks = [ComTask(hoap2, here.com, name=f"t{k}") for k in range(count)]
+    tick = KinematicController(hoap2, tasks, contacts=()).step(here)
+    assert repr(tick) == f"Tick(solved, nv={hoap2.nv}, errors: {told})"
     assert tick.report() == "solved" and tick.ok
 
 
-def test_rows_that_hold_back_are_told_the_strongest_first(robot) -> None:
+def test_rows_that_hold_back_are_told_the_strongest_first(hoap2) -> None:
     """Of scripted multipliers: names once, on levels above as well, noise and zeros left out."""
-    here = robot.snapshot(robot.posture())
-    box = PositionBox(robot, "base", here.position("base") - 1.0, here.position("base") + 1.0)
-    tick = KinematicController(robot, [ComTask(robot, here.com)], contacts=support(here, "left"),
+    here = hoap2.snapshot(hoap2.posture())
+    box = PositionBox(hoap2, "base", here.position("base") - 1.0, here.position("base") + 1.0)
+    tick = KinematicController(hoap2, [ComTask(hoap2, here.com)], contacts=support(here, "left"),
                                constraints=[box]).step(here)  # fmt: skip
     names = tick.qp.labels.inequality
     assert len(names) == 6 and tick.active == ()
@@ -53,16 +48,16 @@ def test_rows_that_hold_back_are_told_the_strongest_first(robot) -> None:
     assert replace(tick, solution=failed, status=Status.FAILED).active == ()
 
 
-def test_a_command_that_misses_rows_says_which(robot) -> None:
+def test_a_command_that_misses_rows_says_which(hoap2) -> None:
     """A foot held a metre away: half the velocity, none, or the nearest; each policy by name."""
-    here = robot.snapshot(robot.posture(), 0.1 * np.ones(robot.nv))
+    here = hoap2.snapshot(hoap2.posture(), 0.1 * np.ones(hoap2.nv))
     left, right = support(here, "double")
-    far = type(left)(robot, left.frame, left.position + [1.0, 0.0, 0.0], left.rotation)
-    limits = Limits(robot)
-    expected = {"hold": np.zeros(robot.nv), "damp": 0.5 * here.v}
+    far = type(left)(hoap2, left.frame, left.position + [1.0, 0.0, 0.0], left.rotation)
+    limits = Limits(hoap2)
+    expected = {"hold": np.zeros(hoap2.nv), "damp": 0.5 * here.v}
     for policy in ("hold", "damp", "closest"):
         controller = KinematicController(
-            robot, [PostureTask(robot, here.q)], contacts=[far, right], limits=limits,
+            hoap2, [PostureTask(hoap2, here.q)], contacts=[far, right], limits=limits,
             on_failure=policy,
         )  # fmt: skip
         tick = controller.step(here)
@@ -82,7 +77,7 @@ def test_a_command_that_misses_rows_says_which(robot) -> None:
         assert max(map(abs, tick.slack.values())) > 1.0
 
 
-def test_a_failed_torque_tick_brings_joints_to_rest(robot, monkeypatch) -> None:
+def test_a_failed_torque_tick_brings_joints_to_rest(hoap2, monkeypatch) -> None:
     """Where no solver answers: joints slow down by dt / 50 ms, within the torque bounds."""
     from wbc.controllers import TorqueController
     from wbc.qp import ProxQP
@@ -101,10 +96,10 @@ def test_a_failed_torque_tick_brings_joints_to_rest(robot, monkeypatch) -> None:
             return found._replace(status=Status.FAILED, message="no answer")
 
     rng = np.random.default_rng(1)
-    here = robot.snapshot(robot.posture(), 0.1 * rng.normal(size=robot.nv))
+    here = hoap2.snapshot(hoap2.posture(), 0.1 * rng.normal(size=hoap2.nv))
     for dt, share in ((0.002, 0.96), (0.1, 0.0)):
         controller = TorqueController(
-            robot, [PositionTask(robot, "left_hand", here.com)], contacts=support(here, "double"),
+            hoap2, [PositionTask(hoap2, "left_hand", here.com)], contacts=support(here, "double"),
             solver=Silent(), dt=dt,
         )  # fmt: skip
         tick = controller.step(here)
@@ -113,7 +108,7 @@ def test_a_failed_torque_tick_brings_joints_to_rest(robot, monkeypatch) -> None:
         np.testing.assert_allclose(tick.velocity, expected, atol=1e-12)
         np.testing.assert_allclose(tick.acceleration, (expected - here.v) / dt, atol=1e-9)
         bounds = controller.torque_bounds
-        raw = here.mass_matrix @ tick.acceleration + here.bias + robot_damping(robot, expected)
+        raw = here.mass_matrix @ tick.acceleration + here.bias + robot_damping(hoap2, expected)
         np.testing.assert_allclose(tick.torque, np.clip(raw[6:], -bounds, bounds), atol=1e-6)
 
 

@@ -88,11 +88,10 @@ def test_every_humanoid_stands_still_without_a_gain(name: str, robot_named: Load
     assert np.abs(tick.acceleration).max() < 0.05
 
 
-def test_centre_of_pressure_agrees_with_the_wrenches(robot_named: Load) -> None:
-    robot = robot_named("g1")
-    here = standing(robot)
-    tasks = [wbc.ComTask(robot, here.com + [0.05, 0.02, 0.0]), *stack(here)[1:]]
-    tick = wbc.TorqueController(robot, tasks, contacts=wbc.support(here, "double")).step(here)
+def test_centre_of_pressure_agrees_with_the_wrenches(g1: Robot) -> None:
+    here = standing(g1)
+    tasks = [wbc.ComTask(g1, here.com + [0.05, 0.02, 0.0]), *stack(here)[1:]]
+    tick = wbc.TorqueController(g1, tasks, contacts=wbc.support(here, "double")).step(here)
     total, moment = np.zeros(3), np.zeros(3)
     for frame, wrench in tick.forces.items():
         total += wrench[:3]
@@ -102,52 +101,48 @@ def test_centre_of_pressure_agrees_with_the_wrenches(robot_named: Load) -> None:
     np.testing.assert_allclose(tick.cop[1], moment[0] / total[2], atol=1e-9)
 
 
-def test_what_cannot_be_kept_gives_way_by_name(robot_named: Load) -> None:
+def test_what_cannot_be_kept_gives_way_by_name(g1: Robot) -> None:
     """A sole that rushes upwards cannot be stopped by forces that only push."""
-    robot = robot_named("g1")
-    here = standing(robot)
-    v = np.zeros(robot.nv)
+    here = standing(g1)
+    v = np.zeros(g1.nv)
     v[2] = 2.0
-    there = robot.snapshot(here.q, v)
+    there = g1.snapshot(here.q, v)
     controller = wbc.TorqueController(
-        robot, stack(here), contacts=wbc.support(here, "double"), limits=wbc.Limits(robot)
+        g1, stack(here), contacts=wbc.support(here, "double"), limits=wbc.Limits(g1)
     )
     tick = controller.step(there)
     assert tick.ok and tick.policy == "relax"
     assert any("sole" in name for name in tick.relaxed)
     assert "gave way" in tick.report()
     # The strongest thing legs can do is pull their feet down no faster than torques allow.
-    assert (np.abs(tick.torque) <= robot.limits.effort).all()
+    assert (np.abs(tick.torque) <= g1.limits.effort).all()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("solver", ["proxqp", "daqp"])
-def test_every_command_is_finite_and_inside_the_torque_bounds(
-    solver: str, robot_named: Load
-) -> None:
+def test_every_command_is_finite_and_inside_the_torque_bounds(solver: str, g1: Robot) -> None:
     """States no stance can be in: limits exceeded, feet off the ground, rushing joints."""
-    robot = robot_named("g1")
-    here, rng = standing(robot), np.random.default_rng(5)
+    here, rng = standing(g1), np.random.default_rng(5)
     contacts = wbc.support(here, "double")
     controller = wbc.TorqueController(
-        robot,
+        g1,
         stack(here),
         contacts=contacts,
-        limits=wbc.Limits(robot),
-        constraints=[wbc.SelfCollision(robot, margin=0.01)],
+        limits=wbc.Limits(g1),
+        constraints=[wbc.SelfCollision(g1, margin=0.01)],
         solver=solver,
     )
     relaxed = 0
     for _ in range(40):
         tick = controller.step(disturbed(here, rng, 0.3))
         assert np.isfinite(tick.torque).all() and np.isfinite(tick.velocity).all()
-        assert (np.abs(tick.torque) <= robot.limits.effort).all()
+        assert (np.abs(tick.torque) <= g1.limits.effort).all()
         assert tick.ok, tick.report()  # the last resort is for what we have not seen
         relaxed += tick.policy == "relax"
     assert relaxed > 15
 
 
-def test_last_resort_and_its_policy(robot_named: Load, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_last_resort_and_its_policy(hoap2: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where neither the chosen solver nor the core has an answer."""
     from wbc.qp.active_set import ActiveSet
     from wbc.qp.solution import Status
@@ -167,48 +162,45 @@ def test_last_resort_and_its_policy(robot_named: Load, monkeypatch: pytest.Monke
         def solve(self, qp, workspace=None, quick=False):  # type: ignore[no-untyped-def]
             return ActiveSet().solve(qp)
 
-    robot = robot_named("hoap2_like")
-    here = standing(robot)
-    v = np.zeros(robot.nv)
+    here = standing(hoap2)
+    v = np.zeros(hoap2.nv)
     v[10] = 3.0
-    there = robot.snapshot(here.q, v)
+    there = hoap2.snapshot(here.q, v)
     contacts = wbc.support(here, "double")
-    controller = wbc.TorqueController(robot, stack(here), contacts=contacts, solver=Lazy())
+    controller = wbc.TorqueController(hoap2, stack(here), contacts=contacts, solver=Lazy())
     tick = controller.step(there)
     assert not tick.ok and tick.policy == "damp"
     assert np.isfinite(tick.torque).all()
     assert abs(tick.velocity[10]) < 3.0
     strict = wbc.TorqueController(
-        robot, stack(here), contacts=contacts, solver=Lazy(), on_failure="raise"
+        hoap2, stack(here), contacts=contacts, solver=Lazy(), on_failure="raise"
     )
     with pytest.raises(ControllerFailure):
         strict.step(there)
 
 
-def test_a_surface_of_unknown_shape_is_refused(robot_named: Load) -> None:
-    robot = robot_named("g1")
-    here = standing(robot)
-    hand = next(name for name in robot.frame_names if "wrist_yaw" in name)
+def test_a_surface_of_unknown_shape_is_refused(g1: Robot) -> None:
+    here = standing(g1)
+    hand = next(name for name in g1.frame_names if "wrist_yaw" in name)
     with pytest.raises(InvalidInputError, match="corners"):
-        wbc.TorqueController(robot, stack(here), contacts=[wbc.Contact.hold(here, hand)])
+        wbc.TorqueController(g1, stack(here), contacts=[wbc.Contact.hold(here, hand)])
     for held in (
         wbc.Contact.hold(here, hand, friction=None),
         wbc.Contact.hold(here, hand, corners=[[0.0, 0.0], [0.01, 0.0], [0.0, 0.01]]),
         wbc.PointContact.hold(here, hand),
     ):
         tick = wbc.TorqueController(
-            robot, stack(here), contacts=[*wbc.support(here, "double"), held]
+            g1, stack(here), contacts=[*wbc.support(here, "double"), held]
         ).step(here)
         assert tick.ok and tick.policy is None, tick.report()
         assert tick.forces[hand].shape == (6,)
 
 
-def test_normal_forces_keep_their_range(robot_named: Load) -> None:
-    robot = robot_named("g1")
-    here = standing(robot)
+def test_normal_forces_keep_their_range(g1: Robot) -> None:
+    here = standing(g1)
     left, right = wbc.support(here, "double")
     left.friction = wbc.FrictionCone(least=30.0, most=80.0)
-    controller = wbc.TorqueController(robot, stack(here), contacts=[left, right], solver="daqp")
+    controller = wbc.TorqueController(g1, stack(here), contacts=[left, right], solver="daqp")
     tick = controller.step(here)
     assert tick.policy is None
     assert tick.forces["left_sole"][2] == pytest.approx(80.0, abs=1e-2)
@@ -221,19 +213,18 @@ def test_normal_forces_keep_their_range(robot_named: Load) -> None:
 
 
 def test_what_has_no_effect_at_this_level_is_said(
-    robot_named: Load, caplog: pytest.LogCaptureFixture
+    hoap2: Robot, caplog: pytest.LogCaptureFixture
 ) -> None:
-    robot = robot_named("hoap2_like")
-    here = standing(robot)
-    tasks = [wbc.ComTask(robot, here.com, singular_threshold=5e-4)]
-    wbc.TorqueController(robot, tasks, contacts=wbc.support(here, "double"))
+    here = standing(hoap2)
+    tasks = [wbc.ComTask(hoap2, here.com, singular_threshold=5e-4)]
+    wbc.TorqueController(hoap2, tasks, contacts=wbc.support(here, "double"))
     assert "singular_threshold of task 'com' has no effect" in caplog.text
     caplog.clear()
-    first, second = wbc.ComTask(robot, here.com, gain=0.3), wbc.ComTask(robot, here.com, kp=50.0)
-    both = wbc.ComTask(robot, here.com, gain_per_second=5.0, kd=9.0)
-    for task in (first, second, both, wbc.ComTask(robot, here.com)):
-        wbc.TorqueController(robot, [task], contacts=wbc.support(here, "double"))
-        wbc.KinematicController(robot, [task], contacts=wbc.support(here, "double"))
+    first, second = wbc.ComTask(hoap2, here.com, gain=0.3), wbc.ComTask(hoap2, here.com, kp=50.0)
+    both = wbc.ComTask(hoap2, here.com, gain_per_second=5.0, kd=9.0)
+    for task in (first, second, both, wbc.ComTask(hoap2, here.com)):
+        wbc.TorqueController(hoap2, [task], contacts=wbc.support(here, "double"))
+        wbc.KinematicController(hoap2, [task], contacts=wbc.support(here, "double"))
     assert [record.getMessage() for record in caplog.records] == [
         "controller: gain of task 'com' has no effect at the torque level; give kp, kd",
         "controller: kp, kd of task 'com' has no effect at the velocity level; give gain",

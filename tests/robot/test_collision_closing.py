@@ -39,23 +39,22 @@ def test_the_way_is_not_shorter_than_the_margins_law_needs(slowest: float, rng) 
 
 
 @pytest.mark.parametrize("around", [None, Capsule.of([0.3, 0, 0], [0.3, 0, 1], 0.02), WALL])
-def test_those_with_the_least_left_of_all_pairs(around: Shape | None, rng) -> None:
+def test_those_with_the_least_left_of_all_pairs(hoap2: Robot, around: Shape | None, rng) -> None:
     """Bounds on speeds never underestimate: no pair is left out that brute force finds."""
-    robot = Robot.load("hoap2_like")
     bodies = [
         Body(str(joint), "base", joint, Capsule.of(*(0.05 * rng.normal(size=(2, 3))), 0.02))
-        for joint in range(1, robot.model.njoints)
+        for joint in range(1, hoap2.model.njoints)
     ]
     if around is not None:
         bodies.append(Body("around", "", 0, around))
     n = len(bodies)
-    model = CollisionModel(robot, bodies, [(a, b) for a in range(n) for b in range(a + 1, n)])
+    model = CollisionModel(hoap2, bodies, [(a, b) for a in range(n) for b in range(a + 1, n)])
     kept, more = 0.01 * rng.random(len(model.pairs)), 0
     for _ in range(25):
-        q, v = random_state(robot, rng)
+        q, v = random_state(hoap2, rng)
         if around is not None:
             model.place(n - 1, np.eye(3), rng.normal(size=3), *(4.0 * rng.normal(size=(2, 3))))
-        here = robot.snapshot(q, v * 10.0 ** rng.uniform(-2, 1))
+        here = hoap2.snapshot(q, v * 10.0 ** rng.uniform(-2, 1))
         closing = Closing(0.002, 5.0, 0.5, 0.001)
         every = model.measure(here, np.arange(len(model.pairs)))
         speed = -model.rows(here, every) @ here.v - model.rates(every)
@@ -70,18 +69,17 @@ def test_those_with_the_least_left_of_all_pairs(around: Shape | None, rng) -> No
     assert more > 10
 
 
-def test_accelerations_that_joints_have_make_the_way_longer() -> None:
+def test_accelerations_that_joints_have_make_the_way_longer(hoap2: Robot) -> None:
     """Of what braking counts on there is half: pairs get rows from farther away."""
-    robot = Robot.load("hoap2_like")
-    limits, v = Limits(robot), np.zeros(robot.nv)
+    limits, v = Limits(hoap2), np.zeros(hoap2.nv)
     v[6:] = 1.0
-    here = robot.snapshot(robot.posture("standing"), v)
+    here = hoap2.snapshot(hoap2.posture("standing"), v)
     counts = []
     for known in (None, limits):
-        margins = SelfCollision(robot, pairs=1, limits=known)
+        margins = SelfCollision(hoap2, pairs=1, limits=known)
         if known is not None:
-            limits.acceleration = np.full(robot.nv - 6, 0.4)
-            margins = SelfCollision(robot, pairs=1, limits=limits)
+            limits.acceleration = np.full(hoap2.nv - 6, 0.4)
+            margins = SelfCollision(hoap2, pairs=1, limits=limits)
         rows = margins.braked_rows(here, 0.002)
         distances = margins.distances(here, np.arange(len(margins.margins)))
         speed = -distances.jacobian @ v
@@ -91,14 +89,13 @@ def test_accelerations_that_joints_have_make_the_way_longer() -> None:
     assert counts[1] > counts[0]
 
 
-def test_an_obstacle_that_comes_fast_has_its_row_before_nearer_ones_at_rest() -> None:
-    robot = Robot.load("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
+def test_an_obstacle_that_comes_fast_has_its_row_before_nearer_ones_at_rest(hoap2: Robot) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
     hand = here.position("left_hand")
     near = [Obstacle.sphere(f"near {k}", hand + [0.0, 0.1 + 0.1 * k, 0.0], 0.03) for k in range(3)]
     comes = Obstacle.sphere("comes", hand + [0.6, 0.0, 0.0], 0.03)
     comes.move(np.eye(3), np.zeros(3), velocity=[-3.0, 0.0, 0.0])
-    around = Obstacles(robot, [*near, comes], pairs=1)
+    around = Obstacles(hoap2, [*near, comes], pairs=1)
     assert all("comes" in label for label in around.braked_rows(here, 0.002).labels)
     comes.move(np.eye(3), np.zeros(3))
     (label,) = around.braked_rows(here, 0.002).labels

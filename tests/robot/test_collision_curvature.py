@@ -37,10 +37,9 @@ def test_no_distance_ends_below_the_bound(name, size, robot_named, random_snapsh
         assert (left <= model.curvature_bound(found.pairs, step) + 5e-6).all()
 
 
-def test_plates_face_to_face_may_lose_what_their_edges_do(robot_named) -> None:
+def test_plates_face_to_face_may_lose_what_their_edges_do(hoap2) -> None:
     """Two parallel plates: the edge comes nearer by its lever times the angle, to first order."""
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
+    here = hoap2.snapshot(hoap2.posture("standing"))
     R, p = here.joint_placements
     joint = 7
     plates = [(0, np.zeros(3)), (joint, np.array([0.0, 0.0, 0.05]))]
@@ -49,17 +48,17 @@ def test_plates_face_to_face_may_lose_what_their_edges_do(robot_named) -> None:
         # Both plates lie flat around the joint's origin, one 4 cm above the other.
         box = Hull.box([0.2, 0.2, 0.01], offset).vertices + p[joint]
         bodies.append(Body(f"plate{k}", f"plate{k}", k, Hull((box - p[k]) @ R[k])))
-    model = CollisionModel(robot, bodies, [(1, 0)])
+    model = CollisionModel(hoap2, bodies, [(1, 0)])
     found = model.nearest(here)
     assert found.distance[0] == pytest.approx(0.04, abs=1e-6)
     lost = []
     for angle in (0.01, -0.01):  # of the base, and the upper plate, about an axis in their plane
-        step = np.zeros(robot.nv)
+        step = np.zeros(hoap2.nv)
         step[3] = angle
         bound = model.curvature_bound(found.pairs, step)[0]
-        there = robot.integrate(here.q, step, 1.0)
+        there = hoap2.integrate(here.q, step, 1.0)
         left = (found.distance + model.rows(here, found) @ step)[0]
-        lost.append(left - distances(robot, bodies, [(1, 0)], there)[0])
+        lost.append(left - distances(hoap2, bodies, [(1, 0)], there)[0])
         # No more than from edge to edge, and at least what was lost.
         assert lost[-1] <= bound <= 0.01 * 0.2 * np.sqrt(2.0) + 1e-4
     # Of two parallel faces any points are nearest: those found miss one edge or the other.
@@ -67,10 +66,9 @@ def test_plates_face_to_face_may_lose_what_their_edges_do(robot_named) -> None:
 
 
 @pytest.mark.parametrize("tilt", [0.002, 0.005, 0.008])
-def test_a_strip_that_leans_loses_what_turning_past_parallel_takes(tilt, robot_named) -> None:
+def test_a_strip_that_leans_loses_what_turning_past_parallel_takes(tilt, hoap2) -> None:
     """Turned by more than it leans, its other end comes down: length times the difference."""
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
+    here = hoap2.snapshot(hoap2.posture("standing"))
     R, p = here.joint_placements
     strip, floor = Hull.box([0.01, 0.2, 0.01]).vertices, Hull.box([1.0, 1.0, 0.01]).vertices
     axis = R[1][:, 0]  # the base's own
@@ -81,28 +79,27 @@ def test_a_strip_that_leans_loses_what_turning_past_parallel_takes(tilt, robot_n
         Body("strip", "strip", 1, Hull((leaning - p[1]) @ R[1])),
         Body("floor", "floor", 0, Hull(below)),
     ]
-    model = CollisionModel(robot, bodies, [(0, 1)])
+    model = CollisionModel(hoap2, bodies, [(0, 1)])
     found = model.nearest(here)
     assert found.distance[0] == pytest.approx(0.01, abs=1e-6)
-    angle, step = 0.01, np.zeros(robot.nv)
+    angle, step = 0.01, np.zeros(hoap2.nv)
     step[3] = angle
-    there = robot.integrate(here.q, step, 1.0)
+    there = hoap2.integrate(here.q, step, 1.0)
     left = (found.distance + model.rows(here, found) @ step)[0]
-    left -= distances(robot, bodies, [(0, 1)], there)[0]
+    left -= distances(hoap2, bodies, [(0, 1)], there)[0]
     bound = model.curvature_bound(found.pairs, step)[0]
     assert left == pytest.approx(0.2 * (angle - tilt), rel=0.1)
     assert left <= bound <= 1.05 * angle * 0.2  # of turning by all of it
 
 
-def test_random_plates_lose_what_the_bound_says_and_no_less(robot_named, rng) -> None:
+def test_random_plates_lose_what_the_bound_says_and_no_less(hoap2, rng) -> None:
     """Rounded plates, parallel or nearly, turned and slid any way: a loss of first order."""
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
+    here = hoap2.snapshot(hoap2.posture("standing"))
     R, p = here.joint_placements
-    supports = [set(above) for above in robot.model.supports]
+    supports = [set(above) for above in hoap2.model.supports]
     used, beyond = [], 0
     for _ in range(150):
-        one, other = (int(k) for k in rng.choice(np.arange(1, robot.model.njoints), 2, False))
+        one, other = (int(k) for k in rng.choice(np.arange(1, hoap2.model.njoints), 2, False))
         thick, gap, size = 0.01, rng.choice([1e-3, 1e-2, 5e-2]), rng.choice([1e-3, 1e-2])
         radius, tilt = rng.choice([0.0, 0.02]), rng.choice([0.0, size])
         turn, middle = pin.exp3(rng.normal(size=3)), 0.5 * (p[one] + p[other])
@@ -114,17 +111,17 @@ def test_random_plates_lose_what_the_bound_says_and_no_less(robot_named, rng) ->
             box = Hull.box([*rng.uniform(0.05, 0.3, 2), thick]).vertices @ spin.T + place
             world = box @ turn.T + middle
             bodies.append(Body(f"plate{k}", f"plate{k}", k, Hull((world - p[k]) @ R[k], radius)))
-        model = CollisionModel(robot, bodies, [(0, 1)])
+        model = CollisionModel(hoap2, bodies, [(0, 1)])
         found = model.nearest(here)
-        step = size * rng.normal(size=robot.nv)
+        step = size * rng.normal(size=hoap2.nv)
         bound = model.curvature_bound(found.pairs, step)[0]
-        there = robot.integrate(here.q, step, 1.0)
+        there = hoap2.integrate(here.q, step, 1.0)
         left = (found.distance + model.rows(here, found) @ step)[0]
-        left -= distances(robot, bodies, [(0, 1)], there)[0]
+        left -= distances(hoap2, bodies, [(0, 1)], there)[0]
         assert left <= bound + 5e-6
         used.append(left / bound)
         between = supports[one] ^ supports[other]
-        angle = sum(abs(step[robot.model.idx_vs[k]]) for k in between)
+        angle = sum(abs(step[hoap2.model.idx_vs[k]]) for k in between)
         beyond += left > 0.5 * angle * angle + 5e-6
     # 77 of 150 lose what is not of second order, and up to 0.44 of the bound is used.
     assert beyond > 60
@@ -132,10 +129,9 @@ def test_random_plates_lose_what_the_bound_says_and_no_less(robot_named, rng) ->
 
 
 @pytest.mark.parametrize("shape", ["ball", "box"])
-def test_a_base_that_slides_and_turns_is_counted(shape, robot_named, rng) -> None:
+def test_a_base_that_slides_and_turns_is_counted(shape, hoap2, rng) -> None:
     """Sliding far while turning little bends the way by half of both, whatever the levers."""
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
+    here = hoap2.snapshot(hoap2.posture("standing"))
     R, p = here.joint_placements
     solid_one = Capsule.sphere(np.zeros(3), 0.05) if shape == "ball" else Hull.box([0.1, 0.1, 0.1])
     worst = -np.inf
@@ -143,12 +139,12 @@ def test_a_base_that_slides_and_turns_is_counted(shape, robot_named, rng) -> Non
         away, slide = np.linalg.qr(rng.normal(size=(3, 3)))[0].T[:2]
         wall = HalfSpace.of(away, float(away @ p[1]) - 0.2)
         bodies = [Body("base", "base", 1, solid_one), Body("wall", "wall", 0, wall)]
-        model = CollisionModel(robot, bodies, [(0, 1)])
+        model = CollisionModel(hoap2, bodies, [(0, 1)])
         found = model.nearest(here)
-        step = np.zeros(robot.nv)
+        step = np.zeros(hoap2.nv)
         # About the axis that turns the way into the wall.
         step[:3], step[3:6] = R[1].T @ (0.05 * slide), R[1].T @ (0.005 * np.cross(away, slide))
-        there = robot.snapshot(robot.integrate(here.q, step, 1.0))
+        there = hoap2.snapshot(hoap2.integrate(here.q, step, 1.0))
         lost = (found.distance + model.rows(here, found) @ step - model.nearest(there).distance)[0]
         worst = max(worst, lost)
         assert lost <= model.curvature_bound(found.pairs, step)[0] + 1e-6

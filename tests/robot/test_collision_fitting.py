@@ -132,13 +132,12 @@ def test_parts_do_not_depend_on_the_last_bits(robot_named, rng, monkeypatch) -> 
 
 
 @pytest.mark.parametrize("fit", FITS)
-def test_cylinders_and_boxes(fit: str, robot_named) -> None:
+def test_cylinders_and_boxes(fit: str, hoap2) -> None:
     """Rims of cylinders and corners of boxes, from their sizes in the file."""
-    robot = robot_named("hoap2_like")
     turns = np.linspace(0, 2 * np.pi, 50)
     seen = set()
     for body, shape in zip(
-        robot_bodies(robot, fit), robot.collision_model.geometryObjects, strict=True
+        robot_bodies(hoap2, fit), hoap2.collision_model.geometryObjects, strict=True
     ):
         geometry = shape.geometry
         seen.add(type(geometry))

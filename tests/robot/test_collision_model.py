@@ -89,12 +89,11 @@ def test_rows_are_the_slopes_of_coals_distances(name, robot_named, random_snapsh
         assert error[round_ones].max() < 1e-4 * np.abs(slope).max()
 
 
-def test_witness_points_lie_on_the_surfaces(robot_named, random_snapshot, rng) -> None:
+def test_witness_points_lie_on_the_surfaces(hoap2, random_snapshot, rng) -> None:
     """A small ball at either point is in touch with its body."""
-    robot = robot_named("hoap2_like")
-    bodies = bodies_on(robot, rng)
-    model = CollisionModel(robot, bodies, all_pairs(bodies))
-    here = random_snapshot(robot, rng)
+    bodies = bodies_on(hoap2, rng)
+    model = CollisionModel(hoap2, bodies, all_pairs(bodies))
+    here = random_snapshot(hoap2, rng)
     found = model.nearest(here)
     apart = np.flatnonzero(found.distance > 1e-3)
     points = found.point, found.point - found.distance[:, None] * found.normal
@@ -102,7 +101,7 @@ def test_witness_points_lie_on_the_surfaces(robot_named, random_snapshot, rng) -
         for k in apart[::7]:
             body = bodies[model.pairs[k, side]]
             speck = Body("speck", "speck", 0, Capsule.sphere(points[side][k], 0.0))
-            touch = distances(robot, [body, speck], [(0, 1)], here.q)[0]
+            touch = distances(hoap2, [body, speck], [(0, 1)], here.q)[0]
             assert abs(touch) < 2e-5
 
 
@@ -129,58 +128,55 @@ def test_the_nearest_pairs_are_those_of_brute_force(
             np.testing.assert_allclose(again.distance, found.distance, rtol=0, atol=1e-6)
 
 
-def test_pairs_asked_for_in_turn_are_measured_anew(robot_named, random_snapshot, rng) -> None:
+def test_pairs_asked_for_in_turn_are_measured_anew(hoap2, random_snapshot, rng) -> None:
     """What was asked for before, few or all, leaves nothing behind."""
-    robot = robot_named("hoap2_like")
-    bodies = bodies_on(robot, rng)
+    bodies = bodies_on(hoap2, rng)
     pairs = all_pairs(bodies)
-    model = CollisionModel(robot, bodies, pairs)
+    model = CollisionModel(hoap2, bodies, pairs)
     for size in (3, len(pairs), 1, 20, 5, 0):
-        here = random_snapshot(robot, rng)
+        here = random_snapshot(hoap2, rng)
         some = np.sort(rng.choice(len(pairs), size, replace=False))
         found = model.measure(here, some)
-        expected = distances(robot, bodies, [pairs[k] for k in some], here.q)
+        expected = distances(hoap2, bodies, [pairs[k] for k in some], here.q)
         np.testing.assert_array_equal(found.pairs, some)
         np.testing.assert_allclose(found.distance, expected, rtol=0, atol=5e-6)
         assert found.normal.shape == found.point.shape == (size, 3)
 
 
 @pytest.mark.slow
-def test_distances_depend_on_the_posture_alone(robot_named, rng) -> None:
+def test_distances_depend_on_the_posture_alone(g1_27, rng) -> None:
     """Not on what was measured before, between parallel faces least of all: bit for bit."""
-    robot = robot_named("g1_27")
-    bodies = robot_bodies(robot, "hull")
-    chosen = select_pairs(robot, bodies)
+    bodies = robot_bodies(g1_27, "hull")
+    chosen = select_pairs(g1_27, bodies)
     bodies = chosen.bodies
-    model = CollisionModel(robot, bodies, chosen.pairs)
-    standing = robot.snapshot(robot.posture("standing"))
+    model = CollisionModel(g1_27, bodies, chosen.pairs)
+    standing = g1_27.snapshot(g1_27.posture("standing"))
     before = model.nearest(standing, 25)
     for _ in range(5):
-        step = np.concatenate((np.zeros(6), 0.5 * rng.normal(size=robot.nv - 6)))
-        model.nearest(robot.snapshot(robot.integrate(standing.q, step, 1.0)), 25)
+        step = np.concatenate((np.zeros(6), 0.5 * rng.normal(size=g1_27.nv - 6)))
+        model.nearest(g1_27.snapshot(g1_27.integrate(standing.q, step, 1.0)), 25)
         again = model.nearest(standing, 25)
         for one, other in zip(before[:4], again[:4], strict=True):
             np.testing.assert_array_equal(one, other)
 
 
-def test_a_half_space_against_arithmetic(robot_named, random_snapshot, rng) -> None:
-    robot = robot_named("hoap2_like")
-    bodies = bodies_on(robot, rng)
+def test_a_half_space_against_arithmetic(hoap2, random_snapshot, rng) -> None:
+    bodies = bodies_on(hoap2, rng)
     wall = Obstacle.half_space("wall", rng.normal(size=3), 0.3)
     model = CollisionModel(
-        robot,
+        hoap2,
         [*bodies, Body("wall", "wall", 0, wall.shape)],
         [(k, len(bodies)) for k in range(len(bodies))],
     )
     turn, shift = pin.exp3(rng.normal(size=3)), rng.normal(size=3)
     for R, p in ((np.eye(3), np.zeros(3)), (turn, shift)):
         model.place(len(bodies), R, p)
-        here = random_snapshot(robot, rng)
+        here = random_snapshot(hoap2, rng)
         found = model.nearest(here)
         n = R @ wall.shape.normal
         offset = wall.shape.offset + n @ p
-        data = robot.model.createData()
-        pin.forwardKinematics(robot.model, data, here.q)
+        data = hoap2.model.createData()
+        pin.forwardKinematics(hoap2.model, data, here.q)
         for k, body in enumerate(bodies):
             pose = data.oMi[body.joint]
             heights = [n @ pose.act(point) - offset for point in body.shape.core]
@@ -191,10 +187,9 @@ def test_a_half_space_against_arithmetic(robot_named, random_snapshot, rng) -> N
         np.testing.assert_allclose(np.sort(few.distance), np.sort(found.distance)[:2], atol=1e-9)
 
 
-def test_obstacles_of_every_shape_wherever_they_are_put(robot_named, random_snapshot, rng) -> None:
+def test_obstacles_of_every_shape_wherever_they_are_put(hoap2, random_snapshot, rng) -> None:
     """Placed by rotation and origin, a shape is where its moved points are."""
-    robot = robot_named("hoap2_like")
-    bodies = bodies_on(robot, rng)
+    bodies = bodies_on(hoap2, rng)
     shapes = [
         Capsule.sphere([0.2, 0.1, 0.3], 0.1),
         Capsule.of([0.2, 0.1, 0.3], [0.0, 0.4, 0.2], 0.05),
@@ -203,28 +198,27 @@ def test_obstacles_of_every_shape_wherever_they_are_put(robot_named, random_snap
     size = len(bodies)
     around = [Body(f"o{k}", f"o{k}", 0, shape) for k, shape in enumerate(shapes)]
     pairs = [(b, size + k) for k in range(3) for b in range(size)]
-    model = CollisionModel(robot, [*bodies, *around], pairs)
+    model = CollisionModel(hoap2, [*bodies, *around], pairs)
     for _ in range(3):
         R, p = pin.exp3(rng.normal(size=3)), rng.normal(size=3)
         moved = []
         for k, shape in enumerate(shapes):
             model.place(size + k, R, p)
             moved.append(Body("o", "o", 0, type(shape)(shape.core @ R.T + p, shape.radius)))
-        here = random_snapshot(robot, rng)
-        expected = distances(robot, [*bodies, *moved], pairs, here.q)
+        here = random_snapshot(hoap2, rng)
+        expected = distances(hoap2, [*bodies, *moved], pairs, here.q)
         found = model.nearest(here)
         np.testing.assert_allclose(found.distance, expected, rtol=0, atol=5e-6)
 
 
-def test_deep_inside_each_other_everything_stays_finite(robot_named) -> None:
-    robot = robot_named("hoap2_like")
+def test_deep_inside_each_other_everything_stays_finite(hoap2) -> None:
     shapes = [
         Capsule.sphere(np.zeros(3), 0.1),
         Capsule.of(np.zeros(3), [0.0, 0.0, 0.2], 0.1),
         Hull.box([0.1, 0.2, 0.3]),
         Hull.box([0.1, 0.2, 0.3]),
     ]
-    here = robot.snapshot(robot.posture("standing"))
+    here = hoap2.snapshot(hoap2.posture("standing"))
     R, p = here.joint_placements
     around = []
     for joint in (1, 2, 3, 4):  # all four at the same place in the world
@@ -232,7 +226,7 @@ def test_deep_inside_each_other_everything_stays_finite(robot_named) -> None:
         core = (shape.core - p[joint]) @ R[joint]
         kind = type(shape)
         around.append(Body(f"b{joint}", f"b{joint}", joint, kind(core, shape.radius)))
-    model = CollisionModel(robot, around, all_pairs(around))
+    model = CollisionModel(hoap2, around, all_pairs(around))
     found = model.nearest(here)
     assert np.isfinite(found.distance).all()
     assert (found.distance < 0.0).all()
@@ -265,11 +259,10 @@ def test_an_srdf_says_which_pairs_matter(robot_named) -> None:
     assert not kept & set(chosen.excluded)
 
 
-def test_without_an_srdf_adjacent_and_touching_pairs_go(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    bodies = robot_bodies(robot)
-    chosen = select_pairs(robot, bodies, clearance=0.005)
-    again = select_pairs(robot, bodies, clearance=0.005)  # always the same postures
+def test_without_an_srdf_adjacent_and_touching_pairs_go(hoap2) -> None:
+    bodies = robot_bodies(hoap2)
+    chosen = select_pairs(hoap2, bodies, clearance=0.005)
+    again = select_pairs(hoap2, bodies, clearance=0.005)  # always the same postures
     assert (chosen.pairs, chosen.margins, chosen.excluded) == (
         again.pairs, again.margins, again.excluded,
     )  # fmt: skip
@@ -277,34 +270,33 @@ def test_without_an_srdf_adjacent_and_touching_pairs_go(robot_named) -> None:
         a, b = (next(x for x in bodies if x.name == name) for name in label.split(" vs "))
         joints = a.joint, b.joint
         related = (
-            robot.model.parents[joints[0]] == joints[1]
-            or robot.model.parents[joints[1]] == joints[0]
+            hoap2.model.parents[joints[0]] == joints[1]
+            or hoap2.model.parents[joints[1]] == joints[0]
         )
         assert related == (why == "adjacent")
-    standing = distances(robot, chosen.bodies, chosen.pairs, robot.posture("standing"))
+    standing = distances(hoap2, chosen.bodies, chosen.pairs, hoap2.posture("standing"))
     assert (standing > np.array(chosen.margins) - 1e-5).all()
     assert min(chosen.margins) > 1e-3
     given = [pair for pair in chosen.pairs if max(pair) < len(bodies)]
     assert len(given) + len(chosen.finer) + len(chosen.excluded) == len(all_pairs(bodies))
 
 
-def test_pairs_can_be_named(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    bodies = robot_bodies(robot)
-    plain = select_pairs(robot, bodies)
+def test_pairs_can_be_named(hoap2) -> None:
+    bodies = robot_bodies(hoap2)
+    plain = select_pairs(hoap2, bodies)
     links = [body.link for body in bodies]
     first, second = "left_foot", "right_foot"
     assert {first, second} <= set(links)
-    without = select_pairs(robot, bodies, exclude=[("right_foot", "left_f?ot")])
+    without = select_pairs(hoap2, bodies, exclude=[("right_foot", "left_f?ot")])
     gone = set(plain.pairs) - set(without.pairs)
     assert gone
     assert all({links[a], links[b]} == {first, second} for a, b in gone)
     label = next(label for label, why in plain.excluded.items() if why == "adjacent")
     names = [name.split("#")[0] for name in label.split(" vs ")]
-    back = select_pairs(robot, bodies, include=[(names[1], names[0])])
+    back = select_pairs(hoap2, bodies, include=[(names[1], names[0])])
     assert label in labels_of(back.bodies, back.pairs)
     with pytest.raises(UnknownNameError, match="left_foot"):
-        select_pairs(robot, bodies, exclude=[("left_fot", "*")])
+        select_pairs(hoap2, bodies, exclude=[("left_fot", "*")])
 
 
 # ------------------------------------------------------------------------------ refusals
@@ -335,19 +327,18 @@ def test_no_shapes_at_all(tmp_path: Path) -> None:
         robot_bodies(robot_with(tmp_path, ""), "capsul")
 
 
-def test_pairs_that_make_no_sense(robot_named) -> None:
-    robot = robot_named("hoap2_like")
+def test_pairs_that_make_no_sense(hoap2) -> None:
     ball = Capsule.sphere(np.zeros(3), 0.1)
     floor = HalfSpace.of([0, 0, 1], 0.0)
     two = [Body("a", "a", 3, ball), Body("b", "b", 3, ball)]
     with pytest.raises(InvalidInputError, match="one joint"):
-        CollisionModel(robot, two, [(0, 1)])
+        CollisionModel(hoap2, two, [(0, 1)])
     with pytest.raises(InvalidInputError, match="second"):
-        CollisionModel(robot, [Body("floor", "floor", 0, floor), two[0]], [(0, 1)])
-    model = CollisionModel(robot, [two[0], Body("floor", "floor", 0, floor)], [(0, 1)])
+        CollisionModel(hoap2, [Body("floor", "floor", 0, floor), two[0]], [(0, 1)])
+    model = CollisionModel(hoap2, [two[0], Body("floor", "floor", 0, floor)], [(0, 1)])
     with pytest.raises(InvalidInputError, match="moved by the robot"):
         model.place(0, np.eye(3), np.zeros(3))
-    here = robot.snapshot(robot.posture("standing"))
+    here = hoap2.snapshot(hoap2.posture("standing"))
     for count in (0, -1):
         with pytest.raises(InvalidInputError, match="at least 1"):
             model.nearest(here, count)
@@ -369,11 +360,10 @@ def test_bad_shapes(make, words: str) -> None:
         make()
 
 
-def test_half_a_disabled_pair_is_refused(robot_named, tmp_path: Path) -> None:
+def test_half_a_disabled_pair_is_refused(hoap2, tmp_path: Path) -> None:
     """A <disable_collisions> that names one link only."""
-    robot = robot_named("hoap2_like")
-    copy = tmp_path / robot.path.name
-    shutil.copy(robot.path, copy)
+    copy = tmp_path / hoap2.path.name
+    shutil.copy(hoap2.path, copy)
     srdf = tmp_path / "r.srdf"
     srdf.write_text('<robot name="r"><disable_collisions link1="left_foot"/></robot>')
     with pytest.raises(ModelError, match="link2"):

@@ -76,13 +76,12 @@ def test_what_a_urdf_says_is_kept(robot_named) -> None:
         assert values.any()
 
 
-def test_rotor_inertia_is_in_the_mass_matrix_once_and_in_inverse_dynamics(rng) -> None:
-    plain = Robot.load("g1_27")
+def test_rotor_inertia_is_in_the_mass_matrix_once_and_in_inverse_dynamics(g1_27, rng) -> None:
     robot = Robot.load("g1_27", armature={"*": 0.02, "*_knee_*": 0.5})
     expected = np.where(["knee" in name for name in robot.joint_names], 0.5, 0.02)
     np.testing.assert_array_equal(robot.armature, expected)
     q, a = robot.posture("standing"), rng.normal(size=robot.nv)
-    before, here = plain.snapshot(q), robot.snapshot(q)
+    before, here = g1_27.snapshot(q), robot.snapshot(q)
     added = here.mass_matrix - before.mass_matrix
     np.testing.assert_allclose(added, np.diag(np.r_[np.zeros(6), expected]), atol=1e-12)
     torque = pin.rnea(robot.model, robot.model.createData(), q, np.zeros(robot.nv), a)

@@ -42,26 +42,24 @@ def unordered(points: Array) -> Array:
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_the_sole_of_hoap2_like_is_its_box(robot_named: Load, side: str) -> None:
-    robot = robot_named("hoap2_like")
+def test_the_sole_of_hoap2_like_is_its_box(hoap2: Robot, side: str) -> None:
     x, y = 0.094 / 2, 0.062 / 2
     expected = np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
-    np.testing.assert_allclose(robot.feet[side].polygon, expected, atol=1e-9)
-    assert robot.feet[side].frame == f"{side}_sole"  # the file's own frame, used again
-    assert [f.name for f in robot.model.frames].count(f"{side}_sole") == 1
+    np.testing.assert_allclose(hoap2.feet[side].polygon, expected, atol=1e-9)
+    assert hoap2.feet[side].frame == f"{side}_sole"  # the file's own frame, used again
+    assert [f.name for f in hoap2.model.frames].count(f"{side}_sole") == 1
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_the_sole_of_g1_is_below_its_four_balls(robot_named: Load, side: str) -> None:
-    robot = robot_named("g1")
+def test_the_sole_of_g1_is_below_its_four_balls(g1: Robot, side: str) -> None:
     link = f"{side}_ankle_roll_link"
     balls = []
-    for collision in ET.parse(robot.path).findall(f"link[@name='{link}']/collision"):
+    for collision in ET.parse(g1.path).findall(f"link[@name='{link}']/collision"):
         origin, sphere = collision.find("origin"), collision.find("geometry/sphere")
         assert origin is not None and sphere is not None
         centre = np.array(origin.get("xyz", "").split(), dtype=float)
         balls.append(centre - [0, 0, float(sphere.get("radius", "nan"))])
-    corners, normal = sole_in_link(robot, side, link)
+    corners, normal = sole_in_link(g1, side, link)
     np.testing.assert_allclose(unordered(corners), unordered(np.array(balls)), atol=1e-12)
     np.testing.assert_allclose(normal, [0, 0, 1], atol=1e-12)
 
@@ -305,9 +303,9 @@ def test_shapes_to_draw_do_where_none_collide(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.ptp(foot.polygon, axis=0), [0.2, 0.1], atol=1e-12)
 
 
-def test_a_quadruped_stands_on_four_feet(robot_named: Load) -> None:
+def test_a_quadruped_stands_on_four_feet(g1: Robot) -> None:
     """Others do in test_example_robots.py."""
-    folder = next(p for p in robot_named("g1").path.parents if p.name == "robots")
+    folder = next(p for p in g1.path.parents if p.name == "robots")
     robot = Robot.load(folder / "go2_description/urdf/go2.urdf")
     assert list(robot.feet) == ["front_left", "front_right", "hind_left", "hind_right"]
     s = robot.snapshot(robot.posture("standing"))
@@ -328,8 +326,8 @@ def test_a_quadruped_stands_on_four_feet(robot_named: Load) -> None:
         support(s, "double")
 
 
-def test_all_feet_of_a_robot_without_any_are_refused(robot_named: Load) -> None:
-    folder = next(p for p in robot_named("g1").path.parents if p.name == "robots")
+def test_all_feet_of_a_robot_without_any_are_refused(g1: Robot) -> None:
+    folder = next(p for p in g1.path.parents if p.name == "robots")
     arm = Robot.load(folder / "ur_description/urdf/ur5_robot.urdf")
     with pytest.raises(UnknownNameError, match="no feet were found"):
         support(arm.snapshot(arm.posture("neutral")), "all")
@@ -359,12 +357,11 @@ def test_standing_is_found_where_the_neutral_posture_falls(tmp_path: Path) -> No
     assert "posture 'standing' does not stand" in Robot.load(stiff).notes[0]
 
 
-def test_upside_down_is_not_standing(robot_named: Load) -> None:
-    robot = robot_named("hoap2_like")
-    q = robot.posture("standing")
-    assert stands(robot.model, q, robot.feet)
+def test_upside_down_is_not_standing(hoap2: Robot) -> None:
+    q = hoap2.posture("standing")
+    assert stands(hoap2.model, q, hoap2.feet)
     q[3:7] = (pin.Quaternion(q[3:7]) * pin.Quaternion(np.diag([1.0, -1.0, -1.0]))).coeffs()
-    assert not stands(robot.model, q, robot.feet)
+    assert not stands(hoap2.model, q, hoap2.feet)
 
 
 def test_the_lowest_link_of_a_side_is_the_foot(robot_named: Load) -> None:

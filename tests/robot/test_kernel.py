@@ -204,18 +204,17 @@ def test_a_core_that_is_wrong_refuses_the_robot_by_name(wrong: float, monkeypatc
         Robot.load("hoap2_like")
 
 
-def test_integrate_gives_the_same_bits_for_unpickled_arrays_lists_and_robots() -> None:
+def test_integrate_gives_the_same_bits_for_unpickled_arrays_lists_and_robots(hoap2: Robot) -> None:
     """The type of an unpickled array is another object than NumPy's own."""
-    robot = Robot.load("hoap2_like")
-    unpickled = pickle.loads(pickle.dumps(robot))
+    unpickled = pickle.loads(pickle.dumps(hoap2))
     rng = np.random.default_rng(0)
-    q = robot.posture("standing")
+    q = hoap2.posture("standing")
     for _ in range(50):
-        v = rng.standard_normal(robot.nv)
-        q = robot.integrate(q, v, 0.1)
-        want = robot.integrate(q, v, 0.005).tobytes()
+        v = rng.standard_normal(hoap2.nv)
+        q = hoap2.integrate(q, v, 0.1)
+        want = hoap2.integrate(q, v, 0.005).tobytes()
         again_q, again_v = pickle.loads(pickle.dumps((q, v)))
-        assert robot.integrate(again_q, again_v, 0.005).tobytes() == want
-        assert robot.integrate(q.tolist(), v.tolist(), 0.005).tobytes() == want
+        assert hoap2.integrate(again_q, again_v, 0.005).tobytes() == want
+        assert hoap2.integrate(q.tolist(), v.tolist(), 0.005).tobytes() == want
         assert unpickled.integrate(q, v, 0.005).tobytes() == want
         assert unpickled.integrate(again_q, v, 0.005).tobytes() == want

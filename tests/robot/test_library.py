@@ -127,13 +127,12 @@ def test_half_sitting_is_read_from_the_srdf(robot_named: Load) -> None:
             assert value == pytest.approx(float(read[joint]), abs=1e-6)  # digits of the limits
 
 
-def test_the_waist_of_g1_27_is_bolted(robot_named: Load) -> None:
-    free, bolted = robot_named("g1"), robot_named("g1_27")
-    assert set(free.joint_names) - set(bolted.joint_names) == {
+def test_the_waist_of_g1_27_is_bolted(g1: Robot, g1_27: Robot) -> None:
+    assert set(g1.joint_names) - set(g1_27.joint_names) == {
         "waist_roll_joint",
         "waist_pitch_joint",
     }
-    same = bolted.snapshot(bolted.posture()), free.snapshot(free.posture())
+    same = g1_27.snapshot(g1_27.posture()), g1.snapshot(g1.posture())
     np.testing.assert_allclose(same[0].com, same[1].com, atol=1e-12)
     np.testing.assert_allclose(same[0].inertia, same[1].inertia, atol=1e-12)
 

@@ -104,16 +104,15 @@ def test_joint_positions_follow_the_velocity(chain: Robot) -> None:
     np.testing.assert_allclose(chain.limits.joint_positions(q), 0.5 * v[6:], atol=1e-14)
 
 
-def test_joint_positions_are_a_view_without_continuous_joints(robot_named: Load) -> None:
-    robot = robot_named("g1")
-    q = robot.posture()
-    positions = robot.limits.joint_positions(q)
+def test_joint_positions_are_a_view_without_continuous_joints(g1: Robot) -> None:
+    q = g1.posture()
+    positions = g1.limits.joint_positions(q)
     assert np.shares_memory(positions, q)
     np.testing.assert_array_equal(positions, q[7:])
 
 
-def test_limits_cannot_be_changed(robot_named: Load) -> None:
-    limits = robot_named("hoap2_like").limits
+def test_limits_cannot_be_changed(hoap2: Robot) -> None:
+    limits = hoap2.limits
     copied: JointLimits = pickle.loads(pickle.dumps(limits))
     for each in (limits, copied):
         for array in (each.lower, each.upper, each.velocity, each.effort):

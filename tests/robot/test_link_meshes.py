@@ -93,11 +93,10 @@ def test_collision_shapes_are_drawn_if_there_is_nothing_else(tmp_path: Path) -> 
     np.testing.assert_allclose(np.linalg.norm(ball.vertices, axis=1), 0.5, rtol=1e-12)
 
 
-def test_height_of_the_shipped_robot() -> None:
-    robot = Robot.load("hoap2_like")
+def test_height_of_the_shipped_robot(hoap2: Robot) -> None:
 
     def heights(posture: str) -> Array:
-        meshes = RobotMeshes(robot).at(robot.postures[posture])
+        meshes = RobotMeshes(hoap2).at(hoap2.postures[posture])
         return np.concatenate([mesh.vertices[:, 2] for mesh in meshes])
 
     assert np.ptp(heights("neutral")) == pytest.approx(0.50, abs=1e-9)

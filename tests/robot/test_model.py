@@ -20,11 +20,6 @@ BODY = (
 )
 
 
-@pytest.fixture
-def hoap(robot_named: Load) -> Robot:
-    return robot_named("hoap2_like")
-
-
 # ---------------------------------------------------------------------------- names
 
 
@@ -37,23 +32,23 @@ def test_joint_indices_are_rows_of_v(robot: Robot) -> None:
     assert len(robot.joint_names) == robot.nv - 6
 
 
-def test_patterns_select_joints(hoap: Robot) -> None:
-    left = hoap.joint_indices("left_*")
+def test_patterns_select_joints(hoap2: Robot) -> None:
+    left = hoap2.joint_indices("left_*")
     assert len(left) == 11
-    assert [hoap.joint_names[k - 6].startswith("left_") for k in left] == [True] * 11
-    assert hoap.joint_indices("*") == tuple(range(6, 31))
-    assert hoap.joint_indices("head_yaw") == (hoap.joint_index("head_yaw"),)
+    assert [hoap2.joint_names[k - 6].startswith("left_") for k in left] == [True] * 11
+    assert hoap2.joint_indices("*") == tuple(range(6, 31))
+    assert hoap2.joint_indices("head_yaw") == (hoap2.joint_index("head_yaw"),)
 
 
-def test_unknown_names_suggest_the_nearest(hoap: Robot) -> None:
+def test_unknown_names_suggest_the_nearest(hoap2: Robot) -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'left_knee_pitch'"):
-        hoap.joint_index("left_knee_pich")
+        hoap2.joint_index("left_knee_pich")
     with pytest.raises(UnknownNameError, match="unknown joint 'lef_"):
-        hoap.joint_indices("lef_*")
+        hoap2.joint_indices("lef_*")
     with pytest.raises(UnknownNameError, match="did you mean 'left_sole'"):
-        hoap.frame_id("left_soul")
+        hoap2.frame_id("left_soul")
     with pytest.raises(UnknownNameError, match="did you mean 'standing'"):
-        hoap.posture("standin")
+        hoap2.posture("standin")
 
 
 def test_every_frame_name_is_a_frame(robot: Robot) -> None:
@@ -94,41 +89,41 @@ def test_neutral_is_all_zero(robot: Robot) -> None:
     np.testing.assert_array_equal(robot.limits.joint_positions(q), 0.0)
 
 
-def test_a_posture_changes_the_joints_it_is_told_to(hoap: Robot) -> None:
-    q = hoap.posture("neutral", {"*_knee_pitch": 0.8, "right_knee_pitch": 0.5, "head_yaw": -0.2})
-    joints = dict(zip(hoap.joint_names, hoap.limits.joint_positions(q).tolist(), strict=True))
+def test_a_posture_changes_the_joints_it_is_told_to(hoap2: Robot) -> None:
+    q = hoap2.posture("neutral", {"*_knee_pitch": 0.8, "right_knee_pitch": 0.5, "head_yaw": -0.2})
+    joints = dict(zip(hoap2.joint_names, hoap2.limits.joint_positions(q).tolist(), strict=True))
     changed = {name: value for name, value in joints.items() if value != 0.0}
     assert changed == {"left_knee_pitch": 0.8, "right_knee_pitch": 0.5, "head_yaw": -0.2}
 
 
-def test_a_posture_is_put_on_the_ground(hoap: Robot) -> None:
-    q = hoap.posture("standing", {"right_knee_pitch": 1.2, "right_hip_pitch": -0.6})
-    s = hoap.snapshot(q)
+def test_a_posture_is_put_on_the_ground(hoap2: Robot) -> None:
+    q = hoap2.posture("standing", {"right_knee_pitch": 1.2, "right_hip_pitch": -0.6})
+    s = hoap2.snapshot(q)
     heights = []
-    for foot in hoap.feet.values():
+    for foot in hoap2.feet.values():
         corners = np.column_stack([foot.polygon, np.zeros(len(foot.polygon))])
         heights.append((corners @ s.rotation(foot.frame).T + s.position(foot.frame))[:, 2].min())
     assert min(heights) == pytest.approx(0.0, abs=1e-12)
     assert max(heights) > 0.01  # the bent leg is lifted
-    lifted = hoap.posture("neutral", on_ground=False)
-    np.testing.assert_array_equal(lifted, hoap.postures["neutral"])
+    lifted = hoap2.posture("neutral", on_ground=False)
+    np.testing.assert_array_equal(lifted, hoap2.postures["neutral"])
 
 
-def test_postures_are_checked(hoap: Robot) -> None:
+def test_postures_are_checked(hoap2: Robot) -> None:
     with pytest.raises(InvalidInputError, match=r"'left_knee_pitch': -1 is outside .*\[-0.017"):
-        hoap.posture(joints={"left_knee_pitch": -1.0})
+        hoap2.posture(joints={"left_knee_pitch": -1.0})
     with pytest.raises(InvalidInputError, match="'head_yaw': must be finite"):
-        hoap.posture(joints={"head_yaw": float("nan")})
+        hoap2.posture(joints={"head_yaw": float("nan")})
     with pytest.raises(UnknownNameError, match="did you mean 'head_yaw'"):
-        hoap.posture(joints={"head_jaw": 0.1})
+        hoap2.posture(joints={"head_jaw": 0.1})
 
 
-def test_postures_are_read_only_and_returned_as_copies(hoap: Robot) -> None:
+def test_postures_are_read_only_and_returned_as_copies(hoap2: Robot) -> None:
     with pytest.raises(ValueError, match="read-only"):
-        hoap.postures["standing"][0] = 1.0
-    q = hoap.posture()
+        hoap2.postures["standing"][0] = 1.0
+    q = hoap2.posture()
     q[0] = 1.0
-    assert hoap.postures["standing"][0] == 0.0
+    assert hoap2.postures["standing"][0] == 0.0
 
 
 def srdf(folder: Path, value: str, joint: str = "head_yaw") -> Path:
@@ -183,21 +178,21 @@ def test_the_angle_of_a_continuous_joint_must_be_one(robot_named: Load) -> None:
         robot.check_configuration(q)
 
 
-def test_a_snapshot_without_velocity_is_at_rest(hoap: Robot) -> None:
-    s = hoap.snapshot(hoap.posture())
-    np.testing.assert_array_equal(s.v, np.zeros(hoap.nv))
+def test_a_snapshot_without_velocity_is_at_rest(hoap2: Robot) -> None:
+    s = hoap2.snapshot(hoap2.posture())
+    np.testing.assert_array_equal(s.v, np.zeros(hoap2.nv))
 
 
 # ---------------------------------------------------------------------------- the object
 
 
-def test_a_robot_does_not_change(hoap: Robot) -> None:
+def test_a_robot_does_not_change(hoap2: Robot) -> None:
     with pytest.raises(dataclasses.FrozenInstanceError):
-        hoap.name = "other"  # type: ignore[misc]
+        hoap2.name = "other"  # type: ignore[misc]
     with pytest.raises(TypeError):
-        hoap.feet["left"] = hoap.feet["right"]  # type: ignore[index]
+        hoap2.feet["left"] = hoap2.feet["right"]  # type: ignore[index]
     with pytest.raises(TypeError):
-        hoap.postures["standing"] = hoap.posture()  # type: ignore[index]
+        hoap2.postures["standing"] = hoap2.posture()  # type: ignore[index]
 
 
 @pytest.mark.slow
@@ -223,35 +218,35 @@ def test_a_copy_is_the_same_robot_with_its_own_memory(
     assert len(other.collision_model.geometryObjects) == len(robot.collision_model.geometryObjects)
 
 
-def test_a_robot_can_be_renamed(hoap: Robot) -> None:
+def test_a_robot_can_be_renamed(hoap2: Robot) -> None:
     assert Robot.load("hoap2_like", name="ada").name == "ada"
-    assert repr(hoap) == "Robot('hoap2_like', nv=31, mass=7.10 kg)"
+    assert repr(hoap2) == "Robot('hoap2_like', nv=31, mass=7.10 kg)"
 
 
-def test_shapes_sit_on_a_robot_with_locked_joints(hoap: Robot) -> None:
+def test_shapes_sit_on_a_robot_with_locked_joints(hoap2: Robot) -> None:
     """Oracle: Pinocchio's own reduction of the shapes together with the model."""
     angles = {"waist_pitch": -0.4, "left_elbow_pitch": -1.0, "head_yaw": 0.3}
     bent = Robot.load("hoap2_like", locked=angles)
-    q = hoap.posture("neutral", angles)
-    ids = [hoap.model.getJointId(name) for name in angles]
+    q = hoap2.posture("neutral", angles)
+    ids = [hoap2.model.getJointId(name) for name in angles]
     for shapes, ours in (
-        (hoap.collision_model, bent.collision_model),
-        (hoap.visual_model, bent.visual_model),
+        (hoap2.collision_model, bent.collision_model),
+        (hoap2.visual_model, bent.visual_model),
     ):
-        _, (reduced,) = pin.buildReducedModel(hoap.model, [shapes], ids, q)
+        _, (reduced,) = pin.buildReducedModel(hoap2.model, [shapes], ids, q)
         assert len(ours.geometryObjects) == len(reduced.geometryObjects) > 40
         for a, b in zip(ours.geometryObjects, reduced.geometryObjects, strict=True):
             assert (a.name, a.parentJoint) == (b.name, b.parentJoint)
             np.testing.assert_allclose(a.placement.homogeneous, b.placement.homogeneous, atol=1e-12)
 
 
-def test_locking_by_pattern_keeps_the_rest_of_the_posture(hoap: Robot) -> None:
+def test_locking_by_pattern_keeps_the_rest_of_the_posture(hoap2: Robot) -> None:
     legs = Robot.load("hoap2_like", locked={"*shoulder*": 0.0, "*elbow*": -0.3, "head_*": 0.0})
-    assert legs.nv == hoap.nv - 10
-    assert legs.mass == pytest.approx(hoap.mass, rel=1e-12)
+    assert legs.nv == hoap2.nv - 10
+    assert legs.mass == pytest.approx(hoap2.mass, rel=1e-12)
     knee = legs.joint_index("left_knee_pitch") + 1
     assert legs.postures["standing"][knee] == pytest.approx(
-        hoap.postures["standing"][hoap.joint_index("left_knee_pitch") + 1]
+        hoap2.postures["standing"][hoap2.joint_index("left_knee_pitch") + 1]
     )
     with pytest.raises(UnknownNameError, match="unknown joint to lock 'head_roll'"):
         Robot.load("hoap2_like", locked={"head_roll": 0.0})

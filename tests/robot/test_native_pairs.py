@@ -152,13 +152,12 @@ def test_spheres_about_one_point_are_in_each_other_by_both_radii() -> None:
     "shape", [Capsule.sphere([0.0, 0.0, 0.0], 0.02), Hull.box([0.02, 0.03, 0.04])]
 )
 @pytest.mark.parametrize("away", [1.0, 0.0])
-def test_a_copy_has_its_own_bodies(how, shape: Capsule | Hull, away: float) -> None:
+def test_a_copy_has_its_own_bodies(hoap2: Robot, how, shape: Capsule | Hull, away: float) -> None:
     """Apart, and within each other: coal's own results can be neither copied nor pickled."""
-    robot = load("hoap2_like")
-    here = robot.snapshot(robot.posture())
+    here = hoap2.snapshot(hoap2.posture())
     ball = Capsule.sphere([0.0, 0.0, 0.0], 0.01)
     model = CollisionModel(
-        robot, [Body("own", "base", 1, ball), Body("other", "", 0, shape)], [(0, 1)]
+        hoap2, [Body("own", "base", 1, ball), Body("other", "", 0, shape)], [(0, 1)]
     )
     place = here.position("base") + [away, 0.0, 0.0]
     model.place(1, np.eye(3), place)
@@ -166,7 +165,7 @@ def test_a_copy_has_its_own_bodies(how, shape: Capsule | Hull, away: float) -> N
     other = how(model)
     model.place(1, np.eye(3), place + [2.0, 0.0, 0.0])
     assert model.nearest(here).distance > 1.9
-    near = other.nearest(other.robot.snapshot(robot.posture())).distance
+    near = other.nearest(other.robot.snapshot(hoap2.posture())).distance
     np.testing.assert_array_equal(near, before)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +14,6 @@ from wbc.robot import Robot
 from wbc.robot.postures import com_from_middle, stands
 from wbc.simulation import Plant
 
-Load = Callable[[str], Robot]
 MASS, COM = 2.5, np.array([0.08, -0.02, 0.03])
 INERTIA = np.array([[0.012, 0.001, 0.0], [0.001, 0.02, -0.002], [0.0, -0.002, 0.015]])
 ARM = """
@@ -29,12 +27,11 @@ ARM = """
 
 
 def test_mass_matrix_bias_and_inertia_are_those_of_a_model_edited_by_hand(
-    robot_named: Load, random_snapshot, rng: np.random.Generator
+    hoap2: Robot, random_snapshot, rng: np.random.Generator
 ) -> None:
     """To rounding: Pinocchio's CRBA and RNEA of its own model with the body appended."""
-    robot = robot_named("hoap2_like")
-    carrying = robot.with_payload("left_hand", MASS, COM, INERTIA)
-    model, frame = robot.model.copy(), robot.frame("left_hand")
+    carrying = hoap2.with_payload("left_hand", MASS, COM, INERTIA)
+    model, frame = hoap2.model.copy(), hoap2.frame("left_hand")
     body = pin.Inertia(MASS, COM, INERTIA)
     model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
     data = model.createData()
@@ -48,14 +45,13 @@ def test_mass_matrix_bias_and_inertia_are_those_of_a_model_edited_by_hand(
     pin.ccrba(model, data, s.q, s.v)
     inertia = np.array(data.Ig.inertia)
     np.testing.assert_allclose(s.inertia, inertia, atol=1e-12 * abs(inertia).max())
-    assert carrying.mass == pytest.approx(robot.mass + MASS, rel=1e-14)
-    assert robot.mass == pytest.approx(carrying.mass - MASS, rel=1e-14)  # stays as it is
+    assert carrying.mass == pytest.approx(hoap2.mass + MASS, rel=1e-14)
+    assert hoap2.mass == pytest.approx(carrying.mass - MASS, rel=1e-14)  # stays as it is
 
 
-def test_it_stands_with_its_com_where_it_was_over_the_soles(robot_named: Load) -> None:
-    robot = robot_named("hoap2_like")
-    carrying = robot.with_payload("left_hand", 1.0).with_payload("head", 0.5, inertia=(1e-3,) * 3)
-    before = com_from_middle(robot.model, robot.posture(), robot.feet)
+def test_it_stands_with_its_com_where_it_was_over_the_soles(hoap2: Robot) -> None:
+    carrying = hoap2.with_payload("left_hand", 1.0).with_payload("head", 0.5, inertia=(1e-3,) * 3)
+    before = com_from_middle(hoap2.model, hoap2.posture(), hoap2.feet)
     after = com_from_middle(carrying.model, carrying.posture(), carrying.feet)
     np.testing.assert_allclose(after, before, atol=1e-6)  # Gauss-Newton ends at 1e-7
     assert stands(carrying.model, carrying.posture(), carrying.feet)
@@ -64,9 +60,9 @@ def test_it_stands_with_its_com_where_it_was_over_the_soles(robot_named: Load) -
     np.testing.assert_array_equal(again.posture(), carrying.posture())
     # Pictures show both, besides all that they showed before.
     assert carrying.visual_model.ngeoms == max(
-        robot.visual_model.ngeoms, robot.collision_model.ngeoms
+        hoap2.visual_model.ngeoms, hoap2.collision_model.ngeoms
     ) + len(carrying.payloads)
-    assert carrying.collision_model.ngeoms == robot.collision_model.ngeoms
+    assert carrying.collision_model.ngeoms == hoap2.collision_model.ngeoms
     assert any("carries 1 kg" in note for note in carrying.notes)
 
 
@@ -103,11 +99,10 @@ def test_the_plant_of_an_mjcf_robot_weighs_it() -> None:
     ],
 )
 def test_what_no_payload_is_is_refused_by_name(
-    robot_named: Load, given: dict[str, object], said: str
+    hoap2: Robot, given: dict[str, object], said: str
 ) -> None:
-    robot = robot_named("hoap2_like")
     with pytest.raises((InvalidInputError, UnknownNameError), match=said):
-        robot.with_payload(**{"frame": "left_hand", "mass": 1.0, **given})
+        hoap2.with_payload(**{"frame": "left_hand", "mass": 1.0, **given})
 
 
 def test_the_drawn_ellipsoid_has_the_payloads_inertia() -> None:

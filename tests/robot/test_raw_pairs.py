@@ -1,7 +1,5 @@
 """Margins by raw shapes: against distances of Coal, placed by Pinocchio's own geometry data."""
 
-from collections.abc import Callable
-
 import coal
 import numpy as np
 import pinocchio as pin
@@ -14,21 +12,18 @@ from wbc.robot.collision.raw_pairs import RawPairs
 
 
 @pytest.mark.slow
-def test_pairs_are_apart_by_their_files(
-    robot_named: Callable[[str], Robot], rng: np.random.Generator
-) -> None:
-    robot = robot_named("g1")
-    collision = SelfCollision(robot, margin=0.01, pairs=10_000)
-    labels, model = collision.model.labels, robot.collision_model
-    raw, placed = RawPairs(robot, labels), pin.GeometryData(model)
-    index = {name: model.getGeometryId(shape.name) for name, _, shape in named_shapes(robot)}
+def test_pairs_are_apart_by_their_files(g1: Robot, rng: np.random.Generator) -> None:
+    collision = SelfCollision(g1, margin=0.01, pairs=10_000)
+    labels, model = collision.model.labels, g1.collision_model
+    raw, placed = RawPairs(g1, labels), pin.GeometryData(model)
+    index = {name: model.getGeometryId(shape.name) for name, _, shape in named_shapes(g1)}
     chosen = [k for k, label in enumerate(labels) if "hip" in label][::3]
     near = 0
     for _ in range(6):
-        step = np.concatenate((np.zeros(6), 1.2 * rng.normal(size=robot.nv - 6)))
-        q = robot.integrate(robot.postures["standing"], step, 1.0)
-        pin.updateGeometryPlacements(robot.model, robot.model.createData(), model, placed, q)
-        clearance = collision.distances(robot.snapshot(q)).clearance
+        step = np.concatenate((np.zeros(6), 1.2 * rng.normal(size=g1.nv - 6)))
+        q = g1.integrate(g1.postures["standing"], step, 1.0)
+        pin.updateGeometryPlacements(g1.model, g1.model.createData(), model, placed, q)
+        clearance = collision.distances(g1.snapshot(q)).clearance
         for k in chosen:
             a, b = (index[one.partition("/")[0]] for one in labels[k].split(" vs "))
             shapes = (

@@ -103,11 +103,10 @@ def test_soles_alone_are_the_same(robot: Robot, rng: np.random.Generator) -> Non
         np.testing.assert_allclose(alone[name], both[name], atol=1e-12)
 
 
-def test_progress_is_reported_to_the_end(robot_named, rng: np.random.Generator) -> None:
-    robot = robot_named("hoap2_like")
+def test_progress_is_reported_to_the_end(hoap2, rng: np.random.Generator) -> None:
     calls = list[tuple[int, int]]()
-    q = np.tile(robot.postures["standing"], (1100, 1))
-    sole_series(robot, q, lambda done, total: calls.append((done, total)))
+    q = np.tile(hoap2.postures["standing"], (1100, 1))
+    sole_series(hoap2, q, lambda done, total: calls.append((done, total)))
     assert calls == [(500, 1100), (1000, 1100), (1100, 1100)]
 
 
@@ -130,22 +129,20 @@ def test_rotations_are_those_of_a_quaternion() -> None:
     np.testing.assert_allclose(R[2] @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
 
 
-def test_wrong_shapes_are_refused(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    q, v = np.tile(robot.postures["standing"], (3, 1)), np.zeros((3, robot.nv))
+def test_wrong_shapes_are_refused(hoap2) -> None:
+    q, v = np.tile(hoap2.postures["standing"], (3, 1)), np.zeros((3, hoap2.nv))
     with pytest.raises(InvalidInputError, match="v: expected shape"):
-        centroidal_series(robot, q, v[:, 1:], v)
+        centroidal_series(hoap2, q, v[:, 1:], v)
     with pytest.raises(InvalidInputError, match="acceleration: NaN"):
-        centroidal_series(robot, q, v, v + np.nan)
+        centroidal_series(hoap2, q, v, v + np.nan)
 
 
-def test_derivatives_are_those_of_differences(rng: np.random.Generator) -> None:
-    robot = Robot.load("hoap2_like")
-    model = robot.model
-    q = pin.integrate(model, robot.postures["standing"], 0.2 * rng.normal(size=robot.nv))
-    v, a = rng.normal(size=robot.nv), 5.0 * rng.normal(size=robot.nv)
-    found = centroidal_derivatives(robot, q[None], v[None], a[None])
-    steps = 1e-6 * np.vstack((np.eye(robot.nv), -np.eye(robot.nv)))
+def test_derivatives_are_those_of_differences(hoap2: Robot, rng: np.random.Generator) -> None:
+    model = hoap2.model
+    q = pin.integrate(model, hoap2.postures["standing"], 0.2 * rng.normal(size=hoap2.nv))
+    v, a = rng.normal(size=hoap2.nv), 5.0 * rng.normal(size=hoap2.nv)
+    found = centroidal_derivatives(hoap2, q[None], v[None], a[None])
+    steps = 1e-6 * np.vstack((np.eye(hoap2.nv), -np.eye(hoap2.nv)))
     turned = np.array([pin.integrate(model, q, step) for step in steps])
     still = np.tile(q, (len(steps), 1)), np.tile(v, (len(steps), 1)), np.tile(a, (len(steps), 1))
 
@@ -153,9 +150,9 @@ def test_derivatives_are_those_of_differences(rng: np.random.Generator) -> None:
         ahead, behind = np.split(values, 2)
         return (ahead - behind).T / 2e-6
 
-    by_q = centroidal_series(robot, turned, *still[1:])
-    by_v = centroidal_series(robot, still[0], v + steps, still[2])
-    by_a = centroidal_series(robot, *still[:2], a + steps)
+    by_q = centroidal_series(hoap2, turned, *still[1:])
+    by_v = centroidal_series(hoap2, still[0], v + steps, still[2])
+    by_a = centroidal_series(hoap2, *still[:2], a + steps)
     vech = by_q.inertia[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
     # Differences of 1e-6: right to 1e-9 of values of up to 300.
     for exact, values in (

@@ -134,17 +134,16 @@ def test_nine_rows_are_the_links_about_the_spatial_origin(robot, rng, random_sna
     np.testing.assert_array_equal(here.spatial_inertia_jacobian("com")[6:], 0.0)
 
 
-def test_nine_rows_column_by_column(robot_named, rng, random_snapshot) -> None:
+def test_nine_rows_column_by_column(g1_27, rng, random_snapshot) -> None:
     """Central differences of the entries along each entry of v: 1e-10 and rounding of 1e-11."""
-    robot = robot_named("g1_27")
-    here = random_snapshot(robot, rng)
+    here = random_snapshot(g1_27, rng)
     for about in ("world", "left_ankle_roll_link", (0.1, 0.2, 0.3)):
 
         def at(step: np.ndarray, about=about) -> np.ndarray:
-            there = robot.snapshot(robot.integrate(here.q, step, 1.0))
+            there = g1_27.snapshot(g1_27.integrate(here.q, step, 1.0))
             return there.spatial_inertia_entries(about)
 
-        columns = [(at(1e-5 * e) - at(-1e-5 * e)) / 2e-5 for e in np.eye(robot.nv)]
+        columns = [(at(1e-5 * e) - at(-1e-5 * e)) / 2e-5 for e in np.eye(g1_27.nv)]
         found = here.spatial_inertia_jacobian(about)
         np.testing.assert_allclose(found.T, columns, atol=1e-7 * np.abs(found).max())
 

@@ -151,6 +151,6 @@ def test_logarithm_of_a_rotation(angle: float) -> None:
     np.testing.assert_allclose(second, (high - 2 * middle + low) / h**2, atol=1e-4)
 
 
-def test_unknown_frames_are_named(robot_named) -> None:
+def test_unknown_frames_are_named(hoap2) -> None:
     with pytest.raises(UnknownNameError, match="unknown frame 'left_sol'"):
-        posture_functions(robot_named("hoap2_like"), frames=("left_sol",))
+        posture_functions(hoap2, frames=("left_sol",))

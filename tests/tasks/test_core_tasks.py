@@ -10,7 +10,6 @@ from wbc.controllers import KinematicController, TorqueController
 from wbc.errors import InvalidInputError
 from wbc.laws import Residual
 from wbc.qp import kkt_residuals
-from wbc.robot import Robot
 from wbc.tasks import (
     ComTask,
     CopTask,
@@ -25,16 +24,10 @@ from wbc.tasks import (
 DT = 0.002
 
 
-@pytest.fixture
-def robot(robot_named) -> Robot:
-    return robot_named("hoap2_like")
-
-
-def test_snapshot_of_another_robot_is_refused(robot, robot_named) -> None:
-    other = robot_named("g1")
-    there = other.snapshot(other.posture("standing"))
-    task = PostureTask(robot, robot.posture("standing"))
-    for ask in (task.residual, task.drift, lambda s: Limits(robot).box(s, DT)):
+def test_snapshot_of_another_robot_is_refused(hoap2, g1) -> None:
+    there = g1.snapshot(g1.posture("standing"))
+    task = PostureTask(hoap2, hoap2.posture("standing"))
+    for ask in (task.residual, task.drift, lambda s: Limits(hoap2).box(s, DT)):
         with pytest.raises(InvalidInputError, match="the snapshot is of another robot, 'g1"):
             ask(there)
 
@@ -47,13 +40,13 @@ class Own(Contact):
 
 
 @pytest.mark.parametrize("slack", [{}, {"left_sole": 1e3}])
-def test_contact_of_ones_own_bears_what_a_contact_does(robot, slack) -> None:
-    here = robot.snapshot(robot.posture("standing"))
+def test_contact_of_ones_own_bears_what_a_contact_does(hoap2, slack) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
     ticks = []
     for kind in (Contact, Own):
         held = [kind.hold(here, f"{side}_sole") for side in ("left", "right")]
-        tasks = [PostureTask(robot, here.q), CopTask(robot, here.com[:2], weight=0.1)]
-        ticks.append(TorqueController(robot, tasks, contacts=held, slack=slack, dt=DT).step(here))
+        tasks = [PostureTask(hoap2, here.q), CopTask(hoap2, here.com[:2], weight=0.1)]
+        ticks.append(TorqueController(hoap2, tasks, contacts=held, slack=slack, dt=DT).step(here))
     assert ticks[0].ok
     np.testing.assert_allclose(ticks[1].torque, ticks[0].torque, atol=1e-6)
     np.testing.assert_allclose(ticks[1].errors["cop"], ticks[0].errors["cop"], atol=1e-6)
@@ -63,11 +56,11 @@ class MyCop(CopTask):
     """Nothing but a name."""
 
 
-def test_derived_kind_of_task_is_what_it_is_derived_from(robot) -> None:
-    here = robot.snapshot(robot.posture("standing"))
-    held, posture = support(here, "double"), PostureTask(robot, here.q)
+def test_derived_kind_of_task_is_what_it_is_derived_from(hoap2) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
+    held, posture = support(here, "double"), PostureTask(hoap2, here.q)
     torques = [
-        TorqueController(robot, [posture, kind(robot, here.com[:2])], contacts=held, dt=DT)
+        TorqueController(hoap2, [posture, kind(hoap2, here.com[:2])], contacts=held, dt=DT)
         .step(here)
         .torque
         for kind in (CopTask, MyCop)
@@ -75,14 +68,14 @@ def test_derived_kind_of_task_is_what_it_is_derived_from(robot) -> None:
     np.testing.assert_array_equal(*torques)
 
 
-def test_pose_task_damped_by_nothing_is_not_damped(robot) -> None:
+def test_pose_task_damped_by_nothing_is_not_damped(hoap2) -> None:
     """A whole pose leaves no curvature out, whoever works it out: lm_damping alone is added."""
-    here = robot.snapshot(robot.posture("standing"))
+    here = hoap2.snapshot(hoap2.posture("standing"))
     goal = here.position("left_hand") + [0.02, 0.01, 0.03]
     found = [
         KinematicController(
-            robot,
-            [PoseTask(robot, "left_hand", goal, here.rotation("left_hand"), lm_damping=damping)],
+            hoap2,
+            [PoseTask(hoap2, "left_hand", goal, here.rotation("left_hand"), lm_damping=damping)],
             contacts=(),
         )
         .step(here)
@@ -92,34 +85,34 @@ def test_pose_task_damped_by_nothing_is_not_damped(robot) -> None:
     np.testing.assert_allclose(*found, atol=1e-5)
 
 
-def test_frame_that_a_pose_is_seen_from_may_be_changed(robot) -> None:
-    here = robot.snapshot(robot.posture("standing"))
-    task = RelativePoseTask(robot, "left_hand", "base", [0.1, 0.1, 0.1], np.eye(3))
-    controller = KinematicController(robot, [task], contacts=())
+def test_frame_that_a_pose_is_seen_from_may_be_changed(hoap2) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
+    task = RelativePoseTask(hoap2, "left_hand", "base", [0.1, 0.1, 0.1], np.eye(3))
+    controller = KinematicController(hoap2, [task], contacts=())
     controller.step(here)
     task.relative_to = "right_hand"
     tick = controller.step(here)
     np.testing.assert_allclose(tick.errors[task.name], task.residual(here).error, atol=1e-12)
 
 
-def test_tasks_may_be_added_while_others_are_off(robot) -> None:
-    here = robot.snapshot(robot.posture("standing"))
-    posture, com = PostureTask(robot, here.q), ComTask(robot, here.com)
-    controller = KinematicController(robot, [posture, com], contacts=())
+def test_tasks_may_be_added_while_others_are_off(hoap2) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
+    posture, com = PostureTask(hoap2, here.q), ComTask(hoap2, here.com)
+    controller = KinematicController(hoap2, [posture, com], contacts=())
     com.switch_off()
-    controller.change(tasks=[*controller.tasks, ComTask(robot, here.com, name="again")])
+    controller.change(tasks=[*controller.tasks, ComTask(hoap2, here.com, name="again")])
     assert controller.step(here).ok
     with pytest.raises(InvalidInputError, match="task 'idle' has no weight"):
-        controller.change(tasks=[posture, ComTask(robot, here.com, name="idle", weight=0.0)])
+        controller.change(tasks=[posture, ComTask(hoap2, here.com, name="idle", weight=0.0)])
 
 
 @pytest.mark.parametrize("kind", [KinematicController, TorqueController])
-def test_task_at_every_frame_fits_in_the_memory_of_a_tick(robot, kind) -> None:
-    here = robot.snapshot(robot.posture("standing"))
-    tasks = [PositionTask(robot, name, here.position(name)) for name in robot.frame_indices]
-    tasks.append(InertiaTask(robot, 1.5 * here.inertia, second_order=True))
-    point = PointContact(robot, "left_sole", here.position("left_sole"), np.eye(3))  # few unknowns
-    assert kind(robot, tasks, contacts=[point]).step(here).ok
+def test_task_at_every_frame_fits_in_the_memory_of_a_tick(hoap2, kind) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
+    tasks = [PositionTask(hoap2, name, here.position(name)) for name in hoap2.frame_indices]
+    tasks.append(InertiaTask(hoap2, 1.5 * here.inertia, second_order=True))
+    point = PointContact(hoap2, "left_sole", here.position("left_sole"), np.eye(3))  # few unknowns
+    assert kind(hoap2, tasks, contacts=[point]).step(here).ok
 
 
 class Ordered(Task):
@@ -136,12 +129,12 @@ class Ordered(Task):
         return np.zeros(1)
 
 
-def test_residual_is_asked_before_drift(robot) -> None:
-    here = robot.snapshot(robot.posture("standing"))
-    task = Ordered(robot, "ordered", ("a",))
+def test_residual_is_asked_before_drift(hoap2) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
+    task = Ordered(hoap2, "ordered", ("a",))
     task.asked = []
     contacts = support(here, "double")
-    TorqueController(robot, [task], contacts=contacts, dt=DT).step(here)
+    TorqueController(hoap2, [task], contacts=contacts, dt=DT).step(here)
     assert task.asked[:2] == ["r", "d"]
 
 
@@ -158,11 +151,11 @@ class Short(Margin):
         return np.zeros(3)
 
 
-def test_what_is_of_other_sizes_is_refused(robot) -> None:
-    here = robot.snapshot(robot.posture("standing"))
+def test_what_is_of_other_sizes_is_refused(hoap2) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
     with pytest.raises(InvalidInputError, match=r"short: distances\(\) must return clearances"):
-        Short(robot, "short", None).rows(here, DT)
-    qp = KinematicController(robot, [PostureTask(robot, here.q)], contacts=()).step(here).qp
+        Short(hoap2, "short", None).rows(here, DT)
+    qp = KinematicController(hoap2, [PostureTask(hoap2, here.q)], contacts=()).step(here).qp
     none, n = np.zeros(0), qp.g.size
     with pytest.raises(InvalidInputError, match="x, y, z, z_box of a QP: expected shapes"):
         kkt_residuals(qp, np.zeros(n - 1), none, none, np.zeros(n))

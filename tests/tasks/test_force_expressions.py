@@ -67,18 +67,13 @@ class Tick:
 
 
 @pytest.fixture
-def robot(robot_named) -> Robot:
-    return robot_named("hoap2_like")
+def here(hoap2: Robot, rng, random_snapshot) -> Snapshot:
+    return random_snapshot(hoap2, rng)
 
 
 @pytest.fixture
-def here(robot: Robot, rng, random_snapshot) -> Snapshot:
-    return random_snapshot(robot, rng)
-
-
-@pytest.fixture
-def tick(robot: Robot, here: Snapshot, rng) -> Tick:
-    return Tick(robot, here, rng)
+def tick(hoap2: Robot, here: Snapshot, rng) -> Tick:
+    return Tick(hoap2, here, rng)
 
 
 def inverse_dynamics(tick: Tick, here: Snapshot) -> np.ndarray:
@@ -97,7 +92,7 @@ def inverse_dynamics(tick: Tick, here: Snapshot) -> np.ndarray:
     return tau
 
 
-def test_torques_are_inverse_dynamics(tick: Tick, here: Snapshot, robot: Robot, rng) -> None:
+def test_torques_are_inverse_dynamics(tick: Tick, here: Snapshot, hoap2: Robot, rng) -> None:
     tau = inverse_dynamics(tick, here)
     size = np.abs(tau).max()
     dynamics = tick.dynamics
@@ -109,77 +104,77 @@ def test_torques_are_inverse_dynamics(tick: Tick, here: Snapshot, robot: Robot, 
     one = dynamics.torque(some)
     np.testing.assert_allclose(one.matrix @ tick.x + one.constant, tau[6:][some], atol=1e-9 * size)
     assert (dynamics.size, dynamics.contacts) == (tick.x.size, tick.layout.frames)
-    assert dynamics.unit == robot.mass / DT
-    wanted = rng.normal(size=robot.nv - 6)
+    assert dynamics.unit == hoap2.mass / DT
+    wanted = rng.normal(size=hoap2.nv - 6)
     np.testing.assert_allclose(
-        tick.error(TorqueTask(robot, wanted)), tau[6:] - wanted, atol=1e-9 * size
+        tick.error(TorqueTask(hoap2, wanted)), tau[6:] - wanted, atol=1e-9 * size
     )
-    name, other = robot.joint_names[4], robot.joint_names[2]
-    task = TorqueTask(robot, {name: 3.0}, joints=[name, other])
+    name, other = hoap2.joint_names[4], hoap2.joint_names[2]
+    task = TorqueTask(hoap2, {name: 3.0}, joints=[name, other])
     assert task.rows == (other, name)
     expected = tau[6:][[2, 4]] - [0.0, 3.0]
     np.testing.assert_allclose(tick.error(task), expected, atol=1e-9 * size)
-    np.testing.assert_allclose(tick.error(TorqueTask(robot, 2.0, joints=[name])),
+    np.testing.assert_allclose(tick.error(TorqueTask(hoap2, 2.0, joints=[name])),
                                tau[6:][[4]] - 2.0, atol=1e-9 * size)  # fmt: skip
 
 
-def test_commands_leave_nothing_on_the_base(here: Snapshot, robot: Robot) -> None:
+def test_commands_leave_nothing_on_the_base(here: Snapshot, hoap2: Robot) -> None:
     """To rounding, whatever the solver left: the base's velocity is the one of its dynamics."""
     contacts = [Contact.hold(here, f"{side}_sole") for side in ("left", "right")]
-    tasks = [PostureTask(robot, robot.posture("standing"))]
-    found = TorqueController(robot, tasks, contacts=contacts, dt=DT).step(here)
+    tasks = [PostureTask(hoap2, hoap2.posture("standing"))]
+    found = TorqueController(hoap2, tasks, contacts=contacts, dt=DT).step(here)
     tau = inverse_dynamics(SimpleNamespace(v=found.velocity, wrenches=found.forces), here)
     size = np.abs(tau).max()
     np.testing.assert_allclose(tau[:6], 0.0, atol=1e-9 * size)
-    inside = np.clip(tau[6:], -robot.limits.effort, robot.limits.effort)
+    inside = np.clip(tau[6:], -hoap2.limits.effort, hoap2.limits.effort)
     np.testing.assert_allclose(found.torque, inside, atol=1e-9 * size)
 
 
-def test_wrenches_shares_and_changes(tick: Tick, here: Snapshot, robot: Robot, rng) -> None:
+def test_wrenches_shares_and_changes(tick: Tick, here: Snapshot, hoap2: Robot, rng) -> None:
     target = rng.normal(size=6)
     for frame in FRAMES:
-        task = ContactForceTask(robot, frame, target)
+        task = ContactForceTask(hoap2, frame, target)
         np.testing.assert_allclose(tick.error(task), tick.wrenches[frame] - target, atol=1e-9)
-    some = ContactForceTask(robot, "left_hand", target, components=("mz", "fx"))
+    some = ContactForceTask(hoap2, "left_hand", target, components=("mz", "fx"))
     np.testing.assert_allclose(tick.error(some), (tick.wrenches["left_hand"] - target)[[5, 0]])
     assert some.units == ("N m", "N")
-    away = ContactForceTask(robot, "right_hand", target)
+    away = ContactForceTask(hoap2, "right_hand", target)
     np.testing.assert_allclose(tick.error(away), -target, err_msg="a frame that is no contact")
     shares = {"left_sole": 1.0, "right_hand": 5.0, "right_sole": 3.0}
     vertical = [tick.wrenches[frame][2] for frame in ("left_sole", "right_sole")]
-    found = tick.error(LoadShareTask(robot, shares))
+    found = tick.error(LoadShareTask(hoap2, shares))
     whole = sum(vertical)
     expected = [vertical[0] - 0.25 * whole, 0.0, vertical[1] - 0.75 * whole]
     np.testing.assert_allclose(found, expected, atol=1e-9)
-    lone = LoadShareTask(robot, {"right_hand": 1.0})
+    lone = LoadShareTask(hoap2, {"right_hand": 1.0})
     np.testing.assert_array_equal(tick.error(lone), [0.0])
     # Changes: none in a first tick; of a contact that is new from nothing.
     frames = [*FRAMES, "right_hand"]
-    task = ForceRateTask(robot, frames)
+    task = ForceRateTask(hoap2, frames)
     np.testing.assert_array_equal(tick.error(task), np.zeros(24))
     last = {"left_sole": rng.normal(size=6), "right_hand": rng.normal(size=6)}
-    later = Tick(robot, here, rng, SimpleNamespace(wrenches=lambda: last))
+    later = Tick(hoap2, here, rng, SimpleNamespace(wrenches=lambda: last))
     none = np.zeros(6)
     parts = [later.wrenches[frame] - last.get(frame, none) for frame in FRAMES]
     np.testing.assert_allclose(later.error(task), np.concatenate((*parts, none)), atol=1e-9)
-    assert ForceRateTask(robot).frames == ("left_sole", "right_sole")
+    assert ForceRateTask(hoap2).frames == ("left_sole", "right_sole")
     assert task.units == ("N", "N", "N", "N m", "N m", "N m") * 4
 
 
 @pytest.mark.parametrize("levels", [1, 2])
-def test_error_of_a_cop_is_the_moment_about_the_wanted_point(robot: Robot, rng, levels) -> None:
+def test_error_of_a_cop_is_the_moment_about_the_wanted_point(hoap2: Robot, rng, levels) -> None:
     """Of all contacts about a point in the world or at their mean height; of one in its plane."""
-    here = robot.snapshot(robot.posture("standing"), 0.01 * rng.normal(size=robot.nv))
+    here = hoap2.snapshot(hoap2.posture("standing"), 0.01 * rng.normal(size=hoap2.nv))
     held = surface_point_and_grip(here)
     point, own = rng.normal(size=3), [0.1, -0.2]
     cops = [
-        CopTask(robot, point, name="at", weight=1e-3),
-        CopTask(robot, point[:2], name="flat", weight=0.1, priority=levels - 1),
-        CopTask(robot, own, frame="left_hand"),
-        CopTask(robot, own, frame="right_hand"),  # no contact
+        CopTask(hoap2, point, name="at", weight=1e-3),
+        CopTask(hoap2, point[:2], name="flat", weight=0.1, priority=levels - 1),
+        CopTask(hoap2, own, frame="left_hand"),
+        CopTask(hoap2, own, frame="right_hand"),  # no contact
     ]
-    tasks = [PostureTask(robot, here.q), *cops]
-    tick = TorqueController(robot, tasks, contacts=held, dt=DT).step(here)
+    tasks = [PostureTask(hoap2, here.q), *cops]
+    tick = TorqueController(hoap2, tasks, contacts=held, dt=DT).step(here)
     assert tick.ok, tick.report()
 
     def moment_about(point: np.ndarray) -> np.ndarray:
@@ -199,7 +194,7 @@ def test_error_of_a_cop_is_the_moment_about_the_wanted_point(robot: Robot, rng, 
     for name, moment in expected.items():
         np.testing.assert_allclose(tick.errors[name], moment[:2], atol=1e-9, err_msg=name)
     # And what is wanted is had, where nothing else is.
-    near = CopTask(robot, here.com[:2] + 0.01, name="near", weight=1e3)
-    light = PostureTask(robot, here.q, weight=1e-3)
-    alone = TorqueController(robot, [light, near], contacts=held, dt=DT).step(here)
+    near = CopTask(hoap2, here.com[:2] + 0.01, name="near", weight=1e3)
+    light = PostureTask(hoap2, here.q, weight=1e-3)
+    alone = TorqueController(hoap2, [light, near], contacts=held, dt=DT).step(here)
     assert np.abs(alone.errors["near"]).max() < 1e-3

@@ -51,21 +51,19 @@ def test_a_load_is_shared_as_asked(name: str, solver: str, robot_named: Load) ->
     assert loads[0] == pytest.approx(loads[1], rel=1e-3)
 
 
-def test_shares_of_a_contact_that_is_none_are_left_out(robot_named: Load) -> None:
-    robot = robot_named("g1")
-    here = standing(robot)
-    share = wbc.LoadShareTask(robot, dict.fromkeys(FEET, 1.0), weight=100.0)
+def test_shares_of_a_contact_that_is_none_are_left_out(g1: Robot) -> None:
+    here = standing(g1)
+    share = wbc.LoadShareTask(g1, dict.fromkeys(FEET, 1.0), weight=100.0)
     controller = controlled(here, share, contacts=wbc.support(here, "left"))
     tick = controller.step(here)
     assert tick.ok and not tick.errors["load share"].any()
 
 
-def test_a_wanted_wrench_is_met(robot_named: Load) -> None:
+def test_a_wanted_wrench_is_met(g1: Robot) -> None:
     """Soles pressing apart by 20 N are internal forces: nothing moves for them."""
-    robot = robot_named("g1")
-    here = standing(robot)
+    here = standing(g1)
     press = wbc.ContactForceTask(
-        robot, "left_sole", [0, 20.0, 0, 0, 0, 0], components=["fy"], weight=100.0
+        g1, "left_sole", [0, 20.0, 0, 0, 0, 0], components=["fy"], weight=100.0
     )
     tick = tick_with(here, press)
     assert tick.forces["left_sole"][1] == pytest.approx(20.0, abs=0.05)
@@ -74,12 +72,11 @@ def test_a_wanted_wrench_is_met(robot_named: Load) -> None:
     assert press.units == ("N",) and still(tick)
 
 
-def test_cop_of_one_contact_is_where_it_is_wanted(robot_named: Load) -> None:
+def test_cop_of_one_contact_is_where_it_is_wanted(g1: Robot) -> None:
     """Oracle: the wrench's own moment, over its normal force, in the sole's axes."""
-    robot = robot_named("g1")
-    here = standing(robot)
+    here = standing(g1)
     wanted = np.array([0.03, -0.01])
-    aim = wbc.CopTask(robot, wanted, frame="left_sole", weight=100.0)
+    aim = wbc.CopTask(g1, wanted, frame="left_sole", weight=100.0)
     tick = tick_with(here, aim)
     R, wrench = here.rotation("left_sole"), tick.forces["left_sole"]
     force, about = R.T @ wrench[:3], R.T @ wrench[3:]
@@ -87,12 +84,11 @@ def test_cop_of_one_contact_is_where_it_is_wanted(robot_named: Load) -> None:
     assert aim.units == ("N m", "N m")
 
 
-def test_cop_of_all_contacts_moves_the_robot(robot_named: Load) -> None:
+def test_cop_of_all_contacts_moves_the_robot(g1: Robot) -> None:
     """A CoP off the CoM's projection accelerates it: zddot = 0 gives m c'' = m g/h (c - p)."""
-    robot = robot_named("g1")
-    here = standing(robot)
+    here = standing(g1)
     wanted = here.com[:2] + [0.02, 0.01]
-    aim = wbc.CopTask(robot, wanted, weight=1e3)
+    aim = wbc.CopTask(g1, wanted, weight=1e3)
     tick = tick_with(here, aim)
     assert tick.cop is not None
     np.testing.assert_allclose(tick.cop[:2], wanted, atol=1e-4)
@@ -102,20 +98,19 @@ def test_cop_of_all_contacts_moves_the_robot(robot_named: Load) -> None:
     assert (tick.acceleration[:2] * [1.0, 1.0] < 0.0).all()
 
 
-def test_least_torques_are_those_of_another_solver(robot_named: Load) -> None:
+def test_least_torques_are_those_of_another_solver(g1: Robot) -> None:
     """Oracle: SciPy's least squares over forces that hold the robot still, no cones active."""
     from scipy.linalg import null_space
 
-    robot = robot_named("g1")
-    here = standing(robot)
-    still_tasks = [wbc.PostureTask(robot, here.q, weight=1e2)]
+    here = standing(g1)
+    still_tasks = [wbc.PostureTask(g1, here.q, weight=1e2)]
     hold = [wbc.FrictionCone(5.0), wbc.FrictionCone(5.0)]
     contacts = wbc.support(here, "double")
     for contact, cone in zip(contacts, hold, strict=True):
         contact.friction = cone
     tick = tick_with(
         here,
-        wbc.TorqueTask(robot, weight=1.0),
+        wbc.TorqueTask(g1, weight=1.0),
         tasks=still_tasks,
         contacts=contacts,
         force_damping=1e-6,
@@ -136,32 +131,30 @@ def test_least_torques_are_those_of_another_solver(robot_named: Load) -> None:
     assert np.abs(plain - least).max() > 0.02 * size
 
 
-def test_torques_near_a_reference(robot_named: Load) -> None:
-    robot = robot_named("g1")
-    here = standing(robot)
-    places = [k for k, name in enumerate(robot.joint_names) if "knee" in name]
+def test_torques_near_a_reference(g1: Robot) -> None:
+    here = standing(g1)
+    places = [k for k, name in enumerate(g1.joint_names) if "knee" in name]
     wanted = tick_with(here).torque[places].mean() + 3.0
-    knees = wbc.TorqueTask(robot, {"*knee*": wanted}, joints=["*knee*"], weight=1e3)
+    knees = wbc.TorqueTask(g1, {"*knee*": wanted}, joints=["*knee*"], weight=1e3)
     tick = tick_with(here, knees)
     assert len(places) == 2
     np.testing.assert_allclose(tick.torque[places], wanted, atol=0.02)
     np.testing.assert_allclose(tick.errors["torque"], tick.torque[places] - wanted, atol=1e-9)
 
 
-def test_force_rate_slows_what_forces_do(robot_named: Load) -> None:
+def test_force_rate_slows_what_forces_do(g1: Robot) -> None:
     """A load that is to go to one foot gets there at once without it, and gradually with it."""
-    robot = robot_named("g1")
-    here = standing(robot)
+    here = standing(g1)
 
     def loads(*extra: Task) -> list[float]:
-        share = wbc.LoadShareTask(robot, dict.fromkeys(FEET, 1.0))
+        share = wbc.LoadShareTask(g1, dict.fromkeys(FEET, 1.0))
         controller = controlled(here, share, *extra)
         controller.step(here)
         share.set_target([3.0, 2.0])
         return [controller.step(here).forces["left_sole"][2] for _ in range(60)]
 
-    weight = 9.81 * robot.mass
-    plain, slow = loads(), loads(wbc.ForceRateTask(robot, weight=3.0))
+    weight = 9.81 * g1.mass
+    plain, slow = loads(), loads(wbc.ForceRateTask(g1, weight=3.0))
     assert plain[0] == pytest.approx(plain[-1], rel=1e-3)
     assert plain[0] > 0.59 * weight
     assert 0.5 * weight < slow[0] < 0.52 * weight
@@ -169,22 +162,19 @@ def test_force_rate_slows_what_forces_do(robot_named: Load) -> None:
     assert slow[-1] == pytest.approx(plain[-1], rel=0.01)
 
 
-def test_force_rate_is_nothing_in_the_first_tick(robot_named: Load) -> None:
-    here = standing(robot_named("g1"))
+def test_force_rate_is_nothing_in_the_first_tick(g1: Robot) -> None:
+    here = standing(g1)
     rate = wbc.ForceRateTask(here.robot, weight=100.0)
     with_rate, without = tick_with(here, rate, solver="daqp"), tick_with(here, solver="daqp")
     np.testing.assert_allclose(with_rate.torque, without.torque, atol=1e-6)
 
 
-def test_priorities_are_strict(robot_named: Load) -> None:
+def test_priorities_are_strict(g1: Robot) -> None:
     """A share that motion above does not care about is met; a torque below changes neither."""
-    robot = robot_named("g1")
-    here = standing(robot)
+    here = standing(g1)
     motion = stack(here)
-    share = wbc.LoadShareTask(
-        robot, dict(zip(FEET, (0.6, 0.4), strict=True)), weight=10.0, priority=1
-    )
-    lazy = wbc.TorqueTask(robot, weight=10.0, priority=2)
+    share = wbc.LoadShareTask(g1, dict(zip(FEET, (0.6, 0.4), strict=True)), weight=10.0, priority=1)
+    lazy = wbc.TorqueTask(g1, weight=10.0, priority=2)
     upper = tick_with(here, tasks=motion)
     tick = tick_with(here, share, lazy, tasks=motion)
     np.testing.assert_allclose(tick.velocity, upper.velocity, atol=1e-6)
@@ -194,59 +184,54 @@ def test_priorities_are_strict(robot_named: Load) -> None:
     assert np.linalg.norm(tick.torque) < np.linalg.norm(only_below.torque)
 
 
-def test_contacts_that_are_none_bear_nothing(robot_named: Load) -> None:
-    robot = robot_named("g1")
-    here = standing(robot)
-    press = wbc.ContactForceTask(robot, "right_sole", [0, 0, 50.0, 0, 0, 0], components=["fz"])
-    aim = wbc.CopTask(robot, [0.0, 0.0], frame="right_sole")
+def test_contacts_that_are_none_bear_nothing(g1: Robot) -> None:
+    here = standing(g1)
+    press = wbc.ContactForceTask(g1, "right_sole", [0, 0, 50.0, 0, 0, 0], components=["fz"])
+    aim = wbc.CopTask(g1, [0.0, 0.0], frame="right_sole")
     tick = controlled(here, press, aim, contacts=wbc.support(here, "left")).step(here)
     assert tick.ok
     assert tick.errors["right_sole force"] == pytest.approx([-50.0])
     assert not tick.errors["right_sole cop"].any()
 
 
-def test_grips_have_wrenches_in_world_axes(robot_named: Load) -> None:
-    robot = robot_named("g1")
-    here = standing(robot)
-    hand = next(name for name in robot.frame_names if "wrist_yaw" in name)
+def test_grips_have_wrenches_in_world_axes(g1: Robot) -> None:
+    here = standing(g1)
+    hand = next(name for name in g1.frame_names if "wrist_yaw" in name)
     grip = wbc.Contact.hold(here, hand, friction=None)
-    pull = wbc.ContactForceTask(robot, hand, [5.0, 1.0, 12.0, 0.1, 0.2, 0.3], weight=100.0)
+    pull = wbc.ContactForceTask(g1, hand, [5.0, 1.0, 12.0, 0.1, 0.2, 0.3], weight=100.0)
     tick = tick_with(here, pull, contacts=[*wbc.support(here, "double"), grip])
     np.testing.assert_allclose(tick.forces[hand], pull.target, atol=0.05)
     np.testing.assert_allclose(tick.errors[pull.name], tick.forces[hand] - pull.target, atol=1e-9)
 
 
-def test_the_kinematic_controller_refuses_them_by_name(robot_named: Load) -> None:
-    robot = robot_named("g1")
-    here = standing(robot)
-    aim = wbc.CopTask(robot, [0.0, 0.0], name="pressure")
+def test_the_kinematic_controller_refuses_them_by_name(g1: Robot) -> None:
+    here = standing(g1)
+    aim = wbc.CopTask(g1, [0.0, 0.0], name="pressure")
     with pytest.raises(InvalidInputError, match=r"'pressure'.*TorqueController"):
-        wbc.KinematicController(robot, [*stack(here), aim], contacts=())
+        wbc.KinematicController(g1, [*stack(here), aim], contacts=())
     with pytest.raises(InvalidInputError, match=r"'pressure'.*forces"):
-        wbc.KinematicController(robot, stack(here), contacts=[aim])
+        wbc.KinematicController(g1, stack(here), contacts=[aim])
     with pytest.raises(InvalidInputError, match=r"'pressure'.*forces"):
         aim.residual(here)
 
 
 @pytest.mark.parametrize(("rows", "numbers"), [(6, 6), (6, 2), (2, 6), (2, 1)])
-def test_an_expression_of_another_shape_is_refused(robot_named: Load, rows, numbers) -> None:
+def test_an_expression_of_another_shape_is_refused(g1: Robot, rows, numbers) -> None:
     """Either of its parts is enough."""
 
     class Wrong(ForceTask):
         def expression(self, dynamics: Dynamics) -> Affine:
             return Affine(dynamics.wrench("left_sole")[:rows], np.zeros(numbers))
 
-    robot = robot_named("g1")
-    here = standing(robot)
+    here = standing(g1)
     said = r"'mine': expression\(\), (matrix|constant): expected shape \(2,"
     with pytest.raises(InvalidInputError, match=said):
-        controlled(here, Wrong(robot, "mine", ["fx", "fy"])).step(here)
+        controlled(here, Wrong(g1, "mine", ["fx", "fy"])).step(here)
 
 
-def test_which_points_a_cop_may_be_given_depends_on_its_frame(robot_named) -> None:
-    robot = robot_named("g1")
+def test_which_points_a_cop_may_be_given_depends_on_its_frame(g1) -> None:
     with pytest.raises(InvalidInputError, match=r"a point \(2,\), in the frame's plane"):
-        wbc.CopTask(robot, [0.0, 0.0, 0.0], frame="left_sole")
+        wbc.CopTask(g1, [0.0, 0.0, 0.0], frame="left_sole")
     with pytest.raises(InvalidInputError, match=r"a point \(2,\) or \(3,\), got"):
-        wbc.CopTask(robot, [0.0])
-    assert wbc.CopTask(robot, [0.0, 0.0, 0.1]).target.tolist() == [0.0, 0.0, 0.1]
+        wbc.CopTask(g1, [0.0])
+    assert wbc.CopTask(g1, [0.0, 0.0, 0.1]).target.tolist() == [0.0, 0.0, 0.1]

@@ -62,21 +62,20 @@ def test_ratios_are_bounded_at_equal_moments() -> None:
     assert (turning_ratios(equal, np.ones(3)) == 0.0).all()
 
 
-def test_principal_moments_converge_to_equal_ones(robot_named) -> None:
+def test_principal_moments_converge_to_equal_ones(hoap2) -> None:
     """The hard case for separate eigenvalues: two targets meet."""
-    robot = robot_named("hoap2_like")
-    start = robot.posture("standing", {"left_shoulder_roll": 1.0, "right_shoulder_roll": -1.0})
-    moments = np.linalg.eigvalsh(robot.snapshot(start).inertia)
+    start = hoap2.posture("standing", {"left_shoulder_roll": 1.0, "right_shoulder_roll": -1.0})
+    moments = np.linalg.eigvalsh(hoap2.snapshot(start).inertia)
     wanted = np.array([moments[0], moments[1:].mean(), moments[1:].mean()])
-    task = PrincipalInertiaTask(robot, wanted, gain=0.3)
-    controller = KinematicController(robot, [task], limits=Limits(robot), damping=1e-6)
-    q, v = start, np.zeros(robot.nv)
+    task = PrincipalInertiaTask(hoap2, wanted, gain=0.3)
+    controller = KinematicController(hoap2, [task], limits=Limits(hoap2), damping=1e-6)
+    q, v = start, np.zeros(hoap2.nv)
     for _ in range(800):
-        tick = controller.step(robot.snapshot(q, v))
+        tick = controller.step(hoap2.snapshot(q, v))
         assert tick.ok, tick.report()
         v = tick.velocity
-        q = robot.integrate(q, v, 0.005)
-    reached = np.linalg.eigvalsh(robot.snapshot(q).inertia)
+        q = hoap2.integrate(q, v, 0.005)
+    reached = np.linalg.eigvalsh(hoap2.snapshot(q).inertia)
     np.testing.assert_allclose(reached, wanted, rtol=1e-6)
 
 
@@ -219,9 +218,8 @@ def test_targets_out_of_reach_are_arrived_at_in_a_second(mode, name, factors, ro
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
 @pytest.mark.parametrize("entry", [(0, 1), (0, 2), (1, 2)])
-def test_a_target_is_symmetric_to_rounding_whatever_its_size(robot_named, size, entry) -> None:
+def test_a_target_is_symmetric_to_rounding_whatever_its_size(hoap2, size, entry) -> None:
     """Entries may differ by 1e-9 of the largest, which may stand anywhere."""
-    robot = robot_named("hoap2_like")
     for largest in ((0, 0), (1, 1), (2, 2), entry):
         target = size * np.diag([0.1, 0.2, 0.3])
         target[largest] = target[largest[::-1]] = -size if largest == entry else size
@@ -229,17 +227,16 @@ def test_a_target_is_symmetric_to_rounding_whatever_its_size(robot_named, size, 
             given = target.copy()
             given[entry if off < 1e-9 else entry[::-1]] += off * size  # above, then below
             if taken:
-                InertiaTask(robot, given)
+                InertiaTask(hoap2, given)
                 continue
             with pytest.raises(InvalidInputError, match="symmetric"):
-                InertiaTask(robot, given)
+                InertiaTask(hoap2, given)
 
 
-def test_short_forms_of_a_target_leave_the_other_entries_zero(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    diagonal = InertiaTask(robot, [1.0, 2.0, 3.0], components=("xx", "yy", "zz"))
+def test_short_forms_of_a_target_leave_the_other_entries_zero(hoap2) -> None:
+    diagonal = InertiaTask(hoap2, [1.0, 2.0, 3.0], components=("xx", "yy", "zz"))
     assert diagonal.target.tolist() == [1.0, 0.0, 0.0, 2.0, 0.0, 3.0]
-    trace = InertiaTask(robot, 6.0, components=("trace",))
+    trace = InertiaTask(hoap2, 6.0, components=("trace",))
     assert trace.target.tolist() == [2.0, 0.0, 0.0, 2.0, 0.0, 2.0]
 
 
@@ -259,42 +256,40 @@ def test_the_bound_on_curvature_in_axes_of_a_frame(robot: Robot, rng, random_sna
     np.testing.assert_allclose(residual.curvature_bound(), expected, rtol=1e-9)
 
 
-def test_about_a_point_a_robot_pulls_its_mass_in_and_a_foot_stands(robot_named) -> None:
+def test_about_a_point_a_robot_pulls_its_mass_in_and_a_foot_stands(hoap2) -> None:
     """A hoap2_like on one foot makes the inertia about that sole's origin what was asked."""
-    robot = robot_named("hoap2_like")
-    q = robot.posture("standing")
-    here = robot.snapshot(q)
+    q = hoap2.posture("standing")
+    here = hoap2.snapshot(q)
     wanted = 0.93 * np.trace(here.inertia_in("world", "left_sole"))
-    task = InertiaTask(robot, wanted, components=("trace",), about="left_sole", gain=0.1)
+    task = InertiaTask(hoap2, wanted, components=("trace",), about="left_sole", gain=0.1)
     controller = KinematicController(
-        robot, [task], contacts=support(here, "left"), limits=Limits(robot), damping=1e-6
+        hoap2, [task], contacts=support(here, "left"), limits=Limits(hoap2), damping=1e-6
     )
-    v = np.zeros(robot.nv)
+    v = np.zeros(hoap2.nv)
     for _ in range(300):
-        tick = controller.step(robot.snapshot(q, v))
+        tick = controller.step(hoap2.snapshot(q, v))
         assert tick.ok, tick.report()
         v = tick.velocity
-        q = robot.integrate(q, v, 0.005)
+        q = hoap2.integrate(q, v, 0.005)
     # Oracle: sums over the links, of Pinocchio's placements.
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, q)
+    data = hoap2.model.createData()
+    pin.forwardKinematics(hoap2.model, data, q)
     arms = [
         place.act(Y.lever) - here.position("left_sole")
-        for place, Y in zip(data.oMi, robot.model.inertias, strict=True)
+        for place, Y in zip(data.oMi, hoap2.model.inertias, strict=True)
     ]
     reached = sum(
         np.trace(Y.inertia) + 2.0 * Y.mass * float(arm @ arm)
-        for Y, arm in zip(robot.model.inertias, arms, strict=True)
+        for Y, arm in zip(hoap2.model.inertias, arms, strict=True)
     )
     # The sole is held to 1e-9 m or so.
     assert reached == pytest.approx(wanted, rel=1e-5)
 
 
-def test_bad_points_are_named(robot_named) -> None:
-    robot = robot_named("hoap2_like")
+def test_bad_points_are_named(hoap2) -> None:
     with pytest.raises(UnknownNameError, match="left_sloe"):
-        InertiaTask(robot, np.eye(3), about="left_sloe")
+        InertiaTask(hoap2, np.eye(3), about="left_sloe")
     for about in ([0, 0], [0, 0, np.nan], None, 3.0):
         with pytest.raises(InvalidInputError, match="'inertia', about"):
-            InertiaTask(robot, np.eye(3), about=about)
-    assert InertiaTask(robot, np.eye(3), about=np.array([1, 2, 3])).about == (1.0, 2.0, 3.0)
+            InertiaTask(hoap2, np.eye(3), about=about)
+    assert InertiaTask(hoap2, np.eye(3), about=np.array([1, 2, 3])).about == (1.0, 2.0, 3.0)

@@ -30,22 +30,21 @@ def test_velocity_law_follows_a_moving_target(robot, rng, random_snapshot) -> No
 
 
 @pytest.mark.parametrize("kd", [None, 5.0])
-def test_momentum_decays_by_kd_to_a_target_that_moves(robot_named, rng, kd: float | None) -> None:
+def test_momentum_decays_by_kd_to_a_target_that_moves(hoap2, rng, kd: float | None) -> None:
     """Oracle: h - h* = (h - h*)(0) exp(-kd t), with h*' = force, whatever the joints do."""
-    robot = robot_named("hoap2_like")
-    q, v = robot.posture("standing"), 0.3 * rng.normal(size=robot.nv)
+    q, v = hoap2.posture("standing"), 0.3 * rng.normal(size=hoap2.nv)
     force, dt, steps = np.array([2.0, -1.0, 3.0, 0.1, 0.2, -0.3]), 5e-5, 1000
-    task = MomentumTask(robot, np.zeros(6), kd=kd)
-    start = robot.snapshot(q, v).momentum
+    task = MomentumTask(hoap2, np.zeros(6), kd=kd)
+    start = hoap2.snapshot(q, v).momentum
     for k in range(steps):
         task.set_target(k * dt * force, force)
-        here = robot.snapshot(q, v)
+        here = hoap2.snapshot(q, v)
         residual = task.residual(here)
         slowing = -task.acceleration_law.velocity_gain * residual.rate(v) - task.drift(here)
         v = v + np.linalg.pinv(residual.jacobian) @ (dt * slowing)
-        q = robot.integrate(q, v, dt)
+        q = hoap2.integrate(q, v, dt)
     task.set_target(steps * dt * force, force)
-    here = robot.snapshot(q, v)
+    here = hoap2.snapshot(q, v)
     expected = start * np.exp(-(20.0 if kd is None else kd) * steps * dt)
     # Euler steps: kd dt / 2 of the whole decay in proportion, 5e-4 for 20/s, and the drift's own.
     found = task.deviation(here, task.residual(here))
@@ -69,13 +68,12 @@ def test_capture_point_law_moves_the_capture_point_exponentially() -> None:
         AccelerationLaw.capture_point(0.0)
 
 
-def test_what_acts_on_errors_is_refused_by_tasks_without(robot_named) -> None:
-    robot = robot_named("hoap2_like")
+def test_what_acts_on_errors_is_refused_by_tasks_without(hoap2) -> None:
     for key in ("gain", "gain_per_second", "lm_damping", "curvature_damping", "weighs_error", "kp"):
         for kind in (MomentumTask, DampingTask):
             with pytest.raises(InvalidInputError, match=f"{key}: has no effect.*give kd"):
-                kind(robot, **{key: 1.0})
-    task = MomentumTask(robot, kd=3.0)
+                kind(hoap2, **{key: 1.0})
+    task = MomentumTask(hoap2, kd=3.0)
     with pytest.raises(InvalidInputError, match="gain: has no effect"):
         task.gain = 0.3
     assert task.acceleration_law == AccelerationLaw(kd=3.0)

@@ -253,10 +253,9 @@ def test_damping_asks_for_no_posture(robot: Robot) -> None:
         np.testing.assert_array_equal(error, np.zeros(robot.nv - 6))
 
 
-def test_either_motion_of_a_target_may_be_given_alone(robot_named) -> None:
+def test_either_motion_of_a_target_may_be_given_alone(hoap2) -> None:
     """From rest, where the other one stays as it is; and to rest again."""
-    robot = robot_named("hoap2_like")
-    task, rate, push = ComTask(robot, [0.0, 0.0, 0.3]), np.ones(3), np.full(3, 2.0)
+    task, rate, push = ComTask(hoap2, [0.0, 0.0, 0.3]), np.ones(3), np.full(3, 2.0)
     for given in ((rate, None), (None, None), (None, push), (rate, push), (None, push)):
         task.set_target([0.0, 0.0, 0.4], *given)
         wanted = [np.zeros(3) if one is None else one for one in given]
@@ -266,11 +265,10 @@ def test_either_motion_of_a_target_may_be_given_alone(robot_named) -> None:
 
 @pytest.mark.parametrize("maker", MAKERS.values(), ids=MAKERS)
 def test_a_target_that_is_assigned_is_at_rest(
-    maker: Callable[..., Moving], robot_named, rng, random_snapshot
+    maker: Callable[..., Moving], hoap2, rng, random_snapshot
 ) -> None:
-    robot = robot_named("hoap2_like")
-    here = random_snapshot(robot, rng)
-    moving = maker(robot, here, some_frame(robot), rng)
+    here = random_snapshot(hoap2, rng)
+    moving = maker(hoap2, here, some_frame(hoap2), rng)
     task = moving.task
     task.set_target(*moving.target(0.0))
     still, drift = task.residual(here), task.drift(here)
@@ -309,11 +307,10 @@ def test_how_axes_turn_does_not_depend_on_the_unit_of_inertia(rng, unit: float) 
         np.testing.assert_allclose(other, one, rtol=1e-8)
 
 
-def test_ill_formed_motions_are_refused_and_change_nothing(robot_named) -> None:
+def test_ill_formed_motions_are_refused_and_change_nothing(hoap2) -> None:
     from wbc.errors import InvalidInputError
 
-    robot = robot_named("hoap2_like")
-    pose = PoseTask(robot, "left_palm", [0, 0, 0], np.eye(3))
+    pose = PoseTask(hoap2, "left_palm", [0, 0, 0], np.eye(3))
     pose.set_target([0, 0, 0], np.eye(3), np.ones(6), np.ones(6))
     for arguments, told in (
         (([1, 1, 1], np.eye(3), [0, 0, 1]), "target rate"),

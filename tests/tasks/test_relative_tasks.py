@@ -1,6 +1,5 @@
 """Tasks between frames and at rest: in controllers, held exactly, in files and in the search."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import casadi as ca
@@ -15,7 +14,6 @@ from wbc.robot import Robot
 from wbc.robot.symbolic import SymbolicPosture
 from wbc.tasks import ComTask, DampingTask, DistanceTask, PositionTask, RelativePoseTask
 
-Load = Callable[[str], Robot]
 LEFT, RIGHT = "left_palm", "right_palm"
 YAML = """# Relative tasks in a file.
 robot: hoap2_like
@@ -39,32 +37,30 @@ def run(controller: KinematicController, q: np.ndarray, ticks: int):
     return controller.robot.snapshot(q), tick
 
 
-def test_hands_come_to_a_distance(robot_named: Load) -> None:
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
-    task = DistanceTask(robot, LEFT, RIGHT, 0.12, gain=0.1)
+def test_hands_come_to_a_distance(hoap2: Robot) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
+    task = DistanceTask(hoap2, LEFT, RIGHT, 0.12, gain=0.1)
     controller = KinematicController(
-        robot, [task, DampingTask(robot, weight=0.01)], contacts=support(here, "double"),
-        limits=Limits(robot),
+        hoap2, [task, DampingTask(hoap2, weight=0.01)], contacts=support(here, "double"),
+        limits=Limits(hoap2),
     )  # fmt: skip
     there, _ = run(controller, here.q, 400)
     distance = np.linalg.norm(there.position(LEFT) - there.position(RIGHT))
     assert distance == pytest.approx(0.12, abs=1e-4)
 
 
-def test_two_hands_carry_one_object_exactly(robot_named: Load) -> None:
+def test_two_hands_carry_one_object_exactly(hoap2: Robot) -> None:
     """Held as a contact, the relative pose stays while one hand is moved: the other follows."""
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing", {"*elbow*": -0.8}))
+    here = hoap2.snapshot(hoap2.posture("standing", {"*elbow*": -0.8}))
     Ra = here.rotation(RIGHT)
     arm = Ra.T @ (here.position(LEFT) - here.position(RIGHT))
     carried = RelativePoseTask(
-        robot, LEFT, RIGHT, arm, Ra.T @ here.rotation(LEFT), components=("x", "y", "z")
+        hoap2, LEFT, RIGHT, arm, Ra.T @ here.rotation(LEFT), components=("x", "y", "z")
     )
-    task = PositionTask(robot, RIGHT, here.position(RIGHT) + [0.02, 0.0, 0.02], gain=0.1)
+    task = PositionTask(hoap2, RIGHT, here.position(RIGHT) + [0.02, 0.0, 0.02], gain=0.1)
     controller = KinematicController(
-        robot, [task, DampingTask(robot, weight=0.01)],
-        contacts=[*support(here, "double"), carried], limits=Limits(robot),
+        hoap2, [task, DampingTask(hoap2, weight=0.01)],
+        contacts=[*support(here, "double"), carried], limits=Limits(hoap2),
     )  # fmt: skip
     there, tick = run(controller, here.q, 300)
     moved = there.rotation(RIGHT).T @ (there.position(LEFT) - there.position(RIGHT))
@@ -73,38 +69,36 @@ def test_two_hands_carry_one_object_exactly(robot_named: Load) -> None:
     assert f"{LEFT} in {RIGHT} x" in tick.qp.labels.equality
 
 
-def test_damping_slows_what_no_task_needs(robot_named: Load) -> None:
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"), 0.1 * np.ones(robot.nv))
-    com = ComTask(robot, here.com + 0.01, weight=10.0)
+def test_damping_slows_what_no_task_needs(hoap2: Robot) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"), 0.1 * np.ones(hoap2.nv))
+    com = ComTask(hoap2, here.com + 0.01, weight=10.0)
     speeds = [
-        np.linalg.norm(KinematicController(robot, tasks, damping=1e-9).step(here).velocity)
-        for tasks in ([com], [com, DampingTask(robot)])
+        np.linalg.norm(KinematicController(hoap2, tasks, damping=1e-9).step(here).velocity)
+        for tasks in ([com], [com, DampingTask(hoap2)])
     ]
     assert speeds[1] < speeds[0]
-    task = DampingTask(robot, joints={"*": 0.0, "head_*": 2.0}, base=False)
+    task = DampingTask(hoap2, joints={"*": 0.0, "head_*": 2.0}, base=False)
     assert all(row.startswith("head_") for row in task.rows) and (task.weight == 2.0).all()
-    tick = KinematicController(robot, [task]).step(here)
+    tick = KinematicController(hoap2, [task]).step(here)
     np.testing.assert_allclose(tick.errors["damping"], 0.1)  # the measured velocities
 
 
 @pytest.mark.parametrize("case", ["relative", "masked", "distance", "damping"])
-def test_symbolic_errors_are_the_residuals(case: str, robot_named: Load, rng) -> None:
+def test_symbolic_errors_are_the_residuals(case: str, g1_27: Robot, rng) -> None:
     """Oracle: the residual by Pinocchio at random configurations."""
-    robot = robot_named("g1_27")
     frames = "left_rubber_hand", "torso_link"
-    R = robot.snapshot(robot.posture("standing")).rotation("pelvis")
+    R = g1_27.snapshot(g1_27.posture("standing")).rotation("pelvis")
     task = {
-        "relative": lambda: RelativePoseTask(robot, *frames, [0.1, 0.2, 0.3], R),
-        "masked": lambda: RelativePoseTask(robot, *frames, [0.1, 0, 0], R, components=("rz", "x")),
-        "distance": lambda: DistanceTask(robot, *frames, 0.2),
-        "damping": lambda: DampingTask(robot),
+        "relative": lambda: RelativePoseTask(g1_27, *frames, [0.1, 0.2, 0.3], R),
+        "masked": lambda: RelativePoseTask(g1_27, *frames, [0.1, 0, 0], R, components=("rz", "x")),
+        "distance": lambda: DistanceTask(g1_27, *frames, 0.2),
+        "damping": lambda: DampingTask(g1_27),
     }[case]()
-    q = ca.SX.sym("q", robot.nq)
-    error = ca.Function("error", [q], [task.symbolic_error(SymbolicPosture.at(robot, q))])
+    q = ca.SX.sym("q", g1_27.nq)
+    error = ca.Function("error", [q], [task.symbolic_error(SymbolicPosture.at(g1_27, q))])
     for _ in range(5):
-        step = np.concatenate((rng.normal(size=6), rng.normal(scale=0.5, size=robot.nv - 6)))
-        here = robot.snapshot(robot.integrate(robot.posture("standing"), step, 1.0))
+        step = np.concatenate((rng.normal(size=6), rng.normal(scale=0.5, size=g1_27.nv - 6)))
+        here = g1_27.snapshot(g1_27.integrate(g1_27.posture("standing"), step, 1.0))
         found = np.asarray(error(here.q)).ravel()
         np.testing.assert_allclose(found, task.residual(here).error, atol=1e-9)
 
@@ -138,13 +132,12 @@ def test_in_files_and_in_the_global_search(
         assert np.abs(result.tasks["hands"].error).max() < 2e-3
 
 
-def test_what_makes_no_sense_is_refused(robot_named: Load) -> None:
-    robot = robot_named("hoap2_like")
+def test_what_makes_no_sense_is_refused(hoap2: Robot) -> None:
     with pytest.raises(InvalidInputError, match="has no distance from itself"):
-        DistanceTask(robot, LEFT, LEFT, 0.1)
+        DistanceTask(hoap2, LEFT, LEFT, 0.1)
     with pytest.raises(InvalidInputError, match="never moves as seen from itself"):
-        RelativePoseTask(robot, LEFT, LEFT, np.zeros(3), np.eye(3))
+        RelativePoseTask(hoap2, LEFT, LEFT, np.zeros(3), np.eye(3))
     with pytest.raises(UnknownNameError, match="component of a pose 'r'"):
-        RelativePoseTask(robot, LEFT, RIGHT, np.zeros(3), np.eye(3), components=("r",))
+        RelativePoseTask(hoap2, LEFT, RIGHT, np.zeros(3), np.eye(3), components=("r",))
     with pytest.raises(InvalidInputError, match="nothing left to damp"):
-        DampingTask(robot, joints={"*": 0.0}, base=False)
+        DampingTask(hoap2, joints={"*": 0.0}, base=False)

@@ -78,30 +78,29 @@ UNKNOWN: dict[str, tuple[Callable[[Robot], object], str]] = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_wrong_values(case: str, robot_named: Callable[[str], Robot]) -> None:
+def test_wrong_values(case: str, hoap2: Robot) -> None:
     make, words = WRONG[case]
     with pytest.raises(InvalidInputError, match=words):
-        make(robot_named("hoap2_like"))
+        make(hoap2)
 
 
 @pytest.mark.parametrize("case", UNKNOWN)
-def test_unknown_names(case: str, robot_named: Callable[[str], Robot]) -> None:
+def test_unknown_names(case: str, hoap2: Robot) -> None:
     make, words = UNKNOWN[case]
     with pytest.raises(UnknownNameError, match=re.escape(words)):
-        make(robot_named("hoap2_like"))
+        make(hoap2)
 
 
-def test_a_refused_target_leaves_the_old_one(robot_named: Callable[[str], Robot]) -> None:
-    task = ComTask(robot_named("hoap2_like"), [0.0, 0.0, 0.3])
+def test_a_refused_target_leaves_the_old_one(hoap2: Robot) -> None:
+    task = ComTask(hoap2, [0.0, 0.0, 0.3])
     with pytest.raises(InvalidInputError):
         task.set_target([NAN, 0, 0])
     assert task.target.tolist() == [0.0, 0.0, 0.3]
 
 
-def test_a_refused_rotation_leaves_the_old_one(robot_named: Callable[[str], Robot]) -> None:
-    robot = robot_named("hoap2_like")
-    turn = OrientationTask(robot, "base", np.eye(3))
-    pose = PoseTask(robot, "base", [0, 0, 1], np.eye(3))
+def test_a_refused_rotation_leaves_the_old_one(hoap2: Robot) -> None:
+    turn = OrientationTask(hoap2, "base", np.eye(3))
+    pose = PoseTask(hoap2, "base", [0, 0, 1], np.eye(3))
     with pytest.raises(InvalidInputError):
         turn.set_target(2 * np.eye(3))
     with pytest.raises(InvalidInputError):
@@ -110,20 +109,18 @@ def test_a_refused_rotation_leaves_the_old_one(robot_named: Callable[[str], Robo
     assert pose.position.tolist() == [0, 0, 1]
 
 
-def test_misspelt_keywords_are_refused(robot_named: Callable[[str], Robot]) -> None:
-    robot = robot_named("hoap2_like")
+def test_misspelt_keywords_are_refused(hoap2: Robot) -> None:
     for make in (ComTask, InertiaTask, MomentumTask, PrincipalInertiaTask):
         with pytest.raises(UnknownNameError, match="'gian'; did you mean 'gain'"):
-            make(robot, np.ones(6 if make is MomentumTask else 3), gian=0.3)
+            make(hoap2, np.ones(6 if make is MomentumTask else 3), gian=0.3)
     with pytest.raises(UnknownNameError, match="'position_cost'; did you mean 'weight'"):
-        ComTask(robot, np.ones(3), position_cost=1.0)
+        ComTask(hoap2, np.ones(3), position_cost=1.0)
 
 
-def test_assigning_is_setting_with_its_checks(robot_named: Callable[[str], Robot]) -> None:
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
-    posture, shape = PostureTask(robot, here.q), InertiaTask(robot, here.inertia)
-    posture.target = robot.posture("neutral")
+def test_assigning_is_setting_with_its_checks(hoap2: Robot) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
+    posture, shape = PostureTask(hoap2, here.q), InertiaTask(hoap2, here.inertia)
+    posture.target = hoap2.posture("neutral")
     shape.target = 2 * here.inertia
     assert np.abs(posture.residual(here).error).max() > 0.1
     assert np.abs(shape.residual(here).error).max() > 0.01
@@ -134,17 +131,17 @@ def test_assigning_is_setting_with_its_checks(robot_named: Callable[[str], Robot
     shape.weight = 2.0
     assert shape.weight.tolist() == [2.0] * 6
     with pytest.raises(InvalidInputError, match="no row given"):
-        ComTask(robot, [0, 0, 1], axes=())
+        ComTask(hoap2, [0, 0, 1], axes=())
     with pytest.raises(InvalidInputError, match="expected numbers"):
-        ComTask(robot, [10**400, 0, 0])
-    com = ComTask(robot, [0, 0, 1])
+        ComTask(hoap2, [10**400, 0, 0])
+    com = ComTask(hoap2, [0, 0, 1])
     with pytest.raises(InvalidInputError):
         com.set_target([0, 0, 2], [0.9, 0, 0], [NAN, 0, 0])
     assert com.target_rate.tolist() == [0, 0, 0]
 
 
-def test_a_misspelt_attribute_is_an_error(robot_named: Callable[[str], Robot]) -> None:
-    task = ComTask(robot_named("hoap2_like"), np.zeros(3))
+def test_a_misspelt_attribute_is_an_error(hoap2: Robot) -> None:
+    task = ComTask(hoap2, np.zeros(3))
     with pytest.raises(InvalidInputError, match=r"no attribute 'wieght'; did you mean 'weight'\?$"):
         task.wieght = 5.0
     with pytest.raises(InvalidInputError, match=r"kp: is of its law: acceleration_law = wbc"):
@@ -155,22 +152,21 @@ def test_a_misspelt_attribute_is_an_error(robot_named: Callable[[str], Robot]) -
     assert (task.weight == 5.0).all()
 
 
-def test_units_are_those_of_the_rows(robot_named: Callable[[str], Robot]) -> None:
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
+def test_units_are_those_of_the_rows(hoap2: Robot) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
     eye, zero = np.eye(3), np.zeros(3)
     place, turn = ("m",) * 3, ("rad",) * 3
     said = {
-        ComTask(robot, here.com): place,
-        PositionTask(robot, "left_palm", zero): place,
-        OrientationTask(robot, "left_palm", eye): turn,
-        AxisTask(robot, "left_palm", eye[2]): ("1",) * 3,
-        PoseTask(robot, "left_palm", zero, eye): (*place, *turn),
-        RelativePoseTask(robot, "left_palm", "right_palm", zero, eye): (*place, *turn),
-        DistanceTask(robot, "left_palm", "right_palm", 0.1): ("m",),
-        InertiaTask(robot, here.inertia, components=["xx", "yz"]): ("kg m^2",) * 2,
-        PrincipalInertiaTask(robot, np.linalg.eigvalsh(here.inertia)): None,
-        PostureTask(robot, here.q, joints={"*": 1e-6}): ("rad",) * (robot.nv - 6),
+        ComTask(hoap2, here.com): place,
+        PositionTask(hoap2, "left_palm", zero): place,
+        OrientationTask(hoap2, "left_palm", eye): turn,
+        AxisTask(hoap2, "left_palm", eye[2]): ("1",) * 3,
+        PoseTask(hoap2, "left_palm", zero, eye): (*place, *turn),
+        RelativePoseTask(hoap2, "left_palm", "right_palm", zero, eye): (*place, *turn),
+        DistanceTask(hoap2, "left_palm", "right_palm", 0.1): ("m",),
+        InertiaTask(hoap2, here.inertia, components=["xx", "yz"]): ("kg m^2",) * 2,
+        PrincipalInertiaTask(hoap2, np.linalg.eigvalsh(here.inertia)): None,
+        PostureTask(hoap2, here.q, joints={"*": 1e-6}): ("rad",) * (hoap2.nv - 6),
     }
     for task, units in said.items():
         assert units is None or task.units == units, task

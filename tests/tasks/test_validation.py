@@ -105,11 +105,6 @@ PLAIN = {
 }
 
 
-@pytest.fixture
-def robot(robot_named) -> Robot:
-    return robot_named("hoap2_like")
-
-
 def controller_of(robot: Robot, level: str, task: Task, as_contact: bool = False, **options):
     here = robot.snapshot(robot.posture("standing"))
     posture, held = PostureTask(robot, here.q, weight=0.1), support(here, "double")
@@ -130,18 +125,18 @@ def given_up(controller, here, task: Task, change) -> InvalidInputError:
 
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize(("field", "how"), CASES)
-def test_odd_return_of_a_later_tick_is_refused_by_name(robot, level: str, field, how) -> None:
-    task = Mine(robot)
-    controller, here = controller_of(robot, level, task)
+def test_odd_return_of_a_later_tick_is_refused_by_name(hoap2, level: str, field, how) -> None:
+    task = Mine(hoap2)
+    controller, here = controller_of(hoap2, level, task)
     said = str(given_up(controller, here, task, place(field, WRONG[field][how])))
     assert said.startswith("task 'mine': residual()") and field in said
 
 
 @pytest.mark.parametrize("bound", [-1.0, np.ones(3), "little"])
-def test_odd_bound_on_curvature_is_refused_where_it_is_asked_for(robot, bound) -> None:
+def test_odd_bound_on_curvature_is_refused_where_it_is_asked_for(hoap2, bound) -> None:
     """The velocity level asks tasks with gains for it."""
-    task = Mine(robot)
-    controller, here = controller_of(robot, "velocity", task)
+    task = Mine(hoap2)
+    controller, here = controller_of(hoap2, "velocity", task)
     said = str(given_up(controller, here, task, place("curvature_bound", lambda _: lambda: bound)))
     assert said.startswith("task 'mine': residual(), curvature_bound")
 
@@ -152,39 +147,39 @@ def test_odd_bound_on_curvature_is_refused_where_it_is_asked_for(robot, bound) -
     [{"formulation": "reduced"}, {"solver": "daqp"}, {"slack": {"mine": 10.0}}],
     ids=["reduced", "daqp", "soft"],
 )
-def test_odd_return_of_a_contact_is_refused_by_name(robot, how: str, options) -> None:
-    task = Still(robot)
-    controller, here = controller_of(robot, "velocity", task, as_contact=True, **options)
+def test_odd_return_of_a_contact_is_refused_by_name(hoap2, how: str, options) -> None:
+    task = Still(hoap2)
+    controller, here = controller_of(hoap2, "velocity", task, as_contact=True, **options)
     said = str(given_up(controller, here, task, place("jacobian", WRONG["jacobian"][how])))
     assert said.startswith("task 'mine': residual()") and "jacobian" in said
 
 
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("what", [None, "com", (np.zeros(3),) * 3, [1.0, 2.0]])
-def test_return_that_is_no_residual_is_refused_by_name(robot, level: str, what) -> None:
-    task = Mine(robot)
-    controller, here = controller_of(robot, level, task)
+def test_return_that_is_no_residual_is_refused_by_name(hoap2, level: str, what) -> None:
+    task = Mine(hoap2)
+    controller, here = controller_of(hoap2, level, task)
     said = str(given_up(controller, here, task, lambda _: what))
     assert "task 'mine': residual() must return Residual" in said
 
 
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("how", PLAIN)
-def test_plain_numbers_of_other_kinds_are_converted(robot, level: str, how: str) -> None:
+def test_plain_numbers_of_other_kinds_are_converted(hoap2, level: str, how: str) -> None:
     """Oracle: the same numbers as a float array."""
     commands = []
     for change in (PLAIN[how], lambda J: np.array(np.asarray(PLAIN[how](J)), dtype=float)):
-        task = Mine(robot)
-        controller, here = controller_of(robot, level, task)
+        task = Mine(hoap2)
+        controller, here = controller_of(hoap2, level, task)
         task.__dict__["change"] = place("jacobian", change)
         commands.append(controller.step(here).velocity)
     np.testing.assert_array_equal(*commands)
 
 
 @pytest.mark.parametrize("how", ["complex", "NaN", "a number", "masked", "infinite"])
-def test_odd_drift_is_refused_by_name(robot, how: str) -> None:
-    task = Mine(robot)
-    controller, here = controller_of(robot, "torque", task)
+def test_odd_drift_is_refused_by_name(hoap2, how: str) -> None:
+    task = Mine(hoap2)
+    controller, here = controller_of(hoap2, "torque", task)
     for _ in range(LATER):
         assert controller.step(here).ok
     task.__dict__["drifts"] = WRONG["error"][how]
@@ -192,12 +187,12 @@ def test_odd_drift_is_refused_by_name(robot, how: str) -> None:
         controller.step(here)
 
 
-def test_odd_deviation_is_refused_by_name(robot) -> None:
+def test_odd_deviation_is_refused_by_name(hoap2) -> None:
     class Degrees(Mine):
         def deviation(self, snapshot, residual):
             return residual.error[:2]
 
-    controller, here = controller_of(robot, "velocity", Degrees(robot))
+    controller, here = controller_of(hoap2, "velocity", Degrees(hoap2))
     with pytest.raises(InvalidInputError, match=r"task 'mine': deviation.*shape"):
         controller.step(here)
 
@@ -213,9 +208,9 @@ class Push(ForceTask):
 
 
 @pytest.mark.parametrize("how", ["complex", "masked", "sparse", "columns missing", "NaN", "None"])
-def test_odd_expression_of_a_force_task_is_refused_by_name(robot, how: str) -> None:
-    task = Push(robot)
-    controller, here = controller_of(robot, "torque", task)
+def test_odd_expression_of_a_force_task_is_refused_by_name(hoap2, how: str) -> None:
+    task = Push(hoap2)
+    controller, here = controller_of(hoap2, "torque", task)
     change = WRONG["jacobian"][how]
     said = str(given_up(controller, here, task, lambda a: a._replace(matrix=change(a.matrix))))
     assert said.startswith("task 'push': expression(), matrix")
@@ -223,12 +218,12 @@ def test_odd_expression_of_a_force_task_is_refused_by_name(robot, how: str) -> N
 
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("kind", [ValueError, KeyError, ZeroDivisionError, RuntimeError])
-def test_what_a_task_raises_is_raised_with_its_name(robot, level: str, kind) -> None:
+def test_what_a_task_raises_is_raised_with_its_name(hoap2, level: str, kind) -> None:
     def fail(residual):
         raise kind("mine")
 
-    task = Mine(robot)
-    controller, here = controller_of(robot, level, task)
+    task = Mine(hoap2)
+    controller, here = controller_of(hoap2, level, task)
     controller.step(here)
     task.__dict__["change"] = fail
     with pytest.raises(kind) as caught:
@@ -237,9 +232,9 @@ def test_what_a_task_raises_is_raised_with_its_name(robot, level: str, kind) -> 
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_target_that_is_odd_is_refused_and_the_next_tick_is_as_before(robot, level: str) -> None:
-    task = PositionTask(robot, "left_palm", [0.1, 0.2, 0.3], name="hand")
-    controller, here = controller_of(robot, level, task)
+def test_target_that_is_odd_is_refused_and_the_next_tick_is_as_before(hoap2, level: str) -> None:
+    task = PositionTask(hoap2, "left_palm", [0.1, 0.2, 0.3], name="hand")
+    controller, here = controller_of(hoap2, level, task)
     controller.step(here)
     before = controller.step(here).velocity
     masked = np.ma.array([0.0, 0.0, 0.0], mask=[True, False, False])
@@ -280,10 +275,10 @@ WRONG_BOUNDS = {
 
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize(("field", "how"), WRONG_BOUNDS)
-def test_odd_rows_of_a_constraint_are_refused_by_name(robot, level: str, field, how) -> None:
-    box = Box(robot)
+def test_odd_rows_of_a_constraint_are_refused_by_name(hoap2, level: str, field, how) -> None:
+    box = Box(hoap2)
     options = {"constraints": [box]}
-    controller, here = controller_of(robot, level, Mine(robot), **options)
+    controller, here = controller_of(hoap2, level, Mine(hoap2), **options)
     for _ in range(LATER):
         assert controller.step(here).ok
     box.change = place(field, WRONG_BOUNDS[field, how])
@@ -292,12 +287,12 @@ def test_odd_rows_of_a_constraint_are_refused_by_name(robot, level: str, field, 
     assert str(caught.value).startswith("constraint 'box'") and field in str(caught.value)
 
 
-def test_what_a_constraint_raises_is_raised_with_its_name(robot) -> None:
+def test_what_a_constraint_raises_is_raised_with_its_name(hoap2) -> None:
     def fail(bounds):
         raise KeyError("mine")
 
-    box = Box(robot)
-    controller, here = controller_of(robot, "velocity", Mine(robot), constraints=[box])
+    box = Box(hoap2)
+    controller, here = controller_of(hoap2, "velocity", Mine(hoap2), constraints=[box])
     controller.step(here)
     box.change = fail
     with pytest.raises(KeyError) as caught:
