@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 import wbc
+from wbc.controllers.closed_loop import closed_loop
 from wbc.robot import Robot, Snapshot
 
 
 def standing(robot: Robot) -> Snapshot:
     return robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+
+
+def commanded(
+    controller: wbc.KinematicController, q: np.ndarray, ticks: int
+) -> Iterator[tuple[wbc.Tick, np.ndarray]]:
+    """Yield each tick, which is solved, and where it leads a robot that moves as commanded."""
+    for one in closed_loop(controller, q, ticks):
+        assert one.tick.ok, one.tick.report()
+        yield one.tick, one.q
 
 
 def stack(here: Snapshot) -> list[wbc.Task]:

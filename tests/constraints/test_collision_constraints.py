@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.standing import commanded
 from wbc.constraints import (
     BrakingParameters,
     ComSupport,
@@ -183,13 +184,8 @@ def test_a_ball_that_comes_is_evaded_and_nothing_is_infeasible(hoap2) -> None:
     around = Obstacles(hoap2, [ball], margin=0.02, links=["left_hand*", "left_*arm*"])
     control = controller(hoap2, [ComTask(hoap2, here.com)], here, [around])
     least, touched = np.inf, False
-    v = np.zeros(hoap2.nv)
-    for _ in range(300):
-        tick = control.step(hoap2.snapshot(q, v))
-        assert tick.ok, tick.report()
+    for tick, q in commanded(control, here.q, 300):
         touched |= any("vs ball" in label for label in tick.qp.labels.inequality)
-        v = tick.velocity
-        q = hoap2.integrate(q, v, DT)
         ball.advance(DT)
         found = around.distances(hoap2.snapshot(q))
         least = min(least, float(found.clearance.min()))

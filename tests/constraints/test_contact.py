@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.standing import commanded
 from wbc.constraints import ComSupport, Contact, Limits, PointContact, TiltLimit, support
 from wbc.constraints.independent_rows import independent_rows
 from wbc.controllers import KinematicController
@@ -72,13 +73,8 @@ def test_every_solver_holds_a_foot_by_several_frames(here, case, solver) -> None
     controller = KinematicController(
         robot, tasks, contacts=contacts, limits=Limits(robot), solver=solver
     )
-    q, v = here.q, np.zeros(robot.nv)
-    for _ in range(60):
-        tick = controller.step(robot.snapshot(q, v))
-        assert tick.ok, tick.report()
-        v = tick.velocity
-        q = robot.integrate(q, v, controller.dt)
-    assert np.abs(v).max() > 1e-3  # it did move
+    *_, (tick, q) = commanded(controller, here.q, 60)
+    assert np.abs(tick.velocity).max() > 1e-3  # it did move
     end = robot.snapshot(q)
     # Second order of a tick, taken back by half each tick; also of the frames left out.
     assert max(contact.slip(end) for contact in contacts) < 1e-4

@@ -6,6 +6,7 @@ from time import perf_counter
 import numpy as np
 import pytest
 
+from tests.standing import commanded
 from wbc.constraints import Contact, Limits, PointContact, support
 from wbc.controllers import KinematicController
 from wbc.controllers.tick import Times
@@ -87,12 +88,7 @@ def test_a_list_of_frames_and_points_can_be_held(hoap2: Robot, rng) -> None:
     controller = KinematicController(
         hoap2, [ComTask(hoap2, here.com - [0.01, 0, 0.01])], contacts=contacts, dt=DT
     )
-    q, v = here.q, np.zeros(hoap2.nv)
-    for _ in range(100):
-        tick = controller.step(hoap2.snapshot(q, v))
-        assert tick.ok
-        v = tick.velocity
-        q = hoap2.integrate(q, v, DT)
+    *_, (_, q) = commanded(controller, here.q, 100)
     end = hoap2.snapshot(q)
     assert np.linalg.norm(end.com - controller.tasks[0].target) < 1e-6
     assert max(contact.slip(end) for contact in contacts) < 1e-5
@@ -138,7 +134,7 @@ def test_from_outside_its_limits_a_robot_comes_back(mode, spread, hoap2: Robot, 
     limits = Limits(hoap2)
     for _ in range(5):
         step = np.concatenate((np.zeros(6), spread * rng.normal(size=hoap2.nv - 6)))
-        q, v = hoap2.integrate(hoap2.posture("standing"), step, 1.0), np.zeros(hoap2.nv)
+        q = hoap2.integrate(hoap2.posture("standing"), step, 1.0)
         here = hoap2.snapshot(q)
         start = limits.worst_margin(q)[0]
         assert start < -0.01
@@ -148,11 +144,7 @@ def test_from_outside_its_limits_a_robot_comes_back(mode, spread, hoap2: Robot, 
         controller = KinematicController(
             hoap2, tasks, contacts=support(here, mode), limits=limits, dt=DT
         )
-        for _ in range(400):
-            tick = controller.step(hoap2.snapshot(q, v))
-            assert tick.ok, tick.report()
-            v = tick.velocity
-            q = hoap2.integrate(q, v, DT)
+        *_, (_, q) = commanded(controller, q, 400)
         assert limits.worst_margin(q)[0] > (start if mode == "double" else 0.0) - 1e-6
 
 
@@ -247,7 +239,7 @@ def test_parts_are_checked_before_anything_moves(hoap2: Robot, robot_named: Load
 @pytest.mark.parametrize("name", ["hoap2_like", "g1_27"])
 def test_a_com_out_of_reach_does_not_make_it_chatter(name: str, robot_named: Load) -> None:
     robot = robot_named(name)
-    q, v = robot.posture("standing"), np.zeros(robot.nv)
+    q = robot.posture("standing")
     here = robot.snapshot(q)
     tasks = [
         ComTask(robot, here.com + [0, 0, 0.3], weight=10, gain=0.1),
@@ -256,9 +248,5 @@ def test_a_com_out_of_reach_does_not_make_it_chatter(name: str, robot_named: Loa
     controller = KinematicController(
         robot, tasks, contacts=support(here, "double"), limits=Limits(robot), dt=DT
     )
-    for _ in range(1000):
-        tick = controller.step(robot.snapshot(q, v))
-        assert tick.ok, tick.report()
-        v = tick.velocity
-        q = robot.integrate(q, v, DT)
-    assert np.abs(v).max() < 0.1  # 1.6 rad/s for ever without damping by the lever
+    *_, (tick, _) = commanded(controller, q, 1000)
+    assert np.abs(tick.velocity).max() < 0.1  # 1.6 rad/s for ever without damping by the lever

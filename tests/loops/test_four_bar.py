@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.loops import four_bar
+from tests.standing import commanded
 from wbc import KinematicController, Limits, PostureTask, TorqueController, WbcError
 from wbc.constraints.mechanics import ClosedLoop
 from wbc.robot import Robot
@@ -199,19 +200,16 @@ def test_polynomials_are_followed_by_postures_levels_and_the_plant() -> None:
     def cam(crank: float) -> float:
         return float(np.polyval(POLYNOMIAL[::-1], crank))
 
-    q = robot.posture("standing", {"crank": 0.6})
-    assert abs(q[9] - cam(0.6)) < 1e-15
+    start = robot.posture("standing", {"crank": 0.6})
+    assert abs(start[9] - cam(0.6)) < 1e-15
     wanted = robot.posture("standing", {"crank": -0.7})
-    v, task = np.zeros(robot.nv), PostureTask(robot, wanted, gain=0.05)
+    task = PostureTask(robot, wanted, gain=0.05)
     controller = KinematicController(robot, [task], limits=Limits(robot, velocity=None))
-    for _ in range(100):
-        tick = controller.step(robot.snapshot(q, v))
-        v = tick.velocity
-        q = robot.integrate(q, v, controller.dt)
-        assert tick.ok and abs(q[9] - cam(q[7])) < 1.1e-10
+    for _, q in commanded(controller, start, 100):
+        assert abs(q[9] - cam(q[7])) < 1.1e-10
     assert abs(q[7] + 0.7) < 0.01
     torque, plant = TorqueController(robot, [PostureTask(robot, q)]), Plant(robot)
-    plant.reset(robot.posture("standing", {"crank": 0.6}))
+    plant.reset(start)
     for _ in range(200):
         tick = torque.step(plant.snapshot())
         assert tick.ok

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.standing import commanded
 from wbc import KinematicController, Limits, PositionTask, PostureTask, TorqueController
 from wbc.robot import Robot
 from wbc.simulation import Plant
@@ -161,12 +162,7 @@ def test_the_foot_is_led_by_both_levels(robot: Robot) -> None:
         PostureTask(robot, start, weight=0.003, kp=10.0),
     ]
     controller = KinematicController(robot, tasks, limits=Limits(robot, velocity=None))
-    q, v = start, np.zeros(robot.nv)
-    for _ in range(250):
-        tick = controller.step(robot.snapshot(q, v))
-        assert tick.ok
-        v = tick.velocity
-        q = robot.integrate(q, v, controller.dt)
+    for _, q in commanded(controller, start, 250):
         assert max(robot.gaps(q).values()) < 1e-9
     assert np.linalg.norm(robot.snapshot(q).position("foot") - goal) < 2e-3  # the posture's pull
     torque, plant = TorqueController(robot, tasks, limits=Limits(robot)), Plant(robot)

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.standing import commanded
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError, UnknownNameError
@@ -69,12 +70,7 @@ def test_principal_moments_converge_to_equal_ones(hoap2) -> None:
     wanted = np.array([moments[0], moments[1:].mean(), moments[1:].mean()])
     task = PrincipalInertiaTask(hoap2, wanted, gain=0.3)
     controller = KinematicController(hoap2, [task], limits=Limits(hoap2), damping=1e-6)
-    q, v = start, np.zeros(hoap2.nv)
-    for _ in range(800):
-        tick = controller.step(hoap2.snapshot(q, v))
-        assert tick.ok, tick.report()
-        v = tick.velocity
-        q = hoap2.integrate(q, v, 0.005)
+    *_, (_, q) = commanded(controller, start, 800)
     reached = np.linalg.eigvalsh(hoap2.snapshot(q).inertia)
     np.testing.assert_allclose(reached, wanted, rtol=1e-6)
 
@@ -133,13 +129,7 @@ def test_targets_out_of_reach_do_not_make_it_chatter(name, factors, robot_named)
     target = np.array(factors) * (start if factors[0] == factors[2] else start.max())
     task = InertiaTask(robot, target, components=("xx", "yy", "zz"), frame="base")
     controller = KinematicController(robot, [task], limits=Limits(robot))
-    v = np.zeros(robot.nv)
-    recent = []
-    for _ in range(1500):
-        v = controller.step(robot.snapshot(q, v)).velocity
-        q = robot.integrate(q, v, 0.005)
-        recent = [*recent[-39:], v]
-    late = np.array(recent)
+    late = np.array([tick.velocity for tick, _ in commanded(controller, q, 1500)][-40:])
     assert np.abs(late).max() < 0.05  # wrists; without the damping up to 5 rad/s, for ever
     loud = np.abs(late).max(axis=0) > 1e-3
     alternating = (late[1:] * late[:-1] < 0).mean(axis=0)
@@ -196,7 +186,7 @@ def task_target(task: InertiaTask) -> np.ndarray:
 def test_targets_out_of_reach_are_arrived_at_in_a_second(mode, name, factors, robot_named) -> None:
     """Within 1 % of what the error ends at; damped by one number it took up to half a minute."""
     robot = robot_named(name)
-    q, v = robot.posture("standing"), np.zeros(robot.nv)
+    q = robot.posture("standing")
     here = robot.snapshot(q)
     moments = np.diag(here.inertia_in("base"))
     base = moments if factors[0] == factors[2] else moments.max()
@@ -205,13 +195,8 @@ def test_targets_out_of_reach_are_arrived_at_in_a_second(mode, name, factors, ro
     controller = KinematicController(
         robot, [task], contacts=support(here, mode), limits=Limits(robot), solver="daqp"
     )
-    norms = []
-    for _ in range(1000):
-        tick = controller.step(robot.snapshot(q, v))
-        assert tick.ok, tick.report()
-        norms.append(float(np.linalg.norm(tick.errors["inertia"])))
-        v = tick.velocity
-        q = robot.integrate(q, v, 0.005)
+    ticks = commanded(controller, q, 1000)
+    norms = [float(np.linalg.norm(tick.errors["inertia"])) for tick, _ in ticks]
     assert min(norms) < 0.95 * norms[0]
     assert norms[200] < 1.01 * min(norms)
 
@@ -265,12 +250,7 @@ def test_about_a_point_a_robot_pulls_its_mass_in_and_a_foot_stands(hoap2) -> Non
     controller = KinematicController(
         hoap2, [task], contacts=support(here, "left"), limits=Limits(hoap2), damping=1e-6
     )
-    v = np.zeros(hoap2.nv)
-    for _ in range(300):
-        tick = controller.step(hoap2.snapshot(q, v))
-        assert tick.ok, tick.report()
-        v = tick.velocity
-        q = hoap2.integrate(q, v, 0.005)
+    *_, (_, q) = commanded(controller, q, 300)
     # Oracle: sums over the links, of Pinocchio's placements.
     data = hoap2.model.createData()
     pin.forwardKinematics(hoap2.model, data, q)

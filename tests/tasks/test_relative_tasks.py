@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.standing import commanded
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError, UnknownNameError
@@ -27,16 +28,6 @@ stop: {{duration: {seconds}}}
 """
 
 
-def run(controller: KinematicController, q: np.ndarray, ticks: int):
-    v = np.zeros(controller.robot.nv)
-    for _ in range(ticks):
-        tick = controller.step(controller.robot.snapshot(q, v))
-        assert tick.ok, tick.report()
-        v = tick.velocity
-        q = controller.robot.integrate(q, v, controller.dt)
-    return controller.robot.snapshot(q), tick
-
-
 def test_hands_come_to_a_distance(hoap2: Robot) -> None:
     here = hoap2.snapshot(hoap2.posture("standing"))
     task = DistanceTask(hoap2, LEFT, RIGHT, 0.12, gain=0.1)
@@ -44,7 +35,8 @@ def test_hands_come_to_a_distance(hoap2: Robot) -> None:
         hoap2, [task, DampingTask(hoap2, weight=0.01)], contacts=support(here, "double"),
         limits=Limits(hoap2),
     )  # fmt: skip
-    there, _ = run(controller, here.q, 400)
+    *_, (_, q) = commanded(controller, here.q, 400)
+    there = hoap2.snapshot(q)
     distance = np.linalg.norm(there.position(LEFT) - there.position(RIGHT))
     assert distance == pytest.approx(0.12, abs=1e-4)
 
@@ -62,7 +54,8 @@ def test_two_hands_carry_one_object_exactly(hoap2: Robot) -> None:
         hoap2, [task, DampingTask(hoap2, weight=0.01)],
         contacts=[*support(here, "double"), carried], limits=Limits(hoap2),
     )  # fmt: skip
-    there, tick = run(controller, here.q, 300)
+    *_, (tick, q) = commanded(controller, here.q, 300)
+    there = hoap2.snapshot(q)
     moved = there.rotation(RIGHT).T @ (there.position(LEFT) - there.position(RIGHT))
     np.testing.assert_allclose(moved, arm, atol=1e-5)
     assert np.linalg.norm(tick.errors[f"{RIGHT} position"]) < 2e-3
