@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError
+from wbc.kinds import one_of
 from wbc.robot import Robot
 from wbc.robot.model import check_robot
-from wbc.tasks.force_task import WRENCH, Affine, Dynamics, ForceTask, no_force
+from wbc.tasks.force_task import WRENCH, Affine, Dynamics, ForceTask
 from wbc.validate import by_name, names_of
 
 
@@ -46,8 +47,7 @@ class ContactForceTask(ForceTask):
     ) -> None:
         components = names_of("contact force task, components", components)
         for component in components:
-            if component not in WRENCH:
-                raise UnknownNameError("wrench component", component, WRENCH)
+            one_of("wrench component", component, WRENCH)
         name = f"{frame} force" if name is None else name
         super().__init__(robot, name, components, weight=weight, priority=priority)
         self.frame = self._contact_frame(frame)
@@ -105,7 +105,7 @@ class LoadShareTask(ForceTask):
 
     def expression(self, dynamics: Dynamics) -> Affine:
         """Return vertical force minus the share of the sum."""
-        matrix = no_force(dynamics, len(self.rows))
+        matrix = np.zeros((len(self.rows), dynamics.size))
         here = [k for k, frame in enumerate(self.frames) if frame in dynamics.contacts]
         shares = self.target[here]
         if shares.any():
@@ -149,7 +149,7 @@ class ForceRateTask(ForceTask):
 
     def expression(self, dynamics: Dynamics) -> Affine:
         """Return wrenches minus those of the last tick."""
-        matrix, constant = no_force(dynamics, len(self.rows)), np.zeros(len(self.rows))
+        matrix, constant = np.zeros((len(self.rows), dynamics.size)), np.zeros(len(self.rows))
         for k, frame in enumerate(self.frames):
             last = dynamics.last_wrench(frame)
             if last is not None and frame in dynamics.contacts:

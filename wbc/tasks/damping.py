@@ -15,7 +15,8 @@ from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
 from wbc.tasks.keywords import OF_ERRORS, RateKeywords
 from wbc.tasks.task import Task
-from wbc.validate import Array, by_name, finite_number, read_only
+from wbc.tasks.weights import joint_factors
+from wbc.validate import Array, finite_number, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -53,13 +54,9 @@ class DampingTask(Task):
         **law: Unpack[RateKeywords],
     ) -> None:
         check_robot(type(self).__name__, robot)
-        factors = np.ones(robot.nv)
-        factors[:BASE_NV] = switch(f"task {name!r}, base", base)
-        for pattern, factor in by_name(
-            f"task {name!r}, joints", {} if joints is None else joints
-        ).items():
-            what = f"task {name!r}, weight of joint {pattern!r}"
-            factors[list(robot.joint_indices(pattern))] = finite_number(what, factor, least=0.0)
+        counts = switch(f"task {name!r}, base", base)
+        factors = joint_factors(robot, joints, name)
+        factors[:BASE_NV] = counts
         chosen = np.flatnonzero(factors)
         if not chosen.size:
             raise InvalidInputError(f"task {name!r}: nothing left to damp; leave the task out")

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, NoReturn, Protocol
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, shown
@@ -146,8 +145,3 @@ class ForceTask(Task):
         """Return the frame of a contact, which the robot must have."""
         self.robot.frame_id(frame)
         return frame
-
-
-def no_force(dynamics: Dynamics, rows: int) -> Array:
-    """Return a matrix (rows, n) of zeros to be filled."""
-    return np.zeros((rows, dynamics.size))

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, NoReturn, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError
+from wbc.kinds import one_of
 from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
@@ -52,8 +53,7 @@ class MomentumTask(CoreTask):
     ) -> None:
         components = names_of("momentum task, components", components)
         for component in components:
-            if component not in LINEAR + ANGULAR:
-                raise UnknownNameError("momentum component", component, LINEAR + ANGULAR)
+            one_of("momentum component", component, LINEAR + ANGULAR)
         super().__init__(robot, name, components, **law)
         self._bias: Array
         self._drift: Array

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import UnknownNameError
+from wbc.kinds import one_of
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
@@ -152,8 +152,7 @@ class PositionTask(PointTask):
 def axis_indices(axes: Sequence[str]) -> slice | np.ndarray:
     """Return the index of the named axes; a slice (no copy) when all three are wanted in order."""
     for axis in axes:
-        if axis not in AXES:
-            raise UnknownNameError("axis", axis, AXES)
+        one_of("axis", axis, AXES)
     if tuple(axes) == AXES:
         return slice(None)
     return np.array([AXES.index(axis) for axis in axes])

@@ -15,7 +15,8 @@ from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
 from wbc.tasks.core_task import CoreTask
 from wbc.tasks.keywords import LawKeywords
-from wbc.validate import Array, by_name, finite_number, read_only
+from wbc.tasks.weights import joint_factors
+from wbc.validate import Array, finite_number, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -48,7 +49,7 @@ class PostureTask(CoreTask):
         **law: Unpack[LawKeywords],
     ) -> None:
         check_robot(type(self).__name__, robot)
-        factors = _factors(robot, {} if joints is None else joints, name)
+        factors = joint_factors(robot, joints, name)[BASE_NV:]
         chosen = np.flatnonzero(factors > 0.0)
         if chosen.size == 0:
             raise InvalidInputError(f"task {name!r}: every joint has weight 0; leave the task out")
@@ -104,12 +105,3 @@ class PostureTask(CoreTask):
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return joint positions minus target [rad or m], the shorter way round if continuous."""
         return posture.joint_errors(self._positions)[self._joints]
-
-
-def _factors(robot: Robot, joints: Mapping[str, float], name: str) -> Array:
-    factors = np.ones(robot.nv - 6)
-    for pattern, factor in by_name(f"task {name!r}, joints", joints).items():
-        value = finite_number(f"task {name!r}, weight of joint {pattern!r}", factor, least=0.0)
-        for index in robot.joint_indices(pattern):
-            factors[index - 6] = value
-    return factors

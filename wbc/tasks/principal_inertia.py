@@ -11,6 +11,7 @@ from wbc.errors import InvalidInputError
 from wbc.kinds import switch
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
+from wbc.robot.names import BASE
 from wbc.spatial import congruence, vech, vech_inverse
 from wbc.tasks.inertia import ALL, FROBENIUS_ROWS, curvature_bound
 from wbc.tasks.keywords import Gains
@@ -20,7 +21,6 @@ from wbc.validate import Array, finite_array, read_only
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
-BASE = "base"
 MOMENTS = ("smallest", "middle", "largest")
 # Moments closer than this fraction of the largest are taken as equal: their axes are arbitrary.
 EQUAL = 1e-9

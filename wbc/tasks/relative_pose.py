@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError
+from wbc.kinds import one_of
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot
 from wbc.tasks.core_task import CoreTask
@@ -64,8 +65,7 @@ class RelativePoseTask(PlacementTask, CoreTask):
     ) -> None:
         components = names_of("relative pose task, components", components)
         for component in components:
-            if component not in AXES + TURNS:
-                raise UnknownNameError("component of a pose", component, AXES + TURNS)
+            one_of("component of a pose", component, AXES + TURNS)
         given = f"{frame} in {relative_to}" if name is None else name
         super().__init__(robot, given, components, **law)
         if robot.frame_id(frame) == robot.frame_id(relative_to):

@@ -1,13 +1,16 @@
-"""A task's weight: checked when it is set, and not lost by mistake."""
+"""A task's weight: checked when it is set, by joint, and not lost by mistake."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
+
 from wbc.errors import InvalidInputError
-from wbc.validate import Array, finite_vector, read_only
+from wbc.robot import Robot
+from wbc.validate import Array, by_name, finite_number, finite_vector, read_only
 
 
 def checked_weight(task: str, weight: Any, size: int) -> Array:
@@ -24,6 +27,16 @@ def checked_weight(task: str, weight: Any, size: int) -> Array:
     if (vector < 0.0).any():
         raise InvalidInputError(f"{what}: must not be negative, got {weight!r}")
     return read_only(vector)
+
+
+def joint_factors(robot: Robot, joints: Mapping[str, float] | None, task: str) -> Array:
+    """Return factors (nv,) on a task's weight, by joint name or pattern; 1 where none is given."""
+    factors = np.ones(robot.nv)
+    given = by_name(f"task {task!r}, joints", {} if joints is None else joints)
+    for pattern, factor in given.items():
+        value = finite_number(f"task {task!r}, weight of joint {pattern!r}", factor, least=0.0)
+        factors[list(robot.joint_indices(pattern))] = value
+    return factors
 
 
 def warn_if_lost(task: str, before: Array, weight: Array) -> None:
