@@ -114,9 +114,8 @@ class SolveCheck(NamedTuple):
 
     def accept(self, qp: QP, raw: RawSolution, attempts: int = 1) -> Solution | None:
         """Return the solution when its KKT residuals are small, else None."""
-        x, y, z, z_box = raw.x, raw.y, raw.z, raw.z_box
-        residuals, eps = kkt_residuals(qp, x, y, z, z_box), self.eps
-        if not (is_accurate(residuals, eps) or acceptable(residuals, eps, qp, x, y, z, z_box)):
+        residuals = kkt_residuals(qp, *raw[:4])
+        if not acceptable(residuals, self.eps, qp, *raw[:4]):
             return None
         return self._solution(raw, Status.SOLVED, residuals, attempts)
 
@@ -127,7 +126,7 @@ class SolveCheck(NamedTuple):
         """
         if not self.explain:
             return None
-        residuals = self._residuals(qp, raw)
+        residuals = kkt_residuals(qp, *raw[:4])
         if residuals.primal <= self.eps:
             return None
         conflict = find_conflict(qp, guess=raw.x)
@@ -149,11 +148,7 @@ class SolveCheck(NamedTuple):
             said = f", and said {raw.message!r}" if raw.message else ""
             message = f"claimed {raw.claim.value!r}, for which there is no evidence{said}"
             raw, status = raw._replace(message=message), Status.FAILED
-        return self._solution(raw, status, self._residuals(qp, raw), attempts)
-
-    @staticmethod
-    def _residuals(qp: QP, raw: RawSolution) -> KktResiduals:
-        return kkt_residuals(qp, raw.x, raw.y, raw.z, raw.z_box)
+        return self._solution(raw, status, kkt_residuals(qp, *raw[:4]), attempts)
 
     def _solution(
         self,
@@ -163,17 +158,6 @@ class SolveCheck(NamedTuple):
         attempts: int,
         conflict: Conflict | None = None,
     ) -> Solution:
-        return Solution(
-            x=raw.x,
-            y=raw.y,
-            z=raw.z,
-            z_box=raw.z_box,
-            status=status,
-            residuals=residuals,
-            iterations=raw.iterations,
-            solve_time=perf_counter() - self.started,
-            solver=self.solver,
-            conflict=conflict,
-            attempts=attempts,
-            message=raw.message,
-        )
+        spent = perf_counter() - self.started
+        answered = status, residuals, raw.iterations, spent, self.solver
+        return Solution(*raw[:4], *answered, conflict, attempts, raw.message)

@@ -66,18 +66,6 @@ class Answered(NamedTuple):
     attempts: int
 
 
-class _Attempt(NamedTuple):
-    """What ProxQP answered, and what is accepted of it."""
-
-    accepted: Solution | None
-    raw: RawSolution
-
-    @property
-    def capped(self) -> bool:
-        """Whether it ran into its cap of iterations."""
-        return self.raw.claim is Status.ITERATION_LIMIT
-
-
 class ProxQP:
     """ProxQP's dense solver, its solutions checked, its failures retried.
 
@@ -156,17 +144,17 @@ class ProxQP:
             exact = self.active_set.solve(qp, quick=quick)
             if quick or exact.solved or exact.status is Status.INFEASIBLE:
                 return exact
-        attempt = self._attempt(qp, check, key, quick)
-        if attempt.accepted is not None:
-            return attempt.accepted
-        if attempt.capped:
+        raw, accepted = self._attempt(qp, check, key, quick)
+        if accepted is not None:
+            return accepted
+        if raw.claim is Status.ITERATION_LIMIT:
             self._cool(workspace)
         if exact is None:
             exact = self.active_set.solve(qp, quick=quick)._replace(attempts=2)
         if quick or exact.solved or exact.status is Status.INFEASIBLE:
-            return self._timed(exact, check)
+            return exact._replace(solve_time=perf_counter() - check.started)
         nearly = check._replace(eps=NEARLY * self.eps)
-        return nearly.accept(qp, attempt.raw, 2) or check.judge(qp, attempt.raw, 2)
+        return nearly.accept(qp, raw, 2) or check.judge(qp, raw, 2)
 
     def solve_reduced(
         self, reduced: Reduced, workspace: Hashable, bounded: bool
@@ -226,8 +214,13 @@ class ProxQP:
         if self.warm and workspace is not None:
             self._cooldown[workspace] = COOLDOWN
 
-    def _attempt(self, qp: QP, check: SolveCheck, key: Key, quick: bool) -> _Attempt:
-        """Ask ProxQP, warm if it can be; a workspace is kept while its answers are accepted."""
+    def _attempt(
+        self, qp: QP, check: SolveCheck, key: Key, quick: bool
+    ) -> tuple[RawSolution, Solution | None]:
+        """Ask ProxQP, warm if it can be; return what it answered, and what is accepted of it.
+
+        A workspace is kept while its answers are accepted.
+        """
         last = self._workspaces.pop(key, None)
         if last is None:
             cap = min(COLD_ITERATIONS, self.max_iterations) if quick else self.max_iterations
@@ -242,8 +235,4 @@ class ProxQP:
             self._workspaces[key] = native
             if last is None:
                 native.cap(min(WARM_ITERATIONS, self.max_iterations))
-        return _Attempt(accepted, raw)
-
-    @staticmethod
-    def _timed(solution: Solution, check: SolveCheck) -> Solution:
-        return solution._replace(solve_time=perf_counter() - check.started)
+        return raw, accepted

@@ -72,7 +72,7 @@ class QpsolversBackend:
     def __init__(self, name: str, eps: float = 1e-8, **settings: Any) -> None:
         self.name = name
         self.eps = finite_number(f"eps of {name}", eps, least=1e-12)
-        accuracy = _ACCURACY.get(name, _defaults)(_MARGIN * self.eps)
+        accuracy = _ACCURACY[name](_MARGIN * self.eps) if name in _ACCURACY else {}
         self._settings = accuracy | settings
         cap = {"max_iter": _QUICK[name]} if name in _QUICK else {}
         self._quick = accuracy | cap | settings
@@ -192,10 +192,6 @@ def _iterations(extras: Mapping[str, Any]) -> int:
     """Return the iteration count where a solver reports one, else 0."""
     count = extras.get("iterations", getattr(extras.get("info"), "iter", 0))
     return int(np.ravel(count)[0])
-
-
-def _defaults(eps: float) -> dict[str, Any]:
-    return {}
 
 
 def _sparse(matrix: Array) -> csc_matrix:
