@@ -121,7 +121,8 @@ class LoopClosing:
             least, most = 0.0, 1.0
             found = self._tried(snapshot, errors, INSIDE * np.array(parts), step)
             if found.ok:
-                return found, self._late(parts)
+                late = zip(self.parts, parts, strict=True)
+                return found, [one.name for (one, _), part in late if part < 1.0]
             for _ in range(HALVINGS):
                 middle = 0.5 * (least + most)
                 tried = self._tried(snapshot, errors, middle * np.array(parts), step)
@@ -139,9 +140,6 @@ class LoopClosing:
         for (_, where), error, part in zip(self.parts, errors, parts.tolist(), strict=True):
             self._added[where] = (part - 1.0) * error
         return step(snapshot)
-
-    def _late(self, parts: Sequence[float]) -> list[str]:
-        return [one.name for (one, _), part in zip(self.parts, parts, strict=True) if part < 1.0]
 
     def _forget(self) -> None:
         self.busy = False

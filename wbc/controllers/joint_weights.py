@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
-from wbc.robot.names import matches
+from wbc.robot.names import BASE, matches
 from wbc.validate import Array, finite_number, finite_vector, read_only
 
 WHAT = "controller, joint_weights"
-BASE = "base"
 
 # By joint name, pattern or "base", or one for each entry of v.
 JointWeights = Mapping[str, float] | ArrayLike

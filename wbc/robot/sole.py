@@ -190,7 +190,7 @@ def _tilted_face(points: Array, axes: Array) -> Array | None:
     spread, plane = np.linalg.svd(points - middle, full_matrices=False)[1:]
     if len(points) > 2 and spread[2] < LEVEL_BALLS and spread[1] > LEVEL_BALLS:  # balls in a plane
         up = plane[2] * np.sign(plane[2] @ axes[:, 2])
-        return _axes_of(up, axes) if up @ axes[:, 2] > STEEPEST else None
+        return _axes_of(up, axes[:, 0]) if up @ axes[:, 2] > STEEPEST else None
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError):  # a few points only
@@ -204,12 +204,12 @@ def _tilted_face(points: Array, axes: Array) -> Array | None:
         return None
     normals, sizes = normals[down], sizes[down]
     faces = (normals @ normals.T > COPLANAR) @ sizes  # with what is coplanar
-    return _axes_of(-normals[int(np.argmax(faces))], axes)
+    return _axes_of(-normals[int(np.argmax(faces))], axes[:, 0])
 
 
-def _axes_of(up: Array, axes: Array) -> Array:
-    """Return axes (3, 3) of which the third is ``up``, the first as near as it can be."""
-    forward = axes[:, 0] - up * (up @ axes[:, 0])
+def _axes_of(up: Array, ahead: Array) -> Array:
+    """Return axes (3, 3) of which the third is ``up``, the first as near ``ahead`` as can be."""
+    forward = ahead - up * (up @ ahead)
     forward /= np.linalg.norm(forward)
     return np.stack([forward, np.cross(up, forward), up], axis=1)
 
@@ -226,10 +226,7 @@ def _level_axes(R: Array) -> Array:
     a reference posture is level to a degree or so only, a drawn foot exactly.
     """
     up = _snapped(R[2])
-    forward = _snapped(R[0] - up * (up @ R[0]))
-    forward = forward - up * (up @ forward)
-    forward = forward / np.linalg.norm(forward)
-    return np.stack([forward, np.cross(up, forward), up], axis=1)
+    return _axes_of(up, _snapped(R[0] - up * (up @ R[0])))
 
 
 def _snapped(direction: Array) -> Array:
