@@ -7,9 +7,8 @@ import pytest
 
 from wbc.constraints import Limits, support
 from wbc.constraints.limits import Box
-from wbc.constraints.rows import Bounds
+from wbc.constraints.rows import MARGIN_BRAKING, Bounds, reachable_rows
 from wbc.controllers import TorqueController
-from wbc.controllers.bounded_margins import MARGIN_BRAKING, reachable_rows
 from wbc.controllers.effort_bounds import StanceBraking
 from wbc.laws import Rows
 from wbc.robot import Robot

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.laws import Rows, stacked
+from wbc.native import lib
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, PairDistances
 from wbc.validate import Array
@@ -21,6 +22,9 @@ if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
 Index = NDArray[np.int64]
 # Interior left to the solver by rows that are relaxed for contacts [m/s].
 INTERIOR = 1e-4
+# Hardest braking before a margin [m/s^2], and of one joint on the way out of it [rad/s^2].
+MARGIN_BRAKING: float = lib.wbc_margin_braking
+MARGIN_LEAVING: float = lib.wbc_margin_leaving
 
 
 class Distances(NamedTuple):
@@ -143,6 +147,24 @@ def relax_for_contacts(bounds: Bounds, held: Sequence[Rows]) -> Bounds:
     needed = bounds.matrix @ (A.T @ np.linalg.solve(square, b))
     needed -= 0.1 * asked + INTERIOR
     return bounds._replace(lower=np.minimum(bounds.lower, needed))
+
+
+def reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:
+    """Return rows of margins within reach of the velocity (nv,) now, for the torque level.
+
+    At the velocity level a body in a margin may not come nearer from this tick on. Motors cannot do
+    that: such rows would contradict the torque bounds, and the tick would give up contacts for
+    them. So what comes too fast is braked as hard as it can be, not at once.
+    """
+    if not bounds.lower.size:
+        return bounds
+    reach, push = bounds.matrix @ v + MARGIN_BRAKING * dt, bounds.push
+    if push is not None:
+        rate = push.matrix @ v
+        change = MARGIN_LEAVING * dt * np.linalg.norm(push.matrix[:, 6:], axis=1)
+        most = np.minimum(rate + MARGIN_BRAKING * dt, np.maximum(rate, 0.0) + change)
+        push = push._replace(target=np.maximum(np.minimum(push.target, most), rate - change))
+    return bounds._replace(lower=np.minimum(bounds.lower, reach), push=push)
 
 
 def stack(parts: Sequence[Bounds]) -> Bounds:

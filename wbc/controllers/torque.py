@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Bounds, Constraint
+from wbc.constraints.rows import Bounds, Constraint, reachable_rows
 from wbc.controllers.blocks import Asked
-from wbc.controllers.bounded_margins import reachable_rows
 from wbc.controllers.checks import (
     ANOTHER,
     PLANNED,

@@ -1,5 +1,5 @@
 /* The margin between a robot's bodies: the law that wbc/constraints/margin.py says, at the torque level
- * within the reach that wbc/controllers/bounded_margins.py says, and the look-ahead of
+ * within the reach that wbc/constraints/rows.py says, and the look-ahead of
  * wbc/controllers/look_ahead.py up to where a cut is needed, which is made in Python.
  */
 #include "margin.h"
