@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import Mechanics
 from wbc.constraints.rows import Bounds
-from wbc.controllers.blocks import Part
-from wbc.controllers.core_blocks import CoreBlocks
+from wbc.controllers.blocks import CoreBlocks, Part
 from wbc.controllers.core_layout import Layout
 from wbc.controllers.force_rows import NativeForces, TorqueRows
 from wbc.controllers.margin_rows import NativeMargin
