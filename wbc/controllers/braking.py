@@ -30,7 +30,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.linalg import lapack
 
-from wbc.constraints.limits import Limits
+from wbc.constraints.limits import Box, Limits
 from wbc.laws import Rows
 from wbc.qp.problem import QP
 from wbc.qp.solution import Solution
@@ -50,8 +50,6 @@ HEAVY = 1e4
 ROUNDING = 1e-9
 # Added to distances [rad or m], so that none is 0.
 TINY = 1e-300
-
-Box = tuple[Array, Array]
 
 
 def scale_gains_to_brake(

@@ -17,9 +17,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from wbc.constraints.contact import ContactRows
+from wbc.constraints.limits import Box
 from wbc.constraints.mechanics import BoltedBase, Mechanics
 from wbc.controllers.core_memory import CoreMemory
-from wbc.controllers.outcome import Box
 from wbc.controllers.tick import Tick
 from wbc.native import lib
 from wbc.robot import Snapshot

@@ -21,7 +21,7 @@ import numpy as np
 
 from wbc.attributes import DeclaredAttributes
 from wbc.constraints.collision import SelfCollision
-from wbc.constraints.limits import Limits
+from wbc.constraints.limits import Box, Limits
 from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers import checks
@@ -37,7 +37,7 @@ from wbc.controllers.levels import Levels
 from wbc.controllers.look_ahead import MarginRows, solve_with_look_ahead
 from wbc.controllers.margin_rows import only_self_collision
 from wbc.controllers.missing_velocity import MissingVelocity
-from wbc.controllers.outcome import Box, Outcome
+from wbc.controllers.outcome import Outcome
 from wbc.controllers.plan import Decision, LevelPlan
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.controllers.tick import POLICIES, Tick

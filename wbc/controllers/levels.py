@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.constraints.limits import Limits
+from wbc.constraints.limits import Box, Limits
 from wbc.controllers.braking import relax_box, scale_gains_to_brake
 from wbc.controllers.core_memory import DONE, LEADS_INSIDE, MORE_ROWS, NOT_FINITE, NOT_MEASURED
 from wbc.controllers.core_plan import CorePlan
 from wbc.controllers.core_tick import CoreTick
 from wbc.controllers.first_level import FirstLevel
-from wbc.controllers.outcome import Box, Outcome
+from wbc.controllers.outcome import Outcome
 from wbc.controllers.plan import LevelPlan
 from wbc.controllers.singular import reduce_singular
 from wbc.laws import Rows

@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from wbc.constraints.limits import Box
 from wbc.constraints.rows import Bounds, Constraint, relax_for_contacts, stack
 from wbc.constraints.validation import bounds_of, cuts_of
-from wbc.controllers.outcome import Box, Outcome
+from wbc.controllers.outcome import Outcome
 from wbc.controllers.slack import Slacks
 from wbc.laws import Rows
 from wbc.robot import Snapshot

@@ -6,13 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wbc.constraints.limits import Box
 from wbc.controllers.core_plan import TOLERANCE
 from wbc.controllers.core_tick import CoreTick
 from wbc.qp.solution import Solution, Status
 from wbc.robot.tree import LARGEST
 from wbc.validate import Array
-
-Box = tuple[Array, Array]
 
 
 class Outcome(NamedTuple):

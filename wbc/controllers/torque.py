@@ -17,7 +17,7 @@ from typing import Any, Never, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.constraints.limits import Limits
+from wbc.constraints.limits import Box, Limits
 from wbc.constraints.rows import Bounds, Constraint, reachable_rows
 from wbc.controllers.blocks import Asked
 from wbc.controllers.checks import (
@@ -38,7 +38,7 @@ from wbc.controllers.force_ramps import ForceRamps
 from wbc.controllers.force_rows import TorqueRows
 from wbc.controllers.joint_weights import JointWeights
 from wbc.controllers.look_ahead import MarginRows, solve_with_cuts
-from wbc.controllers.outcome import Box, Outcome
+from wbc.controllers.outcome import Outcome
 from wbc.controllers.plan import Decision
 from wbc.controllers.prediction import StatePrediction
 from wbc.controllers.relaxation import Physical, given_way, relaxed_qp

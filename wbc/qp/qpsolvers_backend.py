@@ -67,8 +67,6 @@ class QpsolversBackend:
         Passed to the solver as they are, over those that set the accuracy.
     """
 
-    patient = True  # a call takes what it takes: who is in a hurry asks another
-
     def __init__(self, name: str, eps: float = 1e-8, **settings: Any) -> None:
         self.name = name
         self.eps = finite_number(f"eps of {name}", eps, least=1e-12)

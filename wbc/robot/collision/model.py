@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, shown
 from wbc.robot.collision.distances import ShapePairs, parts
-from wbc.robot.collision.native_pairs import Closing, NativePairs
+from wbc.robot.collision.native_pairs import Closing, Index, NativePairs
 from wbc.robot.collision.shapes import Body, HalfSpace
 from wbc.robot.model import Robot, Snapshot
 from wbc.robot.series import StateSeries
 from wbc.validate import Array, finite_array, read_only
 
-Index = NDArray[np.int64]
 # Where many bodies touch, so many times as many pairs are asked of the core before all: it does not
 # know how deep they overlap, so that others may be deeper.
 MORE = 4
