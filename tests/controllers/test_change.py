@@ -15,6 +15,11 @@ from wbc.errors import InvalidInputError, UnknownNameError, WbcError
 from wbc.robot import Robot, Snapshot
 
 
+@pytest.fixture
+def here(hoap2: Robot) -> Snapshot:
+    return standing(hoap2)
+
+
 def made(level: str, parts: Mapping[str, Any], solver: str = "daqp") -> Controller:
     parts = {"contacts": (), **parts}
     robot = parts["tasks"][0].robot
@@ -51,9 +56,8 @@ def after(here: Snapshot) -> dict[str, Any]:
 
 @pytest.mark.parametrize("solver", ["daqp", "proxqp"])
 @pytest.mark.parametrize("level", ["velocity", "torque"])
-def test_it_answers_as_one_made_of_the_new_parts(level: str, solver: str, hoap2: Robot) -> None:
+def test_it_answers_as_one_made_of_the_new_parts(level: str, solver: str, here: Snapshot) -> None:
     """Without ramps; both solve to 1e-6 of their rows, which are dv / dt: 500 times as much."""
-    here = standing(hoap2)
     no_ramp = {"force_ramp": 0.0} if level == "torque" else {}
     changed = made(level, {**before(here), **no_ramp}, solver)
     assert changed.step(here).ok
@@ -68,8 +72,7 @@ def test_it_answers_as_one_made_of_the_new_parts(level: str, solver: str, hoap2:
     np.testing.assert_allclose(ours.velocity, theirs.velocity, atol=1e-5)
 
 
-def test_what_is_left_out_stays(hoap2: Robot) -> None:
-    here = standing(hoap2)
+def test_what_is_left_out_stays(here: Snapshot) -> None:
     controller = made("velocity", before(here))
     task = wbc.PostureTask(here.robot, here.q, name="calm")
     kept = controller.contacts, controller.constraints
@@ -81,9 +84,8 @@ def test_what_is_left_out_stays(hoap2: Robot) -> None:
     assert list(controller.step(here).errors) == ["calm"]
 
 
-def test_forces_go_on_where_tasks_change_with_the_contacts(hoap2: Robot) -> None:
+def test_forces_go_on_where_tasks_change_with_the_contacts(here: Snapshot) -> None:
     """The foot that is left out is relieved linearly in 10 ticks from what it bore."""
-    here = standing(hoap2)
     controller = made("torque", {**before(here), "constraints": [], "force_ramp": 0.02})
     load = controller.step(here).forces["right_sole"][2]
     assert load > 0.3 * here.robot.weight
@@ -112,9 +114,8 @@ def test_forces_go_on_where_tasks_change_with_the_contacts(hoap2: Robot) -> None
 )
 @pytest.mark.parametrize("level", ["velocity", "torque"])
 def test_what_is_refused_changes_nothing(
-    level: str, parts: dict[str, Any], error: type[WbcError], words: str, hoap2: Robot
+    level: str, parts: dict[str, Any], error: type[WbcError], words: str, here: Snapshot
 ) -> None:
-    here = standing(hoap2)
     controller = made(level, before(here))
     first = controller.step(here)
     with pytest.raises(error, match=words):
@@ -124,8 +125,7 @@ def test_what_is_refused_changes_nothing(
     assert again.qp.labels == first.qp.labels
 
 
-def test_idle_and_foreign_tasks_are_refused(hoap2: Robot) -> None:
-    here = standing(hoap2)
+def test_idle_and_foreign_tasks_are_refused(here: Snapshot) -> None:
     robot, controller = here.robot, made("velocity", before(here))
     idle = wbc.ComTask(robot, here.com, weight=0.0)
     share = wbc.LoadShareTask(robot, {"left_sole": 1.0, "right_sole": 1.0})

@@ -20,6 +20,11 @@ TICKS = 25  # of a ramp
 OVER, RELEASE, UP, DOWN, LAND, BACK, END = 1.0, 1.2, 1.55, 1.95, 2.4, 2.5, 3.1
 
 
+@pytest.fixture
+def here(g1: Robot) -> Snapshot:
+    return standing(g1)
+
+
 def controlled(here: Snapshot, solver: str = "daqp") -> wbc.TorqueController:
     robot = here.robot
     tasks: list[wbc.Task] = [
@@ -119,7 +124,7 @@ def jumps(ticks: list, begin: float) -> float:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("loop", [Integrated, Simulated])
-def test_a_foot_is_lifted_and_put_down_without_jumps(loop: type, g1: Robot) -> None:
+def test_a_foot_is_lifted_and_put_down_without_jumps(loop: type, here: Snapshot) -> None:
     """The normal force changes by m g / TICKS a tick, 13 N, at no lever above 0.4 m.
 
     That is the distance from a hip to the edge of the other sole, with which a leg's own torque
@@ -128,7 +133,6 @@ def test_a_foot_is_lifted_and_put_down_without_jumps(loop: type, g1: Robot) -> N
     """
     if loop is Simulated:
         pytest.importorskip("mujoco")
-    here = standing(g1)
     weight = 9.81 * here.robot.mass
     bound = 0.4 * weight / TICKS
     ticks = step_in_place(here, loop(here), RAMP)
@@ -157,8 +161,7 @@ def test_a_foot_is_lifted_and_put_down_without_jumps(loop: type, g1: Robot) -> N
 
 
 @pytest.mark.parametrize("solver", ["proxqp", "daqp"])
-def test_a_contact_that_comes_back_goes_on_from_where_it_is(solver: str, g1: Robot) -> None:
-    here = standing(g1)
+def test_a_contact_that_comes_back_goes_on_from_where_it_is(solver: str, here: Snapshot) -> None:
     controller = controlled(here, solver)
     both = controller.contacts
     half = controller.step(here).forces["right_sole"][2]
@@ -177,9 +180,8 @@ def test_a_contact_that_comes_back_goes_on_from_where_it_is(solver: str, g1: Rob
 
 
 def test_a_contact_that_leaves_is_gone_whatever_else_is_changed_meanwhile(
-    g1: Robot,
+    here: Snapshot,
 ) -> None:
-    here = standing(g1)
     controller = controlled(here)
     left, right = controller.contacts
     controller.step(here)
@@ -193,8 +195,7 @@ def test_a_contact_that_leaves_is_gone_whatever_else_is_changed_meanwhile(
     assert controller.contacts == (left,) and not tick.ramps
 
 
-def test_nothing_ramps_before_the_first_tick_or_at_once(g1: Robot) -> None:
-    here = standing(g1)
+def test_nothing_ramps_before_the_first_tick_or_at_once(here: Snapshot) -> None:
     controller = controlled(here)
     left, right = controller.contacts
     controller.set_contacts([left])
@@ -209,8 +210,7 @@ def test_nothing_ramps_before_the_first_tick_or_at_once(g1: Robot) -> None:
     assert not controller.step(here).ramps and controller.contacts == (again,)
 
 
-def test_grips_come_at_once_and_least_forces_wait(g1: Robot) -> None:
-    here = standing(g1)
+def test_grips_come_at_once_and_least_forces_wait(g1: Robot, here: Snapshot) -> None:
     controller = controlled(here)
     left, right = controller.contacts
     controller.set_contacts([left], ramp=0.0)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.standing import standing
 from wbc.constraints import Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers import KinematicController
@@ -57,6 +58,11 @@ class Slow(Constraint):
         return Bounds((f"speed {k}",), matrix, -bound, bound)
 
 
+@pytest.fixture
+def here(hoap2):
+    return standing(hoap2)
+
+
 class OwnPosture(PostureTask):
     """A posture in Python, which counts how often it is asked."""
 
@@ -78,10 +84,9 @@ def moving(
     )
 
 
-def test_cuts_are_added_until_the_place_is_good(hoap2) -> None:
+def test_cuts_are_added_until_the_place_is_good(hoap2, here) -> None:
     constraint = Slow(hoap2, 0.5, useful=True)
     control = moving(hoap2, constraint, "left_elbow_pitch")
-    here = hoap2.snapshot(hoap2.posture("standing"))
     constraint.start = here.q
     tick = control.step(here)
     assert tick.ok
@@ -94,9 +99,8 @@ def test_cuts_are_added_until_the_place_is_good(hoap2) -> None:
     assert tick.qp.labels.inequality == ("nothing", f"speed {k}")
 
 
-def test_a_task_in_python_is_asked_once_in_a_tick_of_several_rounds(hoap2) -> None:
+def test_a_task_in_python_is_asked_once_in_a_tick_of_several_rounds(hoap2, here) -> None:
     constraint = Slow(hoap2, 0.5, useful=True)
-    here = hoap2.snapshot(hoap2.posture("standing"))
     constraint.start = here.q
     task = OwnPosture(hoap2, hoap2.posture("standing", {"left_elbow_pitch": -0.2}, on_ground=False))
     limits = Limits(hoap2, acceleration=1e4)
@@ -127,10 +131,9 @@ def test_joints_brake_harder_for_a_cut_of_a_later_round_too(hoap2) -> None:
     assert "brakes harder" in tick.report()
 
 
-def test_where_cuts_are_in_vain_a_part_is_commanded(hoap2) -> None:
+def test_where_cuts_are_in_vain_a_part_is_commanded(hoap2, here) -> None:
     constraint = Slow(hoap2, 0.5, useful=False)
     control = moving(hoap2, constraint, "left_elbow_pitch")
-    here = hoap2.snapshot(hoap2.posture("standing"))
     constraint.start = here.q
     tick = control.step(here)
     assert tick.ok
@@ -140,11 +143,10 @@ def test_where_cuts_are_in_vain_a_part_is_commanded(hoap2) -> None:
     assert len(tick.qp.l) == 1 + ROUNDS
 
 
-def test_where_nothing_moves_nothing_is_broken(hoap2) -> None:
+def test_where_nothing_moves_nothing_is_broken(hoap2, here) -> None:
     """Not even a sixteenth is allowed: the command is to stand still."""
     constraint = Slow(hoap2, 1e-6, useful=False)
     control = moving(hoap2, constraint, "left_elbow_pitch")
-    here = hoap2.snapshot(hoap2.posture("standing"))
     constraint.start = here.q
     tick = control.step(here)
     assert tick.step_scale == 0.0
@@ -173,13 +175,14 @@ def outcome(side: str | None) -> Outcome:
         (None, True, 1),
     ],
 )
-def test_margins_are_relaxed_only_where_they_take_part(hoap2, side, over, solves: int) -> None:
+def test_margins_are_relaxed_only_where_they_take_part(
+    hoap2, here, side, over, solves: int
+) -> None:
     """What cannot hold without any margin cannot hold with them relaxed either.
 
     Once the deadline is over they are not relaxed, and that is said.
     """
     asked: list[Bounds] = []
-    here = hoap2.snapshot(hoap2.posture("standing"))
     margins = MarginRows.at(here, [Slow(hoap2, 0.5, useful=True)], Slacks({}, [], []), DT)
     held = [Rows(np.eye(1, hoap2.nv), np.zeros(1), np.ones(1))]
     found = solve_with_look_ahead(
@@ -195,8 +198,7 @@ def test_margins_are_relaxed_only_where_they_take_part(hoap2, side, over, solves
 
 
 @pytest.mark.parametrize(("most", "scale"), [(1.0, 1.0), (0.3, 0.25), (0.07, 0.0625), (0.06, 0.0)])
-def test_a_step_is_shortened_to_a_quarter_a_sixteenth_or_rest(hoap2, most, scale) -> None:
-    here = hoap2.snapshot(hoap2.posture("standing"))
+def test_a_step_is_shortened_to_a_quarter_a_sixteenth_or_rest(hoap2, here, most, scale) -> None:
     constraint = Slow(hoap2, most, useful=False)
     constraint.start = here.q
     margins = MarginRows.at(here, [constraint], Slacks({}, [], []), DT)

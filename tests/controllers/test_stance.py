@@ -23,6 +23,11 @@ from wbc.robot import Robot, Snapshot
 Load = Callable[[str], Robot]
 
 
+@pytest.fixture
+def here(g1: Robot) -> Snapshot:
+    return standing(g1)
+
+
 @pytest.mark.parametrize("name", ["g1", "talos", "hoap2_like", "icub", "romeo"])
 def test_torques_and_forces_balance_gravity(name: str, robot_named: Load) -> None:
     """Oracle: Pinocchio's generalized gravity; forces inside the exact cones."""
@@ -57,9 +62,8 @@ def test_joints_that_are_too_weak_are_named(robot_named: Load) -> None:
     assert strong.ok
 
 
-def test_a_com_beyond_the_sole_cannot_be_borne(g1: Robot) -> None:
+def test_a_com_beyond_the_sole_cannot_be_borne(g1: Robot, here: Snapshot) -> None:
     """At most the weight times the distance from the CoM to the sole is left as a moment."""
-    here = standing(g1)
     stance = wbc.stance_torques(here, wbc.support(here, "left"))
     assert not stance.held and "no forces of left_sole" in stance.report()
     assert f"and {np.linalg.norm(stance.unheld[3:]):.4g} N m on its base" in stance.report()
@@ -69,8 +73,7 @@ def test_a_com_beyond_the_sole_cannot_be_borne(g1: Robot) -> None:
     assert np.linalg.norm(floating.unheld[:3]) == pytest.approx(9.81 * g1.mass)
 
 
-def test_contacts_in_the_air_are_said(g1: Robot) -> None:
-    here = standing(g1)
+def test_contacts_in_the_air_are_said(g1: Robot, here: Snapshot) -> None:
     contacts = wbc.support(here, "double")
     q = here.q.copy()
     q[2] += 0.05
@@ -88,10 +91,9 @@ def test_contacts_in_the_air_are_said(g1: Robot) -> None:
 
 
 def test_a_controller_says_at_once_of_contacts_that_are_elsewhere(
-    g1: Robot, caplog: pytest.LogCaptureFixture
+    g1: Robot, here: Snapshot, caplog: pytest.LogCaptureFixture
 ) -> None:
     """At the velocity level the base is commanded there within a tick or two, at 100 m/s."""
-    here = standing(g1)
     q = here.q.copy()
     q[0] += 1.0
     there, tasks = g1.snapshot(q, np.zeros(g1.nv)), [wbc.PostureTask(g1, here.q)]
@@ -122,8 +124,7 @@ def test_missing_effort_limits_are_said_by_name(
     assert not caplog.text
 
 
-def test_bad_input_is_typed(g1: Robot) -> None:
-    here = standing(g1)
+def test_bad_input_is_typed(g1: Robot, here: Snapshot) -> None:
     contacts = wbc.support(here, "double")
     controller = wbc.TorqueController(g1, [wbc.PostureTask(g1, here.q)], contacts=contacts)
     bad = here.q.copy()
@@ -212,9 +213,8 @@ def test_torques_are_the_least_and_exceed_the_limits_least(
     assert bool(lacking) == (effort < 10.0)
 
 
-def test_what_is_beyond_a_limit_by_rounding_is_not(g1: Robot) -> None:
+def test_what_is_beyond_a_limit_by_rounding_is_not(g1: Robot, here: Snapshot) -> None:
     """A thousandth of a limit, and a millionth of the weight at a metre: by hand."""
-    here = standing(g1)
     stance = wbc.stance_torques(here, wbc.support(here, "double"))
     n, weight = g1.nv - 6, g1.weight
     for most, over, said in ((50.0, 1.0009, False), (50.0, 1.0011, True), (0.0, 0.0, False)):

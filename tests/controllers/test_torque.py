@@ -18,6 +18,11 @@ Load = Callable[[str], Robot]
 ROBOTS = ("g1", "g1_27", "talos", "icub", "romeo", "hoap2_like")
 
 
+@pytest.fixture
+def here(g1: Robot) -> Snapshot:
+    return standing(g1)
+
+
 def disturbed(here: Snapshot, rng: np.random.Generator, size: float) -> Snapshot:
     robot = here.robot
     q = robot.integrate(here.q, size * rng.normal(size=robot.nv), 1.0)
@@ -88,8 +93,7 @@ def test_every_humanoid_stands_still_without_a_gain(name: str, robot_named: Load
     assert np.abs(tick.acceleration).max() < 0.05
 
 
-def test_centre_of_pressure_agrees_with_the_wrenches(g1: Robot) -> None:
-    here = standing(g1)
+def test_centre_of_pressure_agrees_with_the_wrenches(g1: Robot, here: Snapshot) -> None:
     tasks = [wbc.ComTask(g1, here.com + [0.05, 0.02, 0.0]), *stack(here)[1:]]
     tick = wbc.TorqueController(g1, tasks, contacts=wbc.support(here, "double")).step(here)
     total, moment = np.zeros(3), np.zeros(3)
@@ -101,9 +105,8 @@ def test_centre_of_pressure_agrees_with_the_wrenches(g1: Robot) -> None:
     np.testing.assert_allclose(tick.cop[1], moment[0] / total[2], atol=1e-9)
 
 
-def test_what_cannot_be_kept_gives_way_by_name(g1: Robot) -> None:
+def test_what_cannot_be_kept_gives_way_by_name(g1: Robot, here: Snapshot) -> None:
     """A sole that rushes upwards cannot be stopped by forces that only push."""
-    here = standing(g1)
     v = np.zeros(g1.nv)
     v[2] = 2.0
     there = g1.snapshot(here.q, v)
@@ -179,8 +182,7 @@ def test_last_resort_and_its_policy(hoap2: Robot, monkeypatch: pytest.MonkeyPatc
         strict.step(there)
 
 
-def test_a_surface_of_unknown_shape_is_refused(g1: Robot) -> None:
-    here = standing(g1)
+def test_a_surface_of_unknown_shape_is_refused(g1: Robot, here: Snapshot) -> None:
     hand = next(name for name in g1.frame_names if "wrist_yaw" in name)
     with pytest.raises(InvalidInputError, match="corners"):
         wbc.TorqueController(g1, stack(here), contacts=[wbc.Contact.hold(here, hand)])
@@ -196,8 +198,7 @@ def test_a_surface_of_unknown_shape_is_refused(g1: Robot) -> None:
         assert tick.forces[hand].shape == (6,)
 
 
-def test_normal_forces_keep_their_range(g1: Robot) -> None:
-    here = standing(g1)
+def test_normal_forces_keep_their_range(g1: Robot, here: Snapshot) -> None:
     left, right = wbc.support(here, "double")
     left.friction = wbc.FrictionCone(least=30.0, most=80.0)
     controller = wbc.TorqueController(g1, stack(here), contacts=[left, right], solver="daqp")

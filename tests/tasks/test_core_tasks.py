@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.standing import standing
 from wbc.constraints import Contact, Limits, PointContact, support
 from wbc.constraints.margin import Margin
 from wbc.constraints.rows import Distances
@@ -24,6 +25,11 @@ from wbc.tasks import (
 DT = 0.002
 
 
+@pytest.fixture
+def here(hoap2):
+    return standing(hoap2)
+
+
 def test_snapshot_of_another_robot_is_refused(hoap2, g1) -> None:
     there = g1.snapshot(g1.posture("standing"))
     task = PostureTask(hoap2, hoap2.posture("standing"))
@@ -40,8 +46,7 @@ class Own(Contact):
 
 
 @pytest.mark.parametrize("slack", [{}, {"left_sole": 1e3}])
-def test_contact_of_ones_own_bears_what_a_contact_does(hoap2, slack) -> None:
-    here = hoap2.snapshot(hoap2.posture("standing"))
+def test_contact_of_ones_own_bears_what_a_contact_does(hoap2, here, slack) -> None:
     ticks = []
     for kind in (Contact, Own):
         held = [kind.hold(here, f"{side}_sole") for side in ("left", "right")]
@@ -56,8 +61,7 @@ class MyCop(CopTask):
     """Nothing but a name."""
 
 
-def test_derived_kind_of_task_is_what_it_is_derived_from(hoap2) -> None:
-    here = hoap2.snapshot(hoap2.posture("standing"))
+def test_derived_kind_of_task_is_what_it_is_derived_from(hoap2, here) -> None:
     held, posture = support(here, "double"), PostureTask(hoap2, here.q)
     torques = [
         TorqueController(hoap2, [posture, kind(hoap2, here.com[:2])], contacts=held, dt=DT)
@@ -68,9 +72,8 @@ def test_derived_kind_of_task_is_what_it_is_derived_from(hoap2) -> None:
     np.testing.assert_array_equal(*torques)
 
 
-def test_pose_task_damped_by_nothing_is_not_damped(hoap2) -> None:
+def test_pose_task_damped_by_nothing_is_not_damped(hoap2, here) -> None:
     """A whole pose leaves no curvature out, whoever works it out: lm_damping alone is added."""
-    here = hoap2.snapshot(hoap2.posture("standing"))
     goal = here.position("left_hand") + [0.02, 0.01, 0.03]
     found = [
         KinematicController(
@@ -85,8 +88,7 @@ def test_pose_task_damped_by_nothing_is_not_damped(hoap2) -> None:
     np.testing.assert_allclose(*found, atol=1e-5)
 
 
-def test_frame_that_a_pose_is_seen_from_may_be_changed(hoap2) -> None:
-    here = hoap2.snapshot(hoap2.posture("standing"))
+def test_frame_that_a_pose_is_seen_from_may_be_changed(hoap2, here) -> None:
     task = RelativePoseTask(hoap2, "left_hand", "base", [0.1, 0.1, 0.1], np.eye(3))
     controller = KinematicController(hoap2, [task], contacts=())
     controller.step(here)
@@ -95,8 +97,7 @@ def test_frame_that_a_pose_is_seen_from_may_be_changed(hoap2) -> None:
     np.testing.assert_allclose(tick.errors[task.name], task.residual(here).error, atol=1e-12)
 
 
-def test_tasks_may_be_added_while_others_are_off(hoap2) -> None:
-    here = hoap2.snapshot(hoap2.posture("standing"))
+def test_tasks_may_be_added_while_others_are_off(hoap2, here) -> None:
     posture, com = PostureTask(hoap2, here.q), ComTask(hoap2, here.com)
     controller = KinematicController(hoap2, [posture, com], contacts=())
     com.switch_off()
@@ -107,8 +108,7 @@ def test_tasks_may_be_added_while_others_are_off(hoap2) -> None:
 
 
 @pytest.mark.parametrize("kind", [KinematicController, TorqueController])
-def test_task_at_every_frame_fits_in_the_memory_of_a_tick(hoap2, kind) -> None:
-    here = hoap2.snapshot(hoap2.posture("standing"))
+def test_task_at_every_frame_fits_in_the_memory_of_a_tick(hoap2, here, kind) -> None:
     tasks = [PositionTask(hoap2, name, here.position(name)) for name in hoap2.frame_indices]
     tasks.append(InertiaTask(hoap2, 1.5 * here.inertia, second_order=True))
     point = PointContact(hoap2, "left_sole", here.position("left_sole"), np.eye(3))  # few unknowns
@@ -129,8 +129,7 @@ class Ordered(Task):
         return np.zeros(1)
 
 
-def test_residual_is_asked_before_drift(hoap2) -> None:
-    here = hoap2.snapshot(hoap2.posture("standing"))
+def test_residual_is_asked_before_drift(hoap2, here) -> None:
     task = Ordered(hoap2, "ordered", ("a",))
     task.asked = []
     contacts = support(here, "double")
@@ -151,8 +150,7 @@ class Short(Margin):
         return np.zeros(3)
 
 
-def test_what_is_of_other_sizes_is_refused(hoap2) -> None:
-    here = hoap2.snapshot(hoap2.posture("standing"))
+def test_what_is_of_other_sizes_is_refused(hoap2, here) -> None:
     with pytest.raises(InvalidInputError, match=r"short: distances\(\) must return clearances"):
         Short(hoap2, "short", None).rows(here, DT)
     qp = KinematicController(hoap2, [PostureTask(hoap2, here.q)], contacts=()).step(here).qp

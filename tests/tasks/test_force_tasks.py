@@ -17,6 +17,11 @@ Load = Callable[[str], Robot]
 FEET = ("left_sole", "right_sole")
 
 
+@pytest.fixture
+def here(g1: Robot) -> Snapshot:
+    return standing(g1)
+
+
 def controlled(here: Snapshot, *extra: Task, tasks: Sequence[Task] | None = None, **keys):  # type: ignore[no-untyped-def]
     keys.setdefault("contacts", wbc.support(here, "double"))
     given = stack(here) if tasks is None else tasks
@@ -51,17 +56,15 @@ def test_a_load_is_shared_as_asked(name: str, solver: str, robot_named: Load) ->
     assert loads[0] == pytest.approx(loads[1], rel=1e-3)
 
 
-def test_shares_of_a_contact_that_is_none_are_left_out(g1: Robot) -> None:
-    here = standing(g1)
+def test_shares_of_a_contact_that_is_none_are_left_out(g1: Robot, here: Snapshot) -> None:
     share = wbc.LoadShareTask(g1, dict.fromkeys(FEET, 1.0), weight=100.0)
     controller = controlled(here, share, contacts=wbc.support(here, "left"))
     tick = controller.step(here)
     assert tick.ok and not tick.errors["load share"].any()
 
 
-def test_a_wanted_wrench_is_met(g1: Robot) -> None:
+def test_a_wanted_wrench_is_met(g1: Robot, here: Snapshot) -> None:
     """Soles pressing apart by 20 N are internal forces: nothing moves for them."""
-    here = standing(g1)
     press = wbc.ContactForceTask(
         g1, "left_sole", [0, 20.0, 0, 0, 0, 0], components=["fy"], weight=100.0
     )
@@ -72,9 +75,8 @@ def test_a_wanted_wrench_is_met(g1: Robot) -> None:
     assert press.units == ("N",) and still(tick)
 
 
-def test_cop_of_one_contact_is_where_it_is_wanted(g1: Robot) -> None:
+def test_cop_of_one_contact_is_where_it_is_wanted(g1: Robot, here: Snapshot) -> None:
     """Oracle: the wrench's own moment, over its normal force, in the sole's axes."""
-    here = standing(g1)
     wanted = np.array([0.03, -0.01])
     aim = wbc.CopTask(g1, wanted, frame="left_sole", weight=100.0)
     tick = tick_with(here, aim)
@@ -84,9 +86,8 @@ def test_cop_of_one_contact_is_where_it_is_wanted(g1: Robot) -> None:
     assert aim.units == ("N m", "N m")
 
 
-def test_cop_of_all_contacts_moves_the_robot(g1: Robot) -> None:
+def test_cop_of_all_contacts_moves_the_robot(g1: Robot, here: Snapshot) -> None:
     """A CoP off the CoM's projection accelerates it: zddot = 0 gives m c'' = m g/h (c - p)."""
-    here = standing(g1)
     wanted = here.com[:2] + [0.02, 0.01]
     aim = wbc.CopTask(g1, wanted, weight=1e3)
     tick = tick_with(here, aim)
@@ -98,11 +99,10 @@ def test_cop_of_all_contacts_moves_the_robot(g1: Robot) -> None:
     assert (tick.acceleration[:2] * [1.0, 1.0] < 0.0).all()
 
 
-def test_least_torques_are_those_of_another_solver(g1: Robot) -> None:
+def test_least_torques_are_those_of_another_solver(g1: Robot, here: Snapshot) -> None:
     """Oracle: SciPy's least squares over forces that hold the robot still, no cones active."""
     from scipy.linalg import null_space
 
-    here = standing(g1)
     still_tasks = [wbc.PostureTask(g1, here.q, weight=1e2)]
     hold = [wbc.FrictionCone(5.0), wbc.FrictionCone(5.0)]
     contacts = wbc.support(here, "double")
@@ -131,8 +131,7 @@ def test_least_torques_are_those_of_another_solver(g1: Robot) -> None:
     assert np.abs(plain - least).max() > 0.02 * size
 
 
-def test_torques_near_a_reference(g1: Robot) -> None:
-    here = standing(g1)
+def test_torques_near_a_reference(g1: Robot, here: Snapshot) -> None:
     places = [k for k, name in enumerate(g1.joint_names) if "knee" in name]
     wanted = tick_with(here).torque[places].mean() + 3.0
     knees = wbc.TorqueTask(g1, {"*knee*": wanted}, joints=["*knee*"], weight=1e3)
@@ -142,9 +141,8 @@ def test_torques_near_a_reference(g1: Robot) -> None:
     np.testing.assert_allclose(tick.errors["torque"], tick.torque[places] - wanted, atol=1e-9)
 
 
-def test_force_rate_slows_what_forces_do(g1: Robot) -> None:
+def test_force_rate_slows_what_forces_do(g1: Robot, here: Snapshot) -> None:
     """A load that is to go to one foot gets there at once without it, and gradually with it."""
-    here = standing(g1)
 
     def loads(*extra: Task) -> list[float]:
         share = wbc.LoadShareTask(g1, dict.fromkeys(FEET, 1.0))
@@ -162,16 +160,14 @@ def test_force_rate_slows_what_forces_do(g1: Robot) -> None:
     assert slow[-1] == pytest.approx(plain[-1], rel=0.01)
 
 
-def test_force_rate_is_nothing_in_the_first_tick(g1: Robot) -> None:
-    here = standing(g1)
+def test_force_rate_is_nothing_in_the_first_tick(here: Snapshot) -> None:
     rate = wbc.ForceRateTask(here.robot, weight=100.0)
     with_rate, without = tick_with(here, rate, solver="daqp"), tick_with(here, solver="daqp")
     np.testing.assert_allclose(with_rate.torque, without.torque, atol=1e-6)
 
 
-def test_priorities_are_strict(g1: Robot) -> None:
+def test_priorities_are_strict(g1: Robot, here: Snapshot) -> None:
     """A share that motion above does not care about is met; a torque below changes neither."""
-    here = standing(g1)
     motion = stack(here)
     share = wbc.LoadShareTask(g1, dict(zip(FEET, (0.6, 0.4), strict=True)), weight=10.0, priority=1)
     lazy = wbc.TorqueTask(g1, weight=10.0, priority=2)
@@ -184,8 +180,7 @@ def test_priorities_are_strict(g1: Robot) -> None:
     assert np.linalg.norm(tick.torque) < np.linalg.norm(only_below.torque)
 
 
-def test_contacts_that_are_none_bear_nothing(g1: Robot) -> None:
-    here = standing(g1)
+def test_contacts_that_are_none_bear_nothing(g1: Robot, here: Snapshot) -> None:
     press = wbc.ContactForceTask(g1, "right_sole", [0, 0, 50.0, 0, 0, 0], components=["fz"])
     aim = wbc.CopTask(g1, [0.0, 0.0], frame="right_sole")
     tick = controlled(here, press, aim, contacts=wbc.support(here, "left")).step(here)
@@ -194,8 +189,7 @@ def test_contacts_that_are_none_bear_nothing(g1: Robot) -> None:
     assert not tick.errors["right_sole cop"].any()
 
 
-def test_grips_have_wrenches_in_world_axes(g1: Robot) -> None:
-    here = standing(g1)
+def test_grips_have_wrenches_in_world_axes(g1: Robot, here: Snapshot) -> None:
     hand = next(name for name in g1.frame_names if "wrist_yaw" in name)
     grip = wbc.Contact.hold(here, hand, friction=None)
     pull = wbc.ContactForceTask(g1, hand, [5.0, 1.0, 12.0, 0.1, 0.2, 0.3], weight=100.0)
@@ -204,8 +198,7 @@ def test_grips_have_wrenches_in_world_axes(g1: Robot) -> None:
     np.testing.assert_allclose(tick.errors[pull.name], tick.forces[hand] - pull.target, atol=1e-9)
 
 
-def test_the_kinematic_controller_refuses_them_by_name(g1: Robot) -> None:
-    here = standing(g1)
+def test_the_kinematic_controller_refuses_them_by_name(g1: Robot, here: Snapshot) -> None:
     aim = wbc.CopTask(g1, [0.0, 0.0], name="pressure")
     with pytest.raises(InvalidInputError, match=r"'pressure'.*TorqueController"):
         wbc.KinematicController(g1, [*stack(here), aim], contacts=())
@@ -216,14 +209,15 @@ def test_the_kinematic_controller_refuses_them_by_name(g1: Robot) -> None:
 
 
 @pytest.mark.parametrize(("rows", "numbers"), [(6, 6), (6, 2), (2, 6), (2, 1)])
-def test_an_expression_of_another_shape_is_refused(g1: Robot, rows, numbers) -> None:
+def test_an_expression_of_another_shape_is_refused(
+    g1: Robot, here: Snapshot, rows, numbers
+) -> None:
     """Either of its parts is enough."""
 
     class Wrong(ForceTask):
         def expression(self, dynamics: Dynamics) -> Affine:
             return Affine(dynamics.wrench("left_sole")[:rows], np.zeros(numbers))
 
-    here = standing(g1)
     said = r"'mine': expression\(\), (matrix|constant): expected shape \(2,"
     with pytest.raises(InvalidInputError, match=said):
         controlled(here, Wrong(g1, "mine", ["fx", "fy"])).step(here)
