@@ -82,7 +82,9 @@ def write_whole(path: str | Path, fill: Callable[[IO[bytes]], object]) -> None:
         try:
             with os.fdopen(handle, "wb") as file:
                 fill(file)
-            Path(neighbour).chmod(0o666 & ~_umask())
+            mask = os.umask(0)  # which can only be read by setting it
+            os.umask(mask)
+            Path(neighbour).chmod(0o666 & ~mask)
             Path(neighbour).replace(path)
         except BaseException:
             Path(neighbour).unlink(missing_ok=True)
@@ -110,12 +112,6 @@ def write_arrays(path: str | Path, arrays: Mapping[str, Any]) -> None:
 def why(error: Exception) -> str:
     """Return what the system says, without the file: some libraries' errors have no number."""
     return getattr(error, "strerror", None) or str(error) or type(error).__name__
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def read_arrays(

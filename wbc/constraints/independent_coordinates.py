@@ -99,7 +99,13 @@ class IndependentCoordinates:
 
     def jacobian(self, rows: ArrayLike) -> Array:
         """Return a Jacobian (m, nv) by v as one (m, k) by the independent entries (eqs. 30-37)."""
-        return self._rows(rows) @ self.basis
+        given, nv = real_array("independent coordinates, rows", rows), len(self.basis)
+        if given.ndim != 2 or not len(given):
+            raise InvalidInputError(
+                f"independent coordinates, rows: expected (m, {nv}), got shape {given.shape}"
+            )
+        shape = len(given), nv
+        return finite_array("independent coordinates, rows", given, shape) @ self.basis
 
     def step(self, rows: ArrayLike, change: ArrayLike, damping: float = 0.0) -> Array:
         """Return the step of eq. 38 (nv,): the least independent one that changes rows so.
@@ -136,15 +142,6 @@ class IndependentCoordinates:
             J = np.concatenate((J, np.sqrt(damping) * np.eye(k)))
             wanted = np.concatenate((wanted, np.zeros(k)))
         return self.basis @ lstsq(J, wanted, ROUNDING, lapack_driver="gelsy")[0]
-
-    def _rows(self, rows: ArrayLike) -> Array:
-        given = real_array("independent coordinates, rows", rows)
-        if given.ndim != 2 or not len(given):
-            raise InvalidInputError(
-                f"independent coordinates, rows: expected (m, {len(self.basis)}), got shape"
-                f" {given.shape}"
-            )
-        return finite_array("independent coordinates, rows", given, (len(given), len(self.basis)))
 
 
 def _groups(robot: Robot, held: Sequence[Contact]) -> Iterator[list[int]]:

@@ -35,11 +35,6 @@ def independent_rows(contacts: Sequence[Task]) -> ContactRows:
     Contacts on one link keep a largest set of independent rows, chosen where they are anchored,
     which is where the link is held. All other tasks that are held keep all their rows.
     """
-    return ContactRows(contacts, _kept_rows(contacts))
-
-
-def _kept_rows(contacts: Sequence[Task]) -> tuple[Index | None, ...]:
-    """Return for each contact the rows to keep, increasing; None for all of them."""
     kept: list[Index | None] = [None] * len(contacts)
     for members in _links(contacts):
         together = [contact for k in members if isinstance(contact := contacts[k], Contact)]
@@ -52,7 +47,7 @@ def _kept_rows(contacts: Sequence[Task]) -> tuple[Index | None, ...]:
             own = chosen[(chosen >= start) & (chosen < start + size)] - start
             kept[k] = None if own.size == size else own
             start += size
-    return tuple(kept)
+    return ContactRows(contacts, kept)
 
 
 def _agree(a: Contact, b: Contact) -> bool:

@@ -12,7 +12,6 @@ one that depends on them, so that no row can be spared: the conflict named is ir
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -137,8 +136,8 @@ def conflict_of(
         heavy = np.abs(weights) > share * np.abs(weights).max()
         named = np.flatnonzero(heavy & np.isfinite(ends))  # other pulls are what rounding leaves
         matrix, end, own = every[named], ends[named], weights[named]
-        for free, zero in _dependencies(matrix):
-            exact = _irreducible(own, free, end, _ROUNDING * zero)
+        for zero in _ZERO:  # combinations of rows that are 0 but for so much
+            exact = _irreducible(own, _zeros(matrix.T, zero), end, _ROUNDING * zero)
             if exact is None or (gap := _gap(matrix, end, exact, tolerance)) == 0.0:
                 continue
             while (less := _without_needless(matrix, end, exact, tolerance)) is not None:
@@ -165,12 +164,6 @@ def _ends(qp: QP, rows: UnitRows, weights: Array) -> Array:
     """Return what each row's, then each bound's, multiplier points at, of unit rows."""
     lower = np.concatenate((rows.lower, qp.lower))
     return np.where(weights > 0.0, np.concatenate((rows.upper, qp.upper)), lower)
-
-
-def _dependencies(matrix: Array) -> Iterator[tuple[Array, float]]:
-    """Yield orthonormal bases (s, k) of combinations of rows (s, n) that are 0 but for so much."""
-    for zero in _ZERO:
-        yield _zeros(matrix.T, zero), zero
 
 
 def _irreducible(weights: Array, free: Array, ends: Array, least: float) -> Array | None:

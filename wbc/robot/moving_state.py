@@ -74,7 +74,7 @@ class MovingState(KinematicState):
         the second derivative R' (I'' - 2 [w, I'] - [a, I] + [w, [w, I]]) R, in the commutator of
         skew matrices.
         """
-        rate, drift = self._inertia_rate, self.inertia_drift
+        rate, drift = self.native_motion.drift("inertia_rate"), self.inertia_drift
         if not is_com(about):
             arm, speed, mass = self.arm(about), self.arm_jacobian(about) @ self.v, self.robot.mass
             rate = rate + parallel_axis_rates(mass, arm) @ speed
@@ -95,13 +95,6 @@ class MovingState(KinematicState):
             return np.zeros(3)
         frame, drift = moving_frame(about), self.com_drift
         return drift if frame is None else np.subtract(drift, self.drift(frame)[:3])
-
-    # ------------------------------------------------------------------ internals
-
-    @property
-    def _inertia_rate(self) -> Array:
-        """First derivative of vech of the inertia (6,), world axes."""
-        return self.native_motion.drift("inertia_rate")
 
     @lazy
     def native_motion(self) -> NativeMotion:

@@ -64,7 +64,8 @@ class PassiveForces:
     def of(self, model: pin.Model, limits: JointLimits) -> PassiveForces:
         """Return those of the joints that ``model`` has: what is locked needs no spring."""
         names = set(limits.names)
-        lifts = tuple(one for one in self.lifts if _joint_of(model, one) > 0)
+        frames = model.frames
+        lifts = tuple(x for x in self.lifts if frames[_frame_of(model, x)].parentJoint > 0)
         return PassiveForces(
             {joint: spring for joint, spring in self.springs.items() if joint in names},
             lifts,
@@ -112,7 +113,3 @@ NONE = PassiveForces()
 
 def _frame_of(model: pin.Model, lift: GravityCompensation) -> int:
     return int(model.getFrameId(lift.frame, pin.FrameType.BODY))
-
-
-def _joint_of(model: pin.Model, lift: GravityCompensation) -> int:
-    return int(model.frames[_frame_of(model, lift)].parentJoint)

@@ -97,7 +97,8 @@ def select_pairs(
         else read_srdf(robot.srdf, robot.model).disabled
     )
     parents, rules = robot.model.parents, robot.geometry.rules
-    shape_of = _shape_names(robot) if rules.watched else {}
+    shapes = named_shapes(robot) if rules.watched else []  # as the description calls them
+    shape_of = {name: str(shape.name) for name, _, shape in shapes}
     reasons: dict[Pair, str] = {}
     pairs = [
         (a, b)
@@ -262,8 +263,3 @@ def _links(bodies: Sequence[Body], patterns: Iterable[Pattern], what: str) -> se
         ones, others = matching(first, links, "link"), matching(second, links, "link")
         named |= {frozenset((links[a], links[b])) for a in ones for b in others}
     return named
-
-
-def _shape_names(robot: Robot) -> dict[str, str]:
-    """Return the names that the description gives the shapes, by those of their bodies."""
-    return {name: str(shape.name) for name, _, shape in named_shapes(robot)}
