@@ -158,6 +158,14 @@ class SolveCheck(NamedTuple):
         attempts: int,
         conflict: Conflict | None = None,
     ) -> Solution:
-        spent = perf_counter() - self.started
-        answered = status, residuals, raw.iterations, spent, self.solver
-        return Solution(*raw[:4], *answered, conflict, attempts, raw.message)
+        return Solution(
+            *raw[:4],
+            status=status,
+            residuals=residuals,
+            iterations=raw.iterations,
+            solve_time=perf_counter() - self.started,
+            solver=self.solver,
+            conflict=conflict,
+            attempts=attempts,
+            message=raw.message,
+        )

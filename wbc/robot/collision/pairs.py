@@ -97,8 +97,8 @@ def select_pairs(
         else read_srdf(robot.srdf, robot.model).disabled
     )
     parents, rules = robot.model.parents, robot.geometry.rules
-    shapes = named_shapes(robot) if rules.watched else []  # as the description calls them
-    shape_of = {name: str(shape.name) for name, _, shape in shapes}
+    described = named_shapes(robot) if rules.watched else []  # as the description calls them
+    shape_of = {name: str(shape.name) for name, _, shape in described}
     reasons: dict[Pair, str] = {}
     pairs = [
         (a, b)
