@@ -28,6 +28,7 @@ from wbc.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from wbc.cli.outputs import Outputs
     from wbc.controllers import Controller
     from wbc.controllers.closed_loop import LoopTick
     from wbc.problem import Problem, Result
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
     from wbc.simulation import SimulationResult, SimulationStatus
     from wbc.view.live.watching import Watching
     from wbc.view.options import View
+
+    AnyResult = Result | SimulationResult | PendulumResult
 
 EXIT_CODES = (
     "Exit codes: 0 solved; 1 bad input; 2 wrong usage; 3 not at rest or a tolerance not met in"
@@ -80,16 +83,13 @@ def _run(
 ) -> int:
     """Run or simulate a problem, write, print and show what came of it; return the exit code."""
     from wbc.cli.interrupts import Interrupts, noted_interrupts
-    from wbc.cli.outputs import Outputs
-    from wbc.cli.printing import print_pendulum_result, print_result
     from wbc.cli.progress import shown_progress
-    from wbc.cli.sim_report import print_asked, print_simulation
+    from wbc.cli.sim_report import print_asked
     from wbc.errors import InvalidInputError
 
     with wanted.starting():
         from wbc.problem import Problem, Result, load_problem
         from wbc.problem.pendulum.result import PendulumResult
-        from wbc.simulation import SimulationResult
 
         problem = load_problem(wanted.path, overrides)
     if simulated and not isinstance(problem, Problem):
@@ -104,7 +104,7 @@ def _run(
     plans = not isinstance(problem, Problem) and problem.spec.plan is not None
     # Ctrl-C ends a plan at once: there is nothing to keep until it is done.
     listening = nullcontext(Interrupts()) if plans else noted_interrupts()
-    result: Result | SimulationResult | PendulumResult
+    result: AnyResult
     with (
         shown_progress(wanted.quiet) as progress,
         listening as interrupts,
@@ -116,38 +116,7 @@ def _run(
         else:
             result = problem.run(progress, cancelled=interrupts)
     interrupted = interrupts() or _search_interrupted(result)
-
-    def draw(path: Path) -> None:
-        from wbc.view import plot_pendulum, plot_run, style
-        from wbc.view.portrait import DEFAULT
-        from wbc.view.simulation import simulation_figure
-
-        title = f"{wanted.name}: {result.status.value.replace('_', ' ')}"
-        if isinstance(result, Result):
-            title += f", {result.reach.partition(', held')[0]}" if result.reach else ""
-            plot_run(result.robot, result.history, path, title=title, view=look or DEFAULT)
-        elif isinstance(result, SimulationResult):
-            title = f"{wanted.name}: {result.reason}"
-            figure = simulation_figure(result.robot, result.arrays, title, result.terrain)
-            style.save(figure, path)
-        else:
-            plot_pendulum(result.history, path, title=title)
-
-    output, outputs = wanted.output, Outputs()
-    if interrupted and not output:
-        output = [Path(tempfile.mkdtemp(prefix="wbc-")) / f"{wanted.name}.npz"]
-    for each in output:
-        outputs.save(each, result.save)
-    if wanted.plot is not None:
-        outputs.draw(wanted.plot, draw)
-    if wanted.quiet:
-        pass
-    elif isinstance(result, Result):
-        print_result(result, outputs.written)
-    elif isinstance(result, SimulationResult):
-        print_simulation(result, outputs.written)
-    else:
-        print_pendulum_result(result, outputs.written)
+    outputs = _written(wanted, result, look, keep=interrupted)
     code = outputs.exit_code(_exit_code(result.status))
     if interrupted:
         where = ", ".join(str(one) for one in outputs.written) or "nowhere"
@@ -161,7 +130,56 @@ def _run(
     return code
 
 
-def _search_interrupted(result: Result | SimulationResult | PendulumResult) -> bool:
+def _written(wanted: _Wanted, result: AnyResult, look: View | None, *, keep: bool) -> Outputs:
+    """Write, draw and print what came of it; return what was written.
+
+    ``keep``: somewhere, if no place was given.
+    """
+    from wbc.cli.outputs import Outputs
+    from wbc.cli.printing import print_pendulum_result, print_result
+    from wbc.cli.sim_report import print_simulation
+    from wbc.problem import Result
+    from wbc.simulation import SimulationResult
+
+    output, outputs = wanted.output, Outputs()
+    if keep and not output:
+        output = [Path(tempfile.mkdtemp(prefix="wbc-")) / f"{wanted.name}.npz"]
+    for each in output:
+        outputs.save(each, result.save)
+    if wanted.plot is not None:
+        outputs.draw(wanted.plot, lambda path: _draw(result, path, wanted.name, look))
+    if wanted.quiet:
+        pass
+    elif isinstance(result, Result):
+        print_result(result, outputs.written)
+    elif isinstance(result, SimulationResult):
+        print_simulation(result, outputs.written)
+    else:
+        print_pendulum_result(result, outputs.written)
+    return outputs
+
+
+def _draw(result: AnyResult, path: Path, name: str, look: View | None) -> None:
+    """Draw the picture of a result."""
+    from wbc.problem import Result
+    from wbc.simulation import SimulationResult
+    from wbc.view import plot_pendulum, plot_run, style
+    from wbc.view.portrait import DEFAULT
+    from wbc.view.simulation import simulation_figure
+
+    title = f"{name}: {result.status.value.replace('_', ' ')}"
+    if isinstance(result, Result):
+        title += f", {result.reach.partition(', held')[0]}" if result.reach else ""
+        plot_run(result.robot, result.history, path, title=title, view=look or DEFAULT)
+    elif isinstance(result, SimulationResult):
+        title = f"{name}: {result.reason}"
+        figure = simulation_figure(result.robot, result.arrays, title, result.terrain)
+        style.save(figure, path)
+    else:
+        plot_pendulum(result.history, path, title=title)
+
+
+def _search_interrupted(result: AnyResult) -> bool:
     """Return whether Ctrl-C ended the search over postures, which listens for it itself."""
     shaping = getattr(result, "shaping", None)
     return shaping is not None and shaping.effort.stopped == "interrupted"
