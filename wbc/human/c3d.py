@@ -34,7 +34,7 @@ def read_c3d(path: Path) -> MarkerRecording:
     file = read_c3d_head(read_bytes(path), source)
     points, per_frame = file.header[1], file.header[2]
     samples = file.header[9]  # of each channel in a frame
-    frames, notes = _frames(file)
+    frames, notes = _frames(file), tuple[str, ...]()
     rate = file.number("POINT:RATE", file.rate)
     if not 0.0 < rate <= LARGEST_RATE:
         raise file.error(f"its rate is {rate:g} frames per second")
@@ -60,7 +60,7 @@ def read_c3d(path: Path) -> MarkerRecording:
     )
 
 
-def _frames(file: C3dFile) -> tuple[int, tuple[str, ...]]:
+def _frames(file: C3dFile) -> int:
     """Return how many frames the file tells of; words of 16 bits are too short for long ones."""
     first, last = file.header[3], file.header[4]
     count = last - first + 1
@@ -73,7 +73,7 @@ def _frames(file: C3dFile) -> tuple[int, tuple[str, ...]]:
         count = int(told)
     if count < 1:
         raise file.error(f"its header tells of {count} frames")
-    return count, ()
+    return count
 
 
 def _data(file: C3dFile, frames: int, points: int, per_frame: int) -> tuple[Array, Array]:

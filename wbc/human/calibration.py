@@ -102,7 +102,8 @@ def calibrate(
         prior = _prior(observed, landmarks, guess)
         markers = MarkerSet(names, landmarks, prior.place.copy())
         # Until places are found, a marker tells no more than how far from the usual one it may be.
-        vague = replace(markers, landmarks=tuple(_vague(one) for one in landmarks))
+        noisy = (replace(one, noise=math.hypot(one.noise, one.spread)) for one in landmarks)
+        vague = replace(markers, landmarks=tuple(noisy))
         poses = first_poses(observed, markers, prior.dimensions)
         poses, cost = fit_poses(poses, observed, vague, prior.dimensions)
         poses = _retried(poses, cost, observed, vague, prior.dimensions)
@@ -137,10 +138,6 @@ def _misplaced(found: Calibration, prior: _Prior) -> tuple[str, ...]:
     return (f"markers far from where their names have them: {listed(names, 8)}; swapped?",)
 
 
-def _vague(one: Landmark) -> Landmark:
-    return replace(one, noise=math.hypot(one.noise, one.spread))
-
-
 def _retried(
     poses: Poses, cost: Array, observed: Array, markers: MarkerSet, dimensions: Array
 ) -> Poses:
@@ -155,11 +152,8 @@ def _retried(
         np.tile(poses.angles[best], (len(bad), 1)),
     )
     again, new = fit_poses(start, observed[bad], markers, dimensions)
-    for k, frame in enumerate(bad):
-        if new[k] < cost[frame]:
-            poses.position[frame] = again.position[k]
-            poses.rotation[frame] = again.rotation[k]
-            poses.angles[frame] = again.angles[k]
+    better = new < cost[bad]
+    poses.put(bad[better], again, better)
     return poses
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.human.body import HINGES, SEGMENTS
+from wbc.human.body import HINGES, SEGMENT_NAMES, SEGMENTS
 from wbc.human.kinematics import (
     DOFS,
     HINGE_SEGMENTS,
@@ -21,7 +21,7 @@ from wbc.human.kinematics import (
     place,
     point_jacobian,
 )
-from wbc.human.landmarks import Landmark, segment_index
+from wbc.human.landmarks import Landmark
 from wbc.validate import Array
 
 # Where searches begin: from straight knees and elbows they could bend either way.
@@ -49,12 +49,12 @@ class MarkerSet:
     @property
     def segments(self) -> NDArray[np.intp]:
         """The segments they move with (m,)."""
-        return np.array([segment_index(one.segment) for one in self.landmarks], dtype=np.intp)
+        return np.array([SEGMENT_NAMES.index(one.segment) for one in self.landmarks])
 
     @property
     def anchors(self) -> NDArray[np.intp]:
         """The segments at whose origins their places are counted from (m,)."""
-        return np.array([segment_index(one.anchor) for one in self.landmarks], dtype=np.intp)
+        return np.array([SEGMENT_NAMES.index(one.anchor) for one in self.landmarks])
 
     @property
     def noise(self) -> Array:
@@ -107,7 +107,7 @@ def fit_poses(
 def _fit(
     poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array, steps: int
 ) -> tuple[Poses, Array]:
-    poses = Poses(poses.position.copy(), poses.rotation.copy(), poses.angles.copy())
+    poses = poses.copy()
     cost = _cost(poses, observed, markers, dimensions)
     damping = np.full(len(poses), FIRST_DAMPING)
     active: NDArray[np.intp] = np.arange(len(poses))
@@ -124,9 +124,7 @@ def _fit(
         better = new <= cost[active]
         taken, kept = active[better], active[~better]
         gain = cost[taken] - new[better]
-        poses.position[taken] = tried.position[better]
-        poses.rotation[taken] = tried.rotation[better]
-        poses.angles[taken] = tried.angles[better]
+        poses.put(taken, tried, better)
         done = taken[gain <= SETTLED * cost[taken] + 1e-12]
         cost[taken] = new[better]
         damping[taken] = np.maximum(0.1 * damping[taken], LEAST_DAMPING)
@@ -143,7 +141,7 @@ def unstuck(
 
     A search that begins elsewhere may end in another minimum, in which a knee is bent backwards.
     """
-    poses = Poses(poses.position.copy(), poses.rotation.copy(), poses.angles.copy())
+    poses = poses.copy()
     factor, more = STUCK
     for step, frames in ((1, range(1, len(cost))), (-1, range(len(cost) - 2, -1, -1))):
         for k in frames:
@@ -151,9 +149,8 @@ def unstuck(
                 one = slice(k - step, k - step + 1)
                 found, new = fit_poses(poses[one], observed[k : k + 1], markers, dimensions)
                 if new[0] < cost[k]:
-                    poses.position[k] = found.position[0]
-                    poses.rotation[k] = found.rotation[0]
-                    poses.angles[k], cost[k] = found.angles[0], new[0]
+                    poses.put(k, found, 0)
+                    cost[k] = new[0]
     return poses
 
 

@@ -7,6 +7,7 @@ by the body's dimensions, which Pinocchio does not have. Tests compare both.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,16 @@ class Poses:
 
     def __getitem__(self, frames: slice | NDArray[np.intp]) -> Poses:
         return Poses(self.position[frames], self.rotation[frames], self.angles[frames])
+
+    def copy(self) -> Poses:
+        """Return the same postures, which may be changed."""
+        return Poses(self.position.copy(), self.rotation.copy(), self.angles.copy())
+
+    def put(self, frames: int | NDArray[np.intp], other: Poses, rows: Any) -> None:
+        """Take over some frames from rows of others."""
+        self.position[frames] = other.position[rows]
+        self.rotation[frames] = other.rotation[rows]
+        self.angles[frames] = other.angles[rows]
 
     def moved(self, step: Array) -> Poses:
         """Return the postures after steps (n, 40): of the pelvis in world axes, then of hinges."""

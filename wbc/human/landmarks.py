@@ -13,8 +13,6 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from wbc.human.body import SEGMENT_NAMES
-
 
 @dataclass(frozen=True)
 class Landmark:
@@ -203,11 +201,6 @@ def landmark(name: str) -> Landmark:
     carrier, counted = (side + part if part.startswith("_") else part for part in (segment, anchor))
     place = (1e-3 * x, sign * 1e-3 * y, 1e-3 * z)
     return Landmark(name, carrier, counted, place, 1e-3 * spread, 1e-3 * noise)
-
-
-def segment_index(name: str) -> int:
-    """Return the index of a segment."""
-    return SEGMENT_NAMES.index(name)
 
 
 def lacking(names: Sequence[str], standing: Iterable[str] = ()) -> list[str]:

@@ -151,7 +151,7 @@ class MarkerRecording:
 
     def with_plates(self, plates: tuple[ForcePlate, ...]) -> MarkerRecording:
         """Return the recording with other force plates."""
-        return self._with(self.positions, plates, self.up)
+        return replace(self, plates=plates)
 
     def upright(self, up: str) -> MarkerRecording:
         """Return the recording in a world whose z axis is this one's ``up``."""
@@ -159,22 +159,8 @@ class MarkerRecording:
             raise InvalidInputError(f"up: expected x, y or z, got {up!r}")
         R = _TO_Z[up]
         plates = tuple(plate.rotated(R).pushing() for plate in self.plates)
-        return self._with(self.positions @ R.T, plates, "z")
+        return replace(self, positions=self.positions @ R.T, plates=plates, up="z")
 
     def moved(self, positions: Array, plates: tuple[ForcePlate, ...]) -> MarkerRecording:
         """Return the recording with markers and force plates elsewhere."""
-        return self._with(positions, plates, self.up)
-
-    def _with(
-        self, positions: Array, plates: tuple[ForcePlate, ...], up: str | None
-    ) -> MarkerRecording:
-        return MarkerRecording(
-            self.time,
-            self.labels,
-            positions,
-            plates,
-            up,
-            self.source,
-            self.notes,
-            self.landmarks,
-        )
+        return replace(self, positions=positions, plates=plates)

@@ -45,11 +45,6 @@ class FittedSole:
     rotation: Array
 
 
-def usual_sole(body: HumanBody) -> FittedSole:
-    """Return the sole of usual proportions."""
-    return FittedSole(ANKLE_HEIGHT * body.scale, np.eye(3))
-
-
 def human_robot(
     body: HumanBody, soles: Mapping[str, FittedSole] | None = None, name: str = NAME
 ) -> Robot:
@@ -124,8 +119,9 @@ def _urdf(body: HumanBody, soles: Mapping[str, FittedSole], name: str) -> str:
                 ET.SubElement(root, "link", name=child)
             _joint(root, hinge.name, "revolute", parent, child, place, hinge.axis)
             parent, place = child, np.zeros(3)
+    usual_sole = FittedSole(ANKLE_HEIGHT * body.scale, np.eye(3))
     for side in SIDES:
-        sole = soles.get(side, usual_sole(body))
+        sole = soles.get(side, usual_sole)
         under = f"{side}_sole_link"
         ET.SubElement(root, "link", name=under)
         up = sole.rotation[:, 2]
