@@ -15,7 +15,7 @@ from wbc.human.markers import ForcePlate
 from wbc.motion.filtering import low_passed
 from wbc.motion.ground import sole_corners
 from wbc.motion.series import RmpSeries
-from wbc.motion.smoothing import even_grid
+from wbc.motion.smoothing import even_grid, linearly
 from wbc.motion.uncertainty import BAND
 from wbc.polygon import convex_hull, polygon_margin
 from wbc.rmp.ground import centre_of_pressure
@@ -189,11 +189,9 @@ def _at(plate: ForcePlate, time: Array, cutoff: float | None) -> tuple[Array, Ar
     if cutoff is not None:
         grid = even_grid(plate.time)
         rate = (len(grid) - 1) / float(grid[-1] - grid[0])
-        even = np.column_stack([np.interp(grid, plate.time, part) for part in values.T])
-        values = np.column_stack(
-            [np.interp(plate.time, grid, part) for part in low_passed(even, rate, cutoff).T]
-        )
-    found = np.column_stack([np.interp(time, plate.time, part) for part in values.T])
+        even = low_passed(linearly(plate.time, values, grid), rate, cutoff)
+        values = linearly(grid, even, plate.time)
+    found = linearly(plate.time, values, time)
     return found[:, :3], found[:, 3:]
 
 

@@ -12,12 +12,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wbc.files import ArrayFileError, read_arrays
 from wbc.human.anthropometry import check_build
 from wbc.human.body import MIDDLE_TRUNK, HumanBody
 from wbc.human.bones import Bone, bone_markers
 from wbc.human.markers import MarkerRecording
-from wbc.motion.table import LARGEST, RecordingError, check_file
+from wbc.motion.table import NUMBERS, RecordingError, check_file, read_recorded
 from wbc.validate import Array, finite_array
 
 STATURE, MASS, SEX = 1.70, 70.0, "male"  # of the bones; a mass is needed by nothing here
@@ -66,10 +65,7 @@ def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
     _, stature = check_build(None, stature)
     check_file(path)
     wanted = (*(word for words in WORDS.values() for word in words), *RATES)
-    try:
-        arrays = read_arrays(path, lambda _: wanted, lambda _: "iuf", LARGEST)
-    except ArrayFileError as error:
-        raise RecordingError(error.what, source, error.name) from error
+    arrays = read_recorded(path, lambda _: wanted, lambda _: NUMBERS)
     told = {
         key: one.reshape(len(one), -1) if one.ndim > 1 else one
         for key, words in WORDS.items()

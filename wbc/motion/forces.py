@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from wbc.errors import InvalidInputError
-from wbc.files import ArrayFileError, read_arrays
-from wbc.motion.table import LARGEST, NUMBERS, RecordingError
+from wbc.motion.table import NUMBERS, RecordingError, read_recorded
 from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries
 from wbc.validate import Array, finite_array, read_only, real_array, set_fields
@@ -56,10 +55,7 @@ def read_forces(path: Path, robot: Robot, time: Array) -> MeasuredForces | None:
         Arrays of other shapes, or not finite.
     """
     feet = {f"{PREFIX}{foot.frame}": name for name, foot in robot.feet.items()}
-    try:
-        arrays = read_arrays(path, lambda _: feet.keys(), lambda _: NUMBERS, LARGEST)
-    except ArrayFileError as error:
-        raise RecordingError(error.what, str(path), error.name) from error
+    arrays = read_recorded(path, lambda _: feet.keys(), lambda _: NUMBERS)
     if not arrays:
         return None
     try:

@@ -78,11 +78,8 @@ def _covariances(
         base: list[Array] = [one[:, :, :6] @ carried for one in maps]
         twice = noise.covariances.shape[1] > len(maps)
         processes = own + base if twice else [a + b for a, b in zip(own, base, strict=True)]
-    # With filtered = L L', the processes are L times independent ones.
-    roots = _roots(noise.covariances[frames])
     stacked = np.stack(processes, axis=1) * deviations  # (m, 3 p, r, channels)
-    mixed = np.einsum("mij,mirc->mrjc", roots, stacked).reshape(len(frames), stacked.shape[2], -1)
-    return np.asarray(mixed @ np.swapaxes(mixed, 1, 2))
+    return _mixed(noise.covariances[frames], stacked)
 
 
 def _of_roots(
@@ -90,13 +87,21 @@ def _of_roots(
 ) -> Array:
     """Return covariances (m, r, r) of noise whose channels are correlated."""
     stacked = np.stack([one @ root for one in maps], axis=1)  # (m, 3, r, k)
-    roots = _roots(noise.covariances[frames])
-    mixed = np.einsum("mij,mirc->mrjc", roots, stacked).reshape(len(frames), stacked.shape[2], -1)
-    found = mixed @ np.swapaxes(mixed, 1, 2)
+    found = _mixed(noise.covariances[frames], stacked)
     if noise.constant is not None:
         held = maps[0] @ noise.constant
         found = found + held @ np.swapaxes(held, 1, 2)
-    return np.asarray(found)
+    return found
+
+
+def _mixed(filtered: Array, stacked: Array) -> Array:
+    """Return covariances (m, r, r) of processes (m, k, r, c) whose filtered noise has (m, k, k).
+
+    With filtered = L L', the processes are L times independent ones.
+    """
+    mixed = np.einsum("mij,mirc->mrjc", _roots(filtered), stacked)
+    mixed = mixed.reshape(len(stacked), stacked.shape[2], -1)
+    return np.asarray(mixed @ np.swapaxes(mixed, 1, 2))
 
 
 def _roots(matrices: Array) -> Array:

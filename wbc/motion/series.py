@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +11,12 @@ import numpy as np
 
 from wbc.files import ending_of, write_arrays, write_whole
 from wbc.motion.dropouts import Dropout
-from wbc.motion.uncertainty import Uncertainty
+from wbc.motion.uncertainty import ReadOnlyArrays, Uncertainty
 from wbc.rmp.axes import Bools
 from wbc.rmp.ground import in_contact
 from wbc.robot import Robot
 from wbc.spatial import COMPONENTS
-from wbc.validate import Array, read_only
+from wbc.validate import Array
 
 ROUNDED = 1e-3  # rad or m: so much past a limit is what rounding and the filter can do
 FORMATS = (".npz", ".csv")
@@ -62,7 +62,7 @@ def series_format(path: str | Path) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class RmpSeries:
+class RmpSeries(ReadOnlyArrays):
     """The reaction mass pendulum in n frames; made by :func:`wbc.motion.analyze`.
 
     World axes, SI units, the meaning of :class:`wbc.RmpState`. All arrays are read-only. NaN stands
@@ -163,10 +163,6 @@ class RmpSeries:
         span = f"{len(self)} frames, {self.time[-1] - self.time[0]:.4g} s"
         return f"RmpSeries({self.robot.name!r}, {span})"
 
-    def __post_init__(self) -> None:
-        for array in self.arrays().values():
-            read_only(array)
-
     def __len__(self) -> int:
         return int(self.time.size)
 
@@ -229,11 +225,6 @@ class RmpSeries:
         past = limits.past(joints).max(axis=0)
         names = zip(self.robot.joint_names, past.tolist(), strict=True)
         return {name: excess for name, excess in names if excess > ROUNDED}
-
-    def arrays(self) -> dict[str, Array]:
-        """Return every array by its name."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
     def save(self, path: str | Path) -> None:
         """Write all arrays to an ``.npz``, or the pendulum to a ``.csv`` with units in its header.

@@ -129,12 +129,12 @@ def smooth_wrenches(forces: MeasuredForces, time: Array, cutoff: float | None) -
     grid, found = even_grid(forces.time), {}
     rate = (len(grid) - 1) / float(grid[-1] - grid[0])
     for foot, wrench in forces.wrenches.items():
-        even = low_passed(_linearly(forces.time, wrench, grid), rate, cutoff)
-        found[foot] = _linearly(grid, even, time)
+        even = low_passed(linearly(forces.time, wrench, grid), rate, cutoff)
+        found[foot] = linearly(grid, even, time)
     return found
 
 
-def _linearly(time: Array, values: Array, at: Array) -> Array:
+def linearly(time: Array, values: Array, at: Array) -> Array:
     """Return values (n, k) at other times (m,), interpolated: (m, k)."""
     return np.column_stack([np.interp(at, time, column) for column in values.T])
 

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.files import ArrayFileError, read_arrays, why
@@ -132,6 +134,22 @@ def read_bytes(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise _unreadable(path, error) from error
+
+
+def read_recorded(
+    path: Path, pick: Callable[[list[str]], Collection[str]], kinds: Callable[[str], str]
+) -> dict[str, NDArray[Any]]:
+    """Return some arrays of an NPZ file; see :func:`wbc.files.read_arrays`.
+
+    Raises
+    ------
+    RecordingError
+        Unreadable or too large, or arrays of another kind.
+    """
+    try:
+        return read_arrays(path, pick, kinds, LARGEST)
+    except ArrayFileError as error:
+        raise RecordingError(error.what, str(path), error.name) from error
 
 
 def check_file(path: Path) -> None:
@@ -271,15 +289,11 @@ def read_npz(path: Path, configuration: Sequence[str]) -> MotionTable:
     """
     check_file(path)
     source = str(path)
-    try:  # of what ``wbc run`` writes only time and q are read
-        arrays = read_arrays(
-            path,
-            lambda names: ("time", "q") if "q" in names else names,
-            lambda name: NUMBERS + (TEXTS if name == "names" else ""),
-            LARGEST,
-        )
-    except ArrayFileError as error:
-        raise RecordingError(error.what, source, error.name) from error
+    arrays = read_recorded(
+        path,  # of what ``wbc run`` writes only time and q are read
+        lambda names: ("time", "q") if "q" in names else names,
+        lambda name: NUMBERS + (TEXTS if name == "names" else ""),
+    )
     columns: dict[str, Array] = {}
     stacked = "q" if "q" in arrays else "positions"
     if stacked in arrays:

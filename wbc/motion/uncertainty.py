@@ -28,7 +28,21 @@ STEP = 1e-6  # of differences, in m and in weights
 
 
 @dataclass(frozen=True, eq=False)
-class Uncertainty:
+class ReadOnlyArrays:
+    """Fields of which those that are arrays cannot be written."""
+
+    def __post_init__(self) -> None:
+        for array in self.arrays().values():
+            read_only(array)
+
+    def arrays(self) -> dict[str, Array]:
+        """Return every array by its name."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty(ReadOnlyArrays):
     """Standard deviations of a pendulum's quantities in n frames, from its recording's noise.
 
     To first order in the noise. A 95 % band is ``BAND`` = 1.96 of them on each side. What rests on
@@ -72,15 +86,6 @@ class Uncertainty:
     semi_axes: Array
     radii: Array
     average_angular_velocity: Array
-
-    def __post_init__(self) -> None:
-        for array in self.arrays().values():
-            read_only(array)
-
-    def arrays(self) -> dict[str, Array]:
-        """Return every array by its name."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
 
 def beyond_noise(seconds: float, bandwidth: float) -> float:
