@@ -162,19 +162,15 @@ def check_walker(robot: Robot) -> None:
 
 def leg_joints(robot: Robot, side: str) -> list[int]:
     """Return Pinocchio's indices of the joints that move this foot and not the other one."""
-    chains = {foot: _chain(robot, foot) for foot in SIDES}
+    ends = {foot: robot.frame(robot.feet[foot].frame).parentJoint for foot in SIDES}
+    chains = {foot: chain_to(robot, joint) for foot, joint in ends.items()}
     other = chains[SIDES[side == SIDES[0]]]
     return [joint for joint in chains[side] if joint not in other]
 
 
-def _chain(robot: Robot, side: str) -> list[int]:
-    """Return the joints from the base to a foot, without the base's."""
-    model, joints = robot.model, list[int]()
-    joint = int(robot.frame(robot.feet[side].frame).parentJoint)
-    while joint > 1:
-        joints.insert(0, joint)
-        joint = int(model.parents[joint])
-    return joints
+def chain_to(robot: Robot, joint: int) -> list[int]:
+    """Return Pinocchio's indices of the joints from the base to one, without the base's."""
+    return [int(one) for one in robot.model.supports[joint] if one > 1]
 
 
 def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:

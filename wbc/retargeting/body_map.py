@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.gait.legs import SIDES, bending_joint, check_walker, leg_joints
+from wbc.gait.legs import SIDES, bending_joint, chain_to, check_walker, leg_joints
 from wbc.robot import Robot
 from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
@@ -149,10 +149,10 @@ def _found(robot: Robot) -> dict[str, str]:
     legs = {joint for side in SIDES for joint in leg_joints(robot, side)}
     carriers = {int(model.parents[j]) for j in range(2, model.njoints)}
     ends = [j for j in range(2, model.njoints) if j not in carriers and j not in legs]
-    chains = {end: _chain(robot, end) for end in ends}
+    chains = {end: chain_to(robot, end) for end in ends}
     aside = ASIDE * float(snapshot.com[2] - _ground(robot))
     found = {"pelvis": BASE, "trunk": BASE}
-    to_feet = [_chain(robot, int(robot.frame(f.frame).parentJoint)) for f in robot.feet.values()]
+    to_feet = [chain_to(robot, robot.frame(f.frame).parentJoint) for f in robot.feet.values()]
     carry = [joint for joint in to_feet[0] if joint in to_feet[1]]
     if carry:  # a waist between the base and the legs
         found["pelvis"] = names[carry[-1]]
@@ -189,15 +189,6 @@ def _found(robot: Robot) -> dict[str, str]:
         if middle:
             found["head"] = names[max(middle, key=lambda end: len(chains[end]))]
     return found
-
-
-def _chain(robot: Robot, joint: int) -> list[int]:
-    """Return the joints from the base to one, without the base's."""
-    chain = list[int]()
-    while joint > 1:
-        chain.insert(0, joint)
-        joint = int(robot.model.parents[joint])
-    return chain
 
 
 def _up_to_the_palm(robot: Robot, chain: Sequence[int]) -> list[int]:

@@ -65,56 +65,44 @@ def _turned(robot: Robot, q: Array, yaw: float) -> Array:
     return robot.integrate(q, v, 1.0)
 
 
-class TickPass:
-    """One pass over all frames.
+def tick_pass(
+    tasks: FrameTasks,
+    start: Array,
+    constraints: Sequence[Constraint],
+    progress: Progress | None = None,
+) -> Array:
+    """Return configurations (n, nq) of all frames, the first of them ``start``.
 
-    Attributes
-    ----------
-    failed:
-        Frames in which a tick had no solution, and the robot was held.
+    Some 25 frames a second are solved; those between are interpolated, for whoever has all of
+    them at once. Where a tick has no solution, the robot is held.
     """
-
-    def __init__(
-        self, tasks: FrameTasks, limits: Limits | None, constraints: Sequence[Constraint]
-    ) -> None:
-        self.tasks, self.limits, self.constraints = tasks, limits, constraints
-        self.failed = list[int]()
-
-    def run(self, start: Array, progress: Progress | None = None) -> Array:
-        """Return configurations (n, nq), the first of them ``start``.
-
-        Some 25 frames a second are solved; those between are interpolated, for whoever has all of
-        them at once.
-        """
-        tasks, targets, robot = self.tasks, self.tasks.targets, self.tasks.robot
-        last, skipped = len(targets.time) - 1, max(1, round(1.0 / (COARSE * targets.dt)))
-        frames = np.unique(np.append(np.arange(0, last, skipped), last))
-        dt, count, down = skipped * targets.dt, len(frames), targets.down[frames]
-        controller = KinematicController(
-            robot,
-            [*tasks.lasting, *tasks.feet.values()],
-            contacts=(),
-            limits=self.limits,
-            constraints=self.constraints,
-            dt=dt,
-            damping=1e-5,
-        )
-        q = np.empty((count, robot.nq))
-        q[0] = start
-        v: Array = np.zeros(robot.nv)
-        for k in range(1, count):
-            tasks.aim(int(frames[k]))
-            for n, side in enumerate(SIDES):
-                if down[k, n] != down[k - 1, n] or k == 1:
-                    tasks.feet[side].weight = tasks.foot_weight * (STANDS if down[k, n] else 1.0)
-            tick = controller.step(robot.snapshot(q[k - 1], v))
-            if not tick.ok:
-                self.failed.append(int(frames[k]))
-            v = tick.velocity
-            q[k] = robot.integrate(q[k - 1], v, dt)
-            if progress is not None and k % REPORTED == 0:
-                progress(int(frames[k]), last)
-        return between(robot, q, np.interp(np.arange(last + 1), frames, np.arange(count)))
+    targets, robot = tasks.targets, tasks.robot
+    last, skipped = len(targets.time) - 1, max(1, round(1.0 / (COARSE * targets.dt)))
+    frames = np.unique(np.append(np.arange(0, last, skipped), last))
+    dt, count, down = skipped * targets.dt, len(frames), targets.down[frames]
+    controller = KinematicController(
+        robot,
+        [*tasks.lasting, *tasks.feet.values()],
+        contacts=(),
+        limits=Limits(robot, velocity=None),
+        constraints=constraints,
+        dt=dt,
+        damping=1e-5,
+    )
+    q = np.empty((count, robot.nq))
+    q[0] = start
+    v: Array = np.zeros(robot.nv)
+    for k in range(1, count):
+        tasks.aim(int(frames[k]))
+        for n, side in enumerate(SIDES):
+            if down[k, n] != down[k - 1, n] or k == 1:
+                tasks.feet[side].weight = tasks.foot_weight * (STANDS if down[k, n] else 1.0)
+        tick = controller.step(robot.snapshot(q[k - 1], v))
+        v = tick.velocity
+        q[k] = robot.integrate(q[k - 1], v, dt)
+        if progress is not None and k % REPORTED == 0:
+            progress(int(frames[k]), last)
+    return between(robot, q, np.interp(np.arange(last + 1), frames, np.arange(count)))
 
 
 def between(robot: Robot, q: Array, places: Array) -> Array:

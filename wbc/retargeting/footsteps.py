@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.gait.footsteps import SIGN
 from wbc.gait.legs import SIDES, Legs, leg_joints
 from wbc.minimum_jerk import minimum_jerk
 from wbc.motion.dropouts import runs
@@ -36,7 +37,6 @@ LOW = 0.1  # part of that at which a foot counts as lifted
 FLAT, EASED, STEEPEST = 0.06, 0.1, (0.6, 0.3)
 LEVEL = 2e-3  # rad: a foot that is tilted by less stands on all of its sole
 EDGE = 1e-3  # m: corners so near to the front or rear are those of its edge; two are, at least
-SIGN = {"left": 1.0, "right": -1.0}
 Bools = NDArray[np.bool_]
 
 

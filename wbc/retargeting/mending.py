@@ -67,11 +67,11 @@ class Mended(NamedTuple):
         return near and max(self.speed, self.force) <= 1.0
 
 
-def mended(motion: WholeMotion, q: Array, rounds: int = ROUNDS) -> Mended:
+def mended(motion: WholeMotion, q: Array) -> Mended:
     """Return configurations near to some (n, nq) that keep what is hard, or come nearest to it."""
     now = best = _Problem(motion, q)
     weight = LESS * BEGUN
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         if now.found.kept:
             return now.found
         now = _Problem(motion, best.further(weight))

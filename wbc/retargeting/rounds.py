@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.constraints import Limits
-from wbc.retargeting.by_tick import Progress, TickPass, between, first_configuration
+from wbc.retargeting.by_tick import Progress, between, first_configuration, tick_pass
 from wbc.retargeting.smoothing import Round, WholeMotion
 from wbc.retargeting.targets import balanced
 from wbc.validate import Array
@@ -36,17 +35,16 @@ def solved(
     tasks, collision = motion.tasks, motion.collision
     robot = tasks.robot
     constraints = [] if collision is None else [collision]
-    limits = Limits(robot, velocity=None)
     if begun is None:
         start = first_configuration(tasks, constraints)
-        q = TickPass(tasks, limits, constraints).run(start, progress)
+        q = tick_pass(tasks, start, constraints, progress)
     else:
         q = between(robot, begun, np.linspace(0.0, len(begun) - 1.0, len(tasks.targets.time)))
     states = motion.states(q)
     tasks.shape_like(states.inertia, axes)
     best = motion.looked_at(q, states)
     if begun is None and best.violation > TRAPPED:  # legs that do not get past each other
-        freely = motion.looked_at(TickPass(tasks, limits, ()).run(start, progress))
+        freely = motion.looked_at(tick_pass(tasks, start, (), progress))
         best = min(best, freely, key=lambda one: one.violation)
     for number in range(1, rounds + 1):
         q = motion.stepped(best)

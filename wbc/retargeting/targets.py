@@ -16,6 +16,7 @@ from wbc.retargeting.scaling import MotionScale, StandingBody
 from wbc.retargeting.source import HumanFrames
 from wbc.robot import Robot
 from wbc.robot.postures import STANDING
+from wbc.spatial import vech_inverse
 from wbc.validate import Array
 
 # For legs to reach, the CoM is lowered and steps get shorter, by what is least in squares of these
@@ -119,7 +120,7 @@ def scaled_targets(
         angular_momentum=k,
         rotation=rotation,
         arms=arms,
-        inertia=scale.inertia * _matrices(series.inertia),
+        inertia=scale.inertia * np.array([vech_inverse(one) for one in series.inertia]),
         feet=feet,
         human_com=com.copy(),
         cop=np.full((len(source), 2), np.nan),
@@ -162,11 +163,6 @@ def _held(path: FootPath) -> Array:
     if not flat.any():
         return np.zeros_like(path.shift)
     return np.column_stack([np.interp(frames, frames[flat], one[flat]) for one in path.shift.T])
-
-
-def _matrices(entries: Array) -> Array:
-    """Return symmetric matrices (n, 3, 3) of their entries xx xy xz yy yz zz (n, 6)."""
-    return np.asarray(entries[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3))
 
 
 def _spread(source: HumanFrames, scale: MotionScale, share: float) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,8 +75,6 @@ class FrameTasks:
         Tasks that have a target in every frame, about configurations.
     feet:
         Those of feet in the air, by side.
-    contacts:
-        Those of feet that touch the ground, by side, met exactly.
     momentum:
         Weights (3,) of the angular momentum, which all frames at once follow.
     inertia:
@@ -124,14 +121,13 @@ class FrameTasks:
         entries = np.array([w.inertia, w.inertia, w.lean, w.inertia, w.lean, w.inertia]) / size
         self.inertia = InertiaTask(robot, start.inertia, weight=entries, gain=1.0)
         foot = np.array([w.feet / leg] * 3 + [w.tilt] * 3)
-        self.feet, self.contacts = {}, {}
+        self.feet = {}
         for side in SIDES:
             frame = robot.feet[side].frame
             pose = start.position(frame), start.rotation(frame)
             self.feet[side] = PoseTask(
                 robot, frame, *pose, name=f"{side} foot", weight=foot, gain=1.0
             )
-            self.contacts[side] = PoseTask(robot, frame, *pose, name=f"{side} contact", gain=1.0)
         self.rotations = {side: targets.feet.paths[side].rotation for side in SIDES}
         self.foot_weight = foot
         self.ellipsoids: Array | None = None  # (n, 3, 3) [kg m^2], once they are known
@@ -151,11 +147,8 @@ class FrameTasks:
         for side, pair in self.arms.items():
             for one, way in zip(pair, targets.arms[side][k], strict=True):
                 one.set_target(way)
-        self._aim(self.feet, k)
-
-    def _aim(self, tasks: Mapping[str, PoseTask], k: int) -> None:
-        for side, task in tasks.items():
-            task.set_target(self.targets.feet.paths[side].place[k], self.rotations[side][k])
+        for side, foot in self.feet.items():
+            foot.set_target(targets.feet.paths[side].place[k], self.rotations[side][k])
 
     def shape_like(self, inertia: Array, axes: Array) -> None:
         """Want the human's ellipsoid at the robot's own size, from now on.
