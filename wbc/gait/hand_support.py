@@ -33,6 +33,7 @@ from wbc.controllers.checks import check_snapshot
 from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError, shown
 from wbc.gait.arms import Arm
+from wbc.gait.command import PEAK_ACCELERATION
 from wbc.gait.leaning import HandsFree, Leaning, LeanSettings, Reaching, Withdrawing
 from wbc.gait.soles import capture_point, standing_soles
 from wbc.gait.swing import SPEED_UP, SwingMotion, towards
@@ -45,8 +46,6 @@ from wbc.tasks import AxisTask, OrientationTask, PositionTask, Task
 from wbc.validate import Array
 
 UP = np.array((0.0, 0.0, 1.0))
-# Largest acceleration of a curve of least jerk between rest and rest, in way / time^2.
-PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 # A hand that has not met the wall so long after it should have goes back [s].
 PATIENCE = 0.3
 # A hand that leans and is farther from its wall than this [m] has lost it.
