@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wbc.codegen.c_text import comment, identifier
-from wbc.codegen.texts import array_text, fields_text, number_text, struct_text
+from wbc.codegen.texts import array_text, fields_text, number_text, struct_texts
 from wbc.estimation import StateEstimator
 from wbc.hardware import sensor_checks
 from wbc.hardware.loop import PERIOD
@@ -174,8 +174,7 @@ def data_source(parts: HardwareParts, title: str) -> str:
             f"/* {comment(title)} */",
             '#include "data.h"',
             "",
-            *(array_text(f"tree_{name}", array) for name, array in tree.arrays.items()),
-            struct_text("tree", tree.struct, {name: f"tree_{name}" for name in tree.arrays}),
+            *struct_texts("tree", tree.struct, tree.arrays),
             *(array_text(f"momentum_{name}", a) for name, a in observer.given.items()),
             *(array_text(f"estimator_{name}", a) for name, a in given.items()),
             _planned("filter", core.filter.struct, dict.fromkeys(nothing, "0")),

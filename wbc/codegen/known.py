@@ -69,15 +69,11 @@ def _unknown(controller: Controller) -> str | None:
         python = isinstance(task, ForceTask) or rows is None or _is_seen_from(rows)
         if python or (not torque and (task.singular_threshold > 0.0 or _is_second_order(task))):
             return _of_task(task, torque)
-    if controller.constraints and not _kept_apart(controller):
+    # The core has a margin where the only constraint is a self-collision that it knows.
+    if controller.constraints and controller.core.margin is None:
         names = ", ".join(repr(one.name) for one in controller.constraints)
         return f"constraints ({names}) but one self_collision without slack; leave them out"
     return None
-
-
-def _kept_apart(controller: Controller) -> bool:
-    """Whether the only constraint is a self-collision that the core knows."""
-    return controller.core.margin is not None
 
 
 def _is_seen_from(rows: Sequence[NativeRows]) -> bool:

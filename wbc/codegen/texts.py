@@ -77,8 +77,7 @@ def plan_source(recording: TickRecording, title: str) -> str:
         **dict.fromkeys(_OWN, "0"),
     }
     parts = [
-        *(array_text(f"tree_{name}", array) for name, array in tree.arrays.items()),
-        struct_text("tree", tree.struct, {name: f"tree_{name}" for name in tree.arrays}),
+        *struct_texts("tree", tree.struct, tree.arrays),
         *(array_text(name, array) for name, array in arrays.items() if name not in _OWN),
         _list("block", memory.blocks),
     ]
@@ -87,14 +86,8 @@ def plan_source(recording: TickRecording, title: str) -> str:
         parts.append(_list("force", memory.forces.structs))
     if margin is not None:
         pointers["margin"] = "&margin"
-        bodies = margin.pairs_of_bodies.arrays
-        there = {name: f"margin_{name}" for name in margin.arrays} | {"of": "&pairs"}
-        parts += [
-            *(array_text(f"pairs_{name}", array) for name, array in bodies.items()),
-            struct_text("pairs", margin.watched, {name: f"pairs_{name}" for name in bodies}),
-            *(array_text(f"margin_{name}", array) for name, array in margin.arrays.items()),
-            struct_text("margin", margin.struct, there),
-        ]
+        parts += struct_texts("pairs", margin.watched, margin.pairs_of_bodies.arrays)
+        parts += struct_texts("margin", margin.struct, margin.arrays, of="&pairs")
     return "\n".join(
         [
             f"/* {comment(title)} */",
@@ -121,9 +114,16 @@ def recording_text(recording: TickRecording) -> str:
     return "\n".join(lines) + "\n"
 
 
-def struct_text(name: str, struct: Any, pointers: Mapping[str, str]) -> str:
-    """Return the definition of a struct of the core, named without ``wbc_``."""
-    return f"static const wbc_{name} {name} = {fields_text(struct, pointers)};\n"
+def struct_texts(
+    name: str, struct: Any, arrays: Mapping[str, NDArray[Any]], **pointers: str
+) -> list[str]:
+    """Return the definitions of arrays and of a struct of the core that points at them.
+
+    Both are named without ``wbc_``; ``pointers`` are its others, in words.
+    """
+    at = {key: f"{name}_{key}" for key in arrays} | pointers
+    found = [array_text(at[key], array) for key, array in arrays.items()]
+    return [*found, f"static const wbc_{name} {name} = {fields_text(struct, at)};\n"]
 
 
 def _list(name: str, structs: Iterable[Any]) -> str:
