@@ -37,8 +37,7 @@ from wbc.gait.command import PEAK_ACCELERATION
 from wbc.gait.leaning import HandsFree, Leaning, LeanSettings, Reaching, Withdrawing
 from wbc.gait.soles import capture_point, standing_soles
 from wbc.gait.swing import SPEED_UP, SwingMotion, towards
-from wbc.gait.wall_reach import check_reach
-from wbc.gait.walls import Hand, Wall, check_hands, check_walls
+from wbc.gait.walls import Hand, Wall, check_hands, check_reach, check_walls
 from wbc.minimum_jerk import PEAK
 from wbc.polygon import convex_hull, polygon_margin
 from wbc.robot import Snapshot
