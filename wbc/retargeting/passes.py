@@ -10,9 +10,8 @@ from wbc.human import HumanMotion
 from wbc.retargeting.by_tick import Progress
 from wbc.retargeting.ground_forces import ground_forces
 from wbc.retargeting.mending import resettled
-from wbc.retargeting.not_kept import broken
 from wbc.retargeting.prepared import Prepared, prepared
-from wbc.retargeting.reaching import reached, unlike
+from wbc.retargeting.reaching import broken, reached, unlike
 from wbc.retargeting.result import Retargeted
 from wbc.retargeting.scaling import FROUDE, MotionScale, scale_of
 from wbc.retargeting.smoothing import WholeMotion
