@@ -9,17 +9,10 @@ from wbc.kinds import whole_number
 from wbc.validate import check_fields, interval, set_fields
 
 POSITIVE = (
-    "encoder_deviation",
-    "place_floor",
-    "turn_floor",
-    "standing_time",
-    "gyroscope_bias",
-    "accelerometer_bias",
-    "still",
-    "slides",
-    "apart",
-    "lost",
+    *("encoder_deviation", "place_floor", "turn_floor", "standing_time", "gyroscope_bias"),
+    *("accelerometer_bias", "still", "slides", "apart", "lost", "bandwidth"),
 )
+LOADS = ("load", "estimated_load")
 
 
 @dataclass(frozen=True)
@@ -94,13 +87,10 @@ class EstimatorSettings:
 
     def __post_init__(self) -> None:
         what = "estimator, "
-        check_fields(self, what, *POSITIVE, "bandwidth", above=0.0)
+        check_fields(self, what, *POSITIVE, above=0.0)
         check_fields(self, what, "encoder_delay", "settle", "sliding", "timeout", least=0.0)
         shares = {key: interval(f"estimator {key}", getattr(self, key)) for key in LOADS}
         set_fields(self, **shares)
         for key, least in (("velocity_window", 2), ("history", 0)):
             count = whole_number(f"estimator, {key}", getattr(self, key), least=least)
             set_fields(self, **{key: count})
-
-
-LOADS = ("load", "estimated_load")

@@ -22,25 +22,11 @@ UNIT = 1e-2  # how far the norm of a recorded quaternion may be from 1: two deci
 SUFFIXES = ("deg", "rad")
 # Groups of columns that wbc run and wbc sim write beside time and configuration, GROUP/NAME.
 OWN = frozenset(
-    [
-        "velocity",
-        "com",
-        "inertia",
-        "error",
-        "target",
-        "limits",
-        "balance",
-        "constraint",
-        "held_back",
-        "tick",
-        "torque",
-        "forces",
-        "planned_forces",
-        "wrenches",
-        "cop",
-        "planned_cop",
-        "trunk",
-    ]
+    (
+        *("velocity", "com", "inertia", "error", "target", "limits", "balance", "constraint"),
+        *("held_back", "tick", "torque", "forces", "planned_forces", "wrenches", "cop"),
+        *("planned_cop", "trunk"),
+    )
 )
 TENFOLD = 10.0  # so far past its limits that a joint must be in another unit
 
