@@ -86,8 +86,7 @@ def export_problem(
             "hardware/data.c": data_source(parts, title),
             "hardware/recording.txt": hardware_recording_text(parts),
         }
-    for file in sorted(CORE.iterdir()):
-        texts[f"core/{file.name}"] = file.read_text(encoding="utf-8")
+    texts |= {f"core/{file.name}": _text(file) for file in sorted(CORE.iterdir())}
     for name, text in texts.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         write_text(folder / name, text)

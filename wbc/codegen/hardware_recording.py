@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import chain
+from typing import Any
 
 import numpy as np
 
@@ -196,36 +197,24 @@ def _what_comes(
 def _spoilt(r: Reading, wrong: str, k: int, frozen: Array) -> Reading | None:
     """Return a reading with something wrong; None: it was lost."""
     j, one = k % len(r.position), np.eye(len(r.position))[k % len(r.position)]
-    match wrong:
-        case "nan":
-            return replace(r, position=np.where(np.arange(len(one)) == j, np.nan, r.position))
-        case "repeated":
-            return replace(r, sequence=k - 1)
-        case "old":
-            return replace(r, time=r.time - 0.015)
-        case "clock":
-            return replace(r, time=r.time + 3.0)
-        case "far":
-            return replace(r, position=r.position + 9.0 * one)
-        case "jump":
-            return replace(r, position=r.position + 0.2 * one)
-        case "fast":
-            return replace(r, velocity=r.velocity + 42.0 * one)
-        case "hot":
-            return replace(r, temperature=r.temperature + 70.0 * one)
-        case "tilt":
-            return replace(r, quaternion=np.array((np.sin(0.45), 0.0, 0.0, np.cos(0.45))))
-        case "frozen":
-            return replace(r, angular_velocity=frozen)
-        case "spin":
-            return replace(r, angular_velocity=r.angular_velocity + 3.0)
-        case "torque":
-            return replace(r, torque=r.torque + 300.0 * one)
-        case "button":
-            return replace(r, stop=True)
-        case "leaning":
-            return replace(r, specific_force=np.array((9.0, 0.0, 2.0)) + 1e-3 * r.angular_velocity)
-    return None
+    leaning = np.array((9.0, 0.0, 2.0)) + 1e-3 * r.angular_velocity
+    changed: dict[str, dict[str, Any]] = {
+        "nan": {"position": np.where(np.arange(len(one)) == j, np.nan, r.position)},
+        "repeated": {"sequence": k - 1},
+        "old": {"time": r.time - 0.015},
+        "clock": {"time": r.time + 3.0},
+        "far": {"position": r.position + 9.0 * one},
+        "jump": {"position": r.position + 0.2 * one},
+        "fast": {"velocity": r.velocity + 42.0 * one},
+        "hot": {"temperature": r.temperature + 70.0 * one},
+        "tilt": {"quaternion": np.array((np.sin(0.45), 0.0, 0.0, np.cos(0.45)))},
+        "frozen": {"angular_velocity": frozen},
+        "spin": {"angular_velocity": r.angular_velocity + 3.0},
+        "torque": {"torque": r.torque + 300.0 * one},
+        "button": {"stop": True},
+        "leaning": {"specific_force": leaning},
+    }
+    return None if wrong == "lost" else replace(r, **changed[wrong])
 
 
 def _of_reading(r: Reading | None, n: int) -> list[float]:

@@ -161,17 +161,14 @@ def _stature(observed: Array, landmarks: tuple[Landmark, ...]) -> float:
     """Return a stature [m] by distances between markers near to joints; 1.7 without any."""
     where = {one.name: k for k, one in enumerate(landmarks)}
     found = list[float]()
-    places = {"hip": "asis", "shoulder": "acromion"}
     for (a, b), part in _LENGTHS.items():
         for side in ("left", "right"):
             ends = []
             for joint in (a, b):
                 kinds = ("centre", "lateral", "medial", "radial", "ulnar")
                 names = [f"{side}_{joint}_{kind}" for kind in kinds] + [f"{side}_{joint}"]
-                name = next((n for n in names if n in where), None)
-                if name is None and joint == "shoulder" and f"{side}_{places[joint]}" in where:
-                    name = f"{side}_{places[joint]}"
-                ends.append(name)
+                names += [f"{side}_acromion"] if joint == "shoulder" else []
+                ends.append(next((n for n in names if n in where), None))
             if None not in ends:
                 one, other = (observed[:, where[str(end)]] for end in ends)
                 length = np.linalg.norm(one - other, axis=1)

@@ -162,29 +162,26 @@ def _inertial(link: ET.Element, mass: Mass) -> None:
 def _shape(link: ET.Element, name: str, body: HumanBody, mass: Mass) -> None:
     """Add an ellipsoid's box or a capsule, to be drawn; sizes are for the eye only."""
     kind = name.partition("_")[2] if name.startswith(("left_", "right_")) else name
-    lengths = {"hand": 0.11 * body.stature}
-    visual = ET.SubElement(link, "visual")
-    if kind in _THICK:
-        length = lengths.get(kind) or body.size(kind)
-        radius = _THICK[kind] * body.stature
-        at = np.array((0.0, 0.0, -0.5 * length))
-        ET.SubElement(visual, "origin", xyz=_text(at))
-        shape = ET.SubElement(visual, "geometry")
-        long = max(length - radius, 0.2 * radius)
-        ET.SubElement(shape, "capsule", radius=repr(radius), length=repr(long))
-        return
     heel, toe = foot_ends(body)
     boxes = {
         "pelvis": (0.11, 0.17, 0.11),
         "trunk": (0.12, 0.19, 0.26),
         "foot": (float(toe[0] - heel[0]) / body.stature, 0.05, 0.035),
     }
-    ET.SubElement(visual, "origin", xyz=_text(mass.centre))
-    shape = ET.SubElement(visual, "geometry")
-    if kind == "head":
-        ET.SubElement(shape, "sphere", radius=repr(0.06 * body.stature))
-        return
-    ET.SubElement(shape, "box", size=_text(body.stature * np.array(boxes[kind])))
+    at = mass.centre
+    if kind in _THICK:
+        length = 0.11 * body.stature if kind == "hand" else body.size(kind)
+        radius = _THICK[kind] * body.stature
+        at = np.array((0.0, 0.0, -0.5 * length))
+        long = max(length - radius, 0.2 * radius)
+        shape, sizes = "capsule", {"radius": repr(radius), "length": repr(long)}
+    elif kind == "head":
+        shape, sizes = "sphere", {"radius": repr(0.06 * body.stature)}
+    else:
+        shape, sizes = "box", {"size": _text(body.stature * np.array(boxes[kind]))}
+    visual = ET.SubElement(link, "visual")
+    ET.SubElement(visual, "origin", xyz=_text(at))
+    ET.SubElement(ET.SubElement(visual, "geometry"), shape, sizes)
 
 
 def _text(values: Array) -> str:

@@ -150,7 +150,15 @@ def _found(robot: Robot) -> dict[str, str]:
     carriers = {int(model.parents[j]) for j in range(2, model.njoints)}
     ends = [j for j in range(2, model.njoints) if j not in carriers and j not in legs]
     chains = {end: chain_to(robot, end) for end in ends}
-    aside = ASIDE * float(snapshot.com[2] - _ground(robot))
+    ground = np.mean([snapshot.position(foot.frame)[2] for foot in robot.feet.values()])
+    aside = ASIDE * float(snapshot.com[2] - ground)
+    base = snapshot.position(BASE)
+    at = {joint: snapshot.position(names[joint]) - base for joint in range(2, model.njoints)}
+
+    def way(end: int) -> float:
+        places = np.array([at[joint] for joint in chains[end]])
+        return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+
     found = {"pelvis": BASE, "trunk": BASE}
     to_feet = [chain_to(robot, robot.frame(f.frame).parentJoint) for f in robot.feet.values()]
     carry = [joint for joint in to_feet[0] if joint in to_feet[1]]
@@ -158,12 +166,9 @@ def _found(robot: Robot) -> dict[str, str]:
         found["pelvis"] = names[carry[-1]]
     sides = dict[str, list[int]]()
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        there = [
-            end for end in ends if sign * _seen(robot, names[end])[1] > aside and len(chains[end])
-        ]
+        there = [end for end in ends if sign * at[end][1] > aside and len(chains[end])]
         if there:  # the longest way from the base
-            end = max(there, key=lambda one: _way(robot, [names[j] for j in chains[one]]))
-            sides[side] = chains[end]
+            sides[side] = chains[max(there, key=way)]
     if len(sides) == len(SIDES):
         left, right = (sides[side] for side in SIDES)
         shared = [joint for joint in left if joint in right]
@@ -183,8 +188,8 @@ def _found(robot: Robot) -> dict[str, str]:
             if end not in (left[-1], right[-1])
             and chains[end][: len(shared)] == shared
             and len(chains[end]) > len(shared)
-            and abs(_seen(robot, names[end])[1]) <= aside
-            and _seen(robot, names[end])[2] > _seen(robot, names[left[len(shared)]])[2]
+            and abs(at[end][1]) <= aside
+            and at[end][2] > at[left[len(shared)]][2]
         ]
         if middle:
             found["head"] = names[max(middle, key=lambda end: len(chains[end]))]
@@ -198,19 +203,3 @@ def _up_to_the_palm(robot: Robot, chain: Sequence[int]) -> list[int]:
         if parents.count(joint) > 1:
             return list(chain[: number + 1])
     return list(chain)
-
-
-def _seen(robot: Robot, name: str) -> Array:
-    """Return where a joint is (3,) from the base in the standing posture [m]."""
-    snapshot = robot.snapshot(robot.postures[STANDING])
-    return snapshot.position(name) - snapshot.position(BASE)
-
-
-def _way(robot: Robot, names: Sequence[str]) -> float:
-    places = np.array([_seen(robot, name) for name in names])
-    return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
-
-
-def _ground(robot: Robot) -> float:
-    snapshot = robot.snapshot(robot.postures[STANDING])
-    return float(np.mean([snapshot.position(foot.frame)[2] for foot in robot.feet.values()]))

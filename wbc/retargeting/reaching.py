@@ -62,21 +62,17 @@ def reached(
     unit = robot.mass * height * np.sqrt(robot.gravity * height)
     k_off = np.linalg.norm(whole.momentum[:, 3:] - targets.angular_momentum, axis=1)
     com_off = 1e3 * np.linalg.norm(whole.com - targets.com, axis=1)
-    found = [_reached("CoM", com_off, targets.time, "mm")]
-    found.append(_reached("angular momentum", k_off / unit, targets.time, "m h sqrt(g h)"))
-    found += [_reached(names[frame], v, targets.time, "deg") for frame, v in turns.items()]
-    found += [_reached(f"{s} {n}", v, targets.time, "deg") for (s, n), v in arms.items()]
-    found += [
-        _reached(f"{side} foot in the air", v, targets.time, "mm")
-        for side, v in feet.items()
-        if np.isfinite(v).any()
+    axes = axes_off(whole.inertia, targets.inertia).T
+    every = [
+        ("CoM", com_off, "mm"),
+        ("angular momentum", k_off / unit, "m h sqrt(g h)"),
+        *((names[frame], v, "deg") for frame, v in turns.items()),
+        *((f"{side} {name}", v, "deg") for (side, name), v in arms.items()),
+        *((f"{side} foot in the air", v, "mm") for side, v in feet.items()),
+        *((f"principal axis {n}", v, "deg") for n, v in enumerate(axes, 1)),
     ]
-    found += [
-        _reached(f"principal axis {n + 1}", v, targets.time, "deg")
-        for n, v in enumerate(axes_off(whole.inertia, targets.inertia).T)
-        if np.isfinite(v).any()
-    ]
-    return tuple(found)
+    known = [one for one in every if np.isfinite(one[1]).any()]
+    return tuple(_reached(str(name), v, targets.time, unit) for name, v, unit in known)
 
 
 def broken(
