@@ -91,10 +91,7 @@ class ContactFilter:
     """
 
     def __init__(
-        self,
-        feet: int,
-        noise: FilterNoise | None = None,
-        gravity: ArrayLike = (0.0, 0.0, -9.81),
+        self, feet: int, noise: FilterNoise | None = None, gravity: ArrayLike = (0.0, 0.0, -9.81)
     ) -> None:
         check_kind("filter, noise", noise, FilterNoise, or_none=True)
         feet = whole_number("filter, feet", feet)

@@ -17,23 +17,8 @@ from scipy.linalg import cho_factor, cho_solve
 
 from wbc.errors import InvalidInputError, listed
 from wbc.human.body import NAMES, REFERENCE_STATURE, usual_dimensions
-from wbc.human.fit import (
-    SPREADS,
-    MarkerSet,
-    first_poses,
-    fit_poses,
-    residuals,
-    unstuck,
-    weights,
-)
-from wbc.human.kinematics import (
-    DOFS,
-    Placed,
-    Poses,
-    dimension_jacobian,
-    place,
-    point_jacobian,
-)
+from wbc.human.fit import SPREADS, MarkerSet, first_poses, fit_poses, residuals, unstuck, weights
+from wbc.human.kinematics import DOFS, Placed, Poses, dimension_jacobian, place, point_jacobian
 from wbc.human.landmarks import Landmark
 from wbc.validate import Array
 

@@ -109,11 +109,7 @@ class _Problem:
         self.upper = np.maximum(limits.upper - INSIDE, limits.lower)
         self.cost += float(np.square(FIRM * np.maximum(past, 0.0)).sum())
         self.found = Mended(
-            q,
-            self.feet,
-            max(float(past.max()), 0.0),
-            self.margins,
-            *motion.haste(v),
+            q, self.feet, max(float(past.max()), 0.0), self.margins, *motion.haste(v)
         )
 
     def _feet(self, states: StateSeries) -> None:

@@ -102,12 +102,7 @@ class WholeMotion:
 
     damping: float
 
-    def __init__(
-        self,
-        tasks: FrameTasks,
-        collision: SelfCollision | None,
-        leg: float,
-    ) -> None:
+    def __init__(self, tasks: FrameTasks, collision: SelfCollision | None, leg: float) -> None:
         self.tasks, self.collision, self.leg = tasks, collision, leg
         limits = tasks.robot.limits
         self.lower, self.upper = limits.lower + INSIDE, limits.upper - INSIDE

@@ -11,15 +11,7 @@ from wbc.retargeting.body_map import BodyMap
 from wbc.retargeting.targets import Targets
 from wbc.robot import Robot
 from wbc.robot.postures import STANDING
-from wbc.tasks import (
-    AxisTask,
-    ComTask,
-    InertiaTask,
-    OrientationTask,
-    PoseTask,
-    PostureTask,
-    Task,
-)
+from wbc.tasks import AxisTask, ComTask, InertiaTask, OrientationTask, PoseTask, PostureTask, Task
 from wbc.validate import Array, check_fields
 
 TURNING = 0.1  # of m h sqrt(g h): angular momentum of who turns as a whole; who walks has a fifth
