@@ -5,15 +5,7 @@ from functools import cache
 import numpy as np
 
 import wbc
-from wbc.simulation import (
-    Devices,
-    Imu,
-    ModelMismatch,
-    Plant,
-    SensedPlant,
-    Sensors,
-    Terrain,
-)
+from wbc.simulation import Devices, Imu, ModelMismatch, Plant, SensedPlant, Sensors, Terrain
 from wbc.validate import Array
 
 DT = 0.002  # s

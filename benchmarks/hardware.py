@@ -150,10 +150,7 @@ def walk(bus: str, seconds: float, slower: float, domain: int) -> dict[str, Any]
 
 def interrupted(bus: str, what: str, slower: float, domain: int) -> dict[str, Any]:
     """Return how long after an interruption of the loop that holds the robot up this brakes."""
-    with (
-        tempfile.TemporaryDirectory() as name,
-        Pair(bus, 5.0, slower, domain, Path(name)) as pair,
-    ):
+    with tempfile.TemporaryDirectory() as name, Pair(bus, 5.0, slower, domain, Path(name)) as pair:
         pair.until("standing up")
         time.sleep(1.5 * slower)
         sent = time.monotonic()
@@ -191,10 +188,7 @@ def starve(begin: float) -> None:
 
 def gone(bus: str, slower: float, domain: int) -> dict[str, Any]:
     """Return how long after the robot's process was killed the loop ends, and whether it logs."""
-    with (
-        tempfile.TemporaryDirectory() as name,
-        Pair(bus, 5.0, slower, domain, Path(name)) as pair,
-    ):
+    with tempfile.TemporaryDirectory() as name, Pair(bus, 5.0, slower, domain, Path(name)) as pair:
         pair.until("standing up")
         time.sleep(1.5 * slower)
         sent = time.monotonic()

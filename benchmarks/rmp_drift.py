@@ -52,11 +52,7 @@ class Drift:
 
 
 def measure_drift(
-    model: ReactionMassPendulum,
-    step: ca.Function,
-    springs: Springs,
-    start: ArrayLike,
-    count: int,
+    model: ReactionMassPendulum, step: ca.Function, springs: Springs, start: ArrayLike, count: int
 ) -> Drift:
     """Return the drift of a solid pendulum left to itself for ``count`` steps."""
     states = rollout(step, start, np.zeros(len(model.V)), count)
@@ -117,9 +113,7 @@ def compare_paths(duration: float = 10.0, dt: float = 5e-3) -> dict[str, float]:
     return errors
 
 
-def _runs(
-    dt: float,
-) -> dict[str, tuple[ReactionMassPendulum, ca.Function, tuple[float, ...]]]:
+def _runs(dt: float) -> dict[str, tuple[ReactionMassPendulum, ca.Function, tuple[float, ...]]]:
     """Return model, step and start of each run by name."""
     solid, angles = SolidRmp(20.0), EulerSolidRmp(20.0)
     leg, radii = (0.0, 0.0, 0.3 - np.pi / 2, 0.2, 1.0), (0.3, 0.35, 0.4)

@@ -7,27 +7,14 @@ import pytest
 from scipy.optimize import minimize
 
 from wbc.gait import adaptation
-from wbc.gait.adaptation import (
-    Reach,
-    StepBounds,
-    StepPlan,
-    StepWeights,
-    held_back_by,
-    step_qp,
-)
+from wbc.gait.adaptation import Reach, StepBounds, StepPlan, StepWeights, held_back_by, step_qp
 from wbc.gait.dcm import StepTimes, VrpSegment, dcm_offsets
 
 OMEGA, TIMES = 3.9, StepTimes(0.4, 0.05)
 STEP = np.array((0.3, -0.2))
 ANYWHERE = Reach(STEP, np.zeros(2), 1e3)
 BOUNDS = StepBounds(
-    np.array((-0.5, -0.5)),
-    np.array((0.5, -0.1)),
-    0.1,
-    0.5,
-    np.array((0.05, 0.02)),
-    ANYWHERE,
-    0.2,
+    np.array((-0.5, -0.5)), np.array((0.5, -0.1)), 0.1, 0.5, np.array((0.05, 0.02)), ANYWHERE, 0.2
 )
 
 

@@ -5,15 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from wbc.gait.swing import (
-    FootPose,
-    Lift,
-    SwingFoot,
-    SwingMotion,
-    towards,
-    turned,
-    yaw_of,
-)
+from wbc.gait.swing import FootPose, Lift, SwingFoot, SwingMotion, towards, turned, yaw_of
 from wbc.rotations import upright_on
 
 DT = 0.002

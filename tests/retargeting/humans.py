@@ -18,12 +18,7 @@ TURN = {"left": -1.0, "right": 1.0}  # of toes that point inward
 
 
 def moving(
-    seconds: float,
-    sway: Array,
-    dip: Array,
-    feet: dict[str, Array],
-    arm: Array,
-    inward: float = 0.0,
+    seconds: float, sway: Array, dip: Array, feet: dict[str, Array], arm: Array, inward: float = 0.0
 ) -> HumanMotion:
     """Return a human whose CoM sways and dips (n,) [m], and lifts feet (n, 3) and an arm (n,).
 

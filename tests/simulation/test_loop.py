@@ -11,14 +11,7 @@ import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.motion import analyze, read_motion
 from wbc.robot import Robot
-from wbc.simulation import (
-    FallLimits,
-    FallWatch,
-    Plant,
-    Recorder,
-    Sensors,
-    simulate,
-)
+from wbc.simulation import FallLimits, FallWatch, Plant, Recorder, Sensors, simulate
 
 Load = Callable[[str], Robot]
 DT = 0.002
