@@ -116,19 +116,17 @@ def check_build(mass: Any, stature: Any) -> tuple[float | None, float | None]:
     InvalidInputError
         No numbers, or such as no human has: in another unit.
     """
-    found = list[float | None]()
-    for what, value, (least, most), unit in (
-        ("mass", mass, MASSES, "kg"),
-        ("stature", stature, STATURES, "m"),
-    ):
+
+    def checked(what: str, value: Any, least: float, most: float, unit: str) -> float | None:
         number = None if value is None else finite_number(what, value, above=0.0)
         if number is not None and not least <= number <= most:
             raise InvalidInputError(
                 f"{what}: {number:g} {unit} is no human's, {least:g} to {most:g} {unit}; say it in"
                 f" {unit}"
             )
-        found.append(number)
-    return found[0], found[1]
+        return number
+
+    return checked("mass", mass, *MASSES, "kg"), checked("stature", stature, *STATURES, "m")
 
 
 def segment_table(sex: str) -> Mapping[str, SegmentInertia]:

@@ -45,10 +45,7 @@ SEGMENT_OF = {
     "elbow_centre": "forearm",
     "wrist_centre": "hand",
     "root": "pelvis",
-    "neck_centre": None,
     "head_centre": "head",
-    "head_top": None,
-    "toe": None,
 }
 
 
@@ -142,7 +139,7 @@ def bone_markers(
         marks.append(landmark(bone.landmark))
         side, _, rest = bone.landmark.partition("_")
         paired = side in ("left", "right")
-        segment = SEGMENT_OF[rest if paired else bone.landmark]
+        segment = SEGMENT_OF.get(rest if paired else bone.landmark)
         if segment is None:
             continue
         segment = f"{side}_{segment}" if paired else segment

@@ -200,10 +200,8 @@ def _unit(unit: str | float | None, height: float, source: str) -> tuple[float, 
         return size, f"lengths in {unit} m, as was said"
     for name, size in UNITS.items():
         if HEIGHTS[0] <= height * size <= HEIGHTS[1]:
-            return (
-                size,
-                f"lengths taken for {name}: its skeleton extends over {height * size:.2f} m",
-            )
+            tall = f"its skeleton extends over {height * size:.2f} m"
+            return size, f"lengths taken for {name}: {tall}"
     raise RecordingError(
         f"its skeleton extends over {height:.4g}: in no usual unit a human; say in which one, or"
         " how long that is in m (unit)",

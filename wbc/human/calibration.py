@@ -95,9 +95,8 @@ def calibrate(
         _, cost = fit_poses(poses, observed, vague, prior.dimensions, 0)
         poses = unstuck(poses, cost, observed, vague, prior.dimensions)
         found = _adjusted(poses, observed, markers, prior)
-        lengths = ("upper_arm", "forearm", "thigh", "shank")
-        usual = usual_dimensions(REFERENCE_STATURE)[0]
-        parts = [found.dimensions[NAMES.index(n)] / usual[NAMES.index(n)] for n in lengths]
+        limbs = [NAMES.index(n) for n in ("upper_arm", "forearm", "thigh", "shank")]
+        parts = found.dimensions[limbs] / usual_dimensions(REFERENCE_STATURE)[0][limbs]
         if stature is None:
             guess = float(np.clip(np.mean(parts) * REFERENCE_STATURE, *STATURES))
     sizes = dict(zip(NAMES, found.dimensions.tolist(), strict=True))

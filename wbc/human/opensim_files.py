@@ -65,13 +65,14 @@ def _rows(lines: list[str], first: int, width: int, source: str) -> Array:
         if len(cells) > width:
             what = f"it has {len(cells)} cells, the header has {width}"
             raise RecordingError(what, source, None, len(found) + 1, number)
-        try:
-            row = [float(cell) if cell.strip() else np.nan for cell in cells]
-        except ValueError:
-            bad = next(cell for cell in cells if cell.strip() and not _is_number(cell))
-            what = f"{shortened(bad.strip())!r} is not a number"
-            raise RecordingError(what, source, None, len(found) + 1, number) from None
-        found.append(row + [np.nan] * (width - len(row)))
+        row = [np.nan] * width
+        for k, cell in enumerate(cells):
+            try:
+                row[k] = float(cell) if cell.strip() else np.nan
+            except ValueError:
+                what = f"{shortened(cell.strip())!r} is not a number"
+                raise RecordingError(what, source, None, len(found) + 1, number) from None
+        found.append(row)
     return numbers_of(found, source)
 
 
@@ -79,14 +80,6 @@ def _cells(line: str) -> list[str]:
     """Return what tabs part; or blanks, where two in a row do so between two tabs."""
     blank = "\t" not in line or re.search("[^\t ] {2,}[^\t ]", line) is not None
     return line.split() if blank else line.split("\t")
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def read_plates(path: Path) -> tuple[ForcePlate, ...]:

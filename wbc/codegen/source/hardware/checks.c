@@ -112,7 +112,7 @@ int wbc_checks_refused(wbc_checks *c, const wbc_reading *r, double now) {
 
 /* ---- sensors that contradict each other ---- */
 
-static void rotation(const double *x, double *R) {
+void wbc_rotation(const double *x, double *R) {
     const double tx = 2.0 * x[0], ty = 2.0 * x[1], tz = 2.0 * x[2], w = x[3];
     R[0] = 1.0 - (ty * x[1] + tz * x[2]), R[1] = ty * x[0] - tz * w, R[2] = tz * x[0] + ty * w;
     R[3] = ty * x[0] + tz * w, R[4] = 1.0 - (tx * x[0] + tz * x[2]), R[5] = tz * x[1] - tx * w;
@@ -133,7 +133,7 @@ static void compare(const wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
         disagrees |= fabs(rate - told) - WBC_RATE_OFF - WBC_RATE_PART * larger > 0.0;
     }
     if (disagrees) wbc_safety_report(s, WBC_FAULT_ENCODER_DISAGREES);
-    rotation(first->quaternion, before), rotation(r->quaternion, now);
+    wbc_rotation(first->quaternion, before), wbc_rotation(r->quaternion, now);
     transposed_product3(before, now, D);
     const double turn[3] = {0.5 * (D[7] - D[5]) / passed, 0.5 * (D[2] - D[6]) / passed, 0.5 * (D[3] - D[1]) / passed};
     double off[3], spun[3];
@@ -144,7 +144,7 @@ static void compare(const wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
 
 static void lean(wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
     double R[9], force[3];
-    rotation(r->quaternion, R);
+    wbc_rotation(r->quaternion, R);
     times3(R, r->force, force);
     const double passed = c->count ? r->time - past(c, c->count - 1)->time : 0.0;
     const double share = passed / WBC_GRAVITY_TIME < 1.0 ? passed / WBC_GRAVITY_TIME : 1.0;

@@ -25,4 +25,7 @@ int wbc_checks_refused(wbc_checks *c, const wbc_reading *reading, double now);
  * that motors should have now; 0: not known. */
 void wbc_checks_compared(wbc_checks *c, const wbc_reading *reading, const double *commanded, wbc_safety *s);
 
+/* R (3, 3): the rotation of a unit quaternion x y z w. */
+void wbc_rotation(const double *quaternion, double *R);
+
 #endif

@@ -104,15 +104,6 @@ static void follow(const way *w, double time, wbc_motors *c) {
 
 /* ---- estimate and tick ---- */
 
-static void rotation_of(const double *x, double *R) {
-    const double r[9] = {1.0 - 2.0 * (x[1] * x[1] + x[2] * x[2]), 2.0 * (x[0] * x[1] - x[2] * x[3]),
-                         2.0 * (x[0] * x[2] + x[1] * x[3]),       2.0 * (x[0] * x[1] + x[2] * x[3]),
-                         1.0 - 2.0 * (x[0] * x[0] + x[2] * x[2]), 2.0 * (x[1] * x[2] - x[0] * x[3]),
-                         2.0 * (x[0] * x[2] - x[1] * x[3]),       2.0 * (x[1] * x[2] + x[0] * x[3]),
-                         1.0 - 2.0 * (x[0] * x[0] + x[1] * x[1])};
-    memcpy(R, r, sizeof r);
-}
-
 static int sense(robot_loop *l) {
     static const int64_t heard[1] = {1};
     const wbc_reading *r = &l->reading;
@@ -127,7 +118,7 @@ static void begin(robot_loop *l) {
     const double *q = l->estimate + WBC_AT_Q;
     const wbc_estimator *e = &l->sensing.estimator;
     double R[9], S[9], lowest = INFINITY, moved[3];
-    rotation_of(q + 3, R), rotation_of(wbc_begin + 3, S);
+    wbc_rotation(q + 3, R), wbc_rotation(wbc_begin + 3, S);
     const double by = atan2(S[3], S[0]) - atan2(R[3], R[0]);
     const double turned[9] = {cos(by), -sin(by), 0.0, sin(by), cos(by), 0.0, 0.0, 0.0, 1.0};
     memcpy(l->turned, turned, sizeof turned);
