@@ -97,7 +97,7 @@ class ContactFilter:
         feet = whole_number("filter, feet", feet)
         noise = noise or FilterNoise()
         self.noise, self.feet = noise, feet
-        self._n = n = SHOWN + 6 * feet
+        n = SHOWN + 6 * feet
         # All that changes: the state, the covariance, the origin; copied and put back as one.
         self._memory = np.zeros(int(lib.FILTER_FEET) + 12 * feet + n * n + 3)
         at = int(lib.FILTER_FEET) + 12 * feet

@@ -271,15 +271,8 @@ class StepPlanner:
         least = max(soon, quickest * single - phase.elapsed, reach.least_time(lower, upper))
         most = max(least, LONGEST * single - phase.elapsed)
         length, width = self.soles[support].tolist()
-        bounds = StepBounds(
-            lower,
-            upper,
-            least,
-            most,
-            (SOLE_SHARE * length, SOLE_SHARE * width),
-            reach,
-            min(max(phase.left, least), most),
-        )
+        sole, about = (SOLE_SHARE * length, SOLE_SHARE * width), min(max(phase.left, least), most)
+        bounds = StepBounds(lower, upper, least, most, sole, reach, about)
         plan = adapt_step(seen(now.dcm - base), nominal, bounds, omega, double, weights)
         # Not the plan's own offset, which is where the DCM will be: what the step cannot catch
         # would be no error then, and the pressure would go back to the middle of the sole.

@@ -95,13 +95,8 @@ def smooth_trajectory(
         # Near the ends it grows as white noise does.
         white = np.diagonal(noise_covariances(len(grid), own_rate, cutoff), axis1=1, axis2=2)
         growth = np.sqrt(white / white[len(white) // 2])[nearest]
-        left = FilteredNoise(
-            noise.recorded(),
-            growth[:, :, None] * covariance * growth[:, None],
-            root,
-            noise.constant,
-            noise.late,
-        )
+        grown = growth[:, :, None] * covariance * growth[:, None]
+        left = FilteredNoise(noise.recorded(), grown, root, noise.constant, noise.late)
     elif noise is not None:
         if not isinstance(noise, Noise):
             noise = estimated_noise(rows, motion.rate, cutoff)

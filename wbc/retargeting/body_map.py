@@ -132,14 +132,8 @@ def body_map(robot: Robot, links: Mapping[str, str] | None = None) -> BodyMap:
         notes.append(f"{robot.name} has no head that moves: it looks where its trunk does")
     frames = [found["pelvis"], found["trunk"]] + ([head] if head else [])
     upright = {frame: snapshot.rotation(frame) for frame in frames}
-    return BodyMap(
-        found["pelvis"],
-        found["trunk"],
-        head,
-        MappingProxyType(arms),
-        MappingProxyType(upright),
-        tuple(notes),
-    )
+    both = MappingProxyType(arms), MappingProxyType(upright)
+    return BodyMap(found["pelvis"], found["trunk"], head, *both, tuple(notes))
 
 
 def _found(robot: Robot) -> dict[str, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -35,15 +36,7 @@ def first_configuration(tasks: FrameTasks, constraints: Sequence[Constraint]) ->
     R = targets.rotation[tasks.body.pelvis][0] @ tasks.body.upright[tasks.body.pelvis].T
     q = _turned(robot, q, float(np.arctan2(R[1, 0], R[0, 0])))
     every = [*tasks.lasting, *tasks.feet.values()]
-    controller = KinematicController(
-        robot,
-        every,
-        contacts=(),
-        limits=Limits(robot, velocity=None),
-        constraints=constraints,
-        dt=READY_STEP,
-        damping=1e-4,
-    )
+    controller = _controller(tasks, constraints, READY_STEP, 1e-4)
     for task in every:
         task.gain = 0.2
     v = np.zeros(robot.nv)
@@ -65,6 +58,15 @@ def _turned(robot: Robot, q: Array, yaw: float) -> Array:
     return robot.integrate(q, v, 1.0)
 
 
+def _controller(
+    tasks: FrameTasks, constraints: Sequence[Constraint], dt: float, damping: float
+) -> KinematicController:
+    """Return one that follows all tasks, joints within their ranges and as fast as need be."""
+    every, limits = [*tasks.lasting, *tasks.feet.values()], Limits(tasks.robot, velocity=None)
+    held: dict[str, Any] = {"contacts": (), "limits": limits, "constraints": constraints}
+    return KinematicController(tasks.robot, every, **held, dt=dt, damping=damping)
+
+
 def tick_pass(
     tasks: FrameTasks,
     start: Array,
@@ -80,15 +82,7 @@ def tick_pass(
     last, skipped = len(targets.time) - 1, max(1, round(1.0 / (COARSE * targets.dt)))
     frames = np.unique(np.append(np.arange(0, last, skipped), last))
     dt, count, down = skipped * targets.dt, len(frames), targets.down[frames]
-    controller = KinematicController(
-        robot,
-        [*tasks.lasting, *tasks.feet.values()],
-        contacts=(),
-        limits=Limits(robot, velocity=None),
-        constraints=constraints,
-        dt=dt,
-        damping=1e-5,
-    )
+    controller = _controller(tasks, constraints, dt, 1e-5)
     q = np.empty((count, robot.nq))
     q[0] = start
     v: Array = np.zeros(robot.nv)

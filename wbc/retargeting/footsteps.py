@@ -9,7 +9,7 @@ and ends on these edges.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -164,10 +164,7 @@ def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, spread: Array) -> 
                 )
     soles = {side: robot.feet[side].polygon for side in SIDES}
     wider = _outwards(prints, soles, BESIDE * legs.length)
-    prints = [
-        Footprint(one.foot, one.first, one.end, _moved_out(one.pose, one.foot, wider))
-        for one in prints
-    ]
+    prints = [replace(one, pose=_moved_out(one.pose, one.foot, wider)) for one in prints]
     paths = {}
     for side in SIDES:
         own = sorted((one for one in prints if one.foot == side), key=lambda one: one.first)

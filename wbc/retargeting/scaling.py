@@ -89,13 +89,9 @@ def standing_of(robot: Robot, legs: Legs, body: BodyMap) -> StandingBody:
         for frame, axis in ((arm.upper_arm, arm.upper_axis), (arm.forearm, arm.forearm_axis)):
             name = f"{side} {frame}"
             tasks.append(AxisTask(robot, frame, (0, 0, -1), axis=axis, name=name, gain=0.2))
+    contacts, limits = support(start, "double"), Limits(robot, velocity=None)
     controller = KinematicController(
-        robot,
-        tasks,
-        contacts=support(start, "double"),
-        limits=Limits(robot, velocity=None),
-        dt=STEP,
-        damping=1e-4,
+        robot, tasks, contacts=contacts, limits=limits, dt=STEP, damping=1e-4
     )
     q = start.q
     for _ in range(STEPS):
