@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -62,9 +61,15 @@ def _controller(
     tasks: FrameTasks, constraints: Sequence[Constraint], dt: float, damping: float
 ) -> KinematicController:
     """Return one that follows all tasks, joints within their ranges and as fast as need be."""
-    every, limits = [*tasks.lasting, *tasks.feet.values()], Limits(tasks.robot, velocity=None)
-    held: dict[str, Any] = {"contacts": (), "limits": limits, "constraints": constraints}
-    return KinematicController(tasks.robot, every, **held, dt=dt, damping=damping)
+    return KinematicController(
+        tasks.robot,
+        [*tasks.lasting, *tasks.feet.values()],
+        contacts=(),
+        limits=Limits(tasks.robot, velocity=None),
+        constraints=constraints,
+        dt=dt,
+        damping=damping,
+    )
 
 
 def tick_pass(
