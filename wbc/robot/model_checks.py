@@ -81,6 +81,11 @@ def _check_masses(model: pin.Model, path: Path) -> tuple[str, ...]:
             raise ModelError(f"{where}: mass or inertia is not finite; correct it")
         if body.mass < 0.0:
             raise ModelError(f"{where}: negative mass {body.mass:g} kg; correct it")
+        if data.mass[joint] <= 0.0 and joint == 1:
+            raise ModelError(
+                f"{path}: no link has a mass, as in files that are only drawn; give each moving"
+                " link its mass and inertia"
+            )
         if data.mass[joint] <= 0.0:
             raise ModelError(
                 f"{where}: what the joint moves has no mass; give the link its mass, or make the"

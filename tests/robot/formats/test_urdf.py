@@ -1,5 +1,6 @@
 """Reading URDF: what is accepted, what is refused by name, and joints locked in it."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from wbc.constraints import SelfCollision
 from wbc.errors import InvalidInputError, ModelError, UnknownNameError
 from wbc.robot import Robot
+from wbc.robot.formats import urdf_check
 
 BODY = (
     '<inertial><origin xyz="0 0 -0.1"/><mass value="{mass}"/>'
@@ -139,6 +141,12 @@ def test_files_in_other_units_are_noted(
     assert [told in note for note in notes if "?" in note] == ([True] if told else [])
 
 
+QUATERNION = (link("a") + link("b") + joint("j", "a", "b")).replace(
+    '<inertial><origin xyz="0 0 -0.1"/><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0"'
+    ' iyy="0.01" iyz="0" izz="0.01"/></inertial></link><joint',
+    '<inertial><origin quat_xyzw="{}"/><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0"'
+    ' iyy="0.01" iyz="0" izz="0.01"/></inertial></link><joint',
+)
 REFUSED_URDFS = {
     "planar": (link("a") + link("b") + joint("j", "a", "b", "planar"), ("'j'", "planar")),
     "spherical": (link("a") + link("b") + joint("j", "a", "b", "ball"), ("'j'", "ball")),
@@ -182,6 +190,10 @@ REFUSED_URDFS = {
         ("'j'", "offset", "larger than 1000"),
     ),
     "no mass": (link("a") + '<link name="b"/>' + joint("j", "a", "b"), ("'j'", "'b'", "no mass")),
+    "no mass at all": (
+        '<link name="a"/><link name="b"/>' + joint("j", "a", "b"),
+        ("no link has a mass",),
+    ),
     "zero mass": (link("a") + link("b", "0") + joint("j", "a", "b"), ("'j'", "'b'", "no mass")),
     "negative mass": (link("a") + link("b", "-1") + joint("j", "a", "b"), ("'b'", "negative")),
     "nan mass": (link("a") + link("b", "nan") + joint("j", "a", "b"), ("'b'", "mass", "nan")),
@@ -202,6 +214,12 @@ REFUSED_URDFS = {
         ("'j'", "'b'", "about its axis"),
     ),
     "axis": (link("a") + link("b") + joint("j", "a", "b", axis="0 0 0"), ("'j'", "axis")),
+    "quaternion of nothing": (QUATERNION.format("0 0 0 0"), ("'b'", "quat_xyzw", "no rotation")),
+    "quaternion of three": (QUATERNION.format("0 0 1"), ("'b'", "quat_xyzw", "4 finite numbers")),
+    "quaternion and angles": (
+        QUATERNION.format('0 0 0 1" rpy="0 0 1'),
+        ("'b'", "both 'rpy' and 'quat_xyzw'"),
+    ),
     "swapped limits": (
         link("a")
         + link("b")
@@ -412,3 +430,34 @@ def test_a_world_that_is_no_link_is_the_world(tmp_path: Path) -> None:
     assert "no parent link 'pelvis'" in refusal(
         write(tmp_path, *parts, joint("hip", "pelvis", "shank"))
     )
+
+
+SPACED = (
+    '<link name="a"><inertial><origin xyz="0 0 0.1" rpy="0 0 1"/><mass value="2"/><inertia'
+    ' ixx="0.1" ixy="0.01" ixz="0.02" iyy="0.2" iyz="0.03" izz="0.25"/></inertial><collision>'
+    '<origin xyz="0 0 1" rpy="0 1 0"/><geometry><cylinder radius="0.1" length="0.5"/></geometry>'
+    '</collision></link><link name="b"><inertial><mass value="1"/><inertia ixx="0.1" ixy="0.01"'
+    ' ixz="0.02" iyy="0.2" iyz="0.03" izz="0.25"/></inertial></link><joint name="j"'
+    ' type="revolute"><parent link="a"/><child link="b"/><origin xyz="0 0 1" rpy="0 1 0"/>'
+    '<axis xyz="0 1 0"/><limit lower="-1" upper="2" effort="3" velocity="4"/>'
+    '<dynamics damping="0.5" friction="0.25"/></joint>'
+)
+NUMBER = re.compile(r'="([-.\d][-.\d ]*)"')
+
+
+@pytest.mark.parametrize("around", [" ", "\t", "\n", "&#13;"])
+def test_numbers_with_spaces_around_are_read_as_those_without(
+    tmp_path: Path, around: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # As in the URDFs of Unitree's hands: the parser drops an inertia, or the link, for one space.
+    # MuJoCo, which would see it, is not always there.
+    monkeypatch.setattr(urdf_check, "installed", lambda _: False)
+    plain = Robot.load(write(tmp_path, SPACED), base="floating")
+    found = Robot.load(write(tmp_path, NUMBER.sub(rf'="\1{around}"', SPACED)), base="floating")
+    q = found.posture("neutral")
+    assert np.array_equal(found.snapshot(q).mass_matrix, plain.snapshot(q).mass_matrix)
+    for name in ("lower", "upper", "effort", "velocity"):
+        assert np.array_equal(getattr(found.limits, name), getattr(plain.limits, name))
+    assert np.array_equal(found.damping, plain.damping)
+    assert found.collision_model == plain.collision_model
+    assert found.notes == plain.notes

@@ -294,9 +294,14 @@ def _follow_without_end(joint: ET.Element) -> None:
 
 def _check_origin(element: ET.Element, where: str) -> None:
     origin = element.find("origin")
-    for key in ("xyz", "rpy"):
-        if origin is not None and key in origin.attrib:
-            numbers(origin, key, 3, where, LARGEST)
+    if origin is None:
+        return
+    for key, count in (("xyz", 3), ("rpy", 3), ("quat_xyzw", 4)):
+        given = key in origin.attrib and numbers(origin, key, count, where, LARGEST)
+        if given and key == "quat_xyzw" and not any(given):
+            raise ModelError(f"{where}: <origin quat_xyzw> is 0: no rotation; give x y z w")
+    if {"rpy", "quat_xyzw"} <= {*origin.attrib}:
+        raise ModelError(f"{where}: <origin> has both 'rpy' and 'quat_xyzw'; leave one")
 
 
 INFINITE = ("inf", "+inf", "infinity", "+infinity"), ("-inf", "-infinity")

@@ -135,7 +135,7 @@ def _colour(text: str) -> str | None:
     if len(parts) != len(GREY.split()) or not all(0.0 <= part <= BRIGHTEST for part in parts):
         return None
     if max(parts) <= 1.0:
-        return text
+        return " ".join(text.split())
     return " ".join(str(part / BRIGHTEST) for part in parts)
 
 

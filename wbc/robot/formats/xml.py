@@ -96,6 +96,9 @@ def numbers(
 ) -> list[float]:
     """Return the ``count`` finite numbers of an attribute, at most ``largest`` in magnitude.
 
+    It is written back with one space between them and none around, beside which the parser below
+    Pinocchio takes them for no numbers: it drops the element, or the whole link or robot.
+
     Raises
     ------
     ModelError
@@ -118,6 +121,7 @@ def numbers(
         raise ModelError(f"{where}: <{element.tag} {key}={text!r}>: expected {wanted}")
     if any(abs(value) > largest for value in values):
         raise ModelError(f"{where}: <{element.tag} {key}={text!r}> is larger than {largest:g}")
+    element.set(key, " ".join(words))
     return values
 
 
