@@ -1,5 +1,6 @@
 """Feet as robots of others have them: drawn off level, on wheels, with frames at heel and toe."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -209,6 +210,50 @@ def test_the_frames_of_one_body_are_one_foot(
     assert not any("feet" in note for note in robot.notes)
     for foot in robot.feet.values():
         np.testing.assert_allclose(np.ptp(foot.polygon, axis=0), [0.2, 0.1], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("end", "on_thigh", "on_foot"),
+    [
+        ("{0}_ankle", "{0}_upper_leg_back_contact", ""),  # as iCub has it
+        ("{0}_ankle", "{0}_front_contact", ""),
+        ("{0}_end", "{0}_rear_contact", "{0}_front_contact"),
+    ],
+)
+def test_frames_along_one_leg_are_one_foot(
+    tmp_path: Path, end: str, on_thigh: str, on_foot: str
+) -> None:
+    parts = ""
+    for name, carrier in ((on_thigh, "{0}_l1"), (on_foot, "{end}")):
+        fixed = joint(f"{name}_j", carrier, name, "0 1 0", ".1 0 0", "fixed")
+        parts += link(name, "", 0.1) + fixed if name else ""
+    path = biped(tmp_path, box(".03 0 -.03", ".2 .1 .04"), extra=parts, end=end)
+    thigh = re.compile(r'<link name="\w+_l1">')
+    path.write_text(thigh.sub(r"\g<0>" + box("0 0 -.1", ".05 .05 .1"), path.read_text()))
+    robot = Robot.load(path)
+    assert list(robot.feet) == ["left", "right"]
+    for foot in robot.feet.values():
+        np.testing.assert_allclose(np.ptp(foot.polygon, axis=0), [0.2, 0.1], atol=1e-9)
+    assert stands(robot.model, robot.posture(), robot.feet)
+
+
+def test_ankles_above_the_feet_of_four_legs_make_no_two_of_them(tmp_path: Path) -> None:
+    path = tmp_path / "four.urdf"
+    parts = [link("trunk", "", 5)]
+    for corner, x, y in (("FL", 1, 1), ("FR", 1, -1), ("RL", -1, 1), ("RR", -1, -1)):
+        ball = '<collision><geometry><sphere radius=".02"/></geometry></collision>'
+        parts += [
+            link(f"{corner}_ankle", ball),
+            link(f"{corner}_foot", ball),
+            joint(f"{corner}_hip", "trunk", f"{corner}_ankle", "0 1 0", f"{0.2 * x} {0.1 * y} -.2"),
+            joint(f"{corner}_knee", f"{corner}_ankle", f"{corner}_foot", "0 1 0", "0 0 -.2"),
+        ]
+    path.write_text(f'<robot name="four">{"".join(parts)}</robot>')
+    feet = {name: foot.link for name, foot in Robot.load(path).feet.items()}
+    assert feet == {
+        "front_left": "FL_foot", "front_right": "FR_foot",
+        "hind_left": "RL_foot", "hind_right": "RR_foot",
+    }  # fmt: skip
 
 
 BALL = '<collision><origin xyz="0 0 -.2"/><geometry><sphere radius=".02"/></geometry></collision>'

@@ -262,6 +262,11 @@ def _one_of_each(
             sides = {foot.rpartition("_")[2] for foot in sides}
         frames = [frame for foot, frame in entries if foot in sides] or [one for _, one in entries]
         named.append((min(sides), min(frames, key=lambda frame: str(frame.name))))
+    called_so = {int(frame.parentJoint): foot for foot, frame in named}
+    for k, (foot, frame) in enumerate(named):  # a leg has one foot: iCub's l_upper_leg_back_contact
+        leg = {*model.supports[frame.parentJoint], *model.subtrees[frame.parentJoint]}
+        if any(called_so[joint] != foot for joint in leg & called_so.keys()):
+            named[k] = foot.rpartition("_")[2], frame
     if not any(foot.startswith("hind") for foot, _ in named):  # a biped whose legs are called so
         named = [(foot.removeprefix("front_"), frame) for foot, frame in named]
     cornered = [frame for foot, frame in named if foot in CORNERS]
