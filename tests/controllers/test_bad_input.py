@@ -124,6 +124,7 @@ def test_what_is_worked_in_is_not_assigned_in_vain() -> None:
         (box, ("lower", "upper"), "make another PositionBox"),
         (over, ("margin",), "make another ComSupport"),
         (over, ("corners",), r"call set_polygon\(\)"),
+        (CALM, ("robot", "rows"), "make another task"),
     ):
         for name in names:
             with pytest.raises(WbcError, match=f"{name} cannot be assigned; {remedy}"):
@@ -131,6 +132,30 @@ def test_what_is_worked_in_is_not_assigned_in_vain() -> None:
     limits.acceleration = 2.0 * limits.acceleration  # followed from the next tick on
     over.set_polygon(0.9 * over.corners)
     plain.change(tasks=[CALM])
+
+
+def test_what_is_assigned_is_checked_as_what_is_given() -> None:
+    calm = PostureTask(ROBOT, START.q)
+    plain, bears = made([calm]), TorqueController(ROBOT, [calm], contacts=HELD)
+    assigned: tuple[tuple[Any, str, Any, str], ...] = (
+        (plain, "on_failure", "holt", "unknown failure policy 'holt'"),
+        (bears, "on_failure", "hold", "unknown failure policy 'hold'"),
+        (plain, "deadline", 0.0, "deadline: must be greater than 0"),
+        (plain, "deadline", "1 ms", "deadline: expected a number"),
+        (bears, "force_ramp", -0.1, "force_ramp: must be at least 0"),
+        (calm, "priority", -1, "priority: must be at least 0"),
+        (calm, "priority", 0.5, "0.5 is not a whole number"),
+        (calm, "name", 3, "name: expected a word"),
+        (SelfCollision(ROBOT), "braking", "bounded", "braking: expected a BrakingParameters"),
+        (PositionBox.height(ROBOT, 0.1), "braking", None, "braking: expected a BrakingParameters"),
+    )
+    for one, name, value, words in assigned:
+        before = getattr(one, name)
+        with pytest.raises(WbcError, match=words):
+            setattr(one, name, value)
+        assert getattr(one, name) is before
+    plain.on_failure, plain.deadline, bears.force_ramp = "damp", None, 0.0
+    assert plain.step(START).ok
 
 
 def test_misspelt_attributes_are_told_with_what_was_meant() -> None:

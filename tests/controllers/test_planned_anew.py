@@ -48,6 +48,10 @@ def no_longer_singular(tasks: list[wbc.Task]) -> None:
     tasks[2].singular_threshold = 0.0
 
 
+def at_a_lower_priority(tasks: list[wbc.Task]) -> None:
+    tasks[0].priority = 1
+
+
 def accelerated(tasks: list[wbc.Task]) -> None:
     tasks[0].set_target(tasks[0].target, acceleration=[2.0, -1.0, 0.5])
 
@@ -65,6 +69,7 @@ Change = Callable[[list[wbc.Task]], None]
         with_a_law_of_its_own,
         near_singular,
         no_longer_singular,
+        at_a_lower_priority,
         accelerated,
     ],
 )

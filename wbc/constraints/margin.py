@@ -22,7 +22,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import asdict, dataclass, fields
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -97,19 +97,23 @@ class Margin(DeclaredAttributes, Constraint):
         limits: Limits | None = None,
     ) -> None:
         check_robot(name, robot)
-        check_kind(f"{name}, braking", braking, BrakingParameters, or_none=True)
         check_kind(f"{name}, limits", limits, Limits, "Limits(robot)", or_none=True)
         if limits is not None and limits.robot is not robot:
             raise InvalidInputError(f"{name}: the limits were made for another robot object")
         self.robot = robot
         self.name = name
-        self.braking = braking or BrakingParameters()
+        self.braking = BrakingParameters() if braking is None else braking
         self._joint_acceleration = (
             None if limits is None else np.minimum(JOINT_SHARE * limits.acceleration, 1e9)
         )
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r})"
+
+    def _set_attribute(self, name: str, value: Any) -> None:
+        if name == "braking":
+            check_kind(f"{self.name}, braking", value, BrakingParameters)
+        super()._set_attribute(name, value)
 
     @abstractmethod
     def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:

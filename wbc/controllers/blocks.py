@@ -82,6 +82,7 @@ class Part:
         self.torque = torque
         self.rows = described(task, torque)
         self.changes = self._remakes = -1  # of the task, when its numbers were written
+        self.planned_as = task.name, task.priority
         self._places: list[_Place] = []
         self._rereads = kept is None and all(rows.moving for rows in self.rows or ())
         # Attributes of the task, and where they go: what it aims at; how that moves.

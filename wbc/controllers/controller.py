@@ -161,13 +161,19 @@ class Controller(DeclaredAttributes, ABC):
         self.joint_weights = weights_of(robot, joint_weights)
         self.backend = backend_of(solver)
         self.formulation = one_of("formulation", formulation, FORMULATIONS)
-        self.on_failure = one_of("failure policy", on_failure, self._policies)
+        self.on_failure, self.deadline = on_failure, deadline
         self._rest = bytes(8 * robot.nv)  # a velocity of 0
         self._missing_velocity = MissingVelocity(self.dt, damped=self._bears)
-        if deadline is not None:
-            deadline = finite_number("controller, deadline", deadline, above=0.0)
-        self.deadline = deadline
         self._plan(tuple(contacts))
+
+    def _set_attribute(self, name: str, value: Any) -> None:
+        if name == "on_failure":
+            value = one_of("failure policy", value, self._policies)
+        elif name == "deadline" and value is not None:
+            value = finite_number("controller, deadline", value, above=0.0)
+        elif name == "force_ramp":
+            value = finite_number("controller, force_ramp", value, least=0.0)
+        super()._set_attribute(name, value)
 
     def change(
         self,

@@ -270,6 +270,8 @@ class CorePlan:
         for part in self._parts:
             task = part.task
             if task._changes != part.changes:
+                if (task.name, task.priority) != part.planned_as:
+                    return False
                 if forces is not None and part.held:
                     forces.stale = True
                 if not part.write(self._dt):

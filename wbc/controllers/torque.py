@@ -159,7 +159,7 @@ class TorqueController(Controller):
                     "controller: singular_threshold of %s has no effect at the torque level", task
                 )
         self.force_damping = finite_number("controller, force_damping", force_damping, above=0.0)
-        self.force_ramp = finite_number("controller, force_ramp", force_ramp, least=0.0)
+        self.force_ramp = force_ramp
         self.spring_time = finite_number("controller, spring_time", spring_time, least=0.0)
         self.torque_bounds = effort_bounds(robot, torque_limits)
         self._braking = StanceBraking(robot, self.torque_bounds)

@@ -115,6 +115,7 @@ class Task(DeclaredAttributes, ABC):
     _goal: Array
     _changes = 0  # how often it was changed: what was read of it before may be old
     _remakes = 0  # how often it was changed in more than its target
+    _fixed = dict.fromkeys(("robot", "rows"), "make another task")
     _kind = "task"  # as error messages call it
     _unused: ClassVar[frozenset[str]] = frozenset()  # keywords of laws without effect: refused
     _tested = True  # whether what it returns needs no look: set below for what is derived
@@ -140,17 +141,12 @@ class Task(DeclaredAttributes, ABC):
     ) -> None:
         check_robot(type(self).__name__, robot)
         self.robot = robot
-        if not isinstance(name, str) or not name:
-            raise InvalidInputError(f"{type(self).__name__}, name: expected a word, got {name!r}")
         self.name = name
         self.rows = names_of(f"{self}, rows", rows)
         if not self.rows:
             raise InvalidInputError(f"{self}: no row given; there is nothing to control")
         self.weight = weight
-        level = finite_number(f"{self}, priority", priority, least=0)
-        if level != int(level):
-            raise InvalidInputError(f"{self}, priority: {level:g} is not a whole number")
-        self.priority = int(level)
+        self.priority = priority
         for key in law:
             if key not in FIRST_ORDER | SECOND_ORDER:
                 known = {"weight", "priority", "name"} | FIRST_ORDER | SECOND_ORDER
@@ -172,6 +168,13 @@ class Task(DeclaredAttributes, ABC):
             value = checked_weight(str(self), value, len(self.rows))
             if "weight" in self.__dict__:
                 warn_if_lost(str(self), self.weight, value)
+        elif name == "priority":
+            level = finite_number(f"{self}, priority", value, least=0)
+            if level != int(level):
+                raise InvalidInputError(f"{self}, priority: {level:g} is not a whole number")
+            value = int(level)
+        elif name == "name" and not (isinstance(value, str) and value):
+            raise InvalidInputError(f"{type(self).__name__}, name: expected a word, got {value!r}")
         elif name in _LAWS and not isinstance(value, _LAWS[name]):
             wanted = _LAWS[name].__name__
             raise InvalidInputError(f"{self}, {name}: expected {wanted}, got {shown(value)}")
