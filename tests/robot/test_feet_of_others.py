@@ -256,6 +256,38 @@ def test_ankles_above_the_feet_of_four_legs_make_no_two_of_them(tmp_path: Path) 
     }  # fmt: skip
 
 
+def test_legs_that_stick_out_do_not_turn_the_robot_over(tmp_path: Path) -> None:
+    """As an ant's: at zero angles feet are level with the base, whose mass hangs a little lower."""
+    belly = INERTIAL.replace("<mass", '<origin xyz="0 0 -.03"/><mass').format(8)
+    parts = [f'<link name="trunk">{belly}</link>']
+    for corner, x, y in (("FL", 1, 1), ("FR", 1, -1), ("RL", -1, 1), ("RR", -1, -1)):
+        end = f'<collision><origin xyz="{0.3 * x} {0.3 * y} 0"/><geometry><sphere radius=".02"/>'
+        down = LIMIT.replace("-1.5", ".5")
+        parts += [
+            link(f"{corner}_hip", "", 0.1),
+            link(f"{corner}_foot", f"{end}</geometry></collision>", 0.1),
+            joint(f"{corner}_h", "trunk", f"{corner}_hip", "0 0 1", f"{0.2 * x} {0.2 * y} 0"),
+            joint(
+                f"{corner}_k",
+                f"{corner}_hip",
+                f"{corner}_foot",
+                f"{-y} {x} 0",
+                f"{0.2 * x} {0.2 * y} 0",
+            ).replace(LIMIT, down),
+        ]
+    path = tmp_path / "ant.urdf"
+    path.write_text(f'<robot name="ant">{"".join(parts)}</robot>')
+    robot = Robot.load(path)
+    assert not any("points up" in note for note in robot.notes)
+    assert {name: foot.link for name, foot in robot.feet.items()} == {
+        "front_left": "FL_foot", "front_right": "FR_foot",
+        "hind_left": "RL_foot", "hind_right": "RR_foot",
+    }  # fmt: skip
+    q = robot.posture("standing")
+    np.testing.assert_array_equal(q[3:7], [0.0, 0.0, 0.0, 1.0])
+    assert q[2] > 0.1
+
+
 BALL = '<collision><origin xyz="0 0 -.2"/><geometry><sphere radius=".02"/></geometry></collision>'
 
 

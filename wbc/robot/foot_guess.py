@@ -81,6 +81,8 @@ def upright(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> tuple
     down, below = _mean(places.values()), _mean(places.values()) - data.oMi[1].actInv(data.com[0])
     if np.linalg.norm(down) < BELOW_BASE or down @ below < 0.0:
         down = below  # the base's origin is on the ground, between the feet or below them
+    if np.linalg.norm(down) < BELOW_BASE:
+        return q, ""  # legs that stick out, as an ant's, say nothing
     up, left = _axis_along(-down), _axis_along(_mean(lefts) - _mean(rights))
     if up is None:
         up = np.array([0.0, 0.0, 1.0])
