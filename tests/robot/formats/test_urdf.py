@@ -258,6 +258,29 @@ def test_unsupported_urdfs_are_refused_by_name_and_print_nothing(
     assert capfd.readouterr() == ("", "")
 
 
+def test_prefixes_that_a_file_does_not_declare_are_no_matter(tmp_path: Path) -> None:
+    """As of cameras in files for old versions of Gazebo: URDF knows no prefixes."""
+    gazebo = '<gazebo><sensor:camera name="c"><controller:x/></sensor:camera></gazebo>'
+    path = two_links(tmp_path)
+    plain = Robot.load(path)
+    path.write_text(path.read_text().replace("</robot>", gazebo + "</robot>"))
+    assert Robot.load(path).notes == plain.notes
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<!DOCTYPE html>\n<html><body>a robot<br></body></html>", "web page; download the file"),
+        ("robot: g1\n", "is it a robot"),
+        ("<robot><link></robot>", "line 1, column 15; mend the file there"),
+    ],
+)
+def test_what_is_no_xml_is_told_as_what_it_is(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(text)
+    assert words in refusal(path)
+
+
 def test_broken_files_are_refused_by_line(tmp_path: Path) -> None:
     path = tmp_path / "toy.urdf"
     path.write_text('<robot name="toy">\n<link name="a">\n</robot>')

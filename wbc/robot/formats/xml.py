@@ -18,6 +18,7 @@ LARGEST = 1e9  # of a length [m], mass [kg] or inertia [kg m^2]: larger products
 LARGEST_GEAR = 1e3  # of a ratio of joints, or of an offset [rad or m]: beyond, no joint follows
 LFS = b"version https://git-lfs"
 _EQUALS = re.compile(rb"=\s*[\"']")
+_PREFIX, _DECLARED = re.compile(rb"<([A-Za-z]\w*):\w"), re.compile(rb"xmlns:(\w+)\s*=")
 _NOT_FINITE = {"nan", "inf", "infinity"}
 
 
@@ -58,15 +59,34 @@ def parsed(data: bytes, path: Path) -> ET.Element:
         raise ModelError(f"{path}: a Git LFS pointer, not the file itself; git lfs pull")
     try:
         _check_attributes(data, path)
-        root = ET.fromstring(data)
+        root = ET.fromstring(_with_prefixes(data))
     except ET.ParseError as error:
-        xacro = "unbound prefix" in str(error) and b"<xacro:" in data
-        mend = "expand its xacro first" if xacro else "mend the file there"
-        raise ModelError(f"{path}: not valid XML: {error}; {mend}") from error
+        raise ModelError(f"{path}: not valid XML: {error}; {_remedy(data, error)}") from error
     except (ValueError, LookupError) as error:  # also of encodings that do not exist
         raise ModelError(f"{path}: cannot be read: {error}") from error
     _check_size(root, path)
     return root
+
+
+def _with_prefixes(data: bytes) -> bytes:
+    """Declare prefixes that a URDF does not, such as Gazebo's <sensor:camera>."""
+    used = {*_PREFIX.findall(data)} - {*_DECLARED.findall(data), b"xacro"}
+    if len(used) > MOST_ATTRIBUTES:
+        return data
+    spaces = b"".join(b' xmlns:%s="%s"' % (prefix, prefix) for prefix in sorted(used))
+    return re.sub(rb"<robot(?=\s)", b"<robot" + spaces, data, count=1)
+
+
+def _remedy(data: bytes, error: ET.ParseError) -> str:
+    """Return what to do about text that is no XML, in words."""
+    begins = data.removeprefix(b"\xef\xbb\xbf").lstrip()[:100].lower()
+    if b"<!doctype html" in begins or begins.startswith(b"<html"):
+        return "it is a web page; download the file itself (raw)"
+    if not begins.startswith(b"<"):
+        return "is it a robot (URDF or MJCF)?"
+    if "unbound prefix" in str(error) and b"<xacro:" in data:
+        return "expand its xacro first"
+    return "mend the file there"
 
 
 def _check_attributes(data: bytes, path: Path) -> None:
