@@ -101,6 +101,12 @@ def test_constraints_that_are_switched_off_do_not_act() -> None:
     off = '<option><flag actuation="disable"/></option>'
     robot, _ = load(text(arm(), head=off, tail='<actuator><motor joint="j1"/></actuator>'))
     assert any("switches all motors off; here they act" in note for note in robot.notes)
+    off = '<option><flag clampctrl="disable"/></option>'
+    for limits, bound in (("-3 2", 2.0), ("0 0", np.inf)):
+        motors = f'<actuator><motor joint="j1" ctrlrange="{limits}"/></actuator>'
+        robot, _ = load(text(arm(), head=off, tail=motors))
+        said = any("switches limits of controls off" in note for note in robot.notes)
+        assert robot.limits.effort[0] == bound and said is bool(bound < np.inf)
 
 
 def test_weight_that_is_added_counts_where_mujoco_adds_it() -> None:

@@ -267,6 +267,12 @@ def test_prefixes_that_a_file_does_not_declare_are_no_matter(tmp_path: Path) -> 
     assert Robot.load(path).notes == plain.notes
 
 
+def test_lines_before_the_declaration_are_no_matter(tmp_path: Path) -> None:
+    path = two_links(tmp_path)
+    path.write_text(f'\n  <?xml version="1.0"?>\n{path.read_text()}')
+    assert Robot.load(path).nv == 7
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

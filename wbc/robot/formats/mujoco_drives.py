@@ -213,6 +213,8 @@ def _switches(mujoco: Any, model: Any, part: RobotPart) -> list[str]:
     bits, disabled, found = mujoco.mjtDisableBit, int(model.opt.disableflags), list[str]()
     if disabled & int(bits.mjDSBL_ACTUATION) and model.nu:
         found.append("the file switches all motors off; here they act")
+    if disabled & int(bits.mjDSBL_CLAMPCTRL) and any(model.actuator_ctrllimited):
+        found.append("the file switches limits of controls off; here they bound efforts")
     no_limits = int(bits.mjDSBL_LIMIT) | int(bits.mjDSBL_CONSTRAINT)
     if disabled & no_limits and any(model.jnt_limited[joint] for joint in part.joints):
         found.append("the file switches limits of joints off; here its ranges are kept")

@@ -140,7 +140,7 @@ def _roots(mujoco: Any, model: Any, names: Names, tops: list[int], path: Path) -
         named = listed([repr(names.bodies[body]) for body in found or tops])
         raise ModelError(
             f"{path}: the world holds {len(tops)} bodies, and {named} may be the robot's root;"
-            " remove the others"
+            " remove the others, or put them in one body, the trunk, if they are limbs of one robot"
         )
     return found
 

@@ -59,7 +59,8 @@ def parsed(data: bytes, path: Path) -> ET.Element:
         raise ModelError(f"{path}: a Git LFS pointer, not the file itself; git lfs pull")
     try:
         _check_attributes(data, path)
-        root = ET.fromstring(_with_prefixes(data))
+        bare = data.lstrip()  # no space may precede a declaration
+        root = ET.fromstring(_with_prefixes(bare if bare.startswith(b"<?xml") else data))
     except ET.ParseError as error:
         raise ModelError(f"{path}: not valid XML: {error}; {_remedy(data, error)}") from error
     except (ValueError, LookupError) as error:  # also of encodings that do not exist
