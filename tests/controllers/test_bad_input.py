@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from wbc import (
+    AxisTask,
     BrakingParameters,
     ComSupport,
     ComTask,
@@ -18,6 +19,7 @@ from wbc import (
     DampingTask,
     DistanceTask,
     FrictionCone,
+    InertiaTask,
     KinematicController,
     Limits,
     LoadShareTask,
@@ -125,6 +127,7 @@ def test_what_is_worked_in_is_not_assigned_in_vain() -> None:
         (over, ("margin",), "make another ComSupport"),
         (over, ("corners",), r"call set_polygon\(\)"),
         (CALM, ("robot", "rows"), "make another task"),
+        (InertiaTask(ROBOT, START.inertia), ("per_mass",), "make another task"),
     ):
         for name in names:
             with pytest.raises(WbcError, match=f"{name} cannot be assigned; {remedy}"):
@@ -148,6 +151,13 @@ def test_what_is_assigned_is_checked_as_what_is_given() -> None:
         (calm, "name", 3, "name: expected a word"),
         (SelfCollision(ROBOT), "braking", "bounded", "braking: expected a BrakingParameters"),
         (PositionBox.height(ROBOT, 0.1), "braking", None, "braking: expected a BrakingParameters"),
+        (SelfCollision(ROBOT), "count", -1, "pairs: must be at least 1"),
+        (SelfCollision(ROBOT), "count", "x", "pairs: expected a number"),
+        (SelfCollision(ROBOT), "robot", ROBOT, "robot cannot be assigned"),
+        (SelfCollision(ROBOT), "name", ["x"], "name: expected"),
+        (AxisTask(ROBOT, "base", [0, 0, 1]), "axis", [0, 0, 0], "axis: a direction needs"),
+        (InertiaTask(ROBOT, START.inertia), "second_order", 2, "second_order: expected"),
+        (support(START, "double")[0], "frame", None, "frame: expected its name, got None"),
     )
     for one, name, value, words in assigned:
         before = getattr(one, name)

@@ -119,3 +119,14 @@ def test_braking_that_is_assigned_counts_in_the_next_tick(hoap2: Robot) -> None:
     apart.braking = gently
     np.testing.assert_allclose(changed.step(start).velocity, wanted.velocity, atol=1e-6)
     assert np.abs(before.velocity - wanted.velocity).max() > 0.1
+
+
+def test_an_axis_that_is_assigned_is_the_one_that_is_given() -> None:
+    """Of any length, as where the task is made."""
+    robot = Robot.load("hoap2_like")
+    start = robot.snapshot(robot.posture("standing"))
+    given = wbc.AxisTask(robot, "head", [0.0, 0.1, 1.0], axis=[0.0, 0.3, 2.0])
+    assigned = wbc.AxisTask(robot, "head", [0.0, 0.1, 1.0])
+    assigned.axis = [0.0, 0.3, 2.0]
+    for one, other in zip(assigned.residual(start)[:3], given.residual(start)[:3], strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,12 @@ class BodyMargin(Margin):
         limits: Limits | None,
     ) -> None:
         super().__init__(robot, name, braking, limits)
-        self.count = int(finite_number(f"{name}, pairs", pairs, least=1.0))
+        self.count = pairs
+
+    def _set_attribute(self, name: str, value: Any) -> None:
+        if name == "count":  # the core makes room for so many
+            value = int(finite_number(f"{self.name}, pairs", value, least=1.0))
+        super()._set_attribute(name, value)
 
     @abstractmethod
     def kept(self) -> Array:

@@ -30,7 +30,7 @@ from wbc.attributes import DeclaredAttributes
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint, Distances, Index, SeparatedPairs, SymbolicRows
 from wbc.errors import InvalidInputError
-from wbc.kinds import check_kind
+from wbc.kinds import check_kind, check_word
 from wbc.laws import Rows
 from wbc.native import doubles, ffi, lib, pointer
 from wbc.robot import Robot, Snapshot
@@ -113,6 +113,10 @@ class Margin(DeclaredAttributes, Constraint):
     def _set_attribute(self, name: str, value: Any) -> None:
         if name == "braking":
             check_kind(f"{self.name}, braking", value, BrakingParameters)
+        elif name == "name":
+            check_word(f"{type(self).__name__}, name", value)
+        elif name == "robot" and name in self.__dict__ and not self._takes_any:
+            raise InvalidInputError(f"{self!r}: robot cannot be assigned; make another")
         super()._set_attribute(name, value)
 
     @abstractmethod

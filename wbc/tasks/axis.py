@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.attributes import ArrayAttribute
 from wbc.errors import InvalidInputError
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot
@@ -28,7 +29,7 @@ class AxisTask(CoreTask):
     """
 
     frame: str
-    axis: Array  # unit, (3,), in the frame's axes
+    axis: ArrayAttribute  # unit, (3,), in the frame's axes
     _bias: Array  # minus the target's rate and acceleration
     _drift: Array
 
@@ -45,8 +46,13 @@ class AxisTask(CoreTask):
         super().__init__(robot, f"{frame} axis" if name is None else name, AXES, **law)
         robot.frame_id(frame)
         self.frame = frame
-        self.axis = self._unit(axis, "axis")
+        self.axis = axis
         self.set_target(target)
+
+    def _set_attribute(self, name: str, value: Any) -> None:
+        if name == "axis":
+            value = read_only(self._unit(value, "axis"))
+        super()._set_attribute(name, value)
 
     def set_target(
         self,

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from wbc.errors import InvalidInputError, shown
 from wbc.laws import Residual
 from wbc.native import doubles, ffi, lib, pointer
 from wbc.native.rows import NativeRows, frames_of
@@ -31,6 +32,11 @@ class CoreTask(Task):
     A kind derived from one may define :meth:`residual` and :meth:`drift` anew; it is asked in each
     tick then.
     """
+
+    def _set_attribute(self, name: str, value: Any) -> None:
+        if name == "frame" and not isinstance(value, str):  # None would be rows of no frame
+            raise InvalidInputError(f"{self}, frame: expected its name, got {shown(value)}")
+        super()._set_attribute(name, value)
 
     @abstractmethod
     def native(self) -> tuple[NativeRows, ...]:

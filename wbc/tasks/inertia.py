@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -83,6 +83,8 @@ class InertiaTask(Task):
     per_mass: bool
     second_order: bool
 
+    _fixed = Task._fixed | {"per_mass": "make another task"}
+
     def __init__(
         self,
         robot: Robot,
@@ -98,7 +100,7 @@ class InertiaTask(Task):
     ) -> None:
         components = names_of("inertia task, components", components)
         super().__init__(robot, name, components, **law)
-        self.second_order = switch(f"{self}, second_order", second_order)
+        self.second_order = second_order
         if not isinstance(frame, str) or frame != WORLD:
             robot.frame_id(frame)
         self.frame = frame
@@ -114,6 +116,13 @@ class InertiaTask(Task):
         for row, wanted in zip(components, self._wanted.tolist(), strict=True):
             if wanted < 0.0 and row not in DOUBLED:
                 raise InvalidInputError(f"{self}, target: {row} is negative, which no inertia is")
+
+    def _set_attribute(self, name: str, value: Any) -> None:
+        if name == "second_order":
+            value = switch(f"{self}, second_order", value)
+        elif name == "about":
+            value = self._point(value)
+        super()._set_attribute(name, value)
 
     @property
     def selection(self) -> Array:

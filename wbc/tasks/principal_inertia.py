@@ -42,6 +42,8 @@ class PrincipalInertiaTask(Task):
 
     per_mass: bool
 
+    _fixed = Task._fixed | {"per_mass": "make another task"}
+
     def __init__(
         self,
         robot: Robot,
