@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 from qpbench.page import put_section
-from typer.testing import CliRunner
 
-from wbc.cli import app
+from tests.command import wbc_command
 from wbc.cli.outputs import Outputs
 from wbc.files import write_text, write_whole
 from wbc.journal import Journal, JournalError
@@ -117,7 +116,7 @@ def test_a_result_that_can_be_written_nowhere_is_told_in_one_line(
 
 
 def command(*arguments: object) -> tuple[int, str]:
-    done = CliRunner().invoke(app, [str(one) for one in arguments])
+    done = wbc_command(*arguments)
     assert done.exception is None or isinstance(done.exception, SystemExit)
     return done.exit_code, done.stderr
 

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 import wbc.cli.analyze as command_module
-from wbc.cli import app
+from tests.command import wbc_command
 from wbc.cli.analyze_report import verdict
 from wbc.cli.sim_report import _cop
 from wbc.motion import Motion, read_motion
@@ -34,7 +34,7 @@ def walk(tmp_path: Path) -> Path:
 
 
 def command(*arguments: object) -> Result:
-    return CliRunner().invoke(app, ["analyze", *map(str, arguments), "--robot", "hoap2_like"])
+    return wbc_command("analyze", *arguments, "--robot", "hoap2_like")
 
 
 def test_a_good_run(walk: Path, tmp_path: Path) -> None:

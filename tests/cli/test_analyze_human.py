@@ -4,17 +4,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
+from tests.command import wbc_command
 from tests.human.walker import recorded, write_trc
-from wbc.cli import app
 from wbc.human.body import HumanBody
 
 BODY = HumanBody.of(1.76, 72.0, "male")
 
 
 def command(*arguments: object) -> Result:
-    return CliRunner().invoke(app, ["analyze", *map(str, arguments)])
+    return wbc_command("analyze", *arguments)
 
 
 def write_mot(path: Path, seconds: float) -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 import typer
-from typer.testing import CliRunner, Result
 
 import wbc
+from tests.command import wbc_command
 from tests.failing_ticks import let_ticks_fail
 from wbc.cli import app, progress
 from wbc.errors import ModelError
@@ -34,10 +34,6 @@ def file(tmp_path: Path) -> Path:
     path = tmp_path / "p.yaml"
     path.write_text(GOOD)
     return path
-
-
-def wbc_command(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def refused(*arguments: object) -> str:

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import IO
 
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 from tests.batch.conftest import CAMPAIGN
+from tests.command import wbc_command
 from tests.texts import CHEAP
 from wbc.batch import BatchProgress, read_rows
-from wbc.cli import app
 from wbc.cli import batch as command
 from wbc.cli.progress import batch_state
 from wbc.files import write_whole
@@ -22,7 +22,7 @@ def run(folder: Path, *options: object, text: str = CAMPAIGN) -> Result:
     (folder / "stand.yaml").write_text(CHEAP)
     path = folder / "campaign.yaml"
     path.write_text(text)
-    return CliRunner().invoke(app, ["batch", str(path), *map(str, options)])
+    return wbc_command("batch", path, *options)
 
 
 @pytest.mark.slow

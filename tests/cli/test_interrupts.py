@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
-from wbc.cli import app
+from tests.command import wbc_command
 from wbc.cli.interrupts import noted_interrupts
 from wbc.controllers import Controller
 from wbc.rmp.balance.momentum_qp import MomentumQp
@@ -42,7 +42,7 @@ def handlers_are_put_back() -> Iterator[None]:
 def run(folder: Path, text: str, *options: object) -> Result:
     path = folder / "long.yaml"
     path.write_text(text)
-    return CliRunner().invoke(app, ["run", str(path), *map(str, options)])
+    return wbc_command("run", path, *options)
 
 
 def signalling(

@@ -8,23 +8,18 @@ import sys
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
-from wbc.cli import app
+from tests.command import wbc_command
 from wbc.problem import load_problem
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
-
-
-def command(*arguments: object, stdin: str | None = None) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments], input=stdin)
 
 
 @pytest.mark.parametrize("robot", ["hoap2_like", "g1", "mixed_joints"])
 def test_the_file_to_begin_with_runs(robot: str, tmp_path: Path) -> None:
     path = tmp_path / "begin.yaml"
     model = Path(__file__).parents[1] / "models" / "mixed_joints.urdf"
-    answer = command("init", path, "--robot", model if robot == "mixed_joints" else robot)
+    answer = wbc_command("init", path, "--robot", model if robot == "mixed_joints" else robot)
     assert answer.exit_code == 0, answer.stderr
     assert f"wbc run {path}" in answer.stdout
     result = load_problem(path).run()
@@ -32,7 +27,7 @@ def test_the_file_to_begin_with_runs(robot: str, tmp_path: Path) -> None:
 
 
 def test_what_is_commented_out_is_valid_too(tmp_path: Path) -> None:
-    text = command("init", "-").stdout
+    text = wbc_command("init", "-").stdout
     text = re.sub(r"# (hand:|  {type: frame)", r"\1", text).replace("FRAME", "left_hand")
     text = re.sub(r"constraints: {}\n  # (.*)\n  # (.*)\n", r"constraints:\n  \1\n  \2\n", text)
     path = tmp_path / "all.yaml"
@@ -42,34 +37,34 @@ def test_what_is_commented_out_is_valid_too(tmp_path: Path) -> None:
 
 
 def test_the_schema_lies_beside_the_file_and_is_named_in_its_first_line(tmp_path: Path) -> None:
-    command("init", tmp_path / "p.yaml")
+    wbc_command("init", tmp_path / "p.yaml")
     first = (tmp_path / "p.yaml").read_text().splitlines()[0]
     name = first.removeprefix("# yaml-language-server: $schema=")
     schema = json.loads((tmp_path / name).read_text())
-    assert schema == json.loads(command("schema").stdout)
+    assert schema == json.loads(wbc_command("schema").stdout)
     assert schema["$id"] == "urn:wbc:schema:problem:1"
 
 
 def test_no_file_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "p.yaml"
     path.write_text("mine")
-    answer = command("init", path)
+    answer = wbc_command("init", path)
     assert (answer.exit_code, path.read_text()) == (1, "mine")
     assert "is there already" in answer.stderr
     assert not list(tmp_path.glob("*.json"))
-    assert "there is no folder" in command("init", tmp_path / "no" / "p.yaml").stderr
+    assert "there is no folder" in wbc_command("init", tmp_path / "no" / "p.yaml").stderr
 
 
 def test_check_names_every_mistake_and_runs_nothing(tmp_path: Path) -> None:
     good, bad = PROBLEMS / "shape_standing_g1.yaml", tmp_path / "bad.yaml"
     bad.write_text("robot: hoap2_like\nsupport: double\ntasks:\n  c: {type: cm}\n")
-    answer = command("check", bad, good, PROBLEMS / "rmp_spin.yaml", PROBLEMS / "plan_hop.yaml")
+    answer = wbc_command("check", bad, good, PROBLEMS / "rmp_spin.yaml", PROBLEMS / "plan_hop.yaml")
     assert answer.exit_code == 1
     assert f"{bad}:4: tasks.c.type: 'cm' does not exist" in answer.stderr
     robot, law, plan = answer.stdout.splitlines()
     assert robot == f"{good}: valid: g1, 4 tasks, 2 contacts"
     assert ("law spin" in law, "a plan" in plan) == (True, True)
-    answer = command("check", good, "-q", "--set", "tasks.com.weight=-1")
+    answer = wbc_command("check", good, "-q", "--set", "tasks.com.weight=-1")
     assert (answer.exit_code, answer.stdout) == (1, "")
     assert "tasks.com.weight" in answer.stderr
 
@@ -78,14 +73,14 @@ def test_stdin_is_a_problem_file(tmp_path: Path) -> None:
     text = (PROBLEMS / "shape_standing_g1.yaml").read_text()
     short = ("--set", "stop.duration=0.02", "--set", "tasks.shape.ramp=null", "-q")
     files = [tmp_path / name for name in ("a.json", "a.npz")]
-    answer = command("run", "-", *short, "-o", files[0], "-o", files[1], stdin=text)
+    answer = wbc_command("run", "-", *short, "-o", files[0], "-o", files[1], stdin=text)
     assert answer.exit_code == 0, answer.stderr
     summary = json.loads(files[0].read_text())
     assert summary["problem"]["text"] == text
     assert all(file.is_file() for file in files)
-    answer = command("check", "-", stdin="tasks: {}\n")
+    answer = wbc_command("check", "-", stdin="tasks: {}\n")
     assert "error: " in answer.stderr and "<stdin>" in answer.stderr
-    assert "expected keys" in command("check", "-", stdin="[1]").stderr
+    assert "expected keys" in wbc_command("check", "-", stdin="[1]").stderr
 
 
 @pytest.mark.slow
@@ -117,4 +112,4 @@ def test_what_tab_offers(words: str, offered: list[str]) -> None:
 
 def test_help_is_short_too() -> None:
     for arguments in (["-h"], ["run", "-h"], ["robots", "-h"]):
-        assert "Usage" in command(*arguments).stdout
+        assert "Usage" in wbc_command(*arguments).stdout

@@ -5,10 +5,10 @@ import signal
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
+from tests.command import wbc_command
 from tests.texts import STAND
-from wbc.cli import app
 from wbc.cli.push import ratios_of
 from wbc.errors import InvalidInputError
 from wbc.problem.pushing import PushedProblem
@@ -21,7 +21,7 @@ GRID = ("--directions", 2, "--ratios", "0.4,3.0", "--workers", 1)
 def run(folder: Path, *options: object, text: str = PUSHED) -> Result:
     path = folder / "stand.yaml"
     path.write_text(text)
-    return CliRunner().invoke(app, ["push", str(path), *map(str, options)])
+    return wbc_command("push", path, *options)
 
 
 @pytest.mark.parametrize(

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
+from tests.command import wbc_command
 from tests.texts import STAND
-from wbc.cli import app
 from wbc.problem import load_problem
 from wbc.view.options import View
 
@@ -39,7 +39,7 @@ def films(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
 
 
 def render(*arguments: object) -> Result:
-    return CliRunner().invoke(app, ["render", *map(str, arguments)])
+    return wbc_command("render", *arguments)
 
 
 def test_of_a_result_and_of_a_problem(file: Path, films: list[dict[str, Any]]) -> None:
@@ -99,7 +99,7 @@ def test_the_summary_of_a_result_is_told_from_a_problem(file: Path, verb: str) -
     load_problem(file).run().save(summary)
     ending = {"render": ".gif", "report": ".html", "export": ".mcap", "run": ".npz"}.get(verb)
     output = ("-o", str(file.with_suffix(ending))) if ending else ()
-    answer = CliRunner().invoke(app, [verb, str(summary), *output])
+    answer = wbc_command(verb, summary, *output)
     assert answer.exit_code == 1
     said = answer.stderr
     assert said.count("\n") == 1

@@ -5,12 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import wbc.cli.retarget as command
+from tests.command import wbc_command
 from tests.human.walker import recorded, write_trc
 from tests.retargeting.humans import crouching
-from wbc.cli import app
 from wbc.cli.analyze_human import HumanOptions
 from wbc.human import human_motion
 from wbc.human.body import HumanBody
@@ -48,7 +47,7 @@ def walk(tmp_path: Path) -> Path:
 )
 def test_mistakes_are_named(walk: Path, options: list[str], said: str, monkeypatch) -> None:
     monkeypatch.chdir(walk.parent)
-    result = CliRunner().invoke(app, ["retarget", str(walk), "--robot", "hoap2_like", *options])
+    result = wbc_command("retarget", walk, "--robot", "hoap2_like", *options)
     assert result.exit_code in (1, 2)
     assert said in result.output
     assert not (walk.parent / "x.npz").exists()
@@ -57,16 +56,16 @@ def test_mistakes_are_named(walk: Path, options: list[str], said: str, monkeypat
 def test_a_file_says_what_options_do(walk: Path) -> None:
     path = walk.parent / "walk.yaml"
     path.write_text("motion: walk.trc\nrobot: hoap2_like\nrate: 40.0\nlinks: {trnk: torso}\n")
-    result = CliRunner().invoke(app, ["retarget", str(path)])
+    result = wbc_command("retarget", path)
     assert result.exit_code == 1 and "did you mean 'trunk'" in result.output
     # What the command line says goes before what the file says.
     options = ["--robot", "hoap2_lik", "--rate", "50"]
-    assert "hoap2_lik" in CliRunner().invoke(app, ["retarget", str(path), *options]).output
+    assert "hoap2_lik" in wbc_command("retarget", path, *options).output
     path.write_text("motion: walk.trc\nrobto: g1\n")
-    result = CliRunner().invoke(app, ["retarget", str(path)])
+    result = wbc_command("retarget", path)
     assert result.exit_code == 1 and "robto" in result.output and "robot" in result.output
     path.write_text("motion: walk.trc\nrobot: hoap2_like\nroll: 2.0\n")
-    result = CliRunner().invoke(app, ["retarget", str(path)])
+    result = wbc_command("retarget", path)
     assert result.exit_code == 1 and "walk.yaml:3" in result.output
 
 
@@ -75,7 +74,7 @@ def test_files_of_all_layouts_and_what_came_of_it(walk: Path, monkeypatch) -> No
     monkeypatch.chdir(walk.parent)
     files = ["m.npz", "m.csv", "m.mcap"]
     options = [word for file in files for word in ("-o", file)]
-    found = CliRunner().invoke(app, ["retarget", str(walk), "--robot", "hoap2_like", *options])
+    found = wbc_command("retarget", walk, "--robot", "hoap2_like", *options)
     assert found.exit_code == 0, found.output
     for said in ("scale", "left foot", "angular momentum: correlation", "slide by"):
         assert said in found.output
@@ -90,13 +89,13 @@ def test_a_standing_motion_is_a_problem_that_is_simulated(tmp_path: Path, monkey
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(HumanOptions, "motion", lambda *given, **how: crouching(1.2))
     options = ["--robot", "hoap2_like", "--rate", "40", "-o", "m.npz", "--problem", "m.yaml", "-q"]
-    found = CliRunner().invoke(app, ["retarget", "any.trc", *options])
+    found = wbc_command("retarget", "any.trc", *options)
     assert found.exit_code == 0, found.output
     Path("m.yaml").write_text(
         Path("m.yaml")
         .read_text()
         .replace("&motion {motion: m.npz", "&motion {motion: m.npz, slower: 1.5")
     )
-    shown = CliRunner().invoke(app, ["sim", "m.yaml", "-o", "run.json"])
+    shown = wbc_command("sim", "m.yaml", "-o", "run.json")
     assert shown.exit_code == 0, shown.output
     assert "rms of its peak" in shown.output and "joints" in shown.output

@@ -3,19 +3,14 @@
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
-from wbc.cli import app
+from tests.command import wbc_command
 from wbc.robot import Robot
-
-
-def command(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def test_joints_have_limits_and_masses_and_the_masses_add_up() -> None:
     robot = Robot.load("hoap2_like")
-    text = command("robots", "hoap2_like").stdout
+    text = wbc_command("robots", "hoap2_like").stdout
     table, _, _ = text.partition("missing limits")
     rows = {line.split()[0]: line.split()[1:] for line in table.splitlines() if line.strip()}
     elbow = robot.joint_names.index("left_elbow_pitch")
@@ -40,7 +35,7 @@ def test_missing_limits_are_said(tmp_path: Path) -> None:
         '<parent link="arm_link0"/><child link="upper"/><axis xyz="0 1 0"/>'
         '<limit lower="-1" upper="1" effort="0" velocity="0"/></joint></robot>'
     )
-    answer = command("robots", path)
+    answer = wbc_command("robots", path)
     assert "missing limits: velocity (j); effort (j)" in answer.stdout
     assert "note: arm: joints without a limit: velocity (j); effort (j)" in answer.stderr
     row = next(line for line in answer.stdout.splitlines() if line.startswith("j "))
@@ -63,7 +58,7 @@ def test_joints_that_follow_others_are_named(tmp_path: Path) -> None:
     path = tmp_path / "hand.urdf"
     joints = joint.format("thumb", "") + joint.format("finger", mimic)
     path.write_text(f'<robot name="hand">{links}{joints}</robot>')
-    assert "finger follows: -0.5 thumb +0.1\n" in command("robots", path).stdout
+    assert "finger follows: -0.5 thumb +0.1\n" in wbc_command("robots", path).stdout
 
 
 def test_tab_offers_what_begins_so() -> None:

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
+from tests.command import wbc_command
 from tests.texts import STAND
-from wbc.cli import app
 from wbc.cli.sim_report import _tracking
 from wbc.controllers.closed_loop import LoopTick
 from wbc.problem import History
@@ -33,15 +32,11 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def command(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
 @pytest.mark.slow
 def test_it_stands_and_writes_what_others_read(file: Path, tmp_path: Path) -> None:
     npz, summary, table = (tmp_path / f"push.{end}" for end in ("npz", "json", "csv"))
     picture = tmp_path / "push.png"
-    done = command("sim", file, "-o", npz, "-o", summary, "-o", table, "--plot", picture)
+    done = wbc_command("sim", file, "-o", npz, "-o", summary, "-o", table, "--plot", picture)
     assert done.exit_code == 0, done.output
     assert done.stdout.startswith("stood: stood for 0.300 s (150 ticks)")
     for words in ("push", "N s on base from 0.1 s for 0.1 s", "gave way", "CoP", "trunk", "torque"):
@@ -53,14 +48,14 @@ def test_it_stands_and_writes_what_others_read(file: Path, tmp_path: Path) -> No
     assert arrays["torque"].shape == (151, len(arrays["joint_names"]))
     assert len(table.read_text().splitlines()) == 152
     for recording in (npz, table):
-        again = command("analyze", recording, "--robot", "hoap2_like")
+        again = wbc_command("analyze", recording, "--robot", "hoap2_like")
         assert again.exit_code == 0, again.output
         assert "CoP inside the support" in again.stdout
 
 
 def test_known_forces_and_lost_frames_are_said(file: Path) -> None:
     wrench = "{frame: base, force: [0, 5, 0], at: 0.1, duration: 0.05, told: false}"
-    done = command(
+    done = wbc_command(
         *("sim", file, "--set", "simulation.duration=0.2", "--set", "simulation.pushes=[]"),
         *("--set", f"simulation.wrenches=[{wrench}]"),
         *("--set", "simulation.sensors={dropout: 0.2, seed: 1}"),
@@ -74,14 +69,14 @@ def test_known_forces_and_lost_frames_are_said(file: Path) -> None:
 
 def test_a_fall_is_exit_code_three(file: Path) -> None:
     strong = "simulation.pushes[0].impulse_ratio=4", "simulation.duration=2"
-    done = command("sim", file, "--set", strong[0], "--set", strong[1])
+    done = wbc_command("sim", file, "--set", strong[0], "--set", strong[1])
     assert done.exit_code == 3, done.output
     assert done.stdout.startswith("fell: fell at t = ")
     assert "of the ticks: " in done.stdout
 
 
 def test_quiet_says_nothing(file: Path) -> None:
-    done = command("sim", file, "--quiet", "--set", "simulation.duration=0.15")
+    done = wbc_command("sim", file, "--quiet", "--set", "simulation.duration=0.15")
     assert (done.exit_code, done.output) == (0, "")
 
 
@@ -95,7 +90,7 @@ def test_quiet_says_nothing(file: Path) -> None:
     ],
 )
 def test_bad_input_is_exit_code_one(file: Path, arguments: tuple[str, ...], words: str) -> None:
-    done = command(arguments[0], file, *arguments[1:])
+    done = wbc_command(arguments[0], file, *arguments[1:])
     assert done.exit_code == 1
     assert words in done.stderr
     assert "Traceback" not in done.output
@@ -125,7 +120,7 @@ def test_it_can_be_watched(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("wbc.view.live.watching.Watching", Watching)
     sloped = "simulation.terrain={slope: [0.05, 0]}"
-    done = command("sim", file, "--view", "--set", "simulation.duration=0.15", "--set", sloped)
+    done = wbc_command("sim", file, "--view", "--set", "simulation.duration=0.15", "--set", sloped)
     assert done.exit_code == 0, done.output
     assert (seen[0], *seen[-2:]) == (("push", (0.05, 0.0)), 75, "waited")
     assert seen[1:-2] == [round(0.002 * k, 6) for k in range(75)]

@@ -8,10 +8,9 @@ import time
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
+from tests.command import wbc_command
 from tests.needs import needs_compiler
-from wbc.cli import app
 from wbc.codegen import CodegenError, export_problem
 from wbc.errors import InvalidInputError
 from wbc.hardware.unitree import profile_named
@@ -110,7 +109,7 @@ def on_bus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     text = TORQUE.replace("hoap2_like", "g1").replace("frame: torso", "frame: torso_link")
     path = write(folder, text)
     exported = ["codegen", str(path), "-o", str(folder / "c"), "--ticks", "2"]
-    done = CliRunner().invoke(app, [*exported, "--robot", "unitree_g1"])
+    done = wbc_command(*exported, "--robot", "unitree_g1")
     assert done.exit_code == 0, done.output
     build(folder / "c" / "hardware", "loop")
     return folder / "c" / "hardware"
@@ -222,7 +221,7 @@ def test_ticks_that_need_python_are_left_out_and_said(tmp_path: Path) -> None:
     reason, left_out = next(iter(recording.left_out.items()))
     assert reason == "its QP has no solution: rows contradict each other"
     assert sum(recording.left_out.values()) + len(recording.ticks) == 50
-    done = CliRunner().invoke(app, ["codegen", str(path), "-o", str(tmp_path / "c")])
+    done = wbc_command("codegen", path, "-o", tmp_path / "c")
     assert f"note: in {left_out} ticks, left out, C gives no command: {reason}" in done.output
     write(tmp_path, TORQUE.replace("simulation: {duration: 0.2}", sensors % 10.0))
     with pytest.raises(CodegenError, match="in any tick of the run: its QP has no solution"):
@@ -232,7 +231,7 @@ def test_ticks_that_need_python_are_left_out_and_said(tmp_path: Path) -> None:
 def test_command_line(tmp_path: Path) -> None:
     path = write(tmp_path, VELOCITY.replace("solver: active_set", "solver: proxqp"))
     folder = tmp_path / "c"
-    done = CliRunner().invoke(app, ["codegen", str(path), "-o", str(folder), "--ticks", "3"])
+    done = wbc_command("codegen", path, "-o", folder, "--ticks", "3")
     assert done.exit_code == 0, done.output
     assert "not by proxqp" in done.output
     assert {"Makefile", "README.md", "main.c", "plan.c", "recording.txt"} < set(os.listdir(folder))
@@ -259,6 +258,6 @@ def test_command_line(tmp_path: Path) -> None:
     ],
 )
 def test_mistakes_on_the_command_line(arguments: list[str], said: str) -> None:
-    done = CliRunner().invoke(app, ["codegen", *arguments])
+    done = wbc_command("codegen", *arguments)
     assert done.exit_code == 1
     assert said in done.output

@@ -9,9 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from wbc.cli import app
+from tests.command import wbc_command
 from wbc.errors import WbcError
 from wbc.hardware import check, real_time
 from wbc.hardware.bus import Command, Reading
@@ -193,7 +192,7 @@ def told_by(
     """Return the exit code and words of the command, whose bus is this."""
     monkeypatch.setattr(Where, "open", lambda *given: bus)
     monkeypatch.setattr(Robot, "load", lambda name: g1)
-    found = CliRunner().invoke(app, ["hardware", "check", "g1", *words], input=typed)
+    found = wbc_command("hardware", "check", "g1", *words, stdin=typed)
     return found.exit_code, found.output
 
 

@@ -9,9 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from hardware_faults import CONTROLLER_FAULTS, DT, READING_FAULTS, HungWorker, Rig, after, soak
-from typer.testing import CliRunner
 
-from wbc.cli import app
+from tests.command import wbc_command
 from wbc.errors import InvalidInputError
 from wbc.hardware.operator import Keyboard, Script, Wish
 from wbc.hardware.real_time import CycleClock, check_cpus
@@ -225,7 +224,7 @@ def test_the_page_has_the_tables_of_the_code() -> None:
     ],
 )
 def test_where_logs_go_is_looked_at_before_it_matters(asked: tuple[str, str], told: str) -> None:
-    answer = CliRunner().invoke(app, ["hardware", "run", "nothing.yaml", *asked])
+    answer = wbc_command("hardware", "run", "nothing.yaml", *asked)
     assert (answer.exit_code, answer.stderr) == (1, f"error: {told}\n")
 
 
@@ -241,9 +240,7 @@ def test_what_no_real_robot_can_be_asked_is_refused_before_it_is_looked_for(
     problem: str, asked: tuple[str, ...], told: str, tmp_path: Path
 ) -> None:
     where = ("--interface", "eth0", "--log", str(tmp_path / "log.npz"))
-    answer = CliRunner().invoke(
-        app, ["hardware", "run", f"problems/{problem}.yaml", *where, *asked]
-    )
+    answer = wbc_command("hardware", "run", f"problems/{problem}.yaml", *where, *asked)
     assert answer.exit_code == 1 and told in answer.stderr
 
 

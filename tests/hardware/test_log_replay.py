@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 pytest.importorskip("mujoco")
 
-from wbc.cli.app import app
+from tests.command import wbc_command
 from wbc.errors import InvalidInputError
 from wbc.hardware.bus import Command, Reading
 from wbc.hardware.log_file import HardwareLog
@@ -82,7 +81,7 @@ def test_a_log_is_run_again_to_the_same_bits_and_a_changed_one_is_not(
 ) -> None:
     again = replay_log(log)
     assert again.same and again.compared > 0.9 * RUN / DT, str(again)
-    assert CliRunner().invoke(app, ["replay", str(log)]).exit_code == 0
+    assert wbc_command("replay", log).exit_code == 0
 
     def bumped(position: np.ndarray) -> np.ndarray:
         position[-100] = np.nextafter(position[-100], np.inf)
@@ -91,7 +90,7 @@ def test_a_log_is_run_again_to_the_same_bits_and_a_changed_one_is_not(
     other = changed(log, tmp_path / "other.npz", {"position": bumped})
     found = replay_log(other)
     assert not found.same and len(found.differences) <= 2 * 4 * 100
-    assert CliRunner().invoke(app, ["replay", str(other)]).exit_code == 3
+    assert wbc_command("replay", other).exit_code == 3
 
 
 @pytest.mark.slow
@@ -108,7 +107,7 @@ def test_a_log_opens_as_a_run(log: Path, tmp_path: Path) -> None:
     assert run.history.com[-1, 2] > 0.5
     assert set(run.history.phase) == {"standing up", "running"}
     for command, name in (("report", "log.html"), ("export", "log.mcap")):
-        told = CliRunner().invoke(app, [command, str(log), "-o", str(tmp_path / name)])
+        told = wbc_command(command, log, "-o", tmp_path / name)
         assert told.exit_code == 0, told.output
     page = (tmp_path / "log.html").read_text()
     assert "armed by hand" in page and "Normal force" not in page

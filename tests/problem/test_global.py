@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from typer.testing import CliRunner
 
+from tests.command import wbc_command
 from tests.failing_ticks import let_ticks_fail
 from tests.problem.loading import problem_of
-from wbc.cli import app, progress
+from wbc.cli import progress
 from wbc.cli.printing import search_rows
 from wbc.constraints import ComSupport, Limits
 from wbc.errors import WbcError
@@ -244,7 +244,7 @@ def test_without_a_posture_there_is_no_result(
     monkeypatch.setattr("wbc.shaping.evaluation.FOUND", narrow)
     with pytest.raises(NoPostureError, match=r"none of .* starts led to a posture that keeps"):
         one.run()
-    answer = CliRunner().invoke(app, ["run", one.source.name])
+    answer = wbc_command("run", one.source.name)
     assert answer.exit_code == 1
     assert "beyond its limit" in answer.stderr
 
@@ -285,9 +285,7 @@ def test_the_command_line_prints_the_search(
 ) -> None:
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", np.inf)  # however busy the machine is
     (tmp_path / "p.yaml").write_text(TEXT)
-    answer = CliRunner().invoke(
-        app, ["run", str(tmp_path / "p.yaml"), "-o", str(tmp_path / "r.json")]
-    )
+    answer = wbc_command("run", tmp_path / "p.yaml", "-o", tmp_path / "r.json")
     assert answer.exit_code == 0
     words = " ".join(answer.stdout.split())
     told = json.loads((tmp_path / "r.json").read_text())["shaping"]

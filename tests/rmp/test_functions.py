@@ -7,9 +7,8 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from wbc.cli import app
+from tests.command import wbc_command
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.rmp.functions import export_c
 from wbc.rmp.planar import PlanarRmp
@@ -56,9 +55,9 @@ def test_mistakes(tmp_path: Path) -> None:
 
 def test_command_line(tmp_path: Path) -> None:
     arguments = ["codegen", "planar", "--mass", "20", "-o", str(tmp_path), "--function", "bias"]
-    done = CliRunner().invoke(app, arguments)
+    done = wbc_command(*arguments)
     assert done.exit_code == 0, done.output
     assert "int bias(const" in (tmp_path / "planarrmp.c").read_text()
-    wrong = CliRunner().invoke(app, ["codegen", "planar", "--mass", "-1", "-o", str(tmp_path)])
+    wrong = wbc_command("codegen", "planar", "--mass", "-1", "-o", tmp_path)
     assert wrong.exit_code == 1
     assert "mass: must be greater than 0" in wrong.output

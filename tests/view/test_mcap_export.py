@@ -7,10 +7,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
-from typer.testing import CliRunner
 
+from tests.command import wbc_command
 from tests.texts import REACH, STAND
-from wbc.cli import app
 from wbc.errors import InvalidInputError, MissingPackageError
 from wbc.problem import Problem, load_problem
 from wbc.problem.saved import SavedRun
@@ -88,6 +87,6 @@ def test_what_cannot_be_exported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     with pytest.raises(MissingPackageError, match=r"pip install 'wbc\[mcap\]'"):
         mcap_format("a.mcap")
     monkeypatch.setattr("wbc.extras.find_spec", lambda name: object())
-    answer = CliRunner().invoke(app, ["export", str(PENDULUM), "-o", str(tmp_path / "a.mcap")])
+    answer = wbc_command("export", PENDULUM, "-o", tmp_path / "a.mcap")
     assert answer.exit_code == 1
     assert "a pendulum, which has no links" in answer.stderr

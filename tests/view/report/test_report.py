@@ -10,11 +10,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
-from typer.testing import CliRunner
 
+from tests.command import wbc_command
 from tests.needs import BROWSER, SOFTWARE, needs_browser
 from tests.texts import REACH
-from wbc.cli import app
 from wbc.errors import InvalidInputError
 from wbc.problem import load_problem
 from wbc.robot import Robot
@@ -173,7 +172,7 @@ def test_plots_know_where_time_runs(result: Result, page: str) -> None:
 def test_by_the_command_line(result: Result, tmp_path: Path) -> None:
     result.save(tmp_path / "r.npz")
     command = ["report", str(tmp_path / "r.npz"), "-o"]
-    answer = CliRunner().invoke(app, [*command, str(tmp_path / "r.html")])
+    answer = wbc_command(*command, tmp_path / "r.html")
     assert answer.exit_code == 0, answer.stderr
     assert answer.stdout.startswith(f"written  {tmp_path / 'r.html'} (0.")
     again = write_report(
@@ -181,7 +180,7 @@ def test_by_the_command_line(result: Result, tmp_path: Path) -> None:
         title=f"r: {result.status.value.replace('_', ' ')}",
     )  # fmt: skip
     assert again.read_bytes() == (tmp_path / "r.html").read_bytes()
-    refused = CliRunner().invoke(app, [*command, str(tmp_path / "r.pdf")])
+    refused = wbc_command(*command, tmp_path / "r.pdf")
     assert (refused.exit_code, "written as .html" in refused.stderr) == (1, True)
 
 
