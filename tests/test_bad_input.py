@@ -149,63 +149,57 @@ CASES: dict[str, tuple[Callable[[Robot], Any], str]] = {
 
 
 @pytest.mark.parametrize(("make", "told"), CASES.values(), ids=CASES)
-def test_mistakes_are_typed_and_named(make: Callable[[Robot], Any], told: str, robot_named) -> None:
+def test_mistakes_are_typed_and_named(make: Callable[[Robot], Any], told: str, hoap2) -> None:
     with pytest.raises(WbcError, match=told.replace("{", re.escape("{"))):
-        make(robot_named("hoap2_like"))
+        make(hoap2)
 
 
-def test_call_that_does_not_fit_is_pythons_error_and_names_what_is_amiss(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    foot = robot.foot("left").frame
+def test_call_that_does_not_fit_is_pythons_error_and_names_what_is_amiss(hoap2) -> None:
+    foot = hoap2.foot("left").frame
     for pose in (np.eye(4), pin.SE3.Identity()):
         for kind in (PoseTask, Contact):
             with pytest.raises(TypeError, match=rf"{kind.__name__}.*missing .* 'rotation'"):
-                kind(robot, foot, pose)
+                kind(hoap2, foot, pose)
     with pytest.raises(TypeError, match=r"PostureTask.*missing 2 .* 'robot' and 'target'"):
         PostureTask(weight=1e-3)
     with pytest.raises(TypeError, match=r"SelfCollision.*takes 2 positional arguments"):
-        SelfCollision(robot, 0.01)
+        SelfCollision(hoap2, 0.01)
     with pytest.raises(TypeError, match=r"Limits.*unexpected keyword argument 'margn'"):
-        Limits(robot, margn=0.1)
+        Limits(hoap2, margn=0.1)
     with pytest.raises(TypeError, match="unexpected keyword argument 'dampng'"):
-        controller(robot, dampng=0.1)
+        controller(hoap2, dampng=0.1)
     with pytest.raises(TypeError, match="abstract"):
-        Task(robot, "nothing", ("x",))
+        Task(hoap2, "nothing", ("x",))
 
 
-def test_pose_in_place_of_a_position_is_an_error_that_says_what_of_it_to_give(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    foot = robot.foot("left").frame
-    task = PoseTask(robot, foot, *robot.snapshot(robot.posture()).placement(foot))
+def test_pose_in_place_of_a_position_is_an_error_that_says_what_of_it_to_give(hoap2) -> None:
+    foot = hoap2.foot("left").frame
+    task = PoseTask(hoap2, foot, *hoap2.snapshot(hoap2.posture()).placement(foot))
     with pytest.raises(WbcError, match=r"give T.translation, T.rotation, or assign target = T"):
         task.set_target(pin.SE3.Identity())
 
 
-def test_a_time_step_in_milliseconds_is_noted(
-    robot_named, caplog: pytest.LogCaptureFixture
-) -> None:
-    robot = robot_named("hoap2_like")
-    tasks = [PostureTask(robot, robot.posture())]
-    KinematicController(robot, tasks, contacts=(), dt=0.1)
+def test_a_time_step_in_milliseconds_is_noted(hoap2, caplog: pytest.LogCaptureFixture) -> None:
+    tasks = [PostureTask(hoap2, hoap2.posture())]
+    KinematicController(hoap2, tasks, contacts=(), dt=0.1)
     assert not caplog.records
-    KinematicController(robot, tasks, contacts=(), dt=5)
+    KinematicController(hoap2, tasks, contacts=(), dt=5)
     assert "5 ms are dt=0.005" in caplog.text
 
 
-def test_a_margin_in_millimetres_is_noted(robot_named, caplog: pytest.LogCaptureFixture) -> None:
-    SelfCollision(robot_named("hoap2_like"), margin=10)
+def test_a_margin_in_millimetres_is_noted(hoap2, caplog: pytest.LogCaptureFixture) -> None:
+    SelfCollision(hoap2, margin=10)
     assert "margin is in metres" in caplog.text and "10 mm are margin=0.01" in caplog.text
 
 
-def test_floating_has_to_be_said(robot_named, caplog: pytest.LogCaptureFixture) -> None:
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture())
-    tasks = [ComTask(robot, here.com)]
+def test_floating_has_to_be_said(hoap2, caplog: pytest.LogCaptureFixture) -> None:
+    here = hoap2.snapshot(hoap2.posture())
+    tasks = [ComTask(hoap2, here.com)]
     with caplog.at_level(logging.WARNING):
         for contacts in ((), support(here, "double"), support(here, "floating")):
-            KinematicController(robot, tasks, contacts=contacts)
+            KinematicController(hoap2, tasks, contacts=contacts)
         assert not caplog.records
-        floating = KinematicController(robot, tasks)
+        floating = KinematicController(hoap2, tasks)
     assert "nothing holds the feet of hoap2_like, it floats" in caplog.text
     assert floating.contacts == ()
 
@@ -219,13 +213,12 @@ def test_nothing_floats_that_is_bolted(robot_named, caplog: pytest.LogCaptureFix
 
 
 @pytest.mark.parametrize("aloud", [True, False])
-def test_a_task_may_be_switched_off_later(robot_named, caplog, aloud: bool) -> None:
+def test_a_task_may_be_switched_off_later(hoap2, caplog, aloud: bool) -> None:
     """By an assignment, which a user may not have meant, or on purpose; the CoM then is free."""
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture())
-    com = ComTask(robot, here.com + (0.0, 0.0, -0.05))
+    here = hoap2.snapshot(hoap2.posture())
+    com = ComTask(hoap2, here.com + (0.0, 0.0, -0.05))
     made = KinematicController(
-        robot, [com, PostureTask(robot, here.q)], contacts=support(here, "double")
+        hoap2, [com, PostureTask(hoap2, here.q)], contacts=support(here, "double")
     )
     assert np.abs(made.step(here).velocity).max() > 0.01
     with caplog.at_level(logging.WARNING):
@@ -242,7 +235,6 @@ def test_a_task_may_be_switched_off_later(robot_named, caplog, aloud: bool) -> N
     assert np.abs(made.step(here).velocity).max() > 0.01
 
 
-def test_a_constraint_with_robot_and_name_is_enough(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture())
-    assert controller(robot, constraints=[Nothing(robot=robot, name="none")]).step(here).ok
+def test_a_constraint_with_robot_and_name_is_enough(hoap2) -> None:
+    here = hoap2.snapshot(hoap2.posture())
+    assert controller(hoap2, constraints=[Nothing(robot=hoap2, name="none")]).step(here).ok

@@ -14,6 +14,7 @@ from wbc import extras
 from wbc.errors import MissingPackageError
 from wbc.notebook import as_html, some
 from wbc.problem import load_problem
+from wbc.robot import Robot
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 STAND = """\
@@ -57,14 +58,13 @@ def test_names_are_text_and_long_lists_end() -> None:
     assert some("abcdef") == "a, b, c, d and 2 more" and some("ab") == "a, b"
 
 
-def test_robot_and_ticks_show_what_one_asks_first() -> None:
-    robot = wbc.Robot.load("hoap2_like")
-    shown = Cells(robot._repr_html_())
+def test_robot_and_ticks_show_what_one_asks_first(hoap2: Robot) -> None:
+    shown = Cells(hoap2._repr_html_())
     assert {"7.10 kg", "left, right", "floating"} <= set(shown.words) and is_drawn(shown)
-    start = robot.snapshot(robot.posture("standing"))
-    tasks = [wbc.ComTask(robot, start.com + (0.1, 0, 0)), wbc.PostureTask(robot, start.q)]
+    start = hoap2.snapshot(hoap2.posture("standing"))
+    tasks = [wbc.ComTask(hoap2, start.com + (0.1, 0, 0)), wbc.PostureTask(hoap2, start.q)]
     for kind in (wbc.KinematicController, wbc.TorqueController):
-        controller = kind(robot, tasks, contacts=wbc.support(start, "double"))
+        controller = kind(hoap2, tasks, contacts=wbc.support(start, "double"))
         told = Cells(controller.step(start)._repr_html_()).words
         assert told[0].endswith("Tick: solved")
         assert "[-0.1  0.   0. ]" in told[told.index("error of com") + 1]

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 import wbc
+from wbc.robot import Robot
 
 
 def test_public_names_are_documented() -> None:
@@ -40,14 +41,13 @@ SNAPSHOT = (
 )
 
 
-def test_snapshot_names() -> None:
-    robot = wbc.Robot.load("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
+def test_snapshot_names(hoap2: Robot) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
     shapes = {name: getattr(here, name).shape for name in SNAPSHOT.split()}
     assert shapes["inertia"] == (3, 3)
-    assert shapes["inertia_jacobian"] == (6, robot.nv)
+    assert shapes["inertia_jacobian"] == (6, hoap2.nv)
     assert shapes["inertia_drift"] == (6,)
-    assert shapes["com_jacobian"] == (3, robot.nv)
+    assert shapes["com_jacobian"] == (3, hoap2.nv)
 
 
 @pytest.mark.parametrize(
@@ -61,21 +61,21 @@ def test_snapshot_names() -> None:
     ],
 )
 def test_a_name_that_is_read_and_not_there_is_answered_with_the_one_that_is(
-    read: Callable[[Any, Any], object], meant: str
+    hoap2: Robot, read: Callable[[Any, Any], object], meant: str
 ) -> None:
-    robot = wbc.Robot.load("hoap2_like")
-    here = robot.snapshot(robot.posture())
+    here = hoap2.snapshot(hoap2.posture())
     one = wbc.KinematicController(
-        robot, [wbc.PostureTask(robot, here.q)], contacts=(), limits=wbc.Limits(robot)
+        hoap2, [wbc.PostureTask(hoap2, here.q)], contacts=(), limits=wbc.Limits(hoap2)
     )
     with pytest.raises(AttributeError) as refusal:
         read(one, one.step(here))
     assert str(refusal.value).endswith(meant) and "choose from" not in str(refusal.value)
 
 
-def test_a_misspelt_attribute_is_answered_by_python(capsys: pytest.CaptureFixture[str]) -> None:
-    robot = wbc.Robot.load("hoap2_like")
-    task: Any = wbc.ComTask(robot, [0.0, 0.0, 0.3])
+def test_a_misspelt_attribute_is_answered_by_python(
+    hoap2: Robot, capsys: pytest.CaptureFixture[str]
+) -> None:
+    task: Any = wbc.ComTask(hoap2, [0.0, 0.0, 0.3])
     with pytest.raises(AttributeError) as refusal:
         _ = task.wieght
     sys.__excepthook__(type(refusal.value), refusal.value, None)  # as at the end of a script

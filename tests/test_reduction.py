@@ -233,8 +233,8 @@ def test_axes_turn_without_any_angular_momentum(humanoid: Robot, rng: np.random.
         np.testing.assert_allclose(turned, rate[:, k], rtol=0, atol=1e-6)
 
 
-def test_axes_too_close_to_call_are_undefined(robot_named, rng: np.random.Generator) -> None:
-    here = standing(robot_named("g1"), rng.normal(size=35))
+def test_axes_too_close_to_call_are_undefined(g1, rng: np.random.Generator) -> None:
+    here = standing(g1, rng.normal(size=35))
     assert wbc.reduce(here).axes_defined.all()
     # Second moments 3.12, 0.45 and 0.06: a gap of 0.2 takes the latter two for one.
     state = wbc.reduce(here, gap=0.2)
@@ -286,13 +286,13 @@ def test_a_state_is_read_only(humanoid: Robot) -> None:
         ({"feet": ()}, "at least one foot"),
     ],
 )
-def test_bad_input(robot_named, options: dict[str, object], message: str) -> None:
+def test_bad_input(g1, options: dict[str, object], message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        wbc.reduce(standing(robot_named("g1")), **options)  # type: ignore[arg-type]
+        wbc.reduce(standing(g1), **options)  # type: ignore[arg-type]
 
 
-def test_unknown_feet_and_a_leg_without_length(robot_named) -> None:
-    here = standing(robot_named("g1"))
+def test_unknown_feet_and_a_leg_without_length(g1) -> None:
+    here = standing(g1)
     for feet in (["left", "rihgt"], "rihgt"):
         with pytest.raises(UnknownNameError, match="did you mean 'right'"):
             wbc.reduce(here, feet=feet)

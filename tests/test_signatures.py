@@ -9,6 +9,7 @@ import pytest
 
 import wbc
 from wbc.laws import AccelerationLaw, VelocityLaw
+from wbc.robot import Robot
 
 CLASSES = [name for name in wbc.__all__ if inspect.isclass(getattr(wbc, name))]
 TASKS = [name for name in CLASSES if issubclass(getattr(wbc, name), wbc.Task)]
@@ -49,10 +50,9 @@ def test_signature_of_a_task_is_that_of_what_makes_it(name: str) -> None:
     assert all(one in first for one in shown.parameters)
 
 
-def test_defaults_that_a_signature_shows_are_those_that_a_task_gets(robot_named: Any) -> None:
-    robot = robot_named("hoap2_like")
+def test_defaults_that_a_signature_shows_are_those_that_a_task_gets(hoap2: Robot) -> None:
     for kind, target in ((wbc.ComTask, np.zeros(3)), (wbc.InertiaTask, np.eye(3))):
-        plain = kind(robot, target)
+        plain = kind(hoap2, target)
         parameters = inspect.signature(kind).parameters
         assert set(LAWS) <= parameters.keys()
         shown = {key: one.default for key, one in parameters.items()}
@@ -64,11 +64,10 @@ def test_defaults_that_a_signature_shows_are_those_that_a_task_gets(robot_named:
         assert plain.priority == shown["priority"]
 
 
-def test_every_keyword_of_a_signature_is_taken_and_arrives(robot_named: Any) -> None:
-    robot = robot_named("hoap2_like")
+def test_every_keyword_of_a_signature_is_taken_and_arrives(hoap2: Robot) -> None:
     first: dict[str, Any] = {"gain": 0.3, "lm_damping": 0.1, "singular_threshold": 0.2}
     first |= {"curvature_damping": False, "weighs_error": True}
-    task = wbc.ComTask(robot, [0.0, 0.0, 0.3], weight=3.0, priority=2, kp=50.0, kd=9.0, **first)
+    task = wbc.ComTask(hoap2, [0.0, 0.0, 0.3], weight=3.0, priority=2, kp=50.0, kd=9.0, **first)
     assert task.law == VelocityLaw(**first)
     assert task.acceleration_law == AccelerationLaw(50.0, 9.0)
     assert (task.weight == 3.0).all() and task.priority == 2
@@ -76,15 +75,14 @@ def test_every_keyword_of_a_signature_is_taken_and_arrives(robot_named: Any) -> 
 
 @pytest.mark.parametrize("kind", [wbc.MomentumTask, wbc.DampingTask])
 def test_signature_of_a_task_about_a_rate_shows_no_gain_that_is_refused(
-    kind: type[wbc.Task], robot_named: Any
+    kind: type[wbc.Task], hoap2: Robot
 ) -> None:
-    robot = robot_named("hoap2_like")
     shown = inspect.signature(kind).parameters.keys()
     assert {"kd", "singular_threshold", "weight", "priority"} <= shown
     make: Any = kind
     for key in set(LAWS) - shown:
         with pytest.raises(wbc.WbcError, match=f"{key}: has no effect"):
-            make(robot, **{key: 0.5})
+            make(hoap2, **{key: 0.5})
     assert set(LAWS) & shown == {"kd", "singular_threshold"}
 
 

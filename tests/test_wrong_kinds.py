@@ -51,22 +51,21 @@ LET = {("load", "package_dirs"), ("load", "name"), ("push", "body"), ("wrench", 
 
 
 @pytest.fixture(scope="module")
-def calls() -> list[Call]:
+def calls(hoap2: Robot) -> list[Call]:
     """Return what users call, each with arguments that it takes."""
-    robot = Robot.load("hoap2_like")
-    q = robot.posture("standing")
-    s = robot.snapshot(q)
-    sole = robot.feet["left"].frame
-    com, held = wbc.ComTask(robot, s.com), wbc.support(s, "double")
+    q = hoap2.posture("standing")
+    s = hoap2.snapshot(q)
+    sole = hoap2.feet["left"].frame
+    com, held = wbc.ComTask(hoap2, s.com), wbc.support(s, "double")
     margin = {"braking": None, "limits": None}
-    contacts = {"robot": robot, "tasks": [com], "contacts": held, "limits": None, "constraints": ()}
-    torque = wbc.TorqueController(robot, [com], contacts=held, solver="active_set")
-    plant, walker = Plant(robot), Walker(robot)
-    collision, limits = wbc.SelfCollision(robot), wbc.Limits(robot)
+    contacts = {"robot": hoap2, "tasks": [com], "contacts": held, "limits": None, "constraints": ()}
+    torque = wbc.TorqueController(hoap2, [com], contacts=held, solver="active_set")
+    plant, walker = Plant(hoap2), Walker(hoap2)
+    collision, limits = wbc.SelfCollision(hoap2), wbc.Limits(hoap2)
 
     ball = [wbc.Obstacle.sphere("ball", (1.0, 0.0, 1.0), 0.1)]
     place, rates = np.concatenate((np.zeros(3), np.eye(3).ravel())), JointVelocityFilter(4)
-    feet, felt = ContactFilter(2), MomentumObserver(robot)
+    feet, felt = ContactFilter(2), MomentumObserver(hoap2)
     for k in range(2):
         feet.hold(k, place, np.eye(6))
 
@@ -79,59 +78,59 @@ def calls() -> list[Call]:
     return [
         ("load", Robot.load, {"source": "hoap2_like", "locked": None, "base": None, "srdf": None,
                               "package_dirs": (), "name": None, "loops": None, "unactuated": None}),
-        ("snapshot", robot.snapshot, {"q": q, "v": None}),
-        ("posture", robot.posture, {"reference": "standing", "joints": None, "on_ground": False}),
-        ("foot", robot.foot, {"name": "left"}),
-        ("payload", robot.with_payload, {"frame": sole, "mass": 1.0, "inertia": (0.0, 0.0, 0.0)}),
-        ("passive", robot.passive_forces_at, {"snapshot": s}),
+        ("snapshot", hoap2.snapshot, {"q": q, "v": None}),
+        ("posture", hoap2.posture, {"reference": "standing", "joints": None, "on_ground": False}),
+        ("foot", hoap2.foot, {"name": "left"}),
+        ("payload", hoap2.with_payload, {"frame": sole, "mass": 1.0, "inertia": (0.0, 0.0, 0.0)}),
+        ("passive", hoap2.passive_forces_at, {"snapshot": s}),
         ("position", s.position, {"frame": sole}),
         ("jacobian", s.jacobian, {"frame": sole}),
         ("inertia in", s.inertia_in, {"frame": sole, "about": "com"}),
         ("hessian", s.inertia_hessian, {"weights": np.eye(3)}),
-        ("inertia", wbc.InertiaTask, {"robot": robot, "target": s.inertia, "frame": "base",
+        ("inertia", wbc.InertiaTask, {"robot": hoap2, "target": s.inertia, "frame": "base",
                                       "per_mass": True, "second_order": False}),
-        ("relative", wbc.RelativePoseTask, {"robot": robot, "frame": "base", "relative_to": sole,
+        ("relative", wbc.RelativePoseTask, {"robot": hoap2, "frame": "base", "relative_to": sole,
                                             "position": np.ones(3), "rotation": np.eye(3)}),
-        ("axis", wbc.AxisTask, {"robot": robot, "frame": "base", "target": (0, 0, 1),
+        ("axis", wbc.AxisTask, {"robot": hoap2, "frame": "base", "target": (0, 0, 1),
                                 "name": None}),
-        ("orientation", wbc.OrientationTask, {"robot": robot, "frame": "base", "target": np.eye(3),
+        ("orientation", wbc.OrientationTask, {"robot": hoap2, "frame": "base", "target": np.eye(3),
                                               "name": None}),
-        ("place", wbc.PositionTask, {"robot": robot, "frame": sole, "target": (0, 0, 1),
+        ("place", wbc.PositionTask, {"robot": hoap2, "frame": sole, "target": (0, 0, 1),
                                      "name": None}),
-        ("apart", wbc.DistanceTask, {"robot": robot, "frame": sole, "other": "base", "target": 0.3,
+        ("apart", wbc.DistanceTask, {"robot": hoap2, "frame": sole, "other": "base", "target": 0.3,
                                      "name": None}),
-        ("damping", wbc.DampingTask, {"robot": robot, "joints": None, "base": True}),
-        ("joints", wbc.PostureTask, {"robot": robot, "target": q, "joints": None, "weight": 1.0}),
-        ("principal", wbc.PrincipalInertiaTask, {"robot": robot, "target": (1, 2, 3),
+        ("damping", wbc.DampingTask, {"robot": hoap2, "joints": None, "base": True}),
+        ("joints", wbc.PostureTask, {"robot": hoap2, "target": q, "joints": None, "weight": 1.0}),
+        ("principal", wbc.PrincipalInertiaTask, {"robot": hoap2, "target": (1, 2, 3),
                                                  "per_mass": True}),
-        ("com support", wbc.ComSupport, {"robot": robot, "polygon": np.eye(3)[:, :2], **margin}),
-        ("obstacles", wbc.Obstacles, {"robot": robot, "obstacles": ball, **margin}),
+        ("com support", wbc.ComSupport, {"robot": hoap2, "polygon": np.eye(3)[:, :2], **margin}),
+        ("obstacles", wbc.Obstacles, {"robot": hoap2, "obstacles": ball, **margin}),
         ("solver", make_backend, {"name": "active_set"}),
-        ("sensor checks", SensorChecks, {"robot": robot}),
+        ("sensor checks", SensorChecks, {"robot": hoap2}),
         ("residual", com.residual, {"snapshot": s}),
         ("slip", held[0].slip, {"snapshot": s}),
         ("support", wbc.support, {"snapshot": s, "mode": "double"}),
         ("friction", wbc.FrictionCone, {"coefficient": 0.6, "facets": 4, "inner": True}),
-        ("limits", wbc.Limits, {"robot": robot, "position": True, "braking": "free"}),
+        ("limits", wbc.Limits, {"robot": hoap2, "position": True, "braking": "free"}),
         ("box", limits.box, {"snapshot": s, "dt": 0.01}),
-        ("collision", wbc.SelfCollision, {"robot": robot, "fit": "capsule",
+        ("collision", wbc.SelfCollision, {"robot": hoap2, "fit": "capsule",
                                            "model": None, **margin}),
         ("distances", collision.distances, {"snapshot": s, "keys": np.arange(2)}),
-        ("tilt", wbc.TiltLimit, {"robot": robot, "frame": "base", "angle": 0.4, **margin}),
+        ("tilt", wbc.TiltLimit, {"robot": hoap2, "frame": "base", "angle": 0.4, **margin}),
         ("velocity", wbc.KinematicController, contacts | {"formulation": "equality"}),
         ("torque", wbc.TorqueController, contacts | {"on_failure": "damp", "delay": 0.0}),
         ("tick", torque.step, {"snapshot": s, "wrenches": None}),
-        ("walker", Walker, {"robot": robot, "weights": None, "limits": None, "tasks": ()}),
-        ("gait", Walker, {"robot": robot, "gait": {"height": None}}),
-        ("height", lambda height: Walker(robot, {"height": height}), {"height": 0.25}),
+        ("walker", Walker, {"robot": hoap2, "weights": None, "limits": None, "tasks": ()}),
+        ("gait", Walker, {"robot": hoap2, "gait": {"height": None}}),
+        ("height", lambda height: Walker(hoap2, {"height": height}), {"height": 0.25}),
         ("plan", wbc.PlanReference, {"plan": None, "start": s}),
-        ("sensed", SensedPlant, {"robot": robot, "devices": None, "settings": None}),
+        ("sensed", SensedPlant, {"robot": hoap2, "devices": None, "settings": None}),
         ("devices", Devices, {"imus": Imu(), "feet": None}),
         ("human", human_motion, {"recording": None, "static": None, "sex": "male"}),
         ("body", human_robot, {"body": None}),
         ("walk", walker.step, {"snapshot": s, "forces": None}),
         ("footstep", Footstep, {"foot": "left", "x": 0.1, "y": 0.1}),
-        ("plant", Plant, {"robot": robot, "terrain": None, "shapes": True, "saturate": True}),
+        ("plant", Plant, {"robot": hoap2, "terrain": None, "shapes": True, "saturate": True}),
         ("run", run, {"controller": torque, "plant": plant, "duration": 0.002, "update": None,
                       "falls": None}),
         ("impulse", capture_impulse, {"snapshot": s, "feet": ("left",), "direction": (1, 0)}),
@@ -141,7 +140,7 @@ def calls() -> list[Call]:
         ("fall", FallLimits, {"trunk": "base", "lifted": "", "touch": True}),
         ("terrain", Terrain, {"friction": 0.8, "drift": False, "walls": ()}),
         ("imu", Imu, {"most_rate": 30.0, "rotation": np.eye(3)}),
-        ("estimator", StateEstimator, {"robot": robot, "imus": (), "settings": None}),
+        ("estimator", StateEstimator, {"robot": hoap2, "imus": (), "settings": None}),
         ("rates", JointVelocityFilter, {"joints": 5, "window": 5}),
         ("filter", ContactFilter, {"feet": 2, "noise": None}),
         ("rate", rates.update, {"time": 0.0, "positions": np.zeros(4)}),
@@ -149,16 +148,16 @@ def calls() -> list[Call]:
         ("hold", feet.hold, {"k": 1, "place": place, "noise": np.eye(6)}),
         ("correct", feet.correct, {"k": 1, "place": place, "noise": np.eye(6)}),
         ("release", feet.release, {"k": 1}),
-        ("felt", felt.update, {"q": q, "v": s.v, "torque": np.zeros(robot.nv - 6), "dt": 0.01}),
+        ("felt", felt.update, {"q": q, "v": s.v, "torque": np.zeros(hoap2.nv - 6), "dt": 0.01}),
         ("measurement", Measurement, {"time": 0.0, "positions": np.zeros(3), "imus": ()}),
         ("safety", Safety, {"limits": None, "damping": np.ones(3), "dt": 0.002}),
         ("udp", bus, {"joints": 3, "robot": "127.0.0.1", "port": 0}),
         ("reduce", wbc.reduce, {"snapshot": s, "feet": None, "wrenches": None,
                                 "previous": None}),
         ("pendulum", wbc.pendulum_of, {"start": s}),
-        ("motion", wbc.Motion, {"robot": robot, "time": np.arange(9.0),
-                                "joints": np.zeros((9, robot.nv - 6))}),
-        ("read", wbc.read_motion, {"path": "none.csv", "robot": robot}),
+        ("motion", wbc.Motion, {"robot": hoap2, "time": np.arange(9.0),
+                                "joints": np.zeros((9, hoap2.nv - 6))}),
+        ("read", wbc.read_motion, {"path": "none.csv", "robot": hoap2}),
         ("markers", read_markers, {"path": "none.c3d"}),
         ("shaping", GlobalShaping, contacts | {"limits": limits}),
     ]  # fmt: skip
@@ -203,9 +202,8 @@ def test_a_count_is_kept_as_a_whole_number() -> None:
                 kind(seed=wrong)
 
 
-def test_numbers_of_pairs_are_read_whatever_their_width() -> None:
-    robot = Robot.load("hoap2_like")
-    snapshot, collision = robot.snapshot(robot.posture("standing")), wbc.SelfCollision(robot)
+def test_numbers_of_pairs_are_read_whatever_their_width(hoap2: Robot) -> None:
+    snapshot, collision = hoap2.snapshot(hoap2.posture("standing")), wbc.SelfCollision(hoap2)
     keys = np.arange(0, 9, 2)
     wanted = collision.distances(snapshot, keys)
     for width in (np.int8, np.uint16, np.int32, np.uint64):
@@ -215,18 +213,16 @@ def test_numbers_of_pairs_are_read_whatever_their_width() -> None:
 
 
 @pytest.mark.parametrize("part", ["tasks", "contacts", "constraints"])
-def test_parts_that_can_be_looked_at_once_only_are_refused(part: str) -> None:
+def test_parts_that_can_be_looked_at_once_only_are_refused(hoap2: Robot, part: str) -> None:
     """Checked, a generator is empty: the robot would have stood on nothing."""
-    robot = Robot.load("hoap2_like")
-    s = robot.snapshot(robot.posture("standing"))
-    parts: dict[str, Any] = {"tasks": [wbc.ComTask(robot, s.com)]}
+    s = hoap2.snapshot(hoap2.posture("standing"))
+    parts: dict[str, Any] = {"tasks": [wbc.ComTask(hoap2, s.com)]}
     parts |= {"contacts": wbc.support(s, "double"), "constraints": [wbc.ComSupport.over(s)]}
     for controller in (wbc.KinematicController, wbc.TorqueController):
         with pytest.raises(InvalidInputError, match=f"controller, {part}: expected a list"):
-            controller(robot, **{**parts, part: (one for one in parts[part])})
+            controller(hoap2, **{**parts, part: (one for one in parts[part])})
 
 
-def test_obstacles_are_kept_however_they_are_listed() -> None:
-    robot = Robot.load("hoap2_like")
+def test_obstacles_are_kept_however_they_are_listed(hoap2: Robot) -> None:
     balls = [wbc.Obstacle.sphere(f"ball {k}", (1.0, 0.0, k), 0.1) for k in range(2)]
-    assert wbc.Obstacles(robot, (one for one in balls)).obstacles == tuple(balls)  # type: ignore[arg-type]
+    assert wbc.Obstacles(hoap2, (one for one in balls)).obstacles == tuple(balls)  # type: ignore[arg-type]

@@ -21,14 +21,9 @@ FROM_THE_LEFT = View.of("90,10", "robot,ground,soles,com")
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.load("hoap2_like")
-
-
-@pytest.fixture(scope="module")
-def walk(robot: Robot) -> dict[str, Array]:
+def walk(hoap2: Robot) -> dict[str, Array]:
     """Standing on the slope, and half a metre and a metre up."""
-    start = turned_with(robot.posture("standing"), TERRAIN.normal)
+    start = turned_with(hoap2.posture("standing"), TERRAIN.normal)
     found = {}
     for name, ahead in (("0 s", 0.0), ("1 s", 0.5), ("2 s", 1.0)):
         found[name] = start.copy()
@@ -36,9 +31,9 @@ def walk(robot: Robot) -> dict[str, Array]:
     return found
 
 
-def test_robots_stand_where_they_were(robot: Robot, walk: dict[str, Array]) -> None:
+def test_robots_stand_where_they_were(hoap2: Robot, walk: dict[str, Array]) -> None:
     poses = {name: Pose(q, terrain=TERRAIN) for name, q in walk.items()}
-    portraits = portraits_of(robot, poses)
+    portraits = portraits_of(hoap2, poses)
     scene = together(portraits)
     alone = portraits[0].scene
     assert len(scene.corners) == 3 * len(alone.corners)
@@ -52,10 +47,10 @@ def test_robots_stand_where_they_were(robot: Robot, walk: dict[str, Array]) -> N
 
 @pytest.mark.slow
 def test_names_stand_above_the_robots_in_their_order(
-    robot: Robot, walk: dict[str, Array], tmp_path: Path
+    hoap2: Robot, walk: dict[str, Array], tmp_path: Path
 ) -> None:
     way = np.column_stack((np.linspace(0.0, 1.0, 50), np.zeros(50), np.full(50, 0.4)))
-    figure = exposures_figure(robot, walk, path_of_com=way, terrain=TERRAIN, view=FROM_THE_LEFT)
+    figure = exposures_figure(hoap2, walk, path_of_com=way, terrain=TERRAIN, view=FROM_THE_LEFT)
     (axes,) = figure.axes
     places = {text.get_text(): text.get_position() for text in axes.texts}
     # From the left, ahead is to the left; uphill is higher, and rows count downwards.
@@ -68,11 +63,11 @@ def test_names_stand_above_the_robots_in_their_order(
     assert path.read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_way_of_the_com_is_on_the_ground(robot: Robot, walk: dict[str, Array]) -> None:
+def test_the_way_of_the_com_is_on_the_ground(hoap2: Robot, walk: dict[str, Array]) -> None:
     """Seen from the side, it is as steep as the slope, and jumps up and down at the board."""
     x = np.linspace(0.0, 1.0, 101)
     way = np.column_stack((x, np.zeros(101), np.full(101, 0.4)))
-    figure = exposures_figure(robot, walk, path_of_com=way, terrain=TERRAIN, view=FROM_THE_LEFT)
+    figure = exposures_figure(hoap2, walk, path_of_com=way, terrain=TERRAIN, view=FROM_THE_LEFT)
     lines = max(figure.axes[0].collections, key=lambda one: len(one.get_segments()))
     points = np.array([line[0] for line in lines.get_segments()])
     metre = (points[0, 0] - points[-1, 0]) / (x[-2] - x[0])  # pixels, nearly: a long lens
@@ -84,7 +79,6 @@ def test_the_way_of_the_com_is_on_the_ground(robot: Robot, walk: dict[str, Array
 
 
 @pytest.mark.parametrize("path", [[[0.0, 0.0]], [0.0, 0.0, 0.0], [["x", 0, 0]], [[np.nan, 0, 0]]])
-def test_a_path_that_is_none_is_a_typed_error(path) -> None:
-    robot = Robot.load("hoap2_like")
+def test_a_path_that_is_none_is_a_typed_error(hoap2, path) -> None:
     with pytest.raises(InvalidInputError, match="path_of_com"):
-        exposures_figure(robot, {"stands": robot.posture("standing")}, path_of_com=path)
+        exposures_figure(hoap2, {"stands": hoap2.posture("standing")}, path_of_com=path)

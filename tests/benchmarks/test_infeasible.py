@@ -10,8 +10,8 @@ from wbc.qp.solution import Conflict
 
 
 @pytest.mark.parametrize("family", infeasible.FAMILIES)
-def test_every_row_that_a_tick_names_is_to_blame(robot_named, family) -> None:
-    rng, robot = np.random.default_rng(0), robot_named("hoap2_like")
+def test_every_row_that_a_tick_names_is_to_blame(hoap2, family) -> None:
+    rng, robot = np.random.default_rng(0), hoap2
     controller, here, limits = infeasible.contradictory(robot, family, rng)
     tick, box = controller.step(here), limits.emergency_braking_box(here, controller.dt)
     assert not tick.ok

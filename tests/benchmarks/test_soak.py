@@ -78,14 +78,13 @@ def test_an_episode_is_determined_by_its_number_whatever_ran_before() -> None:
     np.testing.assert_array_equal(*places)
 
 
-def test_it_sees_commands_outside_limits_and_not_finite(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    here = robot.snapshot(robot.posture("standing"))
-    tick = KinematicController(robot, [ComTask(robot, here.com)]).step(here)
-    box = np.full(robot.nv, -1.0), np.full(robot.nv, 1.0)
+def test_it_sees_commands_outside_limits_and_not_finite(hoap2) -> None:
+    here = hoap2.snapshot(hoap2.posture("standing"))
+    tick = KinematicController(hoap2, [ComTask(hoap2, here.com)]).step(here)
+    box = np.full(hoap2.nv, -1.0), np.full(hoap2.nv, 1.0)
     assert judge(tick, box) == []
     for value, kind in ((1.0 + 2e-6, "outside limits"), (np.nan, "not finite")):
-        v = np.zeros(robot.nv)
+        v = np.zeros(hoap2.nv)
         v[3] = value
         assert [found for found, _ in judge(replace(tick, velocity=v), box)] == [kind]
     wrong = replace(tick, status=Status.INFEASIBLE)

@@ -21,14 +21,13 @@ TIME = np.arange(100) / 100.0
 
 
 @pytest.fixture
-def walk(tmp_path: Path) -> Path:
-    robot = Robot.load("hoap2_like")
-    joints = np.tile(robot.limits.joint_positions(robot.postures["standing"]), (100, 1))
+def walk(hoap2: Robot, tmp_path: Path) -> Path:
+    joints = np.tile(hoap2.limits.joint_positions(hoap2.postures["standing"]), (100, 1))
     for pattern, size in (("*_hip_pitch", -0.2), ("*_knee_pitch", 0.4), ("*_ankle_pitch", -0.2)):
-        for k in robot.joint_indices(pattern):
+        for k in hoap2.joint_indices(pattern):
             joints[:, k - 6] += size * np.sin(4.0 * TIME) ** 2
     path = tmp_path / "walk.csv"
-    header = ",".join(("time", *robot.joint_names))
+    header = ",".join(("time", *hoap2.joint_names))
     np.savetxt(path, np.column_stack((TIME, joints)), delimiter=",", header=header, comments="")
     return path
 
@@ -122,11 +121,12 @@ def test_the_recording_is_not_overwritten(walk: Path) -> None:
         (["--feet", "left", "--ground", "0"], "CoP outside the support polygon in 100 of 100"),
     ],
 )
-def test_what_is_said_of_the_cop(tmp_path: Path, options: list[str], words: str) -> None:
-    robot = Robot.load("hoap2_like")
-    q = np.tile(robot.postures["standing"], (100, 1))
-    waist = robot.joint_names.index("waist_pitch")
-    q[:, 7 + waist] = robot.limits.upper[waist] + 0.05
+def test_what_is_said_of_the_cop(
+    hoap2: Robot, tmp_path: Path, options: list[str], words: str
+) -> None:
+    q = np.tile(hoap2.postures["standing"], (100, 1))
+    waist = hoap2.joint_names.index("waist_pitch")
+    q[:, 7 + waist] = hoap2.limits.upper[waist] + 0.05
     np.savez(tmp_path / "still.npz", time=TIME, q=q)
     answer = command(tmp_path / "still.npz", *options)
     assert answer.exit_code == 0, answer.stderr
@@ -149,11 +149,10 @@ def test_defaults_are_those_of_the_library() -> None:
     ("measured", "words"),
     [(False, "the motion is infeasible there"), (True, "it was measured, so see by --cutoff none")],
 )
-def test_what_was_measured_was_feasible(measured: bool, words: str) -> None:
+def test_what_was_measured_was_feasible(hoap2: Robot, measured: bool, words: str) -> None:
     """A filter that blurs a landing takes the CoP outside the soles."""
-    robot = Robot.load("hoap2_like")
-    q = np.tile(robot.postures["standing"], (100, 1))
-    one_foot = series_of(Motion(robot, TIME, q[:, 7:], q[:, :7]), feet=["left"])
+    q = np.tile(hoap2.postures["standing"], (100, 1))
+    one_foot = series_of(Motion(hoap2, TIME, q[:, 7:], q[:, :7]), feet=["left"])
     said = str(verdict(replace(one_foot, measured=measured)))
     assert words in said
     assert "--cutoff" not in str(verdict(replace(one_foot, measured=measured, cutoff=None)))

@@ -8,19 +8,18 @@ from tests.command import wbc_command
 from wbc.robot import Robot
 
 
-def test_joints_have_limits_and_masses_and_the_masses_add_up() -> None:
-    robot = Robot.load("hoap2_like")
+def test_joints_have_limits_and_masses_and_the_masses_add_up(hoap2: Robot) -> None:
     text = wbc_command("robots", "hoap2_like").stdout
     table, _, _ = text.partition("missing limits")
     rows = {line.split()[0]: line.split()[1:] for line in table.splitlines() if line.strip()}
-    elbow = robot.joint_names.index("left_elbow_pitch")
-    limits = robot.limits
+    elbow = hoap2.joint_names.index("left_elbow_pitch")
+    limits = hoap2.limits
     shown = [limits.lower[elbow], limits.upper[elbow], limits.velocity[elbow], limits.effort[elbow]]
     assert [float(cell) for cell in rows["left_elbow_pitch"][:4]] == pytest.approx(shown, rel=1e-3)
-    masses = [float(rows[name][-1]) for name in ("base", *robot.joint_names)]
-    assert sum(masses) == pytest.approx(robot.mass, abs=5e-4 * len(masses))  # printed to 1 g
+    masses = [float(rows[name][-1]) for name in ("base", *hoap2.joint_names)]
+    assert sum(masses) == pytest.approx(hoap2.mass, abs=5e-4 * len(masses))  # printed to 1 g
     assert "missing limits: none" in text
-    assert set(robot.frame_names) <= set(text.split())
+    assert set(hoap2.frame_names) <= set(text.split())
 
 
 def test_missing_limits_are_said(tmp_path: Path) -> None:

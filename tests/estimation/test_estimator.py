@@ -29,11 +29,6 @@ MOUNTS = (
 BIAS = np.array((0.01, -0.02, 0.015))
 
 
-@pytest.fixture
-def hoap(robot_named: Callable[[str], Robot]) -> Robot:
-    return robot_named("hoap2_like")
-
-
 def messages(
     robot: Robot, count: int, rng: np.random.Generator, tilt: Array | None = None
 ) -> list[Measurement]:
@@ -63,11 +58,11 @@ def changed(m: Measurement, **values: object) -> Measurement:
 
 
 def test_it_begins_from_standing_with_the_tilt_that_it_has(
-    hoap: Robot, rng: np.random.Generator
+    hoap2: Robot, rng: np.random.Generator
 ) -> None:
     tilt = np.array((0.1, -0.15, 0.0))
-    e = StateEstimator(hoap, MOUNTS)
-    sent = messages(hoap, 600, rng, tilt)
+    e = StateEstimator(hoap2, MOUNTS)
+    sent = messages(hoap2, 600, rng, tilt)
     assert all(e.update(one) is None for one in sent[:250])
     found = fed(e, sent[250:])
     R = rotation_from(found.q[3:7])
@@ -81,7 +76,7 @@ def test_it_begins_from_standing_with_the_tilt_that_it_has(
     # A bias of the accelerometer looks like a tilt: what is not known of one is said of the other.
     assert found.tilt_deviation == pytest.approx(2**0.5 * 0.05 / 9.81, rel=0.3)
     assert found.yaw_deviation < 0.05
-    q = hoap.posture()
+    q = hoap2.posture()
     q[:3] += (1.0, 2.0, 3.0)
     e.reset(q)
     assert np.allclose(fed(e, sent).q[:3], q[:3], atol=2e-3)
@@ -105,12 +100,12 @@ KEPT = {
 def test_what_keeps_it_from_beginning_is_said_once(
     change: Callable[[int, Measurement], dict[str, object]],
     said: str,
-    hoap: Robot,
+    hoap2: Robot,
     rng: np.random.Generator,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    e = StateEstimator(hoap, MOUNTS)
-    sound = messages(hoap, 1, rng)[0]
+    e = StateEstimator(hoap2, MOUNTS)
+    sound = messages(hoap2, 1, rng)[0]
     for k in range(1100):
         m = changed(sound, **({"time": k * DT} | change(k, sound)))
         assert e.update(m) is None
@@ -119,25 +114,25 @@ def test_what_keeps_it_from_beginning_is_said_once(
 
 
 def test_times_in_another_unit_are_said(
-    hoap: Robot, rng: np.random.Generator, caplog: pytest.LogCaptureFixture
+    hoap2: Robot, rng: np.random.Generator, caplog: pytest.LogCaptureFixture
 ) -> None:
-    sent = messages(hoap, 60, rng)
-    e = StateEstimator(hoap, MOUNTS)
+    sent = messages(hoap2, 60, rng)
+    e = StateEstimator(hoap2, MOUNTS)
     fed(e, [changed(m, time=1e3 * m.time) for m in sent])
     assert "messages are 2 s apart, and dt is 0.002 s: are times in s?" in caplog.text
-    e = StateEstimator(hoap, MOUNTS)
+    e = StateEstimator(hoap2, MOUNTS)
     with pytest.raises(InvalidInputError, match="covariance; messages are 2000 s apart"):
         fed(e, [changed(sent[0], time=2000.0 * k) for k in range(600)])
 
 
 def test_an_imu_that_says_gravity_downwards_is_refused(
-    hoap: Robot, rng: np.random.Generator
+    hoap2: Robot, rng: np.random.Generator
 ) -> None:
     def turned(m: Measurement) -> Measurement:
         imus = [ImuReading(one.name, one.angular_velocity, -one.specific_force) for one in m.imus]
         return changed(m, imus=tuple(imus))
 
-    e, sent = StateEstimator(hoap, MOUNTS), messages(hoap, 600, rng)
+    e, sent = StateEstimator(hoap2, MOUNTS), messages(hoap2, 600, rng)
     with pytest.raises(InvalidInputError, match="by IMU 'chest' the robot stands on its head"):
         fed(e, map(turned, sent))
     assert fed(e, [changed(m, time=m.time + 10.0) for m in sent]).q[2] > 0.2
@@ -181,14 +176,14 @@ def swaying(
 
 
 @pytest.mark.slow
-def test_imus_of_one_link_are_one_in_their_middle(hoap: Robot, rng: np.random.Generator) -> None:
+def test_imus_of_one_link_are_one_in_their_middle(hoap2: Robot, rng: np.random.Generator) -> None:
     """Far apart they feel what the other does not; one that goes silent is done without."""
     mounts = (
         ImuMount("front", "base", (0.3, 0.0, 0.1), exp_rotation(np.array((0.4, -0.2, 1.0)))),
         ImuMount("back", "base", (-0.2, 0.1, 0.4)),
     )
-    e, off, notes, names = StateEstimator(hoap, mounts), [0.0], list[str](), ("front", "back")
-    for k, (joints, speed, *said) in enumerate(swaying(hoap, 700, mounts, rng)):
+    e, off, notes, names = StateEstimator(hoap2, mounts), [0.0], list[str](), ("front", "back")
+    for k, (joints, speed, *said) in enumerate(swaying(hoap2, 700, mounts, rng)):
         imus = [ImuReading(n, one[:3], one[3:]) for n, one in zip(names, said, strict=True)]
         given = Measurement(k * DT, joints, imus=tuple(imus[: 2 if k < 550 else 1]), contacts=ALL)
         found = e.update(given)
@@ -203,9 +198,9 @@ def test_imus_of_one_link_are_one_in_their_middle(hoap: Robot, rng: np.random.Ge
     assert re.fullmatch(r"IMU 'back': silent for 1[02] ms; left out", notes[0])
 
 
-def test_late_messages_are_filed_to_the_same_bits(hoap: Robot, rng: np.random.Generator) -> None:
-    sent = messages(hoap, 320, rng)
-    inorder, shuffled = StateEstimator(hoap, MOUNTS), StateEstimator(hoap, MOUNTS)
+def test_late_messages_are_filed_to_the_same_bits(hoap2: Robot, rng: np.random.Generator) -> None:
+    sent = messages(hoap2, 320, rng)
+    inorder, shuffled = StateEstimator(hoap2, MOUNTS), StateEstimator(hoap2, MOUNTS)
     expected = fed(inorder, sent)
     late = [*sent[:300], *sent[301:306], sent[300], *sent[306:]]
     found = [shuffled.update(one) for one in late]
@@ -224,19 +219,19 @@ def test_late_messages_are_filed_to_the_same_bits(hoap: Robot, rng: np.random.Ge
 
 
 def test_a_foot_that_slips_by_two_centimetres_is_not_followed(
-    hoap: Robot, rng: np.random.Generator
+    hoap2: Robot, rng: np.random.Generator
 ) -> None:
     """The left hip rolls; the base is still: in 60 ms the sole moves by 2 cm."""
-    k = hoap.joint_index("left_hip_roll") - 6 if "left_hip_roll" in hoap.joint_names else None
-    J = hoap.snapshot(hoap.posture()).jacobian(hoap.feet["left"].frame)
+    k = hoap2.joint_index("left_hip_roll") - 6 if "left_hip_roll" in hoap2.joint_names else None
+    J = hoap2.snapshot(hoap2.posture()).jacobian(hoap2.feet["left"].frame)
     k = int(np.abs(J[1, 6:]).argmax()) if k is None else k
     angle = 0.02 / abs(J[1, 6 + k])
-    sent = messages(hoap, 450, rng)
+    sent = messages(hoap2, 450, rng)
     for n in range(300, 450):
         positions = sent[n].positions.copy()
         positions[k] += angle * min((n - 299) / 30, 1.0)
         sent[n] = changed(sent[n], positions=positions)
-    e = StateEstimator(hoap, MOUNTS)
+    e = StateEstimator(hoap2, MOUNTS)
     before = fed(e, sent[:300])
     found = [e.update(one) for one in sent[300:]]
     notes = [note for one in found if one is not None for note in one.notes]
@@ -253,14 +248,14 @@ def test_a_foot_that_slips_by_two_centimetres_is_not_followed(
 
 
 def test_sensors_that_fail_are_named_and_done_without(
-    hoap: Robot, rng: np.random.Generator
+    hoap2: Robot, rng: np.random.Generator
 ) -> None:
-    sent = messages(hoap, 400, rng)
-    expected = StateEstimator(hoap, MOUNTS)
+    sent = messages(hoap2, 400, rng)
+    expected = StateEstimator(hoap2, MOUNTS)
     good = fed(expected, sent)
 
     def spoilt(change: Callable[[int, Measurement], Measurement]) -> tuple[Estimate, list[str]]:
-        e = StateEstimator(hoap, MOUNTS)
+        e = StateEstimator(hoap2, MOUNTS)
         fed(e, sent[:300])
         notes = list[str]()
         for n, one in enumerate(sent[300:]):
@@ -297,13 +292,13 @@ def test_sensors_that_fail_are_named_and_done_without(
 
 
 def test_where_no_foot_is_still_the_slower_one_is_counted_on(
-    hoap: Robot, rng: np.random.Generator
+    hoap2: Robot, rng: np.random.Generator
 ) -> None:
     # It hangs at rest, its soles' switches stuck: one leg swings, the other creeps.
-    e = StateEstimator(hoap, MOUNTS)
-    sent = messages(hoap, 400, rng)
+    e = StateEstimator(hoap2, MOUNTS)
+    sent = messages(hoap2, 400, rng)
     fed(e, sent[:300])
-    hips = [hoap.joint_index(f"{side}_hip_pitch") - 6 for side in ALL]
+    hips = [hoap2.joint_index(f"{side}_hip_pitch") - 6 for side in ALL]
     notes, speeds = list[str](), list[float]()
     for k, one in enumerate(sent[300:], 1):
         joints = one.positions.copy()
@@ -317,30 +312,30 @@ def test_where_no_foot_is_still_the_slower_one_is_counted_on(
 
 
 def test_without_contacts_it_says_what_it_takes_for_granted(
-    hoap: Robot, rng: np.random.Generator
+    hoap2: Robot, rng: np.random.Generator
 ) -> None:
-    sent = [changed(one, contacts=None) for one in messages(hoap, 300, rng)]
-    assert any("taken to bear" in note for note in fed(StateEstimator(hoap, MOUNTS), sent).notes)
+    sent = [changed(one, contacts=None) for one in messages(hoap2, 300, rng)]
+    assert any("taken to bear" in note for note in fed(StateEstimator(hoap2, MOUNTS), sent).notes)
 
 
 def test_what_it_cannot_be_is_a_typed_error(
-    hoap: Robot, robot_named: Callable[[str], Robot]
+    hoap2: Robot, robot_named: Callable[[str], Robot]
 ) -> None:
-    zeros = np.zeros(hoap.nv - 6)
+    zeros = np.zeros(hoap2.nv - 6)
     with pytest.raises(InvalidInputError, match="measurement, positions: NaN"):
         Measurement(0.0, zeros * np.nan)
     with pytest.raises(InvalidInputError, match="angular_velocity"):
         ImuReading("imu", (0.0, np.inf, 0.0), np.zeros(3))  # type: ignore[arg-type]
     with pytest.raises(InvalidInputError, match=r"expected a Measurement of .* joints"):
-        StateEstimator(hoap).update(Measurement(0.0, np.zeros(3)))
+        StateEstimator(hoap2).update(Measurement(0.0, np.zeros(3)))
     with pytest.raises(InvalidInputError, match="names must differ"):
-        StateEstimator(hoap, (ImuMount(), ImuMount()))
+        StateEstimator(hoap2, (ImuMount(), ImuMount()))
     with pytest.raises(WbcError, match="nowhere"):
-        StateEstimator(hoap, ImuMount(frame="nowhere"))
+        StateEstimator(hoap2, ImuMount(frame="nowhere"))
     with pytest.raises(InvalidInputError, match="estimator, history"):
         EstimatorSettings(history=-1)
     with pytest.raises(InvalidInputError, match="are its units g"):
-        e = StateEstimator(hoap, settings=EstimatorSettings(standing_time=0.01))
+        e = StateEstimator(hoap2, settings=EstimatorSettings(standing_time=0.01))
         for k in range(10):
             one = ImuReading("imu", np.zeros(3), np.array((0.0, 0.0, 1.0 + 1e-6 * k)))
             e.update(Measurement(k * DT, zeros, imus=(one,)))
@@ -364,26 +359,26 @@ def test_joint_velocities_have_the_delay_and_the_noise_that_is_stated(
         JointVelocityFilter(1, 1)
 
 
-def test_what_it_cannot_serve_is_refused_by_name(hoap: Robot) -> None:
+def test_what_it_cannot_serve_is_refused_by_name(hoap2: Robot) -> None:
     with pytest.raises(InvalidInputError, match="its base is bolted; a base is estimated from"):
         StateEstimator(Robot.load("hoap2_like", base="fixed"))
     with pytest.raises(InvalidInputError, match="imus: 99 of them; at most"):
-        StateEstimator(hoap, [ImuMount(f"imu {k}") for k in range(99)])
+        StateEstimator(hoap2, [ImuMount(f"imu {k}") for k in range(99)])
 
 
-def test_it_shows_its_imus_and_how_far_it_is(hoap: Robot, rng: np.random.Generator) -> None:
-    estimator = StateEstimator(hoap, MOUNTS)
+def test_it_shows_its_imus_and_how_far_it_is(hoap2: Robot, rng: np.random.Generator) -> None:
+    estimator = StateEstimator(hoap2, MOUNTS)
     assert repr(estimator) == "StateEstimator('hoap2_like', chest, spare, standing to begin)"
-    fed(estimator, messages(hoap, 300, rng))
+    fed(estimator, messages(hoap2, 300, rng))
     assert repr(estimator) == "StateEstimator('hoap2_like', chest, spare, t=0.598 s)"
 
 
-def test_measured_forces_of_feet_tell_which_bear(hoap: Robot, rng: np.random.Generator) -> None:
-    half = 0.5 * hoap.weight
+def test_measured_forces_of_feet_tell_which_bear(hoap2: Robot, rng: np.random.Generator) -> None:
+    half = 0.5 * hoap2.weight
     for right, stands in ((half, True), (0.0, False)):
         forces = {"left": 2.0 * half - right, "right": right}
-        sent = [changed(m, contacts=None, forces=forces) for m in messages(hoap, 400, rng)]
-        found = fed(StateEstimator(hoap, MOUNTS), sent)
+        sent = [changed(m, contacts=None, forces=forces) for m in messages(hoap2, 400, rng)]
+        found = fed(StateEstimator(hoap2, MOUNTS), sent)
         assert ("right" in found.contacts) == stands and "left" in found.contacts
 
 
@@ -391,13 +386,13 @@ def test_measured_forces_of_feet_tell_which_bear(hoap: Robot, rng: np.random.Gen
     "given", [{"nose": 1.0}, {"left": 1.0}, {"left": 1, "right": 1, "tail": 1}]
 )
 def test_loads_of_other_feet_than_the_robot_has_are_refused(
-    hoap: Robot, rng: np.random.Generator, given: dict[str, float]
+    hoap2: Robot, rng: np.random.Generator, given: dict[str, float]
 ) -> None:
     """A foot that is not named was one that does not bear, and a misspelt one nothing at all."""
-    (message,) = messages(hoap, 1, rng)
+    (message,) = messages(hoap2, 1, rng)
     pressed = {name: bool(load) for name, load in given.items()}
     for loads in ({"contacts": pressed}, {"contacts": None, "forces": given}):
         with pytest.raises(InvalidInputError, match="one for each of the feet left, right"):
-            StateEstimator(hoap, MOUNTS).update(changed(message, **loads))
+            StateEstimator(hoap2, MOUNTS).update(changed(message, **loads))
     with pytest.raises(InvalidInputError, match="measurement, contacts, left: expected True"):
         changed(message, contacts={"left": "no", "right": "yes"})

@@ -12,13 +12,8 @@ JOINTS = {"left_hip_pitch": (0.2, -0.1, 0.5, 0.0), "right_knee_pitch": (-0.3, 0.
 
 
 @pytest.fixture(scope="module")
-def robot() -> wbc.Robot:
-    return wbc.Robot.load("hoap2_like")
-
-
-@pytest.fixture(scope="module")
-def rounds(robot: wbc.Robot) -> Rounds:
-    return Rounds.of(robot, robot.posture("standing"), JOINTS, 3, 2.0)
+def rounds(hoap2: wbc.Robot) -> Rounds:
+    return Rounds.of(hoap2, hoap2.posture("standing"), JOINTS, 3, 2.0)
 
 
 def test_a_loop_is_its_fourier_series() -> None:
@@ -46,20 +41,20 @@ def test_rounds_begin_and_end_at_rest_in_their_posture(rounds: Rounds) -> None:
 
 
 def test_rates_and_accelerations_are_those_of_the_postures(
-    robot: wbc.Robot, rounds: Rounds
+    hoap2: wbc.Robot, rounds: Rounds
 ) -> None:
     h = 1e-4
     for t in (0.3, 2.1, 5.5):
         before, here, after = (rounds.at(t + k * h) for k in (-1, 0, 1))
-        moved = robot.difference(before[0], after[0]) / (2 * h)
+        moved = hoap2.difference(before[0], after[0]) / (2 * h)
         np.testing.assert_allclose(here[1], moved, atol=1e-5)
         np.testing.assert_allclose(here[2], (after[1] - before[1]) / (2 * h), atol=1e-4)
         assert (here[1][:6] == 0.0).all()
 
 
-def test_a_target_in_a_file_is_the_same_path(robot: wbc.Robot, rounds: Rounds) -> None:
+def test_a_target_in_a_file_is_the_same_path(hoap2: wbc.Robot, rounds: Rounds) -> None:
     target = rounds.target()
-    again = Rounds.of(robot, rounds.posture, target["loop"], target["cycles"], target["period"])
+    again = Rounds.of(hoap2, rounds.posture, target["loop"], target["cycles"], target["period"])
     np.testing.assert_array_equal(again.coefficients, rounds.coefficients)
     assert again.duration == rounds.duration == 6.0
 
@@ -74,7 +69,7 @@ def test_a_target_in_a_file_is_the_same_path(robot: wbc.Robot, rounds: Rounds) -
         ({"period": 0.0}, "period"),
     ],
 )
-def test_mistakes_are_named(robot: wbc.Robot, changed: dict[str, Any], words: str) -> None:
+def test_mistakes_are_named(hoap2: wbc.Robot, changed: dict[str, Any], words: str) -> None:
     given: dict[str, Any] = {"loop": JOINTS, "cycles": 1, "period": 1.0, **changed}
     with pytest.raises(wbc.WbcError, match=words):
-        Rounds.of(robot, robot.posture("standing"), **given)
+        Rounds.of(hoap2, hoap2.posture("standing"), **given)

@@ -19,16 +19,11 @@ LEGS = ("*hip_pitch", "*knee*", "*shoulder_pitch")
 
 
 @pytest.fixture(scope="module")
-def robot() -> wbc.Robot:
-    return wbc.Robot.load("hoap2_like")
-
-
-@pytest.fixture(scope="module")
-def pitch(robot: wbc.Robot) -> Rounds:
+def pitch(hoap2: wbc.Robot) -> Rounds:
     """A plan of few joints, which takes seconds: 18 degrees forwards, bodies kept apart."""
-    collision = wbc.SelfCollision(robot, margin=0.002)
+    collision = wbc.SelfCollision(hoap2, margin=0.002)
     return plan_turn(
-        robot, [0.0, np.deg2rad(18.0), 0.0], cycles=1, joints=LEGS, collision=collision
+        hoap2, [0.0, np.deg2rad(18.0), 0.0], cycles=1, joints=LEGS, collision=collision
     )
 
 
@@ -48,11 +43,11 @@ def test_the_connection_leaves_no_momentum(name: str) -> None:
         np.testing.assert_allclose(data.hg.angular, 0.0, atol=1e-13)
 
 
-def test_the_rotation_of_a_round_does_not_hang_on_its_phase(robot: wbc.Robot) -> None:
+def test_the_rotation_of_a_round_does_not_hang_on_its_phase(hoap2: wbc.Robot) -> None:
     """Half rounds put together, and the round backwards: a path is a path."""
-    rate = turning_rate(robot)
+    rate = turning_rate(hoap2)
     random = np.random.default_rng(2)
-    loop = JointLoop(robot.posture("standing")[7:], 0.2 * random.standard_normal((4, robot.nv - 6)))
+    loop = JointLoop(hoap2.posture("standing")[7:], 0.2 * random.standard_normal((4, hoap2.nv - 6)))
     signs = np.array([1.0, 1.0, -1.0, -1.0])[:, None]  # phase to minus phase
     back = JointLoop(loop.start, signs * loop.coefficients)
     there = rotation_of(rate, loop, 400)
@@ -81,8 +76,8 @@ def rotation(robot: wbc.Robot, rounds: Rounds, steps: int) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_a_plan_turns_as_far_as_asked(robot: wbc.Robot, pitch: Rounds) -> None:
-    np.testing.assert_allclose(rotation(robot, pitch, 400), [0.0, 18.0, 0.0], atol=0.02)
+def test_a_plan_turns_as_far_as_asked(hoap2: wbc.Robot, pitch: Rounds) -> None:
+    np.testing.assert_allclose(rotation(hoap2, pitch, 400), [0.0, 18.0, 0.0], atol=0.02)
 
 
 @pytest.mark.slow
@@ -104,27 +99,27 @@ def test_shipped_turns_are_quarter_turns(axis: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_plan_keeps_limits_and_distances(robot: wbc.Robot, pitch: Rounds) -> None:
-    collision = wbc.SelfCollision(robot, margin=0.001)
-    limits = robot.limits
+def test_a_plan_keeps_limits_and_distances(hoap2: wbc.Robot, pitch: Rounds) -> None:
+    collision = wbc.SelfCollision(hoap2, margin=0.001)
+    limits = hoap2.limits
     for t in np.linspace(0.0, pitch.duration, 60):
         q, _, _ = pitch.at(t)
         assert (q[7:] >= limits.lower).all() and (q[7:] <= limits.upper).all()
-        assert collision.distances(robot.snapshot(q)).clearance.min() > 0.0
-    still = [k for k, name in enumerate(robot.joint_names) if "yaw" in name or "roll" in name]
+        assert collision.distances(hoap2.snapshot(q)).clearance.min() > 0.0
+    still = [k for k, name in enumerate(hoap2.joint_names) if "yaw" in name or "roll" in name]
     assert (pitch.coefficients[:, still] == 0.0).all()
 
 
 @pytest.mark.slow
-def test_what_cannot_be_turned_is_said(robot: wbc.Robot) -> None:
+def test_what_cannot_be_turned_is_said(hoap2: wbc.Robot) -> None:
     with pytest.raises(NoTurnError, match="give more cycles"):
         # Joints that turn about y alone cannot turn the robot about x.
-        plan_turn(robot, [0.5, 0.0, 0.0], cycles=1, joints=("*hip_pitch",), starts=1)
+        plan_turn(hoap2, [0.5, 0.0, 0.0], cycles=1, joints=("*hip_pitch",), starts=1)
     for wrong in ([0.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 1.0]):
         with pytest.raises(wbc.WbcError, match="turn, rotation"):
-            plan_turn(robot, wrong)
+            plan_turn(hoap2, wrong)
     with pytest.raises(UnknownNameError):
-        plan_turn(robot, [0.0, 0.3, 0.0], joints=("*wing*",))
+        plan_turn(hoap2, [0.0, 0.3, 0.0], joints=("*wing*",))
 
 
 @pytest.mark.slow

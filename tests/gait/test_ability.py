@@ -117,11 +117,10 @@ def test_legs_without_an_ankle_roll_walk_on_narrow_soles(push: float) -> None:
     assert plant.com[0] > 0.8 * 0.1 * 4.0
 
 
-def test_feet_are_lifted_as_fast_as_damped_motors_turn_their_knees() -> None:
+def test_feet_are_lifted_as_fast_as_damped_motors_turn_their_knees(hoap2: Robot) -> None:
     """Where damping takes all of a motor's torque its speed ends: at 2 and at 1 rad/s here."""
-    robot: Robot = load("hoap2_like")
-    effort = float(robot.limits.effort[robot.joint_index("left_knee_pitch") - 6])
-    assert robot.limits.velocity[robot.joint_index("left_knee_pitch") - 6] > 2.0
+    effort = float(hoap2.limits.effort[hoap2.joint_index("left_knee_pitch") - 6])
+    assert hoap2.limits.velocity[hoap2.joint_index("left_knee_pitch") - 6] > 2.0
     usual, slow, slower = (
         Walker(Robot.load("hoap2_like", damping={"*_knee_pitch": damping})).gait.clearance
         for damping in (0.0, effort / 2.0, effort)

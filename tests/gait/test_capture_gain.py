@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.conftest import load
 from wbc.codegen import CodegenError
 from wbc.codegen.recording import check_kind
 from wbc.constraints import PointContact, support
@@ -17,7 +16,7 @@ from wbc.polygon import polygon_margin
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem
 from wbc.problem.pushing import PushedProblem, PushSettings
-from wbc.robot import Snapshot
+from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, PostureTask
 
 PROBLEM = Path(__file__).parents[2] / "problems" / "push_g1.yaml"
@@ -25,9 +24,8 @@ ONE_GAIN = {"tasks.com.law": {"type": "capture_point", "gain": 12}}
 
 
 @pytest.fixture(scope="module")
-def start() -> Snapshot:
-    robot = load("g1")
-    return robot.snapshot(robot.postures["standing"])
+def start(g1: Robot) -> Snapshot:
+    return g1.snapshot(g1.postures["standing"])
 
 
 def gain_of(start: Snapshot, feet: str = "double", **options: float) -> CaptureGain:

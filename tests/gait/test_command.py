@@ -55,14 +55,14 @@ def test_the_height_for_a_reach_is_the_inverse_of_the_reach(legs: Legs) -> None:
     assert legs.com_height_for(9.0) == pytest.approx(legs.com_height - legs.hip_height)
 
 
-def test_the_reach_of_a_leg_is_that_of_its_links(robot_named: Load) -> None:
+def test_the_reach_of_a_leg_is_that_of_its_links(hoap2: Robot) -> None:
     """hoap2_like is drawn with thigh and shank of 0.1 m each (docs: published dimensions)."""
-    legs = Legs.of(robot_named("hoap2_like"))
+    legs = Legs.of(hoap2)
     assert legs.length == pytest.approx(0.2, abs=1e-3)
     assert legs.width == pytest.approx(0.078)
 
 
-def test_weak_knees_walk_on_straighter_legs(robot_named: Load) -> None:
+def test_weak_knees_walk_on_straighter_legs(g1_27: Robot, robot_named: Load) -> None:
     """Romeo's thigh and shank are equally long: its knee bears W l/2 sin(q/2) at l cos(q/2)."""
     robot = robot_named("romeo")
     legs, knee = Legs.of(robot), robot.limits.names.index("LKneePitch")
@@ -71,7 +71,7 @@ def test_weak_knees_walk_on_straighter_legs(robot_named: Load) -> None:
     assert least <= legs.bearing_length <= least + 0.01  # the knee is looked at every few degrees
     hip = legs.hip_height + GaitSettings.of(legs).height - legs.com_height
     assert hip == pytest.approx(legs.bearing_length) and hip > legs.hip_height
-    strong = Legs.of(robot_named("g1_27"))
+    strong = Legs.of(g1_27)
     assert strong.bearing_length < 0.5 * strong.length
 
 
@@ -83,10 +83,8 @@ def test_slow_hips_turn_slowly(robot_named: Load) -> None:
     assert admitted.velocity.yaw_rate == pytest.approx(0.08, abs=0.01)  # 0.32 rad/s in the URDF
 
 
-def test_a_walker_says_what_it_cannot_do(
-    robot_named: Load, caplog: pytest.LogCaptureFixture
-) -> None:
-    walker = Walker(robot_named("hoap2_like"))
+def test_a_walker_says_what_it_cannot_do(hoap2: Robot, caplog: pytest.LogCaptureFixture) -> None:
+    walker = Walker(hoap2)
     with caplog.at_level(logging.WARNING):
         admitted = walker.command(3.0)
     assert walker.wanted == admitted.velocity and walker.wanted.vx < 1.0
@@ -104,8 +102,8 @@ def test_velocities_follow_in_small_steps() -> None:
 
 
 @pytest.mark.parametrize("bad", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0, "fast")])
-def test_commands_are_numbers(robot_named: Load, bad: tuple[float, float, float]) -> None:
-    walker = Walker(robot_named("hoap2_like"))
+def test_commands_are_numbers(hoap2: Robot, bad: tuple[float, float, float]) -> None:
+    walker = Walker(hoap2)
     with pytest.raises(InvalidInputError, match="walking command, "):
         walker.command(*bad)
 
@@ -123,15 +121,15 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_settings_out_of_range(robot_named: Load, case: str) -> None:
+def test_settings_out_of_range(hoap2: Robot, case: str) -> None:
     gait, message = BAD[case]
     with pytest.raises(InvalidInputError, match=message):
-        Walker(robot_named("hoap2_like"), gait)
+        Walker(hoap2, gait)
 
 
-def test_a_misspelt_setting(robot_named: Load) -> None:
+def test_a_misspelt_setting(hoap2: Robot) -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'clearance'"):
-        Walker(robot_named("hoap2_like"), {"clearence": 0.03})
+        Walker(hoap2, {"clearence": 0.03})
 
 
 def test_walking_takes_two_feet(robot_named: Load) -> None:

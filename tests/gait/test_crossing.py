@@ -1,7 +1,5 @@
 """Feet over edges that are known: they clear them, by the corners of soles as they are turned."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -16,7 +14,6 @@ from wbc.rotations import upright_on
 from wbc.simulation import FallLimits, FallWatch, Plant, Step, Terrain
 from wbc.validate import Array
 
-Load = Callable[[str], Robot]
 DT, T, CLEARANCE = 0.002, 0.8, 0.06
 UP = np.array((0.0, 0.0, 1.0))
 SOLE = np.array(((0.085, 0.03), (-0.085, 0.03), (-0.085, -0.03), (0.085, -0.03)))
@@ -90,10 +87,9 @@ def test_level_ground_has_no_edges() -> None:
     assert Crossing.over(start, goal, SOLE, CLEARANCE, 0.0, stones.height) is None
 
 
-def test_steps_that_legs_do_not_reach_are_refused(robot_named: Load) -> None:
-    robot = robot_named("g1_27")
-    able = StepRange.of(robot, GaitSettings.of(Legs.of(robot)))
-    feet = sole_poses(robot.snapshot(robot.posture("standing")))
+def test_steps_that_legs_do_not_reach_are_refused(g1_27: Robot) -> None:
+    able = StepRange.of(g1_27, GaitSettings.of(Legs.of(g1_27)))
+    feet = sole_poses(g1_27.snapshot(g1_27.posture("standing")))
     w = able.gait.width
     for change, said in (
         ({"z": 0.7}, "z: 0.7 m over the left foot is out of reach"),
@@ -114,12 +110,11 @@ def test_steps_that_legs_do_not_reach_are_refused(robot_named: Load) -> None:
 
 
 @pytest.mark.slow
-def test_a_small_humanoid_climbs_stairs_and_stones(robot_named: Load) -> None:
+def test_a_small_humanoid_climbs_stairs_and_stones(hoap2: Robot) -> None:
     """Up and down two steps of 3 cm, then over a stone that is tilted; 2 mm were measured."""
-    robot = robot_named("hoap2_like")
-    walker = Walker(robot)
+    walker = Walker(hoap2)
     w = 0.5 * walker.gait.width
-    foot = robot.snapshot(robot.posture("standing")).position(robot.feet["left"].frame)
+    foot = hoap2.snapshot(hoap2.posture("standing")).position(hoap2.feet["left"].frame)
     begin, tread = float(foot[0]) + 0.085, 0.13
     ground = stairs(0.03, tread, 2, begin)
     edge = begin + 5.5 * tread
@@ -137,7 +132,7 @@ def test_a_small_humanoid_climbs_stairs_and_stones(robot_named: Load) -> None:
         Footstep("left", edge + 0.28, w, 0.0, 0.9, 0.0),
         Footstep("right", edge + 0.28, -w, 0.0, 0.6, 0.0),
     ]
-    plant = Plant(robot, terrain=terrain)
+    plant = Plant(hoap2, terrain=terrain)
     walker.follow(steps, plant.snapshot(), ground=terrain.height)
     watch, highest = FallWatch(plant, FallLimits()), 0.0
     while walker.steps < len(steps) or plant.time < 1.0:

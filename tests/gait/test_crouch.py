@@ -1,7 +1,6 @@
 """The posture that a walk is drawn to: knees bent as far as the height of the gait asks."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +12,11 @@ from wbc.gait.crouch import walking_posture
 from wbc.robot import Robot
 from wbc.tasks import PostureTask
 
-Load = Callable[[str], Robot]
-
 
 @pytest.fixture
-def straight(robot_named: Load, tmp_path: Path) -> Robot:
+def straight(hoap2: Robot, tmp_path: Path) -> Robot:
     """A robot as from a file that says nothing of how it stands, whose knees bend both ways."""
-    text = robot_named("hoap2_like").path.read_text()
+    text = hoap2.path.read_text()
     knee = re.compile(
         r'(name="(?:left|right)_knee(?:_pitch)?".*?<limit[^>]*?lower=")[^"]*', re.DOTALL
     )
@@ -56,9 +53,8 @@ def test_straight_legs_bend_their_knees_to_the_gaits_height(straight: Robot) -> 
     assert (angles <= straight.limits.upper).all() and (angles >= straight.limits.lower).all()
 
 
-def test_bent_and_given_postures_are_left_alone(robot_named: Load, straight: Robot) -> None:
-    robot = robot_named("hoap2_like")
-    start = robot.snapshot(robot.posture("standing"))
+def test_bent_and_given_postures_are_left_alone(hoap2: Robot, straight: Robot) -> None:
+    start = hoap2.snapshot(hoap2.posture("standing"))
     assert walking_posture(start, 0.2) is start.q
     given = straight.snapshot(straight.posture("standing", {"head_yaw": 0.1}))
     assert walking_posture(given, 0.2) is given.q

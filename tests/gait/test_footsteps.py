@@ -1,7 +1,5 @@
 """Where feet go: at the velocity commanded, and never across each other."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -15,16 +13,14 @@ from wbc.gait.swing import SwingFoot, turned
 from wbc.robot import Robot
 from wbc.validate import Array
 
-Load = Callable[[str], Robot]
-
 
 def as_array(point: complex) -> Array:
     return np.array((point.real, point.imag))
 
 
 @pytest.fixture
-def legs(robot_named: Load) -> Legs:
-    return Legs.of(robot_named("g1_27"))
+def legs(g1_27: Robot) -> Legs:
+    return Legs.of(g1_27)
 
 
 def planner_of(legs: Legs, gait: GaitSettings) -> StepPlanner:

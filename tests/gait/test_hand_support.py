@@ -17,7 +17,7 @@ from wbc.gait.leaning import HandsFree, Leaning, Reaching, Withdrawing
 from wbc.gait.swing import SPEED_UP, SwingMotion
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem
-from wbc.robot import Snapshot
+from wbc.robot import Robot, Snapshot
 from wbc.simulation import FallLimits, Plant, Terrain, simulate
 from wbc.tasks import ComTask, PostureTask
 
@@ -27,9 +27,8 @@ RAIL_AWAY = Wall((0.0, 0.5, 1.0), (0.0, 1.0, 0.0), (1.0, 0.05))
 
 
 @pytest.fixture(scope="module")
-def start() -> Snapshot:
-    robot = load("g1")
-    return robot.snapshot(robot.postures["standing"])
+def start(g1: Robot) -> Snapshot:
+    return g1.snapshot(g1.postures["standing"])
 
 
 def wall_at(distance: float) -> Wall:

@@ -23,9 +23,9 @@ def paces_of(robot: Robot, *given: str) -> Paces:
     return Paces.of(planner, WalkingWeights(), given)
 
 
-def test_legs_reach_the_steps_of_each_speed(robot_named: Load) -> None:
+def test_legs_reach_the_steps_of_each_speed(g1: Robot) -> None:
     """What is admitted is beyond the usual settings, and within those of its own pace."""
-    paces = paces_of(robot_named("g1"))
+    paces = paces_of(g1)
     usual = paces.usual.planner
     assert paces.limits.forwards > 1.05 * usual.limits.forwards
     last = usual.gait
@@ -49,19 +49,17 @@ def test_where_not_reach_limits_or_knees_are_weak_nothing_changes(
     assert paces.limits == paces.usual.planner.limits
 
 
-def test_settings_that_are_given_stay(robot_named: Load) -> None:
-    robot = robot_named("g1")
-    usual = Walker(robot).gait
+def test_settings_that_are_given_stay(g1: Robot) -> None:
+    usual = Walker(g1).gait
     for given in ({"height": usual.height}, {"single": usual.single}):
-        walker = Walker(robot, given)
-        assert walker.limits == CommandLimits.of(Legs.of(robot), usual)
+        walker = Walker(g1, given)
+        assert walker.limits == CommandLimits.of(Legs.of(g1), usual)
 
 
 @pytest.mark.slow
-def test_a_g1_walks_beyond_the_usual_limit(robot_named: Load) -> None:
+def test_a_g1_walks_beyond_the_usual_limit(g1: Robot) -> None:
     """Twenty steps at 1.2 m/s by default settings, and it stops; then they are the usual ones."""
-    robot = robot_named("g1")
-    walker, plant = Walker(robot), Plant(robot, dt=0.002)
+    walker, plant = Walker(g1), Plant(g1, dt=0.002)
     watch, usual = FallWatch(plant, FallLimits()), walker.gait
     assert not walker.command(1.2).reason
 

@@ -1,7 +1,6 @@
 """Footsteps that are given: what can be made of them, the DCM between, and where feet land."""
 
 import math
-from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -20,13 +19,10 @@ from wbc.robot import Robot
 from wbc.simulation import FallLimits, FallWatch, Plant
 from wbc.validate import Array
 
-Load = Callable[[str], Robot]
-
 
 @pytest.fixture
-def able(robot_named: Load) -> StepRange:
-    robot = robot_named("g1_27")
-    return StepRange.of(robot, GaitSettings.of(Legs.of(robot)))
+def able(g1_27: Robot) -> StepRange:
+    return StepRange.of(g1_27, GaitSettings.of(Legs.of(g1_27)))
 
 
 @pytest.fixture
@@ -239,10 +235,9 @@ def really(plant: Plant) -> dict[str, Array]:
 
 
 @pytest.mark.slow
-def test_feet_land_where_they_should(robot_named: Load) -> None:
+def test_feet_land_where_they_should(hoap2: Robot) -> None:
     """By the simulation's own state; 1.8 mm at most was measured."""
-    robot = robot_named("hoap2_like")
-    walker, plant = Walker(robot), Plant(robot)
+    walker, plant = Walker(hoap2), Plant(hoap2)
     w = walker.gait.width
     steps = [
         Footstep("right", 0.03, -w),
@@ -264,10 +259,9 @@ def test_feet_land_where_they_should(robot_named: Load) -> None:
 
 
 @pytest.mark.slow
-def test_after_a_push_feet_come_back_to_their_footsteps(robot_named: Load) -> None:
+def test_after_a_push_feet_come_back_to_their_footsteps(hoap2: Robot) -> None:
     """1.8 N s on 7 kg: one foot lands 20 mm away, all others within 0.4 mm."""
-    robot = robot_named("hoap2_like")
-    walker, plant = Walker(robot), Plant(robot)
+    walker, plant = Walker(hoap2), Plant(hoap2)
     w = walker.gait.width
     sides = [("right", -w), ("left", w)] * 3
     steps = [Footstep(foot, 0.04, y) for foot, y in sides]
@@ -281,9 +275,8 @@ def test_after_a_push_feet_come_back_to_their_footsteps(robot_named: Load) -> No
 
 
 @pytest.mark.slow
-def test_footsteps_after_a_command_and_before_one(robot_named: Load) -> None:
-    robot = robot_named("hoap2_like")
-    walker, plant = Walker(robot), Plant(robot)
+def test_footsteps_after_a_command_and_before_one(hoap2: Robot) -> None:
+    walker, plant = Walker(hoap2), Plant(hoap2)
     w = walker.gait.width
     walker.command(0.1)
     while walker.steps < 3 or not isinstance(walker.phase, SingleSupport):
@@ -311,8 +304,8 @@ def test_footsteps_after_a_command_and_before_one(robot_named: Load) -> None:
     assert walker.steps <= made + 3
 
 
-def test_footsteps_are_not_taken_from_another_robot(robot_named: Load) -> None:
-    walker, other = Walker(robot_named("hoap2_like")), robot_named("g1_27")
+def test_footsteps_are_not_taken_from_another_robot(g1_27: Robot, hoap2: Robot) -> None:
+    walker, other = Walker(hoap2), g1_27
     snapshot = other.snapshot(other.posture("standing"))
     with pytest.raises(InvalidInputError, match="expected a snapshot"):
         walker.follow([Footstep("left", 0.0, 0.1)], snapshot)

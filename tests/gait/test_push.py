@@ -1,7 +1,5 @@
 """A push is seen in the motion that soles do not explain; walking and wrong masses are none."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -13,7 +11,6 @@ from wbc.robot import Robot
 from wbc.simulation import ModelMismatch, Plant, Sensors
 from wbc.validate import Array
 
-Load = Callable[[str], Robot]
 START, LASTING, FORCE = 0.3, 0.1, np.array((3.0, 5.0, 0.0))  # s, s, N
 
 
@@ -41,17 +38,16 @@ def observed(robot: Robot) -> tuple[Array, Array, PushObserver]:
     return np.array(times), np.array(found), observer
 
 
-def test_a_push_is_seen_and_a_walk_is_none(robot_named: Load) -> None:
-    robot = robot_named("hoap2_like")
-    times, found, observer = observed(robot)
+def test_a_push_is_seen_and_a_walk_is_none(hoap2: Robot) -> None:
+    times, found, observer = observed(hoap2)
     at = (times > START + 0.06) & (times < START + LASTING)
-    seen, pushed = found[at].mean(axis=0), FORCE[:2] / (1.1 * robot.mass)
+    seen, pushed = found[at].mean(axis=0), FORCE[:2] / (1.1 * hoap2.mass)
     # at the trunk, above the CoM: the angular momentum adds to what is carried
     assert (seen > 0.8 * pushed).all() and (seen < 1.8 * pushed).all()
     quiet = (times > 0.1) & ((times < START) | (times > START + LASTING + 0.12))
     assert np.linalg.norm(found[quiet], axis=1).max() < 0.35 * np.linalg.norm(pushed)
-    start = robot.snapshot(robot.posture("standing"))
-    frames = {foot: sole.frame for foot, sole in robot.feet.items()}
+    start = hoap2.snapshot(hoap2.posture("standing"))
+    frames = {foot: sole.frame for foot, sole in hoap2.feet.items()}
     now = GaitState.of(start, frames, observer.omega, observer.height)
     blind = observer.seen(start, now, {}, 0.002)  # not felt any more
     assert blind.expected is None and not blind.push

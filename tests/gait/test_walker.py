@@ -1,7 +1,6 @@
 """A real walk in MuJoCo: a few steps, a stop, a landing that comes early; and from the schedule."""
 
 import re
-from collections.abc import Callable
 from copy import deepcopy
 from pathlib import Path
 
@@ -14,8 +13,6 @@ from wbc.gait.phases import DoubleSupport, SingleSupport, Standing
 from wbc.qp.active_set import ActiveSet
 from wbc.robot import Robot
 from wbc.simulation import FallLimits, FallWatch, Plant, Sensors, Step, Terrain, simulate
-
-Load = Callable[[str], Robot]
 
 
 def walked(walker: wbc.gait.Walker, plant: Plant, duration: float) -> tuple[float, int]:
@@ -31,9 +28,8 @@ def walked(walker: wbc.gait.Walker, plant: Plant, duration: float) -> tuple[floa
     return relaxed / ticks, ticks
 
 
-def test_forces_that_are_none_are_a_typed_error(robot_named: Load) -> None:
-    robot = robot_named("hoap2_like")
-    walker, here = wbc.gait.Walker(robot), robot.snapshot(robot.posture())
+def test_forces_that_are_none_are_a_typed_error(hoap2: Robot) -> None:
+    walker, here = wbc.gait.Walker(hoap2), hoap2.snapshot(hoap2.posture())
     walker.command(0.1)
     while not isinstance(walker.phase, SingleSupport):
         walker.prepare(here)
@@ -42,25 +38,23 @@ def test_forces_that_are_none_are_a_typed_error(robot_named: Load) -> None:
             walker.prepare(here, bad)  # type: ignore[arg-type]
 
 
-def test_a_task_named_as_one_of_the_walk_is_refused_by_name(robot_named: Load) -> None:
-    robot = robot_named("hoap2_like")
-    arms = wbc.PostureTask(robot, robot.posture("standing"))
+def test_a_task_named_as_one_of_the_walk_is_refused_by_name(hoap2: Robot) -> None:
+    arms = wbc.PostureTask(hoap2, hoap2.posture("standing"))
     with pytest.raises(
         InvalidInputError, match="has a task 'posture' of its own; give yours anoth"
     ):
-        wbc.gait.Walker(robot, tasks=[arms])
+        wbc.gait.Walker(hoap2, tasks=[arms])
 
 
-def test_commands_keep_the_limits_that_a_walker_is_given(robot_named: Load) -> None:
+def test_commands_keep_the_limits_that_a_walker_is_given(hoap2: Robot) -> None:
     """Speeds of commands go with those of joints; before, what was asked for could not be done."""
-    robot = robot_named("hoap2_like")
     usual, same, slow, calm = (
-        wbc.gait.Walker(robot, limits=limits).limits
+        wbc.gait.Walker(hoap2, limits=limits).limits
         for limits in (
             None,
-            wbc.Limits(robot),
-            wbc.Limits(robot, velocity=0.25),
-            wbc.Limits(robot, acceleration=2.0),
+            wbc.Limits(hoap2),
+            wbc.Limits(hoap2, velocity=0.25),
+            wbc.Limits(hoap2, acceleration=2.0),
         )
     )
     assert same == usual and usual.why[0] == slow.why[0] == "speed of the hips"
@@ -76,15 +70,14 @@ def test_left_feet_on_the_right_are_refused() -> None:
 
 
 @pytest.mark.slow
-def test_a_walker_made_elsewhere_begins_where_the_robot_stands_and_faces(robot_named: Load) -> None:
+def test_a_walker_made_elsewhere_begins_where_the_robot_stands_and_faces(hoap2: Robot) -> None:
     """As one that was made there does; before, it walked another way."""
-    robot = robot_named("hoap2_like")
-    there = robot.posture("standing")
+    there = hoap2.posture("standing")
     there[:3] += 300.0, -200.0, 0.0
     there[3:7] = 0.0, 0.0, np.sin(1.0), np.cos(1.0)
     ends = []
     for posture in (None, there):
-        walker, plant = wbc.gait.Walker(robot, posture=posture), Plant(robot)
+        walker, plant = wbc.gait.Walker(hoap2, posture=posture), Plant(hoap2)
         plant.reset(there)
         walker.command(0.1)
         for _ in range(700):
@@ -96,11 +89,10 @@ def test_a_walker_made_elsewhere_begins_where_the_robot_stands_and_faces(robot_n
 
 
 def test_a_footstep_without_solution_is_counted_and_said(
-    robot_named: Load, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    hoap2: Robot, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """A solver that finds nothing: goals stay finite, and the foot in the air lands."""
-    robot = robot_named("hoap2_like")
-    walker, here = wbc.gait.Walker(robot), robot.snapshot(robot.posture())
+    walker, here = wbc.gait.Walker(hoap2), hoap2.snapshot(hoap2.posture())
     walker.command(0.1)
     while not isinstance(walker.phase, SingleSupport):
         walker.prepare(here)
@@ -123,28 +115,26 @@ def test_a_footstep_without_solution_is_counted_and_said(
     assert walker.steps == 1 and walker.unadapted == 3
 
 
-def test_a_gait_follows_its_robot_s_gravity(robot_named: Load) -> None:
+def test_a_gait_follows_its_robot_s_gravity(hoap2: Robot) -> None:
     """Times go with 1/omega; what is no gravity is refused."""
-    earth = robot_named("hoap2_like")
-    moon = deepcopy(earth)
-    moon.model.gravity.linear = np.array((0.0, 0.0, -earth.gravity / 4.0))
-    gaits = [wbc.gait.Walker(robot).gait for robot in (earth, moon)]
+    moon = deepcopy(hoap2)
+    moon.model.gravity.linear = np.array((0.0, 0.0, -hoap2.gravity / 4.0))
+    gaits = [wbc.gait.Walker(robot).gait for robot in (hoap2, moon)]
     assert gaits[1].height == gaits[0].height
     assert gaits[1].omega == pytest.approx(0.5 * gaits[0].omega, rel=1e-12)
     assert gaits[1].single == pytest.approx(2.0 * gaits[0].single, rel=1e-12)
-    space = deepcopy(earth)
+    space = deepcopy(hoap2)
     space.model.gravity.linear = np.zeros(3)
     vars(space).pop("gravity", None)  # kept since it was looked at
     with pytest.raises(InvalidInputError, match="gravity"):
         wbc.gait.Walker(space)
     with pytest.raises(UnknownNameError, match="gravity"):
-        wbc.gait.Walker(earth, {"gravity": 1.6})
+        wbc.gait.Walker(hoap2, {"gravity": 1.6})
 
 
 @pytest.mark.slow
-def test_g1_walks_and_stops(robot_named: Load) -> None:
-    robot = robot_named("g1_27")
-    walker, plant = wbc.gait.Walker(robot), Plant(robot, friction=0.7)
+def test_g1_walks_and_stops(g1_27: Robot) -> None:
+    walker, plant = wbc.gait.Walker(g1_27), Plant(g1_27, friction=0.7)
     assert not walker.command(0.4).reason
     relaxed, _ = walked(walker, plant, 1.8)
     began = plant.com.copy()
@@ -162,9 +152,8 @@ def test_g1_walks_and_stops(robot_named: Load) -> None:
 
 
 @pytest.mark.slow
-def test_without_forces_feet_land_when_they_should(robot_named: Load) -> None:
-    robot = robot_named("hoap2_like")
-    walker, plant = wbc.gait.Walker(robot), Plant(robot)
+def test_without_forces_feet_land_when_they_should(hoap2: Robot) -> None:
+    walker, plant = wbc.gait.Walker(hoap2), Plant(hoap2)
     walker.command(0.1, 0.0, 0.2)
     for one in simulate(
         walker.controller, plant, 1.5, update=lambda _, snapshot: walker.prepare(snapshot)
@@ -175,26 +164,24 @@ def test_without_forces_feet_land_when_they_should(robot_named: Load) -> None:
 
 
 @pytest.mark.slow
-def test_a_step_that_is_not_known_is_felt(robot_named: Load) -> None:
+def test_a_step_that_is_not_known_is_felt(hoap2: Robot) -> None:
     """The foot lands early on 4 mm, and the CoM goes on above it."""
-    robot = robot_named("hoap2_like")
-    walker = wbc.gait.Walker(robot)
+    walker = wbc.gait.Walker(hoap2)
     board = Step(centre=(0.55, 0.0, 0.004), size=(0.9, 1.0, 0.004))
-    plant = Plant(robot, terrain=Terrain(steps=(board,)))
+    plant = Plant(hoap2, terrain=Terrain(steps=(board,)))
     walker.command(0.15)
     walked(walker, plant, 2.2)
-    feet = [plant.snapshot().position(foot.frame)[2] for foot in robot.feet.values()]
+    feet = [plant.snapshot().position(foot.frame)[2] for foot in hoap2.feet.values()]
     assert min(feet) > 0.003
     assert plant.com[2] == pytest.approx(walker.gait.height + 0.004, abs=5e-3)
 
 
 @pytest.mark.slow
-def test_who_stands_over_an_edge_does_not_tip_over_it(robot_named: Load) -> None:
+def test_who_stands_over_an_edge_does_not_tip_over_it(g1: Robot) -> None:
     """A G1 walks off a board of 2 cm, with half a sole beyond its edge before the foot lands."""
-    robot = robot_named("g1")
     board = Step(centre=(-0.4, 0.0, 0.02), size=(2.0, 4.0, 0.02))
-    walker, plant = wbc.gait.Walker(robot), Plant(robot, terrain=Terrain(steps=(board,)))
-    q = robot.posture("standing").copy()
+    walker, plant = wbc.gait.Walker(g1), Plant(g1, terrain=Terrain(steps=(board,)))
+    q = g1.posture("standing").copy()
     q[2] += 0.02
     plant.reset(q)
     walker.command(0.4)
@@ -207,24 +194,22 @@ def test_who_stands_over_an_edge_does_not_tip_over_it(robot_named: Load) -> None
     ):
         assert one.verdict.stood, one.verdict
         here = plant.snapshot()
-        upright = (here.rotation(foot.frame)[2, 2] for foot in robot.feet.values())
+        upright = (here.rotation(foot.frame)[2, 2] for foot in g1.feet.values())
         steepest = min(steepest, *upright)
     assert plant.com[0] > 0.8
     assert np.degrees(np.arccos(steepest)) < 15.0  # 7; 30 where it was pressed beyond the edge
 
 
-def test_a_tick_of_another_robot_is_refused(robot_named: Load) -> None:
-    walker = wbc.gait.Walker(robot_named("hoap2_like"))
-    other = robot_named("g1_27")
+def test_a_tick_of_another_robot_is_refused(g1_27: Robot, hoap2: Robot) -> None:
+    walker = wbc.gait.Walker(hoap2)
     with pytest.raises(InvalidInputError, match="expected a snapshot"):
-        walker.step(other.snapshot(other.posture("standing")))
+        walker.step(g1_27.snapshot(g1_27.posture("standing")))
 
 
 @pytest.mark.slow
-def test_who_turns_does_not_turn_back_with_the_arms(robot_named: Load) -> None:
+def test_who_turns_does_not_turn_back_with_the_arms(g1_27: Robot) -> None:
     """The whole body turns: by the simulation's own heading; arms stay about where they hang."""
-    robot = robot_named("g1_27")
-    walker, plant = wbc.gait.Walker(robot), Plant(robot)
+    walker, plant = wbc.gait.Walker(g1_27), Plant(g1_27)
     hang = plant.snapshot().q[-14:]
     walker.command(0.0, 0.0, 0.6)
     walked(walker, plant, 2.4)
@@ -235,12 +220,9 @@ def test_who_turns_does_not_turn_back_with_the_arms(robot_named: Load) -> None:
     assert np.abs(plant.snapshot().q[-14:] - hang).max() < 0.4
 
 
-def test_a_robot_without_limits_of_effort_and_speed_walks(
-    robot_named: Load, tmp_path: Path
-) -> None:
+def test_a_robot_without_limits_of_effort_and_speed_walks(hoap2: Robot, tmp_path: Path) -> None:
     """As MJCF files give none: what hips can do is not infinite then, which was no number."""
-    hoap = robot_named("hoap2_like")
-    text = hoap.path.read_text()
+    text = hoap2.path.read_text()
     for limit in ("effort", "velocity"):
         text = re.sub(rf'{limit}="[^"]*"', f'{limit}="0"', text)
     (tmp_path / "unlimited.urdf").write_text(text)
@@ -253,19 +235,18 @@ def test_a_robot_without_limits_of_effort_and_speed_walks(
 
 
 @pytest.mark.slow
-def test_a_walk_goes_on_with_a_known_delay(robot_named: Load) -> None:
+def test_a_walk_goes_on_with_a_known_delay(hoap2: Robot) -> None:
     """Measured 8 ms late, forces too: told so it walks as without; its goals are of now."""
-    robot = robot_named("hoap2_like")
     late, dt = 4, 0.002
-    walker = wbc.gait.Walker(robot, dt=dt, delay=late * dt)
-    plant = Plant(robot, dt=dt, sensors=Sensors(delay=late * dt))
+    walker = wbc.gait.Walker(hoap2, dt=dt, delay=late * dt)
+    plant = Plant(hoap2, dt=dt, sensors=Sensors(delay=late * dt))
     watch, felt = FallWatch(plant, FallLimits()), [plant.contact_forces]
     walker.command(0.15)
     while walker.steps < 3:
         felt = [*felt, plant.contact_forces][-late - 1 :]
         measured = plant.measure()
         assert measured is not None and plant.time < 3.0
-        snapshot = robot.snapshot(*measured)
+        snapshot = hoap2.snapshot(*measured)
         tick = walker.step(snapshot, felt[0])
         true, ahead = plant.state()[1], walker.controller.predicted(snapshot).v
         if plant.time > 0.1 and isinstance(walker.phase, SingleSupport):

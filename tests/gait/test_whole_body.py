@@ -36,44 +36,42 @@ def led_on_the_left_foot(start: Snapshot, asked: Array) -> tuple[TorqueTick, Arr
     return tick, ahead[:2]
 
 
-def test_a_foot_that_hurries_keeps_its_height(robot_named: Load) -> None:
+def test_a_foot_that_hurries_keeps_its_height(g1: Robot) -> None:
     """A leg that is behind, swung by its hip alone, would take the foot down by a third of that.
 
     With hips that speed up as they can be counted on to brake, it had 27 m/s^2 of these 60.
     """
-    robot = robot_named("g1")
     behind = {"right_hip_pitch_joint": 0.3, "right_knee_joint": 0.4}
     behind["right_ankle_pitch_joint"] = -sum(behind.values())
-    start = robot.snapshot(robot.posture("standing", behind))
-    frame = robot.feet["right"].frame
-    assert start.position(frame)[0] < start.position(robot.feet["left"].frame)[0] - 0.2
+    start = g1.snapshot(g1.posture("standing", behind))
+    frame = g1.feet["right"].frame
+    assert start.position(frame)[0] < start.position(g1.feet["left"].frame)[0] - 0.2
     tick, _ = led_on_the_left_foot(start, np.array((60.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
     x, _, z = start.jacobian(frame)[:3] @ tick.acceleration
     assert x > 0.6 * 60.0
     assert abs(z) < 1.0
 
 
-def test_legs_speed_up_as_their_torques_allow(robot_named: Load) -> None:
+def test_legs_speed_up_as_their_torques_allow(g1: Robot) -> None:
     """Other joints as they can be counted on to brake, and all where accelerations are given."""
-    robot = robot_named("g1")
-    start, height = robot.snapshot(robot.posture("standing")), 0.6
+    start, height = g1.snapshot(g1.posture("standing")), 0.6
 
     def speed_up(limits: Limits) -> Array | None:
         made = WholeBody(start, 0.0, height, WalkingWeights(), FRICTION, limits=limits, dt=0.002)
         assert made.controller.limits is not None
         return made.controller.limits.speed_up
 
-    plain = Limits(robot)
+    plain = Limits(g1)
     freed = speed_up(plain)
     assert freed is not None and plain.speed_up is None
-    legs = [any(part in name for part in ("hip", "knee", "ankle")) for name in robot.joint_names]
+    legs = [any(part in name for part in ("hip", "knee", "ankle")) for name in g1.joint_names]
     np.testing.assert_array_equal(np.isinf(freed), legs)
-    assert speed_up(Limits(robot, acceleration=50.0)) is None
+    assert speed_up(Limits(g1, acceleration=50.0)) is None
 
 
-def test_weak_hips_hold_a_foot_up_less_firmly(robot_named: Load) -> None:
+def test_weak_hips_hold_a_foot_up_less_firmly(g1: Robot) -> None:
     """In proportion, below so many times gravity: else they throw the pelvis over."""
-    legs, weights = Legs.of(robot_named("g1")), WalkingWeights(lift=50.0)
+    legs, weights = Legs.of(g1), WalkingWeights(lift=50.0)
     assert legs.swing_acceleration > FIRM_HIPS * legs.gravity
     assert weights.for_legs(legs) == weights
     weak = replace(legs, swing_acceleration=0.5 * FIRM_HIPS * legs.gravity)

@@ -62,11 +62,6 @@ def assert_same(one: object, other: object, places: float) -> None:
             np.testing.assert_allclose(getattr(other, name), value, rtol=0.0, atol=places)
 
 
-@pytest.fixture(scope="module")
-def g1() -> Robot:
-    return Robot.load("g1")
-
-
 # ---------------------------------------------------------------------- UDP
 
 

@@ -66,11 +66,6 @@ class HangingRobot:
     def close(self) -> None: ...
 
 
-@pytest.fixture(scope="module")
-def g1() -> Robot:
-    return Robot.load("g1")
-
-
 @pytest.fixture
 def hanging(g1: Robot, monkeypatch: pytest.MonkeyPatch) -> HangingRobot:
     clock = {"now": 100.0}

@@ -70,12 +70,11 @@ def test_each_frame_is_what_reduce_makes_of_it(motion: Motion) -> None:
                 assert error < (1e-7 if name == "axes_angular_velocity" else 1e-9) * size, name
 
 
-def test_some_frames_fly_and_nan_is_only_there() -> None:
-    robot = Robot.load("hoap2_like")
-    motion = waving(robot, 0.4)
+def test_some_frames_fly_and_nan_is_only_there(hoap2: Robot) -> None:
+    motion = waving(hoap2, 0.4)
     base = motion.base.copy()
     base[:, 2] = 0.6 + 0.15 * np.cos(2.0 * np.pi * 1.9 * TIME)  # falls faster than g at the top
-    series = analyze(Motion(robot, TIME, motion.joints, base), feet=("left", "right"))
+    series = analyze(Motion(hoap2, TIME, motion.joints, base), feet=("left", "right"))
     assert 20 < series.flight.sum() < 380
     for name in ("cop", "cmp", "ground_moment", "cop_margin", "leg_length", "leg_angles"):
         values = np.isnan(getattr(series, name)).reshape(len(series), -1)
@@ -87,11 +86,10 @@ def test_some_frames_fly_and_nan_is_only_there() -> None:
     assert (series.cop_outside == (series.cop_margin < 0.0)).all()
 
 
-def test_feet_are_judged_unless_told_otherwise() -> None:
-    robot = Robot.load("hoap2_like")
-    motion = waving(robot, 0.0)
-    base = np.tile(robot.postures["standing"][:7], (len(TIME), 1))
-    still = Motion(robot, TIME, motion.joints, base)
+def test_feet_are_judged_unless_told_otherwise(hoap2: Robot) -> None:
+    motion = waving(hoap2, 0.0)
+    base = np.tile(hoap2.postures["standing"][:7], (len(TIME), 1))
+    still = Motion(hoap2, TIME, motion.joints, base)
     series = analyze(still)
     assert series.feet == ("left", "right")
     assert series.standing.all() and not series.cop_unknown.any()
@@ -104,39 +102,37 @@ def test_feet_are_judged_unless_told_otherwise() -> None:
     assert not lower.cop_outside.any()
 
 
-def test_a_rigid_body_that_turns_about_the_vertical() -> None:
+def test_a_rigid_body_that_turns_about_the_vertical(hoap2: Robot) -> None:
     # By hand: joints at rest, base turning at 1.2 rad/s about the CoM's vertical.
-    robot = Robot.load("hoap2_like")
-    stand = robot.postures["standing"]
-    com = robot.snapshot(stand).com
+    stand = hoap2.postures["standing"]
+    com = hoap2.snapshot(stand).com
     angle = 1.2 * TIME
     turn = Rotation.from_euler("z", angle[:, None])
     arm = stand[:3] - com
     base = np.hstack((com + turn.apply(arm), turn.as_quat()))
-    joints = np.tile(robot.limits.joint_positions(stand), (len(TIME), 1))
-    series = analyze(Motion(robot, TIME, joints, base), cutoff=None)
+    joints = np.tile(hoap2.limits.joint_positions(stand), (len(TIME), 1))
+    series = analyze(Motion(hoap2, TIME, joints, base), cutoff=None)
     inner = slice(20, -20)
     spin = np.tile([0.0, 0.0, 1.2], (400, 1))
     np.testing.assert_allclose(series.average_angular_velocity[inner], spin[inner], atol=1e-7)
     np.testing.assert_allclose(series.axes_angular_velocity[inner], spin[inner], atol=1e-7)
     np.testing.assert_allclose(series.com_acceleration[inner], 0.0, atol=1e-6)
-    weight = -robot.mass * robot.model.gravity.linear
+    weight = -hoap2.mass * hoap2.model.gravity.linear
     np.testing.assert_allclose(series.ground_force[inner], np.tile(weight, (360, 1)), atol=1e-5)
     np.testing.assert_allclose(series.radii, np.tile(series.radii[0], (400, 1)), atol=1e-12)
     # Reaction masses M/6 at +-r_k give the inertia back: trace = 2 M/3 sum r_k^2.
     trace = series.inertia[:, [0, 3, 5]].sum(axis=1)
-    np.testing.assert_allclose(trace, robot.mass * 2 / 3 * (series.radii**2).sum(axis=1))
+    np.testing.assert_allclose(trace, hoap2.mass * 2 / 3 * (series.radii**2).sum(axis=1))
 
 
-def test_velocity_and_acceleration_of_a_known_motion() -> None:
-    robot = Robot.load("hoap2_like")
-    motion = waving(robot, 0.4)
+def test_velocity_and_acceleration_of_a_known_motion(hoap2: Robot) -> None:
+    motion = waving(hoap2, 0.4)
     series = analyze(motion)
     inner = slice(120, -120)
-    middle = robot.limits.joint_positions(robot.postures["standing"])
+    middle = hoap2.limits.joint_positions(hoap2.postures["standing"])
     amplitude = np.abs(motion.joints - middle).max(axis=0)
     exact = 5.0 * 0.4 * np.cos(5.0 * TIME[:, None] + np.arange(25))
-    room = np.minimum(np.minimum(robot.limits.upper - middle, middle - robot.limits.lower), 1.0)
+    room = np.minimum(np.minimum(hoap2.limits.upper - middle, middle - hoap2.limits.lower), 1.0)
     # Filter and spline at 0.8 Hz: below 1e-7 of the amplitude; what the ends leave, below 1e-5.
     np.testing.assert_allclose(series.v[inner, 6:], (exact * room)[inner], atol=1e-5)
     second = -25.0 * (motion.joints - middle)

@@ -71,15 +71,14 @@ def test_corners_in_one_spot() -> None:
     np.testing.assert_allclose(margins, [-5.0])
 
 
-def test_which_feet_touch() -> None:
-    robot = Robot.load("hoap2_like")
-    lifted = robot.posture("standing", {"left_hip_pitch": -0.9, "left_knee_pitch": 1.2})
-    q = np.stack((robot.postures["standing"], lifted))
-    corners = sole_corners(robot, sole_series(robot, q))
+def test_which_feet_touch(hoap2: Robot) -> None:
+    lifted = hoap2.posture("standing", {"left_hip_pitch": -0.9, "left_knee_pitch": 1.2})
+    q = np.stack((hoap2.postures["standing"], lifted))
+    corners = sole_corners(hoap2, sole_series(hoap2, q))
     assert touching(corners, 0.0).tolist() == [[True, True], [False, True]]
     assert not touching(corners, 0.5).any()
-    here = robot.snapshot(lifted)
-    foot = robot.feet["left"]
+    here = hoap2.snapshot(lifted)
+    foot = hoap2.feet["left"]
     flat = np.column_stack((foot.polygon, np.zeros(len(foot.polygon))))
     np.testing.assert_allclose(
         corners[1, 0], flat @ here.rotation(foot.frame).T + here.position(foot.frame), atol=1e-12

@@ -27,13 +27,8 @@ OPTIONS = ({}, {"fill": True, "longest_gap": 10.0}, {"rate": 50.0, "missing": "s
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.load("hoap2_like")
-
-
-@pytest.fixture(scope="module")
-def good(robot: Robot) -> dict[str, np.ndarray]:
-    q = np.tile(robot.postures["standing"], (len(TIME), 1))
+def good(hoap2: Robot) -> dict[str, np.ndarray]:
+    q = np.tile(hoap2.postures["standing"], (len(TIME), 1))
     q[:, 7:] += 0.01 * np.sin(5.0 * TIME)[:, None]
     return {"time": TIME, "q": q}
 
@@ -88,11 +83,11 @@ def outcome(path: Path, robot: Robot, **options: object) -> Exception | None:
 
 @pytest.mark.parametrize("part", range(4))
 def test_mutated_files(
-    robot: Robot, good: dict[str, np.ndarray], tmp_path: Path, part: int
+    hoap2: Robot, good: dict[str, np.ndarray], tmp_path: Path, part: int
 ) -> None:
-    named = {name: good["q"][:, 7 + k] for k, name in enumerate(robot.joint_names)}
+    named = {name: good["q"][:, 7 + k] for k, name in enumerate(hoap2.joint_names)}
     models = {
-        "csv": [csv_bytes(robot, good)],
+        "csv": [csv_bytes(hoap2, good)],
         "npz": [npz_bytes(good, True), npz_bytes(good, False), npz_bytes(named, False)],
     }
     rng = random.Random(part)
@@ -102,11 +97,11 @@ def test_mutated_files(
         model = rng.choice(models[ending])
         path = tmp_path / f"m.{ending}"
         path.write_bytes(damaged(model, rng))
-        errors += outcome(path, robot, **rng.choice(OPTIONS)) is not None
+        errors += outcome(path, hoap2, **rng.choice(OPTIONS)) is not None
     assert errors > COUNT // 20  # they were hostile indeed
 
 
-def test_mutated_headers_of_arrays(robot: Robot, tmp_path: Path) -> None:
+def test_mutated_headers_of_arrays(hoap2: Robot, tmp_path: Path) -> None:
     rng = np.random.default_rng(7)
     header = "{'descr': '<f8', 'fortran_order': False, 'shape': (20,), }"
     pieces = (
@@ -122,7 +117,7 @@ def test_mutated_headers_of_arrays(robot: Robot, tmp_path: Path) -> None:
             text = text[:at] + pieces[int(rng.integers(0, len(pieces)))] + text[end:]
         path = tmp_path / "h.npz"
         path.write_bytes(zip_bytes({"time.npy": npy_bytes(text, bytes(160))}))
-        errors += outcome(path, robot, missing="standing") is not None
+        errors += outcome(path, hoap2, missing="standing") is not None
     assert errors > count // 2  # they were hostile indeed
 
 
@@ -152,20 +147,20 @@ SOUND = "{'descr': '<f8', 'fortran_order': False, 'shape': (20,), }"
         (b"", "cannot be read"),
     ],
 )
-def test_headers_of_arrays(robot: Robot, tmp_path: Path, array: bytes, words: str) -> None:
+def test_headers_of_arrays(hoap2: Robot, tmp_path: Path, array: bytes, words: str) -> None:
     path = tmp_path / "h.npz"
     path.write_bytes(zip_bytes({"time.npy": array}))
-    error = outcome(path, robot, missing="standing")
+    error = outcome(path, hoap2, missing="standing")
     assert isinstance(error, RecordingError) and words in str(error)
 
 
-def test_archives(robot: Robot, good: dict[str, np.ndarray], tmp_path: Path) -> None:
+def test_archives(hoap2: Robot, good: dict[str, np.ndarray], tmp_path: Path) -> None:
     arrays = {f"{name}.npy": npz_entry(good, name) for name in good}
     path = tmp_path / "a.npz"
 
     def refused(content: bytes) -> str:
         path.write_bytes(content)
-        error = outcome(path, robot)
+        error = outcome(path, hoap2)
         assert isinstance(error, RecordingError)
         return str(error)
 
@@ -199,28 +194,28 @@ def npz_entry(arrays: dict[str, np.ndarray], name: str) -> bytes:
 
 
 def test_sizes_are_refused_before_anything_is_unpacked(
-    robot: Robot, good: dict[str, np.ndarray], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    hoap2: Robot, good: dict[str, np.ndarray], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tables, "LARGEST", 10_000)
     bomb = zip_bytes({"time.npy": bytes(20_000)}, zipfile.ZIP_DEFLATED)
     assert len(bomb) < 1_000
     for name, content in (("a.npz", bomb), ("a.csv", b"a" * 20_000)):
         (tmp_path / name).write_bytes(content)
-        error = outcome(tmp_path / name, robot)
+        error = outcome(tmp_path / name, hoap2)
         assert isinstance(error, RecordingError) and "at most 10000" in str(error)
 
 
-def test_what_is_no_regular_file(robot: Robot, tmp_path: Path) -> None:
+def test_what_is_no_regular_file(hoap2: Robot, tmp_path: Path) -> None:
     (tmp_path / "folder.csv").mkdir()
     os.mkfifo(tmp_path / "pipe.npz")  # would wait for a writer for ever
     for name in ("folder.csv", "pipe.npz", "a\0b.csv", "x" * 300 + ".npz"):
-        error = outcome(tmp_path / name, robot)
+        error = outcome(tmp_path / name, hoap2)
         assert isinstance(error, RecordingError) and "cannot be read" in str(error)
 
 
-def test_wide_and_long_text(robot: Robot, good: dict[str, np.ndarray], tmp_path: Path) -> None:
+def test_wide_and_long_text(hoap2: Robot, good: dict[str, np.ndarray], tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    first, rest = csv_bytes(robot, good).decode().split("\n", 1)
+    first, rest = csv_bytes(hoap2, good).decode().split("\n", 1)
     row = rest.split("\n", 1)[0]
     cases = {
         "a cell of 200,000 digits": f"{first}\n{row.replace(',', ',' + '1' * 200_000, 1)}\n{rest}",
@@ -237,6 +232,6 @@ def test_wide_and_long_text(robot: Robot, good: dict[str, np.ndarray], tmp_path:
     }
     for name, text in cases.items():
         path.write_text(text)
-        assert isinstance(outcome(path, robot), WbcError), name
+        assert isinstance(outcome(path, hoap2), WbcError), name
     path.write_text(cases["60,000 columns"])
-    assert "time" in str(outcome(path, robot, ignore=["c*"]))
+    assert "time" in str(outcome(path, hoap2, ignore=["c*"]))

@@ -12,11 +12,6 @@ from wbc.motion.forces import MeasuredForces
 ROWS, RATE = 60, 100.0
 
 
-@pytest.fixture(scope="module")
-def robot() -> wbc.Robot:
-    return wbc.Robot.load("hoap2_like")
-
-
 def standing(robot: wbc.Robot) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Times, configurations, and wrenches at the soles' frames: a third on the left foot."""
     q = np.tile(robot.posture("standing"), (ROWS, 1))
@@ -35,41 +30,41 @@ def write(file: Path, robot: wbc.Robot, **changed: np.ndarray) -> Path:
     return file
 
 
-def test_the_cop_is_where_the_soles_say(robot: wbc.Robot, tmp_path: Path) -> None:
-    series = analyze(read_motion(write(tmp_path / "m.npz", robot), robot))
+def test_the_cop_is_where_the_soles_say(hoap2: wbc.Robot, tmp_path: Path) -> None:
+    series = analyze(read_motion(write(tmp_path / "m.npz", hoap2), hoap2))
     assert series.measured
-    here = robot.snapshot(robot.posture("standing"))
+    here = hoap2.snapshot(hoap2.posture("standing"))
     left, right = here.position("left_sole"), here.position("right_sole")
     wanted = left / 3 + 2 * right / 3 + [0.01, 0.0, 0.0]
     np.testing.assert_allclose(series.cop[:, :2], np.tile(wanted[:2], (ROWS, 1)), atol=1e-9)
-    np.testing.assert_allclose(series.ground_force[:, 2], robot.weight, rtol=1e-9)
+    np.testing.assert_allclose(series.ground_force[:, 2], hoap2.weight, rtol=1e-9)
     # A robot at rest needs its weight, which is what was measured.
     np.testing.assert_allclose(series.force_residual, 0.0, atol=1e-6)
 
 
-def test_without_forces_the_ground_is_what_the_motion_needs(robot: wbc.Robot) -> None:
-    time, q, _ = standing(robot)
-    series = analyze(Motion(robot, time, q[:, 7:], q[:, :7]))
+def test_without_forces_the_ground_is_what_the_motion_needs(hoap2: wbc.Robot) -> None:
+    time, q, _ = standing(hoap2)
+    series = analyze(Motion(hoap2, time, q[:, 7:], q[:, :7]))
     assert not series.measured
-    com = robot.snapshot(robot.posture("standing")).com
+    com = hoap2.snapshot(hoap2.posture("standing")).com
     np.testing.assert_allclose(series.cop[:, :2], np.tile(com[:2], (ROWS, 1)), atol=1e-6)
 
 
-def test_a_foot_in_the_air_bears_nothing(robot: wbc.Robot, tmp_path: Path) -> None:
-    file = write(tmp_path / "m.npz", robot, **{"forces/left_sole": np.zeros((ROWS, 6))})
-    series = analyze(read_motion(file, robot), cutoff=None)
-    right = robot.snapshot(robot.posture("standing")).position("right_sole")
+def test_a_foot_in_the_air_bears_nothing(hoap2: wbc.Robot, tmp_path: Path) -> None:
+    file = write(tmp_path / "m.npz", hoap2, **{"forces/left_sole": np.zeros((ROWS, 6))})
+    series = analyze(read_motion(file, hoap2), cutoff=None)
+    right = hoap2.snapshot(hoap2.posture("standing")).position("right_sole")
     np.testing.assert_allclose(series.cop[:, :2], np.tile(right[:2] + [0.01, 0.0], (ROWS, 1)))
-    np.testing.assert_allclose(series.force_residual[:, 2], -robot.weight / 3, rtol=1e-9)
+    np.testing.assert_allclose(series.force_residual[:, 2], -hoap2.weight / 3, rtol=1e-9)
 
 
 @pytest.mark.parametrize("wrong", [np.zeros((ROWS, 3)), np.full((ROWS, 6), np.nan)])
 def test_forces_that_cannot_be_are_refused(
-    robot: wbc.Robot, tmp_path: Path, wrong: np.ndarray
+    hoap2: wbc.Robot, tmp_path: Path, wrong: np.ndarray
 ) -> None:
-    file = write(tmp_path / "m.npz", robot, **{"forces/left_sole": wrong})
+    file = write(tmp_path / "m.npz", hoap2, **{"forces/left_sole": wrong})
     with pytest.raises(RecordingError, match=r"m\.npz: measured forces, left"):
-        read_motion(file, robot)
+        read_motion(file, hoap2)
 
 
 def test_force_times_and_rows_must_agree() -> None:

@@ -75,10 +75,9 @@ def test_noise_that_makes_no_sense(joints: np.ndarray, words: str) -> None:
         Noise(joints, np.zeros(3), np.zeros(3))
 
 
-def test_noise_as_given_is_checked_against_the_robot() -> None:
-    robot = Robot.load("hoap2_like")
-    stand = np.tile(robot.postures["standing"], (50, 1))
-    motion = Motion(robot, TIME[:50], stand[:, 7:], stand[:, :7])
+def test_noise_as_given_is_checked_against_the_robot(hoap2: Robot) -> None:
+    stand = np.tile(hoap2.postures["standing"], (50, 1))
+    motion = Motion(hoap2, TIME[:50], stand[:, 7:], stand[:, :7])
     given = Noise(np.full(25, 1e-3), np.zeros(3), np.zeros(3))
     assert analyze(motion, noise=given).uncertainty.noise is given
     for wrong in (1e-3, "guessed"):

@@ -13,11 +13,6 @@ TIME = np.arange(600) / RATE
 SQUAT = {"*_hip_pitch": -0.4, "*_knee_pitch": 0.8, "*_ankle_pitch": -0.4}
 
 
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.load("hoap2_like")
-
-
 def moved(robot: Robot, parts: dict[str, np.ndarray]) -> np.ndarray:
     """Joint positions (n, nv-6): standing, with some joints moved by (n,)."""
     joints = np.tile(robot.limits.joint_positions(robot.postures["standing"]), (len(TIME), 1))
@@ -35,26 +30,26 @@ def lift(robot: Robot, start: float, end: float) -> np.ndarray:
 
 @pytest.mark.parametrize("foot", ["left", "right"])
 @pytest.mark.parametrize("height", [0.0, 0.3])
-def test_the_planted_sole_lies_flat_and_still(robot: Robot, foot: str, height: float) -> None:
+def test_the_planted_sole_lies_flat_and_still(hoap2: Robot, foot: str, height: float) -> None:
     swing = 0.2 * np.sin(4.0 * TIME + 0.3)
     parts = {"*_hip_pitch": swing, "*_ankle_roll": 0.5 * swing, "left_hip_yaw": swing**2}
-    motion = Motion(robot, TIME, moved(robot, parts))
+    motion = Motion(hoap2, TIME, moved(hoap2, parts))
     series = analyze(motion, planted=foot, ground_height=height, feet=[foot])
     places = []
     for k in (0, 100, 333, 599):
-        here = robot.snapshot(series.q[k])
-        frame = robot.feet[foot].frame
+        here = hoap2.snapshot(series.q[k])
+        frame = hoap2.feet[foot].frame
         places.append(here.position(frame))
         # The base is found on the very grid that the spline goes through: but for rounding.
         np.testing.assert_allclose(here.rotation(frame)[2], [0.0, 0.0, 1.0], atol=1e-9)
-        np.testing.assert_allclose(here.rotation(frame)[:, 0] @ series_axis(robot, series, foot), 1)
+        np.testing.assert_allclose(here.rotation(frame)[:, 0] @ series_axis(hoap2, series, foot), 1)
     np.testing.assert_allclose(places, np.tile(places[0], (4, 1)), atol=1e-9)
     assert places[0][2] == pytest.approx(height, abs=1e-9)
     np.testing.assert_allclose(series.q[0, :2], 0.0, atol=1e-9)
-    assert robot.snapshot(series.q[0]).rotation("base")[1, 0] == pytest.approx(0.0, abs=1e-9)
+    assert hoap2.snapshot(series.q[0]).rotation("base")[1, 0] == pytest.approx(0.0, abs=1e-9)
     # And so does its velocity: the foot's Jacobian times v is nothing.
     k = 300
-    speed = robot.snapshot(series.q[k]).jacobian(robot.feet[foot].frame) @ series.v[k]
+    speed = hoap2.snapshot(series.q[k]).jacobian(hoap2.feet[foot].frame) @ series.v[k]
     np.testing.assert_allclose(speed, 0.0, atol=1e-7)  # the spline's (w h)^5 between its points
 
 
@@ -62,39 +57,39 @@ def series_axis(robot: Robot, series, foot: str) -> np.ndarray:
     return robot.snapshot(series.q[0]).rotation(robot.feet[foot].frame)[:, 0]
 
 
-def test_auto_follows_the_lower_foot_without_a_jump(robot: Robot) -> None:
-    up_left, up_right = lift(robot, 0.2, 1.2), lift(robot, 1.6, 2.6)
+def test_auto_follows_the_lower_foot_without_a_jump(hoap2: Robot) -> None:
+    up_left, up_right = lift(hoap2, 0.2, 1.2), lift(hoap2, 1.6, 2.6)
     parts = {}
     for side, up in (("left", up_left), ("right", up_right)):
         parts |= {f"{side}_hip_pitch": -0.5 * up, f"{side}_knee_pitch": up}
         parts |= {f"{side}_ankle_pitch": -0.5 * up}
-    joints = moved(robot, parts)
+    joints = moved(hoap2, parts)
     q = np.hstack((np.zeros((600, 6)), np.ones((600, 1)), joints))
-    found = planted_base(robot, TIME, q, "auto")
-    feet = tuple(robot.feet)
+    found = planted_base(hoap2, TIME, q, "auto")
+    feet = tuple(hoap2.feet)
     assert feet[found.foot[np.argmax(up_left)]] == "right"
     assert feet[found.foot[np.argmax(up_right)]] == "left"
     assert found.changes
     # Both feet are flat when they change places, so every frame agrees with the hip of the legs
     # that stand, which do not move: the base stays where it was.
     np.testing.assert_allclose(found.base, np.tile(found.base[0], (600, 1)), atol=2e-6)
-    series = analyze(Motion(robot, TIME, joints), planted="auto")
+    series = analyze(Motion(hoap2, TIME, joints), planted="auto")
     k = int(np.argmax(up_left))
     assert series.standing[k].tolist() == [False, True]
     assert series.standing[0].tolist() == [True, True]
     assert not series.flight.any()
 
 
-def test_contradicting_feet_are_eased(robot: Robot) -> None:
+def test_contradicting_feet_are_eased(hoap2: Robot) -> None:
     # The left ankle is off by 0.08 rad; the left leg gets longer, so that it takes over.
     longer = np.clip((TIME - 1.0) / 0.2, 0.0, 1.0)
     parts = {"left_ankle_roll": 0.08, "right_hip_pitch": -0.3 * longer}
     parts |= {"right_knee_pitch": 0.6 * longer, "right_ankle_pitch": -0.3 * longer}
-    joints = moved(robot, parts)
+    joints = moved(hoap2, parts)
     q = np.hstack((np.zeros((600, 6)), np.ones((600, 1)), joints))
     q[:, 7:] = joints
-    start_right = planted_base(robot, TIME, q, "right")
-    found = planted_base(robot, TIME, q, "auto")
+    start_right = planted_base(hoap2, TIME, q, "right")
+    found = planted_base(hoap2, TIME, q, "auto")
     changes = np.flatnonzero(np.diff(found.foot))
     steps = np.abs(np.diff(found.base, axis=0)).max(axis=1)
     # No step is larger than what the easing and the legs move in 5 ms: 0.08 rad * 1.9 / 0.1 s.
@@ -102,14 +97,14 @@ def test_contradicting_feet_are_eased(robot: Robot) -> None:
     assert len(start_right.base) == 600
     last = int(changes[-1]) + 1 if len(changes) else 0
     settled = min(last + int(EASE * RATE) + 2, 599)
-    here = robot.snapshot(np.hstack((found.base[settled], joints[settled])))
-    frame = robot.feet[tuple(robot.feet)[found.foot[settled]]].frame
+    here = hoap2.snapshot(np.hstack((found.base[settled], joints[settled])))
+    frame = hoap2.feet[tuple(hoap2.feet)[found.foot[settled]]].frame
     np.testing.assert_allclose(here.rotation(frame)[2], [0.0, 0.0, 1.0], atol=1e-9)
     assert here.position(frame)[2] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_feet_that_do_not_exist(robot: Robot) -> None:
-    motion = Motion(robot, TIME, moved(robot, {}))
+def test_feet_that_do_not_exist(hoap2: Robot) -> None:
+    motion = Motion(hoap2, TIME, moved(hoap2, {}))
     with pytest.raises(UnknownNameError, match="did you mean 'left'"):
         analyze(motion, planted="lefd")
     footless = Robot.load("hoap2_like", feet={})
@@ -117,10 +112,10 @@ def test_feet_that_do_not_exist(robot: Robot) -> None:
         analyze(Motion(footless, TIME, motion.joints), planted="auto", feet=None)
 
 
-def test_a_base_or_a_planted_foot(robot: Robot) -> None:
-    joints = moved(robot, {})
+def test_a_base_or_a_planted_foot(hoap2: Robot) -> None:
+    joints = moved(hoap2, {})
     with pytest.raises(InvalidInputError, match="planted: left, right or auto"):
-        analyze(Motion(robot, TIME, joints))
-    base = np.tile(robot.postures["standing"][:7], (600, 1))
+        analyze(Motion(hoap2, TIME, joints))
+    base = np.tile(hoap2.postures["standing"][:7], (600, 1))
     with pytest.raises(InvalidInputError, match="leave planted out"):
-        analyze(Motion(robot, TIME, joints, base), planted="left")
+        analyze(Motion(hoap2, TIME, joints, base), planted="left")

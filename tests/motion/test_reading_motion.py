@@ -18,15 +18,10 @@ TIME = np.arange(COUNT) / RATE
 MIXED = Path(__file__).parents[1] / "models" / "mixed_joints.urdf"
 
 
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.load("hoap2_like")
-
-
 @pytest.fixture
-def joints(robot: Robot) -> np.ndarray:
+def joints(hoap2: Robot) -> np.ndarray:
     """Every joint moves by a tenth of its range about its middle (COUNT, nv-6)."""
-    limits = robot.limits
+    limits = hoap2.limits
     middle, half = 0.5 * (limits.upper + limits.lower), 0.05 * (limits.upper - limits.lower)
     return middle + half * np.sin(5.0 * TIME[:, None] + np.arange(len(half)))
 
@@ -60,22 +55,22 @@ def base_columns(rng: np.random.Generator) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
-def test_joints_in_any_order(robot, joints, write: Write, delimiter: str) -> None:
-    columns = dict(reversed(columns_of(robot, joints).items()))
-    motion = read_motion(write(columns, delimiter=delimiter), robot)
+def test_joints_in_any_order(hoap2, joints, write: Write, delimiter: str) -> None:
+    columns = dict(reversed(columns_of(hoap2, joints).items()))
+    motion = read_motion(write(columns, delimiter=delimiter), hoap2)
     np.testing.assert_allclose(motion.joints, joints, rtol=1e-12)
     np.testing.assert_allclose(motion.time, TIME, atol=1e-12)
     assert motion.base is None and motion.dropouts == ()
     assert motion.rate == pytest.approx(RATE)
 
 
-def test_units_in_names(robot, joints, write: Write) -> None:
-    columns = columns_of(robot, joints)
+def test_units_in_names(hoap2, joints, write: Write) -> None:
+    columns = columns_of(hoap2, joints)
     in_names = {"Time (ms)": 1e3 * columns.pop("time")}
     for k, (name, values) in enumerate(columns.items()):
         marked = (f"{name} (deg)", f"{name}_deg", f"{name} [rad]", f"{name}_rad", name)[k % 5]
         in_names[marked] = np.rad2deg(values) if "deg" in marked else values
-    motion = read_motion(write(in_names), robot)
+    motion = read_motion(write(in_names), hoap2)
     np.testing.assert_allclose(motion.joints, joints, rtol=1e-12)
     np.testing.assert_allclose(motion.time, TIME, atol=1e-12)
 
@@ -95,42 +90,42 @@ def test_degrees_are_for_angles_only(write: Write) -> None:
     np.testing.assert_allclose(read_motion(write(columns), robot, degrees=True).joints, plain)
 
 
-def test_base_by_quaternion_and_by_angles(robot, joints, write: Write, rng) -> None:
+def test_base_by_quaternion_and_by_angles(hoap2, joints, write: Write, rng) -> None:
     base = base_columns(rng)
-    motion = read_motion(write(columns_of(robot, joints) | base), robot)
+    motion = read_motion(write(columns_of(hoap2, joints) | base), hoap2)
     np.testing.assert_allclose(motion.base, np.column_stack(list(base.values())), atol=1e-12)
     quaternions = np.column_stack([base.pop(f"base_q{a}") for a in "xyzw"])
     angles = Rotation.from_quat(quaternions).as_euler("ZYX", degrees=True)[:, ::-1]
     base |= {f"base_{a} [deg]": x for a, x in zip(("roll", "pitch", "yaw"), angles.T, strict=True)}
-    by_angles = read_motion(write(columns_of(robot, joints) | base), robot).base
+    by_angles = read_motion(write(columns_of(hoap2, joints) | base), hoap2).base
     np.testing.assert_allclose(by_angles, motion.base, atol=1e-12)
 
 
-def test_no_times_but_a_rate(robot, joints, write: Write) -> None:
-    columns = columns_of(robot, joints)
+def test_no_times_but_a_rate(hoap2, joints, write: Write) -> None:
+    columns = columns_of(hoap2, joints)
     del columns["time"]
-    motion = read_motion(write(columns), robot, rate=50.0)
+    motion = read_motion(write(columns), hoap2, rate=50.0)
     np.testing.assert_allclose(motion.time, np.arange(COUNT) / 50.0)
 
 
 @pytest.mark.parametrize("posture", ["standing", "neutral"])
-def test_missing_joints_if_declared(robot, joints, write: Write, posture: str) -> None:
-    columns = columns_of(robot, joints)
+def test_missing_joints_if_declared(hoap2, joints, write: Write, posture: str) -> None:
+    columns = columns_of(hoap2, joints)
     del columns["left_elbow_pitch"]
-    k = robot.joint_names.index("left_elbow_pitch")
-    motion = read_motion(write(columns), robot, missing=posture)
-    assert (motion.joints[:, k] == robot.limits.joint_positions(robot.postures[posture])[k]).all()
+    k = hoap2.joint_names.index("left_elbow_pitch")
+    motion = read_motion(write(columns), hoap2, missing=posture)
+    assert (motion.joints[:, k] == hoap2.limits.joint_positions(hoap2.postures[posture])[k]).all()
 
 
-def test_npz_forms_are_the_same(robot, joints, tmp_path: Path, rng) -> None:
-    columns, base = columns_of(robot, joints), base_columns(rng)
+def test_npz_forms_are_the_same(hoap2, joints, tmp_path: Path, rng) -> None:
+    columns, base = columns_of(hoap2, joints), base_columns(rng)
     np.savez(tmp_path / "a.npz", **columns, **base)
     time = columns.pop("time")
     np.savez(tmp_path / "b.npz", time=time, names=list(columns), positions=joints, **base)
     q = np.hstack((np.column_stack(list(base.values())), joints))
     np.savez(tmp_path / "c.npz", time=time, q=q, com=np.zeros((COUNT, 3)))
     for name in "abc":
-        motion = read_motion(tmp_path / f"{name}.npz", robot)
+        motion = read_motion(tmp_path / f"{name}.npz", hoap2)
         np.testing.assert_allclose(motion.joints, joints)
         np.testing.assert_allclose(motion.base, q[:, :7], atol=1e-12)
 
@@ -185,99 +180,99 @@ def refused(path: Path, robot: Robot, *words: str, **options: object) -> Recordi
     return caught.value
 
 
-def test_missing_joints_are_named(robot, joints, write: Write) -> None:
-    columns = columns_of(robot, joints)
+def test_missing_joints_are_named(hoap2, joints, write: Write) -> None:
+    columns = columns_of(hoap2, joints)
     del columns["left_elbow_pitch"], columns["head_yaw"]
-    assert refused(write(columns), robot, "left_elbow_pitch", "head_yaw", "standing")
+    assert refused(write(columns), hoap2, "left_elbow_pitch", "head_yaw", "standing")
     with pytest.raises(UnknownNameError, match="sitting"):
-        read_motion(write(columns), robot, missing="sitting")
+        read_motion(write(columns), hoap2, missing="sitting")
 
 
-def test_an_unknown_joint_is_suggested(robot, joints, write: Write) -> None:
-    columns = columns_of(robot, joints) | {"left_nee_pitch": TIME}
+def test_an_unknown_joint_is_suggested(hoap2, joints, write: Write) -> None:
+    columns = columns_of(hoap2, joints) | {"left_nee_pitch": TIME}
     with pytest.raises(UnknownNameError, match="did you mean 'left_knee_pitch'"):
-        read_motion(write(columns), robot)
-    assert read_motion(write(columns), robot, ignore=["left_nee*"]).joints.shape == joints.shape
+        read_motion(write(columns), hoap2)
+    assert read_motion(write(columns), hoap2, ignore=["left_nee*"]).joints.shape == joints.shape
 
 
-def test_nan_names_column_and_row(robot, joints, write: Write) -> None:
+def test_nan_names_column_and_row(hoap2, joints, write: Write) -> None:
     joints[17, 3] = np.nan
-    error = refused(write(columns_of(robot, joints)), robot, "NaN", "fill")
-    assert (error.column, error.row, error.line) == (robot.joint_names[3], 18, 19)
+    error = refused(write(columns_of(hoap2, joints)), hoap2, "NaN", "fill")
+    assert (error.column, error.row, error.line) == (hoap2.joint_names[3], 18, 19)
 
 
-def test_infinite_is_never_filled(robot, joints, write: Write) -> None:
+def test_infinite_is_never_filled(hoap2, joints, write: Write) -> None:
     joints[17, 3] = np.inf
-    error = refused(write(columns_of(robot, joints)), robot, "infinite", fill=True)
-    assert (error.column, error.row) == (robot.joint_names[3], 18)
+    error = refused(write(columns_of(hoap2, joints)), hoap2, "infinite", fill=True)
+    assert (error.column, error.row) == (hoap2.joint_names[3], 18)
 
 
 @pytest.mark.parametrize(("value", "row"), [(TIME[20], 22), (TIME[3], 22), (np.nan, 22)])
-def test_times_must_increase(robot, joints, write: Write, value: float, row: int) -> None:
-    columns = columns_of(robot, joints)
+def test_times_must_increase(hoap2, joints, write: Write, value: float, row: int) -> None:
+    columns = columns_of(hoap2, joints)
     columns["time"] = TIME.copy()
     columns["time"][21] = value
-    error = refused(write(columns), robot, "time", fill=True)
+    error = refused(write(columns), hoap2, "time", fill=True)
     assert (error.column, error.row) == ("time", row)
 
 
-def test_limits_and_degrees(robot, joints, write: Write) -> None:
-    k = robot.joint_names.index("left_knee_pitch")
-    joints[30, k] = robot.limits.upper[k] + 0.12
-    path = write(columns_of(robot, joints))
-    error = refused(path, robot, "left_knee_pitch", "limits", "0.12")
+def test_limits_and_degrees(hoap2, joints, write: Write) -> None:
+    k = hoap2.joint_names.index("left_knee_pitch")
+    joints[30, k] = hoap2.limits.upper[k] + 0.12
+    path = write(columns_of(hoap2, joints))
+    error = refused(path, hoap2, "left_knee_pitch", "limits", "0.12")
     assert (error.column, error.row, error.line) == ("left_knee_pitch", 31, 32)
     assert "in degrees" not in str(error)
-    assert read_motion(path, robot, beyond=0.13).joints[30, k] == joints[30, k]
-    in_degrees = columns_of(robot, np.rad2deg(np.delete(joints, 30, axis=0)[[*range(59), 58]]))
-    assert refused(write(in_degrees), robot, "in degrees?")
-    assert read_motion(write(in_degrees), robot, degrees=True).time.size == COUNT
+    assert read_motion(path, hoap2, beyond=0.13).joints[30, k] == joints[30, k]
+    in_degrees = columns_of(hoap2, np.rad2deg(np.delete(joints, 30, axis=0)[[*range(59), 58]]))
+    assert refused(write(in_degrees), hoap2, "in degrees?")
+    assert read_motion(write(in_degrees), hoap2, degrees=True).time.size == COUNT
 
 
-def test_a_little_past_a_limit_is_told(robot, joints) -> None:
-    k = robot.joint_names.index("left_knee_pitch")
-    joints[:, k] = robot.limits.upper[k] + 0.05
-    base = np.tile(robot.postures["standing"][:7], (COUNT, 1))
-    series = analyze(Motion(robot, TIME, joints, base))
+def test_a_little_past_a_limit_is_told(hoap2, joints) -> None:
+    k = hoap2.joint_names.index("left_knee_pitch")
+    joints[:, k] = hoap2.limits.upper[k] + 0.05
+    base = np.tile(hoap2.postures["standing"][:7], (COUNT, 1))
+    series = analyze(Motion(hoap2, TIME, joints, base))
     assert series.past_limits == {"left_knee_pitch": pytest.approx(0.05)}
-    series = analyze(Motion(robot, TIME, np.minimum(joints, robot.limits.upper), base))
+    series = analyze(Motion(hoap2, TIME, np.minimum(joints, hoap2.limits.upper), base))
     assert series.past_limits == {}
 
 
-def test_no_times_or_both(robot, joints, write: Write) -> None:
-    columns = columns_of(robot, joints)
-    assert refused(write(columns), robot, "time", rate=100.0)
+def test_no_times_or_both(hoap2, joints, write: Write) -> None:
+    columns = columns_of(hoap2, joints)
+    assert refused(write(columns), hoap2, "time", rate=100.0)
     del columns["time"]
-    assert refused(write(columns), robot, "'time'", "rate")
+    assert refused(write(columns), hoap2, "'time'", "rate")
     with pytest.raises(InvalidInputError, match="rate"):
-        read_motion(write(columns), robot, rate=0.0)
+        read_motion(write(columns), hoap2, rate=0.0)
 
 
-def test_an_incomplete_base(robot, joints, write: Write, rng) -> None:
+def test_an_incomplete_base(hoap2, joints, write: Write, rng) -> None:
     base = base_columns(rng)
     del base["base_qw"]
-    assert refused(write(columns_of(robot, joints) | base), robot, "base_qw")
+    assert refused(write(columns_of(hoap2, joints) | base), hoap2, "base_qw")
     both = base_columns(rng) | {"base_roll": TIME}
-    assert refused(write(columns_of(robot, joints) | both), robot, "not both")
+    assert refused(write(columns_of(hoap2, joints) | both), hoap2, "not both")
 
 
-def test_a_quaternion_that_is_none(robot, joints, write: Write, rng) -> None:
+def test_a_quaternion_that_is_none(hoap2, joints, write: Write, rng) -> None:
     base = base_columns(rng)
     base["base_qw"][5] += 0.5
-    assert refused(write(columns_of(robot, joints) | base), robot, "norm").row == 6
+    assert refused(write(columns_of(hoap2, joints) | base), hoap2, "norm").row == 6
 
 
-def test_the_same_column_twice(robot, joints, write: Write) -> None:
-    assert refused(write(columns_of(robot, joints) | {"t": TIME}), robot, "'t'", "'time'")
-    path = write(columns_of(robot, joints))
+def test_the_same_column_twice(hoap2, joints, write: Write) -> None:
+    assert refused(write(columns_of(hoap2, joints) | {"t": TIME}), hoap2, "'t'", "'time'")
+    path = write(columns_of(hoap2, joints))
     path.write_text(path.read_text().replace("head_yaw", "head_pitch", 1))
-    assert refused(path, robot, "head_pitch", "twice")
+    assert refused(path, hoap2, "head_pitch", "twice")
 
 
-def test_unknown_units(robot, joints, write: Write) -> None:
-    columns = columns_of(robot, joints)
+def test_unknown_units(hoap2, joints, write: Write) -> None:
+    columns = columns_of(hoap2, joints)
     columns["head_yaw [turns]"] = columns.pop("head_yaw")
-    assert refused(write(columns), robot, "turns", "deg")
+    assert refused(write(columns), hoap2, "turns", "deg")
 
 
 @pytest.mark.parametrize(
@@ -294,38 +289,38 @@ def test_unknown_units(robot, joints, write: Write) -> None:
         (",time\n0,0\n1,1\n", ["column 1 has no name"]),
     ],
 )
-def test_broken_csv(robot, tmp_path: Path, text: str, words: list[str]) -> None:
+def test_broken_csv(hoap2, tmp_path: Path, text: str, words: list[str]) -> None:
     path = tmp_path / "broken.csv"
     path.write_text(text)
-    assert refused(path, robot, *words)
+    assert refused(path, hoap2, *words)
 
 
-def test_text_in_another_encoding(robot, joints, write: Write) -> None:
-    path = write(columns_of(robot, joints))
+def test_text_in_another_encoding(hoap2, joints, write: Write) -> None:
+    path = write(columns_of(hoap2, joints))
     path.write_text(path.read_text(), encoding="utf-16")
-    assert refused(path, robot, "not text in UTF-8")
+    assert refused(path, hoap2, "not text in UTF-8")
 
 
 @pytest.mark.parametrize("head", ["# ", "# recorded on Monday, in the hall\n", "\ufeff"])
-def test_remarks_and_byte_order_marks(robot, joints, write: Write, head: str) -> None:
-    path = write(columns_of(robot, joints))
+def test_remarks_and_byte_order_marks(hoap2, joints, write: Write, head: str) -> None:
+    path = write(columns_of(hoap2, joints))
     path.write_text(head + path.read_text(), encoding="utf-8")
-    np.testing.assert_allclose(read_motion(path, robot).joints, joints, rtol=1e-12)
+    np.testing.assert_allclose(read_motion(path, hoap2).joints, joints, rtol=1e-12)
 
 
-def test_a_comma_at_the_end_of_each_line_is_no_column(robot, joints, write: Write) -> None:
-    path = write(columns_of(robot, joints))
+def test_a_comma_at_the_end_of_each_line_is_no_column(hoap2, joints, write: Write) -> None:
+    path = write(columns_of(hoap2, joints))
     path.write_text(path.read_text().replace("\n", ",\n"))
-    np.testing.assert_allclose(read_motion(path, robot).joints, joints, rtol=1e-12)
+    np.testing.assert_allclose(read_motion(path, hoap2).joints, joints, rtol=1e-12)
 
 
-def test_empty_cells_are_missing_numbers(robot, joints, write: Write) -> None:
-    path = write(columns_of(robot, joints))
+def test_empty_cells_are_missing_numbers(hoap2, joints, write: Write) -> None:
+    path = write(columns_of(hoap2, joints))
     lines = path.read_text().splitlines()
     lines[11] = re.sub(r"^([^,]*),[^,]*,", r"\1,,", lines[11])
     path.write_text("\n".join(lines))
-    assert refused(path, robot, robot.joint_names[0]).line == 12
-    assert len(read_motion(path, robot, fill=True).dropouts) == 1
+    assert refused(path, hoap2, hoap2.joint_names[0]).line == 12
+    assert len(read_motion(path, hoap2, fill=True).dropouts) == 1
 
 
 @pytest.mark.parametrize(
@@ -339,110 +334,110 @@ def test_empty_cells_are_missing_numbers(robot, joints, write: Write) -> None:
         ({"time": TIME, "q": np.zeros((COUNT, 32), dtype=complex)}, ["'q'", "real numbers"]),
     ],
 )
-def test_broken_npz(robot, tmp_path: Path, arrays: dict, words: list[str]) -> None:
+def test_broken_npz(hoap2, tmp_path: Path, arrays: dict, words: list[str]) -> None:
     np.savez(tmp_path / "broken.npz", **arrays)
-    assert refused(tmp_path / "broken.npz", robot, *words)
+    assert refused(tmp_path / "broken.npz", hoap2, *words)
 
 
-def test_files_that_are_none(robot, tmp_path: Path) -> None:
+def test_files_that_are_none(hoap2, tmp_path: Path) -> None:
     (tmp_path / "x.npz").write_text("no zip")
-    assert refused(tmp_path / "x.npz", robot, "cannot be read")
-    assert refused(tmp_path / "absent.csv", robot, "cannot be read")
-    assert refused(tmp_path / "walk.bvh", robot, ".csv or .npz")
+    assert refused(tmp_path / "x.npz", hoap2, "cannot be read")
+    assert refused(tmp_path / "absent.csv", hoap2, "cannot be read")
+    assert refused(tmp_path / "walk.bvh", hoap2, ".csv or .npz")
 
 
-def test_few_rows(robot, joints, write: Write) -> None:
-    columns = {name: values[:5] for name, values in columns_of(robot, joints).items()}
-    assert refused(write(columns), robot, "5 rows")
+def test_few_rows(hoap2, joints, write: Write) -> None:
+    columns = {name: values[:5] for name, values in columns_of(hoap2, joints).items()}
+    assert refused(write(columns), hoap2, "5 rows")
     with pytest.raises(InvalidInputError, match="5 rows"):
-        Motion(robot, TIME[:5], joints[:5])
+        Motion(hoap2, TIME[:5], joints[:5])
     with pytest.raises(InvalidInputError, match="increase"):
-        Motion(robot, TIME[::-1], joints)
+        Motion(hoap2, TIME[::-1], joints)
 
 
 # ---------------------------------------------------------------------- dropouts
 
 
-def test_gaps_in_time_up_to_the_longest(robot, joints, write: Write) -> None:
+def test_gaps_in_time_up_to_the_longest(hoap2, joints, write: Write) -> None:
     kept = np.delete(np.arange(COUNT), slice(20, 26))  # six rows: 70 ms from row 19 to row 26
-    columns = {name: values[kept] for name, values in columns_of(robot, joints).items()}
-    motion = read_motion(write(columns), robot)
+    columns = {name: values[kept] for name, values in columns_of(hoap2, joints).items()}
+    motion = read_motion(write(columns), hoap2)
     (gap,) = motion.dropouts
     assert (gap.kind, gap.filled) == ("gap in time", True)
     assert (gap.start, gap.end) == pytest.approx((0.19, 0.26))
     np.testing.assert_allclose(motion.time, TIME, atol=1e-12)
     # PCHIP over 70 ms of sines of 5 rad/s: a parabola is off by A (w T)^2 / 8 = 1.5% at most.
     np.testing.assert_allclose(motion.joints, joints, atol=0.015 * 0.25)
-    assert refused(write(columns), robot, "0.07", longest_gap=0.05)
+    assert refused(write(columns), hoap2, "0.07", longest_gap=0.05)
 
 
-def test_missing_numbers_if_declared(robot, joints, write: Write) -> None:
+def test_missing_numbers_if_declared(hoap2, joints, write: Write) -> None:
     true = joints.copy()
     joints[10:13, [2, 4]] = np.nan
     joints[40, 4] = np.nan
-    motion = read_motion(write(columns_of(robot, joints)), robot, fill=True)
+    motion = read_motion(write(columns_of(hoap2, joints)), hoap2, fill=True)
     first, second = motion.dropouts
     assert first.kind == second.kind == "missing numbers"
-    assert first.columns == (robot.joint_names[2], robot.joint_names[4])
+    assert first.columns == (hoap2.joint_names[2], hoap2.joint_names[4])
     assert (first.start, first.end) == pytest.approx((0.09, 0.13))
     assert second.duration == pytest.approx(0.02)
     np.testing.assert_allclose(motion.joints, true, atol=0.002)
-    path = write(columns_of(robot, joints))
-    assert refused(path, robot, robot.joint_names[2], fill=True, longest_gap=0.03)
+    path = write(columns_of(hoap2, joints))
+    assert refused(path, hoap2, hoap2.joint_names[2], fill=True, longest_gap=0.03)
     joints[-1, 4] = np.nan
-    assert refused(write(columns_of(robot, joints)), robot, "begin or end", fill=True)
+    assert refused(write(columns_of(hoap2, joints)), hoap2, "begin or end", fill=True)
 
 
-def test_frozen_rows_are_reported(robot, joints, write: Write) -> None:
+def test_frozen_rows_are_reported(hoap2, joints, write: Write) -> None:
     true = joints.copy()
     joints[31:35] = joints[30]
-    path = write(columns_of(robot, joints))
-    motion = read_motion(path, robot)
+    path = write(columns_of(hoap2, joints))
+    motion = read_motion(path, hoap2)
     (frozen,) = motion.dropouts
     assert (frozen.kind, frozen.filled) == ("frozen", False)
     assert (frozen.start, frozen.end) == pytest.approx((0.30, 0.35))
-    assert frozen.columns and set(frozen.columns) <= set(robot.joint_names)
+    assert frozen.columns and set(frozen.columns) <= set(hoap2.joint_names)
     np.testing.assert_allclose(motion.joints, joints)  # as recorded
     assert "left as recorded" in str(frozen)
-    filled = read_motion(path, robot, fill=True)
+    filled = read_motion(path, hoap2, fill=True)
     assert filled.dropouts[0].filled
     np.testing.assert_allclose(filled.joints, true, atol=0.004)
 
 
 @pytest.mark.parametrize("base_too", [True, False])
 def test_a_frozen_base_is_filled_with_the_joints(
-    robot, joints, write: Write, rng, base_too: bool
+    hoap2, joints, write: Write, rng, base_too: bool
 ) -> None:
-    columns = columns_of(robot, joints) | (base := base_columns(rng))
+    columns = columns_of(hoap2, joints) | (base := base_columns(rng))
     true = np.column_stack(list(base.values()))
     for name, values in columns.items():
-        if name in robot.joint_names or (base_too and name in base):
+        if name in hoap2.joint_names or (base_too and name in base):
             columns[name] = values.copy()
             columns[name][31:35] = values[30]
-    motion = read_motion(write(columns), robot, fill=True)
+    motion = read_motion(write(columns), hoap2, fill=True)
     # PCHIP over 50 ms of 0.1 m and 0.2 rad at 1 rad/s; and where it was not frozen, as recorded.
     np.testing.assert_allclose(motion.base, true, atol=1e-4 if base_too else 1e-12)
 
 
-def test_a_gap_can_be_declared_as_it_is_told(robot, joints, write: Write) -> None:
+def test_a_gap_can_be_declared_as_it_is_told(hoap2, joints, write: Write) -> None:
     kept = np.delete(np.arange(COUNT), slice(20, 35))
-    columns = {name: values[kept] for name, values in columns_of(robot, joints).items()}
+    columns = {name: values[kept] for name, values in columns_of(hoap2, joints).items()}
     columns["time"] = columns["time"] * 1.00123 + 1.7e9  # as computers count time
-    told = str(refused(write(columns), robot, "1700000000.19"))
+    told = str(refused(write(columns), hoap2, "1700000000.19"))
     longest = float(re.search(r"longest gap of (\S+) s", told)[1])
-    (gap,) = read_motion(write(columns), robot, longest_gap=longest).dropouts
+    (gap,) = read_motion(write(columns), hoap2, longest_gap=longest).dropouts
     assert longest - 0.01 < gap.duration <= longest
 
 
-def test_gaps_too_long_to_fill(robot, joints, write: Write) -> None:
-    columns = columns_of(robot, joints)
+def test_gaps_too_long_to_fill(hoap2, joints, write: Write) -> None:
+    columns = columns_of(hoap2, joints)
     columns["time"] = np.where(TIME > 0.3, TIME + 1e6, TIME)
     with pytest.raises(InvalidInputError, match="1,000,000"):
-        read_motion(write(columns), robot, longest_gap=1e7)
+        read_motion(write(columns), hoap2, longest_gap=1e7)
 
 
-def test_rest_and_coarse_sensors_are_not_frozen(robot, joints, write: Write) -> None:
+def test_rest_and_coarse_sensors_are_not_frozen(hoap2, joints, write: Write) -> None:
     ramp = np.clip((TIME - 0.2) / 0.1, 0.0, 1.0)[:, None]  # moves, then rests for good
-    assert read_motion(write(columns_of(robot, joints[:1] + 0.1 * ramp)), robot).dropouts == ()
+    assert read_motion(write(columns_of(hoap2, joints[:1] + 0.1 * ramp)), hoap2).dropouts == ()
     coarse = np.round((joints[:1] + 0.05 * TIME[:, None]) / 0.004) * 0.004  # a step in 8 rows
-    assert read_motion(write(columns_of(robot, coarse)), robot, beyond=0.01).dropouts == ()
+    assert read_motion(write(columns_of(hoap2, coarse)), hoap2, beyond=0.01).dropouts == ()

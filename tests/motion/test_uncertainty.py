@@ -120,11 +120,10 @@ def test_bands_where_feet_take_over_hold_93_to_97(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def beside_the_foot() -> Motion:
+def beside_the_foot(hoap2: Robot) -> Motion:
     """A HOAP-2 at rest with its CoM 8 mm outside the left sole: infeasible on that foot alone."""
-    robot = Robot.load("hoap2_like")
-    q = np.tile(robot.postures["standing"], (600, 1))
-    return Motion(robot, TIME, q[:, 7:], q[:, :7])
+    q = np.tile(hoap2.postures["standing"], (600, 1))
+    return Motion(hoap2, TIME, q[:, 7:], q[:, :7])
 
 
 def test_verdict_is_only_given_beyond_the_noise(beside_the_foot: Motion) -> None:
@@ -206,13 +205,12 @@ def test_uncertainty_is_saved(beside_the_foot: Motion, tmp_path: Path) -> None:
     np.testing.assert_allclose(margin, series.uncertainty.cop_margin, rtol=1e-8)
 
 
-def test_measured_forces_have_no_band_of_the_motions_noise() -> None:
-    robot = Robot.load("hoap2_like")
-    q = np.tile(robot.postures["standing"], (100, 1))
+def test_measured_forces_have_no_band_of_the_motions_noise(hoap2: Robot) -> None:
+    q = np.tile(hoap2.postures["standing"], (100, 1))
     time = TIME[:100]
-    wrench = np.tile([0.0, 0.0, 0.5 * 9.81 * robot.mass, 0.0, 0.0, 0.0], (100, 1))
+    wrench = np.tile([0.0, 0.0, 0.5 * 9.81 * hoap2.mass, 0.0, 0.0, 0.0], (100, 1))
     forces = MeasuredForces(time, {"left": wrench, "right": wrench})
-    series = analyze(Motion(robot, time, q[:, 7:], q[:, :7], forces=forces))
+    series = analyze(Motion(hoap2, time, q[:, 7:], q[:, :7], forces=forces))
     assert series.measured
     assert np.isnan(series.uncertainty.cop).all()
     assert np.isfinite(series.uncertainty.momentum_rate).all()

@@ -49,9 +49,8 @@ SPECS: dict[str, TaskSpec] = {
 
 
 @pytest.mark.parametrize("kind", SPECS)
-def test_ramps_hand_on_rate_and_acceleration(kind: str, robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    start = robot.snapshot(robot.posture("standing"))
+def test_ramps_hand_on_rate_and_acceleration(kind: str, hoap2) -> None:
+    start = hoap2.snapshot(hoap2.posture("standing"))
     one = SPECS[kind].build(kind, start)
     here = one.current(start)
     moving = MovingTarget(MinimumJerk(here, one.goal(start, here), 2.0, one.space), one.set_target)
@@ -72,9 +71,8 @@ def test_ramps_hand_on_rate_and_acceleration(kind: str, robot_named) -> None:
     assert not one.task.residual(start).bias.any()
 
 
-def test_a_momentum_that_ramps_is_a_force(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    start = robot.snapshot(robot.posture("standing"))
+def test_a_momentum_that_ramps_is_a_force(hoap2) -> None:
+    start = hoap2.snapshot(hoap2.posture("standing"))
     spec = MomentumSpec.model_validate({"type": "momentum", "target": [1, 2, 3, 0.1, 0.2, 0.3]})
     one = spec.build("momentum", start)
     ramp = MinimumJerk(np.zeros(6), np.array(spec.target), 2.0)

@@ -25,8 +25,8 @@ def load(folder: Path, robot: str, support: str, over: str) -> Problem:
 
 
 @pytest.fixture
-def quadruped(robot_named) -> str:
-    folder = next(p for p in robot_named("g1").path.parents if p.name == "robots")
+def quadruped(g1) -> str:
+    folder = next(p for p in g1.path.parents if p.name == "robots")
     return str(folder / "go2_description/urdf/go2.urdf")
 
 

@@ -21,13 +21,8 @@ from wbc.view.mcap_export import write_retargeted
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.load("hoap2_like")
-
-
-@pytest.fixture(scope="module")
-def crouch(robot: Robot) -> wbc.Retargeted:
-    return wbc.retarget(crouching(), robot)
+def crouch(hoap2: Robot) -> wbc.Retargeted:
+    return wbc.retarget(crouching(), hoap2)
 
 
 def kept(motion: wbc.Retargeted) -> None:
@@ -62,8 +57,8 @@ def test_a_crouch_keeps_the_feet_where_they_are(crouch: wbc.Retargeted) -> None:
     assert depth == pytest.approx(np.ptp(crouch.targets.human_com[:, 2]), rel=0.35)
 
 
-def test_feet_whose_toes_point_inwards_are_set_apart(robot: Robot) -> None:
-    motion = wbc.retarget(crouching(1.0, inward=0.35), robot)
+def test_feet_whose_toes_point_inwards_are_set_apart(hoap2: Robot) -> None:
+    motion = wbc.retarget(crouching(1.0, inward=0.35), hoap2)
     kept(motion)
     toes = [motion.targets.feet.paths[side].heading[0] for side in ("left", "right")]
     assert toes[1] - toes[0] == pytest.approx(0.7, abs=0.1)  # they still do
@@ -180,13 +175,13 @@ def test_what_is_little_like_the_human_is_said(crouch: wbc.Retargeted) -> None:
     )
 
 
-def test_configurations_between_others_are_on_the_way(robot: Robot) -> None:
+def test_configurations_between_others_are_on_the_way(hoap2: Robot) -> None:
     rng = np.random.default_rng(3)
-    start = robot.postures["standing"]
-    q = np.array([robot.integrate(start, 0.3 * rng.normal(size=robot.nv), 1.0) for _ in range(3)])
-    found = between(robot, q, np.array([0.0, 0.25, 1.0, 1.5, 2.0]))
+    start = hoap2.postures["standing"]
+    q = np.array([hoap2.integrate(start, 0.3 * rng.normal(size=hoap2.nv), 1.0) for _ in range(3)])
+    found = between(hoap2, q, np.array([0.0, 0.25, 1.0, 1.5, 2.0]))
     np.testing.assert_allclose(found[[0, 2, 4]], q, atol=1e-12)  # rounding
-    model = robot.model
+    model = hoap2.model
     for one, (a, b, part) in zip(found[[1, 3]], ((0, 1, 0.25), (1, 2, 0.5)), strict=True):
         np.testing.assert_allclose(one, pin.interpolate(model, q[a], q[b], part), atol=1e-9)
 
@@ -200,19 +195,19 @@ def test_who_stands_for_whom() -> None:
     assert other.trunk == "torso_link"
 
 
-def test_refusals(robot: Robot) -> None:
+def test_refusals(hoap2: Robot) -> None:
     human = crouching(0.8)
     with pytest.raises(wbc.WbcError, match="expected a human's motion"):
-        wbc.retarget(human.motion, robot)  # type: ignore[arg-type]
+        wbc.retarget(human.motion, hoap2)  # type: ignore[arg-type]
     with pytest.raises(wbc.WbcError, match="duration: expected 'froude'"):
-        wbc.retarget(human, robot, duration="fast")
+        wbc.retarget(human, hoap2, duration="fast")
     with pytest.raises(wbc.WbcError, match="rate"):
-        wbc.retarget(human, robot, rate=1.0)
+        wbc.retarget(human, hoap2, rate=1.0)
     with pytest.raises(wbc.WbcError, match="weights, com"):
         RetargetWeights(com=0.0)
     with pytest.raises(wbc.WbcError, match="part of a body"):
-        wbc.retarget(human, robot, links={"left_paw": "left_hand"})
+        wbc.retarget(human, hoap2, links={"left_paw": "left_hand"})
     with pytest.raises(wbc.WbcError, match="name all of the left arm"):
-        wbc.retarget(human, robot, links={"left_hand": "left_hand"})
+        wbc.retarget(human, hoap2, links={"left_hand": "left_hand"})
     with pytest.raises(wbc.WbcError, match="two feet"):
         wbc.retarget(human, Robot.load("hoap2_like", feet={}))

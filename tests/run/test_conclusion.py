@@ -55,18 +55,13 @@ def test_balance_can_be_asked_with_a_margin(tmp_path: Path) -> None:
     assert "inside the soles, less than 500 mm" in result.reason
 
 
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.load("hoap2_like")
-
-
-def test_a_contact_far_from_its_anchor_has_slipped(robot: Robot) -> None:
+def test_a_contact_far_from_its_anchor_has_slipped(hoap2: Robot) -> None:
     """Feet that are held without taking back a drift stay where they have been pushed."""
-    start = robot.snapshot(robot.posture())
+    start = hoap2.snapshot(hoap2.posture())
     contacts = support(start, "double")
-    moved = robot.integrate(start.q, np.r_[0.02, np.zeros(robot.nv - 1)], 1.0)
-    tasks = [PostureTask(robot, start.q)]
-    made = KinematicController(robot, tasks, contacts=contacts, limits=Limits(robot))
+    moved = hoap2.integrate(start.q, np.r_[0.02, np.zeros(hoap2.nv - 1)], 1.0)
+    tasks = [PostureTask(hoap2, start.q)]
+    made = KinematicController(hoap2, tasks, contacts=contacts, limits=Limits(hoap2))
     stop = Stop(duration=2.0, speed=1e-3)
     result = simulate(made, moved, stop)
     assert result.status is RunStatus.NOT_KEPT
@@ -74,7 +69,7 @@ def test_a_contact_far_from_its_anchor_has_slipped(robot: Robot) -> None:
     assert simulate(made, moved, Stop(2.0, 1e-3, slip=0.03)).status is RunStatus.CONVERGED
     assert simulate(made, moved, Stop(2.0, 1e-3, slip=None)).status is RunStatus.CONVERGED
     soft = dict.fromkeys(("left_sole", "right_sole"), 1e4)
-    loose = KinematicController(robot, tasks, contacts=contacts, slack=soft)
+    loose = KinematicController(hoap2, tasks, contacts=contacts, slack=soft)
     assert simulate(loose, moved, stop).status is RunStatus.CONVERGED
 
 
@@ -108,15 +103,15 @@ def test_a_margin_that_is_not_kept_is_no_success(tmp_path: Path) -> None:
     assert 0.3 < still.clearance["room"].value < 0.43
 
 
-def test_what_starts_outside_its_limits_is_brought_back_first(robot: Robot) -> None:
-    q = robot.posture()
-    joint = robot.joint_index("left_elbow_pitch") - 6
-    q[7 + joint] = robot.limits.upper[joint] + 0.05
-    calm = PostureTask(robot, robot.posture(), weight=0.1)
-    made = KinematicController(robot, [calm], limits=Limits(robot))
+def test_what_starts_outside_its_limits_is_brought_back_first(hoap2: Robot) -> None:
+    q = hoap2.posture()
+    joint = hoap2.joint_index("left_elbow_pitch") - 6
+    q[7 + joint] = hoap2.limits.upper[joint] + 0.05
+    calm = PostureTask(hoap2, hoap2.posture(), weight=0.1)
+    made = KinematicController(hoap2, [calm], limits=Limits(hoap2))
     result = simulate(made, q, Stop(duration=1.0, speed=None))
     assert result.margin.value == pytest.approx(-0.05)
     assert result.status is RunStatus.COMPLETED, result.reason
-    free = KinematicController(robot, [PostureTask(robot, q)])
+    free = KinematicController(hoap2, [PostureTask(hoap2, q)])
     stays = simulate(free, q, Stop(duration=0.1, speed=None))
     assert stays.status is RunStatus.COMPLETED  # no limits were asked for

@@ -12,11 +12,6 @@ from wbc.errors import ControllerFailure
 from wbc.run import RunStatus, Stop, closed_loop, simulate
 
 
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.load("hoap2_like")
-
-
 def controller(robot: Robot) -> KinematicController:
     start = robot.snapshot(robot.posture())
     com = ComTask(robot, start.com - (0.0, 0.0, 0.02), weight=100)
@@ -25,9 +20,9 @@ def controller(robot: Robot) -> KinematicController:
     return KinematicController(robot, [com, calm], contacts=contacts, limits=Limits(robot))
 
 
-def test_a_controller_runs_to_rest_without_a_file(robot: Robot) -> None:
+def test_a_controller_runs_to_rest_without_a_file(hoap2: Robot) -> None:
     stop = Stop(duration=5.0, speed=1e-3, accept={"com": 1e-3})
-    result = simulate(controller(robot), robot.posture(), stop, provenance={"made": "here"})
+    result = simulate(controller(hoap2), hoap2.posture(), stop, provenance={"made": "here"})
     assert result.status is RunStatus.CONVERGED
     assert result.tasks["com"].norm < 1e-3
     assert result.tasks["com"].units == ("m", "m", "m")
@@ -40,12 +35,12 @@ def test_a_controller_runs_to_rest_without_a_file(robot: Robot) -> None:
     assert result.balance.value > 0.0
 
 
-def test_a_run_is_the_loop_tick_by_tick(robot: Robot) -> None:
-    q = robot.posture()
+def test_a_run_is_the_loop_tick_by_tick(hoap2: Robot) -> None:
+    q = hoap2.posture()
     stop = Stop(duration=0.25, speed=None)
     seen: list[Tick] = []
-    result = simulate(controller(robot), q, stop, observe=seen.append)
-    ticks = list(closed_loop(controller(robot), q, 50))
+    result = simulate(controller(hoap2), q, stop, observe=seen.append)
+    ticks = list(closed_loop(controller(hoap2), q, 50))
     assert result.status is RunStatus.COMPLETED
     assert len(result.history) == len(ticks) == len(seen) == 50
     np.testing.assert_array_equal(result.history.q, [one.snapshot.q for one in ticks])
@@ -54,22 +49,22 @@ def test_a_run_is_the_loop_tick_by_tick(robot: Robot) -> None:
     np.testing.assert_allclose([one.time for one in ticks], 0.005 * np.arange(50))
 
 
-def test_an_update_chooses_the_controller_and_ends_the_loop(robot: Robot) -> None:
-    first, second = controller(robot), controller(robot)
+def test_an_update_chooses_the_controller_and_ends_the_loop(hoap2: Robot) -> None:
+    first, second = controller(hoap2), controller(hoap2)
     second.tasks[0].target = second.tasks[0].target + (0.0, 0.0, 0.02)  # where the CoM is
     chosen = [first, first, second, None]
-    ticks = list(closed_loop(first, robot.posture(), 99, lambda k, _: chosen[k]))
+    ticks = list(closed_loop(first, hoap2.posture(), 99, lambda k, _: chosen[k]))
     assert len(ticks) == 3
     assert ticks[1].speed > 1e-3
     assert ticks[2].tick.velocity[2] > 0.0  # back up
 
 
-def test_ticks_are_timed_by_the_clock_and_by_the_threads_own(robot: Robot, monkeypatch) -> None:
+def test_ticks_are_timed_by_the_clock_and_by_the_threads_own(hoap2: Robot, monkeypatch) -> None:
     """With clocks that go on by 3 s and by 0.5 s whenever they are read."""
     for name, start, step in (("perf_counter", 100.0, 3.0), ("thread_time", 7.0, 0.5)):
         readings = count(start, step)
         monkeypatch.setattr(f"wbc.controllers.closed_loop.{name}", lambda own=readings: next(own))
-    ticks = list(closed_loop(controller(robot), robot.posture(), 3))
+    ticks = list(closed_loop(controller(hoap2), hoap2.posture(), 3))
     assert [(one.seconds, one.cpu_seconds) for one in ticks] == [(3.0, 0.5)] * 3
 
 
@@ -79,9 +74,9 @@ def test_a_part_of_a_tick_is_a_tick_but_for_rounding() -> None:
     assert [ticks_of(one, 0.005) for one in durations] == [0, 1, 1, 7, 8, 8]
 
 
-def test_a_controller_that_gives_up_ends_the_loop_with_its_tick(robot: Robot, monkeypatch) -> None:
+def test_a_controller_that_gives_up_ends_the_loop_with_its_tick(hoap2: Robot, monkeypatch) -> None:
     """A failure of what is no tick of this loop is not hidden."""
-    one, honest, given = controller(robot), KinematicController.step, []
+    one, honest, given = controller(hoap2), KinematicController.step, []
 
     def step(self, snapshot):
         given.append(honest(self, snapshot))
@@ -92,8 +87,8 @@ def test_a_controller_that_gives_up_ends_the_loop_with_its_tick(robot: Robot, mo
         return given[-1]
 
     monkeypatch.setattr(KinematicController, "step", step)
-    ticks = list(closed_loop(one, robot.posture(), 9))
+    ticks = list(closed_loop(one, hoap2.posture(), 9))
     assert [tick.gave_up for tick in ticks] == [False, False, True]
     assert ticks[-1].tick is given[-1]
     with pytest.raises(ControllerFailure, match="of another kind"):
-        list(closed_loop(one, robot.posture(), 9))
+        list(closed_loop(one, hoap2.posture(), 9))

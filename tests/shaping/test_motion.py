@@ -47,34 +47,32 @@ def check_motion(
 
 
 @pytest.mark.parametrize("mode", ["floating", "double"])
-def test_the_best_posture_is_reached(robot_named, mode: str) -> None:
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
-    contacts = support(robot.snapshot(q), mode)
-    task = tall(robot, q, "world")
-    shaping = GlobalShaping(robot, [task], contacts)
+def test_the_best_posture_is_reached(hoap2, mode: str) -> None:
+    q = hoap2.posture()
+    contacts = support(hoap2.snapshot(q), mode)
+    task = tall(hoap2, q, "world")
+    shaping = GlobalShaping(hoap2, [task], contacts)
     outcome = shaping.solve(q, 12, workers=1)
     motion = shaping.reach(q, outcome, dt=0.01)
     assert motion.arrived, motion.attempts
     assert motion.attempts[-1].reason == "arrived"
-    check_motion(robot, motion, contacts, 0.01)
+    check_motion(hoap2, motion, contacts, 0.01)
     np.testing.assert_array_equal(motion.q[0], q)
-    end = posture_cost([task], robot.snapshot(motion.q[-1]))
+    end = posture_cost([task], hoap2.snapshot(motion.q[-1]))
     assert end == pytest.approx(motion.cost[-1], rel=1e-12)
     assert end <= 1.01 * motion.candidate.cost
     assert end < 0.5 * motion.cost[0]
     assert not motion.kept.broken
 
 
-def test_the_next_best_is_taken_where_the_best_cannot_be_reached(robot_named) -> None:
+def test_the_next_best_is_taken_where_the_best_cannot_be_reached(hoap2) -> None:
     """A best posture with its feet elsewhere: the controller holds them and never gets there."""
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
-    contacts = support(robot.snapshot(q), "double")
-    shaping = GlobalShaping(robot, [tall(robot, q, "world"), PostureTask(robot, q, weight=1e-3)],
+    q = hoap2.posture()
+    contacts = support(hoap2.snapshot(q), "double")
+    shaping = GlobalShaping(hoap2, [tall(hoap2, q, "world"), PostureTask(hoap2, q, weight=1e-3)],
                             contacts)  # fmt: skip
     outcome = shaping.solve(q, 6, workers=1)
-    wrong = robot.posture("standing", {"left_hip_roll": 0.4, "left_knee_pitch": 1.5})
+    wrong = hoap2.posture("standing", {"left_hip_roll": 0.4, "left_knee_pitch": 1.5})
     dream = replace(outcome.best, q=wrong, cost=0.5 * outcome.best.cost)
     tempted = ShapingOutcome((dream, *outcome.candidates), (), outcome.statistics)
     motion = shaping.reach(q, tempted, dt=0.01)
@@ -87,16 +85,15 @@ def test_the_next_best_is_taken_where_the_best_cannot_be_reached(robot_named) ->
     assert len(only.attempts) == 1
 
 
-def test_a_broken_constraint_on_the_way_is_told(robot_named) -> None:
+def test_a_broken_constraint_on_the_way_is_told(hoap2) -> None:
     """A controller that does not know of the polygon: leaving it is noticed."""
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
-    here = robot.snapshot(q)
+    q = hoap2.posture()
+    here = hoap2.snapshot(q)
     contacts = support(here, "left")  # the CoM is between the feet, outside this polygon
-    task = ComTask(robot, [*contacts[0].position[:2], here.com[2]])
-    away = GlobalShaping(robot, [ComTask(robot, here.com)], contacts)
+    task = ComTask(hoap2, [*contacts[0].position[:2], here.com[2]])
+    away = GlobalShaping(hoap2, [ComTask(hoap2, here.com)], contacts)
     shaping = GlobalShaping(
-        robot, [task], contacts, constraints=[ComSupport.over(here, "left", margin=0.0)]
+        hoap2, [task], contacts, constraints=[ComSupport.over(here, "left", margin=0.0)]
     )
     outcome = shaping.solve(q, 4, workers=1)
     motion = shaping.reach(q, outcome, dt=0.01)
@@ -106,17 +103,16 @@ def test_a_broken_constraint_on_the_way_is_told(robot_named) -> None:
     back = away.solve(inside, 1, workers=1)
 
     def unaware(tasks: list[Task]) -> KinematicController:
-        return KinematicController(robot, tasks, contacts=contacts, limits=Limits(robot), dt=0.01)
+        return KinematicController(hoap2, tasks, contacts=contacts, limits=Limits(hoap2), dt=0.01)
 
     leaving = shaping.reach(inside, back, attempts=1, dt=0.01, make_controller=unaware)
     assert not leaving.arrived
     assert "com vs support edge" in leaving.attempts[0].reason
 
 
-def test_every_tick_can_be_watched_and_the_time_limited(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
-    shaping = GlobalShaping(robot, [tall(robot, q, "base")])
+def test_every_tick_can_be_watched_and_the_time_limited(hoap2) -> None:
+    q = hoap2.posture()
+    shaping = GlobalShaping(hoap2, [tall(hoap2, q, "base")])
     outcome = shaping.solve(q, 2, workers=1)
     attempts: list[int] = []
     ticks: list[LoopTick] = []
@@ -154,24 +150,23 @@ def test_every_tick_can_be_watched_and_the_time_limited(robot_named) -> None:
             shaping.reach(q, outcome, **{name: 0.0})
 
 
-def test_what_the_start_breaks_is_excused_and_nothing_else(robot_named) -> None:
+def test_what_the_start_breaks_is_excused_and_nothing_else(hoap2) -> None:
     """0.15 m above its box, the robot may come down from there; its arm may not enter the chest."""
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
-    height = float(robot.snapshot(q).position("base")[2])
-    box = PositionBox(robot, "base", [-np.inf] * 3, [np.inf, np.inf, height - 0.15])
-    bodies = SelfCollision(robot, margin=0.01)
-    shaping = GlobalShaping(robot, [tall(robot, q, "base")], constraints=[box, bodies])
+    q = hoap2.posture()
+    height = float(hoap2.snapshot(q).position("base")[2])
+    box = PositionBox(hoap2, "base", [-np.inf] * 3, [np.inf, np.inf, height - 0.15])
+    bodies = SelfCollision(hoap2, margin=0.01)
+    shaping = GlobalShaping(hoap2, [tall(hoap2, q, "base")], constraints=[box, bodies])
     touching = q.copy()
-    touching[7:] = robot.limits.lower
+    touching[7:] = hoap2.limits.lower
     down = [q.copy() for _ in range(3)]
     for k, height_lost in enumerate((0.0, 0.1, 0.16)):
         down[k][2] -= height_lost
     touching[2] = down[1][2]
-    assert float(bodies.distances(robot.snapshot(touching)).clearance.min()) > -0.15
+    assert float(bodies.distances(hoap2.snapshot(touching)).clearance.min()) > -0.15
 
     def first_broken(*configurations: np.ndarray) -> str:
-        states = [robot.snapshot(one) for one in configurations]
+        states = [hoap2.snapshot(one) for one in configurations]
         return worst_kept(shaping.problem, states, 0.01)[1]
 
     assert first_broken(*down) == ""
@@ -183,17 +178,16 @@ def test_what_the_start_breaks_is_excused_and_nothing_else(robot_named) -> None:
     assert "lacks 0.05 m of" in first_broken(down[0], down[1])  # still outside at the end
 
 
-def test_the_callers_controller_is_used(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
-    shaping = GlobalShaping(robot, [tall(robot, q, "base")])
+def test_the_callers_controller_is_used(hoap2) -> None:
+    q = hoap2.posture()
+    shaping = GlobalShaping(hoap2, [tall(hoap2, q, "base")])
     outcome = shaping.solve(q, 2, workers=1)
     made: list[tuple[str, ...]] = []
 
     def make(tasks: list[Task]) -> KinematicController:
         made.append(tuple(task.name for task in tasks))
-        return KinematicController(robot, tasks, limits=Limits(robot, velocity=0.1), dt=0.01)
+        return KinematicController(hoap2, tasks, limits=Limits(hoap2, velocity=0.1), dt=0.01)
 
     motion = shaping.reach(q, outcome, attempts=1, dt=0.01, make_controller=make)
     assert made == [("guide: posture",), ("inertia",)]
-    assert (np.abs(motion.v[:, 6:]) <= 0.1 * robot.limits.velocity + 1e-6).all()
+    assert (np.abs(motion.v[:, 6:]) <= 0.1 * hoap2.limits.velocity + 1e-6).all()

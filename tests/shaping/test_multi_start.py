@@ -70,14 +70,13 @@ def test_the_known_best_of_four_thousand_valleys(star: Robot, monkeypatch) -> No
 
 
 @pytest.mark.slow
-def test_hops_do_not_depend_on_who_searches(robot_named) -> None:
+def test_hops_do_not_depend_on_who_searches(hoap2) -> None:
     """More starts than are spread, and an end by patience: three processes find what one does."""
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
-    here = robot.snapshot(q)
+    q = hoap2.posture()
+    here = hoap2.snapshot(q)
     wanted = np.diag(here.inertia_in("base")) * [0.6, 0.5, 0.6]
-    task = InertiaTask(robot, np.diag(wanted), per_mass=True)
-    shaping = GlobalShaping(robot, [task], support(here, "double"))
+    task = InertiaTask(hoap2, np.diag(wanted), per_mass=True)
+    shaping = GlobalShaping(hoap2, [task], support(here, "double"))
     told = []
     for workers in (1, 3):
         outcome = shaping.solve(q, 300, workers=workers, seed=2, patience=25)
@@ -88,12 +87,11 @@ def test_hops_do_not_depend_on_who_searches(robot_named) -> None:
     assert 24 < numbers[-1] < 299
 
 
-def test_patience_counts_searches_without_a_better_posture(robot_named) -> None:
+def test_patience_counts_searches_without_a_better_posture(hoap2) -> None:
     """The search ends ``patience`` after the last start that gained 0.1 %, and not before."""
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
-    wanted = np.diag(np.diag(robot.snapshot(q).inertia_in("base")) * [1.5, 1.5, 0.3])
-    shaping = GlobalShaping(robot, [InertiaTask(robot, wanted, frame="base", per_mass=True)])
+    q = hoap2.posture()
+    wanted = np.diag(np.diag(hoap2.snapshot(q).inertia_in("base")) * [1.5, 1.5, 0.3])
+    shaping = GlobalShaping(hoap2, [InertiaTask(hoap2, wanted, frame="base", per_mass=True)])
     news: list[tuple[int, float]] = []
     outcome = shaping.solve(
         q, 200, workers=1, patience=10, progress=lambda done, _, cost: news.append((done, cost))
@@ -139,8 +137,7 @@ def run(script: Scripted, patience: int | None, rng: np.random.Generator, window
 
 
 @pytest.mark.parametrize("met", [0.0, 0.05])
-def test_stopping_does_not_depend_on_the_order_in_which_searches_end(robot_named, rng, met) -> None:
-    robot = robot_named("hoap2_like")
+def test_stopping_does_not_depend_on_the_order_in_which_searches_end(hoap2, rng, met) -> None:
     for _ in range(20):
         costs = rng.uniform(0.5, 1.0, 80) * 0.97 ** rng.integers(0, 40, 80)
         costs[rng.random(80) < 0.2] = np.inf
@@ -162,17 +159,16 @@ def test_stopping_does_not_depend_on_the_order_in_which_searches_end(robot_named
         expected = range(80 if ends is None else ends[0] + 1)
         for rule in (alone, *(run(script, 12, rng, window) for window in (3, LAG))):
             candidates = [one for one in rule.counted() if isinstance(one, Candidate)]
-            counted = sorted(k for c in merged(robot, candidates) for k in c.starts)
+            counted = sorted(k for c in merged(hoap2, candidates) for k in c.starts)
             assert counted == [k for k in expected if np.isfinite(costs[k])]
             lost = [one.start for one in rule.counted() if isinstance(one, Rejected)]
             assert lost == [k for k in expected if not np.isfinite(costs[k])]
             assert rule.reason == (None if ends is None else ends[1])
 
 
-def test_the_elite_are_the_best_that_differ(robot_named, rng) -> None:
-    robot = robot_named("hoap2_like")
+def test_the_elite_are_the_best_that_differ(hoap2, rng) -> None:
     costs = rng.permutation(30) + 1.0
-    elite = Elite(robot)
+    elite = Elite(hoap2)
     for number in range(30):
         one = Scripted(costs).result(number)
         elite.add(one)
@@ -184,23 +180,22 @@ def test_the_elite_are_the_best_that_differ(robot_named, rng) -> None:
     assert [one.cost for one in elite.best] == pytest.approx(np.arange(1, ELITE + 1) - 1e-3)
 
 
-def test_postures_are_told_apart_one_by_one(robot_named, rng) -> None:
+def test_postures_are_told_apart_one_by_one(hoap2, rng) -> None:
     """Against every pair in turn: some alike, some turned at the base alone."""
-    robot = robot_named("hoap2_like")
     costs = rng.permutation(120) + 1.0
     ones = [Scripted(costs).result(number) for number in range(30)]
     for number in range(30, 120):
         like = ones[int(rng.integers(30))]
-        v = rng.uniform(-0.5, 0.5, robot.nv) * rng.choice([0.008, 0.03])
+        v = rng.uniform(-0.5, 0.5, hoap2.nv) * rng.choice([0.008, 0.03])
         v[6:] *= rng.random() < 0.7
-        q = robot.integrate(like.q, v, 1.0)
+        q = hoap2.integrate(like.q, v, 1.0)
         ones.append(replace(like, q=q, cost=float(costs[number]), starts=(number,)))
     expected: list[Candidate] = []
     for one in sorted(ones, key=lambda c: c.cost):
-        far = [np.abs(robot.difference(known.q, one.q)).max() >= SAME_POSTURE for known in expected]
+        far = [np.abs(hoap2.difference(known.q, one.q)).max() >= SAME_POSTURE for known in expected]
         if all(far):
             expected.append(one)
-    found = merged(robot, ones)
+    found = merged(hoap2, ones)
     assert 30 < len(found) < 120
     assert [one.cost for one in found] == [one.cost for one in expected]
     assert sorted(k for one in found for k in one.starts) == list(range(120))

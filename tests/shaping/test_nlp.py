@@ -133,40 +133,38 @@ def test_principal_moments_are_met_with_axes_of_their_own(robot: Robot, rng, ran
         assert float(built.nlp.functions(x, p)[0]) >= expected * (1 - 1e-12)
 
 
-def test_only_what_matters_is_unknown(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
-    n = robot.nv - 6
+def test_only_what_matters_is_unknown(hoap2) -> None:
+    q = hoap2.posture()
+    n = hoap2.nv - 6
 
     def kept(task: Task, mode: str = "floating") -> tuple[int, ...]:
-        contacts = support(robot.snapshot(q), mode)
+        contacts = support(hoap2.snapshot(q), mode)
         return build_nlp(
-            ShapingProblem(robot, (task,), contacts, Limits(robot), ())
+            ShapingProblem(hoap2, (task,), contacts, Limits(hoap2), ())
         ).kept  # fmt: skip
 
     target = np.eye(3)
-    assert max(kept(InertiaTask(robot, target, frame="base"))) < n
-    assert max(kept(InertiaTask(robot, target, frame="left_sole"))) < n
-    assert max(kept(InertiaTask(robot, 1.0, components=("trace",)))) < n
-    assert kept(InertiaTask(robot, target))[-3:] == (n + 3, n + 4, n + 5)  # turns, no position
-    assert max(kept(InertiaTask(robot, target), "double")) < n
-    assert kept(PositionTask(robot, "base", [0, 0, 1])) == (n, n + 1, n + 2)
+    assert max(kept(InertiaTask(hoap2, target, frame="base"))) < n
+    assert max(kept(InertiaTask(hoap2, target, frame="left_sole"))) < n
+    assert max(kept(InertiaTask(hoap2, 1.0, components=("trace",)))) < n
+    assert kept(InertiaTask(hoap2, target))[-3:] == (n + 3, n + 4, n + 5)  # turns, no position
+    assert max(kept(InertiaTask(hoap2, target), "double")) < n
+    assert kept(PositionTask(hoap2, "base", [0, 0, 1])) == (n, n + 1, n + 2)
 
 
-def test_tasks_that_say_nothing_about_postures_are_refused_by_name(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
-    posture = PostureTask(robot, q)
+def test_tasks_that_say_nothing_about_postures_are_refused_by_name(hoap2) -> None:
+    q = hoap2.posture()
+    posture = PostureTask(hoap2, q)
     with pytest.raises(InvalidInputError, match="'momentum' is about momentum"):
-        GlobalShaping(robot, [posture, MomentumTask(robot)])
+        GlobalShaping(hoap2, [posture, MomentumTask(hoap2)])
     with pytest.raises(InvalidInputError, match="priorities \\[0, 1\\]"):
-        GlobalShaping(robot, [posture, ComTask(robot, [0, 0, 1], priority=1)])
+        GlobalShaping(hoap2, [posture, ComTask(hoap2, [0, 0, 1], priority=1)])
     with pytest.raises(InvalidInputError, match="two tasks are called 'posture'"):
-        GlobalShaping(robot, [posture, posture])
+        GlobalShaping(hoap2, [posture, posture])
     with pytest.raises(InvalidInputError, match="no task"):
-        GlobalShaping(robot, [])
+        GlobalShaping(hoap2, [])
     with pytest.raises(InvalidInputError, match="weighs its six rows differently"):
-        GlobalShaping(robot, [PrincipalInertiaTask(robot, [1, 2, 3], weight=[1, 1, 1, 1, 1, 2])])
+        GlobalShaping(hoap2, [PrincipalInertiaTask(hoap2, [1, 2, 3], weight=[1, 1, 1, 1, 1, 2])])
 
     class Wish(Task):
         def residual(self, snapshot):
@@ -176,7 +174,7 @@ def test_tasks_that_say_nothing_about_postures_are_refused_by_name(robot_named) 
             return posture.drift(snapshot)
 
     with pytest.raises(InvalidInputError, match="'wish' is a Wish"):
-        GlobalShaping(robot, [Wish(robot, "wish", ["row"])])
+        GlobalShaping(hoap2, [Wish(hoap2, "wish", ["row"])])
 
 
 class LevelHands(Task):
@@ -199,11 +197,10 @@ class LevelHands(Task):
         return (posture.position(left) - posture.position(right))[2]
 
 
-def test_a_task_of_the_callers_needs_no_more_than_itself(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    q = robot.posture("standing", {"left_elbow_pitch": -1.0})
-    task = LevelHands(robot, "level", ["z"])
-    assert abs(task.residual(robot.snapshot(q)).error[0]) > 0.01
-    best = GlobalShaping(robot, [task, PostureTask(robot, q, weight=1e-4)]).solve(q, 2, workers=1)
-    left, right = (robot.snapshot(best.best.q).position(hand) for hand in task.hands)
+def test_a_task_of_the_callers_needs_no_more_than_itself(hoap2) -> None:
+    q = hoap2.posture("standing", {"left_elbow_pitch": -1.0})
+    task = LevelHands(hoap2, "level", ["z"])
+    assert abs(task.residual(hoap2.snapshot(q)).error[0]) > 0.01
+    best = GlobalShaping(hoap2, [task, PostureTask(hoap2, q, weight=1e-4)]).solve(q, 2, workers=1)
+    left, right = (hoap2.snapshot(best.best.q).position(hand) for hand in task.hands)
     assert left[2] == pytest.approx(right[2], abs=1e-4)

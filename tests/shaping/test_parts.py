@@ -22,11 +22,6 @@ from wbc.tasks import ComTask, InertiaTask, PostureTask
 KEPT = Kept(0.0, 1.0, None, None, ())
 
 
-@pytest.fixture
-def robot(robot_named) -> Robot:
-    return robot_named("hoap2_like")
-
-
 def candidate(q: np.ndarray, cost: float = 1.0, kept: Kept = KEPT) -> Candidate:
     return Candidate(q, cost, {}, kept, "ok", True, 1, (0,))
 
@@ -39,51 +34,51 @@ def problem_of(robot: Robot, tasks, contacts=(), constraints=(), limits=None) ->
 # ---------------------------------------------------------------------- evaluation
 
 
-def test_the_worst_of_several_constraints_of_a_kind_is_told(robot) -> None:
+def test_the_worst_of_several_constraints_of_a_kind_is_told(hoap2) -> None:
     """Two polygons and two boxes: distances from their edges and faces by hand."""
-    here = robot.snapshot(robot.posture())
+    here = hoap2.snapshot(hoap2.posture())
     (x, y, _), base = here.com, here.position("base")
     polygons = [
         ComSupport(
-            robot, [[x - a, y - 1], [x + 1, y - 1], [x + 1, y + 1], [x - a, y + 1]], margin=m
+            hoap2, [[x - a, y - 1], [x + 1, y - 1], [x + 1, y + 1], [x - a, y + 1]], margin=m
         )
         for a, m in ((0.05, 0.01), (0.03, 0.005))
     ]
-    boxes = [PositionBox(robot, "base", base - a, base + 1.0) for a in (0.2, 0.1)]
-    problem = problem_of(robot, [PostureTask(robot, here.q)], (), [*polygons, *boxes])
+    boxes = [PositionBox(hoap2, "base", base - a, base + 1.0) for a in (0.2, 0.1)]
+    problem = problem_of(hoap2, [PostureTask(hoap2, here.q)], (), [*polygons, *boxes])
     kept = kept_constraints(problem, here, FOUND)
     assert kept.support == pytest.approx(0.025) and kept.clearance == pytest.approx(0.1)
     assert kept.broken == () and kept.contact == 0.0
-    joints = robot.limits.joint_positions(here.q)
-    inside = np.minimum(joints - robot.limits.lower, robot.limits.upper - joints)
+    joints = hoap2.limits.joint_positions(here.q)
+    inside = np.minimum(joints - hoap2.limits.lower, hoap2.limits.upper - joints)
     assert kept.limit == pytest.approx(inside.min())
-    without = kept_constraints(problem_of(robot, problem.tasks), here, FOUND)
+    without = kept_constraints(problem_of(hoap2, problem.tasks), here, FOUND)
     assert without.support is None and without.clearance is None
 
 
 @pytest.mark.parametrize(("what", "allowed"), [
     ("contact", 1e-6), ("limit", 1e-7), ("support", 1e-7), ("clearance", 1e-6)])  # fmt: skip
-def test_what_a_search_found_may_be_off_by_rounding_only(robot, what: str, allowed: float) -> None:
+def test_what_a_search_found_may_be_off_by_rounding_only(hoap2, what: str, allowed: float) -> None:
     """Just beyond its tolerance a posture is broken and says by what; just within it is not."""
-    here = robot.snapshot(robot.posture())
+    here = hoap2.snapshot(hoap2.posture())
     (x, y, _), base = here.com, here.position("base")
     assert getattr(FOUND, what) == allowed
     for by, broken in ((0.9 * allowed, False), (1.1 * allowed, True)):
-        contacts, constraints, limits = [], [], Limits(robot)
+        contacts, constraints, limits = [], [], Limits(hoap2)
         if what == "contact":
             (held,) = support(here, "left")
-            contacts = [type(held)(robot, held.frame, held.position + [0, 0, by], held.rotation)]
+            contacts = [type(held)(hoap2, held.frame, held.position + [0, 0, by], held.rotation)]
         elif what == "support":
             edge = x - 0.01 + by
             corners = [[edge, y - 1], [x + 1, y - 1], [x + 1, y + 1], [edge, y + 1]]
-            constraints = [ComSupport(robot, corners, margin=0.01)]
+            constraints = [ComSupport(hoap2, corners, margin=0.01)]
         elif what == "clearance":
-            constraints = [PositionBox(robot, "base", base + [0, 0, by], base + 1.0)]
+            constraints = [PositionBox(hoap2, "base", base + [0, 0, by], base + 1.0)]
         else:
-            joints = robot.limits.joint_positions(here.q)
-            span = np.minimum(joints - robot.limits.lower, robot.limits.upper - joints)
-            limits = Limits(robot, margin=float(span.min()) + by)
-        problem = problem_of(robot, [PostureTask(robot, here.q)], contacts, constraints, limits)
+            joints = hoap2.limits.joint_positions(here.q)
+            span = np.minimum(joints - hoap2.limits.lower, hoap2.limits.upper - joints)
+            limits = Limits(hoap2, margin=float(span.min()) + by)
+        problem = problem_of(hoap2, [PostureTask(hoap2, here.q)], contacts, constraints, limits)
         kept = kept_constraints(problem, here, FOUND)
         assert bool(kept.broken) is broken
         assert any(v == pytest.approx(by, rel=1e-3) for v in violations(problem, here).values())
@@ -91,25 +86,25 @@ def test_what_a_search_found_may_be_off_by_rounding_only(robot, what: str, allow
         assert not kept_constraints(problem, here, excused).broken
 
 
-def test_the_contact_that_is_farthest_off_counts(robot) -> None:
-    here = robot.snapshot(robot.posture())
+def test_the_contact_that_is_farthest_off_counts(hoap2) -> None:
+    here = hoap2.snapshot(hoap2.posture())
     moved = [
-        type(one)(robot, one.frame, one.position + [0.0, by, 0.0], one.rotation)
+        type(one)(hoap2, one.frame, one.position + [0.0, by, 0.0], one.rotation)
         for one, by in zip(support(here, "double"), (0.003, 0.002), strict=True)
     ]
-    kept = kept_constraints(problem_of(robot, [PostureTask(robot, here.q)], moved), here, FOUND)
+    kept = kept_constraints(problem_of(hoap2, [PostureTask(hoap2, here.q)], moved), here, FOUND)
     assert kept.contact == pytest.approx(0.003)
     assert len(kept.broken) == 2 and kept.broken[1].startswith("right_sole is 0.002 off")
 
 
 @pytest.mark.parametrize("axis", range(6))
-def test_an_obstacle_that_moves_along_one_axis_is_refused(robot, axis: int) -> None:
+def test_an_obstacle_that_moves_along_one_axis_is_refused(hoap2, axis: int) -> None:
     ball = Obstacle.sphere("ball", (1.0, 0.0, 0.0), 0.1)
     motion = np.zeros(6)
     motion[axis] = 0.1
     ball.velocity, ball.angular_velocity = motion[:3], motion[3:]
-    problem = problem_of(robot, [PostureTask(robot, robot.posture())], (),
-                         [Obstacles(robot, [ball])])  # fmt: skip
+    problem = problem_of(hoap2, [PostureTask(hoap2, hoap2.posture())], (),
+                         [Obstacles(hoap2, [ball])])  # fmt: skip
     with pytest.raises(InvalidInputError, match="'ball' moves"):
         build_nlp(problem)
 
@@ -124,22 +119,22 @@ def kept_apart(robot: Robot, fit: str) -> BuiltNlp:
     return build_nlp(problem_of(robot, [InertiaTask(robot, np.eye(3))], (), [watched]))
 
 
-def test_pairs_that_are_too_near_are_added_until_none_is_new(robot) -> None:
+def test_pairs_that_are_too_near_are_added_until_none_is_new(hoap2) -> None:
     """Which are too near by the constraint's own distances; of hulls the foremost corners."""
-    q = robot.posture()
+    q = hoap2.posture()
     for fit in ("capsule", "hull"):
-        built = kept_apart(robot, fit)
+        built = kept_apart(hoap2, fit)
         (watched,) = built.unknowns.problem.constraints
         pairs = ActivePairs(built.nlp.separation)
         start = built.start(q)
         assert not pairs.grow(start.x, start.p) and pairs.used == {}
-        found = watched.model.measure(robot.snapshot(q), np.arange(len(watched.model.pairs)))
+        found = watched.model.measure(hoap2.snapshot(q), np.arange(len(watched.model.pairs)))
         kept = watched.margins + SKIN
         assert pairs.least(start.x, start.p) == pytest.approx((found.distance - kept).min())
         folded = q.copy()
-        folded[7:] = robot.limits.lower
+        folded[7:] = hoap2.limits.lower
         bad = built.start(folded)
-        found = watched.model.measure(robot.snapshot(folded), np.arange(len(watched.model.pairs)))
+        found = watched.model.measure(hoap2.snapshot(folded), np.arange(len(watched.model.pairs)))
         near = np.flatnonzero(found.distance - kept < -USED)
         assert near.size and pairs.grow(bad.x, bad.p)
         assert sorted(pairs.used) == near.tolist()
@@ -151,12 +146,12 @@ def test_pairs_that_are_too_near_are_added_until_none_is_new(robot) -> None:
                 if len(every) <= 8:
                     assert chosen == frozenset(range(len(every)))
                     continue
-                R = robot.snapshot(folded).joint_placements[0][bodies.bodies[int(body)].joint]
+                R = hoap2.snapshot(folded).joint_placements[0][bodies.bodies[int(body)].joint]
                 along = sign * (every @ R.T) @ found.normal[k]
                 assert chosen == frozenset(np.flatnonzero(along >= along.max() - 0.005).tolist())
         # Planes lie half-way between the bodies, as seen from the base.
         planes = pairs.planes(bad.x, bad.p).reshape(-1, 4)
-        here = robot.snapshot(folded)
+        here = hoap2.snapshot(folded)
         n = planes[:, :3] @ here.rotation("base").T
         np.testing.assert_allclose(n, found.normal[near], atol=1e-9)
         middle = found.point[near] - 0.5 * found.distance[near, None] * found.normal[near]
@@ -168,28 +163,28 @@ def test_pairs_that_are_too_near_are_added_until_none_is_new(robot) -> None:
 
 
 @pytest.mark.parametrize("leans", [0.0099, 0.0101, None])
-def test_guides_lead_along_the_straight_line_in_time(robot, leans: float | None) -> None:
+def test_guides_lead_along_the_straight_line_in_time(hoap2, leans: float | None) -> None:
     """Half way in half the time, by half the difference; at half the speed limits."""
-    q = robot.posture()
-    here = robot.snapshot(q)
+    q = hoap2.posture()
+    here = hoap2.snapshot(q)
     rng = np.random.default_rng(4)
-    end = robot.integrate(q, 0.4 * rng.normal(size=robot.nv), 1.0)
-    there = robot.snapshot(end)
-    tasks = [InertiaTask(robot, np.eye(3), weight=2.0), ComTask(robot, here.com, weight=[1, 2, 5])]
+    end = hoap2.integrate(q, 0.4 * rng.normal(size=hoap2.nv), 1.0)
+    there = hoap2.snapshot(end)
+    tasks = [InertiaTask(hoap2, np.eye(3), weight=2.0), ComTask(hoap2, here.com, weight=[1, 2, 5])]
     supports = [] if leans is None else [ComSupport.over(here)]
-    limits = Limits(robot, velocity=0.2)
-    problem = problem_of(robot, tasks, (), supports, limits)
+    limits = Limits(hoap2, velocity=0.2)
+    problem = problem_of(hoap2, tasks, (), supports, limits)
     guide = GuidingTasks(problem, q, candidate(end, kept=replace(KEPT, support=leans)))
     names = [task.name for task in guide.tasks]
     assert names == ["guide: posture", "guide: base"] + ["guide: com"] * (leans is not None)
-    way = robot.difference(q, end)
+    way = hoap2.difference(q, end)
     # The smoothest way is at most 1.875 times as fast as the mean.
     slowest = (1.875 * np.abs(way[6:]) / (0.5 * limits.speed)).max()
     assert guide.duration == pytest.approx(np.clip(slowest, 2.0, 20.0))
     assert 2.0 < guide.duration < 20.0
     for time, part in ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (7.0, 1.0)):
         guide.move_to(time * guide.duration)
-        middle = robot.snapshot(robot.integrate(q, part * way, 1.0))
+        middle = hoap2.snapshot(hoap2.integrate(q, part * way, 1.0))
         np.testing.assert_allclose(guide.tasks[0].target, middle.q, atol=1e-12)
         np.testing.assert_allclose(guide.tasks[1].target[:3, 3], middle.position("base"))
         np.testing.assert_allclose(guide.tasks[1].target[:3, :3], middle.rotation("base"))
@@ -209,29 +204,29 @@ def test_guides_lead_along_the_straight_line_in_time(robot, leans: float | None)
         np.testing.assert_allclose(held.target, there.com)
         assert held.rows == ("x", "y")
     held = support(here, "left")
-    anchored = GuidingTasks(problem_of(robot, tasks, held, (), limits), q, candidate(end))
+    anchored = GuidingTasks(problem_of(hoap2, tasks, held, (), limits), q, candidate(end))
     assert [task.name for task in anchored.tasks] == ["guide: posture"]
     # As quick as anything may be, and as slow.
-    near = GuidingTasks(problem, q, candidate(robot.integrate(q, 1e-3 * way, 1.0)))
+    near = GuidingTasks(problem, q, candidate(hoap2.integrate(q, 1e-3 * way, 1.0)))
     assert near.duration == 2.0
-    slow = problem_of(robot, tasks, (), (), Limits(robot, velocity=1e-3))
+    slow = problem_of(hoap2, tasks, (), (), Limits(hoap2, velocity=1e-3))
     assert GuidingTasks(slow, q, candidate(end)).duration == 20.0
 
 
-def test_the_worst_of_a_motion_is_told(robot) -> None:
+def test_the_worst_of_a_motion_is_told(hoap2) -> None:
     """Clearance and support of the worst state, wherever it is in the motion."""
-    q = robot.posture()
-    here = robot.snapshot(q)
+    q = hoap2.posture()
+    here = hoap2.snapshot(q)
     base, (x, y, _) = here.position("base"), here.com
-    box = PositionBox(robot, "base", base - 1.0, base + 1.0)
+    box = PositionBox(hoap2, "base", base - 1.0, base + 1.0)
     square = [[x - 1, y - 1], [x + 1, y - 1], [x + 1, y + 1], [x - 1, y + 1]]
-    balance = ComSupport(robot, square, margin=0.0)
-    problem = problem_of(robot, [PostureTask(robot, q)], support(here, "left"), [box, balance])
+    balance = ComSupport(hoap2, square, margin=0.0)
+    problem = problem_of(hoap2, [PostureTask(hoap2, q)], support(here, "left"), [box, balance])
     states = []
     for by in (0.1, 0.4, 0.2):
         moved = q.copy()
         moved[0] += by
-        states.append(robot.snapshot(moved))
+        states.append(hoap2.snapshot(moved))
     kept, first = worst_kept(problem, states, 0.01)
     assert kept.clearance == pytest.approx(0.6) and kept.support == pytest.approx(0.6)
     assert kept.contact == pytest.approx(0.4)

@@ -27,9 +27,8 @@ def shaping_of(robot: Robot) -> GlobalShaping:
 
 
 @pytest.mark.slow
-def test_answers_do_not_depend_on_who_searched(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    shaping, q = shaping_of(robot), robot.posture()
+def test_answers_do_not_depend_on_who_searched(hoap2) -> None:
+    shaping, q = shaping_of(hoap2), hoap2.posture()
     seen: list[tuple[int, int, float | None]] = []
     alone = shaping.solve(q, 40, workers=1)
     shared = shaping.solve(q, 40, workers=2, progress=lambda *news: seen.append(news))
@@ -46,13 +45,12 @@ def test_answers_do_not_depend_on_who_searched(robot_named) -> None:
     assert [c.cost for c in other.candidates] != [c.cost for c in alone.candidates]
 
 
-def test_no_more_is_searched_when_the_tasks_are_met(robot_named) -> None:
+def test_no_more_is_searched_when_the_tasks_are_met(hoap2) -> None:
     """The inertia of a posture can be had exactly, from nearly every start."""
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
+    q = hoap2.posture()
     joints = {"*_elbow_pitch": -1.0, "*_hip_pitch": -0.8, "*_knee_pitch": 1.2}
-    wanted = robot.snapshot(robot.posture("standing", joints)).inertia_in("base")
-    shaping = GlobalShaping(robot, [InertiaTask(robot, wanted, frame="base", per_mass=True)])
+    wanted = hoap2.snapshot(hoap2.posture("standing", joints)).inertia_in("base")
+    shaping = GlobalShaping(hoap2, [InertiaTask(hoap2, wanted, frame="base", per_mass=True)])
     alone, shared = (shaping.solve(q, 200, workers=workers) for workers in (1, 2))
     for outcome in (alone, shared):
         assert outcome.statistics.stopped == "met"
@@ -61,22 +59,20 @@ def test_no_more_is_searched_when_the_tasks_are_met(robot_named) -> None:
     assert [c.cost for c in alone.candidates] == [c.cost for c in shared.candidates]
 
 
-def test_the_time_budget_ends_the_search_after_the_first_start(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    outcome = shaping_of(robot).solve(robot.posture(), 500, seconds=1e-6, workers=1)
+def test_the_time_budget_ends_the_search_after_the_first_start(hoap2) -> None:
+    outcome = shaping_of(hoap2).solve(hoap2.posture(), 500, seconds=1e-6, workers=1)
     assert outcome.statistics.stopped == "seconds"
     assert outcome.statistics.searched == 1
     assert outcome.best.starts == (0,)
 
 
-def test_an_interruption_keeps_what_was_found(robot_named) -> None:
-    robot = robot_named("hoap2_like")
+def test_an_interruption_keeps_what_was_found(hoap2) -> None:
 
     def interrupt(done: int, total: int, cost: float | None) -> None:
         if done == 3:
             raise KeyboardInterrupt
 
-    outcome = shaping_of(robot).solve(robot.posture(), 500, workers=2, progress=interrupt)
+    outcome = shaping_of(hoap2).solve(hoap2.posture(), 500, workers=2, progress=interrupt)
     assert outcome.statistics.stopped == "interrupted"
     assert outcome.statistics.searched == 3
     assert outcome.candidates
@@ -91,15 +87,14 @@ def ctrl_c() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("ctrl_c")
-def test_ctrl_c_inside_ipopt_ends_the_search(robot_named) -> None:
-    robot = robot_named("hoap2_like")
+def test_ctrl_c_inside_ipopt_ends_the_search(hoap2) -> None:
     timer = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT))
 
     def in_a_while(done: int, total: int, cost: float | None) -> None:
         if done == 1:
             timer.start()
 
-    outcome = shaping_of(robot).solve(robot.posture(), 500, workers=1, progress=in_a_while)
+    outcome = shaping_of(hoap2).solve(hoap2.posture(), 500, workers=1, progress=in_a_while)
     timer.join()
     assert outcome.statistics.stopped == "interrupted"
     assert 1 <= outcome.statistics.searched < 500
@@ -133,10 +128,9 @@ def pools(monkeypatch: pytest.MonkeyPatch) -> list[Watched]:
 
 
 @pytest.mark.slow
-def test_nobody_waits_for_a_process_that_was_killed(robot_named, pools) -> None:
+def test_nobody_waits_for_a_process_that_was_killed(hoap2, pools) -> None:
     """It dies amid a search; what it was at is done here, and all that comes after."""
-    robot = robot_named("hoap2_like")
-    shaping, q = shaping_of(robot), robot.posture()
+    shaping, q = shaping_of(hoap2), hoap2.posture()
     expected = shaping.solve(q, 40, workers=1)
 
     def kill(done: int, total: int, cost: float | None) -> None:
@@ -152,10 +146,9 @@ def test_nobody_waits_for_a_process_that_was_killed(robot_named, pools) -> None:
     assert len(pools[-1].processes) == 1
 
 
-def test_ctrl_c_does_not_reach_the_others_while_they_load(robot_named, pools) -> None:
+def test_ctrl_c_does_not_reach_the_others_while_they_load(hoap2, pools) -> None:
     """A terminal sends it to all; only this process answers, and theirs do not print a trace."""
-    robot = robot_named("hoap2_like")
-    shaping, q = shaping_of(robot), robot.posture()
+    shaping, q = shaping_of(hoap2), hoap2.posture()
     alive: list[bool] = []
 
     def press(done: int, total: int, cost: float | None) -> None:
@@ -171,9 +164,8 @@ def test_ctrl_c_does_not_reach_the_others_while_they_load(robot_named, pools) ->
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
-def test_the_others_end_with_the_search(robot_named, pools) -> None:
-    robot = robot_named("hoap2_like")
-    shaping_of(robot).solve(robot.posture(), 3, workers=3)
+def test_the_others_end_with_the_search(hoap2, pools) -> None:
+    shaping_of(hoap2).solve(hoap2.posture(), 3, workers=3)
     (pool,) = pools
     assert len(pool.processes) == 2
     assert not any(process.is_alive() for process in pool.processes)
@@ -198,9 +190,8 @@ def test_a_script_without_the_guard_is_told_and_answered(tmp_path: Path) -> None
     assert "if __name__ == '__main__':" in done.stderr
 
 
-def test_unusable_numbers_are_refused(robot_named) -> None:
-    robot = robot_named("hoap2_like")
-    shaping, q = shaping_of(robot), robot.posture()
+def test_unusable_numbers_are_refused(hoap2) -> None:
+    shaping, q = shaping_of(hoap2), hoap2.posture()
     with pytest.raises(InvalidInputError, match="starts: must be at least 1"):
         shaping.solve(q, 0)
     with pytest.raises(InvalidInputError, match="workers: must be at least 1"):

@@ -62,14 +62,13 @@ def shaping_of(robot: Robot, tasks: Sequence[Task], *constraints: Constraint) ->
 
 
 @pytest.mark.slow
-def test_small_without_touching_itself(robot_named) -> None:
+def test_small_without_touching_itself(hoap2) -> None:
     """The best of all postures has its arms in its body; the best of those allowed does not."""
-    robot = robot_named("hoap2_like")
-    q, task = robot.posture(), small(robot)
-    watched = SelfCollision(robot, margin=0.01)
-    free = shaping_of(robot, [task]).solve(q, 4, workers=1)
-    assert true_distance(robot, free.best.q, watched) < -0.01
-    shaping = shaping_of(robot, [task], watched)
+    q, task = hoap2.posture(), small(hoap2)
+    watched = SelfCollision(hoap2, margin=0.01)
+    free = shaping_of(hoap2, [task]).solve(q, 4, workers=1)
+    assert true_distance(hoap2, free.best.q, watched) < -0.01
+    shaping = shaping_of(hoap2, [task], watched)
     kept = shaping.solve(q, 4, workers=1)
     assert len(kept.candidates) >= 2
     shared = shaping.solve(q, 4, workers=2)  # answers do not depend on who searched
@@ -79,15 +78,15 @@ def test_small_without_touching_itself(robot_named) -> None:
         assert one.iterations == other.iterations
     for candidate in kept.candidates:
         # The shapes that the search knows hold those of the description: no nearer than these.
-        assert true_distance(robot, candidate.q, watched) >= 0.01 - 1e-6
+        assert true_distance(hoap2, candidate.q, watched) >= 0.01 - 1e-6
         assert candidate.kept.clearance >= 0.0
     assert kept.best.kept.clearance == pytest.approx(SKIN, abs=1e-5)  # it leans on a margin
-    assert free.best.cost < kept.best.cost < 0.5 * kept_cost(task, robot, q)
+    assert free.best.cost < kept.best.cost < 0.5 * kept_cost(task, hoap2, q)
     motion = shaping.reach(q, kept, dt=0.01)
     assert motion.arrived, motion.attempts
     assert motion.kept.clearance >= -1e-6
     for row in motion.q[::20]:
-        assert true_distance(robot, row, watched) >= 0.01 - 1e-6
+        assert true_distance(hoap2, row, watched) >= 0.01 - 1e-6
 
 
 def kept_cost(task: InertiaTask, robot: Robot, q: np.ndarray) -> float:
@@ -96,12 +95,11 @@ def kept_cost(task: InertiaTask, robot: Robot, q: np.ndarray) -> float:
 
 
 @pytest.mark.slow
-def test_hulls_take_more_corners_as_they_need_them(robot_named) -> None:
+def test_hulls_take_more_corners_as_they_need_them(hoap2) -> None:
     """Prisms of 32 corners for cylinders: none of the pairs in the program needs them all."""
-    robot = robot_named("hoap2_like")
-    watched = SelfCollision(robot, margin=0.01, fit="hull")
-    best = shaping_of(robot, [small(robot)], watched).solve(robot.posture(), 1, workers=1).best
-    assert true_distance(robot, best.q, watched) >= 0.01 - 1e-6
+    watched = SelfCollision(hoap2, margin=0.01, fit="hull")
+    best = shaping_of(hoap2, [small(hoap2)], watched).solve(hoap2.posture(), 1, workers=1).best
+    assert true_distance(hoap2, best.q, watched) >= 0.01 - 1e-6
     assert best.kept.clearance == pytest.approx(SKIN, abs=0.5 * SKIN)
 
 
@@ -120,20 +118,19 @@ def obstacles() -> dict[str, Obstacle]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(obstacles()))
-def test_obstacles_are_kept_clear_of(robot_named, name: str) -> None:
-    robot = robot_named("hoap2_like")
-    q, thing = robot.posture(), obstacles()[name]
-    hand = robot.snapshot(q).position("right_hand")
+def test_obstacles_are_kept_clear_of(hoap2, name: str) -> None:
+    q, thing = hoap2.posture(), obstacles()[name]
+    hand = hoap2.snapshot(q).position("right_hand")
     place = np.array([hand[0] + 0.2, -0.16, 0.3])
-    tasks = [PositionTask(robot, "right_hand", place), PostureTask(robot, q, weight=0.05)]
-    around = Obstacles(robot, [thing], margin=0.02, links=ARMS)
+    tasks = [PositionTask(hoap2, "right_hand", place), PostureTask(hoap2, q, weight=0.05)]
+    around = Obstacles(hoap2, [thing], margin=0.02, links=ARMS)
 
     def nearest(q: np.ndarray) -> float:
         """By coal, of the description's shapes on the arms."""
-        geometry = robot.collision_model
-        data, placed = robot.model.createData(), geometry.createData()
-        pin.updateGeometryPlacements(robot.model, data, geometry, placed, q)
-        names = [robot.model.frames[one.parentFrame].name for one in geometry.geometryObjects]
+        geometry = hoap2.collision_model
+        data, placed = hoap2.model.createData(), geometry.createData()
+        pin.updateGeometryPlacements(hoap2.model, data, geometry, placed, q)
+        names = [hoap2.model.frames[one.parentFrame].name for one in geometry.geometryObjects]
         there = pin.coal.Transform3s(thing.rotation, thing.origin)
         return min(
             pin.coal.distance(
@@ -147,9 +144,9 @@ def test_obstacles_are_kept_clear_of(robot_named, name: str) -> None:
             if any(part.strip("*") in link for part in ARMS)
         )
 
-    free = shaping_of(robot, tasks).solve(q, 2, workers=1).best
+    free = shaping_of(hoap2, tasks).solve(q, 2, workers=1).best
     assert nearest(free.q) < 0.0
-    shaping = shaping_of(robot, tasks, around)
+    shaping = shaping_of(hoap2, tasks, around)
     outcome = shaping.solve(q, 2, workers=1)
     assert nearest(outcome.best.q) >= 0.02 - 1e-6
     assert outcome.best.kept.clearance == pytest.approx(SKIN, abs=1e-5)
@@ -172,68 +169,65 @@ def coal_obstacle(thing: Obstacle, there: "pin.coal.Transform3s") -> tuple:
     return pin.coal.Sphere(0.06), pin.coal.Transform3s(np.eye(3), np.array([0.18, -0.16, 0.3]))
 
 
-def test_the_com_and_the_base_stay_where_they_must(robot_named) -> None:
+def test_the_com_and_the_base_stay_where_they_must(hoap2) -> None:
     """Drawn out of the polygon and below the box: the best posture is at both edges."""
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
-    here = robot.snapshot(q)
+    q = hoap2.posture()
+    here = hoap2.snapshot(q)
     tasks = [
-        ComTask(robot, here.com + [0.2, 0.0, -0.1]),
-        PositionTask(robot, "base", here.position("base") - [0.0, 0.0, 0.1]),
-        PostureTask(robot, q, weight=0.01),
+        ComTask(hoap2, here.com + [0.2, 0.0, -0.1]),
+        PositionTask(hoap2, "base", here.position("base") - [0.0, 0.0, 0.1]),
+        PostureTask(hoap2, q, weight=0.01),
     ]
     floor = float(here.position("base")[2]) - 0.03
-    constraints = ComSupport.over(here, margin=0.01), PositionBox.height(robot, floor)
-    shaping = shaping_of(robot, tasks, *constraints)
+    constraints = ComSupport.over(here, margin=0.01), PositionBox.height(hoap2, floor)
+    shaping = shaping_of(hoap2, tasks, *constraints)
     outcome = shaping.solve(q, 4, workers=1)
-    best = robot.snapshot(outcome.best.q)
+    best = hoap2.snapshot(outcome.best.q)
     front = max(
-        here.position(foot.frame)[0] + foot.polygon[:, 0].max() for foot in robot.feet.values()
+        here.position(foot.frame)[0] + foot.polygon[:, 0].max() for foot in hoap2.feet.values()
     )
     assert best.com[0] == pytest.approx(front - 0.01 - SKIN, abs=1e-5)
     assert best.position("base")[2] == pytest.approx(floor + SKIN, abs=1e-5)
     motion = shaping.reach(q, outcome, dt=0.01)
     assert motion.arrived, motion.attempts
     for row in motion.q[::10]:
-        there = robot.snapshot(row)
+        there = hoap2.snapshot(row)
         assert there.com[0] <= front - 0.01 + 1e-6
         assert there.position("base")[2] >= floor - 1e-6
 
 
-def test_two_spheres_of_the_callers(robot_named) -> None:
+def test_two_spheres_of_the_callers(hoap2) -> None:
     """Two hands drawn to one place, with bodies that the description does not have."""
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
+    q = hoap2.posture()
     hands = ("left_hand", "right_hand")
-    frames = [robot.model.frames[robot.frame_id(hand)] for hand in hands]
+    frames = [hoap2.model.frames[hoap2.frame_id(hand)] for hand in hands]
     bodies = [
         Body(hand, hand, frame.parentJoint, Capsule.sphere(frame.placement.translation, radius))
         for hand, frame, radius in zip(hands, frames, (0.02, 0.03), strict=True)
     ]
-    place = robot.snapshot(q).com + [0.12, 0.0, 0.05]
-    tasks = [PositionTask(robot, hand, place) for hand in hands]
-    tasks.append(PostureTask(robot, q, weight=1e-3))
-    spheres = SelfCollision(robot, margin=0.0, model=CollisionModel(robot, bodies, [(0, 1)]))
+    place = hoap2.snapshot(q).com + [0.12, 0.0, 0.05]
+    tasks = [PositionTask(hoap2, hand, place) for hand in hands]
+    tasks.append(PostureTask(hoap2, q, weight=1e-3))
+    spheres = SelfCollision(hoap2, margin=0.0, model=CollisionModel(hoap2, bodies, [(0, 1)]))
 
     def gap(shaping: GlobalShaping) -> float:
-        here = robot.snapshot(shaping.solve(q, 2, workers=1).best.q)
+        here = hoap2.snapshot(shaping.solve(q, 2, workers=1).best.q)
         return float(np.linalg.norm(here.position(hands[0]) - here.position(hands[1])))
 
-    assert gap(shaping_of(robot, tasks)) < 0.04
-    assert gap(shaping_of(robot, tasks, spheres)) == pytest.approx(0.05 + SKIN, abs=1e-6)
+    assert gap(shaping_of(hoap2, tasks)) < 0.04
+    assert gap(shaping_of(hoap2, tasks, spheres)) == pytest.approx(0.05 + SKIN, abs=1e-6)
 
 
-def test_joints_are_seen_from_the_base(robot_named, rng, random_snapshot) -> None:
+def test_joints_are_seen_from_the_base(hoap2, rng, random_snapshot) -> None:
     """And so is the world, because an obstacle is in it."""
-    robot = robot_named("hoap2_like")
-    around = Obstacles(robot, [obstacles()["wall"]], links=ARMS)
-    shaping = GlobalShaping(robot, [small(robot)], constraints=[around])
+    around = Obstacles(hoap2, [obstacles()["wall"]], links=ARMS)
+    shaping = GlobalShaping(hoap2, [small(hoap2)], constraints=[around])
     built = build_nlp(shaping.problem)
-    here = random_snapshot(robot, rng)
+    here = random_snapshot(hoap2, rng)
     start = built.start(here.q)
     placed = np.array(built.nlp.separation.placements(start.x, start.p)).reshape(-1, 4, 3)
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, here.q)
+    data = hoap2.model.createData()
+    pin.forwardKinematics(hoap2.model, data, here.q)
     joints = built.nlp.separation.bodies.joints
     assert joints[0] == 0
     for joint, found in zip(joints, placed, strict=True):
@@ -242,12 +236,11 @@ def test_joints_are_seen_from_the_base(robot_named, rng, random_snapshot) -> Non
         np.testing.assert_allclose(found[3], expected.translation, atol=1e-12)
 
 
-def test_slopes_of_the_whole_program_are_differences(robot_named, rng) -> None:
+def test_slopes_of_the_whole_program_are_differences(hoap2, rng) -> None:
     """With an obstacle, so that the base's place matters too."""
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
-    around = Obstacles(robot, [obstacles()["wall"], obstacles()["box"]], links=ARMS)
-    shaping = GlobalShaping(robot, [small(robot)], constraints=[SelfCollision(robot), around])
+    q = hoap2.posture()
+    around = Obstacles(hoap2, [obstacles()["wall"], obstacles()["box"]], links=ARMS)
+    shaping = GlobalShaping(hoap2, [small(hoap2)], constraints=[SelfCollision(hoap2), around])
     built = build_nlp(shaping.problem)
     separated, start = built.nlp.separation, built.start(q)
     bodies = separated.bodies
@@ -284,37 +277,34 @@ def test_slopes_of_the_whole_program_are_differences(robot_named, rng) -> None:
         np.testing.assert_allclose(whole @ way, turned, atol=1e-5)
 
 
-def test_a_posture_that_stays_too_near_is_rejected_by_name(robot_named, monkeypatch) -> None:
-    robot = robot_named("hoap2_like")
+def test_a_posture_that_stays_too_near_is_rejected_by_name(hoap2, monkeypatch) -> None:
     monkeypatch.setattr(separation, "ROUNDS", 0)  # as if no round were enough
-    outcome = shaping_of(robot, [small(robot)], SelfCollision(robot)).solve(
-        robot.posture(), 2, workers=1
+    outcome = shaping_of(hoap2, [small(hoap2)], SelfCollision(hoap2)).solve(
+        hoap2.posture(), 2, workers=1
     )
     with pytest.raises(NoPostureError, match=r" vs .* lacks 0\.\d+ m of 'self-collision'"):
         print(outcome.best)
 
 
-def test_a_search_that_ran_out_of_time_says_so(robot_named, monkeypatch) -> None:
+def test_a_search_that_ran_out_of_time_says_so(hoap2, monkeypatch) -> None:
     """IPOPT's "succeeded" of the rounds before was about another problem, without all pairs."""
-    robot = robot_named("hoap2_like")
     hours = count(step=3600.0)
     monkeypatch.setattr(separation, "perf_counter", lambda: next(hours))
-    shaping = shaping_of(robot, [small(robot)], SelfCollision(robot))
-    outcome = shaping.solve(robot.posture(), 1, seconds=100.0, workers=1)
+    shaping = shaping_of(hoap2, [small(hoap2)], SelfCollision(hoap2))
+    outcome = shaping.solve(hoap2.posture(), 1, seconds=100.0, workers=1)
     (rejected,) = outcome.rejected
     assert rejected.reason.startswith("IPOPT: Maximum_WallTime_Exceeded; ")
 
 
-def test_what_the_search_cannot_keep_is_refused(robot_named) -> None:
-    robot = robot_named("hoap2_like")
+def test_what_the_search_cannot_keep_is_refused(hoap2) -> None:
     ball = Obstacle.sphere("ball", [1.0, 0.0, 0.3], 0.1)
-    around = Obstacles(robot, [ball])
-    shaping = shaping_of(robot, [small(robot)], around)
+    around = Obstacles(hoap2, [ball])
+    shaping = shaping_of(hoap2, [small(hoap2)], around)
     ball.move(np.eye(3), [1.0, 0.0, 0.0], velocity=[0.1, 0.0, 0.0])
     with pytest.raises(InvalidInputError, match="obstacle 'ball' moves"):
-        shaping.solve(robot.posture(), 1, workers=1)
+        shaping.solve(hoap2.posture(), 1, workers=1)
     with pytest.raises(InvalidInputError, match="obstacle 'ball' moves"):
-        shaping_of(robot, [small(robot)], around)
+        shaping_of(hoap2, [small(hoap2)], around)
 
     class Unknown(Constraint):
         name = "mine"
@@ -323,36 +313,34 @@ def test_what_the_search_cannot_keep_is_refused(robot_named) -> None:
             raise AssertionError("not asked for")
 
     mine = Unknown()
-    mine.robot = robot
+    mine.robot = hoap2
     with pytest.raises(InvalidInputError, match="'mine' is a Unknown, which has no margin"):
-        shaping_of(robot, [small(robot)], mine)
+        shaping_of(hoap2, [small(hoap2)], mine)
 
     class Silent(PositionBox):
         symbolic_rows = Margin.symbolic_rows
 
-    box = Silent.height(robot, 0.1)
+    box = Silent.height(hoap2, 0.1)
     with pytest.raises(InvalidInputError, match="'box of base' is a Silent, of which no rows"):
-        shaping_of(robot, [small(robot)], box)
+        shaping_of(hoap2, [small(hoap2)], box)
     other = Robot.load("hoap2_like")
     with pytest.raises(InvalidInputError, match="made for another robot"):
-        shaping_of(robot, [small(robot)], PositionBox.height(other, 0.1))
+        shaping_of(hoap2, [small(hoap2)], PositionBox.height(other, 0.1))
 
 
 @pytest.mark.slow
-def test_limits_come_before_standing(robot_named) -> None:
+def test_limits_come_before_standing(hoap2) -> None:
     """On the way back to standing, joints stay in the limits asked for."""
-    robot = robot_named("hoap2_like")
-    limits = Limits(robot, margin=0.05)
-    shaping = GlobalShaping(robot, [small(robot)], (), limits, [SelfCollision(robot)])
-    best = shaping.solve(robot.posture(), 1, workers=1).best
+    limits = Limits(hoap2, margin=0.05)
+    shaping = GlobalShaping(hoap2, [small(hoap2)], (), limits, [SelfCollision(hoap2)])
+    best = shaping.solve(hoap2.posture(), 1, workers=1).best
     assert best.kept.limit >= -1e-7
     assert best.kept.clearance >= 0.0
 
 
-def test_a_constraint_of_the_callers_needs_no_more_than_itself(robot_named) -> None:
+def test_a_constraint_of_the_callers_needs_no_more_than_itself(hoap2) -> None:
     """The left hand in front of the right one, as a box of their difference."""
-    robot = robot_named("hoap2_like")
-    q = robot.posture()
+    q = hoap2.posture()
     hands = ("left_hand", "right_hand")
 
     class Ahead(PositionBox):
@@ -365,8 +353,8 @@ def test_a_constraint_of_the_callers_needs_no_more_than_itself(robot_named) -> N
             ahead = posture.position(hands[0])[0] - posture.position(hands[1])[0]
             return SymbolicRows(ahead, np.array([0.05 + SKIN]), np.array([np.inf]))
 
-    ahead = Ahead(robot, hands[0], [0.0] * 3, [1.0] * 3)
-    best = shaping_of(robot, [PostureTask(robot, q)], ahead).solve(q, 2, workers=1).best
-    here = robot.snapshot(best.q)
+    ahead = Ahead(hoap2, hands[0], [0.0] * 3, [1.0] * 3)
+    best = shaping_of(hoap2, [PostureTask(hoap2, q)], ahead).solve(q, 2, workers=1).best
+    here = hoap2.snapshot(best.q)
     left, right = (here.position(hand) for hand in hands)
     assert left[0] - right[0] == pytest.approx(0.05 + SKIN, abs=1e-6)

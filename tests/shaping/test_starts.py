@@ -4,8 +4,6 @@ Judged by what a sample must be (its range, its spread, its place on the contact
 by the sequence that it comes from.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -20,8 +18,6 @@ from wbc.shaping.outcome import Candidate, Kept
 from wbc.shaping.problem import ShapingProblem, posture_cost
 from wbc.shaping.starts import Sampling, make_starts, uniform_rotation
 from wbc.tasks import InertiaTask
-
-Load = Callable[[str], Robot]
 
 
 def built_for(robot: Robot, mode: str, frame: str = "world") -> tuple[BuiltNlp, np.ndarray]:
@@ -38,10 +34,9 @@ def joints_of(built: BuiltNlp, start) -> np.ndarray:
     return built.unknowns.problem.robot.limits.joint_positions(q)
 
 
-def test_samples_fill_the_ranges_and_the_rotations_evenly(robot_named: Load) -> None:
+def test_samples_fill_the_ranges_and_the_rotations_evenly(hoap2: Robot) -> None:
     """8 are drawn for each start; the cheapest left and the next drawn are taken by turns."""
-    robot = robot_named("hoap2_like")
-    built, q = built_for(robot, "floating")
+    built, q = built_for(hoap2, "floating")
     problem = built.unknowns.problem
     sampling = Sampling.of(built, q)
     few = make_starts(sampling, 9, seed=3)
@@ -52,8 +47,8 @@ def test_samples_fill_the_ranges_and_the_rotations_evenly(robot_named: Load) -> 
         built.configuration(every.starts[0], every.starts[0].x), q, atol=1e-9
     )
     places = [built.configuration(one, one.x) for one in every.starts[1:]]
-    joints = np.array([robot.limits.joint_positions(place) for place in places])
-    lower, upper = robot.limits.lower, robot.limits.upper
+    joints = np.array([hoap2.limits.joint_positions(place) for place in places])
+    lower, upper = hoap2.limits.lower, hoap2.limits.upper
     assert (joints >= lower).all() and (joints <= upper).all()
     parts = (joints - lower) / (upper - lower)
     assert min(kstest(column, "uniform").pvalue for column in parts.T) > 1e-4
@@ -61,11 +56,11 @@ def test_samples_fill_the_ranges_and_the_rotations_evenly(robot_named: Load) -> 
     np.testing.assert_allclose(np.square(turns).mean(axis=0), 0.25, atol=0.12)
     np.testing.assert_array_equal([place[:3] for place in places], np.tile(q[:3], (64, 1)))
     # The factor on the cost makes a middling sample's 1; it is what parameters end with.
-    costs = np.array([posture_cost(problem.tasks, robot.snapshot(place)) for place in places])
+    costs = np.array([posture_cost(problem.tasks, hoap2.snapshot(place)) for place in places])
     assert 0.3 < np.median(costs) * every.scale < 3.0
     for one in every.starts[:3]:
         scaled = float(built.nlp.functions(one.x, one.p)[0])
-        place = robot.snapshot(built.configuration(one, one.x))
+        place = hoap2.snapshot(built.configuration(one, one.x))
         assert scaled == pytest.approx(every.scale * posture_cost(problem.tasks, place), rel=1e-9)
     picked = np.array([float(built.nlp.functions(one.x, one.p)[0]) for one in few.starts[1:]])
     assert picked[0] < picked[2] < picked[4] < picked[6], "every other one is the cheapest left"
@@ -77,29 +72,27 @@ def test_samples_fill_the_ranges_and_the_rotations_evenly(robot_named: Load) -> 
     assert (alone.drawn, len(alone.starts)) == (0, 1)
 
 
-def test_joints_alone_are_drawn_where_the_base_does_not_matter(robot_named: Load) -> None:
-    robot = robot_named("hoap2_like")
-    built, q = built_for(robot, "floating", "base")
+def test_joints_alone_are_drawn_where_the_base_does_not_matter(hoap2: Robot) -> None:
+    built, q = built_for(hoap2, "floating", "base")
     assert not built.turns_base
     for one in make_starts(Sampling.of(built, q), 4, seed=1).starts:
         np.testing.assert_array_equal(built.configuration(one, one.x)[:7], q[:7])
 
 
-def test_samples_are_put_on_their_contacts(robot_named: Load) -> None:
+def test_samples_are_put_on_their_contacts(hoap2: Robot) -> None:
     """By Pinocchio: within 1 mm and 1 mrad of both anchors, and within the limits."""
-    robot = robot_named("hoap2_like")
-    built, q = built_for(robot, "double")
+    built, q = built_for(hoap2, "double")
     sampling = Sampling.of(built, q)
     found = make_starts(sampling, 9, seed=5)
     assert found.drawn == 3 * 8
     assert len(found.starts) == min(9, 1 + 24 - len(found.unclosed))
     assert all(gap > 1e-3 for gap in found.unclosed)
-    data = robot.model.createData()
+    data = hoap2.model.createData()
     for one in found.starts:
         assert (one.x >= built.nlp.lower).all() and (one.x <= built.nlp.upper).all()
-        pin.framesForwardKinematics(robot.model, data, built.configuration(one, one.x))
+        pin.framesForwardKinematics(hoap2.model, data, built.configuration(one, one.x))
         for contact in built.unknowns.problem.contacts:
-            pose = data.oMf[robot.frame_id(contact.frame)]
+            pose = data.oMf[hoap2.frame_id(contact.frame)]
             np.testing.assert_allclose(pose.translation, contact.position, atol=1e-3)
             turn = Rotation.from_matrix(pose.rotation @ contact.rotation.T)
             assert turn.magnitude() < 2e-3
@@ -124,13 +117,12 @@ def elite_of(robot: Robot, rng: np.random.Generator, count: int) -> list[Candida
     return found
 
 
-def test_hops_mix_two_resample_some_or_draw_a_whole_posture(robot_named: Load, rng) -> None:
+def test_hops_mix_two_resample_some_or_draw_a_whole_posture(hoap2: Robot, rng) -> None:
     """Which of the three a start is, is seen in its joints; shares as documented, of 240 hops."""
-    robot = robot_named("hoap2_like")
-    built, q = built_for(robot, "floating")
+    built, q = built_for(hoap2, "floating")
     sampling = Sampling.of(built, q)
     hopping = BasinHopping(sampling, 0.5, seed=7)
-    elite = elite_of(robot, rng, 3)
+    elite = elite_of(hoap2, rng, 3)
     theirs = np.array([one.q[7:] for one in elite])
     n = theirs.shape[1]
     kinds, resampled, fresh = [], [], []
@@ -175,10 +167,9 @@ def _kinds_of_one(hopping: BasinHopping, built: BuiltNlp, only: Candidate) -> li
     return found
 
 
-def test_hops_depend_on_number_seed_and_elite_alone(robot_named: Load, rng) -> None:
-    robot = robot_named("hoap2_like")
-    built, q = built_for(robot, "floating")
-    sampling, elite = Sampling.of(built, q), elite_of(robot, rng, 2)
+def test_hops_depend_on_number_seed_and_elite_alone(hoap2: Robot, rng) -> None:
+    built, q = built_for(hoap2, "floating")
+    sampling, elite = Sampling.of(built, q), elite_of(hoap2, rng, 2)
     one, same, other = (BasinHopping(sampling, 1.0, seed) for seed in (7, 7, 8))
     one.start(11, elite)  # what was asked before does not matter
     for number in (4, 5, 6):
@@ -199,9 +190,8 @@ def test_random_rotations_are_uniform() -> None:
 
 
 @pytest.mark.parametrize("frame", ["world", "base"])
-def test_a_whole_posture_turns_the_base_where_that_matters(robot_named: Load, frame: str) -> None:
-    robot = robot_named("hoap2_like")
-    built, q = built_for(robot, "floating", frame)
+def test_a_whole_posture_turns_the_base_where_that_matters(hoap2: Robot, frame: str) -> None:
+    built, q = built_for(hoap2, "floating", frame)
     hopping = BasinHopping(Sampling.of(built, q), 1.0, seed=1)
     places = [built.configuration(one, one.x) for one in (hopping.start(k, []) for k in (4, 8, 9))]
     turned = [not np.allclose(place[3:7], q[3:7], atol=1e-3) for place in places]

@@ -309,11 +309,10 @@ def test_links_that_may_meet_do_not_when_standing(load: Load) -> None:
         assert len(plant.contacts.points) == sum(len(f.polygon) for f in robot.feet.values())
 
 
-def test_a_step_edge_below_the_soles_is_felt() -> None:
+def test_a_step_edge_below_the_soles_is_felt(hoap2: Robot) -> None:
     """Feet that stand half over an edge press on it; with all joints but the head's locked."""
-    standing = Robot.load("hoap2_like")
-    values = standing.limits.joint_positions(standing.posture())
-    locked = dict(zip(standing.joint_names[1:], values[1:], strict=True))
+    values = hoap2.limits.joint_positions(hoap2.posture())
+    locked = dict(zip(hoap2.joint_names[1:], values[1:], strict=True))
     robot = Robot.load("hoap2_like", locked=locked)
     q = robot.posture("standing")
     start = robot.snapshot(q)

@@ -32,11 +32,6 @@ EXACT = {f"{of}_{what}": 0.0 for of in ("gyroscope", "accelerometer") for what i
 EXACT |= {"gyroscope_walk": 0.0, "accelerometer_walk": 0.0}
 
 
-@pytest.fixture
-def hoap(robot_named: Callable[[str], Robot]) -> Robot:
-    return robot_named("hoap2_like")
-
-
 def standing(robot: Robot) -> wbc.TorqueController:
     start = robot.snapshot(robot.posture())
     tasks = [
@@ -48,11 +43,11 @@ def standing(robot: Robot) -> wbc.TorqueController:
     return wbc.TorqueController(robot, tasks, contacts=contacts, limits=wbc.Limits(robot), dt=0.002)
 
 
-def test_an_exact_imu_integrates_to_where_the_plant_goes(hoap: Robot) -> None:
+def test_an_exact_imu_integrates_to_where_the_plant_goes(hoap2: Robot) -> None:
     """In free fall, turning: 0.2 s of readings from a turned mount off the base's origin."""
     imu = Imu(position=(0.05, -0.02, 0.1), rotation=TURNED, **EXACT)
-    plant = Plant(hoap, shapes=False)
-    q, v = hoap.posture(), np.zeros(hoap.nv)
+    plant = Plant(hoap2, shapes=False)
+    q, v = hoap2.posture(), np.zeros(hoap2.nv)
     q[2] += 5.0
     v[:6] = 0.5, -0.2, 1.0, 1.0, 2.0, -1.5
     plant.reset(q, v)
@@ -70,7 +65,7 @@ def test_an_exact_imu_integrates_to_where_the_plant_goes(hoap: Robot) -> None:
     f.reset(R, p, rotation_from(q[3:7]) @ own)
     sensing.read(plant)
     for _ in range(100):
-        plant.step(np.zeros(hoap.nv - 6))
+        plant.step(np.zeros(hoap2.nv - 6))
         sensing.read(plant)
     for message in sensing.received(plant.time):
         for reading in message.imus:
@@ -81,15 +76,15 @@ def test_an_exact_imu_integrates_to_where_the_plant_goes(hoap: Robot) -> None:
     assert np.allclose(f.position, p, atol=2e-3)
 
 
-def test_devices_measure_as_they_are_said_to(hoap: Robot) -> None:
+def test_devices_measure_as_they_are_said_to(hoap2: Robot) -> None:
     bus = MessageBus(delay=0.002, jitter=0.004, loss=0.2)
     encoders = Encoders(resolution=0.01, delay=0.003, rates=True, rate_noise=0.0)
     devices = Devices(
         imus=(Imu(rate=250.0),), encoders=encoders, torques=None, feet=FootSwitches(), bus=bus
     )
-    plant = Plant(hoap)
+    plant = Plant(hoap2)
     sensing = Sensing(plant, devices)
-    torque, sent, came = np.zeros(hoap.nv - 6), dict[float, np.ndarray](), []
+    torque, sent, came = np.zeros(hoap2.nv - 6), dict[float, np.ndarray](), []
     for _ in range(200):
         sensing.read(plant)
         sent[round(plant.time, 6)] = plant.state()[0][7:]
@@ -114,14 +109,14 @@ def test_devices_measure_as_they_are_said_to(hoap: Robot) -> None:
 
 
 @pytest.mark.slow
-def test_a_robot_stands_on_what_it_feels_and_to_the_same_bits(hoap: Robot) -> None:
+def test_a_robot_stands_on_what_it_feels_and_to_the_same_bits(hoap2: Robot) -> None:
     imus = (Imu(frame="torso", rotation=TURNED, position=(0.0, 0.02, 0.05)),)
     ends = []
     for _ in range(2):
-        plant = SensedPlant(hoap, devices=Devices(imus=imus, seed=3))
-        plant.reset(hoap.posture())
+        plant = SensedPlant(hoap2, devices=Devices(imus=imus, seed=3))
+        plant.reset(hoap2.posture())
         plant.push("base", (6.0, 0.0, 0.0), start=0.1, duration=0.1)
-        *_, last = simulate(standing(hoap), plant, 0.5)
+        *_, last = simulate(standing(hoap2), plant, 0.5)
         assert last.verdict.stood
         ends.append(plant.state()[0].tobytes())
     assert ends[0] == ends[1]
@@ -129,11 +124,11 @@ def test_a_robot_stands_on_what_it_feels_and_to_the_same_bits(hoap: Robot) -> No
     assert plant.errors.tilt < np.deg2rad(0.5)
     assert plant.notes[-1].startswith("estimate") or "estimated state" in plant.notes[-1]
     forces = plant.felt_forces
-    assert sum(f[2] for f in forces.values()) == pytest.approx(hoap.weight, rel=0.15)
+    assert sum(f[2] for f in forces.values()) == pytest.approx(hoap2.weight, rel=0.15)
     with pytest.raises(InvalidInputError, match="begins at rest"):
-        plant.reset(hoap.posture(), np.ones(hoap.nv))
+        plant.reset(hoap2.posture(), np.ones(hoap2.nv))
     with pytest.raises(InvalidInputError, match="plant, sensors"):
-        SensedPlant(hoap, sensors=Sensors(position_noise=1e-3))
+        SensedPlant(hoap2, sensors=Sensors(position_noise=1e-3))
 
 
 def problem(folder: Path, simulation: str) -> Path:

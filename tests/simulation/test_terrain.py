@@ -1,7 +1,6 @@
 """The surface of a terrain, and terrains as plain data."""
 
 import json
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -46,13 +45,13 @@ def test_plain_data_come_back(terrain: Terrain) -> None:
         assert (mine.yaw, mine.friction) == (other.yaw, other.friction)
 
 
-def test_a_tilted_board_is_where_mujoco_has_it(robot_named: Callable[[str], Robot]) -> None:
+def test_a_tilted_board_is_where_mujoco_has_it(hoap2: Robot) -> None:
     """By rays from above, on and beside the board."""
     import mujoco
 
     board = Step((0.6, -0.2, 0.15), (0.5, 0.3, 0.1), yaw=0.4, slope=(0.2, -0.3))
     terrain = Terrain(steps=(board,))
-    plant = Plant(robot_named("hoap2_like"), terrain=terrain)
+    plant = Plant(hoap2, terrain=terrain)
     model, data = plant.model, plant.data
     mujoco.mj_forward(model, data)
     points = np.random.default_rng(0).uniform((0.2, -0.6), (1.0, 0.2), size=(200, 2))

@@ -25,17 +25,12 @@ class Run:
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.load("hoap2_like")
-
-
-@pytest.fixture(scope="module")
-def run(robot: Robot) -> Run:
+def run(hoap2: Robot) -> Run:
     time = np.linspace(0.0, 3.0, 31)
-    start = robot.postures["standing"]
-    bent = robot.posture("standing", {"*_shoulder_pitch": -1.0})
-    way = robot.difference(start, bent)
-    q = np.array([robot.integrate(start, way, np.sin(t)) for t in time])
+    start = hoap2.postures["standing"]
+    bent = hoap2.posture("standing", {"*_shoulder_pitch": -1.0})
+    way = hoap2.difference(start, bent)
+    q = np.array([hoap2.integrate(start, way, np.sin(t)) for t in time])
     phase = np.array(["down"] * 10 + ["over"] * 15 + ["up"] * 6)
     support = np.where(phase == "over", "right", "left,right")
     errors = {"com": np.full((31, 3), 1e-3), "foot": np.full((31, 6), np.nan)}
@@ -50,8 +45,8 @@ def plots(figure: Figure) -> list:  # type: ignore[type-arg]
     return [axes for axes in figure.axes if not axes.get_images()]
 
 
-def test_every_phase_is_drawn_and_marked(robot: Robot, run: Run) -> None:
-    figure = run_figure(robot, run, title="phases")
+def test_every_phase_is_drawn_and_marked(hoap2: Robot, run: Run) -> None:
+    figure = run_figure(hoap2, run, title="phases")
     assert titles(figure) == [
         "start\non left and right",
         "1  down, 1.0 s\non left and right",
@@ -73,8 +68,8 @@ def test_every_phase_is_drawn_and_marked(robot: Robot, run: Run) -> None:
     assert [text.get_text() for text in errors.texts] == ["com"]  # the other was never active
 
 
-def test_long_names_are_shortened(robot: Robot, run: Run) -> None:
-    figure = run_figure(robot, replace(run, phase=["x" * 200] * 31), title="")
+def test_long_names_are_shortened(hoap2: Robot, run: Run) -> None:
+    figure = run_figure(hoap2, replace(run, phase=["x" * 200] * 31), title="")
     assert titles(figure)[1].startswith(f"1  {'x' * 19}…, 3.0 s")
     assert plots(figure)[0].texts[-1].get_text() == f"1  {'x' * 19}…"
     wide = [axes.get_position().width for axes in figure.axes if axes.get_images()]
@@ -82,24 +77,24 @@ def test_long_names_are_shortened(robot: Robot, run: Run) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_single_tick_is_drawn(robot: Robot, run: Run) -> None:
+def test_a_single_tick_is_drawn(hoap2: Robot, run: Run) -> None:
     one = Run(run.time[:1], run.q[:1], {"com": run.errors["com"][:1]}, ["down"], None, [0.03])
-    figure = run_figure(robot, one, title="")
+    figure = run_figure(hoap2, one, title="")
     assert plots(figure)[0].texts[0].get_text() == "least 30.0 mm"
 
 
 @pytest.mark.slow
-def test_without_feet_there_is_no_plot_of_balance(robot: Robot, run: Run) -> None:
+def test_without_feet_there_is_no_plot_of_balance(hoap2: Robot, run: Run) -> None:
     for balance in (None, np.full(31, np.nan)):
-        figure = run_figure(robot, replace(run, balance=balance, support=None), title="")
+        figure = run_figure(hoap2, replace(run, balance=balance, support=None), title="")
         moments, errors = plots(figure)
         assert moments.get_title(loc="left") == ""  # the names of the phases are there
         assert errors.get_title(loc="left") == "Task errors"
         assert titles(figure)[0] == "start\n"
 
 
-def test_no_names_are_no_phases(robot: Robot, run: Run) -> None:
-    figure = run_figure(robot, replace(run, phase=[""] * 31), title="")
+def test_no_names_are_no_phases(hoap2: Robot, run: Run) -> None:
+    figure = run_figure(hoap2, replace(run, phase=[""] * 31), title="")
     assert titles(figure) == ["before, t = 0 s", "after, t = 3 s"]
 
 
@@ -112,7 +107,7 @@ def test_no_names_are_no_phases(robot: Robot, run: Run) -> None:
     ],
 )
 def test_what_does_not_fit_is_refused(
-    robot: Robot, run: Run, changes: dict[str, object], message: str
+    hoap2: Robot, run: Run, changes: dict[str, object], message: str
 ) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        run_figure(robot, replace(run, **changes), title="")
+        run_figure(hoap2, replace(run, **changes), title="")

@@ -164,10 +164,9 @@ def test_spans_are_the_runs_of_true(seed: int) -> None:
         ("targets", {"hand": np.zeros((2, 3))}, "points and targets"),
     ],
 )
-def test_what_does_not_fit_is_refused(name: str, values: object, words: str) -> None:
-    robot = Robot.load("hoap2_like")
+def test_what_does_not_fit_is_refused(hoap2: Robot, name: str, values: object, words: str) -> None:
     history = type("History", (), {"time": [0.0, 1.0], "errors": {}})()
-    history.q = np.tile(robot.posture("standing"), (2, 1))
+    history.q = np.tile(hoap2.posture("standing"), (2, 1))
     setattr(history, name, values)
     with pytest.raises(InvalidInputError, match=words):
-        read_history(robot, history)
+        read_history(hoap2, history)

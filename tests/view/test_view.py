@@ -39,19 +39,14 @@ class RunWithInertia(Run):
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.load("hoap2_like")
-
-
-@pytest.fixture(scope="module")
-def run(robot: Robot) -> Run:
-    start = robot.postures["standing"]
-    spread_arms = robot.posture(
+def run(hoap2: Robot) -> Run:
+    start = hoap2.postures["standing"]
+    spread_arms = hoap2.posture(
         "standing", {"left_shoulder_roll": 1.4, "right_shoulder_roll": -1.4}
     )
     time = np.linspace(0.0, 2.0, 21)
-    way = robot.difference(start, spread_arms)
-    q = np.array([robot.integrate(start, way, part) for part in time / 2.0])
+    way = hoap2.difference(start, spread_arms)
+    q = np.array([hoap2.integrate(start, way, part) for part in time / 2.0])
     fading = np.exp(-3.0 * time)[:, None]
     errors = {
         "inertia": fading * [0.3, 0.0, 0.4],
@@ -62,8 +57,8 @@ def run(robot: Robot) -> Run:
 
 
 @pytest.fixture(scope="module")
-def figure(robot: Robot, run: Run) -> Figure:
-    return run_figure(robot, run, title="Reaching out")
+def figure(hoap2: Robot, run: Run) -> Figure:
+    return run_figure(hoap2, run, title="Reaching out")
 
 
 @pytest.mark.slow
@@ -76,14 +71,14 @@ def test_a_figure_is_written_in_each_format(figure: Figure, tmp_path: Path, suff
     assert len(content) > 50_000  # both robots, not an empty frame
 
 
-def test_both_ends_are_drawn_with_their_semi_axes(robot: Robot, run: Run, figure: Figure) -> None:
+def test_both_ends_are_drawn_with_their_semi_axes(hoap2: Robot, run: Run, figure: Figure) -> None:
     before, after, errors, moments = figure.axes
     assert (before.get_title(), after.get_title()) == ("before, t = 0 s", "after, t = 2 s")
     assert errors.get_yscale() == "log"
     for axes, q in ((before, run.q[0]), (after, run.q[-1])):
         # Second moment about each principal axis from Pinocchio's centroidal inertia.
-        data = robot.model.createData()
-        pin.ccrba(robot.model, data, q, np.zeros(robot.nv))
+        data = hoap2.model.createData()
+        pin.ccrba(hoap2.model, data, q, np.zeros(hoap2.nv))
         principal = np.linalg.eigvalsh(data.Ig.inertia)
         extents = np.sqrt(5.0 * (principal.sum() / 2.0 - principal) / data.Ig.mass)
         texts = [text.get_text() for text in axes.texts]
@@ -113,46 +108,46 @@ def test_errors_are_norms_over_time(run: Run, figure: Figure) -> None:
     assert labels == ["inertia", "left foot", "head"]
 
 
-def test_inertias_of_the_history_are_used_if_given(robot: Robot, run: Run) -> None:
+def test_inertias_of_the_history_are_used_if_given(hoap2: Robot, run: Run) -> None:
     inertia = np.tile([0.3, 0.1, 0.0, 0.3, 0.0, 0.35], (2, 1))  # moments 0.2, 0.35, 0.4
     given = RunWithInertia(run.time[:2], run.q[:2], {}, inertia)
-    moments = run_figure(robot, given, title="given").axes[3]
+    moments = run_figure(hoap2, given, title="given").axes[3]
     np.testing.assert_allclose(
         [line.get_ydata() for line in moments.lines], [[0.2] * 2, [0.35] * 2, [0.4] * 2], rtol=1e-12
     )
 
 
 @pytest.mark.slow
-def test_the_same_run_gives_the_same_file(robot: Robot, run: Run, tmp_path: Path) -> None:
+def test_the_same_run_gives_the_same_file(hoap2: Robot, run: Run, tmp_path: Path) -> None:
     short = Run(run.time[:2], run.q[:2], {"inertia": run.errors["inertia"][:2]})
     paths = [tmp_path / "first.png", tmp_path / "second.png"]
     for path in paths:
-        plot_run(robot, short, path, title="twice")
+        plot_run(hoap2, short, path, title="twice")
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
-def test_the_ground_is_under_a_robot_that_is_not_at_zero(robot: Robot) -> None:
-    q = robot.postures["standing"].copy()
+def test_the_ground_is_under_a_robot_that_is_not_at_zero(hoap2: Robot) -> None:
+    q = hoap2.postures["standing"].copy()
     sunk, flying = q.copy(), q.copy()
     sunk[2] -= 0.3
     flying[2] += 0.2
-    portraits = portraits_of(robot, {"stands": q, "sunk": sunk, "flies": flying})
+    portraits = portraits_of(hoap2, {"stands": q, "sunk": sunk, "flies": flying})
     assert [one.scene.ground for one in portraits] == pytest.approx([0.0, -0.3, 0.0], abs=1e-9)
     for one in portraits:
         np.testing.assert_allclose(one.foot[:2], one.snapshot.com[:2])
 
 
-def test_legs_stand_on_the_slope_or_on_a_board(robot: Robot) -> None:
+def test_legs_stand_on_the_slope_or_on_a_board(hoap2: Robot) -> None:
     """Where they are, also below z = 0: a robot there has not sunk in."""
     board = Step(centre=(1.0, 0.0, 0.2), size=(0.5, 0.5, 0.1))
     terrain = Terrain(slope=(0.1, 0.0), steps=(board,))
-    start = turned_with(robot.posture("standing"), terrain.normal)
+    start = turned_with(hoap2.posture("standing"), terrain.normal)
     poses = {}
     for name, x, z in (("down", -2.0, -0.2), ("up", 3.0, 0.3), ("on", 1.0, 0.2)):
         q = start.copy()
         q[[0, 2]] += (x, z)
         poses[name] = Pose(q, terrain=terrain)
-    down, up, on = portraits_of(robot, poses)
+    down, up, on = portraits_of(hoap2, poses)
     for one in (down, up):
         x, y, _ = one.snapshot.com
         np.testing.assert_allclose(one.foot, (x, y, 0.1 * x), atol=1e-12)
@@ -177,37 +172,37 @@ def test_legs_stand_on_the_slope_or_on_a_board(robot: Robot) -> None:
     ],
 )
 def test_a_history_that_does_not_fit_is_refused(
-    robot: Robot, run: Run, changes: dict[str, Array], message: str
+    hoap2: Robot, run: Run, changes: dict[str, Array], message: str
 ) -> None:
     values = {"time": run.time[:2], "q": run.q[:2], "errors": {}, "inertia": np.zeros((2, 6))}
     with pytest.raises(InvalidInputError, match=message):
-        run_figure(robot, RunWithInertia(**{**values, **changes}), title="")
+        run_figure(hoap2, RunWithInertia(**{**values, **changes}), title="")
 
 
 @pytest.mark.parametrize("name", ["run.gif", "run", "run.png.txt"])
 def test_other_suffixes_are_refused_by_name(
-    robot: Robot, run: Run, tmp_path: Path, name: str
+    hoap2: Robot, run: Run, tmp_path: Path, name: str
 ) -> None:
     for call in (
-        lambda path: plot_run(robot, run, path, title=""),
-        lambda path: plot_robot(robot, {"a": run.q[0]}, path),
+        lambda path: plot_run(hoap2, run, path, title=""),
+        lambda path: plot_robot(hoap2, {"a": run.q[0]}, path),
     ):
         with pytest.raises(InvalidInputError, match=r"a picture is written as \.png, \.svg, \.pdf"):
             call(tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_folders_and_unwritable_files(robot: Robot, run: Run, tmp_path: Path) -> None:
+def test_folders_and_unwritable_files(hoap2: Robot, run: Run, tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match=r"there is no folder .*nowhere; make it first"):
-        plot_run(robot, run, tmp_path / "nowhere" / "run.png", title="")
+        plot_run(hoap2, run, tmp_path / "nowhere" / "run.png", title="")
     (tmp_path / "taken.png").mkdir()
     with pytest.raises(InvalidInputError, match="cannot be written"):
         save(Figure(), tmp_path / "taken.png")
 
 
-def test_nothing_to_draw(robot: Robot) -> None:
+def test_nothing_to_draw(hoap2: Robot) -> None:
     with pytest.raises(InvalidInputError, match="give at least one"):
-        robot_figure(robot, {})
+        robot_figure(hoap2, {})
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -241,9 +236,8 @@ def test_matplotlib_is_left_as_it_was() -> None:
 
 
 @pytest.mark.slow
-def test_a_figure_of_many_is_no_wider_than_one_of_three() -> None:
+def test_a_figure_of_many_is_no_wider_than_one_of_three(hoap2: Robot) -> None:
     """Eight side by side were 29 inches across, and no text could be read on a page."""
-    robot = Robot.load("hoap2_like")
-    q = robot.posture()
-    many = robot_figure(robot, {str(k): q for k in range(8)})
-    assert many.get_figwidth() == pytest.approx(3 * robot_figure(robot, {"one": q}).get_figwidth())
+    q = hoap2.posture()
+    many = robot_figure(hoap2, {str(k): q for k in range(8)})
+    assert many.get_figwidth() == pytest.approx(3 * robot_figure(hoap2, {"one": q}).get_figwidth())

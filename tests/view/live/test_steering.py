@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 
 import wbc
+from wbc.robot import Robot
 from wbc.view.live.messages import Release, SetTarget, SetWeight
 from wbc.view.live.steering import Steering
 
 
 @pytest.fixture
-def controller() -> wbc.KinematicController:
-    robot = wbc.Robot.load("hoap2_like")
-    start = robot.snapshot(robot.posture("standing"))
-    hand = robot.frame_names[-1]
+def controller(hoap2: Robot) -> wbc.KinematicController:
+    start = hoap2.snapshot(hoap2.posture("standing"))
+    hand = hoap2.frame_names[-1]
     tasks = [
-        wbc.ComTask(robot, start.com, weight=10.0),
-        wbc.PoseTask(robot, hand, start.position(hand), start.rotation(hand), name="hand"),
-        wbc.InertiaTask(robot, start.inertia, weight=[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
+        wbc.ComTask(hoap2, start.com, weight=10.0),
+        wbc.PoseTask(hoap2, hand, start.position(hand), start.rotation(hand), name="hand"),
+        wbc.InertiaTask(hoap2, start.inertia, weight=[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
     ]
-    return wbc.KinematicController(robot, tasks, contacts=wbc.support(start, "double"))
+    return wbc.KinematicController(hoap2, tasks, contacts=wbc.support(start, "double"))
 
 
 def test_targets_are_set_and_given_back(controller: wbc.KinematicController) -> None:

@@ -7,6 +7,7 @@ import wbc
 from tests.view.live.conftest import Stage
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem
+from wbc.robot import Robot
 from wbc.run.result import Result
 from wbc.view.live.collect import cast_of
 from wbc.view.live.messages import SetTarget, WholeRun
@@ -105,11 +106,10 @@ def test_a_replay_takes_the_place_of_what_was_seen(
 
 
 @pytest.mark.slow
-def test_a_viewer_that_may_not_steer_leaves_tasks_alone() -> None:
-    robot = wbc.Robot.load("hoap2_like")
-    start = robot.snapshot(robot.posture("standing"))
-    task = wbc.ComTask(robot, start.com)
-    controller = wbc.KinematicController(robot, [task], contacts=wbc.support(start, "double"))
-    with Viewer(robot, controller, steer=False, quiet=True) as viewer:
+def test_a_viewer_that_may_not_steer_leaves_tasks_alone(hoap2: Robot) -> None:
+    start = hoap2.snapshot(hoap2.posture("standing"))
+    task = wbc.ComTask(hoap2, start.com)
+    controller = wbc.KinematicController(hoap2, [task], contacts=wbc.support(start, "double"))
+    with Viewer(hoap2, controller, steer=False, quiet=True) as viewer:
         viewer.update(start)
         assert not viewer.steering

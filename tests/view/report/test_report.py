@@ -141,12 +141,13 @@ def test_it_needs_nothing_else_and_no_text_gets_out(page: str) -> None:
 
 
 @pytest.mark.slow
-def test_ten_seconds_take_less_than_ten_megabytes_and_long_runs_no_more(result: Result) -> None:
+def test_ten_seconds_take_less_than_ten_megabytes_and_long_runs_no_more(
+    g1: Robot, result: Result
+) -> None:
     """The robot with the finest meshes; its replay, without plots, which are 0.1 MB each."""
-    robot = Robot.load("g1")
-    q = np.tile(robot.posture("standing"), (2000, 1))
+    q = np.tile(g1.posture("standing"), (2000, 1))
     run = read_history(
-        robot,
+        g1,
         type("H", (), {"time": np.arange(2000) * 0.005, "q": q, "errors": {},
                        "inertia": np.tile([1.0, 0, 0, 1, 0, 1], (2000, 1))})(),
     )  # fmt: skip
