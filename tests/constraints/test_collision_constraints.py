@@ -176,9 +176,14 @@ def test_a_ball_that_comes_is_evaded_and_nothing_is_infeasible(hoap2, here) -> N
 def test_a_train_hits_all_the_same_but_the_qp_is_solved(hoap2, here) -> None:
     train = Obstacle.box("train", [0.2, 2.0, 2.0], [0.6, 0.0, 0.5])
     train.move(np.eye(3), np.zeros(3), velocity=[-5.0, 0.0, 0.0])
-    control = controller(hoap2, [ComTask(hoap2, here.com)], here, [Obstacles(hoap2, [train])])
-    for _ in commanded(control, here.q, 60):
+    around = Obstacles(hoap2, [train])
+    control = controller(hoap2, [ComTask(hoap2, here.com)], here, [around])
+    least = np.inf
+    for tick, q in commanded(control, here.q, 60):
+        assert tick.ok, tick.report()
         train.advance(DT)
+        least = min(least, float(around.distances(hoap2.snapshot(q)).clearance.min()))
+    assert least < 0.0, "it hits"
 
 
 @pytest.mark.parametrize(
