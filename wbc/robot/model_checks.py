@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +75,7 @@ def _check_masses(model: pin.Model, path: Path) -> tuple[str, ...]:
     """Refuse masses that are not positive, but for a link that only joins two joints."""
     data = model.createData()
     pin.computeSubtreeMasses(model, data)
-    empty = []
+    empty, bare = list[str](), list[int]()
     for joint in range(1, model.njoints):
         body, where = model.inertias[joint], _where(model, joint, path)
         if not np.isfinite(body.toDynamicParameters()).all():
@@ -87,12 +88,17 @@ def _check_masses(model: pin.Model, path: Path) -> tuple[str, ...]:
                 " link its mass and inertia"
             )
         if data.mass[joint] <= 0.0:
-            raise ModelError(
-                f"{where}: what the joint moves has no mass; give the link its mass, or make the"
-                " joint fixed, or lock it"
-            )
-        if body.mass == 0.0 and joint > 1:  # the root is between none
+            bare.append(joint)
+        elif body.mass == 0.0 and joint > 1:  # the root is between none
             empty.append(link_of(model, joint))
+    if bare:
+        lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+        places = [(model.names[joint], model.idx_qs[joint]) for joint in bare]
+        held = ", ".join(f"{name!r}: {np.clip(0.0, lower[q], upper[q]):g}" for name, q in places)
+        raise ModelError(
+            f"{_where(model, bare[0], path)}: what the joint moves has no mass; give the link its"
+            f" mass, or make the joint fixed, or lock every such joint: locked={{{held}}}"
+        )
     if empty:
         return (f"links without mass between two joints: {', '.join(empty)}",)
     return ()
@@ -103,19 +109,21 @@ def _check_inertias(model: pin.Model, path: Path) -> tuple[str, ...]:
     data = model.createData()
     pin.ccrba(model, data, pin.neutral(model), np.zeros(model.nv))
     whole = float(np.trace(data.Ig.inertia)) / 2  # trace of the robot's second moment
-    points, broken = list[str](), list[str]()
+    points, broken, impossible = list[str](), list[str](), dict[str, list[int]]()
     for joint in range(1, model.njoints):
         moments = np.linalg.eigvalsh(model.inertias[joint].inertia)
         spread = moments.sum() / 2 - moments[2]  # least eigenvalue of the second moment
         link = link_of(model, joint)
         if moments[0] < -max(ROUNDING * abs(moments[2]), 1e-15):
-            _refuse_inertia(model, joint, path, "a principal moment of inertia is negative")
-        if moments[2] < 1e-15:  # kg m^2: iCub writes 1e-18 for nothing
+            impossible.setdefault("a principal moment of inertia is negative", []).append(joint)
+        elif moments[2] < 1e-15:  # kg m^2: iCub writes 1e-18 for nothing
             points += [link] if model.inertias[joint].mass > 0.0 else []
         elif spread < -NEGLIGIBLE * whole:
-            _refuse_inertia(model, joint, path, "the triangle inequality is broken")
+            impossible.setdefault("the triangle inequality is broken", []).append(joint)
         elif spread < -ROUNDING * moments[2]:
             broken.append(link)
+    for reason, joints in impossible.items():
+        _refuse_inertia(model, joints, path, reason)
     notes = []
     if points:
         notes.append(f"links without rotational inertia, taken as points: {', '.join(points)}")
@@ -197,12 +205,15 @@ def _held_still(model: pin.Model) -> tuple[str, ...]:
     return (f"limits leave these joints no range: {listed(held)}",) if held else ()
 
 
-def _refuse_inertia(model: pin.Model, joint: int, path: Path, reason: str) -> None:
-    moments = ", ".join(f"{m:.4g}" for m in np.linalg.eigvalsh(model.inertias[joint].inertia))
+def _refuse_inertia(model: pin.Model, joints: Sequence[int], path: Path, reason: str) -> None:
+    """Refuse what is wrong with the links of ``joints``: the first with its numbers."""
+    moments = ", ".join(f"{m:.4g}" for m in np.linalg.eigvalsh(model.inertias[joints[0]].inertia))
+    others = ", ".join(link_of(model, joint) for joint in joints[1:])
+    also = f"; likewise {others}" if others else ""
     raise ModelError(
-        f"{_where(model, joint, path)}: {reason} (principal moments {moments} kg m^2); no rigid"
+        f"{_where(model, joints[0], path)}: {reason} (principal moments {moments} kg m^2); no rigid"
         " body has such an inertia: correct it (is it about the centre of mass, in the axes of the"
-        " inertial origin?)"
+        f" inertial origin?){also}"
     )
 
 

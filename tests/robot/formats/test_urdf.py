@@ -82,10 +82,15 @@ def test_missing_limits_are_named(tmp_path: Path) -> None:
     assert robot.limits.missing == ()
 
 
-def test_a_floating_joint_from_an_empty_world_is_the_root(tmp_path: Path) -> None:
-    world = '<link name="world"/>' + joint("root", "world", "base", "floating", "")
+DRAWN = '<visual><geometry><sphere radius="0.1"/></geometry></visual>'
+
+
+@pytest.mark.parametrize("drawn", ["", DRAWN])
+def test_a_floating_joint_from_an_empty_world_is_the_root(tmp_path: Path, drawn: str) -> None:
+    world = f'<link name="world">{drawn}</link>' + joint("root", "world", "base", "floating", "")
     parts = world, link("base", "3"), link("shank"), joint("knee", "base", "shank")
     robot = Robot.load(write(tmp_path, *parts))
+    assert any("'world'" in note for note in robot.notes) == bool(drawn)
     assert (robot.nq, robot.nv) == (8, 7)
     np.testing.assert_array_equal(robot.model.jointPlacements[1].homogeneous, np.eye(4))
 
@@ -190,6 +195,18 @@ REFUSED_URDFS = {
         ("'j'", "offset", "larger than 1000"),
     ),
     "no mass": (link("a") + '<link name="b"/>' + joint("j", "a", "b"), ("'j'", "'b'", "no mass")),
+    "no mass of several": (
+        link("a") + link("b", "0") + link("c", "0") + joint("j", "a", "b") + joint("k", "b", "c"),
+        ("'j'", "no mass", "locked={'j': 0, 'k': 0}"),
+    ),
+    "inertias of several": (
+        link("a")
+        + link("b", "1", ("1", "1", "3"))
+        + link("c", "1", ("4", "1", "1"))
+        + joint("j", "a", "b")
+        + joint("k", "b", "c"),
+        ("'j'", "triangle", "likewise c"),
+    ),
     "no mass at all": (
         '<link name="a"/><link name="b"/>' + joint("j", "a", "b"),
         ("no link has a mass",),

@@ -70,7 +70,9 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     head_notes = complete_head(root, path) + unknown_words(root)
     world_notes = _add_world(root)
     joints, base = _checked_tree(root, path)
+    floats = any(joint.get("type") == "floating" for joint in joints)
     notes = head_notes + world_notes + unset_limits(joints)
+    notes += _bare_world(root, base) if floats else ()
     notes += leave_first(root) + mend_materials(root)
     notes += tuple(filter(None, (others_joints(root),)))
     shapeless = list[tuple[str, str, str]]()
@@ -88,7 +90,6 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         notes += (f"{len(shapeless)} shapes that URDF does not know left out: {some}",)
     lost = [f"{what} of link {link!r}" for tag, what, link in shapeless if tag == "collision"]
     text = ET.tostring(root, encoding="unicode")
-    floats = any(joint.get("type") == "floating" for joint in joints)
     with pinocchio_reads(path, "Pinocchio cannot read this URDF"):
         root_joint = () if floats else (pin.JointModelFreeFlyer(),)
         model = pin.buildModelFromXML(text, *root_joint)
@@ -196,18 +197,28 @@ def _carried_masses(root: ET.Element, joints: list[ET.Element]) -> dict[str, flo
 
 
 def _check_floating(joints: list[ET.Element], base: ET.Element, path: Path) -> None:
-    """Allow a ``floating`` joint only where it is redundant: from an empty root link."""
+    """Allow a ``floating`` joint only where it is redundant: from a root link without mass."""
     on_base = [joint for joint in joints if _parent(joint) == base.get("name")]
     for joint in joints:
         if joint.get("type") != "floating":
             continue
-        if on_base != [joint] or len(base):
+        if on_base != [joint] or base.find("inertial") is not None:
             raise ModelError(
                 f"{path}: joint {joint.get('name')!r} is floating, but only the root may float;"
                 " remove the joint (the root link floats by itself)"
             )
         for origin in joint.findall("origin"):
             joint.remove(origin)  # an offset of the world, which q measures by itself
+
+
+def _bare_world(root: ET.Element, base: str) -> tuple[str, ...]:
+    """Leave out the shapes of the link that a robot floats from; return a note of it."""
+    (link,) = (link for link in root.findall("link") if link.get("name") == base)
+    shapes = [*link.findall("visual"), *link.findall("collision")]
+    for shape in shapes:
+        link.remove(shape)
+    text = f"shapes of the link {base!r}, which the robot floats from, left out: {len(shapes)}"
+    return (text,) if shapes else ()
 
 
 def _parent(joint: ET.Element) -> str | None:
