@@ -428,6 +428,25 @@ def test_feet_drawn_rolled_inwards_are_levelled_where_they_are(tmp_path: Path) -
         np.testing.assert_allclose(standing.rotation(f"{side}_sole")[2], [0, 0, 1], atol=1e-6)
 
 
+def test_legs_drawn_astride_come_together_to_stand(tmp_path: Path) -> None:
+    """Digit's are, by 0.8 m: levelled where they are its soles are too far apart to walk."""
+    path = biped(tmp_path, box("0.03 0 -.03", ".2 .1 .04", "ROLL 0 0"))
+    text = path.read_text()
+    for side, y, out, back in (("left", "0.1", 0.6, -0.4), ("right", "-0.1", -0.6, 0.4)):
+        drawn = f'<child link="{side}_l0"/><origin xyz="0 {y} 0.0"'
+        assert drawn in text
+        text = text.replace(drawn, f'{drawn} rpy="{out} 0 0"').replace("ROLL", f"{back}", 1)
+    path.write_text(text)
+    robot = Robot.load(path)
+    neutral, standing = (robot.snapshot(robot.posture(q)) for q in ("neutral", "standing"))
+    wide, now = (
+        np.linalg.norm(one.position("left_sole") - one.position("right_sole"))
+        for one in (neutral, standing)
+    )
+    assert wide > 0.9 and now < wide - 0.05
+    np.testing.assert_allclose(standing.rotation("left_sole")[2], [0, 0, 1], atol=1e-6)
+
+
 def test_locked_legs_are_told_and_turn_nothing_upside_down(tmp_path: Path) -> None:
     """With both legs locked the base carries the feet, below it; with one, the other stands."""
     path = biped(tmp_path, FOOT)

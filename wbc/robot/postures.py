@@ -24,6 +24,7 @@ from wbc.validate import Array, by_name
 NEUTRAL, STANDING, HALF_SITTING = "neutral", "standing", "half_sitting"
 NEAR = 0.7  # rad or m: a posture whose joints differ more is another one
 APART = 10.0  # rad/m: by how much joints rather turn than that soles move to each other
+ASTRIDE = 0.7  # of the CoM's height: two soles farther apart than this may come together
 LEVEL = 1e-3  # m: corners of soles no further apart than this stand on one ground
 
 
@@ -183,7 +184,8 @@ def settled(
 
     Gauss-Newton, damped, on the heights and tilts of the soles and on the CoM over the middle of
     their hull; joints stay within their limits, and those that springs alone hold where they are.
-    Soles are levelled where they are: what moves them together or apart is dear.
+    Soles are levelled where they are: what moves them together or apart is dear, unless legs are
+    drawn astride.
 
     Parameters
     ----------
@@ -195,6 +197,7 @@ def settled(
         return q, ()
     found = q.copy()
     held = [BASE_NV + limits.names.index(joint) for joint in closure.sprung]
+    dear = 0.0 if _astride(model, q, feet) else APART
     for _ in range(100):
         error, J, apart = _standing_error(model, found, feet)
         if com is not None:
@@ -204,7 +207,7 @@ def settled(
                 np.concatenate(both) for both in zip((error, J), closure.errors(found), strict=True)
             )
         J[:, held] = 0.0
-        cheap = np.linalg.solve(np.eye(model.nv) + APART**2 * apart.T @ apart, J.T)
+        cheap = np.linalg.solve(np.eye(model.nv) + dear**2 * apart.T @ apart, J.T)
         step = cheap @ np.linalg.solve(J @ cheap + 1e-6 * np.eye(len(J)), error)
         step *= -min(1.0, 0.2 / max(float(np.abs(step).max()), 1e-12))  # rad or m
         found = limits.clamped(pin.integrate(model, found, step))
@@ -222,6 +225,18 @@ def settled(
     if corners < 3:
         why = "its feet are points: no flat underside was found; give link, polygon and height"
     return q, (f"posture 'standing' does not stand: {why}",)
+
+
+def _astride(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> bool:
+    """Return whether a biped's feet are farther apart than one would stand."""
+    if len(feet) != 2:
+        return False
+    data, frames = model.createData(), frame_table(model)
+    com = pin.centerOfMass(model, data, q)
+    pin.updateFramePlacements(model, data)
+    places = [data.oMf[frames[foot.frame]].translation for foot in feet.values()]
+    way, height = places[0] - places[1], com[2] - np.mean(places, axis=0)[2]
+    return bool(np.hypot(*way[:2]) > ASTRIDE * height)
 
 
 def com_from_middle(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Array:
