@@ -129,6 +129,16 @@ def test_files_have_what_trainers_read(crouch: wbc.Retargeted, tmp_path: Path) -
         crouch.save(tmp_path / "x.npz", "mujoco")
 
 
+def test_legs_that_cannot_roll_their_soles_hold_them_along_their_length() -> None:
+    """As those of a Unitree H1: held flat, such feet left the robot no way to move its CoM."""
+    ankles = {"left_ankle_roll": 0.0, "right_ankle_roll": 0.0}
+    found = wbc.retarget(crouching(inward=0.2), Robot.load("hoap2_like", locked=ankles))
+    kept(found)
+    assert sum("cannot roll its sole" in note for note in found.notes) == 2
+    assert not found.broken
+    assert found.com_correlation[2] > 0.95
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["g1", "talos"])
 def test_a_step(name: str) -> None:
@@ -193,6 +203,19 @@ def test_who_stands_for_whom() -> None:
     assert any("no head" in note for note in found.notes)
     other = body_map(Robot.load("g1"), {"trunk": "torso_link"})
     assert other.trunk == "torso_link"
+
+
+def test_an_elbow_that_is_the_last_joint_is_one(hoap2: Robot) -> None:
+    held = Robot.load("hoap2_like", locked={"left_hand": 0.0, "right_hand": 0.0})
+    found, whole = body_map(held).arms, body_map(hoap2).arms
+    for side, arm in found.items():
+        parts = arm.shoulder, arm.upper_arm, arm.forearm, arm.hand
+        assert parts == (
+            *(whole[side].shoulder, whole[side].upper_arm),
+            *2 * (whole[side].forearm,),
+        )
+        # To the CoM of what the elbow carries, in place of where the hand is hinged.
+        assert arm.forearm_axis @ whole[side].forearm_axis > np.cos(np.radians(10.0))
 
 
 def test_refusals(hoap2: Robot) -> None:

@@ -14,7 +14,7 @@ from wbc.errors import InvalidInputError
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import Robot, check_robot
 from wbc.robot.postures import STANDING
-from wbc.validate import Array
+from wbc.validate import Array, read_only
 
 SIDES = ("left", "right")
 # Part of a leg's full length that it may be stretched to: a straight knee has no way out.
@@ -35,6 +35,7 @@ SAMPLES = 33
 LEVER = 0.2
 # Of a foot that is an edge: how far it reaches to a side for its length, if it can be walked on.
 ASKEW = 0.2
+ORIGIN = read_only(np.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -241,9 +242,13 @@ def _bend(angles: Array, lengths: Array, length: float) -> float:
     return float(np.interp(-length, shorter, angles[bent]))
 
 
-def bending_joint(robot: Robot, joints: Sequence[int]) -> int:
-    """Return the joint of a chain that shortens it most, over its range: a knee or an elbow."""
-    return _knee(robot, joints)[0]
+def bending_joint(robot: Robot, joints: Sequence[int], tip: Array) -> int:
+    """Return the joint of a chain that shortens it most, over its range: an elbow.
+
+    The chain ends at ``tip`` (3,) [m], in the axes of its last joint.
+    """
+    lengths = {joint: _lengths(robot, joints, joint, tip)[1] for joint in joints[1:]}
+    return max(lengths, key=lambda joint: float(np.ptp(lengths[joint])))
 
 
 def _knee(robot: Robot, joints: Sequence[int]) -> tuple[int, Array, Array]:
@@ -265,21 +270,28 @@ def _bearing_length(robot: Robot, knee: int, angles: Array, lengths: Array) -> f
     return float(able.min()) if able.size else float(lengths.max())
 
 
-def _leg_vectors(robot: Robot, joints: Sequence[int], configurations: Iterable[Array]) -> Array:
-    """Return the hip's places from the ankle (n, 3) [m]; ``joints`` begin and end with them."""
+def _leg_vectors(
+    robot: Robot, joints: Sequence[int], configurations: Iterable[Array], tip: Array = ORIGIN
+) -> Array:
+    """Return the hip's places from the ankle (n, 3) [m]; ``joints`` begin and end with them.
+
+    Or from a ``tip`` (3,) beyond it, in its axes.
+    """
     data, found = robot.model.createData(), []  # one for all: making it takes longer than its use
     for q in configurations:
         pin.forwardKinematics(robot.model, data, q)
-        found.append(data.oMi[joints[0]].translation - data.oMi[joints[-1]].translation)
+        found.append(data.oMi[joints[0]].translation - data.oMi[joints[-1]].act(tip))
     return np.array(found)
 
 
-def _lengths(robot: Robot, joints: Sequence[int], joint: int) -> tuple[Array, Array]:
+def _lengths(
+    robot: Robot, joints: Sequence[int], joint: int, tip: Array = ORIGIN
+) -> tuple[Array, Array]:
     """Return angles over the range of one of its joints, and the leg's lengths there."""
     limits, k = robot.limits, int(robot.model.idx_vs[joint]) - BASE_NV
     bent = np.tile(robot.postures[STANDING], (SAMPLES, 1))
     angles = np.linspace(max(limits.lower[k], -np.pi), min(limits.upper[k], np.pi), SAMPLES)
     for q, angle in zip(bent, angles.tolist(), strict=True):
         limits.set_joint(q, limits.names[k], angle)
-    vectors = _leg_vectors(robot, joints, bent)
+    vectors = _leg_vectors(robot, joints, bent, tip)
     return angles, np.asarray(np.linalg.norm(vectors, axis=1))

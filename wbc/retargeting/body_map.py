@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.legs import SIDES, bending_joint, chain_to, check_walker, leg_joints
-from wbc.robot import Robot
+from wbc.robot import Robot, Snapshot
 from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
 from wbc.validate import Array, by_name, read_only
@@ -29,7 +29,9 @@ class RobotArm:
     Attributes
     ----------
     shoulder, upper_arm, forearm, hand:
-        Frames; the upper arm goes from the shoulder to the forearm's origin, that to the hand's.
+        Frames; the upper arm goes from the shoulder to the forearm's origin, that to the hand's. A
+        robot whose last joint is the elbow has no other frame for its hand than its forearm, which
+        then goes to the CoM of what that joint carries.
     upper_axis, forearm_axis:
         Those directions (3,) in the axes of the upper arm and of the forearm, unit vectors.
     length:
@@ -113,6 +115,8 @@ def body_map(robot: Robot, links: Mapping[str, str] | None = None) -> BodyMap:
             continue
         names = [found[f"{side}_{part}"] for part in ARM_PARTS]
         places = [snapshot.position(names[k]) for k in (0, 2, 3)]
+        if names[2] == names[3]:
+            places[2] = _carried(robot, snapshot, names[3])
         ways = np.diff(places, axis=0)
         lengths = np.linalg.norm(ways, axis=1)
         if lengths.min() < 1e-3:
@@ -142,8 +146,9 @@ def _found(robot: Robot) -> dict[str, str]:
     names = [str(name) for name in model.names]
     legs = {joint for side in SIDES for joint in leg_joints(robot, side)}
     carriers = {int(model.parents[j]) for j in range(2, model.njoints)}
-    ends = [j for j in range(2, model.njoints) if j not in carriers and j not in legs]
-    chains = {end: chain_to(robot, end) for end in ends}
+    leaves = [j for j in range(2, model.njoints) if j not in carriers]
+    chains = {end: chain_to(robot, end) for end in leaves}
+    ends = [end for end in leaves if legs.isdisjoint(chains[end])]
     ground = np.mean([snapshot.position(foot.frame)[2] for foot in robot.feet.values()])
     aside = ASIDE * float(snapshot.com[2] - ground)
     base = snapshot.position(BASE)
@@ -166,12 +171,12 @@ def _found(robot: Robot) -> dict[str, str]:
     if len(sides) == len(SIDES):
         left, right = (sides[side] for side in SIDES)
         shared = [joint for joint in left if joint in right]
-        if shared:
+        if shared and min(len(left), len(right)) > len(shared) + 1:  # antennas are no arms
             found["trunk"] = names[shared[-1]]
         for side, chain in sides.items():
             arm = _up_to_the_palm(robot, chain[len(shared) :])
             if len(arm) >= 3:
-                elbow = arm.index(bending_joint(robot, arm))
+                elbow = arm.index(bending_joint(robot, arm, model.inertias[arm[-1]].lever))
                 parts = (arm[max(elbow - 2, 0)], arm[elbow - 1], arm[elbow])
                 hand = arm[min(elbow + 2, len(arm) - 1)]
                 frames = [names[joint] for joint in (*parts, hand)]
@@ -182,12 +187,20 @@ def _found(robot: Robot) -> dict[str, str]:
             if end not in (left[-1], right[-1])
             and chains[end][: len(shared)] == shared
             and len(chains[end]) > len(shared)
-            and abs(at[end][1]) <= aside
+            and abs(at[end][1]) <= max(aside, 0.5 * at[left[len(shared)]][1])
             and at[end][2] > at[left[len(shared)]][2]
         ]
         if middle:
             found["head"] = names[max(middle, key=lambda end: len(chains[end]))]
     return found
+
+
+def _carried(robot: Robot, snapshot: Snapshot, frame: str) -> Array:
+    """Return the CoM (3,) of what the joint of a frame carries, up to the next joints [m]."""
+    rotations, origins = snapshot.joint_placements
+    joint = robot.frame(frame).parentJoint
+    lever: Array = robot.model.inertias[joint].lever
+    return np.asarray(origins[joint] + rotations[joint] @ lever)
 
 
 def _up_to_the_palm(robot: Robot, chain: Sequence[int]) -> list[int]:

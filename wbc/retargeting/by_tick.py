@@ -10,6 +10,7 @@ import numpy as np
 from wbc.constraints import Limits
 from wbc.constraints.rows import Constraint
 from wbc.controllers.kinematic import KinematicController
+from wbc.gait.crouch import walking_posture
 from wbc.gait.legs import SIDES
 from wbc.retargeting.tasks import FrameTasks
 from wbc.robot import Robot
@@ -27,9 +28,13 @@ STANDS = 30.0  # weight of a foot on the ground by that of one in the air
 
 
 def first_configuration(tasks: FrameTasks, constraints: Sequence[Constraint]) -> Array:
-    """Return a configuration (nq,) for the first frame, by steps from standing."""
+    """Return a configuration (nq,) for the first frame, by steps from standing.
+
+    On straight knees nothing says which way they bend, and the trunk would lean back in their
+    place: they are bent first.
+    """
     robot, targets = tasks.robot, tasks.targets
-    q = robot.postures[STANDING].copy()
+    q = walking_posture(robot.snapshot(robot.postures[STANDING]), float(targets.com[0, 2])).copy()
     tasks.aim(0)
     q[:3] += targets.com[0] - robot.snapshot(q).com
     R = targets.rotation[tasks.body.pelvis][0] @ tasks.body.upright[tasks.body.pelvis].T

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.gait.ability import rolls
 from wbc.gait.footsteps import SIGN
 from wbc.gait.legs import SIDES, Legs, leg_joints
 from wbc.minimum_jerk import minimum_jerk
@@ -111,12 +112,16 @@ class FootPaths:
         By how much each foot was set outwards [m].
     notes:
         Of feet that are drawn along the ground.
+    lines:
+        Feet that stand along the middle of their length only: their legs have no joint to roll
+        them, so that they tilt sideways as the legs do (:class:`~wbc.LineContact`).
     """
 
     paths: Mapping[str, FootPath]
     prints: tuple[Footprint, ...]
     wider: float
     notes: tuple[str, ...]
+    lines: frozenset[str]
 
     @property
     def down(self) -> Bools:
@@ -169,7 +174,9 @@ def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, spread: Array) -> 
     for side in SIDES:
         own = sorted((one for one in prints if one.foot == side), key=lambda one: one.first)
         paths[side] = _path(source, robot, side, spread, arms[side], own, wider)
-    return FootPaths(paths, tuple(prints), wider, tuple(notes))
+    posture = robot.snapshot(robot.postures[STANDING])
+    lines = frozenset(side for side in SIDES if not rolls(posture, side))
+    return FootPaths(paths, tuple(prints), wider, tuple(notes), lines)
 
 
 def _pitches(source: HumanFrames, side: str) -> tuple[Array, Array]:

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from wbc.constraints import SelfCollision
 from wbc.gait.legs import SIDES
 from wbc.motion.dropouts import runs
-from wbc.retargeting.footsteps import FootPaths, Footprint
+from wbc.retargeting.footsteps import FootPaths, Footprint, pitched
 from wbc.retargeting.normal_equations import NormalEquations, padded
-from wbc.retargeting.smoothing import WholeMotion
+from wbc.retargeting.smoothing import WholeMotion, seen_from
 from wbc.robot import Robot
 from wbc.robot.collision.raw_pairs import RawPairs
 from wbc.robot.limits import BASE_NV
@@ -124,6 +124,9 @@ class _Problem:
             e, J = self.motion.displaced(states, side)
             on = path.down[:, None]
             upright = np.array((w, FIRM, FIRM))
+            if side in self.motion.tasks.targets.feet.lines:
+                e, J = seen_from(pitched(path.heading, 0.0 * path.heading), e, J)
+                e[:, 3], J[:, 3] = 0.0, 0.0
             off = np.where(on, upright * e[:, 2:5], 0.0)
             self._add(np.where(on[..., None], upright[:, None] * J[:, 2:5], 0.0), off)
             stays = (path.down[1:] & path.down[:-1])[:, None]
@@ -222,4 +225,10 @@ def resettled(feet: FootPaths, robot: Robot, q: Array) -> tuple[FootPaths, list[
                 f"the {one.foot} foot stands {1e3 * far:.0f} mm and {np.degrees(turn):.1f} degrees"
                 f" aside from frame {one.first} to {one.end - 1}: the robot reaches no nearer"
             )
+    for side in sorted(feet.lines):
+        tilt = float(np.abs(np.arcsin(soles[side][paths[side].down, 2, 1])).max(initial=0.0))
+        notes.append(
+            f"the {side} leg cannot roll its sole: that stands along its length only, and is tilted"
+            f" aside by up to {np.degrees(tilt):.1f} degrees"
+        )
     return replace(feet, paths=paths, prints=tuple(prints)), notes

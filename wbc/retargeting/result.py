@@ -158,7 +158,7 @@ class Retargeted:
 def slides(robot: Robot, targets: Targets, q: Array) -> Array:
     """Return how far a corner of a sole that touches the ground is from where it came down (n, 2).
 
-    At most, in m; 0 in the air.
+    At most, in m; 0 in the air. Of a foot that stands along its length only, that line's ends.
     """
     soles = sole_series(robot, q)
     found = np.zeros((len(q), len(SIDES)))
@@ -168,6 +168,8 @@ def slides(robot: Robot, targets: Targets, q: Array) -> Array:
         for first, end in runs(path.down):
             # The corners that touch, by the pitch that is wanted.
             own = np.einsum("nji,nkj->nki", R, path.corners - place[:, None])[first:end]
+            if side in targets.feet.lines:
+                own[..., 1] = 0.0
             same = np.abs(np.diff(own, axis=0)).max(axis=(1, 2)) < 1e-6
             at = own @ np.swapaxes(T[first:end, :3, :3], 1, 2) + T[first:end, None, :3, 3]
             for a, b in runs(np.concatenate((same, [False]))):

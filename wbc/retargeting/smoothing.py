@@ -220,11 +220,16 @@ class WholeMotion:
         for side in SIDES:
             path, frame = tasks.targets.feet.paths[side], tasks.robot.feet[side].frame
             turn = _rotation_vectors(states.rotation(frame), tasks.rotations[side])
-            e = np.hstack((states.position(frame) - path.place, turn))
-            off = max(off, float(np.abs(e[path.down]).max(initial=0.0)))
+            e, J = np.hstack((states.position(frame) - path.place, turn)), states.jacobian(frame)
+            exact, held = self._exact, np.ones(6, dtype=bool)
+            if side in tasks.targets.feet.lines:  # rolled as the leg is, gently to level
+                e, J = seen_from(tasks.rotations[side], e, J)
+                held[3] = False
+                exact = np.where(held, exact, tasks.foot_weight)
+            off = max(off, float(np.abs(e[path.down][:, held]).max(initial=0.0)))
             cost += float(np.square(tasks.foot_weight * e[~path.down]).sum())
-            weight = np.where(path.down[:, None], self._exact, tasks.foot_weight)
-            found.append((weight[..., None] * states.jacobian(frame), weight * e))
+            weight = np.where(path.down[:, None], exact, tasks.foot_weight)
+            found.append((weight[..., None] * J, weight * e))
         return found, off, cost
 
     def _posture(self, joints: Array, normal: NormalEquations) -> None:
@@ -321,6 +326,14 @@ class WholeMotion:
             normal.add_differences(ways, square / unit**2, square * off / unit, BASE_NV)
             cost += float((square * off**2).sum())
         return cost
+
+
+def seen_from(R: Array, e: Array, J: Array) -> tuple[Array, Array]:
+    """Return errors (n, 6) and Jacobians (n, 6, nv) with their turns in the axes of R (n, 3, 3)."""
+    back = np.swapaxes(R, 1, 2)
+    e, J = e.copy(), J.copy()
+    e[:, 3:], J[:, 3:] = (back @ e[:, 3:, None])[..., 0], back @ J[:, 3:]
+    return e, J
 
 
 def able_accelerations(robot: Robot) -> Array:
