@@ -1,6 +1,7 @@
 """Human motion on humanoids: what is promised of feet, limits, margins, CoM and momentum."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -137,6 +138,17 @@ def test_legs_that_cannot_roll_their_soles_hold_them_along_their_length() -> Non
     assert sum("cannot roll its sole" in note for note in found.notes) == 2
     assert not found.broken
     assert found.com_correlation[2] > 0.95
+
+
+def test_a_robot_without_shapes_is_retargeted_and_told(hoap2: Robot, tmp_path: Path) -> None:
+    text = hoap2.path.read_text()
+    bare = re.sub(r"<collision>.*?</collision>", "", text, flags=re.DOTALL)
+    soles = {
+        side: {"link": f"{side}_foot", "polygon": foot.polygon, "height": 0.04}
+        for side, foot in hoap2.feet.items()
+    }
+    found = wbc.retarget(crouching(1.0), Robot.load(bare, feet=soles, base="floating"))
+    assert any("bodies are not kept apart" in note for note in found.notes)
 
 
 @pytest.mark.slow

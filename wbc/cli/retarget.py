@@ -278,6 +278,7 @@ def print_retargeted(found: Retargeted) -> None:
     from rich.text import Text
 
     from wbc.cli.printing import heads, print_unbalanced
+    from wbc.retargeting.prepared import APART
 
     console, scale = Console(highlight=False), found.scale
     sizes = f"lengths {scale.length:.3f}, times {scale.time:.3f}, masses {scale.mass:.3f}"
@@ -300,7 +301,8 @@ def print_retargeted(found: Retargeted) -> None:
     for lacking in found.broken:
         console.print(Text.assemble(("not kept ", "red"), str(lacking)))
     if not found.broken:
-        kept = "soles, limits, margins, speeds, accelerations"
+        margins = "" if any(note.startswith(APART) for note in found.notes) else " margins,"
+        kept = f"soles, limits,{margins} speeds, accelerations"
         console.print(Text.assemble(("kept     ", "dim"), kept))
     print_unbalanced(console, found.unbalanced)
     span = f"{len(found)} frames, {found.time[-1]:.4g} s at {found.rate:g} Hz"

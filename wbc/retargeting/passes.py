@@ -128,7 +128,7 @@ def retarget(
         return WholeMotion(tasks, collision, legs.length), source.series.axes
 
     found = kept(problem, scale, weights, rounds, balance, progress)
-    notes = [*body.notes, *found.notes(scale.time)]
+    notes = [*known.notes, *body.notes, *found.notes(scale.time)]
     feet, moved = resettled(found.motion.tasks.targets.feet, robot, found.q)
     targets = replace(found.motion.tasks.targets, feet=feet)
     notes += [*targets.notes, *moved]

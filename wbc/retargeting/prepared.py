@@ -7,12 +7,14 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 from wbc.constraints import BrakingParameters, SelfCollision
+from wbc.errors import ModelError
 from wbc.gait.legs import Legs
 from wbc.retargeting.body_map import BodyMap, body_map
 from wbc.retargeting.scaling import StandingBody, standing_of
 from wbc.robot import Robot
 from wbc.validate import by_name
 
+APART = "bodies are not kept apart"  # as a note begins that says why
 # Targets do not run into margins: what comes near one is on its way past it.
 BRAKING = BrakingParameters(deceleration=50.0, gain=1.0)
 
@@ -24,6 +26,7 @@ class Prepared(NamedTuple):
     body: BodyMap
     standing: StandingBody
     collision: SelfCollision | None
+    notes: tuple[str, ...]  # why bodies are not kept apart, if they should be
 
 
 _Key = tuple[tuple[tuple[str, str], ...], float | None]
@@ -45,8 +48,12 @@ def prepared(robot: Robot, links: Mapping[str, str] | None, margin: float | None
     every = _known.setdefault(robot, {})
     if key not in every:
         legs, body = Legs.of(robot), body_map(robot, given)
-        collision = None
+        collision, notes = None, tuple[str, ...]()
         if margin is not None:
-            collision = SelfCollision(robot, margin=margin, braking=BRAKING)
-        every[key] = Prepared(legs, body, standing_of(robot, legs, body), collision)
+            try:
+                collision = SelfCollision(robot, margin=margin, braking=BRAKING)
+            except ModelError as error:  # shapes that are not there, most of all
+                notes = (f"{APART}: {error}",)
+        standing = standing_of(robot, legs, body)
+        every[key] = Prepared(legs, body, standing, collision, notes)
     return every[key]

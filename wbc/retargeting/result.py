@@ -17,6 +17,8 @@ from wbc.robot.series import CentroidalSeries, sole_series
 from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array
 
+TOUCHING = 1e-3  # m: higher corners do not touch the ground
+
 
 @dataclass(frozen=True)
 class Reached:
@@ -170,6 +172,10 @@ def slides(robot: Robot, targets: Targets, q: Array) -> Array:
             own = np.einsum("nji,nkj->nki", R, path.corners - place[:, None])[first:end]
             if side in targets.feet.lines:
                 own[..., 1] = 0.0
+            # Of a sole with a pointed end the corner next to the point is lifted with the rest.
+            low = np.argmin(path.corners[first:end, :, 2], axis=1)
+            lifted = path.corners[first:end, :, 2] > TOUCHING
+            own = np.where(lifted[..., None], own[np.arange(len(own)), low][:, None], own)
             same = np.abs(np.diff(own, axis=0)).max(axis=(1, 2)) < 1e-6
             at = own @ np.swapaxes(T[first:end, :3, :3], 1, 2) + T[first:end, None, :3, 3]
             for a, b in runs(np.concatenate((same, [False]))):
