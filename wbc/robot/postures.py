@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -24,7 +25,8 @@ from wbc.validate import Array, by_name
 NEUTRAL, STANDING, HALF_SITTING = "neutral", "standing", "half_sitting"
 NEAR = 0.7  # rad or m: a posture whose joints differ more is another one
 APART = 10.0  # rad/m: by how much joints rather turn than that soles move to each other
-ASTRIDE = 0.7  # of the CoM's height: two soles farther apart than this may come together
+# Of the CoM's height: two soles farther apart than the first come together to the second.
+ASTRIDE, TOGETHER = 0.7, 0.3
 LEVEL = 1e-3  # m: corners of soles no further apart than this stand on one ground
 
 
@@ -184,8 +186,8 @@ def settled(
 
     Gauss-Newton, damped, on the heights and tilts of the soles and on the CoM over the middle of
     their hull; joints stay within their limits, and those that springs alone hold where they are.
-    Soles are levelled where they are: what moves them together or apart is dear, unless legs are
-    drawn astride.
+    Soles are levelled where they are: what moves them together or apart is dear. Legs that are
+    drawn astride come together, if they can.
 
     Parameters
     ----------
@@ -195,19 +197,52 @@ def settled(
     """
     if not feet or (com is None and stands(model, q, feet)):
         return q, ()
+    apart, height = _apart(model, q, feet)
+    astride = len(feet) == 2 and math.hypot(*apart) > ASTRIDE * height
+    for goal in [TOGETHER * height, None] if astride else [None]:
+        found = _levelled(model, limits, q, feet, closure, com, goal)
+        far = np.abs(limits.joint_positions(found) - limits.joint_positions(q)).max(initial=0.0)
+        is_closed = not closure.binds or float(np.abs(closure.errors(found)[0]).max()) <= CLOSED
+        if far < NEAR and is_closed and stands(model, found, feet):
+            return found, ()
+    corners = sum(len(foot.polygon) for foot in feet.values())
+    why = "no posture near it balances on level soles"
+    if corners < 3:
+        why = "its feet are points: no flat underside was found; give link, polygon and height"
+    return q, (f"posture 'standing' does not stand: {why}",)
+
+
+def _levelled(
+    model: pin.Model,
+    limits: JointLimits,
+    q: Array,
+    feet: Mapping[str, Foot],
+    closure: Closure,
+    com: Array | None,
+    together: float | None,
+) -> Array:
+    """Return a posture (nq,) near ``q`` on level soles, or what came of the search for one.
+
+    Two soles come as near ``together`` as that [m]; None: what moves them to each other is dear.
+    """
     found = q.copy()
     held = [BASE_NV + limits.names.index(joint) for joint in closure.sprung]
-    dear = 0.0 if _astride(model, q, feet) else APART
+    dear = APART if together is None else 0.0
     for _ in range(100):
-        error, J, apart = _standing_error(model, found, feet)
+        error, J, places = _standing_error(model, found, feet)
         if com is not None:
             error[:2] -= com
+        if together is not None:
+            way = _apart(model, found, feet)[0]
+            size = math.hypot(*way)
+            error = np.append(error, size - together)
+            J = np.vstack((J, way / size @ (places[:2] - places[2:])))
         if closure.binds:
             error, J = (
                 np.concatenate(both) for both in zip((error, J), closure.errors(found), strict=True)
             )
         J[:, held] = 0.0
-        cheap = np.linalg.solve(np.eye(model.nv) + dear**2 * apart.T @ apart, J.T)
+        cheap = np.linalg.solve(np.eye(model.nv) + dear**2 * places.T @ places, J.T)
         step = cheap @ np.linalg.solve(J @ cheap + 1e-6 * np.eye(len(J)), error)
         step *= -min(1.0, 0.2 / max(float(np.abs(step).max()), 1e-12))  # rad or m
         found = limits.clamped(pin.integrate(model, found, step))
@@ -216,27 +251,20 @@ def settled(
     if closure.binds:
         with suppress(InvalidInputError):  # or it does not stand
             found = closure.closed(found)
-    far = np.abs(limits.joint_positions(found) - limits.joint_positions(q)).max(initial=0.0)
-    is_closed = not closure.binds or float(np.abs(closure.errors(found)[0]).max()) <= CLOSED
-    if far < NEAR and is_closed and stands(model, found, feet):
-        return found, ()
-    corners = sum(len(foot.polygon) for foot in feet.values())
-    why = "no posture near it balances on level soles"
-    if corners < 3:
-        why = "its feet are points: no flat underside was found; give link, polygon and height"
-    return q, (f"posture 'standing' does not stand: {why}",)
+    return found
 
 
-def _astride(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> bool:
-    """Return whether a biped's feet are farther apart than one would stand."""
-    if len(feet) != 2:
-        return False
+def _apart(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> tuple[Array, float]:
+    """Return the way (2,) from the second sole to the first, and how high the CoM is over them.
+
+    Zero of other numbers of feet.
+    """
     data, frames = model.createData(), frame_table(model)
     com = pin.centerOfMass(model, data, q)
     pin.updateFramePlacements(model, data)
-    places = [data.oMf[frames[foot.frame]].translation for foot in feet.values()]
-    way, height = places[0] - places[1], com[2] - np.mean(places, axis=0)[2]
-    return bool(np.hypot(*way[:2]) > ASTRIDE * height)
+    places = np.array([data.oMf[frames[foot.frame]].translation for foot in feet.values()])
+    way = (places[0] - places[1])[:2] if len(places) == 2 else np.zeros(2)
+    return way, float(com[2] - places[:, 2].mean())
 
 
 def com_from_middle(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Array:
