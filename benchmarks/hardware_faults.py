@@ -218,7 +218,7 @@ class Rig:
         self.cycles(0.1)
         assert self.safety.mode is Mode.RUNNING, list(self.safety.events)
 
-    def excess(self, command: Command, before: Command) -> str:
+    def excess(self, command: Command) -> str:
         """Return what of a command is outside the limits, by arithmetic of its own; else nothing.
 
         The torque that motors make is taken at the last usable reading.
@@ -241,16 +241,12 @@ class Rig:
             return "kd"
         if (np.abs(c.torque) > limits.effort + 1e-9).any():
             return "torque"
-        fresh = reading is not None and reading is not self._judged
-        self._judged = reading
-        if fresh and not np.array_equal(c.torque, before.torque):
+        if reading is not None:
             made = c.torque + c.kp * (c.position - reading.position)
             made += c.kd * (c.velocity - reading.velocity)
             if (np.abs(made) > limits.effort * (1.0 + 1e-9)).any():
                 return "torque of motors"
         return ""
-
-    _judged: Reading | None = None
 
 
 # ---------------------------------------------------------------------- faults of readings
@@ -400,7 +396,6 @@ def soak(cycles: int, seed: int) -> dict[str, Any]:
     modes: Counter[str] = Counter()
     outside: Counter[str] = Counter()
     began = time.perf_counter()
-    before = rig.bus.command
     for _ in range(cycles):
         draw = random.uniform()
         if draw < 0.01:  # a fault comes, or goes
@@ -434,11 +429,10 @@ def soak(cycles: int, seed: int) -> dict[str, Any]:
         late = float(random.exponential(0.01)) if random.uniform() < 0.003 else 0.0
         rig.loop._now.ended = ""
         command = rig.cycle(late, int(late / DT))
-        wrong = rig.excess(command, before)
+        wrong = rig.excess(command)
         if wrong:
             outside[wrong] += 1
         modes[str(rig.safety.mode)] += 1
-        before = command
         del rig.loop._now.lateness[:]
         del rig.loop._now.seconds[:]
     seconds = time.perf_counter() - began

@@ -105,9 +105,17 @@ def test_udp_takes_each_command_once_and_the_newest_reading(
         assert newest is not None and newest.sequence == 6
         with pytest.raises(BusError, match="is another process of this robot"):
             UdpBus(N, port=ports[1])
+        bus.write(command.numbered(5000))
+        assert robot.receive() is not None
+        bus.write(command.numbered(1))  # the loop was begun again; the robot was not
+        again = robot.receive()
+        assert again is not None and again.sequence == 1
     finally:
         robot.close()
         bus.close()
+    for ask in (robot.receive, bus.read):
+        with pytest.raises(BusError, match="it is closed"):
+            ask()
 
 
 # ---------------------------------------------------------------------- Unitree
@@ -208,6 +216,11 @@ def test_dds_takes_each_command_once_and_the_newest_reading(
             bus.write(command.numbered(number))
         time.sleep(0.2)
         assert robot.receive() is None and robot.dropped["repeated or out of order"] > 0
+        for number in (5000, 1):  # the loop was begun again; the robot was not
+            bus.write(command.numbered(number))
+            time.sleep(0.2)
+            taken = robot.receive()
+            assert taken is not None and taken.sequence == number
         with pytest.raises(InvalidInputError, match=f"domain {domain} is on 'lo' in this process"):
             Where(interface="eth9", domain=domain).open(profile, g1)
         with pytest.raises(BusError, match=r"DDS on .eth9.*see: ip addr"):

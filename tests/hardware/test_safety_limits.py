@@ -110,3 +110,46 @@ def test_reading_of_another_size_is_of_no_use_and_said(wrong: dict[str, Any]) ->
         safety.measured(reading(**wrong))
         safety.judge(0.0)
         assert safety.present == (Fault.NOT_FINITE,)
+
+
+def test_held_command_keeps_the_efforts_of_a_joint_that_moved_on() -> None:
+    """100 N m/rad times 1.5 rad are more than the 88 N m of a hip; 0.3 rad were not."""
+    safety = standing_up()
+    command = Command(1, np.zeros(N), np.zeros(N), np.zeros(N), np.full(N, 100.0), np.zeros(N))
+    before = safety.admit(command)
+    moved = np.full(N, 1.5)
+    assert (np.abs(before.motor_torque(moved, np.zeros(N))) > LIMITS.effort).any()
+    for wanted in (None, replace(command, torque=NAN)):
+        safety.measured(reading(position=moved))
+        held = safety.admit(wanted)
+        made = np.abs(held.torque + held.kp * (held.position - moved))
+        assert (made <= LIMITS.effort * (1.0 + 1e-9)).all()
+    assert (np.abs(made - LIMITS.effort)[LIMITS.effort < 100.0] < 1e-6).all()  # no less than it can
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity"), [(NAN, np.zeros(N)), (np.zeros(N), NAN), (np.full(N, 1e308), NAN)]
+)
+def test_reading_with_nan_is_a_fault_and_reaches_no_command(position: Any, velocity: Any) -> None:
+    safety = standing_up()
+    safety.measured(reading(position=position, velocity=velocity))
+    safety.judge(0.0)
+    assert safety.present == (Fault.NOT_FINITE,)
+    gains = np.full(N, 10.0), np.ones(N)
+    command = safety.admit(Command(1, np.full(N, 0.1), np.zeros(N), np.zeros(N), *gains))
+    assert all(np.isfinite(part).all() for part in (command.torque, command.kp, command.position))
+
+
+@pytest.mark.parametrize("name", ["position", "velocity"])
+def test_huge_command_of_joints_without_limits_is_a_fault_and_no_nan(name: str) -> None:
+    free = np.full(N, np.inf)
+    safety = Safety(replace(LIMITS, lower=-free, upper=free, velocity=free), np.ones(N), DT)
+    safety.arm(0.0)
+    safety.measured(reading())
+    safety.stand_up(0.0)
+    zero, gains = np.zeros(N), np.full(N, 10.0)
+    before = safety.admit(Command(1, zero, zero, zero, gains, gains))
+    wild = replace(before, **{name: np.full(N, 1e308)})
+    assert safety.admit(wild) is before
+    safety.judge(0.0)
+    assert safety.present == (Fault.COMMAND_NOT_FINITE,)

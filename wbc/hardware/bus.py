@@ -11,6 +11,8 @@ import numpy as np
 from wbc.errors import WbcError
 from wbc.validate import Array
 
+RESTARTED = 1000  # numbers back: no message comes so late, its sender counts anew
+
 
 class BusError(WbcError):
     """A bus cannot be opened, or the system refuses what is sent; the message says what to do."""

@@ -6,6 +6,7 @@ import sys
 import threading
 from collections.abc import Callable
 from enum import StrEnum
+from io import TextIOWrapper
 from queue import Empty, SimpleQueue
 from typing import NamedTuple, Protocol
 
@@ -50,6 +51,8 @@ class Keyboard:
     def __init__(self, say: Callable[[str], None]) -> None:
         self._said: SimpleQueue[Wish] = SimpleQueue()
         self._say = say
+        if isinstance(sys.stdin, TextIOWrapper):  # a byte that is no letter must not end listening
+            sys.stdin.reconfigure(errors="replace")
         threading.Thread(target=self._listen, name="keyboard", daemon=True).start()
 
     def ask(self, wish: Wish) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Mapping
+from dataclasses import replace
 from enum import IntEnum, StrEnum
 from types import MappingProxyType
 from typing import NamedTuple
@@ -155,6 +156,8 @@ class ForbiddenTransition(WbcError):
 
 # ---------------------------------------------------------------------- the layer
 
+HUGE = 1e9  # rad or m, and per second: no joint is there, and products with gains stay finite
+
 
 class Safety:
     """Judges faults, keeps the mode, and limits commands.
@@ -261,6 +264,9 @@ class Safety:
         if rows_of(len(limits.names), q, v, reading.torque, reading.temperature) is None:
             self.report(Fault.NOT_FINITE, f"not of {len(limits.names)} joints")
             return
+        if not (np.abs([q, v]) < HUGE).all():  # NaN, too
+            self.report(Fault.NOT_FINITE, "position or velocity")
+            return
         self._measured = q, v
         beyond = np.maximum(q - limits.upper, limits.lower - q)
         self._worst(Fault.POSITION, beyond, limits.overrun)
@@ -309,20 +315,21 @@ class Safety:
 
         Whatever is given, what returns is finite; positions are in range; gains, velocities and
         torques within their limits; the torque that motors will make of it at the last reading,
-        too; and neither target nor torque changes faster than they may.
+        too, unless joints only brake; and neither target nor torque changes faster than they may.
         """
         if self.mode is Mode.IDLE:
             return self._given(self._off)
         if self.mode in (Mode.DAMPING, Mode.STOP) or self._measured is None:
             return self._given(self._brake)
+        q, v = self._measured
         if wanted is None:
-            return self._last
+            return self._held(q, v)
         n, told = len(self.limits.names), (wanted.position, wanted.velocity, wanted.torque)
         rows = rows_of(n, *told, wanted.kp, wanted.kd)
         if rows is None or not np.isfinite(rows).all():
             self.report(Fault.COMMAND_NOT_FINITE, f"not of {n} joints" if rows is None else "")
-            return self._last
-        limits, last, (q, v) = self.limits, self._last, self._measured
+            return self._held(q, v)
+        limits, last = self.limits, self._last
         position, velocity, torque, kp, kd = rows
         kp, kd = np.clip(kp, 0.0, limits.kp), np.clip(kd, 0.0, limits.kd)
         reach = limits.velocity * self.dt
@@ -330,16 +337,30 @@ class Safety:
         position = np.clip(position, held - reach, held + reach)
         position = np.clip(position, limits.lower, limits.upper)
         velocity = np.clip(velocity, -limits.velocity, limits.velocity)
-        feedback = kp * (position - q) + kd * (velocity - v)
-        share = np.minimum(1.0, limits.effort / np.maximum(np.abs(feedback), 1e-9))
-        kp, kd, feedback = share * kp, share * kd, share * feedback
+        if not (np.abs([position, velocity]) < HUGE).all():  # of joints without limits
+            self.report(Fault.COMMAND_NOT_FINITE, "position or velocity")
+            return self._held(q, v)
         step = limits.torque_rate * self.dt
         torque = np.clip(torque, last.torque - step, last.torque + step)
-        torque = np.clip(torque + feedback, -limits.effort, limits.effort) - feedback
-        torque = np.clip(torque, -limits.effort, limits.effort)
-        if np.abs(torque - rows[2]).max() > 1e-6:
+        command = Command(wanted.sequence, position, velocity, torque, kp, kd)
+        command = self._within_effort(command, q, v)
+        if np.abs(command.torque - rows[2]).max() > 1e-6:
             self.report(Fault.CLIPPED)
-        return self._given(Command(wanted.sequence, position, velocity, torque, kp, kd))
+        return self._given(command)
+
+    def _held(self, q: Array, v: Array) -> Command:
+        """Return the last command, by which motors may make too much of a joint that moved on."""
+        over = np.abs(self._last.motor_torque(q, v)) > self.limits.effort + 1e-9
+        return self._given(self._within_effort(self._last, q, v)) if over.any() else self._last
+
+    def _within_effort(self, command: Command, q: Array, v: Array) -> Command:
+        """Return it with gains and torque by which motors make at most the effort at (q, v)."""
+        kp, kd, effort = command.kp, command.kd, self.limits.effort
+        feedback = kp * (command.position - q) + kd * (command.velocity - v)
+        share = np.minimum(1.0, effort / np.maximum(np.abs(feedback), 1e-9))
+        kp, kd, feedback = share * kp, share * kd, share * feedback
+        torque = np.clip(command.torque + feedback, -effort, effort) - feedback
+        return replace(command, torque=np.clip(torque, -effort, effort), kp=kp, kd=kd)
 
     def _given(self, command: Command) -> Command:
         self._last = command

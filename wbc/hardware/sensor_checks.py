@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.hardware.bus import Reading, rows_of
+from wbc.hardware.bus import RESTARTED, Reading, rows_of
 from wbc.hardware.safety import Fault
 from wbc.robot import Robot
 from wbc.robot.model import check_robot
@@ -126,7 +126,7 @@ class SensorChecks:
 
     def _restarted(self, reading: Reading) -> bool:
         """Return whether the robot counts anew: far back, so no message that came late."""
-        return reading.sequence < self._sequence - 1000
+        return reading.sequence < self._sequence - RESTARTED
 
     def _timely(self, time: float, now: float) -> SensorFinding | None:
         offset = now - time

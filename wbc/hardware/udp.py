@@ -18,7 +18,7 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.files import why
-from wbc.hardware.bus import BaseTruth, BusError, Command, Reading
+from wbc.hardware.bus import RESTARTED, BaseTruth, BusError, Command, Reading
 from wbc.kinds import check_word, whole_number
 from wbc.validate import Array
 
@@ -109,7 +109,7 @@ class _UdpEnd:
             found = unpack(packet, self.joints)
             if found is None:
                 self.dropped["damaged"] += 1
-            elif found.sequence <= last:
+            elif last - RESTARTED <= found.sequence <= last:
                 self.dropped["repeated or out of order"] += 1
             else:
                 newest, last = found, found.sequence
@@ -225,8 +225,9 @@ def _waiting(own: socket.socket) -> list[bytes]:
             packets.append(own.recv(_LARGEST))
         except BlockingIOError:
             return packets
-        except OSError:
-            continue
+        except OSError as error:
+            if own.fileno() < 0:
+                raise BusError("UDP bus: it is closed; open another") from error
 
 
 def _send(own: socket.socket, packet: bytes, to: tuple[str, int]) -> None:

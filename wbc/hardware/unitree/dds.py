@@ -9,7 +9,7 @@ from typing import Any
 
 from wbc.errors import InvalidInputError
 from wbc.extras import require
-from wbc.hardware.bus import BaseTruth, BusError, Command, Reading
+from wbc.hardware.bus import RESTARTED, BaseTruth, BusError, Command, Reading
 from wbc.hardware.unitree.conversion import Converter
 from wbc.hardware.unitree.layout import CDR_HEAD, Field, MessageLayout
 from wbc.hardware.unitree.profiles import Profile
@@ -153,7 +153,7 @@ class UnitreeRobotBus(_DdsEnd):
             found = self._convert.commanded(data)
             if found is None:
                 self.dropped["damaged"] += 1
-            elif found.sequence and found.sequence <= self._last:
+            elif found.sequence and self._last - RESTARTED <= found.sequence <= self._last:
                 self.dropped["repeated or out of order"] += 1
             else:
                 newest, self._last = found, found.sequence
