@@ -548,3 +548,35 @@ def test_the_centroid_is_the_mean_of_the_area(rng: np.random.Generator) -> None:
     ).all(axis=1)
     # the mean of 1e5 samples spread over 0.06 m is good to 0.2 mm
     np.testing.assert_allclose(centroid(polygon), samples[inside].mean(axis=0), atol=6e-4)
+
+
+def six_legged(names: list[str], foot: str) -> str:
+    """Return an MJCF with three legs to each side, feet fixed to their shanks."""
+    inertial = '<inertial pos="0 0 -.1" mass=".3" diaginertia=".01 .01 .01"/>'
+    legs = "".join(
+        f'<body name="{name}_thigh" pos="{0.3 - 0.3 * (k % 3)} {0.15 if k < 3 else -0.15} 0">'
+        f'<joint axis="1 0 0" range="-50 50"/>{inertial}<body name="{name}_shank" pos="0 0 -.2">'
+        f'<joint axis="0 1 0" range="-99 99"/>{inertial}'
+        f'<body name="{name}_foot" pos="0 0 -.2">{foot}</body></body></body>'
+        for k, name in enumerate(names)
+    )
+    trunk = '<freejoint/><inertial pos="0 0 0" mass="5" diaginertia=".1 .1 .1"/>'
+    body = f'<body name="trunk" pos="0 0 .5">{trunk}{legs}</body>'
+    return f"<mujoco><worldbody>{body}</worldbody></mujoco>"
+
+
+def test_middle_feet_of_a_hexapod_that_are_not_found_are_told() -> None:
+    ball = '<geom type="sphere" size=".02"/>'
+    robot = Robot.load(six_legged(["lf", "lm", "lr", "rf", "rm", "rr"], ball))
+    assert len(robot.feet) == 4
+    assert any("no part of them: lm_shank, rm_shank; feet=..." in note for note in robot.notes)
+
+
+def test_feet_of_other_legs_with_the_same_side_in_their_names_are_told() -> None:
+    box = '<geom type="box" size=".06 .03 .02"/>'
+    robot = Robot.load(six_legged(["l1", "l2", "l3", "r1", "r2", "r3"], box))
+    assert {foot.link for foot in robot.feet.values()} == {"l1_foot", "r1_foot"}
+    said = (
+        "l2_foot, l3_foot, r2_foot, r3_foot of other legs are called so, too, as l1_foot, r1_foot"
+    )
+    assert any(said in note for note in robot.notes)

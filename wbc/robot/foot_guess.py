@@ -198,7 +198,7 @@ def guess_links(
     ordered = {name: lowest[name] for name in SIDES | CORNERS if name in lowest}
     found = {name: link for name, (height, link) in ordered.items() if height < np.inf}
     shapeless = ", ".join(link for height, link in ordered.values() if height == np.inf)
-    lacking = _one_sided(found) if found else ""
+    lacking = (_one_sided(found) or _doubled(model, named, found)) if found else ""
     if lacking and set(found) <= set(CORNERS):  # LR_FOOT is the foot of a biped's right leg
         joints = {str(frame.name): int(frame.parentJoint) for frame in bodies}
         others, _ = _lowest_pair(model, data, geometry, bodies)
@@ -312,6 +312,16 @@ def _one_sided(found: dict[str, str]) -> str:
     lacking = [name for name in whole if name not in found]
     called = ", ".join(found.values())
     return f"no link is called the {', '.join(lacking)} foot, as {called} is" if lacking else ""
+
+
+def _doubled(model: pin.Model, named: list[tuple[str, pin.Frame]], found: Mapping[str, str]) -> str:
+    """Return which links of other legs are called as a foot that was found; empty if none is."""
+    # By the first joint below the base: rods beside an ankle are of its leg.
+    legs = {str(frame.name): int(model.supports[frame.parentJoint][2]) for _, frame in named}
+    names = [(foot, str(frame.name)) for foot, frame in named if foot in found]
+    others = [name for foot, name in names if legs[name] != legs[found[foot]]]
+    chosen = ", ".join(found.values())
+    return f"{', '.join(others)} of other legs are called so, too, as {chosen}" if others else ""
 
 
 def _lowest_pair(

@@ -156,6 +156,8 @@ def _below_soles(
     }
     data = model.createData()
     high = NEAR_GROUND * float(pin.centerOfMass(model, data, q)[2])
+    # A hexapod's feet are fixed to its shanks.
+    high = max([high, *(float(data.oMi[joint].translation[2]) + LOWER for joint in soles)])
     near |= {k for k in range(2, model.njoints) if data.oMi[k].translation[2] < high} - soles
     heights = {joint: lowest_point(model, data, geometry, joint) for joint in sorted(near)}
     lower = [
@@ -168,8 +170,8 @@ def _below_soles(
         (lower, "lower than the soles in 'standing': {}; are these its soles (feet)?"),
         (
             level,
-            "level with the soles in 'standing', and no part of them: {}; locked=... of their"
-            " joints makes them so",
+            "level with the soles in 'standing', and no part of them: {}; feet=... may name them,"
+            " or locked=... of their joints make them part",
         ),
     )
     return tuple(words.format(", ".join(found)) for found, words in told if found)
