@@ -331,6 +331,30 @@ def test_layers_and_directions_of_a_picture(
     assert "unknown direction to view from 'up'" in refused("run", file, "--view-from", "up")
 
 
+def test_options_that_would_act_on_nothing_are_refused(file: Path, tmp_path: Path) -> None:
+    for options in (("--show", "com"), ("--view-from", "top")):
+        assert "are of the picture; name it with --plot" in refused("run", file, *options)
+    recording = tmp_path / "m.csv"
+    said = refused("analyze", recording, "--robot", "hoap2_like", "--snapshots", "3")
+    assert "--snapshots: are of the picture" in said
+    for other in (file, tmp_path / "r.npz"):
+        told = refused("run", file, "-o", tmp_path / "r.npz", "--save-tick", other)
+        assert "is the problem or an output; name another file" in told
+    pendulum = "problems/rmp_spin.yaml"
+    assert "this is a pendulum" in refused("run", pendulum, "-q", "--save-tick", tmp_path / "t.npz")
+
+
+def test_table_given_as_a_problem_is_not_printed_whole(tmp_path: Path) -> None:
+    table = tmp_path / "r.csv"
+    table.write_text("time [s],x [m]\n" + "0.0,0.1\n" * 10_000)
+    assert len(refused("check", table)) < 300
+
+
+def test_closed_stdout_is_no_traceback(file: Path) -> None:
+    line = f'exec "{sys.executable}" -m wbc run "{file}" -q >&- 2>&-'
+    assert subprocess.run(["sh", "-c", line], check=False).returncode == 0
+
+
 def test_units_stand_in_the_help() -> None:
     """Rich takes [s] for markup and swallows it: "when it begins ."."""
     commands = typer.main.get_command(app).commands

@@ -116,6 +116,13 @@ def test_a_stream_that_is_none_is_named(problem, wanted: str, error: type, says:
         stream_of(problem.parts.robot, wanted)
 
 
+@pytest.mark.parametrize("wanted", ["rerun:nobody", "rerun:/nowhere/run.rrd"])
+def test_rerun_that_cannot_be_reached_or_written_is_refused(problem, wanted: str) -> None:
+    pytest.importorskip("rerun")
+    with pytest.raises(InvalidInputError, match=f"stream '{wanted}': "):
+        stream_of(problem.parts.robot, wanted)
+
+
 def test_a_package_that_is_missing_is_named(problem, monkeypatch) -> None:
     monkeypatch.setattr("wbc.extras.find_spec", lambda name: None)
     for wanted in ("foxglove", "rerun"):

@@ -243,6 +243,8 @@ def _check_outputs(
         from wbc.view.analysis import check_snapshots
 
         check_snapshots(snapshots)
+    elif snapshots != int(SNAPSHOTS):
+        raise InvalidInputError("--snapshots: are of the picture; name it with --plot")
 
 
 def _draw(series: RmpSeries, path: Path, snapshots: int | list[float]) -> None:

@@ -45,6 +45,9 @@ _SILENT = logging.NullHandler()  # what the library warns of is among the notes 
 def main() -> None:
     """Run the command line; the entry point of the ``wbc`` script."""
     code: object = 0
+    for name in ("stdout", "stderr"):  # closed, as some that start programs leave them
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 (until the end)
     try:
         app()
     except SystemExit as end:

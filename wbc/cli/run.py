@@ -71,9 +71,12 @@ def run(
     stream: Streamed = None,
 ) -> None:
     """Run a problem and say what came of it."""
+    from wbc.errors import InvalidInputError
     from wbc.view.options import View
 
     look = View.of(view_from, show)  # before any work is done
+    if plot is None and look != View.of():
+        raise InvalidInputError("--view-from, --show: are of the picture; name it with --plot")
     wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
     raise typer.Exit(_run(wanted, overrides_of(assign, solver), look, simulated=False))
 
@@ -234,6 +237,7 @@ class _Wanted:
 
     def __post_init__(self) -> None:
         from wbc.cli.outputs import check_outputs, check_place
+        from wbc.errors import InvalidInputError
         from wbc.extras import require
 
         check_outputs(self.output, self.plot)
@@ -241,6 +245,11 @@ class _Wanted:
             require("viser", "--view")
         if self.save_tick is not None:
             check_place("--save-tick", self.save_tick)
+            others = [self.path, *self.output, *([] if self.plot is None else [self.plot])]
+            if self.save_tick.resolve() in [one.resolve() for one in others]:
+                raise InvalidInputError(
+                    f"--save-tick {self.save_tick}: is the problem or an output; name another file"
+                )
 
     def starting(self) -> AbstractContextManager[None]:
         """Return what says what is being loaded, if that takes a while."""
@@ -262,6 +271,8 @@ class _Wanted:
         from wbc.errors import InvalidInputError
         from wbc.problem import Problem
 
+        if self.save_tick is not None and not isinstance(problem, Problem):
+            raise InvalidInputError("--save-tick saves robots' ticks, this is a pendulum's problem")
         looks: list[ShowTick] = [] if watching is None else [watching.show]
         if self.save_tick is not None:
             looks.insert(0, _Keeper(self.save_tick))

@@ -26,7 +26,7 @@ from ruamel.yaml.events import (
 )
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from wbc.errors import ProblemFileError
+from wbc.errors import ProblemFileError, shown
 from wbc.problem.source import KeyPath, Source, written
 
 DASH, STDIN = Path("-"), "<stdin>"
@@ -68,7 +68,7 @@ def read_source(path: Path, keys: str = "'robot:' and 'tasks:'") -> Source:
     if not isinstance(source.data, dict):
         raise ProblemFileError(
             f"{name}:1: expected keys such as {keys}, got "
-            f"{'a list' if isinstance(source.data, list) else repr(source.data)}"
+            f"{'a list' if isinstance(source.data, list) else shown(source.data)}"
         )
     return source
 

@@ -123,6 +123,8 @@ class RerunStream:
     ------
     MissingPackageError
         rerun-sdk is not installed.
+    InvalidInputError
+        The file cannot be written, or it is no address.
     """
 
     def __init__(self, robot: Robot, to: str = RERUN_URL) -> None:
@@ -131,10 +133,13 @@ class RerunStream:
 
         self.robot, self.where, self._rerun = robot, f"Rerun: {to}", rerun
         self._out = rerun.RecordingStream("wbc")
-        if to.endswith(".rrd"):
-            self._out.save(to)
-        else:
-            self._out.connect_grpc(to)
+        try:
+            if to.endswith(".rrd"):
+                self._out.save(to)
+            else:
+                self._out.connect_grpc(to)
+        except (RuntimeError, ValueError) as error:  # of rerun: no such folder, no address
+            raise InvalidInputError(f"stream 'rerun:{to}': {error}") from error
         self._out.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         shapes = RobotMeshes(robot).in_joint_frames
         self._joints = sorted({joint for joint, _ in shapes})
