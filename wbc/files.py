@@ -93,9 +93,14 @@ def write_whole(path: str | Path, fill: Callable[[IO[bytes]], object]) -> None:
         raise OSError(error.errno or errno.EIO, why(error), str(path)) from error
 
 
+def as_text(text: str) -> str:
+    """Return text in which what is none, as bytes of a file's name, is U+FFFD."""
+    return text.encode(errors="surrogatepass").decode(errors="replace")
+
+
 def write_text(path: str | Path, text: str) -> None:
     """Write text in UTF-8, whole or not at all, as :func:`write_whole` does; its errors."""
-    write_whole(path, lambda file: file.write(text.encode()))
+    write_whole(path, lambda file: file.write(as_text(text).encode()))
 
 
 def write_arrays(path: str | Path, arrays: Mapping[str, Any]) -> None:

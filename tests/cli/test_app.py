@@ -350,6 +350,19 @@ def test_table_given_as_a_problem_is_not_printed_whole(tmp_path: Path) -> None:
     assert len(refused("check", table)) < 300
 
 
+def test_names_of_files_that_are_no_text_are_run_saved_drawn_and_replayed(tmp_path: Path) -> None:
+    """Latin-1 from an old disk; the result was refused as none, pictures were a traceback."""
+    file = Path(os.fsdecode(bytes(tmp_path / "k") + b"\xe4se.yaml"))
+    file.write_text(GOOD)
+    saved, picture = tmp_path / "r.npz", tmp_path / "r.png"
+    for output in (saved, tmp_path / "r.json"):
+        assert wbc_command("run", file, "-q", "-o", output).exit_code == 0
+    assert wbc_command("replay", saved).exit_code == 0
+    assert wbc_command("run", file, "-q", "--plot", picture).exit_code == 0
+    for problem in (file, saved):
+        assert wbc_command("report", problem, "-o", tmp_path / "r.html").exit_code == 0
+
+
 def test_closed_stdout_is_no_traceback(file: Path) -> None:
     line = f'exec "{sys.executable}" -m wbc run "{file}" -q >&- 2>&-'
     assert subprocess.run(["sh", "-c", line], check=False).returncode == 0

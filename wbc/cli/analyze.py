@@ -249,9 +249,10 @@ def _check_outputs(
 
 def _draw(series: RmpSeries, path: Path, snapshots: int | list[float]) -> None:
     """Draw a robot's series into a picture."""
+    from wbc.files import as_text
     from wbc.view.analysis import analysis_figure
     from wbc.view.style import save
 
-    title = f"{Path(series.source).name}: {series.robot.name}, {series.robot.mass:.1f} kg"
+    title = f"{as_text(Path(series.source).name)}: {series.robot.name}, {series.robot.mass:.1f} kg"
     title += "; forces as measured" if series.measured else ""
     save(analysis_figure(series, title=title, snapshots=snapshots), path)

@@ -82,11 +82,12 @@ def analyze_human(
     for target in output:
         outputs.save(target, series.save)
     if plot is not None:
+        from wbc.files import as_text
         from wbc.view.human import human_figure
         from wbc.view.style import save
 
         body = human.body
-        title = f"{path.name}: a human of {body.stature:.2f} m and {body.mass:.1f} kg"
+        title = f"{as_text(path.name)}: a human of {body.stature:.2f} m and {body.mass:.1f} kg"
         outputs.draw(
             plot,
             lambda picture: save(

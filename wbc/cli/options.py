@@ -114,7 +114,9 @@ Show = Annotated[
 
 def name_of(path: Path) -> str:
     """Return what titles and files call a problem."""
-    return "stdin" if str(path) == "-" else path.stem
+    from wbc.files import as_text
+
+    return "stdin" if str(path) == "-" else as_text(path.stem)
 
 
 def overrides_of(assignments: list[str] | None, solver: str | None = None) -> dict[str, Any]:

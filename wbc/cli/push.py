@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wbc.cli.errors import complain, print_note, print_notes
-from wbc.cli.options import Assign, Quiet, Solver, overrides_of
+from wbc.cli.options import Assign, Quiet, Solver, name_of, overrides_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -192,9 +192,11 @@ def _kept(output: Sequence[Path], problem: Path, made_of: Mapping[str, object]) 
 
 def _names(paths: Sequence[Path]) -> list[str]:
     """Return names that tell problems apart."""
-    stems = [path.stem for path in paths]
+    from wbc.files import as_text
+
+    stems = [name_of(path) for path in paths]
     tells = len(set(stems)) == len(stems)
-    return stems if tells else [f"{k + 1}: {p}" for k, p in enumerate(paths)]
+    return stems if tells else [f"{k + 1}: {as_text(str(p))}" for k, p in enumerate(paths)]
 
 
 def _print_left_out(names: Sequence[str], pushed: Sequence[PushedProblem]) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.extras import require
-from wbc.files import ending_of, write_arrays, write_text
+from wbc.files import as_text, ending_of, write_arrays, write_text
 from wbc.run.columns import write_parquet
 from wbc.validate import Array
 
@@ -81,7 +81,7 @@ def _csv_text(columns: Sequence[tuple[str, Array]]) -> str:
 
 def json_text(summary: Mapping[str, Any]) -> str:
     """Return strict JSON, lists of numbers on one line; what is not finite is null."""
-    text = json.dumps(_finite(summary), indent=2, allow_nan=False, ensure_ascii=False)
+    text = as_text(json.dumps(_finite(summary), indent=2, allow_nan=False, ensure_ascii=False))
     # Raw line ends stand between values only, never inside a JSON string.
     lists = re.compile(r"\[\n\s*([^\[\]{}]*?)\n\s*\]")
     return lists.sub(lambda found: "[" + re.sub(r"\n\s*", " ", found[1]) + "]", text) + "\n"
