@@ -259,6 +259,18 @@ def test_a_robot_is_loaded(given: tuple[str, ...]) -> None:
         Robot(*given)
 
 
+def test_xml_text_of_a_file_with_a_byte_order_mark_is_read(hoap2: Robot) -> None:
+    text = "\ufeff" + hoap2.path.read_text()
+    assert Robot.load(text).joint_names == hoap2.joint_names
+
+
+@pytest.mark.parametrize("many", [b"<robot/>" * 1000, "robot: g1\n" * 1000])
+def test_long_text_that_is_no_robot_is_told_in_short(many: str | bytes) -> None:
+    with pytest.raises(InvalidInputError, match="expected a file or a name") as error:
+        Robot.load(many)
+    assert len(str(error.value)) < 300
+
+
 @pytest.mark.parametrize("source", [None, 3, ["g1"]])
 def test_what_is_no_file_and_no_name(source: object) -> None:
     with pytest.raises(InvalidInputError, match="expected a file or a name"):

@@ -17,7 +17,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from wbc.errors import InvalidInputError, ModelError, UnknownNameError, suggest
+from wbc.errors import InvalidInputError, ModelError, UnknownNameError, shown, suggest
 from wbc.robot.feet import FootSpec
 from wbc.robot.formats.mjcf_compile import is_mujoco
 from wbc.robot.packages import (
@@ -187,10 +187,14 @@ def find_robot(source: Any) -> RobotSource:
     for kind in ("MjModel", "MjSpec"):
         if is_mujoco(source, kind):
             return RobotSource(name=None, path=Path(kind), given=source)
-    if isinstance(source, str) and source.lstrip().startswith("<"):
-        return RobotSource(name=None, path=Path("XML text"), given=source)
-    if not isinstance(source, str | Path):
-        raise InvalidInputError(f"robot: expected a file or a name such as 'g1', got {source!r}")
+    if isinstance(source, str) and (xml := source.lstrip("\ufeff")).lstrip().startswith("<"):
+        return RobotSource(name=None, path=Path("XML text"), given=xml)
+    lines = isinstance(source, str) and "\n" in source and not os.path.exists(source)
+    if not isinstance(source, str | Path) or lines:  # other text than XML
+        text = "; XML is given as text, which begins with <" if isinstance(source, bytes) else ""
+        raise InvalidInputError(
+            f"robot: expected a file or a name such as 'g1', got {shown(source)}{text}"
+        )
     text = str(source)
     if isinstance(source, str) and text.startswith(MENAGERIE):
         robot = text.removeprefix(MENAGERIE).partition("/")[0]
