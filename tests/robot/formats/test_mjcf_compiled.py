@@ -436,6 +436,14 @@ def test_a_ball_is_three_hinges_in_turn_and_is_said() -> None:
     assert robot.joint_names == ("end:x", "end:y", "end:z")
     assert any("ball joints are three hinges each" in note for note in robot.notes)
     np.testing.assert_allclose(robot.limits.upper, 1.0)
+    q = robot.postures["neutral"].copy()
+    straight, turns = robot.snapshot(q).rotation("rod"), []
+    for signs in ((1, 1, 1), (1, 1, -1), (1, -1, 1), (-1, 1, 1)):
+        q[7:] = signs
+        turned_by = straight.T @ robot.snapshot(q).rotation("rod")
+        turns.append(np.arccos(0.5 * np.trace(turned_by) - 0.5))
+    said = f"which turn it by more together: end by {max(turns):.3g} rad, not 1"
+    assert any(said in note for note in robot.notes)
     np.testing.assert_allclose(robot.damping, 0.3)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)

@@ -39,10 +39,13 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
         return model, ()
     kept = [_keys_of(mujoco, model, {int(joint.id) for _, joint in balls}, k)
             for k in range(model.nkey)]  # fmt: skip
-    names = []
-    for body, joint in balls:
+    names, wider = [], []
+    limited = [bool(model.jnt_limited[joint.id]) for _, joint in balls]
+    for (body, joint), bounded in zip(balls, limited, strict=True):
         names.append(str(joint.name) or f"{body.name}_joint")
         reach = float(joint.range[1])
+        if bounded and 0.0 < reach < np.pi:
+            wider.append(f"{names[-1]} by {_together(reach):.3g} rad, not {reach:.3g}")
         for letter, axis in zip("xyz", np.eye(3), strict=True):
             hinge = body.add_joint(name=f"{names[-1]}:{letter}", axis=axis)
             hinge.type = mujoco.mjtJoint.mjJNT_HINGE
@@ -58,7 +61,17 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
         f"ball joints are three hinges each, NAME:x, NAME:y and NAME:z in turn, singular where the"
         f" second is at 90 degrees: {listed(names)}"
     )
-    return spec.compile(), (note,)
+    wide = (
+        "the range of a ball's whole turn is that of each of its hinges here, which turn it by more"
+        f" together: {listed(wider)}"
+    )
+    return spec.compile(), (note, wide) if wider else (note,)
+
+
+def _together(reach: float) -> float:
+    """Return the angle [rad] that hinges about x, y and z turn by together, each by ``reach``."""
+    w = np.cos(0.5 * reach) ** 3 - np.sin(0.5 * reach) ** 3  # of the quaternion, at its least
+    return float(2.0 * np.arccos(np.clip(w, 0.0, 1.0)))
 
 
 def _keys_of(mujoco: Any, model: Any, balls: set[int], key: int) -> Array:
