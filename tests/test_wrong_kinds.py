@@ -226,3 +226,11 @@ def test_parts_that_can_be_looked_at_once_only_are_refused(hoap2: Robot, part: s
 def test_obstacles_are_kept_however_they_are_listed(hoap2: Robot) -> None:
     balls = [wbc.Obstacle.sphere(f"ball {k}", (1.0, 0.0, k), 0.1) for k in range(2)]
     assert wbc.Obstacles(hoap2, (one for one in balls)).obstacles == tuple(balls)  # type: ignore[arg-type]
+
+
+def test_text_in_place_of_its_file_is_told_in_short(hoap2: Robot) -> None:
+    text = "robot: g1\n" * 1000
+    for read in (wbc.load_problem, lambda text: wbc.read_motion(text, hoap2), read_markers):
+        with pytest.raises(InvalidInputError, match="got text of several lines") as error:
+            read(text)
+        assert len(str(error.value)) < 200

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from os import PathLike
+from os.path import exists
 from typing import Any
 
 import numpy as np
@@ -74,6 +75,10 @@ def check_path(what: str, value: object) -> None:
     """Refuse what is no path of a file or folder, by InvalidInputError."""
     if not isinstance(value, str | PathLike):
         raise InvalidInputError(f"{what}: expected a path, got {shown(value)}")
+    if isinstance(value, str) and "\n" in value and not exists(value):
+        raise InvalidInputError(
+            f"{what}: expected a path, got text of several lines: {shown(value)}"
+        )
 
 
 def one_of(kind: str, value: Any, choices: Sequence[str]) -> str:

@@ -8,8 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wbc.errors import InvalidInputError, ProblemFileError
+from wbc.errors import InvalidInputError, ProblemFileError, shown
 from wbc.gait.hand_supervisor import WithHands
+from wbc.kinds import check_path
 from wbc.problem.build import build, hands_of
 from wbc.problem.components import Parts
 from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
@@ -267,7 +268,8 @@ def load_problem(
         No path, or no mapping of overrides.
     """
     if not isinstance(path, str | Path):
-        raise InvalidInputError(f"load_problem: expected the path of a file, got {path!r}")
+        raise InvalidInputError(f"load_problem: expected the path of a file, got {shown(path)}")
+    check_path("load_problem", path)
     overrides = dict(by_name("load_problem, overrides", {} if overrides is None else overrides))
     source = read_source(Path(path))
     refuse_result(source)
