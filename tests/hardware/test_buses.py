@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.hardware.bus import BaseTruth, BusError, Command, Reading
+from wbc.hardware.bus import BaseTruth, BusError, Command, MessageOrder, Reading
 from wbc.hardware.operator import Script
 from wbc.hardware.ring_log import RingLog
 from wbc.hardware.robot_side import RobotSettings
@@ -116,6 +116,16 @@ def test_udp_takes_each_command_once_and_the_newest_reading(
     for ask in (robot.receive, bus.read):
         with pytest.raises(BusError, match="it is closed"):
             ask()
+
+
+def test_a_sender_that_was_begun_again_is_heard_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also after so short a run that its numbers are not far back."""
+    clock = [5.0]
+    monkeypatch.setattr("wbc.hardware.bus.monotonic", lambda: clock[0])
+    order = MessageOrder()
+    assert [order.is_new(number) for number in (1, 400, 399, 400)] == [True, True, False, False]
+    clock[0] += 1.5
+    assert [order.is_new(number) for number in (1, 2, 2)] == [True, True, False]
 
 
 # ---------------------------------------------------------------------- Unitree

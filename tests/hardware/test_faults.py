@@ -11,6 +11,7 @@ import pytest
 from hardware_faults import CONTROLLER_FAULTS, DT, READING_FAULTS, HungWorker, Rig, after, soak
 
 from tests.command import wbc_command
+from wbc.cli.hardware_run import _said
 from wbc.errors import InvalidInputError
 from wbc.hardware.operator import Keyboard, Script, Wish
 from wbc.hardware.real_time import CycleClock, check_cpus
@@ -287,3 +288,13 @@ def test_a_script_arms_stands_runs_sits_and_ends() -> None:
     assert told == [arm, None, stand, None, run, None, sit, quit_, quit_]
     script.ask(Wish.STOP)
     assert script.wish(status) is Wish.STOP  # type: ignore[arg-type]
+
+
+def test_a_reader_of_what_is_said_that_is_gone_ends_no_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As ``wbc hardware run ... | head``: the robot braked, and fell."""
+
+    def broken(text: str) -> None:
+        raise BrokenPipeError
+
+    monkeypatch.setattr("typer.echo", broken)
+    _said("damping: armed by hand")

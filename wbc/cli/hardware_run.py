@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -86,7 +87,7 @@ def run(
         raise InvalidInputError(
             f"--unattended: nobody would stop a robot on {interface!r}; it is for lo"
         )
-    say = _silent if quiet else typer.echo
+    say = _silent if quiet else _said
     operator = Keyboard(say) if unattended is None else Script(unattended)
     loop = loop_of(
         loaded,
@@ -130,6 +131,11 @@ def _sits(interrupts: Any, operator: Any, wish: Any) -> bool:
 
 
 def _silent(text: str) -> None: ...
+
+
+def _said(text: str) -> None:
+    with suppress(OSError):  # whoever read it is gone, which is no reason to let a robot fall
+        typer.echo(text)
 
 
 def _check_places(log: Path, report: Path | None) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
+from time import monotonic
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +13,7 @@ from wbc.errors import WbcError
 from wbc.validate import Array
 
 RESTARTED = 1000  # numbers back: no message comes so late, its sender counts anew
+SILENCE = 1.0  # s after the last message, likewise
 
 
 class BusError(WbcError):
@@ -132,6 +134,21 @@ def rows_of(size: int, *values: object) -> Array | None:
         return None
     fits = rows.shape == (len(values), size) and rows.dtype.kind in "fiu"
     return rows.astype(float, copy=False) if fits else None
+
+
+class MessageOrder:
+    """Tells new messages from repeated and late ones; a sender that was begun again counts anew."""
+
+    def __init__(self) -> None:
+        self._last, self._heard = -1, 0.0
+
+    def is_new(self, sequence: int) -> bool:
+        """Return whether a message is to be taken, which is then the last one."""
+        now = monotonic()
+        late = self._last - RESTARTED <= sequence <= self._last and now - self._heard < SILENCE
+        if not late:
+            self._last, self._heard = sequence, now
+        return not late
 
 
 class Bus(Protocol):

@@ -18,7 +18,7 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.files import why
-from wbc.hardware.bus import RESTARTED, BaseTruth, BusError, Command, Reading
+from wbc.hardware.bus import BaseTruth, BusError, Command, MessageOrder, Reading
 from wbc.kinds import check_word, whole_number
 from wbc.validate import Array
 
@@ -101,18 +101,18 @@ class _UdpEnd:
         self._socket.close()
 
     def _newest(
-        self, unpack: Callable[[bytes, int], Message | None], last: int = -1
+        self, unpack: Callable[[bytes, int], Message | None], order: MessageOrder
     ) -> Message | None:
-        """Return the newest message that waits, beyond the sequence ``last``; count the others."""
+        """Return the newest message that waits; count the others."""
         newest: Message | None = None
         for packet in _waiting(self._socket):
             found = unpack(packet, self.joints)
             if found is None:
                 self.dropped["damaged"] += 1
-            elif last - RESTARTED <= found.sequence <= last:
+            elif not order.is_new(found.sequence):
                 self.dropped["repeated or out of order"] += 1
             else:
-                newest, last = found, found.sequence
+                newest = found
         return newest
 
 
@@ -137,7 +137,7 @@ class UdpBus(_UdpEnd):
 
     def read(self) -> Reading | None:
         """Return the newest reading since the last call, by its sequence; None if none came."""
-        return self._newest(unpack_reading)
+        return self._newest(unpack_reading, MessageOrder())
 
     def write(self, command: Command) -> None:
         """Send a command."""
@@ -162,13 +162,11 @@ class UdpRobotBus(_UdpEnd):
         controller_port: int = READING_PORT,
     ) -> None:
         super().__init__(joints, (address, controller_port), port)
-        self._last = -1
+        self._order = MessageOrder()
 
     def receive(self) -> Command | None:
         """Return the newest command since the last call; None if none came."""
-        newest = self._newest(unpack_command, self._last)
-        self._last = self._last if newest is None else newest.sequence
-        return newest
+        return self._newest(unpack_command, self._order)
 
     def send(self, reading: Reading) -> None:
         """Send a reading; that nobody listens is no error."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from wbc.errors import InvalidInputError
 from wbc.extras import require
-from wbc.hardware.bus import RESTARTED, BaseTruth, BusError, Command, Reading
+from wbc.hardware.bus import BaseTruth, BusError, Command, MessageOrder, Reading
 from wbc.hardware.unitree.conversion import Converter
 from wbc.hardware.unitree.layout import CDR_HEAD, Field, MessageLayout
 from wbc.hardware.unitree.profiles import Profile
@@ -141,7 +141,7 @@ class UnitreeRobotBus(_DdsEnd):
         self._commands = self._reader(COMMAND_TOPIC, self._convert.command)
         self._states = self._writer(STATE_TOPIC, self._convert.state)
         self._truths = self._writer(TRUTH_TOPIC, _truth_layout())
-        self._last = 0
+        self._order = MessageOrder()
 
     def receive(self) -> Command | None:
         """Return the newest command since the last call; None if none came.
@@ -153,10 +153,10 @@ class UnitreeRobotBus(_DdsEnd):
             found = self._convert.commanded(data)
             if found is None:
                 self.dropped["damaged"] += 1
-            elif found.sequence and self._last - RESTARTED <= found.sequence <= self._last:
+            elif found.sequence and not self._order.is_new(found.sequence):
                 self.dropped["repeated or out of order"] += 1
             else:
-                newest, self._last = found, found.sequence
+                newest = found
         return newest
 
     def send(self, reading: Reading) -> None:
