@@ -241,6 +241,21 @@ def test_what_no_real_robot_can_be_asked_is_refused_before_it_is_looked_for(
     assert answer.exit_code == 1 and told in answer.stderr
 
 
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        (("--push", "nan,1,1,1"), "push, at: must be finite, got nan"),
+        (("--push", "1,1,inf,1"), "push, force: NaN or infinite"),
+        (("--push", "1,1,1,0"), "push, duration: must be greater than 0, got 0"),
+        (("--interface", "eth99"), "expected an address as 192.168.1.2, got 'eth99'"),
+        (("--report", "nowhere/x.json"), "--report nowhere/x.json: there is no folder nowhere"),
+    ],
+)
+def test_what_a_simulated_robot_cannot_do_is_refused(asked: tuple[str, str], told: str) -> None:
+    answer = wbc_command("hardware", "sim", "g1", "--bus", "udp", "--duration", "0.01", *asked)
+    assert answer.exit_code == 1 and told in answer.stderr
+
+
 def test_a_cpu_that_is_not_there_is_named_before_anything_is_forked() -> None:
     with pytest.raises(InvalidInputError, match="CPU 4711: this process may run on"):
         check_cpus((4711,))

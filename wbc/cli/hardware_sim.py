@@ -54,7 +54,8 @@ def sim(
     import json
 
     from wbc.cli.interrupts import noted_interrupts
-    from wbc.errors import InvalidInputError
+    from wbc.cli.outputs import check_place
+    from wbc.errors import WbcError
     from wbc.extras import require
     from wbc.files import write_text
     from wbc.hardware.real_time import check_cpus, pin, real_time, slow_down
@@ -64,18 +65,21 @@ def sim(
     from wbc.robot import Robot
 
     require("mujoco", "wbc hardware sim")
+    if report is not None:
+        check_place("--report", report)
     check_cpus(() if cpu is None else (cpu,))
+    pushes = [_push_of(one) for one in push or ()]
     loaded, profile = Robot.load(model, armature=armature), profile_named(robot)
     settings = RobotSettings(truth=truth, gantry=not no_gantry, patience=patience)
     with real_time(priority):  # which the bus's own threads inherit
         end = Where(bus, interface, domain).open_robot(profile, loaded)
-    side = simulated_robot(loaded, profile, end, settings, lifted=lifted)
-    for one in push or ():
-        try:
-            at, fx, fy, seconds = (float(word) for word in one.split(","))
-        except ValueError:
-            raise InvalidInputError(f"--push {one}: expected AT,FX,FY,SECONDS") from None
-        side.push(at, push_body, (fx, fy, 0.0), seconds)
+    try:
+        side = simulated_robot(loaded, profile, end, settings, lifted=lifted)
+        for at, fx, fy, seconds in pushes:
+            side.push(at, push_body, (fx, fy, 0.0), seconds)
+    except WbcError:
+        end.close()
+        raise
     pin(cpu)
     slow_down(slower)
     if not quiet:
@@ -93,3 +97,13 @@ def sim(
             f" {1e3 * done.latest:.1f} ms late at most"
         )
     raise typer.Exit(0)
+
+
+def _push_of(text: str) -> tuple[float, float, float, float]:
+    from wbc.errors import InvalidInputError
+
+    try:
+        at, fx, fy, seconds = (float(word) for word in text.split(","))
+    except ValueError:
+        raise InvalidInputError(f"--push {text}: expected AT,FX,FY,SECONDS") from None
+    return at, fx, fy, seconds

@@ -15,7 +15,7 @@ from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.rotations import exp_rotation, quaternion_from, rotation_from
 from wbc.run.saving import plain
 from wbc.simulation import Plant
-from wbc.validate import Array, check_fields
+from wbc.validate import Array, check_fields, finite_array, finite_number
 
 STEP = 0.001  # s: of physics and motors
 CATCH_UP = 100  # steps that are made up for at most, where the process was kept waiting
@@ -180,7 +180,10 @@ class SimulatedRobot:
     def push(self, at: float, body: str, force: Sequence[float], duration: float) -> None:
         """Push a body at a time of the robot's clock [s], for so long, by (3,) [N]; world axes."""
         self.plant.robot.frame_id(body)
-        self._pushes.append((at, body, tuple(force), duration))
+        at = finite_number("simulated robot, push, at", at)
+        duration = finite_number("simulated robot, push, duration", duration, above=0.0)
+        pushed = finite_array("simulated robot, push, force", force, (3,))
+        self._pushes.append((at, body, tuple(pushed.tolist()), duration))
         self._pushes.sort()
 
     def step(self, now: float) -> None:

@@ -195,12 +195,15 @@ def _unpacked(packet: bytes, kind: int, joints: int) -> tuple[int, int, float, A
 
 def _opened(address: str, port: int) -> socket.socket:
     check_word("UDP bus, address", address)
+    try:
+        socket.inet_aton(address)
+    except OSError:
+        raise BusError(f"UDP bus: expected an address as 192.168.1.2, got {address!r}") from None
     port = _port(port)
     own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         own.setblocking(False)
         own.bind(("127.0.0.1" if address.startswith("127.") else "0.0.0.0", port))
-        socket.inet_aton(address)
     except OSError as error:
         own.close()
         raise BusError(
