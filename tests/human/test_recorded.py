@@ -196,6 +196,9 @@ def test_plates_whose_clock_is_late_are_told_and_bands_allow_for_clocks(
         assert found is not None
         late.append(found.late)
     assert late[1] - late[0] == pytest.approx(0.012, abs=0.002)
+    stands = np.tile(force.mean(axis=0), (len(time), 1))  # tells nothing of clocks
+    still = compared(series, (ForcePlate("plate", time, stands, moment),), down, time)
+    assert still is None or np.isnan(still.late)
     punctual = replace(human.noise, late=0.0)
     other = wbc.analyze(human.motion, cutoff=6.0, noise=punctual, feet=None)
     wider = series.uncertainty.momentum_rate**2 - other.uncertainty.momentum_rate**2
@@ -440,6 +443,45 @@ def test_missing_markers_are_named() -> None:
     text = str(caught.value)
     assert "the left knee (LKNE); the left ankle (LANK)" in text
     assert "LASI (left_asis)" in text and "not known: Foo" in text
+
+
+def test_a_trunk_of_shoulders_alone_and_joints_that_cameras_see_are_enough_and_said() -> None:
+    few = ["LASI", "RASI", "SACR", "LSHO", "RSHO", "LKNE", "RKNE", "LANK", "RANK", "LTOE", "RTOE"]
+    recording, poses = recorded(BODY, labels=few, seconds=1.0)
+    human = human_motion(recording, mass=72.0)
+    assert "of the trunk only the shoulders are known: how it tilts is less certain" in human.notes
+    assert human.rms < 2e-3
+    com = np.array([human.motion.robot.snapshot(q).com for q in configurations_of(human)])
+    assert np.abs(com - com_of(BODY, poses)).max() < 0.02
+    ends = {"Hip": "thigh", "Knee": "shank", "Ankle": "foot", "Shoulder": "upper_arm"}
+    placed = place(poses, BODY.dimensions)
+    tracks = {
+        f"{side[0].upper()}{name}": placed.origin[:, SEGMENT_NAMES.index(f"{side}_{segment}")]
+        for side in ("left", "right")
+        for name, segment in ends.items()
+    }
+    heels, _ = recorded(BODY, labels=["LHEE", "RHEE"], seconds=1.0)
+    seen = np.concatenate((np.stack(list(tracks.values()), axis=1), heels.positions), axis=1)
+    human = human_motion(
+        MarkerRecording(recording.time, (*tracks, "LHeel", "RHeel"), seen, up="z"), mass=72.0
+    )
+    assert "of the pelvis only the hips are known: how it tilts is less certain" in human.notes
+    assert {one.name for one in human.markers.landmarks} >= {"left_hip_centre", "left_knee_centre"}
+    com = np.array([human.motion.robot.snapshot(q).com for q in configurations_of(human)])
+    assert np.abs(com - com_of(BODY, poses)).max() < 0.04
+
+
+def configurations_of(human: HumanMotion) -> np.ndarray:
+    return np.hstack((human.motion.base, human.motion.joints))
+
+
+def test_a_small_child_has_its_stature_and_is_asked_for_its_unit() -> None:
+    recording, _ = recorded(BODY, seconds=0.3)
+    small = MarkerRecording(recording.time, LABELS, 0.55 * recording.positions, (), "z")
+    child, known = human_motion(small), human_motion(small, stature=0.95)
+    assert child.body.stature == pytest.approx(0.55 * BODY.stature, rel=0.02)
+    told = [note for note in child.notes if "a small child, or are they in another unit?" in note]
+    assert len(told) == 1 and told[0] not in known.notes
 
 
 def test_one_of_two_humans_is_asked_for_and_other_things_are_left_out() -> None:

@@ -143,6 +143,7 @@ def print_plates(found: Comparison | None) -> None:
     console.print(table)
     span = f"{found.time[0]:.4g} s to {found.time[-1]:.4g} s"
     console.print(f"in {count} frames from {span}, {both} of them on both feet")
-    console.print(
-        f"by the vertical force the plates are {1e3 * found.late:.0f} ms later than markers"
-    )
+    if np.isfinite(found.late):
+        console.print(
+            f"by the vertical force the plates are {1e3 * found.late:.0f} ms later than markers"
+        )

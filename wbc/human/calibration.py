@@ -28,7 +28,8 @@ SETTLED = 1e-5
 # Spreads from the place that a name has: those of 16 public recordings were within 3.4, but for two
 # wrist markers whose names were swapped, which were 5.2 and 5.7 off.
 FAR_OFF = 5.0
-STATURES = (1.2, 2.2)  # m, that a fit takes for possible
+# m, that a fit takes for possible; who is smaller than CHILD is asked for its unit.
+STATURES, CHILD = (0.6, 2.8), 1.1
 # Parts of the stature between joints that markers are near to, which tell the stature; de Leva.
 _LENGTHS = {
     ("knee", "ankle"): 0.249,
@@ -106,7 +107,9 @@ def calibrate(
             f"markers: they are {1e3 * found.rms:.0f} mm off any human, whose {odd} would be"
             f" {sizes[odd]:.3g} m: they are not one human's, or their names mean other places"
         )
-    return replace(found, stature=guess, notes=_misplaced(found, prior))
+    small = f"{guess:.2f} m tall by its lengths: a small child, or are they in another unit?"
+    told = (small,) if stature is None and guess < CHILD else ()
+    return replace(found, stature=guess, notes=told + _misplaced(found, prior))
 
 
 def _misplaced(found: Calibration, prior: _Prior) -> tuple[str, ...]:
@@ -161,12 +164,12 @@ def _stature(observed: Array, landmarks: tuple[Landmark, ...]) -> float:
     if not found:
         return 1.7
     tall, (least, most) = float(np.median(found)), STATURES
-    if not 0.7 * least < tall < 1.3 * most:
+    if not least < tall < most:
         raise InvalidInputError(
             f"markers: by the distances between them the human is {tall:.3g} m tall: the file's"
             " lengths are in another unit than it says, or than was said (unit, of a BVH)"
         )
-    return min(max(tall, least), most)
+    return tall
 
 
 def _prior(observed: Array, landmarks: tuple[Landmark, ...], stature: float) -> _Prior:

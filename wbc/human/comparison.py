@@ -30,6 +30,7 @@ LATE = 0.06  # s: how much a foot's landing on a plate and its landing by the mo
 SMEARED = 0.4  # of the low-pass' period: how far a force that no plate has reaches into others
 LEAST_FRAMES = 5
 PRESSED = 0.3  # of the weight: below it neither CoP means much
+CHANGES = 0.1  # of its peak: a vertical force that changes by less tells nothing of clocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,8 @@ class Comparison:
     single:
         Whether one foot is down (m,), rather than two.
     late:
-        By how much the plates' vertical force comes later than the motion's [s], by least squares.
+        By how much the plates' vertical force comes later than the motion's [s], by least squares;
+        NaN where it hardly changes, as of who stands still.
     held:
         Parts of the frames in which the plates are within the motion's 95 % bands, by ``force x``,
         ``force y``, ``force z``, ``cop x``, ``cop y``; empty without bands.
@@ -106,6 +108,7 @@ def compared(
     cop = centre_of_pressure(np.zeros_like(force), force, moment, series.ground_height)
     rate = np.gradient(series.ground_force[:, 2], series.time)[whole]
     error, off = series.ground_force[whole] - force, series.cop[whole] - cop
+    changes = np.ptp(force[:, 2]) > CHANGES * force[:, 2].max()
     return Comparison(
         time=series.time[whole],
         force=force,
@@ -113,7 +116,7 @@ def compared(
         force_error=error,
         cop_error=off[:, :2],
         single=feet[whole].sum(axis=1) == 1,
-        late=float(error[:, 2] @ rate / (rate @ rate)),
+        late=float(error[:, 2] @ rate / (rate @ rate)) if changes else float("nan"),
         held=_held(series, whole, error, off),
     )
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from wbc.errors import listed
-from wbc.human.landmarks import Landmark, lacking, landmark, landmark_of
+from wbc.human.landmarks import Landmark, lacking, landmark, landmarks_of
 from wbc.human.markers import UPS, MarkerRecording
 from wbc.motion.table import RecordingError
 from wbc.validate import Array
@@ -33,10 +33,11 @@ def known_markers(
     found, unknown = dict[str, Landmark](), list[str]()
     for one in (recording, *(() if static is None else (static,))):
         given = one.landmarks or (None,) * len(one.labels)
+        meant = landmarks_of(one.labels)
         for label, mark in zip(one.labels, given, strict=True):
             # Plug-in Gait writes its segments' axes as if they were markers: LCLA is no clavicle.
             axis = label[-1:] in "OALP" and all(label[:-1] + end in one.labels for end in "OALP")
-            name = None if axis else landmark_of(label)
+            name = None if axis else meant.get(label)
             if mark is None and name is None:
                 unknown += [label] if label not in unknown else []
             elif label not in found:
@@ -65,6 +66,10 @@ def known_markers(
         notes.append(f"markers never seen: {listed(empty, 8)}")
     rest = [label for label in found if label not in own and label not in empty]
     names = (*own, *rest)
+    for part, few in (("pelvis", "hips"), ("trunk", "shoulders")):
+        kinds = {found[n].name for n in own if found[n].segment == part}
+        if len(kinds) < 3 and not recording.landmarks:
+            notes.append(f"of the {part} only the {few} are known: how it tilts is less certain")
     arms = {found[n].segment for n in own}
     without = [s for s in ("head", "left_forearm", "right_forearm") if s not in arms]
     if without:

@@ -2,8 +2,9 @@
 
 Names are those of Plug-in Gait and CGM2 (Vicon), Helen Hayes, HBM (Motek), IOR (Leardini 2007),
 ISB (Wu 2002, 2005), OpenSim's gait2392, Rajagopal and OpenCap, CMU, Visual3D, OptiTrack's baseline,
-Qualisys' animation and Xsens. Spelling, separators and the place of the side do not matter:
-``R.ASIS``, ``RASI``, ``r_asis_study``, ``ASIS_R``, ``WaistRFront``.
+Qualisys' animation and Xsens; and joints as cameras find them without markers (COCO, HALPE,
+OpenPose, MediaPipe). Spelling, separators and the place of the side do not matter: ``R.ASIS``,
+``RASI``, ``r_asis_study``, ``ASIS_R``, ``WaistRFront``.
 """
 
 from __future__ import annotations
@@ -79,11 +80,12 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
     "heel": ("_foot", "_foot", (-65, 0, -55), 25, 6, "HEE HEEL CAL CALC CALCANEUS CA FCC HL HEEL1"
              " HEE1 PHEEL CALCBACK HEELBACK HEELFOOT HEELCENTER"),
     "toe": ("_foot", "_foot", (150, 0, -55), 50, 8, "TOE TOES SMH FM2 SM MT2 TOETIP TOEMID FOREFOOT"
-            " MTP TOE2 2META TOECENTER MT3 D2M MH2 FOREFOOT2"),
+            " MTP TOE2 2META TOECENTER MT3 D2M MH2 FOREFOOT2 TO BIGTOE FOOTINDEX"),
     "metatarsal_1": ("_foot", "_foot", (125, -35, -58), 30, 8, "MT1 FMH FM1 FM TOEMED 1META MTP1"
                      " D1M MH1 1MT 1MTP TOE1 TOEIN FOREFOOTIN FIRSTMETATARSAL"),
     "metatarsal_5": ("_foot", "_foot", (105, 50, -65), 30, 8, "MT5 VMH FM5 VM TOELAT 5META MTP5 D5M"
-                     " MH5 5MT 5MTP TOE5 MET MT5HEAD TOEOUT FOREFOOTOUT FOREFOOT5 FIFTHMETATARSAL"),
+                     " MH5 5MT 5MTP TOE5 MET MT5HEAD TOEOUT FOREFOOTOUT FOREFOOT5 FIFTHMETATARSAL"
+                     " SMALLTOE"),
     "foot": ("_foot", "_foot", (60, 10, -40), 80, 8, "MIDFOOTSUP MIDFOOTLAT MIDFOOT FOOT FOOT1"
              " FOOT2 FOOT3 P1MT P5MT P1M P5M MIDFOOTMED NAV LCAL MCAL STL"),
     "acromion": ("trunk", "_upper_arm", (0, 5, 45), 25, 15, "SHO SHOULDER ACR ACROMION ACROMIUM AC"
@@ -115,13 +117,13 @@ _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
              " MC3 MCP5 MCP MC2 MC5 HND HANDOUT TOPOFHAND"),
     "head_front": ("head", "head", (110, 70, 165), 40, 6, "FHD HDF FRONTHEAD HEADFRONT FH1"),
     "head_back": ("head", "head", (-75, 70, 165), 40, 6, "BHD HDB BACKHEAD HEADBACK REARHEAD"),
-    "ear": ("head", "head", (15, 75, 125), 30, 6, "EAR TRAGUS TRAG HEAD HD AURICULARIS"),
+    "ear": ("head", "head", (15, 75, 125), 30, 6, "EAR TRAGUS TRAG HEAD HD AURICULARIS TEMPLE"),
 }  # fmt: skip
 _MIDDLE: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]] = {
     "sacrum": ("pelvis", "pelvis", (-110, 0, 75), 20, 8, "SACR SACRUM S2 S1 VSACRAL VSAC SAC MPSIS"
                " SACRAL MIDPSIS WAISTBACK"),
     "mid_asis": ("pelvis", "pelvis", (46, 0, 83), 12, 8, "MIDASIS"),
-    "root": ("pelvis", "pelvis", (0, 0, 20), 30, 8, "PELVISROOT"),
+    "root": ("pelvis", "pelvis", (0, 0, 20), 30, 8, "PELVISROOT MIDHIP CHIP"),
     "spine_low": ("trunk", "trunk", (-100, 0, 60), 80, 12, "L1 L2 L3 L4 L5 LV1 LV3 LV5 LUMBAR"),
     "spine": ("trunk", "trunk", (-115, 0, 230), 90, 10, "T10 TV10 T8 TV8 T12 TV12 T6 T7 T4 T5 T9"
               " T11 THORAX SPINE"),
@@ -131,19 +133,25 @@ _MIDDLE: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
                 " CLAVICLE SUPR MIDCLAVICLE INCJ SS"),
     "xiphoid": ("trunk", "trunk", (95, 0, 240), 60, 12, "STRN STERNUM SXS PX XIPH XYPH XIPHOID STER"
                 " XP CHEST"),
-    "back": ("trunk", "trunk", (-110, -70, 300), 90, 12, "RBAK LBAK OFFSET ROFFSET RSCAP BACK BBAC"
-             " BACKOFFSET"),
+    "back": ("trunk", "trunk", (-110, -70, 300), 90, 12, "RBAK LBAK OFFSET ROFFSET ROFF RSCAP BACK"
+             " BBAC BACKOFFSET"),
     "head_top": ("head", "head", (20, 0, 250), 30, 6, "TOPHEAD HEADTOP TOP HDTP VERTEX HTOP HEAD"
-                 " THEAD TOPOFHEAD"),
+                 " THEAD THEA TOPOFHEAD"),
     "head_mid_front": ("head", "head", (120, 0, 165), 40, 6, "FRONTHEAD FOREHEAD HEADFRONT HDFR"
-                       " GLAB GLABELLA NASION FHEAD"),
+                       " GLAB GLABELLA NASION FHEAD FHEA"),
     "head_mid_back": ("head", "head", (-90, 0, 165), 40, 6, "BACKHEAD REARHEAD HEADBACK HDBK OCC"
               " BACKOFHEAD"),
     "neck_centre": ("trunk", "head", (0, 0, 0), 15, 10, "CJC NECKJOINT NECKCENTRE"),
     "head_centre": ("head", "head", (20, 0, 90), 40, 8, "HEADCENTRE HEADJOINT"),
 }  # fmt: skip
+_BOTH = ("left", "right")
 SIDES = {"L": "left", "R": "right", "LEFT": "left", "RIGHT": "right"}
 CLUSTER = 3  # markers that tell how a segment turns
+# What joints are called where no marker is on the pelvis: whoever sees joints, sees their centres.
+_CENTRES = {
+    "trochanter": "hip_centre", "knee_lateral": "knee_centre", "ankle_lateral": "ankle_centre",
+    "acromion": "shoulder_centre", "elbow_lateral": "elbow_centre", "wrist": "wrist_centre",
+}  # fmt: skip
 _SUFFIXES = ("STUDY", "MARKER", "REFERENCE", "SPINALPROCESS")
 # Words of a label in camel case, and what Xsens writes before each.
 _HUMP, _POINT = (
@@ -191,6 +199,21 @@ def landmark_of(label: str) -> str | None:
     return None
 
 
+def landmarks_of(labels: Iterable[str]) -> dict[str, str]:
+    """Return the landmarks' names of those labels that mean one.
+
+    Where both hips are there and nothing else on the pelvis, joints are their centres.
+    """
+    found = {label: name for label in labels if (name := landmark_of(label)) is not None}
+    on_pelvis = {name for name in found.values() if landmark(name).segment == "pelvis"} - {"root"}
+    if on_pelvis or not {"left_trochanter", "right_trochanter"} <= set(found.values()):
+        return found
+    for label, name in found.items():
+        side, _, rest = name.partition("_")
+        found[label] = f"{side}_{_CENTRES[rest]}" if rest in _CENTRES else name
+    return found
+
+
 def landmark(name: str) -> Landmark:
     """Return a landmark by its name, as :func:`landmark_of` gives it."""
     side, _, rest = name.partition("_")
@@ -208,6 +231,7 @@ def lacking(names: Sequence[str], standing: Iterable[str] = ()) -> list[str]:
 
     A knee or ankle is told by a marker beside it, in the motion or, as laboratories take them off
     for that, in a static trial; or by three markers on each of its segments, which turn about it.
+    The trunk is told by both shoulders and its joint, the pelvis by both hips and the trunk's.
 
     Parameters
     ----------
@@ -218,11 +242,13 @@ def lacking(names: Sequence[str], standing: Iterable[str] = ()) -> list[str]:
     """
     found, still, wanted = set(names), set(standing), list[str]()
     on = Counter(landmark(name).segment for name in names)
-    if len({n for n in found if landmark(n).segment == "pelvis"}) < 3:
+    left, right = ({n.removeprefix(f"{s}_") for n in found if n.startswith(s)} for s in _BOTH)
+    hips, shoulders = "hip_centre" in left & right, {"acromion", "shoulder_centre"} & left & right
+    if len({n for n in found if landmark(n).segment == "pelvis"}) < 3 and not hips:
         wanted.append("three on the pelvis (RASI, LASI, and RPSI and LPSI, or SACR)")
-    if len({n for n in found if landmark(n).segment == "trunk"}) < 3:
+    if len({n for n in found if landmark(n).segment == "trunk"}) < 3 and not shoulders:
         wanted.append("three on the trunk (RSHO, LSHO, and C7, CLAV or STRN)")
-    for side in ("left", "right"):
+    for side in _BOTH:
         mark = side[0].upper()
         for joint, above, below in (("knee", "thigh", "shank"), ("ankle", "shank", "foot")):
             beside = {f"{side}_{joint}_{part}" for part in ("lateral", "medial", "centre")}

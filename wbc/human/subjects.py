@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from wbc.errors import UnknownNameError, listed
 from wbc.human.bones import LEGS
-from wbc.human.landmarks import lacking, landmark_of
+from wbc.human.landmarks import lacking, landmarks_of
 from wbc.human.markers import MarkerRecording
 from wbc.motion.table import RecordingError
 
@@ -54,7 +54,7 @@ def _is_human(recording: MarkerRecording, labels: list[str]) -> bool:
     if recording.landmarks:  # a skeleton's
         marks = dict(zip(recording.labels, recording.landmarks, strict=True))
         return {mark.name for label in labels if (mark := marks[label]) is not None} >= LEGS
-    return not lacking([name for label in labels if (name := landmark_of(label)) is not None])
+    return not lacking(list(landmarks_of(labels).values()))
 
 
 def _only(recording: MarkerRecording, labels: list[str]) -> MarkerRecording:
