@@ -369,6 +369,22 @@ def test_mass_and_stature_in_another_unit_are_refused(given: dict[str, float]) -
 
 
 @pytest.mark.slow
+def test_a_ground_that_would_pull_and_few_frames_a_second_are_told() -> None:
+    recording, _ = recorded(BODY, seconds=2.0)
+    hop = 0.08 * np.sin(6.0 * np.pi * recording.time)[:, None, None] * (0.0, 0.0, 1.0)
+    for by, high, told in (
+        (1.0, 0.0, ""),
+        (1.0, hop, "pull by 1"),
+        (40.0, 0.0, "2.5 frames a sec"),
+    ):
+        seen = MarkerRecording(
+            by * recording.time, recording.labels, recording.positions + high, up="z"
+        )
+        notes = human_motion(seen, mass=72.0).notes
+        found = [note for note in notes if "pull by" in note or "frames a sec" in note]
+        assert len(found) == bool(told) and all(told in note for note in found)
+
+
 def test_plates_that_weigh_another_mass_than_was_said_are_told() -> None:
     recording, _ = recorded(BODY, seconds=2.0, plates=True)
     for mass, told in ((72.0, False), (158.7, True)):  # pounds

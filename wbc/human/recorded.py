@@ -38,6 +38,7 @@ from wbc.motion.analysis import analyze
 from wbc.motion.dropouts import Dropout
 from wbc.motion.filtering import low_passed
 from wbc.motion.recording import LONGEST_GAP, Motion
+from wbc.motion.series import RmpSeries
 from wbc.motion.smoothing import even_grid, on_grid
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ
@@ -48,6 +49,8 @@ STATIC_FRAMES = 6  # of a static trial, which hardly differ
 LEAST_CUTOFF_PERIODS = 2.0
 HEAVIER = 0.05  # of the mass that was said: plates that weigh another one say so
 FASTEST = 13.0  # m/s: of a human on its own feet, and some more
+PULLS, SOMETIMES = 1.0, 0.05  # of the weight, in this part of the frames: no ground pulls
+SLOWEST_CUTOFF = 3.0  # Hz: with a lower one, by few frames a second, forces of steps are lost
 NO_HUMAN = 0.06  # m rms: a fit of which no figure is to be believed
 
 
@@ -179,11 +182,12 @@ def human_motion(
     q = configurations(robot, poses)
     motion = _motion(robot, recording, q, seen.dropouts)
     down, cutoff = _contacts(motion, q, ground)
-    weighed, weighs = None, bool(recording.plates)
-    if (weighs or by_steps) and cutoff * (time[-1] - time[0]) > LEAST_CUTOFF_PERIODS:
+    weighed = None
+    if cutoff * (time[-1] - time[0]) > LEAST_CUTOFF_PERIODS:
         series = analyze(motion, cutoff=cutoff, noise=None, feet=None, ground_height=ground)
         standing = down[nearest_rows(time, series.time)]
-        weighed = plates_mass(series, recording.plates, standing) if weighs else None
+        weighed = plates_mass(series, recording.plates, standing)
+        notes += _pull_note(series) + _rate_note(recording.rate, cutoff)
         if by_steps:
             moves, told = moved_by_steps(series, standing, found.stature)
             q[:, :2] += np.column_stack([np.interp(time, series.time, one) for one in moves.T])
@@ -331,6 +335,20 @@ def _speed_note(time: Array, position: Array) -> tuple[str, ...]:
     if speed <= FASTEST:
         return ()
     return (f"it moves at {speed:.0f} m/s: are its lengths and times in the right units?",)
+
+
+def _pull_note(series: RmpSeries) -> tuple[str, ...]:
+    pull = -float(np.quantile(series.ground_force[:, 2], SOMETIMES)) / series.robot.weight
+    if pull <= PULLS:
+        return ()
+    told = f"the ground would have to pull by {pull:.1f} times the weight"
+    return (f"{told}: are its times and lengths in the right units?",)
+
+
+def _rate_note(rate: float, cutoff: float) -> tuple[str, ...]:
+    if cutoff >= SLOWEST_CUTOFF:
+        return ()
+    return (f"{rate:.3g} frames a second show nothing above {cutoff:.2g} Hz: forces are too even",)
 
 
 def _fit_note(fit: Array) -> tuple[str, ...]:
