@@ -9,7 +9,7 @@ import wbc
 from tests.human.walker import LABELS, marching, recorded, squatting, write_trc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.human import HumanMotion, MarkerRecording, compared, human_motion, read_markers
-from wbc.human.body import HINGE_NAMES, NAMES, SEGMENT_NAMES, HumanBody
+from wbc.human.body import HINGE_NAMES, HINGES, NAMES, SEGMENT_NAMES, HumanBody
 from wbc.human.fit import MarkerSet, continuous, first_poses, fit_poses, unstuck
 from wbc.human.kinematics import Poses, place, rotations
 from wbc.human.known import known_markers
@@ -369,6 +369,18 @@ def test_mass_and_stature_in_another_unit_are_refused(given: dict[str, float]) -
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("rise", [0.0, 0.3])
+def test_feet_that_stand_at_several_heights_are_told(rise: float) -> None:
+    time = np.arange(120) / 50.0
+    up = rise * np.clip(time - 1.0, 0.0, 0.4) / 0.4  # on a box, as if it were lifted
+    position = np.column_stack((0.0 * time, 0.0 * time, 0.93 + up))
+    angles = np.zeros((len(time), len(HINGES)))
+    poses = Poses(position, np.tile(np.eye(3), (len(time), 1, 1)), angles)
+    recording, _ = recorded(BODY, posed=(time, poses))
+    notes = human_motion(recording, mass=72.0).notes
+    assert any("feet stand at heights of" in note for note in notes) is bool(rise)
+
+
 def test_a_ground_that_would_pull_and_few_frames_a_second_are_told() -> None:
     recording, _ = recorded(BODY, seconds=2.0)
     hop = 0.08 * np.sin(6.0 * np.pi * recording.time)[:, None, None] * (0.0, 0.0, 1.0)
