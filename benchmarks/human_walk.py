@@ -39,6 +39,14 @@ CHOSEN_ON = (
     "opensim_test_walking",
     *(f"biomechzoo_HC0{one}" for one in ("02D06", "31A06", "33A10", "38A11", "44A15", "55A09")),
 )
+# Those in which children turn by 90 degrees, on few frames of plates: neither of these.
+TURNS = tuple(
+    f"biomechzoo_HC0{one}"
+    for one in (
+        *("02D25", "30A22", "31A23", "32A18", "33A22", "36A23"),
+        *("38A27", "39A31", "40A40", "44A29", "50A33", "55A34"),
+    )
+)
 MEANS = (
     "horizontal_percent_of_peak",
     "cop_single_mm",
@@ -228,12 +236,8 @@ def judged(path: Path) -> dict[str, Any]:
     }
 
 
-def means(rows: dict[str, Any], chosen: bool) -> dict[str, list[float]]:
-    """Return means over walks on which numbers were chosen, or the others: by markers alone, all.
-
-    Without those that have no such frames.
-    """
-    half = [row for name, row in rows.items() if (name in CHOSEN_ON) == chosen]
+def means(half: list[dict[str, Any]]) -> dict[str, list[float]]:
+    """Return means over walks: by markers alone, all. Without those that have no such frames."""
     alone = [row["by_markers_alone"] for row in half]
     return {
         key: [float(np.nanmean([row[key] for row in part])) for part in (alone, half)]
@@ -252,7 +256,11 @@ def main() -> None:
     options = parser.parse_args()
     if options.many is not None:
         rows = {path.stem: judged(path) for path in options.many}
-        rows |= {"chosen on": means(rows, True), "others": means(rows, False)}
+        groups = {"chosen on": list[dict[str, Any]](), "others": [], "turns": []}
+        for name, row in rows.items():
+            kind = "chosen on" if name in CHOSEN_ON else "turns" if name in TURNS else "others"
+            groups[kind].append(row)
+        rows |= {kind: means(half) for kind, half in groups.items() if half}
         text = json.dumps(_rounded(rows), indent=1)
         print(text)
         options.output.write_text(text + "\n")

@@ -20,15 +20,17 @@ from wbc.motion.series import RmpSeries
 from wbc.robot.series import FRAMES_PER_CALL, state_series
 from wbc.validate import Array
 
-# Parts of the stature: how far a foot's CoP is in front of the ankle for each rad by which the
-# shank leans forward, from below the ankle to the ball; and outwards. As plates had them in steps
-# of nine walks (docs/howto/humans.md says which); in others it was 20 mm off.
-ARC, BALL, OUTWARD = 0.26, 0.08, 0.013
+# Parts of the stature: how far a foot's CoP is in front of the ankle under an upright shank, how
+# much farther for each rad by which that leans forward, and at most, at the ball; outwards it goes
+# by a part of its way, up to a part of the stature. As plates had them in steps of nine walks
+# (docs/howto/humans.md says which); in others it was 20 mm off.
+UPRIGHT, ARC, BALL, ASIDE, OUTWARD = 0.006, 0.28, 0.085, 0.3, 0.016
 COP = 0.02  # m: one standard deviation of that
 SWAY = 0.25  # m/s^2: of the CoM's acceleration by the markers
 FORWARD = 0.5  # m/s: the CoM's speed in the foot's direction, from which on feet roll
 PRESSED = 0.3  # of the weight: with less on the ground the CoP means little
 END = 0.5  # periods of the cutoff at both ends, which are guesses
+AGAIN = 4  # times that what the low-pass takes of the moves is added to them
 FAR = 0.15  # m rms, half a sole: what asks for such a CoP is no human that only its feet carry
 
 
@@ -47,7 +49,7 @@ def moved_by_steps(series: RmpSeries, down: Bools, stature: float) -> tuple[Arra
     Returns
     -------
     tuple
-        (n, 2) along x and y [m], 0 without steps forward; and notes.
+        (n, 2) along x and y [m], of the motion before its low-pass, 0 without steps forward; notes.
     """
     time, push = series.time, series.ground_force[:, 2]
     load, known = _loads(down)
@@ -75,7 +77,17 @@ def moved_by_steps(series: RmpSeries, down: Bools, stature: float) -> tuple[Arra
     height = series.com[:, 2] - series.ground_height
     found = _weighed(off, stepping, height * series.robot.mass / np.maximum(push, least), step)
     size = 1e3 * np.sqrt((found[stepping] ** 2).sum(axis=1).mean())
-    return found, (f"moved by {size:.1f} mm rms to where the CoP rolls over the soles in steps",)
+    return _before_low_pass(found, 1.0 / step, series.cutoff), (
+        f"moved by {size:.1f} mm rms to where the CoP rolls over the soles in steps",
+    )
+
+
+def _before_low_pass(wanted: Array, rate: float, cutoff: float | None) -> Array:
+    """Return what a low-pass [Hz] turns into ``wanted`` (n, k), nearly; van Cittert (1931)."""
+    found = wanted
+    for _ in range(AGAIN):
+        found = found + wanted - low_passed(found, rate, cutoff)
+    return found
 
 
 def _loads(down: Bools) -> tuple[Array, Bools]:
@@ -104,7 +116,7 @@ def _rolled(series: RmpSeries, stature: float) -> tuple[Array, Array]:
     robot = series.robot
     for k, (side, foot) in enumerate(robot.feet.items()):
         shank, ankle, sole = f"{side}_shank", f"{side}_foot", foot.frame
-        out = stature * OUTWARD * (1.0 if side == "left" else -1.0)
+        sign = 1.0 if side == "left" else -1.0
         for first in range(0, len(series), FRAMES_PER_CALL):
             part = slice(first, first + FRAMES_PER_CALL)
             states = state_series(robot, series.q[part], frames=(shank, ankle, sole))
@@ -113,8 +125,9 @@ def _rolled(series: RmpSeries, stature: float) -> tuple[Array, Array]:
             level = x[:, :2] / np.maximum(np.linalg.norm(x[:, :2], axis=1), 1e-3)[:, None]
             leg = states.position(shank) - at
             lean = np.arctan2((leg[:, :2] * level).sum(axis=1), leg[:, 2])
-            front = stature * np.clip(ARC * lean, 0.0, BALL)
-            spots[part, k] = (below + front[:, None] * x + out * y)[:, :2]
+            front = stature * np.clip(UPRIGHT + ARC * lean, 0.0, BALL)
+            out = sign * np.minimum(ASIDE * front, stature * OUTWARD)
+            spots[part, k] = (below + front[:, None] * x + out[:, None] * y)[:, :2]
             ahead[part, k] = level
     return spots, ahead
 
