@@ -211,6 +211,16 @@ def test_mot_plates(tmp_path: Path) -> None:
     assert up.force[0].tolist() == [10.0, 5.0, 700.0]
 
 
+def test_trc_parted_by_commas_is_read(tmp_path: Path) -> None:
+    recording, _ = recorded(BODY, seconds=0.1)
+    write_trc(tmp_path / "walk.trc", recording)
+    tabs = read_markers(tmp_path / "walk.trc")
+    (tmp_path / "commas.trc").write_text((tmp_path / "walk.trc").read_text().replace("\t", ","))
+    commas = read_markers(tmp_path / "commas.trc")
+    assert commas.labels == tabs.labels
+    np.testing.assert_array_equal(commas.positions, tabs.positions)
+
+
 def test_trc_parted_by_blanks_between_tabs_is_read(tmp_path: Path) -> None:
     """As files of the University of Wisconsin: a head with blanks, rows behind a tab."""
     path = tmp_path / "a.trc"

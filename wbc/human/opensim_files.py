@@ -29,6 +29,8 @@ def read_trc(path: Path) -> MarkerRecording:
     source, lines = str(path), read_text(path, strict=False).splitlines()
     if len(lines) < 6 or not lines[0].startswith("PathFileType"):
         raise RecordingError("it does not begin as a TRC file does (PathFileType ...)", source)
+    if "\t" not in lines[3] and "," in lines[3]:  # as spreadsheets write it
+        lines = [line.replace(",", "\t") for line in lines]
     fields = dict(zip(lines[1].split(), lines[2].split(), strict=False))
     unit = fields.get("Units", "").lower()
     if unit not in UNITS:
