@@ -381,6 +381,22 @@ def test_feet_that_stand_at_several_heights_are_told(rise: float) -> None:
     assert any("feet stand at heights of" in note for note in notes) is bool(rise)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("frames", [range(1), range(0, 100, 3)])
+def test_bands_of_a_statue_and_of_markers_seldom_seen_are_numbers(frames: range) -> None:
+    recording, _ = recorded(BODY, seconds=1.0, noise=1e-3)
+    places = recording.positions.copy()
+    if len(frames) == 1:
+        places[:] = places[0]
+    else:  # each marker in a third of the frames
+        for k in range(len(LABELS)):
+            places[np.setdiff1d(np.arange(100), np.array(frames) + k % 3), k] = np.nan
+    seen = MarkerRecording(recording.time, recording.labels, places, up="z")
+    human = human_motion(seen, mass=72.0)
+    series = wbc.analyze(human.motion, cutoff=human.cutoff, noise=human.noise)
+    assert series.uncertainty is not None and np.isfinite(series.uncertainty.cop).all()
+
+
 def test_a_ground_that_would_pull_and_few_frames_a_second_are_told() -> None:
     recording, _ = recorded(BODY, seconds=2.0)
     hop = 0.08 * np.sin(6.0 * np.pi * recording.time)[:, None, None] * (0.0, 0.0, 1.0)

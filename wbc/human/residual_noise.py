@@ -82,7 +82,8 @@ class ResidualNoise:
         root = self._root((parts[2] ** 2).mean(axis=0))
         flat = parts.reshape(3, -1)
         covariance = flat @ flat.T
-        return np.asarray(covariance / covariance[2, 2]), root
+        size = covariance[2, 2]  # 0, as is the root, where no marker moves
+        return np.asarray(covariance / size) if size > 0.0 else np.eye(3), root
 
     def _root(self, variances: Array) -> Array:
         """Return a root (nv, nv+3) of the posture's covariance by the markers' variances (k,)."""
@@ -107,7 +108,8 @@ def residual_noise(
     Each coordinate of a marker has an error of its own size, which is taken for its residual's.
     """
     seen = np.asarray(np.isfinite(residual).all(axis=2))
-    always = np.flatnonzero(seen.mean(axis=0) > 0.5)
+    share = seen.mean(axis=0)
+    always = np.flatnonzero(share >= min(0.5, share.max()))
     rest = np.where(seen[:, always, None], residual[:, always], 0.0)
     frames = np.unique(np.linspace(0, len(poses) - 1, MOST_FRAMES).astype(int))
     some = poses[frames]
