@@ -74,11 +74,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "3 -> 4",
     ): "room for one number more",
     (
-        "wbc/tasks/task.py",
-        'own["_changes"], own["_remakes"] = self._changes + 1, self._remakes + 1',
-        "1 -> 2",
-    ): "it is only asked whether they are what they were",
-    (
         "wbc/qp/active_set.py",
         "weight = _PROXIMAL * max(float(qp.P.diagonal().max(initial=0.0)), 1.0)",
         "0.0 -> 0.001",

@@ -60,7 +60,7 @@ Change = Callable[[list[wbc.Task]], None]
 
 
 @pytest.mark.parametrize("kind", [wbc.KinematicController, wbc.TorqueController])
-@pytest.mark.parametrize("apart", [False, True])
+@pytest.mark.parametrize("margin", [None, 0.005, 0.04])  # none, far, and in the way
 @pytest.mark.parametrize(
     "change",
     [
@@ -74,7 +74,7 @@ Change = Callable[[list[wbc.Task]], None]
     ],
 )
 def test_a_task_that_is_changed_commands_as_if_it_had_always_been_so(
-    hoap2: Robot, kind: type[wbc.Controller], apart: bool, change: Change
+    hoap2: Robot, kind: type[wbc.Controller], margin: float | None, change: Change
 ) -> None:
     start = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
     v = 0.1 * np.random.default_rng(1).standard_normal(hoap2.nv)
@@ -86,7 +86,7 @@ def test_a_task_that_is_changed_commands_as_if_it_had_always_been_so(
             tasks,
             contacts=wbc.support(start, "double"),
             limits=wbc.Limits(hoap2, acceleration=100.0),
-            constraints=[wbc.SelfCollision(hoap2, margin=0.005)] if apart else [],
+            constraints=[wbc.SelfCollision(hoap2, margin=margin)] if margin else [],
             solver="active_set",
         )
 

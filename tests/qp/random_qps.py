@@ -69,6 +69,26 @@ def contradicting(rng: Rng, gap: float) -> QP:
         return QP.build(P, g, A=A, b=b, C=C, l=l, u=u, lower=lower, upper=upper)
 
 
+def overdetermined(rng: Rng) -> tuple[QP, tuple[np.ndarray, ...]]:
+    """Rows and bounds of which several parts contradict themselves, and multipliers of them all."""
+    n = int(rng.integers(2, 7))
+    me, mi = int(rng.integers(0, 3)), n + int(rng.integers(2, 6))
+    rows, signs = rng.normal(size=(me + mi + n, n)), rng.choice([-1.0, 1.0], me + mi + n)
+    rows[me + mi :] = np.eye(n)
+    weights = rng.uniform(0.5, 2.0, me + mi + n) * signs
+    weights[me + mi :] *= rng.random(n) < 0.4
+    rows[me] = -(np.delete(weights, me) @ np.delete(rows, me, axis=0)) / weights[me]
+    room = rng.normal(size=weights.size)
+    room -= weights * (weights @ room + 1.0) / (weights @ weights)  # weights @ ends is now -1
+    ends = rows @ rng.normal(size=n) + room
+    low, up = np.where(weights < 0.0, ends, -np.inf), np.where(weights > 0.0, ends, np.inf)
+    parts = slice(me), slice(me, me + mi), slice(me + mi, None)
+    eq, ineq, box = parts
+    qp = QP.build(np.eye(n), np.zeros(n), A=rows[eq], b=ends[eq], C=rows[ineq], l=low[ineq],
+                  u=up[ineq], lower=low[box], upper=up[box])  # fmt: skip
+    return qp, tuple(weights[part] for part in parts)
+
+
 def without_unknowns_left(rng: Rng, gap: float) -> QP:
     """Equalities that leave one point, which a bound forbids."""
     n = int(rng.integers(1, 10))

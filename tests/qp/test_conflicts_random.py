@@ -10,9 +10,16 @@ import pytest
 from conflict_judge import blamed_in_vain
 
 from tests.needs import needs_bench
-from tests.qp.random_qps import contradicting, equalities_alone, feasible, without_unknowns_left
+from tests.qp.random_qps import (
+    contradicting,
+    equalities_alone,
+    feasible,
+    overdetermined,
+    without_unknowns_left,
+)
 from wbc.qp import ProxQP, Status, find_conflict, make_backend
 from wbc.qp.active_set import ActiveSet
+from wbc.qp.conflict import conflict_of
 
 KINDS = {
     "rows and bounds": contradicting,
@@ -45,6 +52,15 @@ def test_every_conflict_named_is_one_and_needs_each_of_its_rows(
                 assert blamed_in_vain(qp, found.conflict) == [], found.conflict.describe()
     if gap >= 1e-2:
         assert seen[Status.INFEASIBLE] >= 2 * count - 2 and not seen[Status.SOLVED]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_of_a_certificate_of_many_rows_those_are_named_that_need_each_other(seed: int) -> None:
+    """Multipliers of an interior-point solver are of all contradictions at once."""
+    qp, multipliers = overdetermined(np.random.default_rng(seed))
+    found = conflict_of(qp, *multipliers)
+    assert found is not None and len(found.rows) <= qp.g.size + 1
+    assert blamed_in_vain(qp, found) == [], found.describe()
 
 
 @needs_bench

@@ -32,8 +32,9 @@ def here(hoap2):
 
 def test_snapshot_of_another_robot_is_refused(hoap2, g1) -> None:
     there = g1.snapshot(g1.posture("standing"))
-    task = PostureTask(hoap2, hoap2.posture("standing"))
-    for ask in (task.residual, task.drift, lambda s: Limits(hoap2).box(s, DT)):
+    tasks = PostureTask(hoap2, hoap2.posture("standing")), InertiaTask(hoap2, np.eye(3))
+    asked = [ask for task in tasks for ask in (task.residual, task.drift)]
+    for ask in (*asked, lambda s: Limits(hoap2).box(s, DT)):
         with pytest.raises(InvalidInputError, match="the snapshot is of another robot, 'g1"):
             ask(there)
 

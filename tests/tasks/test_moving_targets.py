@@ -294,6 +294,18 @@ def test_the_axes_of_equal_moments_ask_for_no_boundless_acceleration(robot_named
         assert np.abs(spin_rate).max() < 200.0
 
 
+def test_the_axes_of_moments_that_are_equal_to_rounding_do_not_turn(rng) -> None:
+    """Of the largest moment 1e-9 and less are none: between those two axes nothing is asked."""
+    from wbc.tasks.principal_inertia import eigenvector_spin
+
+    A, B = rng.normal(size=(2, 3, 3))
+    for apart, still in ((0.9e-9, True), (1.1e-9, False)):
+        moments = np.array([1e-3, 1.0 - apart, 1.0])
+        for turn in eigenvector_spin(moments, A + A.T, B + B.T, moments):
+            assert (turn[1, 2] == 0.0) == still and (np.diag(turn) == 0.0).all()
+            assert turn[0, 1] != 0.0
+
+
 @pytest.mark.parametrize("unit", [1e-7, 1e7])
 def test_how_axes_turn_does_not_depend_on_the_unit_of_inertia(rng, unit: float) -> None:
     from wbc.tasks.principal_inertia import eigenvector_spin

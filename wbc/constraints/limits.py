@@ -108,7 +108,7 @@ class Limits(DeclaredAttributes):
             if value > 1.0:
                 raise InvalidInputError(f"limits, recovery: {value:g} is above 1 (all in one tick)")
         super()._set_attribute(name, value)
-        self.__dict__["_changes"] = self._changes + 1
+        self.__dict__["_changes"] = object()
         if not name.startswith("_"):
             for one in self.__dict__.get("_weaker", ()):
                 setattr(one, name, value)
@@ -123,7 +123,7 @@ class Limits(DeclaredAttributes):
     braking: str
     base_twist: Array
     recovery: float
-    _changes = 0  # how often one was assigned: what was read of them before may be old
+    _changes: object  # another once one was assigned: what was read of them before may be old
 
     def __init__(
         self,

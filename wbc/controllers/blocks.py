@@ -81,7 +81,8 @@ class Part:
         self.kept = None if kept is None else list(kept)
         self.torque = torque
         self.rows = described(task, torque)
-        self.changes = self._remakes = -1  # of the task, when its numbers were written
+        self.changes: object = None  # of the task, when its numbers were written
+        self._remakes: object = None
         self.planned_as = task.name, task.priority
         self._places: list[_Place] = []
         self._rereads = kept is None and all(rows.moving for rows in self.rows or ())
@@ -131,7 +132,7 @@ class Part:
         task, planned, own = self.task, self.rows, self.task.__dict__
         remakes, changes = task._remakes, task._changes
         motion = self._motion_of(own)
-        if remakes == self._remakes and self._rereads:  # only the target was set
+        if remakes is self._remakes and self._rereads:  # only the target was set
             for name, where in self._goals:
                 where[...] = own[name]
             if not all(map(is_, motion, self._motion)):  # arrays are replaced, never changed

@@ -373,12 +373,16 @@ class Controller(DeclaredAttributes, ABC):
         known: dict[str, Any] = {}
         if outcome.step_scale < 1.0:
             known["step_scale"] = outcome.step_scale
-        if self._deviating:  # errors other than the residuals': of targets of now
-            errors = dict(outcome.found.errors)
-            for task in self._deviating:
-                errors[task.name] = deviation_of(task, snapshot, outcome.found.residual(task.name))
-            known["errors"] = errors
-        return known
+        return known | self._errors(outcome.found, snapshot)
+
+    def _errors(self, found: CoreTick, snapshot: Snapshot) -> dict[str, Any]:
+        """Return the errors of tasks, of targets of now, where they are not the residuals'."""
+        if not self._deviating:
+            return {}
+        errors = dict(found.errors)
+        for task in self._deviating:
+            errors[task.name] = deviation_of(task, snapshot, found.residual(task.name))
+        return {"errors": errors}
 
     def _failed(self, outcome: Outcome, snapshot: Snapshot) -> dict[str, Any]:
         """Return what a tick without a solution is made of, by the declared policy."""

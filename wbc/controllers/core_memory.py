@@ -252,7 +252,7 @@ class CoreMemory:
         sizes = left * left, left, left + rows, left + rows, rows * left
         P, g, low, up, C = (memory[b : b + k] for b, k in zip(begin.tolist(), sizes, strict=False))
         ends = low[left:], up[left:], low[:left], up[:left]
-        none, labels = np.zeros(0), Labels.numbered(left, 0, rows)
+        none, labels = np.zeros(0), Labels((), (), ())  # the level's own QP has names
         shaped = P.reshape(left, left), g, none.reshape(0, left), none, C.reshape(rows, left)
         return QP(*shaped, *ends, labels)
 

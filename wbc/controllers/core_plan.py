@@ -114,7 +114,7 @@ class CorePlan:
         self.force_tasks = tuple(one for one in forces if id(one) in self._asked)
         self.plan, self._robot = plan, robot
         self._dt, self._lock = dt, threading.Lock()
-        self._limits, self._limits_changes = limits, 0 if limits is None else limits._changes
+        self._limits, self._limits_changes = limits, limits and limits._changes
         self._solver = solver = backend if solves(backend) else None
         self.margin = None if constraint is None else NativeMargin.of(constraint, tree)
         made_of = robot, tree, plan, self._parts, limits, dt, rows, self.margin
@@ -161,7 +161,7 @@ class CorePlan:
         """Return which task was changed since it was last written, in words, or None."""
         for part in self._parts:
             task = part.task
-            if task._changes != part.changes:
+            if task._changes is not part.changes:
                 return f"{task.name!r} was changed since"
         return None
 
@@ -264,12 +264,12 @@ class CorePlan:
     def _write(self, ramps: Mapping[str, float]) -> bool:
         """Write what has changed since the last tick; False if that needs another plan."""
         forces, limits = self.memory.forces, self._limits
-        if limits is not None and limits._changes != self._limits_changes:
+        if limits is not None and limits._changes is not self._limits_changes:
             self.memory.write_limits(limits)
             self._limits_changes = limits._changes
         for part in self._parts:
             task = part.task
-            if task._changes != part.changes:
+            if task._changes is not part.changes:
                 if (task.name, task.priority) != part.planned_as:
                     return False
                 if forces is not None and part.held:

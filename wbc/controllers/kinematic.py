@@ -47,8 +47,7 @@ class KinematicController(Controller):
             return closing.closed(snapshot, tick, self._step, self._core.memory, over)
 
     def _command(self, snapshot: Snapshot, found: CoreTick) -> Tick:
-        known = self._known(Outcome(found), snapshot) if self._deviating else None
-        return Tick.reading(found, found.velocity, known)
+        return Tick.reading(found, found.velocity, self._errors(found, snapshot))
 
     def _answer(self, snapshot: Snapshot, outcome: Outcome, rows: Sequence[Bounds]) -> Tick:
         found = outcome.found

@@ -381,7 +381,7 @@ class TorqueController(Controller):
         return outcome, rows
 
     def _command(self, snapshot: Snapshot, found: CoreTick) -> Tick:
-        known = self._known(Outcome(found), snapshot) if self._deviating else {}
+        known = self._errors(found, snapshot)
         return self._commanded(snapshot, found, known, found.velocity, found.torque, found.forces)
 
     def _answer(self, snapshot: Snapshot, outcome: Outcome, rows: Sequence[Bounds]) -> Tick:
@@ -444,9 +444,9 @@ class TorqueController(Controller):
         found.views.x[:] = solution.x[: found.views.x.size]
         found.views.found[4] = 1.0
         plan.memory.finish()
-        errors = self._known(Outcome(found), snapshot).get("errors", found.errors)
         missed = given_way(self.plan, qp, physical, relaxed, solution.x)
-        return known | {"errors": errors, "policy": RELAX, "slack": missed}
+        known |= {"errors": found.errors} | self._errors(found, snapshot)
+        return known | {"policy": RELAX, "slack": missed}
 
     def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
         """Return the velocity of a robot whose joints come to rest: the last resort."""

@@ -113,8 +113,10 @@ class Task(DeclaredAttributes, ABC):
     target_rate: Array
     target_acceleration: Array
     _goal: Array
-    _changes = 0  # how often it was changed: what was read of it before may be old
-    _remakes = 0  # how often it was changed in more than its target
+    # Others than they were once it was changed, and in more than its target: what was read of it
+    # before may be old.
+    _changes: object
+    _remakes: object
     _fixed = dict.fromkeys(("robot", "rows"), "make another task")
     _kind = "task"  # as error messages call it
     _unused: ClassVar[frozenset[str]] = frozenset()  # keywords of laws without effect: refused
@@ -196,7 +198,7 @@ class Task(DeclaredAttributes, ABC):
 
     def _remade(self) -> None:
         own = self.__dict__
-        own["_changes"], own["_remakes"] = self._changes + 1, self._remakes + 1
+        own["_changes"] = own["_remakes"] = object()
 
     @property
     def target(self) -> Array:
@@ -336,7 +338,7 @@ class Task(DeclaredAttributes, ABC):
         """Set attributes of a target, without the check of names."""
         own = self.__dict__
         own.update(values)
-        own["_changes"] = self._changes + 1
+        own["_changes"] = object()
 
     def _set_rates(
         self,
