@@ -105,6 +105,25 @@ def test_a_task_that_is_changed_commands_as_if_it_had_always_been_so(
     assert found.singular.keys() == wanted.singular.keys()
 
 
+def test_held_tasks_that_repeat_each_other_follow_new_targets(hoap2: Robot) -> None:
+    """Only some of their rows are in the QP; the others hold with them."""
+    start = hoap2.snapshot(hoap2.posture("standing"))
+    steps = []
+    for moved in (True, False):
+        low = [0.0, 0.0, 0.01]
+        tasks = [wbc.ComTask(hoap2, start.com - (not moved) * np.array(low), name=n) for n in "ab"]
+        posture = wbc.PostureTask(hoap2, start.q)
+        held = [*wbc.support(start, "double"), *tasks]
+        controller = wbc.KinematicController(hoap2, [posture], contacts=held)
+        if moved:
+            assert controller.step(start).ok
+            for task in tasks:
+                task.set_target(start.com - low)
+        steps.append(controller.step(start).velocity)
+    np.testing.assert_allclose(*steps, atol=1e-9)
+    assert np.abs(steps[0]).max() > 0.1
+
+
 def test_braking_that_is_assigned_counts_in_the_next_tick(hoap2: Robot) -> None:
     start = hoap2.snapshot(hoap2.posture("standing"))
     gently = wbc.BrakingParameters(deceleration=0.01, gain=0.01)

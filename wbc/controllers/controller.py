@@ -274,7 +274,8 @@ class Controller(DeclaredAttributes, ABC):
         if self._margins_in_core or not self.constraints:
             given = self._asked_once(snapshot)
             outcome = self._solve(snapshot, self._core, None, None, begun, given, found)
-            if outcome.solved or not self._margins_in_core:
+            # Planned anew meanwhile, the core may no longer keep the margin.
+            if not self.constraints or (outcome.solved and self._margins_in_core):
                 return self._answer(snapshot, outcome, [])
         # Constraints in Python; or the core's margin has no answer, or one that leads inside.
         margins = self._margins(snapshot)
