@@ -197,6 +197,8 @@ def test_bad_input_is_named(hoap2, rng) -> None:
     for rows, change, damping, what in (
         (np.ones((2, 3)), [1, 1], 0.0, "rows"),
         (np.ones(hoap2.nv), [1], 0.0, "rows"),
+        (np.zeros((0, hoap2.nv)), [], 0.0, "rows"),
+        (1.0, [1], 0.0, "rows"),
         (np.ones((2, hoap2.nv)), [1, np.nan], 0.0, "change"),
         (np.ones((2, hoap2.nv)), [1, 1], -1.0, "damping"),
     ):

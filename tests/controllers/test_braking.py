@@ -91,6 +91,25 @@ def test_a_foot_put_down_in_motion_stops_as_gently_as_can_be(hoap2, rng, formula
         assert (changed[needed < 0.9] <= 1.0 + SOLVED).all(), "others keep their bound"
 
 
+def test_what_is_asked_for_beyond_a_limit_counts_up_to_it(hoap2) -> None:
+    """One factor on all gains, u / (gain / dt x), with u dt + u^2 / (2 0.7 a) = x to the limit."""
+    near, other, gain, a = "left_elbow_pitch", "right_elbow_pitch", 0.1, 20.0
+    for low in (True, False):
+        limits = Limits(hoap2, acceleration=a, braking="bounded", margin=0.1)
+        k = hoap2.joint_index(near) - 6
+        place, way = (limits.lower[k], -1.0) if low else (limits.upper[k], 1.0)
+        start = hoap2.posture("standing", {near: place - way * 0.1})
+        goal = hoap2.posture("standing", {near: place + way * 0.09})
+        goal[hoap2.joint_index(other) + 1] += 0.004
+        here = hoap2.snapshot(start, np.zeros(hoap2.nv))
+        posture = PostureTask(hoap2, goal, gain=gain)
+        controller = KinematicController(hoap2, [posture], contacts=(), limits=limits, dt=DT)
+        found = controller.step(here).velocity[hoap2.joint_index(other)]
+        u = 2.0 * 0.1 / (DT + np.sqrt(DT**2 + 2.0 * 0.1 / (0.7 * a)))
+        factor = u / (gain / DT * 0.1)
+        assert found == pytest.approx(factor * gain / DT * 0.004, rel=1e-4)
+
+
 def test_before_a_wall_that_appears_the_robot_stops_all_the_same(hoap2, rng) -> None:
     """A margin that asks for more than joints can brake is kept; the bound is not."""
     limits = Limits(hoap2, acceleration=5.0, braking="bounded")

@@ -48,6 +48,20 @@ def test_without_active_limits_it_is_the_qp(mode: str, g1_27, rng) -> None:
     assert baseline.solution.residuals.dual < 1e-6
 
 
+@pytest.mark.parametrize("rows", [1, 3])
+def test_rows_that_repeat_others_to_rounding_count_once(rows: int, rng) -> None:
+    """Oracle: the least cost in the null space of the rows without the last, by SVD."""
+    A, g = rng.normal(size=(rows, 6)), rng.normal(size=6)
+    b = A @ rng.normal(size=6)
+    near = np.vstack((A, A[0] + 1e-11 * rng.normal(size=6)))
+    qp = QP.build(np.eye(6), g, A=near, b=np.append(b, b[0]))
+    null = np.linalg.svd(A)[2][rows:].T
+    point = np.linalg.pinv(A) @ b
+    expected = point - null @ null.T @ (g + point)
+    found = make_backend("pseudo_inverse").solve(qp)
+    np.testing.assert_allclose(found.x, expected, atol=1e-8)
+
+
 def test_clipping_is_not_the_optimum_and_says_so(hoap2) -> None:
     here = hoap2.snapshot(hoap2.posture("standing"), np.zeros(hoap2.nv))
     tasks = [ComTask(hoap2, here.com + [0.1, 0, 0.1])]

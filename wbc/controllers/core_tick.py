@@ -209,8 +209,8 @@ class CoreTick:
     def velocity(self) -> Array:
         """A copy, read-only, of the command v+ (nv,), with the base's dynamics met where it has."""
         memory = self._memory
-        if memory.levels > 1 and memory.forces is None and self.level:
-            velocity = self.views_of(self.level).x[: self._memory.tree.nv].copy()
+        if self.level and memory.forces is None:
+            velocity = self.views_of(self.level).x[: memory.tree.nv].copy()
         else:
             velocity = self._out[self._layout.velocity].copy()
         velocity.setflags(False)  # type: ignore[call-arg]  # as read_only does
