@@ -169,10 +169,11 @@ def test_describe_is_one_sentence_with_names_and_numbers():
     assert many.describe(shown=3).endswith("and 28 more")
 
 
-def test_crossed_limits_need_no_solver():
-    qp = make()._replace(lower=np.array([0.0, 2.0, 0.0, 0.0]), upper=np.ones(4))
+@pytest.mark.parametrize("gap", [1.0, 2.0**-20])
+def test_crossed_limits_need_no_solver(gap):
+    qp = make()._replace(lower=np.array([0.0, 1.0 + gap, 0.0, 0.0]), upper=np.ones(4))
     (row,) = find_conflict(qp).rows
-    assert (row.label, row.violation) == ("x1", 1.0)
+    assert (row.label, row.violation) == ("x1", gap)
     assert "crossed" in row.describe()
 
 

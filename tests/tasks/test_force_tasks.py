@@ -208,17 +208,20 @@ def test_the_kinematic_controller_refuses_them_by_name(g1: Robot, here: Snapshot
         aim.residual(here)
 
 
-@pytest.mark.parametrize(("rows", "numbers"), [(6, 6), (6, 2), (2, 6), (2, 1)])
+@pytest.mark.parametrize(("rows", "numbers"), [(6, 6), (6, 2), (2, 6), (2, 1), (2, 2)])
 def test_an_expression_of_another_shape_is_refused(
     g1: Robot, here: Snapshot, rows, numbers
 ) -> None:
-    """Either of its parts is enough."""
+    """Either of its parts is enough, and so is a third one."""
 
     class Wrong(ForceTask):
         def expression(self, dynamics: Dynamics) -> Affine:
-            return Affine(dynamics.wrench("left_sole")[:rows], np.zeros(numbers))
+            parts = dynamics.wrench("left_sole")[:rows], np.zeros(numbers)
+            return (*parts, 0.0) if (rows, numbers) == (2, 2) else Affine(*parts)
 
     said = r"'mine': expression\(\), (matrix|constant): expected shape \(2,"
+    if (rows, numbers) == (2, 2):
+        said = r"'mine', which has 2 rows: expression\(\) must return matrix"
     with pytest.raises(InvalidInputError, match=said):
         controlled(here, Wrong(g1, "mine", ["fx", "fy"])).step(here)
 

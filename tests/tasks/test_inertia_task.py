@@ -221,6 +221,7 @@ def test_a_target_is_symmetric_to_rounding_whatever_its_size(hoap2, size, entry)
 def test_short_forms_of_a_target_leave_the_other_entries_zero(hoap2) -> None:
     diagonal = InertiaTask(hoap2, [1.0, 2.0, 3.0], components=("xx", "yy", "zz"))
     assert diagonal.target.tolist() == [1.0, 0.0, 0.0, 2.0, 0.0, 3.0]
+    InertiaTask(hoap2, np.zeros((3, 3)))  # as small as it can be
     trace = InertiaTask(hoap2, 6.0, components=("trace",))
     assert trace.target.tolist() == [2.0, 0.0, 0.0, 2.0, 0.0, 2.0]
 

@@ -7,7 +7,7 @@ from wbc.constraints import Contact
 from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError
 from wbc.laws import AccelerationLaw, Residual, VelocityLaw
-from wbc.tasks import ComTask, DampingTask, MomentumTask, PostureTask, Task
+from wbc.tasks import ComTask, DampingTask, MomentumTask, PoseTask, PostureTask, Task
 
 
 def test_velocity_law_removes_the_gain_in_one_tick(robot, rng, random_snapshot) -> None:
@@ -102,6 +102,16 @@ def test_damping_is_that_of_curvature_and_weighted_error(robot, law, added: floa
     controller = KinematicController(robot, [task], contacts=(), damping=1e-6)
     diagonal = controller.step(robot.snapshot(robot.posture("standing"))).qp.P[8, 8]
     assert diagonal == pytest.approx(added + 1e-6, abs=1e-12)
+
+
+def test_a_pose_is_damped_by_the_error_of_all_its_rows(robot) -> None:
+    """It is two blocks to the core: place, and turn."""
+    here = robot.snapshot(robot.posture("standing"))
+    turned = np.diag([1.0, -1.0, -1.0]) @ here.rotation("base")
+    task = PoseTask(robot, "base", here.position("base") + [0.1, 0.0, 0.0], turned, lm_damping=0.1)
+    qp = KinematicController(robot, [task], contacts=(), damping=1e-6).step(here).qp
+    added = 0.1 * np.linalg.norm(task.residual(here).error)
+    np.testing.assert_allclose(np.diag(qp.P)[6:], added + 1e-6, rtol=1e-9)
 
 
 @pytest.mark.parametrize("dt", [1e-3, 5e-3, 2e-2])

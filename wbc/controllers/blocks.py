@@ -302,11 +302,9 @@ class CoreBlocks(NamedTuple):
 
     @property
     def mechanics(self) -> int:
-        """How many of them are of loops and gears."""
+        """How many of them are of loops and gears, which always are."""
         kinds = Kind.LOOP, Kind.GEAR
-        return sum(
-            block["rows"] for block in self.blocks if block["held"] and block["kind"] in kinds
-        )
+        return sum(block["rows"] for block in self.blocks if block["kind"] in kinds)
 
     @property
     def costs(self) -> int:

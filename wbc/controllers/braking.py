@@ -124,7 +124,7 @@ def _factor(newton: Array, fastest: float, limits: Limits, snapshot: Snapshot, d
     np.sqrt(to_go, out=to_go)
     to_go += dt
     rate *= to_go
-    return float(2.0 / max(rate.max(initial=0.0), TINY))
+    return float(2.0 / rate.max(initial=TINY))
 
 
 def relax_box(

@@ -196,7 +196,8 @@ def _without_one(own: Array, free: Array, ends: Array) -> tuple[Array, Array]:
     other: Array = (
         free @ _zeros((own @ free)[None, :] / np.linalg.norm(own))[:, 0]
     )  # at right angles
-    other *= -1.0 if other @ ends > 0.0 else 1.0  # the gap, -own @ ends, grows along it
+    if other @ ends > 0.0:  # the gap, -own @ ends, grows along it
+        other = -other
     shrinks = other * own < 0.0
     if not shrinks.any():  # a certificate as well: one is left of the other when that is taken off
         less = own - float((own[other != 0.0] / other[other != 0.0]).min()) * other
