@@ -302,7 +302,7 @@ class CoreBlocks(NamedTuple):
 
     @property
     def mechanics(self) -> int:
-        """How many of them are of loops and gears, which always are."""
+        """How many rows are of loops and gears, which may give way, too."""
         kinds = Kind.LOOP, Kind.GEAR
         return sum(block["rows"] for block in self.blocks if block["kind"] in kinds)
 
