@@ -10,10 +10,11 @@ from wbc.codegen.c_text import comment, identifier
 from wbc.codegen.texts import array_text, fields_text, number_text, struct_texts
 from wbc.estimation import StateEstimator
 from wbc.hardware import sensor_checks
+from wbc.hardware.bus import RESTARTED
 from wbc.hardware.loop import PERIOD
 from wbc.hardware.postures import CrouchPath, PostureMotion
 from wbc.hardware.robot_controller import FADE
-from wbc.hardware.safety import RULES, TRANSITIONS, Fault, Mode, Safety
+from wbc.hardware.safety import HUGE, RULES, TRANSITIONS, Fault, Mode, Safety
 from wbc.hardware.setup import motions_of, safety_of
 from wbc.hardware.udp import COMMAND_PORT, READING_PORT
 from wbc.hardware.unitree.profiles import Profile, by_pattern
@@ -93,10 +94,12 @@ def data_header(parts: HardwareParts, title: str) -> str:
         "FAULTS": len(Fault),
         "COMMAND_PORT": COMMAND_PORT,
         "READING_PORT": READING_PORT,
+        "RESTARTED": RESTARTED,
     }
     numbers = {
         "CYCLE": PERIOD,
         "FADE": FADE,
+        "HUGE": HUGE,
         "ONTO": parts.up.onto,
         "ALONG": parts.up.along,
         **{name: getattr(sensor_checks, name) for name in _CHECKS},

@@ -102,7 +102,7 @@ static int jumped(wbc_checks *c, const wbc_reading *r) {
 int wbc_checks_refused(wbc_checks *c, const wbc_reading *r, double now) {
     int found = -1;
     /* What counts anew is far back, so no message that came late. */
-    if (r->sequence <= c->sequence && !(r->sequence < c->sequence - 1000)) found = WBC_FAULT_OUT_OF_ORDER;
+    if (r->sequence <= c->sequence && !(r->sequence < c->sequence - WBC_RESTARTED)) found = WBC_FAULT_OUT_OF_ORDER;
     else if (!finite(r)) found = WBC_FAULT_NOT_FINITE;
     else if ((found = timely(c, r->time, now)) < 0)
         found = !possible(r) ? WBC_FAULT_IMPLAUSIBLE : jumped(c, r) ? WBC_FAULT_JUMPED : -1;

@@ -52,10 +52,17 @@ void wbc_safety_report(wbc_safety *s, int fault) {
 /* NaN is beyond all limits. */
 static int beyond(double value, double most) { return !(value <= most); }
 
+static int sane(double position, double velocity) { return fabs(position) < WBC_HUGE && fabs(velocity) < WBC_HUGE; }
+
 void wbc_safety_measured(wbc_safety *s, const wbc_reading *r) {
     const wbc_safety_limits *l = &wbc_limits;
     const double *x = r->quaternion, *up = l->up;
     int position = 0, velocity = 0, overload = 0, warm = 0, hot = 0;
+    for (int j = 0; j < WBC_JOINTS; j++)
+        if (!sane(r->position[j], r->velocity[j])) {
+            wbc_safety_report(s, WBC_FAULT_NOT_FINITE);
+            return;
+        }
     for (int j = 0; j < WBC_JOINTS; j++) {
         s->q[j] = r->position[j], s->v[j] = r->velocity[j];
         position |= beyond(r->position[j] - l->upper[j], l->overrun);
@@ -103,33 +110,58 @@ static int finite(const wbc_motors *c) {
     return sum == 0.0;
 }
 
-const wbc_motors *wbc_safety_admit(wbc_safety *s, const wbc_motors *wanted) {
+/* Gains and torques by which motors make at most the effort where joints are now. */
+static void within_effort(const wbc_safety *s, wbc_motors *c) {
+    for (int j = 0; j < WBC_JOINTS; j++) {
+        const double effort = wbc_limits.effort[j];
+        const double whole = c->kp[j] * (c->position[j] - s->q[j]) + c->kd[j] * (c->velocity[j] - s->v[j]);
+        const double share = smaller(1.0, effort / larger(fabs(whole), 1e-9)), feedback = share * whole;
+        const double torque = clip(c->torque[j] + feedback, -effort, effort) - feedback;
+        c->torque[j] = clip(torque, -effort, effort), c->kp[j] *= share, c->kd[j] *= share;
+    }
+}
+
+/* The last command, by which motors may make too much of a joint that moved on. */
+static void hold(wbc_safety *s) {
+    double torque[WBC_JOINTS];
+    int over = 0;
+    wbc_motor_torque(&s->last, s->q, s->v, torque);
+    for (int j = 0; j < WBC_JOINTS; j++) over |= fabs(torque[j]) > wbc_limits.effort[j] + 1e-9;
+    if (over) within_effort(s, &s->last);
+}
+
+static void limit(wbc_safety *s, const wbc_motors *wanted) {
     const wbc_safety_limits *l = &wbc_limits;
+    wbc_motors made = s->last;
+    int far = 0;
+    double clipped = 0.0;
+    for (int j = 0; j < WBC_JOINTS; j++) {
+        const double reach = l->velocity[j] * WBC_CYCLE, held = made.kp[j] > 0.0 ? made.position[j] : s->q[j];
+        const double near = clip(wanted->position[j], held - reach, held + reach), step = l->torque_rate[j] * WBC_CYCLE;
+        made.position[j] = clip(near, l->lower[j], l->upper[j]);
+        made.velocity[j] = clip(wanted->velocity[j], -l->velocity[j], l->velocity[j]);
+        made.torque[j] = clip(wanted->torque[j], made.torque[j] - step, made.torque[j] + step);
+        made.kp[j] = clip(wanted->kp[j], 0.0, l->kp[j]), made.kd[j] = clip(wanted->kd[j], 0.0, l->kd[j]);
+        far |= !sane(made.position[j], made.velocity[j]);
+    }
+    if (far) { /* of joints without limits */
+        wbc_safety_report(s, WBC_FAULT_COMMAND_NOT_FINITE);
+        hold(s);
+        return;
+    }
+    within_effort(s, &made);
+    for (int j = 0; j < WBC_JOINTS; j++) clipped = larger(clipped, fabs(made.torque[j] - wanted->torque[j]));
+    made.enabled = 1, s->last = made;
+    if (clipped > 1e-6) wbc_safety_report(s, WBC_FAULT_CLIPPED);
+}
+
+const wbc_motors *wbc_safety_admit(wbc_safety *s, const wbc_motors *wanted) {
     if (s->mode == WBC_MODE_IDLE) s->last = s->off;
     else if (s->mode == WBC_MODE_DAMPING || s->mode == WBC_MODE_STOP || !s->measured) s->last = s->brake;
-    else if (wanted && !finite(wanted)) wbc_safety_report(s, WBC_FAULT_COMMAND_NOT_FINITE);
-    else if (wanted) {
-        const wbc_motors last = s->last;
-        double clipped = 0.0;
-        for (int j = 0; j < WBC_JOINTS; j++) {
-            const double q = s->q[j], v = s->v[j], effort = l->effort[j];
-            const double kp = clip(wanted->kp[j], 0.0, l->kp[j]), kd = clip(wanted->kd[j], 0.0, l->kd[j]);
-            const double reach = l->velocity[j] * WBC_CYCLE, held = last.kp[j] > 0.0 ? last.position[j] : q;
-            const double near = clip(wanted->position[j], held - reach, held + reach);
-            const double position = clip(near, l->lower[j], l->upper[j]);
-            const double velocity = clip(wanted->velocity[j], -l->velocity[j], l->velocity[j]);
-            const double whole = kp * (position - q) + kd * (velocity - v);
-            const double share = smaller(1.0, effort / larger(fabs(whole), 1e-9)), feedback = share * whole;
-            const double step = l->torque_rate[j] * WBC_CYCLE;
-            double torque = clip(wanted->torque[j], last.torque[j] - step, last.torque[j] + step);
-            torque = clip(torque + feedback, -effort, effort) - feedback;
-            torque = clip(torque, -effort, effort);
-            clipped = larger(clipped, fabs(torque - wanted->torque[j]));
-            s->last.position[j] = position, s->last.velocity[j] = velocity, s->last.torque[j] = torque;
-            s->last.kp[j] = share * kp, s->last.kd[j] = share * kd;
-        }
-        s->last.enabled = 1;
-        if (clipped > 1e-6) wbc_safety_report(s, WBC_FAULT_CLIPPED);
+    else if (wanted && finite(wanted)) limit(s, wanted);
+    else {
+        if (wanted) wbc_safety_report(s, WBC_FAULT_COMMAND_NOT_FINITE);
+        hold(s);
     }
     return &s->last;
 }
