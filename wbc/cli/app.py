@@ -47,7 +47,9 @@ def main() -> None:
     code: object = 0
     for name in ("stdout", "stderr"):  # closed, as some that start programs leave them
         if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 (until the end)
+            null = os.open(os.devnull, os.O_WRONLY)  # the lowest number that is free: its own
+            os.set_inheritable(null, True)  # packages start programs that write there, too
+            setattr(sys, name, open(null, "w"))  # noqa: SIM115 (until the end)
     try:
         app()
     except SystemExit as end:
