@@ -247,15 +247,21 @@ def bending_joint(robot: Robot, joints: Sequence[int], tip: Array) -> int:
 
     The chain ends at ``tip`` (3,) [m], in the axes of its last joint.
     """
-    lengths = {joint: _lengths(robot, joints, joint, tip)[1] for joint in joints[1:]}
-    return max(lengths, key=lambda joint: float(np.ptp(lengths[joint])))
+    return _bends_most(robot, joints, joints[1:], tip)[0]
 
 
 def _knee(robot: Robot, joints: Sequence[int]) -> tuple[int, Array, Array]:
     """Return the knee of a leg's joints, angles over its range, and the leg's lengths there."""
-    lengths = {joint: _lengths(robot, joints, joint) for joint in joints[1:-1]}
-    knee = max(lengths, key=lambda joint: float(np.ptp(lengths[joint][1])))
-    return knee, *lengths[knee]
+    return _bends_most(robot, joints, joints[1:-1])
+
+
+def _bends_most(
+    robot: Robot, joints: Sequence[int], among: Sequence[int], tip: Array = ORIGIN
+) -> tuple[int, Array, Array]:
+    """Return the joint that shortens a chain most, angles over its range, and the lengths there."""
+    lengths = {joint: _lengths(robot, joints, joint, tip) for joint in among}
+    found = max(lengths, key=lambda joint: float(np.ptp(lengths[joint][1])))
+    return found, *lengths[found]
 
 
 def _bearing_length(robot: Robot, knee: int, angles: Array, lengths: Array) -> float:
@@ -284,9 +290,7 @@ def _leg_vectors(
     return np.array(found)
 
 
-def _lengths(
-    robot: Robot, joints: Sequence[int], joint: int, tip: Array = ORIGIN
-) -> tuple[Array, Array]:
+def _lengths(robot: Robot, joints: Sequence[int], joint: int, tip: Array) -> tuple[Array, Array]:
     """Return angles over the range of one of its joints, and the leg's lengths there."""
     limits, k = robot.limits, int(robot.model.idx_vs[joint]) - BASE_NV
     bent = np.tile(robot.postures[STANDING], (SAMPLES, 1))
