@@ -140,6 +140,41 @@ def test_legs_that_cannot_roll_their_soles_hold_them_along_their_length() -> Non
     assert found.com_correlation[2] > 0.95
 
 
+def test_fingers_are_held_and_nothing_else(hoap2: Robot) -> None:
+    """As those of a Unitree H2 plus: 600 pairs near each other in every frame took minutes."""
+    text, fingers = hoap2.path.read_text(), list[str]()
+    for side in ("left", "right"):
+        for k, x in enumerate((-0.01, 0.01)):
+            for above, below, at in (("hand_link", "a", x), (f"finger_{k}_a", "b", 0.0)):
+                name = f"{side}_finger_{k}_{below}"
+                fingers.append(f"{name}_joint")
+                part = (
+                    f'<link name="{name}"><inertial><mass value="0.01"/><inertia ixx="1e-6" ixy="0"'
+                    ' ixz="0" iyy="1e-6" iyz="0" izz="1e-6"/></inertial><collision><origin'
+                    ' xyz="0 0 -0.02"/><geometry><sphere radius="0.008"/></geometry></collision>'
+                    f'</link><joint name="{name}_joint" type="revolute"><parent'
+                    f' link="{side}_{above}"/><child link="{name}"/><origin xyz="{at} 0 -0.03"/>'
+                    '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="5"/>'
+                    "</joint>"
+                )
+                text = text.replace("</robot>", f"{part}</robot>")
+    gripping = Robot.load(text, base="floating")
+    found = wbc.retarget(crouching(1.0), gripping)
+    assert any(note.startswith("fingers are held as they stand, 8: ") for note in found.notes)
+    moved = dict(zip(gripping.joint_names, np.ptp(found.q[:, 7:], axis=0), strict=True))
+    assert {name for name, way in moved.items() if way == 0.0} == {*fingers}
+    kept(found)
+    # With the same joints locked by the file's reader the motion is the same one.
+    rigid = Robot.load(text, base="floating", locked=dict.fromkeys(fingers, 0.0))
+    same = wbc.retarget(crouching(1.0), rigid)
+    for name in rigid.joint_names:
+        mine, theirs = (
+            one.robot.limits.joint_positions(one.q)[:, one.robot.joint_names.index(name)]
+            for one in (found, same)
+        )
+        np.testing.assert_allclose(mine, theirs, atol=1e-3)  # rad; standing is settled twice
+
+
 def test_a_robot_without_shapes_is_retargeted_and_told(hoap2: Robot, tmp_path: Path) -> None:
     text = hoap2.path.read_text()
     bare = re.sub(r"<collision>.*?</collision>", "", text, flags=re.DOTALL)

@@ -50,10 +50,11 @@ def retarget(
 
     Lengths are scaled by those of the legs, angular momentum by m h sqrt(g h). Feet stand and roll
     where the human's do, and do not slide; CoM, angular momentum, the ellipsoid, pelvis, trunk,
-    head and arms follow the human's. Frames are first solved one after the other by the tick, then
-    all at once with the jerk of the joints (:mod:`wbc.retargeting.smoothing`), and last what is
-    hard is kept (:mod:`wbc.retargeting.mending`): feet that stand do not slide, limits, speeds and
-    accelerations of joints, margins between bodies. What is not is said (``broken``).
+    head and arms follow the human's, fingers are held as they stand. Frames are first solved one
+    after the other by the tick, then all at once with the jerk of the joints
+    (:mod:`wbc.retargeting.smoothing`), and last what is hard is kept
+    (:mod:`wbc.retargeting.mending`): feet that stand do not slide, limits, speeds and accelerations
+    of joints, margins between bodies. What is not is said (``broken``).
 
     Parameters
     ----------
@@ -117,23 +118,25 @@ def retarget(
     rounds = int(finite_number("retarget, rounds", rounds, least=1.0))
     weights = RetargetWeights() if weights is None else weights
     known = prepared(robot, links, margin if self_collision else None)
-    legs, body, standing, collision = known.legs, known.body, known.standing, known.collision
-    scale = scale_of(human, robot, legs, standing, duration)
+    hands, legs, body, standing, collision, _ = known
+    moved_as = hands.robot
+    scale = scale_of(human, moved_as, legs, standing, duration)
     low = human.cutoff if cutoff is None else cutoff
 
     def problem(scale: MotionScale, weights: RetargetWeights) -> tuple[WholeMotion, Array]:
         source = human_frames(human, rate * scale.time, low, roll)
-        targets = scaled_targets(source, robot, legs, body, standing, scale, balance)
-        tasks = FrameTasks(robot, body, targets, weights, legs.length)
+        targets = scaled_targets(source, moved_as, legs, body, standing, scale, balance)
+        tasks = FrameTasks(moved_as, body, targets, weights, legs.length)
         return WholeMotion(tasks, collision, legs.length), source.series.axes
 
     found = kept(problem, scale, weights, rounds, balance, progress)
     notes = [*known.notes, *body.notes, *found.notes(scale.time)]
-    feet, moved = resettled(found.motion.tasks.targets.feet, robot, found.q)
+    feet, moved = resettled(found.motion.tasks.targets.feet, moved_as, found.q)
     targets = replace(found.motion.tasks.targets, feet=feet)
     notes += [*targets.notes, *moved]
+    q = hands.of_all_joints(found.q)
     return judged(
-        robot, known, human.motion.source, found.scale, targets, found.q, friction, tuple(notes)
+        robot, known, human.motion.source, found.scale, targets, q, friction, tuple(notes)
     )
 
 
@@ -161,7 +164,7 @@ def judged(
         cop=ground.cop,
         reached=reached(robot, known.body, targets, q, whole, known.standing.com_height),
         unbalanced=ground.unbalanced,
-        broken=broken(robot, known.collision, targets, q, v, acceleration),
+        broken=broken(known, targets, q, v, acceleration),
         notes=notes,
     )
     return replace(found, notes=(*notes, *unlike(found)))

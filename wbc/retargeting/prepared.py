@@ -1,15 +1,16 @@
-"""What is found out about a robot once, whatever motion it is given."""
+"""What is found out about a robot once, whatever motion it is given; of the last few robots."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 from wbc.constraints import BrakingParameters, SelfCollision
 from wbc.errors import ModelError
 from wbc.gait.legs import Legs
 from wbc.retargeting.body_map import BodyMap, body_map
+from wbc.retargeting.fingers import FingersHeld
 from wbc.retargeting.scaling import StandingBody, standing_of
 from wbc.robot import Robot
 from wbc.validate import by_name
@@ -20,17 +21,14 @@ BRAKING = BrakingParameters(deceleration=50.0, gain=1.0)
 
 
 class Prepared(NamedTuple):
-    """A robot's legs, its parts, how it stands, and the margins between its bodies, if wanted."""
+    """What it moves as, its legs and parts, how it stands, and margins of its bodies, if wanted."""
 
+    hands: FingersHeld
     legs: Legs
     body: BodyMap
     standing: StandingBody
     collision: SelfCollision | None
-    notes: tuple[str, ...]  # why bodies are not kept apart, if they should be
-
-
-_Key = tuple[tuple[tuple[str, str], ...], float | None]
-_known: WeakKeyDictionary[Robot, dict[_Key, Prepared]] = WeakKeyDictionary()
+    notes: tuple[str, ...]  # what is held, and why bodies are not kept apart, if they should be
 
 
 def prepared(robot: Robot, links: Mapping[str, str] | None, margin: float | None) -> Prepared:
@@ -44,16 +42,17 @@ def prepared(robot: Robot, links: Mapping[str, str] | None, margin: float | None
         Between bodies [m]; None: they may touch.
     """
     given = {} if links is None else dict(by_name("retarget, links", links))
-    key = tuple(sorted(given.items())), margin
-    every = _known.setdefault(robot, {})
-    if key not in every:
-        legs, body = Legs.of(robot), body_map(robot, given)
-        collision, notes = None, tuple[str, ...]()
-        if margin is not None:
-            try:
-                collision = SelfCollision(robot, margin=margin, braking=BRAKING)
-            except ModelError as error:  # shapes that are not there, most of all
-                notes = (f"{APART}: {error}",)
-        standing = standing_of(robot, legs, body)
-        every[key] = Prepared(legs, body, standing, collision, notes)
-    return every[key]
+    return _found_out(robot, tuple(sorted(given.items())), margin)
+
+
+@lru_cache(maxsize=8)
+def _found_out(robot: Robot, links: tuple[tuple[str, str], ...], margin: float | None) -> Prepared:
+    body = body_map(robot, dict(links))
+    hands = FingersHeld.of(robot, body)
+    legs, collision, notes = Legs.of(hands.robot), None, hands.notes
+    if margin is not None:
+        try:
+            collision = SelfCollision(hands.robot, margin=margin, braking=BRAKING)
+        except ModelError as error:  # shapes that are not there, most of all
+            notes += (f"{APART}: {error}",)
+    return Prepared(hands, legs, body, standing_of(hands.robot, legs, body), collision, notes)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.constraints import SelfCollision
 from wbc.gait.legs import SIDES
 from wbc.retargeting.body_map import BodyMap
 from wbc.retargeting.ground_forces import stretches
 from wbc.retargeting.mending import too_near
+from wbc.retargeting.prepared import Prepared
 from wbc.retargeting.result import Reached, Retargeted, correlations, slides
 from wbc.retargeting.smoothing import able_accelerations
 from wbc.retargeting.targets import Targets
@@ -76,10 +76,12 @@ def reached(
 
 
 def broken(
-    robot: Robot, collision: SelfCollision | None, targets: Targets, q: Array, v: Array,
-    acceleration: Array,
-) -> tuple[Unbalanced, ...]:  # fmt: skip
-    """Return what is hard and not kept by a motion (n, nq), (n, nv)."""
+    known: Prepared, targets: Targets, q: Array, v: Array, acceleration: Array
+) -> tuple[Unbalanced, ...]:
+    """Return what is hard and not kept by a motion (n, nq), (n, nv) of all joints."""
+    hands, collision = known.hands, known.collision
+    robot, q = hands.robot, q[:, hands.q_kept]
+    v, acceleration = v[:, hands.v_kept], acceleration[:, hands.v_kept]
     limits, time = robot.limits, targets.time
     parts = [
         ("sole slides", slides(robot, targets, q), [f"{side} foot" for side in SIDES]),

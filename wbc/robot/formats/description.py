@@ -229,7 +229,7 @@ def lock_joints(
     limits = JointLimits.of(model)
     for name, value in locked.items():
         limits.set_joint(reference, name, value)
-    return _reduced(model, [*locked], reference), couplings
+    return reduced_model(model, [*locked], reference), couplings
 
 
 def _check_reach(description: Description, joint: str, coupling: Coupling) -> None:
@@ -266,7 +266,7 @@ def _constant(description: Description, joint: str, value: float) -> float:
     return value
 
 
-def _reduced(model: pin.Model, locked: Iterable[str], reference: Array) -> pin.Model:
+def reduced_model(model: pin.Model, locked: Iterable[str], reference: Array) -> pin.Model:
     """Return a model without some joints; links may be called as joints are.
 
     Pinocchio looks frames up by their names alone there, so that they get others meanwhile.
