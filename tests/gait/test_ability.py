@@ -53,6 +53,16 @@ def test_weak_joints_are_named(caplog: pytest.LogCaptureFixture) -> None:
     assert Walker(robot, torque_limits=2.0).notes == ()
 
 
+def test_dry_friction_that_takes_much_of_the_torque_is_said() -> None:
+    knees = {"*_knee_pitch": 2.0}
+    (note,) = Walker(Robot.load("hoap2_like", friction=knees)).notes
+    assert (
+        "dry friction takes up to 22 % of the torque of left_knee_pitch, right_knee_pitch, and"
+        in note
+    )
+    assert Walker(Robot.load("hoap2_like", friction={"*": 0.1})).notes == ()
+
+
 def without(joint: str, half_width: float) -> Robot:
     """A small humanoid without a joint of either leg, on soles of that half width [m]."""
     polygon = [

@@ -9,6 +9,7 @@ import pytest
 
 from wbc.gait import Walker
 from wbc.gait.crouch import walking_posture
+from wbc.gait.legs import STRETCH, Legs, bent_backwards
 from wbc.robot import Robot
 from wbc.tasks import PostureTask
 
@@ -51,6 +52,25 @@ def test_straight_legs_bend_their_knees_to_the_gaits_height(straight: Robot) -> 
         if "knee" in name:
             assert angles[k] > 0.3  # not the way that has 0.4 rad only
     assert (angles <= straight.limits.upper).all() and (angles >= straight.limits.lower).all()
+
+
+def test_knees_that_stand_past_straight_bend_the_way_they_can(hoap2: Robot) -> None:
+    """As a RoboCup robot's at zero: its weight held such knees at their limits as it walked."""
+    text = hoap2.path.read_text()
+    for joint, turned in (("hip_pitch", 0.25), ("knee(?:_pitch)?", -0.5), ("ankle_pitch", 0.25)):
+        pattern = rf'(<joint name="(?:left|right)_{joint}".*?rpy=")0 0 0'
+        text, count = re.subn(pattern, rf"\g<1>0 {turned} 0", text, flags=re.DOTALL)
+        assert count == 2
+    robot = Robot.load(text, base="floating")
+    start = robot.snapshot(robot.posture("standing"))
+    legs = Legs.of(robot)
+    assert legs.hip_height < STRETCH * legs.length  # which is how straight legs were told
+    assert bent_backwards(start) and not bent_backwards(hoap2.snapshot(hoap2.posture("standing")))
+    height = Walker(robot).gait.height
+    q = walking_posture(start, height)
+    knees = [k for k, name in enumerate(robot.joint_names) if "knee" in name]
+    assert (robot.limits.joint_positions(q)[knees] > 0.5 + 0.2).all()  # 0.5 is straight
+    assert robot.snapshot(q).com[2] == pytest.approx(height, abs=2e-3)
 
 
 def test_bent_and_given_postures_are_left_alone(hoap2: Robot, straight: Robot) -> None:

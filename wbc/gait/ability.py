@@ -12,6 +12,7 @@ from wbc.constraints.line_contact import LineContact
 from wbc.constraints.mechanics import BoltedBase, mechanics_of
 from wbc.constraints.support_modes import contact_kind
 from wbc.gait.legs import SIDES, leg_joints
+from wbc.notebook import some
 from wbc.robot import Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
@@ -23,6 +24,9 @@ LEAST_ROLL, NONE = 0.1, 1e-3
 # A sole that is wider than this part of the CoM's height stays flat, and is led as one that does: a
 # small humanoid of 0.23 without rolls walks aside, and falls, if it is taken for a line.
 NARROW = 0.2
+# Of a joint's torque: dry friction that takes more of it is felt in how feet are led. With a
+# quarter a servo's small humanoid goes half as fast as it is told to.
+STICKY = 0.1
 
 
 def contact_of(posture: Snapshot, side: str) -> type[Contact]:
@@ -81,6 +85,16 @@ def lacks(posture: Snapshot, most: Array) -> tuple[str, ...]:
             " elsewhere, so that the robot walks faster than it is told to, or falls; a file may"
             " have one motor's torque where two drive a joint by rods: then give the joint's, as"
             f" effort={{{robot.joint_names[int(np.argmax(needed - most))]!r}: ...}}"
+        )
+    legs = [robot.model.idx_vs[joint] for side in SIDES for joint in leg_joints(robot, side)]
+    sticky = [k for k in np.subtract(legs, BASE_NV) if robot.friction[k] > STICKY * most[k]]
+    if sticky:
+        part = max(float(robot.friction[k] / most[k]) for k in sticky)
+        called = some([robot.joint_names[k] for k in sticky])
+        said.append(
+            f"dry friction takes up to {100.0 * part:.0f} % of the torque of"
+            f" {called}, and nothing makes up for it: feet lag"
+            " behind, and the robot walks slower than it is told to"
         )
     for note in said:
         logging.getLogger(__name__).warning("walker: %s: %s", robot.name, note)

@@ -6,7 +6,7 @@ import logging
 
 import numpy as np
 
-from wbc.gait.legs import SIDES, STRETCH, Legs, knee_bends
+from wbc.gait.legs import SIDES, STRETCH, Legs, bent_backwards, knee_bends
 from wbc.robot import Snapshot
 from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
@@ -15,6 +15,7 @@ from wbc.validate import Array
 ROUNDS = 100
 CLOSE = 1e-3  # m and rad
 DAMPING = 1e-6  # squared, of each step
+NEARLY = 0.95  # part of a leg's length: knees that are past straight by no more are not bent so
 LONGEST = 0.2  # rad or m, of a step
 
 
@@ -28,7 +29,9 @@ def walking_posture(start: Snapshot, height: float) -> Array:
     """
     robot = start.robot
     legs = Legs.of(robot)
-    straight = legs.hip_height > STRETCH * legs.length
+    straight = legs.hip_height > STRETCH * legs.length or (
+        legs.hip_height > NEARLY * legs.length and bent_backwards(start)
+    )
     if not straight or not np.array_equal(start.q, robot.postures[STANDING]):
         return start.q
     bends = knee_bends(robot, legs.hip_height - (legs.com_height - height))

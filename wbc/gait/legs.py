@@ -12,7 +12,7 @@ import pinocchio as pin
 from wbc.constraints import Limits
 from wbc.errors import InvalidInputError
 from wbc.robot.limits import BASE_NV
-from wbc.robot.model import Robot, check_robot
+from wbc.robot.model import Robot, Snapshot, check_robot
 from wbc.robot.postures import STANDING
 from wbc.validate import Array, read_only
 
@@ -21,6 +21,8 @@ SIDES = ("left", "right")
 STRETCH = 0.98
 # Likewise while it walks: knees stay bent in a long step.
 BENT = 0.905
+# Cosine between the axes of hip, knee and ankle about which a leg bends.
+ALIKE = 0.95
 # By so much of its length a leg is shortened as it lifts its foot.
 LIFTED = 0.1
 # Part of torques and of ranges that a swing may count on; the rest is for all else that legs do.
@@ -231,6 +233,34 @@ def knee_bends(robot: Robot, length: float) -> dict[str, float]:
         knee, angles, lengths = _knee(robot, leg_joints(robot, side))
         bends[str(robot.model.names[knee])] = _bend(angles, lengths, length)
     return bends
+
+
+def bent_backwards(snapshot: Snapshot) -> bool:
+    """Return whether a knee is past straight, on the side to which it does not bend.
+
+    It is straight where the axes of hip, knee and ankle that are alike lie in one plane, wherever
+    the joints' origins are along these axes. In the zero posture of some files they do not.
+    """
+    robot, limits = snapshot.robot, snapshot.robot.limits
+    _, origins = snapshot.joint_placements
+    for side in SIDES:
+        joints = leg_joints(robot, side)
+        knee, _, _ = _knee(robot, joints)
+        turns = snapshot.jacobian(robot.feet[side].frame)[3:]
+        axes = {joint: turns[:, robot.model.idx_vs[joint]] for joint in joints}
+        axis = axes[knee]
+        alike = [joint for joint in joints if abs(axes[joint] @ axis) > ALIKE]
+        place = alike.index(knee)
+        if not 0 < place < len(alike) - 1:
+            continue
+        thigh, shank = np.diff(origins[alike[place - 1 : place + 2]], axis=0)
+        along = (thigh @ axis) * (shank @ axis)
+        bend = math.atan2(axis @ np.cross(thigh, shank), thigh @ shank - along)
+        k = limits.names.index(str(robot.model.names[knee]))
+        middle = 0.5 * float(limits.lower[k] + limits.upper[k])
+        if bend * (middle - float(snapshot.joint_positions[k]) + bend) < 0.0:
+            return True
+    return False
 
 
 def _bend(angles: Array, lengths: Array, length: float) -> float:
