@@ -88,6 +88,7 @@ DEFAULTS: dict[str, dict[str, Any]] = {
         "on_failure": "damp",
         "delay": 0.0,
         "spring_time": 0.015,
+        "friction_compensation": 0.0,
     },
     "TorqueTask": {"target": 0.0, "joints": ("*",), "weight": 0.03, "priority": 0},
     "TorqueTick": {"step_scale": 1.0},

@@ -201,7 +201,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "torque controller": (
         torque,
         {"dt": 0.005, "torque_limits": 1.0, "force_damping": 1e-6, "force_ramp": 0.1,
-         "spring_time": 0.1}),
+         "spring_time": 0.1, "friction_compensation": 1.0}),
     "ramp": (lambda x: torque().set_contacts(HELD, ramp=x), {"x": 0.1}),
     "reduction": (
         partial(wbc.reduce, HERE),

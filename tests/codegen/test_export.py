@@ -196,9 +196,13 @@ def test_what_the_core_does_not_know_is_named(
     assert not (tmp_path / "c").exists()
 
 
-def test_a_delay_that_python_predicts_over_is_refused(tmp_path: Path) -> None:
-    path = write(tmp_path, TORQUE.replace("dt: 0.002", "dt: 0.002, delay: 0.004"))
-    with pytest.raises(CodegenError, match="a delay to predict over"):
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [("delay: 0.004", "a delay to predict over"), ("friction_compensation: 1", "dry friction")],
+)
+def test_what_python_makes_up_for_is_refused(tmp_path: Path, setting: str, said: str) -> None:
+    path = write(tmp_path, TORQUE.replace("dt: 0.002", f"dt: 0.002, {setting}"))
+    with pytest.raises(CodegenError, match=said):
         export_problem(path, tmp_path / "c")
     assert not (tmp_path / "c").exists()
 

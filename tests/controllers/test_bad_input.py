@@ -194,6 +194,9 @@ RANGES: dict[str, tuple[Make, tuple[Any, ...], tuple[Any, ...]]] = {
     "force_damping": (lambda x: torque(force_damping=x), (TINY,), (0.0,)),
     "force_ramp": (lambda x: torque(force_ramp=x), (0.0,), (-TINY,)),
     "spring_time": (lambda x: torque(spring_time=x), (0.0,), (-TINY,)),
+    "friction_compensation": (
+        lambda x: torque(friction_compensation=x), (0.0, 1.0), (-TINY, 1.0 + LITTLE),
+    ),
     "torque_limits": (lambda x: torque(torque_limits=x), (LITTLE,), (0.0,)),
     "stance, torque_limits": (
         lambda x: stance_torques(START, HELD, torque_limits=x), (LITTLE,), (0.0,)),

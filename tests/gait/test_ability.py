@@ -55,9 +55,11 @@ def test_weak_joints_are_named(caplog: pytest.LogCaptureFixture) -> None:
 
 def test_dry_friction_that_takes_much_of_the_torque_is_said() -> None:
     knees = {"*_knee_pitch": 2.0}
-    (note,) = Walker(Robot.load("hoap2_like", friction=knees)).notes
+    robot = Robot.load("hoap2_like", friction=knees)
+    (note,) = Walker(robot).notes
+    assert Walker(robot, friction_compensation=0.8).notes == ()
     assert (
-        "dry friction takes up to 22 % of the torque of left_knee_pitch, right_knee_pitch, and"
+        "dry friction takes up to 22 % of the torque of left_knee_pitch, right_knee_pitch: without"
         in note
     )
     assert Walker(Robot.load("hoap2_like", friction={"*": 0.1})).notes == ()

@@ -62,6 +62,8 @@ def _unknown(controller: Controller) -> str | None:
     torque = isinstance(controller, TorqueController)
     if isinstance(controller, TorqueController) and controller.delay:
         return "a delay to predict over; leave controller.delay out"
+    if isinstance(controller, TorqueController) and controller.friction_compensation:
+        return "dry friction to make up for; leave controller.friction_compensation out"
     if torque and controller.robot.passive:
         return "springs and other forces that no motor gives"
     for task in (*controller.tasks, *controller.plan.held.contacts):

@@ -32,6 +32,7 @@ from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.controller import Controller
 from wbc.controllers.core_plan import CorePlan
 from wbc.controllers.core_tick import CoreTick
+from wbc.controllers.dry_friction import DryFriction
 from wbc.controllers.dynamics import TickDynamics
 from wbc.controllers.effort_bounds import StanceBraking, effort_bounds, limits_within
 from wbc.controllers.force_ramps import ForceRamps
@@ -44,9 +45,10 @@ from wbc.controllers.prediction import StatePrediction
 from wbc.controllers.relaxation import Physical, given_way, relaxed_qp
 from wbc.controllers.tick import RELAX, Tick
 from wbc.controllers.torque_tick import TorqueTick
-from wbc.errors import ControllerFailure
+from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.qp.backend import Backend, doubt_at_torque_level
 from wbc.robot import Robot, Snapshot
+from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
 from wbc.tasks.task import Task
 from wbc.validate import Array, by_name, finite_array, finite_number, read_only
@@ -106,6 +108,10 @@ class TorqueController(Controller):
         alone (0), which is what acts at once, ground that is felt through stiff springs is pressed
         by accelerating the little that is behind them, and torques chatter. Slower springs feel
         nothing of it.
+    friction_compensation:
+        Part of the joints' dry friction (``robot.friction``) that torques make up for, in [0, 1],
+        where they are going: added to what the QP finds, within the torque bounds. By default none:
+        rows know of no dry friction, and servos that have much of it lag behind.
 
     See :class:`~wbc.controllers.controller.Controller` for the others.
 
@@ -120,6 +126,7 @@ class TorqueController(Controller):
     force_ramp: float
     delay: float
     spring_time: float
+    friction_compensation: float
     torque_bounds: Array  # of the joints (nv - 6,) [N m]
     contact_forces: ContactForces
 
@@ -150,6 +157,7 @@ class TorqueController(Controller):
         deadline: float | None = None,
         delay: float = 0.0,
         spring_time: float = SPRING_TIME,
+        friction_compensation: float = 0.0,
     ) -> None:
         check_robot(type(self).__name__, robot)
         check_list("tasks", tasks, Task)
@@ -161,6 +169,8 @@ class TorqueController(Controller):
         self.force_damping = finite_number("controller, force_damping", force_damping, above=0.0)
         self.force_ramp = force_ramp
         self.spring_time = finite_number("controller, spring_time", spring_time, least=0.0)
+        self.friction_compensation = friction_compensation
+        self._friction = DryFriction(robot)
         self.torque_bounds = effort_bounds(robot, torque_limits)
         self._braking = StanceBraking(robot, self.torque_bounds)
         self._last: Reaction | None = None
@@ -190,6 +200,13 @@ class TorqueController(Controller):
             logging.getLogger(__name__).warning(
                 "controller: %s; what it leaves, the core's 'active_set' answers", doubt
             )
+
+    def _set_attribute(self, name: str, value: Any) -> None:
+        if name == "friction_compensation":
+            value = finite_number(f"controller, {name}", value, least=0.0)
+            if value > 1.0:
+                raise InvalidInputError(f"controller, {name}: {value:g} is above 1, all of it")
+        super()._set_attribute(name, value)
 
     def step(
         self, snapshot: Snapshot, wrenches: Mapping[str, ArrayLike] | None = None
@@ -410,11 +427,14 @@ class TorqueController(Controller):
         f: Array,
     ) -> TorqueTick:
         """Return a tick with the torques within their bounds."""
-        bounds = self.torque_bounds
+        bounds, acceleration = self.torque_bounds, (velocity - snapshot.v) / self.dt
+        if self.friction_compensation:
+            missing = self._friction.torques(snapshot.v[BASE_NV:], acceleration[BASE_NV:])
+            torque += self.friction_compensation * missing
         np.minimum(np.maximum(torque, -bounds, out=torque), bounds, out=torque)
         self.__dict__["_last"] = last = Reaction(self.contact_forces, snapshot, f)
         known["torque"] = read_only(torque)
-        known["acceleration"] = read_only((velocity - snapshot.v) / self.dt)
+        known["acceleration"] = read_only(acceleration)
         known["reaction"], known["ramps"] = last, self._ramped
         known["wrenches"] = self._wrenches
         return TorqueTick.reading(found, velocity, known)

@@ -53,7 +53,7 @@ def rolls(posture: Snapshot, side: str) -> bool:
     return bool(left.size) and float(np.linalg.norm(rows[3] @ left)) > LEAST_ROLL
 
 
-def lacks(posture: Snapshot, most: Array) -> tuple[str, ...]:
+def lacks(posture: Snapshot, most: Array, stuck: float) -> tuple[str, ...]:
     """Return what the legs of a robot lack for walking, in words, and warn of it.
 
     Parameters
@@ -62,6 +62,8 @@ def lacks(posture: Snapshot, most: Array) -> tuple[str, ...]:
         The one that it walks in, on both feet.
     most:
         (nv - 6,) largest torques [N m], infinite where there is no limit.
+    stuck:
+        Part of the dry friction that is not made up for.
     """
     robot = posture.robot
     said = []
@@ -87,14 +89,15 @@ def lacks(posture: Snapshot, most: Array) -> tuple[str, ...]:
             f" effort={{{robot.joint_names[int(np.argmax(needed - most))]!r}: ...}}"
         )
     legs = [robot.model.idx_vs[joint] for side in SIDES for joint in leg_joints(robot, side)]
-    sticky = [k for k in np.subtract(legs, BASE_NV) if robot.friction[k] > STICKY * most[k]]
+    friction = stuck * robot.friction
+    sticky = [k for k in np.subtract(legs, BASE_NV) if friction[k] > STICKY * most[k]]
     if sticky:
-        part = max(float(robot.friction[k] / most[k]) for k in sticky)
+        part = max(float(friction[k] / most[k]) for k in sticky)
         called = some([robot.joint_names[k] for k in sticky])
         said.append(
             f"dry friction takes up to {100.0 * part:.0f} % of the torque of"
-            f" {called}, and nothing makes up for it: feet lag"
-            " behind, and the robot walks slower than it is told to"
+            f" {called}: without friction_compensation=1 feet lag behind, and the robot walks"
+            " slower than it is told to"
         )
     for note in said:
         logging.getLogger(__name__).warning("walker: %s: %s", robot.name, note)

@@ -202,7 +202,8 @@ class WholeBody:
         for task in self._swing.values():
             task.switch_off()
         self._swing_freely(robot)
-        self.lacks = lacks(bent, self.controller.torque_bounds)
+        stuck = 1.0 - self.controller.friction_compensation
+        self.lacks = lacks(bent, self.controller.torque_bounds, stuck)
         self.lasting = (self._height, *self._trunk.values(), *tasks)
 
     def _held(self, snapshot: Snapshot, feet: Iterable[str]) -> list[Contact]:

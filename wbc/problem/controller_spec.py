@@ -39,7 +39,15 @@ class ControllerSpec(Section):
     """What all methods have in common."""
 
     elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("torque_limits", "force_damping", "force_ramp", "friction", "delay", "spring_time"),
+        (
+            "torque_limits",
+            "force_damping",
+            "force_ramp",
+            "friction",
+            "delay",
+            "spring_time",
+            "friction_compensation",
+        ),
         _TORQUE,
     )
 
@@ -143,6 +151,10 @@ class TorqueSpec(SolverSettings):
     spring_time: NonNegative = default_of(TorqueController, "spring_time")
     """While anything bears on the ground, within which springs of joints without a motor give way
     until they bear what is asked for [s]; 0: at once, which chatters where they are stiff."""
+    friction_compensation: Annotated[float, Field(ge=0.0, le=1.0)] = default_of(
+        TorqueController, "friction_compensation"
+    )
+    """Part of the joints' dry friction that torques make up for."""
     friction: Friction = default_of(FrictionCone, "coefficient")
     """Friction coefficient that the controller counts on, or {coefficient: ..., facets: ...}; of
     contacts that the support gives none of their own."""
