@@ -332,7 +332,7 @@ class CoreMemory:
         """Return how many numbers setting up the QPs needs."""
         tree, n = self.tree, self.n
         work = max(
-            self._planned.largest * (n + 4) + tree.nv * (tree.nv + 12), 13 * tree.joints + 17 * n
+            self._planned.largest * (n + 4) + tree.nv * (tree.nv + 16), 13 * tree.joints + 17 * n
         )
         if self.curved:
             work += 2 * tree.nv * (tree.nv + 3)

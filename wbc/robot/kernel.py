@@ -105,7 +105,7 @@ class NativeState(NamedTuple):
     def inertia_hessian(self, weights: Array, mass: float) -> Array:
         """Return the second derivative (nv, nv) by v of <weights, inertia>: see curvature.c."""
         nv = self.tree.nv
-        hessian, work = np.empty((nv, nv)), np.empty(10 * (nv + 3))
+        hessian, work = np.empty((nv, nv)), np.empty(13 * (nv + 3))
         at, given = map(doubles, (self.array, vech(weights)))
         lib.wbc_inertia_hessian(self.tree.struct, at, mass, given, *map(doubles, (work, hessian)))
         return hessian

@@ -49,7 +49,7 @@ int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *st
 int wbc_frames(const wbc_tree *tree, const double *state, int64_t count, const int64_t *joint,
                const double *placement, double *out);
 /* Write the second derivative (nv, nv) by v of <G, I>, G as xx xy xz yy yz zz and I about the CoM, world axes.
- * work holds 10 (nv + 3) numbers. Returns 0. */
+ * work holds 13 (nv + 3) numbers. Returns 0. */
 int wbc_inertia_hessian(const wbc_tree *tree, const double *state, double mass, const double *G,
                         double *work, double *H);
 /* Write where q gets to over a displacement (nv), as Pinocchio integrates. Returns 0. */

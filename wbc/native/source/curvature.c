@@ -12,38 +12,40 @@
 
 #include "rows.h"
 
-/* Rows of work, nv entries each and zeros up to a multiple of four: how the inertia pulls at a column
- * of v, angular and linear, and the column's velocity at the CoM. */
-enum { ANGULAR_PULL = 0, LINEAR_PULL = 3, AT_COM = 6, ROWS = 9 };
+/* Four columns of v, side by side: how the inertia pulls at them, angular and linear, the velocities that they
+ * give to what is at the CoM, and to the CoM itself. Columns beyond the last are 0. */
+typedef struct {
+    four angular[3], linear[3], at_com[3], com[3];
+} columns;
 
-/* Columns of v by how the inertia pulls at them, G, and how they move. */
-INLINE void pulls(int64_t nv, const double *state, double mass, const double *G,
-                  double *restrict work) {
+/* Columns of v by how the inertia pulls at them, G, and how they move. Returns what is behind them in work. */
+INLINE double *pulls(int64_t nv, const double *state, double mass, const double *G, columns *restrict to) {
     const double *restrict rates = state + INERTIA_JACOBIAN(nv), *h = state + COM_JACOBIAN(nv);
     const double *restrict T = state + TWISTS(nv), *com = state + COM;
-    const int64_t w = PADDED(nv);
     const double trace = G[0] + G[3] + G[5];
     const double k[6] = {mass * (trace - G[0]), -mass * G[1],          -mass * G[2],
                          mass * (trace - G[3]), -mass * G[4], mass * (trace - G[5])};
-    for (int r = 0; r < ROWS; r++)
-        for (int64_t c = nv; c < w; c++) work[r * w + c] = 0.0;
-    INDEPENDENT
-    for (int64_t c = 0; c < nv; c++) {
-        const double xx = rates[c], xy = rates[nv + c], xz = rates[2 * nv + c];
-        const double yy = rates[3 * nv + c], yz = rates[4 * nv + c], zz = rates[5 * nv + c];
-        const double x = h[c], y = h[nv + c], z = h[2 * nv + c];
-        const double p = T[3 * nv + c], q = T[4 * nv + c], r = T[5 * nv + c];
+    for (int64_t c = 0; c < nv; c += 4, to++) {
+        const four xx = FOUR(rates + c), xy = FOUR(rates + nv + c), xz = FOUR(rates + 2 * nv + c);
+        const four yy = FOUR(rates + 3 * nv + c), yz = FOUR(rates + 4 * nv + c), zz = FOUR(rates + 5 * nv + c);
+        const four x = FOUR(h + c), y = FOUR(h + nv + c), z = FOUR(h + 2 * nv + c);
+        const four p = FOUR(T + 3 * nv + c), q = FOUR(T + 4 * nv + c), r = FOUR(T + 5 * nv + c);
         /* the axis of G dI - dI G */
-        work[c] = (G[2] * xy + G[4] * yy + G[5] * yz) - (G[1] * xz + G[3] * yz + G[4] * zz);
-        work[w + c] = (G[0] * xz + G[1] * yz + G[2] * zz) - (G[2] * xx + G[4] * xy + G[5] * xz);
-        work[2 * w + c] = (G[1] * xx + G[3] * xy + G[4] * xz) - (G[0] * xy + G[1] * yy + G[2] * yz);
-        work[3 * w + c] = k[0] * x + k[1] * y + k[2] * z;
-        work[4 * w + c] = k[1] * x + k[3] * y + k[4] * z;
-        work[5 * w + c] = k[2] * x + k[4] * y + k[5] * z;
-        work[6 * w + c] = T[c] + (q * com[2] - r * com[1]);
-        work[7 * w + c] = T[nv + c] + (r * com[0] - p * com[2]);
-        work[8 * w + c] = T[2 * nv + c] + (p * com[1] - q * com[0]);
+        to->angular[0] = (G[2] * xy + G[4] * yy + G[5] * yz) - (G[1] * xz + G[3] * yz + G[4] * zz);
+        to->angular[1] = (G[0] * xz + G[1] * yz + G[2] * zz) - (G[2] * xx + G[4] * xy + G[5] * xz);
+        to->angular[2] = (G[1] * xx + G[3] * xy + G[4] * xz) - (G[0] * xy + G[1] * yy + G[2] * yz);
+        to->linear[0] = k[0] * x + k[1] * y + k[2] * z;
+        to->linear[1] = k[1] * x + k[3] * y + k[4] * z;
+        to->linear[2] = k[2] * x + k[4] * y + k[5] * z;
+        to->at_com[0] = FOUR(T + c) + (q * com[2] - r * com[1]);
+        to->at_com[1] = FOUR(T + nv + c) + (r * com[0] - p * com[2]);
+        to->at_com[2] = FOUR(T + 2 * nv + c) + (p * com[1] - q * com[0]);
+        to->com[0] = x, to->com[1] = y, to->com[2] = z;
     }
+    for (int64_t j = nv & 3; j && j < 4; j++)
+        for (int i = 0; i < 3; i++)
+            to[-1].angular[i][j] = to[-1].linear[i][j] = to[-1].at_com[i][j] = to[-1].com[i][j] = 0.0;
+    return (double *)to;
 }
 
 /* The joint behind the last one that joint i carries: those that it carries follow it. */
@@ -54,35 +56,40 @@ static int64_t carried_until(const wbc_tree *tree, int64_t i) {
 }
 
 /* How the inertia pulls at column b as column a moves all that b moves. */
-INLINE double moved_by(int64_t nv, const double *turn, const double *work, int64_t a, int64_t b) {
-    const int64_t w = PADDED(nv);
-    const double *carried = work + LINEAR_PULL * w, *at_com = work + AT_COM * w;
+INLINE double moved_by(int64_t nv, const double *turn, const columns *of, int64_t a, int64_t b) {
+    const columns *one = of + (a >> 2), *other = of + (b >> 2);
     double sum = 0.0;
     for (int r = 0; r < 3; r++)
-        sum += turn[r * nv + a] * work[r * w + b] + at_com[r * w + a] * carried[r * w + b];
+        sum += turn[r * nv + a] * other->angular[r][b & 3] + one->at_com[r][a & 3] * other->linear[r][b & 3];
     return sum;
 }
 
 /* Row a of the second derivative (nv, nv) of <G, I> by v, world axes, from its diagonal on, zeros
- * elsewhere. end: behind the columns that column a carries.
- * All loops begin at a multiple of four: what is stored as a vector is read back as the same one. */
-INLINE void second_derivative_row(int64_t nv, const double *state, const double *work, int64_t a,
+ * elsewhere. turn: the columns' angular velocities; end: behind the columns that column a carries.
+ * By four from a multiple of four: what is stored as a vector is read back as the same one. */
+INLINE void second_derivative_row(int64_t nv, const double *turn, const columns *of, int64_t a,
                                   int64_t end, double *restrict row) {
-    const int64_t w = PADDED(nv), begin = a & ~(int64_t)3;
-    const double *h = state + COM_JACOBIAN(nv), *turn = state + TWISTS(nv) + 3 * nv;
-    const double *carried = work + LINEAR_PULL * w, *at_com = work + AT_COM * w;
-    const double x = -2.0 * carried[a], y = -2.0 * carried[w + a], z = -2.0 * carried[2 * w + a];
-    double by[6];
-    for (int i = 0; i < 3; i++)
-        by[i] = 2.0 * turn[i * nv + a], by[3 + i] = 2.0 * at_com[i * w + a];
-    for (int64_t b = begin; b < w; b++) row[b] = x * h[b] + y * h[nv + b] + z * h[2 * nv + b];
-    for (int64_t b = begin; b < end; b++)
-        row[b] += (by[0] * work[b] + by[1] * work[w + b] + by[2] * work[2 * w + b]) +
-                  (by[3] * carried[b] + by[4] * carried[w + b] + by[5] * carried[2 * w + b]);
+    static const double from[4][4] = {{1, 1, 1, 1}, {0, 1, 1, 1}, {0, 0, 1, 1}, {0, 0, 0, 1}}; /* which lane on */
+    const columns *at = of + (a >> 2);
+    const int64_t begin = a & ~(int64_t)3, lane = a & 3;
+    double by[3], turned[3], moved[3];
+    for (int i = 0; i < 3; i++) {
+        by[i] = -2.0 * at->linear[i][lane];
+        turned[i] = 2.0 * turn[i * nv + a], moved[i] = 2.0 * at->at_com[i][lane];
+    }
+    for (int64_t b = begin; b < nv; b += 4, at++) {
+        four now = by[0] * at->com[0] + by[1] * at->com[1] + by[2] * at->com[2];
+        if (b < end) {
+            four carried = (turned[0] * at->angular[0] + turned[1] * at->angular[1] + turned[2] * at->angular[2]) +
+                           (moved[0] * at->linear[0] + moved[1] * at->linear[1] + moved[2] * at->linear[2]);
+            if (b + 4 > end) carried *= 1.0 - FOUR(from[end & 3]);
+            now += carried;
+        }
+        *(four *)(row + b) = now;
+    }
     for (int64_t b = a; b < 6; b++) /* the base's columns carry each other */
-        row[b] += moved_by(nv, turn, work, b, a) - moved_by(nv, turn, work, a, b);
-    for (int64_t b = begin; b < a; b++) row[b] = 0.0;
-    for (int64_t b = nv; b < w; b++) row[b] = 0.0;
+        row[b] += moved_by(nv, turn, of, b, a) - moved_by(nv, turn, of, a, b);
+    *(four *)(row + begin) *= FOUR(from[lane]);
 }
 
 /* Add what a row, and its mirror image below the diagonal, adds to the sums of absolute values. */
@@ -97,9 +104,8 @@ INLINE void add_sizes(int64_t nv, int64_t a, const double *restrict row, double 
 }
 
 /* The cost's slope by the inertia's entries, as a symmetric matrix G in the world's axes, and how columns
- * of v pull at it; row (padded nv) is behind them. Returns the first column that counts: of axes of the
- * base those of the base do not. */
-INLINE int64_t prepare(const wbc_plan *plan, const wbc_block *block, const double *state,
+ * of v pull at it. Returns what is behind them in work. */
+INLINE double *prepare(const wbc_plan *plan, const wbc_block *block, const double *state,
                        const double *frames, const double *e, double *work) {
     const int64_t nv = plan->tree->nv, k = block->rows;
     const double *weight = plan->number + block->number + WEIGHTS, *own = weight + 3 * k;
@@ -111,9 +117,11 @@ INLINE int64_t prepare(const wbc_plan *plan, const wbc_block *block, const doubl
         memcpy(G, pull, sizeof G);
     else
         congruent(frames + block->frame * FRAME_SIZE(nv) + FRAME_ROTATION, pull, G);
-    pulls(nv, state, plan->mass, G, work);
-    return block->frame < 0 ? 0 : 6;
+    return pulls(nv, state, plan->mass, G, (columns *)work);
 }
+
+/* The first column that counts: of axes of the base those of the base do not. */
+static int64_t first_column(const wbc_block *block) { return block->frame < 0 ? 0 : 6; }
 
 /* Of joint j: its columns of v, and where those end that it carries. */
 INLINE void columns_of(const wbc_tree *tree, int64_t j, int64_t *begin, int64_t *behind, int64_t *end) {
@@ -126,14 +134,15 @@ WIDE void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const 
                             const double *frames, const double *e, double factor, double *work,
                             double *to, int64_t stride) {
     const wbc_tree *tree = plan->tree;
-    const int64_t nv = tree->nv, first = prepare(plan, block, state, frames, e, work);
-    double *row = work + ROWS * PADDED(nv), *sum = row + PADDED(nv);
+    const int64_t nv = tree->nv, first = first_column(block);
+    const double *turn = state + TWISTS(nv) + 3 * nv;
+    double *row = prepare(plan, block, state, frames, e, work), *sum = row + PADDED(nv);
     int64_t begin, behind, end;
     memset(sum, 0, PADDED(nv) * sizeof *sum);
     for (int64_t j = first ? 2 : 1; j < tree->joints; j++) {
         columns_of(tree, j, &begin, &behind, &end);
         for (int64_t a = begin; a < behind; a++) {
-            second_derivative_row(nv, state, work, a, end, row);
+            second_derivative_row(nv, turn, (const columns *)work, a, end, row);
             add_sizes(nv, a, row, sum);
         }
     }
@@ -141,14 +150,15 @@ WIDE void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const 
 }
 
 /* Add the second derivative, by columns from the first that counts on. */
-INLINE void add_hessian(const wbc_tree *tree, const double *state, int64_t first, double *work, double *H) {
+INLINE void add_hessian(const wbc_tree *tree, const double *state, int64_t first, const double *work, double *row,
+                        double *H) {
     const int64_t nv = tree->nv;
-    double *row = work + ROWS * PADDED(nv);
+    const double *turn = state + TWISTS(nv) + 3 * nv;
     int64_t begin, behind, end;
     for (int64_t j = first ? 2 : 1; j < tree->joints; j++) {
         columns_of(tree, j, &begin, &behind, &end);
         for (int64_t a = begin; a < behind; a++) {
-            second_derivative_row(nv, state, work, a, end, row);
+            second_derivative_row(nv, turn, (const columns *)work, a, end, row);
             H[a * nv + a] += row[a];
             for (int64_t b = a + 1; b < nv; b++) H[a * nv + b] += row[b], H[b * nv + a] += row[b];
         }
@@ -157,14 +167,14 @@ INLINE void add_hessian(const wbc_tree *tree, const double *state, int64_t first
 
 WIDE void add_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
                         const double *frames, const double *e, double *work, double *H) {
-    const int64_t first = prepare(plan, block, state, frames, e, work);
-    add_hessian(plan->tree, state, first, work, H);
+    double *row = prepare(plan, block, state, frames, e, work);
+    add_hessian(plan->tree, state, first_column(block), work, row, H);
 }
 
 WIDE int wbc_inertia_hessian(const wbc_tree *tree, const double *state, double mass, const double *G,
                              double *work, double *H) {
     memset(H, 0, tree->nv * tree->nv * sizeof *H);
-    pulls(tree->nv, state, mass, G, work);
-    add_hessian(tree, state, 0, work, H);
+    double *row = pulls(tree->nv, state, mass, G, (columns *)work);
+    add_hessian(tree, state, 0, work, row, H);
     return DONE;
 }

@@ -26,6 +26,10 @@
 /* The next multiple of four: rows that long, zeros at their ends, leave vectors no rest. */
 #define PADDED(n) (((n) + 3) & ~(int64_t)3)
 
+/* Four numbers behind each other, anywhere. */
+typedef double four __attribute__((vector_size(32), aligned(8), may_alias));
+#define FOUR(from) (*(const four *)(from))
+
 static inline double dot3(const double *a, const double *b) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
