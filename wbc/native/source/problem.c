@@ -56,9 +56,12 @@ WIDE void square(int64_t nv, int64_t rows, const double *restrict J, const doubl
         if (c) {
             for (int64_t i = 0; i < nv; i++) {
                 const double x = a[i], y = b[i], z = c[i];
-                if (x == 0.0 && y == 0.0 && z == 0.0) continue;
+                if (fabs(x) + fabs(y) + fabs(z) == 0.0) continue;
                 double *restrict to = P + i * n;
-                for (int64_t j = i; j < nv; j++) to[j] += x * a[j] + y * b[j] + z * c[j];
+                int64_t j = nv - PADDED(nv - i); /* up to three entries that nobody reads, then no rest */
+                if (j < 0) j = i;
+                for (; j + 4 <= nv; j += 4) *(four *)(to + j) += x * FOUR(a + j) + y * FOUR(b + j) + z * FOUR(c + j);
+                for (; j < nv; j++) to[j] += x * a[j] + y * b[j] + z * c[j];
                 g[i] -= wanted[r] * x + wanted[r + 1] * y + wanted[r + 2] * z;
             }
         } else {
@@ -456,9 +459,9 @@ WIDE int is_qp(const wbc_qp *qp) {
         if (!is_range(qp->lower[i], qp->upper[i])) return 0;
     for (int64_t i = 0; i < qp->m; i++)
         if (!is_range(qp->l[i], qp->u[i])) return 0;
-    for (int64_t i = 0; i < n; i++) /* where only that is not 0 */
-        if (!is_sound(qp->P + i * n + (i < qp->wide ? 0 : i), i < qp->wide ? qp->wide : 1)) return 0;
-    return is_sound(qp->A, qp->k * n) && is_sound(qp->C, qp->m * n) &&
+    for (int64_t i = qp->wide; i < n; i++) /* beyond, only the diagonal is not 0 */
+        if (!is_sound(qp->P + i * (n + 1), 1)) return 0;
+    return is_sound(qp->P, qp->wide * n) && is_sound(qp->A, qp->k * n) && is_sound(qp->C, qp->m * n) &&
            is_sound(qp->g, n) && is_sound(qp->b, qp->k);
 }
 

@@ -50,8 +50,8 @@ int least(int64_t n, const double *H, int64_t stride, const double *f, double *t
 /* The same for another f, by the factors that least left. */
 void least_again(int64_t n, const double *f, double *triangle, double *x);
 
-/* P += J' J on and above the diagonal, g -= J' wanted: rows (nv) that are weighted already, P and g of
- * n unknowns. */
+/* P += J' J on and above the diagonal, and anything just before it, g -= J' wanted: rows (nv) that are weighted
+ * already, P and g of n unknowns. */
 void square(int64_t nv, int64_t rows, const double *restrict J, const double *wanted,
             double *restrict P, int64_t n, double *restrict g);
 

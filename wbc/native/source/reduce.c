@@ -157,7 +157,7 @@ WIDE static int64_t eliminate(const wbc_qp *qp, reduced *of, int64_t count, int6
             double *restrict to = W + i * width;
             const double factor = to[pivot];
             if (i == r || factor == 0.0) continue;
-            for (int64_t c = begin; c < end; c++) to[c] -= factor * top[c];
+            for (int64_t c = begin; c < end; c += 4) *(four *)(to + c) -= factor * FOUR(top + c);
             if (end <= count) to[count] -= factor * top[count];
             to[pivot] = -factor * scale; /* behind the others: vectors would wait for it */
         }
