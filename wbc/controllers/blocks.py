@@ -9,9 +9,8 @@ rows on the unknowns (:class:`ForcePart`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from itertools import accumulate, pairwise
-from operator import is_, itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,8 +26,6 @@ from wbc.tasks.task import Task
 from wbc.validate import Array
 
 _HEADER = lib.WEIGHTS  # numbers of a law
-# Attributes by which a target moves, which most targets of every tick leave at rest.
-_OF_MOTION = frozenset(("_bias", "_drift", "target_rate", "target_acceleration"))
 
 
 class _Place(NamedTuple):
@@ -76,7 +73,7 @@ class Part:
         level: int = 0,
         scale: float = 1.0,
     ) -> None:
-        self.task = task
+        self.task, self.own = task, task.__dict__  # which is quicker to read
         self.held, self.level, self._scale = held, level, scale
         self.kept = None if kept is None else list(kept)
         self.torque = torque
@@ -86,11 +83,8 @@ class Part:
         self.planned_as = task.name, task.priority
         self._places: list[_Place] = []
         self._rereads = kept is None and all(rows.moving for rows in self.rows or ())
-        # Attributes of the task, and where they go: what it aims at; how that moves.
-        self._goals: list[tuple[str, Array]] = []
-        self._motions: list[tuple[str, Array]] = []
-        self._motion_of = _reader(())  # what reads the latter
-        self._motion: tuple[object, ...] = ()  # what they were when they were written
+        # Attributes of the task that move, where they go, and what they were when they were written.
+        self._moving: list[list[Any]] = []
         self._law: VelocityLaw | AccelerationLaw | None = None
         self._factor = scale  # on the weights, with the law's own
         self._second, self._singular = self.second, self.singular
@@ -123,25 +117,23 @@ class Part:
         self._places.append(_Place(header, weight, rest))
         for name, where in zip(rows.moving, rest, strict=False):
             if name and self._rereads:
-                kind = self._motions if name in _OF_MOTION else self._goals
-                kind.append((name, where.reshape(getattr(self.task, name).shape)))
-        self._motion_of = _reader([name for name, _ in self._motions])
+                self._moving.append([name, where.reshape(self.own[name].shape), None])
 
     def write(self, dt: float) -> bool:
         """Write the numbers of a task that was changed; False if it is another one now."""
-        task, planned, own = self.task, self.rows, self.task.__dict__
-        remakes, changes = task._remakes, task._changes
-        motion = self._motion_of(own)
+        own = self.own
+        remakes, changes = own["_remakes"], own["_changes"]
         if remakes is self._remakes and self._rereads:  # only the target was set
-            for name, where in self._goals:
-                where[...] = own[name]
-            if not all(map(is_, motion, self._motion)):  # arrays are replaced, never changed
-                self._motion = motion
-                for name, where in self._motions:
-                    where[...] = own[name]
+            for moving in self._moving:
+                name, where, written = moving
+                now = own[name]
+                if now is not written:  # arrays are replaced, never changed
+                    where[...] = moving[2] = now
             self.changes = changes
             return True
-        self._motion = motion
+        task, planned = self.task, self.rows
+        for moving in self._moving:
+            moving[2] = own[moving[0]]
         found = described(task, self.torque)
         if found is None or planned is None or len(found) != len(planned):
             return False
@@ -326,13 +318,6 @@ class CoreBlocks(NamedTuple):
         """The fields of ``wbc_plan`` that count them."""
         sizes = {"blocks": len(self.blocks), "frames": self.moving}
         return {**sizes, "costs": self.costs, "held": self.held}
-
-
-def _reader(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ...]]:
-    """Return what reads several attributes, as a tuple."""
-    if not names:
-        return lambda _: ()
-    return itemgetter(*names, names[0])  # of one name alone it is no tuple
 
 
 def described(task: Task, torque: bool) -> Sequence[NativeRows] | None:

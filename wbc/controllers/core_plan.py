@@ -268,8 +268,8 @@ class CorePlan:
             self.memory.write_limits(limits)
             self._limits_changes = limits._changes
         for part in self._parts:
-            task = part.task
-            if task._changes is not part.changes:
+            if part.own["_changes"] is not part.changes:
+                task = part.task
                 if (task.name, task.priority) != part.planned_as:
                     return False
                 if forces is not None and part.held:
