@@ -42,24 +42,19 @@ class FlatForm:
         self.labels = labels
         n, k, m = len(labels.variables), len(labels.equality), len(labels.inequality)
         self.n, self.lengths = n, (n * n, k * n, m * n, n, n, n, k, m, m)
-        self._sizes, self._given = (n, k, m, n), _begins(self.lengths)
-        self._answer = *_begins((n, k, m, n)), 2 * n + k + m
+        self._sizes, self._end = (n, k, m), 2 * n + k + m
         self._working, self._places = _sizes(n, k, m)
 
     def solve(
         self, numbers: list[float], eps: float, most: int
     ) -> tuple[list[float], list[float], list[float]] | None:
         """Return x, z and z_box, or None where the core has no answer; see below."""
-        x, y, z, z_box, end = self._answer
-        at, out = new("double[]", numbers), new("double[]", end + 4 + self._working)
-        struct = new("wbc_qp *", (*self._sizes, eps, *[at + k for k in self._given]))
-        struct.x, struct.y, struct.z, struct.z_box = out, out + y, out + z, out + z_box
-        struct.found = out + end
-        order = new("int64_t[]", self._places)
-        if lib.wbc_solve_qp(struct, ffi.NULL, most, out + end + 4, order) != DONE:
+        (n, k, m), end = self._sizes, self._end
+        out, order = new("double[]", end + 4 + self._working), new("int64_t[]", self._places)
+        if lib.wbc_solve_flat(n, k, m, numbers, eps, most, out, order) != DONE:
             return None
         answer = ffi.unpack(out, end)
-        return answer[x:y], answer[z:z_box], answer[z_box:]
+        return answer[:n], answer[n + k : n + k + m], answer[n + k + m :]
 
 
 class FlatQP(NamedTuple):

@@ -313,6 +313,10 @@ int wbc_layout(const wbc_plan *plan, int64_t level, int64_t *at);
  * Farkas certificate: y'A + z'C + z_box' = 0, and their sum by the ends that they point at is below 0. */
 int wbc_solve_qp(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
                  int64_t *order);
+/* The same of one whose P A C g lower upper b l u lie behind each other in numbers; x y z z_box and four numbers of
+ * found are written to out, behind which it works. */
+int wbc_solve_flat(int64_t n, int64_t k, int64_t m, double *numbers, double eps, int64_t most, double *out,
+                   int64_t *order);
 
 /* Write how far x, y, z and z_box are from optimal: primal, dual and complementarity residual into found (3).
  * gradient (n) is scratch. Returns 0. */
