@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 from wbc.gait.command import Velocity
 from wbc.gait.dcm import shift_gain
@@ -52,13 +53,17 @@ class Footsteps:
         return gain * cmath.rect(1.0, heading) * pair / (1.0 - q * q)
 
     def _way(self, support: str, velocity: Velocity) -> complex:
-        """Return a step as seen from the standing foot: x + i y [m]."""
-        vx, vy, yaw_rate = velocity
-        T, sign = self.gait.times.total, SIGN[other(support)]
-        leads = sign * vy > 0.0
-        turn = cmath.rect(1.0, yaw_rate * T)
-        middle = cmath.rect(T, 0.5 * yaw_rate * T) * complex(vx, 2.0 * vy if leads else 0.0)
-        return middle + complex(0.0, 0.5 * sign * self.gait.width) * (1.0 + turn)
+        return _way(SIGN[other(support)], velocity, self.gait.times.total, self.gait.width)
+
+
+@lru_cache(maxsize=2)  # both feet's are asked for in every tick, and most walks are steady
+def _way(sign: float, velocity: Velocity, T: float, width: float) -> complex:
+    """Return the step of a foot at the side ``sign``, as seen from the other: x + i y [m]."""
+    vx, vy, yaw_rate = velocity
+    leads = sign * vy > 0.0
+    turn = cmath.rect(1.0, yaw_rate * T)
+    middle = cmath.rect(T, 0.5 * yaw_rate * T) * complex(vx, 2.0 * vy if leads else 0.0)
+    return middle + complex(0.0, 0.5 * sign * width) * (1.0 + turn)
 
 
 def first_swing(velocity: Velocity) -> str:
