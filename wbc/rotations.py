@@ -50,8 +50,8 @@ def upright_on(normal: Array) -> Array:
     )
 
 
-def check_rotation(what: str, R: Array) -> None:
-    """Raise InvalidInputError unless R is a proper rotation to 1e-6."""
+def check_rotation(what: object, R: Array, which: str = "") -> None:
+    """Raise InvalidInputError, with ``which`` of ``what``, unless R is a rotation to 1e-6."""
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()  # a tenth of the time that NumPy takes for this
     least, most = -1e-6, 1e-6
     if not (  # two columns orthonormal, the third their cross product
@@ -62,7 +62,8 @@ def check_rotation(what: str, R: Array) -> None:
         and least <= g * b - a * h - f <= most
         and least <= a * e - d * b - i <= most
     ):
-        raise InvalidInputError(f"{what}: not a rotation matrix (R'R must be 1 and det R = +1)")
+        which = f", {which}" if which else ""
+        raise InvalidInputError(f"{what}{which}: not a rotation matrix (R'R must be 1 and det R = +1)")
 
 
 def headings(R: Array) -> Array:

@@ -52,12 +52,11 @@ class GaitState(NamedTuple):
         lx, ly, _, kx, ky, _ = snapshot.momentum.tolist()
         x, y, _ = snapshot.com.tolist()
         velocity = complex(lx + ky / height, ly - kx / height) / snapshot.robot.mass
-        soles = {foot: snapshot.placement(frame) for foot, frame in frames.items()}
-        return cls(
-            complex(x, y) + velocity / omega,
-            {foot: place for foot, (place, _) in soles.items()},
-            {foot: rotation for foot, (_, rotation) in soles.items()},
-        )
+        places: dict[str, Array] = {}
+        rotations: dict[str, Array] = {}
+        for foot, frame in frames.items():
+            places[foot], rotations[foot] = snapshot.placement(frame)
+        return cls(complex(x, y) + velocity / omega, places, rotations)
 
     def place(self, foot: str) -> complex:
         """Return where a foot stands, as x + i y [m]."""
@@ -155,7 +154,7 @@ class SingleSupport(NamedTuple):
     def felt(self, now: GaitState, wrench: Array, weight: float) -> Self:
         """Return it with what is known of the foothold now; ``wrench`` (6,) is on its sole [N]."""
         known = self.foothold.felt(now.rotations[self.support], wrench, weight)
-        return self._replace(foothold=known)
+        return self if known is self.foothold else self._replace(foothold=known)
 
 
 Phase = Standing | DoubleSupport | SingleSupport

@@ -62,7 +62,7 @@ class OrientationTask(CoreTask):
             If it turns: its angular velocity [rad/s] and acceleration (3,), world axes.
         """
         rotation = self._target(target, (3, 3))
-        check_rotation(f"task {self.name!r}, target", rotation)
+        check_rotation(self, rotation, "target")
         self._set_rates((3,), rate, acceleration)
         self._assign(_goal=rotation)
 

@@ -52,7 +52,7 @@ class PlacementTask(Task):
             )
         place = self._target(position, (3,), "position")
         turn = self._target(rotation, (3, 3), "rotation")
-        check_rotation(f"{self}, rotation", turn)
+        check_rotation(self, turn, "rotation")
         if self._set_rates((6,), rate, acceleration):
             speed, push = self.target_rate, self.target_acceleration
             bias, drift = read_only(-speed[:3]), read_only(-push[:3])
