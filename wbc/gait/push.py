@@ -64,7 +64,7 @@ class PushObserver(NamedTuple):
         expected = self.expected + (rate + self.push) * dt
         off, pole = velocity - expected, math.exp(-self.omega * dt / SEEN)
         push = self.push + (1.0 - pole) ** 2 / dt * off
-        return self._replace(expected=expected + (1.0 - pole**2) * off, push=push)
+        return PushObserver(self.omega, self.height, expected + (1.0 - pole**2) * off, push)
 
     def ahead(self, now: GaitState, delay: float = 0.0) -> GaitState:
         """Return a state with the DCM that the push will have made of it.
@@ -77,4 +77,5 @@ class PushObserver(NamedTuple):
         delay:
             Over which the state was predicted, without the push [s].
         """
-        return now._replace(dcm=now.dcm + (LASTS / self.omega**2 + delay / self.omega) * self.push)
+        dcm = now.dcm + (LASTS / self.omega**2 + delay / self.omega) * self.push
+        return GaitState(dcm, now.places, now.rotations)

@@ -363,7 +363,8 @@ class Walker:
             up = max(g + self._ground.acceleration, LIGHTEST * g)
             share = self.gait.omega**2 * (float(com[2]) - reference.ground) / up
             vrp = in_plane(com) + share * (vrp - in_plane(com))
-        height = self._ground._replace(value=self._ground.value + self._usual)
+        ground, *rates = self._ground
+        height = SwingMotion(ground + self._usual, *rates)
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
         place = self._planner.within(self.phase, vrp, now)
         pressure = np.array((place.real, place.imag, reference.ground))
@@ -382,7 +383,8 @@ class Walker:
         """Return the wrenches (6,) on the soles, by foot; none if they are not felt."""
         if forces is None:
             return {}
-        given, felt = by_name("walker, forces", forces), dict[str, Array]()
+        given = by_name("walker, forces", forces)
+        felt: dict[str, Array] = {}
         for foot, frame in self._frames.items():
             wrench = plain_copy(given.get(frame), (6,))
             if wrench is None:
