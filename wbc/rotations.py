@@ -62,8 +62,8 @@ def check_rotation(what: object, R: Array, which: str = "") -> None:
         and least <= g * b - a * h - f <= most
         and least <= a * e - d * b - i <= most
     ):
-        which = f", {which}" if which else ""
-        raise InvalidInputError(f"{what}{which}: not a rotation matrix (R'R must be 1 and det R = +1)")
+        what = f"{what}, {which}" if which else what
+        raise InvalidInputError(f"{what}: not a rotation matrix (R'R must be 1 and det R = +1)")
 
 
 def headings(R: Array) -> Array:

@@ -83,7 +83,7 @@ class Part:
         self.planned_as = task.name, task.priority
         self._places: list[_Place] = []
         self._rereads = kept is None and all(rows.moving for rows in self.rows or ())
-        # Attributes of the task that move, where they go, and what they were when they were written.
+        # The task's attributes that move, where they go, and what they were when they were written.
         self._moving: list[list[Any]] = []
         self._law: VelocityLaw | AccelerationLaw | None = None
         self._factor = scale  # on the weights, with the law's own
