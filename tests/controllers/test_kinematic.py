@@ -250,3 +250,21 @@ def test_a_com_out_of_reach_does_not_make_it_chatter(name: str, robot_named: Loa
     )
     *_, (tick, _) = commanded(controller, q, 1000)
     assert np.abs(tick.velocity).max() < 0.1  # 1.6 rad/s for ever without damping by the lever
+
+
+def test_target_at_rest_again_after_it_moved_is_followed_at_rest(hoap2: Robot) -> None:
+    """Though all of the task was written in between, and rest is the same array as before."""
+    here = hoap2.snapshot(hoap2.posture("standing"))
+    com, posture = ComTask(hoap2, here.com, weight=5.0), PostureTask(hoap2, here.q, weight=0.1)
+    held = support(here, "double")
+    controller = KinematicController(hoap2, [com, posture], contacts=held, dt=DT)
+    goal = here.com + (0.0, 0.01, 0.0)
+    controller.step(here)
+    com.set_target(goal)
+    first = controller.step(here).velocity
+    com.set_target(goal, (0.05, 0.0, 0.0))
+    com.weight = 4.0
+    assert np.abs(controller.step(here).velocity - first).max() > 1e-3
+    com.set_target(goal)
+    fresh = KinematicController(hoap2, [com, posture], contacts=held, dt=DT)
+    np.testing.assert_array_equal(controller.step(here).velocity, fresh.step(here).velocity)
