@@ -157,6 +157,8 @@ class _Reader(pickle.Unpickler):
         self._path, self._own = path, own
 
     def find_class(self, module: str, name: str) -> Any:
+        if module == "pathlib._local":  # where Python 3.13 says that paths are, and no other
+            module = "pathlib"
         if (module, name) == ("builtins", "getattr"):
             return _maker_of
         if name in _PLAIN.get(module, ()):

@@ -14,6 +14,7 @@ import wbc
 from wbc.controllers.saved_tick import SavedTick
 from wbc.controllers.tick import TICK_FILE
 from wbc.errors import ControllerFailure, InvalidInputError
+from wbc.pickled import read_pickled, write_pickled
 from wbc.robot import Robot
 
 
@@ -180,6 +181,21 @@ class Sly:
 
     def __reduce__(self) -> tuple[object, ...]:
         return getattr, (Robot, "load")
+
+
+def test_paths_that_another_python_wrote_are_read(tmp_path: Path) -> None:
+    """Python 3.13 says that they are of ``pathlib._local``."""
+    write_pickled(tmp_path / "x.wbc", "a path", {"file": Path("a") / "b"})
+    head, _, packed = (tmp_path / "x.wbc").read_bytes().partition(b"\n")
+    data, old, new = zlib.decompress(packed), b"\x8c\x07pathlib", b"\x8c\x0epathlib._local"
+    elsewhere = data if new in data else data.replace(old, new)
+    assert new in elsewhere
+    at = elsewhere.index(b"\x95") + 1  # how long the frame is
+    length = int.from_bytes(elsewhere[at : at + 8], "little") + len(elsewhere) - len(data)
+    elsewhere = elsewhere[:at] + length.to_bytes(8, "little") + elsewhere[at + 8 :]
+    (tmp_path / "x.wbc").write_bytes(head + b"\n" + zlib.compress(elsewhere))
+    found, _ = read_pickled(tmp_path / "x.wbc", "a path")
+    assert found == {"file": Path("a/b")}
 
 
 @pytest.mark.parametrize("thing", [Evil(), Sly(), os.path.join, wbc.files.write_text])
