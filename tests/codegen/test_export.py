@@ -122,15 +122,26 @@ def test_c_estimates_and_decides_as_python_does(on_bus: Path) -> None:
     folder = on_bus
     compared = replay(folder)
     assert compared.returncode == 0, compared.stderr
-    assert "550 messages" in compared.stdout and "900 cycles" in compared.stdout
+    assert "550 messages" in compared.stdout and "1500 cycles" in compared.stdout
     lines = (folder / "recording.txt").read_text().splitlines()
     # A number of the last estimate, the mode of a cycle and a torque that it commands.
-    for line, number in ((550, -40), (900, -5 * 29 - 4), (900, -2 * 29 - 1)):
+    for line, number in ((550, -40), (1500, -5 * 29 - 4), (1500, -2 * 29 - 1)):
         words = lines[line].split()
         words[number] = float.hex(float.fromhex(words[number]) + 1.0)
         changed = [*lines[:line], " ".join(words), *lines[line + 1 :]]
         (folder / "other.txt").write_text("\n".join(changed))
         assert replay(folder, "other.txt").returncode == 1, (line, number)
+
+
+@pytest.mark.slow
+@needs_compiler
+def test_a_reader_of_the_exported_loops_words_that_is_gone_does_not_end_it(on_bus: Path) -> None:
+    """As ``./loop | head -1``: a signal ended it, and the robot was told nothing any more."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = ["./loop", "1", "127.0.0.1", "0.1", "48"]
+    assert subprocess.run(command, cwd=on_bus, stdout=writer, check=False).returncode == 1
+    os.close(writer)
 
 
 @pytest.mark.slow

@@ -3,6 +3,9 @@
 import copy
 import gc
 import io
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +14,7 @@ import pytest
 from hardware_faults import CONTROLLER_FAULTS, DT, READING_FAULTS, HungWorker, Rig, after, soak
 
 from tests.command import wbc_command
-from wbc.cli.hardware_run import _said
+from wbc.cli.hardware_run import _aside, _said
 from wbc.errors import InvalidInputError
 from wbc.hardware.operator import Keyboard, Script, Wish
 from wbc.hardware.real_time import CycleClock, check_cpus
@@ -313,3 +316,21 @@ def test_a_reader_of_what_is_said_that_is_gone_ends_no_run(monkeypatch: pytest.M
 
     monkeypatch.setattr("typer.echo", broken)
     _said("damping: armed by hand")
+
+
+def test_a_terminal_that_is_stopped_stops_no_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As by Ctrl-S: printing waited, and the robot braked after 20 ms."""
+    goes_on, printed = threading.Event(), list[str]()
+
+    def stopped(text: str) -> None:
+        goes_on.wait(10.0)
+        printed.append(text)
+
+    monkeypatch.setattr("typer.echo", stopped)
+    with ThreadPoolExecutor(1) as voice:
+        say, began = _aside(voice), time.monotonic()
+        say("damping: armed by hand")
+        say("standing up: asked to stand up")
+        assert time.monotonic() - began < 1.0 and not printed
+        goes_on.set()
+    assert printed == ["damping: armed by hand", "standing up: asked to stand up"]

@@ -153,3 +153,33 @@ def test_huge_command_of_joints_without_limits_is_a_fault_and_no_nan(name: str) 
     assert safety.admit(wild) is before
     safety.judge(0.0)
     assert safety.present == (Fault.COMMAND_NOT_FINITE,)
+
+
+@pytest.mark.parametrize("times", [1.0 / 9.81, 3.28], ids=["g", "feet"])
+def test_an_accelerometer_of_another_unit_is_no_fall_of_ten_metres(times: float) -> None:
+    """In g it was taken for free fall, for ever."""
+    checks, found = SensorChecks(ROBOT), dict[float, str]()
+    for k in range(2000):  # the unit changes after a second
+        noise, factor = 1e-3 * (k % 7), times if k > 500 else 1.0
+        force = np.array((noise, 0.0, 9.81 * factor))
+        now = reading(sequence=k + 1, time=DT * k, specific_force=force)
+        now = replace(now, angular_velocity=np.full(3, noise))
+        useful, shown = checks.look_at(now, DT * k)
+        assert useful
+        if shown:
+            found[DT * k] = f"{shown[0].fault}: {shown[0].detail}"
+    assert 2.0 < min(found) < 2.7  # longer than any fall
+    assert set(found.values()) >= {
+        f"{Fault.GRAVITY_DISAGREES}: {9.81 * times:.1f} m/s^2 on average,"
+        " for too long to be a fall; another unit?"
+    }
+
+
+def test_a_jump_of_a_second_is_no_fault_of_the_accelerometer() -> None:
+    checks = SensorChecks(ROBOT)
+    for k in range(1500):
+        noise = 1e-3 * (k % 7)
+        force = np.array((noise, 0.0, noise if 500 < k < 950 else 9.81))
+        now = reading(sequence=k + 1, time=DT * k, specific_force=force)
+        now = replace(now, angular_velocity=np.full(3, noise))
+        assert checks.look_at(now, DT * k) == (True, ())

@@ -13,6 +13,9 @@ from wbc.cli.hardware_options import STOPPED, Bus, Cpus, Domain, Interface, OnBu
 from wbc.cli.options import Assign, Quiet, overrides_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from concurrent.futures import Executor
+
     from wbc.hardware.loop_result import LoopResult
 
 
@@ -67,6 +70,8 @@ def run(
 
     An empty line stops at once; so does a second Ctrl-C, the first one sits down.
     """
+    from concurrent.futures import ThreadPoolExecutor
+
     from wbc.cli.interrupts import noted_interrupts
     from wbc.errors import InvalidInputError
     from wbc.hardware.operator import Keyboard, Script, Wish
@@ -87,7 +92,8 @@ def run(
         raise InvalidInputError(
             f"--unattended: nobody would stop a robot on {interface!r}; it is for lo"
         )
-    say = _silent if quiet else _said
+    voice = ThreadPoolExecutor(1)
+    say = _silent if quiet else _aside(voice)
     operator = Keyboard(say) if unattended is None else Script(unattended)
     loop = loop_of(
         loaded,
@@ -106,6 +112,7 @@ def run(
         loop.interrupted = lambda: _sits(interrupts, operator, Wish.SIT)
         result = loop.run()
     loop.bus.close()
+    voice.shutdown()
     _tell(result, report, quiet)
     if interrupts():
         raise typer.Exit(interrupts.exit_code)
@@ -131,6 +138,16 @@ def _sits(interrupts: Any, operator: Any, wish: Any) -> bool:
 
 
 def _silent(text: str) -> None: ...
+
+
+def _aside(voice: Executor) -> Callable[[str], None]:
+    """Return what says things in a thread: a terminal that is stopped (Ctrl-S) stops no cycle."""
+    voice.submit(int)  # its thread begins now, before there is any priority to inherit
+
+    def say(text: str) -> None:
+        voice.submit(_said, text)
+
+    return say
 
 
 def _said(text: str) -> None:

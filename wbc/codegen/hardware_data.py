@@ -28,7 +28,8 @@ _NUMBERS = ("overrun", "overspeed", "overload", "warm", "hot")
 _CHECKS = (
     *("OLDEST", "CLOCK_JUMP", "AGREE_AGAIN", "FARTHEST", "FASTEST", "FASTEST_TURN", "HARDEST"),
     *("NORM", "JUMP", "WINDOW", "FROZEN", "RATE_OFF", "RATE_PART", "TURN_OFF", "TURN_PART"),
-    *("GRAVITY_OFF", "GRAVITY_TIME", "TORQUE_OFF", "COLDEST", "HOTTEST"),
+    *("GRAVITY_OFF", "GRAVITY_TIME", "WEAKEST", "STRONGEST", "LONGEST_FALL", "TORQUE_OFF"),
+    *("COLDEST", "HOTTEST"),
 )
 
 

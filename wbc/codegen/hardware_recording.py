@@ -24,7 +24,8 @@ from wbc.hardware.setup import safety_of
 from wbc.validate import Array
 
 SEED = 34
-SAMPLES, CYCLES = 550, 900
+SAMPLES, CYCLES = 550, 1500
+IN_G = 900  # from this cycle on the accelerometer says 1 for 9.81 m/s^2
 SPELL = 20  # cycles in which one thing is wrong, for some of them
 # Of a reading, by name: what is wrong with it.
 WRONGS = (
@@ -178,6 +179,8 @@ def _what_comes(
             1e-3 * rng.normal(size=3),
             np.array((0.0, 0.0, 9.81)) + 1e-3 * rng.normal(size=3),
         )
+        if k >= IN_G:
+            reading = replace(reading, specific_force=reading.specific_force / 9.81)
         came: Reading | None = reading
         if 3 * SPELL < k < until:
             came = _spoilt(reading, WRONGS[k // SPELL % len(WRONGS)], k, frozen)

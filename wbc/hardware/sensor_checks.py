@@ -28,6 +28,8 @@ RATE_OFF, RATE_PART = 0.7, 0.4  # rad/s, and part of the rate, that rates of one
 TURN_OFF, TURN_PART = 1.0, 0.4  # as much of the IMU
 GRAVITY_OFF = 0.8  # rad
 GRAVITY_TIME = 0.3  # s over which the specific force is averaged
+WEAKEST, STRONGEST = 4.0, 20.0  # m/s^2 of that average, but while it falls or lands
+LONGEST_FALL = 1.0  # s: 5 m
 TORQUE_OFF = 0.5  # of the effort limit
 COLDEST, HOTTEST = -30.0, 150.0  # degrees C that a thermometer can mean
 
@@ -53,6 +55,7 @@ class SensorChecks:
         self._strange = deque[float](maxlen=AGREE_AGAIN)
         self._changed = [0.0, 0.0]  # when a bit of gyroscope and accelerometer last did
         self._gravity: Array = np.array((0.0, 0.0, 9.81))  # mean specific force, world axes
+        self._weighed = 0.0  # when that was last what a robot weighs [s of its clock]
         self._sequence = -1
 
     def look_at(
@@ -211,8 +214,12 @@ class SensorChecks:
         passed = r.time - self._past[-1].time if self._past else 0.0
         self._gravity = self._gravity + min(passed / GRAVITY_TIME, 1.0) * (force - self._gravity)
         size = float(np.linalg.norm(self._gravity))
-        falls = size < 4.0  # in free fall there is nothing to compare
-        if not falls and self._gravity[2] < size * np.cos(GRAVITY_OFF):
+        if WEAKEST <= size <= STRONGEST or not self._past:
+            self._weighed = r.time
+        elif r.time - self._weighed > LONGEST_FALL:
+            detail = f"{size:.1f} m/s^2 on average, for too long to be a fall; another unit?"
+            return [SensorFinding(Fault.GRAVITY_DISAGREES, detail)]
+        if size >= WEAKEST and self._gravity[2] < size * np.cos(GRAVITY_OFF):
             return [SensorFinding(Fault.GRAVITY_DISAGREES)]
         return []
 

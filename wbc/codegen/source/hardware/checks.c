@@ -150,7 +150,8 @@ static void lean(wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
     const double share = passed / WBC_GRAVITY_TIME < 1.0 ? passed / WBC_GRAVITY_TIME : 1.0;
     for (int i = 0; i < 3; i++) c->gravity[i] += share * (force[i] - c->gravity[i]);
     const double size = norm3(c->gravity); /* in free fall there is nothing to compare */
-    if (!(size < 4.0) && c->gravity[2] < size * cos(WBC_GRAVITY_OFF))
+    if (!c->count || (size >= WBC_WEAKEST && size <= WBC_STRONGEST)) c->weighed = r->time;
+    if (r->time - c->weighed > WBC_LONGEST_FALL || (size >= WBC_WEAKEST && c->gravity[2] < size * cos(WBC_GRAVITY_OFF)))
         wbc_safety_report(s, WBC_FAULT_GRAVITY_DISAGREES);
 }
 

@@ -16,6 +16,7 @@ typedef struct {
     double offset, strange[WBC_AGREEING]; /* of the robot's clock from ours, at its freshest */
     double changed[2];                    /* when a bit of gyroscope and accelerometer last did */
     double gravity[3];                    /* mean specific force, world axes */
+    double weighed;                       /* when that was last what a robot weighs */
 } wbc_checks;
 
 void wbc_checks_start(wbc_checks *c);

@@ -17,6 +17,8 @@
 #include "udp.h"
 
 #include <errno.h>
+#include <poll.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <time.h>
@@ -172,8 +174,10 @@ static int listen(robot_loop *l) {
 
 static void entered(robot_loop *l) {
     const wbc_safety *s = &l->safety;
-    printf("%9.3f s  %s%s%s\n", l->time, wbc_mode_names[s->mode], s->cause >= 0 ? ": " : "",
-           s->cause >= 0 ? wbc_fault_names[s->cause] : "");
+    struct pollfd out = {1, POLLOUT, 0}; /* a terminal that is stopped stops no cycle: nothing is said to it */
+    if (poll(&out, 1, 0) == 1)
+        printf("%9.3f s  %s%s%s\n", l->time, wbc_mode_names[s->mode], s->cause >= 0 ? ": " : "",
+               s->cause >= 0 ? wbc_fault_names[s->cause] : "");
     l->mode = s->mode, l->mode_began = l->time, l->runs = 0;
     if (s->mode == WBC_MODE_STANDING_UP) l->to_stand.begun = l->to_crouch.begun = l->estimates = l->asked = 0;
 }
@@ -248,6 +252,7 @@ int main(int count, char **arguments) {
     const char *address = count > 2 ? arguments[2] : "127.0.0.1", *ended = 0;
     slower = count > 3 ? atof(arguments[3]) : 1.0;
     setvbuf(stdout, 0, _IOLBF, 0);
+    signal(SIGPIPE, SIG_IGN); /* nor may a reader of its words that is gone end it */
     if (!wbc_udp_open(&l.bus, address, count > 4 ? atoi(arguments[4]) : 0)) {
         fprintf(stderr, "no bus to %s: is another controller running?\n", address);
         return 1;
