@@ -28,6 +28,13 @@ def alone(campaign: Campaign) -> list[Row]:
     return [run_row(run, campaign.texts[run.problem]) for run in campaign.runs]
 
 
+@pytest.mark.parametrize("workers", [0, -1, "two"])
+def test_a_campaign_by_no_workers_is_refused(campaign: Path, workers: int) -> None:
+    """It had no rows, and said nothing."""
+    with pytest.raises(InvalidInputError, match="workers"):
+        run_batch(load_campaign(campaign), workers=workers)
+
+
 @pytest.mark.slow
 def test_interrupted_and_killed_in_processes_it_ends_with_every_row_once(
     campaign: Path, tmp_path: Path

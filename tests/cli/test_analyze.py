@@ -169,6 +169,8 @@ def test_what_was_measured_was_feasible(hoap2: Robot, measured: bool, words: str
 )
 def test_where_the_cop_of_a_simulation_was(margin: float, words: str) -> None:
     assert words in _cop(SimpleNamespace(least_cop_margin=margin, cop_error=0.0))
+    unwanted = _cop(SimpleNamespace(least_cop_margin=margin, cop_error=np.nan))  # it fell on them
+    assert words in unwanted and "nan" not in unwanted
 
 
 def noisy_standing(path: Path) -> None:

@@ -148,6 +148,8 @@ def _cop(result: SimulationResult) -> str:
         if least <= -0.05
         else f"at least {abs(least):.1f} mm inside"
     )
+    if np.isnan(result.cop_error):
+        return f"{where} the soles, on which the controller wanted no force"
     return (
         f"{where} the soles, {1e3 * result.cop_error:.1f} mm (rms) from"
         " where the controller wanted it"
