@@ -44,7 +44,16 @@ tasks:
 controller: {level: torque, dt: 0.002, solver: active_set, friction: 0.6}
 simulation: {duration: 0.2}
 """
-LEVELS = {"velocity": VELOCITY, "torque": TORQUE}
+BOLTED = """
+robot: {model: hoap2_like, base: fixed}
+support: floating
+tasks:
+  hand: {type: frame, frame: left_hand, control: position, target: {offset: [0.05, 0, 0]}}
+  posture: {type: posture, weight: 0.1}
+controller: {level: torque, dt: 0.002, solver: active_set}
+simulation: {duration: 0.2}
+"""
+LEVELS = {"velocity": VELOCITY, "torque": TORQUE, "torques of an arm": BOLTED}
 TICKS = 50
 
 

@@ -84,6 +84,8 @@ def plan_source(recording: TickRecording, title: str) -> str:
     if memory.forces is not None and memory.forces.count:
         pointers["force"] = "force"
         parts.append(_list("force", memory.forces.structs))
+    else:  # nothing is touched: an arm, or a robot in the air
+        pointers["force"] = "0"
     if margin is not None:
         pointers["margin"] = "&margin"
         parts += struct_texts("pairs", margin.watched, margin.pairs_of_bodies.arrays)
