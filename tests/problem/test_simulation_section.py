@@ -31,6 +31,13 @@ def problem(folder: Path, text: str = PUSHED, overrides: dict[str, Any] | None =
     return problem_of(folder, text, overrides)
 
 
+def test_a_rotation_of_an_imu_by_angles_is_told_what_it_needs(tmp_path: Path) -> None:
+    """It was told to write a list such as [x, y]."""
+    imu = "  devices: {imus: [{rotation: {rpy: [1.57, 0, 0]}}]}\n"
+    said = complaint_of(tmp_path, PUSHED + "  estimate: true\n" + imu)
+    assert "devices.imus[0].rotation: expected three rows of a rotation matrix, got" in said
+
+
 def test_it_stands_and_tells_of_it(tmp_path: Path) -> None:
     one = problem(tmp_path)
     calls: list[tuple[int, int, dict[str, Any]]] = []

@@ -108,6 +108,26 @@ def test_devices_measure_as_they_are_said_to(hoap2: Robot) -> None:
         MessageBus(loss=1.0)
 
 
+@pytest.mark.parametrize(
+    ("imu", "said"),
+    [
+        ({"gyroscope_bias": 0.5}, r"messages, and no .* stand still; IMU 'imu' says 0\.\d+ rad/s"),
+        ({"rate": 5.0}, r"there is no reading of IMU 'imu'"),
+        (
+            {"most_force": 5.0},
+            r"IMU 'imu'; IMU 'imu': specific force beyond its range of 4\.995; n",
+        ),
+    ],
+)
+def test_what_keeps_an_estimator_from_beginning_is_said(
+    imu: dict[str, float], said: str, hoap2: Robot
+) -> None:
+    """Of all of them it was said that messages were lost."""
+    devices = Devices(imus=(Imu(**imu),))  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match=said):
+        SensedPlant(hoap2, devices=devices)
+
+
 @pytest.mark.slow
 def test_a_robot_stands_on_what_it_feels_and_to_the_same_bits(hoap2: Robot) -> None:
     imus = (Imu(frame="torso", rotation=TURNED, position=(0.0, 0.02, 0.05)),)

@@ -33,6 +33,7 @@ class Beginning:
         """Begin anew."""
         self._count, self._times = 0, (math.nan, math.nan)
         self._joints: Array = np.zeros(0)
+        self._message: Measurement | None = None  # the last
 
     @property
     def apart(self) -> str:
@@ -46,15 +47,18 @@ class Beginning:
 
     def waits(self, m: Measurement) -> None:
         """Take in a message after which there is no estimate yet."""
-        self._times = self._times[1], m.time
+        self._times, self._message = (self._times[1], m.time), m
         self._count += 1
         if self._count == 1:
             self._joints = m.positions
         if self._count == math.ceil(PATIENCE * self._usual) + 1:
-            logging.getLogger(__name__).warning(
-                "estimator: %d messages, and no estimate yet: %s%s",
-                *(self._count, self._reason(m), self.apart),
-            )
+            logging.getLogger(__name__).warning("estimator: %s", self.told)
+
+    @property
+    def told(self) -> str:
+        """How many messages came, and what keeps the estimator, in words."""
+        why = "" if self._message is None else f": {self._reason(self._message)}"
+        return f"{self._count} messages, and no estimate yet{why}{self.apart}"
 
     def _reason(self, m: Measurement) -> str:
         leader, (before, last) = self._imus[0].name, self._times

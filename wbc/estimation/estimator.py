@@ -140,6 +140,11 @@ class StateEstimator:
         self._last: Estimate | None = None
         self._beginning.anew()
 
+    @property
+    def kept_by(self) -> str:
+        """Why there is no estimate yet, in words; empty once there is one."""
+        return "" if self._last is not None else self._beginning.told
+
     # ------------------------------------------------------------------ messages
 
     def update(self, measurement: Measurement) -> Estimate | None:
@@ -269,8 +274,9 @@ class StateEstimator:
     def _why_none(self, said: int) -> str:
         """Return why there is no estimate, in words."""
         if said == lib.NO_IMU:
-            leader, notes = self.imus[self.core.counts[lib.LEADER]].name, self._notes()
-            return f"estimator: the first message has no usable reading of IMU {leader!r} {notes}"
+            leader = self.imus[self.core.counts[lib.LEADER]].name
+            why = "".join(f"; {note}" for note in self._notes())
+            return f"estimator: the first message has no usable reading of IMU {leader!r}{why}"
         if said == lib.NO_GRAVITY:
             gravity = np.linalg.norm(self.robot.model.gravity.linear)
             return (

@@ -225,6 +225,8 @@ def _word(value: Any, _: Detail) -> str:
 def _list(value: Any, _: Detail) -> str:
     mask = isinstance(value, int | str) and re.fullmatch(r"[01]+|[xyz]+", str(value))
     hint = "; a mask is not understood, name the rows as in [x, y]" if mask else ""
+    if isinstance(value, Mapping) and value.keys() & {"rpy", "quaternion"}:
+        return f"expected three rows of a rotation matrix, got {shown(value)}"
     return f"expected a list such as [x, y], got {shown(value)}{hint}"
 
 

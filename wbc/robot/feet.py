@@ -20,7 +20,7 @@ from wbc.validate import Array, finite_array, finite_number, read_only
 
 SAME_PLACE, SAME_TILT = 1e-3, np.deg2rad(1.0)  # m, rad: a frame of the file is the sole's frame
 GIVE_FEET = "a robot that stands needs them: feet: {left: {link: LINK}, ...}"
-NO_FEET = f"no feet were found (robot.notes: why); {GIVE_FEET}"
+NO_FEET = f"no feet were found (robot.notes: why), or its base is fixed; {GIVE_FEET}"
 TINY = 0.01  # of a robot's size: no sole is as small
 POINT = 0.03  # m: a found sole that is nowhere longer is the underside of a ball
 

@@ -109,8 +109,7 @@ class SensedPlant(Plant):
             self._take(k * self.dt)
         if self.estimate is None:
             raise InvalidInputError(
-                f"plant, devices: of the messages of {before:g} s so many were lost that the"
-                " estimator could not begin"
+                f"plant, devices: the estimator cannot begin: {self.estimator.kept_by}"
             )
         self._read = False
 
