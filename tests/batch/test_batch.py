@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -97,6 +98,16 @@ def test_on_a_cluster_of_which_a_worker_is_killed_it_ends_with_every_row_once(
     assert len(told) == 12 and {row["status"] for row in rows} == {"completed"}
     assert same(rows) == same(alone(loaded))
     assert len((tmp_path / "journal").read_text().splitlines()) == 13
+
+
+@pytest.mark.parametrize("address", ["nonsense", "tcp://[::", "tcp://host:port", ""])
+def test_an_address_that_is_none_is_refused_before_there_is_a_client(
+    address: str, campaign: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A client that failed of it ended 40 s later, with a traceback."""
+    monkeypatch.setattr("distributed.Client", lambda *given, **named: pytest.fail("a client"))
+    with pytest.raises(WbcError, match=f"--cluster {re.escape(address)}: no scheduler answers"):
+        run_batch(load_campaign(campaign), cluster=address)
 
 
 def test_no_scheduler(campaign: Path, monkeypatch: pytest.MonkeyPatch) -> None:

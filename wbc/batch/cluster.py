@@ -42,10 +42,13 @@ class Cluster:
     def __init__(self, address: str, on_death: Callable[[Death], object] | None = None) -> None:
         require("distributed", "--cluster")
         from distributed import Client
+        from distributed.comm import get_address_host_port
 
         self.address = address
         self._on_death = on_death or (lambda death: None)
         try:
+            if not address.startswith("inproc://"):
+                get_address_host_port(address)  # a client that fails of it hangs on for 40 s
             self._client = Client(address, timeout=CONNECT, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             raise WbcError(f"--cluster {address}: no scheduler answers: {error}") from error
