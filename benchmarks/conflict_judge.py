@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.linalg import lstsq
 from scipy.optimize import linprog
 
 from wbc.qp import QP, Conflict, Labels
@@ -77,7 +78,7 @@ def has_a_point(qp: QP) -> bool:
     low, up = np.concatenate((qp.b, qp.l, lower)), np.concatenate((qp.b, qp.u, upper))
     end = np.where(np.isfinite(up), up, low)
     held = np.isfinite(end)
-    x = np.linalg.lstsq(rows[held], end[held], rcond=1e-12)[0]
+    x = lstsq(rows[held], end[held], 1e-12, lapack_driver="gelsy")[0]  # gelsd may not converge
     miss = np.maximum(low - rows @ x, rows @ x - up)[held]
     size = float(np.abs(x).max())
     rounding = MET * ((1.0 + size) * np.linalg.norm(rows[held], axis=1) + np.abs(end[held]))

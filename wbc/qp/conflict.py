@@ -16,22 +16,19 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import svd
 
-from wbc.qp.core import DONE, INFEASIBLE, solve_in_core
+from wbc.qp.core import DONE, solve_in_core
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, ConflictRow
 from wbc.validate import Array
 
-# Rows of the certificate lighter than this part of the heaviest, scaled to unit length, are
-# rounding; where that leads nowhere, others.
-_SHARES = 1e-7, 1e-3, 1e-9, 1e-13
 # Part of the tolerance that must survive the check: the core looked at it in other numbers.
 _SURVIVING = 0.5
-# Combinations of rows of unit length that are shorter are 0: what is met only beyond REACH is not
-# met. And shorter still, where a certificate does not survive that.
-_ZERO = 1e-6, 1e-9
-# Weights below this part of the heaviest, by that, are what is left of 0.
-_ROUNDING = 1e-3
+# Combinations of rows of unit length that are shorter are 0.
+_ZERO = 1e-9
+# Weights below this part of the heaviest are what is left of 0.
+_ROUNDING = 1e-3 * _ZERO
 _SPARED = 0.1  # of the gap, what a row may close of it within REACH if it is spared
 # Unknowns are assumed to stay within this: what rounding leaves of y'A + z'C + z_box' counts so
 # often.
@@ -46,6 +43,7 @@ _MOST_ITERATIONS = 1000
 # the lightest, of many rows that nearly repeat each other, the active-set method can lose its way.
 _DAMPINGS = 1e-10, 1e-8, 1e-6
 _EPS = 1e-11
+_SURE = "gesvd"  # divide and conquer ("gesdd") does not converge once in thousands of wild ticks
 
 
 def find_conflict(
@@ -69,16 +67,15 @@ def find_conflict(
         return Conflict(crossed)
     start = np.zeros(qp.g.size)
     # Of a QP without a solution some solvers return a ray: a point at 1e200, or NaN.
-    if guess is not None and np.abs(guess).max(initial=0.0) <= REACH:
+    if guess is not None and (np.abs(guess) <= REACH).all():
         start = np.clip(guess, qp.lower, qp.upper)
-        violation = UnitRows.of(qp).violation(start)
-        if np.abs(violation).max(initial=0.0) <= tolerance * (1.0 + np.abs(start).max(initial=0.0)):
+        if (np.abs(UnitRows.of(qp).violation(start)) <= tolerance).all():
             return None
     nearest = qp._replace(P=np.eye(qp.g.size), g=-start)
     found = solve_in_core(nearest, 1e-8, _MOST_ITERATIONS)
     if found.said == DONE:
         return None
-    proved = found.said == INFEASIBLE and conflict_of(qp, found.y, found.z, found.z_box, tolerance)
+    proved = conflict_of(qp, found.y, found.z, found.z_box, tolerance)
     return proved or conflict_by_simplex(qp, tolerance)  # where the active-set method loses its way
 
 
@@ -95,7 +92,7 @@ def conflict_by_simplex(qp: QP, tolerance: float = TOLERANCE) -> Conflict | None
     sides = np.concatenate((rows.matrix[above], -rows.matrix[below]))
     found = linprog(
         np.append(np.zeros(n), 1.0),
-        A_ub=np.column_stack((sides, np.full(len(sides), -1.0))),
+        A_ub=np.column_stack((sides, -np.ones(len(sides)))),
         b_ub=np.concatenate((rows.upper[above], -rows.lower[below])),
         bounds=[*zip(qp.lower, qp.upper, strict=True), (0.0, None)],
         method="highs-ds",
@@ -126,32 +123,30 @@ def conflict_of(
         (me,), (mi,), (n,) multipliers, as those of a solution: what one points at is violated.
     """
     rows = UnitRows.of(qp)
-    weights = np.concatenate((np.concatenate((y, z)) * rows.norms, z_box))
-    if not np.isfinite(weights).all() or not weights.any():
+    weights = np.append(np.append(y, z) * rows.norms, z_box)
+    if not np.isfinite(weights).all():
         return None
-    ends = _ends(qp, rows, weights)
-    every = np.concatenate((rows.matrix, np.eye(qp.g.size)))
-    reducible = None
-    for share in _SHARES:
-        heavy = np.abs(weights) > share * np.abs(weights).max()
-        named = np.flatnonzero(heavy & np.isfinite(ends))  # other pulls are what rounding leaves
-        matrix, end, own = every[named], ends[named], weights[named]
-        for zero in _ZERO:  # combinations of rows that are 0 but for so much
-            exact = _irreducible(own, _zeros(matrix.T, zero), end, _ROUNDING * zero)
-            if exact is None or (gap := _gap(matrix, end, exact, tolerance)) == 0.0:
-                continue
-            while (less := _without_needless(matrix, end, exact, tolerance)) is not None:
-                exact, gap = less
-            return _named(qp, rows, named, exact, gap)
-        if reducible is None and (gap := _gap(matrix, end, own, tolerance)) > 0.0:
-            reducible = _named(qp, rows, named, own, gap)
-    return reducible
+    # From here on rows ask for no more than their ends, and weights are positive.
+    signs, pulls = np.sign(weights), np.abs(weights)
+    every = signs[:, None] * np.concatenate((rows.matrix, np.eye(qp.g.size)))
+    upper, lower = np.append(rows.upper, qp.upper), np.append(rows.lower, qp.lower)
+    ends = np.where(weights > 0.0, upper, -lower)
+    named = np.flatnonzero((pulls > 0.0) & np.isfinite(ends))  # other pulls are rounding
+    matrix, end, own = every[named], ends[named], pulls[named]
+    exact = _irreducible(own, _zeros(matrix.T), end)
+    if not (gap := _gap(matrix, end, exact, tolerance)):  # rows that nearly depend on each other
+        exact, gap = own, _gap(matrix, end, own, tolerance)
+    if not gap:
+        return None
+    while (less := _without_needless(matrix, end, exact, tolerance)) is not None:
+        exact, gap = less
+    return _named(qp, rows, named, exact, signs[named], gap)
 
 
 def _gap(matrix: Array, ends: Array, weights: Array, tolerance: float) -> float:
     """Return by how much a certificate (s,) of rows (s, n) contradicts itself; 0: not surely."""
     gap = -float(weights @ ends)
-    enough = _SURVIVING * tolerance * float(np.abs(weights) @ (1.0 + np.abs(ends)))
+    enough = _SURVIVING * tolerance * float(weights @ (1.0 + np.abs(ends)))
     return gap if gap - _leak(matrix, weights) >= enough else 0.0
 
 
@@ -160,54 +155,32 @@ def _leak(matrix: Array, weights: Array) -> float:
     return REACH * float(np.abs(weights @ matrix).sum())
 
 
-def _ends(qp: QP, rows: UnitRows, weights: Array) -> Array:
-    """Return what each row's, then each bound's, multiplier points at, of unit rows."""
-    lower = np.concatenate((rows.lower, qp.lower))
-    return np.where(weights > 0.0, np.concatenate((rows.upper, qp.upper)), lower)
-
-
-def _irreducible(weights: Array, free: Array, ends: Array, least: float) -> Array | None:
-    """Return the certificate (s,) near this one of which no row can be spared; None: none is.
+def _irreducible(weights: Array, free: Array, ends: Array) -> Array:
+    """Return the certificate (s,) near this one of which no row can be spared; 0: there is none.
 
     It is a combination of rows that is 0, ``free`` (s, k) all of them; the core knows it to what
-    its pivots leave, or damping. Where there are several, rows hold two certificates: along their
-    difference one row after another comes to 0 while the gap lasts (Caratheodory's theorem).
-    Weights below ``least`` of the heaviest are 0.
+    its pivots leave, or damping. Where there are several, one row after another comes to 0 along
+    those that leave the gap as it is (Caratheodory's theorem). Weights that are lighter
+    than ROUNDING of the heaviest are 0.
     """
-    kept, own = np.arange(weights.size), weights
+    kept, own, found = np.arange(weights.size), weights, np.zeros(weights.size)
     while free.shape[1]:
         own = free @ (own @ free)
-        gone = own * np.sign(weights[kept]) <= least * np.abs(own).max()
-        if not gone.any():
-            if free.shape[1] == 1:
-                found = np.zeros(weights.size)
-                found[kept] = own
-                return found
-            own, gone = _without_one(own, free, ends[kept])
-        else:  # the lightest of them, others may turn back without it
-            size = np.where(gone, np.abs(weights[kept]), np.inf)
-            gone = np.arange(size.size) == size.argmin()
-        free, kept, own = (part[~gone] for part in (free @ _zeros(free[gone]), kept, own))
-    return None
-
-
-def _without_one(own: Array, free: Array, ends: Array) -> tuple[Array, Array]:
-    """Return a certificate (s,) in which a row comes to 0, and which (s,)."""
-    other: Array = (
-        free @ _zeros((own @ free)[None, :] / np.linalg.norm(own))[:, 0]
-    )  # at right angles
-    if other @ ends > 0.0:  # the gap, -own @ ends, grows along it
-        other = -other
-    shrinks = other * own < 0.0
-    if not shrinks.any():  # a certificate as well: one is left of the other when that is taken off
-        less = own - float((own[other != 0.0] / other[other != 0.0]).min()) * other
-        if not less @ ends < 0.0:
-            own, other = other, own
-        shrinks, other = other * own > 0.0, -other
-    ratio = np.where(own == 0.0, 0.0, np.inf)
-    ratio[shrinks] = np.abs(own[shrinks] / other[shrinks])
-    first = ratio.argmin()
-    return own + ratio[first] * other, np.arange(own.size) == first
+        gone = own <= _ROUNDING * own.max()
+        if gone.any():  # the lightest of them, others may turn back without it
+            first = np.where(gone, weights[kept], np.inf).argmin()
+        elif free.shape[1] == 1:
+            found[kept] = own
+            break
+        else:  # the way on which the rest becomes lighter: there some row comes to 0
+            way = free @ _zeros((ends[kept] @ free)[None, :])[:, 0]
+            way *= np.copysign(1.0, way.sum())
+            first = (way / own).argmax()
+            own = own - own[first] / way[first] * way
+        free = free @ _zeros(free[first : first + 1])
+        free, kept = np.delete(free, first, axis=0), np.delete(kept, first)
+        own = np.delete(own, first)
+    return found
 
 
 def _without_needless(
@@ -221,16 +194,16 @@ def _without_needless(
     """
     kept = np.flatnonzero(weights)
     own = weights[kept]
-    left, values, _ = np.linalg.svd(matrix[kept])
+    left, values, _ = svd(matrix[kept], lapack_driver=_SURE)
     size = min(values.size, kept.size - 1)  # all but the certificate itself
     inverse = left[:, :size] / values[:size]
     products = inverse @ inverse.T
-    for k in np.argsort(np.abs(own), kind="stable").tolist():
+    for k in np.argsort(own, kind="stable").tolist():
         if products[k, k] == 0.0:  # there is no combination without it
             continue
         less = own - products[k] * (own[k] / products[k, k])
         less[k] = 0.0
-        if (less * own < 0.0).any():
+        if (less < 0.0).any():
             continue
         gap = _gap(matrix[kept], ends[kept], less, tolerance)
         if _leak(matrix[kept], less) < _SPARED * gap:
@@ -240,16 +213,16 @@ def _without_needless(
     return None
 
 
-def _zeros(matrix: Array, zero: float = _ZERO[-1]) -> Array:
-    """Return an orthonormal basis (n, k) of what a matrix (m, n) maps to 0, up to ``zero``."""
-    _, values, right = np.linalg.svd(matrix, full_matrices=matrix.shape[0] < matrix.shape[1])
-    rank = np.count_nonzero(values > zero * values.max(initial=1.0))
+def _zeros(matrix: Array) -> Array:
+    """Return an orthonormal basis (n, k) of what a matrix (m, n) maps to 0, up to _ZERO."""
+    _, values, right = svd(matrix, lapack_driver=_SURE)
+    rank = np.count_nonzero(values > _ZERO * values.max(initial=1.0))
     basis: Array = right[rank:].T
     return basis
 
 
 def _named(
-    qp: QP, rows: UnitRows, named: NDArray[np.int64], weights: Array, gap: float
+    qp: QP, rows: UnitRows, named: NDArray[np.int64], weights: Array, signs: Array, gap: float
 ) -> Conflict:
     """Return the conflict; violations are those of the nearest point within the bounds."""
     m, me = rows.norms.size, qp.b.size
@@ -257,13 +230,13 @@ def _named(
     # Of the least sum of squares that a point within the bounds misses the rows by.
     share = gap / max(float(np.square(weights[named < m]).sum()), np.finfo(float).tiny)
     found = []
-    for k in np.argsort(-np.abs(weights), kind="stable")[: np.count_nonzero(weights)].tolist():
+    for k in np.argsort(-weights, kind="stable")[: np.count_nonzero(weights)].tolist():
         row, weight = int(named[k]), share * float(weights[k])
         length = float(rows.norms[row]) if row < m else 1.0
-        missed = abs(weight) * length if row < m else 0.0
-        upper = "upper" if weight > 0.0 else "lower"
+        missed = weight * length if row < m else 0.0
+        upper = "upper" if signs[k] > 0.0 else "lower"
         side = "equality" if row < me else f"{upper} limit" if row < m else f"{upper} bound"
-        found.append(ConflictRow(names[row], missed, weight / length, side))
+        found.append(ConflictRow(names[row], missed, float(signs[k]) * weight / length, side))
     return Conflict(tuple(found))
 
 
