@@ -30,19 +30,29 @@ NOTICED = ("killed", "endless")
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     (
         "wbc/qp/proxqp_workspace.py",
-        "return 2.0 ** math.ceil(-math.log2(largest)) if 1e-12 < largest < 1.0 else 1.0",
+        "return 2.0 ** math.ceil(-math.log2(most)) if 1e-12 < most < 1.0 else 1.0",
         "Lt -> LtE",
     ): "at the one number where it differs nothing depends on it",
     (
-        "wbc/qp/proxqp_workspace.py",
-        "largest = max(np.abs(part).max(initial=0.0) for part in (P, g, qp.b))",
-        "0.0 -> 0.001",
-    ): "2e-18, where a tenth of 1e-12 is the least that is asked for",
-    (
         "wbc/qp/conflict.py",
-        'upper = "upper" if weight > 0.0 else "lower"',
+        'upper = "upper" if signs[k] > 0.0 else "lower"',
         "Gt -> GtE",
     ): "weights of 0 are left out before",
+    (
+        "wbc/qp/conflict.py",
+        "ends = np.where(weights > 0.0, upper, -lower)",
+        "Gt -> GtE",
+    ): "weights of 0 are left out behind",
+    (
+        "wbc/qp/conflict.py",
+        "way *= np.copysign(1.0, way.sum())",
+        "1.0 -> 2.001",
+    ): "a direction, of any length",
+    (
+        "wbc/qp/conflict.py",
+        "way *= np.copysign(1.0, way.sum())",
+        "Mult -> Div",
+    ): "by 1 or -1",
     (
         "wbc/controllers/braking.py",
         'lengths = np.sqrt(np.einsum("ij,ij->i", A, A) + TINY)',
@@ -73,11 +83,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "found = np.empty(3 + qp.g.size)",
         "3 -> 4",
     ): "room for one number more",
-    (
-        "wbc/qp/active_set.py",
-        "weight = _PROXIMAL * max(float(qp.P.diagonal().max(initial=0.0)), 1.0)",
-        "0.0 -> 0.001",
-    ): "1 is more",
     (
         "wbc/controllers/core_memory.py",
         "self._usual, self._outside = np.zeros(0, dtype=np.int64), False",

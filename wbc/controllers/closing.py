@@ -149,9 +149,7 @@ class LoopClosing:
 def _part(J: Array, rate: Array, box: Box) -> float:
     """Return the part of minus ``rate`` (k,) that rows J v of a box on v can have, each alone."""
     lower, upper = (np.clip(side, -1e9, 1e9) for side in box)
-    most = np.where(J > 0.0, J * upper, J * lower).sum(axis=1)
-    least = np.where(J > 0.0, J * lower, J * upper).sum(axis=1)
-    there = np.where(rate > 0.0, -least, most)  # towards 0 error
-    wanted = np.abs(rate)
+    J = -np.sign(rate)[:, None] * J  # towards 0 error
+    there, wanted = np.maximum(J * lower, J * upper).sum(axis=1), np.abs(rate)
     parts = np.divide(there, wanted, out=np.ones_like(wanted), where=wanted > 0.0)
     return float(np.clip(parts.min(), 0.0, 1.0))

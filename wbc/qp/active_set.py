@@ -19,7 +19,7 @@ import numpy as np
 
 from wbc.qp.conflict import FINEST, conflict_by_simplex, conflict_of, find_conflict
 from wbc.qp.core import DONE, INFEASIBLE, CoreAnswer, FlatQP, solve_in_core
-from wbc.qp.kkt import SolveCheck
+from wbc.qp.kkt import SolveCheck, largest
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, KktResiduals, RawSolution, Solution, Status
 from wbc.validate import Array, finite_number
@@ -125,10 +125,9 @@ class ActiveSet:
         if give is None:
             raw = RawSolution(*found[1:5], Status.SOLVED, found.iterations)
             check = SolveCheck(NAME, eps, start, explain=False)
-            if found.iterations >= 0:  # relative to the QP's numbers it may be accurate
-                settled = check.accept(qp, raw)
-                if settled is not None:
-                    return settled
+            settled = check.accept(qp, raw)  # relative to the QP's numbers it may be accurate
+            if settled is not None:
+                return settled
             conflict = None if quick else find_conflict(qp)
             settled = None if conflict else self._settled(qp, check, raw)
             if settled is not None:
@@ -160,7 +159,7 @@ def proximal(qp: QP, eps: float, max_iterations: int) -> RawSolution | None:
     the point of the last one.
     """
     n = qp.g.size
-    weight = _PROXIMAL * max(float(qp.P.diagonal().max(initial=0.0)), 1.0)
+    weight = _PROXIMAL * max(largest(qp.P.diagonal()), 1.0)
     x: Array = np.clip(np.zeros(n), qp.lower, qp.upper)
     steps = 0
     curved = qp._replace(P=qp.P + weight * np.eye(n))
@@ -170,7 +169,7 @@ def proximal(qp: QP, eps: float, max_iterations: int) -> RawSolution | None:
         if found.iterations < 0 or not found.residuals.primal < _LOST:
             return raw
         steps += found.iterations
-        moved = weight * float(np.abs(found.x - x).max(initial=0.0))
+        moved = weight * largest(found.x - x)
         x = found.x
         raw = RawSolution(x, found.y, found.z, found.z_box, Status.SOLVED, steps)
         if moved <= 0.1 * eps:

@@ -82,9 +82,9 @@ def doubtful_cost(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> float:
 
 def reference_magnitudes(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> tuple[float, float]:
     """Return (primal, dual): the largest terms in the rows and in the stationarity sum."""
-    primal = [_largest(x), _largest(qp.b), _largest(qp.A.dot(x)), _largest(qp.C.dot(x))]
-    dual = [_largest(qp.P.dot(x)), _largest(qp.g), _largest(z_box)]
-    dual += [_largest(y.dot(qp.A)), _largest(z.dot(qp.C))]
+    primal = [largest(x), largest(qp.b), largest(qp.A.dot(x)), largest(qp.C.dot(x))]
+    dual = [largest(qp.P.dot(x)), largest(qp.g), largest(z_box)]
+    dual += [largest(y.dot(qp.A)), largest(z.dot(qp.C))]
     return max(primal), max(dual)
 
 
@@ -92,11 +92,11 @@ def _within(rows: Array, x: Array, lower: Array, upper: Array, eps: float) -> bo
     """Whether each row lies between its ends, to eps relative to its own largest term."""
     terms = rows * x  # (m, n)
     values = terms.sum(axis=1)
-    slack = eps * (1.0 + np.abs(terms).max(axis=1, initial=0.0))
+    slack = eps * (1.0 + np.abs(terms).max(axis=1))
     return bool(np.all((values >= lower - slack) & (values <= upper + slack)))
 
 
-def _largest(vector: Array) -> float:
+def largest(vector: Array) -> float:
     """Return the largest absolute entry, 0 for an empty vector."""
     return float(np.maximum.reduce(np.abs(vector), initial=0.0))
 

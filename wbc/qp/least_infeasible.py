@@ -15,7 +15,8 @@ from time import perf_counter
 import numpy as np
 
 from wbc.qp.active_set import ActiveSet
-from wbc.qp.conflict import least_violation
+from wbc.qp.conflict import UnitRows, least_violation
+from wbc.qp.kkt import largest
 from wbc.qp.problem import QP
 from wbc.validate import Array
 
@@ -50,7 +51,7 @@ def least_infeasible(qp: QP, eps: float = 1e-8) -> LeastInfeasible:
     """
     began = perf_counter()
     point, violation = least_violation(qp)
-    margin = _RELAXED * (1.0 + float(np.abs(point).max(initial=0.0)))
+    margin = _RELAXED * (1.0 + largest(point))
     solution = ActiveSet(eps=eps).solve(_relaxed(qp, violation, margin), quick=True)
     x = np.clip(solution.x if solution.solved else point, qp.lower, qp.upper)
     return LeastInfeasible(x, _violated(qp, x), solution.solved, perf_counter() - began)
@@ -68,9 +69,7 @@ def _relaxed(qp: QP, violation: Array, margin: float) -> QP:
 
 
 def _violated(qp: QP, x: Array) -> dict[str, float]:
-    values = qp.C @ x
-    violation = np.concatenate((qp.A @ x - qp.b, values - np.clip(values, qp.l, qp.u)))
-    length = np.linalg.norm(np.concatenate((qp.A, qp.C)), axis=1)
-    names = (*qp.labels.equality, *qp.labels.inequality)
-    least = _MET * np.where(length > 0.0, length, 1.0) * (1.0 + float(np.abs(x).max(initial=0.0)))
-    return {names[k]: float(violation[k]) for k in np.flatnonzero(np.abs(violation) > least)}
+    rows, names = UnitRows.of(qp), (*qp.labels.equality, *qp.labels.inequality)
+    missed = rows.violation(x)
+    found = np.flatnonzero(np.abs(missed) > _MET * (1.0 + largest(x)))
+    return {names[k]: float(missed[k] * rows.norms[k]) for k in found}

@@ -31,8 +31,7 @@ import sys
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
+from wbc.qp.kkt import largest
 from wbc.qp.problem import QP
 from wbc.qp.solution import RawSolution, Status
 from wbc.validate import Array
@@ -113,8 +112,8 @@ class Workspace:
         settings = native.settings
         scale = _cost_scale(qp.P)
         P, g = scale * qp.P, scale * qp.g
-        largest = max(np.abs(part).max(initial=0.0) for part in (P, g, qp.b))
-        settings.eps_abs = max(margin * eps, _ROUNDING * float(largest))
+        most = max(map(largest, (P.ravel(), g, qp.b)))
+        settings.eps_abs = max(margin * eps, _ROUNDING * most)
         settings.eps_rel = 0.0
         settings.check_duality_gap = True
         settings.eps_duality_gap_abs = settings.eps_abs
@@ -190,5 +189,5 @@ def _cost_scale(P: Array) -> float:
     With a cost of 1e-3 the multipliers of active bounds sink into the accuracy asked for, and
     ProxQP stops with bounds half active. Costs above 1 are left alone: large multipliers are seen.
     """
-    largest = float(P.diagonal().max(initial=0.0))
-    return 2.0 ** math.ceil(-math.log2(largest)) if 1e-12 < largest < 1.0 else 1.0
+    most = largest(P.diagonal())
+    return 2.0 ** math.ceil(-math.log2(most)) if 1e-12 < most < 1.0 else 1.0
