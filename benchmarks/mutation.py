@@ -89,6 +89,16 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "0 -> 1",
     ): "a 0 that is written over a 0",
     (
+        "wbc/tasks/core_task.py",
+        "_LAW = np.zeros(lib.WEIGHTS)  # the numbers of a law, which rows do not depend on",
+        "zeros -> ones",
+    ): "as it says",
+    (
+        "wbc/tasks/core_task.py",
+        '"scratch": np.empty(moving * (tree.frame_size + 6)),',
+        "6 -> 7",
+    ): "room for some numbers more",
+    (
         "wbc/controllers/blocks.py",
         "k, none = len(chosen), np.zeros(len(task.rows))",
         "zeros -> ones",

@@ -79,7 +79,11 @@ class Stranger:
     def solve(self, qp: QP, workspace=None, quick: bool = False) -> Solution:
         found = ActiveSet().solve(qp)
         return found._replace(
-            x=np.full(qp.g.size, np.nan), status=Status.FAILED, solver="stranger", message="no"
+            x=np.full(qp.g.size, np.nan),
+            status=Status.FAILED,
+            solver="stranger",
+            message="no",
+            solve_time=1.0,
         )
 
 
@@ -90,6 +94,7 @@ def test_what_a_strange_backend_misses_the_core_answers(hoap2, level, caplog) ->
     for _ in range(3):
         tick = one.step(here)
         assert tick.ok and tick.solution.solver == "active_set" and tick.solution.attempts == 2
+        assert 1.0 < tick.solution.solve_time < 2.0
         np.testing.assert_allclose(tick.velocity, other.step(here).velocity, atol=1e-7)
     told = [record.getMessage() for record in caplog.records]
     assert told == [

@@ -65,9 +65,9 @@ def test_a_soft_constraint_gives_way_by_pull_over_weight(
     hoap2: Robot, here: Snapshot, weight: float
 ) -> None:
     box = boxed(hoap2, here)
-    tick = controller(
-        hoap2, here, contacts=support(here, "double"), constraints=[box], slack={box.name: weight}
-    ).step(here)
+    far = PositionBox(hoap2, "left_palm", here.q[:3] - 9.0, here.q[:3] + 9.0)  # does not give way
+    held = {"contacts": support(here, "double"), "constraints": [box, far]}
+    tick = controller(hoap2, here, **held, slack={box.name: weight}).step(here)
     assert tick.ok
     assert tick.slack, "the CoM task pulls forward, so the box must give way"
     # Stationarity of the slacks: weight s = multiplier of the row, whatever the rest of the QP is.

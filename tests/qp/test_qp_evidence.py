@@ -54,12 +54,14 @@ WRONG = {
 )
 def test_a_wrong_answer_to_a_feasible_qp(case, claim, status):
     solution = judge(FEASIBLE, WRONG[case]._replace(claim=claim))
+    told = judge(FEASIBLE, WRONG[case]._replace(claim=claim, message="gave up")).message
     assert solution.status is status
     assert not solution.solved
     assert solution.conflict is None
     assert status.value in solution.describe()
     unfounded = claim in (Status.SOLVED, Status.INFEASIBLE)
-    assert ("no evidence" in solution.message) == unfounded
+    assert solution.message.endswith("no evidence") == unfounded
+    assert told.endswith("no evidence, and said 'gave up'" if unfounded else "gave up")
 
 
 @pytest.mark.parametrize("claim", list(Status))

@@ -58,6 +58,62 @@ def test_contact_of_ones_own_bears_what_a_contact_does(hoap2, here, slack) -> No
     np.testing.assert_allclose(ticks[1].errors["cop"], ticks[0].errors["cop"], atol=1e-6)
 
 
+def in_python(kind: type[Task]) -> type[Task]:
+    """Return a kind of task that is asked in Python, for the same."""
+    return type(kind.__name__, (kind,), {"residual": kind.residual})
+
+
+@pytest.mark.parametrize("level", [KinematicController, TorqueController])
+@pytest.mark.parametrize("seed", range(6))
+def test_tasks_asked_in_python_command_what_those_of_the_core_do(hoap2, level, seed) -> None:
+    """Of any law, with rows left out, about moving targets, and changed between two ticks."""
+    ticks = []
+    for known in (True, False):
+        rng = np.random.default_rng(seed)
+        here = hoap2.snapshot(hoap2.posture("standing"), 0.02 * rng.normal(size=hoap2.nv))
+        goal = hoap2.integrate(here.q, 0.05 * rng.normal(size=hoap2.nv), 1.0)
+        there = hoap2.snapshot(goal)
+        made = {
+            ComTask: (there.com,),
+            PositionTask: ("left_hand", there.position("left_hand")),
+            PoseTask: ("right_hand", there.position("right_hand"), there.rotation("right_hand")),
+            InertiaTask: (there.inertia,),
+            PostureTask: (goal,),
+        }
+        tasks = []
+        for kind, given in made.items():
+            law = {
+                "gain": rng.uniform(0.05, 0.9),
+                "kp": rng.uniform(5.0, 200.0),
+                "weight": rng.uniform(0.2, 3.0),
+                "weighs_error": bool(rng.random() < 0.5),
+                "curvature_damping": bool(rng.random() < 0.7),
+                "lm_damping": rng.choice([0.0, 0.1]),
+                "singular_threshold": rng.choice([0.0, 0.05]),
+            }
+            if kind is InertiaTask:
+                law["second_order"] = bool(rng.random() < 0.5)
+            task = (kind if known else in_python(kind))(hoap2, *given, **law)
+            if kind in (ComTask, PositionTask, PoseTask):
+                k = len(task.rows)
+                task.weight = rng.uniform(0.5, 2.0, k) * (rng.random(k) < 0.8)
+            if kind in (ComTask, PositionTask):
+                task.set_target(given[-1], *0.1 * rng.normal(size=(2, 3)))
+            tasks.append(task)
+        contacts, slack = support(here, "double"), {"left_sole": 1e2} if seed % 2 else {}
+        controller = level(hoap2, tasks, contacts=contacts, slack=slack, dt=DT, solver="active_set")
+        found = [controller.step(here)]
+        tasks[seed % len(tasks)].gain = 0.3
+        tasks[0].set_target(here.com, [0.1, 0.0, 0.0])
+        found.append(controller.step(here))
+        tasks[1].weight = 2.0
+        found.append(controller.step(here))
+        ticks.append(found)
+    for ours, theirs in zip(*ticks, strict=True):
+        assert ours.ok
+        np.testing.assert_allclose(theirs.velocity, ours.velocity, atol=1e-7)
+
+
 class MyCop(CopTask):
     """Nothing but a name."""
 

@@ -137,7 +137,7 @@ class IndependentCoordinates:
         J = self.jacobian(rows)
         wanted = finite_array("independent coordinates, change", change, (len(J),))
         damping = finite_number("independent coordinates, damping", damping, least=0.0)
-        if damping > 0.0:
+        if damping:
             k = J.shape[1]
             J = np.concatenate((J, np.sqrt(damping) * np.eye(k)))
             wanted = np.concatenate((wanted, np.zeros(k)))

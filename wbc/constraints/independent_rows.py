@@ -84,7 +84,7 @@ def _independent(contacts: Sequence[Contact]) -> Index:
     size = max(float(np.linalg.norm(lever)) for lever in levers)
     rows = np.concatenate(
         [
-            _rows_of(contact, lever / size if size > 0.0 else lever)
+            _rows_of(contact, lever / size if size else lever)
             for contact, lever in zip(contacts, levers, strict=True)
         ]
     )

@@ -92,7 +92,7 @@ class Part:
     @property
     def singular(self) -> bool:
         """Whether others look into its rows: see :mod:`wbc.controllers.singular`."""
-        return not self.torque and self.task.singular_threshold > 0.0
+        return not self.torque and bool(self.task.singular_threshold)
 
     @property
     def second(self) -> bool:
@@ -218,7 +218,7 @@ class AskedPart(Part):
         error[:], bias[:] = residual.error[chosen], residual.bias[chosen]
         if asked.drift is not None:
             drift[:] = asked.drift[chosen]
-        elif place.header[lib.HALF_GAIN] > 0.0 and not self.held:
+        elif place.header[lib.HALF_GAIN] and not self.held:
             left_out = residual.curvature_bound
             bound[:] = left_out() if callable(left_out) else left_out
             bound *= self._factor**2
@@ -329,7 +329,7 @@ def described(task: Task, torque: bool) -> Sequence[NativeRows] | None:
     if not known or "residual" in own or "drift" in own:
         return None
     rows = task.native()
-    if rows is not None and len(rows) > 1 and task.lm_damping > 0.0 and not torque:
+    if rows is not None and len(rows) > 1 and task.lm_damping and not torque:
         return None  # by the error of the whole task, which is in several blocks
     return rows
 

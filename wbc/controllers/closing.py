@@ -151,5 +151,5 @@ def _part(J: Array, rate: Array, box: Box) -> float:
     lower, upper = (np.clip(side, -1e9, 1e9) for side in box)
     J = -np.sign(rate)[:, None] * J  # towards 0 error
     there, wanted = np.maximum(J * lower, J * upper).sum(axis=1), np.abs(rate)
-    parts = np.divide(there, wanted, out=np.ones_like(wanted), where=wanted > 0.0)
+    parts = np.divide(there, wanted, out=np.ones_like(wanted), where=wanted != 0.0)
     return float(np.clip(parts.min(), 0.0, 1.0))

@@ -279,7 +279,7 @@ class CoreMemory:
         if bounds is None:
             return
         give = np.zeros(count) if bounds.slack is None else 1.0 / bounds.slack
-        struct.soft = bounds.slack is not None and bool(give.any())
+        struct.soft = bool(give.any())
         rows = bounds.matrix[:, :nv].ravel(), bounds.lower, bounds.upper, give
         self._put("given", np.concatenate(rows))
         if bounds.push is not None:

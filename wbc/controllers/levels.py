@@ -59,7 +59,7 @@ class Levels:
         self.first, self._plan, self._limits, self._dt = first, plan, limits, dt
         self._root = np.sqrt(joint_weights)
         self.braked = limits is not None and limits.braking == "bounded" and not torque
-        singular = any(task.singular_threshold > 0.0 for task in plan.motion)
+        singular = any(task.singular_threshold for task in plan.motion)
         self.looked_into = self.braked or (singular and not torque)
 
     def solve(

@@ -119,7 +119,7 @@ def reduce_singular(
         lost = None
         if rate_reduction is not None:
             lost = np.zeros(rows[k].weight.size)
-            lost[rows[k].weight > 0.0] = rate_reduction[here]
+            lost[np.flatnonzero(rows[k].weight)] = rate_reduction[here]
             out[k] = rows[k]._replace(target=rows[k].target - lost)
         found[k] = _singularity(_per_speed(grams.of(here)), row.singular_threshold, lost)
     return out, found
@@ -129,7 +129,7 @@ def _weighty(row: Rows) -> Rows:
     """Return a task's rows without those of no weight."""
     if row.weight.all():
         return row
-    wanted = row.weight > 0.0
+    wanted = np.flatnonzero(row.weight)
     return row._replace(
         matrix=row.matrix[wanted],
         target=row.target[wanted],
@@ -201,6 +201,6 @@ def _singularity(gram: Array, threshold: float, rate_reduction: Array | None) ->
     """Return rank and conditioning of the one task with ``gram`` (k, k)."""
     squares, _, _ = lapack.dsyev(gram, compute_v=0)
     values = [math.sqrt(max(square, 0.0)) for square in squares.tolist()]
-    condition = values[-1] / values[0] if values[0] > 0.0 else math.inf
+    condition = values[-1] / values[0] if values[0] else math.inf
     rank = sum(value >= threshold for value in values)
     return Singularity(rank, values[0], condition, rate_reduction)

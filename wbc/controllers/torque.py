@@ -162,7 +162,7 @@ class TorqueController(Controller):
         check_robot(type(self).__name__, robot)
         check_list("tasks", tasks, Task)
         for task in tasks:
-            if task.singular_threshold > 0.0:
+            if task.singular_threshold:
                 logging.getLogger(__name__).warning(
                     "controller: singular_threshold of %s has no effect at the torque level", task
                 )

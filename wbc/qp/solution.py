@@ -62,7 +62,7 @@ class ConflictRow:
     def describe(self) -> str:
         """Return the row's name, its side, and by how much it is missed."""
         side = "" if self.side == "equality" else f" ({self.side})"
-        missed = f", missed by {self.violation:.3g}" if self.violation > 0.0 else ""
+        missed = f", missed by {self.violation:.3g}" if self.violation else ""
         return f"{self.label!r}{side}{missed}"
 
 

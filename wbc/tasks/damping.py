@@ -92,4 +92,4 @@ class DampingTask(Task):
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return zeros: at rest any posture will do."""
-        return 0.0 * posture.joints[0] * self._still
+        return posture.joints[0] * self._still

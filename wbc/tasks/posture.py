@@ -50,7 +50,7 @@ class PostureTask(CoreTask):
     ) -> None:
         check_robot(type(self).__name__, robot)
         factors = joint_factors(robot, joints, name)[BASE_NV:]
-        chosen = np.flatnonzero(factors > 0.0)
+        chosen = np.flatnonzero(factors)
         if chosen.size == 0:
             raise InvalidInputError(f"task {name!r}: every joint has weight 0; leave the task out")
         names = [robot.joint_names[k] for k in chosen]

@@ -137,7 +137,7 @@ class PrincipalInertiaTask(Task):
         InvalidInputError
             Rows of different weights, whose cost would depend on the axes.
         """
-        if np.ptp(self.weight) > 0.0:
+        if np.ptp(self.weight):
             raise InvalidInputError(
                 f"global shaping: task {self.name!r} weighs its six rows differently; give one"
                 " weight"
