@@ -27,7 +27,10 @@ from benchmarks.mutation_places import ROOT, Fault, Places, files, source
 
 ROOMS = "tasks constraints controllers qp reference native loops shaping run problem gait flight"
 TESTS = tuple(f"tests/{room}" for room in (*ROOMS.split(), "tracking", "simulation"))
-TESTS += tuple(f"tests/robot/test_{name}.py" for name in ("state", "kernel", "series", "symbolic"))
+TESTS += tuple(
+    f"tests/robot/test_{name}.py"
+    for name in ("state", "kernel", "series", "symbolic", "collision_closing")
+)
 TESTS += ("--ignore=tests/shaping/test_search_all.py",)  # of processes that import anew, by time
 WHOLE = "bad_input defaults errata reduction repr signatures validate what_callers_give wrong_kinds"
 TESTS += tuple(f"tests/test_{name}.py" for name in WHOLE.split())

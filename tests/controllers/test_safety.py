@@ -63,6 +63,7 @@ def test_a_command_outside_the_limits_is_never_given(hoap2: Robot) -> None:
     )
     tick = controller.step(here)
     assert tick.status is Status.CONTRADICTED and tick.policy == "hold"
+    assert not tick.velocity.flags.writeable
     assert not tick.velocity.any()
     assert "outside its limits" in tick.report()
 

@@ -96,7 +96,8 @@ def _independent(contacts: Sequence[Contact]) -> Index:
 
 def _rows_of(contact: Contact, lever: Array) -> Array:
     """Return a contact's rows (k, 6) by its link's twist; ``lever`` (3,) leads to its frame."""
-    rows = np.block([[np.eye(3), -skew(lever)], [np.zeros((3, 3)), np.eye(3)]])
+    rows = np.eye(6)
+    rows[:3, 3:] = -skew(lever)
     if isinstance(contact, LineContact):
         return np.concatenate((rows[:3], contact.axes_across @ rows[3:]))
     return rows[: len(contact.rows)]

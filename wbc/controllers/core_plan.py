@@ -27,6 +27,7 @@ from wbc.controllers.plan import LevelPlan
 from wbc.laws import Rows
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.backend import Backend
+from wbc.qp.kkt import largest
 from wbc.qp.proxqp import ProxQP
 from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import NativeState
@@ -155,7 +156,7 @@ class CorePlan:
         """Square of the heaviest weight of a cost."""
         costs = (part for part in self._parts if not part.held)
         weights = [place.weight for part in costs for place in part._places]
-        return max(float(np.square(weight).max(initial=0.0)) for weight in weights)
+        return max(map(largest, weights)) ** 2
 
     def changed(self) -> str | None:
         """Return which task was changed since it was last written, in words, or None."""
