@@ -110,3 +110,8 @@ def test_build_fills_in_what_is_left_out():
 def test_build_refuses_an_asymmetric_cost():
     with pytest.raises(InvalidInputError, match="symmetric"):
         QP.build([[2.0, 1.0], [0.0, 2.0]], [1.0, 1.0])
+
+
+def test_a_qp_of_no_unknowns_is_refused() -> None:
+    with pytest.raises(InvalidInputError, match=r"QP\.g: no entries"):
+        QP.build(np.zeros((0, 0)), [])

@@ -124,8 +124,9 @@ def check_qp(qp: QP) -> None:
     Raises
     ------
     InvalidInputError
-        A field has another shape than the rest, holds NaN (or infinity, where that is no bound),
-        or a lower bound lies above its upper bound; the message names the field or the row.
+        There is no unknown; a field has another shape than the rest, holds NaN (or infinity, where
+        that is no bound), or a lower bound lies above its upper bound; the message names the field
+        or the row.
     """
     mi = qp.u.size
     if (
@@ -151,7 +152,8 @@ def is_sound(qp: QP) -> bool:
     n, me, mi, names = qp.g.size, qp.b.size, qp.u.size, qp.labels
     P, A, C, g, b = qp.P, qp.A, qp.C, qp.g, qp.b
     return (
-        P.shape == (n, n)
+        n > 0
+        and P.shape == (n, n)
         and A.shape == (me, n)
         and C.shape == (mi, n)
         and g.shape == qp.lower.shape == qp.upper.shape == (n,)
@@ -169,6 +171,8 @@ def is_sound(qp: QP) -> bool:
 def _faults(qp: QP) -> Iterator[str]:
     """Yield what is wrong with ``qp``, in words; slow, and only ever run on failure."""
     n, me, mi = qp.g.size, qp.b.size, qp.u.size
+    if not n:
+        yield "QP.g: no entries; a QP is about one unknown at least"
     shapes = {"P": (n, n), "g": (n,), "A": (me, n), "b": (me,), "C": (mi, n)}
     shapes |= {"l": (mi,), "u": (mi,), "lower": (n,), "upper": (n,)}
     for field, shape in shapes.items():
