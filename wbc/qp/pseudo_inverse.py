@@ -59,7 +59,9 @@ class PseudoInverse:
         x, z_box = basis @ clipped + offset, np.zeros(qp.g.size)
         z_box[free] = np.where(clipped != unclipped, -(P @ clipped + g), 0.0)
         z = np.zeros(0)
-        y = -linalg.lstsq(qp.A.T, qp.P @ x + qp.g + z_box, RANK)[0] if qp.b.size else z
+        gradient = qp.P @ x + qp.g + z_box
+        # gelsd, the default, has no answer where its iteration does not converge.
+        y = -linalg.lstsq(qp.A.T, gradient, RANK, lapack_driver="gelsy")[0] if qp.b.size else z
         residuals = kkt_residuals(qp, x, y, z, z_box)
         status = Status.SOLVED if np.isfinite(x).all() else Status.FAILED
         spent = perf_counter() - start
