@@ -53,6 +53,11 @@ def test_it_stands_and_tells_of_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(result.run.final.com, com, atol=1e-15)
     assert 0.0 < result.peak_tilt < 0.2
     assert 0.0 < max(result.torque_use.values()) < 1.0
+    torque = dict(zip(result.robot.joint_names, result.arrays["torque"][1:].T, strict=True))
+    for name, change in result.torque_change.items():
+        steps = np.diff(torque[name])
+        assert change == pytest.approx(np.linalg.norm(steps) / np.sqrt(steps.size), abs=1e-12)
+    assert [*result.torque_change.values()] == sorted(result.torque_change.values(), reverse=True)
     # The push of half M omega d: the CoM's momentum grows by what the soles did not take.
     assert result.cop_error < 0.02
     (push,) = result.pushes

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from wbc.cli.printing import SHOWN, facts, head, heads, print_unbalanced, print_written, tasks_table
 from wbc.errors import listed
+from wbc.robot.series import turning_joints
 from wbc.simulation import SimulationResult
 from wbc.simulation.push import Push
 from wbc.simulation.wrench import AppliedWrench
@@ -157,10 +158,13 @@ def _cop(result: SimulationResult) -> str:
 
 
 def _torque(result: SimulationResult) -> str:
+    joint, change = next(iter(result.torque_change.items()))
+    turns = dict(zip(result.robot.joint_names, turning_joints(result.robot), strict=True))
+    use = f"changes by {change:.3g} {'N m' if turns[joint] else 'N'} a tick (rms, {joint})"
     if not result.torque_use:
-        return "no joint has a bound"
+        return f"{use}; no joint has a bound"
     name, most = next(iter(result.torque_use.items()))
-    use = f"at most {_percent(most)} of the bound ({name})"
+    use = f"at most {_percent(most)} of the bound ({name}); {use}"
     if not result.saturated:
         return use
     return f"{use}; at the bound for {_listed(result.saturated)} of the time"

@@ -6,6 +6,7 @@ import numpy as np
 
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
+from wbc.robot.series import turning_joints
 from wbc.validate import Array
 
 # Friction acts against where a joint is going: its velocity so long from now [s], of which a part
@@ -23,9 +24,7 @@ class DryFriction:
     def __init__(self, robot: Robot) -> None:
         self._force = np.array(robot.friction)
         self._force[[robot.joint_index(name) - BASE_NV for name in robot.motorless]] = 0.0
-        kinds = (robot.model.joints[robot.model.getJointId(name)] for name in robot.joint_names)
-        slides = np.array([kind.shortname().startswith("JointModelP") for kind in kinds])
-        self._slow = np.where(slides, SLOW_SLIDE, SLOW)
+        self._slow = np.where(turning_joints(robot), SLOW, SLOW_SLIDE)
 
     def torques(self, velocity: Array, acceleration: Array) -> Array:
         """Return what makes up for it (nv - 6,) [N m or N], of joints that move so (nv - 6,)."""

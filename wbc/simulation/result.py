@@ -191,6 +191,16 @@ class SimulationResult:
         known = np.square(apart).sum(axis=1)[np.isfinite(apart).all(axis=1)]
         return float(np.sqrt(known.mean())) if known.size else float("nan")
 
+    @property
+    def torque_change(self) -> Mapping[str, float]:
+        """Root mean square change of torques from tick to tick [N m or N], the largest first.
+
+        Torques that chatter wear gears and are heard: gains are too high for springs and noise.
+        """
+        steps = np.diff(self.arrays["torque"][1:], axis=0)
+        rms = np.sqrt(np.square(steps).mean(axis=0)) if len(steps) else np.zeros(steps.shape[1])
+        return _falling(dict(zip(self.robot.joint_names, rms.tolist(), strict=True)))
+
     def summary(self) -> dict[str, Any]:
         """Return everything but the histories as plain data."""
         return {
@@ -212,6 +222,7 @@ class SimulationResult:
                 "peak_tilt": self.peak_tilt,
                 "saturated": dict(self.saturated),
                 "torque_use": dict(self.torque_use),
+                "torque_change_rms": dict(self.torque_change),
                 "notes": list(self.notes),
                 "terrain": self.terrain.to_data(),
             },
