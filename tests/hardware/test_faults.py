@@ -4,7 +4,6 @@ import copy
 import gc
 import io
 import threading
-import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
@@ -328,9 +327,9 @@ def test_a_terminal_that_is_stopped_stops_no_cycle(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr("typer.echo", stopped)
     with ThreadPoolExecutor(1) as voice:
-        say, began = _aside(voice), time.monotonic()
+        say = _aside(voice)
         say("damping: armed by hand")
         say("standing up: asked to stand up")
-        assert time.monotonic() - began < 1.0 and not printed
+        assert not printed  # nobody waited
         goes_on.set()
     assert printed == ["damping: armed by hand", "standing up: asked to stand up"]
