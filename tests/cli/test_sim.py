@@ -133,3 +133,21 @@ def test_a_plan_whose_quantity_stays_has_no_peak_to_compare_with(peak: float) ->
     com, flat = Deviation(1e-3, 2e-3, 0.1, 0.01), Deviation(0.4, 0.9, 0.1, peak)
     table = _tracking(PlanTracking(com, com, flat, flat, 0.0, 1.0, 1.0, {}))
     assert list(table.columns[-1].cells) == ["10 %", "10 %", "it has none", "it has none"]
+
+
+def test_a_robot_of_one_body_is_told_of(tmp_path: Path) -> None:
+    body = (
+        '<robot name="body"><link name="a"><inertial><mass value="1"/><inertia ixx=".01" ixy="0"'
+        ' ixz="0" iyy=".01" iyz="0" izz=".01"/></inertial></link></robot>'
+    )
+    (tmp_path / "body.urdf").write_text(body)
+    path = tmp_path / "body.yaml"
+    path.write_text(
+        "robot: {model: body.urdf, base: floating}\n"
+        "support: floating\n"
+        "tasks:\n  com: {type: com, target: {offset: [0, 0, 0]}}\n"
+        "controller: {level: torque}\n"
+        "simulation: {duration: 0.02}\n"
+    )
+    done = wbc_command("sim", path)
+    assert "no joint has a bound" in done.output, done.output

@@ -158,9 +158,11 @@ def _cop(result: SimulationResult) -> str:
 
 
 def _torque(result: SimulationResult) -> str:
+    if not result.torque_change:
+        return "no joint has a bound"
     joint, change = next(iter(result.torque_change.items()))
-    turns = dict(zip(result.robot.joint_names, turning_joints(result.robot), strict=True))
-    use = f"changes by {change:.3g} {'N m' if turns[joint] else 'N'} a tick (rms, {joint})"
+    turns = turning_joints(result.robot)[result.robot.joint_names.index(joint)]
+    use = f"changes by {change:.3g} {'N m' if turns else 'N'} a tick (rms, {joint})"
     if not result.torque_use:
         return f"{use}; no joint has a bound"
     name, most = next(iter(result.torque_use.items()))
