@@ -65,6 +65,13 @@ def test_dry_friction_that_takes_much_of_the_torque_is_said() -> None:
     assert Walker(Robot.load("hoap2_like", friction={"*": 0.1})).notes == ()
 
 
+def test_a_joint_that_swings_freely_is_said_to_have_nothing() -> None:
+    """Of no loop and no gear: it ended in NumPy's error."""
+    robot = Robot.load("hoap2_like", friction={"*": 0.1}, unactuated=["left_ankle_roll"])
+    (note,) = Walker(robot).notes
+    assert "left_ankle_roll takes 0.378 and has 0 N m" in note
+
+
 def without(joint: str, half_width: float) -> Robot:
     """A small humanoid without a joint of either leg, on soles of that half width [m]."""
     polygon = [

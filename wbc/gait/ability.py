@@ -90,6 +90,7 @@ def lacks(posture: Snapshot, most: Array, stuck: float) -> tuple[str, ...]:
         )
     legs = [robot.model.idx_vs[joint] for side in SIDES for joint in leg_joints(robot, side)]
     friction = stuck * robot.friction
+    friction[[robot.joint_index(name) - BASE_NV for name in robot.motorless]] = 0.0
     sticky = [k for k in np.subtract(legs, BASE_NV) if friction[k] > STICKY * most[k]]
     if sticky:
         part = max(float(friction[k] / most[k]) for k in sticky)
@@ -121,9 +122,9 @@ def bearing_torques(posture: Snapshot, sole: str) -> Array:
     borne = posture.jacobian(sole)[:3].T @ force
     needed = np.asarray((posture.mass_matrix @ rate + posture.bias - borne)[BASE_NV:])
     without = [robot.joint_index(name) - BASE_NV for name in robot.motorless]
-    if not without:
-        return needed
     ties = [one for one in mechanics_of(robot, ()) if not isinstance(one, BoltedBase)]
+    if not (without and ties):  # a joint that swings freely takes what nothing gives
+        return needed
     J = np.concatenate([one.residual(posture).jacobian[:, BASE_NV:] for one in ties])
     forces = np.linalg.lstsq(J[:, without].T, needed[without], rcond=1e-9)[0]
     needed -= J.T @ forces
