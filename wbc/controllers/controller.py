@@ -171,8 +171,6 @@ class Controller(DeclaredAttributes, ABC):
             value = one_of("failure policy", value, self._policies)
         elif name == "deadline" and value is not None:
             value = finite_number("controller, deadline", value, above=0.0)
-        elif name == "force_ramp":
-            value = finite_number("controller, force_ramp", value, least=0.0)
         super()._set_attribute(name, value)
 
     def change(

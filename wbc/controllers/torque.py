@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, Never, cast
 
 import numpy as np
@@ -170,7 +170,6 @@ class TorqueController(Controller):
         self.force_ramp = force_ramp
         self.spring_time = finite_number("controller, spring_time", spring_time, least=0.0)
         self.friction_compensation = friction_compensation
-        self._friction = DryFriction(robot)
         self.torque_bounds = effort_bounds(robot, torque_limits)
         self._braking = StanceBraking(robot, self.torque_bounds)
         self._last: Reaction | None = None
@@ -201,8 +200,14 @@ class TorqueController(Controller):
                 "controller: %s; what it leaves, the core's 'active_set' answers", doubt
             )
 
+    @cached_property
+    def _friction(self) -> DryFriction:
+        return DryFriction(self.robot)
+
     def _set_attribute(self, name: str, value: Any) -> None:
-        if name == "friction_compensation":
+        if name == "force_ramp":
+            value = finite_number("controller, force_ramp", value, least=0.0)
+        elif name == "friction_compensation":
             value = finite_number(f"controller, {name}", value, least=0.0)
             if value > 1.0:
                 raise InvalidInputError(f"controller, {name}: {value:g} is above 1, all of it")
