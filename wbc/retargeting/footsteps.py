@@ -173,15 +173,13 @@ def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, spread: Array) -> 
     posture = robot.snapshot(robot.postures[STANDING])
     lines = frozenset(side for side in SIDES if not rolls(posture, side))
     if lines:  # legs that stand as they are made to hold such soles level
-        left, right = (posture.placement(robot.feet[side].frame) for side in SIDES)
-        own = float(((left[0] - right[0]) @ left[1])[1])
         apart = [float((a.pose[:2] - b.pose[:2]) @ across) for a, b, across in _neighbours(prints)]
-        wider = max(wider, 0.5 * (own - float(np.median(apart)))) if apart else wider
+        wider = max(wider, 0.5 * (legs.width - float(np.median(apart)))) if apart else wider
     prints = [replace(one, pose=_moved_out(one.pose, one.foot, wider)) for one in prints]
     paths = {}
     for side in SIDES:
-        where = sorted((one for one in prints if one.foot == side), key=lambda one: one.first)
-        paths[side] = _path(source, robot, side, spread, arms[side], where, wider)
+        own = sorted((one for one in prints if one.foot == side), key=lambda one: one.first)
+        paths[side] = _path(source, robot, side, spread, arms[side], own, wider)
     return FootPaths(paths, tuple(prints), wider, tuple(notes), lines)
 
 

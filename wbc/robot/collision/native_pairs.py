@@ -6,6 +6,7 @@ segments, others by corners.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -90,6 +91,7 @@ class NativePairs:
             "shorter": np.array([body.length for body in bodies])[pairs].min(axis=1),
         }
         self.counts = len(joints), len(pairs)
+        self._most_near = 16.0  # pairs of a state, in the mean, that there is room for at first
         self._every = np.arange(len(joints))
         self._places = {name: pointer(array) for name, array in self.arrays.items()}
 
@@ -184,14 +186,15 @@ class NativePairs:
         """
         bodies, pairs = self.counts
         scratch, struct = np.empty(9 * bodies + pairs), self.struct(tree)
-        room, given = 16 * len(states), (len(states), states.shape[1], limit, doubles(kept))
+        room = math.ceil(self._most_near * len(states))
+        given = (len(states), states.shape[1], limit, doubles(kept))
         while True:
             chosen, found = np.empty((room, 2), dtype=np.int64), np.empty((room, 7))
             at, work, nearest = map(doubles, (states, scratch, found))
             count = lib.wbc_within(struct, at, *given, work, room, integers(chosen), nearest)
             if count <= room:
                 return chosen[:count], found[:count]
-            room = int(count)
+            room, self._most_near = int(count), 1.1 * count / len(states)
 
     def rows(self, state: NativeState, pairs: Index, normal: Array, point: Array) -> Array:
         """Return the derivatives (k, nv) of distances by v.
