@@ -93,7 +93,7 @@ def run(
             f"--unattended: nobody would stop a robot on {interface!r}; it is for lo"
         )
     voice = ThreadPoolExecutor(1)
-    say = _silent if quiet else _aside(voice)
+    say = (lambda text: None) if quiet else _aside(voice)
     operator = Keyboard(say) if unattended is None else Script(unattended)
     loop = loop_of(
         loaded,
@@ -135,9 +135,6 @@ def _sits(interrupts: Any, operator: Any, wish: Any) -> bool:
         return False
     operator.ask(wish)
     return True
-
-
-def _silent(text: str) -> None: ...
 
 
 def _aside(voice: Executor) -> Callable[[str], None]:
