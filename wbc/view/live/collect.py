@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -95,7 +96,8 @@ def obstacles_of(controller: Controller) -> dict[str, tuple[Array, Array]]:
 
 def told_of(tick: Tick, seconds: float | None = None) -> Told:
     """Return what a tick says of itself; ``seconds`` includes what the tick does not know of."""
-    return Told(
+    strongest = sorted(held_joints(tick), key=lambda one: -one.pull)
+    told = Told(
         ok=tick.ok,
         report="solved" if tick.ok else tick.report(),
         seconds=tick.times.total if seconds is None else seconds,
@@ -103,15 +105,10 @@ def told_of(tick: Tick, seconds: float | None = None) -> Told:
         step_scale=tick.step_scale,
         errors=tick.errors,
         active=tick.active,
-        at_limit=_at_limit(tick),
+        at_limit=tuple(f"{one.name} {one.side}" for one in strongest),
         relaxed={name: by for name, by in tick.slack.items() if abs(by) > NEGLIGIBLE},
-        forces=dict(tick.forces) if isinstance(tick, TorqueTick) else {},
-        acceleration=tick.acceleration if isinstance(tick, TorqueTick) else None,
-        wrenches=dict(tick.wrenches) if isinstance(tick, TorqueTick) else {},
     )
-
-
-def _at_limit(tick: Tick) -> tuple[str, ...]:
-    """Return the joints whose velocity a bound holds back, the strongest first."""
-    strongest = sorted(held_joints(tick), key=lambda one: -one.pull)
-    return tuple(f"{one.name} {one.side}" for one in strongest)
+    if not isinstance(tick, TorqueTick):
+        return told
+    forces, wrenches = dict(tick.forces), dict(tick.wrenches)
+    return replace(told, forces=forces, acceleration=tick.acceleration, wrenches=wrenches)
