@@ -233,7 +233,8 @@ class WholeWords(Table):
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """See rich's protocol."""
         cells = [[str(cell) for cell in (one.header, *one.cells)] for one in self.columns]
-        widths = [max(map(_longest_word, column)) for column in cells]
+        words = (" ".join(column).split() for column in cells)
+        widths = [max(map(cell_len, column), default=0) for column in words]  # of the longest
         whole = [max(map(cell_len, "\n".join(column).split("\n"))) for column in cells]
         most, gaps = options.max_width, len(widths) - 1
         wanted = [(own, gap) for own in (whole, widths) for gap in (int(self.padding[1]), 2, 1)]
@@ -248,10 +249,6 @@ class WholeWords(Table):
         for column, width in zip(self.columns, widths, strict=True):
             column.width = width
         yield from super().__rich_console__(console, options)
-
-
-def _longest_word(cell: str) -> int:
-    return max(map(cell_len, cell.split()), default=0)
 
 
 def facts() -> Table:

@@ -33,10 +33,9 @@ if TYPE_CHECKING:
     from wbc.controllers.closed_loop import LoopTick
     from wbc.problem import Problem, Result
     from wbc.problem.pendulum.problem import PendulumProblem
-    from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
+    from wbc.problem.pendulum.result import PendulumResult
     from wbc.run.callbacks import Show as ShowTick
-    from wbc.run.stopping import RunStatus
-    from wbc.simulation import SimulationResult, SimulationStatus
+    from wbc.simulation import SimulationResult
     from wbc.view.live.watching import Watching
     from wbc.view.options import View
 
@@ -118,9 +117,12 @@ def _run(
             result = go(progress, cancelled=interrupts, show=show)
         else:
             result = problem.run(progress, cancelled=interrupts)
-    interrupted = interrupts() or _search_interrupted(result)
+    shaping, ended = getattr(result, "shaping", None), result.status
+    # A search over postures listens for Ctrl-C itself.
+    interrupted = interrupts() or bool(shaping and shaping.effort.stopped == "interrupted")
     outputs = _written(wanted, result, look, keep=interrupted)
-    code = outputs.exit_code(_exit_code(result.status))
+    failed = QP_FAILED if ended.value == "qp_failed" else NOT_REACHED
+    code = outputs.exit_code(0 if ended.good else failed)
     if interrupted:
         where = ", ".join(str(one) for one in outputs.written) or "nowhere"
         complain(f"interrupted; what was computed until then is in {where}")
@@ -180,12 +182,6 @@ def _draw(result: AnyResult, path: Path, name: str, look: View | None) -> None:
         style.save(figure, path)
     else:
         plot_pendulum(result.history, path, title=title)
-
-
-def _search_interrupted(result: AnyResult) -> bool:
-    """Return whether Ctrl-C ended the search over postures, which listens for it itself."""
-    shaping = getattr(result, "shaping", None)
-    return shaping is not None and shaping.effort.stopped == "interrupted"
 
 
 def sim(
@@ -331,10 +327,3 @@ class _Keeper:
             f"t = {now.time:.3f} s: {now.tick.report()}; saved: ask again by wbc replay"
             f" {self._path}"
         )
-
-
-def _exit_code(status: RunStatus | SimulationStatus | PendulumStatus) -> int:
-    """Return the exit code of a run that ended so."""
-    if status.good:
-        return 0
-    return QP_FAILED if status.value == "qp_failed" else NOT_REACHED

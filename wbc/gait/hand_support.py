@@ -209,7 +209,8 @@ class HandSupport:
         before = self.state
         match before:
             case HandsFree():
-                self.state = self._watched(snapshot)
+                first = self._chosen(snapshot)
+                self.state = before if first is None else self._begin(first)
             case Reaching():
                 self.state = self._reached(snapshot, before)
             case Leaning():
@@ -219,11 +220,6 @@ class HandSupport:
         self.time += self.controller.dt
 
     # ------------------------------------------------------------------ from state to state
-
-    def _watched(self, snapshot: Snapshot) -> HandsFree | Reaching:
-        """Return what comes of a tick without a hand."""
-        first = self._chosen(snapshot)
-        return HandsFree() if first is None else self._begin(first)
 
     def _chosen(self, snapshot: Snapshot) -> Reaching | None:
         """Return the hand that has to reach for a wall now, if one has to and can."""

@@ -115,7 +115,9 @@ def _plots(robot: Robot, run: Mapping[str, Array]) -> list[Callable[[Axes], None
 
 def _with_pushes(draw: Callable[[Axes], None], run: Mapping[str, Array], axes: Axes) -> None:
     draw(axes)
-    _mark_pushes(axes, run)
+    time = run["time"]
+    for first, last in _pushes(run):
+        axes.axvspan(time[max(first - 1, 0)], time[last], color=PUSHED, linewidth=0.0, zorder=0)
 
 
 def _read(robot: Robot, arrays: Mapping[str, Any]) -> dict[str, Array]:
@@ -164,12 +166,6 @@ def _acting(run: Mapping[str, Array], row: int) -> dict[str, Array]:
         for name, values in run.items()
         if name.startswith(APPLIED)
     }
-
-
-def _mark_pushes(axes: Axes, run: Mapping[str, Array]) -> None:
-    time = run["time"]
-    for first, last in _pushes(run):
-        axes.axvspan(time[max(first - 1, 0)], time[last], color=PUSHED, linewidth=0.0, zorder=0)
 
 
 def _plot_com(axes: Axes, run: Mapping[str, Array], axis: int, name: str) -> None:
