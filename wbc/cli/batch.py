@@ -93,7 +93,7 @@ def batch(
 
 def _checked(output: Path) -> Path:
     """Return the output; raise if it cannot be written, before any work is done."""
-    from wbc.batch.table import ENDING
+    from wbc.batch.row import ENDING
     from wbc.cli.outputs import check_place
     from wbc.errors import InvalidInputError
 

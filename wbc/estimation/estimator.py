@@ -23,9 +23,8 @@ from wbc.estimation.beginning import Beginning
 from wbc.estimation.contact_filter import SHOWN
 from wbc.estimation.core import EstimatorCore, EstimatorMemory
 from wbc.estimation.estimate import Estimate
-from wbc.estimation.imus import ImuMount
 from wbc.estimation.joint_velocity import JointVelocityFilter
-from wbc.estimation.measurement import Measurement
+from wbc.estimation.measurement import ImuMount, Measurement
 from wbc.estimation.notes import NoteNames, noted
 from wbc.estimation.settings import EstimatorSettings
 from wbc.kinds import check_kind
