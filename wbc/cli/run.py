@@ -11,21 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from wbc.cli import options
 from wbc.cli.errors import NOT_REACHED, QP_FAILED, complain, print_note, print_notes
-from wbc.cli.options import (
-    Assign,
-    Output,
-    Plot,
-    Quiet,
-    SaveTick,
-    Show,
-    Solver,
-    Streamed,
-    ViewFrom,
-    Watched,
-    name_of,
-    overrides_of,
-)
 
 if TYPE_CHECKING:
     from wbc.cli.outputs import Outputs
@@ -58,16 +45,16 @@ def run(
         Path,
         typer.Argument(help="The problem file; - reads it from stdin.", metavar="PROBLEM.yaml"),
     ],
-    output: Output = None,
-    plot: Plot = None,
-    view_from: ViewFrom = "front-left",
-    show: Show = "all",
-    solver: Solver = None,
-    assign: Assign = None,
-    quiet: Quiet = False,
-    view: Watched = False,
-    save_tick: SaveTick = None,
-    stream: Streamed = None,
+    output: options.Output = None,
+    plot: options.Plot = None,
+    view_from: options.ViewFrom = "front-left",
+    show: options.Show = "all",
+    solver: options.Solver = None,
+    assign: options.Assign = None,
+    quiet: options.Quiet = False,
+    view: options.Watched = False,
+    save_tick: options.SaveTick = None,
+    stream: options.Streamed = None,
 ) -> None:
     """Run a problem and say what came of it."""
     from wbc.errors import InvalidInputError
@@ -77,7 +64,7 @@ def run(
     if plot is None and look != View.of():
         raise InvalidInputError("--view-from, --show: are of the picture; name it with --plot")
     wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
-    raise typer.Exit(_run(wanted, overrides_of(assign, solver), look, simulated=False))
+    raise typer.Exit(_run(wanted, options.overrides_of(assign, solver), look, simulated=False))
 
 
 def _run(
@@ -191,18 +178,18 @@ def sim(
             help="A problem of the torque level; - reads it from stdin.", metavar="PROBLEM.yaml"
         ),
     ],
-    output: Output = None,
-    plot: Plot = None,
-    solver: Solver = None,
-    assign: Assign = None,
-    quiet: Quiet = False,
-    view: Watched = False,
-    save_tick: SaveTick = None,
-    stream: Streamed = None,
+    output: options.Output = None,
+    plot: options.Plot = None,
+    solver: options.Solver = None,
+    assign: options.Assign = None,
+    quiet: options.Quiet = False,
+    view: options.Watched = False,
+    save_tick: options.SaveTick = None,
+    stream: options.Streamed = None,
 ) -> None:
     """Simulate a problem of the torque level and say whether the robot stood."""
     wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
-    raise typer.Exit(_run(wanted, overrides_of(assign, solver), simulated=True))
+    raise typer.Exit(_run(wanted, options.overrides_of(assign, solver), simulated=True))
 
 
 # ---------------------------------------------------------------------- what both share
@@ -229,7 +216,7 @@ class _Wanted:
     @property
     def name(self) -> str:
         """Of the problem, as titles and files have it."""
-        return name_of(self.path)
+        return options.name_of(self.path)
 
     def __post_init__(self) -> None:
         from wbc.cli.outputs import check_outputs, check_place

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from wbc import tasks
 from wbc.constraints import Contact, Obstacles, SelfCollision
 from wbc.controllers import Controller, Tick
 from wbc.controllers.tick import NEGLIGIBLE
@@ -14,27 +15,17 @@ from wbc.controllers.torque_tick import TorqueTick
 from wbc.robot.collision import CollisionModel
 from wbc.robot.names import COM
 from wbc.run.history import held_joints
-from wbc.tasks import (
-    AxisTask,
-    ComTask,
-    InertiaTask,
-    OrientationTask,
-    PoseTask,
-    PositionTask,
-    PrincipalInertiaTask,
-    Task,
-)
 from wbc.validate import Array
 from wbc.view.live.messages import Cast, ContactInfo, PairsInfo, TaskInfo, Told
 
-KINDS: Mapping[type[Task], str] = {
-    ComTask: "com",
-    PositionTask: "position",
-    OrientationTask: "orientation",
-    PoseTask: "pose",
-    AxisTask: "axis",
-    InertiaTask: "inertia",
-    PrincipalInertiaTask: "principal",
+KINDS: Mapping[type[tasks.Task], str] = {
+    tasks.ComTask: "com",
+    tasks.PositionTask: "position",
+    tasks.OrientationTask: "orientation",
+    tasks.PoseTask: "pose",
+    tasks.AxisTask: "axis",
+    tasks.InertiaTask: "inertia",
+    tasks.PrincipalInertiaTask: "principal",
 }
 
 
@@ -50,13 +41,14 @@ def cast_of(controller: Controller) -> Cast:
     )
 
 
-def _kind(task: Task) -> str:
-    if isinstance(task, InertiaTask) and task.about != COM:  # sliders and ellipsoids are about it
+def _kind(task: tasks.Task) -> str:
+    # Sliders and ellipsoids are about the CoM.
+    if isinstance(task, tasks.InertiaTask) and task.about != COM:
         return "other"
     return next((kind for type_, kind in KINDS.items() if isinstance(task, type_)), "other")
 
 
-def _task(task: Task) -> TaskInfo:
+def _task(task: tasks.Task) -> TaskInfo:
     frame, axis = str(getattr(task, "frame", "")), getattr(task, "axis", None)
     return TaskInfo(task.name, _kind(task), frame, task.rows, task.units, axis)
 
@@ -81,7 +73,7 @@ def targets_of(controller: Controller) -> dict[str, tuple[Array, ...]]:
     """Return the targets of the tasks whose kind the page knows, by name."""
     found = dict[str, tuple[Array, ...]]()
     for task in controller.tasks:
-        if isinstance(task, PoseTask):
+        if isinstance(task, tasks.PoseTask):
             found[task.name] = task.position, task.rotation
         elif _kind(task) != "other":
             found[task.name] = (task.target,)
