@@ -237,7 +237,6 @@ def _check_outputs(
 
 
 def _draw(series: RmpSeries, path: Path, snapshots: int | list[float]) -> None:
-    """Draw a robot's series into a picture."""
     from wbc.files import as_text
     from wbc.view.analysis import analysis_figure
     from wbc.view.style import save

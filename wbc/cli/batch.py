@@ -151,7 +151,6 @@ def _run(
 
 
 def _told(campaign: Campaign) -> str:
-    """Return a line that describes a campaign."""
     spec = campaign.spec
     seeds = spec.seeds if isinstance(spec.seeds, int) else len(spec.seeds or ())
     counts = {"problem": len(campaign.texts), "case": len(spec.cases or ())}

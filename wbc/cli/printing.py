@@ -109,7 +109,6 @@ def _words_of(about: str | tuple[float, ...]) -> str:
 
 
 def _constraints(result: Result) -> Table:
-    """Return the least clearance of each constraint, where and when."""
     table = heads("constraint", "least left [mm]", "at", "time [s]")
     for name, worst in result.clearance.items():
         told = f"{name} (may give way)" if name in result.yielding else name
@@ -119,7 +118,6 @@ def _constraints(result: Result) -> Table:
 
 
 def _held_back(result: Result) -> Table:
-    """Return which rows held the robot back the longest."""
     table = heads("held back by", "for [s]", "from", "to")
     rows = list(result.held_back.items())
     for label, one in rows[:SHOWN]:

@@ -214,7 +214,6 @@ def _check_problem(path: Path, written: list[tuple[Path, str]]) -> None:
 def _problem(
     found: Retargeted, path: Path, written: list[tuple[Path, str]], asked: dict[str, Any]
 ) -> str:
-    """Return the text of a problem in which the robot moves so."""
     import os
 
     from wbc.problem.standing_problem import standing_problem

@@ -152,7 +152,6 @@ def _written(wanted: _Wanted, result: AnyResult, look: View | None, *, keep: boo
 
 
 def _draw(result: AnyResult, path: Path, name: str, look: View | None) -> None:
-    """Draw the picture of a result."""
     from wbc.problem import Result
     from wbc.simulation import SimulationResult
     from wbc.view import plot_pendulum, plot_run, style

@@ -267,7 +267,6 @@ class StateEstimator:
         )
 
     def _notes(self) -> tuple[str, ...]:
-        """Return what the core noted of the last message."""
         return noted(self.core, self._names) if self.core.event[0] else ()
 
     def _why_none(self, said: int) -> str:

@@ -273,7 +273,6 @@ class HandSupport:
         return wall.touched(aim, hand.radius), shoulder
 
     def _reached(self, snapshot: Snapshot, now: Reaching) -> HandsFree | Reaching | Leaning:
-        """Return what comes of a tick on the way."""
         hand, wall, dt, own = now.hand, now.wall, self.controller.dt, self.settings
         place = snapshot.position(hand.frame)
         gap = wall.gap(place, hand.radius)
@@ -302,7 +301,6 @@ class HandSupport:
         return now._replace(motion=motion, left=left)
 
     def _leant(self, snapshot: Snapshot, now: Leaning) -> Leaning | Withdrawing:
-        """Return what comes of a tick on the wall."""
         hand, wall, own = now.hand, now.wall, self.settings
         place = snapshot.position(hand.frame)
         lost = wall.gap(place, hand.radius) > LOST
@@ -322,7 +320,6 @@ class HandSupport:
     def _withdrawn(
         self, snapshot: Snapshot, now: Withdrawing
     ) -> HandsFree | Withdrawing | Reaching:
-        """Return what comes of a tick on the way back."""
         again = self._chosen(snapshot)
         if again is not None:  # another hand's trunk may be another link
             self._rest(now.hand)

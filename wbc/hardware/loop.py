@@ -337,7 +337,6 @@ class HardwareLoop:
             safety.report(Fault.TICK_FAILED, answer.report)
 
     def _write(self, command: Command) -> Command:
-        """Send a command with the next number."""
         now = self._now
         now.sequence += 1
         command = command.numbered(now.sequence)

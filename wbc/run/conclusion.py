@@ -136,7 +136,6 @@ def _worst_balance(states: list[StateRecord], history: History) -> Worst | None:
 
 
 def _worst_clearance(states: Sequence[StateRecord]) -> dict[str, Worst]:
-    """Return the least clearance of each margin."""
     worst = dict[str, Worst]()
     for tick, state in enumerate(states):
         for name, left in state.clearance.items():

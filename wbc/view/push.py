@@ -109,7 +109,6 @@ def _lines(axes: Any, one: PushMap, per: Callable[[PushBounds], Array], others: 
 
 
 def _dots(axes: Any, one: PushMap) -> None:
-    """Draw every push that was tried."""
     angles, ratios = np.meshgrid(one.grid.angles, np.asarray(one.grid.ratios), indexing="ij")
     for value, colour, marker, label in (
         (SURVIVED, style.BLUE, "o", "push survived"),

@@ -88,7 +88,6 @@ class FoxgloveStream:
         self._channel_of(name, schema).log(message, log_time=stamp)
 
     def _channel_of(self, name: str, schema: dict[str, Any]) -> Any:
-        """Return the channel of a topic, which keeps its schema."""
         if name not in self._channels:
             self._channels[name] = self._channel(name, schema=schema, context=self._context)
         return self._channels[name]

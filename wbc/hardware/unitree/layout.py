@@ -234,7 +234,6 @@ def _placed(flat: Iterable[Field]) -> tuple[dict[str, tuple[int, str, int]], int
 
 
 def _struct_dtype(fields: Sequence[Field]) -> np.dtype[Any]:
-    """Return the C struct of fields."""
     parts = list[Any]()
     for name, kind, count in fields:
         one = f"<{kind}" if isinstance(kind, str) else _struct_dtype(kind)

@@ -317,7 +317,6 @@ class Viewer:
         )
 
     def _listen(self) -> None:
-        """Collect what the user wants."""
         while not self._closed.is_set():
             try:
                 message = self._page.receive()

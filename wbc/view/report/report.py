@@ -220,7 +220,6 @@ def _tables(summary: Mapping[str, Any]) -> Iterable[Table]:
 
 
 def _simulated(told: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
-    """Yield what there is to say of a simulation, in words."""
     for push in told.get("pushes") or ():
         size = sum(float(one) ** 2 for one in push["impulse"]) ** 0.5
         yield "push", f"{size:.3g} N s on {push['body']} from {push['at']:g} s"
