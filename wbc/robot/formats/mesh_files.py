@@ -32,6 +32,9 @@ def resolve_meshes(
 ) -> dict[str, list[str]]:
     """Make every mesh name in the URDF absolute, and leave out shapes whose file is missing.
 
+    What is not found where its name says is looked for in the folder that the file gives MuJoCo
+    (``<mujoco><compiler meshdir="..."/></mujoco>``), without its own, as that does.
+
     Returns
     -------
     missing : dict of str to list of str
@@ -39,6 +42,8 @@ def resolve_meshes(
     """
     folders = (*package_dirs, *path.resolve().parents, *_ros_folders())
     missing: dict[str, list[str]] = {"collision": [], "visual": []}
+    compiler = root.find("mujoco/compiler")
+    meshes = None if compiler is None else compiler.get("meshdir")
     for link in root.findall("link"):
         for tag, names in missing.items():
             for shape in link.findall(tag):
@@ -47,6 +52,8 @@ def resolve_meshes(
                     continue
                 name = mesh.get("filename", "")
                 found = find_mesh(name, path, folders)
+                if found is None and meshes is not None:
+                    found = find_mesh(f"{meshes}/{name.rpartition('/')[2]}", path, folders)
                 if found is None or is_lfs_pointer(found):
                     why = " (a Git LFS pointer: git lfs pull)" if found else ""
                     named = name or "one without a filename"
@@ -71,7 +78,8 @@ def find_mesh(name: str, path: Path, folders: tuple[Path, ...]) -> Path | None:
     """Return the file a mesh name means, or None.
 
     ``package://`` and ``model://`` names are looked up in ``folders``, with and without the
-    package's name (a checkout is often renamed); others are paths, relative to the URDF's folder.
+    package's name (a checkout is often renamed); others are paths, relative to the URDF's folder
+    or, as exporters write some, to the package's, above it.
     """
     scheme, separator, rest = name.partition("://")
     if separator and scheme != "file":
@@ -80,7 +88,8 @@ def find_mesh(name: str, path: Path, folders: tuple[Path, ...]) -> Path | None:
         candidates = [folder / inside for folder in folders]
         candidates += [folder / without_package for folder in folders]
     else:
-        candidates = [path.parent / (rest if separator else name)]
+        here, inside = path.resolve().parent, rest if separator else name
+        candidates = [here / inside, here.parent / inside]
     return next((file.resolve() for file in candidates if file.is_file()), None)
 
 
