@@ -42,8 +42,9 @@ def set_joints(part: RobotPart, tree: pin.Model) -> None:
         tree.damping[v] = damping[joint][0]
         friction = max(float(model.dof_frictionloss[dof]), 0.0) if rubbed else 0.0  # as MuJoCo
         tree.lowerDryFrictionLimit[v], tree.upperDryFrictionLimit[v] = -friction, friction
-        pull, joint_force = motors.get(joint, ANY), _joint_force(model, joint)
-        effort = min(_both_ways(*pull), joint_force)
+        effort = _both_ways(*motors.get(joint, ANY))
+        if model.jnt_actfrclimited[joint]:
+            effort = min(effort, _both_ways(*model.jnt_actfrcrange[joint].tolist()))
         tree.lowerEffortLimit[v], tree.upperEffortLimit[v] = -effort, effort
         tree.lowerVelocityLimit[v], tree.upperVelocityLimit[v] = -math.inf, math.inf
 
@@ -58,12 +59,6 @@ def _both_ways(low: float, high: float) -> float:
     """Return what a range gives both ways: its smaller end; its larger one if the other is 0."""
     ends = sorted((abs(low), abs(high)))
     return ends[0] or ends[1] or math.inf
-
-
-def _joint_force(model: Any, joint: int) -> float:
-    if not model.jnt_actfrclimited[joint]:
-        return math.inf
-    return _both_ways(*model.jnt_actfrcrange[joint].tolist())
 
 
 def _rotors(mujoco: Any, model: Any) -> dict[int, float]:
