@@ -26,13 +26,11 @@ from wbc.problem.section import (
     default_of,
 )
 from wbc.problem.targets import (
-    MOTION,
-    PLAN,
     Axes,
     Followed,
-    FromMotion,
-    FromPlan,
+    MotionForm,
     Offset,
+    PlanForm,
     Start,
     form_with_plan,
     point,
@@ -70,12 +68,7 @@ def _form(value: object) -> str | None:
 
 
 ComTarget = Annotated[
-    Point
-    | Offset
-    | Annotated[Over, OVER]
-    | Annotated[FromPlan, PLAN]
-    | Annotated[FromMotion, MOTION]
-    | Start,
+    Point | Offset | Annotated[Over, OVER] | PlanForm | MotionForm | Start,
     Forms(
         pick=_form,
         expected="[x, y, z] in metres, {offset: [x, y, z]}, {over: foot}, {plan: file},"

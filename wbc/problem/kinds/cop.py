@@ -9,7 +9,7 @@ from pydantic import Field
 
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import Forms, ListOf, Name, Number, Weight, default_of
-from wbc.problem.targets import MOTION, PLAN, Followed, FromMotion, FromPlan, form_with_plan
+from wbc.problem.targets import Followed, MotionForm, PlanForm, form_with_plan
 from wbc.problem.task_spec import ForceTaskSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import TargetedTask, unmeasured
@@ -17,9 +17,7 @@ from wbc.tasks import CopTask
 from wbc.validate import Array
 
 CopTarget = Annotated[
-    Annotated[ListOf[Number], Field(min_length=2, max_length=3)]
-    | Annotated[FromPlan, PLAN]
-    | Annotated[FromMotion, MOTION],
+    Annotated[ListOf[Number], Field(min_length=2, max_length=3)] | PlanForm | MotionForm,
     Forms(
         pick=form_with_plan,
         expected="[x, y] or [x, y, z] in metres, {plan: file}, or {motion: file}",
