@@ -113,6 +113,8 @@ class Task(DeclaredAttributes, ABC):
     target_rate: Array
     target_acceleration: Array
     _goal: Array
+    _bias: Array  # what rates of the rows are at rest: minus the target's
+    _drift: Array  # and of their second derivatives
     # Others than they were once it was changed, and in more than its target: what was read of it
     # before may be old.
     _changes: object
