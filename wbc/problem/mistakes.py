@@ -177,7 +177,8 @@ def _said(detail: Detail, path: KeyPath) -> tuple[KeyPath, str]:
         return _choice(value, detail["ctx"], path)
     speak = _TEXTS.get(kind)
     if speak is None:
-        return path, f"{_lowered(detail['msg'])}, got {shown(value)}{decimal_comma(value)}"
+        text = detail["msg"]
+        return path, f"{text[:1].lower()}{text[1:]}, got {shown(value)}{decimal_comma(value)}"
     return path, speak(value, detail.get("ctx", {}))
 
 
@@ -190,10 +191,6 @@ def _choice(value: Any, context: Detail, path: KeyPath) -> tuple[KeyPath, str]:
     if key not in value:
         return path, f"{key!r} is missing (choose from: {', '.join(words)})"
     return (*path, key), f"{shown(value[key])} does not exist{suggest(str(value[key]), words)}"
-
-
-def _lowered(text: str) -> str:
-    return text[:1].lower() + text[1:]
 
 
 def decimal_comma(value: Any) -> str:

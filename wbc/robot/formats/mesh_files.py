@@ -37,7 +37,8 @@ def resolve_meshes(
     missing : dict of str to list of str
         What was left out of ``collision`` and ``visual`` shapes.
     """
-    folders = (*package_dirs, *path.resolve().parents, *_ros_folders())
+    of_ros = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
+    folders = (*package_dirs, *path.resolve().parents, *(Path(one) for one in of_ros if one))
     missing: dict[str, list[str]] = {"collision": [], "visual": []}
     for link in root.findall("link"):
         for tag, names in missing.items():
@@ -82,11 +83,6 @@ def find_mesh(name: str, path: Path, folders: tuple[Path, ...]) -> Path | None:
     else:
         candidates = [path.parent / (rest if separator else name)]
     return next((file.resolve() for file in candidates if file.is_file()), None)
-
-
-def _ros_folders() -> tuple[Path, ...]:
-    entries = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
-    return tuple(Path(entry) for entry in entries if entry)
 
 
 def is_lfs_pointer(path: Path) -> bool:
