@@ -20,13 +20,7 @@ from numpy.typing import ArrayLike
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint, reachable_rows
 from wbc.controllers.blocks import Asked
-from wbc.controllers.checks import (
-    ANOTHER,
-    PLANNED,
-    check_list,
-    check_parts,
-    check_snapshot,
-)
+from wbc.controllers.checks import ANOTHER, PLANNED, check_list, check_parts, check_snapshot
 from wbc.controllers.closed_loop import ticks_of
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.controller import Controller

@@ -31,14 +31,7 @@ from wbc.laws import AccelerationLaw, Columns, Residual, VelocityLaw, at_rest
 from wbc.native.rows import NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
-from wbc.tasks.keywords import (
-    FIRST_ORDER,
-    PRIORITY,
-    SECOND_ORDER,
-    WEIGHT,
-    LawKeywords,
-    spell_out,
-)
+from wbc.tasks.keywords import FIRST_ORDER, PRIORITY, SECOND_ORDER, WEIGHT, LawKeywords, spell_out
 from wbc.tasks.weights import checked_weight, warn_if_lost
 from wbc.validate import Array, finite_array, finite_number, names_of, plain_copy, read_only
 
