@@ -155,7 +155,6 @@ class Margin(DeclaredAttributes, Constraint):
         return self._rows(self.distances(snapshot), dt)
 
     def _rows(self, distances: Distances, dt: float) -> Bounds:
-        """Return the rows of some distances."""
         least = self._approach(distances, dt)
         if distances.rate is not None:
             least -= distances.rate

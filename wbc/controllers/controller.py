@@ -454,7 +454,6 @@ class Controller(DeclaredAttributes, ABC):
         return wanted
 
     def _decision(self) -> Decision:
-        """Return the unknowns."""
         return Decision.velocity(self.robot, read_only(self.damping * self.joint_weights))
 
     def _physics_names(self) -> tuple[str, ...]:
@@ -466,7 +465,6 @@ class Controller(DeclaredAttributes, ABC):
         return None
 
     def _margins(self, snapshot: Snapshot) -> MarginRows:
-        """Return the rows of the constraints."""
         given = self.constraints, self.slacks, self.dt
         return MarginRows.at(snapshot, *given, self._bears)
 

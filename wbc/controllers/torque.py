@@ -376,7 +376,6 @@ class TorqueController(Controller):
     def _dynamics(
         self, physics: Callable[[], tuple[Array, Array]], snapshot: Snapshot
     ) -> TickDynamics:
-        """Return what forces and torques are by the unknowns."""
         return TickDynamics(snapshot, self.contact_forces, physics, self._last)
 
     # ------------------------------------------------------------------ parts of the tick

@@ -169,7 +169,6 @@ def _nearest(path: KeyPath, source: Source, keys: Mapping[int, KnownKeys]) -> st
 
 
 def _said(detail: Detail, path: KeyPath) -> tuple[KeyPath, str]:
-    """Return path and text of a complaint."""
     kind, value = detail["type"], detail["input"]
     if kind == "missing":
         return path[:-1], f"{str(path[-1])!r} is missing"

@@ -215,7 +215,6 @@ def _slices(places: Any) -> dict[str, slice]:
 
 
 def _flat(pose: pin.SE3) -> Array:
-    """Return rotation and origin (12,)."""
     return np.concatenate((pose.rotation.ravel(), pose.translation))
 
 

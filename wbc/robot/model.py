@@ -94,7 +94,6 @@ class Robot(KinematicTree):
         object.__setattr__(self, "postures", MappingProxyType(dict(self.postures)))
 
     def _repr_html_(self) -> str:
-        """Return how a notebook shows it."""
         facts = [
             ("mass", f"{self.mass:.2f} kg"),
             ("joints", f"{len(self.joint_names)}: {some(self.joint_names, 6)}"),
