@@ -35,7 +35,7 @@ class Mistakes:
     """Collects what is wrong, with the place in the file it comes from."""
 
     def __init__(self, source: Source) -> None:
-        self._source = source
+        self.source = source
         self._found: list[tuple[KeyPath, str]] = []
 
     @contextmanager
@@ -68,7 +68,7 @@ class Mistakes:
             raise self._error()
 
     def _error(self) -> ProblemFileError:
-        return ProblemFileError(self._source.messages(self._found))
+        return ProblemFileError(self.source.messages(self._found))
 
     def fail(self, path: KeyPath, text: str) -> NoReturn:
         """Raise ProblemFileError, with a last mistake at ``path``."""
@@ -80,7 +80,7 @@ class Mistakes:
         if isinstance(error, Misplaced):
             path = (*path, *error.below)
         elif isinstance(error, UnknownNameError):
-            path = self._source.find(error.name, path)
+            path = self.source.find(error.name, path)
         self._found.append((path, str(error)))
 
 
