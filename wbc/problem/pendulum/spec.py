@@ -97,11 +97,9 @@ class PendulumStartSpec(Section):
         if len(found) != 1:
             raise Misplaced("give inertia or radii, and only one of them")
         ((key, sizes),) = found.items()
-        return (
-            self._planar(model, key, sizes)
-            if isinstance(model, PlanarRmp)
-            else self._solid(model, key, sizes)
-        )
+        if isinstance(model, PlanarRmp):
+            return self._planar(model, key, sizes)
+        return self._solid(model, key, sizes)
 
     def _planar(
         self, model: PlanarRmp, key: str, sizes: float | tuple[float, ...]
