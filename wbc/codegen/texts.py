@@ -89,7 +89,7 @@ def plan_source(recording: TickRecording, title: str) -> str:
         pointers["force"] = "0"
     if margin is not None:
         pointers["margin"] = "&margin"
-        parts += struct_texts("pairs", margin.watched, margin.pairs_of_bodies.arrays)
+        parts += struct_texts("pairs", margin.watched, margin.known.pairs.arrays)
         parts += struct_texts("margin", margin.struct, margin.arrays, of="&pairs")
     return "\n".join(
         [
