@@ -159,14 +159,8 @@ class Margin(DeclaredAttributes, Constraint):
         if distances.rate is not None:
             least -= distances.rate
         least, push = _asked(distances, least)
-        return Bounds(
-            self.labels(distances),
-            distances.jacobian,
-            least,
-            _unbounded(least.size),
-            push,
-            distances,
-        )
+        labels, matrix = self.labels(distances), distances.jacobian
+        return Bounds(labels, matrix, least, _unbounded(least.size), push, distances)
 
     def may_violate(self, rows: Bounds, v: Array, dt: float) -> bool:
         """Whether some clearance, with a row or without, might end below the margin by ``v``."""
