@@ -61,19 +61,15 @@ class NativePairs:
         What the core reads of them, by the names of ``wbc_pairs`` in source/core.h.
     """
 
-    def __init__(
-        self,
-        bodies: Sequence[Body],
-        pairs: Index,
-        parents: Sequence[int],
-    ) -> None:
+    def __init__(self, bodies: Sequence[Body], pairs: Index, parents: Sequence[int]) -> None:
         self._made_of = bodies, pairs, parents
         joints = np.array([body.joint for body in bodies], dtype=np.int64)
         both = joints[pairs].tolist()
         common = np.array([_common(parents, a, b) for a, b in both], dtype=np.int64)
         local, sizes = _covers(bodies)
         self._own = local.copy()  # as they are before they are moved
-        kinds = np.array([_kind(body) for body in bodies], dtype=np.int64)
+        known: dict[type[Shape], int] = {Capsule: lib.CAPSULES, HalfSpace: lib.ABOVE}
+        kinds = np.array([known.get(type(body.shape), lib.HULLS) for body in bodies], np.int64)
         cores = [body.shape.core for body in bodies]
         self._first = np.cumsum([0, *map(len, cores)], dtype=np.int64)
         self._corner = np.ascontiguousarray(np.concatenate(cores).T)
@@ -275,12 +271,6 @@ def _columns(body: Body, cover: Capsule) -> Array:
     direction = (end - start) / (_length(cover) or 1.0)
     middle, _ = body.bounding_ball
     return np.stack((start, direction, middle), axis=1)
-
-
-def _kind(body: Body) -> int:
-    shape = body.shape
-    kind = {Capsule: lib.CAPSULES, HalfSpace: lib.ABOVE}.get(type(shape), lib.HULLS)
-    return int(kind)
 
 
 def _common(parents: Sequence[int], a: int, b: int) -> int:

@@ -40,7 +40,8 @@ def resolve_meshes(
     missing : dict of str to list of str
         What was left out of ``collision`` and ``visual`` shapes.
     """
-    folders = (*package_dirs, *path.resolve().parents, *_ros_folders())
+    of_ros = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
+    folders = (*package_dirs, *path.resolve().parents, *(Path(one) for one in of_ros if one))
     missing: dict[str, list[str]] = {"collision": [], "visual": []}
     compiler = root.find("mujoco/compiler")
     meshes = None if compiler is None else compiler.get("meshdir")
@@ -91,11 +92,6 @@ def find_mesh(name: str, path: Path, folders: tuple[Path, ...]) -> Path | None:
         here, inside = path.resolve().parent, rest if separator else name
         candidates = [here / inside, here.parent / inside]
     return next((file.resolve() for file in candidates if file.is_file()), None)
-
-
-def _ros_folders() -> tuple[Path, ...]:
-    entries = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
-    return tuple(Path(entry) for entry in entries if entry)
 
 
 def is_lfs_pointer(path: Path) -> bool:
