@@ -1,6 +1,7 @@
 """What legs lack for walking is said before they walk."""
 
 import logging
+import re
 
 import numpy as np
 import pinocchio as pin
@@ -10,7 +11,7 @@ from tests.conftest import load
 from wbc.constraints import Contact, LineContact
 from wbc.errors import InvalidInputError
 from wbc.gait import Velocity, Walker
-from wbc.gait.ability import bearing_torques
+from wbc.gait.ability import bearing_torques, rolls
 from wbc.gait.commanded import CommandedWalk, TimedCommand
 from wbc.problem import load_problem
 from wbc.robot import Robot
@@ -157,3 +158,17 @@ def test_a_simulation_says_it_too(tmp_path) -> None:
     )
     result = load_problem(file).simulate()
     assert any("left_hip_roll takes 2.09 and has 1.5" in note for note in result.notes)
+
+
+def test_straight_legs_that_lean_aside_can_roll_their_soles(hoap2: Robot) -> None:
+    """They could not to the bit, and retargeting let a Berkeley Humanoid Lite stand on edges."""
+    text, count = re.subn(
+        r'(<joint name="(?:left|right)_ankle_pitch".*?xyz=")0 0 ',
+        r"\g<1>0 0.02 ",
+        hoap2.path.read_text(),
+        flags=re.DOTALL,
+    )
+    assert count == 2
+    robot = Robot.load(text, base="floating")
+    posture = robot.snapshot(robot.posture("standing"))
+    assert rolls(posture, "left") and rolls(posture, "right")

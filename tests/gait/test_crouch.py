@@ -54,6 +54,25 @@ def test_straight_legs_bend_their_knees_to_the_gaits_height(straight: Robot) -> 
     assert (angles <= straight.limits.upper).all() and (angles >= straight.limits.lower).all()
 
 
+@pytest.mark.parametrize("axis", [1, -1])
+def test_knees_without_a_range_bend_ahead(hoap2: Robot, axis: int) -> None:
+    """Of a RoboCup robot's file: they bent backwards, in walks and retargeted, and nobody said."""
+    text = re.sub(r'<limit lower="[^"]*" upper="[^"]*"', "<limit", hoap2.path.read_text())
+    text = text.replace('type="revolute"', 'type="continuous"')
+    text, count = re.subn(
+        r'(<joint name="(?:left|right)_knee(?:_pitch)?".*?<axis xyz=")0 1 0',
+        rf"\g<1>0 {axis} 0",
+        text,
+        flags=re.DOTALL,
+    )
+    assert count == 2
+    robot = Robot.load(text, base="floating")
+    start = robot.snapshot(robot.posture("standing"))
+    q = walking_posture(start, Walker(robot).gait.height)
+    knees = [k for k, name in enumerate(robot.joint_names) if "knee" in name]
+    assert (axis * robot.limits.joint_positions(q)[knees] > 0.3).all()
+
+
 def test_knees_that_stand_past_straight_bend_the_way_they_can(hoap2: Robot) -> None:
     """As a RoboCup robot's at zero: its weight held such knees at their limits as it walked."""
     text = hoap2.path.read_text()

@@ -19,8 +19,9 @@ from wbc.robot.names import BASE
 from wbc.validate import Array
 
 # By how much joints turn a sole about its length at least, in rad per rad of theirs (norm), if they
-# can roll it; and below which part of the strongest motion of a sole they have none.
-LEAST_ROLL, NONE = 0.1, 1e-3
+# can roll it; and below which part of the strongest motion of a sole they have none: knees that are
+# straight or nearly so let the hip lean by less than the sole's roll needs, until they bend.
+LEAST_ROLL, NONE = 0.1, 2e-2
 # A sole that is wider than this part of the CoM's height stays flat, and is led as one that does: a
 # small humanoid of 0.23 without rolls walks aside, and falls, if it is taken for a line.
 NARROW = 0.2

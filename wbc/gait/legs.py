@@ -33,6 +33,8 @@ SPEED_SHARE = 0.5
 QUICKEST = 1e4
 # Knee angles at which a leg's length is looked at, over the knee's range.
 SAMPLES = 33
+# Of its range: by how much a knee has more of it on one side, to bend there for that reason.
+EVEN = 0.1
 # Of the leg's length: how far a hip moves the foot forwards or to a side, at least, per rad.
 LEVER = 0.2
 # Of a foot that is an edge: how far it reaches to a side for its length, if it can be walked on.
@@ -226,11 +228,17 @@ def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:
 def knee_bends(robot: Robot, length: float) -> dict[str, float]:
     """Return for each knee the angle [rad] at which the ankle is so far from the hip [m].
 
-    Knees bend to the side on which they have more range, or as far as they do.
+    Knees bend to the side on which they have more range, or as far as they do; those that have as
+    much on both sides, or none in the file, ahead, as a human's.
     """
-    bends = {}
+    bends, standing = {}, robot.snapshot(robot.postures[STANDING])
     for side in SIDES:
         knee, angles, lengths = _knee(robot, leg_joints(robot, side))
+        straight = int(lengths.argmax())
+        if abs(angles[0] + angles[-1] - 2.0 * angles[straight]) < EVEN * np.ptp(angles):
+            back = standing.jacobian(robot.feet[side].frame)[0, robot.model.idx_vs[knee]] < 0.0
+            way = slice(straight, None) if back else slice(straight + 1)
+            angles, lengths = angles[way], lengths[way]
         bends[str(robot.model.names[knee])] = _bend(angles, lengths, length)
     return bends
 

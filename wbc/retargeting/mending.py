@@ -169,7 +169,7 @@ class _Problem:
         joints, held = self.joints, np.zeros(self.joints.shape, dtype=bool)
         more, pull = np.full(self.normal.slope.shape, weight**2), np.zeros(self.normal.slope.shape)
         for _ in range(3):
-            room = np.where(joints > 0.5 * (self.lower + self.upper), self.upper, self.lower)
+            room = np.where(joints - self.lower > self.upper - joints, self.upper, self.lower)
             room = np.where(np.isfinite(room), room, joints)
             more[:, BASE_NV:] = weight**2 + FIRM**2 * held
             pull[:, BASE_NV:] = FIRM**2 * held * (joints - room)

@@ -244,7 +244,7 @@ class WholeMotion:
         Joints that would be past one are held there by rows of high weight, and let go again where
         they are pulled inside; the first that are tried are those of the round before.
         """
-        room = np.where(joints > 0.5 * (self.lower + self.upper), self.upper, self.lower)
+        room = np.where(joints - self.lower > self.upper - joints, self.upper, self.lower)
         room = np.where(np.isfinite(room), room, joints)
         for _ in range(ACTIVE_SETS):
             held, pull = np.full_like(normal.slope, self.damping**2), np.zeros_like(normal.slope)
