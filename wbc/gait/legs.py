@@ -236,7 +236,8 @@ def knee_bends(robot: Robot, length: float) -> dict[str, float]:
         knee, angles, lengths = _knee(robot, leg_joints(robot, side))
         straight = int(lengths.argmax())
         if abs(angles[0] + angles[-1] - 2.0 * angles[straight]) < EVEN * np.ptp(angles):
-            back = standing.jacobian(robot.feet[side].frame)[0, robot.model.idx_vs[knee]] < 0.0
+            foot = standing.jacobian(robot.feet[side].frame)[:3, robot.model.idx_vs[knee]]
+            back = -foot[0] > 0.5 * np.linalg.norm(foot)  # the foot goes there, the knee ahead
             way = slice(straight, None) if back else slice(straight + 1)
             angles, lengths = angles[way], lengths[way]
         bends[str(robot.model.names[knee])] = _bend(angles, lengths, length)
