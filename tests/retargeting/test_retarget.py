@@ -191,6 +191,16 @@ def test_fingers_are_held_and_nothing_else(hoap2: Robot) -> None:
         np.testing.assert_allclose(mine, theirs, atol=1e-3)  # rad; standing is settled twice
 
 
+def test_joints_without_ranges_are_retargeted_with_knees_ahead(hoap2: Robot) -> None:
+    """With warnings of NumPy's, and knees behind."""
+    text = re.sub(r'<limit lower="[^"]*" upper="[^"]*"', "<limit", hoap2.path.read_text())
+    robot = Robot.load(text.replace('type="revolute"', 'type="continuous"'), base="floating")
+    found = wbc.retarget(crouching(0.6), robot, self_collision=False)
+    knees = [k for k, name in enumerate(robot.joint_names) if "knee" in name]
+    assert (np.array([robot.limits.joint_positions(q)[knees] for q in found.q]) > 0.0).all()
+    assert not found.broken
+
+
 def test_a_robot_without_shapes_is_retargeted_and_told(hoap2: Robot, tmp_path: Path) -> None:
     text = hoap2.path.read_text()
     bare = re.sub(r"<collision>.*?</collision>", "", text, flags=re.DOTALL)
