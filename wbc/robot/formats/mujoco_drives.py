@@ -61,9 +61,12 @@ def _both_ways(low: float, high: float) -> float:
 
 
 def _joint_force(model: Any, joint: int) -> float:
-    if not model.jnt_actfrclimited[joint]:
-        return math.inf
-    return _both_ways(*model.jnt_actfrcrange[joint].tolist())
+    return _both_ways(*_taken(model, joint))
+
+
+def _taken(model: Any, joint: int) -> Range:
+    """Return the range of what a joint takes of its motors."""
+    return _range(model.jnt_actfrcrange[joint]) if model.jnt_actfrclimited[joint] else ANY
 
 
 def _rotors(mujoco: Any, model: Any) -> dict[int, float]:
@@ -189,6 +192,12 @@ def drive_notes(
             f"motors that the file lets pull one way only are taken to pull both ways:"
             f" {listed(one_way)}"
         )
+    unlike = [names.joints[j] for j in sorted(driven) if _is_unlike(model, pulls[j], j)]
+    if unlike:
+        notes.append(
+            "motors that the file lets pull harder one way than the other are held to the smaller:"
+            f" {listed(unlike)}"
+        )
     if part.floats:
         start = int(model.jnt_dofadr[model.body_jntadr[part.roots[0]]])
         for what, values in (
@@ -223,10 +232,16 @@ def _switches(mujoco: Any, model: Any, part: RobotPart) -> list[str]:
 
 def _is_one_way(model: Any, pull: Range, joint: int) -> bool:
     """Whether motors together, or what a joint takes of them, pull one way only."""
-    ranges = [pull]
-    if model.jnt_actfrclimited[joint]:
-        ranges.append(_range(model.jnt_actfrcrange[joint]))
+    ranges = (pull, _taken(model, joint))
     return any(low * high >= 0.0 and low != high for low, high in ranges)
+
+
+def _is_unlike(model: Any, pull: Range, joint: int) -> bool:
+    """Whether they pull both ways, and more the one way than is taken for both."""
+    taken = _taken(model, joint)
+    least = min(_both_ways(*pull), _both_ways(*taken))
+    low, high = max(pull[0], taken[0]), min(pull[1], taken[1])
+    return low < 0.0 < high and max(-low, high) > least * (1.0 + 1e-9)
 
 
 def _medium(model: Any) -> list[str]:
