@@ -169,6 +169,7 @@ def _draw(result: AnyResult, path: Path, name: str, look: View | None) -> None:
     from wbc.view.portrait import DEFAULT
     from wbc.view.simulation import simulation_figure
 
+    name = style.literal(name)
     title = f"{name}: {result.status.value.replace('_', ' ')}"
     if isinstance(result, Result):
         title += f", {result.reach.partition(', held')[0]}" if result.reach else ""

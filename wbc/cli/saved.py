@@ -49,6 +49,7 @@ def render(
     from wbc.view.film import film_format, film_run
     from wbc.view.options import View
     from wbc.view.pendulum_film import film_pendulum
+    from wbc.view.style import literal
 
     view = View.of(view_from, show)
     film_format(output)
@@ -57,7 +58,7 @@ def render(
     saved = _saved_or_run(run, robot, quiet)
     with shown_progress(quiet) as progress:
         told = None if progress is None else _told(progress)
-        title = _title_of(saved)
+        title = literal(_title_of(saved))
         if isinstance(saved, SavedPendulum):
             film_pendulum(saved.history, output, title=title, fps=fps, speed=speed,
                           size=pixels, progress=told)  # fmt: skip
