@@ -125,6 +125,9 @@ def test_rows_are_the_run_at_its_own_speed() -> None:
         ({"fps": 0}, "fps"),
         ({"speed": 0.0}, "speed"),
         ({"size": (100, 100)}, "at least 150"),
+        ({"size": (10**7, 10**7)}, "at most 65535"),
+        ({"size": 480}, "expected shape"),
+        ({"size": ("a", 3)}, "expected numbers"),
     ],
 )
 def test_bad_numbers_are_refused(

@@ -79,7 +79,9 @@ def _size(text: str) -> tuple[int, int]:
 
     width, _, height = text.lower().partition("x")
     if not (width.isdecimal() and height.isdecimal() and max(int(width), int(height)) <= 4096):
-        raise InvalidInputError(f"--size {text}: expected width x height in pixels, as in {SIZE}")
+        raise InvalidInputError(
+            f"--size {text}: expected width x height in pixels, as in {SIZE}, at most 4096 each"
+        )
     return int(width), int(height)
 
 

@@ -17,7 +17,7 @@ from wbc.files import ending_of, why
 from wbc.robot import Robot
 from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.simulation.terrain import LEVEL, Terrain
-from wbc.validate import Array, finite_number
+from wbc.validate import Array, finite_number, finite_vector
 from wbc.view import style
 from wbc.view.camera import Camera
 from wbc.view.history import DrawnRun, HistoryLike, read_history
@@ -38,7 +38,7 @@ from wbc.view.render import render
 from wbc.view.simplify import within
 
 FORMATS = (".gif", ".mp4")
-DOTS, LEAST = 100, 150  # pixels per inch, and along each side at least
+DOTS, LEAST, LARGEST = 100, 150, 65_535  # pixels per inch, and along each side
 TRIANGLES = 40_000  # of the robot: finer ones are not seen
 POSES = 24  # spread over the run, that the camera must hold
 FASTEST = 50  # pictures per second: a GIF has no more
@@ -132,8 +132,19 @@ def film_run(
 
 
 def even(size: tuple[int, int]) -> tuple[int, int]:
-    """Return a size in pixels made even, as films need it."""
-    return size[0] // 2 * 2, size[1] // 2 * 2
+    """Return a size in pixels made even, as films need it.
+
+    Raises
+    ------
+    InvalidInputError
+        Not two numbers, too small for a picture or too large for Matplotlib.
+    """
+    width, height = finite_vector("film, size", size, 2).tolist()
+    if not LEAST <= min(width, height) <= max(width, height) <= LARGEST:
+        raise InvalidInputError(
+            f"film, size: at least {LEAST} x {LEAST} pixels, at most {LARGEST} each, got {size}"
+        )
+    return int(width) // 2 * 2, int(height) // 2 * 2
 
 
 def write_film(
@@ -184,8 +195,6 @@ def _writer(ending: str, fps: float) -> AbstractMovieWriter:
 
 def sheet(size: tuple[int, int]) -> Figure:
     """Return an empty figure of a size in pixels."""
-    if min(size) < LEAST:
-        raise InvalidInputError(f"film, size: at least {LEAST} x {LEAST} pixels, got {size}")
     return Figure(figsize=(size[0] / DOTS, size[1] / DOTS), dpi=DOTS, facecolor="white")
 
 
