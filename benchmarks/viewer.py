@@ -121,10 +121,10 @@ def measure(problem: Problem, blocks: int, ticks: int, paced: bool, update: floa
             for name in list(found)[:: 1 if k % 2 else -1]:
                 viewer._page.send = throw_away if name == MADE else send  # type: ignore[method-assign]
                 one = None if name == ALONE else viewer
-                before, made = threads_cpu(viewer), viewer._mailbox.taken_count
+                before, made = threads_cpu(viewer), viewer._taken
                 found[name].append(block(controller, q, ticks, one, paced))
                 if name == DRAWN:
-                    made = viewer._mailbox.taken_count - made
+                    made = viewer._taken - made
                     frames.append((threads_cpu(viewer) - before) / max(made, 1))
         viewer._page.send = send  # type: ignore[method-assign]
     alone = np.array(found[ALONE])

@@ -43,11 +43,8 @@ def require(package: str, what: str) -> None:
 def quietly(mujoco: Any) -> Iterator[None]:
     """Keep MuJoCo from printing its warnings and from writing a log file; we raise them instead."""
     before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(_nothing)
+    mujoco.set_mju_user_warning(lambda _: None)
     try:
         yield
     finally:
         mujoco.set_mju_user_warning(before)
-
-
-def _nothing(_: str) -> None: ...

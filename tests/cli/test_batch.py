@@ -79,7 +79,7 @@ def test_a_table_that_cannot_be_saved_is_saved_elsewhere_and_the_runs_kept(
             raise OSError(28, "No space left on device")
         write_whole(path, fill)
 
-    monkeypatch.setattr("wbc.batch.table.write_whole", full_disk)
+    monkeypatch.setattr("wbc.batch.row.write_whole", full_disk)
     answer = run(tmp_path, "--workers", 1, text="problems: [stand.yaml]\n")
     assert answer.exit_code == 1
     assert "cannot be written: No space left on device" in answer.stderr

@@ -10,6 +10,7 @@ import wbc.cli.retarget as command
 from tests.command import wbc_command
 from tests.human.walker import recorded, write_trc
 from tests.retargeting.humans import crouching
+from wbc.cli import human_options
 from wbc.cli.analyze_human import HumanOptions
 from wbc.human import human_motion
 from wbc.human.body import HumanBody
@@ -23,7 +24,7 @@ def test_defaults_are_those_of_the_library() -> None:
     assert library["friction"].default == command.FRICTION
     assert library["margin"].default == command.MARGIN
     assert library["roll"].default == command.ROLL
-    assert human["sex"].default == command.SEX
+    assert human["sex"].default == human_options.SEX
 
 
 @pytest.fixture

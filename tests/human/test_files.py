@@ -12,9 +12,9 @@ from wbc.errors import WbcError
 from wbc.human import human_motion, is_human_recording, read_markers
 from wbc.human.body import HumanBody
 from wbc.human.bones import REACH, joint_landmarks
+from wbc.human.c3d import plate_wrench
 from wbc.human.c3d_parameters import read_c3d_head
 from wbc.human.markers import ForcePlate, MarkerRecording
-from wbc.human.plates import plate_wrench
 from wbc.motion.table import RecordingError
 
 BODY = HumanBody.of(1.76, 72.0, "male")

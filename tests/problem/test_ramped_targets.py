@@ -11,8 +11,8 @@ from wbc.problem.kinds.com import ComSpec
 from wbc.problem.kinds.distance import DistanceSpec
 from wbc.problem.kinds.frame import AxisSpec, OrientationSpec, PoseSpec, PositionSpec
 from wbc.problem.kinds.inertia import InertiaSpec
-from wbc.problem.kinds.momentum import MomentumSpec
 from wbc.problem.kinds.posture import PostureSpec
+from wbc.problem.kinds.rates import MomentumSpec
 from wbc.problem.kinds.relative_pose import RelativePoseSpec
 from wbc.problem.task_spec import TaskSpec
 from wbc.run.ramps import MinimumJerk, MovingTarget

@@ -28,8 +28,8 @@ def step() -> wbc.Retargeted:
 def whole(motion: wbc.Retargeted) -> WholeMotion:
     known = prepared(motion.robot, None, 0.01)
     weights = RetargetWeights()
-    tasks = FrameTasks(motion.robot, known.body, motion.targets, weights, known.legs.length)
-    return WholeMotion(tasks, known.collision, known.legs.length)
+    tasks = FrameTasks(motion.robot, known.body, motion.targets, weights, known.legs)
+    return WholeMotion(tasks, known.collision)
 
 
 def knocked(motion: wbc.Retargeted, joint: str, by: float, first: int, end: int) -> Array:

@@ -140,6 +140,22 @@ def test_legs_that_cannot_roll_their_soles_hold_them_along_their_length() -> Non
     assert found.com_correlation[2] > 0.95
 
 
+def test_legs_that_cannot_roll_their_soles_stand_as_far_apart_as_they_are() -> None:
+    """Beside each other as a human's, such legs lean inwards, and soles tilt with them."""
+    ankles = {"left_ankle_roll_joint": 0.0, "right_ankle_roll_joint": 0.0}
+    robot = Robot.load("g1", locked=ankles)
+    found = wbc.retarget(crouching(inward=0.2), robot)
+    left, right = (found.targets.feet.paths[side].origin[0, 1] for side in ("left", "right"))
+    standing = robot.snapshot(robot.postures["standing"])
+    own = np.subtract(*(standing.position(robot.feet[side].frame) for side in ("left", "right")))
+    assert left - right == pytest.approx(own[1], abs=5e-3)  # 0.142 of 0.237 m before
+    soles = [
+        robot.snapshot(q).rotation(foot.frame) for q in found.q for foot in robot.feet.values()
+    ]
+    assert np.abs(np.array(soles)[:, 2, 1]).max() < np.radians(1.5)
+    assert found.com_correlation[2] > 0.95
+
+
 def test_fingers_are_held_and_nothing_else(hoap2: Robot) -> None:
     """As those of a Unitree H2 plus: 600 pairs near each other in every frame took minutes."""
     text, fingers = hoap2.path.read_text(), list[str]()

@@ -36,10 +36,10 @@ def test_rest_needs_ten_slow_solved_ticks_after_the_ramps() -> None:
 def test_what_an_end_is_called(
     stop: dict[str, Any], at_rest: bool, failed: int, error: float, status: str, words: str
 ) -> None:
-    end = ending(Stop(**stop), at_rest, failed, 9, {"t": error})
-    assert end.status.value == status
-    assert words in end.reason
-    assert end.status.good == (status in ("converged", "accepted", "completed"))
+    ended, reason = ending(Stop(**stop), at_rest, failed, 9, {"t": error})
+    assert ended.value == status
+    assert words in reason
+    assert ended.good == (status in ("converged", "accepted", "completed"))
 
 
 @pytest.mark.parametrize(

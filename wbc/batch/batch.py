@@ -89,7 +89,6 @@ def _runner() -> Callable[..., Row]:
 def _new_rows(
     campaign: Campaign, waiting: Sequence[Run], pool: Workers | Cluster, ended: Callable[[], bool]
 ) -> Iterator[Row]:
-    """Yield rows as they come."""
     ahead, busy = iter(waiting), dict[int, Run]()
     while not ended():
         for _ in range(pool.room):

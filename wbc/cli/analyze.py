@@ -8,19 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wbc.cli import human_options
 from wbc.cli.errors import print_notes
-from wbc.cli.human_options import (
-    SEX,
-    Forces,
-    HumanOptions,
-    Mass,
-    Sex,
-    Static,
-    Stature,
-    Subject,
-    Unit,
-    Up,
-)
 from wbc.cli.options import Plot, Quiet
 
 if TYPE_CHECKING:
@@ -110,14 +99,14 @@ def analyze(
         str, typer.Option(help="In the picture: how many, or their times in s, as in 0,2.5,4.")
     ] = SNAPSHOTS,
     quiet: Quiet = False,
-    static: Static = None,
-    forces: Forces = None,
-    subject: Subject = None,
-    mass: Mass = None,
-    stature: Stature = None,
-    sex: Sex = SEX,
-    up: Up = None,
-    unit: Unit = None,
+    static: human_options.Static = None,
+    forces: human_options.Forces = None,
+    subject: human_options.Subject = None,
+    mass: human_options.Mass = None,
+    stature: human_options.Stature = None,
+    sex: human_options.Sex = human_options.SEX,
+    up: human_options.Up = None,
+    unit: human_options.Unit = None,
 ) -> None:
     """Reduce a recorded motion to its reaction mass pendulum over time."""
     from wbc.cli.analyze_human import analyze_human, is_human
@@ -130,7 +119,7 @@ def analyze(
     moments = _snapshots(snapshots)
     low_pass = _cutoff(CUTOFF if cutoff is None else cutoff)
     _check_outputs(motion, output or [], plot, moments)
-    options = HumanOptions(static, forces, subject, mass, stature, sex, up, unit)
+    options = human_options.HumanOptions(static, forces, subject, mass, stature, sex, up, unit)
     human = is_human(motion, robot, options)
     if human or robot is None:
         _refuse_of_robots(context)
@@ -248,7 +237,6 @@ def _check_outputs(
 
 
 def _draw(series: RmpSeries, path: Path, snapshots: int | list[float]) -> None:
-    """Draw a robot's series into a picture."""
     from wbc.files import as_text
     from wbc.view.analysis import analysis_figure
     from wbc.view.style import literal, save

@@ -20,9 +20,8 @@ from wbc.cli.bench import add_bench
 from wbc.cli.cache import cache
 from wbc.cli.codegen import codegen
 from wbc.cli.doctor import doctor
-from wbc.cli.errors import BAD_INPUT, complain, refused
+from wbc.cli.errors import BAD_INPUT, Commands, complain, refused
 from wbc.cli.hardware_options import HARDWARE_EXIT_CODES
-from wbc.cli.mistakes import Commands
 from wbc.cli.problems import check, init, schema
 from wbc.cli.push import PUSH_EXIT_CODES, push
 from wbc.cli.replay import REPLAY_EXIT_CODES, replay

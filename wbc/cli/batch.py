@@ -54,7 +54,7 @@ def batch(
 ) -> None:
     """Run problems with many values and seeds, and write a table with a row for each run."""
     from wbc.batch import load_campaign, write_rows
-    from wbc.batch.row import made_with
+    from wbc.batch.row import DIED, ERROR, made_with
     from wbc.cli.outputs import Outputs
     from wbc.extras import require
     from wbc.journal import Journal
@@ -87,12 +87,13 @@ def batch(
     if interrupts():
         complain(f"interrupted; the same command goes on with what is in {kept}")
         raise typer.Exit(interrupts.exit_code)
-    raise typer.Exit(outputs.exit_code(_exit_code(rows)))
+    lost = any(row["status"] in (ERROR, DIED) for row in rows)
+    raise typer.Exit(outputs.exit_code(NOT_REACHED if lost else 0))
 
 
 def _checked(output: Path) -> Path:
     """Return the output; raise if it cannot be written, before any work is done."""
-    from wbc.batch.table import ENDING
+    from wbc.batch.row import ENDING
     from wbc.cli.outputs import check_place
     from wbc.errors import InvalidInputError
 
@@ -150,7 +151,6 @@ def _run(
 
 
 def _told(campaign: Campaign) -> str:
-    """Return a line that describes a campaign."""
     spec = campaign.spec
     seeds = spec.seeds if isinstance(spec.seeds, int) else len(spec.seeds or ())
     counts = {"problem": len(campaign.texts), "case": len(spec.cases or ())}
@@ -181,9 +181,3 @@ def _print_table(
         typer.echo(f"  and {len(lost) - SHOWN} more without result")
     for path in written:
         typer.echo(f"written  {path}")
-
-
-def _exit_code(rows: Sequence[dict[str, Any]]) -> int:
-    from wbc.batch.row import DIED, ERROR
-
-    return NOT_REACHED if any(row["status"] in (ERROR, DIED) for row in rows) else 0

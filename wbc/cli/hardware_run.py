@@ -71,9 +71,11 @@ def run(
     An empty line stops at once; so does a second Ctrl-C, the first one sits down.
     """
     from concurrent.futures import ThreadPoolExecutor
+    from functools import partial
 
     from wbc.cli.interrupts import noted_interrupts
     from wbc.errors import InvalidInputError
+    from wbc.extras import require
     from wbc.hardware.operator import Keyboard, Script, Wish
     from wbc.hardware.real_time import slow_down
     from wbc.hardware.setup import Where, loop_of
@@ -92,8 +94,14 @@ def run(
         raise InvalidInputError(
             f"--unattended: nobody would stop a robot on {interface!r}; it is for lo"
         )
+    watch = None
+    if view:
+        require("viser", "wbc hardware run --view")
+        from wbc.view.live.hardware import watch_loop
+
+        watch = partial(watch_loop, loaded.parts.robot)
     voice = ThreadPoolExecutor(1)
-    say = _silent if quiet else _aside(voice)
+    say = (lambda text: None) if quiet else _aside(voice)
     operator = Keyboard(say) if unattended is None else Script(unattended)
     loop = loop_of(
         loaded,
@@ -103,7 +111,7 @@ def run(
         estimator=estimator,
         log=log,
         keep=keep,
-        watch=_watch_of(loaded.parts.robot) if view else None,
+        watch=watch,
         priority=priority,
         cpus=cpu or (),
         say=say,
@@ -119,25 +127,11 @@ def run(
     raise typer.Exit(0 if result.good else STOPPED)
 
 
-def _watch_of(robot: Any) -> Any:
-    from functools import partial
-
-    from wbc.extras import require
-
-    require("viser", "wbc hardware run --view")
-    from wbc.view.live.hardware import watch_loop
-
-    return partial(watch_loop, robot)
-
-
 def _sits(interrupts: Any, operator: Any, wish: Any) -> bool:
     if not interrupts():
         return False
     operator.ask(wish)
     return True
-
-
-def _silent(text: str) -> None: ...
 
 
 def _aside(voice: Executor) -> Callable[[str], None]:

@@ -109,7 +109,6 @@ def _words_of(about: str | tuple[float, ...]) -> str:
 
 
 def _constraints(result: Result) -> Table:
-    """Return the least clearance of each constraint, where and when."""
     table = heads("constraint", "least left [mm]", "at", "time [s]")
     for name, worst in result.clearance.items():
         told = f"{name} (may give way)" if name in result.yielding else name
@@ -119,7 +118,6 @@ def _constraints(result: Result) -> Table:
 
 
 def _held_back(result: Result) -> Table:
-    """Return which rows held the robot back the longest."""
     table = heads("held back by", "for [s]", "from", "to")
     rows = list(result.held_back.items())
     for label, one in rows[:SHOWN]:
@@ -233,7 +231,8 @@ class WholeWords(Table):
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """See rich's protocol."""
         cells = [[str(cell) for cell in (one.header, *one.cells)] for one in self.columns]
-        widths = [max(map(_longest_word, column)) for column in cells]
+        words = (" ".join(column).split() for column in cells)
+        widths = [max(map(cell_len, column), default=0) for column in words]  # of the longest
         whole = [max(map(cell_len, "\n".join(column).split("\n"))) for column in cells]
         most, gaps = options.max_width, len(widths) - 1
         wanted = [(own, gap) for own in (whole, widths) for gap in (int(self.padding[1]), 2, 1)]
@@ -248,10 +247,6 @@ class WholeWords(Table):
         for column, width in zip(self.columns, widths, strict=True):
             column.width = width
         yield from super().__rich_console__(console, options)
-
-
-def _longest_word(cell: str) -> int:
-    return max(map(cell_len, cell.split()), default=0)
 
 
 def facts() -> Table:

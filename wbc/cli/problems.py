@@ -85,7 +85,6 @@ def check(
 
 
 def _told(problem: Problem | PendulumProblem) -> str:
-    """Return in a line what a valid problem is about."""
     from wbc.problem import Problem
 
     if not isinstance(problem, Problem):

@@ -108,7 +108,6 @@ def _short(reason: str) -> str:
 
 
 def _rows(one: PushMap, who: str) -> Iterator[tuple[str, str]]:
-    """Yield the notes on a map."""
     odd = [
         f"{np.degrees(one.grid.angles[k]):.4g} deg at {', '.join(f'{r:.4g}' for r in ratios)}"
         for k in range(one.grid.directions)

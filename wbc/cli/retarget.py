@@ -10,19 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from wbc.cli import human_options
 from wbc.cli.errors import print_notes
-from wbc.cli.human_options import (
-    SEX,
-    Forces,
-    HumanOptions,
-    Mass,
-    Sex,
-    Static,
-    Stature,
-    Subject,
-    Unit,
-    Up,
-)
 from wbc.cli.options import Quiet, robots_beginning
 
 if TYPE_CHECKING:
@@ -31,7 +20,7 @@ if TYPE_CHECKING:
 # Kept in step with wbc.retargeting, which is not imported only to print the help.
 RATE, DURATION, FRICTION, MARGIN = 50.0, "froude", 0.6, 0.01
 ROLL = 1.0
-HUMAN = tuple(each.name for each in fields(HumanOptions))
+HUMAN = tuple(each.name for each in fields(human_options.HumanOptions))
 # What is handed on to wbc.retarget.
 WAYS = ("rate", "duration", "cutoff", "roll", "balance", "friction", "margin", "links")
 MCAP = "mcap"
@@ -117,14 +106,14 @@ def retarget(
     ground: Annotated[
         float | None, typer.Option(help="Height of the human's ground, in m.")
     ] = None,
-    static: Static = None,
-    forces: Forces = None,
-    subject: Subject = None,
-    mass: Mass = None,
-    stature: Stature = None,
-    sex: Sex = SEX,
-    up: Up = None,
-    unit: Unit = None,
+    static: human_options.Static = None,
+    forces: human_options.Forces = None,
+    subject: human_options.Subject = None,
+    mass: human_options.Mass = None,
+    stature: human_options.Stature = None,
+    sex: human_options.Sex = human_options.SEX,
+    up: human_options.Up = None,
+    unit: human_options.Unit = None,
 ) -> None:
     """Make a humanoid move as a recorded human: feet, CoM, momentum, ellipsoid, trunk and arms."""
     from wbc.cli.outputs import Outputs, check_place
@@ -162,7 +151,7 @@ def retarget(
     loaded = Robot.load(asked["robot"])
     if not quiet:
         print_notes(loaded)
-    human = HumanOptions(**{name: asked[name] for name in HUMAN}).motion(
+    human = human_options.HumanOptions(**{name: asked[name] for name in HUMAN}).motion(
         asked["motion"],
         asked["ground"],
         by_steps=False,  # a robot balances by itself
@@ -225,7 +214,6 @@ def _check_problem(path: Path, written: list[tuple[Path, str]]) -> None:
 def _problem(
     found: Retargeted, path: Path, written: list[tuple[Path, str]], asked: dict[str, Any]
 ) -> str:
-    """Return the text of a problem in which the robot moves so."""
     import os
 
     from wbc.problem.standing_problem import standing_problem

@@ -90,13 +90,10 @@ def _joints(robot: Robot) -> Table:
     table.add_row(Text("base"), "", "", "", "", f"{model.inertias[1].mass:.3f}")
     for k, name in enumerate(limits.names):
         bounds = (limits.lower[k], limits.upper[k], limits.velocity[k], limits.effort[k])
+        told = ("none" if math.isinf(one) else f"{one:.4g}" for one in bounds)
         mass = model.inertias[model.getJointId(name)].mass
-        table.add_row(Text(name), *(_limit(float(one)) for one in bounds), f"{mass:.3f}")
+        table.add_row(Text(name), *told, f"{mass:.3f}")
     return table
-
-
-def _limit(value: float) -> str:
-    return "none" if math.isinf(value) else f"{value:.4g}"
 
 
 def collisions(

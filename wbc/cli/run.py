@@ -11,21 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from wbc.cli import options
 from wbc.cli.errors import NOT_REACHED, QP_FAILED, complain, print_note, print_notes
-from wbc.cli.options import (
-    Assign,
-    Output,
-    Plot,
-    Quiet,
-    SaveTick,
-    Show,
-    Solver,
-    Streamed,
-    ViewFrom,
-    Watched,
-    name_of,
-    overrides_of,
-)
 
 if TYPE_CHECKING:
     from wbc.cli.outputs import Outputs
@@ -33,10 +20,9 @@ if TYPE_CHECKING:
     from wbc.controllers.closed_loop import LoopTick
     from wbc.problem import Problem, Result
     from wbc.problem.pendulum.problem import PendulumProblem
-    from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
+    from wbc.problem.pendulum.result import PendulumResult
     from wbc.run.callbacks import Show as ShowTick
-    from wbc.run.stopping import RunStatus
-    from wbc.simulation import SimulationResult, SimulationStatus
+    from wbc.simulation import SimulationResult
     from wbc.view.live.watching import Watching
     from wbc.view.options import View
 
@@ -59,16 +45,16 @@ def run(
         Path,
         typer.Argument(help="The problem file; - reads it from stdin.", metavar="PROBLEM.yaml"),
     ],
-    output: Output = None,
-    plot: Plot = None,
-    view_from: ViewFrom = "front-left",
-    show: Show = "all",
-    solver: Solver = None,
-    assign: Assign = None,
-    quiet: Quiet = False,
-    view: Watched = False,
-    save_tick: SaveTick = None,
-    stream: Streamed = None,
+    output: options.Output = None,
+    plot: options.Plot = None,
+    view_from: options.ViewFrom = "front-left",
+    show: options.Show = "all",
+    solver: options.Solver = None,
+    assign: options.Assign = None,
+    quiet: options.Quiet = False,
+    view: options.Watched = False,
+    save_tick: options.SaveTick = None,
+    stream: options.Streamed = None,
 ) -> None:
     """Run a problem and say what came of it."""
     from wbc.errors import InvalidInputError
@@ -78,7 +64,7 @@ def run(
     if plot is None and look != View.of():
         raise InvalidInputError("--view-from, --show: are of the picture; name it with --plot")
     wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
-    raise typer.Exit(_run(wanted, overrides_of(assign, solver), look, simulated=False))
+    raise typer.Exit(_run(wanted, options.overrides_of(assign, solver), look, simulated=False))
 
 
 def _run(
@@ -120,9 +106,12 @@ def _run(
             result = go(progress, cancelled=interrupts, show=show)
         else:
             result = problem.run(progress, cancelled=interrupts)
-    interrupted = interrupts() or _search_interrupted(result)
+    shaping, ended = getattr(result, "shaping", None), result.status
+    # A search over postures listens for Ctrl-C itself.
+    interrupted = interrupts() or bool(shaping and shaping.effort.stopped == "interrupted")
     _write(wanted, result, look, outputs, keep=interrupted)
-    code = outputs.exit_code(_exit_code(result.status))
+    failed = QP_FAILED if ended.value == "qp_failed" else NOT_REACHED
+    code = outputs.exit_code(0 if ended.good else failed)
     if interrupted:
         where = ", ".join(str(one) for one in outputs.written) or "nowhere"
         complain(f"interrupted; what was computed until then is in {where}")
@@ -162,7 +151,6 @@ def _write(
 
 
 def _draw(result: AnyResult, path: Path, name: str, look: View | None) -> None:
-    """Draw the picture of a result."""
     from wbc.problem import Result
     from wbc.simulation import SimulationResult
     from wbc.view import plot_pendulum, plot_run, style
@@ -182,12 +170,6 @@ def _draw(result: AnyResult, path: Path, name: str, look: View | None) -> None:
         plot_pendulum(result.history, path, title=title)
 
 
-def _search_interrupted(result: AnyResult) -> bool:
-    """Return whether Ctrl-C ended the search over postures, which listens for it itself."""
-    shaping = getattr(result, "shaping", None)
-    return shaping is not None and shaping.effort.stopped == "interrupted"
-
-
 def sim(
     problem: Annotated[
         Path,
@@ -195,18 +177,18 @@ def sim(
             help="A problem of the torque level; - reads it from stdin.", metavar="PROBLEM.yaml"
         ),
     ],
-    output: Output = None,
-    plot: Plot = None,
-    solver: Solver = None,
-    assign: Assign = None,
-    quiet: Quiet = False,
-    view: Watched = False,
-    save_tick: SaveTick = None,
-    stream: Streamed = None,
+    output: options.Output = None,
+    plot: options.Plot = None,
+    solver: options.Solver = None,
+    assign: options.Assign = None,
+    quiet: options.Quiet = False,
+    view: options.Watched = False,
+    save_tick: options.SaveTick = None,
+    stream: options.Streamed = None,
 ) -> None:
     """Simulate a problem of the torque level and say whether the robot stood."""
     wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
-    raise typer.Exit(_run(wanted, overrides_of(assign, solver), simulated=True))
+    raise typer.Exit(_run(wanted, options.overrides_of(assign, solver), simulated=True))
 
 
 # ---------------------------------------------------------------------- what both share
@@ -233,7 +215,7 @@ class _Wanted:
     @property
     def name(self) -> str:
         """Of the problem, as titles and files have it."""
-        return name_of(self.path)
+        return options.name_of(self.path)
 
     def __post_init__(self) -> None:
         from wbc.cli.outputs import check_outputs, check_place
@@ -334,10 +316,3 @@ class _Keeper:
             f"t = {now.time:.3f} s: {now.tick.report()}; saved: ask again by wbc replay"
             f" {self._path}"
         )
-
-
-def _exit_code(status: RunStatus | SimulationStatus | PendulumStatus) -> int:
-    """Return the exit code of a run that ended so."""
-    if status.good:
-        return 0
-    return QP_FAILED if status.value == "qp_failed" else NOT_REACHED

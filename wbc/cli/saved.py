@@ -198,7 +198,6 @@ def _warn(result: Result | SimulationResult | PendulumResult) -> None:
 
 
 def _title_of(saved: SavedRun | SavedPendulum) -> str:
-    """Return the name of a run and how it ended."""
     from wbc.files import as_text
 
     return f"{as_text(saved.name)}: {str(saved.summary['status']).replace('_', ' ')}"

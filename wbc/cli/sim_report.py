@@ -91,7 +91,6 @@ def _wrench(one: AppliedWrench) -> str:
 
 
 def _tracking(found: PlanTracking) -> Table:
-    """Return a table of how far the robot was from its plan."""
     table = heads(f"followed the {found.followed}", "rms", "worst", "at [s]", "rms of its peak")
     for name, one, factor, unit in (
         ("CoM", found.com, 1e3, "mm"),

@@ -43,7 +43,8 @@ def literal(text: str) -> str:
         raise CodegenError(f"the name {name} has {len(data)} bytes; C takes {LONGEST_LITERAL}")
     if 0 in data:
         raise CodegenError(f"the name {text!r} has a zero in it, where C ends it")
-    kept = (chr(byte) if _stands_for_itself(byte) else f"\\{byte:03o}" for byte in data)
+    plain = set(range(0x20, 0x7F)) - set(b'"\\?')
+    kept = (chr(byte) if byte in plain else f"\\{byte:03o}" for byte in data)
     return f'"{"".join(kept)}"'
 
 
@@ -61,7 +62,3 @@ def identifier(text: str, taken: set[str]) -> str:
         name = plain[: LONGEST_IDENTIFIER - len(tail)] + tail
     taken.add(name)
     return name
-
-
-def _stands_for_itself(byte: int) -> bool:
-    return 0x20 <= byte < 0x7F and byte not in b'"\\?'

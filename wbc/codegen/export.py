@@ -72,7 +72,8 @@ def export_problem(
         problem = _load(path, {**overrides, SOLVER: NAME})
     recording = record(problem, ticks)
     untold = () if robot is None else tuple(left_out(problem, robot))
-    title = _title(problem, recording)
+    name = recording.controller.robot.name
+    title = f"{problem.source.name} for {name}; made by wbc codegen, do not edit."
     texts = {
         "plan.h": plan_header(recording, title),
         "plan.c": plan_source(recording, title),
@@ -110,9 +111,3 @@ def _load(path: Path, overrides: Mapping[str, Any]) -> Problem:
         raise CodegenError(f"{path}: a pendulum's problem; try wbc codegen planar or solid")
     check_kind(problem)
     return problem
-
-
-def _title(problem: Problem, recording: TickRecording) -> str:
-    """Return what the files are about."""
-    name, robot = problem.source.name, recording.controller.robot.name
-    return f"{name} for {robot}; made by wbc codegen, do not edit."

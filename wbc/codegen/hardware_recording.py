@@ -6,7 +6,7 @@ is arithmetic, and whether C decides as Python does in each branch.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain
 from typing import Any
@@ -38,12 +38,9 @@ def hardware_recording_text(parts: HardwareParts) -> str:
     """Return recording.txt, which replay.c reads: numbers by hexadecimal digits, all their bits."""
     n, nq = parts.robot.nv - 6, parts.robot.nq
     lines = [f"wbc hardware recording 1 {SAMPLES} {CYCLES} {n} {nq}"]
-    lines += (_line(numbers) for numbers in chain(_estimates(parts), _cycles(parts)))
+    for numbers in chain(_estimates(parts), _cycles(parts)):
+        lines.append(" ".join(float.hex(float(one)) for one in numbers))
     return "\n".join(lines) + "\n"
-
-
-def _line(numbers: Iterable[float]) -> str:
-    return " ".join(float.hex(float(one)) for one in numbers)
 
 
 # ---------------------------------------------------------------------- the estimator

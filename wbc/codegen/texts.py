@@ -73,7 +73,8 @@ def plan_source(recording: TickRecording, title: str) -> str:
     pointers = {
         "tree": "&tree",
         "block": "block",
-        **{name: _name(name, array) for name, array in arrays.items()},
+        # C knows no arrays without entries.
+        **{name: name if array.size else "0" for name, array in arrays.items()},
         **dict.fromkeys(_OWN, "0"),
     }
     parts = [
@@ -88,7 +89,7 @@ def plan_source(recording: TickRecording, title: str) -> str:
         pointers["force"] = "0"
     if margin is not None:
         pointers["margin"] = "&margin"
-        parts += struct_texts("pairs", margin.watched, margin.pairs_of_bodies.arrays)
+        parts += struct_texts("pairs", margin.watched, margin.known.pairs.arrays)
         parts += struct_texts("margin", margin.struct, margin.arrays, of="&pairs")
     return "\n".join(
         [
@@ -148,11 +149,6 @@ def fields_text(struct: Any, pointers: Mapping[str, str]) -> str:
         elif value:
             raise CodegenError(f"the core reads {name!r} of this controller, which is not exported")
     return f"{{\n{''.join(fields)}}}"
-
-
-def _name(name: str, array: NDArray[Any]) -> str:
-    """Return what points at an array; C knows none without entries."""
-    return name if array.size else "0"
 
 
 def array_text(name: str, array: NDArray[Any]) -> str:

@@ -98,7 +98,6 @@ class Contact(CoreTask):
         self.friction = None if frame == BASE else friction
         self.corners = self._corners(corners)
         self.position, self.rotation = position, rotation
-        self._still = self._zeros()
 
     def _set_attribute(self, name: str, value: Any) -> None:
         if name == "position":
@@ -143,7 +142,7 @@ class Contact(CoreTask):
     def native(self) -> tuple[NativeRows, ...]:
         """Return its rows, six or the first three."""
         index, numbers = tuple(range(len(self.rows))), (self.position, self.rotation.ravel())
-        still = self._still
+        still = self._zeros()
         return (NativeRows(Kind.CONTACT, self.frame, index, still, still, numbers),)
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:

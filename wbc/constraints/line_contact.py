@@ -75,7 +75,7 @@ class LineContact(Contact):
     def native(self) -> tuple[NativeRows, ...]:
         """Return its rows."""
         numbers = self.position, self.rotation.ravel(), self._across.ravel()
-        still, rows = self._still, (0, 1, 2, 6, 7)
+        still, rows = self._zeros(), (0, 1, 2, 6, 7)
         return (NativeRows(Kind.CONTACT, self.frame, rows, still, still, numbers),)
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:

@@ -155,19 +155,12 @@ class Margin(DeclaredAttributes, Constraint):
         return self._rows(self.distances(snapshot), dt)
 
     def _rows(self, distances: Distances, dt: float) -> Bounds:
-        """Return the rows of some distances."""
         least = self._approach(distances, dt)
         if distances.rate is not None:
             least -= distances.rate
         least, push = _asked(distances, least)
-        return Bounds(
-            self.labels(distances),
-            distances.jacobian,
-            least,
-            _unbounded(least.size),
-            push,
-            distances,
-        )
+        labels, matrix = self.labels(distances), distances.jacobian
+        return Bounds(labels, matrix, least, _unbounded(least.size), push, distances)
 
     def may_violate(self, rows: Bounds, v: Array, dt: float) -> bool:
         """Whether some clearance, with a row or without, might end below the margin by ``v``."""

@@ -23,7 +23,6 @@ class Mechanics(CoreTask):
 
     def __init__(self, robot: Robot, name: str, rows: Sequence[str]) -> None:
         super().__init__(robot, name, rows, gain=1.0)
-        self._still = self._zeros()
 
     @property
     def bends(self) -> bool:
@@ -48,7 +47,7 @@ class Gear(Mechanics):
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return the one row."""
-        coupling, still = self._coupling, self._still
+        coupling, still = self._coupling, self._zeros()
         numbers = np.array((*self._ends, coupling.offset, coupling.ratio, *coupling.curved))
         return (NativeRows(Kind.GEAR, None, (0,), still, still, (numbers,)),)
 
@@ -75,7 +74,7 @@ class ClosedLoop(Mechanics):
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return its rows, six or the first three."""
-        index, still = tuple(range(len(self.rows))), self._still
+        index, still = tuple(range(len(self.rows))), self._zeros()
         frame, other = self.loop.frames
         return (NativeRows(Kind.LOOP, frame, index, still, still, (), other=other),)
 
@@ -91,8 +90,8 @@ class BoltedBase(Mechanics):
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return the six rows."""
-        numbers = self._jacobian.ravel(), self._still
-        still = self._still
+        still = self._zeros()
+        numbers = self._jacobian.ravel(), still
         return (NativeRows(Kind.LINEAR, None, tuple(range(6)), still, still, numbers),)
 
 

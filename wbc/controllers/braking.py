@@ -162,6 +162,5 @@ def _with_box(qp: QP, box: Box) -> QP:
     lower, upper = box
     nv = lower.size
     return qp._replace(
-        lower=np.concatenate((lower, qp.lower[nv:])),
-        upper=np.concatenate((upper, qp.upper[nv:])),
+        lower=np.concatenate((lower, qp.lower[nv:])), upper=np.concatenate((upper, qp.upper[nv:]))
     )

@@ -27,8 +27,7 @@ from wbc.validate import Array
 # What is worked into a controller's plan, and what to do instead of assigning it.
 ANOTHER = "make another controller"
 PLANNED = dict.fromkeys(("tasks", "contacts", "constraints"), "call change()") | dict.fromkeys(
-    ("robot", "limits", "dt", "damping", "joint_weights", "backend", "formulation"),
-    ANOTHER,
+    ("robot", "limits", "dt", "damping", "joint_weights", "backend", "formulation"), ANOTHER
 )
 
 FAR_OUTSIDE = 0.2  # rad, m: no calibration of a joint is off by that

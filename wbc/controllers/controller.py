@@ -34,7 +34,7 @@ from wbc.controllers.first_level import FirstLevel
 from wbc.controllers.force_rows import TorqueRows
 from wbc.controllers.joint_weights import JointWeights, weights_of
 from wbc.controllers.levels import Levels
-from wbc.controllers.look_ahead import MarginRows, solve_with_look_ahead
+from wbc.controllers.look_ahead import MarginRows, Solve, solve_with_look_ahead
 from wbc.controllers.margin_rows import only_self_collision
 from wbc.controllers.missing_velocity import MissingVelocity
 from wbc.controllers.outcome import Outcome
@@ -454,7 +454,6 @@ class Controller(DeclaredAttributes, ABC):
         return wanted
 
     def _decision(self) -> Decision:
-        """Return the unknowns."""
         return Decision.velocity(self.robot, read_only(self.damping * self.joint_weights))
 
     def _physics_names(self) -> tuple[str, ...]:
@@ -466,7 +465,6 @@ class Controller(DeclaredAttributes, ABC):
         return None
 
     def _margins(self, snapshot: Snapshot) -> MarginRows:
-        """Return the rows of the constraints."""
         given = self.constraints, self.slacks, self.dt
         return MarginRows.at(snapshot, *given, self._bears)
 
@@ -474,17 +472,18 @@ class Controller(DeclaredAttributes, ABC):
         self, snapshot: Snapshot, margins: MarginRows, begun: float
     ) -> tuple[Outcome, list[Bounds]]:
         """Return the outcome with margins kept where it leads, and the rows that it took."""
-        given = self._asked_once(snapshot)
-
-        def solve(bounds: Bounds | None, box: Box | None) -> Outcome:
-            return self._solve(snapshot, self._marginless, bounds, box, begun, given)
 
         def held() -> list[Rows]:
             qp = self._set_up(snapshot, begun).views
             return [Rows(qp.A, qp.b, np.ones(qp.b.size))]
 
         over = partial(self._is_over, begun)
-        return solve_with_look_ahead(solve, margins, held, over), []
+        return solve_with_look_ahead(self._solving(snapshot, begun), margins, held, over), []
+
+    def _solving(self, snapshot: Snapshot, begun: float) -> Solve:
+        """Return what solves all levels with rows of margins; tasks in Python are asked once."""
+        given = self._asked_once(snapshot)
+        return lambda rows, box: self._solve(snapshot, self._marginless, rows, box, begun, given)
 
     @abstractmethod
     def _command(self, snapshot: Snapshot, found: CoreTick) -> Tick:

@@ -92,7 +92,8 @@ class ForceRamps:
             if normal_forces.get(name, 0.0) > NOTHING * self._full
         }
         for task in wanted:
-            if task.name not in before and _bears(task):
+            bears = isinstance(task, Contact) and task.friction is not None
+            if bears and task.name not in before:
                 self._coming[task.name] = Ramp(0.0, self._full, ticks)
         for name in after & set(self._going):  # it comes back
             self._coming[name] = Ramp(self._going[name].most, self._full, ticks)
@@ -110,8 +111,3 @@ class ForceRamps:
         self._coming = {name: ramp for name, ramp in coming.items() if not ramp.over}
         self._going = {name: ramp for name, ramp in going.items() if not ramp.over}
         return frozenset(going.keys() - self._going.keys())
-
-
-def _bears(task: Task) -> bool:
-    """Whether a contact bears a normal force."""
-    return isinstance(task, Contact) and task.friction is not None

@@ -75,10 +75,7 @@ class MarginRows(NamedTuple):
 
 
 def solve_with_look_ahead(
-    solve: Solve,
-    margins: MarginRows,
-    held: Callable[[], Sequence[Rows]],
-    over: Callable[[], bool],
+    solve: Solve, margins: MarginRows, held: Callable[[], Sequence[Rows]], over: Callable[[], bool]
 ) -> Outcome:
     """Return the outcome with margins kept where it leads, and the part of it to command.
 

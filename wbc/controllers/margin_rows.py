@@ -11,7 +11,6 @@ from wbc.constraints.collision import SelfCollision, WatchedPairs
 from wbc.constraints.rows import Constraint, take
 from wbc.controllers.slack import Slacks
 from wbc.native import ffi, pointer
-from wbc.robot.collision.native_pairs import NativePairs
 from wbc.robot.kernel import NativeTree
 from wbc.validate import Array
 
@@ -25,12 +24,14 @@ class NativeMargin:
         How many pairs get one.
     struct:
         The core's structure, a pointer to it.
+    known:
+        What is kept apart, and how.
     watched, arrays:
         What it points at; the arrays by the names of ``wbc_margin`` in source/core.h.
     """
 
     def __init__(self, constraint: SelfCollision, known: WatchedPairs, tree: NativeTree) -> None:
-        self._constraint, self._known = constraint, known
+        self._constraint, self.known = constraint, known
         self._labels = constraint.model.labels
         self.bodies, self.pairs = known.pairs.counts
         self.rows = min(known.rows, self.pairs)
@@ -44,11 +45,6 @@ class NativeMargin:
         for name in ("deceleration", "gain", "recovery", "recovery_speed"):
             setattr(self.struct, name, getattr(law, name))
 
-    @property
-    def pairs_of_bodies(self) -> NativePairs:
-        """What is kept apart."""
-        return self._known.pairs
-
     @classmethod
     def of(cls, constraint: SelfCollision, tree: NativeTree) -> NativeMargin | None:
         """Return it, or None: bodies that the core does not know, or none."""
@@ -58,7 +54,7 @@ class NativeMargin:
     def serves(self) -> bool:
         """Whether the constraint is still as it was read."""
         now = self._constraint.watched()
-        return now is not None and all(map(operator.is_, now, self._known))
+        return now is not None and all(map(operator.is_, now, self.known))
 
     def labels(self, chosen: Array) -> tuple[str, ...]:
         """Return the labels of rows, from the numbers of their pairs."""

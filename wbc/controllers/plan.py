@@ -109,21 +109,17 @@ class LevelPlan:
         return cls(decision, tuple(tasks), held, soft, levels, tuple(labels), workspace)
 
 
-def by_priority(tasks: Sequence[Task]) -> tuple[tuple[int, ...], ...]:
-    """Return the indices of the tasks of each level, the most important level first."""
-    return tuple(
-        tuple(k for k, task in enumerate(tasks) if task.priority == priority)
-        for priority in sorted({task.priority for task in tasks})
-    )
-
-
 def _levels(
     tasks: Sequence[Task], soft: Sequence[Task], forces: Sequence[Task]
 ) -> tuple[tuple[int, ...], ...]:
-    """Return the indices of each level; soft contacts, behind the tasks, are of the first."""
-    count = len(tasks)
+    """Return the indices of each level, the most important first.
+
+    Soft contacts, which stand between tasks and forces, are of that.
+    """
+    begin, end = len(tasks), len(tasks) + len(soft)
+    costs = [*enumerate(tasks), *enumerate(forces, end)]
     first, *lower = (
-        tuple(k if k < count else k + len(soft) for k in level)
-        for level in by_priority([*tasks, *forces])
+        tuple(k for k, task in costs if task.priority == priority)
+        for priority in sorted({task.priority for _, task in costs})
     )
-    return (*first, *range(count, count + len(soft))), *lower
+    return (*first, *range(begin, end)), *lower

@@ -56,11 +56,7 @@ class Physical(NamedTuple):
 
 
 def relaxed_qp(
-    plan: LevelPlan,
-    qp: QP,
-    physical: Physical,
-    margins: Sequence[Bounds],
-    unit: float,
+    plan: LevelPlan, qp: QP, physical: Physical, margins: Sequence[Bounds], unit: float
 ) -> GivingQP:
     """Return the QP in which only physics is hard.
 

@@ -131,9 +131,7 @@ def _weighty(row: Rows) -> Rows:
         return row
     wanted = np.flatnonzero(row.weight)
     return row._replace(
-        matrix=row.matrix[wanted],
-        target=row.target[wanted],
-        weight=row.weight[wanted],
+        matrix=row.matrix[wanted], target=row.target[wanted], weight=row.weight[wanted]
     )
 
 

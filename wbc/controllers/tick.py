@@ -222,7 +222,6 @@ class Tick:
         return self.solution.conflict
 
     def _repr_html_(self) -> str:
-        """Return how a notebook shows it."""
         fastest = int(np.argmax(np.abs(self.velocity)))
         largest = f"{self.qp.labels.variables[fastest]} {self.velocity[fastest]:+.3g}"
         facts = [

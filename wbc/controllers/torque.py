@@ -17,16 +17,10 @@ from typing import Any, Never, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.constraints.limits import Box, Limits
+from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint, reachable_rows
 from wbc.controllers.blocks import Asked
-from wbc.controllers.checks import (
-    ANOTHER,
-    PLANNED,
-    check_list,
-    check_parts,
-    check_snapshot,
-)
+from wbc.controllers.checks import ANOTHER, PLANNED, check_list, check_parts, check_snapshot
 from wbc.controllers.closed_loop import ticks_of
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.controller import Controller
@@ -382,7 +376,6 @@ class TorqueController(Controller):
     def _dynamics(
         self, physics: Callable[[], tuple[Array, Array]], snapshot: Snapshot
     ) -> TickDynamics:
-        """Return what forces and torques are by the unknowns."""
         return TickDynamics(snapshot, self.contact_forces, physics, self._last)
 
     # ------------------------------------------------------------------ parts of the tick
@@ -391,15 +384,10 @@ class TorqueController(Controller):
         self, snapshot: Snapshot, margins: MarginRows, begun: float
     ) -> tuple[Outcome, list[Bounds]]:
         within_reach = [reachable_rows(part, snapshot.v, self.dt) for part in margins.parts]
-
-        given = self._asked_once(snapshot)
-
-        def solve(bounds: Bounds | None, box: Box | None) -> Outcome:
-            return self._solve(snapshot, self._marginless, bounds, box, begun, given)
-
-        # No part of a step is safer than all of it.
         margins = margins._replace(parts=within_reach)
-        outcome, rows, _ = solve_with_cuts(solve, margins, partial(self._is_over, begun))
+        # No part of a step is safer than all of it.
+        solve, over = self._solving(snapshot, begun), partial(self._is_over, begun)
+        outcome, rows, _ = solve_with_cuts(solve, margins, over)
         return outcome, rows
 
     def _command(self, snapshot: Snapshot, found: CoreTick) -> Tick:

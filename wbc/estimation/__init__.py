@@ -3,9 +3,8 @@
 from wbc.estimation.contact_filter import ContactFilter, FilterNoise
 from wbc.estimation.estimate import Estimate
 from wbc.estimation.estimator import StateEstimator
-from wbc.estimation.imus import ImuMount
 from wbc.estimation.joint_velocity import JointVelocityFilter
-from wbc.estimation.measurement import ImuReading, Measurement
+from wbc.estimation.measurement import ImuMount, ImuReading, Measurement
 from wbc.estimation.momentum_observer import MomentumObserver
 from wbc.estimation.settings import EstimatorSettings
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.estimation.estimate import Estimate
-from wbc.estimation.imus import ImuMount
-from wbc.estimation.measurement import Measurement
+from wbc.estimation.measurement import ImuMount, Measurement
 from wbc.robot import Robot
 from wbc.validate import Array
 

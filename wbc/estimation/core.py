@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.estimation.contact_filter import ContactFilter, Counts
-from wbc.estimation.imus import ImuMount
+from wbc.estimation.measurement import ImuMount
 from wbc.estimation.momentum_observer import MomentumObserver
 from wbc.estimation.settings import EstimatorSettings
 from wbc.native import ffi, lib, pointer

@@ -23,10 +23,9 @@ from wbc.estimation.beginning import Beginning
 from wbc.estimation.contact_filter import SHOWN
 from wbc.estimation.core import EstimatorCore, EstimatorMemory
 from wbc.estimation.estimate import Estimate
-from wbc.estimation.imus import ImuMount
 from wbc.estimation.joint_velocity import JointVelocityFilter
-from wbc.estimation.measurement import Measurement
-from wbc.estimation.notes import NoteNames, noted
+from wbc.estimation.measurement import ImuMount, Measurement
+from wbc.estimation.notes import noted
 from wbc.estimation.settings import EstimatorSettings
 from wbc.kinds import check_kind
 from wbc.native import doubles, ffi, lib, pointer
@@ -99,7 +98,7 @@ class StateEstimator:
         self.core = EstimatorCore(robot, self.imus, self.settings, dt)
         self._beginning = Beginning(robot, self.imus, self.settings.standing_time, dt)
         self._shape, self._feet = (joints,), tuple(robot.feet)
-        self._names = NoteNames(tuple(names), robot.joint_names, self._feet)
+        self._names = tuple(names), robot.joint_names, self._feet
         self._at_imu = {name: k for k, name in enumerate(names)}
         self._said = np.zeros((len(names), 6))
         self._heard = np.zeros(len(names), dtype=np.int64)
@@ -268,8 +267,7 @@ class StateEstimator:
         )
 
     def _notes(self) -> tuple[str, ...]:
-        """Return what the core noted of the last message."""
-        return noted(self.core, self._names) if self.core.event[0] else ()
+        return noted(self.core, *self._names) if self.core.event[0] else ()
 
     def _why_none(self, said: int) -> str:
         """Return why there is no estimate, in words."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from wbc.errors import listed
 from wbc.estimation.core import EstimatorCore
 from wbc.native import lib
@@ -28,32 +26,27 @@ OF_IMUS = (lib.RATE_BEYOND, lib.FORCE_BEYOND, lib.HANGS, lib.LEFT_OUT, lib.HELD)
 NO_LOADS = "no contacts, forces or torques: all feet are taken to bear always"
 
 
-class NoteNames(NamedTuple):
-    """Whose notes: names of IMUs, joints and feet in the core's order."""
-
-    imus: tuple[str, ...]
-    joints: tuple[str, ...]
-    feet: tuple[str, ...]
+Names = tuple[str, ...]  # in the core's order
 
 
-def noted(core: EstimatorCore, names: NoteNames) -> tuple[str, ...]:
+def noted(core: EstimatorCore, imus: Names, joints: Names, feet: Names) -> tuple[str, ...]:
     """Return what was noted of the last message."""
     count = int(core.event[0])
     events = core.event[1 : 1 + 2 * count].reshape(count, 2).tolist()
     found, jumped = list[str](), list[str]()
     for (kind, whose), much in zip(events, core.detail[:count].tolist(), strict=True):
         if kind == lib.JOINT_JUMPED:
-            jumped.append(names.joints[whose])
+            jumped.append(joints[whose])
             continue
         if jumped:
             found.append(_held(jumped))
         if kind == lib.TAKES_OVER:
-            silent, now = (names.imus[k] for k in divmod(whose, lib.MOST_IMUS))
+            silent, now = (imus[k] for k in divmod(whose, lib.MOST_IMUS))
             found.append(f"IMU {silent!r}: silent for {much:.0f} ms; {now!r} takes over")
         elif kind == lib.NO_LOADS:
             found.append(NO_LOADS)
         else:
-            own = names.imus if kind in OF_IMUS else names.feet
+            own = imus if kind in OF_IMUS else feet
             found.append(WORDS[kind].format(own[whose], much))
     if jumped:
         found.append(_held(jumped))

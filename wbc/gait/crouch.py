@@ -19,16 +19,16 @@ NEARLY = 0.95  # part of a leg's length: knees that are past straight by no more
 LONGEST = 0.2  # rad or m, of a step
 
 
-def walking_posture(start: Snapshot, height: float) -> Array:
+def walking_posture(start: Snapshot, height: float, legs: Legs | None = None) -> Array:
     """Return the posture (nq,) to draw joints to while the CoM is at ``height`` over the soles [m].
 
     It is the posture at the start, unless that is the standing one and has straight legs, as the
     zero posture of most files: drawn to these a robot would not come down to its gait's height, and
     walk faster than it is told to. Then it is one nearby with bent knees, feet, trunk and the CoM's
-    ground projection being where they were.
+    ground projection being where they were. ``legs``: the robot's, if they are known.
     """
     robot = start.robot
-    legs = Legs.of(robot)
+    legs = Legs.of(robot) if legs is None else legs
     straight = legs.hip_height > STRETCH * legs.length or (
         legs.hip_height > NEARLY * legs.length and bent_backwards(start)
     )

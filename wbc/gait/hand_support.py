@@ -209,7 +209,8 @@ class HandSupport:
         before = self.state
         match before:
             case HandsFree():
-                self.state = self._watched(snapshot)
+                first = self._chosen(snapshot)
+                self.state = before if first is None else self._begin(first)
             case Reaching():
                 self.state = self._reached(snapshot, before)
             case Leaning():
@@ -219,11 +220,6 @@ class HandSupport:
         self.time += self.controller.dt
 
     # ------------------------------------------------------------------ from state to state
-
-    def _watched(self, snapshot: Snapshot) -> HandsFree | Reaching:
-        """Return what comes of a tick without a hand."""
-        first = self._chosen(snapshot)
-        return HandsFree() if first is None else self._begin(first)
 
     def _chosen(self, snapshot: Snapshot) -> Reaching | None:
         """Return the hand that has to reach for a wall now, if one has to and can."""
@@ -277,7 +273,6 @@ class HandSupport:
         return wall.touched(aim, hand.radius), shoulder
 
     def _reached(self, snapshot: Snapshot, now: Reaching) -> HandsFree | Reaching | Leaning:
-        """Return what comes of a tick on the way."""
         hand, wall, dt, own = now.hand, now.wall, self.controller.dt, self.settings
         place = snapshot.position(hand.frame)
         gap = wall.gap(place, hand.radius)
@@ -306,7 +301,6 @@ class HandSupport:
         return now._replace(motion=motion, left=left)
 
     def _leant(self, snapshot: Snapshot, now: Leaning) -> Leaning | Withdrawing:
-        """Return what comes of a tick on the wall."""
         hand, wall, own = now.hand, now.wall, self.settings
         place = snapshot.position(hand.frame)
         lost = wall.gap(place, hand.radius) > LOST
@@ -326,7 +320,6 @@ class HandSupport:
     def _withdrawn(
         self, snapshot: Snapshot, now: Withdrawing
     ) -> HandsFree | Withdrawing | Reaching:
-        """Return what comes of a tick on the way back."""
         again = self._chosen(snapshot)
         if again is not None:  # another hand's trunk may be another link
             self._rest(now.hand)

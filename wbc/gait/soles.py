@@ -36,7 +36,9 @@ def standing_soles(contacts: Sequence[Task]) -> list[SoleContact]:
     return [
         SoleContact(one, one.corners)
         for one in contacts
-        if isinstance(one, Contact) and one.corners is not None and not _on_a_wall(one)
+        if isinstance(one, Contact)
+        and one.corners is not None
+        and not (isinstance(one, PointContact) and one.normal[2] < UPWARDS)
     ]
 
 
@@ -44,7 +46,3 @@ def capture_point(snapshot: Snapshot, height: float) -> tuple[Array, float]:
     """Return xi = c + c'/omega (2,) [m] and omega [1/s], the CoM ``height`` [m] over the soles."""
     omega = math.sqrt(snapshot.robot.gravity / height)
     return snapshot.com[:2] + snapshot.com_velocity[:2] / omega, omega
-
-
-def _on_a_wall(contact: Contact) -> bool:
-    return isinstance(contact, PointContact) and contact.normal[2] < UPWARDS

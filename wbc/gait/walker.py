@@ -416,7 +416,6 @@ class Walker:
         return self._landed(snapshot, phase, now) if self._planner.touches(phase, load) else phase
 
     def _lifted(self, phase: DoubleSupport, now: GaitState) -> SingleSupport:
-        """Return the single support that begins."""
         foot = other(phase.support)
         sole = now.rotations[phase.support][:, 2]  # it has settled now
         self._normal = unit((1.0 - LEVELLING) * self._normal + LEVELLING * sole)
@@ -448,7 +447,6 @@ class Walker:
         self._whole_body.weigh_swing(pace.swing, pace.lift)
 
     def _landed(self, snapshot: Snapshot, phase: SingleSupport, now: GaitState) -> DoubleSupport:
-        """Return the double support that begins."""
         foot, start = other(phase.support), now.place(phase.support)
         self.steps += 1
         self._whole_body.hold(snapshot, self._frames, self.gait.ramp)

@@ -70,9 +70,11 @@ def listen(bus: Bus, robot: Robot, seconds: float = 2.0) -> list[CheckFinding]:
             arrivals.append(came)
     if len(readings) < 10:
         why = f"; first: {refused[0]}" if refused else ""
+        thrown = ", ".join(f"{count} {reason}" for reason, count in bus.dropped.items() if count)
+        thrown_away = f"; thrown away: {thrown}" if thrown else ""
         raise WbcError(
             f"check: {len(readings)} usable readings in {seconds:g} s{why}; is the robot on this"
-            f" interface and in its low-level mode?{_thrown_away(bus)}"
+            f" interface and in its low-level mode?{thrown_away}"
         )
     gaps, last = np.diff(arrivals), readings[-1]
     robot_gaps = np.diff([one.time for one in readings])
@@ -92,12 +94,6 @@ def listen(bus: Bus, robot: Robot, seconds: float = 2.0) -> list[CheckFinding]:
         CheckFinding("believable", not refused, refused[0] if refused else "all readings"),
     ]
     return found + _at_rest(robot, readings, last)
-
-
-def _thrown_away(bus: Bus) -> str:
-    """Return what a bus threw away, in words; nothing if it was nothing."""
-    lost = ", ".join(f"{count} {reason}" for reason, count in bus.dropped.items() if count)
-    return f"; thrown away: {lost}" if lost else ""
 
 
 def _at_rest(robot: Robot, readings: list[Reading], last: Reading) -> list[CheckFinding]:

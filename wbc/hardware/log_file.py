@@ -142,7 +142,6 @@ class HardwareLog:
         return SavedRun(self.path.stem, robot, history, summary, simulation)
 
     def _faults(self) -> list[tuple[str, str]]:
-        """Return faults, and in how many cycles there were."""
         bits = self.arrays["faults"].astype(np.int64)
         counts = {str(one): int(((bits >> k) & 1).sum()) for k, one in enumerate(FAULTS)}
         return [(f"{count} cycles", name) for name, count in counts.items() if count]

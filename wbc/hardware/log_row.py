@@ -17,43 +17,19 @@ from wbc.validate import Array
 MODES = tuple(Mode)
 FAULTS = tuple(Fault)
 # Of a reading, what it measured.
-READ = (
-    "position",
-    "velocity",
-    "torque",
-    "temperature",
-    "quaternion",
-    "angular_velocity",
-    "specific_force",
-)
+JOINTS = ("position", "velocity", "torque", "temperature")
+IMU = ("quaternion", "angular_velocity", "specific_force")
+READ = (*JOINTS, *IMU)
 
 
 def log_fields(joints: int, nq: int, nv: int) -> dict[str, int]:
     """Return what a log's rows hold, and how many numbers each field has."""
     single = ("time", "lateness", "mode", "faults", "sequence", "robot_time", "stop")
     asked = ("asked", "asked_about", "answer_to", "answer_time", "standing")
-    many = (
-        "position",
-        "velocity",
-        "torque",
-        "temperature",
-        "command_position",
-        "command_velocity",
-        "command_torque",
-        "kp",
-        "kd",
-        "answer_velocity",
-        "answer_torque",
-    )
+    commanded = ("command_position", "command_velocity", "command_torque", "kp", "kd")
+    many = (*JOINTS, *commanded, "answer_velocity", "answer_torque")
     fields = dict.fromkeys((*single, *asked), 1) | dict.fromkeys(many, joints)
-    return fields | {
-        "quaternion": 4,
-        "angular_velocity": 3,
-        "specific_force": 3,
-        "deviations": 4,
-        "q": nq,
-        "v": nv,
-    }
+    return fields | dict(zip(IMU, (4, 3, 3), strict=True)) | {"deviations": 4, "q": nq, "v": nv}
 
 
 def log_row(
@@ -104,8 +80,8 @@ def request_of(row: Mapping[str, Array], reading: Reading) -> Job:
 
 def reading_of(row: Mapping[str, Array]) -> Reading:
     """Return the reading in a row."""
-    q, v, torque, heat, quaternion, spin, force = (np.array(row[name]) for name in READ)
     number, time, stop = int(row["sequence"]), float(row["robot_time"]), bool(row["stop"])
+    q, v, torque, heat, quaternion, spin, force = (np.array(row[name]) for name in READ)
     return Reading(number, time, q, v, torque, heat, quaternion, spin, force, stop)
 
 

@@ -337,7 +337,6 @@ class HardwareLoop:
             safety.report(Fault.TICK_FAILED, answer.report)
 
     def _write(self, command: Command) -> Command:
-        """Send a command with the next number."""
         now = self._now
         now.sequence += 1
         command = command.numbered(now.sequence)
@@ -375,10 +374,9 @@ class HardwareLoop:
 
     def _grant(self, wish: Wish, time: float, is_up: bool) -> None:
         now, safety = self._now, self.safety
-        if wish is Wish.ARM:
-            safety.arm(time)
-        elif wish is Wish.STAND:
-            safety.stand_up(time)
+        at_once = {Wish.ARM: safety.arm, Wish.STAND: safety.stand_up, Wish.RESET: safety.reset}
+        if wish in at_once:
+            at_once[wish](time)
         elif wish is Wish.RUN:
             if safety.mode is Mode.STANDING_UP and not is_up:
                 raise ForbiddenTransition("it is not up yet, or its estimate has not begun")
@@ -392,8 +390,6 @@ class HardwareLoop:
                 safety.reset(time)
         elif wish is Wish.STOP:
             safety.stop(time)
-        elif wish is Wish.RESET:
-            safety.reset(time)
         else:
             if safety.mode not in DOWN:
                 raise ForbiddenTransition(f"sit, or stop, first: {safety.mode}")

@@ -112,7 +112,8 @@ class SensorChecks:
 
     def _unusable(self, reading: Reading, now: float) -> SensorFinding | None:
         r = reading
-        if r.sequence <= self._sequence and not self._restarted(reading):
+        # One that counts anew is far back, so no message that came late.
+        if self._sequence - RESTARTED <= r.sequence <= self._sequence:
             return SensorFinding(Fault.OUT_OF_ORDER, f"number {r.sequence} after {self._sequence}")
         joints = rows_of(len(self._names), r.position, r.velocity, r.torque, r.temperature)
         turns, imu = rows_of(4, r.quaternion), rows_of(3, r.angular_velocity, r.specific_force)
@@ -126,10 +127,6 @@ class SensorChecks:
             ]
             return SensorFinding(Fault.NOT_FINITE, ", ".join(bad) or "IMU or time")
         return self._timely(r.time, now) or self._possible(r) or self._jumped(r)
-
-    def _restarted(self, reading: Reading) -> bool:
-        """Return whether the robot counts anew: far back, so no message that came late."""
-        return reading.sequence < self._sequence - RESTARTED
 
     def _timely(self, time: float, now: float) -> SensorFinding | None:
         offset = now - time

@@ -80,9 +80,8 @@ class Where(NamedTuple):
             DDS without cyclonedds.
         """
         if self.bus == "udp":
-            ports = {"port": READING_PORT, "robot_port": COMMAND_PORT}
-            moved = {name: port + 2 * self.domain for name, port in ports.items()}
-            return UdpBus(len(robot.joint_names), self.address, **moved)
+            own, to = READING_PORT + 2 * self.domain, COMMAND_PORT + 2 * self.domain
+            return UdpBus(len(robot.joint_names), self.address, port=own, robot_port=to)
         self._check()
         from wbc.hardware.unitree.dds import UnitreeBus
 
@@ -91,9 +90,8 @@ class Where(NamedTuple):
     def open_robot(self, profile: Profile, robot: Robot) -> RobotBus:
         """Return the robot's end; it raises as :meth:`open` does."""
         if self.bus == "udp":
-            ports = {"port": COMMAND_PORT, "controller_port": READING_PORT}
-            moved = {name: port + 2 * self.domain for name, port in ports.items()}
-            return UdpRobotBus(len(robot.joint_names), self.address, **moved)
+            own, to = COMMAND_PORT + 2 * self.domain, READING_PORT + 2 * self.domain
+            return UdpRobotBus(len(robot.joint_names), self.address, port=own, controller_port=to)
         self._check()
         from wbc.hardware.unitree.dds import UnitreeRobotBus
 

@@ -41,12 +41,15 @@ SOLE_WIDTH = 0.38  # of the foot's length
 LIMIT = 1e3  # rad: no joint of a fit is limited, arms that circle add up; models need bounds
 
 
+Axis = tuple[float, float, float]
+
+
 @dataclass(frozen=True)
 class Hinge:
     """One axis of a joint."""
 
     name: str
-    axis: tuple[float, float, float]  # in the axes of the segment before it, neutral posture
+    axis: Axis  # in the axes of the segment before it, neutral posture
     spread: float  # rad: how far it usually is from neutral; a fit leans on this where it must
 
 
@@ -67,64 +70,46 @@ def _segments() -> tuple[Segment, ...]:
     back = (0.0, -1.0, 0.0)
     found = [Segment("pelvis", -1, (), (None, None, None))]
 
-    def add(name: str, parent: str, hinges: list[Hinge], *origin: tuple[str, float] | None) -> None:
+    def add(
+        name: str,
+        parent: str,
+        joint: str,
+        hinges: dict[str, tuple[Axis, float]],
+        *origin: tuple[str, float] | None,
+    ) -> None:
         carriers = [segment.name for segment in found]
-        found.append(Segment(name, carriers.index(parent), tuple(hinges), origin))
+        made = tuple(Hinge(f"{joint}_{what}", *one) for what, one in hinges.items())
+        found.append(Segment(name, carriers.index(parent), made, origin))
 
     for side, s in SIDES.items():
         inward, across = (-s, 0.0, 0.0), (0.0, 0.0, -s)
-
-        def hinge(
-            joint: str, axis: tuple[float, float, float], spread: float, side: str = side
-        ) -> Hinge:
-            return Hinge(f"{side}_{joint}", axis, spread)
-
-        hip = [
-            hinge("hip_flexion", back, 1.0),
-            hinge("hip_adduction", inward, 0.5),
-            hinge("hip_rotation", across, 0.4),
-        ]
-        add(f"{side}_thigh", "pelvis", hip, None, ("hip_y", s), None)
-        knee = [hinge("knee_flexion", y, 1.0)]
-        add(f"{side}_shank", f"{side}_thigh", knee, None, None, ("thigh", -1.0))
-        ankle = [
-            hinge("ankle_dorsiflexion", back, 0.5),
-            hinge("ankle_inversion", inward, 0.3),
-            hinge("ankle_rotation", across, 0.2),
-        ]
-        add(f"{side}_foot", f"{side}_shank", ankle, None, None, ("shank", -1.0))
-    spine = {"lumbar": 0.5, "neck": 0.2}
-    torso = {
-        joint: [
-            Hinge(f"{joint}_flexion", y, spread),
-            Hinge(f"{joint}_bending", x, spread),
-            Hinge(f"{joint}_rotation", z, spread),
-        ]
-        for joint, spread in spine.items()
-    }
-    add("trunk", "pelvis", torso["lumbar"], ("lumbar_x", 1.0), None, ("lumbar_z", 1.0))
-    add("head", "trunk", torso["neck"], ("neck_x", 1.0), None, ("neck_z", 1.0))
+        hip = {"flexion": (back, 1.0), "adduction": (inward, 0.5), "rotation": (across, 0.4)}
+        add(f"{side}_thigh", "pelvis", f"{side}_hip", hip, None, ("hip_y", s), None)
+        knee, down = {"flexion": (y, 1.0)}, ("thigh", -1.0)
+        add(f"{side}_shank", f"{side}_thigh", f"{side}_knee", knee, None, None, down)
+        ankle = {"dorsiflexion": (back, 0.5), "inversion": (inward, 0.3), "rotation": (across, 0.2)}
+        down = ("shank", -1.0)
+        add(f"{side}_foot", f"{side}_shank", f"{side}_ankle", ankle, None, None, down)
+    for name, parent, joint, spread in (
+        ("trunk", "pelvis", "lumbar", 0.5),
+        ("head", "trunk", "neck", 0.2),
+    ):
+        turns = {"flexion": (y, spread), "bending": (x, spread), "rotation": (z, spread)}
+        add(name, parent, joint, turns, (f"{joint}_x", 1.0), None, (f"{joint}_z", 1.0))
     half = float(np.sqrt(0.5))
     for side, s in SIDES.items():
+        inward, across = (-s, 0.0, 0.0), (0.0, 0.0, -s)
         # Three hinges in a row lose an axis where the last lies along the first: here only where
         # the arm points level, halfway between forwards and sideways.
-        shoulder = [
-            Hinge(f"{side}_shoulder_swing", (half, s * half, 0.0), 1.5),
-            Hinge(f"{side}_shoulder_lift", (s * half, -half, 0.0), 1.5),
-            Hinge(f"{side}_shoulder_rotation", (0.0, 0.0, -s), 1.0),
-        ]
+        swing, lift = (half, s * half, 0.0), (s * half, -half, 0.0)
+        shoulder = {"swing": (swing, 1.5), "lift": (lift, 1.5), "rotation": (across, 1.0)}
         place = (("shoulder_x", 1.0), ("shoulder_y", s), ("shoulder_z", 1.0))
-        add(f"{side}_upper_arm", "trunk", shoulder, *place)
-        elbow = [
-            Hinge(f"{side}_elbow_flexion", back, 1.0),
-            Hinge(f"{side}_forearm_pronation", (0.0, 0.0, -s), 0.7),
-        ]
-        add(f"{side}_forearm", f"{side}_upper_arm", elbow, None, None, ("upper_arm", -1.0))
-        wrist = [
-            Hinge(f"{side}_wrist_deviation", back, 0.2),
-            Hinge(f"{side}_wrist_flexion", (-s, 0.0, 0.0), 0.3),
-        ]
-        add(f"{side}_hand", f"{side}_forearm", wrist, None, None, ("forearm", -1.0))
+        add(f"{side}_upper_arm", "trunk", f"{side}_shoulder", shoulder, *place)
+        elbow = {"elbow_flexion": (back, 1.0), "forearm_pronation": (across, 0.7)}
+        down = ("upper_arm", -1.0)
+        add(f"{side}_forearm", f"{side}_upper_arm", side, elbow, None, None, down)
+        wrist, down = {"deviation": (back, 0.2), "flexion": (inward, 0.3)}, ("forearm", -1.0)
+        add(f"{side}_hand", f"{side}_forearm", f"{side}_wrist", wrist, None, None, down)
     return tuple(found)
 
 

@@ -95,7 +95,6 @@ def joint_landmarks(
 
 
 def _landmarks_of(plain: Sequence[str]) -> dict[int, str]:
-    """Return the landmarks of one skeleton's joints."""
     found = dict[int, str]()
     for side, marks in (("left", ("LEFT", "L")), ("right", ("RIGHT", "R"))):
         for name, words in _PAIRED.items():

@@ -17,8 +17,17 @@ from scipy.linalg import cho_factor, cho_solve
 
 from wbc.errors import InvalidInputError, listed
 from wbc.human.body import NAMES, REFERENCE_STATURE, usual_dimensions
-from wbc.human.fit import SPREADS, MarkerSet, first_poses, fit_poses, residuals, unstuck, weights
-from wbc.human.kinematics import DOFS, Placed, Poses, dimension_jacobian, place, point_jacobian
+from wbc.human.fit import (
+    SPREADS,
+    MarkerSet,
+    first_poses,
+    fit_poses,
+    linearised,
+    residuals,
+    unstuck,
+    weights,
+)
+from wbc.human.kinematics import DOFS, Placed, Poses, dimension_jacobian
 from wbc.human.landmarks import Landmark
 from wbc.validate import Array
 
@@ -133,11 +142,8 @@ def _retried(
     bad = np.flatnonzero(cost > 3.0 * cost[best] + 10.0)
     if not len(bad):
         return poses
-    start = Poses(
-        poses.position[bad].copy(),
-        poses.rotation[bad].copy(),
-        np.tile(poses.angles[best], (len(bad), 1)),
-    )
+    start = poses[bad]
+    start.angles[:] = poses.angles[best]
     again, new = fit_poses(start, observed[bad], markers, dimensions)
     better = new < cost[bad]
     poses.put(bad[better], again, better)
@@ -249,20 +255,8 @@ def _step(
     damping: float,
 ) -> tuple[Array, Array]:
     """Return the steps of the body (12 + 3 m) and of the postures (n, 40)."""
-    placed = place(poses, dimensions)
-    at = markers.at(placed)
-    residual = at - observed
-    weight, _ = weights(residual, markers.noise)
-    count, rows = len(poses), 3 * len(markers.names)
-    J = point_jacobian(placed, markers.segments, at).reshape(count, rows, DOFS)
+    placed, W, JW, r, H, g = linearised(poses, observed, markers, dimensions)
     A = _body_jacobian(placed, markers)
-    W = np.repeat(weight, 3, axis=1)[:, :, None]
-    r = np.nan_to_num(residual).reshape(count, rows)
-    JW = np.swapaxes(J * W, 1, 2)
-    H, g = JW @ J, (JW @ r[..., None])[..., 0]
-    hinges = np.arange(6, DOFS)
-    H[:, hinges, hinges] += SPREADS**-2
-    g[:, 6:] += poses.angles * SPREADS**-2
     H[:, np.arange(DOFS), np.arange(DOFS)] *= 1.0 + damping
     cross = JW @ A  # (n, 40, b)
     AW = (A * W).reshape(-1, A.shape[2])

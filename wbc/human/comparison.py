@@ -12,10 +12,9 @@ from scipy.ndimage import binary_dilation, binary_erosion
 
 from wbc.human.contacts import Bools, nearest_rows
 from wbc.human.markers import ForcePlate
-from wbc.motion.filtering import low_passed
 from wbc.motion.ground import sole_corners
 from wbc.motion.series import RmpSeries
-from wbc.motion.smoothing import even_grid, linearly
+from wbc.motion.smoothing import smooth_forces
 from wbc.motion.uncertainty import BAND
 from wbc.polygon import convex_hull, polygon_margin
 from wbc.rmp.ground import centre_of_pressure
@@ -189,12 +188,7 @@ def _complete(
 def _at(plate: ForcePlate, time: Array, cutoff: float | None) -> tuple[Array, Array]:
     """Return force and moment (n, 3) of a plate at some times, low-passed."""
     values = np.hstack((plate.force, plate.moment))
-    if cutoff is not None:
-        grid = even_grid(plate.time)
-        rate = (len(grid) - 1) / float(grid[-1] - grid[0])
-        even = low_passed(linearly(plate.time, values, grid), rate, cutoff)
-        values = linearly(grid, even, plate.time)
-    found = linearly(plate.time, values, time)
+    found = smooth_forces(plate.time, values, time, cutoff)
     return found[:, :3], found[:, 3:]
 
 

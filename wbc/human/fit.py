@@ -158,23 +158,35 @@ def normal_equations(
     poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array
 ) -> tuple[Array, Array]:
     """Return Gauss-Newton's matrices (n, 40, 40) and gradients (n, 40) of half the cost."""
+    *_, H, g = linearised(poses, observed, markers, dimensions)
+    # A pelvis that no marker tells of stays where it is, and the matrix regular.
+    base = np.arange(6)
+    H[:, base, base] += 1e-9
+    return H, g
+
+
+def linearised(
+    poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array
+) -> tuple[Placed, Array, Array, Array, Array, Array]:
+    """Return what Gauss-Newton's method takes, of the k = 3 m coordinates of markers.
+
+    Where segments are; weights (n, k, 1); the weighted Jacobian, transposed (n, 40, k); residuals
+    (n, k) [m]; matrices (n, 40, 40) and gradients (n, 40) of half the cost.
+    """
     placed = place(poses, dimensions)
     at = markers.at(placed)
     residual = at - observed
     weight, _ = weights(residual, markers.noise)
     J = point_jacobian(placed, markers.segments, at).reshape(len(poses), -1, DOFS)
-    W = np.repeat(weight, 3, axis=1)
-    JW = np.swapaxes(J * W[:, :, None], 1, 2)
+    W = np.repeat(weight, 3, axis=1)[:, :, None]
+    JW = np.swapaxes(J * W, 1, 2)
     H = JW @ J
     r = np.nan_to_num(residual).reshape(len(poses), -1)
     g = (JW @ r[..., None])[..., 0]
     hinges = np.arange(6, DOFS)
     H[:, hinges, hinges] += SPREADS**-2
     g[:, 6:] += poses.angles * SPREADS**-2
-    # A pelvis that no marker tells of stays where it is, and the matrix regular.
-    base = np.arange(6)
-    H[:, base, base] += 1e-9
-    return H, g
+    return placed, W, JW, r, H, g
 
 
 def _cost(poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array) -> Array:

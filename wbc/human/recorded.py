@@ -321,8 +321,7 @@ def _motion(
 
 def _contacts(motion: Motion, q: Array, ground: float) -> tuple[Bools, float]:
     """Return which feet are down (n, f), and the cutoff [Hz] that the steps ask for."""
-    grid = even_grid(motion.time)
-    rate = (len(grid) - 1) / float(grid[-1] - grid[0])
+    grid, rate = even_grid(motion.time)
     even = on_grid(motion.time, q, grid)
     low = min(10.0, 0.4 * rate)
     if low * len(grid) > LEAST_CUTOFF_PERIODS * rate:

@@ -73,8 +73,7 @@ class ResidualNoise:
         The errors' accelerations are the root times independent ones of size 1; the covariance is
         that of value, velocity and acceleration of one of these.
         """
-        grid = even_grid(self.time)
-        rate = (len(grid) - 1) / float(grid[-1] - grid[0])
+        grid, rate = even_grid(self.time)
         even = low_passed(on_grid(self.time, self.residual, grid), rate, cutoff)
         curve = make_interp_spline(grid, even, k=5)
         inner = slice(len(grid) // 20, len(grid) - len(grid) // 20)

@@ -64,10 +64,7 @@ def human_robot(
         No body of a human.
     """
     check_kind("human_robot, body", body, HumanBody)
-    feet = {}
-    for side in SIDES:
-        polygon = _sole_polygon(body)
-        feet[side] = FootSpec(f"{side}_sole_link", polygon, 0.0)
+    feet = {side: FootSpec(f"{side}_sole_link", _sole_polygon(body), 0.0) for side in SIDES}
     with untold():
         return Robot.load(_urdf(body, soles or {}, name), feet=feet, base="floating", name=name)
 
@@ -78,14 +75,8 @@ def _sole_polygon(body: HumanBody) -> list[list[float]]:
     half = 0.5 * SOLE_WIDTH * float(toe[0] - heel[0])
     back, front = float(heel[0]), float(toe[0])
     wide = back + 0.75 * (front - back)  # where the ball is; toes and heel are narrower
-    return [
-        [back, -0.6 * half],
-        [wide, -half],
-        [front, -0.5 * half],
-        [front, 0.5 * half],
-        [wide, half],
-        [back, 0.6 * half],
-    ]
+    right = [[back, -0.6 * half], [wide, -half], [front, -0.5 * half]]
+    return right + [[x, -y] for x, y in reversed(right)]
 
 
 def configurations(robot: Robot, poses: Poses) -> Array:

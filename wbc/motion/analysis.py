@@ -13,7 +13,7 @@ from wbc.motion.noise import CorrelatedNoise, Noise
 from wbc.motion.planted import AUTO
 from wbc.motion.recording import Motion
 from wbc.motion.series import RmpSeries
-from wbc.motion.smoothing import smooth_trajectory, smooth_wrenches
+from wbc.motion.smoothing import smooth_forces, smooth_trajectory
 from wbc.motion.uncertainty import Pendulum, propagated
 from wbc.rmp.axes import GAP, TrackedAxes, track, turning_rate
 from wbc.robot.limits import BASE_NV
@@ -101,7 +101,12 @@ def analyze(
     axes = track(whole.inertia, gap=gap)
     measured = None
     if motion.forces is not None:
-        measured = ground_wrench(smooth_wrenches(motion.forces, frames.time, frames.cutoff), whole)
+        told = motion.forces
+        wrenches = {
+            foot: smooth_forces(told.time, wrench, frames.time, frames.cutoff)
+            for foot, wrench in told.wrenches.items()
+        }
+        measured = ground_wrench(wrenches, whole)
     reaction = ground_reaction(robot, whole, height, measured)
     standing, margin = standing_feet(
         robot, whole.soles, names, feet != AUTO, frames.planted, reaction, height

@@ -268,7 +268,6 @@ class RmpSeries(ReadOnlyArrays):
         write_arrays(path, entries)
 
     def _uncertain(self) -> dict[str, Any]:
-        """Return the uncertainty's arrays as they are saved, none without one."""
         if self.uncertainty is None:
             return {}
         noise = self.uncertainty.noise

@@ -19,7 +19,6 @@ from wbc.errors import InvalidInputError
 from wbc.motion.dropouts import check_count, unwrap
 from wbc.motion.filtered_noise import FilteredNoise, noise_covariances
 from wbc.motion.filtering import low_passed
-from wbc.motion.forces import MeasuredForces
 from wbc.motion.noise import CorrelatedNoise, Noise, estimated_noise
 from wbc.motion.planted import planted_base
 from wbc.motion.recording import Motion
@@ -67,8 +66,7 @@ def smooth_trajectory(
             if motion.base is None
             else f"{motion.source}: the base was recorded; leave planted out"
         )
-    grid = even_grid(motion.time)
-    own_rate = (len(grid) - 1) / float(grid[-1] - grid[0])
+    grid, own_rate = even_grid(motion.time)
     joints = motion.joints.copy()
     base: Array = np.empty((len(motion.time), BASE_NQ))
     base[:] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0) if motion.base is None else motion.base
@@ -116,21 +114,16 @@ def smooth_trajectory(
     )
 
 
-def smooth_wrenches(forces: MeasuredForces, time: Array, cutoff: float | None) -> dict[str, Array]:
-    """Return measured wrenches (m, 6) by foot at some times [s], filtered as the motion is.
+def smooth_forces(time: Array, forces: Array, at: Array, cutoff: float | None) -> Array:
+    """Return measured forces (n, k) at other times (m,) [s], filtered as the motion is: (m, k).
 
     Between rows they are interpolated linearly: forces jump where feet land.
     """
-    grid, found = even_grid(forces.time), {}
-    rate = (len(grid) - 1) / float(grid[-1] - grid[0])
-    for foot, wrench in forces.wrenches.items():
-        even = low_passed(linearly(forces.time, wrench, grid), rate, cutoff)
-        found[foot] = linearly(grid, even, time)
-    return found
+    grid, rate = even_grid(time)
+    return _linearly(grid, low_passed(_linearly(time, forces, grid), rate, cutoff), at)
 
 
-def linearly(time: Array, values: Array, at: Array) -> Array:
-    """Return values (n, k) at other times (m,), interpolated: (m, k)."""
+def _linearly(time: Array, values: Array, at: Array) -> Array:
     return np.column_stack([np.interp(at, time, column) for column in values.T])
 
 
@@ -166,18 +159,18 @@ def _read_off(robot: Robot, grid: Array, rows: Array, time: Array) -> tuple[Arra
 # ---------------------------------------------------------------------- sampling
 
 
-def even_grid(time: Array) -> Array:
-    """Return times (m,) in even steps from the first on, at the series' own rate.
+def even_grid(time: Array) -> tuple[Array, float]:
+    """Return times (m,) in even steps from the first on, and the series' own rate [Hz].
 
     If ``time`` (n,) is even but for rounding, m = n; else the steps are its median step, and the
     last time is left out unless a step hits it.
     """
     count = len(time) - 1
     step = float(time[-1] - time[0]) / count
-    even = time[0] + step * np.arange(count + 1)
-    if np.abs(time - even).max() <= UNEVEN * step:
-        return np.asarray(even)
-    return sampled(time, 1.0 / float(np.median(np.diff(time))))
+    grid = np.asarray(time[0] + step * np.arange(count + 1))
+    if np.abs(time - grid).max() > UNEVEN * step:
+        grid = sampled(time, 1.0 / float(np.median(np.diff(time))))
+    return grid, (len(grid) - 1) / float(grid[-1] - grid[0])
 
 
 def sampled(time: Array, rate: float) -> Array:

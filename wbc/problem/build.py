@@ -66,7 +66,7 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     check_level(spec, mistakes)
     check_loops(spec, built, mistakes)
     built, reference = follow_plan(spec, built, start, contacts, folder, mistakes)
-    phases = plan(spec, built, start, source, mistakes)
+    phases = plan(spec, built, start, mistakes)
     if isinstance(spec.controller, SolverSettings):
         with mistakes.at("controller"):
             spec.controller.backend()

@@ -15,8 +15,8 @@ from wbc.controllers import Controller, KinematicController, TorqueController
 from wbc.controllers.controller import FORMULATIONS
 from wbc.controllers.tick import POLICIES
 from wbc.controllers.torque import POLICIES as TORQUE_POLICIES
-from wbc.problem.friction import Friction, cone
 from wbc.problem.section import Name, NonNegative, Positive, Section, Words, default_of
+from wbc.problem.support import Friction, cone
 from wbc.qp.backend import Backend, make_backend
 from wbc.robot import Robot
 from wbc.tasks import Task

@@ -35,7 +35,7 @@ class Mistakes:
     """Collects what is wrong, with the place in the file it comes from."""
 
     def __init__(self, source: Source) -> None:
-        self._source = source
+        self.source = source
         self._found: list[tuple[KeyPath, str]] = []
 
     @contextmanager
@@ -68,7 +68,7 @@ class Mistakes:
             raise self._error()
 
     def _error(self) -> ProblemFileError:
-        return ProblemFileError(self._source.messages(self._found))
+        return ProblemFileError(self.source.messages(self._found))
 
     def fail(self, path: KeyPath, text: str) -> NoReturn:
         """Raise ProblemFileError, with a last mistake at ``path``."""
@@ -80,7 +80,7 @@ class Mistakes:
         if isinstance(error, Misplaced):
             path = (*path, *error.below)
         elif isinstance(error, UnknownNameError):
-            path = self._source.find(error.name, path)
+            path = self.source.find(error.name, path)
         self._found.append((path, str(error)))
 
 
@@ -169,7 +169,6 @@ def _nearest(path: KeyPath, source: Source, keys: Mapping[int, KnownKeys]) -> st
 
 
 def _said(detail: Detail, path: KeyPath) -> tuple[KeyPath, str]:
-    """Return path and text of a complaint."""
     kind, value = detail["type"], detail["input"]
     if kind == "missing":
         return path[:-1], f"{str(path[-1])!r} is missing"
@@ -177,7 +176,8 @@ def _said(detail: Detail, path: KeyPath) -> tuple[KeyPath, str]:
         return _choice(value, detail["ctx"], path)
     speak = _TEXTS.get(kind)
     if speak is None:
-        return path, f"{_lowered(detail['msg'])}, got {shown(value)}{decimal_comma(value)}"
+        text = detail["msg"]
+        return path, f"{text[:1].lower()}{text[1:]}, got {shown(value)}{decimal_comma(value)}"
     return path, speak(value, detail.get("ctx", {}))
 
 
@@ -190,10 +190,6 @@ def _choice(value: Any, context: Detail, path: KeyPath) -> tuple[KeyPath, str]:
     if key not in value:
         return path, f"{key!r} is missing (choose from: {', '.join(words)})"
     return (*path, key), f"{shown(value[key])} does not exist{suggest(str(value[key]), words)}"
-
-
-def _lowered(text: str) -> str:
-    return text[:1].lower() + text[1:]
 
 
 def decimal_comma(value: Any) -> str:

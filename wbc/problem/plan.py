@@ -20,7 +20,6 @@ from wbc.problem.levels import REMEDY, TORQUE
 from wbc.problem.mistakes import Misplaced, Mistakes, complaints
 from wbc.problem.plan_targets import refuse_course
 from wbc.problem.section import KnownKeys
-from wbc.problem.source import Source
 from wbc.problem.spec import PhaseSpec, PhaseTaskSpec, ProblemSpec
 from wbc.problem.support import contacts_of, slack_by_frame
 from wbc.problem.targets import FromPlan
@@ -43,17 +42,13 @@ def single_phase(spec: ProblemSpec, built: Mapping[str, TargetedTask]) -> Phase:
 
 
 def plan(
-    spec: ProblemSpec,
-    built: Mapping[str, TargetedTask],
-    start: Snapshot,
-    source: Source,
-    mistakes: Mistakes,
+    spec: ProblemSpec, built: Mapping[str, TargetedTask], start: Snapshot, mistakes: Mistakes
 ) -> tuple[Phase, ...]:
     """Return the phases of a problem in order; what is wrong with them goes to ``mistakes``."""
     if spec.phases is None:
         _check_free(spec, start, mistakes)
         return (single_phase(spec, built),)
-    planner = _Planner(spec, built, start, source, mistakes)
+    planner = _Planner(spec, built, start, mistakes)
     phases = tuple(planner.phase(name, phase) for name, phase in spec.phases.items())
     _check_touchdowns(spec, phases, start, mistakes)
     return phases
@@ -67,10 +62,9 @@ class _Planner:
         spec: ProblemSpec,
         built: Mapping[str, TargetedTask],
         start: Snapshot,
-        source: Source,
         mistakes: Mistakes,
     ) -> None:
-        self._start, self._source, self._mistakes = start, source, mistakes
+        self._start, self._mistakes = start, mistakes
         self._ground = spec.ground_height
         self._dt, self._friction = spec.controller.dt, spec.controller.friction_cone
         self._specs: dict[str, TaskSpec] = {name: spec.tasks[name] for name in built}
@@ -164,7 +158,7 @@ class _Planner:
         try:
             return type(spec).model_validate(data, context=keys)
         except ValidationError as error:
-            for place, text in complaints(error, self._source, keys, path):
+            for place, text in complaints(error, self._mistakes.source, keys, path):
                 self._mistakes.note(place, InvalidInputError(text))
         return None
 

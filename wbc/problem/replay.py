@@ -16,7 +16,7 @@ from wbc.files import read_arrays
 from wbc.problem.problem import Problem, problem_of
 from wbc.problem.reading import parse
 from wbc.problem.saved import FORMATS, LARGEST
-from wbc.problem.saved_summary import read_summary
+from wbc.problem.saved_parts import read_summary
 from wbc.run.callbacks import Cancelled, Progress
 
 # Of a result, what no two runs share: how long something took, and what it took it with.

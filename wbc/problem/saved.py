@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,7 @@ from wbc.problem.pendulum.result import FORMAT as PENDULUM_FORMAT
 from wbc.problem.pendulum.result import SavedPendulum, pendulum_of
 from wbc.problem.reading import parse
 from wbc.problem.robot_spec import RobotSpec
-from wbc.problem.saved_arrays import check_arrays
-from wbc.problem.saved_summary import REMEDY, read_summary
+from wbc.problem.saved_parts import REMEDY, check_arrays, read_summary
 from wbc.problem.walk import read_problem
 from wbc.robot import Robot
 from wbc.run.history import History
@@ -73,7 +72,10 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | Save
     """
     path = Path(path)
     # First of all what it is: arrays of other files are not to blame for it.
-    summary = _summary(path, read_arrays(path, _summary_alone, _kinds, LARGEST))
+    alone = read_arrays(path, {"summary"}.intersection, _kinds, LARGEST)
+    if not alone:
+        raise InvalidInputError(f"{path}: not the result of a run; {REMEDY}")
+    summary = read_summary(path, str(alone["summary"]), FORMATS)
     arrays = read_arrays(path, list, _kinds, LARGEST)
     if summary["format"] == PENDULUM_FORMAT:
         if robot is not None:
@@ -98,19 +100,9 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | Save
     return SavedRun(path.stem, robot, history, summary, simulation, _terrain(path, summary))
 
 
-def _summary_alone(names: Iterable[str]) -> list[str]:
-    return [name for name in names if name == "summary"]
-
-
 def _kinds(name: str) -> str:
     first = name.partition("/")[0]
     return "U" if first in WORDS else "b" if first in ANSWERS else "f"
-
-
-def _summary(path: Path, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    if "summary" not in arrays:
-        raise InvalidInputError(f"{path}: not the result of a run; {REMEDY}")
-    return read_summary(path, str(arrays["summary"]), FORMATS)
 
 
 def _robot_of(path: Path, summary: Mapping[str, Any]) -> Robot:

@@ -1,4 +1,4 @@
-"""What is held, as a problem file describes it, and the contacts made of that."""
+"""What is held and what it bears, as a problem file says, and the contacts made of that."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
 
 from wbc.constraints import Contact, LineContact, PointContact, support
 from wbc.constraints.contact import DEFAULT_FRICTION
-from wbc.constraints.friction import FrictionCone
+from wbc.constraints.friction import MOST_FACETS, FrictionCone
 from wbc.constraints.support_modes import base_contact, contact_kind, feet_of, sole_or_frame
 from wbc.errors import InvalidInputError
-from wbc.problem.friction import FrictionSpec, cone
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
     Forms,
@@ -24,12 +24,48 @@ from wbc.problem.section import (
     Number,
     Positive,
     Section,
+    default_of,
 )
 from wbc.robot import Robot, Snapshot
 from wbc.run.phase_support import off_the_ground
 
 # How far corners of soles that stand may be from the ground at the start [m].
 FLAT = 0.02
+
+
+class FrictionSpec(Section):
+    """A friction cone, as the pyramid that the controller knows of it."""
+
+    coefficient: Positive = default_of(FrictionCone, "coefficient")
+    """Friction coefficient: tangential force over normal force."""
+    facets: Annotated[int, Field(ge=3, le=MOST_FACETS)] = default_of(FrictionCone, "facets")
+    """Sides of the pyramid."""
+    inner: bool = default_of(FrictionCone, "inner")
+    """Whether the pyramid is inscribed in the cone, which is safe, or circumscribed."""
+    least: NonNegative = default_of(FrictionCone, "least")
+    """Normal force that the contact should have at least [N]; gives way where it cannot be had."""
+    most: Positive | None = None
+    """Largest normal force [N]; left out: any."""
+
+    @field_validator("most")
+    @classmethod
+    def _above_least(cls, most: float | None, info: ValidationInfo) -> float | None:
+        least = info.data.get("least")
+        if most is not None and least is not None and most < least:
+            raise PydanticCustomError("range", "must not be below least")
+        return most
+
+
+Friction = Annotated[
+    Positive | FrictionSpec, Forms("a coefficient, or {coefficient: ..., facets: ...}")
+]
+
+
+def cone(friction: float | FrictionSpec) -> FrictionCone:
+    """Return the cone of a coefficient or a mapping."""
+    if isinstance(friction, FrictionSpec):
+        return FrictionCone(**friction.model_dump(exclude_none=True))
+    return FrictionCone(friction)
 
 
 class ContactSpec(Section):

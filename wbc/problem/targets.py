@@ -49,9 +49,6 @@ PointTarget = Annotated[
 ]
 
 
-PLAN = Tag("(plan)")
-
-
 class FromPlan(Section):
     """A target that goes as a pendulum's plan says; all tasks of a problem follow the same one."""
 
@@ -63,7 +60,6 @@ class FromPlan(Section):
     after the plan's end at its last place."""
 
 
-MOTION = Tag("(motion)")
 # Kept in step with wbc.retargeting.reference, which is not imported only for these.
 BEGINS, EASE = 0.3, 0.5
 
@@ -86,6 +82,9 @@ class FromMotion(Section):
 
 ALIKE = 0.8  # of keys that may be meant: 'position' is not 'motion'
 Followed = FromPlan | FromMotion
+PLAN, MOTION = Tag("(plan)"), Tag("(motion)")
+PlanForm = Annotated[FromPlan, PLAN]
+MotionForm = Annotated[FromMotion, MOTION]
 
 LOOP = Tag("(loop)")
 
@@ -193,7 +192,7 @@ def _turn_form(value: object) -> str | None:
 TurnTarget = Annotated[
     Annotated[Rpy, Tag("(rpy)")]
     | Annotated[QuaternionTarget, Tag("(quaternion)")]
-    | Annotated[FromMotion, MOTION]
+    | MotionForm
     | Start,
     Forms(
         pick=_turn_form,

@@ -18,11 +18,11 @@ from wbc.gait.step_range import StepRange
 from wbc.gait.walker import FRICTION
 from wbc.problem.components import Parts
 from wbc.problem.controller_spec import TorqueSpec
-from wbc.problem.friction import FrictionSpec, cone
 from wbc.problem.mistakes import Misplaced, Mistakes, read_section
 from wbc.problem.section import KeysOf, NonEmpty, NonNegative, Number, Pair, Positive, Section
 from wbc.problem.source import Source
 from wbc.problem.spec import AnyTask, PlainName, ProblemSpec
+from wbc.problem.support import FrictionSpec, cone
 from wbc.robot import Snapshot
 from wbc.run.phase_support import Ground
 from wbc.run.ramps import MinimumJerk

@@ -109,11 +109,7 @@ def conflict_by_simplex(qp: QP, tolerance: float = TOLERANCE) -> Conflict | None
 
 
 def conflict_of(
-    qp: QP,
-    y: Array,
-    z: Array,
-    z_box: Array,
-    tolerance: float = TOLERANCE,
+    qp: QP, y: Array, z: Array, z_box: Array, tolerance: float = TOLERANCE
 ) -> Conflict | None:
     """Return the rows of a certificate, the heaviest first; None: it proves nothing.
 

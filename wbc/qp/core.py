@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,15 +66,10 @@ class FlatQP(NamedTuple):
     def qp(self) -> QP:
         """It as arrays."""
         form = self.form
-        parts = np.split(np.array(self.numbers), _begins(form.lengths)[1:])
+        parts = np.split(np.array(self.numbers), np.cumsum(form.lengths[:-1]))
         by_name = dict(zip(_GIVEN, parts, strict=True))
         rows = {name: by_name[name].reshape(-1, form.n) for name in ("P", "A", "C")}
         return QP(**by_name | rows, labels=form.labels)
-
-
-def _begins(lengths: tuple[int, ...]) -> tuple[int, ...]:
-    """Return where parts begin that lie one behind the other."""
-    return tuple(accumulate(lengths[:-1], initial=0))
 
 
 def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> CoreAnswer:

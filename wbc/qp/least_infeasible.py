@@ -39,20 +39,15 @@ class LeastInfeasible:
     seconds: float  # time taken
 
 
-def least_infeasible(qp: QP, eps: float = 1e-8) -> LeastInfeasible:
+def least_infeasible(qp: QP) -> LeastInfeasible:
     """Return the least infeasible point; for a feasible QP its solution.
 
     Takes milliseconds: for failed ticks only.
-
-    Parameters
-    ----------
-    eps:
-        Accuracy promised by the second problem's solver.
     """
     began = perf_counter()
     point, violation = least_violation(qp)
     margin = _RELAXED * (1.0 + largest(point))
-    solution = ActiveSet(eps=eps).solve(_relaxed(qp, violation, margin), quick=True)
+    solution = ActiveSet().solve(_relaxed(qp, violation, margin), quick=True)
     x = np.clip(solution.x if solution.solved else point, qp.lower, qp.upper)
     return LeastInfeasible(x, _violated(qp, x), solution.solved, perf_counter() - began)
 

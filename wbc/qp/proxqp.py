@@ -100,11 +100,7 @@ class ProxQP:
     """
 
     def __init__(
-        self,
-        eps: float = 1e-8,
-        max_iterations: int = 20,
-        warm: bool = True,
-        always: bool = False,
+        self, eps: float = 1e-8, max_iterations: int = 20, warm: bool = True, always: bool = False
     ) -> None:
         self.name = "proxqp" if warm else "proxqp_cold"
         self.eps, self.max_iterations = checked_settings("ProxQP", eps, max_iterations)

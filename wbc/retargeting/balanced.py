@@ -107,6 +107,17 @@ class SupportedFrames:
         except InvalidInputError:  # a thin triangle
             return hull
 
+    @cached_property
+    def edges(self) -> Array:
+        """Outward normals and offsets (m, 3) of the same."""
+        at = hull = self.inner
+        ways = np.roll(hull, -1, axis=0) - hull
+        normals = ways[:, ::-1] * [1.0, -1.0] / np.linalg.norm(ways, axis=1)[:, None]
+        if len(hull) == 2:  # a foot on its edge
+            along = ways[0] / np.linalg.norm(ways[0])
+            normals, at = np.vstack((normals, along, -along)), np.vstack((hull, hull[[1, 0]]))
+        return np.column_stack((normals, (normals * at).sum(axis=1)))
+
 
 def supports(corners: Mapping[str, Array], flags: NDArray[np.bool_]) -> tuple[SupportedFrames, ...]:
     """Return what frames stand on, those that stand on the same together; none in the air.
@@ -195,17 +206,9 @@ def least_moved(
 
 def _edges(stands: Sequence[SupportedFrames], count: int) -> Array:
     """Return outward normals and offsets (n, m, 3) of what frames stand on; zeros fill them up."""
-    hulls = [one.inner for one in stands]
-    found = np.zeros((count, max([len(hull) for hull in hulls] + [4]), 3))
-    for one, hull in zip(stands, hulls, strict=True):
-        ways = np.roll(hull, -1, axis=0) - hull
-        normals = ways[:, ::-1] * [1.0, -1.0] / np.linalg.norm(ways, axis=1)[:, None]
-        at = hull
-        if len(hull) == 2:  # a foot on its edge
-            along = ways[0] / np.linalg.norm(ways[0])
-            normals, at = np.vstack((normals, along, -along)), np.vstack((hull, hull[[1, 0]]))
-        planes = np.column_stack((normals, (normals * at).sum(axis=1)))
-        found[one.frames, : len(planes)] = planes
+    found = np.zeros((count, max((len(one.edges) for one in stands), default=0), 3))
+    for one in stands:
+        found[one.frames, : len(one.edges)] = one.edges
     return found
 
 

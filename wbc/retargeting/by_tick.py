@@ -34,7 +34,8 @@ def first_configuration(tasks: FrameTasks, constraints: Sequence[Constraint]) ->
     place: they are bent first.
     """
     robot, targets = tasks.robot, tasks.targets
-    q = walking_posture(robot.snapshot(robot.postures[STANDING]), float(targets.com[0, 2])).copy()
+    standing, height = robot.snapshot(robot.postures[STANDING]), float(targets.com[0, 2])
+    q = walking_posture(standing, height, tasks.legs).copy()
     tasks.aim(0)
     q[:3] += targets.com[0] - robot.snapshot(q).com
     R = targets.rotation[tasks.body.pelvis][0] @ tasks.body.upright[tasks.body.pelvis].T

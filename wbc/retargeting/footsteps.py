@@ -8,9 +8,10 @@ and ends on these edges.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -169,13 +170,16 @@ def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, spread: Array) -> 
                 )
     soles = {side: robot.feet[side].polygon for side in SIDES}
     wider = _outwards(prints, soles, BESIDE * legs.length)
+    posture = robot.snapshot(robot.postures[STANDING])
+    lines = frozenset(side for side in SIDES if not rolls(posture, side))
+    if lines:  # legs that stand as they are made to hold such soles level
+        apart = [float((a.pose[:2] - b.pose[:2]) @ across) for a, b, across in _neighbours(prints)]
+        wider = max(wider, 0.5 * (legs.width - float(np.median(apart)))) if apart else wider
     prints = [replace(one, pose=_moved_out(one.pose, one.foot, wider)) for one in prints]
     paths = {}
     for side in SIDES:
         own = sorted((one for one in prints if one.foot == side), key=lambda one: one.first)
         paths[side] = _path(source, robot, side, spread, arms[side], own, wider)
-    posture = robot.snapshot(robot.postures[STANDING])
-    lines = frozenset(side for side in SIDES if not rolls(posture, side))
     return FootPaths(paths, tuple(prints), wider, tuple(notes), lines)
 
 
@@ -226,23 +230,27 @@ def _outwards(prints: list[Footprint], soles: Mapping[str, Array], gap: float) -
     turn = np.linspace(-STEEP, STEEP, 53)  # of lines across both
     width = max(float(np.ptp(sole[:, 1])) for sole in soles.values())
     wider = 0.0
-    for a in prints:
-        for b in prints:
-            near = a.first < b.end + 1 and b.first < a.end + 1
-            if a.foot != SIDES[0] or b.foot != SIDES[1] or not near:
-                continue
-            yaw = 0.5 * (a.pose[2] + b.pose[2])
-            across = pitched(yaw + turn, np.zeros_like(turn))[:, :2, 1]
-            left, right = (
-                one.pose[:2] + soles[one.foot] @ pitched(one.pose[2:], np.zeros(1))[0, :2, :2].T
-                for one in (a, b)
-            )
-            apart = (left @ across.T).min(axis=0) - (right @ across.T).max(axis=0)
-            standing = ((gap - apart) / (2.0 * np.cos(turn))).min()
-            side = np.array((-np.sin(yaw), np.cos(yaw)))
-            passing = 0.5 * (gap + width - (a.pose[:2] - b.pose[:2]) @ side)
-            wider = max(wider, float(standing), float(passing))
+    for a, b, side in _neighbours(prints):
+        yaw = 0.5 * (a.pose[2] + b.pose[2])
+        across = pitched(yaw + turn, np.zeros_like(turn))[:, :2, 1]
+        left, right = (
+            one.pose[:2] + soles[one.foot] @ pitched(one.pose[2:], np.zeros(1))[0, :2, :2].T
+            for one in (a, b)
+        )
+        apart = (left @ across.T).min(axis=0) - (right @ across.T).max(axis=0)
+        standing = ((gap - apart) / (2.0 * np.cos(turn))).min()
+        passing = 0.5 * (gap + width - (a.pose[:2] - b.pose[:2]) @ side)
+        wider = max(wider, float(standing), float(passing))
     return wider
+
+
+def _neighbours(prints: list[Footprint]) -> Iterator[tuple[Footprint, Footprint, Array]]:
+    """Yield left and right footprints, at a time or in turn, and the unit vector across (2,)."""
+    for a, b in product(prints, prints):
+        near = a.first < b.end + 1 and b.first < a.end + 1
+        if near and (a.foot, b.foot) == SIDES:
+            yaw = 0.5 * (a.pose[2] + b.pose[2])
+            yield a, b, np.array((-np.sin(yaw), np.cos(yaw)))
 
 
 def _moved_out(pose: Array, foot: str, wider: float) -> Array:

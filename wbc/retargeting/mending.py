@@ -25,7 +25,6 @@ from wbc.retargeting.footsteps import FootPaths, Footprint, pitched
 from wbc.retargeting.normal_equations import NormalEquations, padded
 from wbc.retargeting.smoothing import WholeMotion, seen_from
 from wbc.robot import Robot
-from wbc.robot.collision.raw_pairs import RawPairs
 from wbc.robot.limits import BASE_NV
 from wbc.robot.series import StateSeries, sole_series
 from wbc.rotations import headings
@@ -39,6 +38,8 @@ BEGUN, LESS, MORE = 3.0, 0.4, 4.0  # weight of displacements, and how it changes
 INSIDE = 1e-3  # rad: so far inside limits joints are held
 CLEAR, GRAZING = 2e-4, 3e-4  # m: margins that were broken are kept so well, and nearer ones kept
 EXACT = 2e-4  # m or rad: so near to where they stand feet are
+# Who is so far off (``_Problem.cost``) after so many rounds was never seen to get there.
+FEW, HOPELESS = 6, 1e5
 SAME, TOLD = 1e-6, 5e-3  # m or rad: footprints that moved so far are others, and that is told
 
 
@@ -67,13 +68,18 @@ class Mended(NamedTuple):
         return near and max(self.speed, self.force) <= 1.0
 
 
-def mended(motion: WholeMotion, q: Array) -> Mended:
-    """Return configurations near to some (n, nq) that keep what is hard, or come nearest to it."""
+def mended(motion: WholeMotion, q: Array, *, patient: bool = True) -> Mended:
+    """Return configurations near to some (n, nq) that keep what is hard, or come nearest to it.
+
+    Who is not patient wants those only that keep it: what is hopeless is given up early.
+    """
     now = best = _Problem(motion, q)
     weight = LESS * BEGUN
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
         if now.found.kept:
             return now.found
+        if not patient and number >= FEW and best.cost > HOPELESS:
+            break
         now = _Problem(motion, best.further(weight))
         if now.cost < best.cost:
             best, weight = now, LESS * weight
@@ -143,10 +149,10 @@ class _Problem:
 
     def _near(self, q: Array, states: StateSeries) -> None:
         """Add bodies near each other: those too near part, and none comes nearer."""
-        collision, robot = self.motion.collision, self.motion.tasks.robot
+        collision = self.motion.collision
         if collision is None:
             return
-        frames, _, clearance, J = too_near(robot, collision, q, states, GRAZING)
+        frames, _, clearance, J = too_near(collision, q, states, GRAZING)
         if not frames.size:
             return
         self.margins = max(float(-clearance.min()), 0.0)
@@ -177,7 +183,7 @@ class _Problem:
 
 
 def too_near(
-    robot: Robot, collision: SelfCollision, q: Array, states: StateSeries, limit: float
+    collision: SelfCollision, q: Array, states: StateSeries, limit: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
     """Return pairs as :meth:`~wbc.SelfCollision.near` does, by the shapes of the robot's files.
 
@@ -187,11 +193,10 @@ def too_near(
     frames, pairs, clearance, J = collision.near(q, states, limit)
     seen = np.flatnonzero(clearance < 0.0)
     if seen.size:
-        shapes = RawPairs(robot, collision.model.labels)
         numbers = np.split(pairs[seen], np.flatnonzero(np.diff(frames[seen])) + 1)
         found = np.concatenate(
             [
-                shapes.too_near(q[k], own.tolist(), collision.margins)
+                collision.model.raw.too_near(q[k], own.tolist(), collision.margins)
                 for k, own in zip(np.unique(frames[seen]), numbers, strict=True)
             ]
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 
 from wbc.errors import InvalidInputError, shown
 from wbc.human import HumanMotion
@@ -123,11 +124,15 @@ def retarget(
     scale = scale_of(human, moved_as, legs, standing, duration)
     low = human.cutoff if cutoff is None else cutoff
 
-    def problem(scale: MotionScale, weights: RetargetWeights) -> tuple[WholeMotion, Array]:
+    @lru_cache(maxsize=1)  # tries differ in what is asked more often than in time
+    def aims(scale: MotionScale) -> tuple[Targets, Array]:
         source = human_frames(human, rate * scale.time, low, roll)
         targets = scaled_targets(source, moved_as, legs, body, standing, scale, balance)
-        tasks = FrameTasks(moved_as, body, targets, weights, legs.length)
-        return WholeMotion(tasks, collision, legs.length), source.series.axes
+        return targets, source.series.axes
+
+    def problem(scale: MotionScale, weights: RetargetWeights) -> tuple[WholeMotion, Array]:
+        targets, axes = aims(scale)
+        return WholeMotion(FrameTasks(moved_as, body, targets, weights, legs), collision), axes
 
     found = kept(problem, scale, weights, rounds, balance, progress)
     notes = [*known.notes, *body.notes, *found.notes(scale.time)]

@@ -102,7 +102,7 @@ def broken(
         for name, column in zip(names, by.T, strict=True):
             found += stretches(what, column, time, np.full(len(time), name))
     if collision is not None:
-        frames, pairs, clearance, _ = too_near(robot, collision, q, state_series(robot, q), 0.0)
+        frames, pairs, clearance, _ = too_near(collision, q, state_series(robot, q), 0.0)
         for pair in np.unique(pairs[clearance < 0.0]).tolist():
             by = np.zeros(len(q))
             by[frames[pairs == pair]] = -clearance[pairs == pair]

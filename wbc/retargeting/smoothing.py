@@ -91,22 +91,22 @@ class WholeMotion:
         With the targets.
     collision:
         Margins between bodies that are kept.
-    leg:
-        Length of the legs [m].
 
     Attributes
     ----------
+    leg:
+        Length of the legs [m].
     damping:
         Weight of displacements.
     """
 
     damping: float
 
-    def __init__(self, tasks: FrameTasks, collision: SelfCollision | None, leg: float) -> None:
-        self.tasks, self.collision, self.leg = tasks, collision, leg
+    def __init__(self, tasks: FrameTasks, collision: SelfCollision | None) -> None:
+        self.tasks, self.collision, self.leg = tasks, collision, tasks.legs.length
         limits = tasks.robot.limits
         self.lower, self.upper = limits.lower + INSIDE, limits.upper - INSIDE
-        w = EXACT * np.array([1.0 / leg] * 3 + [1.0] * 3)
+        w = EXACT * np.array([1.0 / self.leg] * 3 + [1.0] * 3)
         self._exact = w
         arms = [task.frame for pair in tasks.arms.values() for task in pair]
         soles = [tasks.robot.feet[side].frame for side in SIDES]

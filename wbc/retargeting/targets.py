@@ -100,7 +100,8 @@ def scaled_targets(
     com = _scaled_com(source, legs, standing, scale, spread)
     com[:, 2] -= lowered
     if feet.wider > 0.0:
-        notes += (f"feet set {1e3 * feet.wider:.0f} mm farther outwards each, to pass each other",)
+        why = "as legs stand that cannot roll them" if feet.lines else "to pass each other"
+        notes += (f"feet set {1e3 * feet.wider:.0f} mm farther outwards each, {why}",)
     notes += feet.notes
     k = scale.angular_momentum * series.momentum[:, 3:]
     rotation = {body.pelvis: pelvis}

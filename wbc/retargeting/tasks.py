@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.gait.legs import SIDES
+from wbc.gait.legs import SIDES, Legs
 from wbc.retargeting.body_map import BodyMap
 from wbc.retargeting.targets import Targets
 from wbc.robot import Robot
@@ -74,15 +74,15 @@ class FrameTasks:
     """
 
     def __init__(
-        self, robot: Robot, body: BodyMap, targets: Targets, weights: RetargetWeights, leg: float
+        self, robot: Robot, body: BodyMap, targets: Targets, weights: RetargetWeights, legs: Legs
     ) -> None:
         w, standing = weights, robot.postures[STANDING]
-        self.robot, self.body, self.targets = robot, body, targets
+        self.robot, self.body, self.targets, self.legs = robot, body, targets, legs
         start = robot.snapshot(standing)
         height = float(np.mean(targets.com[:, 2]))
         unit = robot.mass * height * np.sqrt(robot.gravity * height)
-        moves = _closer(targets.com.std(axis=0) / (STILL * leg))
-        self.com = ComTask(robot, start.com, weight=w.com / leg * moves, gain=1.0)
+        moves = _closer(targets.com.std(axis=0) / (STILL * legs.length))
+        self.com = ComTask(robot, start.com, weight=w.com / legs.length * moves, gain=1.0)
         rate = {body.pelvis: w.pelvis, body.trunk: w.trunk}
         if body.head is not None:
             rate[body.head] = w.head
@@ -112,7 +112,7 @@ class FrameTasks:
         size = float(np.trace(start.inertia))
         entries = np.array([w.inertia, w.inertia, w.lean, w.inertia, w.lean, w.inertia]) / size
         self.inertia = InertiaTask(robot, start.inertia, weight=entries, gain=1.0)
-        foot = np.array([w.feet / leg] * 3 + [w.tilt] * 3)
+        foot = np.array([w.feet / legs.length] * 3 + [w.tilt] * 3)
         self.feet = {}
         for side in SIDES:
             frame = robot.feet[side].frame

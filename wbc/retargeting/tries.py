@@ -72,15 +72,15 @@ def kept(
     more = {name: factor * getattr(weights, name) for name, factor in EAGER.items()}
     motion, axes = problem(scale, replace(weights, **more))
     best = solved(motion, axes, rounds, balance, progress, None)
-    if best.speed <= NEARLY and (found := mended(motion, best.q)).kept:
+    if best.speed <= NEARLY and (found := mended(motion, best.q, patient=False)).kept:
         return Tried(found.q, motion, scale, 0)
     softer, hurried = 0, None
     q: Array | None = None
     for number in range(TRIES):
         motion, axes = problem(scale, weights)
         best = solved(motion, axes, rounds, balance, progress, q)
-        found = mended(motion, best.q)
         last, too_fast = number == TRIES - 1, NEARLY < best.speed < TOO_SLOW
+        found = mended(motion, best.q, patient=last)
         if found.kept and too_fast and not last:
             # Joints that are too slow may spoil a motion in its own time.
             hurried = hurried or Tried(found.q, motion, scale, 0)

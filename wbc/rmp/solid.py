@@ -6,7 +6,7 @@ At the end are the directions and rotations that it is made of, most for numbers
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.pendulum import SMALLEST, Mechanism, ReactionMassPendulum
+from wbc.rotations import rotation_rows
 from wbc.validate import Array, finite_vector
 
 # Closest to a singular direction of an angle, as a cosine: 1e-6 rad leaves ten digits.
@@ -228,15 +229,6 @@ def leg_axes(theta: float, phi: float) -> tuple[Array, Array]:
     by_theta = np.array((-st * cp, 0.0, ct * cp))
     by_phi = np.array((-ct * sp, cp, -st * sp))
     return n, np.column_stack((np.cross(n, by_theta), np.cross(n, by_phi)))
-
-
-def rotation_rows(x: Any, y: Any, z: Any, s: Any) -> tuple[tuple[Any, Any, Any], ...]:
-    """Return the rows of the rotation matrix of the unit quaternion x, y, z, scalar part s."""
-    return (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - z * s), 2 * (x * z + y * s)),
-        (2 * (x * y + z * s), 1 - 2 * (x * x + z * z), 2 * (y * z - x * s)),
-        (2 * (x * z - y * s), 2 * (y * z + x * s), 1 - 2 * (x * x + y * y)),
-    )
 
 
 def quaternion_product(a: ca.SX, b: ca.SX) -> ca.SX:

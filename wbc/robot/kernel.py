@@ -90,17 +90,9 @@ class NativeState(NamedTuple):
         """Return a quantity by the name of its place: a view on the whole."""
         return self.array[self.tree.parts[name]].reshape(shape)
 
-    def com(self) -> Array:
-        """Return a copy (3,), which may be kept much longer than the whole."""
-        return self.part("com", 3).copy()
-
-    def inertia(self) -> Array:
-        """Return a copy (3, 3)."""
-        return self.part("inertia", 3, 3).copy()
-
-    def momentum(self) -> Array:
-        """Return a copy (6,)."""
-        return self.part("momentum", 6).copy()
+    def kept(self, name: str, *shape: int) -> Array:
+        """Return a copy of a quantity, which may be kept much longer than the whole."""
+        return read_only(self.part(name, *shape).copy())
 
     def inertia_hessian(self, weights: Array, mass: float) -> Array:
         """Return the second derivative (nv, nv) by v of <weights, inertia>: see curvature.c."""
@@ -223,7 +215,6 @@ def _slices(places: Any) -> dict[str, slice]:
 
 
 def _flat(pose: pin.SE3) -> Array:
-    """Return rotation and origin (12,)."""
     return np.concatenate((pose.rotation.ravel(), pose.translation))
 
 

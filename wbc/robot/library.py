@@ -20,12 +20,7 @@ from typing import Any
 from wbc.errors import InvalidInputError, ModelError, UnknownNameError, shown, suggest
 from wbc.robot.feet import FootSpec
 from wbc.robot.formats.mjcf_compile import is_mujoco
-from wbc.robot.packages import (
-    DESCRIPTIONS,
-    MENAGERIE,
-    from_menagerie,
-    from_robot_descriptions,
-)
+from wbc.robot.packages import DESCRIPTIONS, MENAGERIE, from_menagerie, from_robot_descriptions
 
 DATA_VARIABLE = "WBC_ROBOT_DATA"  # a folder holding g1_description, talos_data, ...
 _DATA = Path("cmeel.prefix/share/example-robot-data/robots")

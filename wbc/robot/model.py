@@ -94,7 +94,6 @@ class Robot(KinematicTree):
         object.__setattr__(self, "postures", MappingProxyType(dict(self.postures)))
 
     def _repr_html_(self) -> str:
-        """Return how a notebook shows it."""
         facts = [
             ("mass", f"{self.mass:.2f} kg"),
             ("joints", f"{len(self.joint_names)}: {some(self.joint_names, 6)}"),
@@ -211,7 +210,7 @@ class Robot(KinematicTree):
         passive = description.passive.of(model, limits)
         closure = Closure(model, limits, ties, couplings, free, passive.springs)
         posture_notes += close_postures(closure, postures, description.drawn, found.path)
-        stance = stance_from(found, description, model, limits, postures, feet, base, closure)
+        stance = stance_from(found, description, postures, feet, base, closure)
         postures[STANDING] = stance.q
         notes += posture_notes + stance.notes + armature_note(model) + loop_notes
         notes += effort_note(limits, (*free, *couplings))
@@ -276,10 +275,9 @@ class Robot(KinematicTree):
         own = self.geometry.own if isinstance(self.geometry, CarryingGeometry) else self.geometry
         postures, notes = dict(self.postures), described([payload])
         if self.feet:
-            closure = replace(self.closure, model=model)
             q = postures[STANDING]
             place = com_from_middle(self.model, q, self.feet)
-            q, unsettled = settled(model, self.limits, q, self.feet, closure, place)
+            q, unsettled = settled(replace(self.closure, model=model), q, self.feet, place)
             postures[STANDING] = grounded(model, q, self.feet)
             notes += unsettled
         carrying = replace(

@@ -84,5 +84,4 @@ def parallel_axis_hessian(
 
 
 def _turned(S: Array) -> Array:
-    """Return tr(S) 1 - S."""
     return np.trace(S) * np.eye(3) - S

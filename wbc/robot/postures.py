@@ -175,12 +175,7 @@ def stands(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> bool:
 
 
 def settled(
-    model: pin.Model,
-    limits: JointLimits,
-    q: Array,
-    feet: Mapping[str, Foot],
-    closure: Closure,
-    com: Array | None = None,
+    closure: Closure, q: Array, feet: Mapping[str, Foot], com: Array | None = None
 ) -> tuple[Array, tuple[str, ...]]:
     """Return a posture near ``q`` that stands on all feet, or ``q`` itself and a note.
 
@@ -191,16 +186,19 @@ def settled(
 
     Parameters
     ----------
+    closure:
+        Of the model and limits, which has the frames of the soles.
     com:
         Where the CoM shall be (2,) [m], from the middle of the soles' hull; None: in the middle,
         unless ``q`` stands.
     """
+    model, limits = closure.model, closure.limits
     if not feet or (com is None and stands(model, q, feet)):
         return q, ()
     apart, height = _apart(model, q, feet)
     astride = len(feet) == 2 and math.hypot(*apart) > ASTRIDE * height
     for goal in [TOGETHER * height, None] if astride else [None]:
-        found = _levelled(model, limits, q, feet, closure, com, goal)
+        found = _levelled(closure, q, feet, com, goal)
         far = np.abs(limits.joint_positions(found) - limits.joint_positions(q)).max(initial=0.0)
         is_closed = not closure.binds or float(np.abs(closure.errors(found)[0]).max()) <= CLOSED
         if far < NEAR and is_closed and stands(model, found, feet):
@@ -213,19 +211,13 @@ def settled(
 
 
 def _levelled(
-    model: pin.Model,
-    limits: JointLimits,
-    q: Array,
-    feet: Mapping[str, Foot],
-    closure: Closure,
-    com: Array | None,
-    together: float | None,
+    closure: Closure, q: Array, feet: Mapping[str, Foot], com: Array | None, together: float | None
 ) -> Array:
     """Return a posture (nq,) near ``q`` on level soles, or what came of the search for one.
 
     Two soles come as near ``together`` as that [m]; None: what moves them to each other is dear.
     """
-    found = q.copy()
+    found, model, limits = q.copy(), closure.model, closure.limits
     held = [BASE_NV + limits.names.index(joint) for joint in closure.sprung]
     dear = APART if together is None else 0.0
     for _ in range(100):

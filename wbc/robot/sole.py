@@ -73,29 +73,20 @@ def _turn_to(up: Array) -> Array:
 ROUND, NEARLY_ROUND = 12, 0.03
 
 
-def body_points(model: pin.Model, geometry: GeometrySource, joint: int, up: Array) -> Array:
-    """Return the extreme points (k, 3) of all shapes on one joint's body, in the joint's frame.
-
-    They are the collision shapes, or those to draw of a body that has no others. ``up`` (3,) is
-    the unit vector upwards, in the joint's frame.
-    """
-    return _points(body_shapes(model, geometry, joint), up)
-
-
 def lowest_point(model: pin.Model, data: pin.Data, geometry: GeometrySource, joint: int) -> float:
     """Return how high the lowest point of a joint's body is [m]; infinite if it has no shape.
 
     ``data`` holds the places of joints.
     """
     pose = data.oMi[joint]
-    points = body_points(model, geometry, joint, pose.rotation[2])
+    points = _points(body_shapes(model, geometry, joint), pose.rotation[2])
     if not len(points):
         return np.inf
     return float((points @ pose.rotation[2]).min()) + float(pose.translation[2])
 
 
 def _points(shapes: list[Placed], up: Array) -> Array:
-    """Return points (k, 3) of shapes, their lowest among them, in the joint's frame."""
+    """Return points (k, 3) of shapes, those lowest along ``up`` (3,) among them, joint's frame."""
     found = [np.empty((0, 3))]
     for place, shape in shapes:
         R = place.rotation

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import pinocchio as pin
@@ -11,8 +13,7 @@ from wbc.errors import ModelError
 from wbc.robot.feet import Foot, FootSpec, find_feet
 from wbc.robot.foot_guess import ARM_WORDS, BELOW_BASE, bodies_of, facing_ahead, upright, words_of
 from wbc.robot.formats.description import Description, GeometrySource
-from wbc.robot.library import NamedRobot, RobotSource
-from wbc.robot.limits import JointLimits
+from wbc.robot.library import RobotSource
 from wbc.robot.loops import Closure
 from wbc.robot.model_checks import link_of
 from wbc.robot.postures import STANDING, grounded, settled, stands
@@ -22,6 +23,9 @@ from wbc.validate import Array, by_name
 # m: a shape lower than the soles by more touches the ground before them, by less with them.
 LOWER = 5e-3
 NEAR_GROUND = 0.3  # of the CoM's height: shapes of joints below it are looked at
+
+
+Feet = Mapping[str, FootSpec | Mapping[str, Any]]  # as users give them
 
 
 class StandingPose(NamedTuple):
@@ -54,12 +58,10 @@ def arm_reason(model: pin.Model, q: Array) -> str:
 def find_stance(
     found: RobotSource,
     description: Description,
-    model: pin.Model,
-    limits: JointLimits,
-    q: Array,
-    feet: Mapping[str, FootSpec | Mapping[str, Any]] | None,
+    feet: Feet | None,
     base: str | None,
     closure: Closure,
+    q: Array,
 ) -> StandingPose:
     """Return how a robot stands whose posture is about ``q`` (nq,).
 
@@ -68,10 +70,13 @@ def find_stance(
     feet, base:
         What the user says of them, as in :meth:`wbc.robot.Robot.load`.
     closure:
-        Of loops, which are closed in ``q`` and stay so.
+        Of the model, which gets the frames of the soles, and its loops, which are closed in ``q``
+        and stay so.
     """
-    specs = _foot_specs(found.known, feet, base)
-    notes: tuple[str, ...] = ()
+    model, notes = closure.model, tuple[str, ...]()
+    specs = found.known.feet if found.known else {} if base == "fixed" else None  # None: guess
+    if feet is not None:
+        specs = {name: FootSpec.of(name, spec) for name, spec in by_name("feet", feet).items()}
     if found.known is None:
         links = None if specs is None else {name: one.link for name, one in specs.items()}
         q, turned = upright(model, q, links)
@@ -97,7 +102,7 @@ def find_stance(
         foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
     notes += foot_notes
     if found.known is None:
-        q, unsettled = settled(model, limits, q, soles, closure)
+        q, unsettled = settled(closure, q, soles)
         notes += unsettled
     q = grounded(model, q, soles)
     if found.known is None:
@@ -108,10 +113,8 @@ def find_stance(
 def stance_from(
     found: RobotSource,
     description: Description,
-    model: pin.Model,
-    limits: JointLimits,
     postures: Mapping[str, Array],
-    feet: Mapping[str, FootSpec | Mapping[str, Any]] | None,
+    feet: Feet | None,
     base: str | None,
     closure: Closure,
 ) -> StandingPose:
@@ -119,21 +122,18 @@ def stance_from(
 
     The first of the file's that stands is taken, with a note; ``postures`` are all by name.
     """
-
-    def tried(name: str, tree: pin.Model) -> StandingPose:
-        return find_stance(found, description, tree, limits, postures[name], feet, base, closure)
-
+    tried = partial(find_stance, found, description, feet, base)
     names = [name for name in description.states if name in postures and name != STANDING]
     if found.known is not None or STANDING in description.states or not names:
-        return tried(STANDING, model)
+        return tried(closure, postures[STANDING])
     for name in (STANDING, *names):
-        tree = model.copy()
-        pose = tried(name, tree)
-        if pose.bolted or (pose.feet and stands(tree, pose.q, pose.feet)):
+        there = replace(closure, model=closure.model.copy())
+        pose = tried(there, postures[name])
+        if pose.bolted or (pose.feet and stands(there.model, pose.q, pose.feet)):
             break
     else:
         name = STANDING
-    pose = tried(name, model)
+    pose = tried(closure, postures[name])
     if name == STANDING:
         return pose
     note = f"'standing' is the key frame {name!r}, since the neutral posture does not stand"
@@ -175,14 +175,3 @@ def _below_soles(
         ),
     )
     return tuple(words.format(", ".join(found)) for found, words in told if found)
-
-
-def _foot_specs(
-    known: NamedRobot | None,
-    feet: Mapping[str, FootSpec | Mapping[str, Any]] | None,
-    base: str | None,
-) -> Mapping[str, FootSpec] | None:
-    """Return the feet as given, or None: they are to be guessed."""
-    if feet is not None:
-        return {name: FootSpec.of(name, spec) for name, spec in by_name("feet", feet).items()}
-    return known.feet if known else {} if base == "fixed" else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -79,7 +79,7 @@ def conclude(
             if isinstance(task, InertiaTask | PrincipalInertiaTask)
         },
         margin=_worst_margin(states),
-        slip=_worst_slip(states),
+        slip=_worst_slip(states, lambda tick, frame: True),
         balance=balance,
         clearance=_worst_clearance(states),
         yielding=frozenset().union(*(one.yielding for one in recorder.standings)),
@@ -116,11 +116,13 @@ def _worst_margin(states: list[StateRecord]) -> Worst:
     return Worst(states[tick].margin, states[tick].margin_joint, tick)
 
 
-def _worst_slip(states: list[StateRecord]) -> Worst | None:
+def _worst_slip(states: Sequence[StateRecord], counts: Callable[[int, str], bool]) -> Worst | None:
+    """Return the farthest slip of the ticks and frames that count."""
     slips = (
         Worst(distance, frame, tick)
         for tick, state in enumerate(states)
         for frame, distance in state.slip.items()
+        if counts(tick, frame)
     )
     return max(slips, key=lambda slip: slip.value, default=None)
 
@@ -134,7 +136,6 @@ def _worst_balance(states: list[StateRecord], history: History) -> Worst | None:
 
 
 def _worst_clearance(states: Sequence[StateRecord]) -> dict[str, Worst]:
-    """Return the least clearance of each margin."""
     worst = dict[str, Worst]()
     for tick, state in enumerate(states):
         for name, left in state.clearance.items():
@@ -167,13 +168,7 @@ def _not_kept(
             f"{asked} (tick {balance.tick})"
         )
     if stop.slip is not None:
-        held = (
-            Worst(distance, frame, tick)
-            for tick, (state, standing) in enumerate(zip(states, standings, strict=True))
-            for frame, distance in state.slip.items()
-            if frame not in standing.soft
-        )
-        worst = max(held, key=lambda slip: slip.value, default=None)
+        worst = _worst_slip(states, lambda tick, frame: frame not in standings[tick].soft)
         if worst is not None and worst.value > stop.slip:
             yield f"{worst.where} slipped by {1e3 * worst.value:.3g} mm (tick {worst.tick})"
     if stop.margins is not None:

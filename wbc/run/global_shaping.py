@@ -20,7 +20,7 @@ from wbc.run.result import Result
 from wbc.run.shaping_report import Posture, SearchEffort, ShapingReport, relative_error
 from wbc.run.simulate import DEFAULT_STOP, ticks_in
 from wbc.run.stopping import RunStatus, Stop
-from wbc.shaping import GlobalShaping, ShapingMotion, ShapingOutcome, ShapingStatistics, Stopped
+from wbc.shaping import GlobalShaping, ShapingMotion, ShapingOutcome, Stopped
 from wbc.shaping.motion import MakeController
 from wbc.shaping.problem import ShapingProblem, posture_errors
 from wbc.tasks import InertiaTask, PrincipalInertiaTask, Task
@@ -103,7 +103,9 @@ def shape_globally(
         rest_speed=stop.speed,
         watch=way.watch,
     )
-    effort = _effort(starts, outcome.statistics, perf_counter() - began)
+    done, took = outcome.statistics, perf_counter() - began
+    told = {**vars(done), "stopped": done.stopped and done.stopped.value}
+    effort = SearchEffort(**told, starts=starts, reach_seconds=took)
     recorder = way.recorders[_led_to(outcome, motion)]
     result = conclude(
         way.tasks,
@@ -148,21 +150,6 @@ class _WayThere:
         done = len(recorder.states)
         info = partial(progress_info, now, errors, len(recorder.failures), posture=attempt + 1)
         return self.calls.end_with(done * self.dt, done, self.total, False, info)
-
-
-def _effort(starts: int, done: ShapingStatistics, reach_seconds: float) -> SearchEffort:
-    """Return what search and motion took."""
-    return SearchEffort(
-        starts=starts,
-        drawn=done.drawn,
-        searched=done.searched,
-        iterations=done.iterations,
-        build_seconds=done.build_seconds,
-        search_seconds=done.search_seconds,
-        reach_seconds=reach_seconds,
-        workers=done.workers,
-        stopped=None if done.stopped is None else done.stopped.value,
-    )
 
 
 def _with_search(

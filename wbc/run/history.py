@@ -202,7 +202,7 @@ class HistoryRecorder:
             for task in self._tasks
             if task.name in errors and (aim := task.aim(now.snapshot)) is not None
         }
-        obstacles = dict(obstacles_of(standing.margins))
+        obstacles, kkt = dict(obstacles_of(standing.margins)), tick.solution.residuals
         self._shapes |= {name: one.shape for name, one in obstacles.items()}
         self._rows.append(
             {
@@ -217,7 +217,7 @@ class HistoryRecorder:
                 "points": {name: aim.point for name, aim in aims.items()},
                 "targets": {name: aim.wanted for name, aim in aims.items()},
                 "obstacles": {name: place_of(one) for name, one in obstacles.items()},
-                "kkt": _kkt_residual(tick),
+                "kkt": max(kkt.primal, kkt.dual, kkt.complementarity) if tick.ok else np.nan,
                 "tick_time": now.seconds,
                 "tick_cpu_time": now.cpu_seconds,
                 "status": tick.status.value,
@@ -291,11 +291,6 @@ def held_joints(tick: Tick) -> list[HeldJoint]:
         HeldJoint(names[k], "upper" if pull[k] > 0.0 else "lower", abs(float(pull[k])))
         for k in np.flatnonzero(np.abs(pull) > least).tolist()
     ]
-
-
-def _kkt_residual(tick: Tick) -> float:
-    residuals = tick.solution.residuals
-    return max(residuals.primal, residuals.dual, residuals.complementarity) if tick.ok else np.nan
 
 
 def _column(rows: Sequence[Any]) -> Any:

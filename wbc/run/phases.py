@@ -24,7 +24,7 @@ from wbc.run.phase_support import (
     off_the_ground,
     touchdowns,
 )
-from wbc.run.ramps import Goal, MinimumJerk, MovingTarget, SetTarget, TargetedTask
+from wbc.run.ramps import Goal, MinimumJerk, MovingTarget, TargetedTask
 from wbc.tasks import Task
 from wbc.validate import Array
 
@@ -278,15 +278,12 @@ class PhaseExecutor:
         if not (begin != end).any():
             task.weight = begin
         else:
-            set_weight = _set_weight(task, LEAST_WEIGHT * np.maximum(begin, end))
+            least = LEAST_WEIGHT * np.maximum(begin, end)
+
+            def set_weight(value: Array, *_: Array) -> None:
+                task.weight = np.maximum(value, least)
+
             ramp = MinimumJerk(begin, end, phase.ramp)
             self._moving.append(MovingTarget(ramp, set_weight, phase.begins))
             set_weight(begin, begin, begin)
         return True
-
-
-def _set_weight(task: Task, least: Array) -> SetTarget:
-    def set_weight(value: Array, _: Array, __: Array) -> None:
-        task.weight = np.maximum(value, least)
-
-    return set_weight

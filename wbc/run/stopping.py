@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import NamedTuple
 
 from wbc.validate import by_name, check_fields, finite_number
 
@@ -83,13 +82,6 @@ class RunStatus(StrEnum):
         return self in (RunStatus.CONVERGED, RunStatus.ACCEPTED, RunStatus.COMPLETED)
 
 
-class StopReason(NamedTuple):
-    """A status and the reason for it, in words."""
-
-    status: RunStatus
-    reason: str
-
-
 class RestWatch:
     """Tells when nothing has moved for ten solved ticks in a row, all ramps being over."""
 
@@ -115,8 +107,8 @@ def ending(
     broken_off: str | None = None,
     not_kept: Sequence[str] = (),
     interrupted: float | None = None,
-) -> StopReason:
-    """Return how a run ended.
+) -> tuple[RunStatus, str]:
+    """Return how a run ended, and why, in words.
 
     Parameters
     ----------
@@ -132,13 +124,13 @@ def ending(
         When the run was asked to end [s], if that is why it did.
     """
     if failed:
-        return StopReason(RunStatus.QP_FAILED, f"{failed} of {ticks} ticks had no solution")
+        return RunStatus.QP_FAILED, f"{failed} of {ticks} ticks had no solution"
     if broken_off is not None:
-        return StopReason(RunStatus.NOT_STANDING, broken_off)
+        return RunStatus.NOT_STANDING, broken_off
     if interrupted is not None:
         also = f"; {'; '.join(not_kept)}" if not_kept else ""
         reason = f"at {interrupted:.4g} s of at most {stop.duration:g} s{also}"
-        return StopReason(RunStatus.INTERRUPTED, reason)
+        return RunStatus.INTERRUPTED, reason
     missed = [
         f"{name} (error {norms[name]:.3g}, tolerance {tolerance:g})"
         for name, tolerance in stop.accept.items()
@@ -149,15 +141,13 @@ def ending(
         how = f"ran for {stop.duration:g} s"
     if not_kept:
         also = f"; not within tolerance: {', '.join(missed)}" if missed else ""
-        return StopReason(RunStatus.NOT_KEPT, f"{how}, but {'; '.join(not_kept)}{also}")
+        return RunStatus.NOT_KEPT, f"{how}, but {'; '.join(not_kept)}{also}"
     if missed:
-        return StopReason(
-            RunStatus.NOT_REACHED, f"{how}; not within tolerance: {', '.join(missed)}"
-        )
+        return RunStatus.NOT_REACHED, f"{how}; not within tolerance: {', '.join(missed)}"
     within = "; every tolerance met" if stop.accept else ""
     if at_rest:
-        return StopReason(RunStatus.CONVERGED, how + within)
+        return RunStatus.CONVERGED, how + within
     if stop.accept:
-        return StopReason(RunStatus.ACCEPTED, how + within)
+        return RunStatus.ACCEPTED, how + within
     status = RunStatus.COMPLETED if stop.speed is None else RunStatus.TIMEOUT
-    return StopReason(status, how)
+    return status, how

@@ -90,7 +90,6 @@ class BasinHopping:
         return sampling.posture(rng.uniform(sampling.lower, sampling.upper), base)
 
     def _resampled(self, q: Array, rng: np.random.Generator) -> Array:
-        """Return a posture with some joints resampled."""
         sampling = self._sampling
         joints = sampling.robot.limits.joint_positions(q).copy()
         count = int(rng.integers(1, max(1, round(RESAMPLED * joints.size)) + 1))

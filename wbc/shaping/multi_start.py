@@ -98,7 +98,10 @@ class StoppingRule:
 
 
 class MultiStart:
-    """Makes starts, and collects the results of the searches from them."""
+    """Makes starts, and collects the results of the searches from them.
+
+    ``spread`` are the first ones, ``rule`` says when there are enough.
+    """
 
     def __init__(
         self,
@@ -112,32 +115,22 @@ class MultiStart:
         self.total = total
         self._built, self._progress = built, progress
         sampling = Sampling.of(built, q_start)
-        self._spread = make_starts(sampling, min(total, SPREAD), seed)
-        self._starts = list(self._spread.starts)
+        self.spread = make_starts(sampling, min(total, SPREAD), seed)
+        self._starts = list(self.spread.starts)
         self._handed_out = 0
-        self._hopping = BasinHopping(sampling, self._spread.scale, seed)
+        self._hopping = BasinHopping(sampling, self.spread.scale, seed)
         self._robot = sampling.robot
         self._elite = Elite(sampling.robot)
         self._known = 0  # how many results, the first ones, the elite was chosen from
-        self._rule = StoppingRule(self._spread.scale, patience)
-
-    @property
-    def drawn(self) -> int:
-        """How many samples were drawn for the first starts."""
-        return self._spread.drawn
-
-    @property
-    def reason(self) -> Stopped | None:
-        """Why no more searches are needed, or None if they are."""
-        return self._rule.reason
+        self.rule = StoppingRule(self.spread.scale, patience)
 
     def needs(self, number: int) -> bool:
         """Return whether the answer depends on the search from the start of a number."""
-        return self._rule.last is None or number <= self._rule.last
+        return self.rule.last is None or number <= self.rule.last
 
     def next_starts(self) -> Sequence[Start]:
         """Return the starts, after those returned before, that can be made by now."""
-        while len(self._starts) < self.total and self._rule.contiguous >= len(self._starts) - LAG:
+        while len(self._starts) < self.total and self.rule.contiguous >= len(self._starts) - LAG:
             self._starts.append(self._hop(len(self._starts)))
         ready = self._starts[self._handed_out :]
         self._handed_out = len(self._starts)
@@ -145,26 +138,26 @@ class MultiStart:
 
     def record(self, number: int, local: Local) -> None:
         """Evaluate what a search found."""
-        self._rule.add(number, evaluate(self._built, number, self._starts[number], local))
+        self.rule.add(number, evaluate(self._built, number, self._starts[number], local))
         if self._progress is not None:
-            self._progress(len(self._rule.found), self.total, self._rule.least)
+            self._progress(len(self.rule.found), self.total, self.rule.least)
 
     def candidates(self) -> tuple[Candidate, ...]:
         """Return the distinct candidates, the best first."""
-        counted = self._rule.counted()
+        counted = self.rule.counted()
         return merged(self._robot, (one for one in counted if isinstance(one, Candidate)))
 
     def rejected(self) -> tuple[Rejected, ...]:
         """Return the starts that came to nothing, and the samples that were not searched from."""
-        lost = [one for one in self._rule.counted() if isinstance(one, Rejected)]
-        for gap in self._spread.unclosed:
+        lost = [one for one in self.rule.counted() if isinstance(one, Rejected)]
+        for gap in self.spread.unclosed:
             reason = f"{UNCLOSED}: {gap:.2g} away (allowed {CLOSED:g})"
             lost.append(Rejected(None, reason, UNCLOSED))
         return tuple(lost)
 
     def _hop(self, number: int) -> Start:
         while self._known < number - LAG:
-            result = self._rule.found[self._known]
+            result = self.rule.found[self._known]
             if isinstance(result, Candidate):
                 self._elite.add(result)
             self._known += 1

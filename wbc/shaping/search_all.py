@@ -92,7 +92,7 @@ def search_all(
             return Searches(found, Stopped.INTERRUPTED)
     if len(found) == multi_start.total:
         return Searches(found, None)
-    return Searches(found, multi_start.reason or Stopped.SECONDS)
+    return Searches(found, multi_start.rule.reason or Stopped.SECONDS)
 
 
 def _is_over(deadline: float | None) -> bool:

@@ -125,7 +125,7 @@ class GlobalShaping:
         if searches.stopped is Stopped.INTERRUPTED and not searches.found:
             raise KeyboardInterrupt
         statistics = ShapingStatistics(
-            drawn=multi_start.drawn,
+            drawn=multi_start.spread.drawn,
             searched=len(searches.found),
             iterations=sum(local.iterations for local in searches.found.values()),
             build_seconds=ready - began,

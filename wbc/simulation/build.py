@@ -156,26 +156,20 @@ def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain, factor: float) -> Non
         quat=quaternion,
     )
     _make_ground(ground, PLANE, terrain, factor * terrain.friction)
+
+    def add_box(name: str, half: Array, centre: Array, R: Array, friction: float) -> None:
+        kind, quaternion = mujoco.mjtGeom.mjGEOM_BOX, _quaternion(mujoco, R)
+        box = spec.worldbody.add_geom(name=name, type=kind, size=half, pos=centre, quat=quaternion)
+        _make_ground(box, STEP, terrain, factor * friction)
+
     for k, step in enumerate(terrain.steps):
         half, R = 0.5 * step.size, step.rotation
-        box = spec.worldbody.add_geom(
-            name=f"{BOX}{k}",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=half,
-            pos=step.centre - half[2] * R[:, 2],
-            quat=_quaternion(mujoco, R),
-        )
         friction = terrain.friction if step.friction is None else step.friction
-        _make_ground(box, STEP, terrain, factor * friction)
+        add_box(f"{BOX}{k}", half, step.centre - half[2] * R[:, 2], R, friction)
     for k, wall in enumerate(terrain.walls):
-        plate = spec.worldbody.add_geom(
-            name=f"{WALL}{k}",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[0.5 * WALL_THICKNESS, *(0.5 * wall.size)],
-            pos=wall.point - 0.5 * WALL_THICKNESS * wall.normal,
-            quat=_quaternion(mujoco, wall.rotation),
-        )
-        _make_ground(plate, STEP, terrain, factor * wall.friction)
+        half = np.array((0.5 * WALL_THICKNESS, *(0.5 * wall.size)))
+        centre = wall.point - half[0] * wall.normal
+        add_box(f"{WALL}{k}", half, centre, wall.rotation, wall.friction)
 
 
 def _make_ground(geom: Any, kind: int, terrain: Terrain, friction: float) -> None:

@@ -18,7 +18,6 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import check_robot
 from wbc.robot.postures import STANDING
-from wbc.simulation.applied import apply
 from wbc.simulation.build import build
 from wbc.simulation.contact_drift import ContactDrift
 from wbc.simulation.contacts import Contacts, read_contacts, self_contacts, touched_by_links
@@ -29,7 +28,7 @@ from wbc.simulation.sensors import Measurements, Sensors
 from wbc.simulation.shapes import ShapeOptions
 from wbc.simulation.states import StateMap
 from wbc.simulation.terrain import Terrain
-from wbc.simulation.wrench import AppliedWrench, sum_by_frame
+from wbc.simulation.wrench import AppliedWrench, apply, sum_by_frame
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only, time_step
 
 _EVEN = 1e-6  # a control period is so many physics steps, to this part of one

@@ -223,12 +223,13 @@ def save_maps(path: str | Path, maps: Sequence[PushMap], made_with: Mapping[str,
         found = [("angle [rad]", maps[0].grid.angles)]
         for prefix, one in zip(_prefixes(maps), maps, strict=True):
             rows = one.arrays()
+            monotone = np.array([not one.beyond(k) for k in range(one.grid.directions)])
             found += [
                 (f"{prefix}limit [M omega d]", rows["limit"]),
                 (f"{prefix}survived [N s]", rows["limit"] * rows["capture_impulse"]),
                 (f"{prefix}M omega d [N s]", rows["capture_impulse"]),
                 (f"{prefix}at_least", one.open_ended.astype(float)),
-                (f"{prefix}monotone", _monotone(one)),
+                (f"{prefix}monotone", monotone.astype(float)),
                 (f"{prefix}pulse_limit [M omega d]", rows["pulse_limit"]),
                 (f"{prefix}reaction_mass_limit [M omega d]", rows["reaction_mass_limit"]),
             ]
@@ -239,7 +240,3 @@ def save_maps(path: str | Path, maps: Sequence[PushMap], made_with: Mapping[str,
 
 def _prefixes(maps: Sequence[PushMap]) -> list[str]:
     return ["" if k == 0 else f"{k + 1}/" for k in range(len(maps))]
-
-
-def _monotone(one: PushMap) -> Array:
-    return np.array([float(not one.beyond(k)) for k in range(one.grid.directions)])

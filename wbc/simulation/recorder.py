@@ -104,13 +104,14 @@ class Recorder:
             The file cannot be written.
         """
         plant = self._plant
+        saturated = zip(plant.robot.joint_names, plant.saturated.tolist(), strict=True)
         known = {
             "robot": plant.robot.name,
             "mass": plant.robot.mass,
             "dt": plant.dt,
             "physics_dt": plant.physics_dt,
             "duration": plant.time,
-            "saturated": _counts(plant),
+            "saturated": {name: count for name, count in saturated if count},
             "notes": list(plant.notes),
         }
         save_result(path, {**known, **(summary or {})}, self.arrays, self.columns)
@@ -118,8 +119,3 @@ class Recorder:
 
 def _split(name: str, parts: Sequence[str], array: Array) -> list[Column]:
     return [(f"{name}/{part}", array[:, k]) for k, part in enumerate(parts)]
-
-
-def _counts(plant: Plant) -> dict[str, int]:
-    named = zip(plant.robot.joint_names, plant.saturated.tolist(), strict=True)
-    return {name: count for name, count in named if count}

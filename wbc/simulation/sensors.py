@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -11,16 +11,6 @@ from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.simulation.mismatch import seed_number
 from wbc.validate import Array, check_fields, set_fields
-
-NOISES = (
-    "position_noise",
-    "velocity_noise",
-    "position_bias",
-    "base_position_noise",
-    "base_rotation_noise",
-    "base_velocity_noise",
-    "base_rate_noise",
-)
 
 
 @dataclass(frozen=True)
@@ -62,10 +52,14 @@ class Sensors:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check_fields(self, "sensors, ", *NOISES, "delay", "latency", "dropout", least=0.0)
+        check_fields(self, "sensors, ", *_noises(), "delay", "latency", "dropout", least=0.0)
         if self.dropout > 1.0:
             raise InvalidInputError(f"sensors, dropout: a probability, got {self.dropout:g}")
         set_fields(self, seed=seed_number("sensors, seed", self.seed))
+
+
+def _noises() -> list[str]:
+    return [one.name for one in fields(Sensors) if one.name.endswith(("_noise", "_bias"))]
 
 
 class Measurements:
@@ -84,7 +78,7 @@ class Measurements:
         self._velocity = np.concatenate((np.repeat(rates, 3), np.full(joints, s.velocity_noise)))
         self._bias = np.zeros(robot.nv)
         self._bias[BASE_NV:] = s.position_bias * self._random.normal(size=joints)
-        self._noisy = bool(any(getattr(s, name) for name in NOISES))
+        self._noisy = bool(any(getattr(s, name) for name in _noises()))
 
     def measure(self, q: Array, v: Array) -> tuple[Array, Array] | None:
         """Return the measurement of a state, or None for a missing frame.

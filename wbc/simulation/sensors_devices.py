@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.estimation.imus import ImuMount
+from wbc.estimation.measurement import ImuMount
 from wbc.kinds import check_kind, check_switches
 from wbc.simulation.mismatch import seed_number
 from wbc.validate import check_fields, list_of, set_fields

@@ -94,7 +94,6 @@ def _shape_name(index: int) -> str:
 
 
 def _add_sole(mujoco: Any, bodies: Sequence[Any], robot: Robot, foot: Foot, steps: bool) -> Labels:
-    """Add the balls and rods of a sole."""
     sole = robot.frame(foot.frame)
     place, parent, names = sole.placement, bodies[int(sole.parentJoint)], list[str]()
     corners = np.column_stack([foot.polygon, np.full(len(foot.polygon), SOLE_RADIUS)])

@@ -1,14 +1,20 @@
-"""Wrenches that act on a simulated robot for longer: a rope, a tool that presses, a wind."""
+"""Wrenches that act on a simulated robot for longer, as a rope or a wind; what acts, in MuJoCo."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from wbc.kinds import check_switches, check_word
+from wbc.robot import Robot
+from wbc.simulation.push import Push
 from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
 
+ORIGIN = np.zeros(3)
 DIGITS = 9  # of the part of a period in which a wrench acts: times are sums of many steps
 
 
@@ -60,3 +66,35 @@ def sum_by_frame(wrenches: Iterable[AppliedWrench], time: float, dt: float) -> d
         if mean.any():
             found[one.frame] = found[one.frame] + mean if one.frame in found else mean
     return found
+
+
+def apply(
+    acting: Sequence[Push | AppliedWrench],
+    robot: Robot,
+    bodies: Sequence[int],
+    data: Any,
+    dt: float,
+) -> Array:
+    """Write what acts, its means over ``dt`` from now, as the forces in MuJoCo's data.
+
+    Returns the sum of the pushes' forces (3,) [N].
+
+    Parameters
+    ----------
+    bodies:
+        MuJoCo's body of each Pinocchio joint.
+    """
+    data.xfrc_applied[:] = 0.0
+    pushed = np.zeros(3)
+    for one in acting:
+        force, moment = np.split(one.mean(float(data.time), dt), 2)
+        frame, point = (one.body, one.point) if isinstance(one, Push) else (one.frame, ORIGIN)
+        here = robot.frame(frame)
+        body = bodies[int(here.parentJoint)]
+        local = np.array(here.placement.rotation) @ point
+        local += here.placement.translation
+        arm = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local - data.xipos[body]
+        data.xfrc_applied[body, :3] += force
+        data.xfrc_applied[body, 3:] += moment + np.cross(arm, force)
+        pushed += force * isinstance(one, Push)
+    return pushed

@@ -30,8 +30,6 @@ class AxisTask(CoreTask):
 
     frame: str
     axis: ArrayAttribute  # unit, (3,), in the frame's axes
-    _bias: Array  # minus the target's rate and acceleration
-    _drift: Array
 
     def __init__(
         self,

@@ -62,14 +62,8 @@ class DampingTask(Task):
             raise InvalidInputError(f"task {name!r}: nothing left to damp; leave the task out")
         names = [f"base {row}" for row in ("x", "y", "z", "rx", "ry", "rz")] + [*robot.joint_names]
         size = finite_number(f"task {name!r}, weight", weight, least=0.0)
-        super().__init__(
-            robot,
-            name,
-            [names[k] for k in chosen],
-            weight=size * factors[chosen],
-            priority=priority,
-            **law,
-        )
+        rows, weights = [names[k] for k in chosen], size * factors[chosen]
+        super().__init__(robot, name, rows, weight=weights, priority=priority, **law)
         self._jacobian = read_only(np.eye(robot.nv)[chosen])
         self._still = self._zeros()
 

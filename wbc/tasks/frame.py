@@ -111,20 +111,15 @@ class PoseTask(PlacementTask, CoreTask):
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return the rows of the position above those of the rotation."""
+        numbers = self.position, np.array((self.robot.mass,))
+        rates, moving = (self._bias, self._drift), ("_bias", "_drift", "position")
         place = NativeRows(
-            Kind.POINT,
-            self.frame,
-            (0, 1, 2),
-            self._bias,
-            self._drift,
-            (self.position, np.array((self.robot.mass,))),
-            curved=False,
-            moving=("_bias", "_drift", "position"),
+            Kind.POINT, self.frame, (0, 1, 2), *rates, numbers, curved=False, moving=moving
         )
         motion = self._turn_rate, self._turn_acceleration
         turn = native_orientation(self.frame, self.rotation, *motion)
-        moving = "", "", "rotation", "_turn_rate", "_turn_acceleration"
-        return place, turn._replace(moving=moving)
+        turning = "", "", "rotation", "_turn_rate", "_turn_acceleration"
+        return place, turn._replace(moving=turning)
 
     @property
     def units(self) -> tuple[str, ...]:

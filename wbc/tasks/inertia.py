@@ -108,8 +108,6 @@ class InertiaTask(Task):
         self.per_mass = switch(f"{self}, per_mass", per_mass)
         scale = 1.0 / robot.mass if self.per_mass else 1.0
         self._wanted: Array
-        self._bias: Array
-        self._drift: Array
         self._selection = read_only(scale * _selection(components))
         self._entries, self._factors = tuple(range(len(components))), self._selection.ravel()
         self.set_target(target)

@@ -55,8 +55,6 @@ class MomentumTask(CoreTask):
         for component in components:
             one_of("momentum component", component, LINEAR + ANGULAR)
         super().__init__(robot, name, components, **law)
-        self._bias: Array
-        self._drift: Array
         self._entries = tuple((LINEAR + ANGULAR).index(c) for c in components)
         # All of them as a slice: no copy.
         every = self._entries == tuple(range(6))

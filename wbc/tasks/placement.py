@@ -19,8 +19,6 @@ class PlacementTask(Task):
 
     position: ArrayAttribute  # wanted, (3,) [m], read-only
     rotation: ArrayAttribute  # wanted, (3, 3), read-only
-    _bias: Array  # (3,) of the position
-    _drift: Array  # (3,) of the position
     _turn_rate: Array  # (3,) how the rotation moves
     _turn_acceleration: Array  # (3,)
 

@@ -32,8 +32,6 @@ class PointTask(CoreTask):
     ) -> None:
         axes = names_of("axes of a point", axes)
         super().__init__(robot, name, axes, **law)
-        self._bias: Array
-        self._drift: Array
         self._selected = axis_indices(axes)
         self._entries = tuple(np.arange(3)[self._selected].tolist())
         self._mass = read_only(np.array((robot.mass,)))

@@ -61,8 +61,6 @@ class PostureTask(CoreTask):
             )
         weights = finite_number(f"task {name!r}, weight", weight, least=0.0) * factors[chosen]
         super().__init__(robot, name, names, weight=weights, priority=priority, **law)
-        self._bias: Array
-        self._drift: Array
         self._positions: Array  # wanted, of all joints
         self._wanted: Array  # of those that the task is about
         every = chosen.size == factors.size

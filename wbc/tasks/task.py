@@ -31,14 +31,7 @@ from wbc.laws import AccelerationLaw, Columns, Residual, VelocityLaw, at_rest
 from wbc.native.rows import NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
-from wbc.tasks.keywords import (
-    FIRST_ORDER,
-    PRIORITY,
-    SECOND_ORDER,
-    WEIGHT,
-    LawKeywords,
-    spell_out,
-)
+from wbc.tasks.keywords import FIRST_ORDER, PRIORITY, SECOND_ORDER, WEIGHT, LawKeywords, spell_out
 from wbc.tasks.weights import checked_weight, warn_if_lost
 from wbc.validate import Array, finite_array, finite_number, names_of, plain_copy, read_only
 
@@ -113,6 +106,8 @@ class Task(DeclaredAttributes, ABC):
     target_rate: Array
     target_acceleration: Array
     _goal: Array
+    _bias: Array  # what rates of the rows are at rest: minus the target's
+    _drift: Array  # and of their second derivatives
     # Others than they were once it was changed, and in more than its target: what was read of it
     # before may be old.
     _changes: object

@@ -19,13 +19,7 @@ from wbc.errors import InvalidInputError, shown
 from wbc.laws import Residual
 from wbc.robot import Snapshot
 from wbc.tasks.task import Task
-from wbc.validate import (
-    FLOAT,
-    LARGEST,
-    Array,
-    finite_number,
-    returned_array,
-)
+from wbc.validate import FLOAT, LARGEST, Array, finite_number, returned_array
 
 _ARRAY, _hypot = np.ndarray, math.hypot
 

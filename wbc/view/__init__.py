@@ -26,27 +26,24 @@ __all__ = [
     "run_figure",
 ]
 
-_PICTURES = {
-    "HistoryLike": "wbc.view.history",
-    "pendulum_figure": "wbc.view.pendulum",
-    "plot_pendulum": "wbc.view.pendulum",
-    "plot_robot": "wbc.view.robots",
-    "plot_run": "wbc.view.run",
-    "robot_figure": "wbc.view.robots",
-    "run_figure": "wbc.view.run",
+_FILES = {
+    "HistoryLike": "history",
+    "Viewer": "live.viewer",
+    "pendulum_figure": "pendulum",
+    "plot_pendulum": "pendulum",
+    "plot_robot": "robots",
+    "plot_run": "run",
+    "robot_figure": "robots",
+    "run_figure": "run",
 }
-_LIVE = {"Viewer": "wbc.view.live.viewer"}
 
 
 if not TYPE_CHECKING:  # to a checker, a module with this function has every name
 
     def __getattr__(name: str) -> Any:
-        if name in _PICTURES:
-            require("matplotlib", f"wbc.view.{name}")
-            return getattr(import_module(_PICTURES[name]), name)
-        if name in _LIVE:
-            require("viser", f"wbc.view.{name}")
-            return getattr(import_module(_LIVE[name]), name)
+        if name in _FILES:
+            require("viser" if name == "Viewer" else "matplotlib", f"wbc.view.{name}")
+            return getattr(import_module(f"wbc.view.{_FILES[name]}"), name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -178,7 +178,6 @@ def draw_snapshot(
 
 
 def _wheel(axes: Axes, centre: Point, r: float, dx: float, dz: float, faint: float) -> None:
-    """Draw the planar pendulum's wheel with its two masses."""
     _ellipse(axes, centre, (2 * r, 2 * r), 0.0, 0.25, faint)
     x = (centre[0] - r * dx, centre[0] + r * dx)
     z = (centre[1] - r * dz, centre[1] + r * dz)
@@ -196,7 +195,6 @@ def _shadow(axes: Axes, centre: Point, shape: Array, view: Array, faint: float) 
 def _ellipse(
     axes: Axes, centre: Point, size: Point, angle: float, fill: float, faint: float
 ) -> None:
-    """Draw an ellipse, filled with the strength ``fill``."""
     inside: dict[str, Any] = {"facecolor": style.TINT, "edgecolor": "none", "alpha": fill * faint}
     edge = {"facecolor": "none", "edgecolor": style.TINT, "alpha": faint}
     for look in (inside, edge):

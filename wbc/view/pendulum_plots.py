@@ -48,13 +48,16 @@ def draw_turning(axes: Axes, history: PendulumHistory) -> None:
     time = history.time
     step = Rotation.from_matrix(history.axes[1:] @ history.axes[:-1].transpose(0, 2, 1))
     rate = step.as_rotvec() / np.diff(time)[:, None]
-    # A planar pendulum turns about -y.
-    named = {"about -y": -rate[:, 1]} if history.flat else dict(zip(AXES, rate.T, strict=True))
-    for (name, values), colour in zip(named.items(), style.SERIES, strict=False):
+    for (name, values), colour in zip(_about(history, rate).items(), style.SERIES, strict=False):
         axes.plot(0.5 * (time[1:] + time[:-1]), values, color=colour, linewidth=1.2, label=name)
     axes.set_ylim(*_at_least(axes.get_ylim(), STILL))
     _ticks(axes)
     _legend(axes, axes.get_lines(), 3)
+
+
+def _about(history: PendulumHistory, vectors: Array) -> dict[str, Array]:
+    """Return the components of vectors (n, 3) by name; a planar pendulum turns about -y."""
+    return {"about -y": -vectors[:, 1]} if history.flat else dict(zip(AXES, vectors.T, strict=True))
 
 
 def draw_portrait(axes: Axes, history: PendulumHistory) -> None:
@@ -178,10 +181,7 @@ def _shown(history: PendulumHistory, k: int) -> Range:
 def draw_momentum(axes: Axes, history: PendulumHistory) -> None:
     """Draw the angular momentum about the CoM and, on a second axis, the masses' distances."""
     style.plain(axes, "Momentum and masses", "time [s]", "angular momentum [kg m²/s]")
-    # A planar pendulum turns about -y.
-    parts = {"about -y": -history.momentum[:, 1]}
-    if not history.flat:
-        parts = dict(zip(AXES, history.momentum.T, strict=True))
+    parts = _about(history, history.momentum)
     for (name, values), colour in zip(parts.items(), style.SERIES, strict=False):
         axes.plot(history.time, values, color=colour, linewidth=1.2, label=name)
     # Constant to rounding: a line, not noise blown up to the size of the plot.

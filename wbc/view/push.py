@@ -47,10 +47,10 @@ def pushes_figure(maps: Sequence[PushMap], *, duration: float) -> Figure:
             _plain(axes, f"{name}impulse / (M omega d)\n{_told(maps, k)}")
             _dots(axes, one)
             others: Others = [other for other in maps if other is not one]
-            _lines(axes, one, _capture_impulse, others)
+            _lines(axes, one, lambda bounds: bounds.ankle, others)
         else:
             _plain(axes, "impulse [N s]\n ")
-            _lines(axes, first, _newton_second, maps[1:])
+            _lines(axes, first, lambda bounds: np.ones_like(bounds.ankle), maps[1:])
     handles, labels = figure.axes[0].get_legend_handles_labels()
     figure.legend(
         handles, labels, loc="lower center", ncols=4 if count > 2 else 3, fontsize=style.SMALL,
@@ -77,14 +77,6 @@ def _plain(axes: Any, title: str) -> None:
     axes.grid(True, color="#E4E6EA", linewidth=0.6)
     axes.spines["polar"].set_color("#E4E6EA")
     axes.set_axisbelow(True)
-
-
-def _capture_impulse(bounds: PushBounds) -> Array:
-    return bounds.ankle
-
-
-def _newton_second(bounds: PushBounds) -> Array:
-    return np.ones_like(bounds.ankle)
 
 
 def _closed(angles: Array, values: Array) -> tuple[Array, Array]:
@@ -117,7 +109,6 @@ def _lines(axes: Any, one: PushMap, per: Callable[[PushBounds], Array], others: 
 
 
 def _dots(axes: Any, one: PushMap) -> None:
-    """Draw every push that was tried."""
     angles, ratios = np.meshgrid(one.grid.angles, np.asarray(one.grid.ratios), indexing="ij")
     for value, colour, marker, label in (
         (SURVIVED, style.BLUE, "o", "push survived"),

@@ -10,18 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from wbc.robot import Robot
-from wbc.view import style
+from wbc.view import portrait, style
 from wbc.view.options import View
-from wbc.view.portrait import (
-    DEFAULT,
-    LINE,
-    Pose,
-    captions,
-    draw_portraits,
-    portraits_of,
-    shape_of,
-    write_caption,
-)
 
 PANEL_WIDTH = 3.6  # inches, of a picture in a figure of robots
 WIDEST = 3 * PANEL_WIDTH  # of the figure: in a wider one no text can be read on a page
@@ -31,10 +21,10 @@ ABOVE, BELOW = 0.3, 0.35  # inches of text above and below a picture
 
 def robot_figure(
     robot: Robot,
-    configurations: Mapping[str, ArrayLike | Pose],
+    configurations: Mapping[str, ArrayLike | portrait.Pose],
     *,
     title: str | None = None,
-    view: View = DEFAULT,
+    view: View = portrait.DEFAULT,
 ) -> Figure:
     """Return a figure of the robot in one or more configurations, side by side at one scale.
 
@@ -58,27 +48,27 @@ def robot_figure(
     ModelError
         The robot's meshes cannot be read.
     """
-    portraits = portraits_of(robot, configurations, view)
+    portraits = portrait.portraits_of(robot, configurations, view)
     count, heading = len(portraits), 0.0 if title is None else ABOVE
     width = min(PANEL_WIDTH, WIDEST / count)
-    height = width * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
-    caption = captions(portraits, width * count)
-    below = BELOW + LINE * len(caption)
+    height = width * float(np.clip(portrait.shape_of(portraits), *PANEL_SHAPE))
+    caption = portrait.captions(portraits, width * count)
+    below = BELOW + portrait.LINE * len(caption)
     total = below + height + ABOVE + heading
     figure = style.sheet(width * count, total, title)
     panels = [style.place(figure, width * k, below, width, height) for k in range(count)]
-    draw_portraits(panels, portraits)
-    write_caption(figure, caption, LINE * len(caption))
+    portrait.draw_portraits(panels, portraits)
+    portrait.write_caption(figure, caption, portrait.LINE * len(caption))
     return figure
 
 
 def plot_robot(
     robot: Robot,
-    configurations: Mapping[str, ArrayLike | Pose],
+    configurations: Mapping[str, ArrayLike | portrait.Pose],
     path: str | Path,
     *,
     title: str | None = None,
-    view: View = DEFAULT,
+    view: View = portrait.DEFAULT,
 ) -> Path:
     """Write :func:`robot_figure` to a file, png, svg or pdf by its suffix, and return its path.
 

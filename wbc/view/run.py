@@ -172,7 +172,6 @@ SLANT = 32.0  # degrees
 
 
 def _phased_figure(robot: Robot, run: DrawnRun, title: str, view: View) -> Figure:
-    """Return the figure of a run with phases."""
     configurations = {f"start\n{run.phases[0].standing}": run.pose(0, now=True)}
     configurations |= {
         f"{k}  {shortened(phase.name)}, {phase.ends:.1f} s\n{phase.standing}": run.pose(

@@ -39,11 +39,7 @@ def simplified(mesh: Mesh, cell: float) -> Mesh:
 def within(meshes: list[Mesh], triangles: int) -> list[Mesh]:
     """Return meshes with at most so many triangles in all, on the finest grid that will do."""
     made, cell = meshes, FINEST
-    while _count(made) > triangles and cell < 1.0:
+    while sum(len(mesh.faces) for mesh in made) > triangles and cell < 1.0:
         made = [simplified(mesh, cell) for mesh in meshes]
         cell *= GROWTH
     return made
-
-
-def _count(meshes: list[Mesh]) -> int:
-    return sum(len(mesh.faces) for mesh in meshes)

@@ -15,16 +15,7 @@ from wbc.motion.dropouts import runs
 from wbc.robot import Robot
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array, finite_array
-from wbc.view import style
-from wbc.view.portrait import (
-    LINE,
-    Pose,
-    captions,
-    draw_portraits,
-    portraits_of,
-    shape_of,
-    write_caption,
-)
+from wbc.view import portrait, style
 from wbc.view.series import Series, plot_curves
 
 WIDTH = 12.0  # inches
@@ -69,24 +60,24 @@ def simulation_figure(
     time, moments = run["time"], _instants(run)
     acting = [_acting(run, k) for k in moments]
     names = {
-        f"t = {time[k]:.2f} s": Pose(run["q"][k], terrain=terrain, wrenches=one)
+        f"t = {time[k]:.2f} s": portrait.Pose(run["q"][k], terrain=terrain, wrenches=one)
         for k, one in zip(moments, acting, strict=True)
     }
-    portraits = portraits_of(robot, names)
+    portraits = portrait.portraits_of(robot, names)
     width = WIDTH / SHOWN
-    high = width * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
+    high = width * float(np.clip(portrait.shape_of(portraits), *PANEL_SHAPE))
     rows = ROWS + ("plan_com" in run)
     below = rows * PLOT
-    caption = captions(portraits, WIDTH)
-    room = BELOW_PANEL + LINE * len(caption)
+    caption = portrait.captions(portraits, WIDTH)
+    room = BELOW_PANEL + portrait.LINE * len(caption)
     figure = style.sheet(WIDTH, TOP + high + room + below, title, below)
     margin = 0.5 * (WIDTH - len(portraits) * width)
     bottom = below + room
     places = [
         style.place(figure, margin + k * width, bottom, width, high) for k in range(len(portraits))
     ]
-    draw_portraits(places, portraits)
-    write_caption(figure, caption, below + LINE * len(caption))
+    portrait.draw_portraits(places, portraits)
+    portrait.write_caption(figure, caption, below + portrait.LINE * len(caption))
     grid = figure.add_gridspec(rows, 2)
     for k, draw in enumerate(_plots(robot, run)):
         draw(figure.add_subplot(grid[k // 2, k % 2]))
@@ -115,7 +106,9 @@ def _plots(robot: Robot, run: Mapping[str, Array]) -> list[Callable[[Axes], None
 
 def _with_pushes(draw: Callable[[Axes], None], run: Mapping[str, Array], axes: Axes) -> None:
     draw(axes)
-    _mark_pushes(axes, run)
+    time = run["time"]
+    for first, last in _pushes(run):
+        axes.axvspan(time[max(first - 1, 0)], time[last], color=PUSHED, linewidth=0.0, zorder=0)
 
 
 def _read(robot: Robot, arrays: Mapping[str, Any]) -> dict[str, Array]:
@@ -164,12 +157,6 @@ def _acting(run: Mapping[str, Array], row: int) -> dict[str, Array]:
         for name, values in run.items()
         if name.startswith(APPLIED)
     }
-
-
-def _mark_pushes(axes: Axes, run: Mapping[str, Array]) -> None:
-    time = run["time"]
-    for first, last in _pushes(run):
-        axes.axvspan(time[max(first - 1, 0)], time[last], color=PUSHED, linewidth=0.0, zorder=0)
 
 
 def _plot_com(axes: Axes, run: Mapping[str, Array], axis: int, name: str) -> None:

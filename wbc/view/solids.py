@@ -51,12 +51,9 @@ def _pane(wall: HalfSpace, centre: Array, reach: float, ground: float) -> Triang
     low = -reach
     if upright:
         low = max(low, (ground - float(middle[2])) / float(up[2]))
-    corners = [middle + a * along + b * up for a, b in _square(reach, low)]
+    square = ((-reach, low), (reach, low), (reach, reach), (-reach, reach))
+    corners = [middle + a * along + b * up for a, b in square]
     return Triangles(np.array(corners), np.array(((0, 1, 2), (0, 2, 3))))
-
-
-def _square(reach: float, low: float) -> list[tuple[float, float]]:
-    return [(-reach, low), (reach, low), (reach, reach), (-reach, reach)]
 
 
 def _sphere() -> Array:

@@ -9,7 +9,7 @@ URDF and ``/tf``, as of a recording. Rerun listens by itself; it is sent shapes 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -38,23 +38,6 @@ FOXGLOVE_PORT, LAST_PORT = 8765, 65535
 RERUN_URL = "rerun+http://127.0.0.1:9876/proxy"
 PATIENCE = 10.0  # s in which what waits is sent: without, one that nobody listens to never ends
 GLASS = (120, 150, 220, 90)
-
-
-class Stream(Protocol):
-    """Sends ticks to a program that shows them."""
-
-    @property
-    def where(self) -> str:
-        """Where to look, in words."""
-        ...
-
-    def show(self, now: LoopTick, controller: Controller | None = None) -> None:
-        """Send a tick; what a run calls with every one."""
-        ...
-
-    def close(self) -> None:
-        """Send what waits, and end."""
-        ...
 
 
 class FoxgloveStream:
@@ -106,7 +89,6 @@ class FoxgloveStream:
         self._channel_of(name, schema).log(message, log_time=stamp)
 
     def _channel_of(self, name: str, schema: dict[str, Any]) -> Any:
-        """Return the channel of a topic, which keeps its schema."""
         if name not in self._channels:
             self._channels[name] = self._channel(name, schema=schema, context=self._context)
         return self._channels[name]
@@ -191,7 +173,7 @@ class RerunStream:
             self._out.disconnect()
 
 
-def stream_of(robot: Robot, wanted: str) -> Stream:
+def stream_of(robot: Robot, wanted: str) -> FoxgloveStream | RerunStream:
     """Return the stream that is asked for: ``foxglove[:PORT]``, or ``rerun[:ADDRESS or FILE.rrd]``.
 
     Raises

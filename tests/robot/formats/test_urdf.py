@@ -433,6 +433,26 @@ def test_a_mesh_is_found_from_its_package_and_beside_the_urdf(tmp_path: Path) ->
         assert len(robot.collision_model.geometryObjects) == 1
 
 
+def test_a_mesh_is_found_as_exporters_and_mujoco_mean_it(tmp_path: Path) -> None:
+    for folder in ("urdf", "meshes", "parts"):
+        (tmp_path / folder).mkdir()
+    cube = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"
+    (tmp_path / "meshes/cube.obj").write_text(cube)
+    (tmp_path / "parts/other.obj").write_text(cube)
+    path, given = tmp_path / "urdf/robot.urdf", two_links(tmp_path).read_text()
+    told = '<mujoco><compiler meshdir="../parts/"/></mujoco><link name="shank">'
+    for name, before in (
+        ("meshes/cube.obj", '<link name="shank">'),  # from the package's folder
+        ("package://robot/meshes/other.obj", told),
+        ("other.obj", told),
+    ):
+        mesh = f'<collision><geometry><mesh filename="{name}"/></geometry></collision>'
+        path.write_text(given.replace('<link name="shank">', before + mesh))
+        robot = Robot.load(path, feet={}, base="floating")
+        assert robot.notes == ()
+        assert len(robot.collision_model.geometryObjects) == 1
+
+
 def test_a_mesh_that_cannot_be_read_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "bad.stl").write_text("not a mesh")
     path = two_links(tmp_path)

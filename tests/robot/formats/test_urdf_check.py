@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -45,9 +46,9 @@ def compared(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     found = list[Path]()
     real = urdf_check.compare_motion
 
-    def spied(*given: object) -> None:
+    def spied(*given: Any) -> None:
         real(*given)
-        found.append(given[5])
+        found.append(given[0].path)
 
     monkeypatch.setattr(urdf_check, "compare_motion", spied)
     return found

@@ -50,7 +50,7 @@ def test_it_is_the_same_run(
     viewer._page.receive = lambda: SetTarget("com", (np.zeros(3),))  # type: ignore[method-assign]
     try:
         result = problem.run(show=watching.show)
-        assert viewer._mailbox.put_count == len(result.history)
+        assert viewer._put == len(result.history)
         assert not viewer.has_wishes
         watching.replay(result.history)
     finally:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.hardware.bus import Command, Reading
-from wbc.hardware.unitree.layout import LAYOUTS
+from wbc.hardware.unitree.layout import LAYOUTS, MessageLayout
 from wbc.hardware.unitree.profiles import Profile
 from wbc.robot import Robot
 
@@ -75,27 +77,16 @@ class Converter:
         """
         layout = self.command
         data = layout.zeros()
-        modes = np.zeros(layout.count)
-        modes[self.order] = ENABLED * command.enabled
-        layout.set_motor_values(data, "mode", modes)
-        values = np.zeros(layout.count)
-        for name, given in (
-            ("q", command.position),
-            ("dq", command.velocity),
-            ("tau", command.torque),
-            ("kp", command.kp),
-            ("kd", command.kd),
-        ):
-            values[self.order] = given
-            layout.set_motor_values(data, name, values)
+        c, modes = command, np.full(len(self.order), ENABLED * command.enabled)
+        motors = {"mode": modes, "q": c.position, "dq": c.velocity, "tau": c.torque}
+        self._set_motors(layout, data, {**motors, "kp": c.kp, "kd": c.kd})
         if self._numbered:
             layout.view(data, "mode_pr")[0] = self.profile.mode_pr
             layout.view(data, "mode_machine")[0] = self.mode_machine
-            layout.view(data, "reserve")[0] = command.sequence & 0xFFFFFFFF
         else:
             layout.view(data, "head")[:] = GO_HEAD
             layout.view(data, "level_flag")[0] = GO_LOW_LEVEL
-            layout.view(data, "reserve")[0] = command.sequence & 0xFFFFFFFF
+        layout.view(data, "reserve")[0] = command.sequence & 0xFFFFFFFF
         layout.seal(data)
         return data
 
@@ -118,15 +109,9 @@ class Converter:
         """Return the CDR bytes of a LowState."""
         layout = self.state
         data = layout.zeros()
-        values = np.zeros(layout.count)
-        for name, given in (
-            ("q", reading.position),
-            ("dq", reading.velocity),
-            ("tau_est", reading.torque),
-            ("temperature", reading.temperature),
-        ):
-            values[self.order] = given
-            layout.set_motor_values(data, name, values)
+        r = reading
+        motors = {"q": r.position, "dq": r.velocity, "tau_est": r.torque}
+        self._set_motors(layout, data, {**motors, "temperature": r.temperature})
         quaternion = reading.quaternion[WXYZ]
         layout.view(data, "imu_state.quaternion")[:] = quaternion
         layout.view(data, "imu_state.gyroscope")[:] = reading.angular_velocity
@@ -139,6 +124,14 @@ class Converter:
                 remote[KEY_BYTES[at]] |= bit
         layout.seal(data)
         return data
+
+    def _set_motors(
+        self, layout: MessageLayout, data: bytearray, given: Mapping[str, NDArray[Any]]
+    ) -> None:
+        values = np.zeros(layout.count)
+        for name, of_joints in given.items():
+            values[self.order] = of_joints
+            layout.set_motor_values(data, name, values)
 
     def _motors(self, data: bytes, name: str) -> NDArray[np.float64]:
         return self.state.motor_values(data, name)[self.order].astype(float)

@@ -175,7 +175,6 @@ class UnitreeRobotBus(_DdsEnd):
 
 
 def _configuration(interface: str) -> str:
-    """Return the settings of DDS for one network interface."""
     local = interface == "lo"  # has no multicast: participants are asked one by one
     multicast = str(not local).lower()
     found = '<Peers><Peer address="localhost"/></Peers>' if local else ""

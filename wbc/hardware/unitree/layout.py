@@ -9,8 +9,9 @@ is padded at the end of a nested struct. The CRC goes over the C struct's bytes,
 
 from __future__ import annotations
 
+import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -148,13 +149,13 @@ class MessageLayout:
 
     def __init__(self, typename: str, fields: tuple[Field, ...], motors: str) -> None:
         self.typename, self.fields, self.motors = typename, fields, motors
-        flat = list(_flat(fields, ""))
-        self._cdr, self.size = _placed(flat)
-        self._c, self.packed_size = _struct_dtype(fields)
+        self._cdr, self.size = _placed(_flat(fields))
+        packed = _struct_dtype(fields)
+        self.packed_size = packed.itemsize
         self.count = next((field.size for field in fields if field.name == motors), 0)
         # Where each number of the C struct is in CDR, byte by byte; padding comes from a zero.
         self._gather = np.full(self.packed_size, self.size, dtype=np.int64)
-        for name, offset, length in _c_places(fields):
+        for name, offset, length in _c_places(packed):
             start = self._cdr[name][0]
             self._gather[offset : offset + length] = np.arange(start, start + length)
 
@@ -211,22 +212,17 @@ def crc32(words: bytes) -> int:
     return int(f"{reflected:032b}"[::-1], 2)
 
 
-def _flat(fields: Sequence[Field], before: str) -> list[Field]:
-    """Return the fields with numbers only, by their dotted names."""
-    found = list[Field]()
-    for field in fields:
-        name = before + field.name
-        if isinstance(field.kind, str):
-            found.append(Field(name, field.kind, field.size))
-        elif field.size == 1:
-            found += _flat(field.kind, f"{name}.")
-        else:
-            for k in range(field.size):
-                found += _flat(field.kind, f"{name}.{k}.")
-    return found
+def _flat(fields: Sequence[Field], before: str = "") -> Iterator[Field]:
+    """Yield the fields with numbers only, by their dotted names."""
+    for name, kind, size in fields:
+        if isinstance(kind, str):
+            yield Field(before + name, kind, size)
+            continue
+        for k in range(size):
+            yield from _flat(kind, f"{before}{name}.{k}." if size > 1 else f"{before}{name}.")
 
 
-def _placed(flat: Sequence[Field]) -> tuple[dict[str, tuple[int, str, int]], int]:
+def _placed(flat: Iterable[Field]) -> tuple[dict[str, tuple[int, str, int]], int]:
     """Return offset, type and count of each field in CDR, and the size of the whole."""
     places, offset = dict[str, tuple[int, str, int]](), 0
     for name, kind, count in flat:
@@ -237,36 +233,26 @@ def _placed(flat: Sequence[Field]) -> tuple[dict[str, tuple[int, str, int]], int
     return places, offset
 
 
-def _struct_dtype(fields: Sequence[Field]) -> tuple[np.dtype[Any], int]:
-    """Return the C struct of fields, and its size."""
+def _struct_dtype(fields: Sequence[Field]) -> np.dtype[Any]:
     parts = list[Any]()
     for name, kind, count in fields:
-        one = f"<{kind}" if isinstance(kind, str) else _struct_dtype(kind)[0]
+        one = f"<{kind}" if isinstance(kind, str) else _struct_dtype(kind)
         parts.append((name, one, (count,)) if count > 1 else (name, one))
-    dtype = np.dtype(parts, align=True)
-    return dtype, dtype.itemsize
+    return np.dtype(parts, align=True)
 
 
-def _c_places(fields: Sequence[Field]) -> list[tuple[str, int, int]]:
-    """Return dotted name, offset and length in bytes of each field in the C struct."""
-
-    def walk(inner: Sequence[Field], before: str, start: int) -> list[tuple[str, int, int]]:
-        dtype, _ = _struct_dtype(inner)
-        places = dict(dtype.fields or {})
-        found = list[tuple[str, int, int]]()
-        for name, kind, count in inner:
-            offset = start + int(places[name][1])
-            if isinstance(kind, str):
-                found.append((before + name, offset, np.dtype(kind).itemsize * count))
-            elif count == 1:
-                found += walk(kind, f"{before}{name}.", offset)
-            else:
-                size = _struct_dtype(kind)[1]
-                for k in range(count):
-                    found += walk(kind, f"{before}{name}.{k}.", offset + k * size)
-        return found
-
-    return walk(fields, "", 0)
+def _c_places(
+    struct: np.dtype[Any], before: str = "", start: int = 0
+) -> Iterator[tuple[str, int, int]]:
+    """Yield dotted name, offset and length in bytes of each field in a C struct."""
+    for name, (kind, offset, *_) in (struct.fields or {}).items():
+        one, shape = kind.subdtype or (kind, ())
+        if one.fields is None:
+            yield before + name, start + offset, kind.itemsize
+            continue
+        for k in range(math.prod(shape)):
+            inner = f"{before}{name}.{k}." if shape else f"{before}{name}."
+            yield from _c_places(one, inner, start + offset + k * one.itemsize)
 
 
 LAYOUTS = {

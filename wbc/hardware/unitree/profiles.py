@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +107,7 @@ _G1_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_rol
 _H1_2_LEG = ("hip_yaw", "hip_pitch", "hip_roll", "knee", "ankle_pitch", "ankle_roll")
 _GO_LEGS = ("FR", "FL", "RR", "RL")
 
-_HUMANOID: Mapping[str, Mapping[str, float]] = {
+_HUMANOID: Mapping[str, Any] = {
     "stiffness": {"*": 40.0, "*hip*": 200.0, "*knee*": 300.0, "*ankle*": 120.0, "*waist*": 200.0},
     "holding": {"*": 1.0, "*hip*": 5.0, "*knee*": 6.0, "*ankle*": 3.0, "*waist*": 5.0},
     "damping": {"*": 1.0, "*hip*": 5.0, "*knee*": 5.0, "*ankle*": 2.0, "*waist*": 5.0},
@@ -118,20 +119,14 @@ PROFILES: Mapping[str, Profile] = {
         "hg",
         "g1",
         _numbered(*_sides(*_G1_LEG), *_WAIST, *_sides(*_ARM, *_WRIST)),
-        _HUMANOID["stiffness"],
-        _HUMANOID["holding"],
-        _HUMANOID["damping"],
-        _HUMANOID["following"],
+        **_HUMANOID,
     ),
     "unitree_h1_2": Profile(
         "unitree_h1_2",
         "hg",
         "h1_2",
         _numbered(*_sides(*_H1_2_LEG), "torso", *_sides(*_ARM, *_WRIST)),
-        _HUMANOID["stiffness"],
-        _HUMANOID["holding"],
-        _HUMANOID["damping"],
-        _HUMANOID["following"],
+        **_HUMANOID,
     ),
     "unitree_go2": Profile(
         "unitree_go2",

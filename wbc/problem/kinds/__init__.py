@@ -1,6 +1,6 @@
-"""Kinds of tasks and constraints, one file each, found by themselves.
+"""Kinds of tasks and constraints, found by themselves.
 
-A file here describes what a problem file says of a kind, and makes it: a subclass of
+A file here describes what a problem file says of a kind or of some, and makes them: subclasses of
 :class:`~wbc.problem.task_spec.TaskSpec` or :class:`~wbc.problem.constraint_spec.ConstraintSpec`
 whose ``type`` is its word in files.
 """

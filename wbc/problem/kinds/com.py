@@ -26,13 +26,11 @@ from wbc.problem.section import (
     default_of,
 )
 from wbc.problem.targets import (
-    MOTION,
-    PLAN,
     Axes,
     Followed,
-    FromMotion,
-    FromPlan,
+    MotionForm,
     Offset,
+    PlanForm,
     Start,
     form_with_plan,
     point,
@@ -70,12 +68,7 @@ def _form(value: object) -> str | None:
 
 
 ComTarget = Annotated[
-    Point
-    | Offset
-    | Annotated[Over, OVER]
-    | Annotated[FromPlan, PLAN]
-    | Annotated[FromMotion, MOTION]
-    | Start,
+    Point | Offset | Annotated[Over, OVER] | PlanForm | MotionForm | Start,
     Forms(
         pick=_form,
         expected="[x, y, z] in metres, {offset: [x, y, z]}, {over: foot}, {plan: file},"
@@ -130,7 +123,8 @@ class ComSpec(ErrorTaskSpec):
                 return before
             if not isinstance(self.target, Over):
                 return point(self.target, start.com)
-            place = sole_middle(now, self.feet_below(now.robot))
+            soles = [now.robot.feet[foot].frame for foot in self.feet_below(now.robot)]
+            place = np.mean([now.position(sole) for sole in soles], axis=0)
             place[2] = before[2] if self.target.height is None else self.target.height
             return place
 
@@ -176,9 +170,3 @@ class ComSpec(ErrorTaskSpec):
             remedy = "" if robot.feet else NO_FEET
             raise UnknownNameError(f"foot of {robot.name}", self.target.over, choices, remedy)
         return feet
-
-
-def sole_middle(snapshot: Snapshot, feet: tuple[str, ...]) -> Array:
-    """Return the mean (3,) of the middles of the soles, which is where their frames are."""
-    places = [snapshot.position(snapshot.robot.feet[foot].frame) for foot in feet]
-    return np.asarray(np.mean(places, axis=0))

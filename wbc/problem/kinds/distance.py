@@ -32,9 +32,8 @@ class DistanceSpec(ErrorTaskSpec):
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
         robot = start.robot
-        task = DistanceTask(
-            robot, self.frame, self.other, self.target, name=name, **self.settings()
-        )
+        ends = self.frame, self.other
+        task = DistanceTask(robot, *ends, self.target, name=name, **self.settings())
 
         def current(now: Snapshot) -> Array:
             return task.residual(now).error + task.target

@@ -25,7 +25,7 @@ from wbc.problem.section import (
     Words,
     default_of,
 )
-from wbc.problem.targets import MOTION, PLAN, Followed, FromMotion, FromPlan, Start, form_with_plan
+from wbc.problem.targets import Followed, MotionForm, PlanForm, Start, form_with_plan
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Snapshot
 from wbc.robot.names import COM, WORLD
@@ -63,8 +63,8 @@ InertiaTarget = Annotated[
     | Annotated[ListOf[Number], Field(min_length=3, max_length=6)]
     | Three[Point]
     | Scale
-    | Annotated[FromPlan, PLAN]
-    | Annotated[FromMotion, MOTION]
+    | PlanForm
+    | MotionForm
     | Start,
     Forms(
         pick=form_with_plan,

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from wbc.flight.rounds import Rounds
 from wbc.problem.section import WORD, Forms, Name, NonNegative, Number
-from wbc.problem.targets import LOOP, MOTION, FromMotion, LoopTarget, form_with_motion
+from wbc.problem.targets import LOOP, FromMotion, LoopTarget, MotionForm, form_with_motion
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot
 from wbc.run.ramps import TargetedTask, configurations, fixed_goal
@@ -27,7 +27,7 @@ def _form(value: object) -> str | None:
 # "start" is a word like the names of postures: as a form of its own it would match twice in the
 # JSON Schema.
 PostureTarget = Annotated[
-    dict[Name, Number] | Annotated[LoopTarget, LOOP] | Annotated[FromMotion, MOTION] | Name,
+    dict[Name, Number] | Annotated[LoopTarget, LOOP] | MotionForm | Name,
     Forms(
         pick=_form,
         expected="the name of a posture, {joint: value}, {loop: ...}, {motion: file}, or start",

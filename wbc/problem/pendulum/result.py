@@ -144,7 +144,6 @@ class PendulumResult:
         return frame_of(self._columns())
 
     def _repr_html_(self) -> str:
-        """Return how a notebook shows it."""
         rows = [(name, f"{value:.4g} {self.unit(name)}") for name, value in self.measures.items()]
         table = as_html(f"{self.status.value.replace('_', ' ')}: {self.reason}", (), rows)
         return with_picture(table, "wbc.view.pendulum:pendulum_figure", self.history)

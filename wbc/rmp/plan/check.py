@@ -18,7 +18,7 @@ from wbc.polygon import polygon_margin
 from wbc.rmp.ground import FLIGHT
 from wbc.rmp.plan.plan import Plan, Trajectory
 from wbc.rmp.plan.schedule import STATE, State
-from wbc.rmp.solid import rotation_rows
+from wbc.rotations import rotation_rows
 from wbc.validate import Array
 
 # Largest defect or excess accepted, in the unit of each quantity.

@@ -23,7 +23,8 @@ import numpy as np
 
 from wbc.rmp.plan.problem import PlanProblem
 from wbc.rmp.plan.schedule import STATE
-from wbc.rmp.solid import quaternion_product, rotation_rows
+from wbc.rmp.solid import quaternion_product
+from wbc.rotations import rotation_rows
 from wbc.validate import Array
 
 # Controls at a knot and their sizes; flight has the first only.

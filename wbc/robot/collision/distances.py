@@ -72,7 +72,9 @@ class ShapePairs:
                 normal = at.act(one.aabb_center) - there.act(other.aabb_center)
                 size = float(np.linalg.norm(normal))
                 normal = normal / size if size > TOLERANCE else np.array([0.0, 0.0, 1.0])
-            first, second = (_rounding(self._bodies[body]) for body in pair)
+            shapes = [self._bodies[body].shape for body in pair]
+            # Radii that coal does not know of.
+            first, second = (0.0 if isinstance(s, Capsule) else s.radius for s in shapes)
             found[0, k], found[1:4, k] = result.min_distance - first - second, normal
             found[4:, k] = result.getNearestPoint1() - first * normal
         return found
@@ -102,8 +104,3 @@ def _geometry(body: Body) -> tuple[coal.ShapeBase, pin.SE3]:
         geometry = convex(shape.core)
     geometry.computeLocalAABB()
     return geometry, place
-
-
-def _rounding(body: Body) -> float:
-    """Return the radius that coal does not know of."""
-    return 0.0 if isinstance(body.shape, Capsule) else body.shape.radius

@@ -56,9 +56,9 @@ def fit_capsule(points: Array, pad: float = 0.0) -> Fit:
         inset = 0.3 * (high - low)
         ends = middle + np.outer((low + inset, high - inset), axis)
         starts.append(ends.ravel())
-    best = min(
-        (_search(few, start, 0.1 * size) for start in starts), key=lambda ends: _volume(ends, few)
-    ).reshape(2, 3)
+    for ends in starts:  # each goes to where its search ends
+        lib.wbc_fit_capsule(len(few), doubles(few), 0.1 * size, STEPS, *ACCURACY, doubles(ends))
+    best = min(starts, key=lambda ends: _volume(ends, few)).reshape(2, 3)
     best = _trimmed(best, corners)
     radius = float(_to_segment(corners, best).max()) + pad + ROUNDING
     capsule = Capsule(best.copy(), radius)
@@ -134,13 +134,6 @@ def _polytope(vertices: Array, hull: ConvexHull) -> coal.Convex:
     mesh.addTriangles(hull.simplices.astype(np.int64))
     mesh.buildConvexRepresentation(False)
     return mesh.convex
-
-
-def _search(points: Array, start: Array, size: float) -> Array:
-    """Return the ends (6,) of a capsule round ``points`` with a small volume."""
-    ends = start.copy()
-    lib.wbc_fit_capsule(len(points), doubles(points), size, STEPS, *ACCURACY, doubles(ends))
-    return ends
 
 
 def _trimmed(ends: Array, points: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from wbc.errors import InvalidInputError, shown
 from wbc.robot.collision.distances import ShapePairs, parts
 from wbc.robot.collision.native_pairs import Closing, Index, NativePairs
+from wbc.robot.collision.raw_pairs import RawPairs
 from wbc.robot.collision.shapes import Body, HalfSpace
 from wbc.robot.model import Robot, Snapshot
 from wbc.robot.series import StateSeries
@@ -89,6 +91,11 @@ class CollisionModel:
         return (
             f"CollisionModel({self.robot.name}, bodies={len(self.bodies)}, pairs={len(self.pairs)})"
         )
+
+    @cached_property
+    def raw(self) -> RawPairs:
+        """The pairs by the shapes of the robot's files, which are read when first asked for."""
+        return RawPairs(self.robot, self.labels)
 
     def place(
         self,

@@ -6,6 +6,7 @@ segments, others by corners.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -60,19 +61,15 @@ class NativePairs:
         What the core reads of them, by the names of ``wbc_pairs`` in source/core.h.
     """
 
-    def __init__(
-        self,
-        bodies: Sequence[Body],
-        pairs: Index,
-        parents: Sequence[int],
-    ) -> None:
+    def __init__(self, bodies: Sequence[Body], pairs: Index, parents: Sequence[int]) -> None:
         self._made_of = bodies, pairs, parents
         joints = np.array([body.joint for body in bodies], dtype=np.int64)
         both = joints[pairs].tolist()
         common = np.array([_common(parents, a, b) for a, b in both], dtype=np.int64)
         local, sizes = _covers(bodies)
         self._own = local.copy()  # as they are before they are moved
-        kinds = np.array([_kind(body) for body in bodies], dtype=np.int64)
+        known: dict[type[Shape], int] = {Capsule: lib.CAPSULES, HalfSpace: lib.ABOVE}
+        kinds = np.array([known.get(type(body.shape), lib.HULLS) for body in bodies], np.int64)
         cores = [body.shape.core for body in bodies]
         self._first = np.cumsum([0, *map(len, cores)], dtype=np.int64)
         self._corner = np.ascontiguousarray(np.concatenate(cores).T)
@@ -90,6 +87,7 @@ class NativePairs:
             "shorter": np.array([body.length for body in bodies])[pairs].min(axis=1),
         }
         self.counts = len(joints), len(pairs)
+        self._most_near = 16.0  # pairs of a state, in the mean, that there is room for at first
         self._every = np.arange(len(joints))
         self._places = {name: pointer(array) for name, array in self.arrays.items()}
 
@@ -184,14 +182,15 @@ class NativePairs:
         """
         bodies, pairs = self.counts
         scratch, struct = np.empty(9 * bodies + pairs), self.struct(tree)
-        room, given = 16 * len(states), (len(states), states.shape[1], limit, doubles(kept))
+        room = math.ceil(self._most_near * len(states))
+        given = (len(states), states.shape[1], limit, doubles(kept))
         while True:
             chosen, found = np.empty((room, 2), dtype=np.int64), np.empty((room, 7))
             at, work, nearest = map(doubles, (states, scratch, found))
             count = lib.wbc_within(struct, at, *given, work, room, integers(chosen), nearest)
             if count <= room:
                 return chosen[:count], found[:count]
-            room = int(count)
+            room, self._most_near = int(count), 1.1 * count / len(states)
 
     def rows(self, state: NativeState, pairs: Index, normal: Array, point: Array) -> Array:
         """Return the derivatives (k, nv) of distances by v.
@@ -272,12 +271,6 @@ def _columns(body: Body, cover: Capsule) -> Array:
     direction = (end - start) / (_length(cover) or 1.0)
     middle, _ = body.bounding_ball
     return np.stack((start, direction, middle), axis=1)
-
-
-def _kind(body: Body) -> int:
-    shape = body.shape
-    kind = {Capsule: lib.CAPSULES, HalfSpace: lib.ABOVE}.get(type(shape), lib.HULLS)
-    return int(kind)
 
 
 def _common(parents: Sequence[int], a: int, b: int) -> int:

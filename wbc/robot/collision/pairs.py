@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from wbc.errors import InvalidInputError
 from wbc.robot.collision.bodies import named_shapes
 from wbc.robot.collision.model import CollisionModel
-from wbc.robot.collision.refine import FinerPair, FinerShapes
+from wbc.robot.collision.refine import FinerPair, FinerShapes, Pair
 from wbc.robot.collision.shapes import Body
 from wbc.robot.formats.srdf import read_srdf
 from wbc.robot.model import Robot
@@ -28,15 +28,8 @@ SPARE = 1e-3  # m, by which they should leave more than the clearance
 KEPT = 0.5  # part of its distance when standing that a pair keeps which stands within the clearance
 BY_NAME, ADJACENT, DISABLED = "excluded by name", "adjacent", "disabled in the SRDF"
 EXCLUDED, UNPAIRED = "excluded in the MJCF", "meets only what the MJCF pairs it with"
-BY_DESCRIPTION = (
-    BY_NAME,
-    ADJACENT,
-    DISABLED,
-    EXCLUDED,
-    UNPAIRED,
-)  # reasons that no posture was asked for
+BY_DESCRIPTION = BY_NAME, ADJACENT, DISABLED, EXCLUDED, UNPAIRED  # no posture was asked for these
 Pattern = tuple[str, str]
-Pair = tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -91,11 +84,9 @@ def select_pairs(
     finite_number("collision pairs, clearance", clearance)
     wanted = _links(bodies, include, "include")
     unwanted = _links(bodies, exclude, "exclude")
-    disabled = (
-        frozenset[frozenset[str]]()
-        if robot.srdf is None
-        else read_srdf(robot.srdf, robot.model).disabled
-    )
+    disabled = frozenset[frozenset[str]]()
+    if robot.srdf is not None:
+        disabled = read_srdf(robot.srdf, robot.model).disabled
     parents, rules = robot.model.parents, robot.geometry.rules
     described = named_shapes(robot) if rules.watched else []  # as the description calls them
     shape_of = {name: str(shape.name) for name, _, shape in described}
@@ -123,10 +114,8 @@ def select_pairs(
     reasons |= left.unfit() | touching
     for (a, b), reason in list(reasons.items()):
         shapes = frozenset(shape_of.get(bodies[k].name, "") for k in (a, b))
-        brought_back = (
-            shapes in rules.watched or frozenset((bodies[a].link, bodies[b].link)) in wanted
-        )
-        if reason != BY_NAME and brought_back:
+        links = bodies[a].link, bodies[b].link
+        if reason != BY_NAME and (shapes in rules.watched or frozenset(links) in wanted):
             del reasons[a, b]
     chosen = {pair: left.finer.get(pair) for pair in pairs if pair not in reasons}
     return _selection(bodies, chosen, reasons, clearance)

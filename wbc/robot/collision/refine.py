@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from wbc.robot.collision.bodies import named_surfaces, simple_shape
+from wbc.robot.collision.bodies import NamedSurface, named_surfaces, simple_shape
 from wbc.robot.collision.fitting import Fit, convex, fit_close_hull, hull_corners
 from wbc.robot.collision.nearest_triangles import Clusters, nearest_triangles
 from wbc.robot.collision.shapes import Body, Hull, moved
@@ -80,6 +80,45 @@ class _Surface:
         return _Surface(self.vertices, halves[0]), _Surface(self.vertices, halves[1])
 
 
+class _RawShape:
+    """The raw shape of a body, and what is worked out of it when it is first asked for."""
+
+    def __init__(self, found: NamedSurface, standing: pin.SE3) -> None:
+        self.name, self.geometry, self.placement = found.name, found.geometry, found.placement
+        self.place = standing * found.placement  # in the world, when standing
+        self._fits: dict[float, _Part] = {}
+
+    @cached_property
+    def clusters(self) -> Clusters | None:
+        """A mesh's triangles in groups; None of other shapes."""
+        return Clusters(self.geometry) if isinstance(self.geometry, Triangles) else None
+
+    @cached_property
+    def tree(self) -> coal.CollisionGeometry:
+        """It as coal measures it."""
+        return as_bvh(*self.geometry) if isinstance(self.geometry, Triangles) else self.geometry
+
+    @cached_property
+    def surface(self) -> _Surface | None:
+        """Its triangles; None of what is round."""
+        if isinstance(self.geometry, Triangles):
+            return _Surface(*self.geometry)
+        is_mesh = isinstance(self.geometry, coal.BVHModelBase)
+        return _Surface(*triangulated(self.geometry)) if is_mesh else None
+
+    def fit(self, tolerance: float) -> _Part:
+        """Return the hull of all of it; what is round stays as it is."""
+        if tolerance not in self._fits:
+            if self.surface is not None:
+                self._fits[tolerance] = _Part.of(self.surface, tolerance)
+            else:
+                fit = simple_shape(self.geometry, "hull", self.name)
+                is_hull = isinstance(fit.shape, Hull)
+                core = convex(fit.shape.core) if is_hull else self.geometry
+                self._fits[tolerance] = _Part(fit, NONE, core)
+        return self._fits[tolerance]
+
+
 @dataclass(frozen=True, eq=False)
 class _Part:
     """A part of a raw shape: triangles in its own frame, none if it cannot be cut."""
@@ -114,24 +153,18 @@ class FinerShapes:
 
     def __init__(self, robot: Robot, bodies: Sequence[Body]) -> None:
         self._bodies = bodies
-        self._shapes = {surface.name: surface for surface in named_surfaces(robot)}
+        R, p = robot.snapshot(robot.postures[STANDING]).joint_placements
+        joints = [pin.SE3(*pose) for pose in zip(R, p, strict=True)]
+        self._shapes = {
+            one.name: _RawShape(one, joints[one.joint]) for one in named_surfaces(robot)
+        }
         self._raw: dict[Pair, float] = {}
-        self._clusters: dict[str, Clusters] = {}
-        self._trees: dict[str, coal.BVHModelBase] = {}
-        self._standing = robot.snapshot(robot.postures[STANDING])
-        self._surfaces: dict[str, _Surface] = {}
-        self._whole: dict[tuple[str, float], _Part] = {}
         self._made: dict[_Part, Body] = {}
         self._cut = Counter[str]()  # parts made of each body
 
     def know(self, pair: Pair) -> bool:
         """Whether both bodies stand for shapes of the robot's description."""
         return all(self._bodies[k].name in self._shapes for k in pair)
-
-    @cached_property
-    def _placements(self) -> list[pin.SE3]:
-        R, p = self._standing.joint_placements
-        return [pin.SE3(*pose) for pose in zip(R, p, strict=True)]
 
     def raw_distance(self, pair: Pair, near: float = 0.0) -> float:
         """Return the distance [m] of two bodies' raw shapes when standing; 0 where they meet.
@@ -143,43 +176,23 @@ class FinerShapes:
         return self._raw[pair]
 
     def _raw_distance(self, pair: Pair, near: float) -> float:
-        names = [self._bodies[k].name for k in pair]
-        one, other = (self._clusters_of(name) for name in names)
-        if one is None or other is None:
-            return self._distance(pair, [self._tree(name) for name in names])
-        places = [self._place(k) for k in pair]
-        first, second, most = nearest_triangles(one, other, *places)
+        one, other = (self._shape(k) for k in pair)
+        if one.clusters is None or other.clusters is None:
+            return self._distance(pair, (one.tree, other.tree))
+        both = one.clusters, other.clusters
+        first, second, most = nearest_triangles(*both, one.place, other.place)
         if most < near:
             return most
         return self._distance(pair, (as_bvh(*first), as_bvh(*second)))
 
-    def _clusters_of(self, name: str) -> Clusters | None:
-        """Return a mesh's triangles in groups; None of other shapes."""
-        geometry = self._shapes[name].geometry
-        if not isinstance(geometry, Triangles):
-            return None
-        if name not in self._clusters:
-            self._clusters[name] = Clusters(geometry)
-        return self._clusters[name]
-
-    def _tree(self, name: str) -> coal.CollisionGeometry:
-        """Return a body's raw shape as coal measures it."""
-        geometry = self._shapes[name].geometry
-        if not isinstance(geometry, Triangles):
-            return geometry
-        if name not in self._trees:
-            self._trees[name] = as_bvh(*geometry)
-        return self._trees[name]
-
-    def _place(self, body: int) -> pin.SE3:
-        shape = self._shapes[self._bodies[body].name]
-        return self._placements[shape.joint] * shape.placement
+    def _shape(self, body: int) -> _RawShape:
+        return self._shapes[self._bodies[body].name]
 
     def pair(self, pair: Pair, wanted: float) -> FinerPair:
         """Return finer bodies that stand ``wanted`` apart, or as far as parts of 5 mm leave."""
         a, b = pair
         for tolerance in TOLERANCES:
-            sides = [[self._all_of(a, tolerance)], [self._all_of(b, tolerance)]]
+            sides = [[self._shape(a).fit(tolerance)], [self._shape(b).fit(tolerance)]]
             if self._apart(pair, sides[0][0], sides[1][0]) >= wanted:
                 break
         while True:
@@ -206,32 +219,13 @@ class FinerShapes:
         """Return the distance [m] of two geometries placed as two bodies' shapes are."""
         arguments: list[object] = []
         for k, geometry in zip(pair, shapes, strict=True):
-            place = self._place(k)
+            place = self._shape(k).place
             arguments += [geometry, coal.Transform3s(place.rotation, place.translation)]
         return float(coal.distance(*arguments, coal.DistanceRequest(), coal.DistanceResult()))
 
-    def _all_of(self, body: int, tolerance: float) -> _Part:
-        """Return the hull of all of a body's raw shape; what is round stays as it is."""
-        name = self._bodies[body].name
-        key = name, tolerance
-        if key not in self._whole:
-            geometry = self._shapes[name].geometry
-            if isinstance(geometry, coal.BVHModelBase | Triangles):
-                if name not in self._surfaces:
-                    is_here = isinstance(geometry, Triangles)
-                    surface = geometry if is_here else triangulated(geometry)
-                    self._surfaces[name] = _Surface(surface.vertices, surface.faces)
-                self._whole[key] = _Part.of(self._surfaces[name], tolerance)
-            else:
-                fit = simple_shape(geometry, "hull", name)
-                core = convex(fit.shape.core) if isinstance(fit.shape, Hull) else geometry
-                self._whole[key] = _Part(fit, NONE, core)
-        return self._whole[key]
-
     def _named(self, body: int, parts: Sequence[_Part]) -> tuple[Body, ...]:
         """Return parts as bodies; one that several pairs share is one body."""
-        coarse = self._bodies[body]
-        pose = self._shapes[coarse.name].placement
+        coarse, pose = self._bodies[body], self._shape(body).placement
         place = np.array(pose.rotation), np.array(pose.translation)
         for part in parts:
             if part not in self._made:

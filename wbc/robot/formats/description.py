@@ -56,17 +56,13 @@ def refuse_reserved(joints: Iterable[str], path: Path) -> None:
 
 
 @contextmanager
-def pinocchio_reads(path: Path, failure: str, copy: str = "") -> Iterator[None]:
-    """Turn what Pinocchio's parsers raise into a ModelError that begins with ``failure``.
-
-    It names ``path`` instead of ``copy``, the file that they were given.
-    """
+def pinocchio_reads(path: Path, failure: str) -> Iterator[None]:
+    """Turn what Pinocchio's parsers raise into a ModelError that begins with ``failure``."""
     try:
         yield
     except (ValueError, RuntimeError, LookupError, MemoryError) as error:
         told = str(error).rpartition("message:")[2]  # without the place in Pinocchio's source
-        reason = " ".join(told.replace(copy or str(path), str(path)).split())
-        raise ModelError(f"{path}: {failure}: {reason}") from error
+        raise ModelError(f"{path}: {failure}: {' '.join(told.split())}") from error
 
 
 def confirm(

@@ -32,13 +32,19 @@ def resolve_meshes(
 ) -> dict[str, list[str]]:
     """Make every mesh name in the URDF absolute, and leave out shapes whose file is missing.
 
+    What is not found where its name says is looked for in the folder that the file gives MuJoCo
+    (``<mujoco><compiler meshdir="..."/></mujoco>``), without its own, as that does.
+
     Returns
     -------
     missing : dict of str to list of str
         What was left out of ``collision`` and ``visual`` shapes.
     """
-    folders = (*package_dirs, *path.resolve().parents, *_ros_folders())
+    of_ros = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
+    folders = (*package_dirs, *path.resolve().parents, *(Path(one) for one in of_ros if one))
     missing: dict[str, list[str]] = {"collision": [], "visual": []}
+    compiler = root.find("mujoco/compiler")
+    meshes = None if compiler is None else compiler.get("meshdir")
     for link in root.findall("link"):
         for tag, names in missing.items():
             for shape in link.findall(tag):
@@ -47,6 +53,8 @@ def resolve_meshes(
                     continue
                 name = mesh.get("filename", "")
                 found = find_mesh(name, path, folders)
+                if found is None and meshes is not None:
+                    found = find_mesh(f"{meshes}/{name.rpartition('/')[2]}", path, folders)
                 if found is None or is_lfs_pointer(found):
                     why = " (a Git LFS pointer: git lfs pull)" if found else ""
                     named = name or "one without a filename"
@@ -71,7 +79,8 @@ def find_mesh(name: str, path: Path, folders: tuple[Path, ...]) -> Path | None:
     """Return the file a mesh name means, or None.
 
     ``package://`` and ``model://`` names are looked up in ``folders``, with and without the
-    package's name (a checkout is often renamed); others are paths, relative to the URDF's folder.
+    package's name (a checkout is often renamed); others are paths, relative to the URDF's folder
+    or, as exporters write some, to the package's, above it.
     """
     scheme, separator, rest = name.partition("://")
     if separator and scheme != "file":
@@ -80,13 +89,9 @@ def find_mesh(name: str, path: Path, folders: tuple[Path, ...]) -> Path | None:
         candidates = [folder / inside for folder in folders]
         candidates += [folder / without_package for folder in folders]
     else:
-        candidates = [path.parent / (rest if separator else name)]
+        here, inside = path.resolve().parent, rest if separator else name
+        candidates = [here / inside, here.parent / inside]
     return next((file.resolve() for file in candidates if file.is_file()), None)
-
-
-def _ros_folders() -> tuple[Path, ...]:
-    entries = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
-    return tuple(Path(entry) for entry in entries if entry)
 
 
 def is_lfs_pointer(path: Path) -> bool:

@@ -15,7 +15,7 @@ from wbc.robot.formats.mjcf_compile import compile_mjcf
 from wbc.robot.formats.mujoco_check import confirm_against
 from wbc.robot.formats.mujoco_drives import drive_notes, passive_forces, set_joints, undriven
 from wbc.robot.formats.mujoco_equalities import add_loops, couplings, drawn_joints
-from wbc.robot.formats.mujoco_part import Names, RobotPart, robot_part
+from wbc.robot.formats.mujoco_part import RobotPart, robot_part
 from wbc.robot.formats.mujoco_shapes import read_shapes
 from wbc.robot.formats.mujoco_tree import base_of, build_tree, is_mounted, key_frames
 from wbc.robot.formats.xml import LARGEST
@@ -41,49 +41,48 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
         that is not the compiled model's in frames, masses, ranges or mass matrix.
     """
     compiled = compile_mjcf(source, path, root)
-    mujoco, model = compiled.mujoco, compiled.model
-    names = Names(mujoco, model)
-    part = robot_part(mujoco, model, names, path)
+    part = robot_part(compiled.mujoco, compiled.model, path)
     check_joint_count(len(part.joints), path)
-    refuse_reserved((names.joints[joint] for joint in part.joints), path)
-    _check_sizes(model, part, names, path)
-    tree = build_tree(mujoco, model, part, names)
-    set_joints(mujoco, model, part, names, tree)
-    base = base_of(model, part)
-    confirm_against(mujoco, model, part, names, tree, path)
-    geometry, shape_notes = read_shapes(mujoco, model, part, names, compiled.lost)
+    refuse_reserved((part.names.joints[joint] for joint in part.joints), path)
+    _check_sizes(part)
+    tree = build_tree(part)
+    set_joints(part, tree)
+    base = base_of(part)
+    confirm_against(part, tree)
+    geometry, shape_notes = read_shapes(part, compiled.lost)
     x, y, z, w = pin.Quaternion(base.rotation).coeffs()
-    passive = passive_forces(mujoco, model, part, names)
-    coupled, tie_notes = couplings(mujoco, model, part, names, path)
+    passive = passive_forces(part)
+    coupled, tie_notes = couplings(part)
     held = [name for name, coupling in coupled.items() if coupling.is_constant]
-    loops, loop_notes = add_loops(mujoco, model, part, names, tree, base, path)
+    loops, loop_notes = add_loops(part, tree, base)
     return Description(
         name=compiled.name,
         path=path,
         model=tree,
         geometry=geometry,
         coupled=coupled,
-        states=key_frames(mujoco, model, part, names),
+        states=key_frames(part),
         base=(*base.translation.tolist(), float(x), float(y), float(z), float(w)),
         bolted=None if part.floats or part.loose else "the root has no free joint",
-        mounted=is_mounted(model, part),
+        mounted=is_mounted(part),
         notes=part.notes
         + compiled.notes
         + shape_notes
         + loop_notes
         + tie_notes
         + ((f"joints that constraints hold at a value, locked: {listed(held)}",) if held else ())
-        + drive_notes(mujoco, model, part, names, bool(loops), coupled)
-        + _other_notes(names, part, model, tree, passive),
+        + drive_notes(part, bool(loops), coupled)
+        + _other_notes(part, tree, passive),
         passive=passive,
         loops=loops,
-        unactuated=undriven(mujoco, model, part, names),
-        drawn=drawn_joints(mujoco, model, part, names),
+        unactuated=undriven(part),
+        drawn=drawn_joints(part),
     )
 
 
-def _check_sizes(model: Any, part: RobotPart, names: Names, path: Path) -> None:
+def _check_sizes(part: RobotPart) -> None:
     """Refuse lengths, masses and inertias whose products overflow."""
+    model, names, path = part.model, part.names, part.path
     bodies, joints = list(part.bodies), list(part.joints)
     for what, values, owners in (
         ("pos", model.body_pos, bodies),
@@ -103,10 +102,8 @@ def _check_sizes(model: Any, part: RobotPart, names: Names, path: Path) -> None:
             raise ModelError(f"{path}: joint {name!r}: its range is {low:g} to {high:g}")
 
 
-def _other_notes(
-    names: Names, part: RobotPart, model: Any, tree: pin.Model, passive: PassiveForces
-) -> tuple[str, ...]:
-    notes = []
+def _other_notes(part: RobotPart, tree: pin.Model, passive: PassiveForces) -> tuple[str, ...]:
+    notes, names, model = [], part.names, part.model
     if passive.springs:
         notes.append(f"springs act on {listed(list(passive.springs))} (robot.passive_forces)")
     if passive.lifts:
@@ -120,7 +117,7 @@ def _other_notes(
             )
     gravity = tuple(tree.gravity.linear.tolist())
     if gravity != STANDARD_GRAVITY:
-        said = " ".join(f"{part:g}" for part in gravity)
+        said = " ".join(f"{entry:g}" for entry in gravity)
         notes.append(f"gravity is the file's: {said} m/s^2")
     bodies = {names.bodies[body] for body in part.bodies}
     shared = [

@@ -65,7 +65,8 @@ def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Com
     import mujoco
 
     if is_mujoco(source, "MjModel"):
-        return Compiled(mujoco, source, _model_name(source, path))
+        name = bytes(source.names).split(b"\0")[0].decode(errors="replace")
+        return Compiled(mujoco, source, _name_or_stem(name, path))
     if root is not None:
         refuse_non_finite(root, path)
         _refuse_many(root, path)
@@ -76,12 +77,13 @@ def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Com
             source = _without(mujoco, source, root) if older and root is not None else source
             found = _compiled(mujoco, source, path)
         except (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError) as error:
-            raise _refused(path, error) from error
+            said = " ".join(str(error).removeprefix("Error: ").split())
+            raise ModelError(f"{path}: MuJoCo refuses this MJCF: {said}") from error
     words = dict.fromkeys(" ".join(str(one.message).split()) for one in told)
-    said = tuple(f"MuJoCo says: {one}" for one in words)
+    notes = tuple(f"MuJoCo says: {one}" for one in words)
     if older:
-        said += (f"left out, as MuJoCo knows them no more: {listed(list(older))}",)
-    return replace(found, notes=found.notes + said)
+        notes += (f"left out, as MuJoCo knows them no more: {listed(list(older))}",)
+    return replace(found, notes=found.notes + notes)
 
 
 def _forgotten(root: ET.Element) -> tuple[str, ...]:
@@ -106,16 +108,6 @@ def _without(mujoco: Any, source: Any, root: ET.Element) -> Any:
     if isinstance(source, Path):
         spec.modelfiledir = str(source.parent)
     return spec
-
-
-def _refused(path: Path, error: Exception) -> ModelError:
-    said = " ".join(str(error).removeprefix("Error: ").split())
-    return ModelError(f"{path}: MuJoCo refuses this MJCF: {said}")
-
-
-def _model_name(model: Any, path: Path) -> str:
-    name = bytes(model.names).split(b"\0")[0].decode(errors="replace")
-    return _name_or_stem(name, path)
 
 
 def _name_or_stem(name: str, path: Path) -> str:

@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.errors import ModelError
-from wbc.robot.formats.mujoco_part import Names, RobotPart
-from wbc.robot.formats.mujoco_tree import ROOT, base_of, kind_of
+from wbc.robot.formats.mujoco_part import RobotPart
+from wbc.robot.formats.mujoco_tree import ROOT, base_of
 from wbc.robot.limits import BASE_NV
 from wbc.validate import Array
 
@@ -20,9 +20,7 @@ AGREEMENT = 1e-9
 SEED = 0
 
 
-def confirm_against(
-    mujoco: Any, model: Any, part: RobotPart, names: Names, tree: pin.Model, path: Path
-) -> None:
+def confirm_against(part: RobotPart, tree: pin.Model) -> None:
     """Compare frames, masses, ranges and mass matrices with MuJoCo's own.
 
     The postures are the one that the file draws, the one of zeros, and a random one.
@@ -32,22 +30,14 @@ def confirm_against(
     ModelError
         They disagree: the message names the frame, joint or body.
     """
-    if any(kind_of(mujoco, model, joint) == "ball" for joint in part.joints):
+    if any(part.kind_of(joint) == "ball" for joint in part.joints):
         return  # refused by its name later
-    _compare_masses(model, part, names, tree, path)
-    _compare_ranges(model, part, names, tree, path)
-    compare_motion(mujoco, model, part, names, tree, path, base_of(model, part))
+    _compare_masses(part, tree)
+    _compare_ranges(part, tree)
+    compare_motion(part, tree, base_of(part))
 
 
-def compare_motion(
-    mujoco: Any,
-    model: Any,
-    part: RobotPart,
-    names: Names,
-    tree: pin.Model,
-    path: Path,
-    base: pin.SE3,
-) -> None:
+def compare_motion(part: RobotPart, tree: pin.Model, base: pin.SE3) -> None:
     """Compare frames and mass matrices at three postures.
 
     Parameters
@@ -60,16 +50,17 @@ def compare_motion(
     ModelError
         See :func:`confirm_against`.
     """
+    mujoco, model = part.mujoco, part.model
     data, ours = mujoco.MjData(model), tree.createData()
-    for q in _postures(model, part):
+    for q in _postures(part):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         _make_mass_matrix(mujoco, model, data)
-        here = configuration(model, part, names, tree, q, base)
+        here = configuration(part, tree, q, base)
         pin.framesForwardKinematics(tree, ours, here)
-        _compare_frames(model, part, names, tree, data, ours, path)
-        _compare_inertia(mujoco, model, part, names, tree, data, ours, here, path)
+        _compare_frames(part, tree, data, ours)
+        _compare_inertia(part, tree, data, ours, here)
 
 
 def _make_mass_matrix(mujoco: Any, model: Any, data: Any) -> None:
@@ -78,83 +69,72 @@ def _make_mass_matrix(mujoco: Any, model: Any, data: Any) -> None:
     (mujoco.mj_makeM if hasattr(mujoco, "mj_makeM") else mujoco.mj_crb)(model, data)
 
 
-def _postures(model: Any, part: RobotPart) -> Iterator[Array]:
+def _postures(part: RobotPart) -> Iterator[Array]:
     """Yield three configurations (nq,) of MuJoCo's."""
-    drawn = np.array(model.qpos0)
+    drawn = np.array(part.model.qpos0)
     rng = np.random.default_rng(SEED)
-    addresses = [int(model.jnt_qposadr[joint]) for joint in part.joints]
+    addresses = [part.start_of(joint) for joint in part.joints]
     for values in (drawn[addresses], np.zeros(len(addresses)), rng.uniform(-1, 1, len(addresses))):
         q = drawn.copy()
         q[addresses] = values
         yield q
         if part.floats:  # turned at the second and third
-            start = int(model.jnt_qposadr[model.body_jntadr[part.roots[0]]])
+            start = part.start_of(part.root_joint)
             quaternion = rng.standard_normal(4)
             drawn[start : start + 3] += rng.uniform(-1, 1, 3)
             drawn[start + 3 : start + 7] = quaternion / np.linalg.norm(quaternion)
 
 
-def configuration(
-    model: Any, part: RobotPart, names: Names, tree: pin.Model, q: Array, base: pin.SE3
-) -> Array:
+def configuration(part: RobotPart, tree: pin.Model, q: Array, base: pin.SE3) -> Array:
     """Return MuJoCo's configuration as the tree's (nq,)."""
     here = pin.neutral(tree)
     if part.floats:
-        start = int(model.jnt_qposadr[model.body_jntadr[part.roots[0]]])
+        start = part.start_of(part.root_joint)
         here[:3] = q[start : start + 3]
         here[3:7] = q[start + 4], q[start + 5], q[start + 6], q[start + 3]
     else:
         here[:3], here[3:7] = base.translation, pin.Quaternion(base.rotation).coeffs()
     for joint in part.joints:
-        index = tree.getJointId(names.joints[joint])
-        value, at = float(q[model.jnt_qposadr[joint]]), int(tree.idx_qs[index])
+        index = tree.getJointId(part.names.joints[joint])
+        value, at = float(q[part.start_of(joint)]), int(tree.idx_qs[index])
         here[at] = value
         if tree.nqs[index] == 2:
             here[at : at + 2] = np.cos(value), np.sin(value)
     return here
 
 
-def _compare_masses(model: Any, part: RobotPart, names: Names, tree: pin.Model, path: Path) -> None:
+def _compare_masses(part: RobotPart, tree: pin.Model) -> None:
+    model = part.model
     below = np.array(model.body_mass)  # body_subtreemass is stale once a mass was changed
     for body in range(model.nbody - 1, 0, -1):
         below[model.body_parentid[body]] += below[body]
     total = float(sum(below[root] for root in part.roots))
     read = float(pin.computeTotalMass(tree))
     if not abs(read - total) <= AGREEMENT * abs(total):
-        raise _disagrees(path, "mass", f"{read:g} kg", f"{total:g} kg")
+        raise _disagrees(part.path, "mass", f"{read:g} kg", f"{total:g} kg")
     data = tree.createData()
     pin.computeSubtreeMasses(tree, data)
     for joint in part.joints:
-        body = int(model.jnt_bodyid[joint])
-        carried = float(below[body])
-        found = float(data.mass[tree.getJointId(names.joints[joint])])
+        name, carried = part.names.joints[joint], float(below[int(model.jnt_bodyid[joint])])
+        found = float(data.mass[tree.getJointId(name)])
         if not abs(found - carried) <= AGREEMENT * abs(total):
-            what = f"what joint {names.joints[joint]!r} carries"
-            raise _disagrees(path, what, f"{found:g} kg", f"{carried:g} kg")
+            what = f"what joint {name!r} carries"
+            raise _disagrees(part.path, what, f"{found:g} kg", f"{carried:g} kg")
 
 
-def _compare_ranges(model: Any, part: RobotPart, names: Names, tree: pin.Model, path: Path) -> None:
+def _compare_ranges(part: RobotPart, tree: pin.Model) -> None:
     for joint in part.joints:
-        q = int(tree.idx_qs[tree.getJointId(names.joints[joint])])
+        name, wanted = part.names.joints[joint], (-np.inf, np.inf)
+        q = int(tree.idx_qs[tree.getJointId(name)])
         found = float(tree.lowerPositionLimit[q]), float(tree.upperPositionLimit[q])
-        wanted = (-np.inf, np.inf)
-        if model.jnt_limited[joint]:
-            wanted = tuple(model.jnt_range[joint].tolist())
+        if part.model.jnt_limited[joint]:
+            wanted = tuple(part.model.jnt_range[joint].tolist())
         if found != wanted:
-            what = f"the range of joint {names.joints[joint]!r}"
-            raise _disagrees(path, what, str(found), str(wanted))
+            raise _disagrees(part.path, f"the range of joint {name!r}", str(found), str(wanted))
 
 
-def _compare_frames(
-    model: Any,
-    part: RobotPart,
-    names: Names,
-    tree: pin.Model,
-    data: Any,
-    ours: pin.Data,
-    path: Path,
-) -> None:
-    mine = {*part.bodies}
+def _compare_frames(part: RobotPart, tree: pin.Model, data: Any, ours: pin.Data) -> None:
+    mine, names, model = {*part.bodies}, part.names, part.model
     places = np.array([data.xpos[body] for body in part.bodies])
     size = 1.0 + float(np.abs(places).max())
     wanted = [
@@ -171,26 +151,17 @@ def _compare_frames(
         off = float(np.abs(pose.translation - position).max())
         tilt = float(np.abs(pose.rotation - np.reshape(turned, (3, 3))).max())
         if not max(off / size, tilt) <= AGREEMENT:
-            raise _disagrees(path, f"frame {name!r}", f"{off:.3g} m, {tilt:.3g} rad off", "0")
+            found = f"{off:.3g} m, {tilt:.3g} rad off"
+            raise _disagrees(part.path, f"frame {name!r}", found, "0")
 
 
-def _compare_inertia(
-    mujoco: Any,
-    model: Any,
-    part: RobotPart,
-    names: Names,
-    tree: pin.Model,
-    data: Any,
-    ours: pin.Data,
-    q: Array,
-    path: Path,
-) -> None:
-    M = pin.crba(tree, ours, q)
-    rates = [int(tree.idx_vs[tree.getJointId(names.joints[joint])]) for joint in part.joints]
+def _compare_inertia(part: RobotPart, tree: pin.Model, data: Any, ours: pin.Data, q: Array) -> None:
+    M, model = pin.crba(tree, ours, q), part.model
+    labels = [part.names.joints[joint] for joint in part.joints]
+    rates = [int(tree.idx_vs[tree.getJointId(name)]) for name in labels]
     dofs = [int(model.jnt_dofadr[joint]) for joint in part.joints]
-    labels = [names.joints[joint] for joint in part.joints]
     if part.floats:  # MuJoCo's base moves along the world's axes, and turns about its own
-        start = int(model.jnt_dofadr[model.body_jntadr[part.roots[0]]])
+        start = int(model.jnt_dofadr[part.root_joint])
         dofs = [*range(start, start + BASE_NV), *dofs]
         rates = [*range(BASE_NV), *rates]
         labels = [ROOT] * BASE_NV + labels
@@ -203,7 +174,7 @@ def _compare_inertia(
     for k, dof in enumerate(dofs):
         unit = np.zeros(model.nv)
         unit[dof] = 1.0
-        mujoco.mj_mulM(model, data, row, unit)
+        part.mujoco.mj_mulM(model, data, row, unit)
         wanted[k] = row[dofs]
         if labels[k] == ROOT:
             wanted[k, k] -= model.dof_armature[dof]  # of no motor; a note says so
@@ -212,7 +183,7 @@ def _compare_inertia(
         a, b = np.unravel_index(int(np.argmax(off)), off.shape)
         what = f"the mass matrix at {labels[int(a)]!r}, {labels[int(b)]!r}"
         found = float(M[rates[int(a)], rates[int(b)]])
-        raise _disagrees(path, what, f"{found:.9g}", f"{wanted[a, b]:.9g}")
+        raise _disagrees(part.path, what, f"{found:.9g}", f"{wanted[a, b]:.9g}")
 
 
 def _disagrees(path: Path, what: str, found: str, wanted: str) -> ModelError:

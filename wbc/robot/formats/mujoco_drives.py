@@ -10,8 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.errors import listed
-from wbc.robot.formats.mujoco_part import Names, RobotPart, acting_motors, motors_on_joints
-from wbc.robot.formats.mujoco_tree import kind_of
+from wbc.robot.formats.mujoco_part import RobotPart, acting_motors, motors_on_joints
 from wbc.robot.limits import BASE_NV
 from wbc.robot.passive import GravityCompensation, PassiveForces, Spring
 
@@ -19,8 +18,9 @@ Range = tuple[float, float]
 ANY: Range = (-math.inf, math.inf)
 
 
-def set_joints(mujoco: Any, model: Any, part: RobotPart, names: Names, tree: pin.Model) -> None:
+def set_joints(part: RobotPart, tree: pin.Model) -> None:
     """Write ranges, rotor inertia, friction and the motors' torques into ``tree``."""
+    mujoco, model = part.mujoco, part.model
     rotors = _rotors(mujoco, model)
     motors = _motors(mujoco, model)
     disabled = int(model.opt.disableflags)
@@ -29,9 +29,9 @@ def set_joints(mujoco: Any, model: Any, part: RobotPart, names: Names, tree: pin
         int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     )
     for joint in part.joints:
-        if kind_of(mujoco, model, joint) == "ball":
+        if part.kind_of(joint) == "ball":
             continue
-        index = tree.getJointId(names.joints[joint])
+        index = tree.getJointId(part.names.joints[joint])
         q, v = int(tree.idx_qs[index]), int(tree.idx_vs[index])
         low, high = -math.inf, math.inf
         if model.jnt_limited[joint]:
@@ -42,8 +42,7 @@ def set_joints(mujoco: Any, model: Any, part: RobotPart, names: Names, tree: pin
         tree.damping[v] = damping[joint][0]
         friction = max(float(model.dof_frictionloss[dof]), 0.0) if rubbed else 0.0  # as MuJoCo
         tree.lowerDryFrictionLimit[v], tree.upperDryFrictionLimit[v] = -friction, friction
-        pull, joint_force = motors.get(joint, ANY), _joint_force(model, joint)
-        effort = min(_both_ways(*pull), joint_force)
+        effort = min(_both_ways(*motors.get(joint, ANY)), _both_ways(*_taken(model, joint)))
         tree.lowerEffortLimit[v], tree.upperEffortLimit[v] = -effort, effort
         tree.lowerVelocityLimit[v], tree.upperVelocityLimit[v] = -math.inf, math.inf
 
@@ -58,10 +57,6 @@ def _both_ways(low: float, high: float) -> float:
     """Return what a range gives both ways: its smaller end; its larger one if the other is 0."""
     ends = sorted((abs(low), abs(high)))
     return ends[0] or ends[1] or math.inf
-
-
-def _joint_force(model: Any, joint: int) -> float:
-    return _both_ways(*_taken(model, joint))
 
 
 def _taken(model: Any, joint: int) -> Range:
@@ -142,32 +137,25 @@ def _scaled(range_: Range, by: float) -> Range:
     return low, high
 
 
-def undriven(mujoco: Any, model: Any, part: RobotPart, names: Names) -> tuple[str, ...] | None:
+def undriven(part: RobotPart) -> tuple[str, ...] | None:
     """Return the joints that no motor drives; None if the file has no motors."""
-    driven = {*acting_motors(mujoco, model).values()} & {*part.joints}
-    return tuple(names.joints[k] for k in part.joints if k not in driven) if driven else None
+    driven = {*acting_motors(part.mujoco, part.model).values()} & {*part.joints}
+    return tuple(part.names.joints[k] for k in part.joints if k not in driven) if driven else None
 
 
-def drive_notes(
-    mujoco: Any,
-    model: Any,
-    part: RobotPart,
-    names: Names,
-    looped: bool,
-    following: Collection[str] = (),
-) -> tuple[str, ...]:
+def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) -> tuple[str, ...]:
     """Return notes of what drives or holds the robot in MuJoCo and is not used here.
 
     ``looped``: whether it has closed loops, in which joints without a motor get none here, as those
     that are ``following`` others.
     """
-    notes = []
-    mine = {*part.joints}
+    notes, mine = [], {*part.joints}
+    mujoco, model, names = part.mujoco, part.model, part.names
     every, acting = motors_on_joints(mujoco, model), acting_motors(mujoco, model)
     elsewhere = [
         names.actuators[k]
         for k in range(model.nu)
-        if k not in every or kind_of(mujoco, model, every[k]) == "free"
+        if k not in every or part.kind_of(every[k]) == "free"
     ]
     if elsewhere:
         notes.append(
@@ -176,9 +164,9 @@ def drive_notes(
         )
     if off := [names.actuators[k] for k in every if k not in acting]:
         notes.append(f"actuators of groups that the file switches off drive nothing: {listed(off)}")
-    notes += _switches(mujoco, model, part)
+    notes += _switches(part)
     driven = {joint for joint in acting.values() if joint in mine}
-    still = undriven(mujoco, model, part, names)
+    still = undriven(part)
     still = still and tuple(name for name in still if name not in following)
     if still:
         here = "none does here" if looped else "here each joint has one"
@@ -199,7 +187,7 @@ def drive_notes(
             f" {listed(unlike)}"
         )
     if part.floats:
-        start = int(model.jnt_dofadr[model.body_jntadr[part.roots[0]]])
+        start = int(model.jnt_dofadr[part.root_joint])
         for what, values in (
             ("rotor inertia", model.dof_armature),
             ("damping", model.dof_damping),
@@ -207,19 +195,21 @@ def drive_notes(
         ):
             if np.any(values[start : start + BASE_NV]):
                 notes.append(f"the file gives the free joint {what}, which is not used")
-        if model.jnt_stiffness[model.body_jntadr[part.roots[0]]]:
+        if model.jnt_stiffness[part.root_joint]:
             notes.append("the file gives the free joint a spring, which is not used")
     if model.ntendon:
         notes.append(
             f"tendons are not read (their springs, limits and couplings): {listed(names.tendons)}"
         )
-    notes += _medium(model)
+    if model.opt.density or model.opt.viscosity:
+        notes.append("the medium of the file (density, viscosity, wind) is not used")
     return tuple(notes)
 
 
-def _switches(mujoco: Any, model: Any, part: RobotPart) -> list[str]:
+def _switches(part: RobotPart) -> list[str]:
     """Return notes of what the file switches off and is used here all the same."""
-    bits, disabled, found = mujoco.mjtDisableBit, int(model.opt.disableflags), list[str]()
+    bits, model, found = part.mujoco.mjtDisableBit, part.model, list[str]()
+    disabled = int(model.opt.disableflags)
     if disabled & int(bits.mjDSBL_ACTUATION) and model.nu:
         found.append("the file switches all motors off; here they act")
     if disabled & int(bits.mjDSBL_CLAMPCTRL) and any(model.actuator_ctrllimited):
@@ -244,27 +234,21 @@ def _is_unlike(model: Any, pull: Range, joint: int) -> bool:
     return low < 0.0 < high and max(-low, high) > least * (1.0 + 1e-9)
 
 
-def _medium(model: Any) -> list[str]:
-    option, found = model.opt, []
-    if option.density or option.viscosity:
-        found.append("the medium of the file (density, viscosity, wind) is not used")
-    return found
-
-
-def passive_forces(mujoco: Any, model: Any, part: RobotPart, names: Names) -> PassiveForces:
+def passive_forces(part: RobotPart) -> PassiveForces:
     """Return the springs, gravity compensation and curved damping of the robot's part."""
+    mujoco, model, names = part.mujoco, part.model, part.names
     disabled = int(model.opt.disableflags)
     sprung = not disabled & _flag(mujoco, "mjDSBL_SPRING")
     damping = _damping(mujoco, model)
     springs, curves = dict[str, Spring](), dict[str, tuple[float, float]]()
     for joint in part.joints:
-        if kind_of(mujoco, model, joint) == "ball":
+        if part.kind_of(joint) == "ball":
             continue
         name = names.joints[joint]
         k = float(model.jnt_stiffness[joint])
         k1, k2 = _higher(model, "jnt_stiffnesspoly", joint)
         if sprung and (k or k1 or k2):
-            rest = float(model.qpos_spring[model.jnt_qposadr[joint]])
+            rest = float(model.qpos_spring[part.start_of(joint)])
             springs[name] = Spring(k, (k1, k2), rest)
         if any(curve := damping[joint][1:]):
             curves[name] = curve

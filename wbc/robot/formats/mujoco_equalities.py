@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,16 +10,16 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 
 from wbc.errors import ModelError, listed
-from wbc.robot.formats.mujoco_part import Names, RobotPart, acting_motors
-from wbc.robot.formats.mujoco_tree import kind_of, pose_of
+from wbc.robot.formats.mujoco_part import RobotPart, acting_motors
+from wbc.robot.formats.mujoco_tree import pose_of
 from wbc.robot.formats.ties import Coupling, Loop
 from wbc.robot.formats.xml import LARGEST_GEAR
-from wbc.validate import Array
+
+CONNECT = "mjEQ_CONNECT"
+TIES = (CONNECT, "mjEQ_WELD")  # of two frames
 
 
-def couplings(
-    mujoco: Any, model: Any, part: RobotPart, names: Names, path: Path
-) -> tuple[dict[str, Coupling], tuple[str, ...]]:
+def couplings(part: RobotPart) -> tuple[dict[str, Coupling], tuple[str, ...]]:
     """Return the joints that follow others, or none: these are held at a constant; and notes.
 
     Of two constraints of one joint, one is turned around: its driver follows the joint. So is that
@@ -33,8 +32,9 @@ def couplings(
         of one joint of which none can be turned around.
     """
     found = dict[str, Coupling]()
-    driven = {names.joints[joint] for joint in acting_motors(mujoco, model).values()}
-    for name, coupling in _couplings(mujoco, model, part, names, path):
+    motors = acting_motors(part.mujoco, part.model)
+    driven = {part.names.joints[joint] for joint in motors.values()}
+    for name, coupling in _couplings(part):
         if found.setdefault(name, coupling) == coupling:
             continue
         both = sorted((coupling, found[name]), key=lambda one: one.driver in driven)
@@ -45,8 +45,8 @@ def couplings(
                 break
         else:
             raise ModelError(
-                f"{path}: joint {name!r} is tied by several equality constraints, none of which can"
-                " be turned around; write them as joints that follow one"
+                f"{part.path}: joint {name!r} is tied by several equality constraints, none of"
+                " which can be turned around; write them as joints that follow one"
             )
     for name, coupling in list(found.items()):
         around = coupling.inverse(name)
@@ -54,49 +54,48 @@ def couplings(
             continue
         del found[name]
         found[coupling.driver] = around
-    beside = _beside(mujoco, model, part, names)
+    beside = _beside(part)
     notes: tuple[str, ...] = ()
     if beside:
         notes = (f"equality constraints with what is left out do not act: {listed(beside)}",)
     return found, notes
 
 
-def _beside(mujoco: Any, model: Any, part: RobotPart, names: Names) -> list[str]:
+def _beside(part: RobotPart) -> list[str]:
     """Return the active constraints between the robot and bodies beside it, in words."""
     found = []
-    for number in _active(mujoco, model):
-        bodies = _bodies_of(mujoco, model, number) - {0}
+    for number in _active(part):
+        bodies = _bodies_of(part, number) - {0}
         if bodies & {*part.bodies} and bodies - {*part.bodies}:
-            ends = [names.bodies[body] for body in sorted(bodies)]
-            found.append(names.equalities[number] or " to ".join(ends))
+            ends = [part.names.bodies[body] for body in sorted(bodies)]
+            found.append(part.names.equalities[number] or " to ".join(ends))
     return found
 
 
-def _bodies_of(mujoco: Any, model: Any, number: int) -> set[int]:
+def _bodies_of(part: RobotPart, number: int) -> set[int]:
     """Return the bodies that a constraint is about; none of tendons and soft bodies."""
-    kinds, kind = mujoco.mjtObj, int(model.eq_objtype[number])
+    model = part.model
+    kinds, kind = part.mujoco.mjtObj, int(model.eq_objtype[number])
     ends = {int(model.eq_obj1id[number]), int(model.eq_obj2id[number])}
     if kind == kinds.mjOBJ_SITE:
         return {int(model.site_bodyid[site]) for site in ends}
-    if model.eq_type[number] == mujoco.mjtEq.mjEQ_JOINT:  # of which the kind of objects is not set
+    if _kind(part, number).name == "mjEQ_JOINT":  # of which the kind of objects is not set
         return {int(model.jnt_bodyid[joint]) for joint in ends if joint >= 0}
     return ends if kind == kinds.mjOBJ_BODY else set()
 
 
-def _couplings(
-    mujoco: Any, model: Any, part: RobotPart, names: Names, path: Path
-) -> Iterator[tuple[str, Coupling]]:
+def _couplings(part: RobotPart) -> Iterator[tuple[str, Coupling]]:
     """Yield what joint constraints say, one by one.
 
     MuJoCo's polynomial is of joint values measured from ``ref``, ours is not.
     """
-    mine = {*part.joints}
-    for number in _active(mujoco, model):
-        kind = mujoco.mjtEq(int(model.eq_type[number]))
-        if kind != mujoco.mjtEq.mjEQ_JOINT:
-            if not _is_tie(mujoco, kind) and _touches(mujoco, model, part, number):
+    mine, model, names = {*part.joints}, part.model, part.names
+    for number in _active(part):
+        kind = _kind(part, number)
+        if kind.name != "mjEQ_JOINT":
+            if kind.name not in TIES and _touches(part, number):
                 raise ModelError(
-                    f"{path}: equality constraint <{kind.name[5:].lower()}"
+                    f"{part.path}: equality constraint <{kind.name[5:].lower()}"
                     f" name={names.equalities[number]!r}>: constraints of tendons and soft bodies"
                     ' are not supported; remove it, or give it active="false"'
                 )
@@ -108,14 +107,14 @@ def _couplings(
         powers = model.eq_data[number][:5]
         if not np.all(np.abs(powers) <= LARGEST_GEAR):
             raise ModelError(
-                f"{path}: equality constraint of joint {name!r}: <joint polycoef> is larger than"
-                f" {LARGEST_GEAR:g}"
+                f"{part.path}: equality constraint of joint {name!r}: <joint polycoef> is larger"
+                f" than {LARGEST_GEAR:g}"
             )
-        drawn = float(model.qpos0[model.jnt_qposadr[joint]])
+        drawn = float(model.qpos0[part.start_of(joint)])
         if driver < 0:
             yield name, Coupling("", 0.0, float(powers[0]) + drawn)
             continue
-        there = float(model.qpos0[model.jnt_qposadr[driver]])
+        there = float(model.qpos0[part.start_of(driver)])
         yield name, _from_drawn(names.joints[driver], powers.tolist(), drawn, there)
 
 
@@ -133,13 +132,7 @@ def _from_drawn(driver: str, powers: list[float], drawn: float, there: float) ->
 
 
 def add_loops(
-    mujoco: Any,
-    model: Any,
-    part: RobotPart,
-    names: Names,
-    tree: pin.Model,
-    base: pin.SE3,
-    path: Path,
+    part: RobotPart, tree: pin.Model, base: pin.SE3
 ) -> tuple[dict[str, Loop], tuple[str, ...]]:
     """Add the frames of active ``connect`` and ``weld`` constraints to ``tree``.
 
@@ -150,13 +143,13 @@ def add_loops(
     ModelError
         A constraint ties a floating base to the world.
     """
-    loops = dict[str, Loop]()
-    tied = set(_active(mujoco, model))
+    loops, model, names = dict[str, Loop](), part.model, part.names
+    tied = set(_active(part))
     for number in range(model.neq):
-        kind = mujoco.mjtEq(int(model.eq_type[number]))
-        if not _is_tie(mujoco, kind) or not _touches(mujoco, model, part, number):
+        kind = _kind(part, number)
+        if kind.name not in TIES or not _touches(part, number):
             continue
-        ends, places = _ends(mujoco, model, number)
+        ends, places = _ends(part, number)
         name = names.equalities[number] or " to ".join(names.bodies[body] for body in ends)
         while name in loops:
             name += "'"
@@ -164,7 +157,7 @@ def add_loops(
             continue
         if 0 in ends and part.floats:
             raise ModelError(
-                f"{path}: equality constraint <{kind.name[5:].lower()} name={name!r}> ties the"
+                f"{part.path}: equality constraint <{kind.name[5:].lower()} name={name!r}> ties the"
                 " floating base to the world; remove it, and hold the frame by a contact with"
                 " friction=None"
             )
@@ -178,7 +171,7 @@ def add_loops(
             frames.append(f"{name} at {names.bodies[body]}")
             frame = pin.Frame(frames[-1], joint, above, pose, pin.FrameType.OP_FRAME)
             tree.addFrame(frame, False)
-        is_point = kind == mujoco.mjtEq.mjEQ_CONNECT or model.eq_data[number][10] == 0.0
+        is_point = kind.name == CONNECT or model.eq_data[number][10] == 0.0
         # The one that is held, as seen from the first body.
         loops[name] = Loop((frames[1], frames[0]), "point" if is_point else "pose")
     passed = [names.equalities[k] or f"number {k}" for k in range(model.neq) if k not in tied]
@@ -192,51 +185,50 @@ def add_loops(
     return loops, notes
 
 
-def _ends(mujoco: Any, model: Any, number: int) -> tuple[list[int], list[pin.SE3]]:
+def _ends(part: RobotPart, number: int) -> tuple[list[int], list[pin.SE3]]:
     """Return the bodies of a connect or weld, and where its two frames are on them."""
+    model = part.model
     ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
     data, identity = np.array(model.eq_data[number]), np.array((1.0, 0.0, 0.0, 0.0))
-    if int(model.eq_objtype[number]) == int(mujoco.mjtObj.mjOBJ_SITE):
+    if int(model.eq_objtype[number]) == int(part.mujoco.mjtObj.mjOBJ_SITE):
         places = [pose_of(model.site_pos[site], model.site_quat[site]) for site in ends]
         return [int(model.site_bodyid[site]) for site in ends], places
-    if int(model.eq_type[number]) == int(mujoco.mjtEq.mjEQ_CONNECT):
+    if _kind(part, number).name == CONNECT:
         return ends, [pose_of(data[:3], identity), pose_of(data[3:6], identity)]
     # Of a weld: the point on the second body, then that on the first, and how the second is turned.
     return ends, [pose_of(data[3:6], data[6:10]), pose_of(data[:3], identity)]
 
 
-def _active(mujoco: Any, model: Any) -> list[int]:
+def _active(part: RobotPart) -> list[int]:
     """Return the numbers of the constraints that act."""
-    bits = mujoco.mjtDisableBit
+    bits, model = part.mujoco.mjtDisableBit, part.model
     off = int(bits.mjDSBL_EQUALITY) | int(bits.mjDSBL_CONSTRAINT)
     if int(model.opt.disableflags) & off:
         return []
     return [number for number in range(model.neq) if model.eq_active0[number]]
 
 
-def _is_tie(mujoco: Any, kind: Any) -> bool:
-    return kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+def _kind(part: RobotPart, number: int) -> Any:
+    return part.mujoco.mjtEq(int(part.model.eq_type[number]))
 
 
-def _touches(mujoco: Any, model: Any, part: RobotPart, number: int) -> bool:
+def _touches(part: RobotPart, number: int) -> bool:
     """Return whether a constraint ties a body (or tendon) of the robot, and nothing beside it.
 
     One end may be on the world.
     """
-    if int(model.eq_objtype[number]) not in (mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_BODY):
+    kinds = part.mujoco.mjtObj
+    if int(part.model.eq_objtype[number]) not in (kinds.mjOBJ_SITE, kinds.mjOBJ_BODY):
         return True
-    ends = _bodies_of(mujoco, model, number)
+    ends = _bodies_of(part, number)
     known = {0, *part.bodies}
     return ends <= known and ends != {0}
 
 
-def drawn_joints(
-    mujoco: Any, model: Any, part: RobotPart, names: Names
-) -> Mapping[str, tuple[float, ...]]:
+def drawn_joints(part: RobotPart) -> Mapping[str, tuple[float, ...]]:
     """Return where the file draws the joints, which is mostly where its loops are closed."""
-    at: Array = np.array(model.qpos0)
     return {
-        names.joints[joint]: (float(at[model.jnt_qposadr[joint]]),)
+        part.names.joints[joint]: (float(part.model.qpos0[part.start_of(joint)]),)
         for joint in part.joints
-        if kind_of(mujoco, model, joint) != "ball"
+        if part.kind_of(joint) != "ball"
     }

@@ -18,17 +18,36 @@ from wbc.errors import ModelError, listed
 SPANNED = 0.5  # volume of three axes, of 1 where they are at right angles
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RobotPart:
     """The robot's share of a compiled model."""
 
+    mujoco: Any  # the module
+    model: Any  # mujoco.MjModel
+    names: Names
+    path: Path  # what messages call it
     roots: tuple[int, ...]  # bodies on the world; several if arms stand side by side
     bodies: tuple[int, ...]  # what they carry, depth first, the roots included
     joints: tuple[int, ...]  # of these bodies, without a free joint of the root
-    floats: bool  # whether the root has a free joint
+    floats: bool = False  # whether the root has a free joint
     # Three slides and three hinges, or a ball, of the root that no motor drives: its floating base.
-    loose: tuple[int, ...]
-    notes: tuple[str, ...]
+    loose: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def kind_of(self, joint: int) -> str:
+        """Return ``hinge``, ``slide``, ``ball`` or ``free``."""
+        kinds = self.mujoco.mjtJoint
+        named = {kinds.mjJNT_HINGE: "hinge", kinds.mjJNT_SLIDE: "slide", kinds.mjJNT_BALL: "ball"}
+        return named.get(kinds(int(self.model.jnt_type[joint])), "free")
+
+    def start_of(self, joint: int) -> int:
+        """Return where the coordinates of a joint begin in MuJoCo's q."""
+        return int(self.model.jnt_qposadr[joint])
+
+    @property
+    def root_joint(self) -> int:
+        """The free joint of the root, where it has one."""
+        return int(self.model.body_jntadr[self.roots[0]])
 
 
 class Names:
@@ -72,7 +91,7 @@ def _fill(names: list[str], wanted: list[str]) -> None:
         taken.add(new)
 
 
-def robot_part(mujoco: Any, model: Any, names: Names, path: Path) -> RobotPart:
+def robot_part(mujoco: Any, model: Any, path: Path) -> RobotPart:
     """Return the bodies of the robot, and a note of what is beside it.
 
     If motors drive some trees, the others are scenery. Of those that are left the robot is the only
@@ -84,6 +103,7 @@ def robot_part(mujoco: Any, model: Any, names: Names, path: Path) -> RobotPart:
     ModelError
         No body, or several that may be the robot.
     """
+    names = Names(mujoco, model)
     tops = [body for body in range(1, model.nbody) if model.body_parentid[body] == 0]
     if not tops:
         raise ModelError(f"{path}: the world holds no bodies, expected the robot's root")
@@ -102,7 +122,8 @@ def robot_part(mujoco: Any, model: Any, names: Names, path: Path) -> RobotPart:
         named = ", ".join(names.joints[k] for k in loose)
         notes += (f"joints of the root that are its floating base: {named}",)
     moving = tuple(k for k in joints if k not in free and k not in loose)
-    return RobotPart(tuple(roots), bodies, moving, bool(free), loose, notes)
+    of_model = mujoco, model, names, path
+    return RobotPart(*of_model, tuple(roots), bodies, moving, bool(free), loose, notes)
 
 
 def _loose(mujoco: Any, model: Any, roots: list[int], joints: list[int]) -> tuple[int, ...]:

@@ -88,9 +88,7 @@ class MujocoGeometry:
         return coal.Box(1.0, 1.0, 1.0)  # of a mesh, see Surfaces
 
 
-def read_shapes(
-    mujoco: Any, model: Any, part: RobotPart, names: Names, lost: tuple[str, ...]
-) -> tuple[MujocoGeometry, tuple[str, ...]]:
+def read_shapes(part: RobotPart, lost: tuple[str, ...]) -> tuple[MujocoGeometry, tuple[str, ...]]:
     """Return the shapes of the robot's part, and notes of what is left out.
 
     Parameters
@@ -98,7 +96,7 @@ def read_shapes(
     lost:
         Shapes that collide and were not found, in words.
     """
-    types = mujoco.mjtGeom
+    types, model, names = part.mujoco.mjtGeom, part.model, part.names
     kinds = {
         int(getattr(types, f"mjGEOM_{name.upper()}")): name
         for name in ("sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh", "sdf")
@@ -120,10 +118,8 @@ def read_shapes(
             continue
         mesh = int(model.geom_dataid[geom]) if kind in ("mesh", "sdf") else -1
         place = used.setdefault(mesh, len(used)) if mesh >= 0 else -1
-        name, touches = (
-            names.geoms[geom],
-            bool(model.geom_contype[geom] or model.geom_conaffinity[geom]),
-        )
+        name = names.geoms[geom]
+        touches = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
         shapes.append(
             GeomShape(
                 name=name,

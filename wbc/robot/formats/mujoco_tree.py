@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.robot.formats.mujoco_part import Names, RobotPart
+from wbc.robot.formats.mujoco_part import RobotPart
 from wbc.rotations import exp_rotation
 from wbc.validate import Array
 
@@ -28,47 +28,40 @@ _AXES = {
 }
 
 
-def kind_of(mujoco: Any, model: Any, joint: int) -> str:
-    """Return ``hinge``, ``slide``, ``ball`` or ``free``."""
-    kinds = mujoco.mjtJoint
-    named = {kinds.mjJNT_HINGE: "hinge", kinds.mjJNT_SLIDE: "slide", kinds.mjJNT_BALL: "ball"}
-    return named.get(kinds(int(model.jnt_type[joint])), "free")
-
-
 def pose_of(position: Array, quaternion: Array) -> pin.SE3:
     """Return a pose from MuJoCo's position and quaternion (w, x, y, z)."""
     w, x, y, z = (float(part) for part in quaternion)
     return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(position))
 
 
-def base_of(model: Any, part: RobotPart) -> pin.SE3:
+def base_of(part: RobotPart) -> pin.SE3:
     """Return where the file puts the floating base, or the root that is fixed."""
-    if is_mounted(model, part):
+    if is_mounted(part):
         return pin.SE3.Identity()
     root = part.roots[0]
-    return pose_of(model.body_pos[root], model.body_quat[root])
+    return pose_of(part.model.body_pos[root], part.model.body_quat[root])
 
 
-def is_mounted(model: Any, part: RobotPart) -> bool:
+def is_mounted(part: RobotPart) -> bool:
     """Whether the roots move themselves, so that a fixed body is put above them."""
-    moved = {int(model.jnt_bodyid[joint]) for joint in part.joints}
+    moved = {int(part.model.jnt_bodyid[joint]) for joint in part.joints}
     return len(part.roots) > 1 or bool(moved & {*part.roots})
 
 
-def build_tree(mujoco: Any, model: Any, part: RobotPart, names: Names) -> pin.Model:
+def build_tree(part: RobotPart) -> pin.Model:
     """Return the robot's part of a compiled model, with a free-flyer at its root.
 
     Joint limits, friction and motors are left out (see
     :mod:`wbc.robot.formats.mujoco_drives`), the geometry too.
     """
-    tree = pin.Model()
+    tree, model, names = pin.Model(), part.model, part.names
     gravity = np.array(model.opt.gravity)
-    if int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
+    if int(model.opt.disableflags) & int(part.mujoco.mjtDisableBit.mjDSBL_GRAVITY):
         gravity[:] = 0.0
     tree.gravity = pin.Motion(gravity, np.zeros(3))
     root = tree.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), ROOT)
     at: dict[int, tuple[int, int, pin.SE3]] = {}  # body to joint, frame, and its pose in the joint
-    mounted = is_mounted(model, part)
+    mounted = is_mounted(part)
     frame = tree.addJointFrame(root)
     if mounted:
         free = MOUNT if MOUNT not in names.bodies else f"{MOUNT}_of_{names.bodies[part.roots[0]]}"
@@ -86,7 +79,7 @@ def build_tree(mujoco: Any, model: Any, part: RobotPart, names: Names) -> pin.Mo
             pose = pose * pose_of(model.body_pos[body], model.body_quat[body])
         own = joints.get(body, [])
         for joint in own:
-            carrier, above, pose = _add_joint(mujoco, model, names, tree, joint, carrier, pose)
+            carrier, above, pose = _add_joint(part, tree, joint, carrier, pose)
             if joint != own[-1]:
                 inner = f"{names.bodies[body]}:{names.joints[joint]}"
                 above = _add_frame(tree, inner, carrier, above, pose)
@@ -108,10 +101,11 @@ def _add_frame(tree: pin.Model, name: str, joint: int, above: int, pose: pin.SE3
 
 
 def _add_joint(
-    mujoco: Any, model: Any, names: Names, tree: pin.Model, joint: int, carrier: int, pose: pin.SE3
+    part: RobotPart, tree: pin.Model, joint: int, carrier: int, pose: pin.SE3
 ) -> tuple[int, int, pin.SE3]:
     """Add a joint of a body that is at ``pose`` in ``carrier``; return what carries it then."""
-    kind, ref = kind_of(mujoco, model, joint), float(model.qpos0[model.jnt_qposadr[joint]])
+    model, kind = part.model, part.kind_of(joint)
+    ref = float(model.qpos0[part.start_of(joint)])
     axis, anchor = np.array(model.jnt_axis[joint]), np.array(model.jnt_pos[joint])
     if kind == "slide":
         moved, anchor = pin.SE3(np.eye(3), -ref * axis), np.zeros(3)
@@ -119,9 +113,8 @@ def _add_joint(
         turned = exp_rotation(-ref * axis) if kind == "hinge" else np.eye(3)
         moved = pin.SE3(turned, np.zeros(3))
     there = pin.SE3(np.eye(3), anchor)
-    index = tree.addJoint(
-        carrier, _joint_model(kind, axis), pose * there * moved, names.joints[joint]
-    )
+    placed, name = pose * there * moved, part.names.joints[joint]
+    index = tree.addJoint(carrier, _joint_model(kind, axis), placed, name)
     return index, int(tree.addJointFrame(index)), there.inverse()
 
 
@@ -131,10 +124,8 @@ def _joint_model(kind: str, axis: Array) -> Any:
     k = int(np.abs(axis).argmax())
     if np.array_equal(axis, np.eye(3)[k]):
         return _AXES[kind, k]()
-    general = (
-        pin.JointModelRevoluteUnaligned if kind == "hinge" else pin.JointModelPrismaticUnaligned
-    )
-    return general(axis)
+    turns = kind == "hinge"
+    return (pin.JointModelRevoluteUnaligned if turns else pin.JointModelPrismaticUnaligned)(axis)
 
 
 def _inertia(model: Any, body: int) -> pin.Inertia:
@@ -147,23 +138,24 @@ def _inertia(model: Any, body: int) -> pin.Inertia:
     )
 
 
-def key_frames(mujoco: Any, model: Any, part: RobotPart, names: Names) -> Mapping[str, Any]:
+def key_frames(part: RobotPart) -> Mapping[str, Any]:
     """Return the key frames by name: joint to its coordinates in q."""
-    states, data = {}, mujoco.MjData(model)
-    for key, name in enumerate(names.keys):
+    model = part.model
+    states, data = {}, part.mujoco.MjData(model)
+    for key, name in enumerate(part.names.keys):
         q = np.array(model.key_qpos[key])
         state: dict[str, tuple[float, ...]] = {}
         if part.floats:
-            start = int(model.jnt_qposadr[model.body_jntadr[part.roots[0]]])
+            start = part.start_of(part.root_joint)
             w, x, y, z = q[start + 3 : start + 7].tolist()
             state[ROOT] = (*q[start : start + 3].tolist(), x, y, z, w)
         if part.loose:  # six joints, which place the root together
             data.qpos[:] = q
-            mujoco.mj_kinematics(model, data)
+            part.mujoco.mj_kinematics(model, data)
             w, x, y, z = data.xquat[part.roots[0]].tolist()
             state[ROOT] = (*data.xpos[part.roots[0]].tolist(), x, y, z, w)
         for joint in part.joints:
-            if kind_of(mujoco, model, joint) != "ball":
-                state[names.joints[joint]] = (float(q[model.jnt_qposadr[joint]]),)
+            if part.kind_of(joint) != "ball":
+                state[part.names.joints[joint]] = (float(q[part.start_of(joint)]),)
         states[name] = state
     return states

@@ -6,7 +6,6 @@ import warnings
 import xml.etree.ElementTree as ET
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +14,6 @@ from wbc.errors import ModelError
 from wbc.extras import installed, quietly
 from wbc.robot.formats.mujoco_check import compare_motion
 from wbc.robot.formats.mujoco_part import Names, RobotPart
-from wbc.robot.formats.mujoco_tree import kind_of
 
 TRIED = """<robot name="tried"><link name="base"/><link name="l"><inertial>
 <origin xyz=".3 .2 .1" rpy=".1 .2 .3"/><mass value="2"/><inertia ixx=".02" ixy=".001" ixz="-.002"
@@ -47,16 +45,14 @@ def confirm_by_mujoco(root: ET.Element, tree: pin.Model, path: Path) -> None:
             model = mujoco.MjModel.from_xml_string(_without_shapes(root))
         except (ValueError, RuntimeError, mujoco.FatalError):
             return
-    names = Names(mujoco, model)
-    bodies = tuple(range(1, model.nbody))
-    joints = tuple(range(model.njnt))
+    names, bodies = Names(mujoco, model), tuple(range(1, model.nbody))
+    part = RobotPart(mujoco, model, names, path, (), bodies, tuple(range(model.njnt)))
     known = {str(frame.name) for frame in tree.frames if frame.type == pin.FrameType.BODY}
-    single = all(kind_of(mujoco, model, joint) in ("hinge", "slide") for joint in joints)
+    single = all(part.kind_of(joint) in ("hinge", "slide") for joint in part.joints)
     if not single or not known >= {names.bodies[body] for body in bodies}:
         return
-    part = RobotPart((), bodies, joints, False, (), ())
-    _compare_ranges(model, part, names, tree, path)
-    compare_motion(mujoco, model, part, names, tree, path, pin.SE3.Identity())
+    _compare_ranges(part, tree)
+    compare_motion(part, tree, pin.SE3.Identity())
 
 
 @cache
@@ -89,15 +85,17 @@ def _without_shapes(root: ET.Element) -> str:
     return ET.tostring(plain, encoding="unicode")
 
 
-def _compare_ranges(model: Any, part: RobotPart, names: Names, tree: pin.Model, path: Path) -> None:
+def _compare_ranges(part: RobotPart, tree: pin.Model) -> None:
+    model = part.model
     for joint in part.joints:
-        index = tree.getJointId(names.joints[joint])
+        name = part.names.joints[joint]
+        index = tree.getJointId(name)
         q = int(tree.idx_qs[index])
         if tree.nqs[index] != 1 or not model.jnt_limited[joint]:
             continue
         found = np.array((tree.lowerPositionLimit[q], tree.upperPositionLimit[q]))
         if not np.allclose(found, model.jnt_range[joint], rtol=1e-9, atol=1e-12):
             raise ModelError(
-                f"{path}: the range of joint {names.joints[joint]!r} is {found} by one reading and"
+                f"{part.path}: the range of joint {name!r} is {found} by one reading and"
                 f" {model.jnt_range[joint]} by another"
             )

@@ -1,7 +1,7 @@
 """The live viewer: a robot and its controller in a web browser, by viser in a process of its own.
 
     control process                        page process
-    Viewer.update -> Mailbox -> sender --> Page: recording, layers, panel --> browsers
+    Viewer.update -> latest -> sender ---> Page: recording, layers, panel --> browsers
     Steering (targets, weights) <--------- sliders, dragged targets, buttons
 
 The control loop pays for storing one reference per tick; everything that is drawn is computed by

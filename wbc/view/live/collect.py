@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
+from wbc import tasks
 from wbc.constraints import Contact, Obstacles, SelfCollision
 from wbc.controllers import Controller, Tick
 from wbc.controllers.tick import NEGLIGIBLE
@@ -13,27 +15,17 @@ from wbc.controllers.torque_tick import TorqueTick
 from wbc.robot.collision import CollisionModel
 from wbc.robot.names import COM
 from wbc.run.history import held_joints
-from wbc.tasks import (
-    AxisTask,
-    ComTask,
-    InertiaTask,
-    OrientationTask,
-    PoseTask,
-    PositionTask,
-    PrincipalInertiaTask,
-    Task,
-)
 from wbc.validate import Array
 from wbc.view.live.messages import Cast, ContactInfo, PairsInfo, TaskInfo, Told
 
-KINDS: Mapping[type[Task], str] = {
-    ComTask: "com",
-    PositionTask: "position",
-    OrientationTask: "orientation",
-    PoseTask: "pose",
-    AxisTask: "axis",
-    InertiaTask: "inertia",
-    PrincipalInertiaTask: "principal",
+KINDS: Mapping[type[tasks.Task], str] = {
+    tasks.ComTask: "com",
+    tasks.PositionTask: "position",
+    tasks.OrientationTask: "orientation",
+    tasks.PoseTask: "pose",
+    tasks.AxisTask: "axis",
+    tasks.InertiaTask: "inertia",
+    tasks.PrincipalInertiaTask: "principal",
 }
 
 
@@ -49,13 +41,14 @@ def cast_of(controller: Controller) -> Cast:
     )
 
 
-def _kind(task: Task) -> str:
-    if isinstance(task, InertiaTask) and task.about != COM:  # sliders and ellipsoids are about it
+def _kind(task: tasks.Task) -> str:
+    # Sliders and ellipsoids are about the CoM.
+    if isinstance(task, tasks.InertiaTask) and task.about != COM:
         return "other"
     return next((kind for type_, kind in KINDS.items() if isinstance(task, type_)), "other")
 
 
-def _task(task: Task) -> TaskInfo:
+def _task(task: tasks.Task) -> TaskInfo:
     frame, axis = str(getattr(task, "frame", "")), getattr(task, "axis", None)
     return TaskInfo(task.name, _kind(task), frame, task.rows, task.units, axis)
 
@@ -80,7 +73,7 @@ def targets_of(controller: Controller) -> dict[str, tuple[Array, ...]]:
     """Return the targets of the tasks whose kind the page knows, by name."""
     found = dict[str, tuple[Array, ...]]()
     for task in controller.tasks:
-        if isinstance(task, PoseTask):
+        if isinstance(task, tasks.PoseTask):
             found[task.name] = task.position, task.rotation
         elif _kind(task) != "other":
             found[task.name] = (task.target,)
@@ -95,7 +88,8 @@ def obstacles_of(controller: Controller) -> dict[str, tuple[Array, Array]]:
 
 def told_of(tick: Tick, seconds: float | None = None) -> Told:
     """Return what a tick says of itself; ``seconds`` includes what the tick does not know of."""
-    return Told(
+    strongest = sorted(held_joints(tick), key=lambda one: -one.pull)
+    told = Told(
         ok=tick.ok,
         report="solved" if tick.ok else tick.report(),
         seconds=tick.times.total if seconds is None else seconds,
@@ -103,15 +97,10 @@ def told_of(tick: Tick, seconds: float | None = None) -> Told:
         step_scale=tick.step_scale,
         errors=tick.errors,
         active=tick.active,
-        at_limit=_at_limit(tick),
+        at_limit=tuple(f"{one.name} {one.side}" for one in strongest),
         relaxed={name: by for name, by in tick.slack.items() if abs(by) > NEGLIGIBLE},
-        forces=dict(tick.forces) if isinstance(tick, TorqueTick) else {},
-        acceleration=tick.acceleration if isinstance(tick, TorqueTick) else None,
-        wrenches=dict(tick.wrenches) if isinstance(tick, TorqueTick) else {},
     )
-
-
-def _at_limit(tick: Tick) -> tuple[str, ...]:
-    """Return the joints whose velocity a bound holds back, the strongest first."""
-    strongest = sorted(held_joints(tick), key=lambda one: -one.pull)
-    return tuple(f"{one.name} {one.side}" for one in strongest)
+    if not isinstance(tick, TorqueTick):
+        return told
+    forces, wrenches = dict(tick.forces), dict(tick.wrenches)
+    return replace(told, forces=forces, acceleration=tick.acceleration, wrenches=wrenches)

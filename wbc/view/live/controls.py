@@ -62,11 +62,6 @@ class Controls:
             self.past, self._replaying = float(event.target.value), False
             self._moved_at = time.monotonic()
 
-    def _confirm(self, past: float) -> None:
-        """Put the slider where the user has: an update that was on its way may have moved it."""
-        self._slider.value = past + 0.01  # what does not change is not sent
-        self._slider.value = past
-
     def _go_live(self) -> None:
         self.past, self._replaying = None, False
 
@@ -92,7 +87,9 @@ class Controls:
             self._slider.value = round(min(max(now, self._slider.min), self._slider.max), 2)
         elif self._moved_at is not None and time.monotonic() > self._moved_at + SETTLED:
             self._moved_at = None
-            self._confirm(self.past)
+            # Where the user has it: an update that was on its way may have moved it.
+            self._slider.value = self.past + 0.01  # what does not change is not sent
+            self._slider.value = self.past
         looking_back = self.past is not None
         if self._live.visible != looking_back:
             self._live.visible = self._replay.visible = looking_back

@@ -82,18 +82,18 @@ class Told:
     ok: bool
     report: str
     seconds: float  # the tick's time, of which solve was spent in the solver; None: not recorded
-    solve: float | None
-    step_scale: float
     errors: Mapping[str, Array]
+    solve: float | None = None
+    step_scale: float = 1.0
     # Rows that hold the command back, the strongest first; None: not recorded.
-    active: tuple[str, ...] | None
+    active: tuple[str, ...] | None = None
     # Joints at a bound of their velocity (their range, with braking distance, or their rate),
     # with lower or upper.
-    at_limit: tuple[str, ...] | None
-    relaxed: Mapping[str, float]  # what gave way, and by how much
+    at_limit: tuple[str, ...] | None = None
+    relaxed: Mapping[str, float] = field(default_factory=dict)  # what gave way, and by how much
     # (6,) wrench at each contact's frame, world axes, by contact; empty at the velocity level.
-    forces: Mapping[str, Array]
-    acceleration: Array | None  # (nv,), or None at the velocity level
+    forces: Mapping[str, Array] = field(default_factory=dict)
+    acceleration: Array | None = None  # (nv,), or None at the velocity level
     # (6,) known from outside, at frames' origins, world axes, by frame.
     wrenches: Mapping[str, Array] = field(default_factory=dict)
 

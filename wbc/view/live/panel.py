@@ -31,7 +31,8 @@ class LivePanel:
         frame, told = shown.frame, shown.frame.told
         paused = "" if frame.playing else " (paused)"
         parts = [_line("time", f"{frame.time:.3f} s{paused}")]
-        parts += [_remark(text) for text in (frame.remark, self._note) if text]
+        for text in filter(None, (frame.remark, self._note)):
+            parts.append(f"<div style='color:{_WARN}'>{escape(text)}</div>")
         if frame.phase:
             parts.append(_line("phase", escape(frame.phase)))
         if shown.cast is not None:
@@ -46,7 +47,9 @@ class LivePanel:
             parts += [_heading("Constraints that hold back"), _names(told.active)]
             parts += [_heading("Joint limits that hold back"), _names(told.at_limit)]
             if told.relaxed:
-                parts += [_heading("Gave way"), _relaxed(told)]
+                worst = sorted(told.relaxed.items(), key=lambda one: -abs(one[1]))
+                words = (f"{name}: {by:.3g}" for name, by in worst)
+                parts += [_heading("Gave way"), _names(words)]
         if nearest:
             parts += [_heading("Nearest pairs (least kept)"), *map(_pair, nearest[:LISTED])]
         self._html.content = f"<div style='{_STYLE}'>{''.join(parts)}</div>"
@@ -61,10 +64,6 @@ def _line(name: str, value: str) -> str:
 
 def _heading(text: str) -> str:
     return f"<div style='{_HEAD}'>{text}</div>"
-
-
-def _remark(text: str) -> str:
-    return f"<div style='color:{_WARN}'>{escape(text)}</div>"
 
 
 def _tick(told: Told, budget: float | None) -> str:
@@ -113,8 +112,3 @@ def _pair(pair: Pair) -> str:
     dot = f"<span style='color:rgb({red},{green},{blue})'>&#9679;</span>"
     lengths = f"{1e3 * pair.distance:.1f}&nbsp;({1e3 * pair.margin:.3g})&nbsp;mm"
     return _line(f"{dot} {escape(pair.label)}", lengths)
-
-
-def _relaxed(told: Told) -> str:
-    worst = sorted(told.relaxed.items(), key=lambda one: -abs(one[1]))
-    return _names(f"{name}: {by:.3g}" for name, by in worst)

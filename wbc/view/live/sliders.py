@@ -120,16 +120,11 @@ class Sliders:
             f"{row} times", *FACTORS, 0.01, 1.0, hint="Relative to that at the first frame."
         )
 
-        def moved(factor: float) -> Array:
-            target = self._targets[task].copy()
+        def move(target: Array, factor: float) -> None:
             target[chosen] = factor * base[chosen]
-            return target
 
-        self._connect(slider, task, moved)
         whole = float(base[chosen].sum())
-        self._followers.append(
-            Follower(slider, lambda target: float(target[chosen].sum()) / whole, task)
-        )
+        self._connect(slider, task, move, lambda target: float(target[chosen].sum()) / whole)
 
     def _add_com(self, task: TaskInfo, shown: Shown) -> Any:
         base = self._base.setdefault(task.name, shown.snapshot.com.copy())
@@ -146,15 +141,10 @@ class Sliders:
             f"{row} [mm]", -float(reach), float(reach), 1.0, 0.0, hint="From that at first."
         )
 
-        def moved(offset: float) -> Array:
-            target = self._targets[task].copy()
+        def move(target: Array, offset: float) -> None:
             target[axis] = base[axis] + 1e-3 * offset
-            return target
 
-        self._connect(slider, task, moved)
-        self._followers.append(
-            Follower(slider, lambda target: 1e3 * float(target[axis] - base[axis]), task)
-        )
+        self._connect(slider, task, move, lambda target: 1e3 * float(target[axis] - base[axis]))
 
     def _add_weight(self, task: TaskInfo) -> Any:
         slider = self._gui.add_slider(
@@ -171,13 +161,21 @@ class Sliders:
 
     # ------------------------------------------------------------------
 
-    def _connect(self, slider: Any, task: str, target: Callable[[float], Array]) -> None:
-        """Send a task's target when the user moves a slider."""
+    def _connect(
+        self,
+        slider: Any,
+        task: str,
+        move: Callable[[Array, float], None],
+        position: Callable[[Array], float],
+    ) -> None:
+        """Send a task's target when the user moves a slider, which else follows it."""
+        self._followers.append(Follower(slider, position, task))
 
         async def changed(event: Any) -> None:
             if event.client_id is not None and task in self._targets:
                 self._touched[task] = time.monotonic()
-                wanted = target(float(event.target.value))
+                wanted = self._targets[task].copy()
+                move(wanted, float(event.target.value))
                 self._targets[task] = wanted
                 self._send(SetTarget(task, (wanted,)))
 

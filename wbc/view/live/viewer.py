@@ -22,7 +22,6 @@ from wbc.robot.model import check_robot
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array
 from wbc.view.live.collect import cast_of, obstacles_of, targets_of, told_of
-from wbc.view.live.mailbox import Mailbox
 from wbc.view.live.messages import Frame, Pulled, Request, Setup, WholeRun, Wish
 from wbc.view.live.process import HOST, Failed, PageProcess, free_place
 from wbc.view.live.steering import Steering
@@ -122,7 +121,10 @@ class Viewer:
         self.steering = Steering()
         self.error = ""
         self._may_steer = steer
-        self._mailbox = Mailbox[News]()
+        # One place: what nobody has taken is replaced. Storing and taking are single operations of
+        # the interpreter, so neither thread waits for the other.
+        self._news = deque[News](maxlen=1)
+        self._put = self._taken = 0
         self._wishes = deque[Wish]()
         self._requests = deque[Request]()
         self._recorded: WholeRun | None = None
@@ -200,10 +202,10 @@ class Viewer:
         self.steer()
         if time is None:
             time = self._since_first()
-        controller = self.controller
-        self._mailbox.put(
-            News(time, snapshot, tick, controller, seconds, phase, remark, playing, push, pull)
+        self._news.append(
+            News(time, snapshot, tick, self.controller, seconds, phase, remark, playing, push, pull)
         )
+        self._put += 1
 
     def steer(self) -> None:
         """Set the targets and weights that the user wants; :meth:`update` does it too.
@@ -264,7 +266,7 @@ class Viewer:
     @property
     def dropped(self) -> int:
         """How many updates were not sent, since a later one was there."""
-        return self._mailbox.dropped
+        return self._put - self._taken - len(self._news)
 
     def _since_first(self) -> float:
         now = time.monotonic()
@@ -278,7 +280,8 @@ class Viewer:
         """Send the latest news, at most every :data:`PERIOD`."""
         known: tuple[object, ...] = ()
         while not self._closed.wait(PERIOD):
-            news = self._mailbox.take()
+            news = self._news.popleft() if self._news else None
+            self._taken += news is not None
             recorded, self._recorded = self._recorded, None
             try:
                 if recorded is not None:
@@ -314,7 +317,6 @@ class Viewer:
         )
 
     def _listen(self) -> None:
-        """Collect what the user wants."""
         while not self._closed.is_set():
             try:
                 message = self._page.receive()

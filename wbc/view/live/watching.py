@@ -44,14 +44,7 @@ def _frame(history: History, k: int) -> Frame:
         ok=history.status[k] == "solved",
         report=str(history.status[k]),
         seconds=float(history.tick_time[k]),
-        solve=None,
-        step_scale=1.0,
         errors={name: error for name, error in errors.items() if not np.isnan(error).any()},
-        active=None,
-        at_limit=None,
-        relaxed={},
-        forces={},
-        acceleration=None,
     )
     v = history.v[k - 1] if k else np.zeros_like(history.v[0])  # measured, not yet commanded
     return Frame(float(history.time[k]), history.q[k], v, told, phase=str(history.phase[k]))

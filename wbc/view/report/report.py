@@ -147,12 +147,14 @@ def _write(path: str | Path, text: str) -> Path:
 
 def _page(data: Mapping[str, Any], summary: Mapping[str, Any], title: str) -> str:
     problem = summary.get("problem") or {}
+    replaced = (problem.get("overrides") or {}).items()
+    overrides = "".join(f"--set {name}={json.dumps(value)}\n" for name, value in replaced)
     texts = {
         "TITLE": html.escape(title),
         "REASON": html.escape(str(summary.get("reason", ""))),
         "TABLES": "\n".join(_table(*table) for table in _tables(summary)),
         "PROBLEM": html.escape(str(problem.get("text", "not known"))),
-        "OVERRIDES": html.escape(_overrides(problem.get("overrides") or {})),
+        "OVERRIDES": html.escape(overrides),
         "STYLE": _part("page.css"),
         # In a script element only "</" could end it.
         "DATA": json.dumps(data, allow_nan=False).replace("</", "<\\/"),
@@ -164,10 +166,6 @@ def _page(data: Mapping[str, Any], summary: Mapping[str, Any], title: str) -> st
 
 def _part(name: str) -> str:
     return files("wbc.view.report").joinpath(name).read_text(encoding="utf-8")
-
-
-def _overrides(overrides: Mapping[str, Any]) -> str:
-    return "".join(f"--set {name}={json.dumps(value)}\n" for name, value in overrides.items())
 
 
 def _tables(summary: Mapping[str, Any]) -> Iterable[Table]:
@@ -222,7 +220,6 @@ def _tables(summary: Mapping[str, Any]) -> Iterable[Table]:
 
 
 def _simulated(told: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
-    """Yield what there is to say of a simulation, in words."""
     for push in told.get("pushes") or ():
         size = sum(float(one) ** 2 for one in push["impulse"]) ** 0.5
         yield "push", f"{size:.3g} N s on {push['body']} from {push['at']:g} s"

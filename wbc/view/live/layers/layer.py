@@ -116,11 +116,6 @@ def _capsule(shape: Capsule) -> Triangles:
     start, end = shape.ends
     length = float(np.linalg.norm(end - start))
     around_z = rounded_cylinder(shape.radius, 0.5 * length)
-    R = _turn_z_to((end - start) / length if length > 0.0 else Z)
+    w, x, y, z = along((end - start) / length if length > 0.0 else Z)
+    R = rotation_from(np.array([x, y, z, w]))
     return Triangles(around_z.vertices @ R.T + 0.5 * (start + end), around_z.faces)
-
-
-def _turn_z_to(direction: Array) -> Array:
-    """Return a rotation that turns z into a unit vector."""
-    w, x, y, z = along(direction)
-    return rotation_from(np.array([x, y, z, w]))

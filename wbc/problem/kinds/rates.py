@@ -1,4 +1,4 @@
-"""Centroidal momentum."""
+"""Rest and momentum: tasks about rates, which no posture has."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from wbc.problem.section import (
     Distinct,
     Forms,
     ListOf,
+    Name,
     NonEmpty,
     NonNegative,
     Number,
@@ -18,19 +19,11 @@ from wbc.problem.section import (
     Words,
     default_of,
 )
-from wbc.problem.targets import (
-    MOTION,
-    PLAN,
-    Followed,
-    FromMotion,
-    FromPlan,
-    entries,
-    form_with_plan,
-)
+from wbc.problem.targets import Followed, MotionForm, PlanForm, entries, form_with_plan
 from wbc.problem.task_spec import MotionTaskSpec
 from wbc.robot import Snapshot
-from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
-from wbc.tasks import MomentumTask
+from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal, untargeted
+from wbc.tasks import DampingTask, MomentumTask
 from wbc.tasks.momentum import ANGULAR, LINEAR
 from wbc.validate import Array
 
@@ -43,11 +36,31 @@ Components = Annotated[
     Forms(f"{', '.join(COMPONENTS)}, or a list of {' '.join(ROWS)}"),
 ]
 MomentumTarget = Annotated[
-    Annotated[ListOf[Number], Field(min_length=1, max_length=6)]
-    | Annotated[FromPlan, PLAN]
-    | Annotated[FromMotion, MOTION],
+    Annotated[ListOf[Number], Field(min_length=1, max_length=6)] | PlanForm | MotionForm,
     Forms(pick=form_with_plan, expected="a list of numbers, {plan: file}, or {motion: file}"),
 ]
+
+
+class DampingSpec(MotionTaskSpec):
+    """Rest: velocities as low as the other tasks leave them."""
+
+    type: Literal["damping"]
+    target: Literal["rest"] = "rest"
+    """What is wanted: rest."""
+    joints: dict[Name, NonNegative] = Field(default_factory=dict)
+    """Factors on the weight by joint name or pattern ("*_knee*"); 0 leaves a joint out."""
+    base: bool = default_of(DampingTask, "base")
+    """Whether the base's velocity counts too."""
+    kd: NonNegative | None = None
+    """At the torque level: velocities decay as exp(-kd t) [1/s]; left out: 20."""
+    weight: NonNegative = 1.0
+    """Weight of the task [1/(rad/s)] or [1/(m/s)]."""
+
+    def build(self, name: str, start: Snapshot) -> TargetedTask:
+        """Return the task."""
+        settings = self.settings()
+        task = DampingTask(start.robot, joints=self.joints, base=self.base, name=name, **settings)
+        return untargeted(task)
 
 
 class MomentumSpec(MotionTaskSpec):

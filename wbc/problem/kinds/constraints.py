@@ -1,17 +1,29 @@
-"""The robot kept away from things around it."""
+"""Constraints: a frame in a box, the CoM over its feet, bodies kept apart, a trunk upright."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from wbc.constraints import Limits, Obstacles
+from wbc.constraints import (
+    BrakingParameters,
+    ComSupport,
+    Contact,
+    Limits,
+    Obstacles,
+    PositionBox,
+    SelfCollision,
+    TiltLimit,
+)
+from wbc.constraints.tilt_limit import TILT_BRAKING
 from wbc.problem.constraint_spec import BuiltConstraint, ConstraintSpec
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
+    Components,
+    ListOf,
     Name,
     Names,
     NonNegative,
@@ -26,8 +38,51 @@ from wbc.problem.section import (
 from wbc.robot import Snapshot
 from wbc.robot.collision import Obstacle
 from wbc.robot.collision.bodies import FITS
+from wbc.run.phase_support import PhaseSupport
 
+Pairs = Annotated[int, Field(ge=1, le=1000)]
+LinkPairs = ListOf[Two[Name]]
 SHAPES = ("sphere", "capsule", "box", "half_space")
+
+
+class BoxSpec(ConstraintSpec):
+    """The origin of a frame is kept in a box along the world's axes."""
+
+    type: Literal["box"]
+    frame: Name = "base"
+    """A link, sole or other frame; base for the floating base."""
+    lower: Components = (None, None, None)
+    """Least x, y, z [m]; null: no bound."""
+    upper: Components = (None, None, None)
+    """Greatest x, y, z [m]; null: no bound."""
+
+    def build(self, start: Snapshot, limits: Limits | None) -> BuiltConstraint:
+        """Return the constraint."""
+        lower = [-np.inf if end is None else end for end in self.lower]
+        upper = [np.inf if end is None else end for end in self.upper]
+        box = PositionBox(start.robot, self.frame, lower, upper, limits=limits)
+        return BuiltConstraint(lambda *_: box)
+
+
+class ComSupportSpec(ConstraintSpec):
+    """The CoM is kept over the feet that stand."""
+
+    type: Literal["com_support"]
+    margin: NonNegative = default_of(ComSupport, "margin")
+    """Distance from the edges of the support polygon [m]."""
+    feet: Names | None = None
+    """The feet that count; left out: those that the support holds, phase by phase."""
+
+    def build(self, start: Snapshot, limits: Limits | None) -> BuiltConstraint:
+        """Return the constraint, which is made anew for the feet that stand."""
+        if self.feet is not None:
+            ComSupport.over(start, self.feet, margin=self.margin)
+
+        def during(snapshot: Snapshot, contacts: Sequence[Contact]) -> ComSupport | None:
+            feet = self.feet or PhaseSupport.on("", contacts).feet
+            return ComSupport.over(snapshot, feet, margin=self.margin) if feet else None
+
+        return BuiltConstraint(during)
 
 
 class ObstacleSpec(Section):
@@ -84,7 +139,7 @@ class ObstaclesSpec(ConstraintSpec):
     """Distance that is kept [m]."""
     links: Names = default_of(Obstacles, "links")
     """Links that must keep away, by name or pattern."""
-    pairs: Annotated[int, Field(ge=1, le=1000)] = default_of(Obstacles, "pairs")
+    pairs: Pairs = default_of(Obstacles, "pairs")
     """How many pairs, the nearest of all, get a row in each tick."""
     fit: Annotated[str, Words(FITS)] = default_of(Obstacles, "fit")
     """What meshes are replaced by; hulls are closer and slower."""
@@ -117,3 +172,43 @@ class ObstaclesSpec(ConstraintSpec):
                     name,
                     "velocity",
                 )
+
+
+class SelfCollisionSpec(ConstraintSpec):
+    """The robot's own bodies are kept apart."""
+
+    type: Literal["self_collision"]
+    margin: NonNegative = default_of(SelfCollision, "margin")
+    """Distance that is kept [m]."""
+    pairs: Pairs = default_of(SelfCollision, "pairs")
+    """How many pairs, the nearest of all, get a row in each tick."""
+    fit: Annotated[str, Words(FITS)] = default_of(SelfCollision, "fit")
+    """What meshes are replaced by; hulls are closer and slower."""
+    include: LinkPairs = default_of(SelfCollision, "include")
+    """Pairs of links, by name or pattern, to watch; left out: all that can meet."""
+    exclude: LinkPairs = default_of(SelfCollision, "exclude")
+    """Pairs of links, by name or pattern, not to watch."""
+
+    def build(self, start: Snapshot, limits: Limits | None) -> BuiltConstraint:
+        """Return the constraint."""
+        settings = self.model_dump(exclude={"type", "slack"})
+        constraint = SelfCollision(start.robot, **settings, limits=limits)
+        return BuiltConstraint(lambda *_: constraint, unwatched=constraint.in_contact)
+
+
+class TiltSpec(ConstraintSpec):
+    """What points up in a frame at the start is kept within an angle of the vertical."""
+
+    type: Literal["tilt"]
+    frame: Name = "base"
+    """A link or other frame, such as the trunk's; base for the floating base."""
+    angle: Positive
+    """Largest tilt [rad]."""
+    braking: Positive = TILT_BRAKING
+    """Deceleration to count on before it [rad/s^2]."""
+
+    def build(self, start: Snapshot, limits: Limits | None) -> BuiltConstraint:
+        """Return the constraint."""
+        braking = BrakingParameters(self.braking)
+        constraint = TiltLimit.upright(start, self.frame, self.angle, braking=braking)
+        return BuiltConstraint(lambda *_: constraint)
