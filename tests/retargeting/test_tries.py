@@ -43,5 +43,5 @@ def test_of_tries_that_keep_nothing_the_nearest_is_taken(
 
     monkeypatch.setattr(tries, "mended", mended)
     monkeypatch.setattr(passes, "judged", lambda *given: given)
-    q = wbc.retarget(crouching(1.0), hoap2)[5]
+    q = wbc.retarget(crouching(0.5), hoap2, rounds=1)[5]
     assert len(made) == 7 and np.array_equal(q, made[2].q)
