@@ -4,6 +4,7 @@ import os
 import signal
 from collections.abc import Callable
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from pathlib import Path
 
 from wbc.errors import InvalidInputError, UnknownNameError
@@ -77,3 +78,14 @@ def test_what_cannot_be_made_is_told_to_whoever_calls() -> None:
         (answer,) = answers(workers, [1]).values()
     assert isinstance(answer.error, InvalidInputError)
     assert "nothing can be doubled" in str(answer.error)
+
+
+def blocks_interrupt() -> Callable[[], bool]:
+    return lambda: signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_ctrl_c_does_not_reach_the_first_process_that_is_started() -> None:
+    resource_tracker._resource_tracker._stop()  # as nothing was started yet
+    with Workers(blocks_interrupt, 1) as workers:
+        workers.submit(0)
+        assert workers.results(60.0)[0].value is True

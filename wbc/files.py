@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from platformdirs import user_cache_path
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import check_path
 
 CACHE_VARIABLE = "WBC_CACHE"
 OFF = ("", "0", "off", "none")
@@ -53,8 +54,9 @@ def ending_of(path: str | Path, endings: Collection[str], expected: str) -> str:
     Raises
     ------
     InvalidInputError
-        None of ``endings``; ``expected`` tells what is written.
+        None of ``endings``; ``expected`` tells what is written. Or it is no path.
     """
+    check_path("file to write", path)
     ending = Path(path).suffix.lower()
     if ending not in endings:
         raise InvalidInputError(f"{path}: {expected}")

@@ -23,6 +23,7 @@ import numpy as np
 from wbc import __version__
 from wbc.errors import InvalidInputError
 from wbc.files import why, write_whole
+from wbc.kinds import check_path
 
 LARGEST = 500_000_000  # bytes unpacked
 _PLAIN = {
@@ -58,10 +59,12 @@ def write_pickled(path: str | Path, kind: str, content: Any) -> None:
     Raises
     ------
     InvalidInputError
-        Something in it cannot be pickled, such as a task of yours that holds an open file.
+        Something in it cannot be pickled, such as a task of yours that holds an open file; or this
+        is no path.
     OSError
         The file cannot be written.
     """
+    check_path("file to write", path)
     try:
         packed = zlib.compress(pickle.dumps(content, protocol=5))
     except (pickle.PicklingError, TypeError, AttributeError, RecursionError) as error:
@@ -102,6 +105,7 @@ def read_pickled(
     OSError
         It cannot be read.
     """
+    check_path("file to read", path)
     head_line, _, packed = Path(path).read_bytes().partition(b"\n")
     head = _head(head_line)
     if head is None or head["format"] != kind:

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import connection, get_context, parent_process
+from multiprocessing import connection, get_context, parent_process, resource_tracker
 from multiprocessing.process import BaseProcess
 from typing import Any, NamedTuple
 
@@ -227,6 +227,7 @@ def _blocked_interrupt() -> Iterator[None]:
 
     A blocked signal stays blocked in what is started; here it waits until it no longer is.
     """
+    resource_tracker.ensure_running()  # which unblocks it where the first process is started
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
     try:
         yield

@@ -127,6 +127,20 @@ def test_outputs_are_checked_before_the_run(file: Path, tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["p.yaml", "r.json"]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["run", "render"])
+def test_a_file_with_dollars_in_its_name_is_drawn_under_that_name(
+    file: Path, tmp_path: Path, command: str
+) -> None:
+    named = tmp_path / "p$_{$.yaml"  # to Matplotlib a formula, and a broken one
+    named.write_text(file.read_text())
+    picture = tmp_path / ("r.svg" if command == "run" else "r.gif")
+    options = ("--plot",) if command == "run" else ("--fps", 1, "-o")
+    answer = wbc_command(command, named, *options, picture, "-q")
+    assert answer.exit_code == 0, answer.stderr
+    assert picture.is_file()
+
+
 def test_plot_without_matplotlib_fails_before_the_run(
     file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

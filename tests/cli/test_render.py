@@ -1,5 +1,6 @@
 """Films by the command line: of results and of problems."""
 
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from typer.testing import Result
 from tests.command import wbc_command
 from tests.texts import STAND
 from wbc.problem import load_problem
+from wbc.view.film import Film
 from wbc.view.options import View
 
 WAVE = """\
@@ -55,6 +57,18 @@ def test_of_a_result_and_of_a_problem(file: Path, films: list[dict[str, Any]]) -
     assert first["title"] == "wave: completed"
     assert (first["speed"], first["fps"], first["size"]) == (0.5, 10, (200, 300))
     assert first["view"] == View.of("left")
+
+
+def test_a_film_ended_by_sigterm_leaves_nothing_behind(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def draw(film: Film, row: int) -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(Film, "draw", draw)
+    answer = render(file, "-o", file.with_suffix(".gif"), "-q")
+    assert (answer.exit_code, answer.stderr) == (143, "error: interrupted\n")
+    assert [path.name for path in file.parent.iterdir()] == [file.name]
 
 
 def test_mistakes_are_told_before_any_work(file: Path, films: list[dict[str, Any]]) -> None:

@@ -71,6 +71,33 @@ def test_a_tick_that_gives_way_is_saved_and_asked_for_again(tmp_path: Path) -> N
     assert told[2] == "again     the same to the last bit"
 
 
+def test_a_tick_or_stream_that_cannot_be_written_leaves_the_run_its_result(
+    file: Path, tmp_path: Path, monkeypatch
+) -> None:
+    pytest.importorskip("mujoco")
+    rerun = pytest.importorskip("rerun")
+    problem, tick, out = tmp_path / "p.yaml", tmp_path / "t.tick", tmp_path / "out.json"
+    problem.write_text(TORQUE)
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device", str(tick))
+
+    def shut(*_: object, **__: object) -> None:
+        raise RuntimeError("File-writer thread shut down prematurely")
+
+    monkeypatch.setattr("wbc.controllers.tick.Tick.save", full)
+    monkeypatch.setattr(rerun.RecordingStream, "flush", shut)  # what it says of a full disk
+    stream = tmp_path / "full.rrd"
+    answer = wbc_command(
+        "sim", problem, "-q", "-o", out, "--save-tick", tick, "--stream", f"rerun:{stream}"
+    )
+    assert answer.exit_code == 1
+    told = answer.stderr.splitlines()
+    assert told[0] == f"error: --save-tick {tick}: cannot be written: No space left on device"
+    assert told[1].startswith(f"error: --stream rerun:{stream}: Rerun: {stream}: not all was sent:")
+    assert json.loads(out.read_text())["format"] == "wbc result 1"
+
+
 def test_what_cannot_be_replayed_is_one_line(file: Path, tmp_path: Path) -> None:
     assert "No such file" in refused("replay", tmp_path / "none.npz")
     assert "not the result of a run" in refused("replay", file)

@@ -232,6 +232,13 @@ def _content(data: bytes | bytearray) -> bytes | None:
         return None
 
 
+def test_what_is_no_path_is_refused() -> None:
+    with pytest.raises(InvalidInputError, match="file to write: expected a path, got None"):
+        write_pickled(None, "wbc tick 1", 0)  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match="file to read: expected a path, got 3"):
+        SavedTick.load(3)  # type: ignore[arg-type]
+
+
 def test_other_files_are_told_from_ticks(tmp_path: Path) -> None:
     path = tmp_path / "r.json"
     path.write_text('{"format": "wbc result 1", "versions": {}}\n')

@@ -6,6 +6,7 @@ import pytest
 from tests.human.walker import LABELS, recorded
 from wbc.human import MarkerRecording, human_motion
 from wbc.human.body import HumanBody
+from wbc.human.known import other_human
 from wbc.human.landmarks import lacking, landmark, landmark_of
 from wbc.human.markers import ForcePlate
 from wbc.human.skeleton import configurations, human_robot
@@ -80,6 +81,21 @@ def test_what_is_lacking_is_told_by_static_trials_and_clusters() -> None:
         f"{side}_{part}" for side in ("left", "right") for part in ("thigh", "shank", "foot")
     ]
     assert lacking(walk + 2 * clusters) == []
+
+
+@pytest.mark.parametrize(("scale", "prefix"), [(1.0, ""), (1.1, ""), (1.0, "X")])
+def test_a_static_trial_of_another_human_is_told(scale: float, prefix: str) -> None:
+    whole, _ = recorded(BODY, noise=1e-3, seed=2)
+    labels = tuple(prefix + name for name in whole.labels)
+    static = MarkerRecording(whole.time[:40], labels, scale * whole.positions[:40], up="z")
+    marks = [landmark(str(landmark_of(name))) for name in whole.labels]
+    told = other_human(whole, static, whole.labels, marks)
+    if scale > 1.0:
+        assert told[0].startswith("markers of the static trial are 1.10 times as far apart")
+    else:
+        assert [one.startswith("the static trial shares no two") for one in told] == [True] * bool(
+            prefix
+        )
 
 
 @pytest.mark.slow

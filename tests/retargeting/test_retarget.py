@@ -144,7 +144,7 @@ def test_legs_that_cannot_roll_their_soles_stand_as_far_apart_as_they_are() -> N
     """Beside each other as a human's, such legs lean inwards, and soles tilt with them."""
     ankles = {"left_ankle_roll_joint": 0.0, "right_ankle_roll_joint": 0.0}
     robot = Robot.load("g1", locked=ankles)
-    found = wbc.retarget(crouching(inward=0.2), robot)
+    found = wbc.retarget(crouching(1.0, inward=0.2), robot)
     left, right = (found.targets.feet.paths[side].origin[0, 1] for side in ("left", "right"))
     standing = robot.snapshot(robot.postures["standing"])
     own = np.subtract(*(standing.position(robot.feet[side].frame) for side in ("left", "right")))

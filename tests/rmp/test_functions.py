@@ -1,5 +1,7 @@
 """Exported C: complete, and where a compiler exists, with the results of CasADi's machine."""
 
+import copy
+import pickle
 import shutil
 import subprocess
 from pathlib import Path
@@ -13,6 +15,16 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.rmp.functions import export_c
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import EulerSolidRmp, SolidRmp
+
+
+@pytest.mark.parametrize("kind", (PlanarRmp, SolidRmp, EulerSolidRmp))
+def test_a_copied_or_pickled_pendulum_is_the_same(kind: type[PlanarRmp]) -> None:
+    model = kind(20.0, 1.62)
+    q = np.linspace(0.3, 1.2, len(model.Q))
+    for other in (copy.deepcopy(model), pickle.loads(pickle.dumps(model))):
+        assert repr(other) == repr(model)
+        found, expected = (one.functions["mass_matrix"](q).full() for one in (other, model))
+        np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.slow

@@ -1,9 +1,11 @@
 """When a run is at rest, and what its end is called."""
 
+import math
 from typing import Any
 
 import pytest
 
+from wbc.errors import InvalidInputError
 from wbc.run.stopping import REST_TICKS, RestWatch, Stop, ending
 
 
@@ -38,3 +40,14 @@ def test_what_an_end_is_called(
     assert ended.value == status
     assert words in reason
     assert ended.good == (status in ("converged", "accepted", "completed"))
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{"duration": math.nan}, {"duration": -1.0}, {"speed": "slow"}, {"margins": math.inf},
+     {"accept": 0.1}, {"accept": {"com": math.nan}}],
+)  # fmt: skip
+def test_what_no_run_can_end_by_is_refused(given: dict[str, Any]) -> None:
+    with pytest.raises(InvalidInputError, match=f"stop, {next(iter(given))}"):
+        Stop(**given)
+    Stop(duration=0.0, speed=None, balance=None, slip=None, margins=None)

@@ -5,13 +5,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from wbc.errors import InvalidInputError
 from wbc.problem import load_problem
 from wbc.run import Result
 from wbc.simulation.terrain import LEVEL, Terrain
-from wbc.view.film import film_format, film_rows, film_run
+from wbc.view.film import film_format, film_rows, film_run, write_film
 from wbc.view.options import View
 from wbc.view.style import VERMILION
 
@@ -61,6 +62,21 @@ def test_a_film_is_as_long_as_the_run_and_always_the_same(result: Result, tmp_pa
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.gif", "b.gif"]
 
 
+@pytest.mark.parametrize("fps", [15, 30, 40])
+def test_a_gif_at_a_rate_that_it_does_not_have_takes_as_long_as_the_run(
+    tmp_path: Path, fps: int
+) -> None:
+    def figure() -> SimpleNamespace:
+        drawn = SimpleNamespace(figure=Figure((1, 1)))
+        drawn.draw = lambda row: drawn.figure.text(0.1, 0.1 + row / 300, row)
+        return drawn
+
+    path = write_film(figure, np.linspace(0.0, 2.0, 201), tmp_path / "a.gif", fps, 1.0, None)
+    with Image.open(path) as film:
+        shown = sum(film.info["duration"] for k in range(film.n_frames) if film.seek(k) is None)
+    assert shown == pytest.approx(2700, abs=110)  # with 0.7 s of rest, rounded to pictures
+
+
 def test_layers_are_left_out(result: Result, tmp_path: Path) -> None:
     bare = View.of("left", "robot")
     short = type(result.history)(
@@ -98,6 +114,8 @@ def test_rows_are_the_run_at_its_own_speed() -> None:
     slow = film_rows(time, 20, 0.25)
     assert len(slow) - 14 == pytest.approx(4 * len(moving), abs=4)
     assert set(film_rows(time[:1], 20, 1.0)) == {0}
+    with pytest.raises(InvalidInputError, match="at most 1000000; let it be faster"):
+        film_rows(time, 20, 1e-9)  # 150 GB of rows
 
 
 @pytest.mark.parametrize(
@@ -107,6 +125,9 @@ def test_rows_are_the_run_at_its_own_speed() -> None:
         ({"fps": 0}, "fps"),
         ({"speed": 0.0}, "speed"),
         ({"size": (100, 100)}, "at least 150"),
+        ({"size": (10**7, 10**7)}, "at most 65535"),
+        ({"size": 480}, "expected shape"),
+        ({"size": ("a", 3)}, "expected numbers"),
     ],
 )
 def test_bad_numbers_are_refused(

@@ -2,16 +2,18 @@
 
 import json
 import re
+import socket
 import struct
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import wbc
-from wbc.errors import InvalidInputError, MissingPackageError, UnknownNameError
+from wbc.errors import InvalidInputError, MissingPackageError, UnknownNameError, WbcError
 from wbc.problem import Problem
 from wbc.view.streams import FoxgloveStream, RerunStream, stream_of
 
@@ -38,13 +40,13 @@ def test_foxglove_is_sent_frames_and_numbers_of_every_tick(problem) -> None:
     client = pytest.importorskip("websockets.sync.client")
     stream = FoxgloveStream(problem.parts.robot, port=0)
     ticks, topics, found = [], {}, {}
-    with client.connect(stream.where.split()[-1], subprotocols=["foxglove.sdk.v1"]) as socket:
+    with client.connect(stream.where.split()[-1], subprotocols=["foxglove.sdk.v1"]) as server:
 
         def listen() -> None:
             """Subscribe to what is offered, and keep what comes."""
             while True:
                 try:
-                    message = socket.recv(timeout=0.3)
+                    message = server.recv(timeout=0.3)
                 except TimeoutError:
                     return
                 if isinstance(message, bytes):
@@ -56,7 +58,7 @@ def test_foxglove_is_sent_frames_and_numbers_of_every_tick(problem) -> None:
                     numbers = [one["id"] for one in offer["channels"]]
                     topics.update({one["id"]: one["topic"] for one in offer["channels"]})
                     wanted = [{"id": one, "channelId": one} for one in numbers]
-                    socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+                    server.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
 
         def show(now, controller) -> None:
             ticks.append(now)
@@ -121,6 +123,19 @@ def test_rerun_that_cannot_be_reached_or_written_is_refused(problem, wanted: str
     pytest.importorskip("rerun")
     with pytest.raises(InvalidInputError, match=f"stream '{wanted}': "):
         stream_of(problem.parts.robot, wanted)
+
+
+def test_rerun_to_which_nobody_listens_ends_in_an_error_instead_of_never(
+    problem, monkeypatch
+) -> None:
+    pytest.importorskip("rerun")
+    monkeypatch.setattr("wbc.view.streams.PATIENCE", 0.5)
+    with closing(socket.socket()) as taken:  # a port at which nobody answers
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        stream = stream_of(problem.parts.robot, f"rerun:rerun+http://127.0.0.1:{port}/proxy")
+        with pytest.raises(WbcError, match="not all was sent"):
+            stream.close()
 
 
 def test_a_package_that_is_missing_is_named(problem, monkeypatch) -> None:

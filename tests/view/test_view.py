@@ -4,6 +4,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -177,6 +178,22 @@ def test_a_history_that_does_not_fit_is_refused(
     values = {"time": run.time[:2], "q": run.q[:2], "errors": {}, "inertia": np.zeros((2, 6))}
     with pytest.raises(InvalidInputError, match=message):
         run_figure(hoap2, RunWithInertia(**{**values, **changes}), title="")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"history": "result"}, "history: expected one, as result.history, got 'result'"),
+        ({"robot": "g1"}, "expected a robot as Robot.load"),
+        ({"path": 3}, "file to write: expected a path, got 3"),
+        ({"view": "left"}, "view: expected a View, such as View.of"),
+    ],
+)
+def test_what_cannot_be_drawn_or_drawn_into_is_refused(
+    hoap2: Robot, run: Run, tmp_path: Path, given: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        plot_run(**{"robot": hoap2, "history": run, "path": tmp_path / "a.png", **given})
 
 
 @pytest.mark.parametrize("name", ["run.gif", "run", "run.png.txt"])

@@ -239,8 +239,9 @@ def _check_outputs(
 def _draw(series: RmpSeries, path: Path, snapshots: int | list[float]) -> None:
     from wbc.files import as_text
     from wbc.view.analysis import analysis_figure
-    from wbc.view.style import save
+    from wbc.view.style import literal, save
 
-    title = f"{as_text(Path(series.source).name)}: {series.robot.name}, {series.robot.mass:.1f} kg"
+    name = literal(as_text(Path(series.source).name))
+    title = f"{name}: {series.robot.name}, {series.robot.mass:.1f} kg"
     title += "; forces as measured" if series.measured else ""
     save(analysis_figure(series, title=title, snapshots=snapshots), path)

@@ -84,10 +84,10 @@ def analyze_human(
     if plot is not None:
         from wbc.files import as_text
         from wbc.view.human import human_figure
-        from wbc.view.style import save
+        from wbc.view.style import literal, save
 
-        body = human.body
-        title = f"{as_text(path.name)}: a human of {body.stature:.2f} m and {body.mass:.1f} kg"
+        body, name = human.body, literal(as_text(path.name))
+        title = f"{name}: a human of {body.stature:.2f} m and {body.mass:.1f} kg"
         outputs.draw(
             plot,
             lambda picture: save(

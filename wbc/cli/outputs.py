@@ -35,13 +35,20 @@ class Outputs:
 
     def draw(self, path: Path, draw: Callable[[Path], object], option: str = "--plot") -> None:
         """Write a picture by ``draw(path)``; a failure is noted."""
-        try:
-            draw(path)
+        if self.try_to(f"{option} {path}", lambda: draw(path)):
             self.written.append(path)
+
+    def try_to(self, what: str, act: Callable[[], object]) -> bool:
+        """Do it and return True, or note a failure of ``what``."""
+        try:
+            act()
         except WbcError as error:
-            self.failures.append(f"{option} {path}: {error}")
+            self.failures.append(f"{what}: {error}")
         except OSError as error:
-            self.failures.append(f"{option} {path}: cannot be written: {why(error)}")
+            self.failures.append(f"{what}: cannot be written: {why(error)}")
+        else:
+            return True
+        return False
 
     def exit_code(self, code: int = 0) -> int:
         """Print what could not be written, and return the exit code: ``code`` if all was."""

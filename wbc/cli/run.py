@@ -72,6 +72,7 @@ def _run(
 ) -> int:
     """Run or simulate a problem, write, print and show what came of it; return the exit code."""
     from wbc.cli.interrupts import Interrupts, noted_interrupts
+    from wbc.cli.outputs import Outputs
     from wbc.cli.progress import shown_progress
     from wbc.cli.sim_report import print_asked
     from wbc.errors import InvalidInputError
@@ -94,10 +95,11 @@ def _run(
     # Ctrl-C ends a plan at once: there is nothing to keep until it is done.
     listening = nullcontext(Interrupts()) if plans else noted_interrupts()
     result: AnyResult
+    outputs = Outputs()
     with (
         shown_progress(wanted.quiet) as progress,
         listening as interrupts,
-        wanted.shown_by(problem, watching) as show,
+        wanted.shown_by(problem, watching, outputs) as show,
     ):
         if isinstance(problem, Problem):
             go = problem.simulate if simulated else problem.run
@@ -107,7 +109,7 @@ def _run(
     shaping, ended = getattr(result, "shaping", None), result.status
     # A search over postures listens for Ctrl-C itself.
     interrupted = interrupts() or bool(shaping and shaping.effort.stopped == "interrupted")
-    outputs = _written(wanted, result, look, keep=interrupted)
+    _write(wanted, result, look, outputs, keep=interrupted)
     failed = QP_FAILED if ended.value == "qp_failed" else NOT_REACHED
     code = outputs.exit_code(0 if ended.good else failed)
     if interrupted:
@@ -122,18 +124,16 @@ def _run(
     return code
 
 
-def _written(wanted: _Wanted, result: AnyResult, look: View | None, *, keep: bool) -> Outputs:
-    """Write, draw and print what came of it; return what was written.
-
-    ``keep``: somewhere, if no place was given.
-    """
-    from wbc.cli.outputs import Outputs
+def _write(
+    wanted: _Wanted, result: AnyResult, look: View | None, outputs: Outputs, *, keep: bool
+) -> None:
+    """Write, draw and print what came of it; ``keep``: somewhere, if no place was given."""
     from wbc.cli.printing import print_pendulum_result, print_result
     from wbc.cli.sim_report import print_simulation
     from wbc.problem import Result
     from wbc.simulation import SimulationResult
 
-    output, outputs = wanted.output, Outputs()
+    output = wanted.output
     if keep and not output:
         output = [Path(tempfile.mkdtemp(prefix="wbc-")) / f"{wanted.name}.npz"]
     for each in output:
@@ -148,7 +148,6 @@ def _written(wanted: _Wanted, result: AnyResult, look: View | None, *, keep: boo
         print_simulation(result, outputs.written)
     else:
         print_pendulum_result(result, outputs.written)
-    return outputs
 
 
 def _draw(result: AnyResult, path: Path, name: str, look: View | None) -> None:
@@ -158,6 +157,7 @@ def _draw(result: AnyResult, path: Path, name: str, look: View | None) -> None:
     from wbc.view.portrait import DEFAULT
     from wbc.view.simulation import simulation_figure
 
+    name = style.literal(name)
     title = f"{name}: {result.status.value.replace('_', ' ')}"
     if isinstance(result, Result):
         title += f", {result.reach.partition(', held')[0]}" if result.reach else ""
@@ -241,9 +241,11 @@ class _Wanted:
 
     @contextmanager
     def shown_by(
-        self, problem: Problem | PendulumProblem, watching: Watching | None
+        self, problem: Problem | PendulumProblem, watching: Watching | None, outputs: Outputs
     ) -> Iterator[ShowTick | None]:
         """Yield what looks at every tick: viewer, stream, who saves the first that gave way.
+
+        What these cannot write or send is noted in ``outputs``: the run and its result are kept.
 
         Raises
         ------
@@ -257,7 +259,7 @@ class _Wanted:
             raise InvalidInputError("--save-tick saves robots' ticks, this is a pendulum's problem")
         looks: list[ShowTick] = [] if watching is None else [watching.show]
         if self.save_tick is not None:
-            looks.insert(0, _Keeper(self.save_tick))
+            looks.insert(0, _Keeper(self.save_tick, outputs))
         with ExitStack() as ending:
             if self.stream is not None:
                 from wbc.view.streams import stream_of
@@ -265,7 +267,7 @@ class _Wanted:
                 if not isinstance(problem, Problem):
                     raise InvalidInputError("--stream sends robots, this is a pendulum's problem")
                 stream = stream_of(problem.parts.robot, self.stream)
-                ending.callback(stream.close)
+                ending.callback(outputs.try_to, f"--stream {self.stream}", stream.close)
                 looks.append(stream.show)
                 if not self.quiet:
                     print_note(f"streaming to {stream.where}")
@@ -301,14 +303,15 @@ class _Wanted:
 class _Keeper:
     """Saves the first tick that failed, or in which something gave way."""
 
-    def __init__(self, path: Path) -> None:
-        self._path, self._done = path, False
+    def __init__(self, path: Path, outputs: Outputs) -> None:
+        self._path, self._outputs, self._done = path, outputs, False
 
     def __call__(self, now: LoopTick, controller: Controller | None) -> None:
         if now.tick.policy is None or self._done:
             return
         self._done = True
-        now.tick.save(self._path)
+        if not self._outputs.try_to(f"--save-tick {self._path}", lambda: now.tick.save(self._path)):
+            return
         print_note(
             f"t = {now.time:.3f} s: {now.tick.report()}; saved: ask again by wbc replay"
             f" {self._path}"

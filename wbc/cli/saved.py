@@ -15,6 +15,7 @@ from wbc.cli.errors import complain
 from wbc.cli.options import Quiet, RobotOfResult, SavedOrProblem, Show, ViewFrom, name_of
 
 if TYPE_CHECKING:
+    from wbc.cli.interrupts import Interrupts
     from wbc.cli.progress import ProgressCall
     from wbc.problem import Result
     from wbc.problem.pendulum.result import PendulumResult, SavedPendulum
@@ -40,6 +41,7 @@ def render(
     quiet: Quiet = False,
 ) -> None:
     """Draw a run as a film, without a screen; the same run gives the same file."""
+    from wbc.cli.interrupts import noted_interrupts
     from wbc.cli.outputs import check_place
     from wbc.cli.progress import shown_progress
     from wbc.extras import require
@@ -49,15 +51,16 @@ def render(
     from wbc.view.film import film_format, film_run
     from wbc.view.options import View
     from wbc.view.pendulum_film import film_pendulum
+    from wbc.view.style import literal
 
     view = View.of(view_from, show)
     film_format(output)
     check_place("--output", output)
     pixels = _size(size)
     saved = _saved_or_run(run, robot, quiet)
-    with shown_progress(quiet) as progress:
-        told = None if progress is None else _told(progress)
-        title = _title_of(saved)
+    with shown_progress(quiet) as progress, noted_interrupts() as interrupts:
+        told = _told(progress, interrupts)
+        title = literal(_title_of(saved))
         if isinstance(saved, SavedPendulum):
             film_pendulum(saved.history, output, title=title, fps=fps, speed=speed,
                           size=pixels, progress=told)  # fmt: skip
@@ -69,8 +72,17 @@ def render(
         typer.echo(f"written  {output}")
 
 
-def _told(progress: ProgressCall) -> Callable[[int, int], None]:
-    return lambda done, total: progress(done, total, {"drawing": True})
+def _told(progress: ProgressCall | None, interrupts: Interrupts) -> Callable[[int, int], None]:
+    """Return what is called after each picture; ended by a signal, what was drawn is removed."""
+
+    def told(done: int, total: int) -> None:
+        if progress is not None:
+            progress(done, total, {"drawing": True})
+        if interrupts():
+            complain("interrupted")
+            raise typer.Exit(interrupts.exit_code)
+
+    return told
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -78,7 +90,9 @@ def _size(text: str) -> tuple[int, int]:
 
     width, _, height = text.lower().partition("x")
     if not (width.isdecimal() and height.isdecimal() and max(int(width), int(height)) <= 4096):
-        raise InvalidInputError(f"--size {text}: expected width x height in pixels, as in {SIZE}")
+        raise InvalidInputError(
+            f"--size {text}: expected width x height in pixels, as in {SIZE}, at most 4096 each"
+        )
     return int(width), int(height)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import combinations
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from wbc.validate import Array
 UPRIGHT = 0.8  # cosine between the way from feet to trunk and the axis that is taken for up
 LYING = 0.5  # the same: with less the axis that was said is not up, or the human lies
 MIRRORED = -0.2  # of the volume that left, up and the way of the toes span, which is 0.4 to 1
+NEAR, UNLIKE = 0.05, 0.05  # m between markers, and how far these may be apart in two trials of one
 TOES, HEELS = ("toe", "metatarsal_1", "metatarsal_5"), ("heel", "ankle_lateral", "ankle_centre")
 
 
@@ -163,3 +165,45 @@ def _middle(
     seen = np.asarray(np.isfinite(places).all(axis=2))[..., None]
     with np.errstate(invalid="ignore"):  # 0 / 0: not seen
         return np.asarray(np.where(seen, places, 0.0).sum(axis=1) / seen.sum(axis=1))
+
+
+def other_human(
+    recording: MarkerRecording,
+    static: MarkerRecording,
+    names: Sequence[str],
+    marks: Sequence[Landmark],
+) -> tuple[str, ...]:
+    """Return a note on a static trial whose human seems to be another one than the recording's.
+
+    By distances between markers of one segment: of one human they differ by 1 to 2 % in the median.
+    """
+    segments = {
+        name: mark.segment
+        for name, mark in zip(names, marks, strict=True)
+        if name in recording.labels and name in static.labels
+    }
+    ratios = list[float]()
+    for pair in combinations(segments, 2):
+        if segments[pair[0]] == segments[pair[1]]:
+            still, moved = _distance(static, *pair), _distance(recording, *pair)
+            if min(still, moved) > NEAR:
+                ratios.append(still / moved)
+    if not ratios:
+        return (
+            "the static trial shares no two markers of a segment with the recording: whether it is"
+            " the same human cannot be told",
+        )
+    if np.median(np.abs(np.log(ratios))) < UNLIKE:
+        return ()
+    return (
+        f"markers of the static trial are {np.median(ratios):.2f} times as far apart on their"
+        " segments as the recording's, or elsewhere on them: is it the same human?",
+    )
+
+
+def _distance(recording: MarkerRecording, one: str, other: str) -> float:
+    """Return the median distance of two markers [m], 0 if they are never seen together."""
+    ends = [recording.positions[:, recording.labels.index(name)] for name in (one, other)]
+    apart = np.linalg.norm(ends[1] - ends[0], axis=1)
+    apart = apart[np.isfinite(apart)]
+    return float(np.median(apart)) if apart.size else 0.0

@@ -24,7 +24,7 @@ from wbc.human.gaps import (
     without_leaps,
 )
 from wbc.human.kinematics import Poses, place
-from wbc.human.known import known_markers, upright
+from wbc.human.known import known_markers, other_human, upright
 from wbc.human.landmarks import Landmark
 from wbc.human.markers import MarkerRecording
 from wbc.human.residual_noise import ResidualNoise, residual_noise
@@ -218,6 +218,8 @@ def _known(
     if static is not None and any(":" in label for label in static.labels):
         static, _ = of_subject(static, subject)
     names, marks, notes = known_markers(recording, static)
+    if static is not None:
+        notes += other_human(recording, static, names, marks)
     recording, shown = while_shown(recording, names)
     recording, leaps = without_leaps(recording, names)
     recording, axis = upright(recording, names, marks, up)

@@ -38,6 +38,7 @@ BEGUN, LESS, MORE = 3.0, 0.4, 4.0  # weight of displacements, and how it changes
 INSIDE = 1e-3  # rad: so far inside limits joints are held
 CLEAR, GRAZING = 2e-4, 3e-4  # m: margins that were broken are kept so well, and nearer ones kept
 EXACT = 2e-4  # m or rad: so near to where they stand feet are
+HASTY = 0.1  # m or rad: as bad as joints that would have to be twice as fast or strong
 # Who is so far off (``_Problem.cost``) after so many rounds was never seen to get there.
 FEW, HOPELESS = 6, 1e5
 SAME, TOLD = 1e-6, 5e-3  # m or rad: footprints that moved so far are others, and that is told
@@ -62,10 +63,15 @@ class Mended(NamedTuple):
     force: float
 
     @property
+    def lack(self) -> float:
+        """How much of what is hard is not kept [m or rad]; 0: nothing."""
+        hasty = max(self.speed, self.force, 1.0) - 1.0
+        return max(self.feet - EXACT, 0.0) + self.limits + self.margins + HASTY * hasty
+
+    @property
     def kept(self) -> bool:
         """Whether all that is hard is kept."""
-        near = self.feet <= EXACT and self.limits <= 0.0 and self.margins <= 0.0
-        return near and max(self.speed, self.force) <= 1.0
+        return self.lack <= 0.0
 
 
 def mended(motion: WholeMotion, q: Array, *, patient: bool = True) -> Mended:

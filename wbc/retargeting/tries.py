@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -68,25 +69,26 @@ def kept(
     problem: Problem, scale: MotionScale, weights: RetargetWeights, rounds: int, balance: bool,
     progress: Progress | None,
 ) -> Tried:  # fmt: skip
-    """Return the first try that keeps what is hard, or the last one."""
+    """Return the first try that keeps what is hard, or the one that comes nearest to it."""
     more = {name: factor * getattr(weights, name) for name, factor in EAGER.items()}
     motion, axes = problem(scale, replace(weights, **more))
     best = solved(motion, axes, rounds, balance, progress, None)
     if best.speed <= NEARLY and (found := mended(motion, best.q, patient=False)).kept:
         return Tried(found.q, motion, scale, 0)
-    softer, hurried = 0, None
+    softer, least = 0, math.inf
     q: Array | None = None
     for number in range(TRIES):
         motion, axes = problem(scale, weights)
         best = solved(motion, axes, rounds, balance, progress, q)
         last, too_fast = number == TRIES - 1, NEARLY < best.speed < TOO_SLOW
         found = mended(motion, best.q, patient=last)
+        if found.lack < least or (last and found.kept):
+            least, nearest = found.lack, Tried(found.q, motion, scale, softer)
         if found.kept and too_fast and not last:
             # Joints that are too slow may spoil a motion in its own time.
-            hurried = hurried or Tried(found.q, motion, scale, 0)
             too_fast = motion.looked_at(found.q).cost > SPOILED * max(best.cost, ENOUGH)
-        if last or (found.kept and not too_fast):
-            break
+        if found.kept and not too_fast:
+            return Tried(found.q, motion, scale, softer)
         if too_fast and (found.kept or number == 0):
             slower = min(best.speed, SLOWEST) * (1.0 + (number + 1) * MORE_SLOWLY)
             scale = replace(scale, time=scale.time * slower)
@@ -98,6 +100,4 @@ def kept(
         weights = replace(weights, com=SOFTER * weights.com, momentum=SOFTER**2 * weights.momentum)
         if max(found.speed, found.force) > 1.0:
             scale = replace(scale, time=SLOWER * scale.time)
-    if hurried is not None and not found.kept:  # slower it is not kept either: in its own time
-        return hurried
-    return Tried(found.q, motion, scale, softer)
+    return nearest

@@ -16,9 +16,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -90,6 +90,10 @@ class ReactionMassPendulum(ABC):
         check_fields(self, f"{type(self).__name__}: ", "gravity", least=0.0)
         built = equations(self._mechanism(), self.COP, self.mass, self.gravity)
         set_fields(self, functions=MappingProxyType(built))
+
+    def __reduce__(self) -> tuple[type[Self], tuple[float, ...]]:
+        """Copy and pickle what it is made of: its functions are built again."""
+        return type(self), tuple(getattr(self, one.name) for one in fields(self) if one.init)
 
     @abstractmethod
     def _mechanism(self) -> Mechanism:

@@ -410,7 +410,15 @@ def _read(
     description = read_description(found.path, folders, found.given)
     rigid = {**(known.locked if known else {}), **held}
     model, couplings = lock_joints(description, rigid)
+    left = {*model.names}
+    loose = [
+        f"{joint} ({tie.driver})"
+        for joint, tie in description.coupled.items()
+        if joint not in left and tie.driver in left
+    ]
     notes = description.notes + check_supported(model, found.path) + add_base_frame(model)
+    if loose:
+        notes += (f"locked, though they follow joints that still move: {listed(loose)}",)
     return description, model, couplings, (known.notes if known else ()) + notes
 
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from wbc.validate import by_name, check_fields, finite_number
+
 REST_TICKS = 10
 
 
@@ -30,6 +32,11 @@ class Stop:
     margins:
         By how much joint limits and constraints may be exceeded [m or rad], from when they are
         first kept in a phase, unless they may give way; None: by anything.
+
+    Raises
+    ------
+    InvalidInputError
+        One of these is no finite number, or the duration is negative.
     """
 
     duration: float = 20.0
@@ -38,6 +45,13 @@ class Stop:
     balance: float | None = 0.0
     slip: float | None = 5e-3
     margins: float | None = 1e-4
+
+    def __post_init__(self) -> None:
+        check_fields(self, "stop, ", "duration", least=0.0)
+        optional = ("speed", "balance", "slip", "margins")
+        check_fields(self, "stop, ", *(name for name in optional if vars(self)[name] is not None))
+        for name, norm in by_name("stop, accept", self.accept).items():
+            finite_number(f"stop, accept, {name}", norm, least=0.0)
 
 
 class RunStatus(StrEnum):

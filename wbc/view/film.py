@@ -17,7 +17,7 @@ from wbc.files import ending_of, why
 from wbc.robot import Robot
 from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.simulation.terrain import LEVEL, Terrain
-from wbc.validate import Array, finite_number
+from wbc.validate import Array, finite_number, finite_vector
 from wbc.view import style
 from wbc.view.camera import Camera
 from wbc.view.history import DrawnRun, HistoryLike, read_history
@@ -38,10 +38,11 @@ from wbc.view.render import render
 from wbc.view.simplify import within
 
 FORMATS = (".gif", ".mp4")
-DOTS, LEAST = 100, 150  # pixels per inch, and along each side at least
+DOTS, LEAST, LARGEST = 100, 150, 65_535  # pixels per inch, and along each side
 TRIANGLES = 40_000  # of the robot: finer ones are not seen
 POSES = 24  # spread over the run, that the camera must hold
 FASTEST = 50  # pictures per second: a GIF has no more
+MOST = 1_000_000  # pictures: half a day of film
 REST = 0.7  # s for which the end is shown
 MARKS, LINES = 0.8, (1.2, 1.2)  # size of the pendulum; widths of outlines [points]
 ABOVE, EDGE = 0.25, 0.06  # inches, of the title and below the caption
@@ -73,9 +74,14 @@ def film_format(path: str | Path) -> str:
     return ending
 
 
-def film_rows(time: Array, fps: int, speed: float) -> list[int]:
+def film_rows(time: Array, fps: float, speed: float) -> list[int]:
     """Return the row of each picture, the end held for a moment."""
-    count = round(float(time[-1] - time[0]) * fps / speed) + 1
+    pictures = float(time[-1] - time[0]) * fps / speed
+    if pictures > MOST:
+        raise InvalidInputError(
+            f"film, speed {speed:g}: {pictures:.1g} pictures, at most {MOST}; let it be faster"
+        )
+    count = round(pictures) + 1
     wanted = time[0] + np.arange(count) * speed / fps
     rows = np.searchsorted(time, wanted - 1e-9).clip(0, len(time) - 1).tolist()
     return [*rows, *[len(time) - 1] * round(REST * fps)]
@@ -103,7 +109,7 @@ def film_run(
     path:
         A ``.gif``, or an ``.mp4`` where ffmpeg is installed.
     fps:
-        Pictures per second, at most 50.
+        Pictures per second, at most 50; a GIF, which counts in 0.01 s, has the nearest it can.
     speed:
         How much faster than the run the film is.
     size:
@@ -126,8 +132,19 @@ def film_run(
 
 
 def even(size: tuple[int, int]) -> tuple[int, int]:
-    """Return a size in pixels made even, as films need it."""
-    return size[0] // 2 * 2, size[1] // 2 * 2
+    """Return a size in pixels made even, as films need it.
+
+    Raises
+    ------
+    InvalidInputError
+        Not two numbers, too small for a picture or too large for Matplotlib.
+    """
+    width, height = finite_vector("film, size", size, 2).tolist()
+    if not LEAST <= min(width, height) <= max(width, height) <= LARGEST:
+        raise InvalidInputError(
+            f"film, size: at least {LEAST} x {LEAST} pixels, at most {LARGEST} each, got {size}"
+        )
+    return int(width) // 2 * 2, int(height) // 2 * 2
 
 
 def write_film(
@@ -147,13 +164,15 @@ def write_film(
     speed = finite_number("film, speed", speed, above=0.0)
     if not path.parent.is_dir():
         raise InvalidInputError(f"{path}: there is no folder {path.parent}; make it first")
-    rows = film_rows(time, fps, speed)
+    # As many as are shown: with 40 in a second of the run, of which a GIF shows 50, it would hurry.
+    shown = fps if ending == ".mp4" else 100 / round(100 / fps)
+    rows = film_rows(time, shown, speed)
     drawn = make()
     drawn.draw(rows[0])
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".film-") as folder:
             part = Path(folder) / f"film{ending}"
-            with _writer(ending, fps).saving(drawn.figure, str(part), DOTS) as writer:
+            with _writer(ending, shown).saving(drawn.figure, str(part), DOTS) as writer:
                 for done, row in enumerate(rows, 1):
                     if row != rows[max(done - 2, 0)]:
                         drawn.draw(row)
@@ -168,16 +187,14 @@ def write_film(
     return path
 
 
-def _writer(ending: str, fps: int) -> AbstractMovieWriter:
+def _writer(ending: str, fps: float) -> AbstractMovieWriter:
     if ending == ".mp4":
-        return FFMpegWriter(fps=fps, codec="libx264", extra_args=BITEXACT)
-    return PillowWriter(fps=fps)
+        return FFMpegWriter(fps=int(fps), codec="libx264", extra_args=BITEXACT)
+    return PillowWriter(fps=fps * (1.0 - 1e-9))  # type: ignore[arg-type]  # it cuts off parts of a ms
 
 
 def sheet(size: tuple[int, int]) -> Figure:
     """Return an empty figure of a size in pixels."""
-    if min(size) < LEAST:
-        raise InvalidInputError(f"film, size: at least {LEAST} x {LEAST} pixels, got {size}")
     return Figure(figsize=(size[0] / DOTS, size[1] / DOTS), dpi=DOTS, facecolor="white")
 
 

@@ -9,8 +9,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
 from wbc.robot import Robot
+from wbc.robot.model import check_robot
 from wbc.run.obstacles import ObstacleTrack
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.spatial import vech
@@ -123,8 +124,11 @@ def read_history(robot: Robot, history: HistoryLike, terrain: Terrain = LEVEL) -
     Raises
     ------
     InvalidInputError
-        It is empty, or its arrays do not fit together.
+        It is none, or empty, or its arrays do not fit together; or this is no robot.
     """
+    check_robot("history", robot)
+    if any(not hasattr(history, name) for name in ("time", "q", "errors")):
+        raise InvalidInputError(f"history: expected one, as result.history, got {shown(history)}")
     count = np.size(history.time)
     if count == 0:
         raise InvalidInputError("history: it is empty; there is nothing to draw")

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.kinds import check_kind
 from wbc.rmp.ellipsoid import equimomental, reaction_mass_radii
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import Shape
@@ -103,6 +104,7 @@ def portrait_of(
     snapshot: Snapshot, meshes: Sequence[Mesh], pose: Pose, name: str, view: View
 ) -> Portrait:
     """Return the portrait of a robot at rest: the CoP is the CoM's projection."""
+    check_kind("view", view, View, 'View.of("front-left")')
     robot = snapshot.robot
     above = (mesh.vertices @ pose.terrain.upright for mesh in meshes)
     lowest = min((float(heights.min()) for heights in above), default=0.0)

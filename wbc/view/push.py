@@ -43,7 +43,7 @@ def pushes_figure(maps: Sequence[PushMap], *, duration: float) -> Figure:
         axes: Any = figure.add_axes((*place, *size), projection="polar")
         if k < len(maps):
             one = maps[k]
-            name = f"{one.name}: " if len(maps) > 1 else ""
+            name = f"{style.literal(one.name)}: " if len(maps) > 1 else ""
             _plain(axes, f"{name}impulse / (M omega d)\n{_told(maps, k)}")
             _dots(axes, one)
             others: Others = [other for other in maps if other is not one]

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from wbc.controllers import Controller
 from wbc.controllers.closed_loop import LoopTick
 from wbc.controllers.torque_tick import TorqueTick
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError, WbcError
 from wbc.extras import require
 from wbc.rmp.ellipsoid import equimomental
 from wbc.robot import Robot
@@ -36,6 +36,7 @@ from wbc.view.mcap_export import (
 
 FOXGLOVE_PORT, LAST_PORT = 8765, 65535
 RERUN_URL = "rerun+http://127.0.0.1:9876/proxy"
+PATIENCE = 10.0  # s in which what waits is sent: without, one that nobody listens to never ends
 GLASS = (120, 150, 220, 90)
 
 
@@ -157,9 +158,19 @@ class RerunStream:
                 self._out.log(path, rerun.Scalars(value))
 
     def close(self) -> None:
-        """Send what waits, and end."""
-        self._out.flush()
-        self._out.disconnect()
+        """Send what waits, and end.
+
+        Raises
+        ------
+        WbcError
+            Not all was sent: nobody listens there, or the disk is full.
+        """
+        try:
+            self._out.flush(timeout_sec=PATIENCE)
+        except RuntimeError as error:  # of rerun
+            raise WbcError(f"{self.where}: not all was sent: {error}") from error
+        finally:
+            self._out.disconnect()
 
 
 def stream_of(robot: Robot, wanted: str) -> FoxgloveStream | RerunStream:

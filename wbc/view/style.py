@@ -108,6 +108,11 @@ def picture_file(path: str | Path) -> Path:
     return path
 
 
+def literal(text: str) -> str:
+    """Return text that Matplotlib writes as it is: what is between two $ it takes for formulas."""
+    return text.replace("$", r"\$")
+
+
 def save(figure: Figure, path: str | Path) -> Path:
     """Write a figure to a file, png, svg or pdf by its suffix, and return its path.
 

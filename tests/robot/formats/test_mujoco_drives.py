@@ -76,7 +76,7 @@ def test_motors_act_together_unless_their_group_is_off() -> None:
     for motors, head, effort in ((pair, "", 5), (pair + strong, "", 35), (pair + strong, off, 5)):
         robot, model = load(text(arm(), tail=f"<actuator>{motors}</actuator>", head=head))
         assert robot.limits.effort[0] == effort
-        assert not any("one way" in note for note in robot.notes)
+        assert not any("one way" in note for note in robot.notes)  # nor harder one way
         assert any("switches off" in note and "strong" in note for note in robot.notes) is bool(
             head
         )
@@ -160,6 +160,8 @@ def test_the_smaller_end_of_a_range_bounds_a_motor(given: str, effort: float) ->
     robot, _ = load(text(arm(of_joint), tail=f'<actuator><{motor} joint="j1" {own}/></actuator>'))
     assert robot.limits.effort[0] == effort
     assert any("one way only" in note for note in robot.notes) == ('"0 50' in given)
+    harder = [note for note in robot.notes if "harder one way" in note]
+    assert [note.rpartition(": ")[2] for note in harder] == ([] if '"0 50' in given else ["j1"])
 
 
 def test_tendons_and_joints_without_motors_are_said() -> None:

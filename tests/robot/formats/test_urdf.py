@@ -387,6 +387,18 @@ def test_a_joint_without_end_may_follow_one_with_limits(tmp_path: Path) -> None:
     np.testing.assert_array_equal(q[7:], [2.0, 6.5])
 
 
+@pytest.mark.parametrize(("held", "told"), [("j", False), ("k", True)])
+def test_a_follower_locked_without_its_driver_is_told(
+    tmp_path: Path, held: str, told: bool
+) -> None:
+    follower = joint("k", "b", "c", inside=LIMIT + '<mimic joint="j"/>')
+    path = write(tmp_path, link("a") + link("b") + link("c") + joint("j", "a", "b") + follower)
+    robot = Robot.load(path, feet={}, base="floating", locked={held: 0.1})
+    assert robot.nq == 7 + told
+    said = "locked, though they follow joints that still move: k (j)"
+    assert (said in robot.notes) is told
+
+
 @pytest.mark.parametrize(
     ("tie", "own", "standing"),
     [

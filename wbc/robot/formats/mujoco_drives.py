@@ -42,9 +42,7 @@ def set_joints(part: RobotPart, tree: pin.Model) -> None:
         tree.damping[v] = damping[joint][0]
         friction = max(float(model.dof_frictionloss[dof]), 0.0) if rubbed else 0.0  # as MuJoCo
         tree.lowerDryFrictionLimit[v], tree.upperDryFrictionLimit[v] = -friction, friction
-        effort = _both_ways(*motors.get(joint, ANY))
-        if model.jnt_actfrclimited[joint]:
-            effort = min(effort, _both_ways(*model.jnt_actfrcrange[joint].tolist()))
+        effort = min(_both_ways(*motors.get(joint, ANY)), _both_ways(*_taken(model, joint)))
         tree.lowerEffortLimit[v], tree.upperEffortLimit[v] = -effort, effort
         tree.lowerVelocityLimit[v], tree.upperVelocityLimit[v] = -math.inf, math.inf
 
@@ -59,6 +57,11 @@ def _both_ways(low: float, high: float) -> float:
     """Return what a range gives both ways: its smaller end; its larger one if the other is 0."""
     ends = sorted((abs(low), abs(high)))
     return ends[0] or ends[1] or math.inf
+
+
+def _taken(model: Any, joint: int) -> Range:
+    """Return the range of what a joint takes of its motors."""
+    return _range(model.jnt_actfrcrange[joint]) if model.jnt_actfrclimited[joint] else ANY
 
 
 def _rotors(mujoco: Any, model: Any) -> dict[int, float]:
@@ -177,6 +180,12 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
             f"motors that the file lets pull one way only are taken to pull both ways:"
             f" {listed(one_way)}"
         )
+    unlike = [names.joints[j] for j in sorted(driven) if _is_unlike(model, pulls[j], j)]
+    if unlike:
+        notes.append(
+            "motors that the file lets pull harder one way than the other are held to the smaller:"
+            f" {listed(unlike)}"
+        )
     if part.floats:
         start = int(model.jnt_dofadr[part.root_joint])
         for what, values in (
@@ -213,10 +222,16 @@ def _switches(part: RobotPart) -> list[str]:
 
 def _is_one_way(model: Any, pull: Range, joint: int) -> bool:
     """Whether motors together, or what a joint takes of them, pull one way only."""
-    ranges = [pull]
-    if model.jnt_actfrclimited[joint]:
-        ranges.append(_range(model.jnt_actfrcrange[joint]))
+    ranges = (pull, _taken(model, joint))
     return any(low * high >= 0.0 and low != high for low, high in ranges)
+
+
+def _is_unlike(model: Any, pull: Range, joint: int) -> bool:
+    """Whether they pull both ways, and more the one way than is taken for both."""
+    taken = _taken(model, joint)
+    least = min(_both_ways(*pull), _both_ways(*taken))
+    low, high = max(pull[0], taken[0]), min(pull[1], taken[1])
+    return low < 0.0 < high and max(-low, high) > least * (1.0 + 1e-9)
 
 
 def passive_forces(part: RobotPart) -> PassiveForces:
