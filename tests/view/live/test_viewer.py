@@ -4,6 +4,7 @@ import os
 import signal
 import socket
 import sys
+import threading
 import urllib.request
 from collections.abc import Iterator
 
@@ -15,7 +16,7 @@ from tests.view.live.conftest import client_of
 from wbc.errors import InvalidInputError, WbcError
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.view.live import process
-from wbc.view.live.messages import Restart, Setup
+from wbc.view.live.messages import Frame, Restart, Setup
 from wbc.view.live.process import HOST, PageAddress, free_place
 from wbc.view.live.viewer import Viewer
 from wbc.view.live.watching import Watching
@@ -53,6 +54,34 @@ def test_the_page_is_told_of_the_terrain(robot: wbc.Robot, monkeypatch: pytest.M
     Viewer(robot, terrain=terrain, quiet=True).close()
     Watching(robot, terrain=terrain).viewer.close()
     assert [one.terrain for one in told] == [LEVEL, terrain, terrain]
+
+
+def test_the_page_is_sent_updates_in_order_and_the_last_one(
+    viewer: Viewer, robot: wbc.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    snapshot, sent = robot.snapshot(robot.posture("standing")), list[float]()
+    ends = {-1.0: threading.Event(), 19_999.0: threading.Event()}
+
+    def send(message: object) -> None:
+        if isinstance(message, Frame):
+            sent.append(message.time)
+            if message.time in ends:
+                ends[message.time].set()
+
+    monkeypatch.setattr(viewer._page, "send", send)
+    viewer.update(snapshot, time=-1.0)
+    assert ends[-1.0].wait(10.0)  # nothing of other tests waits any more
+    sent.clear()
+    dropped = viewer.dropped
+    for k in range(20_000):  # never waits for the page
+        viewer.update(snapshot, time=float(k))
+    assert ends[19_999.0].wait(10.0)
+    assert sent == sorted(set(sent))
+    assert viewer.dropped - dropped == 20_000 - len(sent)
+    viewer.update(snapshot, time=20_000.0)
+    assert viewer.dropped - dropped == 20_000 - sum(
+        one < 20_000.0 for one in sent
+    )  # it may be sent
 
 
 @pytest.mark.slow
