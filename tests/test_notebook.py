@@ -11,8 +11,8 @@ import pytest
 
 import wbc
 from wbc import extras
-from wbc.errors import MissingPackageError
-from wbc.notebook import as_html, some
+from wbc.errors import MissingPackageError, listed
+from wbc.notebook import as_html
 from wbc.problem import load_problem
 from wbc.robot import Robot
 
@@ -55,7 +55,7 @@ def test_names_are_text_and_long_lists_end() -> None:
     told = Cells(as_html("a <title>", [("empty", "")], rows)).words
     assert told[:3] == ["a <title>", "<b>0", "1 & 2"]
     assert "empty" not in told and told[-1] == "and 8 more"
-    assert some("abcdef") == "a, b, c, d and 2 more" and some("ab") == "a, b"
+    assert listed("abcdef", 4) == "a, b, c, d and 2 more" and listed("ab") == "a, b"
 
 
 def test_robot_and_ticks_show_what_one_asks_first(hoap2: Robot) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from html import escape
 from importlib import import_module
 from importlib.util import find_spec
@@ -58,9 +58,3 @@ def with_picture(table: str, figure: str, *parts: Any) -> str:
         return f"{table}<p>no picture: {escape(str(error))}</p>"
     data = base64.b64encode(png.getvalue()).decode()
     return f'{table}<img style="max-width:{WIDE}px" src="data:image/png;base64,{data}"/>'
-
-
-def some(words: Sequence[str], most: int = 4) -> str:
-    """Return the first of many words, and how many others there are."""
-    more = f" and {len(words) - most} more" if len(words) > most else ""
-    return ", ".join(words[:most]) + more

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -32,16 +31,13 @@ def quaternion_from(R: Array) -> Array:
 
 def rotations_from(quaternion: Array) -> Array:
     """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4), x y z w."""
-    return np.array(rotation_rows(*quaternion.T)).transpose(2, 0, 1)
-
-
-def rotation_rows(x: Any, y: Any, z: Any, s: Any) -> tuple[tuple[Any, Any, Any], ...]:
-    """Return the rows of the rotation matrix of the unit quaternion x, y, z, scalar part s."""
-    return (
+    x, y, z, s = quaternion.T
+    rows = (
         (1 - 2 * (y * y + z * z), 2 * (x * y - z * s), 2 * (x * z + y * s)),
         (2 * (x * y + z * s), 1 - 2 * (x * x + z * z), 2 * (y * z - x * s)),
         (2 * (x * z - y * s), 2 * (y * z + x * s), 1 - 2 * (x * x + y * y)),
     )
+    return np.array(rows).transpose(2, 0, 1)
 
 
 def upright_on(normal: Array) -> Array:

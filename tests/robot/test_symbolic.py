@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import UnknownNameError
+from wbc.placement import NEAR, from_mrp, from_quaternion, rotation_log
 from wbc.robot import Robot
-from wbc.robot.placement import NEAR, from_mrp, from_quaternion, rotation_log
 from wbc.robot.symbolic import LocalRobot, SymbolicPosture, angle_turns, vech_symbolic
 from wbc.spatial import COLUMNS, ROWS
 

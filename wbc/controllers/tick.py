@@ -11,8 +11,8 @@ import numpy as np
 
 from wbc.constraints.limits import Limits
 from wbc.controllers.singular import Singularity
-from wbc.errors import InvalidInputError, no_attribute
-from wbc.notebook import as_html, some
+from wbc.errors import InvalidInputError, listed, no_attribute
+from wbc.notebook import as_html
 from wbc.pickled import write_pickled
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, Solution, Status
@@ -225,7 +225,7 @@ class Tick:
         fastest = int(np.argmax(np.abs(self.velocity)))
         largest = f"{self.qp.labels.variables[fastest]} {self.velocity[fastest]:+.3g}"
         facts = [
-            ("held back by", some(self.active)),
+            ("held back by", listed(self.active)),
             ("largest velocity", largest),
             ("solver", f"{self.solution.solver}, {1e6 * self.times.total:.0f} us"),
         ]

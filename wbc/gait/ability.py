@@ -11,8 +11,8 @@ from wbc.constraints.contact import Contact
 from wbc.constraints.line_contact import LineContact
 from wbc.constraints.mechanics import BoltedBase, mechanics_of
 from wbc.constraints.support_modes import contact_kind
+from wbc.errors import listed
 from wbc.gait.legs import SIDES, leg_joints
-from wbc.notebook import some
 from wbc.robot import Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
@@ -95,7 +95,7 @@ def lacks(posture: Snapshot, most: Array, stuck: float) -> tuple[str, ...]:
     sticky = [k for k in np.subtract(legs, BASE_NV) if friction[k] > STICKY * most[k]]
     if sticky:
         part = max(float(friction[k] / most[k]) for k in sticky)
-        called = some([robot.joint_names[k] for k in sticky])
+        called = listed([robot.joint_names[k] for k in sticky])
         said.append(
             f"dry friction takes up to {100.0 * part:.0f} % of the torque of"
             f" {called}: without friction_compensation=1 feet lag behind, and the robot walks"

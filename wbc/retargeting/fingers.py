@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.notebook import some
+from wbc.errors import listed
 from wbc.retargeting.body_map import BodyMap
 from wbc.robot import Robot
 from wbc.robot.formats.description import reduced_model
@@ -58,7 +58,7 @@ class FingersHeld:
         """What is held, in words."""
         if not self.fingers:
             return ()
-        return (f"fingers are held as they stand, {len(self.fingers)}: {some(self.fingers, 4)}",)
+        return (f"fingers are held as they stand, {len(self.fingers)}: {listed(self.fingers, 4)}",)
 
     def of_all_joints(self, q: Array) -> Array:
         """Return configurations of the whole robot (n, nq) from those without fingers."""

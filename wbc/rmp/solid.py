@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.placement import from_quaternion, turn_about
 from wbc.rmp.pendulum import SMALLEST, Mechanism, ReactionMassPendulum
-from wbc.rotations import rotation_rows
+from wbc.rotations import rotation_from
 from wbc.validate import Array, finite_vector
 
 # Closest to a singular direction of an angle, as a cosine: 1e-6 rad leaves ten digits.
@@ -145,7 +146,7 @@ class SolidRmp(_SolidPendulum):
         """
         q = self._checked(q)
         torque = finite_vector("torque", torque, 3)
-        turning = np.array(rotation_rows(*q[5:9])) @ torque
+        turning = rotation_from(q[5:9]) @ torque
         n, axes = leg_axes(q[2], q[3])
         if abs(n[2]) < SINGULAR:
             raise InvalidInputError("q: the leg is horizontal; no hip can push against it")
@@ -159,12 +160,12 @@ class SolidRmp(_SolidPendulum):
         """Return k_G' (3,) [N m], world axes, under the generalised forces f (9,)."""
         q = self._checked(q)
         torque = finite_vector("f", f, len(self.F))[3:6]
-        return np.asarray(np.array(rotation_rows(*q[5:9])) @ torque)
+        return np.asarray(rotation_from(q[5:9]) @ torque)
 
     def _mechanism(self) -> Mechanism:
         q, v = ca.SX.sym("q", 12), ca.SX.sym("v", 11)
         rate = ca.vertcat(v[:5], quaternion_rate(q[5:9], v[5:8]), v[8:])
-        return self._assemble(q, v, rate, rotation(q[5:9]), v[5:8], spin=[5, 6, 7])
+        return self._assemble(q, v, rate, from_quaternion(q[5:9]), v[5:8], spin=[5, 6, 7])
 
     def _checked(self, q: ArrayLike) -> Array:
         q = super()._checked(q)
@@ -191,8 +192,10 @@ class EulerSolidRmp(_SolidPendulum):
 
     def _mechanism(self) -> Mechanism:
         q, v = ca.SX.sym("q", 11), ca.SX.sym("v", 11)
-        rotations = [axis_rotation(axis, q[5 + k]) for k, axis in enumerate((-2, 1, 3))]
-        axes = (ca.DM([0.0, -1.0, 0.0]), ca.DM([1.0, 0.0, 0.0]), ca.DM([0.0, 0.0, 1.0]))
+        axes = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+        rotations = [
+            turn_about(axis, ca.cos(q[5 + k]), ca.sin(q[5 + k])) for k, axis in enumerate(axes)
+        ]
         w = axes[0] * v[5]
         w = rotations[1].T @ w + axes[1] * v[6]
         w = rotations[2].T @ w + axes[2] * v[7]
@@ -237,15 +240,6 @@ def quaternion_product(a: ca.SX, b: ca.SX) -> ca.SX:
     return ca.vertcat(vector, a[3] * b[3] - ca.dot(a[:3], b[:3]))
 
 
-def axis_rotation(axis: int, angle: ca.SX) -> ca.SX:
-    """Return the rotation matrix about axis 1, 2 or 3; a negative axis turns the other way."""
-    c, s = ca.cos(angle), ca.sin(angle) * (1 if axis > 0 else -1)
-    i, j = {1: (1, 2), 2: (2, 0), 3: (0, 1)}[abs(axis)]
-    R = ca.SX.eye(3)
-    R[i, i], R[j, j], R[i, j], R[j, i] = c, c, -s, s
-    return R
-
-
 def rotation_vector(quaternion: ca.SX) -> ca.SX:
     """Return the rotation vector (3,) [rad] of a unit quaternion x y z w, by the shorter way.
 
@@ -258,12 +252,6 @@ def rotation_vector(quaternion: ca.SX) -> ca.SX:
     # angle / sine of half of it; the series in the square of that sine has slopes at zero too.
     ratio = ca.if_else(square > _SMALL, 2.0 * ca.atan2(size, q[3]) / size, 2.0 + square / 3.0)
     return ratio * q[:3]
-
-
-def rotation(quaternion: ca.SX) -> ca.SX:
-    """Return the rotation matrix (3, 3) of a unit quaternion x y z w."""
-    rows = rotation_rows(*(quaternion[k] for k in range(4)))
-    return ca.vertcat(*(ca.horzcat(*row) for row in rows))
 
 
 def quaternion_rate(quaternion: ca.SX, rate: ca.SX) -> ca.SX:

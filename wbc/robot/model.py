@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError, listed, shown
 from wbc.kinds import check_path, check_word, switch
-from wbc.notebook import as_html, some, with_picture
+from wbc.notebook import as_html, with_picture
 from wbc.robot.drives import JointValues, armature_note, effort_note, set_drives
 from wbc.robot.feet import FootSpec
 from wbc.robot.formats import read_description
@@ -96,11 +96,11 @@ class Robot(KinematicTree):
     def _repr_html_(self) -> str:
         facts = [
             ("mass", f"{self.mass:.2f} kg"),
-            ("joints", f"{len(self.joint_names)}: {some(self.joint_names, 6)}"),
+            ("joints", f"{len(self.joint_names)}: {listed(self.joint_names, 6)}"),
             ("feet", ", ".join(self.feet)),
             ("postures", ", ".join(self.postures)),
             ("base", "bolted down" if self.fixed_base else "floating"),
-            ("limits missing", some(self.limits.missing)),
+            ("limits missing", listed(self.limits.missing)),
         ]
         table = as_html(f"{self.name}", facts, [("note", note) for note in self.notes])
         return with_picture(

@@ -16,10 +16,10 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
+from wbc.placement import Placement, constant, from_quaternion, rotation_log, turn_about
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import Robot
 from wbc.robot.names import BASE, COM, WORLD
-from wbc.robot.placement import Placement, constant, from_quaternion, rotation_log, turn_about
 from wbc.spatial import COLUMNS, ROWS
 from wbc.validate import Array
 

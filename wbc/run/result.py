@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from wbc.notebook import as_html, some, with_picture
+from wbc.errors import listed
+from wbc.notebook import as_html, with_picture
 from wbc.robot import Robot
 from wbc.run.columns import Column, Frame, frame_of, history_columns
 from wbc.run.history import History, StateRecord
@@ -212,7 +213,7 @@ class Result:
                 ends = dict.fromkeys((f"{shares[0]:.0f}", f"{shares[-1]:.0f}"))
                 parts.append(f"{name} {' to '.join(ends)} % of what is wanted")
         told = "; ".join(parts) or "a nearest inertia"
-        return f"as far as its {what} allow: {told}, held by {some(held, 2)}"
+        return f"as far as its {what} allow: {told}, held by {listed(held, 2)}"
 
     def tick_times(self) -> dict[str, dict[str, float]]:
         """Return median, 99th percentile and maximum of the tick's wall and CPU time [s]."""
@@ -331,8 +332,8 @@ class Result:
             (name, f"{task.norm:.3g} {', '.join(dict.fromkeys(task.units))}")
             for name, task in self.tasks.items()
         ]
-        held = some([f"{name} for {one.ticks * self.dt:.2f} s" for name, one in
-                     self.held_back.items()])  # fmt: skip
+        held = listed([f"{name} for {one.ticks * self.dt:.2f} s" for name, one in
+                       self.held_back.items()])  # fmt: skip
         facts = [
             ("robot", self.robot.name),
             ("ran", f"{len(self.history)} ticks of {self.dt:g} s"),

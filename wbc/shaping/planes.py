@@ -25,6 +25,7 @@ from wbc.constraints.rows import Index, SeparatedPairs
 from wbc.robot import Robot
 from wbc.robot.collision import Body, CollisionModel, HalfSpace
 from wbc.robot.symbolic import SymbolicPosture
+from wbc.sparse import matrix_of, summed
 from wbc.validate import Array
 
 UNKNOWNS = 4  # of a plane: n, d
@@ -172,13 +173,14 @@ def plane_rows(slots: Sequence[Slot], size: int) -> PlaneRows:
     places = (UNKNOWNS * units[:, 1:] + np.arange(3)).ravel()
     squares = np.repeat(units[:, 0], 3)
     n = y[places.tolist()]
-    value = _scattered(terms.row, c * at_t * at_u, count) + _scattered(squares, n**2, count)
-    by_t = _matrix(terms.row, terms.t, c * at_u, (count, size))
-    by_y = _matrix(terms.row, terms.u, c * at_t, (count, planes))
-    by_y += _matrix(squares, places, 2.0 * n, (count, planes))
+    value = summed(terms.row, c * at_t * at_u, count) + summed(squares, n**2, count)
+    # What is outside, and left out, are factors 1.
+    by_t = matrix_of(terms.row, terms.t, c * at_u, (count, size))
+    by_y = matrix_of(terms.row, terms.u, c * at_t, (count, planes))
+    by_y += matrix_of(squares, places, 2.0 * n, (count, planes))
     gradient = ca.mtimes(by_t.T, m)
-    cross = _matrix(terms.t, terms.u, c * m[terms.row.tolist()], (size, planes))
-    own = _matrix(places, places, 2.0 * m[squares.tolist()], (planes, planes))
+    cross = matrix_of(terms.t, terms.u, c * m[terms.row.tolist()], (size, planes))
+    own = matrix_of(places, places, 2.0 * m[squares.tolist()], (planes, planes))
     return PlaneRows(
         ca.Function("rows", [T, y], [value]),
         ca.Function("jacobian", [T, y], [by_t, by_y]),
@@ -216,25 +218,3 @@ def _collected(slots: Sequence[Slot], size: int) -> tuple[_Terms, Array, Index]:
     row_of, t_of, u_of, coefficient = (np.array(part) for part in zip(*found, strict=True))
     terms = _Terms(row_of, t_of, u_of, coefficient)
     return terms, np.array(bounds), np.array(units, dtype=np.int64).reshape(-1, 2)
-
-
-def _scattered(places: Index, values: ca.MX, size: int) -> ca.MX:
-    """Return the vector (size, 1) of sums of values by place."""
-    count = len(places)
-    add = ca.DM.triplet(places.tolist(), list(range(count)), ca.DM.ones(count), size, count)
-    return ca.mtimes(add, values)
-
-
-def _matrix(row: Index, column: Index, values: ca.MX, shape: tuple[int, int]) -> ca.MX:
-    """Return the sparse matrix of values at places, sums where places are the same.
-
-    Places outside are left out: those are factors 1.
-    """
-    inside = np.flatnonzero((row < shape[0]) & (column < shape[1]))
-    if not inside.size:
-        return ca.MX(*shape)
-    keys, order = np.unique(column[inside] * shape[0] + row[inside], return_inverse=True)
-    pattern = ca.Sparsity.triplet(
-        *shape, (keys % shape[0]).tolist(), (keys // shape[0]).tolist()
-    )  # by columns, as CasADi stores it
-    return ca.MX(pattern, _scattered(order, values[inside.tolist()], keys.size))

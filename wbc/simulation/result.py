@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.constraints.com_support import support_polygon
-from wbc.notebook import as_html, some, with_picture
+from wbc.errors import listed
+from wbc.notebook import as_html, with_picture
 from wbc.polygon import polygon_margin
 from wbc.robot import Robot, Snapshot
 from wbc.run.columns import Column, Frame, frame_of
@@ -262,12 +263,12 @@ class SimulationResult:
         facts = [
             ("robot", self.robot.name),
             ("simulated", f"{self.duration:g} s"),
-            ("gave way", some([f"{name} in {100 * part:.2g} % of ticks" for name, part in
-                               self.gave_way.items()])),
+            ("gave way", listed([f"{name} in {100 * part:.2g} % of ticks" for name, part in
+                                 self.gave_way.items()])),
             ("CoP inside soles", f"{1e3 * self.least_cop_margin:.1f} mm at least"),
             ("trunk's tilt", f"{np.degrees(self.peak_tilt):.2g} degrees at most"),
-            ("at torque bound", some([f"{name} for {100 * part:.2g} %" for name, part in
-                                      self.saturated.items()])),
+            ("at torque bound", listed([f"{name} for {100 * part:.2g} %" for name, part in
+                                        self.saturated.items()])),
         ]  # fmt: skip
         table = as_html(f"{self.status.value.replace('_', ' ')}: {self.reason}", facts)
         figure = "wbc.view.simulation:simulation_figure"

@@ -89,7 +89,7 @@ class RelativePoseTask(PlacementTask, CoreTask):
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return the error as an expression of the posture."""
-        from wbc.robot.placement import rotation_log
+        from wbc.placement import rotation_log
 
         R = posture.rotation(self.relative_to)
         arm = posture.position(self.frame) - posture.position(self.relative_to)

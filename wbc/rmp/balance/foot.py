@@ -19,11 +19,12 @@ import casadi as ca
 import numpy as np
 
 from wbc.errors import InvalidInputError
+from wbc.placement import from_quaternion
 from wbc.polygon import half_planes, inset
 from wbc.rmp.balance.law import FREE, LawBounds, Pendulum
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.planar import PlanarRmp
-from wbc.rmp.solid import SolidRmp, quaternion_rate, rotation, rotation_vector
+from wbc.rmp.solid import SolidRmp, quaternion_rate, rotation_vector
 from wbc.validate import Array
 
 # Least push of the ground, as a part of the weight: the CoP divides by it.
@@ -153,7 +154,7 @@ class FlatFoot:
         third = model.mass / 3.0
         self.com, self.com_rate = model.functions["com"](q, v)  # c, c' (3,)
         self.push = model.mass * (x[:3] + ca.vertcat(0.0, 0.0, model.gravity))  # f_r (3,)
-        self.moment = rotation(quaternion) @ x[3:6]  # k_G' (3,)
+        self.moment = from_quaternion(quaternion) @ x[3:6]  # k_G' (3,)
         # About the masses' axes (3,), and the torque (3,) without which their rate would change.
         self.inertia = third * (ca.sum1(radii**2) - radii**2)
         inertia_rate = 2 * third * (ca.dot(radii, slide) - radii * slide)

@@ -25,10 +25,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.placement import from_quaternion
 from wbc.rmp.balance.foot import LIGHTEST, FlatFoot
 from wbc.rmp.balance.law import FREE, LawBounds, PendulumCommand, refuse_torsion
 from wbc.rmp.functions import Evaluator
-from wbc.rmp.solid import SolidRmp, rotation
+from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
 
 # Height [m] below which the law reckons with no lower CoM: a leg on the ground cannot be raised by
@@ -126,7 +127,7 @@ def _force(
     spare = ca.fmax(0.0, ca.fmin(1.0, 2.0 * (1.0 - ca.norm_2(xi) * weight / most)))
     lift = ca.fmin(lift, spare * ca.fmax(lift, 0.0))
     pressure = model.mass * ca.fmax(model.gravity + lift, LIGHTEST * model.gravity)
-    R = rotation(foot.q[5:9])
+    R = from_quaternion(foot.q[5:9])
     level = R.T @ ca.vertcat(-pressure * cmp[1], pressure * cmp[0], 0.0)
     # Scaled, not clipped: clipped about axes that have turned, it would point elsewhere.
     level *= ca.fmin(1.0, most / ca.fmax(ca.norm_inf(level), most))
@@ -149,7 +150,7 @@ def _wanted_cmp(
     k_G, _ = model.functions["momenta"](foot.q, foot.v)
     # A torque about y moves the CMP along x, one about x moves it back along y.
     spun = ca.vertcat(k_G[1], -k_G[0]) / weight
-    turned = rotation(foot.q[5:9]) @ (foot.inertia * foot.angle) / weight
+    turned = from_quaternion(foot.q[5:9]) @ (foot.inertia * foot.angle) / weight
     m = spun + xi / omega
     a = ca.vertcat(turned[1], -turned[0]) + m / omega
     slow = gains.wheel * omega

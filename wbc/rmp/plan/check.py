@@ -18,7 +18,7 @@ from wbc.polygon import polygon_margin
 from wbc.rmp.ground import FLIGHT
 from wbc.rmp.plan.plan import Plan, Trajectory
 from wbc.rmp.plan.schedule import STATE, State
-from wbc.rotations import rotation_rows
+from wbc.rotations import rotation_from
 from wbc.validate import Array
 
 # Largest defect or excess accepted, in the unit of each quantity.
@@ -255,7 +255,7 @@ def _integrated(plan: Plan, i: int) -> dict[str, Array] | None:
         q, k, r = x[6:10], x[10:13], x[13:16]
         lever = np.array((*(share @ cop), 0.0)) - x[:3]
         squares = r * r
-        R = np.array(rotation_rows(*(q / np.linalg.norm(q))))
+        R = rotation_from(q / np.linalg.norm(q))
         w = (R.T @ k) / (mass / 3.0 * (squares.sum() - squares))
         q_rate = np.concatenate((q[3] * w + np.cross(q[:3], w), [-q[:3] @ w])) / 2.0
         k_rate = np.cross(lever, f) + (0.0, 0.0, share @ moment)

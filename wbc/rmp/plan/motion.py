@@ -21,10 +21,11 @@ from math import comb
 import casadi as ca
 import numpy as np
 
+from wbc.placement import from_mrp
 from wbc.rmp.plan.problem import PlanProblem
 from wbc.rmp.plan.schedule import STATE
 from wbc.rmp.solid import quaternion_product
-from wbc.rotations import rotation_rows
+from wbc.rotations import rotation_from
 from wbc.validate import Array
 
 # Controls at a knot and their sizes; flight has the first only.
@@ -176,7 +177,7 @@ def orientation_rate(problem: PlanProblem, sigma: ca.SX, momentum: ca.SX, radii:
 def body_rate(problem: PlanProblem, sigma: ca.SX, momentum: ca.SX, radii: ca.SX) -> ca.SX:
     """Return the body rate w (3,) [rad/s] from k_G = R I w."""
     inertia = principal_moments(problem.mass, radii)
-    return (rotation(sigma).T @ (reference_axes(problem).T @ momentum)) / inertia
+    return (from_mrp(sigma).T @ (reference_axes(problem).T @ momentum)) / inertia
 
 
 def principal_moments(mass: float, radii: ca.SX) -> ca.SX:
@@ -187,13 +188,7 @@ def principal_moments(mass: float, radii: ca.SX) -> ca.SX:
 
 def reference_axes(problem: PlanProblem) -> ca.DM:
     """Return the rotation matrix (3, 3) of the reference orientation, to the world."""
-    return ca.DM(np.array(rotation_rows(*problem.reference)))
-
-
-def rotation(sigma: ca.SX) -> ca.SX:
-    """Return the rotation matrix (3, 3), from body to reference, of MRPs."""
-    norm, S = ca.sumsqr(sigma), ca.skew(sigma)
-    return ca.SX.eye(3) + (8 * S @ S + 4 * (1 - norm) * S) / (1 + norm) ** 2
+    return ca.DM(rotation_from(np.array(problem.reference)))
 
 
 def quaternion(problem: PlanProblem, sigma: ca.SX) -> ca.SX:

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from wbc.rmp.plan.layout import Indices
+from wbc.sparse import matrix_of
 
 # Rows, columns and values of entries of a sparse matrix, in one order.
 _Entry = tuple[Indices, Indices, ca.MX]
@@ -153,8 +154,4 @@ def _matrix(entries: Sequence[_Entry], shape: tuple[int, int]) -> ca.MX:
     rows = np.concatenate([row.ravel(order="F") for row, _, _ in entries])
     columns = np.concatenate([column.ravel(order="F") for _, column, _ in entries])
     values = ca.vertcat(*(part[2].nz[:] for part in entries if part[2].nnz()))
-    keys, order = np.unique(columns * shape[0] + rows, return_inverse=True)
-    pattern = ca.Sparsity.triplet(*shape, (keys % shape[0]).tolist(), (keys // shape[0]).tolist())
-    count = len(order)
-    add = ca.DM.triplet(order.tolist(), list(range(count)), ca.DM.ones(count), keys.size, count)
-    return ca.MX(pattern, add @ values)
+    return matrix_of(rows, columns, values, shape)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
+from wbc.placement import from_mrp
 from wbc.rmp.plan.layout import PlanLayout, lay_out, units_of
 from wbc.rmp.plan.motion import (
     body_rate,
@@ -19,7 +20,6 @@ from wbc.rmp.plan.motion import (
     principal_moments,
     quaternion,
     reference_axes,
-    rotation,
 )
 from wbc.rmp.plan.problem import PlanProblem
 from wbc.rmp.planar import PlanarRmp
@@ -211,7 +211,7 @@ def _sampler(problem: PlanProblem, phase: int) -> ca.Function:
     sigma = at["orientation"]
     rate = body_rate(problem, sigma, at["momentum"], at["radii"])
     at["orientation"] = quaternion(problem, sigma)
-    at["angular_velocity"] = reference_axes(problem) @ (rotation(sigma) @ rate)
+    at["angular_velocity"] = reference_axes(problem) @ (from_mrp(sigma) @ rate)
     at["inertia"] = principal_moments(problem.mass, at["radii"])
     column = ca.vertcat(*(ca.densify(at[name]) for name in _SAMPLED))
     return ca.Function("sample", [m.z, s], [column])
