@@ -11,30 +11,31 @@ from tests.conftest import load
 from wbc.constraints import Contact, LineContact
 from wbc.errors import InvalidInputError
 from wbc.gait import Velocity, Walker
-from wbc.gait.ability import bearing_torques, rolls
+from wbc.gait.ability import bearing_torques, pressed_ahead, rolls
 from wbc.gait.commanded import CommandedWalk, TimedCommand
 from wbc.problem import load_problem
 from wbc.robot import Robot
 from wbc.simulation import Plant, simulate
 
 
-@pytest.mark.parametrize("name", ["hoap2_like", "g1"])
-def test_bearing_torques_are_those_of_a_tilted_gravity(name: str) -> None:
+@pytest.mark.parametrize(("name", "ahead"), [("hoap2_like", 0.0), ("g1", 0.0), ("g1", -0.03)])
+def test_bearing_torques_are_those_of_a_tilted_gravity(name: str, ahead: float) -> None:
     """By Pinocchio: recursive Newton-Euler at rest, with gravity along the pressure's line."""
     robot: Robot = load(name)
     s = robot.snapshot(robot.posture())
     foot = robot.feet["left"].frame
-    model, arm = robot.model.copy(), s.com - s.position(foot)
+    R = s.rotation(foot)
+    model, arm = robot.model.copy(), s.com - s.position(foot) - ahead * R[:, 0]
     model.gravity.linear = -9.81 / arm[2] * arm
     force = -robot.mass * model.gravity.linear
     frame = model.frames[robot.frame_id(foot)]
     push = pin.StdVec_Force(model.njoints, pin.Force.Zero())
-    local = pin.Force(s.rotation(foot).T @ force, np.zeros(3))
+    local = pin.Force(R.T @ force, np.cross([ahead, 0.0, 0.0], R.T @ force))
     push[frame.parentJoint] = frame.placement.act(local)
     zero = np.zeros(robot.nv)
     tau = pin.rnea(model, model.createData(), s.q, zero, zero, push)
     np.testing.assert_allclose(tau[:6], 0.0, atol=1e-9)  # the line goes through the CoM
-    np.testing.assert_allclose(bearing_torques(s, foot), tau[6:], atol=1e-9)
+    np.testing.assert_allclose(bearing_torques(s, foot, ahead), tau[6:], atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["hoap2_like", "g1"])
@@ -52,6 +53,34 @@ def test_weak_joints_are_named(caplog: pytest.LogCaptureFixture) -> None:
     assert note in caplog.text
     assert Walker(robot, torque_limits=None).notes == ()  # they are not bounded there
     assert Walker(robot, torque_limits=2.0).notes == ()
+
+
+def weak_ankles() -> Robot:
+    return Robot.load("g1", effort={"*_ankle_pitch_joint": 11.0}, armature=0.003)
+
+
+def test_pressure_is_led_to_where_weak_ankles_bear_with_half_of_their_torque() -> None:
+    robot = weak_ankles()
+    s = robot.snapshot(robot.posture())
+    ahead = pressed_ahead(s, robot.limits.effort)
+    ankle = robot.joint_index("left_ankle_pitch_joint") - 6
+    assert -0.04 < ahead < -0.02
+    assert bearing_torques(s, robot.feet["left"].frame, ahead)[ankle] == pytest.approx(5.5)
+    assert pressed_ahead(s, load("g1").limits.effort) == 0.0  # 50 N m
+    (note,) = Walker(robot).notes
+    assert f"the pressure is led {-1e3 * ahead:.0f} mm behind the middle of soles" in note
+
+
+@pytest.mark.slow
+def test_robots_with_weak_ankles_go_where_they_are_told_to() -> None:
+    """Led to the middle of the soles the pressure is behind it: it went by 0.37 and -0.13 m/s."""
+    walker = Walker(weak_ankles())
+    plant = Plant(walker.robot, dt=0.002)
+    commands = [TimedCommand(0.2, Velocity(0.3, 0.0, 0.0)), TimedCommand(3.0, Velocity(-0.2, 0, 0))]
+    walk = CommandedWalk(walker, commands, lambda: plant.felt_forces)
+    ahead = [plant.com[0] for _ in simulate(walker.controller, plant, 7.0, update=walk.update)]
+    assert abs((ahead[1500] - ahead[750]) / 1.5 - 0.3) < 0.03
+    assert abs((ahead[-1] - ahead[-1000]) / 2.0 + 0.2) < 0.03
 
 
 def test_dry_friction_that_takes_much_of_the_torque_is_said() -> None:

@@ -289,6 +289,11 @@ def bending_joint(robot: Robot, joints: Sequence[int], tip: Array) -> int:
     return _bends_most(robot, joints, joints[1:], tip)[0]
 
 
+def knee_of(robot: Robot, side: str) -> int:
+    """Return the joint of a leg that shortens it most."""
+    return _knee(robot, leg_joints(robot, side))[0]
+
+
 def _knee(robot: Robot, joints: Sequence[int]) -> tuple[int, Array, Array]:
     """Return the knee of a leg's joints, angles over its range, and the leg's lengths there."""
     return _bends_most(robot, joints, joints[1:-1])

@@ -40,11 +40,15 @@ class GaitState(NamedTuple):
         Of the CoM, with the velocity that the angular momentum stands for, as x + i y [m].
     places, rotations:
         Of the soles, by foot: (3,) [m] and (3, 3).
+    ahead:
+        Of the soles' middles the pressure is led [m], and of what :attr:`dcm` says the DCM is: so
+        a walk is planned as if it were led to their middles.
     """
 
     dcm: complex
     places: dict[str, Array]
     rotations: dict[str, Array]
+    ahead: float = 0.0
 
     @classmethod
     def of(cls, snapshot: Snapshot, frames: dict[str, str], omega: float, height: float) -> Self:

@@ -271,6 +271,7 @@ class StepPlanner:
         least = max(soon, quickest * single - phase.elapsed, reach.least_time(lower, upper))
         most = max(least, LONGEST * single - phase.elapsed)
         length, width = self.soles[support].tolist()
+        length -= abs(now.ahead)
         sole, about = (SOLE_SHARE * length, SOLE_SHARE * width), min(max(phase.left, least), most)
         bounds = StepBounds(lower, upper, least, most, sole, reach, about)
         plan = adapt_step(seen(now.dcm - base), nominal, bounds, omega, double, weights)

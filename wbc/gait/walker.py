@@ -16,6 +16,7 @@ comes and goes by itself, takes nothing from the sole (:class:`~wbc.gait.phases.
 
 from __future__ import annotations
 
+import cmath
 import logging
 import math
 from collections.abc import Mapping, Sequence
@@ -310,6 +311,8 @@ class Walker:
             snapshot = self.controller.predicted(snapshot)
             now = self._measured(snapshot)
         now = self._push.ahead(now, self.controller.delay)
+        if self._whole_body.ahead:
+            now = now._replace(dcm=now.dcm - self._shift, ahead=self._whole_body.ahead)
         on_steps = self._planner.velocity_on_steps(self.phase, now, self.heading)
         wanted = on_steps or self.wanted
         self.velocity = self.velocity.towards(wanted, acceleration * dt, TURN_UP * dt)
@@ -336,6 +339,11 @@ class Walker:
 
     # ------------------------------------------------------------------ parts of a tick
 
+    @property
+    def _shift(self) -> complex:
+        """How far from the soles' middles the pressure is led, as x + i y [m]."""
+        return cmath.rect(self._whole_body.ahead, self.heading)
+
     def _begin(self, snapshot: Snapshot, now: GaitState, made_at: Array) -> None:
         """Begin where the robot stands, if that is elsewhere than where its posture has it."""
         self._made_at, facing = None, heading_of(now.rotations.values())
@@ -348,6 +356,8 @@ class Walker:
     def _lead(self, snapshot: Snapshot, now: GaitState, reference: Reference) -> None:
         """Set the goals of CoM and trunk."""
         vrp = reference.vrp + (1.0 + self.gait.gain) * (now.dcm - reference.dcm)
+        if now.ahead:
+            vrp += self._shift
         sunk = self._planner.sunk(self.phase, now, self.heading)
         follow = FOLLOW * self.gait.omega
         lower = self._usual - self.gait.height + sunk

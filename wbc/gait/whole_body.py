@@ -14,7 +14,7 @@ from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Constraint
 from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError
-from wbc.gait.ability import contact_of, lacks
+from wbc.gait.ability import contact_of, lacks, pressed_ahead
 from wbc.gait.crouch import walking_posture
 from wbc.gait.legs import SIDES, Legs, leg_joints
 from wbc.gait.swing import FootPose, SwingMotion, turned
@@ -120,6 +120,8 @@ class WholeBody:
         The :class:`~wbc.controllers.torque.TorqueController`.
     lasting:
         Those of its tasks that have a target all the time.
+    ahead:
+        Of the soles' middles the pressure is led [m], where ankles are too weak for these.
     lacks:
         What the legs lack for walking, in words.
     """
@@ -203,7 +205,9 @@ class WholeBody:
             task.switch_off()
         self._swing_freely(robot)
         stuck = 1.0 - self.controller.friction_compensation
-        self.lacks = lacks(bent, self.controller.torque_bounds, stuck)
+        bounds = self.controller.torque_bounds
+        self.ahead = pressed_ahead(bent, bounds)
+        self.lacks = lacks(bent, bounds, stuck, self.ahead)
         self.lasting = (self._height, *self._trunk.values(), *tasks)
 
     def _held(self, snapshot: Snapshot, feet: Iterable[str]) -> list[Contact]:
