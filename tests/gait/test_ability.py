@@ -133,6 +133,14 @@ def test_feet_are_held_along_their_length_where_legs_cannot_roll_them(
     assert ("held along its length only (LineContact)" in said) == (kind is LineContact)
 
 
+def test_legs_that_no_joint_turns_are_not_told_to_turn() -> None:
+    admitted = Walker(without("hip_yaw", 0.031)).command(0.0, 0.0, 0.5)
+    assert admitted.velocity == (0.0, 0.0, 0.0)
+    assert admitted.reason == (
+        "0.5 rad/s is beyond the turn of legs without a joint for it: 0 rad/s"
+    )
+
+
 @pytest.mark.slow
 def test_feet_that_are_edges_ahead_walk_and_those_across_are_refused() -> None:
     feet = {side: {"link": f"{side}_sole"} for side in ("left", "right")}

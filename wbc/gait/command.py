@@ -111,7 +111,8 @@ class CommandLimits:
         limiting = min(able, key=lambda key: able[key])
         turn = min(MOST_TURN, legs.turn)
         turning = {
-            "turn of the feet in one step": turn / T,
+            f"turn of {'the feet in one step' if turn else 'legs without a joint for it'}": turn
+            / T,
             "speed at which hips turn": legs.turn_speed / (PEAK * per_speed - 1.0),
         }
         slowest = min(turning, key=lambda key: turning[key])

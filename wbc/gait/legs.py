@@ -37,6 +37,8 @@ SAMPLES = 33
 EVEN = 0.1
 # Of the leg's length: how far a hip moves the foot forwards or to a side, at least, per rad.
 LEVER = 0.2
+# How far a hip turns the foot about the vertical at least, per rad, if legs can turn at all.
+TURNS = 0.2
 # Of a foot that is an edge: how far it reaches to a side for its length, if it can be walked on.
 ASKEW = 0.2
 ORIGIN = read_only(np.zeros(3))
@@ -54,7 +56,7 @@ class Legs:
     # At which a foot can be swung forwards by its hip, relative to the hip [m/s].
     swing_speed: float
     swing_acceleration: float  # likewise, by the hip's torque against the leg's inertia [m/s^2]
-    turn: float  # how far a foot can be turned about the vertical, either way [rad]
+    turn: float  # how far a foot can be turned about the vertical, either way; 0: not [rad]
     turn_speed: float  # at which a foot can be turned so [rad/s]
     lift_speed: float  # at which the knee lifts a foot, on the mean [m/s]
     # Shortest distance of the ankle from the hip at which the knee bears the robot alone [m].
@@ -200,10 +202,10 @@ def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:
                 " walking takes hips that pitch and roll, a knee and an ankle"
             )
     forwards = max(hips, key=lambda k: abs(float(J[0, k])))
-    turning = max(hips, key=lambda k: abs(float(J[5, k]))) - BASE_NV
+    turns = max(hips, key=lambda k: abs(float(J[5, k])))
     lever, hip = abs(float(J[0, forwards])), forwards - BASE_NV
     inertia = float(snapshot.mass_matrix[forwards, forwards])
-    limits, at = robot.limits, float(snapshot.joint_positions[turning])
+    limits, turn, turn_speed = robot.limits, 0.0, 0.0
     with np.errstate(divide="ignore", invalid="ignore"):  # damping may leave no torque before
         speed = np.fmin(limits.velocity, limits.effort / robot.damping)
     quickest = QUICKEST
@@ -211,6 +213,10 @@ def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:
         speed = np.fmin(speed, given.speed)
         fast = given.acceleration if given.speed_up is None else given.speed_up
         quickest = QUICKEST if given.by_default else min(QUICKEST, float(fast[hip]) * lever)
+    if abs(J[5, turns]) > TURNS:
+        turning, at = turns - BASE_NV, float(snapshot.joint_positions[turns - BASE_NV])
+        turn = SHARE * min(float(limits.upper[turning]) - at, at - float(limits.lower[turning]))
+        turn_speed = SHARE * float(speed[turning])
     lift = LIFTED * float(lengths.max())
     low, high = (_bend(angles, lengths, part * lengths.max()) for part in (BENT, BENT - LIFTED))
     return (
@@ -218,8 +224,8 @@ def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:
         float(_leg_vectors(robot, joints, [snapshot.q])[0, 2]),
         SPEED_SHARE * float(speed[hip]) * lever,
         min(SHARE * float(limits.effort[hip]) / inertia * lever, quickest),
-        SHARE * min(float(limits.upper[turning]) - at, at - float(limits.lower[turning])),
-        SHARE * float(speed[turning]),
+        turn,
+        turn_speed,
         SHARE * float(speed[int(robot.model.idx_vs[knee]) - BASE_NV]) * lift / abs(high - low),
         _bearing_length(robot, knee, angles, lengths),
     )
