@@ -92,29 +92,42 @@ class PushedWalk:
             return False
         return True
 
+    def push(self, angle: float, impulse: float) -> Array:
+        """Push now, so many degrees from ahead to the left [N s]; return where to."""
+        a = math.radians(angle)
+        way = np.array((math.cos(a), math.sin(a), 0.0))
+        self.plant.push(heaviest_link(self.robot), impulse / LASTING * way, duration=LASTING)
+        return way
+
     def survives(self, angle: float, impulse: float) -> bool:
         """Return whether a copy of this walk survives a push that begins now."""
-        reader, writer = os.pipe()
-        child = os.fork()
-        if child == 0:
-            status = 1
-            try:
-                a = math.radians(angle)
-                force = impulse / LASTING * np.array((math.cos(a), math.sin(a), 0.0))
-                self.plant.push(heaviest_link(self.robot), force, duration=LASTING)
-                stood = self.until(lambda: False)
-                os.write(writer, json.dumps(stood).encode())
-                status = 0
-            except BaseException:
-                traceback.print_exc()
-            os._exit(status)
-        os.close(writer)
-        with os.fdopen(reader) as pipe:
-            told = pipe.read()
-        _, status = os.waitpid(child, 0)
-        if status != 0:
-            raise RuntimeError("a pushed walk ended without an answer; see above")
-        return bool(json.loads(told))
+
+        def stands() -> bool:
+            self.push(angle, impulse)
+            return self.until(lambda: False)
+
+        return bool(in_a_copy(stands))
+
+
+def in_a_copy(call: Callable[[], Any]) -> Any:
+    """Return what a function, called in a copy of this process, returns as plain data."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        status = 1
+        try:
+            with os.fdopen(writer, "w") as pipe:
+                json.dump(call(), pipe)
+            status = 0
+        except BaseException:
+            traceback.print_exc()
+        os._exit(status)
+    os.close(writer)
+    with os.fdopen(reader) as pipe:
+        told = pipe.read()
+    if os.waitpid(child, 0)[1] != 0:
+        raise RuntimeError("a pushed walk ended without an answer; see above")
+    return json.loads(told)
 
 
 def largest(survives: Callable[[float], bool], guess: float, grid: float) -> float:

@@ -20,15 +20,14 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: threads
 
 import argparse
 import json
-import math
-import traceback
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from disturbed import DELAY, DT
-from walk_pushes import AFTER, BEFORE, LASTING, PHASES, SIDES, SPEED, PushedWalk
+from walk_pushes import AFTER, BEFORE, PHASES, SIDES, SPEED, PushedWalk, in_a_copy
 
 from wbc.gait import Walker
 from wbc.gait.dcm import in_plane
@@ -46,10 +45,8 @@ STEPS = 2
 
 def followed(walk: PushedWalk, angle: float, impulse: float) -> dict[str, Any]:
     """Push, go on, and return kappa tick by tick [m/s] and what each step was held by."""
-    way = np.array((math.cos(angle), math.sin(angle), 0.0))
     begin, first, walker = walk.plant.time, walk.walker.steps, walk.walker
-    force = impulse / LASTING * way
-    walk.plant.push(heaviest_link(walk.robot), force, duration=LASTING)
+    way = walk.push(angle, impulse)
     scale = walk.robot.mass * walker.gait.height
     kappa, held = list[float](), [Counter[str]() for _ in range(STEPS)]
     ticks, landed, aim, stood = [0] * STEPS, list[float](), None, True
@@ -85,32 +82,9 @@ def followed(walk: PushedWalk, angle: float, impulse: float) -> dict[str, Any]:
     return {"stood": stood, "kappa": kappa, "motors": motors, "landed": landed}
 
 
-def apart(walk: PushedWalk, angle: float, impulse: float) -> dict[str, Any]:
-    """Return what :func:`followed` does of a copy of this walk."""
-    reader, writer = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.close(reader)
-        try:
-            with os.fdopen(writer, "w") as pipe:
-                json.dump(followed(walk, angle, impulse), pipe)
-            os._exit(0)
-        except BaseException:
-            traceback.print_exc()
-        os._exit(1)
-    os.close(writer)
-    with os.fdopen(reader) as pipe:
-        told = pipe.read()
-    if os.waitpid(child, 0)[1] != 0:
-        raise RuntimeError("a pushed walk ended without an answer; see above")
-    found: dict[str, Any] = json.loads(told)
-    return found
-
-
 def spent(walk: PushedWalk, side: str, impulse: float) -> dict[str, Any]:
     """Return what is told of a push that begins now, as plain data."""
-    angle = math.radians(SIDES[side])
-    free, pushed = apart(walk, angle, 0.0), apart(walk, angle, impulse)
+    free, pushed = (in_a_copy(partial(followed, walk, SIDES[side], J)) for J in (0.0, impulse))
     count = min(len(free["kappa"]), len(pushed["kappa"]))
     more = np.array(pushed["kappa"][:count]) - free["kappa"][:count]
     start, gait = walk.robot.snapshot(walk.robot.posture("standing")), walk.walker.gait

@@ -14,11 +14,14 @@ The group ``sideways`` pushes every robot to both sides by as many M omega d, of
 (G1) to a half (Romeo) of the CoM's height, so that the same impulse moves the capture point
 farther.
 
+With ``--speeds`` robots walk ahead at these, and do nothing else.
+
 With ``--estimated`` robots know of themselves only what an IMU, encoders and motor torques tell
 (``sensed_plant_of``), and feet feel what follows from the torques.
 
     python benchmarks/walking.py JOURNAL.jsonl [--only speed push sideways ground schedule meshes]
-        [--robots g1] [--walks back left "turn 360"] [--seeds 10] [--workers 2] [--estimated]
+        [--robots g1] [--walks back left "turn 360"] [--speeds 1.2] [--seeds 10] [--workers 2]
+        [--estimated]
 """
 
 import os
@@ -150,6 +153,12 @@ def trials(seeds: int) -> Iterator[Trial]:
                 walk = ((0.2, SPEED[robot], 0.0, 0.0),)
                 name = "kept apart" if bodies else "not kept apart"
                 yield Trial("meshes", name, robot, seed, walk, 10, bodies=bodies)
+
+
+def walks_ahead(seeds: int, robots: Sequence[str], speeds: Sequence[float]) -> Iterator[Trial]:
+    """Yield walks of robots at these speeds [m/s], seed by seed."""
+    for seed, robot, v in itertools.product(range(seeds), robots, speeds):
+        yield Trial("speed", f"ahead at {v:g}", robot, seed, ((0.2, v, 0.0, 0.0),))
 
 
 MESHES = ("g1", "talos", "hoap2_like")
@@ -326,11 +335,15 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=list(GROUPS), choices=GROUPS)
     parser.add_argument("--robots", nargs="+", default=list(SPEED))
     parser.add_argument("--walks", nargs="+", help="only walks of these names, as in the table")
+    parser.add_argument("--speeds", nargs="+", type=float, default=[], help="only ahead, at these")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--estimated", action="store_true", help="no true state, no foot forces")
     given = parser.parse_args()
-    names = {one.kind for one in trials(1)}
+    asked = list(trials(given.seeds))
+    if given.speeds:
+        asked = list(walks_ahead(given.seeds, given.robots, given.speeds))
+    names = {one.kind for one in asked}
     if unknown := set(given.walks or ()) - names:
         parser.error(f"no walks named {sorted(unknown)}; there are {sorted(names)}")
     with Journal(given.journal, MADE_OF) as journal:
@@ -338,7 +351,7 @@ def main() -> None:
         known = {row["key"] for row in rows}
         wanted = [
             one
-            for one in (replace(each, estimated=given.estimated) for each in trials(given.seeds))
+            for one in (replace(each, estimated=given.estimated) for each in asked)
             if one.group in given.only
             and one.robot in given.robots
             and (given.walks is None or one.kind in given.walks)

@@ -47,34 +47,29 @@ FEET, TRUNK = ("left_ankle_roll_link", "right_ankle_roll_link"), "torso_link"
 ARMS = ("elbow_link", "wrist_roll_link", "rubber_hand")
 BODY = ("torso_link", "pelvis", "left_hip_roll_link", "right_hip_roll_link")
 RADIUS, MARGIN = 0.06, 0.01  # of the spheres about the links' origins [m]
-# Of each level: label, environment, script, arguments.
+# Label, environment, script, arguments.
+WBC = (
+    ("wbc active_set", "wbc", "wbc", ("active_set",)),
+    ("wbc proxqp", "wbc", "wbc", ("proxqp",)),
+)
+INERTIA = ("wbc active_set, with inertia", "wbc", "wbc", ("active_set", "inertia"))
+PLACO = ("PlaCo (C++)", "placo", "placo", ())
+PEERS = (
+    ("Pink daqp", "pink", "pink", ("daqp",)),
+    ("Pink proxqp", "pink", "pink", ("proxqp",)),
+    ("mink daqp", "mink", "mink", ("daqp",)),
+    ("mink proxqp", "mink", "mink", ("proxqp",)),
+    PLACO,
+)
 LOOPS = {
     "velocity": (
-        ("wbc active_set", "wbc", "wbc", ("active_set",)),
-        ("wbc proxqp", "wbc", "wbc", ("proxqp",)),
-        ("wbc active_set, with inertia", "wbc", "wbc", ("active_set", "inertia")),
+        *WBC,
+        INERTIA,
         ("wbc proxqp, with inertia", "wbc", "wbc", ("proxqp", "inertia")),
-        ("Pink daqp", "pink", "pink", ("daqp",)),
-        ("Pink proxqp", "pink", "pink", ("proxqp",)),
-        ("mink daqp", "mink", "mink", ("daqp",)),
-        ("mink proxqp", "mink", "mink", ("proxqp",)),
-        ("PlaCo (C++)", "placo", "placo", ()),
+        *PEERS,
     ),
-    "velocity, 25 pairs": (
-        ("wbc active_set", "wbc", "wbc", ("active_set",)),
-        ("wbc proxqp", "wbc", "wbc", ("proxqp",)),
-        ("wbc active_set, with inertia", "wbc", "wbc", ("active_set", "inertia")),
-        ("Pink daqp", "pink", "pink", ("daqp",)),
-        ("Pink proxqp", "pink", "pink", ("proxqp",)),
-        ("mink daqp", "mink", "mink", ("daqp",)),
-        ("mink proxqp", "mink", "mink", ("proxqp",)),
-        ("PlaCo (C++)", "placo", "placo", ()),
-    ),
-    "velocity, slow joints": (
-        ("wbc active_set", "wbc", "wbc", ("active_set",)),
-        ("wbc proxqp", "wbc", "wbc", ("proxqp",)),
-        ("PlaCo (C++)", "placo", "placo", ()),
-    ),
+    "velocity, 25 pairs": (*WBC, INERTIA, *PEERS),
+    "velocity, slow joints": (*WBC, PLACO),
     "torque": (
         ("wbc active_set", "wbc", "wbc_torque", ("active_set",)),
         ("wbc proxqp", "wbc", "wbc_torque", ("proxqp",)),

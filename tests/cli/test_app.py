@@ -13,6 +13,7 @@ import typer
 import wbc
 from tests.command import wbc_command
 from tests.failing_ticks import let_ticks_fail
+from tests.urdf import arm_of_one_joint, limit
 from wbc.cli import app, progress
 from wbc.errors import ModelError
 from wbc.problem import History
@@ -253,18 +254,8 @@ def test_a_run_prints_the_robots_notes_once(tmp_path: Path) -> None:
 
 
 def lonely_arm(folder: Path) -> Path:
-    """Return an arm with one joint, on a root link that no name tells to be bolted."""
-    inertial = (
-        '<inertial><mass value="1"/>'
-        '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
-    )
     path = folder / "arm.urdf"
-    path.write_text(
-        f'<robot name="arm"><link name="arm_link0">{inertial}</link>'
-        f'<link name="upper">{inertial}</link><joint name="j" type="revolute">'
-        '<parent link="arm_link0"/><child link="upper"/><axis xyz="0 1 0"/>'
-        '<limit lower="-1" upper="1" effort="9" velocity="2"/></joint></robot>'
-    )
+    path.write_text(arm_of_one_joint(limit(1, 9, 2)))
     return path
 
 

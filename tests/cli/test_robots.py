@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import urdf
 from tests.command import wbc_command
 from wbc.robot import Robot
 
@@ -24,16 +25,7 @@ def test_joints_have_limits_and_masses_and_the_masses_add_up(hoap2: Robot) -> No
 
 def test_missing_limits_are_said(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
-    inertial = (
-        '<inertial><mass value="1"/>'
-        '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
-    )
-    path.write_text(
-        f'<robot name="arm"><link name="arm_link0">{inertial}</link>'
-        f'<link name="upper">{inertial}</link><joint name="j" type="revolute">'
-        '<parent link="arm_link0"/><child link="upper"/><axis xyz="0 1 0"/>'
-        '<limit lower="-1" upper="1" effort="0" velocity="0"/></joint></robot>'
-    )
+    path.write_text(urdf.arm_of_one_joint(urdf.limit(1, 0, 0)))
     answer = wbc_command("robots", path)
     assert "missing limits: velocity (j); effort (j)" in answer.stdout
     assert "note: arm: joints without a limit: velocity (j); effort (j)" in answer.stderr
@@ -42,21 +34,12 @@ def test_missing_limits_are_said(tmp_path: Path) -> None:
 
 
 def test_joints_that_follow_others_are_named(tmp_path: Path) -> None:
-    inertial = (
-        '<inertial><mass value="1"/>'
-        '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
-    )
-    joint = (
-        '<joint name="{0}" type="revolute"><parent link="palm"/><child link="{0}_link"/>'
-        '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/>{1}</joint>'
-    )
-    mimic = '<mimic joint="thumb" multiplier="-0.5" offset="0.1"/>'
-    links = "".join(
-        f'<link name="{name}">{inertial}</link>' for name in ("palm", "thumb_link", "finger_link")
-    )
     path = tmp_path / "hand.urdf"
-    joints = joint.format("thumb", "") + joint.format("finger", mimic)
-    path.write_text(f'<robot name="hand">{links}{joints}</robot>')
+    links = map(urdf.link, ("palm", "thumb_link", "finger_link"))
+    mimic = '<mimic joint="thumb" multiplier="-0.5" offset="0.1"/>'
+    thumb = urdf.joint("thumb", "palm", "thumb_link")
+    finger = urdf.joint("finger", "palm", "finger_link", mimic)
+    path.write_text(urdf.robot("hand", *links, thumb, finger))
     assert "finger follows: -0.5 thumb +0.1\n" in wbc_command("robots", path).stdout
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from tests.command import wbc_command
 from tests.texts import STAND
+from tests.urdf import stone
 from wbc.cli.sim_report import _tracking
 from wbc.controllers.closed_loop import LoopTick
 from wbc.problem import History
@@ -136,11 +137,7 @@ def test_a_plan_whose_quantity_stays_has_no_peak_to_compare_with(peak: float) ->
 
 
 def test_a_robot_of_one_body_is_told_of(tmp_path: Path) -> None:
-    body = (
-        '<robot name="body"><link name="a"><inertial><mass value="1"/><inertia ixx=".01" ixy="0"'
-        ' ixz="0" iyy=".01" iyz="0" izz=".01"/></inertial></link></robot>'
-    )
-    (tmp_path / "body.urdf").write_text(body)
+    (tmp_path / "body.urdf").write_text(stone())
     path = tmp_path / "body.yaml"
     path.write_text(
         "robot: {model: body.urdf, base: floating}\n"

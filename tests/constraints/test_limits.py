@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests import urdf
 from wbc.constraints import Limits
 from wbc.errors import InvalidInputError, WbcError
 from wbc.robot import Robot
@@ -191,13 +192,8 @@ def test_a_continuous_joint_has_its_speed_only(robot_named) -> None:
     assert np.isinf(fast.box(robot.snapshot(neutral(robot)), DT)[1][free]).all()
 
 
-def test_a_robot_without_joints_has_no_worst_one(tmp_path) -> None:
-    path = tmp_path / "stone.urdf"
-    path.write_text(
-        '<robot name="stone"><link name="stone"><inertial><mass value="2"/><inertia ixx="1" ixy="0"'
-        ' ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link></robot>'
-    )
-    stone = Robot.load(path, base="floating")
+def test_a_robot_without_joints_has_no_worst_one() -> None:
+    stone = Robot.load(urdf.stone(), base="floating")
     limits = Limits(stone)
     assert limits.worst_margin(stone.postures["neutral"]) == (np.inf, "no joint")
     assert limits.box(stone.snapshot(stone.postures["neutral"]), DT)[0].shape == (6,)

@@ -6,35 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.urdf import geared_arm
 from wbc import KinematicController, PositionTask, PostureTask, load_problem
 from wbc.constraints.limits import Limits
 from wbc.controllers.closing import _part
 from wbc.robot import Robot
 
-BODY = (
-    '<inertial><mass value="2"/><origin xyz="0 0 0.1"/>'
-    '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial>'
-)
-# c follows b at -2 b + 0.1, d follows c at 0.5 c, so at -b + 0.05.
-GEARS = {
-    "c": '<mimic joint="b" multiplier="-2" offset="0.1"/>',
-    "d": '<mimic joint="c" multiplier="0.5"/>',
-}
-
 
 def arm(folder: Path) -> Path:
-    parts = [f'<link name="world">{BODY}</link>']
-    parent = "world"
-    for name in "abcd":
-        parts.append(
-            f'<link name="link_{name}">{BODY}</link><joint name="{name}" type="revolute">'
-            f'<parent link="{parent}"/><child link="link_{name}"/><origin xyz="0 0 0.2"/>'
-            f'<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="9" velocity="2"/>'
-            f"{GEARS.get(name, '')}</joint>"
-        )
-        parent = f"link_{name}"
     path = folder / "arm.urdf"
-    path.write_text(f'<robot name="arm">{"".join(parts)}</robot>')
+    path.write_text(geared_arm())
     return path
 
 

@@ -5,30 +5,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests import urdf
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.files import cache_folder
 from wbc.robot import Robot
 from wbc.robot.collision import Selection, cached_pairs, chosen_pairs, robot_bodies, select_pairs
 
 OBJ = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.{0}\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-URDF = """<robot name="three"><link name="a">{body}{mesh}</link><link name="b">{body}{mesh}</link>
-<link name="c">{body}{mesh}</link>
-<joint name="ab" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0 0 .3"/>
-<axis xyz="1 0 0"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
-<joint name="bc" type="revolute"><parent link="b"/><child link="c"/><origin xyz="0 0 .3"/>
-<axis xyz="1 0 0"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint></robot>"""
-BODY = (
-    '<inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/>'
-    "</inertial>"
+MESH = urdf.collision('mesh filename="part.obj"')
+THREE = urdf.robot(
+    "three",
+    *(urdf.link(name, MESH) for name in "abc"),
+    urdf.joint("ab", "a", "b", at="0 0 .3", axis="1 0 0"),
+    urdf.joint("bc", "b", "c", at="0 0 .3", axis="1 0 0", limit=urdf.limit(2)),
 )
-MESH = '<collision><geometry><mesh filename="part.obj"/></geometry></collision>'
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch) -> Path:
     monkeypatch.setenv("WBC_CACHE", str(tmp_path / "cache"))
     (tmp_path / "part.obj").write_text(OBJ.format(1))
-    (tmp_path / "r.urdf").write_text(URDF.format(body=BODY, mesh=MESH))
+    (tmp_path / "r.urdf").write_text(THREE)
     return tmp_path
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests import urdf
 from tests.robot.by_coal import all_pairs, corners, distances
 from wbc.constraints import SelfCollision
 from wbc.errors import InvalidInputError, ModelError, UnknownNameError
@@ -302,29 +303,22 @@ def test_pairs_can_be_named(hoap2) -> None:
 # ------------------------------------------------------------------------------ refusals
 
 
-URDF = """<robot name="one"><link name="trunk">
-  <inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-  {shape}</link></robot>"""
+def robot_with(shape: str) -> Robot:
+    return Robot.load(urdf.robot("one", urdf.link("trunk", shape)), feet={})
 
 
-def robot_with(tmp_path: Path, shape: str) -> Robot:
-    path = tmp_path / "one.urdf"
-    path.write_text(URDF.format(shape=shape), encoding="utf-8")
-    return Robot.load(path, feet={})
-
-
-def test_a_missing_mesh_is_named(tmp_path: Path) -> None:
+def test_a_missing_mesh_is_named() -> None:
     mesh = '<collision><geometry><mesh filename="package://p/meshes/trunk.stl"/></geometry></collision>'
-    robot = robot_with(tmp_path, mesh)
+    robot = robot_with(mesh)
     with pytest.raises(ModelError, match=r"package://p/meshes/trunk.stl of link 'trunk'"):
         robot_bodies(robot)
 
 
-def test_no_shapes_at_all(tmp_path: Path) -> None:
+def test_no_shapes_at_all() -> None:
     with pytest.raises(ModelError, match="no collision shapes"):
-        robot_bodies(robot_with(tmp_path, ""))
+        robot_bodies(robot_with(""))
     with pytest.raises(UnknownNameError, match="capsule"):
-        robot_bodies(robot_with(tmp_path, ""), "capsul")
+        robot_bodies(robot_with(""), "capsul")
 
 
 def test_pairs_that_make_no_sense(hoap2) -> None:
@@ -370,20 +364,10 @@ def test_half_a_disabled_pair_is_refused(hoap2, tmp_path: Path) -> None:
         Robot.load(copy, srdf=srdf)
 
 
-def test_a_robot_without_pairs_has_nothing_to_keep_apart(tmp_path: Path) -> None:
+def test_a_robot_without_pairs_has_nothing_to_keep_apart() -> None:
     """Two links with a joint between them: neighbours are no pair."""
-    inertial = (
-        '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
-        "</inertial>"
-    )
-    ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
-    path = tmp_path / "two.urdf"
-    path.write_text(
-        f'<robot name="two"><link name="a">{inertial}{ball}</link><link name="b">{inertial}{ball}'
-        '</link><joint name="j" type="revolute"><parent link="a"/><child link="b"/>'
-        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
-    )
-    robot = Robot.load(path, base="floating")
+    links = (urdf.link(name, urdf.collision('sphere radius="0.1"')) for name in "ab")
+    robot = Robot.load(urdf.robot("two", *links, urdf.joint("j", "a", "b")), base="floating")
     margins = SelfCollision(robot)
     assert not margins.model.labels
     rows = margins.rows(robot.snapshot(robot.posture("neutral")), 0.005)

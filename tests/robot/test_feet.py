@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests import urdf
 from wbc.constraints import support
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait import Walker
@@ -92,27 +93,18 @@ def test_the_soles_of_the_humanoids_are_of_their_size(robot_named: Load) -> None
 
 # ---------------------------------------------------------------------------- a toy with legs
 
-INERTIAL = (
-    '<inertial><mass value="1"/>'
-    '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>'
-)
-LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
-BOX = (
-    '<collision><origin xyz="0.02 0 -0.05"/><geometry><box size="0.2 0.1 0.02"/></geometry>'
-    "</collision>"
-)
+BOX = urdf.collision('box size="0.2 0.1 0.02"', "0.02 0 -0.05")
 
 
 def legged(folder: Path, rpy: str = "0 0 0", shape: str = BOX, **names: str) -> Path:
     """One body with two feet, whose links are turned by ``rpy`` against the body."""
-    parts = [f'<link name="body">{INERTIAL}</link>']
+    parts = [urdf.link("body")]
     for side, y in (("left", 0.1), ("right", -0.1)):
         name = names.get(side, f"{side}_foot")
         parts.append(
-            f'<link name="{name}">{INERTIAL}{shape}</link>'
-            f'<joint name="{side}_ankle" type="revolute"><parent link="body"/>'
-            f'<child link="{name}"/><origin xyz="0 {y} -0.5" rpy="{rpy}"/>'
-            f'<axis xyz="0 1 0"/>{LIMIT}</joint>'
+            f'{urdf.link(name, shape)}<joint name="{side}_ankle" type="revolute">'
+            f'<parent link="body"/><child link="{name}"/><origin xyz="0 {y} -0.5" rpy="{rpy}"/>'
+            f'<axis xyz="0 1 0"/>{urdf.limit(1, 1, 1)}</joint>'
         )
     path = folder / "legged.urdf"
     path.write_text(f'<robot name="legged">{"".join(parts)}{names.get("extra", "")}</robot>')
@@ -242,7 +234,7 @@ def test_a_file_whose_other_axis_points_up_stands_upright(tmp_path: Path, axis: 
 def test_a_base_between_the_soles_stays_upright(tmp_path: Path) -> None:
     """As OP2's and others' whose root is on the ground, below their ankles."""
     text = legged(tmp_path).read_text().replace(" -0.5", " 0.06")
-    trunk = f'<link name="trunk">{INERTIAL}</link><joint name="up" type="fixed">'
+    trunk = urdf.link("trunk") + '<joint name="up" type="fixed">'
     ends = '<parent link="body"/><child link="trunk"/><origin xyz="0 0 0.8"/></joint>'
     path = tmp_path / "grounded.urdf"
     path.write_text(text.replace("</robot>", f"{trunk}{ends}</robot>"))
@@ -335,11 +327,8 @@ def test_all_feet_of_a_robot_without_any_are_refused(g1: Robot) -> None:
 
 def test_standing_is_found_where_the_neutral_posture_falls(tmp_path: Path) -> None:
     """A heavy box far in front: the ankles lean back until the CoM is over the soles again."""
-    heavy = (
-        '<link name="box"><inertial><mass value="2"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1"'
-        ' iyz="0" izz="0.1"/></inertial></link><joint name="arm" type="fixed"><parent link="body"/>'
-        '<child link="box"/><origin xyz="0.6 0 0.3"/></joint>'
-    )
+    heavy = urdf.link("box", mass=2, moment=0.1)
+    heavy += urdf.joint("arm", "body", "box", kind="fixed", at="0.6 0 0.3", limit="")
     robot = Robot.load(legged(tmp_path, extra=heavy))
     assert robot.notes == ()
     q = robot.posture("standing")

@@ -6,37 +6,28 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests import urdf
 from wbc.errors import InvalidInputError
 from wbc.gait import Walker
 from wbc.polygon import polygon_area
 from wbc.robot import Robot
 from wbc.robot.postures import stands
 
-INERTIAL = (
-    '<inertial><mass value="{0}"/>'
-    '<inertia ixx=".01" ixy="0" ixz="0" iyy=".01" iyz="0" izz=".01"/></inertial>'
-)
-LIMIT = '<limit lower="-1.5" upper="1.5" effort="50" velocity="5"/>'
+LIMIT = urdf.limit(1.5, 50, 5)
 LEG = (("hip_roll", "1 0 0"), ("hip_pitch", "0 1 0"), ("knee", "0 1 0"))
 ANKLE = (("ankle_pitch", "0 1 0"), ("ankle_roll", "1 0 0"))
 
 
 def link(name: str, shapes: str = "", mass: float = 0.5) -> str:
-    return f'<link name="{name}">{INERTIAL.format(mass)}{shapes}</link>'
+    return urdf.link(name, shapes, mass)
 
 
 def joint(name: str, parent: str, child: str, axis: str, xyz: str, kind: str = "revolute") -> str:
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{xyz}"/><axis xyz="{axis}"/>{LIMIT}</joint>'
-    )
+    return urdf.joint(name, parent, child, kind=kind, at=xyz, axis=axis, limit=LIMIT)
 
 
 def box(xyz: str, size: str, rpy: str = "0 0 0") -> str:
-    return (
-        f'<collision><origin xyz="{xyz}" rpy="{rpy}"/><geometry><box size="{size}"/></geometry>'
-        "</collision>"
-    )
+    return urdf.collision(f'box size="{size}"', xyz, rpy)
 
 
 def biped(
@@ -258,8 +249,7 @@ def test_ankles_above_the_feet_of_four_legs_make_no_two_of_them(tmp_path: Path) 
 
 def test_legs_that_stick_out_do_not_turn_the_robot_over(tmp_path: Path) -> None:
     """As an ant's: at zero angles feet are level with the base, whose mass hangs a little lower."""
-    belly = INERTIAL.replace("<mass", '<origin xyz="0 0 -.03"/><mass').format(8)
-    parts = [f'<link name="trunk">{belly}</link>']
+    parts = [urdf.link("trunk", mass=8, at="0 0 -.03")]
     for corner, x, y in (("FL", 1, 1), ("FR", 1, -1), ("RL", -1, 1), ("RR", -1, -1)):
         end = f'<collision><origin xyz="{0.3 * x} {0.3 * y} 0"/><geometry><sphere radius=".02"/>'
         down = LIMIT.replace("-1.5", ".5")

@@ -6,33 +6,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests import urdf
 from wbc import KinematicController, PositionTask, load_problem, support
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 
-BODY = (
-    '<inertial><mass value="2"/><origin xyz="0 0 0.1"/>'
-    '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial>'
-)
-JOINT = (
-    '<joint name="j{k}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
-    '<origin xyz="0 0 {z}"/><axis xyz="{axis}"/>'
-    '<limit lower="-2" upper="2" effort="50" velocity="2"/></joint>'
-)
-
 
 def arm(folder: Path, root: str = "world", floating: bool = False) -> Path:
     names = [root, "shoulder", "elbow", "wrist"]
-    axes = ["0 0 1", "0 1 0", "0 1 0"]
-    parts = (
-        [f'<link name="{root}"/>'] if root == "world" else [f'<link name="{root}">{BODY}</link>']
-    )
-    parts += [f'<link name="{name}">{BODY}</link>' for name in names[1:]]
-    for k, axis in enumerate(axes):
-        joint = JOINT.format(k=k, parent=names[k], child=names[k + 1], z=0.3 * (k > 0), axis=axis)
-        parts.append(joint.replace("revolute", "floating") if floating and k == 0 else joint)
+    parts = [urdf.link(name, mass=2, moment=0.02, at="0 0 0.1") for name in names]
+    if root == "world":
+        parts[0] = '<link name="world"/>'
+    for k, axis in enumerate(("0 0 1", "0 1 0", "0 1 0")):
+        kind = "floating" if floating and k == 0 else "revolute"
+        place = {"at": f"0 0 {0.3 * (k > 0)}", "axis": axis, "limit": urdf.limit(2, 50, 2)}
+        parts.append(urdf.joint(f"j{k}", names[k], names[k + 1], kind=kind, **place))
     path = folder / "arm.urdf"
-    path.write_text(f'<robot name="arm">{"".join(parts)}</robot>')
+    path.write_text(urdf.robot("arm", *parts))
     return path
 
 

@@ -5,19 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.robot.test_names import JOINT, LINK
+from tests import urdf
 from wbc.errors import InvalidInputError
 from wbc.problem import load_problem
 from wbc.robot import Robot
 from wbc.tasks import PostureTask
 
-GEAR = '<mimic joint="j1" multiplier="-2" offset="0.1"/></joint>'
-
-
-LINKS = "".join(LINK.format(name) for name in ("trunk", "upper", "lower", "tip"))
-JOINTS = JOINT.format("j1", "trunk", "upper") + JOINT.format("j3", "lower", "tip")
-JOINTS += JOINT.format("j2", "upper", "lower").replace("</joint>", GEAR)
-GEARED = f'<robot name="geared">{LINKS}{JOINTS}</robot>'
+GEARED = urdf.robot(
+    "geared",
+    *map(urdf.link, ("trunk", "upper", "lower", "tip")),
+    urdf.joint("j1", "trunk", "upper"),
+    urdf.joint("j3", "lower", "tip"),
+    urdf.joint("j2", "upper", "lower", '<mimic joint="j1" multiplier="-2" offset="0.1"/>'),
+)
 
 
 @pytest.fixture(scope="module")

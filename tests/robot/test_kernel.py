@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests import urdf
 from tests.conftest import ROBOTS, load, random_state
 from wbc.errors import InvalidInputError, ModelError
 from wbc.robot import Robot, kernel
@@ -184,14 +185,9 @@ def test_each_thread_has_its_own_memory() -> None:
     assert found[0].tree is mine.tree
 
 
-def test_a_stone_is_known_too(tmp_path) -> None:
+def test_a_stone_is_known_too() -> None:
     """Nothing that turns changes its inertia: what is left of that is rounding."""
-    path = tmp_path / "stone.urdf"
-    path.write_text(
-        '<robot name="stone"><link name="stone"><inertial><mass value="2"/><inertia ixx="1" ixy="0"'
-        ' ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link></robot>'
-    )
-    stone = Robot.load(path, base="floating")
+    stone = Robot.load(urdf.stone(), base="floating")
     assert stone.native.tree.nv == 6
 
 

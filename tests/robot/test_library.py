@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.urdf import stone
 from wbc.errors import ModelError, UnknownNameError
 from wbc.robot import Robot, robot_names
 from wbc.robot.library import DATA_VARIABLE, ROBOTS, find_robot
@@ -163,10 +164,6 @@ def test_the_data_may_be_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert find_robot("talos").path.is_file()  # not there, but installed
 
 
-TOY = '<robot name="toy"><link name="a"><inertial><mass value="1"/><inertia ixx="1" ixy="0"'
-TOY += ' ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link></robot>'
-
-
 def test_robot_descriptions_are_taken_by_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -178,7 +175,7 @@ def test_robot_descriptions_are_taken_by_name(
     )
     (package / "bare_description.py").write_text("REPOSITORY_PATH = ''\n")
     (package / "lost_description.py").write_text("raise OSError('no network')\n")
-    (tmp_path / "toy.urdf").write_text(TOY)
+    (tmp_path / "toy.urdf").write_text(stone(mass=1))
     monkeypatch.syspath_prepend(tmp_path)
     for module in ("", ".toy_description", ".bare_description", ".lost_description"):
         monkeypatch.delitem(sys.modules, f"robot_descriptions{module}", raising=False)

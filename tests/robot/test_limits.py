@@ -3,18 +3,14 @@
 import pickle
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests import urdf
 from wbc.robot import JointLimits, Robot
 
 Load = Callable[[str], Robot]
-INERTIAL = (
-    '<inertial><origin xyz="0.1 0.1 0.1"/><mass value="1"/>'
-    '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>'
-)
 
 
 @pytest.mark.parametrize("name", ["hoap2_like", "g1", "talos", "icub", "romeo"])
@@ -35,7 +31,7 @@ def test_limits_are_those_of_the_file(name: str, robot_named: Load) -> None:
 
 
 @pytest.fixture
-def chain(tmp_path: Path) -> Robot:
+def chain() -> Robot:
     """Wheel (continuous), rail (prismatic), elbow (revolute), wheel again; few limits."""
     kinds = {
         "wheel": ("continuous", '<limit effort="0" velocity="7"/>'),
@@ -43,16 +39,11 @@ def chain(tmp_path: Path) -> Robot:
         "elbow": ("revolute", ""),
         "spinner": ("continuous", ""),
     }
-    parts = [f'<link name="l0">{INERTIAL}</link>']
+    parts = [urdf.link(f"l{k}", at="0.1 0.1 0.1") for k in range(5)]
     for k, (name, (kind, limit)) in enumerate(kinds.items()):
-        parts.append(
-            f'<link name="l{k + 1}">{INERTIAL}</link>'
-            f'<joint name="{name}" type="{kind}"><parent link="l{k}"/><child link="l{k + 1}"/>'
-            f'<axis xyz="0 0 1"/>{limit}</joint>'
-        )
-    path = tmp_path / "chain.urdf"
-    path.write_text(f'<robot name="chain">{"".join(parts)}</robot>')
-    return Robot.load(path)
+        between = f"l{k}", f"l{k + 1}"
+        parts.append(urdf.joint(name, *between, kind=kind, axis="0 0 1", limit=limit))
+    return Robot.load(urdf.robot("chain", *parts))
 
 
 def test_missing_limits_are_infinite_and_named(chain: Robot) -> None:

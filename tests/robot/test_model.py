@@ -10,14 +10,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests import urdf
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
 
 Load = Callable[[str], Robot]
-BODY = (
-    '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
-    "</inertial>"
-)
 
 
 # ---------------------------------------------------------------------------- names
@@ -57,24 +54,15 @@ def test_every_frame_name_is_a_frame(robot: Robot) -> None:
     assert {"base", *(foot.frame for foot in robot.feet.values())} <= set(robot.frame_names)
 
 
-def test_a_name_shared_by_a_link_and_a_joint_means_the_link(tmp_path: Path) -> None:
-    path = tmp_path / "same.urdf"
-    path.write_text(
-        f'<robot name="same"><link name="a">{BODY}</link><link name="b">{BODY}</link>'
-        '<joint name="b" type="continuous"><parent link="a"/><child link="b"/></joint></robot>'
-    )
-    robot = Robot.load(path)
+def test_a_name_shared_by_a_link_and_a_joint_means_the_link() -> None:
+    same_name = urdf.joint("b", "a", "b", kind="continuous")
+    robot = Robot.load(urdf.robot("same", *map(urdf.link, "ab"), same_name))
     assert robot.model.frames[robot.frame_id("b")].type == pin.FrameType.BODY
 
 
-def test_base_always_means_the_floating_base(tmp_path: Path) -> None:
-    path = tmp_path / "based.urdf"
-    path.write_text(
-        f'<robot name="based"><link name="root">{BODY}</link><link name="base">{BODY}</link>'
-        '<joint name="j" type="continuous"><parent link="root"/><child link="base"/>'
-        '<origin xyz="1 2 3"/></joint></robot>'
-    )
-    robot = Robot.load(path)
+def test_base_always_means_the_floating_base() -> None:
+    moved = urdf.joint("j", "root", "base", kind="continuous", at="1 2 3")
+    robot = Robot.load(urdf.robot("based", *map(urdf.link, ("root", "base")), moved))
     s = robot.snapshot(robot.postures["neutral"])
     np.testing.assert_array_equal(s.position("base"), np.zeros(3))
     assert "floating base" in robot.notes[0]

@@ -1,43 +1,15 @@
 """The global search drives mimic joints by their gears, as the arm's own mechanics do."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from tests.urdf import geared_arm, limit
 from wbc.constraints import Limits, support
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.shaping import GlobalShaping
 from wbc.tasks import PositionTask, PostureTask
-
-BODY = (
-    '<inertial><mass value="2"/><origin xyz="0 0 0.1"/>'
-    '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial>'
-)
-# c follows b at -2 b + 0.1, d follows c at 0.5 c, so at -b + 0.05.
-GEARS = {
-    "c": '<mimic joint="b" multiplier="-2" offset="0.1"/>',
-    "d": '<mimic joint="c" multiplier="0.5"/>',
-}
-
-
-def arm(folder: Path, c: str = 'lower="-2" upper="2"') -> Robot:
-    parts = [f'<link name="world">{BODY}</link>']
-    parent = "world"
-    for name in "abcd":
-        limit = c if name == "c" else 'lower="-2" upper="2"'
-        parts.append(
-            f'<link name="link_{name}">{BODY}</link><joint name="{name}" type="revolute">'
-            f'<parent link="{parent}"/><child link="link_{name}"/><origin xyz="0 0 0.2"/>'
-            f'<axis xyz="0 1 0"/><limit {limit} effort="9" velocity="2"/>'
-            f"{GEARS.get(name, '')}</joint>"
-        )
-        parent = f"link_{name}"
-    path = folder / "arm.urdf"
-    path.write_text(f'<robot name="arm">{"".join(parts)}</robot>')
-    return Robot.load(path)
 
 
 @pytest.mark.parametrize(
@@ -45,11 +17,9 @@ def arm(folder: Path, c: str = 'lower="-2" upper="2"') -> Robot:
     [((0.3, 0.0, 0.5), 2.0), ((-0.5, 0.0, 0.1), 2.0), ((2.0, 0.0, 0.3), 2.0)]
     + [((-0.5, 0.0, 0.1), 0.15)],  # as far as c goes
 )
-def test_the_best_posture_keeps_the_gears(
-    tmp_path: Path, target: tuple[float, ...], most: float
-) -> None:
+def test_the_best_posture_keeps_the_gears(target: tuple[float, ...], most: float) -> None:
     """Oracle: SciPy over the two joints that are driven, from a grid, through Robot.posture."""
-    robot = arm(tmp_path, c=f'lower="-{most}" upper="{most}"')
+    robot = Robot.load(geared_arm(c=limit(most, 9, 2)))
     q = robot.posture()
     # In weights and gains as the search's cost counts them: gain / 2 of squared errors.
     tasks = [
@@ -83,8 +53,8 @@ def test_the_best_posture_keeps_the_gears(
     assert most == 2.0 or abs(now["c"]) == pytest.approx(most, abs=1e-6)
 
 
-def test_the_way_there_keeps_them_too(tmp_path: Path) -> None:
-    robot = arm(tmp_path)
+def test_the_way_there_keeps_them_too() -> None:
+    robot = Robot.load(geared_arm())
     q = robot.posture()
     tasks = [PositionTask(robot, "link_d", (0.3, 0.0, 0.5))]
     contacts = support(robot.snapshot(q), "floating")
@@ -96,8 +66,8 @@ def test_the_way_there_keeps_them_too(tmp_path: Path) -> None:
         assert now["c"] == pytest.approx(-2 * now["b"] + 0.1, abs=1e-6)
 
 
-def test_gears_that_leave_no_range_are_named(tmp_path: Path) -> None:
-    robot = arm(tmp_path, c='lower="4" upper="5"')  # for b from -2 to -1.95
+def test_gears_that_leave_no_range_are_named() -> None:
+    robot = Robot.load(geared_arm(c=limit(5).replace('"-5"', '"4"')))  # for b from -2 to -1.95
     q = robot.postures["neutral"]
     tasks = [PositionTask(robot, "link_d", (0.3, 0.0, 0.5))]
     with pytest.raises(InvalidInputError, match="no position of joint 'b' leaves 'c'"):

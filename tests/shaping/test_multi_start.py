@@ -1,12 +1,12 @@
 """Hops from good postures: a minimum known in closed form, and the same answer in any order."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests import urdf
 from wbc.constraints import Contact, support
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
@@ -19,21 +19,18 @@ from wbc.shaping.outcome import Candidate, Kept, Rejected
 from wbc.tasks import AxisTask, InertiaTask
 
 LIMBS, LIMIT = 12, 3.0  # rad
-LINK = """<link name="{name}"><inertial><mass value="1"/><origin xyz="0.1 0 0"/>
-<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
-JOINT = """<joint name="j{k}" type="revolute"><parent link="base"/><child link="limb{k}"/>
-<axis xyz="0 0 1"/><limit lower="-{limit}" upper="{limit}" velocity="5" effort="10"/></joint>"""
+
+
+def limb(k: int, limit: float = LIMIT, kind: str = "revolute") -> str:
+    """Return a joint and what it carries."""
+    joint = {"kind": kind, "axis": "0 0 1", "limit": urdf.limit(limit, 10, 5)}
+    return urdf.link(f"limb{k}", at="0.1 0 0") + urdf.joint(f"j{k}", "base", f"limb{k}", **joint)
 
 
 @pytest.fixture(scope="module")
-def star(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+def star() -> Robot:
     """A body with twelve limbs of one wide joint each."""
-    parts = [LINK.format(name="base")]
-    parts += [LINK.format(name=f"limb{k}") for k in range(LIMBS)]
-    parts += [JOINT.format(k=k, limit=LIMIT) for k in range(LIMBS)]
-    file: Path = tmp_path_factory.mktemp("star") / "star.urdf"
-    file.write_text(f"<robot name='star'>{''.join(parts)}</robot>")
-    return Robot.load(file)
+    return Robot.load(urdf.robot("star", urdf.link("base"), *map(limb, range(LIMBS))))
 
 
 def pointing(robot: Robot, angles: np.ndarray) -> GlobalShaping:
@@ -201,14 +198,9 @@ def test_postures_are_told_apart_one_by_one(hoap2, rng) -> None:
     assert sorted(k for one in found for k in one.starts) == list(range(120))
 
 
-def test_a_limit_that_stands_for_none_is_not_drawn_from(tmp_path: Path) -> None:
+def test_a_limit_that_stands_for_none_is_not_drawn_from() -> None:
     """A slide "of 1e9 m": drawn evenly, every sample's cost would drown that of the start."""
-    slide = JOINT.format(k=0, limit=1e9).replace("revolute", "prismatic")
-    file = tmp_path / "slide.urdf"
-    file.write_text(
-        f"<robot name='slide'>{LINK.format(name='base')}{LINK.format(name='limb0')}{slide}</robot>"
-    )
-    robot = Robot.load(file)
+    robot = Robot.load(urdf.robot("slide", urdf.link("base"), limb(0, 1e9, "prismatic")))
     q = robot.postures["neutral"]
     here = robot.snapshot(q)
     held = Contact(robot, "base", here.position("base"), here.rotation("base"))

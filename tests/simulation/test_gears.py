@@ -1,35 +1,17 @@
 """Mimic joints on a fixed base: the gear holds, and the motion is that of the constrained tree."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+from tests.urdf import geared_arm, limit
 from wbc.robot import Robot
 from wbc.simulation import Plant
 
-BODY = (
-    '<inertial><mass value="2"/><origin xyz="0.02 0 0.1"/>'
-    '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial>'
-)
-
 
 @pytest.fixture
-def arm(tmp_path: Path) -> Robot:
+def arm() -> Robot:
     """Joints a, b and c, of which c follows b at -2 b + 0.1; the base is bolted."""
-    parts, parent = [f'<link name="world">{BODY}</link>'], "world"
-    for name in "abc":
-        mimic = '<mimic joint="b" multiplier="-2" offset="0.1"/>' if name == "c" else ""
-        parts.append(
-            f'<link name="link_{name}">{BODY}</link><joint name="{name}" type="revolute">'
-            f'<parent link="{parent}"/><child link="link_{name}"/><origin xyz="0 0 0.2"/>'
-            f'<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="99" velocity="9"/>'
-            f"{mimic}</joint>"
-        )
-        parent = f"link_{name}"
-    path = tmp_path / "arm.urdf"
-    path.write_text(f'<robot name="arm">{"".join(parts)}</robot>')
-    return Robot.load(path)
+    return Robot.load(geared_arm("abc", at="0.02 0 0.1", limits=limit(2, 99, 9)))
 
 
 def test_the_geared_tree_moves_as_lagrange_says(arm: Robot) -> None:

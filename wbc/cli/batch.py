@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wbc.cli.errors import NOT_REACHED, complain, print_note
-from wbc.cli.options import Quiet
+from wbc.cli.options import Processes, Quiet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,9 +38,7 @@ def batch(
             "--output", "-o", help="Parquet file; by default the campaign's name with .parquet."
         ),
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option(help="Processes; by default as many as processors.", min=1)
-    ] = None,
+    workers: Processes = None,
     cluster: Annotated[
         str | None,
         typer.Option(

@@ -67,6 +67,9 @@ Assign = Annotated[
         help="Replace a value of the file, as in --set tasks.com.gain=0.3; repeatable.",
     ),
 ]
+Processes = Annotated[
+    int | None, typer.Option(help="Processes; by default as many as processors.", min=1)
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Watched = Annotated[
     bool, typer.Option("--view", help="Watch it in a browser; the page stays until Ctrl-C.")

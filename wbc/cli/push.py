@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wbc.cli.errors import complain, print_note, print_notes
-from wbc.cli.options import Assign, Quiet, Solver, name_of, overrides_of
+from wbc.cli.options import Assign, Processes, Quiet, Solver, name_of, overrides_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -59,9 +59,7 @@ def push(
         Path | None,
         typer.Option(help="Push this problem, too, and say how much more the first survives."),
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option(help="Processes; by default as many as processors.", min=1)
-    ] = None,
+    workers: Processes = None,
     output: Annotated[
         list[Path] | None,
         typer.Option(

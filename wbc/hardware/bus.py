@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from time import monotonic
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -126,6 +127,9 @@ class Command:
         return self.torque + feedback
 
 
+Message = TypeVar("Message", Reading, Command)
+
+
 def rows_of(size: int, *values: object) -> Array | None:
     """Return values of joints as rows (k, size); None: of another size, or no real numbers."""
     try:
@@ -149,6 +153,21 @@ class MessageOrder:
         if not late:
             self._last, self._heard = sequence, now
         return not late
+
+
+def newest(
+    messages: Iterable[Message | None], is_new: Callable[[int], bool], dropped: Counter[str]
+) -> Message | None:
+    """Return the newest of messages that came, None being damaged ones; count the others."""
+    last: Message | None = None
+    for message in messages:
+        if message is None:
+            dropped["damaged"] += 1
+        elif not is_new(message.sequence):
+            dropped["repeated or out of order"] += 1
+        else:
+            last = message
+    return last
 
 
 class Bus(Protocol):

@@ -12,17 +12,15 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.files import why
-from wbc.hardware.bus import BaseTruth, BusError, Command, MessageOrder, Reading
+from wbc.hardware.bus import BaseTruth, BusError, Command, Message, MessageOrder, Reading, newest
 from wbc.kinds import check_word, whole_number
 from wbc.validate import Array
-
-Message = TypeVar("Message", Reading, Command)
 
 COMMAND_PORT, READING_PORT = 9750, 9751
 _HEAD = struct.Struct("<4sBBBxQd")
@@ -53,21 +51,8 @@ def unpack_reading(packet: bytes, joints: int) -> Reading | None:
         return None
     parts = np.split(values, np.cumsum(sizes)[:-1])
     truth = BaseTruth(parts[7], parts[8]) if flags & _TRUTH else None
-    position, velocity, torque, temperature, quaternion, rate, force = parts[:7]
-    stop = bool(flags & _FLAG)
-    return Reading(
-        sequence,
-        time,
-        position,
-        velocity,
-        torque,
-        temperature,
-        quaternion,
-        rate,
-        force,
-        stop,
-        truth,
-    )
+    rest: Any = (*parts[:7], bool(flags & _FLAG), truth)
+    return Reading(sequence, time, *rest)
 
 
 def pack_command(command: Command) -> bytes:
@@ -104,16 +89,8 @@ class _UdpEnd:
         self, unpack: Callable[[bytes, int], Message | None], order: MessageOrder
     ) -> Message | None:
         """Return the newest message that waits; count the others."""
-        newest: Message | None = None
-        for packet in _waiting(self._socket):
-            found = unpack(packet, self.joints)
-            if found is None:
-                self.dropped["damaged"] += 1
-            elif not order.is_new(found.sequence):
-                self.dropped["repeated or out of order"] += 1
-            else:
-                newest = found
-        return newest
+        found = (unpack(packet, self.joints) for packet in _waiting(self._socket))
+        return newest(found, order.is_new, self.dropped)
 
 
 class UdpBus(_UdpEnd):

@@ -6,25 +6,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests import urdf
 from wbc.errors import ModelError
 from wbc.robot import Robot
 from wbc.robot.formats.srdf import read_srdf
 
-LINK = (
-    '<link name="{0}"><inertial><origin xyz="0 0 .1"/><mass value="1"/><inertia ixx=".01" ixy="0"'
-    ' ixz="0" iyy=".012" iyz="0" izz=".009"/></inertial></link>'
-)
-JOINT = (
-    '<joint name="{0}" type="{3}"><parent link="{1}"/><child link="{2}"/><axis xyz="0 1 0"/>'
-    '<limit lower="-1" upper="1" velocity="3" effort="20"/></joint>'
-)
-URDF = (
-    '<robot name="r">'
-    + "".join(LINK.format(name) for name in ("base", "l1", "l2", "l3"))
-    + JOINT.format("j1", "base", "l1", "revolute")
-    + JOINT.format("j2", "l1", "l2", "revolute")
-    + JOINT.format("spin", "l2", "l3", "continuous")
-    + "</robot>"
+URDF = urdf.robot(
+    "r",
+    *(urdf.link(name, at="0 0 .1") for name in ("base", "l1", "l2", "l3")),
+    urdf.joint("j1", "base", "l1"),
+    urdf.joint("j2", "l1", "l2"),
+    urdf.joint("spin", "l2", "l3", kind="continuous"),
 )
 
 

@@ -49,6 +49,13 @@ def two_links(folder: Path, kind: str = "revolute", inside: str = LIMIT, **chang
     return write(folder, body, joint("knee", "base", "shank", kind, inside))
 
 
+def with_shapes(folder: Path, shapes: str) -> Robot:
+    """Return the robot of two links, with shapes on its shank."""
+    path = two_links(folder)
+    path.write_text(path.read_text().replace('<link name="shank">', f'<link name="shank">{shapes}'))
+    return Robot.load(path, feet={}, base="floating")
+
+
 def refusal(path: Path) -> str:
     with pytest.raises(ModelError) as caught:
         Robot.load(path)
@@ -331,13 +338,11 @@ def test_a_little_triangle_violation_is_noted(tmp_path: Path) -> None:
 
 
 def test_a_missing_mesh_is_noted(tmp_path: Path) -> None:
-    path = two_links(tmp_path)
     shapes = (
         '<collision><geometry><mesh filename="package://toy/none.stl"/></geometry></collision>'
         '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
     )
-    path.write_text(path.read_text().replace('<link name="shank">', f'<link name="shank">{shapes}'))
-    robot = Robot.load(path, feet={}, base="floating")
+    robot = with_shapes(tmp_path, shapes)
     (note,) = robot.notes
     assert "package://toy/none.stl" in note and "package_dirs=[...]" in note
     assert [type(s.geometry).__name__ for s in robot.collision_model.geometryObjects] == ["Sphere"]
@@ -358,14 +363,12 @@ def test_capsules_are_shapes(tmp_path: Path, version: str, capfd) -> None:
 
 
 def test_shapes_that_urdf_does_not_know_are_noted(tmp_path: Path, capfd) -> None:
-    path = two_links(tmp_path)
     shapes = (
         '<collision><geometry><ellipsoid radii="1 1 1"/></geometry></collision>'
         "<visual><geometry/></visual><collision/>"
         '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
     )
-    path.write_text(path.read_text().replace('<link name="shank">', f'<link name="shank">{shapes}'))
-    robot = Robot.load(path, feet={}, base="floating")
+    robot = with_shapes(tmp_path, shapes)
     (note,) = robot.notes
     assert note.startswith("3 shapes")
     assert "<ellipsoid> as collision of link 'shank'" in note

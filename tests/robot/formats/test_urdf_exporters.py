@@ -5,24 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests import urdf as toy
 from wbc.constraints import Limits, SelfCollision
 from wbc.errors import ModelError
 from wbc.robot import Robot
 from wbc.robot.formats import urdf
 
-BODY = (
-    '<inertial><origin xyz="0 0 -.1"/><mass value="1"/><inertia ixx=".01" ixy="0" ixz="0"'
-    ' iyy=".012" iyz="0" izz=".009"/></inertial>'
-)
 SHAPE = (
     '<collision><origin xyz="0 0 -.1"/><geometry><sphere radius=".03"/></geometry></collision>'
     '<visual><origin xyz="0 0 -.1"/><geometry><sphere radius=".03"/></geometry>{0}</visual>'
 )
-JOINT = (
-    '<joint name="{0}" type="{3}"><parent link="{1}"/><child link="{2}"/><origin xyz="0 0 -.3"/>'
-    '<axis xyz="0 1 0"/>{4}</joint>'
-)
-LIMIT = '<limit lower="-1" upper="1" velocity="3" effort="20"/>'
+LIMIT = toy.limit(effort=20)
 
 
 def chain(
@@ -34,11 +27,11 @@ def chain(
     names: tuple[str, str, str] = ("j1", "j2", "j3"),
 ) -> Path:
     """Write a chain of four links; the last three have a ball each."""
-    links = "".join(
-        f'<link name="l{k}">{BODY}{SHAPE.format(material) if k else ""}</link>' for k in range(4)
-    )
+    shape = SHAPE.format(material)
+    links = "".join(toy.link(f"l{k}", shape if k else "", at="0 0 -.1") for k in range(4))
     joints = "".join(
-        JOINT.format(name, f"l{k}", f"l{k + 1}", kind, limit) for k, name in enumerate(names)
+        toy.joint(name, f"l{k}", f"l{k + 1}", kind=kind, at="0 0 -.3", limit=limit)
+        for k, name in enumerate(names)
     )
     path = folder / "r.urdf"
     path.write_text(

@@ -4,21 +4,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.urdf import joint, link, robot
 from wbc.errors import ModelError
 from wbc.robot import Robot
 
-LINK = (
-    '<link name="{0}"><inertial><mass value="1"/>'
-    '<inertia ixx=".01" ixy="0" ixz="0" iyy=".01" iyz="0" izz=".01"/></inertial></link>'
-)
-ARM = (
-    '<robot name="arm">'
-    + "".join(LINK.format(name) for name in ("trunk", "upper", "lower"))
-    + '<joint name="j" type="revolute"><parent link="trunk"/><child link="upper"/>'
-    '<origin xyz="0 0 .2"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="3"/>'
-    '<dynamics damping="1"/></joint>'
-    '<joint name="f" type="fixed"><parent link="upper"/><child link="lower"/></joint></robot>'
-)
+J = joint("j", "trunk", "upper", '<dynamics damping="1"/>', at="0 0 .2")
+F = '<joint name="f" type="fixed"><parent link="upper"/><child link="lower"/></joint>'
+ARM = robot("arm", *map(link, ("trunk", "upper", "lower")), J, F)
 
 
 def note_of(text: str) -> str:
@@ -50,7 +42,7 @@ def test_unknown_word_is_told_with_its_place_and_what_is_meant(
 
 
 def test_inertia_that_is_misspelt_is_told_where_the_mass_is_lost() -> None:
-    lost = ARM.replace(LINK.format("lower"), LINK.format("lower").replace("inertial", "interial"))
+    lost = ARM.replace(link("lower"), link("lower").replace("inertial", "interial"))
     assert Robot.load(lost).mass == 2.0
     assert "<interial> of link 'lower' (is 'inertial' meant?)" in note_of(lost)
 

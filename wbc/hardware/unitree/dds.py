@@ -9,7 +9,7 @@ from typing import Any
 
 from wbc.errors import InvalidInputError
 from wbc.extras import require
-from wbc.hardware.bus import BaseTruth, BusError, Command, MessageOrder, Reading
+from wbc.hardware.bus import BaseTruth, BusError, Command, MessageOrder, Reading, newest
 from wbc.hardware.unitree.conversion import Converter
 from wbc.hardware.unitree.layout import CDR_HEAD, Field, MessageLayout
 from wbc.hardware.unitree.profiles import Profile
@@ -114,19 +114,12 @@ class UnitreeBus(_DdsEnd):
 
     def read(self) -> Reading | None:
         """Return the newest reading since the last call; None if none came."""
-        newest: Reading | None = None
-        for data in _taken(self._states):
-            found = self._convert.reading(data)
-            if found is None:
-                self.dropped["damaged"] += 1
-            elif newest is not None and found.sequence <= newest.sequence:
-                self.dropped["repeated or out of order"] += 1
-            else:
-                newest = found
+        found = map(self._convert.reading, _taken(self._states))
+        reading = newest(found, MessageOrder().is_new, self.dropped)
         for data in _taken(self._truths)[-1:]:
             pose, velocity = (_truth_layout().view(data, one) for one in ("pose", "velocity"))
             self._truth = BaseTruth(pose.copy(), velocity.copy())
-        return None if newest is None else replace(newest, base_truth=self._truth)
+        return None if reading is None else replace(reading, base_truth=self._truth)
 
     def write(self, command: Command) -> None:
         """Send a command."""
@@ -148,16 +141,8 @@ class UnitreeRobotBus(_DdsEnd):
 
         Commands without a number, as of other programs, are taken in the order in which they came.
         """
-        newest: Command | None = None
-        for data in _taken(self._commands):
-            found = self._convert.commanded(data)
-            if found is None:
-                self.dropped["damaged"] += 1
-            elif found.sequence and not self._order.is_new(found.sequence):
-                self.dropped["repeated or out of order"] += 1
-            else:
-                newest = found
-        return newest
+        found = map(self._convert.commanded, _taken(self._commands))
+        return newest(found, lambda number: not number or self._order.is_new(number), self.dropped)
 
     def send(self, reading: Reading) -> None:
         """Send a reading, and before it where the base really is, if it says so."""
