@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.problem.loading import problem_of
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.hardware.bus import BaseTruth, BusError, Command, MessageOrder, Reading
 from wbc.hardware.operator import Script
@@ -28,7 +29,7 @@ from wbc.hardware.udp import (
 from wbc.hardware.unitree import profile_named
 from wbc.hardware.unitree.conversion import Converter
 from wbc.hardware.unitree.layout import CDR_HEAD, LAYOUTS, crc32
-from wbc.problem import Problem, load_problem
+from wbc.problem import Problem
 from wbc.robot import Robot
 
 N = 29
@@ -316,9 +317,7 @@ def test_what_is_left_out_on_a_robot_is_said_and_another_robot_refused_on_any_bu
     tmp_path: Path, g1: Robot
 ) -> None:
     """UDP counts joints alone: an H1-2 with as many would be commanded in the order of a G1."""
-    path = tmp_path / "p.yaml"
-    path.write_text(STAND_G1)
-    problem, profile = load_problem(path), profile_named("unitree_g1")
+    problem, profile = problem_of(tmp_path, STAND_G1), profile_named("unitree_g1")
     assert isinstance(problem, Problem)
     off, untold = left_out(problem, profile)
     assert off.endswith("or locked: waist_yaw_joint") and "wrenches" in untold
