@@ -232,6 +232,12 @@ def test_dds_takes_each_command_once_and_the_newest_reading(
             time.sleep(0.2)
             taken = robot.receive()
             assert taken is not None and taken.sequence == number
+        bus.read()
+        for seconds in (5.0, 0.001):  # so was the robot, between two cycles of the loop
+            robot.send(replace(reading, time=seconds))
+        time.sleep(0.2)
+        newest = bus.read()
+        assert newest is not None and newest.sequence == 1
         with pytest.raises(InvalidInputError, match=f"domain {domain} is on 'lo' in this process"):
             Where(interface="eth9", domain=domain).open(profile, g1)
         with pytest.raises(BusError, match=r"DDS on .eth9.*see: ip addr"):
