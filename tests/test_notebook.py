@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.problem.loading import problem_of
 from wbc import extras
 from wbc.errors import MissingPackageError, listed
 from wbc.notebook import as_html
@@ -103,8 +104,7 @@ def test_without_matplotlib_there_is_the_table_alone(
 @pytest.mark.slow
 def test_a_simulation_is_shown_and_framed(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
-    (tmp_path / "p.yaml").write_text(STAND)
-    result = load_problem(tmp_path / "p.yaml").simulate()
+    result = problem_of(tmp_path, STAND).simulate()
     shown = Cells(result._repr_html_())
     assert "CoP inside soles" in shown.words and is_drawn(shown)
     frame = result.to_frame()

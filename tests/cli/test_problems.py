@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.command import wbc_command
+from tests.problem.loading import problem_of
 from wbc.problem import load_problem
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -30,9 +31,7 @@ def test_what_is_commented_out_is_valid_too(tmp_path: Path) -> None:
     text = wbc_command("init", "-").stdout
     text = re.sub(r"# (hand:|  {type: frame)", r"\1", text).replace("FRAME", "left_hand")
     text = re.sub(r"constraints: {}\n  # (.*)\n  # (.*)\n", r"constraints:\n  \1\n  \2\n", text)
-    path = tmp_path / "all.yaml"
-    path.write_text(text)
-    spec = load_problem(path).spec
+    spec = problem_of(tmp_path, text).spec
     assert {"hand", "bodies", "room"} <= set(spec.tasks) | set(spec.constraints)
 
 

@@ -15,7 +15,6 @@ from wbc.codegen import CodegenError, export_problem
 from wbc.errors import InvalidInputError
 from wbc.hardware.unitree import profile_named
 
-AGREES = 1e-9  # as main.c demands; rounding of two paths was 1e-13 at most
 VELOCITY = """
 robot: hoap2_like
 support: double

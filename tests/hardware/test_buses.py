@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.problem.loading import problem_of
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.hardware.bus import BaseTruth, BusError, Command, MessageOrder, Reading
 from wbc.hardware.operator import Script
@@ -28,7 +29,7 @@ from wbc.hardware.udp import (
 from wbc.hardware.unitree import profile_named
 from wbc.hardware.unitree.conversion import Converter
 from wbc.hardware.unitree.layout import CDR_HEAD, LAYOUTS, crc32
-from wbc.problem import Problem, load_problem
+from wbc.problem import Problem
 from wbc.robot import Robot
 
 N = 29
@@ -231,6 +232,12 @@ def test_dds_takes_each_command_once_and_the_newest_reading(
             time.sleep(0.2)
             taken = robot.receive()
             assert taken is not None and taken.sequence == number
+        bus.read()
+        for seconds in (5.0, 0.001):  # so was the robot, between two cycles of the loop
+            robot.send(replace(reading, time=seconds))
+        time.sleep(0.2)
+        newest = bus.read()
+        assert newest is not None and newest.sequence == 1
         with pytest.raises(InvalidInputError, match=f"domain {domain} is on 'lo' in this process"):
             Where(interface="eth9", domain=domain).open(profile, g1)
         with pytest.raises(BusError, match=r"DDS on .eth9.*see: ip addr"):
@@ -316,9 +323,7 @@ def test_what_is_left_out_on_a_robot_is_said_and_another_robot_refused_on_any_bu
     tmp_path: Path, g1: Robot
 ) -> None:
     """UDP counts joints alone: an H1-2 with as many would be commanded in the order of a G1."""
-    path = tmp_path / "p.yaml"
-    path.write_text(STAND_G1)
-    problem, profile = load_problem(path), profile_named("unitree_g1")
+    problem, profile = problem_of(tmp_path, STAND_G1), profile_named("unitree_g1")
     assert isinstance(problem, Problem)
     off, untold = left_out(problem, profile)
     assert off.endswith("or locked: waist_yaw_joint") and "wrenches" in untold

@@ -19,6 +19,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from tests.damage import damaged
+from tests.problem.loading import problem_of
 from wbc.errors import WbcError
 from wbc.problem import Problem, load_problem
 from wbc.problem.pendulum.plan import Planning
@@ -250,8 +251,7 @@ def check(run: Callable[[], object], what: str) -> None:
 def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the file of a plan."""
     folder = tmp_path_factory.mktemp("plan")
-    (folder / "p.yaml").write_text(PLAN.replace("iterations: 20", "iterations: 100"))
-    problem = load_problem(folder / "p.yaml")
+    problem = problem_of(folder, PLAN.replace("iterations: 20", "iterations: 100"))
     assert isinstance(problem, PendulumProblem) and isinstance(problem.parts, Planning)
     return save_plan(solve(problem.parts.problem), folder / "p.npz")
 

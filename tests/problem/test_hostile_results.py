@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from tests.damage import damaged
+from tests.problem.loading import problem_of
 from tests.texts import REACH, STAND
 from wbc.errors import InvalidInputError, WbcError
 from wbc.problem import load_problem
@@ -60,8 +61,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Arrays]:
     """Arrays of sound files, by kind."""
     folder, found = tmp_path_factory.mktemp("results"), {}
     for kind, (text, overrides) in KINDS.items():
-        (folder / "p.yaml").write_text(text)
-        problem = load_problem(folder / "p.yaml", overrides)
+        problem = problem_of(folder, text, overrides)
         result = problem.simulate() if kind == "simulation" else problem.run()
         result.save(folder / "r.npz")
         with np.load(folder / "r.npz") as file:

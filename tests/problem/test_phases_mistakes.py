@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.problem.loading import complaint_of as complaint
-from wbc.problem import load_problem
+from tests.problem.loading import problem_of
 
 GOOD = """\
 robot: hoap2_like
@@ -29,8 +29,7 @@ stop: {accept: {com: 1.0}}
 
 
 def test_the_good_file_is_good(tmp_path: Path) -> None:
-    (tmp_path / "p.yaml").write_text(GOOD)
-    phases = load_problem(tmp_path / "p.yaml").parts.phases
+    phases = problem_of(tmp_path, GOOD).parts.phases
     assert [(phase.name, phase.begins) for phase in phases] == [
         ("shift", 0.0),
         ("lift", 1.0),

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.problem.loading import problem_of
 from tests.texts import REACH
 from wbc.errors import InvalidInputError, ModelError
 from wbc.problem import load_problem
@@ -16,9 +17,7 @@ from wbc.run import Result
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
-    path = tmp_path_factory.mktemp("reach") / "p.yaml"
-    path.write_text(REACH)
-    return load_problem(path, {"stop.duration": 0.1}).run()
+    return problem_of(tmp_path_factory.mktemp("reach"), REACH, {"stop.duration": 0.1}).run()
 
 
 def test_everything_comes_back(result: Result, tmp_path: Path) -> None:
@@ -65,12 +64,11 @@ def test_what_is_no_result_is_refused_by_name(result: Result, tmp_path: Path) ->
 def test_a_robot_whose_file_is_gone_can_be_given(tmp_path: Path) -> None:
     model = Path(__file__).parents[1] / "models" / "mixed_joints.urdf"
     shutil.copy(model, tmp_path / "gone.urdf")
-    path = tmp_path / "p.yaml"
-    path.write_text(
+    problem_of(
+        tmp_path,
         "robot: gone.urdf\nsupport: floating\ntasks: {calm: {type: posture}}\n"
-        "stop: {duration: 0.01}\n"
-    )
-    load_problem(path).run().save(tmp_path / "r.npz")
+        "stop: {duration: 0.01}\n",
+    ).run().save(tmp_path / "r.npz")
     assert load_result(tmp_path / "r.npz").robot.path == tmp_path / "gone.urdf"
     (tmp_path / "gone.urdf").unlink()
     with pytest.raises(ModelError, match=r"gone\.urdf"):

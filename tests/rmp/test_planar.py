@@ -89,12 +89,6 @@ def test_energies_and_momenta_are_those_of_two_point_masses(model: PlanarRmp, se
     np.testing.assert_allclose(model.com(q, v)[1], rates.mean(axis=0), **EXACT)
 
 
-def momenta_by_hand(q: Array, v: Array) -> Array:
-    """(k_G, k_P) with the CoM's absolute velocity, also for complex numbers."""
-    k_G = M * q[4] ** 2 * (v[1] + v[3])
-    return np.array((k_G, k_G + M * q[2] ** 2 * v[1] - M * q[2] * np.sin(q[1]) * v[0]))
-
-
 @pytest.mark.parametrize("seed", range(10))
 def test_ground_reaction(model: PlanarRmp, seed: int) -> None:
     """M (c'' - g) by hand in polar coordinates; its horizontal part is the CoP's row of M a + b."""

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests import urdf
+from tests.problem.loading import problem_of
 from wbc.errors import InvalidInputError
-from wbc.problem import load_problem
 from wbc.robot import Robot
 from wbc.tasks import PostureTask
 
@@ -54,7 +54,6 @@ def test_posture_target_of_a_problem_names_either_end_of_a_gear(
 ) -> None:
     (tmp_path / "geared.urdf").write_text(GEARED)
     target = f"{{type: posture, target: {{{joint}: 0.3}}}}"
-    (tmp_path / "p.yaml").write_text(f"robot: geared.urdf\ntasks: {{p: {target}}}\n")
-    (task,) = load_problem(tmp_path / "p.yaml").parts.tasks
+    (task,) = problem_of(tmp_path, f"robot: geared.urdf\ntasks: {{p: {target}}}\n").parts.tasks
     assert isinstance(task, PostureTask)
     np.testing.assert_allclose(task.target[7:], found, atol=1e-9)

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.problem.loading import problem_of
 from wbc import KinematicController, Limits, PostureTask, Robot, support
-from wbc.problem import Problem, load_problem
+from wbc.problem import Problem
 from wbc.run import RunStatus, Stop, simulate
 
 LEAN = """\
@@ -21,8 +22,7 @@ stop: {duration: 4.0, speed: 1.0e-3, accept: {com: 1.0e-3}}
 
 
 def problem(folder: Path, overrides: dict[str, Any] | None = None, text: str = LEAN) -> Problem:
-    (folder / "p.yaml").write_text(text)
-    return load_problem(folder / "p.yaml", overrides)
+    return problem_of(folder, text, overrides)
 
 
 def test_a_robot_that_falls_over_is_no_success(tmp_path: Path) -> None:

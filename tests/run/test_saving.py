@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.problem.loading import problem_of
 from wbc.errors import InvalidInputError
-from wbc.problem import Result, load_problem
+from wbc.problem import Result
 from wbc.run.saving import json_text
 
 TEXT = """\
@@ -24,9 +25,7 @@ stop: {duration: 0.1, balance: null}  # on one foot, the CoM in the middle
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
-    file = tmp_path_factory.mktemp("run") / "p.yaml"
-    file.write_text(TEXT)
-    return load_problem(file, {"tasks.shape.gain": 0.2}).run()
+    return problem_of(tmp_path_factory.mktemp("run"), TEXT, {"tasks.shape.gain": 0.2}).run()
 
 
 def refuse_constant(name: str) -> None:

@@ -8,8 +8,8 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
+from tests.problem.loading import problem_of
 from wbc.errors import InvalidInputError
-from wbc.problem import load_problem
 from wbc.run import Result
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.view.film import film_format, film_rows, film_run, write_film
@@ -29,9 +29,7 @@ SMALL = (180, 220)
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
-    path = tmp_path_factory.mktemp("wave") / "p.yaml"
-    path.write_text(WAVE)
-    return load_problem(path).run()
+    return problem_of(tmp_path_factory.mktemp("wave"), WAVE).run()
 
 
 @pytest.mark.slow

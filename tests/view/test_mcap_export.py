@@ -9,9 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.command import wbc_command
+from tests.problem.loading import problem_of
 from tests.texts import REACH, STAND
 from wbc.errors import InvalidInputError, MissingPackageError
-from wbc.problem import Problem, load_problem
+from wbc.problem import Problem
 from wbc.problem.saved import SavedRun
 from wbc.view.mcap_export import mcap_format, write_mcap
 
@@ -34,9 +35,7 @@ def exported(saved: SavedRun, path: Path) -> tuple[dict[str, list[tuple[int, dic
 
 
 def test_a_run_comes_back(tmp_path: Path) -> None:
-    path = tmp_path / "p.yaml"
-    path.write_text(REACH)
-    result = load_problem(path, {"stop.duration": 0.05}).run()
+    result = problem_of(tmp_path, REACH, {"stop.duration": 0.05}).run()
     saved = SavedRun.of(result, "p")  # type: ignore[arg-type]
     topics, attached = exported(saved, tmp_path / "a.mcap")
     history, robot = saved.history, saved.robot
@@ -63,9 +62,7 @@ def test_a_run_comes_back(tmp_path: Path) -> None:
 
 
 def test_a_simulation_has_torques_and_forces(tmp_path: Path) -> None:
-    path = tmp_path / "s.yaml"
-    path.write_text(STAND + "simulation: {duration: 0.02}\n")
-    problem = load_problem(path)
+    problem = problem_of(tmp_path, STAND + "simulation: {duration: 0.02}\n")
     assert isinstance(problem, Problem)
     result = problem.simulate()
     topics, _ = exported(SavedRun.of(result, "s"), tmp_path / "a.mcap")

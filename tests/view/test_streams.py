@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import wbc
+from tests.problem.loading import problem_of
 from wbc.errors import InvalidInputError, MissingPackageError, UnknownNameError, WbcError
 from wbc.problem import Problem
 from wbc.view.streams import FoxgloveStream, RerunStream, stream_of
@@ -30,9 +30,7 @@ stop: {duration: 0.05}
 
 @pytest.fixture
 def problem(tmp_path: Path) -> Problem:
-    path = tmp_path / "stands.yaml"
-    path.write_text(STANDS)
-    return wbc.load_problem(path)
+    return problem_of(tmp_path, STANDS)
 
 
 def test_foxglove_is_sent_frames_and_numbers_of_every_tick(problem) -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.problem.loading import problem_of
 from wbc.errors import ProblemFileError, WbcError
-from wbc.problem import load_problem
 from wbc.problem.pendulum.plan import Planning
 from wbc.problem.pendulum.problem import PendulumProblem
 from wbc.rmp.plan import Plan, PlanError, Stats, check
@@ -115,26 +115,20 @@ MISTAKES = {
 def test_one_typed_error_that_says_where(name: str, tmp_path: Path) -> None:
     text, old, new, said = MISTAKES[name]
     assert old in text
-    path = tmp_path / "p.yaml"
-    path.write_text(text.replace(old, new, 1))
     with pytest.raises(ProblemFileError) as caught:
-        load_problem(path)
+        problem_of(tmp_path, text.replace(old, new, 1))
     assert said in str(caught.value)
 
 
 def test_the_examples_themselves_are_valid(tmp_path: Path) -> None:
-    for k, text in enumerate((LAW, PLAN)):
-        path = tmp_path / f"{k}.yaml"
-        path.write_text(text)
-        assert load_problem(path).run().status.good
+    for text in (LAW, PLAN):
+        assert problem_of(tmp_path, text).run().status.good
 
 
 @pytest.mark.slow
 def test_an_infeasible_plan_names_what_is_in_the_way(tmp_path: Path) -> None:
-    path = tmp_path / "p.yaml"
-    path.write_text(PLAN.replace("fly: {duration: 0.3", "fly: {duration: 2.0"))
     with pytest.raises(PlanError, match="exceeds its limit by") as caught:
-        load_problem(path).run()
+        problem_of(tmp_path, PLAN.replace("fly: {duration: 0.3", "fly: {duration: 2.0")).run()
     assert isinstance(caught.value, WbcError)
     # Two seconds of flight take a take-off at 10 m/s within half a second and half a metre of leg.
     assert any(each.quantity.startswith("leg_length") for each in caught.value.violations)
@@ -143,9 +137,7 @@ def test_an_infeasible_plan_names_what_is_in_the_way(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_checking_a_plan_with_absurd_numbers_ends(tmp_path: Path) -> None:
     """At 10^6 turns a second no integration gets from one knot to the next."""
-    path = tmp_path / "p.yaml"
-    path.write_text(PLAN.replace("momentum: [0, 0, 0]", "momentum: [1.0e+7, 0, 0]"))
-    problem = load_problem(path)
+    problem = problem_of(tmp_path, PLAN.replace("momentum: [0, 0, 0]", "momentum: [1.0e+7, 0, 0]"))
     assert isinstance(problem, PendulumProblem) and isinstance(problem.parts, Planning)
     guess = first_guess(transcribe(problem.parts.problem))
     duals = np.zeros(len(guess)), np.zeros(1)

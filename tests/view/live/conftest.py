@@ -14,8 +14,8 @@ from websockets.typing import Origin, Subprotocol
 
 import wbc
 from tests.needs import BROWSER, SOFTWARE
+from tests.problem.loading import problem_of
 from tests.texts import STAND
-from wbc.problem import load_problem
 from wbc.problem.problem import Problem
 from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.view.live.collect import obstacles_of, targets_of, told_of
@@ -111,9 +111,7 @@ class Stage:
 
 def simulated_problem(folder: Path, simulation: str) -> Problem:
     """Return a small humanoid that stands in simulation; ``simulation`` as in a problem file."""
-    file = folder / "stand.yaml"
-    file.write_text(STAND + f"simulation: {simulation}\n")
-    return checked(load_problem(file))
+    return checked(problem_of(folder, STAND + f"simulation: {simulation}\n"))
 
 
 class Watched:

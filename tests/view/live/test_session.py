@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.problem.loading import problem_of
 from tests.view.live.conftest import client_of, drag
 from wbc.errors import InvalidInputError
 from wbc.problem import load_problem
@@ -32,9 +33,7 @@ tasks:
 
 @pytest.fixture
 def problem(tmp_path: Path) -> Problem:
-    file = tmp_path / "problem.yaml"
-    file.write_text(FREE)
-    return checked(load_problem(file))
+    return checked(problem_of(tmp_path, FREE))
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.problem.loading import problem_of
 from tests.view.live.conftest import Stage
-from wbc.problem import load_problem
 from wbc.problem.problem import Problem
 from wbc.robot import Robot
 from wbc.run.result import Result
@@ -28,9 +28,7 @@ phases:
 
 @pytest.fixture(scope="module")
 def problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
-    file = tmp_path_factory.mktemp("shift") / "shift.yaml"
-    file.write_text(SHIFT)
-    loaded = load_problem(file)
+    loaded = problem_of(tmp_path_factory.mktemp("shift"), SHIFT)
     assert isinstance(loaded, Problem)
     return loaded
 

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from tests.command import wbc_command
 from tests.needs import BROWSER, SOFTWARE, needs_browser
+from tests.problem.loading import problem_of
 from tests.texts import REACH
 from wbc.errors import InvalidInputError
-from wbc.problem import load_problem
 from wbc.robot import Robot
 from wbc.robot.geometry import RobotMeshes
 from wbc.run import Result
@@ -31,9 +31,7 @@ ODD = """# </script><b>@DATA@ & "quotes"\n""" + REACH
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
-    path = tmp_path_factory.mktemp("reach") / "p.yaml"
-    path.write_text(ODD)
-    return load_problem(path).run()
+    return problem_of(tmp_path_factory.mktemp("reach"), ODD).run()
 
 
 @pytest.fixture(scope="module")
