@@ -16,6 +16,7 @@ from wbc import (
     PoseTask,
     Robot,
     SelfCollision,
+    TorqueController,
     WbcError,
     analyze,
     reduce,
@@ -141,6 +142,10 @@ CASES: dict[str, tuple[Callable[[Robot], Any], str]] = {
         "a Nothing has no name",
     ),
     "an unmade task": (lambda r: controller(r, tasks=[Unmade()]), "Unmade has no robot.*super"),
+    "an unmade task for torques": (
+        lambda r: TorqueController(r, [Unmade()], contacts=()),
+        "Unmade has no robot.*super",
+    ),
     "no weight": (
         lambda r: controller(r, tasks=[ComTask(r, np.zeros(3), weight=[0, 0, 0])]),
         "task 'com' has no weight",

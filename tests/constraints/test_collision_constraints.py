@@ -1,6 +1,8 @@
 """Margins, obstacles, CoM support and boxes in the controller: kept, named, never infeasible."""
 
 from functools import cache
+from itertools import pairwise
+from pathlib import Path
 
 import coal
 import numpy as np
@@ -21,6 +23,7 @@ from wbc.constraints.com_support import COM_BRAKING
 from wbc.constraints.margin import SKIN
 from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.problem import load_problem
 from wbc.robot import Robot
 from wbc.robot.collision import CollisionModel, Obstacle, robot_bodies
 from wbc.robot.series import state_series
@@ -463,3 +466,35 @@ def test_near_pairs_of_many_states_are_those_of_each(name: str, robot_named, rng
         placed = np.argsort(every.keys[near])
         for found, wanted in ((clearance, every.clearance), (J, every.jacobian)):
             np.testing.assert_allclose(found[own][order], wanted[near][placed], atol=1e-9)
+
+
+def test_robot_whose_feet_alone_have_shapes_is_told_what_is_not_kept_apart(
+    caplog, tmp_path: Path
+) -> None:
+    """Files for fast simulation have shapes on the feet only: an empty margin kept nothing."""
+    links = ["trunk", "thigh", "calf", "foot"]
+    turns = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    mass = f'<inertial><mass value="1"/>{turns}</inertial>'
+    ball = '<collision><geometry><sphere radius="0.05"/></geometry></collision>'
+    parts = [f'<link name="{name}">{mass}{ball * (name == "foot")}</link>' for name in links]
+    for one, other in pairwise(links):
+        parts.append(
+            f'<joint name="{other}_joint" type="revolute">'
+            f'<parent link="{one}"/><child link="{other}"/>'
+            '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="9"/></joint>'
+        )
+    text = f'<robot name="leg">{"".join(parts)}</robot>'
+    robot = Robot.load(text, base="fixed")
+    unseen = {"what 2 of 3 joints move (thigh_joint, calf_joint)": "no collision shapes"}
+    assert SelfCollision(robot).unseen == unseen
+    assert "is not kept apart: no collision shapes" in caplog.text
+    path = tmp_path / "leg.urdf"
+    path.write_text(text, encoding="utf-8")
+    file = tmp_path / "leg.yaml"
+    file.write_text(
+        f"robot: {{model: {path}, base: fixed}}\nsupport: floating\n"
+        "tasks: {posture: {type: posture}}\nconstraints: {bodies: {type: self_collision}}\n"
+    )
+    assert load_problem(file, {"stop.duration": 0.01}).run().provenance["unwatched_pairs"] == {
+        "bodies": unseen
+    }

@@ -279,3 +279,16 @@ def test_an_arm_whose_joint_is_bolted_to_the_world_is_held(tmp_path: Path) -> No
     held = pin.rnea(arm.model, data, here.q, still, still)[6:]
     np.testing.assert_allclose(tick.torque, held, rtol=1e-3, atol=1e-9)  # damping takes 1e-4
     assert abs(held[1]) > 1.0
+
+
+def test_bolts_named_by_support_hold_where_a_joint_is_too_weak_for_its_load(tmp_path: Path) -> None:
+    """The second joint cannot lift its link at its stop: the base does not fall with it."""
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM.replace('range="-2 2"', 'range="-2 0"').replace("-50 50", "-.5 .5"))
+    arm = wbc.Robot.load(path)
+    here = arm.snapshot(arm.posture("neutral"), np.zeros(arm.nv))
+    tasks, limits = [wbc.PostureTask(arm, here.q)], wbc.Limits(arm)
+    for contacts in ((), wbc.support(here, "floating")):
+        tick = wbc.TorqueController(arm, tasks, contacts=contacts, limits=limits).step(here)
+        assert tick.relaxed == ("j2",)
+        np.testing.assert_allclose(tick.acceleration[:6], 0.0, atol=1e-6)

@@ -11,6 +11,7 @@ from wbc.gait import Walker
 from wbc.gait.crouch import walking_posture
 from wbc.gait.legs import STRETCH, Legs, bent_backwards
 from wbc.robot import Robot
+from wbc.simulation import Plant
 from wbc.tasks import PostureTask
 
 
@@ -90,6 +91,23 @@ def test_knees_that_stand_past_straight_bend_the_way_they_can(hoap2: Robot) -> N
     knees = [k for k, name in enumerate(robot.joint_names) if "knee" in name]
     assert (robot.limits.joint_positions(q)[knees] > 0.5 + 0.2).all()  # 0.5 is straight
     assert robot.snapshot(q).com[2] == pytest.approx(height, abs=2e-3)
+
+
+def test_knees_a_little_past_straight_bend_before_the_robot_sinks(hoap2: Robot) -> None:
+    """Asked to sink at once it leant back, seven times as far; a Kuavo (MJCF) by 0.5 rad."""
+    text = hoap2.path.read_text()
+    for joint, turned in (("hip_pitch", 0.05), ("knee(?:_pitch)?", -0.1), ("ankle_pitch", 0.05)):
+        pattern = rf'(<joint name="(?:left|right)_{joint}".*?rpy=")0 0 0'
+        text = re.sub(pattern, rf"\g<1>0 {turned} 0", text, flags=re.DOTALL)
+    robot = Robot.load(text, base="floating")
+    walker = Walker(robot)
+    plant, tilt = Plant(robot, dt=walker.dt), 0.0
+    plant.reset(robot.posture("standing"))
+    for _ in range(round(0.8 / walker.dt)):
+        plant.step(walker.step(plant.snapshot(), plant.contact_forces).torque)
+        tilt = max(tilt, float(np.arccos(plant.snapshot().rotation("base")[2, 2])))
+    assert tilt < 2e-3
+    assert plant.com[2] == pytest.approx(walker.gait.height, abs=1e-3)
 
 
 def test_bent_and_given_postures_are_left_alone(hoap2: Robot, straight: Robot) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,7 +12,7 @@ from wbc.constraints.bodies import BodyMargin
 from wbc.constraints.limits import Limits
 from wbc.constraints.margin import SKIN, BrakingParameters
 from wbc.constraints.rows import Distances, SeparatedPairs
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, listed
 from wbc.kinds import check_kind
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, PairDistances, chosen_pairs
@@ -21,6 +22,8 @@ from wbc.validate import Array, clearance, read_only
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
+
+UNSEEN = "no collision shapes"
 
 
 class WatchedPairs(NamedTuple):
@@ -60,6 +63,9 @@ class SelfCollision(BodyMargin):
         The pairs that are not watched, and why.
     finer:
         The pairs that have finer shapes than ``fit`` says, and how near these stand.
+    unseen:
+        What most joints move, where the file has no collision shapes for it, and why it is not
+        kept apart; empty where most links have shapes.
 
     Raises
     ------
@@ -73,6 +79,7 @@ class SelfCollision(BodyMargin):
     margins: Array
     excluded: dict[str, str]
     finer: dict[str, str]
+    unseen: dict[str, str]
 
     _fixed = dict.fromkeys(("margin", "margins", "model"), "make another SelfCollision")
 
@@ -94,6 +101,7 @@ class SelfCollision(BodyMargin):
         self.margin = clearance("self-collision", margin)
         self.excluded: dict[str, str] = {}
         self.finer: dict[str, str] = {}
+        self.unseen: dict[str, str] = {}
         margins: Sequence[float] = ()
         if model is not None and ([*include], [*exclude], fit) != ([], [], "capsule"):
             raise InvalidInputError(
@@ -107,6 +115,7 @@ class SelfCollision(BodyMargin):
             model = CollisionModel(robot, chosen.bodies, chosen.pairs)
             margins = chosen.margins
             self.excluded, self.finer = dict(chosen.excluded), dict(chosen.finer)
+            self.unseen = _unseen(robot, {body.joint for body in chosen.bodies})
         self.margins = read_only(np.array(margins or [self.margin] * len(model.pairs)))
         self._kept = self.margins + SKIN
         if model.robot is not robot:
@@ -140,3 +149,16 @@ class SelfCollision(BodyMargin):
     def symbolic_rows(self, posture: SymbolicPosture) -> SeparatedPairs:
         """Return all pairs."""
         return SeparatedPairs(self.model, self._kept, {})
+
+
+def _unseen(robot: Robot, seen: set[int]) -> dict[str, str]:
+    """Return the joints whose links have no collision shapes and why that matters, if most."""
+    joints = [*enumerate(robot.model.names)][2:]  # behind the world and the base
+    unseen = [str(name) for joint, name in joints if joint not in seen]
+    if 2 * len(unseen) <= len(joints):
+        return {}
+    told = f"what {len(unseen)} of {len(joints)} joints move ({listed(unseen, 3)})"
+    logging.getLogger(__name__).warning(
+        "self-collision: %s: %s is not kept apart: %s", robot.name, told, UNSEEN
+    )
+    return {told: UNSEEN}

@@ -98,7 +98,11 @@ class BoltedBase(Mechanics):
 def mechanics_of(robot: Robot, contacts: Sequence[Task]) -> tuple[Task, ...]:
     """Return ``contacts`` behind gears, loops and, if they do not hold it, a fixed base."""
     given = [contact for contact in contacts if not isinstance(contact, Mechanics)]
-    held = any(isinstance(one, Contact) and one.frame == BASE for one in given)
-    bolted = (BoltedBase(robot),) if robot.fixed_base and not held else ()
+    bolted = () if any(map(holds_bolted, given)) or not robot.fixed_base else (BoltedBase(robot),)
     gears = (Gear(robot, joint) for joint in robot.couplings)
     return (*bolted, *gears, *(ClosedLoop(robot, name) for name in robot.loops), *given)
+
+
+def holds_bolted(contact: Task) -> bool:
+    """Return whether a contact, such as that of ``support``, is the bolts of a fixed base."""
+    return isinstance(contact, Contact) and contact.frame == BASE and contact.robot.fixed_base

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.constraints.mechanics import Mechanics
+from wbc.constraints.mechanics import Mechanics, holds_bolted
 from wbc.constraints.rows import Bounds, stack, take
 from wbc.controllers.plan import LevelPlan
 from wbc.controllers.slack import GivingQP
@@ -76,7 +76,7 @@ def relaxed_qp(
     begin = physical.equalities
     for contact, kept in zip(plan.held.contacts, plan.held.kept, strict=True):
         end = begin + (len(contact.rows) if kept is None else kept.size)
-        hard[begin:end] = isinstance(contact, Mechanics)
+        hard[begin:end] = isinstance(contact, Mechanics) or holds_bolted(contact)
         begin = end
     A, b = qp.A[~hard], qp.b[~hard]
     P, g = qp.P + (CONTACT * unit) * A.T @ A, qp.g - (CONTACT * unit) * b @ A

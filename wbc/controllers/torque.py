@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint, reachable_rows
 from wbc.controllers.blocks import Asked
-from wbc.controllers.checks import ANOTHER, PLANNED, check_list, check_parts, check_snapshot
+from wbc.controllers.checks import ANOTHER, PLANNED, check_parts, check_snapshot
 from wbc.controllers.closed_loop import ticks_of
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.controller import Controller
@@ -154,12 +154,6 @@ class TorqueController(Controller):
         friction_compensation: float = 0.0,
     ) -> None:
         check_robot(type(self).__name__, robot)
-        check_list("tasks", tasks, Task)
-        for task in tasks:
-            if task.singular_threshold:
-                logging.getLogger(__name__).warning(
-                    "controller: singular_threshold of %s has no effect at the torque level", task
-                )
         self.force_damping = finite_number("controller, force_damping", force_damping, above=0.0)
         self.force_ramp = force_ramp
         self.spring_time = finite_number("controller, spring_time", spring_time, least=0.0)
@@ -186,6 +180,11 @@ class TorqueController(Controller):
             on_failure=on_failure,
             deadline=deadline,
         )
+        for task in tasks:
+            if task.singular_threshold:
+                logging.getLogger(__name__).warning(
+                    "controller: singular_threshold of %s has no effect at the torque level", task
+                )
         self.delay = finite_number("controller, delay", delay, least=0.0)
         self._prediction = StatePrediction(robot, self.delay, self.dt) if self.delay else None
         doubt = doubt_at_torque_level(self.backend)

@@ -66,6 +66,9 @@ TURN_UP = 2.0
 # The CoM's height follows the ground, and how far apart feet are, as a critically damped spring of
 # this rate, in units of omega.
 FOLLOW = 3.0
+# s: where knees stand straight they first bend, drawn by the posture alone, and then the CoM sinks.
+# Asked to sink at once, a robot whose knees are a little past straight leant back by 0.5 rad.
+BENDING, SINKING = 0.2, 0.5
 # How much the sole that bears counts for the slope of the ground: it may be on an edge.
 LEVELLING = 0.2
 # So many steps before a speed is reached its settings are taken.
@@ -188,6 +191,7 @@ class Walker:
             solver=solver,
             **settings,
         )
+        self._sinks = BENDING + SINKING if self._whole_body.bends else 0.0
         self.controller: TorqueController = self._whole_body.controller
         self.notes = self._whole_body.lacks
         self.wanted = self.velocity = Velocity()
@@ -352,6 +356,8 @@ class Walker:
             self.heading, self._ground = facing, SwingMotion.rest(float(now.middle[2]))
             self._normal = unit(now.normal)
             self._whole_body.hold(snapshot, self._frames, 0.0)
+        if self._sinks:
+            self._ground = SwingMotion.rest(float(snapshot.com[2]) - self._usual)
 
     def _lead(self, snapshot: Snapshot, now: GaitState, reference: Reference) -> None:
         """Set the goals of CoM and trunk."""
@@ -362,7 +368,11 @@ class Walker:
         follow = FOLLOW * self.gait.omega
         lower = self._usual - self.gait.height + sunk
         level = reference.ground if reference.level is None else reference.level
-        if reference.level is None or reference.within is None:
+        if self._sinks > 0.0:
+            if self._sinks <= SINKING:
+                self._ground = towards(self._ground, level - lower, self._sinks, self.dt)
+            self._sinks -= self.dt
+        elif reference.level is None or reference.within is None:
             self._ground = self._ground.sprung(level - lower, follow, self.dt)
         else:
             self._ground = towards(self._ground, level - lower, reference.within, self.dt)

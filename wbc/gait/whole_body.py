@@ -144,6 +144,7 @@ class WholeBody:
         self._friction = friction
         self._frames = {foot: sole.frame for foot, sole in robot.feet.items()}
         posture = walking_posture(start, height)
+        self.bends = not np.array_equal(posture, start.q)  # knees, which stand straight
         bent = robot.snapshot(posture)
         self._kinds = {foot: contact_of(bent, foot) for foot in self._frames}
         self._exact_weight = w.swing

@@ -193,7 +193,9 @@ class SelfCollisionSpec(ConstraintSpec):
         """Return the constraint."""
         settings = self.model_dump(exclude={"type", "slack"})
         constraint = SelfCollision(start.robot, **settings, limits=limits)
-        return BuiltConstraint(lambda *_: constraint, unwatched=constraint.in_contact)
+        return BuiltConstraint(
+            lambda *_: constraint, unwatched=constraint.unseen | constraint.in_contact
+        )
 
 
 class TiltSpec(ConstraintSpec):
