@@ -329,6 +329,16 @@ def write_bvh(path: Path, frames: int = 12, fall: float = 0.0) -> np.ndarray:
     return np.array((0.09, 0.51, 0.0)) + shin
 
 
+def test_bvh_with_a_thing_beside_the_human_has_the_humans_unit(tmp_path: Path) -> None:
+    path = tmp_path / "lift.bvh"
+    write_bvh(path)
+    thing = (
+        "JOINT Prop1\n{\nOFFSET 0 0 230\nCHANNELS 0\nEnd Site\n{\nOFFSET 0 20 0\n}\n}\n}\nMOTION"
+    )
+    path.write_text(path.read_text().replace("}\nMOTION", thing))
+    assert any("lengths taken for cm" in note for note in read_markers(path).notes)
+
+
 def test_bvh(tmp_path: Path) -> None:
     path = tmp_path / "bend.bvh"
     ankle = write_bvh(path)
