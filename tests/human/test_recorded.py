@@ -194,6 +194,15 @@ def test_what_an_unloaded_plate_reads_is_taken_off_and_told() -> None:
 
 
 @pytest.mark.slow
+def test_plates_of_other_axes_than_the_markers_are_told() -> None:
+    recording, _ = recorded(BODY, seconds=2.0, plates=True)
+    (plate,) = recording.plates
+    y_up = np.array(((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
+    human = human_motion(recording.with_plates((plate.rotated(y_up),)))
+    assert any("force plates push sideways" in note for note in human.notes)
+
+
+@pytest.mark.slow
 def test_plates_whose_clock_is_late_are_told_and_bands_allow_for_clocks(
     marched: tuple,  # type: ignore[type-arg]
 ) -> None:

@@ -235,12 +235,17 @@ def _known(
 
 
 def _tared(recording: MarkerRecording) -> tuple[MarkerRecording, tuple[str, ...]]:
-    """Return the recording with plates that read nothing while nothing stands on them, a note."""
+    """Return the recording with plates that read nothing while nothing stands on them, notes."""
     tared = [plate.tared() for plate in recording.plates]
+    plates = tuple(plate for plate, _ in tared)
     offsets = [f"{plate.name} {force:.0f} N" for plate, force in tared if force > OFFSET]
-    recording = recording.with_plates(tuple(plate for plate, _ in tared))
-    told = f"taken off what unloaded plates read: {listed(offsets, 8)}"
-    return recording, (told,) if offsets else ()
+    notes = [f"taken off what unloaded plates read: {listed(offsets, 8)}"] if offsets else []
+    largest = sum(np.abs(plate.force).max(axis=0) for plate in plates)
+    if plates and max(largest[:2]) > largest[2]:
+        notes.append(
+            "force plates push sideways more than up: their file has other axes than the markers'"
+        )
+    return recording.with_plates(plates), tuple(notes)
 
 
 class _Followed(NamedTuple):
