@@ -9,7 +9,7 @@ import pytest
 
 from wbc.gait import Walker
 from wbc.gait.crouch import walking_posture
-from wbc.gait.legs import STRETCH, Legs, bent_backwards
+from wbc.gait.legs import STRETCH, Legs, bent_backwards, knees_one_way
 from wbc.robot import Robot
 from wbc.simulation import Plant
 from wbc.tasks import PostureTask
@@ -72,6 +72,30 @@ def test_knees_without_a_range_bend_ahead(hoap2: Robot, axis: int) -> None:
     q = walking_posture(start, Walker(robot).gait.height)
     knees = [k for k, name in enumerate(robot.joint_names) if "knee" in name]
     assert (axis * robot.limits.joint_positions(q)[knees] > 0.3).all()
+
+
+@pytest.mark.parametrize("axis", [1, -1])
+def test_knees_with_as_much_range_on_both_sides_are_given_one(hoap2: Robot, axis: int) -> None:
+    """As a HighTorque Pi plus' are: straight legs that stepped bent backwards."""
+    assert knees_one_way(hoap2) is hoap2
+    pattern = (
+        r'(<joint name="(?:left|right)_knee(?:_pitch)?".*?<axis xyz=")0 1 0(.*?)'
+        r'<limit lower="[^"]*" upper="[^"]*"'
+    )
+    text, count = re.subn(
+        pattern,
+        rf'\g<1>0 {axis} 0\g<2><limit lower="-2" upper="2"',
+        hoap2.path.read_text(),
+        flags=re.DOTALL,
+    )
+    assert count == 2
+    robot = Robot.load(text, base="floating")
+    limits = knees_one_way(robot).limits
+    knees = [k for k, name in enumerate(robot.joint_names) if "knee" in name]
+    ends = np.sort(axis * np.array((limits.lower[knees], limits.upper[knees])), axis=0)
+    np.testing.assert_allclose(ends, [[0.0, 0.0], [2.0, 2.0]], atol=0.07)
+    others = np.delete(np.arange(len(limits.names)), knees)
+    np.testing.assert_array_equal(limits.lower[others], robot.limits.lower[others])
 
 
 def test_knees_that_stand_past_straight_bend_the_way_they_can(hoap2: Robot) -> None:

@@ -133,6 +133,23 @@ def test_a_plate_that_drifts_for_long_and_is_stepped_on_shortly_pushes_up() -> N
         assert plate.force[405, 2] == 700.0
 
 
+def test_a_plate_whose_amplifier_drifted_reads_nothing_unloaded() -> None:
+    time = np.arange(2000) / 1e3
+    push = np.where((time > 0.8) & (time < 1.5), 700.0, 0.0)
+    force = np.column_stack((0.1 * push, 0.0 * push, push))
+    moment = np.cross((0.5, 0.2, 0.0), force)
+    noise = np.random.default_rng(0).normal(0.0, 1.0, force.shape)
+    off, turn = np.array((2.0, -1.0, -18.0)), np.array((4.0, 9.0, 1.0))
+    plate, read = ForcePlate("plate", time, force + off + noise, moment + turn + noise).tared()
+    assert read == pytest.approx(np.linalg.norm(off), abs=0.2)
+    np.testing.assert_allclose(plate.force - noise, force, atol=0.2)
+    np.testing.assert_allclose(plate.moment - noise, moment, atol=0.2)
+    # Someone always stands on it, or for all but a moment: what it reads by itself is not known.
+    for some in (time > 0.0, time > 0.05):
+        stands = ForcePlate("plate", time, force + off + 300.0 * some[:, None], moment)
+        assert stands.tared() == (stands, 0.0)
+
+
 def test_c3d_whose_field_numbers_are_a_column(tmp_path: Path) -> None:
     ezc3d = pytest.importorskip("ezc3d")
     write_c3d(tmp_path / "march.c3d")
@@ -310,6 +327,16 @@ def write_bvh(path: Path, frames: int = 12, fall: float = 0.0) -> np.ndarray:
     a = np.radians(bend)
     shin = 0.43 * np.column_stack((np.zeros(frames), -np.cos(a), -np.sin(a)))
     return np.array((0.09, 0.51, 0.0)) + shin
+
+
+def test_bvh_with_a_thing_beside_the_human_has_the_humans_unit(tmp_path: Path) -> None:
+    path = tmp_path / "lift.bvh"
+    write_bvh(path)
+    thing = (
+        "JOINT Prop1\n{\nOFFSET 0 0 230\nCHANNELS 0\nEnd Site\n{\nOFFSET 0 20 0\n}\n}\n}\nMOTION"
+    )
+    path.write_text(path.read_text().replace("}\nMOTION", thing))
+    assert any("lengths taken for cm" in note for note in read_markers(path).notes)
 
 
 def test_bvh(tmp_path: Path) -> None:

@@ -182,6 +182,27 @@ def test_frames_beside_those_in_which_a_foot_is_on_no_plate_are_not_compared(
 
 
 @pytest.mark.slow
+def test_what_an_unloaded_plate_reads_is_taken_off_and_told() -> None:
+    recording, _ = recorded(BODY, seconds=2.0, plates=True)
+    (plate,) = recording.plates
+    read = np.tile((3.0, 0.0, 20.0), (len(plate.time), 1))
+    drifted = ForcePlate("beside", plate.time, read, 0.3 * read)
+    human = human_motion(recording.with_plates((plate, drifted)))
+    assert "taken off what unloaded plates read: beside 20 N" in human.notes
+    assert np.abs(human.recording.plates[1].force).max() < 1e-9
+    assert human.body.mass == pytest.approx(BODY.mass, rel=0.01)
+
+
+@pytest.mark.slow
+def test_plates_of_other_axes_than_the_markers_are_told() -> None:
+    recording, _ = recorded(BODY, seconds=2.0, plates=True)
+    (plate,) = recording.plates
+    y_up = np.array(((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
+    human = human_motion(recording.with_plates((plate.rotated(y_up),)))
+    assert any("force plates push sideways" in note for note in human.notes)
+
+
+@pytest.mark.slow
 def test_plates_whose_clock_is_late_are_told_and_bands_allow_for_clocks(
     marched: tuple,  # type: ignore[type-arg]
 ) -> None:

@@ -14,7 +14,7 @@ from tests.retargeting.humans import crouching, stepping
 from wbc.retargeting import RetargetWeights, body_map
 from wbc.retargeting.beside import human_beside
 from wbc.retargeting.by_tick import between
-from wbc.retargeting.reaching import unlike
+from wbc.retargeting.reaching import sunk, unlike
 from wbc.retargeting.result import Reached
 from wbc.retargeting.targets import balanced
 from wbc.robot import Robot
@@ -37,6 +37,17 @@ def kept(motion: wbc.Retargeted) -> None:
         assert collision.distances(snapshot).clearance.min() > -1e-4  # m
     assert np.all(np.abs(motion.v[:, 6:]) <= limits.velocity * 1.001)
     assert motion.slide < 1e-3
+
+
+def test_soles_that_pass_under_the_ground_are_told(crouch: wbc.Retargeted) -> None:
+    """As a walk's of a drifting suit: 55 mm under it in the air, and nothing was said."""
+    assert sunk(crouch.robot, crouch.targets, crouch.q) == []
+    q = crouch.q.copy()
+    q[3, 2] -= 0.02
+    told = sunk(crouch.robot, crouch.targets, q)
+    assert [note.split(" in the air")[0] for note in told] == [
+        f"the {foot} sole is up to 20 mm under the ground" for foot in crouch.robot.feet
+    ]
 
 
 def test_a_crouch_keeps_the_feet_where_they_are(crouch: wbc.Retargeted) -> None:

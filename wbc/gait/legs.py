@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -34,7 +34,7 @@ QUICKEST = 1e4
 # Knee angles at which a leg's length is looked at, over the knee's range.
 SAMPLES = 33
 # Of its range: by how much a knee has more of it on one side, to bend there for that reason.
-EVEN = 0.1
+EVEN = 0.15
 # Of the leg's length: how far a hip moves the foot forwards or to a side, at least, per rad.
 LEVER = 0.2
 # How far a hip turns the foot about the vertical at least, per rad, if legs can turn at all.
@@ -237,17 +237,46 @@ def knee_bends(robot: Robot, length: float) -> dict[str, float]:
     Knees bend to the side on which they have more range, or as far as they do; those that have as
     much on both sides, or none in the file, ahead, as a human's.
     """
-    bends, standing = {}, robot.snapshot(robot.postures[STANDING])
+    bends = {}
     for side in SIDES:
-        knee, angles, lengths = _knee(robot, leg_joints(robot, side))
-        straight = int(lengths.argmax())
-        if abs(angles[0] + angles[-1] - 2.0 * angles[straight]) < EVEN * np.ptp(angles):
-            foot = standing.jacobian(robot.feet[side].frame)[:3, robot.model.idx_vs[knee]]
-            back = -foot[0] > 0.5 * np.linalg.norm(foot)  # the foot goes there, the knee ahead
-            way = slice(straight, None) if back else slice(straight + 1)
-            angles, lengths = angles[way], lengths[way]
+        knee, angles, lengths, _ = _bending(robot, side)
         bends[str(robot.model.names[knee])] = _bend(angles, lengths, length)
     return bends
+
+
+def knees_one_way(robot: Robot) -> Robot:
+    """Return a robot whose knees bend one way only, that of :func:`knee_bends`.
+
+    Those with as much range on both sides would else bend backwards where a leg is nearly straight.
+    """
+    limits = robot.limits
+    lower, upper = limits.lower.copy(), limits.upper.copy()
+    for side in SIDES:
+        knee, angles, lengths, even = _bending(robot, side)
+        k = int(robot.model.idx_vs[knee]) - BASE_NV
+        if even and k not in limits.unbounded:
+            stands = float(limits.joint_positions(robot.postures[STANDING])[k])
+            if lengths[0] > lengths[-1]:
+                lower[k] = min(angles[0], stands)
+            else:
+                upper[k] = max(angles[-1], stands)
+    if (lower == limits.lower).all() and (upper == limits.upper).all():
+        return robot
+    return replace(robot, limits=replace(limits, lower=lower, upper=upper))
+
+
+def _bending(robot: Robot, side: str) -> tuple[int, Array, Array, bool]:
+    """Return a leg's knee, its angles and lengths where it may bend, and if others are left out."""
+    knee, angles, lengths = _knee(robot, leg_joints(robot, side))
+    straight = int(lengths.argmax())
+    even = abs(angles[0] + angles[-1] - 2.0 * angles[straight]) < EVEN * float(np.ptp(angles))
+    if even:
+        standing = robot.snapshot(robot.postures[STANDING])
+        foot = standing.jacobian(robot.feet[side].frame)[:3, robot.model.idx_vs[knee]]
+        back = -foot[0] > 0.5 * np.linalg.norm(foot)  # the foot goes there, the knee ahead
+        way = slice(straight, None) if back else slice(straight + 1)
+        angles, lengths = angles[way], lengths[way]
+    return knee, angles, lengths, bool(even)
 
 
 def bent_backwards(snapshot: Snapshot) -> bool:

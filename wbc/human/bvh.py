@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,6 +21,7 @@ CHANNELS = {f"{axis}{kind}": (axis, kind) for axis in "XYZ" for kind in ("positi
 # Carnegie Mellon's Graphics Lab wrote inches times 0.45, and so are all files made of its own.
 UNITS = {"cm": 0.01, "m": 1.0, "inch": 0.0254, "mm": 0.001, "cmu": 0.0254 / 0.45}
 HEIGHTS = (1.2, 2.2)
+THING = re.compile("prop[0-9]", re.IGNORECASE)
 
 
 @dataclass
@@ -175,7 +177,7 @@ def _forward(joints: list[_Joint], values: Array) -> tuple[list[Array], list[Arr
 def _height(joints: list[_Joint]) -> float:
     """Return the largest extent of the skeleton as it is drawn, in the file's unit.
 
-    Joints that carry all others may be drawn anywhere.
+    Joints that carry all others may be drawn anywhere; things that Xsens tracks, its props, too.
     """
     parents = [joint.parent for joint in joints]
     trunk = next((k for k in range(len(joints)) if parents.count(k) > 1), 0)
@@ -183,7 +185,8 @@ def _height(joints: list[_Joint]) -> float:
     for k, joint in enumerate(joints):
         at = np.array(joint.offset) if k > trunk else np.zeros(3)
         rest.append(at + (rest[joint.parent] if joint.parent >= 0 else 0.0))
-    return float(np.ptp(np.array(rest), axis=0).max())
+    body = [at for at, joint in zip(rest, joints, strict=True) if not THING.match(joint.name)]
+    return float(np.ptp(np.array(body or rest), axis=0).max())
 
 
 def _unit(unit: str | float | None, height: float, source: str) -> tuple[float, str]:

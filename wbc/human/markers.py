@@ -21,6 +21,9 @@ _TO_Z = {
     "x": np.array(((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))),
 }
 FARTHEST = 1e3  # m from the origin: beyond, it is another unit
+# What a plate reads while nothing stands on it: at most this in N or of its largest vertical force,
+# steady within a part of that, for some time in s.
+UNLOADED, UNLOADED_PART, STEADY, LEAST_UNLOADED = 30.0, 0.05, 0.2, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +62,24 @@ class ForcePlate:
         up = self.force[:, 2]
         sign = -1.0 if float((up * np.abs(up)).sum()) < 0.0 else 1.0
         return replace(self, force=sign * self.force, moment=sign * self.moment)
+
+    def tared(self) -> tuple[ForcePlate, float]:
+        """Return it less the wrench that it reads unloaded, and the force of that [N].
+
+        Amplifiers drift, and few laboratories take that off: 20 N and 10 N m shift the CoP by some
+        cm. Z is up. As it is, and 0, if something always stands on it.
+        """
+        up = self.force[:, 2]
+        most = max(UNLOADED, UNLOADED_PART * float(np.abs(up).max()))
+        light = np.abs(up) < most
+        middle = np.median(up[light]) if light.any() else np.inf
+        steady = light & (np.abs(up - middle) < STEADY * most)
+        if steady.sum() * np.median(np.diff(self.time)) < LEAST_UNLOADED:
+            return self, 0.0
+        force = np.median(self.force[steady], axis=0)
+        moment = np.median(self.moment[steady], axis=0)
+        plate = replace(self, force=self.force - force, moment=self.moment - moment)
+        return plate, float(np.linalg.norm(force))
 
     def rotated(self, R: Array) -> ForcePlate:
         """Return it in world axes turned by ``R`` (3, 3)."""

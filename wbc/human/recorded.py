@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, listed
 from wbc.human.anthropometry import MEAN_BODY_MASS_INDEX, check_build, check_sex
 from wbc.human.body import HumanBody
 from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
@@ -47,6 +47,7 @@ from wbc.validate import Array, finite_number
 
 STATIC_FRAMES = 6  # of a static trial, which hardly differ
 LEAST_CUTOFF_PERIODS = 2.0
+OFFSET = 2.0  # N: of an unloaded plate, that is told
 HEAVIER = 0.05  # of the mass that was said: plates that weigh another one say so
 FASTEST = 13.0  # m/s: of a human on its own feet, and some more
 PULLS, SOMETIMES = 1.0, 0.05  # of the weight, in this part of the frames: no ground pulls
@@ -223,13 +224,28 @@ def _known(
     recording, shown = while_shown(recording, names)
     recording, leaps = without_leaps(recording, names)
     recording, axis = upright(recording, names, marks, up)
-    notes = (*recording.notes, *told, *notes, *shown, *leaps)
+    recording, offsets = _tared(recording)
+    notes = (*recording.notes, *told, *notes, *shown, *leaps, *offsets)
     belt = belt_velocity(recording, names, marks)
     if belt.any():
         recording = from_the_belt(recording, belt)
         speed = float(np.linalg.norm(belt))
         notes += (f"feet that stand move at {speed:.2f} m/s: a treadmill, seen from its belt",)
     return recording, static, names, marks, notes + axis
+
+
+def _tared(recording: MarkerRecording) -> tuple[MarkerRecording, tuple[str, ...]]:
+    """Return the recording with plates that read nothing while nothing stands on them, notes."""
+    tared = [plate.tared() for plate in recording.plates]
+    plates = tuple(plate for plate, _ in tared)
+    offsets = [f"{plate.name} {force:.0f} N" for plate, force in tared if force > OFFSET]
+    notes = [f"taken off what unloaded plates read: {listed(offsets, 8)}"] if offsets else []
+    largest = sum(np.abs(plate.force).max(axis=0) for plate in plates)
+    if plates and max(largest[:2]) > largest[2]:
+        notes.append(
+            "force plates push sideways more than up: their file has other axes than the markers'"
+        )
+    return recording.with_plates(plates), tuple(notes)
 
 
 class _Followed(NamedTuple):

@@ -12,7 +12,7 @@ from wbc.retargeting.by_tick import Progress
 from wbc.retargeting.ground_forces import ground_forces
 from wbc.retargeting.mending import resettled
 from wbc.retargeting.prepared import Prepared, prepared
-from wbc.retargeting.reaching import broken, reached, unlike
+from wbc.retargeting.reaching import broken, reached, sunk, unlike
 from wbc.retargeting.result import Retargeted
 from wbc.retargeting.scaling import FROUDE, MotionScale, scale_of
 from wbc.retargeting.smoothing import WholeMotion
@@ -138,7 +138,7 @@ def retarget(
     notes = [*known.notes, *body.notes, *found.notes(scale.time)]
     feet, moved = resettled(found.motion.tasks.targets.feet, moved_as, found.q)
     targets = replace(found.motion.tasks.targets, feet=feet)
-    notes += [*targets.notes, *moved]
+    notes += [*targets.notes, *moved, *sunk(moved_as, targets, found.q)]
     q = hands.of_all_joints(found.q)
     return judged(
         robot, known, human.motion.source, found.scale, targets, q, friction, tuple(notes)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
 from wbc.constraints import BrakingParameters, SelfCollision
 from wbc.errors import ModelError
-from wbc.gait.legs import Legs
+from wbc.gait.legs import Legs, knees_one_way
 from wbc.retargeting.body_map import BodyMap, body_map
 from wbc.retargeting.fingers import FingersHeld
 from wbc.retargeting.scaling import StandingBody, standing_of
@@ -50,6 +51,7 @@ def _found_out(robot: Robot, links: tuple[tuple[str, str], ...], margin: float |
     body = body_map(robot, dict(links))
     hands = FingersHeld.of(robot, body)
     legs, collision, notes = Legs.of(hands.robot), None, hands.notes
+    hands = replace(hands, robot=knees_one_way(hands.robot))
     if margin is not None:
         try:
             collision = SelfCollision(hands.robot, margin=margin, braking=BRAKING)

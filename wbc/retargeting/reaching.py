@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.gait.legs import SIDES
+from wbc.motion.ground import sole_corners
 from wbc.retargeting.body_map import BodyMap
 from wbc.retargeting.ground_forces import stretches
 from wbc.retargeting.mending import too_near
@@ -15,11 +16,12 @@ from wbc.retargeting.targets import Targets
 from wbc.rmp.axes import told_apart, track
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
-from wbc.robot.series import CentroidalSeries, state_series
+from wbc.robot.series import CentroidalSeries, sole_series, state_series
 from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array
 
 ALIKE, NEAR = 0.95, 10.0  # correlations and degrees, of which who is farther off is told
+SUNK = 5e-3  # m
 GAP = 0.2  # part of the largest second moment: nearer ones have axes that mean little
 
 
@@ -109,6 +111,17 @@ def broken(
             name = collision.model.labels[pair]
             found += stretches("margin broken", by, time, np.full(len(time), name))
     return tuple(found)
+
+
+def sunk(robot: Robot, targets: Targets, q: Array) -> list[str]:
+    """Return notes of soles that pass under the ground: only those that stand are held to it."""
+    lowest = sole_corners(robot, sole_series(robot, q))[..., 2].min(axis=2)
+    return [
+        f"the {foot} sole is up to {1e3 * by.max():.0f} mm under the ground in the air, at"
+        f" {targets.time[by.argmax()]:.2f} s"
+        for foot, by in zip(robot.feet, -lowest.T, strict=True)
+        if by.max() > SUNK
+    ]
 
 
 def unlike(found: Retargeted) -> list[str]:
