@@ -110,6 +110,28 @@ def test_a_motion_that_was_knocked_keeps_what_is_hard_again(
     assert all(margins_kept(robot, one) for one in found.q)
 
 
+def lowest(robot: Robot, q: Array) -> float:
+    """Return how high a corner of a sole is at least [m], by Pinocchio."""
+    data, found = robot.model.createData(), []
+    for one in q:
+        pin.framesForwardKinematics(robot.model, data, one)
+        for foot in robot.feet.values():
+            flat = np.column_stack((foot.polygon, np.zeros(len(foot.polygon))))
+            placed = data.oMf[robot.model.getFrameId(foot.frame)]
+            found.append((placed.translation + flat @ placed.rotation.T)[:, 2].min())
+    return float(min(found))
+
+
+@pytest.mark.parametrize("by", [0.5, -0.5])
+def test_soles_in_the_air_are_lifted_out_of_the_ground(step: wbc.Retargeted, by: float) -> None:
+    """Of a run a G1's were up to 66 mm in it."""
+    robot, air = step.robot, np.flatnonzero(~step.contacts[:, 0])
+    q = knocked(step, "left_ankle_pitch", by, air[2], air[-2])
+    assert lowest(robot, q) < -5e-3
+    found = mended(whole(step), q)
+    assert found.kept and lowest(robot, found.q) > -1e-3
+
+
 def test_feet_that_a_robot_has_elsewhere_are_where_it_has_them(step: wbc.Retargeted) -> None:
     """A robot that is set aside as a whole: footprints, corners and ways go with it."""
     turn, move = 0.2, np.array((0.03, -0.02, 0.0))

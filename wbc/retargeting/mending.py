@@ -37,6 +37,7 @@ FIRM, FIRMER, SMOOTH = 2e3, 10.0, 10.0
 BEGUN, LESS, MORE = 3.0, 0.4, 4.0  # weight of displacements, and how it changes
 INSIDE = 1e-3  # rad: so far inside limits joints are held
 CLEAR, GRAZING = 2e-4, 3e-4  # m: margins that were broken are kept so well, and nearer ones kept
+SUNK = 1e-3  # m: so deep in the ground a sole in the air may be
 EXACT = 2e-4  # m or rad: so near to where they stand feet are
 HASTY = 0.1  # m or rad: as bad as joints that would have to be twice as fast or strong
 # Who is so far off (``_Problem.cost``) after so many rounds was never seen to get there.
@@ -108,6 +109,7 @@ class _Problem:
         self.feet, self.margins, self.cost = 0.0, 0.0, 0.0
         self._feet(states)
         self._near(q, states)
+        self._ground(states)
         self.cost += motion.motors(v, self.normal, FIRMER)
         motion.jerk(0.0 * v, self.normal, SMOOTH)
         # What is balanced stays so as far as it can.
@@ -165,6 +167,14 @@ class _Problem:
         off = np.where(clearance < 0.0, clearance - CLEAR, 0.0)
         w = FIRM / self.motion.leg
         self._add(*padded(frames, w * J, w * off, len(q)))
+
+    def _ground(self, states: StateSeries) -> None:
+        """Add soles in the air that are in the ground, and let none get there."""
+        w = FIRM / self.motion.leg
+        for rows, height in self.motion.lowest(states, GRAZING):
+            off = np.where(height < 0.0, height - CLEAR, 0.0)
+            self._add(w * rows[:, None], w * off[:, None])
+            self.margins = max(self.margins, float(-height.min()) - SUNK)
 
     def _add(self, rows: Array, off: Array) -> None:
         self.normal.add(rows, off=off)

@@ -16,6 +16,7 @@ are banded: linear in the number of frames.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -131,7 +132,9 @@ class WholeMotion:
         tasks, (feet, off, cost) = self._rows(states), self._contacts(states)
         near, broken = self._near(q, states)
         cost += sum(float(np.square(e).sum()) for _, e in tasks)
-        rows = [*tasks, *feet, *near]
+        w = APART / self.leg
+        low = [(w * J[:, None], w * z[:, None]) for J, z in self.lowest(states, 0.0)]
+        rows = [*tasks, *feet, *near, *low]
         A, e = (np.concatenate(part, axis=1) for part in zip(*rows, strict=True))
         normal = NormalEquations(*A.shape[::2])
         normal.add(A, off=e)
@@ -231,6 +234,26 @@ class WholeMotion:
             weight = np.where(path.down[:, None], exact, tasks.foot_weight)
             found.append((weight[..., None] * J, weight * e))
         return found, off, cost
+
+    def lowest(self, states: StateSeries, limit: float) -> Iterator[tuple[Array, Array]]:
+        """Yield rows (n, nv) and heights (n,) [m] of the lowest corner of either end of each sole.
+
+        Where soles are in the air and lower than ``limit`` [m]; zeros elsewhere.
+        """
+        robot = self.tasks.robot
+        for side in SIDES:
+            foot, path = robot.feet[side], self.tasks.targets.feet.paths[side]
+            R, J = states.rotation(foot.frame), states.jacobian(foot.frame)
+            ahead = foot.polygon[:, 0] >= np.mean(foot.polygon[:, 0])
+            for end in (ahead, ~ahead):
+                arms = R[:, :, :2] @ foot.polygon[end].T  # (n, 3, k)
+                corner = arms[:, 2].argmin(axis=1)[:, None, None]
+                x, y, z = np.take_along_axis(arms, corner, axis=2)[..., 0].T
+                z = z + states.position(foot.frame)[:, 2]
+                seen = ~path.down & (z < limit)
+                if seen.any():
+                    rows = J[:, 2] + y[:, None] * J[:, 3] - x[:, None] * J[:, 4]
+                    yield np.where(seen[:, None], rows, 0.0), np.where(seen, z, 0.0)
 
     def _posture(self, joints: Array, normal: NormalEquations) -> None:
         """Add the posture."""
