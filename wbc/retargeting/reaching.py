@@ -21,7 +21,7 @@ from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array
 
 ALIKE, NEAR = 0.95, 10.0  # correlations and degrees, of which who is farther off is told
-SUNK = 5e-3  # m
+SUNK = 5e-3  # m: in the ground, that is told
 GAP = 0.2  # part of the largest second moment: nearer ones have axes that mean little
 
 
@@ -114,7 +114,7 @@ def broken(
 
 
 def sunk(robot: Robot, targets: Targets, q: Array) -> list[str]:
-    """Return notes of soles that pass under the ground: only those that stand are held to it."""
+    """Return notes of soles that are in the ground in the air, where they could not be kept out."""
     lowest = sole_corners(robot, sole_series(robot, q))[..., 2].min(axis=2)
     return [
         f"the {foot} sole is up to {1e3 * by.max():.0f} mm under the ground in the air, at"
