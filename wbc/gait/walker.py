@@ -3,10 +3,11 @@
     command -> footsteps -> DCM and VRP in closed form -> the next footstep, adapted (one small QP)
             -> centre of pressure, height, foot in the air -> one torque tick
 
-While one foot bears, its VRP is at the middle of the sole; in the double support it moves to the
-next one at a constant rate. Footsteps beyond the next follow the velocity, and give what the DCM
-should be relative to the next foot (:mod:`wbc.gait.dcm`); where and when that lands is chosen for
-the DCM that is measured (:mod:`wbc.gait.adaptation`). The centre of pressure is led to
+While one foot bears, its VRP is at the middle of the sole, or where weak ankles bear
+(:func:`wbc.gait.ability.pressed_ahead`); in the double support it moves to the next one at a
+constant rate. Footsteps beyond the next follow the velocity, and give what the DCM should be
+relative to the next foot (:mod:`wbc.gait.dcm`); where and when that lands is chosen for the DCM
+that is measured (:mod:`wbc.gait.adaptation`). The centre of pressure is led to
 
     vrp + (1 + k) (xi - xi_ref),
 
