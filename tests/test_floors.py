@@ -18,6 +18,8 @@ FLOORS = {
     "rotations": 0,
     "polygon": 0,
     "native": 0,
+    "placement": 0,
+    "sparse": 0,
     "notebook": 0,
     "pickled": 0,
     "journal": 0,
@@ -54,7 +56,7 @@ INNER = {"rmp/balance": 2}
 STRANGERS = [{"robot", "rmp", "qp"}]
 # Third-party packages and the only rooms, or files of a room, that may import them.
 ONLY_IN = {
-    "casadi": {"rmp", "flight", "robot/placement", "robot/symbolic", "shaping"},
+    "casadi": {"rmp", "flight", "placement", "robot/symbolic", "shaping", "sparse"},
     "pinocchio": {"robot", "rotations", "gait/legs"},
     "coal": {"robot"},
     "proxsuite": {"qp"},
