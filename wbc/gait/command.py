@@ -110,9 +110,9 @@ class CommandLimits:
         }
         limiting = min(able, key=lambda key: able[key])
         turn = min(MOST_TURN, legs.turn)
+        what = "the feet in one step" if turn else "legs without a joint for it"
         turning = {
-            f"turn of {'the feet in one step' if turn else 'legs without a joint for it'}": turn
-            / T,
+            f"turn of {what}": turn / T,
             "speed at which hips turn": legs.turn_speed / (PEAK * per_speed - 1.0),
         }
         slowest = min(turning, key=lambda key: turning[key])
