@@ -120,6 +120,8 @@ class WholeBody:
         The :class:`~wbc.controllers.torque.TorqueController`.
     lasting:
         Those of its tasks that have a target all the time.
+    bends:
+        Whether the robot starts on straight legs, which are bent first.
     ahead:
         Of the soles' middles the pressure is led [m], where ankles are too weak for these.
     lacks:
@@ -144,7 +146,7 @@ class WholeBody:
         self._friction = friction
         self._frames = {foot: sole.frame for foot, sole in robot.feet.items()}
         posture = walking_posture(start, height)
-        self.bends = not np.array_equal(posture, start.q)  # knees, which stand straight
+        self.bends = not np.array_equal(posture, start.q)
         bent = robot.snapshot(posture)
         self._kinds = {foot: contact_of(bent, foot) for foot in self._frames}
         self._exact_weight = w.swing
