@@ -32,6 +32,14 @@ def skews(vectors: Array) -> Array:
     return np.cross(np.eye(3), vectors[:, None, :])
 
 
+def twist_products(twists: Array) -> Array:
+    """Return the matrices (n, 6, 6) of ``twist x`` another twist, of twists (n, 6)."""
+    found = np.zeros((len(twists), 6, 6))
+    found[:, :3, :3] = found[:, 3:, 3:] = skews(twists[:, 3:])
+    found[:, :3, 3:] = skews(twists[:, :3])
+    return found
+
+
 def vech(S: Array) -> Array:
     """Return the (6,) vector (xx, xy, xz, yy, yz, zz) of a symmetric (3, 3) matrix."""
     return S.take(_ENTRIES)

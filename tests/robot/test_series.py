@@ -46,6 +46,17 @@ def test_states_of_the_core_in_a_row(robot: Robot, rng: np.random.Generator) -> 
         np.testing.assert_allclose(robot.difference(robot.integrate(a, step, 0.5), b), 0, atol=1e-9)
 
 
+def test_change_of_the_momentum_is_pinocchios(robot: Robot, rng: np.random.Generator) -> None:
+    """By configurations, at velocities that stay: sums in another order, 1e-12 of the largest."""
+    q, v, acceleration = states(robot, rng)
+    data, found = robot.model.createData(), state_series(robot, q, v, (), momentum_jacobian=True)
+    for k in range(COUNT):
+        args = robot.model, data, q[k], v[k], acceleration[k]
+        wanted = pin.computeCentroidalDynamicsDerivatives(*args)[0]
+        atol = 1e-12 * float(np.abs(wanted).max())
+        np.testing.assert_allclose(found.momentum_jacobian[k], wanted, rtol=0.0, atol=atol)
+
+
 def test_near_pairs_in_a_row(rng: np.random.Generator) -> None:
     """All pairs of all states that are near, against those of each, one by one."""
     robot, limit = Robot.load("hoap2_like"), 0.02  # m

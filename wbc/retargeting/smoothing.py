@@ -8,10 +8,10 @@ x = (d_0, ..., d_n-1) in the robot's tangent space, minimise
         + |w u_k|^2 + |w' (u_k+1 - u_k)/dt|^2                      momentum and its rate
         + |mu ((v_k+2 - 2 v_k+1 + v_k)/dt^2 + (D^3 d)_k/dt^3)|^2   jerk,
 
-by the very rows of the tasks (Gauss-Newton), u_k = A_k (v_k + (d_k+1 - d_k)/dt) - h_k. The rate of
-momentum is the ground's force: a CoM that is followed to a millimetre but trembles at 10 Hz puts
-the CoP outside the feet. Only neighbours within three frames are coupled, so the normal equations
-are banded: linear in the number of frames.
+by the very rows of the tasks (Gauss-Newton), u_k = A_k (v_k + (d_k+1 - d_k)/dt) + (dA_k/dq d_k) v_k
+- h_k. The rate of momentum is the ground's force: a CoM that is followed to a millimetre but
+trembles at 10 Hz puts the CoP outside the feet. Only neighbours within three frames are coupled, so
+the normal equations are banded: linear in the number of frames.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.postures import STANDING
 from wbc.robot.series import StateSeries, state_series, velocities
-from wbc.spatial import COLUMNS, ROWS, skews
+from wbc.spatial import COLUMNS, ROWS, skews, twist_products
 from wbc.validate import Array
 
 # By a leg's length and per rad: of contacts, of limits, and of margins that would be broken.
@@ -121,7 +121,7 @@ class WholeMotion:
         """Return what is known of configurations (n, nq), which move from each to the next."""
         robot = self.tasks.robot
         v = velocities(robot, q, self.tasks.targets.dt)
-        return state_series(robot, q, np.vstack((v, v[-1:])), self._frames)
+        return state_series(robot, q, np.vstack((v, v[-1:])), self._frames, True)
 
     def looked_at(self, q: Array, states: StateSeries | None = None) -> Round:
         """Return what is known of configurations (n, nq); ``states``: theirs, if they are known."""
@@ -293,21 +293,26 @@ class WholeMotion:
         """
         tasks, targets = self.tasks, self.tasks.targets
         dt, robot, k = targets.dt, tasks.robot, targets.angular_momentum
-        maps, v = states.part("centroidal_map", 6, -1)[:-1], states.v[:-1]
+        A, v = states.part("centroidal_map", 6, -1)[:-1], states.v[:-1]
         wanted = np.hstack((robot.mass * np.diff(targets.com, axis=0) / dt, 0.5 * (k[:-1] + k[1:])))
-        off = (maps @ v[..., None])[..., 0] - wanted
+        off = (A @ v[..., None])[..., 0] - wanted
         if stays:
             off[:] = 0.0
+        # v changes by (d_k+1 - d_k)/dt + v x (d_k + d_k+1)/2, which of joints is nothing.
+        turned = states.momentum_jacobian[:-1].copy()
+        half = 0.5 * A[:, :, :BASE_NV] @ twist_products(v[:, :BASE_NV])
+        first, second = turned - A / dt, A / dt
+        first[:, :, :BASE_NV] += half
+        second[:, :, :BASE_NV] += half
         w = tasks.momentum
-        A = w[:, None] * maps[:, 3:] / dt
         turning = w * off[:, 3:]
-        normal.add(-A, A, off=turning)
+        normal.add(w[:, None] * first[:, 3:], w[:, None] * second[:, 3:], off=turning)
         # By how far the CoP is moved, in legs' lengths.
         height = float(np.mean(targets.com[:, 2]))
         w = PRESSED / (robot.weight * self.leg) * np.array([height] * 3 + [1.0] * 3)
-        A = w[:, None] * maps / dt**2
+        first, second = (w[:, None] * J / dt for J in (first, second))
         pressing = w * np.diff(off, axis=0) / dt
-        normal.add(A[:-1], -A[:-1] - A[1:], A[1:], off=pressing)
+        normal.add(-first[:-1], first[1:] - second[:-1], second[1:], off=pressing)
         return float(np.square(turning).sum() + np.square(pressing).sum())
 
     def jerk(self, v: Array, normal: NormalEquations, times: float = 1.0) -> None:

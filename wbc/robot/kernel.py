@@ -179,8 +179,13 @@ class NativePass:
         lib.wbc_state(self._tree, q, q + tree.nq, doubles(out), self._scratch, *none)
         return NativeState(read_only(out), tree)
 
-    def evaluate_all(self, q: Array, v: Array, frames: Sequence[int] = ()) -> Array:
-        """Return all that is known at (q (n, nq), v (n, nv)), a state a row, frames behind it."""
+    def evaluate_all(
+        self, q: Array, v: Array, frames: Sequence[int] = (), momentum_jacobian: Array | None = None
+    ) -> Array:
+        """Return all that is known at (q (n, nq), v (n, nv)), a state a row, frames behind it.
+
+        ``momentum_jacobian`` (n, 6, nv), if given, is filled.
+        """
         tree, count = self.tree, len(frames)
         joint, placement = frame_places(tree.model, frames)
         size = tree.frames + count * tree.frame_size
@@ -188,8 +193,12 @@ class NativePass:
         of_q, of_v, to = map(doubles, (q, v, out))
         rest = self._scratch, count, pointer(joint), pointer(placement)
         for k in range(len(q)):
-            at = of_q + k * tree.nq, of_v + k * tree.nv, to + k * size
-            lib.wbc_state(self._tree, *at, *rest)
+            at = to + k * size
+            lib.wbc_state(self._tree, of_q + k * tree.nq, of_v + k * tree.nv, at, *rest)
+            if momentum_jacobian is not None:
+                change = doubles(momentum_jacobian[k])
+                given = self._tree, at, of_v + k * tree.nv, self._scratch
+                lib.wbc_momentum_jacobian(*given, change)
         return out
 
 

@@ -32,6 +32,8 @@ class StateSeries(NamedTuple):
     tree: NativeTree  # whose states they are
     slots: Mapping[str, int]  # where the frames begin that were asked for, by name
     v: Array  # velocities (n, nv)
+    # How the centroidal momentum changes with q while v stays as it is (n, 6, nv), if asked for.
+    momentum_jacobian: Array
 
     def __len__(self) -> int:
         return len(self.array)
@@ -72,7 +74,11 @@ class StateSeries(NamedTuple):
 
 
 def state_series(
-    robot: KinematicTree, q: Array, v: Array | None = None, frames: Iterable[str] = ()
+    robot: KinematicTree,
+    q: Array,
+    v: Array | None = None,
+    frames: Iterable[str] = (),
+    momentum_jacobian: bool = False,
 ) -> StateSeries:
     """Return what the core knows at n states, with some frames: 4 us a state of 35 velocities.
 
@@ -84,6 +90,8 @@ def state_series(
         Velocities (n, nv); zero if not given.
     frames:
         Names of frames that are wanted.
+    momentum_jacobian:
+        Whether that is wanted, too.
 
     Raises
     ------
@@ -97,8 +105,10 @@ def state_series(
     v = np.zeros((count, robot.nv)) if v is None else finite_array("v", v, (count, robot.nv))
     tree, index = robot.native.tree, {name: robot.frame_id(name) for name in frames}
     slots = {name: tree.frames + k * tree.frame_size for k, name in enumerate(index)}
-    array = robot.native.evaluate_all(q, v, tuple(index.values()))
-    return StateSeries(array, tree, slots, v)
+    change = np.zeros((count if momentum_jacobian else 0, 6, robot.nv))
+    of = change if momentum_jacobian else None
+    array = robot.native.evaluate_all(q, v, tuple(index.values()), of)
+    return StateSeries(array, tree, slots, v, change)
 
 
 def velocities(robot: KinematicTree, q: Array, dt: float) -> Array:

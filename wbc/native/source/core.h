@@ -61,6 +61,16 @@ int wbc_check(const wbc_tree *tree, const void *q, const void *v, double *out);
 /* The same with v dt for v, and behind it where q gets to by that (nq). */
 int wbc_move(const wbc_tree *tree, const double *q, const double *v, double dt, double *out);
 
+/* Write how the momentum of such a state changes (6, nv) with the configuration if v stays as it is; scratch is as
+ * wbc_state left it. A joint carries a momentum L and an inertia Y as one, at a twist S (about the CoM), and turns
+ * them and the joints behind it against what it hangs on, which has the twist V:
+ *
+ *     dh = S x* L + Y (V x S), less the CoM's way x the linear momentum          (Featherstone 2008, ch. 2)
+ *
+ * Returns 0. */
+int wbc_momentum_jacobian(const wbc_tree *tree, const double *state, const double *v, double *scratch,
+                          double *out);
+
 /* What is known at a velocity v besides: mass matrix (nv, nv), bias forces (nv), then at zero
  * acceleration of v the accelerations of CoM and momentum and, world axes, the first and second
  * derivative of the inertia; then of each joint, its origin and axes, how it moves. */

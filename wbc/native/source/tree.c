@@ -280,6 +280,78 @@ int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *st
     return wbc_frames(tree, state, frames, joint, placement, state + FRAMES(nv, n));
 }
 
+/* Momentum (6) of mass, first moment and inertia at a twist. */
+static void times6(const double *Y, const double *twist, double *out) {
+    double pulled[3], swept[3];
+    cross3(twist + 3, Y + 1, pulled);
+    cross3(Y + 1, twist, swept);
+    symmetric_times(Y + 4, twist + 3, out + 3);
+    for (int i = 0; i < 3; i++) out[i] = Y[0] * twist[i] + pulled[i], out[3 + i] += swept[i];
+}
+
+/* Write a column's twist about the CoM (6). */
+static void column_twist(int64_t nv, const double *columns, int64_t k, double *S) {
+    double axis[3], way[3];
+    for (int i = 0; i < 3; i++) axis[i] = columns[(AXIS + i) * nv + k], way[i] = columns[(TO_COM + i) * nv + k];
+    const int turns = columns[TURNS * nv + k] > 0.0;
+    cross3(axis, way, S);
+    for (int i = 0; i < 3; i++) S[i] = turns ? S[i] : axis[i], S[3 + i] = turns ? axis[i] : 0.0;
+}
+
+/* out += a x b of twists; or of a twist and a momentum, if dual. */
+static void add_cross6(const double *a, const double *b, int dual, double *out) {
+    double turned[3], spun[3], moved[3];
+    cross3(a + 3, b, turned);
+    cross3(a + 3, b + 3, spun);
+    cross3(a, dual ? b : b + 3, moved);
+    for (int i = 0; i < 3; i++) {
+        out[i] += turned[i] + (dual ? 0.0 : moved[i]);
+        out[3 + i] += spun[i] + (dual ? moved[i] : 0.0);
+    }
+}
+
+int wbc_momentum_jacobian(const wbc_tree *tree, const double *state, const double *v, double *scratch,
+                          double *out) {
+    const int64_t n = tree->joints, nv = tree->nv;
+    const double *A = state + CENTROIDAL_MAP, *J = state + COM_JACOBIAN(nv), *p = state + MOMENTUM;
+    const double *columns = scratch + 13 * n;
+    double *V = scratch, *own = V + 6 * n, S[6]; /* twists, and what columns give to what they carry */
+    memset(V, 0, 12 * n * sizeof *V);
+    for (int64_t j = 1; j < n; j++) {
+        int64_t k;
+        const int64_t behind = columns_of(tree, j, &k);
+        memcpy(V + 6 * j, V + 6 * tree->parent[j], 6 * sizeof *V);
+        for (; k < behind; k++) {
+            column_twist(nv, columns, k, S);
+            for (int i = 0; i < 6; i++) V[6 * j + i] += v[k] * S[i], own[6 * j + i] += v[k] * A[i * nv + k];
+        }
+    }
+    for (int64_t j = n - 1; j > 1; j--)
+        for (int i = 0; i < 6; i++) own[6 * tree->parent[j] + i] += own[6 * j + i];
+    for (int64_t j = 1; j < n; j++) {
+        int64_t k;
+        const int64_t behind = columns_of(tree, j, &k);
+        const double *carrier = V + 6 * tree->parent[j];
+        double Y[10], L[6], turn[6], change[6];
+        for (int i = 0; i < 10; i++) Y[i] = columns[(CARRIED + i) * nv + k];
+        times6(Y, carrier, L);
+        for (int i = 0; i < 6; i++) L[i] += own[6 * j + i];
+        for (; k < behind; k++) {
+            column_twist(nv, columns, k, S);
+            memset(turn, 0, sizeof turn);
+            add_cross6(carrier, S, 0, turn);
+            times6(Y, turn, change);
+            add_cross6(S, L, 1, change);
+            const double com[3] = {J[k], J[nv + k], J[2 * nv + k]};
+            double lost[3];
+            cross3(com, p, lost);
+            for (int i = 0; i < 3; i++) change[3 + i] -= lost[i];
+            for (int i = 0; i < 6; i++) out[i * nv + k] = change[i];
+        }
+    }
+    return 0;
+}
+
 int wbc_frames(const wbc_tree *tree, const double *state, int64_t count, const int64_t *joint,
                const double *placement, double *out) {
     const int64_t nv = tree->nv;
