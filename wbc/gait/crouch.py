@@ -6,8 +6,9 @@ import logging
 
 import numpy as np
 
-from wbc.gait.legs import SIDES, STRETCH, Legs, bent_backwards, knee_bends
+from wbc.gait.legs import SIDES, STRETCH, Legs, bent_backwards, knee_bends, leg_joints
 from wbc.robot import Snapshot
+from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
 from wbc.validate import Array
@@ -22,7 +23,7 @@ LONGEST = 0.2  # rad or m, of a step
 def walking_posture(start: Snapshot, height: float, legs: Legs | None = None) -> Array:
     """Return the posture (nq,) to draw joints to while the CoM is at ``height`` over the soles [m].
 
-    It is the posture at the start, unless that is the standing one and has straight legs, as the
+    It is the posture at the start, unless its legs are the standing one's and straight, as in the
     zero posture of most files: drawn to these a robot would not come down to its gait's height, and
     walk faster than it is told to. Then it is one nearby with bent knees, feet, trunk and the CoM's
     ground projection being where they were. ``legs``: the robot's, if they are known.
@@ -32,7 +33,12 @@ def walking_posture(start: Snapshot, height: float, legs: Legs | None = None) ->
     straight = legs.hip_height > STRETCH * legs.length or (
         legs.hip_height > NEARLY * legs.length and bent_backwards(start)
     )
-    if not straight or not np.array_equal(start.q, robot.postures[STANDING]):
+    own = [
+        robot.model.idx_vs[joint] - BASE_NV for side in SIDES for joint in leg_joints(robot, side)
+    ]
+    standing = robot.limits.joint_positions(robot.postures[STANDING])
+    given = np.abs(start.joint_positions - standing)[own].max() > CLOSE  # legs that were bent
+    if given or not straight:
         return start.q
     bends = knee_bends(robot, legs.hip_height - (legs.com_height - height))
     q = start.q.copy()
