@@ -7,6 +7,7 @@ differences in time share nothing with what the ramp says. h = 1e-4 with roundin
 import numpy as np
 import pytest
 
+from wbc.errors import UnknownNameError
 from wbc.problem.kinds.com import ComSpec
 from wbc.problem.kinds.distance import DistanceSpec
 from wbc.problem.kinds.frame import AxisSpec, OrientationSpec, PoseSpec, PositionSpec
@@ -14,10 +15,12 @@ from wbc.problem.kinds.inertia import InertiaSpec
 from wbc.problem.kinds.posture import PostureSpec
 from wbc.problem.kinds.rates import MomentumSpec
 from wbc.problem.kinds.relative_pose import RelativePoseSpec
+from wbc.problem.mistakes import Misplaced
 from wbc.problem.task_spec import TaskSpec
 from wbc.run.ramps import MinimumJerk, MovingTarget
 
 H = 1e-4
+LOOP = {"loop": {"left_elbow_pitch": [-0.1, 0.0]}, "period": 1.0}
 RPY = {"rpy": [0.6, -0.4, 0.9]}
 PLACE = {"position": [0.3, 0.2, 0.9], "orientation": RPY}
 PALM = {"type": "frame", "frame": "left_palm"}
@@ -69,6 +72,35 @@ def test_ramps_hand_on_rate_and_acceleration(kind: str, hoap2) -> None:
         np.testing.assert_allclose(one.task.drift(start), second, atol=1e-4 * max(scale, 1.0))
     moving.move_to(9.0)
     assert not one.task.residual(start).bias.any()
+
+
+@pytest.mark.parametrize("kind", [kind for kind in SPECS if "momentum" not in kind])
+def test_every_target_may_ramp(kind: str, hoap2) -> None:
+    """Of frames only positions could, and "ramp" was an unknown key of all others."""
+    start = hoap2.snapshot(hoap2.posture("standing"))
+    spec = SPECS[kind]
+    moving = spec.model_copy(update={"ramp": 2.0}).build(kind, start).moving(start)
+    assert "ramp" in type(spec).model_fields
+    assert moving is not None and moving.course.duration == 2.0
+    assert spec.build(kind, start).moving(start) is None
+
+
+def test_a_loop_with_a_ramp_is_refused(hoap2) -> None:
+    spec = PostureSpec.model_validate({"type": "posture", "ramp": 1.0, "target": LOOP})
+    with pytest.raises(Misplaced, match="a loop says itself"):
+        spec.build("posture", hoap2.snapshot(hoap2.posture("standing")))
+
+
+def test_a_com_goes_over_several_feet(hoap2) -> None:
+    """As a quadruped's that lifts one: before, only one foot, two or all could be said."""
+    start = hoap2.snapshot(hoap2.posture("standing", {"left_hip_roll": 0.2}))
+    places = [start.position(f"{side}_sole") for side in ("left", "right")]
+    spec = ComSpec.model_validate({"type": "com", "target": {"over": ["left", "right"]}})
+    goal = spec.build("com", start).goal(start, start.com)
+    np.testing.assert_allclose(goal[:2], np.mean(places, axis=0)[:2], atol=1e-12)
+    wrong = ComSpec.model_validate({"type": "com", "target": {"over": ["left", "rigth"]}})
+    with pytest.raises(UnknownNameError, match="'rigth'; did you mean 'right'"):
+        wrong.build("com", start)
 
 
 def test_a_momentum_that_ramps_is_a_force(hoap2) -> None:

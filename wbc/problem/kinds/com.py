@@ -18,6 +18,7 @@ from wbc.problem.section import (
     MAPPING,
     Forms,
     Name,
+    Names,
     Number,
     Point,
     Positive,
@@ -49,9 +50,9 @@ DOUBLE = ("left", "right")
 class Over(Section):
     """A place of the CoM above what the robot stands on."""
 
-    over: Name
-    """A foot, double for left and right together, or all: the middle of its sole, or of those of
-    several, where they are when the target is set."""
+    over: Annotated[Name | Names, Forms("a foot, double, all, or a list of feet")]
+    """A foot, double for left and right together, all, or a list of feet: the middle of its sole,
+    or of those of several, where they are when the target is set."""
     height: Number | None = None
     """Height above the ground [m]; as it was if left out."""
 
@@ -163,10 +164,14 @@ class ComSpec(ErrorTaskSpec):
         if not isinstance(self.target, Over):
             return ()
         several = {"double": DOUBLE, "all": tuple(robot.feet)}
-        feet = several.get(self.target.over, (self.target.over,))
-        if not feet or not set(feet) <= set(robot.feet):
-            words = (word for word, feet in several.items() if set(feet) <= set(robot.feet))
-            choices = [*robot.feet, *words] if robot.feet else []
-            remedy = "" if robot.feet else NO_FEET
-            raise UnknownNameError(f"foot of {robot.name}", self.target.over, choices, remedy)
-        return feet
+        over = self.target.over
+        below: list[str] = []
+        for one in (over,) if isinstance(over, str) else over:
+            feet = several.get(one, (one,))
+            if not feet or not set(feet) <= set(robot.feet):
+                words = (word for word, feet in several.items() if set(feet) <= set(robot.feet))
+                choices = [*robot.feet, *words] if robot.feet else []
+                remedy = "" if robot.feet else NO_FEET
+                raise UnknownNameError(f"foot of {robot.name}", one, choices, remedy)
+            below += feet
+        return tuple(below)

@@ -45,6 +45,8 @@ class FrameSpec(ErrorTaskSpec):
     """A link, joint or other frame of the robot."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per row [1/(m/s)] or [1/(rad/s)]."""
+    ramp: Positive | None = None
+    """Time [s] in which the target moves smoothly from where the frame is at the start."""
 
     @property
     def moved_frame(self) -> str | None:
@@ -60,8 +62,6 @@ class PositionSpec(FrameSpec):
     """Which world axes are controlled."""
     target: PointTarget
     """Wanted place [m], world axes."""
-    ramp: Positive | None = None
-    """Time [s] in which the target moves smoothly from the place at the start."""
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
@@ -93,7 +93,7 @@ class OrientationSpec(FrameSpec):
         def current(now: Snapshot) -> Array:
             return now.rotation(self.frame)
 
-        return TargetedTask(task, fixed_goal(goal), current, ROTATIONS, turned(task))
+        return TargetedTask(task, fixed_goal(goal), current, ROTATIONS, turned(task), self.ramp)
 
 
 class PlacementTarget(Section):
@@ -125,7 +125,7 @@ class PoseSpec(FrameSpec):
             return placement(now.position(self.frame), now.rotation(self.frame))
 
         goal = fixed_goal(placement(position, orientation))
-        return TargetedTask(task, goal, current, PLACEMENTS, placed(task))
+        return TargetedTask(task, goal, current, PLACEMENTS, placed(task), self.ramp)
 
 
 class AxisSpec(FrameSpec):
@@ -140,11 +140,12 @@ class AxisSpec(FrameSpec):
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
         start.robot.frame_id(self.frame)
-        goal = point(self.target, start.rotation(self.frame) @ np.array(self.axis))
+        way = point(self.target, start.rotation(self.frame) @ np.array(self.axis))
         settings = self.settings(AXES)
-        task = AxisTask(start.robot, self.frame, goal, axis=self.axis, name=name, **settings)
+        task = AxisTask(start.robot, self.frame, way, axis=self.axis, name=name, **settings)
 
         def current(now: Snapshot) -> Array:
             return now.rotation(self.frame) @ task.axis
 
-        return TargetedTask(task, fixed_goal(task.target), current, DIRECTIONS, pointed(task))
+        goal = fixed_goal(task.target)
+        return TargetedTask(task, goal, current, DIRECTIONS, pointed(task), self.ramp)

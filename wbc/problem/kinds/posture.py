@@ -9,7 +9,8 @@ import numpy as np
 from pydantic import Field
 
 from wbc.flight.rounds import Rounds
-from wbc.problem.section import WORD, Forms, Name, NonNegative, Number
+from wbc.problem.mistakes import Misplaced
+from wbc.problem.section import WORD, Forms, Name, NonNegative, Number, Positive
 from wbc.problem.targets import LOOP, FromMotion, LoopTarget, MotionForm, form_with_motion
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot
@@ -49,11 +50,15 @@ class PostureSpec(ErrorTaskSpec):
     """Factors on the weight by joint name or pattern ("*_knee*"); 0 leaves a joint out."""
     weight: NonNegative = 1.0
     """Weight of the task [1/(rad/s)]."""
+    ramp: Positive | None = None
+    """Time [s] in which the target moves smoothly from the posture at the start."""
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
         robot, course = start.robot, None
         if isinstance(self.target, LoopTarget):
+            if self.ramp is not None:
+                raise Misplaced("a loop says itself how its target moves; leave this out", "ramp")
             course = Rounds.of(robot, start.q, **dict(self.target))
             goal = start.q
         elif isinstance(self.target, FromMotion):
@@ -65,7 +70,7 @@ class PostureSpec(ErrorTaskSpec):
         task = PostureTask(robot, goal, joints=self.joints, name=name, **self.settings())
         space = configurations(robot)
         return TargetedTask(
-            task, fixed_goal(goal), lambda now: now.q, space, task.set_target, course=course
+            task, fixed_goal(goal), lambda now: now.q, space, task.set_target, self.ramp, course
         )
 
 
