@@ -1,5 +1,6 @@
 """A result read back is the run that was saved."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -59,6 +60,25 @@ def test_what_is_no_result_is_refused_by_name(result: Result, tmp_path: Path) ->
     np.savez(path, **kept)
     with pytest.raises(InvalidInputError, match="lacks the array 'q'"):
         load_result(path)
+
+
+def test_a_robot_whose_joints_have_no_range_comes_back(tmp_path: Path) -> None:
+    """Reports, films and exports of an OP3's, an ANYmal's runs were refused as damaged."""
+    model = Path(__file__).parents[1] / "models" / "mixed_joints.urdf"
+    text = re.sub(r'(lower|upper)="[^"]*"', "", model.read_text())
+    text = text.replace('type="revolute"', 'type="continuous"').replace("prismatic", "fixed")
+    (tmp_path / "endless.urdf").write_text(text)
+    problem_of(
+        tmp_path,
+        "robot: endless.urdf\nsupport: floating\ntasks: {calm: {type: posture}}\n"
+        "stop: {duration: 0.01}\n",
+    ).run().save(tmp_path / "r.npz")
+    assert np.isposinf(load_result(tmp_path / "r.npz").history.margin).all()
+    with np.load(tmp_path / "r.npz") as archive:
+        wrong = {**archive, "margin": np.full(2, -np.inf)}
+    np.savez(tmp_path / "r.npz", **wrong)
+    with pytest.raises(InvalidInputError, match="'margin': has numbers beyond"):
+        load_result(tmp_path / "r.npz")
 
 
 def test_a_robot_whose_file_is_gone_can_be_given(tmp_path: Path) -> None:

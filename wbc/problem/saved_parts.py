@@ -39,6 +39,7 @@ NEEDED = (
     "tick_cpu_time", "status",
 )  # fmt: skip
 KNOWN = ("time", "q", "v", "com", "inertia")  # in each tick; others may be NaN
+ENDLESS = "margin"  # infinite where no joint has a range
 
 
 class _Part(BaseModel):
@@ -155,7 +156,8 @@ def check_arrays(path: Path, robot: Robot, arrays: Mapping[str, NDArray[Any]]) -
         elif kind in ANY and (array.ndim not in (1, 2) or len(array) != count):
             fault = f"expected {count} rows, got shape {array.shape}"
         else:
-            fault = damaged_numbers(array, name in KNOWN)
+            numbers = array[array != np.inf] if name == ENDLESS else array
+            fault = damaged_numbers(numbers, name in KNOWN)
         if fault:
             raise InvalidInputError(f"{path}: array {name[:60]!r}: {fault}; {REMEDY}")
     check_times(path, arrays["time"])

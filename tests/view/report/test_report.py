@@ -213,9 +213,14 @@ def test_a_browser_shows_it_with_the_network_off(page: str, tmp_path: Path) -> N
         clock = tab.inner_text("#clock")
         tab.uncheck("#layers input >> nth=0")
         bare = tab.evaluate("canvas.toDataURL()")
+        stays = tab.evaluate("followed(0.3).at(-1)")
+        tab.evaluate("com.forEach((_, i) => { if (i % 3 === 0) com[i] = time[i / 3]; })")  # 1 m/s
+        left = tab.evaluate("com.at(-3) - followed(0.05).at(-1)[0]")
         tab.set_viewport_size({"width": 390, "height": 844})  # a telephone's
         assert tab.evaluate("document.documentElement.scrollWidth") == 390
         browser.close()
     assert complaints == []
+    assert stays == pytest.approx(numbers(data_of(page)["com"], (-1, 3))[0, :2])
+    assert 0.05 < left < 0.3  # m: it walks out of the picture, and the view goes after it
     assert len({begins, ends, bare}) == 3
     assert clock in ("0.29 s", "0.30 s")

@@ -9,7 +9,7 @@ const aims = data.aims.map((a) => ({ points: floats(a.points), wanted: floats(a.
 const colour = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 255);
 const principal = data.colours.principal.map(colour);
 const shown = { robot: true, ground: true, ellipsoid: true, masses: true, com: true, leg: true,
-  soles: true, obstacles: true, targets: true };
+  soles: true, obstacles: true, targets: true, follow: true };
 let frame = 0, playing = false, clock = 0, last = 0;
 
 // ------------------------------------------------------------------ matrices, column by column
@@ -88,9 +88,19 @@ function prepare() {
 }
 let lines;
 const camera = { azimuth: 0.6, elevation: 0.25, distance: 3, centre: [0, 0, 0] };
+// Where the view has gone by each frame, over the ground: after the CoM, but not its sway. As in wbc view.
+function followed(slack) {
+  const way = [[com[0], com[1]]];
+  for (let k = 1; k < frames; k++) {
+    const from = way[k - 1], away = [com[3 * k] - from[0], com[3 * k + 1] - from[1]], far = Math.hypot(...away);
+    const part = far > slack ? -Math.expm1(4 * (time[k - 1] - time[k])) * (1 - slack / far) : 0;
+    way.push(from.map((x, i) => x + part * away[i])); }
+  return way;
+}
+let way = [];
 function look() {
   const reach = Math.max(sizes[0], com[2] > 0 ? com[2] : sizes[0]);
-  camera.distance = 6 * reach; camera.centre = [com[0], com[1], com[2]];
+  camera.distance = 6 * reach; camera.centre = [com[0], com[1], com[2]]; way = followed(0.3 * reach);
 }
 function draw(mesh, model, rgb, alpha = 1, lit = 1) {
   gl.uniformMatrix4fv(where.model, false, model); gl.uniform4f(where.tint, ...rgb, alpha);
@@ -103,7 +113,8 @@ function paint() {
   if (canvas.width !== Math.round(wide * ratio)) { canvas.width = Math.round(wide * ratio); canvas.height = Math.round(high * ratio); }
   gl.viewport(0, 0, canvas.width, canvas.height); gl.depthMask(true);
   gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-  const { azimuth: a, elevation: e, distance: d, centre } = camera;
+  const { azimuth: a, elevation: e, distance: d } = camera;
+  const centre = camera.centre.map((c, i) => c + (shown.follow && i < 2 ? way[frame][i] - way[0][i] : 0));
   const back = [Math.cos(e) * Math.cos(a), Math.cos(e) * Math.sin(a), Math.sin(e)];
   const eye = centre.map((c, k) => c + d * back[k]), right = unit(cross([0, 0, 1], back)), up = cross(back, right);
   const turn = new Float32Array([right[0], up[0], back[0], 0, right[1], up[1], back[1], 0,

@@ -120,7 +120,7 @@ def pendulum_replay(history: PendulumHistory, rows: Sequence[int]) -> dict[str, 
         "aims": [],
         "phases": [history.phase[row] for row in rows],
         "colours": COLOURS,
-        "layers": ["ground", "ellipsoid", "masses", "com", "leg"],
+        "layers": ["ground", "ellipsoid", "masses", "com", "leg", "follow"],
     }
 
 
