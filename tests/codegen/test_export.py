@@ -187,6 +187,7 @@ PARTS = {
     },
     "constraints: {bodies: {type: self_collision}}": {
         "constraints: {over: {type: com_support}}": "constraints .'over'",
+        "constraints: {bodies: {type: self_collision, exclude: [['*', '*']]}}": "watches no bodies",
         "constraints: {bodies: {type: self_collision}, over: {type: com_support}}": "'over'",
     },
     "stop: {duration: 1.0}": {

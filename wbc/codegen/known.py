@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from wbc.constraints.collision import SelfCollision
 from wbc.controllers import Controller
 from wbc.controllers.blocks import described
 from wbc.controllers.core_plan import CorePlan
@@ -73,6 +74,9 @@ def _unknown(controller: Controller) -> str | None:
             return _of_task(task, torque)
     # The core has a margin where the only constraint is a self-collision that it knows.
     if controller.constraints and controller.core.margin is None:
+        for one in controller.constraints:
+            if isinstance(one, SelfCollision) and one.watched() is None:
+                return f"a self_collision, {one.name!r}, that watches no bodies; leave it out"
         names = ", ".join(repr(one.name) for one in controller.constraints)
         return f"constraints ({names}) but one self_collision without slack; leave them out"
     return None
