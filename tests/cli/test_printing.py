@@ -1,13 +1,15 @@
 """Tables that break no words, and how an inertia out of reach reads."""
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from wbc.cli.printing import heads
+from wbc.cli.printing import heads, print_result
 from wbc.problem import load_problem
+from wbc.run.result import Worst
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 WORDS = ("left_shoulder_roll_joint", "upper", "bound", "right_ankle_pitch_joint +0.123")
@@ -70,3 +72,18 @@ def test_one_that_arrives_or_is_still_on_its_way_says_nothing() -> None:
     assert result.reach == ""
     short = load_problem(PROBLEMS / "astronaut_expand.yaml", {"stop.duration": 0.1}).run()
     assert not short.inertia["shape"].arrived and short.reach == ""
+
+
+@pytest.mark.parametrize(
+    ("left", "said"),
+    [(-2e-11, "at least 0 left"), (2e-3, "at least 0.002 left"), (-1e-8, "exceeded by at most")],
+)
+def test_rounding_at_a_joints_limit_is_not_told_as_beyond_it(
+    left: float, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one = load_problem(
+        PROBLEMS / "fig7_forward_hoap2.yaml", {"stop.duration": 0.05, "tasks.com.ramp": 0.05}
+    )
+    result = replace(one.run(), margin=Worst(left, "left_knee", 3))
+    print_result(result, [])
+    assert said in capsys.readouterr().out

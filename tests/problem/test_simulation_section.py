@@ -12,6 +12,7 @@ from wbc.codegen.recording import CodegenError, check_kind
 from wbc.errors import InvalidInputError
 from wbc.problem import Problem, load_problem
 from wbc.problem.simulation_spec import turned_with
+from wbc.robot import Robot
 from wbc.run.phase_support import off_the_ground
 from wbc.simulation import SimulationStatus, capture_impulse
 from wbc.view.simulation import simulation_figure
@@ -128,6 +129,15 @@ def test_phases_lift_a_foot_in_physics(tmp_path: Path) -> None:
     weight = 9.81 * result.robot.mass
     assert result.arrays["forces/left_sole"][-1, 2] > 0.9 * weight
     assert result.duration == pytest.approx(1.3)
+
+
+def test_a_level_foot_in_the_air_rises_by_nothing(hoap2: Robot) -> None:
+    """It rose "by 1.4e-14 mm" from corner to corner."""
+    q = hoap2.posture("standing")
+    q[2] += 0.03
+    said = off_the_ground(hoap2.snapshot(q), "left")
+    assert said is not None
+    assert said.endswith("30 mm above the ground, and from corner to corner it rises by 0 mm")
 
 
 def test_on_a_slope_the_robot_is_turned_with_the_ground(tmp_path: Path) -> None:

@@ -132,8 +132,8 @@ def _rest(result: Result) -> Table:
     table = facts()
     margin, slip, balance = result.margin, result.slip, result.balance
     if np.isfinite(margin.value):
-        size = f"{abs(margin.value):.2g}"
-        how = f"at least {size} left" if margin.value >= 0.0 else f"exceeded by at most {size}"
+        left = round(margin.value, 9) + 0.0  # less is rounding; -0.0 + 0.0 is 0
+        how = f"at least {left:.2g} left" if left >= 0.0 else f"exceeded by at most {-left:.2g}"
         table.add_row("joint limits", f"{how} ({margin.where}, tick {margin.tick})")
     if slip is not None:
         table.add_row("slip", f"at most {slip.value:.2g} m ({slip.where}, tick {slip.tick})")

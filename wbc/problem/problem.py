@@ -94,7 +94,7 @@ class Problem:
         if isinstance(controller, TorqueSpec):
             raise InvalidInputError(
                 f"{self.source.name}: controller.level is torque: torques move a robot by physics,"
-                f" so this problem is simulated: wbc sim {self.source.name}"
+                f" so this problem is simulated: wbc sim {self.source.name}, or simulate()"
             )
         stop = Stop(**spec.whole_stop.model_dump())
         made_with = self._made_with(versions())

@@ -146,7 +146,7 @@ def off_the_ground(
         return None
     where = "above" if worst > 0.0 else "below"
     text = f"the {foot} foot does not stand: a corner of its sole is {1e3 * abs(worst):.2g} mm"
-    tilt = 1e3 * float(np.ptp(heights))
+    tilt = round(1e3 * float(np.ptp(heights)), 3)
     return f"{text} {where} the ground, and from corner to corner it rises by {tilt:.2g} mm"
 
 
