@@ -6,7 +6,7 @@ import logging
 
 import numpy as np
 
-from wbc.gait.legs import SIDES, STRETCH, Legs, bent_backwards, knee_bends, leg_joints
+from wbc.gait.legs import SIDES, STRETCH, Legs, bent_backwards, knee_bends, knee_of
 from wbc.robot import Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
@@ -23,7 +23,7 @@ LONGEST = 0.2  # rad or m, of a step
 def walking_posture(start: Snapshot, height: float, legs: Legs | None = None) -> Array:
     """Return the posture (nq,) to draw joints to while the CoM is at ``height`` over the soles [m].
 
-    It is the posture at the start, unless its legs are the standing one's and straight, as in the
+    It is the posture at the start, unless its knees are the standing one's and straight, as in the
     zero posture of most files: drawn to these a robot would not come down to its gait's height, and
     walk faster than it is told to. Then it is one nearby with bent knees, feet, trunk and the CoM's
     ground projection being where they were. ``legs``: the robot's, if they are known.
@@ -33,18 +33,17 @@ def walking_posture(start: Snapshot, height: float, legs: Legs | None = None) ->
     straight = legs.hip_height > STRETCH * legs.length or (
         legs.hip_height > NEARLY * legs.length and bent_backwards(start)
     )
-    own = [
-        robot.model.idx_vs[joint] - BASE_NV for side in SIDES for joint in leg_joints(robot, side)
-    ]
+    knees = [robot.model.idx_vs[knee_of(robot, side)] - BASE_NV for side in SIDES]
     standing = robot.limits.joint_positions(robot.postures[STANDING])
-    given = np.abs(start.joint_positions - standing)[own].max() > CLOSE  # legs that were bent
+    given = np.abs(start.joint_positions - standing)[knees].max() > CLOSE
     if given or not straight:
         return start.q
     bends = knee_bends(robot, legs.hip_height - (legs.com_height - height))
     q = start.q.copy()
     for knee, angle in bends.items():
         robot.limits.set_joint(q, knee, angle)
-    goal = start.com - [0.0, 0.0, legs.com_height - height]
+    ground = np.mean([start.position(robot.feet[side].frame)[2] for side in SIDES])
+    goal = np.array([*start.com[:2], ground + height])
     for _ in range(ROUNDS):
         error, J = _missing(start, robot.snapshot(q), goal)
         if robot.loops:
