@@ -10,7 +10,15 @@ from tests.human.walker import LABELS, marching, recorded, squatting, write_trc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.human import HumanMotion, MarkerRecording, compared, human_motion, read_markers
 from wbc.human.body import HINGE_NAMES, HINGES, NAMES, SEGMENT_NAMES, HumanBody
-from wbc.human.fit import MarkerSet, continuous, first_poses, fit_poses, unstuck
+from wbc.human.fit import (
+    SWINGS,
+    MarkerSet,
+    continuous,
+    first_poses,
+    fit_poses,
+    unstuck,
+    upright_trunk,
+)
 from wbc.human.kinematics import Poses, place, rotations
 from wbc.human.known import known_markers
 from wbc.human.landmarks import lacking, landmark, landmark_of
@@ -617,3 +625,47 @@ def test_a_human_that_waves_overhead_keeps_its_hand_through_the_filter() -> None
     true = np.column_stack([np.interp(series.time, time, one) for one in true.T])
     inner = slice(20, -20)
     assert np.linalg.norm(seen - true, axis=1)[inner].max() < 0.05
+
+
+LEGS_ONLY = (  # noqa: SIM905
+    "LASI RASI LPSI RPSI LTHI RTHI LKNE RKNE LTIB RTIB LANK RANK LHEE RHEE LTOE RTOE"
+).split()
+
+
+def test_markers_of_legs_only_hold_the_trunk_upright_and_say_so() -> None:
+    recording, poses = recorded(BODY, labels=LEGS_ONLY, seconds=2.0)
+    human = human_motion(recording, mass=72.0)
+    assert any("no marker tells how the trunk leans" in note for note in human.notes)
+    assert human.rms < 2e-3
+    states = [human.motion.robot.snapshot(q) for q in configurations_of(human)]
+    upright = [state.rotation("trunk")[2, 2] for state in states]
+    assert min(upright) > 1.0 - 1e-9
+    com = np.array([state.com for state in states])
+    assert np.abs(com - com_of(BODY, poses)).max() < 0.04
+
+
+@pytest.mark.parametrize("tilt", [0.2, 0.6, -0.9])
+def test_a_trunk_without_markers_leans_as_far_as_a_pelvis_tilts_beyond_its_swings(
+    tilt: float,
+) -> None:
+    turned = rotations(np.array([[0.0, 0.0, 0.7]])) @ rotations(np.array([[0.0, tilt, 0.0]]))
+    poses = Poses(np.zeros((1, 3)), turned, np.zeros((1, len(HINGES))))
+    placed = place(upright_trunk(poses), BODY.dimensions)
+    trunk = placed.rotation[0, SEGMENT_NAMES.index("trunk")]
+    lean = np.sign(tilt) * max(abs(tilt) - SWINGS, 0.0)
+    wanted = rotations(np.array([[0.0, 0.0, 0.7]])) @ rotations(np.array([[0.0, lean, 0.0]]))
+    np.testing.assert_allclose(trunk, wanted[0], atol=1e-12)
+
+
+def test_one_marker_on_the_trunk_is_enough_and_named() -> None:
+    recording, poses = recorded(BODY, labels=[*LEGS_ONLY, "C7"], seconds=2.0)
+    human = human_motion(recording, mass=72.0)
+    assert "of the trunk only c7 is known: how it tilts is less certain" in human.notes
+    com = np.array([human.motion.robot.snapshot(q).com for q in configurations_of(human)])
+    assert np.abs(com - com_of(BODY, poses)).max() < 0.03
+
+
+def test_arms_without_a_trunk_are_refused() -> None:
+    recording, _ = recorded(BODY, labels=[*LEGS_ONLY, "LELB", "LWRA", "LWRB"], seconds=0.5)
+    with pytest.raises(RecordingError, match="one or more on the trunk"):
+        human_motion(recording)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from wbc.human.body import HINGES, SEGMENT_NAMES, SEGMENTS
 from wbc.human.kinematics import (
@@ -20,6 +21,7 @@ from wbc.human.kinematics import (
     joined_poses,
     place,
     point_jacobian,
+    rotations,
 )
 from wbc.human.landmarks import Landmark
 from wbc.validate import Array
@@ -32,6 +34,8 @@ STEPS = 40
 SETTLED = 1e-6  # relative decrease of the cost below which a frame is done
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-9, 1e6
 FRAMES_AT_ONCE = 250
+LUMBAR = [k for k, hinge in enumerate(HINGES) if hinge.name.startswith("lumbar")]
+SWINGS = 0.35  # rad: of a pelvis, over which the trunk stays upright
 STUCK = (2.0, 20.0)  # times the cost of the frame beside it, and more: another minimum
 
 
@@ -192,6 +196,24 @@ def linearised(
 def _cost(poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array) -> Array:
     _, cost = weights(residuals(poses, observed, markers, dimensions), markers.noise)
     return np.asarray(cost + ((poses.angles / SPREADS) ** 2).sum(axis=1))
+
+
+def upright_trunk(poses: Poses) -> Poses:
+    """Return the same postures with the trunk upright, turned as the pelvis is.
+
+    Where no marker tells of it: a pelvis swings by some degrees in a walk, over which trunks stay
+    upright. Where it tilts by more than ``SWINGS``, the trunk leans as far beyond that.
+    """
+    x, y, z = poses.rotation[:, :, 2].T
+    level = np.hypot(x, y)
+    angle = np.arctan2(level, z)
+    tilt = np.column_stack((-y, x, np.zeros(len(poses)))) / np.maximum(level, 1e-9)[:, None]
+    heading = np.swapaxes(rotations(tilt * angle[:, None]), 1, 2) @ poses.rotation
+    trunk = rotations(tilt * np.maximum(angle - SWINGS, 0.0)[:, None]) @ heading
+    between = Rotation.from_matrix(np.swapaxes(poses.rotation, 1, 2) @ trunk)
+    found = poses.copy()
+    found.angles[:, LUMBAR] = between.as_euler("YXZ")  # flexion, bending, rotation
+    return found
 
 
 def continuous(poses: Poses) -> Poses:

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from wbc.errors import listed
-from wbc.human.landmarks import Landmark, lacking, landmark, landmarks_of
+from wbc.human.landmarks import Landmark, lacking, landmark, landmarks_of, tells_trunk
 from wbc.human.markers import UPS, MarkerRecording
 from wbc.motion.table import RecordingError
 from wbc.validate import Array
@@ -68,13 +68,20 @@ def known_markers(
         notes.append(f"markers never seen: {listed(empty, 8)}")
     rest = [label for label in found if label not in own and label not in empty]
     names = (*own, *rest)
-    for part, few in (("pelvis", "hips"), ("trunk", "shoulders")):
+    for part, both in (("pelvis", "hips"), ("trunk", "shoulders")):
         kinds = {found[n].name for n in own if found[n].segment == part}
-        if len(kinds) < 3 and not recording.landmarks:
-            notes.append(f"of the {part} only the {few} are known: how it tilts is less certain")
+        if 0 < len(kinds) < 3 and not recording.landmarks:
+            pair = len({one.partition("_")[2] for one in kinds}) < len(kinds) == 2
+            few = f"the {both} are" if pair else f"{listed(sorted(kinds), 3)} is"
+            notes.append(f"of the {part} only {few} known: how it tilts is less certain")
     arms = {found[n].segment for n in own}
     without = [s for s in ("head", "left_forearm", "right_forearm") if s not in arms]
-    if without:
+    if not tells_trunk(found[n] for n in own):
+        notes.append(
+            "no marker tells how the trunk leans: it is held upright over the pelvis, head and arms"
+            " as they usually are; forces and CoP are less certain"
+        )
+    elif without:
         notes.append(f"no markers on {', '.join(without)}: held as they usually are")
     return names, tuple(found[name] for name in names), tuple(notes)
 

@@ -147,6 +147,7 @@ _MIDDLE: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
 _BOTH = ("left", "right")
 SIDES = {"L": "left", "R": "right", "LEFT": "left", "RIGHT": "right"}
 CLUSTER = 3  # markers that tell how a segment turns
+ABOVE = ("head", *(f"{s}_{part}" for s in _BOTH for part in ("upper_arm", "forearm", "hand")))
 # What joints are called where no marker is on the pelvis: whoever sees joints, sees their centres.
 _CENTRES = {
     "trochanter": "hip_centre", "knee_lateral": "knee_centre", "ankle_lateral": "ankle_centre",
@@ -231,7 +232,8 @@ def lacking(names: Sequence[str], standing: Iterable[str] = ()) -> list[str]:
 
     A knee or ankle is told by a marker beside it, in the motion or, as laboratories take them off
     for that, in a static trial; or by three markers on each of its segments, which turn about it.
-    The trunk is told by both shoulders and its joint, the pelvis by both hips and the trunk's.
+    One marker tells how the trunk leans; without any, and none on what it carries, it is guessed.
+    The pelvis is told by both hips and the trunk's joint.
 
     Parameters
     ----------
@@ -243,11 +245,11 @@ def lacking(names: Sequence[str], standing: Iterable[str] = ()) -> list[str]:
     found, still, wanted = set(names), set(standing), list[str]()
     on = Counter(landmark(name).segment for name in names)
     left, right = ({n.removeprefix(f"{s}_") for n in found if n.startswith(s)} for s in _BOTH)
-    hips, shoulders = "hip_centre" in left & right, {"acromion", "shoulder_centre"} & left & right
+    hips = "hip_centre" in left & right
     if len({n for n in found if landmark(n).segment == "pelvis"}) < 3 and not hips:
         wanted.append("three on the pelvis (RASI, LASI, and RPSI and LPSI, or SACR)")
-    if len({n for n in found if landmark(n).segment == "trunk"}) < 3 and not shoulders:
-        wanted.append("three on the trunk (RSHO, LSHO, and C7, CLAV or STRN)")
+    if not on["trunk"] and any(one in ABOVE for one in on):
+        wanted.append("one or more on the trunk (C7, CLAV, STRN, RSHO, LSHO)")
     for side in _BOTH:
         mark = side[0].upper()
         for joint, above, below in (("knee", "thigh", "shank"), ("ankle", "shank", "foot")):
@@ -259,3 +261,11 @@ def lacking(names: Sequence[str], standing: Iterable[str] = ()) -> list[str]:
         if not on[f"{side}_foot"]:
             wanted.append(f"the {side} foot ({mark}TOE, {mark}HEE)")
     return wanted
+
+
+def tells_trunk(marks: Iterable[Landmark]) -> bool:
+    """Return whether some markers tell how the trunk leans: those low on the back do not."""
+    return any(
+        one.segment in ABOVE or (one.segment == "trunk" and one.name != "spine_low")
+        for one in marks
+    )

@@ -14,7 +14,7 @@ from wbc.human.body import HumanBody
 from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
 from wbc.human.comparison import plates_mass
 from wbc.human.contacts import Bools, chosen_cutoff, feet_down, nearest_rows
-from wbc.human.fit import MarkerSet, continuous, fit_poses, residuals, unstuck
+from wbc.human.fit import MarkerSet, continuous, fit_poses, residuals, unstuck, upright_trunk
 from wbc.human.gaps import (
     filled_by_fit,
     filled_shortly,
@@ -25,10 +25,10 @@ from wbc.human.gaps import (
 )
 from wbc.human.kinematics import Poses, place
 from wbc.human.known import known_markers, other_human, upright
-from wbc.human.landmarks import Landmark
+from wbc.human.landmarks import Landmark, tells_trunk
 from wbc.human.markers import MarkerRecording
 from wbc.human.residual_noise import ResidualNoise, residual_noise
-from wbc.human.rolling import moved_by_steps
+from wbc.human.rolling import SWAY, SWAY_OF_LEGS, moved_by_steps
 from wbc.human.skeleton import configurations, human_robot
 from wbc.human.soles import ground_and_soles
 from wbc.human.subjects import of_subject
@@ -190,7 +190,8 @@ def human_motion(
         weighed = plates_mass(series, recording.plates, standing)
         notes += _pull_note(series) + _rate_note(recording.rate, cutoff)
         if by_steps:
-            moves, told = moved_by_steps(series, standing, found.stature)
+            sway = SWAY if seen.trunk else SWAY_OF_LEGS
+            moves, told = moved_by_steps(series, standing, found.stature, sway)
             q[:, :2] += np.column_stack([np.interp(time, series.time, one) for one in moves.T])
             notes += told
     if mass is None:
@@ -256,6 +257,7 @@ class _Followed(NamedTuple):
     observed: Array  # (n, m, 3) [m], mended
     residual: Array  # (n, m, 3) [m], NaN where not seen
     dropouts: tuple[Dropout, ...]
+    trunk: bool  # whether markers tell how it leans
 
 
 def _followed(
@@ -280,10 +282,13 @@ def _followed(
         poses, _ = fit_poses(poses, observed, found.markers, found.dimensions)
         poses = continuous(poses)
     fit = residuals(poses, observed, found.markers, found.dimensions)
+    trunk = tells_trunk(marks[: len(columns)])
+    if not trunk:
+        poses = upright_trunk(poses)
     lost = ~np.isfinite(recording.positions[:, columns]).all(axis=2)
     fit[:, : len(columns)][lost] = np.nan
     dropouts = tuple(sorted((*swaps, *gaps, *more), key=lambda one: one.start))
-    return _Followed(found, poses, observed, fit, dropouts)
+    return _Followed(found, poses, observed, fit, dropouts, trunk)
 
 
 def _static(

@@ -26,7 +26,8 @@ from wbc.validate import Array
 # (docs/howto/humans.md says which); in others it was 20 mm off.
 UPRIGHT, ARC, BALL, ASIDE, OUTWARD = 0.006, 0.28, 0.085, 0.3, 0.016
 COP = 0.02  # m: one standard deviation of that
-SWAY = 0.25  # m/s^2: of the CoM's acceleration by the markers
+# m/s^2: of the CoM's acceleration by the markers, and where none of them is on the trunk.
+SWAY, SWAY_OF_LEGS = 0.25, 0.5
 FORWARD = 0.5  # m/s: the CoM's speed in the foot's direction, from which on feet roll
 PRESSED = 0.3  # of the weight: with less on the ground the CoP means little
 END = 0.5  # periods of the cutoff at both ends, which are guesses
@@ -34,7 +35,9 @@ AGAIN = 4  # times that what the low-pass takes of the moves is added to them
 FAR = 0.15  # m rms, half a sole: what asks for such a CoP is no human that only its feet carry
 
 
-def moved_by_steps(series: RmpSeries, down: Bools, stature: float) -> tuple[Array, tuple[str, ...]]:
+def moved_by_steps(
+    series: RmpSeries, down: Bools, stature: float, sway: float = SWAY
+) -> tuple[Array, tuple[str, ...]]:
     """Return by how much the body is beside where markers have it, and notes.
 
     Parameters
@@ -45,6 +48,8 @@ def moved_by_steps(series: RmpSeries, down: Bools, stature: float) -> tuple[Arra
         Which feet are down (n, 2), left and right.
     stature:
         [m].
+    sway:
+        One standard deviation of the CoM's acceleration by the markers [m/s^2].
 
     Returns
     -------
@@ -75,7 +80,7 @@ def moved_by_steps(series: RmpSeries, down: Bools, stature: float) -> tuple[Arra
         what = f"the motion asks for a CoP {1e3 * rms:.0f} mm beside where feet roll over"
         return still, (f"{what}: something else carries, or it weighs otherwise",)
     height = series.com[:, 2] - series.ground_height
-    found = _weighed(off, stepping, height * series.robot.mass / np.maximum(push, least), step)
+    found = _weighed(off, stepping, height * series.robot.mass / np.maximum(push, least), step, sway)
     size = 1e3 * np.sqrt((found[stepping] ** 2).sum(axis=1).mean())
     return _before_low_pass(found, 1.0 / step, series.cutoff), (
         f"moved by {size:.1f} mm rms to where the CoP rolls over the soles in steps",
@@ -132,7 +137,9 @@ def _rolled(series: RmpSeries, stature: float) -> tuple[Array, Array]:
     return spots, ahead
 
 
-def _weighed(off: Array, stepping: Bools, reach: Array, step: float) -> Array:
+def _weighed(
+    off: Array, stepping: Bools, reach: Array, step: float, sway: float = SWAY
+) -> Array:
     """Return the moves (n, 2) by which the CoP moves by ``off`` where feet step, as far as likely.
 
     Parameters
@@ -149,5 +156,5 @@ def _weighed(off: Array, stepping: Bools, reach: Array, step: float) -> Array:
     push = sparse.vstack((inner[:1], inner, inner[-1:])) / step**2
     moves = sparse.eye_array(count) - sparse.diags_array(reach) @ push
     heavy = moves.T @ sparse.diags_array(stepping / COP**2)
-    whole = heavy @ moves + push.T @ push / SWAY**2 + sparse.eye_array(count) / CENTRE**2
+    whole = heavy @ moves + push.T @ push / sway**2 + sparse.eye_array(count) / CENTRE**2
     return np.asarray(spsolve(whole.tocsc(), heavy @ off))
