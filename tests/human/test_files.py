@@ -681,7 +681,7 @@ def test_recordings_from_arrays_that_make_no_sense_are_refused() -> None:
     for arguments, words in (
         ((time, "ab", places), "labels: expected names, got 'ab'"),
         ((time[::-1], ("a", "b"), places), "time must increase"),
-        ((time[:3], ("a", "b"), places[:3]), "3 frames; at least"),
+        ((time[:0], ("a", "b"), places[:0]), "it has no frames"),
         ((time, ("a", "a"), places), "'a' is there twice"),
         ((time, ("a", "b", "c"), places), r"shape \(9, 2, 3\), expected \(9, 3, 3\)"),
         ((time, ("a", "b"), places + 2e3), "over 1000 m from the origin; are its units"),
@@ -689,6 +689,10 @@ def test_recordings_from_arrays_that_make_no_sense_are_refused() -> None:
     ):
         with pytest.raises(WbcError, match=words):
             MarkerRecording(*arguments)
+    few = MarkerRecording(time[:3], ("a", "b"), places[:3])  # a static trial's
+    for use in (few.check_moving, lambda: human_motion(few)):
+        with pytest.raises(WbcError, match="3 frames; at least"):
+            use()
     with pytest.raises(WbcError, match="expected x, y or z, got 'w'"):
         MarkerRecording(time, ("a", "b"), places).upright("w")
     with pytest.raises(WbcError, match="times must increase, at least two"):

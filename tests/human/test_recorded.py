@@ -669,3 +669,29 @@ def test_arms_without_a_trunk_are_refused() -> None:
     recording, _ = recorded(BODY, labels=[*LEGS_ONLY, "LELB", "LWRA", "LWRB"], seconds=0.5)
     with pytest.raises(RecordingError, match="one or more on the trunk"):
         human_motion(recording)
+
+
+@pytest.mark.parametrize("frames", [1, 3, 7])
+def test_a_static_trial_of_few_frames_is_as_good_as_a_long_one(tmp_path, frames: int) -> None:  # type: ignore[no-untyped-def]
+    walk, _ = recorded(BODY, labels=[one for one in LABELS if one != "LKNE"], seconds=1.0)
+    labels = [*LABELS, "LKNM", "RKNM"]
+    long, _ = recorded(BODY, labels=labels, seconds=0.08)
+    long = replace(long, positions=np.repeat(long.positions[:1], len(long.time), axis=0))
+    few = replace(long, time=long.time[:frames], positions=long.positions[:frames])
+    write_trc(tmp_path / "static.trc", few)
+    read = read_markers(tmp_path / "static.trc", standing=True)
+    assert len(read.time) == frames
+    with pytest.raises(RecordingError, match=f"{frames} frames; at least 8"):
+        read_markers(tmp_path / "static.trc")
+    with pytest.raises(InvalidInputError, match=f"{frames} frames; at least 8"):
+        human_motion(few)
+    bodies = [human_motion(walk, static=one, mass=72.0).body.dimensions for one in (read, long)]
+    np.testing.assert_allclose(*bodies, atol=1e-4)
+
+
+@pytest.mark.parametrize(("said", "told"), [(1.45, True), (1.7, False), (1.85, False), (2.1, True)])
+def test_a_stature_that_limbs_contradict_is_told(said: float, told: bool) -> None:
+    recording, _ = recorded(BODY, seconds=0.5)
+    human = human_motion(recording, mass=72.0, stature=said)
+    notes = [note for note in human.notes if f"m tall, {said:g} m was said" in note]
+    assert bool(notes) is told and human.body.stature == said

@@ -63,7 +63,7 @@ class HumanOptions:
         recording = read_markers(path, forces=self.forces, unit=self.unit, stature=self.stature)
         return human_motion(
             recording,
-            static=None if self.static is None else read_markers(self.static),
+            static=None if self.static is None else read_markers(self.static, standing=True),
             subject=self.subject,
             mass=self.mass,
             stature=self.stature,

@@ -39,6 +39,7 @@ SETTLED = 1e-5
 FAR_OFF = 5.0
 # m, that a fit takes for possible; who is smaller than CHILD is asked for its unit.
 STATURES, CHILD = (0.6, 2.8), 1.1
+OTHER = 0.08  # of the stature that was said, to which they lean: limbs that tell another one say so
 # Parts of the stature between joints that markers are near to, which tell the stature; de Leva.
 _LENGTHS = {
     ("knee", "ankle"): 0.249,
@@ -107,8 +108,8 @@ def calibrate(
         found = _adjusted(poses, observed, markers, prior)
         limbs = [NAMES.index(n) for n in ("upper_arm", "forearm", "thigh", "shank")]
         parts = found.dimensions[limbs] / usual_dimensions(REFERENCE_STATURE)[0][limbs]
-        if stature is None:
-            guess = float(np.clip(np.mean(parts) * REFERENCE_STATURE, *STATURES))
+        tall = float(np.clip(np.mean(parts) * REFERENCE_STATURE, *STATURES))
+        guess = tall if stature is None else stature
     sizes = dict(zip(NAMES, found.dimensions.tolist(), strict=True))
     odd = next((n for n, size in sizes.items() if size <= 0.0 and not n.endswith("_x")), None)
     if odd is not None:
@@ -118,6 +119,8 @@ def calibrate(
         )
     small = f"{guess:.2f} m tall by its lengths: a small child, or are they in another unit?"
     told = (small,) if stature is None and guess < CHILD else ()
+    if abs(tall - guess) > OTHER * guess:
+        told = (f"by its limbs' lengths it is {tall:.2f} m tall, {guess:g} m was said",)
     return replace(found, stature=guess, notes=told + _misplaced(found, prior))
 
 

@@ -44,6 +44,7 @@ def read_markers(
     forces: str | Path | None = None,
     unit: str | float | None = None,
     stature: float | None = None,
+    standing: bool = False,
 ) -> MarkerRecording:
     """Read a human's recording from a C3D, TRC, BVH or CSV file, or an NPZ of SMPL poses.
 
@@ -61,6 +62,8 @@ def read_markers(
         mm), or its length [m]; None: by the skeleton's height. Others say theirs themselves.
     stature:
         Of the human whose SMPL poses are read [m].
+    standing:
+        Whether it is a static trial, which may have fewer than 8 frames.
 
     Raises
     ------
@@ -89,6 +92,8 @@ def read_markers(
             case _:
                 what = f"a human is read from {', '.join(ENDINGS)}"
                 raise RecordingError(what, source)
+        if not standing:
+            found.check_moving()
         return found if forces is None else found.with_plates(_plates(Path(forces)))
     except RecordingError:
         raise

@@ -115,8 +115,8 @@ class MarkerRecording:
     Raises
     ------
     InvalidInputError
-        Arrays of a wrong shape, infinite or in another unit than m, fewer than 8 rows, times that
-        do not increase, a label twice.
+        Arrays of a wrong shape, infinite or in another unit than m, no row, times that do not
+        increase, a label twice.
     """
 
     time: Array
@@ -140,8 +140,8 @@ class MarkerRecording:
             raise InvalidInputError(f"{source}: labels: expected names, got {shown(self.labels)}")
         labels = tuple(str(label) for label in self.labels)
         count = real_array(f"{source}: time", self.time).size
-        if count < LEAST_ROWS:
-            raise InvalidInputError(f"{source}: {count} frames; at least {LEAST_ROWS} are needed")
+        if count < 1:
+            raise InvalidInputError(f"{source}: it has no frames")
         time = finite_array(f"{source}: time", self.time, (count,))
         if not (np.diff(time) > 0.0).all():
             raise InvalidInputError(f"{source}: time must increase from frame to frame")
@@ -164,6 +164,14 @@ class MarkerRecording:
         if self.landmarks and len(self.landmarks) != len(labels):
             raise InvalidInputError(f"{source}: {len(self.landmarks)} landmarks for {len(labels)}")
         set_fields(self, time=read_only(time), labels=labels, positions=read_only(positions))
+
+    def check_moving(self) -> None:
+        """Raise InvalidInputError if it has fewer than 8 frames, which tell no accelerations."""
+        if len(self.time) < LEAST_ROWS:
+            raise InvalidInputError(
+                f"{self.source}: {len(self.time)} frames; at least {LEAST_ROWS} are needed, but"
+                " of a static trial"
+            )
 
     @property
     def rate(self) -> float:

@@ -135,7 +135,8 @@ def human_motion(
     Parameters
     ----------
     static:
-        A trial in which the human stands, for the same body; may have more markers.
+        A trial in which the human stands, of the same body, one frame or more; may have more
+        markers (``read_markers(path, standing=True)``).
     subject:
         Whose markers, where there are several humans': what stands before the colon of its labels.
     mass:
@@ -170,6 +171,7 @@ def human_motion(
     check_kind("human_motion, recording", recording, MarkerRecording, example)
     check_kind("human_motion, static", static, MarkerRecording, example, or_none=True)
     check_sex(sex)
+    recording.check_moving()
     longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
     mass, stature = check_build(mass, stature)
     recording, static, names, marks, notes = _known(recording, static, subject, up)
@@ -309,7 +311,8 @@ def _static(
             found[:, k] = standing.positions[:, static.labels.index(name)]
     if not np.isfinite(found).any():
         raise InvalidInputError(f"{static.source}: it shares no marker with the recording")
-    return found[key_frames(found, STATIC_FRAMES)]
+    frames = key_frames(found, STATIC_FRAMES)
+    return found[np.resize(frames, STATIC_FRAMES)]  # a single frame is as good as six
 
 
 def _fitted(found: Calibration, still: int, frames: NDArray[np.intp], observed: Array) -> Poses:

@@ -80,7 +80,8 @@ def moved_by_steps(
         what = f"the motion asks for a CoP {1e3 * rms:.0f} mm beside where feet roll over"
         return still, (f"{what}: something else carries, or it weighs otherwise",)
     height = series.com[:, 2] - series.ground_height
-    found = _weighed(off, stepping, height * series.robot.mass / np.maximum(push, least), step, sway)
+    lag = height * series.robot.mass / np.maximum(push, least)
+    found = _weighed(off, stepping, lag, step, sway)
     size = 1e3 * np.sqrt((found[stepping] ** 2).sum(axis=1).mean())
     return _before_low_pass(found, 1.0 / step, series.cutoff), (
         f"moved by {size:.1f} mm rms to where the CoP rolls over the soles in steps",
@@ -137,9 +138,7 @@ def _rolled(series: RmpSeries, stature: float) -> tuple[Array, Array]:
     return spots, ahead
 
 
-def _weighed(
-    off: Array, stepping: Bools, reach: Array, step: float, sway: float = SWAY
-) -> Array:
+def _weighed(off: Array, stepping: Bools, reach: Array, step: float, sway: float = SWAY) -> Array:
     """Return the moves (n, 2) by which the CoP moves by ``off`` where feet step, as far as likely.
 
     Parameters
