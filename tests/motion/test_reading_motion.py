@@ -15,6 +15,13 @@ from wbc.robot import Robot
 
 COUNT, RATE = 60, 100.0
 TIME = np.arange(COUNT) / RATE
+TRACKED = {
+    "fps": np.array([50.0]),
+    "joint_pos": np.zeros((COUNT, 1)),
+    "joint_names": np.array(["head_yaw"]),
+    "body_pos_w": np.zeros((COUNT, 2, 3)),
+    "body_quat_w": np.ones((COUNT, 2, 4)),
+}
 MIXED = Path(__file__).parents[1] / "models" / "mixed_joints.urdf"
 
 
@@ -328,6 +335,15 @@ def test_empty_cells_are_missing_numbers(hoap2, joints, write: Write) -> None:
     [
         ({"time": TIME, "q": np.zeros((COUNT, 9))}, ["'q'", "(60, 9)", "another robot"]),
         ({"time": TIME[1:], "head_yaw": TIME}, ["60 rows", "59"]),
+        (
+            {k: v for k, v in TRACKED.items() if k != "joint_names"},
+            ["'joint_pos'", "MuJoCo and PhysX", "joint_names"],
+        ),
+        (TRACKED | {"fps": np.zeros(1)}, ["'fps'", "no rate"]),
+        (TRACKED | {"body_quat_w": np.ones((COUNT, 1, 3))}, ["'body_quat_w'", "bodies, 4"]),
+        (TRACKED | {"body_pos_w": np.ones((9, 1, 3))}, ["'body_pos_w'", "(60, bodies, 3)"]),
+        (TRACKED | {"joint_pos": np.zeros(COUNT)}, ["'joint_pos'", "(n, joints)"]),
+        (TRACKED, ["no column for"]),
         ({"time": TIME, "head_yaw": np.zeros((COUNT, 2))}, ["head_yaw", "shape"]),
         ({"time": TIME, "names": ["head_yaw"], "positions": np.zeros((COUNT, 2))}, ["positions"]),
         ({"time": TIME, "head_yaw": np.array(["x"] * COUNT)}, ["head_yaw", "numbers"]),

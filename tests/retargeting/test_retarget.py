@@ -117,7 +117,17 @@ def test_files_have_what_trainers_read(crouch: wbc.Retargeted, tmp_path: Path) -
     crouch.save(tmp_path / "rows.csv", "unitree")
     rows = np.loadtxt(tmp_path / "rows.csv", delimiter=",")
     assert rows == pytest.approx(crouch.q, abs=1e-6)
+    again = wbc.read_motion(tmp_path / "rows.csv", robot, rate=50.0)
+    assert again.joints == pytest.approx(crouch.q[:, 7:], abs=1e-6)
+    assert again.base == pytest.approx(crouch.q[:, :7], abs=1e-5)
+    np.savetxt(tmp_path / "less.csv", rows[:, 1:], delimiter=",")
+    with pytest.raises(wbc.WbcError, match=f"the {robot.nq} of Unitree's files .* {robot.nq - 1}$"):
+        wbc.read_motion(tmp_path / "less.csv", robot, rate=50.0)
     crouch.save(tmp_path / "track.npz", "tracking")
+    again = wbc.read_motion(tmp_path / "track.npz", robot)
+    assert again.rate == pytest.approx(50.0)
+    assert again.joints == pytest.approx(crouch.q[:, 7:], abs=1e-6)
+    assert again.base == pytest.approx(crouch.q[:, :7], abs=1e-5)
     with np.load(tmp_path / "track.npz") as file:
         names = [str(name) for name in file["body_names"]]
         assert file["fps"][0] == pytest.approx(50.0)

@@ -9,14 +9,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import UnknownNameError
-from wbc.motion.table import MotionTable, RecordingError, shortened
+from wbc.motion.table import BASE, MotionTable, RecordingError, shortened
 from wbc.robot import Robot
 from wbc.robot.series import turning_joints
 from wbc.validate import Array
 
 TIME = ("time", "t")
-PLACE = ("base_x", "base_y", "base_z")
-QUATERNION = ("base_qx", "base_qy", "base_qz", "base_qw")
+PLACE, QUATERNION = BASE[:3], BASE[3:]
 ANGLES = ("base_roll", "base_pitch", "base_yaw")
 UNIT = 1e-2  # how far the norm of a recorded quaternion may be from 1: two decimals are enough
 SUFFIXES = ("deg", "rad")

@@ -122,9 +122,13 @@ def read_motion(
     ``base_yaw`` (R = Rz Ry Rx). A unit may follow a name: ``left_knee [deg]``, ``left_knee (deg)``,
     ``left_knee_deg``, ``time [ms]``, ``base_x [mm]``.
 
+    Without names, as Unitree's retargeted motions: base x y z [m], quaternion x y z w, and all
+    joints in the robot's order.
+
     NPZ: arrays named like those columns; or ``time``, ``names`` and ``positions`` (n, k); or
     ``time`` and ``q`` (n, nq), as ``wbc run -o`` writes; with them the forces on the soles that
-    ``wbc sim -o`` adds.
+    ``wbc sim -o`` adds. Or ``fps``, ``joint_pos``, ``body_pos_w`` and ``body_quat_w`` (w x y z; the
+    base is the first body), as mjlab and BeyondMimic have them, with ``joint_names``.
 
     Rows lost in time are interpolated, and reported as dropouts, up to ``longest_gap``. Rows that
     repeat while the robot moves (a frozen sensor) are reported, and kept unless ``fill`` is given.
@@ -183,7 +187,7 @@ def read_motion(
 def _table(path: Path, robot: Robot) -> MotionTable:
     ending = path.suffix.lower()
     if ending == ".csv":
-        return read_csv(path)
+        return read_csv(path, (*PLACE, *QUATERNION, *robot.joint_names))
     if ending == ".npz":
         return read_npz(path, configuration_columns(robot))
     raise RecordingError("a motion is read from .csv or .npz", str(path))

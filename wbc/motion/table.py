@@ -23,6 +23,9 @@ from wbc.validate import Array
 DELIMITERS = (",", ";", "\t")
 NUMBERS = "iuf"  # kinds of arrays: whole numbers and fractions, not complex ones nor truth values
 TEXTS = "US"
+# Arrays of a motion that mjlab's and BeyondMimic's trackers read, and what a base's columns are.
+TRACKED = ("fps", "joint_pos", "joint_names", "body_pos_w", "body_quat_w")
+BASE = ("base_x", "base_y", "base_z", "base_qx", "base_qy", "base_qz", "base_qw")
 LARGEST = 1 << 30  # bytes of a text file, and of all arrays of an NPZ file unpacked
 
 
@@ -172,10 +175,15 @@ def _unreadable(path: Path, error: Exception) -> RecordingError:
 # ---------------------------------------------------------------------- CSV
 
 
-def read_csv(path: Path) -> MotionTable:
+def read_csv(path: Path, usual: tuple[str, ...] = ()) -> MotionTable:
     """Return what a CSV file holds; its first line names the columns. Empty cells are NaN.
 
     That line may begin with ``#``, as NumPy writes it. Remarks, which do too, may come before it.
+
+    Parameters
+    ----------
+    usual:
+        Names of the columns of a file that has as many and does not name them.
 
     Raises
     ------
@@ -185,9 +193,10 @@ def read_csv(path: Path) -> MotionTable:
     """
     source, text = str(path), read_text(path)
     numbered = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
-    header, numbered = _header(source, numbered)
+    header, named = _header(source, numbered)
     delimiter = _delimiter(header)
-    columns = _names(source, header, delimiter)
+    columns = _names(source, header, delimiter, usual)
+    numbered = numbered if columns is usual else named
     numbers, rows = tuple(k for k, _ in numbered), [line for _, line in numbered]
     if not rows:
         raise RecordingError("it holds no rows of numbers", source)
@@ -216,10 +225,16 @@ def _delimiter(line: str) -> str:
     return next((mark for mark in DELIMITERS if mark in line), ",")
 
 
-def _names(source: str, header: str, delimiter: str) -> tuple[str, ...]:
+def _names(source: str, header: str, delimiter: str, usual: tuple[str, ...]) -> tuple[str, ...]:
     columns = tuple(name.strip() for name in _cells(source, header, delimiter))
     if all(_is_number(name) for name in columns):
-        raise RecordingError("its first line holds numbers; it must name the columns", source)
+        if len(columns) == len(usual):
+            return usual
+        what = "its first line holds numbers; it must name the columns"
+        if usual:
+            what += f", unless they are the {len(usual)} of Unitree's files (base and all joints)"
+            what += f"; it has {len(columns)}"
+        raise RecordingError(what, source)
     if len(columns) == 1 and len(header.split()) > 1:
         what = f"its first line names but one column, {shortened(header)!r}"
         raise RecordingError(f"{what}; set commas, semicolons or tabs between names", source)
@@ -275,7 +290,8 @@ def read_npz(path: Path, configuration: Sequence[str]) -> MotionTable:
     """Return what an NPZ file holds.
 
     Either ``time`` and ``q`` (n, nq), as ``wbc run`` writes; or ``time``, ``names`` (k,) and
-    ``positions`` (n, k); or one array (n,) for each column.
+    ``positions`` (n, k); or what mjlab's trackers read, with ``joint_names``; or one array (n,) for
+    each column.
 
     Parameters
     ----------
@@ -291,9 +307,11 @@ def read_npz(path: Path, configuration: Sequence[str]) -> MotionTable:
     source = str(path)
     arrays = read_recorded(
         path,  # of what ``wbc run`` writes only time and q are read
-        lambda names: ("time", "q") if "q" in names else names,
-        lambda name: NUMBERS + (TEXTS if name == "names" else ""),
+        lambda names: ("time", "q") if "q" in names else TRACKED if tracks(names) else names,
+        lambda name: NUMBERS + (TEXTS if name in ("names", "joint_names") else ""),
     )
+    if tracks(arrays):
+        arrays = _tracked(arrays, source)
     columns: dict[str, Array] = {}
     stacked = "q" if "q" in arrays else "positions"
     if stacked in arrays:
@@ -323,3 +341,34 @@ def read_npz(path: Path, configuration: Sequence[str]) -> MotionTable:
             raise RecordingError(what, source, name)
     numbers = np.column_stack([*columns.values()]).astype(np.float64)
     return MotionTable(source, tuple(columns), numbers)
+
+
+def tracks(names: Collection[str]) -> bool:
+    """Return whether arrays of these names are those of mjlab's and BeyondMimic's trackers."""
+    return {"joint_pos", "body_pos_w"} <= set(names)
+
+
+def _tracked(arrays: dict[str, NDArray[Any]], source: str) -> dict[str, NDArray[Any]]:
+    """Return such arrays as time, names and positions: of base, the first body, and joints."""
+    joints, rate = arrays["joint_pos"], arrays.get("fps", np.zeros(0)).ravel()
+    if "joint_names" not in arrays:
+        what = "MuJoCo and PhysX number joints each in their own way; add an array joint_names"
+        raise RecordingError(what, source, "joint_pos")
+    if rate.size != 1 or not 0.0 < rate[0] <= 1e6:
+        raise RecordingError("it is no rate in frames per second", source, "fps")
+    parts = list[NDArray[Any]]()
+    for name, width in (("body_pos_w", 3), ("body_quat_w", 4)):
+        body = arrays.get(name, np.zeros(0))
+        if body.ndim != 3 or body.shape[1] < 1 or body.shape[::2] != (len(joints), width):
+            what = f"it has shape {body.shape}; expected ({len(joints)}, bodies, {width})"
+            raise RecordingError(what, source, name)
+        parts.append(body[:, 0])
+    turn = parts.pop()[:, [1, 2, 3, 0]]  # from w x y z
+    if joints.ndim != 2:
+        what = f"it has shape {joints.shape}; expected (n, joints)"
+        raise RecordingError(what, source, "joint_pos")
+    return {
+        "time": np.arange(len(joints)) / float(rate[0]),
+        "names": np.concatenate((BASE, arrays["joint_names"].ravel())),
+        "positions": np.hstack((*parts, turn, joints)),
+    }
