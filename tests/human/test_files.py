@@ -673,6 +673,13 @@ def test_smpl_poses_in_two_arrays_are_those_in_one(tmp_path: Path) -> None:
             read_markers(tmp_path / "wrong.npz")
 
 
+@pytest.mark.parametrize("shape", [(9, 24, 3, 3), (9, 24, 4), (9, 24, 6)])
+def test_smpl_poses_that_are_no_rotation_vectors_are_refused(tmp_path: Path, shape: tuple) -> None:  # type: ignore[type-arg]
+    np.savez(tmp_path / "a.npz", poses=np.ones(shape), trans=np.zeros((9, 3)), fps=60)
+    with pytest.raises(RecordingError, match="not matrices or quaternions"):
+        read_markers(tmp_path / "a.npz")
+
+
 def test_recordings_from_arrays_that_make_no_sense_are_refused() -> None:
     time, places = np.arange(9.0), np.zeros((9, 2, 3))
     assert repr(MarkerRecording(time, ("a", "b"), places)) == (

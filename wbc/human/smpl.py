@@ -66,11 +66,16 @@ def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
     check_file(path)
     wanted = (*(word for words in WORDS.values() for word in words), *RATES)
     arrays = read_recorded(path, lambda _: wanted, lambda _: NUMBERS)
-    told = {
-        key: one.reshape(len(one), -1) if one.ndim > 1 else one
-        for key, words in WORDS.items()
-        if (one := next((arrays[word] for word in words if word in arrays), None)) is not None
-    }
+    told = dict[str, Array]()
+    for key, words in WORDS.items():
+        word = next((word for word in words if word in arrays), None)
+        if word is None:
+            continue
+        one = arrays[word]
+        if one.ndim > 3 or (one.ndim == 3 and one.shape[2] != 3):
+            what = f"{word} have shape {one.shape}; expected rotation vectors, (n, joints, 3)"
+            raise RecordingError(f"{what}, not matrices or quaternions", source)
+        told[key] = one.reshape(len(one), -1) if one.ndim > 1 else one
     if "poses" in told:
         poses = told["poses"]
     elif "pose_body" in told and "root_orient" in told:
