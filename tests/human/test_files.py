@@ -1,5 +1,6 @@
 """Readers of C3D, TRC, MOT, BVH and SMPL poses, against other readers and closed forms."""
 
+import re
 import struct
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from wbc.errors import WbcError
 from wbc.human import human_motion, is_human_recording, read_markers
 from wbc.human.body import HumanBody
 from wbc.human.bones import REACH, joint_landmarks
-from wbc.human.c3d import plate_wrench
+from wbc.human.c3d import _sensors, plate_wrench
 from wbc.human.c3d_parameters import read_c3d_head
 from wbc.human.markers import ForcePlate, MarkerRecording
 from wbc.motion.table import RecordingError
@@ -610,6 +611,44 @@ def test_c3d_whose_plate_cannot_be_read_says_why_and_keeps_its_markers(tmp_path:
         found = read_markers(path)
         assert len(found.labels) == len(LABELS) and not found.plates
         assert any(words in note for note in found.notes), found.notes
+
+
+@pytest.mark.parametrize(
+    ("kind", "origin", "taken", "words"),
+    [
+        (3, (0.12, 0.2), (0.12, 0.2), None),
+        (
+            3,
+            (0.201, 0.11),
+            (0.11, 0.201),
+            "201 of 200 mm and 110 of 300 mm .*: taken the other way",
+        ),
+        (3, (0.0, 0.0), (0.0, 0.0), "0 of 200 mm and 0 of 300 mm .* so is its CoP"),
+        (3, (0.35, 0.25), (0.35, 0.25), "so is its CoP"),
+        (2, (0.2001, -0.3), (0.2001, -0.3), None),  # in its corner, as a treadmill's
+        (2, (0.9, 0.0), (0.9, 0.0), "so is its CoP"),
+        (1, (9.0, 9.0), (9.0, 9.0), None),
+    ],
+)
+def test_sensors_of_a_plate_that_are_not_within_its_corners_are_told(
+    kind: int, origin: tuple[float, float], taken: tuple[float, float], words: str | None
+) -> None:
+    corners = np.array(((0.2, 0.3, 0.0), (-0.2, 0.3, 0.0), (-0.2, -0.3, 0.0), (0.2, -0.3, 0.0)))
+    found, notes = _sensors("plate", kind, corners, np.array((*origin, -0.05)))
+    np.testing.assert_array_equal(found, (*taken, -0.05))
+    assert len(notes) == (words is not None)
+    assert all(re.search(str(words), note) for note in notes)
+
+
+def test_c3d_whose_plate_has_its_sensor_outside_says_so(tmp_path: Path) -> None:
+    write_c3d(tmp_path / "march.c3d")
+    _with(
+        tmp_path / "march.c3d",
+        "FORCE_PLATFORM",
+        ORIGIN=np.array(((9000.0,), (0.0,), (-40.0,))),
+    )
+    notes = read_markers(tmp_path / "march.c3d").notes
+    assert any("force plate 1 has its sensors 9000 of" in note for note in notes)
 
 
 def test_c3d_of_a_head_that_makes_no_sense_is_refused(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "dm": 0.1}
 MOST_POINTS = 1000
 LARGEST_RATE = 1e6  # Hz
 SMALLEST = 1e-3  # m: sides of a plate
+CORNER = 1.05  # of the way to its corner: an origin there, as treadmills have it, may be rounded
 
 
 def read_c3d(path: Path) -> MarkerRecording:
@@ -134,7 +135,9 @@ def _plates(
     for k in range(min(used, 32)):
         try:
             with np.errstate(all="ignore"):  # what is not finite is refused
-                plates.append(_plate(file, k, signals, time, unit))
+                plate, told = _plate(file, k, signals, time, unit)
+            plates.append(plate)
+            notes += told
         except (InvalidInputError, IndexError, ValueError) as error:
             notes.append(f"force plate {k + 1} was left out: {error}")
     return tuple(plates), tuple(notes)
@@ -154,7 +157,9 @@ def _scaled(file: C3dFile, signals: Array) -> Array:
         return np.asarray((signals - offset) * scale * gain)
 
 
-def _plate(file: C3dFile, k: int, signals: Array, time: Array, unit: float) -> ForcePlate:
+def _plate(
+    file: C3dFile, k: int, signals: Array, time: Array, unit: float
+) -> tuple[ForcePlate, tuple[str, ...]]:
     kinds = file.numbers("FORCE_PLATFORM:TYPE").ravel(order="F")
     corners = file.numbers("FORCE_PLATFORM:CORNERS")
     origin = file.numbers("FORCE_PLATFORM:ORIGIN")
@@ -177,8 +182,27 @@ def _plate(file: C3dFile, k: int, signals: Array, time: Array, unit: float) -> F
     torque = texts[columns[-1]] if columns[-1] < len(texts) else ""
     arm = {"nmm": 1e-3, "nm": 1.0, "ncm": 1e-2}.get(torque, unit)
     places = unit * corners[:, :, k].T
-    force, moment = plate_wrench(kind, values, places, unit * origin[:, k], unit, arm)
-    return ForcePlate(f"plate {k + 1}", time, force, moment, places)
+    sensor, notes = _sensors(f"force plate {k + 1}", kind, places, unit * origin[:, k])
+    force, moment = plate_wrench(kind, values, places, sensor, unit, arm)
+    return ForcePlate(f"plate {k + 1}", time, force, moment, places), notes
+
+
+def _sensors(name: str, kind: int, corners: Array, origin: Array) -> tuple[Array, tuple[str, ...]]:
+    """Return where a plate has its sensors, beside the middle (3,) [m], and what is odd of that.
+
+    Sensors of type 3 stand under the plate, within its corners; where half their distances are
+    larger than those allow, and are not the other way round, these were exchanged.
+    """
+    half = 0.5 * np.array([np.linalg.norm(corners[0] - corners[end]) for end in (1, 3)])
+    off = np.abs(origin[:2])
+    inside = bool((off <= (half if kind == 3 else CORNER * half)).all())
+    if kind == 1 or (inside and (kind != 3 or off.min() > 0.0)):
+        return origin, ()
+    sizes = [f"{1e3 * a:.0f} of {1e3 * b:.0f} mm" for a, b in zip(off, half, strict=True)]
+    what = f"{name} has its sensors {' and '.join(sizes)} beside its middle"
+    if kind == 3 and off.min() > 0.0 and (off[::-1] <= half).all():
+        return origin[[1, 0, 2]], (f"{what}: taken the other way round",)
+    return origin, (f"{what}: its origin or corners are wrong, and so is its CoP",)
 
 
 def plate_wrench(
