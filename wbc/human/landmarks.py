@@ -48,73 +48,72 @@ class Landmark:
 _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]] = {
     "asis": ("pelvis", "pelvis", (46, 120, 83), 12, 8, "ASIS ASI IAS FWT FRONTWAIST WAISTFRONT"),
     "psis": ("pelvis", "pelvis", (-105, 45, 83), 15, 8, "PSIS PSI IPS BWT BACKWAIST WAISTBACK"),
-    "iliac_crest": ("pelvis", "pelvis", (-10, 135, 150), 40, 10, "ICR ILC IC ILIACCREST CREST CSI"),
+    "iliac_crest": ("pelvis", "pelvis", (-10, 135, 150), 40, 10, "ICR ILC IC ILIACCREST ILIAC"
+              " CREST CSI"),
     "hip_centre": ("pelvis", "_thigh", (0, 0, 0), 10, 8, "HJC HIPCENTRE HIPCENTER HIPJOINT HIPJC"),
-    "trochanter": ("_thigh", "_thigh", (0, 85, 0), 30, 15, "GT GTR FTC TROC TROCH GTROC TROCHANTER"
-                   " GREATERTROCHANTER GTROCHANTER GTRO HIP"),
-    "thigh": ("_thigh", "_thigh", (0, 70, -220), 120, 15, "THI THIGH TH TH1 TH2 TH3 TH4 TH5 TH6"
-              " THIGH1 THIGH2 THIGH3 THIGH4 THIGHUPPER THIGHFRONT THIGHREAR THIGHLAT THAP THAD THLD"
-              " UTHIGH LTHIGH THIGHLOWER THIGHDIST THIGHPROX QUAD BAR1 WAND1 THIGH5 THIGHFRONTLOW"),
-    "knee_lateral": ("_thigh", "_shank", (0, 58, 0), 12, 10, "KNE KNEE KNEELAT LATKNEE LKNEE LKNE"
-                     " KNEEOUT KNEE1 LFC FLE LE LEP LK KNEEEXT KNL KNEL LFEP LFE LCON FLC"
-                     " KNEELATERAL LEK KNEELATEPICONDYLE"),
-    "knee_medial": ("_thigh", "_shank", (0, -58, 0), 12, 10, "MKNEE MKNE KNEEMED MEDKNEE KNM KNEM"
-                    " MFC FME ME MEP MK KNEEIN KNEEINT MFEP MFE MCON FMC KNEEMEDIAL MEK KNEIN"
-              " KNEEMEDEPICONDYLE"),
+    "trochanter": ("_thigh", "_thigh", (0, 85, 0), 30, 15, "GT GTR FTC TROC TROCH GTROC"
+              " TROCHANTER GREATERTROCHANTER GTROCHANTER GTRO GRT TRO TRC HIP"),
+    "thigh": ("_thigh", "_thigh", (0, 70, -220), 120, 15, "THI THIGH TH THIGHUPPER THIGHFRONT"
+              " THIGHREAR THIGHLAT THAP THAD THLD UTHIGH LTHIGH THIGHLOWER THIGHDIST THIGHPROX"
+              " QUAD BAR1 WAND1 THIGHFRONTLOW T1 T2 T3 T4 THU THL THD ANTFEM POSTFEM"),
+    "knee_lateral": ("_thigh", "_shank", (0, 58, 0), 12, 10, "KNE KNEELAT LATKNEE LKNEE KNEEOUT"
+              " KNEE1 LFC FLE LE LEP LK KNEEEXT KNL KNEL LFEP LFE LCON FLC LEK KNEELATEPICONDYLE"
+              " FCL LKN"),
+    "knee_medial": ("_thigh", "_shank", (0, -58, 0), 12, 10, "MKNEE KNEEMED MEDKNEE KNM KNEM MFC"
+              " FME ME MEP MK KNEEIN KNEEINT MFEP MFE MCON FMC MEK KNEEMEDEPICONDYLE FCM MKN"),
     "knee_centre": ("_thigh", "_shank", (0, 0, 0), 10, 8, "KJC KNEEJOINT KNEECENTRE KNEECENTER"
-                    " KNEEJC"),
-    "fibula_head": ("_shank", "_shank", (-15, 55, -50), 20, 10, "HF FH FAX FIBHEAD FIBULA FIBHD"),
-    "tibial_tuberosity": ("_shank", "_shank", (45, 0, -65), 25, 10, "TT TTC TTUB TIBTUB TUB"
+              " KNEEJC"),
+    "fibula_head": ("_shank", "_shank", (-15, 55, -50), 20, 10, "HF FH FAX FIBHEAD FIBULA FIBHD"
+              " FIB"),
+    "tibial_tuberosity": ("_shank", "_shank", (45, 0, -65), 25, 10, "TT TTC TTUB TTB TIBTUB TUB"
               " TIBIALTUB"),
-    "shank": ("_shank", "_shank", (20, 40, -200), 120, 10, "TIB TIBIA SHANK SH SH1 SH2 SH3 SH4 SH5"
-              " SH6 SHN SHIN SHANK1 SHANK2 SHANK3 SHANK4 SHANKUPPER SHANKFRONT SHANKREAR SHANKLAT"
-              " TIAP TIAD TB TB1 TB2 TB3 TB4 TIB1 TIB2 TIB3 SK1 SK2 SK3 SK4 LEG CALF BAR2 WAND2"
-              " SHA ATI SHINFRONTHIGH SHANKANTSUP"),
-    "ankle_lateral": ("_shank", "_foot", (0, 42, 0), 10, 8, "ANK ANKLE ANKLELAT LATANKLE LANKLE"
-                      " LANK LMAL MAL MALL LM FAL ANKLEOUT ANKLEEXT ANL LMA ANKLELATERAL"
-              " LATMALLEOLUS"),
-    "ankle_medial": ("_shank", "_foot", (8, -42, 5), 10, 8, "MANKLE MANK ANKLEMED MEDANKLE MMAL MED"
-                     " MM TAM ANKLEIN ANKLEINT ANM MMA ANKLEMEDIAL ANKIN MEDMALLEOLUS"),
+    "shank": ("_shank", "_shank", (20, 40, -200), 120, 10, "TIB TIBIA SHANK SH SHN SHIN"
+              " SHANKUPPER SHANKFRONT SHANKREAR SHANKLAT TIAP TIAD TB SK1 SK2 SK3 SK4 LEG CALF"
+              " BAR2 WAND2 SHA ATI SHINFRONTHIGH SHANKANTSUP S1 S2 S3 S4 TBU TBC TBD ANTTIB"
+              " POSTTIB"),
+    "ankle_lateral": ("_shank", "_foot", (0, 42, 0), 10, 8, "ANK ANKLELAT LATANKLE LANKLE LMAL"
+              " MAL MALL LM FAL ANKLEOUT ANKLEEXT ANL LMA LATMALLEOLUS"),
+    "ankle_medial": ("_shank", "_foot", (8, -42, 5), 10, 8, "MANKLE ANKLEMED MEDANKLE MMAL MED MM"
+              " TAM ANKLEIN ANKLEINT ANM MMA MEDMALLEOLUS"),
     "ankle_centre": ("_shank", "_foot", (0, 0, 0), 10, 8, "AJC ANKLEJOINT ANKLECENTRE ANKLECENTER"
-                     " ANKLEJC"),
+              " ANKLEJC"),
     "heel": ("_foot", "_foot", (-65, 0, -55), 25, 6, "HEE HEEL CAL CALC CALCANEUS CA FCC HL HEEL1"
-             " HEE1 PHEEL CALCBACK HEELBACK HEELFOOT HEELCENTER"),
-    "toe": ("_foot", "_foot", (150, 0, -55), 50, 8, "TOE TOES SMH FM2 SM MT2 TOETIP TOEMID FOREFOOT"
-            " MTP TOE2 2META TOECENTER MT3 D2M MH2 FOREFOOT2 TO BIGTOE FOOTINDEX"),
+              " HEL PCA HEE1 PHEEL CALCBACK HEELBACK HEELFOOT HEELCENTER"),
+    "toe": ("_foot", "_foot", (150, 0, -55), 50, 8, "TOE TOES SMH FM2 SM MT2 TOETIP TOEMID"
+              " FOREFOOT MTP TOE2 2META TOECENTER MT3 D2M MH2 FOREFOOT2 TO BIGTOE FOOTINDEX"),
     "metatarsal_1": ("_foot", "_foot", (125, -35, -58), 30, 8, "MT1 FMH FM1 FM TOEMED 1META MTP1"
-                     " D1M MH1 1MT 1MTP TOE1 TOEIN FOREFOOTIN FIRSTMETATARSAL"),
-    "metatarsal_5": ("_foot", "_foot", (105, 50, -65), 30, 8, "MT5 VMH FM5 VM TOELAT 5META MTP5 D5M"
-                     " MH5 5MT 5MTP TOE5 MET MT5HEAD TOEOUT FOREFOOTOUT FOREFOOT5 FIFTHMETATARSAL"
-                     " SMALLTOE"),
-    "foot": ("_foot", "_foot", (60, 10, -40), 80, 8, "MIDFOOTSUP MIDFOOTLAT MIDFOOT FOOT FOOT1"
-             " FOOT2 FOOT3 P1MT P5MT P1M P5M MIDFOOTMED NAV LCAL MCAL STL"),
-    "acromion": ("trunk", "_upper_arm", (0, 5, 45), 25, 15, "SHO SHOULDER ACR ACROMION ACROMIUM AC"
-                 " CAJ ACRO SHLD SHD SAE SAJ SHOULD SHOULDERTOP"),
+              " D1M D1MT MH1 1MT 1MTP TOE1 TOEIN FOREFOOTIN FIRSTMETATARSAL"),
+    "metatarsal_5": ("_foot", "_foot", (105, 50, -65), 30, 8, "MT5 VMH FM5 VM TOELAT 5META MTP5"
+              " D5M D5MT MH5 5MT 5MTP TOE5 MET MT5HEAD TOEOUT FOREFOOTOUT FOREFOOT5"
+              " FIFTHMETATARSAL SMALLTOE"),
+    "foot": ("_foot", "_foot", (60, 10, -40), 80, 8, "MIDFOOTSUP MIDFOOTLAT MIDFOOT FOOT P1MT"
+              " P5MT P1M P5M MIDFOOTMED NAV LCAL MCAL LCALC MCALC STL"),
+    "acromion": ("trunk", "_upper_arm", (0, 5, 45), 25, 15, "SHO SHOULDER ACR ACROMION ACROMIUM"
+              " AC CAJ ACRO SHLD SHD SAE SAJ SHOULD SHOULDERTOP"),
     "shoulder_centre": ("trunk", "_upper_arm", (0, 0, 0), 15, 12, "SJC SHOULDERCENTRE GHJC"
-                        " SHOULDERCENTER SHOULDERJOINT SHOULDERJC"),
+              " SHOULDERCENTER SHOULDERJOINT SHOULDERJC"),
     "clavicle": ("trunk", "trunk", (65, 30, 380), 40, 10, "CLAVICLE CLA SC SCJ CLAV STERNUM"),
     "scapula": ("trunk", "trunk", (-110, 90, 320), 80, 15, "SCAP BAK SIA SAA SRS SCAPULA ACRB"
-                " SCAPINF IAS2 SHOULDERBACK BACK"),
-    "upper_arm": ("_upper_arm", "_upper_arm", (0, 45, -150), 90, 12, "UPA BICEP BICEPS UPPERARM UA"
-                  " UA1 UA2 UA3 UARM ARM UPPERARM1 HUMERUS UPARM TRICEP TRICEPS DELT UARMHIGH"),
-    "elbow_lateral": ("_upper_arm", "_forearm", (0, 38, 0), 15, 10, "ELB ELBOW ELBOWLAT LATELBOW"
-                      " LELBOW LEL HLE ELBOWOUT ELBL LELB ELBLAT ELL ELBOWLATERAL EL LHE LEE"
-              " ARMLATEPICONDYLE"),
+              " SCAPINF IAS2 SHOULDERBACK BACK"),
+    "upper_arm": ("_upper_arm", "_upper_arm", (0, 45, -150), 90, 12, "UPA BICEP BICEPS UPPERARM"
+              " UA UARM ARM HUMERUS UPARM TRICEP TRICEPS DELT UARMHIGH"),
+    "elbow_lateral": ("_upper_arm", "_forearm", (0, 38, 0), 15, 10, "ELB ELBOWLAT LATELBOW LELBOW"
+              " LEL HLE ELBOWOUT ELBL ELL EL LHE LEE ARMLATEPICONDYLE"),
     "elbow_medial": ("_upper_arm", "_forearm", (0, -38, 0), 15, 10, "MELBOW ELBOWMED MEDELBOW MEL"
-                     " HME ELBOWIN ELBM MELB ELBMED ELM ELBOWMEDIAL EM MHE MEE ARMMEDEPICONDYLE"),
+              " HME ELBOWIN ELBM ELM EM MHE MEE ARMMEDEPICONDYLE"),
     "elbow_centre": ("_upper_arm", "_forearm", (0, 0, 0), 10, 10, "EJC ELBOWCENTRE ELBOWCENTER"
-                     " ELBOWJOINT ELBOWJC"),
-    "forearm": ("_forearm", "_forearm", (20, 30, -140), 90, 10, "FRM FOREARM FRA FARM FA FA1 FA2"
-                " FASUPERIOR FORE FOREARM1 RADULN"),
+              " ELBOWJOINT ELBOWJC"),
+    "forearm": ("_forearm", "_forearm", (20, 30, -140), 90, 10, "FRM FOREARM FRA FARM FA"
+              " FASUPERIOR FORE RADULN"),
     "wrist": ("_forearm", "_hand", (0, 25, 0), 30, 10, "WRIST WRI WR MW LW WRISTOUT WRISTIN"),
     "wrist_radial": ("_forearm", "_hand", (32, 0, 0), 12, 8, "WRA RSP WRISTRAD WRISTLAT LATWRIST"
-                     " LWRIST FARADIUS RAD RADIUS RS WRR WRISTRADIUS WRISTTHUMB RADIALSTYLOID"),
+              " LWRIST FARADIUS RAD RADIUS RS WRR WRISTRADIUS WRISTTHUMB RADIALSTYLOID"),
     "wrist_ulnar": ("_forearm", "_hand", (-32, 0, 0), 12, 8, "WRB USP WRISTULN WRISTMED MEDWRIST"
-                    " MWRIST FAULNA ULN ULNA UHE US WRU WRISTULNA WRISTPINKY ULNARSTYLOID"),
+              " MWRIST FAULNA ULN ULNA UHE US WRU WRISTULNA WRISTPINKY ULNARSTYLOID"),
     "wrist_centre": ("_forearm", "_hand", (0, 0, 0), 10, 10, "WJC WRISTCENTRE WRISTCENTER"
-                     " WRISTJOINT WRISTJC"),
+              " WRISTJOINT WRISTJC"),
     "hand": ("_hand", "_hand", (0, 20, -75), 35, 8, "FIN HAND HM3 HM2 HM5 FIN1 HANDTOP MCP3 MCP2"
-             " MC3 MCP5 MCP MC2 MC5 HND HANDOUT TOPOFHAND"),
+              " MC3 MCP5 MCP MC2 MC5 HND HANDOUT TOPOFHAND"),
     "head_front": ("head", "head", (110, 70, 165), 40, 6, "FHD HDF FRONTHEAD HEADFRONT FH1"),
     "head_back": ("head", "head", (-75, 70, 165), 40, 6, "BHD HDB BACKHEAD HEADBACK REARHEAD"),
     "ear": ("head", "head", (15, 75, 125), 30, 6, "EAR TRAGUS TRAG HEAD HD AURICULARIS TEMPLE"),
@@ -153,12 +152,23 @@ _CENTRES = {
     "trochanter": "hip_centre", "knee_lateral": "knee_centre", "ankle_lateral": "ankle_centre",
     "acromion": "shoulder_centre", "elbow_lateral": "elbow_centre", "wrist": "wrist_centre",
 }  # fmt: skip
+# Of these several markers stand, numbered, on one segment.
+_CLUSTERS = frozenset(("thigh", "shank", "foot", "upper_arm", "forearm"))
 _SUFFIXES = ("STUDY", "MARKER", "REFERENCE", "SPINALPROCESS")
-# Words of a label in camel case, and what Xsens writes before each.
+# Words of a label in camel case, sides before a number (KU Leuven's foot_r1), and what Xsens writes
+# before each.
 _HUMP, _POINT = (
-    re.compile("(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])"),
+    re.compile("(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[ _.][lrLR])(?=[0-9])"),
     re.compile("^p(?=[A-Z])"),
 )
+_SHORT = {"LATERAL": "LAT", "MEDIAL": "MED", "KNEE": "KNE", "ANKLE": "ANK", "ELBOW": "ELB"}
+
+
+def _short(word: str) -> str:
+    """Return a word by which landmarks are found, with the shorter of two usual spellings."""
+    for long, short in _SHORT.items():
+        word = word.replace(long, short)
+    return word
 
 
 def _aliases(table: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]]
@@ -166,7 +176,7 @@ def _aliases(table: dict[str, tuple[str, str, tuple[float, float, float], float,
     found = dict[str, str]()
     for name, row in table.items():
         for alias in row[5].split():
-            found.setdefault(alias, name)
+            found.setdefault(_short(alias), name)
     return found
 
 
@@ -185,18 +195,25 @@ def landmark_of(label: str) -> str | None:
         if words.endswith(suffix):
             words, end = words.removesuffix(suffix), len(words) - len(suffix)
             parts = [part for k, part in enumerate(parts) if len("".join(parts[: k + 1])) <= end]
-    if words in _MIDDLE_ALIASES:
-        return _MIDDLE_ALIASES[words]
+    if _short(words) in _MIDDLE_ALIASES:
+        return _MIDDLE_ALIASES[_short(words)]
     for side in sorted(SIDES, key=len, reverse=True):
-        rests = [words.removeprefix(side)] if words.startswith(side) else []
-        # Elsewhere a side is one only where something parts it: SACR is no right one.
-        if len(parts) > 1 and parts.count(side) == 1:
-            rests.append("".join(part for part in parts if part != side))
+        # Within a label a side is one only where something parts it: SACR is no right one.
+        parted = len(parts) > 1 and parts.count(side) == 1
+        rests = ["".join(part for part in parts if part != side)] if parted else []
+        if words.startswith(side):
+            rests.append(words.removeprefix(side))
         if len(side) > 1 and words.endswith(side):
             rests.append(words.removesuffix(side))
-        for rest in rests:
-            if rest in _PAIRED_ALIASES:
-                return f"{SIDES[side]}_{_PAIRED_ALIASES[rest]}"
+        for rest in map(_short, rests):
+            mark = _PAIRED_ALIASES.get(rest)
+            if (
+                mark is None
+                and (many := _PAIRED_ALIASES.get(rest.rstrip("0123456789"))) in _CLUSTERS
+            ):
+                mark = many
+            if mark is not None:
+                return f"{SIDES[side]}_{mark}"
     return None
 
 
