@@ -9,7 +9,7 @@ import wbc
 from tests.human.walker import LABELS, marching, recorded, squatting, write_trc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.human import HumanMotion, MarkerRecording, compared, human_motion, read_markers
-from wbc.human.body import HINGE_NAMES, HINGES, NAMES, SEGMENT_NAMES, HumanBody
+from wbc.human.body import ANKLE_HEIGHT, HINGE_NAMES, HINGES, NAMES, SEGMENT_NAMES, HumanBody
 from wbc.human.fit import (
     SWINGS,
     MarkerSet,
@@ -254,6 +254,26 @@ def test_frames_in_which_a_foot_stands_over_the_edge_of_a_plate_are_not_compared
     # The third one's edge is under the middle of the sole at first: it is left while it is over it.
     over = np.abs(soles[:, 1] - soles[0, 1]) < 0.02
     assert over.sum() > 20 and frames[2] <= frames[0] - over.sum()
+
+
+def test_a_plate_whose_cop_is_under_one_foot_carries_not_the_other() -> None:
+    """Without corners nothing else tells that the other foot stands beside the plate."""
+    moment = np.arange(200) / 100.0
+    high = BODY.size("thigh") + BODY.size("shank") + ANKLE_HEIGHT * BODY.scale
+    place_ = np.column_stack((0.005 * np.sin(3.0 * moment), 0.0 * moment, np.full(200, high)))
+    poses = Poses(place_, np.tile(np.eye(3), (200, 1, 1)), np.zeros((200, len(HINGES))))
+    human = human_motion(recorded(BODY, posed=(moment, poses))[0], mass=72.0)
+    series = wbc.analyze(human.motion, cutoff=4.0, noise=None, feet=None)
+    time, robot = human.motion.time, human.motion.robot
+    q = np.hstack((human.motion.base, human.motion.joints))[0]
+    left, right = (robot.snapshot(q).position(robot.feet[s].frame) for s in ("left", "right"))
+    force = np.tile((0.0, 0.0, robot.weight), (len(time), 1))
+    down = np.ones((len(time), 2), dtype=bool)
+    found = []
+    for spot in (left, 0.5 * (left + right)):
+        plate = ForcePlate("plate", time, force, np.cross(spot, force))
+        found.append(compared(series, (plate,), down, time))
+    assert found[0] is None and found[1] is not None and len(found[1].time) > 20
 
 
 @pytest.mark.slow

@@ -5,10 +5,11 @@ From the motion alone; the plates tell nothing but the body's mass, where it is 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_dilation, binary_erosion
+from scipy.ndimage import binary_dilation, binary_erosion, binary_opening
 
 from wbc.human.contacts import Bools, nearest_rows
 from wbc.human.markers import ForcePlate
@@ -25,6 +26,7 @@ from wbc.validate import Array
 LOADED = 20.0  # N: a plate that is pushed less is empty
 BESIDE = 0.15  # m: how far a plate's CoP may be from a sole that stands on it
 BEYOND = 0.02  # m: a sole that reaches farther over the plates' edge stands beside them in part
+STANDS = 0.5  # s: for so long the CoP is not under one foot of two that stand on a plate
 LATE = 0.06  # s: how much a foot's landing on a plate and its landing by the motion may differ
 SMEARED = 0.4  # of the low-pass' period: how far a force that no plate has reaches into others
 LEAST_FRAMES = 5
@@ -159,7 +161,7 @@ def _complete(
     placed = sole_series(series.robot, series.q)
     soles = np.stack([placed[foot][:, :2, 3] for foot in series.robot.feet], axis=1)
     beyond = _beyond(plates, sole_corners(series.robot, placed)[..., :2])
-    on = np.zeros(down.shape, dtype=bool)
+    on, carried = np.zeros((2, *down.shape), dtype=bool)
     force, moment = np.zeros((2, len(time), 3))
     inside = np.ones(len(time), dtype=bool)
     stray = np.zeros(len(time), dtype=bool)
@@ -174,8 +176,12 @@ def _complete(
         spot += raw[:, :2] / lift[:, None] * series.ground_height
         reach = 0.5 * max(np.ptp(foot.polygon, axis=0).max() for foot in series.robot.feet.values())
         near = np.linalg.norm(soles - spot[:, None], axis=2) < reach + BESIDE
+        under = _under(series, placed, spot)
         on |= near & loaded[:, None]
+        carried |= near & loaded[:, None] & (under | ~under.any(axis=1, keepdims=True))
         stray |= loaded & ~near.any(axis=1)
+    for_long = np.ones((max(1, round(STANDS / step)), 1), dtype=bool)
+    on &= ~binary_opening(on & down & ~carried, for_long)
     late = max(1, round(LATE / step))
     around = np.ones((2 * late + 1, 1), dtype=bool)
     covered = binary_dilation(on, around) | ~down
@@ -183,6 +189,20 @@ def _complete(
     whole &= ~(beyond & down).any(axis=1)
     apart = late + (0 if series.cutoff is None else round(SMEARED / series.cutoff / step))
     return np.asarray(binary_erosion(whole, np.ones(2 * apart + 1, dtype=bool))), force, moment
+
+
+def _under(series: RmpSeries, placed: Mapping[str, Array], spot: Array) -> Bools:
+    """Return which soles (n, f) points (n, 2) of the ground [m] are under.
+
+    A foot that has the CoP of a plate under it for long, and not only in a step, is what stands
+    there: the other one, if it is down, stands beside.
+    """
+    found = []
+    for name, foot in series.robot.feet.items():
+        arm = spot - placed[name][:, :2, 3]
+        local = (np.swapaxes(placed[name][:, :2, :2], 1, 2) @ arm[..., None])[..., 0]
+        found.append(polygon_margin(foot.polygon, local) > 0.0)
+    return np.stack(found, axis=1)
 
 
 def _at(plate: ForcePlate, time: Array, cutoff: float | None) -> tuple[Array, Array]:
