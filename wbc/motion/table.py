@@ -351,6 +351,9 @@ def tracks(names: Collection[str]) -> bool:
 def _tracked(arrays: dict[str, NDArray[Any]], source: str) -> dict[str, NDArray[Any]]:
     """Return such arrays as time, names and positions: of base, the first body, and joints."""
     joints, rate = arrays["joint_pos"], arrays.get("fps", np.zeros(0)).ravel()
+    if joints.ndim != 2:
+        what = f"it has shape {joints.shape}; expected (n, joints)"
+        raise RecordingError(what, source, "joint_pos")
     if "joint_names" not in arrays:
         what = "MuJoCo and PhysX number joints each in their own way; add an array joint_names"
         raise RecordingError(what, source, "joint_pos")
@@ -364,9 +367,6 @@ def _tracked(arrays: dict[str, NDArray[Any]], source: str) -> dict[str, NDArray[
             raise RecordingError(what, source, name)
         parts.append(body[:, 0])
     turn = parts.pop()[:, [1, 2, 3, 0]]  # from w x y z
-    if joints.ndim != 2:
-        what = f"it has shape {joints.shape}; expected (n, joints)"
-        raise RecordingError(what, source, "joint_pos")
     return {
         "time": np.arange(len(joints)) / float(rate[0]),
         "names": np.concatenate((BASE, arrays["joint_names"].ravel())),
