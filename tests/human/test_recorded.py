@@ -211,6 +211,17 @@ def test_plates_of_other_axes_than_the_markers_are_told() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("away", [0.0, 1.0])
+def test_plates_that_push_where_no_foot_is_are_told(away: float) -> None:
+    recording, _ = recorded(BODY, seconds=2.0, plates=True)
+    (plate,) = recording.plates
+    moment = plate.moment + np.cross((0.0, away, 0.0), plate.force)
+    moved = ForcePlate("plate", plate.time, plate.force, moment)
+    notes = human_motion(recording.with_plates((moved,))).notes
+    assert any("force plates push where no foot is in 100 %" in one for one in notes) == (away > 0)
+
+
+@pytest.mark.slow
 def test_plates_whose_clock_is_late_are_told_and_bands_allow_for_clocks(
     marched: tuple,  # type: ignore[type-arg]
 ) -> None:

@@ -30,6 +30,7 @@ STANDS = 0.5  # s: for so long the CoP is not under one foot of two that stand o
 LATE = 0.06  # s: how much a foot's landing on a plate and its landing by the motion may differ
 SMEARED = 0.4  # of the low-pass' period: how far a force that no plate has reaches into others
 LEAST_FRAMES = 5
+ASTRAY = 0.25  # of the frames in which plates push: where no foot is, that is told
 PRESSED = 0.3  # of the weight: below it neither CoP means much
 CHANGES = 0.1  # of its peak: a vertical force that changes by less tells nothing of clocks
 
@@ -101,7 +102,7 @@ def compared(
     if not plates:
         return None
     feet = down[nearest_rows(time, series.time)]
-    whole, force, moment = _complete(plates, series, feet)
+    whole, force, moment, _ = _complete(plates, series, feet)
     whole &= force[:, 2] > PRESSED * series.robot.weight
     if whole.sum() < LEAST_FRAMES:
         return None
@@ -122,10 +123,13 @@ def compared(
     )
 
 
-def plates_mass(series: RmpSeries, plates: tuple[ForcePlate, ...], down: Bools) -> float | None:
+def plates_mass(
+    series: RmpSeries, plates: tuple[ForcePlate, ...], down: Bools
+) -> tuple[float | None, tuple[str, ...]]:
     """Return a human's mass [kg]: the plates' vertical force by g + c'', both summed over time.
 
-    None if the plates never have all of the force.
+    None if the plates never have all of the force. And a note if one of them often pushes where no
+    foot is.
 
     Parameters
     ----------
@@ -133,13 +137,18 @@ def plates_mass(series: RmpSeries, plates: tuple[ForcePlate, ...], down: Bools) 
         Which feet are down (n, f) in the series' frames.
     """
     if not plates:
-        return None
-    whole, force, _ = _complete(plates, series, down)
-    whole &= force[:, 2] > LOADED
+        return None, ()
+    whole, force, _, stray = _complete(plates, series, down)
+    pushed = force[:, 2] > LOADED
+    part = float((stray & pushed).sum() / max(1, pushed.sum()))
+    what = f"force plates push where no foot is in {100 * part:.0f} % of the frames"
+    why = "their origin, axes or clock are not the markers', or something else pushes"
+    told = (f"{what}: {why}",) if part > ASTRAY else ()
+    whole &= pushed
     if whole.sum() < LEAST_FRAMES:
-        return None
+        return None, told
     needed = STANDARD_GRAVITY + series.com_acceleration[whole, 2]
-    return float(force[whole, 2].sum() / needed.sum())
+    return float(force[whole, 2].sum() / needed.sum()), told
 
 
 def _beyond(plates: tuple[ForcePlate, ...], corners: Array) -> Bools:
@@ -154,8 +163,11 @@ def _beyond(plates: tuple[ForcePlate, ...], corners: Array) -> Bools:
 
 def _complete(
     plates: tuple[ForcePlate, ...], series: RmpSeries, down: Bools
-) -> tuple[Bools, Array, Array]:
-    """Return in which frames the plates have all of the force, the force and its moment (n, 3)."""
+) -> tuple[Bools, Array, Array, Bools]:
+    """Return in which frames the plates have all of the force, the force and its moment (n, 3).
+
+    And in which frames one of them pushes where no foot is.
+    """
     time = series.time
     step = float(time[1] - time[0])
     placed = sole_series(series.robot, series.q)
@@ -188,7 +200,8 @@ def _complete(
     whole = covered.all(axis=1) & (on & down).any(axis=1) & inside & ~stray
     whole &= ~(beyond & down).any(axis=1)
     apart = late + (0 if series.cutoff is None else round(SMEARED / series.cutoff / step))
-    return np.asarray(binary_erosion(whole, np.ones(2 * apart + 1, dtype=bool))), force, moment
+    whole = np.asarray(binary_erosion(whole, np.ones(2 * apart + 1, dtype=bool)))
+    return whole, force, moment, stray
 
 
 def _under(series: RmpSeries, placed: Mapping[str, Array], spot: Array) -> Bools:

@@ -189,8 +189,8 @@ def human_motion(
     if cutoff * (time[-1] - time[0]) > LEAST_CUTOFF_PERIODS:
         series = analyze(motion, cutoff=cutoff, noise=None, feet=None, ground_height=ground)
         standing = down[nearest_rows(time, series.time)]
-        weighed = plates_mass(series, recording.plates, standing)
-        notes += _pull_note(series) + _rate_note(recording.rate, cutoff)
+        weighed, told = plates_mass(series, recording.plates, standing)
+        notes += told + _pull_note(series) + _rate_note(recording.rate, cutoff)
         if by_steps:
             sway = SWAY if seen.trunk else SWAY_OF_LEGS
             moves, told = moved_by_steps(series, standing, found.stature, sway)
