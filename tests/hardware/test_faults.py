@@ -3,6 +3,7 @@
 import copy
 import gc
 import io
+import multiprocessing
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -10,14 +11,26 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hardware_faults import CONTROLLER_FAULTS, DT, READING_FAULTS, HungWorker, Rig, after, soak
+from hardware_faults import (
+    CONTROLLER_FAULTS,
+    DT,
+    READING_FAULTS,
+    HungWorker,
+    Rig,
+    after,
+    shifted,
+    soak,
+)
 
 from tests.command import wbc_command
 from wbc.cli.hardware_run import _aside, _said
 from wbc.errors import InvalidInputError
+from wbc.hardware.bus import Bus, BusError, Reading
+from wbc.hardware.loop import HardwareLoop
 from wbc.hardware.operator import Keyboard, Script, Wish
 from wbc.hardware.real_time import CycleClock, check_cpus
-from wbc.hardware.safety import RULES, TRANSITIONS, Fault, Mode
+from wbc.hardware.robot_controller import ControllerAnswer, EstimateError
+from wbc.hardware.safety import RULES, TRANSITIONS, Event, Fault, Mode
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +57,27 @@ def test_a_fault_of_readings_is_answered(name: str, rig: Rig) -> None:
         command = rig.cycle()
         assert not rig.excess(command)
     assert not after(name, mode, rig)
+
+
+@pytest.mark.parametrize("jump", [-5.0, -0.3, 0.3, 5.0])
+def test_times_go_on_for_the_controller_where_the_robots_clock_jumped(
+    jump: float, rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Back, its estimate stayed where it was; ahead, one reading was to stand for seconds."""
+    asked, command = list[float](), rig.controller.command
+
+    def noted(reading: Reading) -> ControllerAnswer:
+        asked.append(reading.time)
+        return command(reading)
+
+    monkeypatch.setattr(rig.controller, "command", noted)
+    for shift in (0.0, jump, 2.0 * jump):
+        rig.bus.inject(shifted(shift))
+        rig.cycles(0.1)
+    assert rig.safety.mode is Mode.RUNNING and rig.safety.counts[Fault.CLOCK_JUMPED] == 10
+    apart = np.diff(asked)
+    assert apart.min() > 0.5 * DT and apart.max() < 0.02
+    assert asked[-1] == pytest.approx(rig.time - DT, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", CONTROLLER_FAULTS)
@@ -122,6 +156,95 @@ def test_a_robot_that_is_not_there_is_missed_in_words() -> None:
     rig.bus.inject(None)
     rig.cycles(0.1)
     assert said[-1] == "the robot is heard"
+
+
+def test_a_robot_that_was_long_away_stands_up_when_it_is_asked_to() -> None:
+    """Silence was borne without an end: after a minute of it nobody stood up for two."""
+    rig = Rig()
+    rig.bus.inject(READING_FAULTS["messages lost for good"][0])
+    rig.cycles(5.0)
+    rig.bus.inject(None)
+    rig.cycles(0.1)
+    rig.wanted.extend((Wish.ARM, Wish.STAND))
+    rig.cycles(0.01)
+    assert rig.safety.mode is Mode.STANDING_UP
+
+
+def test_a_refusal_is_told_once_a_second_to_a_script_that_asks_in_each_cycle() -> None:
+    rig, said = Rig(), list[str]()
+    rig.loop._say = said.append
+    rig.wanted.extend([Wish.RUN] * 600)
+    rig.cycles(1.2)
+    assert [line.startswith("run: running is not allowed in idle") for line in said] == [True] * 2
+
+
+def test_a_fault_whose_words_say_asked_is_a_fault_and_is_not_forgotten(rig: Rig) -> None:
+    """The words of an error of the controller's made it a stop that somebody wanted."""
+    rig.safety.report(Fault.CONTROLLER_RAISED, "asked for 3 m/s")
+    rig.cycles(0.3)
+    for _ in range(1200):  # more events than are kept
+        rig.safety.events.append(Event(rig.time, "command clipped", Mode.RUNNING))
+    assert not rig.loop.result().good
+
+
+def test_an_estimator_that_raises_ends_standing_up_in_words() -> None:
+    """It stood on, and nobody was told that it would never run."""
+    rig = Rig()
+
+    def observe(reading: Reading) -> ControllerAnswer:
+        raise InvalidInputError("are its units g?")
+
+    rig.controller.observe = observe  # type: ignore[method-assign]
+    rig.wanted.append(Wish.ARM)
+    rig.cycles(0.03)
+    rig.wanted.append(Wish.STAND)
+    rig.cycles(0.3)
+    assert rig.safety.mode is Mode.DAMPING
+    assert any("controller raised are its units g?" in one.what for one in rig.safety.events)
+
+
+def test_what_there_is_no_estimate_for_is_told_who_wants_to_run() -> None:
+    rig = Rig()
+
+    def observe(reading: Reading) -> ControllerAnswer:
+        raise EstimateError("it moves")
+
+    rig.controller.observe = observe  # type: ignore[method-assign]
+    rig.wanted.append(Wish.ARM)
+    rig.cycles(0.03)
+    rig.wanted.append(Wish.STAND)
+    rig.cycles(0.2)
+    rig.wanted.append(Wish.RUN)
+    rig.cycle()
+    assert rig.safety.events[-1].what == "run: no estimate: it moves"
+
+
+def test_a_bus_that_does_not_open_leaves_the_log_of_the_run_before(tmp_path: Path) -> None:
+    log = tmp_path / "log.npz"
+    log.write_text("of the run before")
+    rig = Rig()
+
+    def watch(ring: object) -> None:
+        threading.Event().wait(60.0)
+
+    def taken() -> Bus:
+        raise BusError("port 9751 is taken")
+
+    before = set(multiprocessing.active_children())
+    with pytest.raises(BusError, match="taken"):
+        HardwareLoop(
+            taken,
+            rig.controller,  # type: ignore[arg-type]
+            rig.safety,
+            rig.loop._checks,
+            rig.loop._motions,
+            rig,
+            log=log,
+            watch=watch,
+            priority=0,
+        )
+    assert set(multiprocessing.active_children()) == before
+    assert log.read_text() == "of the run before"
 
 
 def test_an_interrupt_ends_a_loop_that_commands_nothing() -> None:
@@ -303,6 +426,12 @@ def test_a_script_arms_stands_runs_sits_and_ends() -> None:
         told.append(script.wish(status))  # type: ignore[arg-type]
     arm, stand, run, sit, quit_ = Wish.ARM, Wish.STAND, Wish.RUN, Wish.SIT, Wish.QUIT
     assert told == [arm, None, stand, None, run, None, sit, quit_, quit_]
+    script = Script(seconds=2.0, settle=0.5)
+    for mode in (Mode.IDLE, Mode.STANDING_UP, Mode.SOFT_STOP):  # stopped on its way up
+        status = SimpleNamespace(mode=mode, mode_time=0.6, is_up=False, hears=True)
+        script.wish(status)  # type: ignore[arg-type]
+    status.mode = Mode.DAMPING
+    assert script.wish(status) is Wish.QUIT  # type: ignore[arg-type]
     script.ask(Wish.STOP)
     assert script.wish(status) is Wish.STOP  # type: ignore[arg-type]
 

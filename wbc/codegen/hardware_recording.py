@@ -99,9 +99,10 @@ def _cycles(parts: HardwareParts) -> Iterator[list[float]]:
     safety = safety_of(parts.robot, parts.profile, PERIOD)
     checks, faults, modes = SensorChecks(parts.robot), list(Fault), list(Mode)
     last: Reading | None = None
-    for k, (now, reading, extra, wanted) in enumerate(_what_comes(parts, rng)):
+    for k, (now, came, extra, wanted) in enumerate(_what_comes(parts, rng)):
         asked = _asked(safety, k)
         refused, took = -1, 0.0
+        reading = None if came is None else checks.mended(came)
         if reading is not None:
             found = checks.refused(reading, now)
             if found is not None:
@@ -123,7 +124,7 @@ def _cycles(parts: HardwareParts) -> Iterator[list[float]]:
         told = safety.admit(wanted)
         borne = sum(2.0 ** faults.index(fault) for fault in safety.present)
         yield [
-            *(now, float(asked), float(extra), *_of_reading(reading, len(told.kp))),
+            *(now, float(asked), float(extra), *_of_reading(came, len(told.kp))),
             *_of_command(wanted, len(told.kp)),
             *(float(refused), took, float(modes.index(mode)), borne),
             *_of_command(told, len(told.kp)),

@@ -34,6 +34,7 @@ WITHOUT = 3  # periods of the controller without an answer that are no fault: co
 # In which nothing is commanded but damping, if at all.
 DOWN = frozenset((Mode.IDLE, Mode.DAMPING, Mode.STOP))
 PATIENCE = 2.0  # s without a usable reading, of a robot that is not armed, until that is said
+AGAIN = 1.0  # s after which the same refusal is told again
 SILENT_AFTER = 0.005  # s without a usable reading: two messages of 500 Hz
 GONE_AFTER = 0.040  # s: the robot's side is gone, and the loop ends
 STALL = 0.040  # s of lateness: the process was stopped or starved
@@ -130,8 +131,13 @@ class HardwareLoop:
         self._watcher = Watcher(self._ring, watch) if watch and self._forked else None
         if watch and self._watcher is None:
             say("nothing is shown: there is no second process here")
-        with real_time(priority):  # which a bus's own threads inherit
-            self.bus = bus()
+        try:
+            with real_time(priority):  # which a bus's own threads inherit
+                self.bus = bus()
+        except BaseException:
+            self._worker.close()
+            self._end_processes()
+            raise
         self._began = 0.0
         self._now = LoopMemory()
         self._clock: CycleClock | None = None
@@ -167,12 +173,16 @@ class HardwareLoop:
     def _leave(self) -> None:
         """Send damping, whatever happened; write the log that waits."""
         now = self._now
-        self.safety.stop(clock_now(), f"the loop ends: {now.ended or 'an error'}")
+        self.safety.stop(clock_now(), f"{now.ended or 'an error'}: the loop ends")
         for _ in range(SEND_STOPS):
             self._write(self.safety.admit(None))
         now.notes = tuple(self._worker.close())
         if now.log_at is not None or self._keeps:
             self._write_log(now.event or f"the end: {now.ended}")
+        self._end_processes()
+
+    def _end_processes(self) -> None:
+        """End those that write and show."""
         if self._writer is not None:
             self._writer.close()
         if self._watcher is not None:
@@ -183,7 +193,7 @@ class HardwareLoop:
         now, safety = self._now, self.safety
         writer = self._writer
         complaints = () if writer is None else tuple(writer.complaints)
-        stopped = any(is_fault(one) for one in safety.events)
+        stopped = now.stopped or any(is_fault(one) for one in safety.events)
         return LoopResult(
             now.ended,
             now.time,
@@ -234,6 +244,7 @@ class HardwareLoop:
         came = self.bus.read()
         fresh: Reading | None = None
         if came is not None:
+            came = self._checks.mended(came)
             refused = self._checks.refused(came, time)
             if refused is None:
                 fresh, now.heard = came, time
@@ -327,7 +338,8 @@ class HardwareLoop:
     def _judge_outcome(self, outcome: WorkerOutcome) -> None:
         answer, safety = outcome.answer, self.safety
         if answer is None:
-            if safety.mode is not Mode.RUNNING:
+            self._now.error = outcome.error
+            if safety.mode is not Mode.RUNNING and outcome.no_estimate:
                 return  # it has not stood still for long enough
             fault = Fault.ESTIMATOR_FAILED if outcome.no_estimate else Fault.CONTROLLER_RAISED
             safety.report(fault, outcome.error)
@@ -361,8 +373,7 @@ class HardwareLoop:
             if wish is not None:
                 self._grant(wish, time, is_up)
         except ForbiddenTransition as refusal:
-            safety.events.append(Event(time, f"{wish}: {refusal}", safety.mode))
-            self._say(f"{wish}: {refusal}")
+            self._tell(f"{wish}: {refusal}", time)
         if safety.mode is Mode.RUNNING and now.sits_by is not None:
             rests = now.answer is not None and now.answer.at_rest
             if rests or time > now.sits_by:
@@ -372,6 +383,13 @@ class HardwareLoop:
         if safety.mode is not now.mode:
             self._entered(safety.mode, time)
 
+    def _tell(self, refusal: str, time: float) -> None:
+        """Tell why a wish is refused; once a second, of a script that asks in each cycle."""
+        events = self.safety.events
+        if not events or events[-1].what != refusal or time - events[-1].time >= AGAIN:
+            events.append(Event(time, refusal, self.safety.mode))
+            self._say(refusal)
+
     def _grant(self, wish: Wish, time: float, is_up: bool) -> None:
         now, safety = self._now, self.safety
         at_once = {Wish.ARM: safety.arm, Wish.STAND: safety.stand_up, Wish.RESET: safety.reset}
@@ -379,7 +397,8 @@ class HardwareLoop:
             at_once[wish](time)
         elif wish is Wish.RUN:
             if safety.mode is Mode.STANDING_UP and not is_up:
-                raise ForbiddenTransition("it is not up yet, or its estimate has not begun")
+                why = f"no estimate: {now.error}" if now.error else "it is not up yet"
+                raise ForbiddenTransition(why)
             safety.run(time)
         elif wish is Wish.SIT:
             if safety.mode is Mode.RUNNING:
@@ -402,13 +421,15 @@ class HardwareLoop:
         now.mode, now.mode_began = mode, time
         now.runs = now.stands = False
         if mode is Mode.STANDING_UP:
-            now.answer = None
+            now.answer, now.error = None, ""
             self._motions.up.end()
             self._motions.down.end()
         now.sits_by = None if mode is not Mode.RUNNING else now.sits_by
         event = self.safety.events[-1]
-        if is_fault(event) and now.log_at is None:
-            now.log_at, now.event = time + AFTER, event.what
+        if is_fault(event):
+            now.stopped = True
+            if now.log_at is None:
+                now.log_at, now.event = time + AFTER, event.what
 
     # ------------------------------------------------------------------ time and log
 

@@ -35,6 +35,7 @@ class LoopMemory:
     runs: bool = False  # and that it runs
     time: float = 0.0  # of this cycle
     answer: ControllerAnswer | None = None
+    error: str = ""  # what its process said last in place of an answer
     command: Command | None = None
     sequence: int = 0
     mode: Mode = Mode.IDLE
@@ -43,6 +44,7 @@ class LoopMemory:
     log_at: float | None = None
     event: str = ""
     ended: str = ""
+    stopped: bool = False  # whether a fault stopped it, be it long ago
     notes: tuple[str, ...] = ()
     missed: int = 0
     told: bool = False  # whether it was said that nothing is heard

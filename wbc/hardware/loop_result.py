@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from wbc.hardware.safety import Answer, Event, Fault
+from wbc.hardware.safety import ASKED, Answer, Event, Fault
 from wbc.validate import Array
 
 ANSWERED = (Answer.SOFT_STOP, Answer.STOP)
@@ -67,4 +67,4 @@ class LoopResult:
 
 def is_fault(event: Event) -> bool:
     """Return whether something stopped the robot that nobody asked for."""
-    return event.answer in ANSWERED and "asked" not in event.what
+    return event.answer in ANSWERED and not event.what.startswith(ASKED)

@@ -108,9 +108,9 @@ class Script:
             return Wish.ARM
         if mode is Mode.DAMPING and passed > self._settle:
             return Wish.QUIT if self._was_up else Wish.STAND
-        if mode is Mode.STANDING_UP and status.is_up:
-            self._was_up = True
-            return Wish.RUN
+        if mode is Mode.STANDING_UP:
+            self._was_up = True  # or was on its way when something stopped it
+            return Wish.RUN if status.is_up else None
         if mode is Mode.RUNNING and passed > self._seconds:
             return Wish.SIT
         return Wish.QUIT if mode is Mode.STOP and passed > self._settle else None

@@ -184,7 +184,8 @@ def _serve(writer: LogWriter, pipe: Connection, others: Connection) -> None:
         try:
             asked = pipe.recv()
         except (EOFError, OSError):
-            writer.write_now((), KILLED)
+            if len(writer._ring):  # else it never began: a log of another run may be there
+                writer.write_now((), KILLED)
             return
         if asked is None:
             pipe.send((writer.written, writer.complaints))

@@ -112,7 +112,7 @@ class SensorEstimator:
         )
         estimate = self._estimator.update(measurement)
         if estimate is None:
-            raise EstimateError("the estimator has not seen the robot stand still yet")
+            raise EstimateError(f"the estimator: {self._estimator.kept_by}")
         e = estimate
         deviations = e.tilt_deviation, e.yaw_deviation, e.velocity_deviation, e.position_deviation
         self.sure = Sureness(deviations, e.contacts)

@@ -138,7 +138,7 @@ RULES: Mapping[Fault, Rule] = MappingProxyType(
     }
 )
 """The answer to each fault. A fault that comes and goes is borne as long in sum: what was borne is
-forgotten half as fast as it comes."""
+forgotten half as fast as it comes; of one that lasts no more than its patience is remembered."""
 
 
 class Event(NamedTuple):
@@ -148,6 +148,9 @@ class Event(NamedTuple):
     what: str
     mode: Mode  # afterwards
     answer: Answer = Answer.NOTE
+
+
+ASKED = "asked to "  # how the words of a change of mode begin that somebody wanted
 
 
 class ForbiddenTransition(WbcError):
@@ -294,8 +297,9 @@ class Safety:
                 what = f"{fault}: {detail}" if detail else str(fault)
                 self.events.append(Event(now, what, self.mode))
             self.counts[fault] += 1
-            self._borne[fault] = self._borne.get(fault, 0.0) + self.dt
-            if self._borne[fault] > rule.patience + 1e-9 and rule.answer > answer:
+            borne = min(self._borne.get(fault, 0.0), rule.patience) + self.dt
+            self._borne[fault] = borne
+            if borne > rule.patience + 1e-9 and rule.answer > answer:
                 answer, cause = rule.answer, f"{fault} {detail}".rstrip()
         for fault in self._borne.keys() - self._present.keys():
             self._borne[fault] -= 0.5 * self.dt

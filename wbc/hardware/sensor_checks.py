@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -42,7 +43,13 @@ class SensorFinding(NamedTuple):
 
 
 class SensorChecks:
-    """Looks at each reading of a robot; keeps what it compares with."""
+    """Looks at each reading of a robot; keeps what it compares with.
+
+    Attributes
+    ----------
+    jumped_back:
+        By how much the robot's clock jumped back, in sum [s]; see :meth:`mended`.
+    """
 
     def __init__(self, robot: Robot) -> None:
         check_robot("sensor checks", robot)
@@ -52,6 +59,7 @@ class SensorChecks:
         self._past = deque[Reading]()  # usable ones of the last WINDOW
         self._velocities, self._spins = np.zeros(len(self._names)), np.zeros(3)  # their sums
         self._offset: float | None = None  # of the robot's clock from ours, at its freshest
+        self.jumped_back = 0.0
         self._strange = deque[float](maxlen=AGREE_AGAIN)
         self._changed = [0.0, 0.0]  # when a bit of gyroscope and accelerometer last did
         self._gravity: Array = np.array((0.0, 0.0, 9.81))  # mean specific force, world axes
@@ -65,13 +73,23 @@ class SensorChecks:
 
         It is :meth:`refused` and :meth:`compared`, one after the other.
         """
+        reading = self.mended(reading)
         refused = self.refused(reading, now)
         if refused is not None:
             return False, (refused,)
         return True, self.compared(reading, commanded)
 
+    def mended(self, reading: Reading) -> Reading:
+        """Return a reading whose time goes on where the robot's clock jumped.
+
+        What estimates and leads goes by these times: after a jump back it would take all that comes
+        for late, after one ahead it would predict over seconds that never were.
+        """
+        back = self.jumped_back
+        return replace(reading, time=reading.time + back) if back else reading
+
     def refused(self, reading: Reading, now: float) -> SensorFinding | None:
-        """Return why a reading is of no use; None: it is.
+        """Return why a :meth:`mended` reading is of no use; None: it is.
 
         Parameters
         ----------
@@ -141,8 +159,8 @@ class SensorChecks:
         self._strange.append(offset)
         spread = max(self._strange) - min(self._strange)
         if len(self._strange) == AGREE_AGAIN and spread < OLDEST and abs(age) > CLOCK_JUMP:
-            self._offset = min(self._strange)
-            self._forget()
+            self.jumped_back += min(self._strange) - self._offset
+            self._strange.clear()
             return SensorFinding(Fault.CLOCK_JUMPED, f"by {-age:.3f} s; taken as it is now")
         if age > CLOCK_JUMP or age < 0.0:
             return SensorFinding(Fault.CLOCK_JUMPED, f"by {-age:.3f} s")

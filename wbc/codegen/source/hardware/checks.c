@@ -57,8 +57,7 @@ static int timely(wbc_checks *c, double time, double now) {
         high = c->strange[k] > high ? c->strange[k] : high;
     }
     if (c->strangers == WBC_AGREE_AGAIN && high - low < WBC_OLDEST && fabs(age) > WBC_CLOCK_JUMP) {
-        c->offset = low;
-        forget(c);
+        c->jumped_back += low - c->offset, c->strangers = 0;
         return WBC_FAULT_CLOCK_JUMPED;
     }
     return age > WBC_CLOCK_JUMP || age < 0.0 ? WBC_FAULT_CLOCK_JUMPED : WBC_FAULT_OLD_READING;
@@ -99,8 +98,9 @@ static int jumped(wbc_checks *c, const wbc_reading *r) {
     return turn > 2.0 * WBC_JUMP + passed * (sqrt(dot3(last->rate, last->rate)) + 10.0);
 }
 
-int wbc_checks_refused(wbc_checks *c, const wbc_reading *r, double now) {
+int wbc_checks_refused(wbc_checks *c, wbc_reading *r, double now) {
     int found = -1;
+    r->time += c->jumped_back;
     /* What counts anew is far back, so no message that came late. */
     if (r->sequence <= c->sequence && !(r->sequence < c->sequence - WBC_RESTARTED)) found = WBC_FAULT_OUT_OF_ORDER;
     else if (!finite(r)) found = WBC_FAULT_NOT_FINITE;

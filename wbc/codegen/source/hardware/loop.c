@@ -179,7 +179,9 @@ static void entered(robot_loop *l) {
         printf("%9.3f s  %s%s%s\n", l->time, wbc_mode_names[s->mode], s->cause >= 0 ? ": " : "",
                s->cause >= 0 ? wbc_fault_names[s->cause] : "");
     l->mode = s->mode, l->mode_began = l->time, l->runs = 0;
-    if (s->mode == WBC_MODE_STANDING_UP) l->to_stand.begun = l->to_crouch.begun = l->estimates = l->asked = 0;
+    if (s->mode != WBC_MODE_STANDING_UP) return;
+    l->to_stand.begun = l->to_crouch.begun = l->estimates = l->asked = 0;
+    l->was_up = 1; /* or on its way when something stopped it: it does not try again */
 }
 
 /* Ask for the next mode when it is time; return whether it is over. */
@@ -191,7 +193,7 @@ static int ask(robot_loop *l, double seconds) {
     else if (s->mode == WBC_MODE_DAMPING && passed > SETTLE) {
         if (l->was_up) return 1;
         wbc_safety_stand_up(s);
-    } else if (s->mode == WBC_MODE_STANDING_UP && is_up) l->was_up = wbc_safety_to(s, WBC_MODE_RUNNING);
+    } else if (s->mode == WBC_MODE_STANDING_UP && is_up) wbc_safety_to(s, WBC_MODE_RUNNING);
     else if (s->mode == WBC_MODE_RUNNING && passed > seconds) wbc_safety_to(s, WBC_MODE_SOFT_STOP);
     else if (s->mode == WBC_MODE_SOFT_STOP && is_over(&l->to_crouch, l->time)) wbc_safety_to(s, WBC_MODE_DAMPING);
     else if (s->mode == WBC_MODE_STOP && passed > SETTLE) return 1;
@@ -213,7 +215,7 @@ static const wbc_motors *wanted(robot_loop *l, int fresh, wbc_motors *c) {
     if (stands && !l->asked++) wbc_sensing_start(&l->sensing);
     const int said = sense(l);
     l->estimates = said == DONE;
-    if (runs && said != DONE) wbc_safety_report(s, WBC_FAULT_ESTIMATOR_FAILED);
+    if (said != DONE && (runs || said != STANDING)) wbc_safety_report(s, WBC_FAULT_ESTIMATOR_FAILED);
     if (!runs) return c;
     if (said != DONE) return 0;
     if (!l->runs) begin(l), l->runs = 1, l->turn = EVERY;

@@ -90,7 +90,7 @@ int wbc_safety_judge(wbc_safety *s) {
     for (int k = 0; k < s->reported; k++) {
         const int f = s->order[k];
         const wbc_rule *rule = wbc_rules + f;
-        present[f] = 1, s->counts[f]++, s->borne[f] += WBC_CYCLE;
+        present[f] = 1, s->counts[f]++, s->borne[f] = smaller(s->borne[f], rule->patience) + WBC_CYCLE;
         if (s->borne[f] > rule->patience + 1e-9 && rule->answer > answer) answer = rule->answer, s->cause = f;
     }
     for (int f = 0; f < WBC_FAULTS; f++)
