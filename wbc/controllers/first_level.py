@@ -13,6 +13,7 @@ from wbc.controllers.core_tick import CoreTick
 from wbc.qp.active_set import NAME, NO_RESIDUALS, ActiveSet
 from wbc.qp.backend import Backend
 from wbc.qp.conflict import conflict_of
+from wbc.qp.kkt import largest
 from wbc.qp.problem import QP
 from wbc.qp.proxqp import ProxQP
 from wbc.qp.solution import Solution, Status
@@ -21,6 +22,9 @@ from wbc.validate import Array
 # How far above eps the residuals of a relaxed QP may be: the other choice is a robot that is only
 # brought to rest.
 ENOUGH = 1000.0
+# Of the largest curvature of a relaxed QP, what unknowns are damped by where weights are farther
+# apart than numbers hold; with 1e-10 one of five was still unsolved.
+FAINTEST = 1e-9
 
 
 class FirstLevel:
@@ -68,11 +72,29 @@ class FirstLevel:
                 return exact
         return self._asked(qp, workspace, hurried)
 
-    def solve_relaxed(self, qp: QP, weights: Array | None) -> Solution:
-        """Return the checked solution of a relaxed QP, its slacks behind the unknowns."""
+    def solve_relaxed(self, qp: QP, weights: Array | None, rest: Array) -> Solution:
+        """Return the checked solution of a relaxed QP, its slacks behind the unknowns.
+
+        Parameters
+        ----------
+        rest:
+            Where unknowns (n,) stay as far as what is light is lost beside heavier weights.
+        """
         if weights is None:
             return self._asked(qp, None, hurried=True)
-        return self._core.solve_soft(qp, weights, ENOUGH * self._core.eps)
+        eps = ENOUGH * self._core.eps
+        found = self._core.solve_soft(qp, weights, eps)
+        if found.solved:
+            return found
+        size = largest(qp.P.diagonal())
+        P = qp.P / size + FAINTEST * np.eye(rest.size)
+        eased = qp._replace(P=P, g=qp.g / size - FAINTEST * rest)
+        found = self._core.solve_soft(eased, weights / size, eps)
+        if not found.solved:
+            return found
+        y, z, z_box = (size * part for part in found[1:4])
+        said = "weights are too far apart for numbers: what is light was lost beside the heaviest"
+        return found._replace(y=y, z=z, z_box=z_box, message=said)
 
     def solve_once(self, qp: QP) -> Solution:
         """Return the checked solution of a QP that will not come again."""

@@ -443,7 +443,9 @@ class TorqueController(Controller):
         surfaces, begin = len(self.contact_forces.surfaces), self._bounded.size
         physical = Physical(self._passive.size, qp.u.size, slice(begin, begin + surfaces))
         relaxed = relaxed_qp(self.plan, qp, physical, margins, plan.heaviest)
-        solution = self._levels.first.solve_relaxed(relaxed.slackless, relaxed.weights)
+        rest = np.concatenate((snapshot.v, np.zeros(self.contact_forces.size)))
+        first = self._levels.first
+        solution = first.solve_relaxed(relaxed.slackless, relaxed.weights, rest)
         found.relaxed = relaxed
         hurried = failed.found.hurried
         failed.found.take_over(found)

@@ -96,7 +96,8 @@ class TorqueTick(Tick):
         elif self.left_out:
             why = ": the deadline was over"
         missed = missed or "nothing noticeable"
-        return f"not everything could be kept{why}; gave way: {missed}{away}"
+        lost = f"; {self.solution.message}" if self.solution.message else ""
+        return f"not everything could be kept{why}; gave way: {missed}{lost}{away}"
 
     @property
     def conflict(self) -> Conflict | None:

@@ -53,7 +53,7 @@ def acceptable(
     r = residuals
     if is_accurate(r, eps):
         return True
-    if math.inf in (r.primal, r.dual, r.complementarity):
+    if not all(map(math.isfinite, r)):
         return False
     primal, dual = reference_magnitudes(qp, x, y, z, z_box)
     cost = 1.0 + abs(float(x @ qp.P @ x)) + abs(float(qp.g @ x))
