@@ -1,5 +1,7 @@
 """The estimator on messages of a robot that stands, slips, and whose sensors fail."""
 
+import copy
+import pickle
 import re
 from collections.abc import Callable, Iterable
 
@@ -364,6 +366,28 @@ def test_what_it_cannot_serve_is_refused_by_name(hoap2: Robot) -> None:
         StateEstimator(Robot.load("hoap2_like", base="fixed"))
     with pytest.raises(InvalidInputError, match="imus: 99 of them; at most"):
         StateEstimator(hoap2, [ImuMount(f"imu {k}") for k in range(99)])
+
+
+@pytest.mark.parametrize(
+    "copied", [copy.copy, copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))]
+)
+@pytest.mark.parametrize("heard", [100, 400])
+def test_a_copy_goes_on_to_the_same_bits(
+    copied: Callable[[StateEstimator], StateEstimator],
+    heard: int,
+    hoap2: Robot,
+    rng: np.random.Generator,
+) -> None:
+    sent = messages(hoap2, 600, rng)
+    one = StateEstimator(hoap2, MOUNTS, dt=DT)
+    for m in sent[:heard]:
+        one.update(m)
+    other = copied(one)
+    for m in [*sent[heard:450], sent[445], *sent[450:]]:  # one of them late
+        first, second = one.update(m), other.update(m)
+    assert first is not None and second is not None
+    assert first.q.tobytes() == second.q.tobytes() and first.notes == second.notes
+    assert first.covariance.tobytes() == second.covariance.tobytes()
 
 
 def test_it_shows_its_imus_and_how_far_it_is(hoap2: Robot, rng: np.random.Generator) -> None:

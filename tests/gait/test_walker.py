@@ -46,6 +46,16 @@ def test_a_task_named_as_one_of_the_walk_is_refused_by_name(hoap2: Robot) -> Non
         wbc.gait.Walker(hoap2, tasks=[arms])
 
 
+def test_an_assigned_command_is_refused(hoap2: Robot) -> None:
+    """It took the method's place, and the robot stood."""
+    walker = wbc.gait.Walker(hoap2)
+    with pytest.raises(
+        InvalidInputError, match=r"walker: command is called: walker.command\(0.3\)"
+    ):
+        walker.command = 0.3  # type: ignore[assignment,method-assign]
+    assert walker.command(0.1).velocity.vx == 0.1
+
+
 def test_commands_keep_the_limits_that_a_walker_is_given(hoap2: Robot) -> None:
     """Speeds of commands go with those of joints; before, what was asked for could not be done."""
     usual, same, slow, calm = (

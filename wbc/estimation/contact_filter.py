@@ -13,7 +13,7 @@ core's (``source/filter.c``).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -106,6 +106,7 @@ class ContactFilter:
         self._held = np.zeros(feet, dtype=np.int64)
         self._scratch, self._said = np.zeros(7 * n), np.zeros(7)
         g = finite_array("filter, gravity", gravity, (3,))
+        self._made = feet, noise, g
         squares = {name: getattr(noise, name) ** 2 for name in FilterNoise.__dataclass_fields__}
         self.struct = ffi.new(
             "wbc_filter *",
@@ -121,6 +122,13 @@ class ContactFilter:
             },
         )
         self._x[:9] = np.eye(3).ravel()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how to make it anew, and what it knows: what the core has is no object."""
+        return type(self), self._made, self.memory()
+
+    def __setstate__(self, memory: tuple[Array, Counts]) -> None:
+        self.restore(memory)
 
     @property
     def sizes(self) -> dict[str, int]:

@@ -11,7 +11,9 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
+from functools import partial
 from itertools import compress
 from typing import Any
 
@@ -95,6 +97,7 @@ class StateEstimator:
         window = self.settings.velocity_window
         joints = robot.nv - BASE_NV
         self.velocity_delay = JointVelocityFilter(joints, window, dt).delay
+        self._made = robot, self.imus, self.settings, dt
         self.core = EstimatorCore(robot, self.imus, self.settings, dt)
         self._beginning = Beginning(robot, self.imus, self.settings.standing_time, dt)
         self._shape, self._feet = (joints,), tuple(robot.feet)
@@ -138,6 +141,18 @@ class StateEstimator:
         self._past: deque[tuple[Measurement, EstimatorMemory]] = deque(maxlen=self.settings.history)
         self._last: Estimate | None = None
         self._beginning.anew()
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        waits, start, memory, self._past, self._last, self._beginning = state
+        self.core.made["wait"][:], self.core.given["start"][:] = waits, start
+        self.core.restore(memory)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how to make it anew, and what it knows: what the core has is no object."""
+        core = self.core
+        known = core.made["wait"].copy(), core.given["start"].copy(), core.memory()
+        state = (*known, self._past.copy(), self._last, copy(self._beginning))
+        return partial(type(self), dt=self._made[-1]), self._made[:-1], state
 
     @property
     def kept_by(self) -> str:

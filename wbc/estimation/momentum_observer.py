@@ -63,6 +63,7 @@ class MomentumObserver:
                 f"momentum observer: {robot.name} has {len(self.feet)} feet; at most"
                 f" {lib.MOMENTUM_MOST_FEET} are supported"
             )
+        self._made = robot, bandwidth, trust
         tree, nv, k = robot.native.tree, robot.nv, len(self.feet)
         ids = [robot.frame_id(foot.frame) for foot in robot.feet.values()]
         joints, placements = frame_places(robot.model, ids)
@@ -97,6 +98,13 @@ class MomentumObserver:
                 **arrays,
             },
         )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how to make it anew, and what it knows: what the core has is no object."""
+        return type(self), self._made, self.memory()
+
+    def __setstate__(self, memory: Array) -> None:
+        self.restore(memory)
 
     @property
     def residual(self) -> Array:

@@ -21,7 +21,7 @@ import cmath
 import logging
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +32,7 @@ from wbc.constraints.rows import Constraint
 from wbc.controllers.checks import check_list, check_snapshot
 from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
+from wbc.errors import InvalidInputError
 from wbc.gait.adaptation import held_back_by
 from wbc.gait.command import Admitted, CommandLimits, Velocity
 from wbc.gait.dcm import in_plane
@@ -81,6 +82,9 @@ LIGHTEST = 0.5
 # A robot that falls aside pushes the ground with half its weight. Of a pyramid of four sides inside
 # the cone 0.71 of the friction is left straight ahead and aside, of eight 0.92, in the same time.
 FRICTION = FrictionCone(facets=8)
+
+
+CALLED = frozenset(("command", "follow", "step", "prepare"))
 
 
 class Walker:
@@ -204,6 +208,13 @@ class Walker:
         self.unadapted = 0
         self._push = PushObserver(self.gait.omega, self.gait.height)
         self._made_at: Array | None = now.middle
+
+    if not TYPE_CHECKING:  # a checker that sees this method lets every name be assigned
+
+        def __setattr__(self, name: str, value: object) -> None:
+            if name in CALLED:  # walker.command = 0.3 would walk nowhere, in silence
+                raise InvalidInputError(f"walker: {name} is called: walker.{name}({value!r})")
+            object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
         vx, vy, yaw = self.velocity
