@@ -42,7 +42,8 @@ ALLOWED: dict[str, dict[str, str]] = {
     "docs/howto/benchmarks.md": {SETTINGS: "99.9 %"},
     "docs/howto/campaigns.md": {ADVICE: "720 runs"},
     "docs/howto/estimate.md": {
-        SETTINGS: "4 ms; 10 ms; 0.12 m/s; 4 mm; 25 times; 100 times; 50 ms; 0.1 s",
+        SETTINGS: "4 ms; 10 ms; 0.12 m/s; 4 mm; 25 times; 100 times; 50 ms; 0.1 s;"
+        " 3 m/s^2; 0.35 rad",
         ADVICE: "0.03; 0.003 rad/s; 500 Hz; 0.02 m/s^2; 0.12 degrees",
         CONDITIONS: "2 cm; 25 to 250 ms",
     },

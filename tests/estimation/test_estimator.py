@@ -4,6 +4,7 @@ import copy
 import pickle
 import re
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -175,6 +176,58 @@ def swaying(
         _, _, p_after = pose(t + 1e-5)
         found.append((joints, R.T @ (p_after - p) / 1e-5, *readings))
     return found
+
+
+def test_a_gap_is_said_and_leaves_the_estimate_as_unsure_as_it_is(
+    hoap2: Robot, rng: np.random.Generator
+) -> None:
+    """By one reading the base was predicted over seconds, and as sure of it as before."""
+    sent = messages(hoap2, 900, rng)
+    e = StateEstimator(hoap2, MOUNTS, dt=DT)
+    before = fed(e, sent[:400])
+    short, long = fed(e, sent[403:404]), fed(e, sent[409:410])
+    assert not short.notes and short.velocity_deviation < 2.0 * before.velocity_deviation
+    assert long.notes == ("IMU 'chest': nothing for 12 ms, for which one reading stands",)
+    gone = 0.5  # s, in which a robot that walks steps elsewhere
+    late = [changed(m, time=m.time + gone) for m in sent[410:]]
+    found = fed(e, late[:1])
+    assert "nothing for 502 ms" in found.notes[0] and not found.contacts
+    assert 0.5 * gone < found.velocity_deviation < 10.0 * gone
+    assert found.position_deviation > 0.05 * gone
+    last = fed(e, late[1:])
+    assert last.contacts == ("left", "right") and last.velocity_deviation < 0.02
+    assert last.position_deviation > 0.05 * gone  # of where it is nobody tells any more
+
+
+def test_without_its_imu_an_estimate_is_less_sure(hoap2: Robot, rng: np.random.Generator) -> None:
+    sent = messages(hoap2, 900, rng)
+    e = StateEstimator(hoap2, MOUNTS, dt=DT)
+    before = fed(e, sent[:400])
+    found = fed(e, [changed(m, imus=()) for m in sent[400:]])
+    assert found.velocity_deviation > 10.0 * before.velocity_deviation
+    assert np.linalg.norm(found.v[:3]) < 0.05  # feet still tell
+
+
+def test_a_clock_that_jumped_back_is_said_once(
+    hoap2: Robot, rng: np.random.Generator, caplog: pytest.LogCaptureFixture
+) -> None:
+    sent = messages(hoap2, 600, rng)
+    e = StateEstimator(hoap2, MOUNTS, dt=DT)
+    fed(e, sent[:400])
+    fed(e, [changed(m, time=m.time - 5.0) for m in sent[400:]])
+    (said,) = caplog.messages
+    assert "50 messages in a row are older than 0.798 s" in said and "reset() the estimator" in said
+    fed(e, sent[400:])
+
+
+def test_a_mount_by_which_soles_stand_on_edge_is_doubted(
+    hoap2: Robot, rng: np.random.Generator, caplog: pytest.LogCaptureFixture
+) -> None:
+    told = replace(MOUNTS[0], rotation=np.eye(3))
+    fed(StateEstimator(hoap2, told), messages(hoap2, 300, rng))
+    assert caplog.messages == [
+        "estimator: by IMU 'chest' a sole is tilted by 0.43 rad: is its mount on 'base' right?"
+    ]
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ from wbc.robot import Robot
 from wbc.validate import Array
 
 PATIENCE = 4.0  # times the messages that it usually takes to begin: then it is said what keeps it
+STEEP = 0.35  # rad of a sole's tilt: no ground that robots begin on
 APART = 20.0  # times the period: messages that are so far apart may have another unit of time
 
 
@@ -86,10 +87,16 @@ class Beginning:
         self._times = self._times[1], m.time
         if self.apart:
             logging.getLogger(__name__).warning("estimator: begins%s", self.apart)
-        snapshot = self._robot.snapshot(first.q)
+        snapshot, leader = self._robot.snapshot(first.q), self._imus[0]
+        flat = [one.frame for one in self._robot.feet.values() if len(one.polygon) > 2]
+        lean = max((math.acos(snapshot.rotation(one)[2, 2].clip(-1, 1)) for one in flat), default=0)
+        if lean > STEEP:
+            logging.getLogger(__name__).warning(
+                "estimator: by IMU %r a sole is tilted by %.2f rad: is its mount on %r right?",
+                *(leader.name, lean, leader.frame),
+            )
         lowest = min(snapshot.position(foot.frame)[2] for foot in self._robot.feet.values())
         if lowest > snapshot.com[2]:
-            leader = self._imus[0]
             raise InvalidInputError(
                 f"estimator: by IMU {leader.name!r} the robot stands on its head. At rest an"
                 " accelerometer says +g upwards (specific force): change the signs, or the rotation"

@@ -8,6 +8,7 @@ The arithmetic is the core's (``source/estimator.c``).
 
 from __future__ import annotations
 
+import logging
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -35,6 +36,8 @@ from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
 from wbc.validate import Array, list_of
+
+OLD_IN_A_ROW = 50  # messages that are dropped for their age before it is said
 
 
 class StateEstimator:
@@ -140,6 +143,7 @@ class StateEstimator:
         self.core.reset(None if q is None else self.robot.check_configuration(q))
         self._past: deque[tuple[Measurement, EstimatorMemory]] = deque(maxlen=self.settings.history)
         self._last: Estimate | None = None
+        self._dropped = 0  # messages in a row
         self._beginning.anew()
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
@@ -194,6 +198,13 @@ class StateEstimator:
             return replace(last, notes=("a message came twice; dropped",))
         if at == 0:
             kept = f"older than the last {len(times)} messages"
+            self._dropped += 1
+            if self._dropped == OLD_IN_A_ROW:
+                logging.getLogger(__name__).warning(
+                    "estimator: %d messages in a row are older than %g s; dropped, and so are all"
+                    " until then: if the clock jumped back, reset() the estimator, or add %.3f s",
+                    *(self._dropped, last.time, last.time - late.time),
+                )
             return replace(last, notes=(f"a message is {age:.1f} ms late, {kept}; dropped",))
         again = [late, *(one for one, _ in list(self._past)[at:])]
         self.core.restore(self._past[at][1])
@@ -208,6 +219,7 @@ class StateEstimator:
 
     def _take(self, m: Measurement) -> Estimate | None:
         core, sample, heard = self.core, self._sample, self._heard
+        self._dropped = 0
         if self._last is not None and self.settings.history:
             self._past.append((m, core.memory()))
         heard[:] = 0

@@ -14,6 +14,7 @@ WORDS = {
     lib.HANGS: "IMU {0!r}: {1:.0f} readings in a row are the same; not used",
     lib.LEFT_OUT: "IMU {0!r}: silent for {1:.0f} ms; left out",
     lib.HELD: "IMU {0!r}: held for {1:.0f} ms",
+    lib.GAP: "IMU {0!r}: nothing for {1:.0f} ms, for which one reading stands",
     lib.COUNTED_ANYWAY: "no foot is still: {0} is counted on at {1:.2f} m/s",
     lib.SLIPS: f"{{0}} foot slips at {{1:.2f}} m/s; {AGAIN}",
     lib.ROLLS: "{0} foot turns by {1:.0f} mrad",
@@ -22,7 +23,7 @@ WORDS = {
     lib.SLIPPED_OFF: f"{{0}} foot slips: seen {{1:.1f}} mm off; {AGAIN}",
     lib.FEET_APART: "{0} foot slips: feet are {1:.1f} mm nearer or farther; not counted on",
 }
-OF_IMUS = (lib.RATE_BEYOND, lib.FORCE_BEYOND, lib.HANGS, lib.LEFT_OUT, lib.HELD)
+OF_IMUS = (lib.RATE_BEYOND, lib.FORCE_BEYOND, lib.HANGS, lib.LEFT_OUT, lib.HELD, lib.GAP)
 NO_LOADS = "no contacts, forces or torques: all feet are taken to bear always"
 
 

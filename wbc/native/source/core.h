@@ -444,7 +444,7 @@ enum { LEADER = 0, MEMBERS = 1, READINGS = 2, BELIEVES = 3, FEELS = 4, BEGUN = 5
  * velocity (nv) and configuration (nq). */
 enum { OUT_GYRO = 225, OUT_ACCEL = 228, OUT_SQUARED = 231, OUT_WRENCHES = 232 };
 /* What was noted: how often, then kind and whose (TAKES_OVER: MOST_IMUS times whose place, and who); beside it in detail how much (detail[k], of the kth). */
-enum noted { RATE_BEYOND, FORCE_BEYOND, HANGS, TAKES_OVER, LEFT_OUT, HELD, JOINT_JUMPED, NO_LOADS, COUNTED_ANYWAY,
+enum noted { RATE_BEYOND, FORCE_BEYOND, HANGS, TAKES_OVER, LEFT_OUT, HELD, GAP, JOINT_JUMPED, NO_LOADS, COUNTED_ANYWAY,
              SLIPS, ROLLS, ROLLS_OVER, OUTSIDE, SLIPPED_OFF, FEET_APART };
 /* Why there is no estimate: it stands to begin, no reading of the IMU, gravity is not that of a robot at rest
  * (detail[0]), or NOT_FINITE. */

@@ -9,7 +9,7 @@ static const double SWAYED = 0.1; /* rad/s: beyond it a mean rate, or that of a 
 
 int wbc_estimator_sizes(const wbc_estimator *e, int64_t *sizes) {
     const int64_t n = e->tree->nv - 6, imus = e->imus, feet = e->feet;
-    sizes[0] = 2 + e->window * (n + 1) + n + 7 * imus + feet * (3 + feet);
+    sizes[0] = 3 + e->window * (n + 1) + n + 7 * imus + feet * (3 + feet);
     sizes[1] = FEET_STAND + 4 * feet + 2 * imus + n;
     sizes[2] = e->waiting * WAIT_SIZE(n, imus, feet);
     sizes[3] = 2 * (4 * imus + n + 2 * feet + 3);
@@ -22,7 +22,7 @@ wbc_memory wbc_remembered(const wbc_estimator *e) {
     const int64_t n = e->tree->nv - 6, imus = e->imus, feet = e->feet;
     wbc_memory m;
     m.time = e->x, m.lost_since = m.time + 1;
-    m.times = m.lost_since + 1, m.positions = m.times + e->window, m.believed = m.positions + e->window * n;
+    m.usual = m.lost_since + 1, m.times = m.usual + 1, m.positions = m.times + e->window, m.believed = m.positions + e->window * n;
     m.heard = m.believed + n, m.last = m.heard + imus;
     m.since = m.last + 6 * imus, m.moves = m.since + feet, m.pace = m.moves + feet, m.apart = m.pace + feet;
     m.counts = e->counts;
@@ -115,6 +115,7 @@ static int take(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s
     }
     wbc_believe(e, m, s, dt, positions, rates);
     if (dt > 0.0) wbc_filter_predict(e->filter, now.rate, now.force, dt, now.scale);
+    if (dt > e->lost && dt > 2.0 * *m->usual) wbc_let_go(e, m);
     wbc_look(e, m, positions);
     said = wbc_see_feet(e, m, s, now.rate, rates, standing, out + OUT_SQUARED);
     if (said != DONE) return said;
@@ -224,7 +225,7 @@ static int stand(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *
         return STANDING;
     }
     forget(e, m, wait[0]);
-    m->counts[MEMBERS] = members;
+    m->counts[MEMBERS] = members, *m->usual = count > 1 ? (s->time - wait[0]) / (double)(count - 1) : 0.0;
     wbc_look(e, m, wait + 4);
     wbc_fused(e, 0, members, said, mean);
     int found = wbc_level(e, mean, mean + 3);

@@ -5,7 +5,7 @@
 #include "core.h"
 
 typedef struct {
-    double *time, *lost_since;
+    double *time, *lost_since, *usual;     /* of messages: the last, and how far apart they are */
     double *times, *positions, *believed;  /* (window), (window, n), (n) of joints */
     double *heard, *last;                  /* (imus), (imus, 6) */
     double *since, *moves, *pace, *apart;  /* (feet), the last (feet, feet) */
@@ -40,6 +40,8 @@ void wbc_look(const wbc_estimator *e, const wbc_memory *m, const double *positio
 /* Hold, correct by or release each foot; write the innovation. Returns DONE or NOT_FINITE. */
 int wbc_see_feet(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, const double *rate,
                  const double *rates, int standing, double *squared);
+/* Count on no foot any more: nobody knows where they stepped. */
+void wbc_let_go(const wbc_estimator *e, const wbc_memory *m);
 /* Begin the filter of a robot at rest that feels this force, and turns so: biases. DONE or NO_GRAVITY. */
 int wbc_level(const wbc_estimator *e, const double *rate, const double *force);
 

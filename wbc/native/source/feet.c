@@ -26,6 +26,13 @@ static void slips(const wbc_estimator *e, const wbc_memory *m, int64_t k) {
     watch_anew(m, k, 1, *m->time, 1);
 }
 
+void wbc_let_go(const wbc_estimator *e, const wbc_memory *m) {
+    for (int64_t k = 0; k < e->feet; k++) {
+        if (e->filter->held[k]) wbc_filter_release(e->filter, k);
+        watch_anew(m, k, (int)m->bears[k], *m->time, 0);
+    }
+}
+
 /* Correct by a foot's place: DONE, OUTLIER with the innovation's length, or NOT_FINITE. */
 static int correct(const wbc_estimator *e, const wbc_memory *m, int64_t k, const foot_seen *seen, double *squared) {
     double innovation[7];

@@ -9,6 +9,7 @@ enum { AGREE = 5 };                /* after so many readings that jumped a joint
 enum { FROZEN = 25 };              /* readings with the same bits are those of a device that hangs */
 static const double QUIET = 0.01;  /* s: an IMU may be slower than messages are */
 static const double GUESSED = 100.0; /* times the variance of a reading that was held */
+static const double STRAYS = 3.0;  /* m/s^2 by which a robot's acceleration strays from a reading that is held for longer */
 
 int wbc_joint_rates(int64_t window, int64_t n, double *times, double *positions, int64_t *count, double time,
                     const double *reading, double *rates) {
@@ -126,15 +127,18 @@ static void relieve(const wbc_estimator *e, const wbc_memory *m, int64_t now, do
 }
 
 int wbc_hear(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, wbc_inertial *found) {
+    double before[MOST_IMUS];
+    memcpy(before, m->heard, e->imus * sizeof *before);
     const int64_t now = fresh(e, m, s);
     relieve(e, m, now, s->time);
     const int64_t leader = m->counts[LEADER], members = m->counts[MEMBERS];
     int64_t speaking = 0, count = 0;
-    double latest = -INFINITY, mean[6];
+    double latest = -INFINITY, previous = -INFINITY, mean[6];
     for (int64_t k = 0; k < e->imus; k++)
         if (HAS(members, k) && m->has[k]) {
             speaking |= (int64_t)1 << k, count++;
             if (m->heard[k] > latest) latest = m->heard[k];
+            if (before[k] > previous) previous = before[k];
         }
     if (!m->has[leader]) return NO_IMU;
     if (!(now & members) && s->time - latest > QUIET) wbc_note(e, HELD, leader, 1e3 * (s->time - latest));
@@ -142,5 +146,9 @@ int wbc_hear(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, w
     memcpy(found->rate, mean, sizeof found->rate);
     memcpy(found->force, mean + 3, sizeof found->force);
     found->scale = (now & members ? 1.0 : GUESSED) / (double)count;
+    const double gap = s->time - previous - (QUIET > 2.0 * *m->usual ? QUIET : 2.0 * *m->usual);
+    if (!(gap > 0.0)) return DONE;
+    if (now & members) wbc_note(e, GAP, leader, 1e3 * (s->time - previous));
+    if (e->filter->accelerometer > 0.0) found->scale += STRAYS * STRAYS * gap / e->filter->accelerometer;
     return DONE;
 }
