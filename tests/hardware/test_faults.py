@@ -4,6 +4,8 @@ import copy
 import gc
 import io
 import multiprocessing
+import os
+import signal
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -31,6 +33,7 @@ from wbc.hardware.operator import Keyboard, Script, Wish
 from wbc.hardware.real_time import CycleClock, check_cpus
 from wbc.hardware.robot_controller import ControllerAnswer, EstimateError
 from wbc.hardware.safety import RULES, TRANSITIONS, Event, Fault, Mode
+from wbc.hardware.worker import ForkedWorker, Job, can_fork
 
 
 @pytest.fixture(scope="module")
@@ -245,6 +248,25 @@ def test_a_bus_that_does_not_open_leaves_the_log_of_the_run_before(tmp_path: Pat
         )
     assert set(multiprocessing.active_children()) == before
     assert log.read_text() == "of the run before"
+
+
+@pytest.mark.skipif(not can_fork(), reason="the controller has no process of its own here")
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_signals_to_all_processes_of_a_loop_leave_it_its_controller(name: str) -> None:
+    """A stop of the whole group took the controller first, and a robot in the middle of a step."""
+    rig = Rig()
+    worker = ForkedWorker(rig.controller)  # type: ignore[arg-type]
+    rig.cycles(0.01)
+    reading = rig.loop._now.reading
+    assert reading is not None
+    try:
+        for _ in range(2):
+            worker.submit(Job(reading, False, False, False))
+            outcome = worker.result(20.0)
+            assert outcome is not None and outcome.answer is not None
+            os.kill(worker.pid, getattr(signal, name))
+    finally:
+        worker.close()
 
 
 def test_an_interrupt_ends_a_loop_that_commands_nothing() -> None:

@@ -8,7 +8,8 @@ import typer
 
 HARDWARE_EXIT_CODES = (
     "Exit codes: 0 it went as asked; 1 bad input, or no robot; 2 wrong usage; 3 a fault stopped it,"
-    " or a check was not passed; 130 or 143 ended by Ctrl-C or SIGTERM, braking."
+    " or a check was not passed; 130, 143 or 129 ended by Ctrl-C, SIGTERM or a terminal that is"
+    " gone."
 )
 STOPPED = 3
 

@@ -68,7 +68,8 @@ def run(
 ) -> None:
     """Run a problem on a robot: words and Enter, arm, stand, run, sit, stop, reset, quit.
 
-    An empty line stops at once; so does a second Ctrl-C, the first one sits down.
+    An empty line stops at once; so does a second Ctrl-C, the first one sits down, as does a
+    terminal that is gone.
     """
     from concurrent.futures import ThreadPoolExecutor
     from functools import partial
@@ -116,7 +117,7 @@ def run(
         cpus=cpu or (),
         say=say,
     )
-    with noted_interrupts() as interrupts:
+    with noted_interrupts(hangup=True) as interrupts:
         loop.interrupted = lambda: _sits(interrupts, operator, Wish.SIT)
         result = loop.run()
     loop.bus.close()

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from wbc.cli.errors import INTERRUPTED, TERMINATED
+from wbc.cli.errors import INTERRUPTED
 
 
 class Interrupts:
@@ -23,20 +23,22 @@ class Interrupts:
     @property
     def exit_code(self) -> int:
         """As a shell has it: 128 and the signal's number."""
-        return TERMINATED if self.signal == signal.SIGTERM else INTERRUPTED
+        return INTERRUPTED if self.signal in (None, signal.SIGINT) else 128 + self.signal
 
     def note(self, number: int, _: object) -> None:
         """Take note of a signal."""
         if self.signal is not None and number == signal.SIGINT:
             raise KeyboardInterrupt
         self.signal = number
-        if number == signal.SIGTERM and signal.getsignal(signal.SIGINT) != self.note:
+        if number != signal.SIGINT and signal.getsignal(signal.SIGINT) != self.note:
             signal.raise_signal(signal.SIGINT)  # a search over postures has its own ear for Ctrl-C
 
 
 @contextmanager
-def noted_interrupts() -> Iterator[Interrupts]:
-    """Note Ctrl-C and SIGTERM instead of obeying them at once.
+def noted_interrupts(*, hangup: bool = False) -> Iterator[Interrupts]:
+    """Note Ctrl-C and SIGTERM instead of obeying them at once; with ``hangup`` SIGHUP, too.
+
+    That is what a terminal sends that is gone; where nohup ignores it it stays ignored.
 
     Only the main thread can be told of signals; elsewhere they are left to it.
     """
@@ -44,10 +46,13 @@ def noted_interrupts() -> Iterator[Interrupts]:
     if threading.current_thread() is not threading.main_thread():
         yield noted
         return
-    both = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, noted.note) for number in both]
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    gone = getattr(signal, "SIGHUP", None)
+    if hangup and gone is not None and signal.getsignal(gone) != signal.SIG_IGN:
+        numbers.append(gone)
+    before = [signal.signal(number, noted.note) for number in numbers]
     try:
         yield noted
     finally:
-        for number, handler in zip(both, before, strict=True):
+        for number, handler in zip(numbers, before, strict=True):
             signal.signal(number, handler or signal.SIG_DFL)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
+import signal
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -73,6 +74,16 @@ def ordinary_priority() -> None:
     """Give up what a process of real time was granted before it forked this one."""
     if hasattr(os, "sched_setscheduler"):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+def leave_signals_to_the_loop() -> None:
+    """Ignore what is sent to all of its processes: a terminal's Ctrl-C, or that it is gone; a stop.
+
+    The loop decides what it means, and needs the others until it is down.
+    """
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 class Beat(NamedTuple):

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.files import why, write_arrays
-from wbc.hardware.real_time import ordinary_priority
+from wbc.hardware.real_time import leave_signals_to_the_loop, ordinary_priority
 from wbc.validate import Array, finite_number
 
 FORMAT = "wbc hardware log 1"
@@ -177,8 +177,7 @@ def _serve(writer: LogWriter, pipe: Connection, others: Connection) -> None:
     """Write when asked to; once more if who asks is gone without a word."""
     others.close()
     writer._pipe = None
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
+    leave_signals_to_the_loop()
     ordinary_priority()
     while True:
         try:
@@ -214,7 +213,7 @@ class Watcher:
 
 
 def _watch(ring: RingLog, watch: Callable[[RingLog], None]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal: the loop decides what it means
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    leave_signals_to_the_loop()
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # by which it is ended
     ordinary_priority()
     watch(ring)

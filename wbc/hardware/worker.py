@@ -9,14 +9,13 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import select
-import signal
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from typing import NamedTuple
 
 from wbc.errors import WbcError
 from wbc.hardware.bus import Reading
-from wbc.hardware.real_time import pin, real_time
+from wbc.hardware.real_time import leave_signals_to_the_loop, pin, real_time
 from wbc.hardware.robot_controller import ControllerAnswer, EstimateError, RobotController
 
 WAIT = 0.5  # s that a process gets to end by itself
@@ -181,8 +180,7 @@ def _serve(
 ) -> None:
     others.close()
     pin(cpu)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal: the loop decides what it means
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    leave_signals_to_the_loop()
     with real_time(priority):
         while True:
             try:
