@@ -222,6 +222,7 @@ def test_dds_takes_each_command_once_and_the_newest_reading(
                 break
         assert taken is not None and newest is not None and newest.base_truth is not None
         assert_same(taken, command, 1e-6)
+        assert bus.commands_heard() and not bus.commands_heard()  # type: ignore[attr-defined]
         np.testing.assert_array_equal(newest.base_truth.pose, reading.base_truth.pose)  # type: ignore[union-attr]
         for number in (2, 1):  # after later ones
             bus.write(command.numbered(number))

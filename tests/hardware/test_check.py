@@ -150,6 +150,19 @@ def test_a_sensor_that_is_wrong_is_named(
     assert what in wrong(listen(hanging, g1))
 
 
+@pytest.mark.parametrize("heard", [0, 3])
+def test_another_program_that_commands_is_told_of(
+    heard: int, g1: Robot, hanging: HangingRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two controllers on one bus: the robot obeyed both in turn."""
+    monkeypatch.setattr(hanging, "commands_heard", lambda: heard, raising=False)
+    found = {one.what: one for one in listen(hanging, g1)}
+    assert found["alone"].good == (not heard)
+    assert found["alone"].seen == (
+        "commands of another program: end it" if heard else "nobody else commands"
+    )
+
+
 def test_lost_messages_are_counted(g1: Robot, hanging: HangingRobot) -> None:
     def lose(reading: Reading) -> Reading | None:
         return None if reading.sequence % 20 == 0 else reading

@@ -57,6 +57,7 @@ def listen(bus: Bus, robot: Robot, seconds: float = 2.0) -> list[CheckFinding]:
     """
     checks, readings, refused = SensorChecks(robot), list[Reading](), list[str]()
     arrivals, until = list[float](), now() + seconds
+    heard = getattr(bus, "commands_heard", None)  # nobody can tell on a bus from one end to another
     while now() < until:
         reading = bus.read()
         if reading is None:
@@ -93,6 +94,10 @@ def listen(bus: Bus, robot: Robot, seconds: float = 2.0) -> list[CheckFinding]:
         CheckFinding("damaged", not bus.dropped["damaged"], f"{bus.dropped['damaged']} messages"),
         CheckFinding("believable", not refused, refused[0] if refused else "all readings"),
     ]
+    if heard is not None:
+        others = heard()
+        seen = "commands of another program: end it" if others else "nobody else commands"
+        found.append(CheckFinding("alone", not others, seen))
     return found + _at_rest(robot, readings, last)
 
 

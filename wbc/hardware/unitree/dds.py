@@ -110,6 +110,7 @@ class UnitreeBus(_DdsEnd):
         self._states = self._reader(STATE_TOPIC, self._convert.state)
         self._truths = self._reader(TRUTH_TOPIC, _truth_layout())
         self._commands = self._writer(COMMAND_TOPIC, self._convert.command)
+        self._said = self._reader(COMMAND_TOPIC, self._convert.command)
         self._truth: BaseTruth | None = None  # the last: it may come after its reading
 
     def read(self) -> Reading | None:
@@ -120,6 +121,10 @@ class UnitreeBus(_DdsEnd):
             pose, velocity = (_truth_layout().view(data, one) for one in ("pose", "velocity"))
             self._truth = BaseTruth(pose.copy(), velocity.copy())
         return None if reading is None else replace(reading, base_truth=self._truth)
+
+    def commands_heard(self) -> int:
+        """Return how many commands came since the last call, whoever sent them; 16 at most."""
+        return len(_taken(self._said))
 
     def write(self, command: Command) -> None:
         """Send a command."""
