@@ -23,8 +23,8 @@ from wbc.validate import Array
 # brought to rest.
 ENOUGH = 1000.0
 # Of the largest curvature of a relaxed QP, what unknowns are damped by where weights are farther
-# apart than numbers hold; with 1e-10 one of five was still unsolved.
-FAINTEST = 1e-9
+# apart than numbers hold, one after the other; with 1e-10 one of five was still unsolved.
+FAINT = (1e-9, 1e-7, 1e-5)
 
 
 class FirstLevel:
@@ -87,10 +87,13 @@ class FirstLevel:
         if found.solved:
             return found
         size = largest(qp.P.diagonal())
-        P = qp.P / size + FAINTEST * np.eye(rest.size)
-        eased = qp._replace(P=P, g=qp.g / size - FAINTEST * rest)
-        found = self._core.solve_soft(eased, weights / size, eps)
-        if not found.solved:
+        for faint in FAINT:
+            P = qp.P / size + faint * np.eye(rest.size)
+            eased = qp._replace(P=P, g=qp.g / size - faint * rest)
+            found = self._core.solve_soft(eased, weights / size, eps)
+            if found.solved:
+                break
+        else:
             return found
         y, z, z_box = (size * part for part in found[1:4])
         said = "weights are too far apart for numbers: what is light was lost beside the heaviest"
