@@ -48,7 +48,7 @@ CUTOFF = 5.0  # Hz
 NEAR, KEPT = 8e-3, 2e-3  # m: bodies so near to their margin are looked at, and kept so far off
 INSIDE = 2e-3  # rad: from the limits
 ACTIVE_SETS = 2  # of joints at their limits, that are tried in a round
-DAMPED = 2.0  # weight of displacements (Levenberg and Marquardt): rows are of first order only
+DAMPED = 3.0  # weight of displacements (Levenberg and Marquardt): rows are of first order only
 LARGEST = 0.3  # rad or m: of one frame in one round
 
 

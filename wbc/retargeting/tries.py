@@ -23,7 +23,7 @@ TRIES, SOFTER, SLOWER = 6, 0.5, 1.2
 TOO_SLOW, MORE_SLOWLY, SLOWEST = 4.0, 0.03, 1.5
 SPOILED = 1.5  # times the sum of squares of what is not mended
 # Before all that more is asked of CoM, momentum and the long axis' lean: who can, does.
-EAGER = {"com": 1.15, "momentum": 1.75, "lean": 10.0}
+EAGER = {"com": 1.15, "momentum": 1.75, "lean": 20.0}
 
 # From a scale and weights to the least squares of a motion, and the human's principal axes.
 Problem = Callable[[MotionScale, RetargetWeights], tuple[WholeMotion, Array]]
