@@ -3,7 +3,8 @@
 Recordings are not part of the project: any files that `wbc analyze` reads. Feet, limits and margins
 are judged by other means than those that made the motion: margins by the shapes of the robot's
 files (Coal), torques by inverse dynamics. Frames per second are of CPU time of one process, with
-everything behind the fit of the human and what is found out about a robot once. With `--peer` the
+everything behind the fit of the human and what is found out about a robot once, which a first run
+pays: names, limits, and trees of the meshes of bodies that come near each other. With `--peer` the
 same frames are given to per-frame IK on mink (benchmarks/retarget_peer.py). With `--physics` the
 first recording's walk is walked in MuJoCo, on its footsteps and with its arms, with noise, 2 ms of
 delay and masses that are wrong by up to 10 % (benchmarks/disturbed.py), over seeds.
@@ -20,6 +21,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
 import argparse
 import json
 import time
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -36,9 +38,9 @@ from wbc.constraints import SelfCollision
 from wbc.gait import Walker
 from wbc.gait.phases import Standing
 from wbc.human import HumanMotion, human_motion, read_markers
-from wbc.retargeting.prepared import prepared
 from wbc.retargeting.smoothing import able_accelerations
 from wbc.retargeting.steps import footsteps, posture_at
+from wbc.robot import Robot
 from wbc.simulation import FallLimits, FallWatch, Terrain
 from wbc.tasks import PostureTask
 
@@ -99,10 +101,19 @@ def unbalanced_share(found: wbc.Retargeted) -> float:
     return float(bad.mean())
 
 
+@cache
+def known_robot(name: str) -> Robot:
+    """Return a robot, of which others found out what is the same for all motions."""
+    return Robot.load(name)
+
+
 def retargeted(human: HumanMotion, name: str) -> tuple[wbc.Retargeted, float]:
-    """Return a human's motion on a robot, and the CPU time that it took [s]."""
-    robot = wbc.Robot.load(name)
-    prepared(robot, None, MARGIN)
+    """Return a human's motion on a robot, and the CPU time that it took the second time [s].
+
+    In the first one meshes of bodies that come near each other are read.
+    """
+    robot = known_robot(name)
+    wbc.retarget(human, robot)
     begun = time.process_time()
     found = wbc.retarget(human, robot)
     return found, time.process_time() - begun

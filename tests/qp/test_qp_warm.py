@@ -192,7 +192,7 @@ def test_the_last_who_is_asked_looks_twice(k: int) -> None:
     A TALOS that leant with its CoM 40 mm beyond its toes was, 14 ticks in a row, and fell sooner.
     """
     qp = recorded(f"curvatures_far_apart {k}")
-    assert FirstLevel(ActiveSet(), torque=True).solve_relaxed(qp, None).solved
+    assert FirstLevel(ActiveSet(), torque=True).solve_relaxed(qp, None, np.zeros(qp.g.size)).solved
 
 
 def test_what_will_not_come_again_leaves_no_warm_start(ticks, monkeypatch) -> None:

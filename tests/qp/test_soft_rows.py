@@ -161,7 +161,7 @@ def test_what_is_nearly_solved_is_taken_where_nobody_else_is_near(off, solved, m
         return found._replace(x=found.x - [off, 0.0], residuals=residuals, said=said)
 
     monkeypatch.setattr("wbc.qp.active_set.solve_in_core", rough)
-    found = FirstLevel(ActiveSet(), torque=True).solve_relaxed(qp, weights)
+    found = FirstLevel(ActiveSet(), torque=True).solve_relaxed(qp, weights, np.zeros(qp.g.size))
     assert found.solved is solved
     if solved:
         assert found.residuals.primal == off
@@ -192,7 +192,7 @@ def test_what_is_nearly_solved_will_do() -> None:
         names = ("P", "g", "A", "b", "C", "l", "u", "lower", "upper")
         qp = QP.build(**{name: recorded[name] for name in names})
     given = GivingQP(qp, weights)
-    found = FirstLevel(ActiveSet(), torque=True).solve_relaxed(qp, weights)
+    found = FirstLevel(ActiveSet(), torque=True).solve_relaxed(qp, weights, np.zeros(qp.g.size))
     assert found.solved and found.solver == "active_set"
     told = kkt_residuals(given.qp, found.x, found.y, found.z, found.z_box)
     assert max(told) <= 1e-5
