@@ -82,8 +82,7 @@ LIGHTEST = 0.5
 # A robot that falls aside pushes the ground with half its weight. Of a pyramid of four sides inside
 # the cone 0.71 of the friction is left straight ahead and aside, of eight 0.92, in the same time.
 FRICTION = FrictionCone(facets=8)
-
-
+# Methods that are easily taken for attributes, and refuse to be assigned.
 CALLED = frozenset(("command", "follow", "step", "prepare"))
 
 
