@@ -26,7 +26,7 @@ from hardware_faults import (
 
 from tests.command import wbc_command
 from wbc.cli.hardware_run import _aside, _said
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, WbcError
 from wbc.hardware.bus import Bus, BusError, Reading
 from wbc.hardware.loop import HardwareLoop
 from wbc.hardware.operator import Keyboard, Script, Wish
@@ -190,33 +190,29 @@ def test_a_fault_whose_words_say_asked_is_a_fault_and_is_not_forgotten(rig: Rig)
     assert not rig.loop.result().good
 
 
-def test_an_estimator_that_raises_ends_standing_up_in_words() -> None:
-    """It stood on, and nobody was told that it would never run."""
+def stands_up_beside(error: WbcError) -> Rig:
+    """Return a robot that was told to stand up, whose estimator raises an error."""
     rig = Rig()
 
     def observe(reading: Reading) -> ControllerAnswer:
-        raise InvalidInputError("are its units g?")
+        raise error
 
     rig.controller.observe = observe  # type: ignore[method-assign]
-    rig.wanted.append(Wish.ARM)
-    rig.cycles(0.03)
-    rig.wanted.append(Wish.STAND)
-    rig.cycles(0.3)
+    for wish, seconds in ((Wish.ARM, 0.03), (Wish.STAND, 0.3)):
+        rig.wanted.append(wish)
+        rig.cycles(seconds)
+    return rig
+
+
+def test_an_estimator_that_raises_ends_standing_up_in_words() -> None:
+    """It stood on, and nobody was told that it would never run."""
+    rig = stands_up_beside(InvalidInputError("are its units g?"))
     assert rig.safety.mode is Mode.DAMPING
     assert any("controller raised are its units g?" in one.what for one in rig.safety.events)
 
 
 def test_what_there_is_no_estimate_for_is_told_who_wants_to_run() -> None:
-    rig = Rig()
-
-    def observe(reading: Reading) -> ControllerAnswer:
-        raise EstimateError("it moves")
-
-    rig.controller.observe = observe  # type: ignore[method-assign]
-    rig.wanted.append(Wish.ARM)
-    rig.cycles(0.03)
-    rig.wanted.append(Wish.STAND)
-    rig.cycles(0.2)
+    rig = stands_up_beside(EstimateError("it moves"))
     rig.wanted.append(Wish.RUN)
     rig.cycle()
     assert rig.safety.events[-1].what == "run: no estimate: it moves"

@@ -299,9 +299,8 @@ class WholeMotion:
         if stays:
             off[:] = 0.0
         # v changes by (d_k+1 - d_k)/dt + v x (d_k + d_k+1)/2, which of joints is nothing.
-        turned = states.momentum_jacobian[:-1].copy()
         half = 0.5 * A[:, :, :BASE_NV] @ twist_products(v[:, :BASE_NV])
-        first, second = turned - A / dt, A / dt
+        first, second = states.momentum_jacobian[:-1] - A / dt, A / dt
         first[:, :, :BASE_NV] += half
         second[:, :, :BASE_NV] += half
         w = tasks.momentum
