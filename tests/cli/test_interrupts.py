@@ -112,15 +112,16 @@ def test_a_search_hears_of_sigterm_as_of_ctrl_c() -> None:
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="no terminal that could be gone")
 def test_a_terminal_that_is_gone_is_noted_unless_nohup_ignores_it() -> None:
     """As an ssh that broke off: the loop of a robot died at once, and the robot fell."""
-    with noted_interrupts(hangup=True) as noted:
-        signal.raise_signal(signal.SIGHUP)
-    assert noted() and noted.exit_code == 129
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # tests may run under nohup themselves
     try:
+        with noted_interrupts(hangup=True) as noted:
+            signal.raise_signal(signal.SIGHUP)
+        assert noted() and noted.exit_code == 129
+        with noted_interrupts():
+            assert signal.getsignal(signal.SIGHUP) == signal.SIG_DFL
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
         with noted_interrupts(hangup=True) as noted:
             signal.raise_signal(signal.SIGHUP)
         assert not noted()
     finally:
         signal.signal(signal.SIGHUP, before)
-    with noted_interrupts():
-        assert signal.getsignal(signal.SIGHUP) == before
