@@ -11,14 +11,6 @@
 
 #include <string.h>
 
-/* Velocity and angular velocity of column k at the CoM. */
-static void twist_at_com(int64_t nv, const double *state, int64_t k, double *u, double *w) {
-    const double *T = state + TWISTS(nv) + k;
-    for (int i = 0; i < 3; i++) w[i] = T[(3 + i) * nv];
-    cross3(w, state + COM, u);
-    for (int i = 0; i < 3; i++) u[i] += T[i * nv];
-}
-
 /* Acceleration of a point at an arm from one that accelerates by c; out may be c. */
 static void carried(const double *c, const double *alpha, const double *w, const double *arm,
                     double *out) {

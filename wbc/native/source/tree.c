@@ -289,15 +289,6 @@ static void times6(const double *Y, const double *twist, double *out) {
     for (int i = 0; i < 3; i++) out[i] = Y[0] * twist[i] + pulled[i], out[3 + i] += swept[i];
 }
 
-/* Write a column's twist about the CoM (6). */
-static void column_twist(int64_t nv, const double *columns, int64_t k, double *S) {
-    double axis[3], way[3];
-    for (int i = 0; i < 3; i++) axis[i] = columns[(AXIS + i) * nv + k], way[i] = columns[(TO_COM + i) * nv + k];
-    const int turns = columns[TURNS * nv + k] > 0.0;
-    cross3(axis, way, S);
-    for (int i = 0; i < 3; i++) S[i] = turns ? S[i] : axis[i], S[3 + i] = turns ? axis[i] : 0.0;
-}
-
 /* out += a x b of twists; or of a twist and a momentum, if dual. */
 static void add_cross6(const double *a, const double *b, int dual, double *out) {
     double turned[3], spun[3], moved[3];
@@ -322,7 +313,7 @@ int wbc_momentum_jacobian(const wbc_tree *tree, const double *state, const doubl
         const int64_t behind = columns_of(tree, j, &k);
         memcpy(V + 6 * j, V + 6 * tree->parent[j], 6 * sizeof *V);
         for (; k < behind; k++) {
-            column_twist(nv, columns, k, S);
+            twist_at_com(nv, state, k, S, S + 3);
             for (int i = 0; i < 6; i++) V[6 * j + i] += v[k] * S[i], own[6 * j + i] += v[k] * A[i * nv + k];
         }
     }
@@ -337,7 +328,7 @@ int wbc_momentum_jacobian(const wbc_tree *tree, const double *state, const doubl
         times6(Y, carrier, L);
         for (int i = 0; i < 6; i++) L[i] += own[6 * j + i];
         for (; k < behind; k++) {
-            column_twist(nv, columns, k, S);
+            twist_at_com(nv, state, k, S, S + 3);
             memset(turn, 0, sizeof turn);
             add_cross6(carrier, S, 0, turn);
             times6(Y, turn, change);

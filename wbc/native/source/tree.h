@@ -34,6 +34,14 @@ static inline void speed_at(const wbc_tree *tree, const double *state, int64_t j
     for (int i = 0; i < 3 && slides; i++) u[i] = T[i * nv];
 }
 
+/* Velocity and angular velocity of column k at the CoM. */
+static inline void twist_at_com(int64_t nv, const double *state, int64_t k, double *u, double *w) {
+    const double *T = state + TWISTS(nv) + k;
+    for (int i = 0; i < 3; i++) w[i] = T[(3 + i) * nv];
+    cross3(w, state + COM, u);
+    for (int i = 0; i < 3; i++) u[i] += T[i * nv];
+}
+
 /* Write origin and, if turns, rotation (12) of a frame, given by its joint and its placement there. */
 static inline void place_frame(const wbc_tree *tree, const double *state, int64_t joint,
                                const double *placement, int turns, double *out) {
