@@ -126,6 +126,8 @@ class ErrorTaskSpec(MotionTaskSpec):
     at rest. Of the velocity level."""
     kp: NonNegative | None = None
     """At the torque level: stiffness of the error [1/s^2]; left out: 100."""
+    ramp: Positive | None = None
+    """Time [s] in which the target moves smoothly from what is there at the start."""
 
 
-HANDED_ON = ErrorTaskSpec.model_fields.keys() - {"type", "target", "active"}
+HANDED_ON = ErrorTaskSpec.model_fields.keys() - {"type", "target", "active", "ramp"}

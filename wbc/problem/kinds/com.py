@@ -104,8 +104,6 @@ class ComSpec(ErrorTaskSpec):
     plan says, {motion: ...} as a motion does."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per axis [1/(m/s)]."""
-    ramp: Positive | None = None
-    """Time [s] in which the target moves smoothly from the place at the start."""
     law: (
         Annotated[
             Literal["capture_point"] | CapturePointLaw,

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from wbc.problem.section import Name, NonNegative, Positive
+from wbc.problem.section import Name, NonNegative
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
@@ -24,8 +24,6 @@ class DistanceSpec(ErrorTaskSpec):
     """The frame that it is measured from."""
     target: NonNegative
     """Wanted distance [m]."""
-    ramp: Positive | None = None
-    """Time [s] in which the target moves smoothly from the distance at the start."""
     weight: NonNegative = 1.0
     """Weight of the task [1/(m/s)]."""
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from wbc.problem.section import Forms, Name, Point, Positive, Section, Weight, default_of
+from wbc.problem.section import Forms, Name, Point, Section, Weight, default_of
 from wbc.problem.targets import (
     Axes,
     FromMotion,
@@ -45,8 +45,6 @@ class FrameSpec(ErrorTaskSpec):
     """A link, joint or other frame of the robot."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per row [1/(m/s)] or [1/(rad/s)]."""
-    ramp: Positive | None = None
-    """Time [s] in which the target moves smoothly from where the frame is at the start."""
 
     @property
     def moved_frame(self) -> str | None:

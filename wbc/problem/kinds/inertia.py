@@ -18,7 +18,6 @@ from wbc.problem.section import (
     NonNegative,
     Number,
     Point,
-    Positive,
     Section,
     Three,
     Weight,
@@ -99,8 +98,6 @@ class InertiaSpec(ErrorTaskSpec):
     second_order: bool = default_of(InertiaTask, "second_order")
     """Use the curvature of the inertia: for a target out of reach, where it converges much faster
     (about 0.2 ms more per tick). Not for principal moments."""
-    ramp: Positive | None = None
-    """Time [s] in which the target moves smoothly from the inertia at the start."""
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from wbc.flight.rounds import Rounds
 from wbc.problem.mistakes import Misplaced
-from wbc.problem.section import WORD, Forms, Name, NonNegative, Number, Positive
+from wbc.problem.section import WORD, Forms, Name, NonNegative, Number
 from wbc.problem.targets import LOOP, FromMotion, LoopTarget, MotionForm, form_with_motion
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot
@@ -50,8 +50,6 @@ class PostureSpec(ErrorTaskSpec):
     """Factors on the weight by joint name or pattern ("*_knee*"); 0 leaves a joint out."""
     weight: NonNegative = 1.0
     """Weight of the task [1/(rad/s)]."""
-    ramp: Positive | None = None
-    """Time [s] in which the target moves smoothly from the posture at the start."""
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""

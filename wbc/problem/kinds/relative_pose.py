@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from wbc.problem.kinds.frame import PlacementTarget
-from wbc.problem.section import Distinct, Forms, Name, NonEmpty, Positive, Weight, Words, default_of
+from wbc.problem.section import Distinct, Forms, Name, NonEmpty, Weight, Words, default_of
 from wbc.problem.targets import Start, point, rotation
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Snapshot
@@ -36,8 +36,6 @@ class RelativePoseSpec(ErrorTaskSpec):
     """Wanted position [m] and orientation, in axes of ``relative_to``."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per row [1/(m/s)] or [1/(rad/s)]."""
-    ramp: Positive | None = None
-    """Time [s] in which the target moves smoothly from the pose at the start."""
 
     @property
     def moved_frame(self) -> str | None:
