@@ -91,8 +91,8 @@ def test_what_is_inside_is_pushed_out_and_what_is_not_brakes(hoap2) -> None:
     np.testing.assert_allclose(rows.push.target, [back], rtol=1e-9)
     np.testing.assert_array_equal(rows.push.matrix, rows.matrix[:1])
     np.testing.assert_array_equal(rows.push.weight, [1.0])
-    assert lib.wbc_part * back < lib.wbc_interior
-    assert rows.lower[0] == pytest.approx(-lib.wbc_part * back, rel=1e-9)
+    assert lib.wbc_interior_share * back < lib.wbc_interior_speed
+    assert rows.lower[0] == pytest.approx(-lib.wbc_interior_share * back, rel=1e-9)
     for k, place in ((1, 1.5), (2, 1.2)):
         left = place - (1.0 + 7e-4) - SKIN
         u = -rows.lower[k]
@@ -172,7 +172,7 @@ def test_a_wall_that_comes_nearer_slows_the_approach_and_then_pushes(hoap2) -> N
     far = [greediest(wall.rows(at(hoap2, 0.5), DT)) for wall in (still, coming)]
     assert far[0] - far[1] == pytest.approx(0.1)
     near = coming.rows(at(hoap2, 1.0 - SKIN - 1e-5), DT)
-    assert -lib.wbc_interior <= near.lower[0] <= 0.0
+    assert -lib.wbc_interior_speed <= near.lower[0] <= 0.0
     assert near.push is not None
     allowed = 0.5 / DT * 1e-5  # by the gain
     np.testing.assert_allclose(near.push.target, [0.1 - allowed], rtol=1e-6)

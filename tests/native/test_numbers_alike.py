@@ -16,4 +16,4 @@ def test_no_number_of_python_stands_again_in_the_core() -> None:
 def test_every_reason_why_the_core_gives_no_command_has_its_words() -> None:
     # Exported C solves all itself: nothing is left to others.
     others = {lib.DONE, lib.REDUCED, lib.OUTLIER}  # the last of filters, which are no ticks
-    assert {*_REASONS} == {*ffi.typeof("enum said").elements} - others
+    assert {*_REASONS} == {*ffi.typeof("enum status").elements} - others

@@ -20,7 +20,7 @@ from wbc.qp.active_set import ActiveSet
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
-# Why the core gives no command: enum said of wbc/native/source/core.h.
+# Why the core gives no command: enum status of wbc/native/source/core.h.
 _REASONS = {
     lib.INFEASIBLE: "its QP has no solution: rows contradict each other",
     lib.UNSOLVED: "its QP has no solution that is accurate enough",

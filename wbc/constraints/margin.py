@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 # What the core's margins count on, too, see native/source/margin.c: a skin that rows keep besides,
 # and what a tick may use up of it [m]; rounding [m]; an interior for the solver [m/s]; a lever [m].
 SKIN: float = lib.wbc_skin
-USED: float = lib.wbc_used
+USED: float = lib.wbc_skin_per_tick
 JOINT_SHARE = 0.5  # of the joints' acceleration limits that braking may count on
 
 
@@ -253,7 +253,9 @@ def _asked(distances: Distances, least: Array) -> tuple[Array, Rows | None]:
     if not wanted.any():
         return least, None
     push = Rows(distances.jacobian[wanted], least[wanted], np.ones(int(np.count_nonzero(wanted))))
-    return np.where(wanted, -np.minimum(lib.wbc_interior, lib.wbc_part * least), least), push
+    return np.where(
+        wanted, -np.minimum(lib.wbc_interior_speed, lib.wbc_interior_share * least), least
+    ), push
 
 
 @cache

@@ -409,15 +409,15 @@ class Controller(DeclaredAttributes, ABC):
     def _kept(self) -> tuple[object, ...]:
         """Return what is kept from tick to tick, but for warm starts: what a tick changes."""
         second = self._second
-        return self._core.memory.usual, b"" if second is None else second.memory.usual
+        return self._core.memory.last_pivots, b"" if second is None else second.memory.last_pivots
 
     def _return_to(self, kept: tuple[Any, ...]) -> None:
         """Take up what was kept before a tick."""
-        self._core.memory.usual, usual = kept
-        if not usual:
+        self._core.memory.last_pivots, last_pivots = kept
+        if not last_pivots:
             self._second = None
         elif self._margins_in_core:
-            self._marginless.memory.usual = usual
+            self._marginless.memory.last_pivots = last_pivots
 
     @property
     def core(self) -> CorePlan:

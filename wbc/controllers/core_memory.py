@@ -24,7 +24,7 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import NativeTree, frame_places, joint_starts
 from wbc.validate import Array
 
-# What the core says: enum said of source/core.h.
+# What the core says: enum status of source/core.h.
 INFEASIBLE, UNSOLVED, DONE, NOT_FINITE = lib.INFEASIBLE, lib.UNSOLVED, lib.DONE, lib.NOT_FINITE
 NOT_MEASURED, LEADS_INSIDE, MORE_ROWS = lib.NOT_MEASURED, lib.LEADS_INSIDE, lib.MORE_ROWS
 REDUCED = lib.REDUCED
@@ -226,12 +226,12 @@ class CoreMemory:
         return P, g
 
     @property
-    def usual(self) -> bytes:
+    def last_pivots(self) -> bytes:
         """Columns that the last tick eliminated: the next prefers them, where ProxQP is asked."""
         return self._usual.tobytes() if self._outside else b""
 
-    @usual.setter
-    def usual(self, columns: bytes) -> None:
+    @last_pivots.setter
+    def last_pivots(self, columns: bytes) -> None:
         if len(columns) == self._usual.nbytes:
             self._usual[:] = np.frombuffer(columns, dtype=np.int64)
 
@@ -298,14 +298,14 @@ class CoreMemory:
         sizes = np.empty(3, dtype=np.int64)
         loops = 0 if self.forces is None else self._planned.mechanics
         lib.wbc_sizes(n, k, m, loops, integers(sizes))
-        solving, order, begin = sizes.tolist()
-        solving += m
+        solver_end, order, begin = sizes.tolist()
+        solver_end += m
         looking = self.held + 2 * (n + self.k) + m + 5 if self.struct.closing else 0
         if self.margin is not None:
             looking = max(looking, self._margin_scratch_size(self.margin))
-        scratch = max(self._scratch_size(), solving + max(looking, n))
+        scratch = max(self._scratch_size(), solver_end + max(looking, n))
         order += k + (0 if self.margin is None else self.margin.pairs)
-        self.struct.solving, self.struct.usual = solving, begin
+        self.struct.solver_end, self.struct.last_pivots = solver_end, begin
         if "scratch" not in self.arrays or self.arrays["scratch"].size < scratch:
             self._put("scratch", np.zeros(scratch))
         if "order" not in self.arrays or self.arrays["order"].size < order:

@@ -136,14 +136,14 @@ class CorePlan:
         self.shares_state, self._braking = shares_state, limits and limits.braking
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self)._with_columns, (*self._made_of, self.memory.usual)
+        return type(self)._with_columns, (*self._made_of, self.memory.last_pivots)
 
     @classmethod
     def _with_columns(cls, *parts: object) -> CorePlan:
         """Return a copy, with memory of its own."""
-        *made_of, usual = parts
+        *made_of, last_pivots = parts
         made = cls(*made_of)  # type: ignore[arg-type]
-        made.memory.usual = usual  # type: ignore[assignment]
+        made.memory.last_pivots = last_pivots  # type: ignore[assignment]
         return made
 
     @property

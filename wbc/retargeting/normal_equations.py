@@ -37,7 +37,7 @@ class NormalEquations:
             J[:, :, k] = part
         given = pointer(J), pointer(np.ascontiguousarray(off))
         height, sums = self._band.shape[2], (doubles(self._band), doubles(self.slope))
-        lib.wbc_band(count, nv, span, rows, *given, height, *sums)
+        lib.wbc_add_normal_equations(count, nv, span, rows, *given, height, *sums)
 
     def add_differences(
         self, ways: Sequence[float], square: Array, slope: Array, first: int = 0

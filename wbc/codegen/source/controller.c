@@ -1,4 +1,4 @@
-/* What the API does: put targets where the core reads them, run it, check and read its answer. */
+/* The API: write targets to the plan, run the core, read its solution. */
 #include "controller.h"
 #include "core/problem.h"
 
@@ -18,13 +18,25 @@ int wbc_target_sizes(int part, int sizes[3]) {
     sizes[0] = sizes[1] = sizes[2] = 3;
     switch (wbc_planned.block[part].kind) {
     case POINT:
-    case POINTING: return DONE;
-    case ORIENTATION: sizes[0] = 9; return DONE;
-    case INERTIA_ENTRIES: sizes[0] = sizes[1] = sizes[2] = 6; return DONE;
-    case JOINTS: sizes[0] = sizes[1] = sizes[2] = WBC_NV - 6; return DONE;
-    case MOMENTUM_ENTRIES: sizes[0] = sizes[1] = 6, sizes[2] = 0; return DONE;
-    case CONTACT: sizes[0] = 12, sizes[1] = sizes[2] = 0; return DONE;
-    default: return NO_TARGET;
+    case POINTING:
+        return DONE;
+    case ORIENTATION:
+        sizes[0] = 9;
+        return DONE;
+    case INERTIA_ENTRIES:
+        sizes[0] = sizes[1] = sizes[2] = 6;
+        return DONE;
+    case JOINTS:
+        sizes[0] = sizes[1] = sizes[2] = WBC_NV - 6;
+        return DONE;
+    case MOMENTUM_ENTRIES:
+        sizes[0] = sizes[1] = 6, sizes[2] = 0;
+        return DONE;
+    case CONTACT:
+        sizes[0] = 12, sizes[1] = sizes[2] = 0;
+        return DONE;
+    default:
+        return NO_TARGET;
     }
 }
 
@@ -45,10 +57,9 @@ int wbc_set_target(wbc_controller *c, int part, const double *target, const doub
         copy(own, target, 9), copy(own + 9, rate, 3), copy(own + 12, acceleration, 3);
         return DONE;
     }
-    if (block->kind == POINT || block->kind == POINTING || block->kind == CONTACT)
-        copy(own, target, sizes[0]);
+    if (block->kind == POINT || block->kind == POINTING || block->kind == CONTACT) copy(own, target, sizes[0]);
     for (int64_t i = 0; i < k; i++) {
-        const double *s = own + 6 * i; /* of an inertia: which entries */
+        const double *s = own + 6 * i; /* of an inertia: the selection */
         double *wanted = own + 6 * k + i;
         switch (block->kind) {
         case POINT:
@@ -69,7 +80,8 @@ int wbc_set_target(wbc_controller *c, int part, const double *target, const doub
                 bias[i] -= s[j] * at(rate, j), drift[i] -= s[j] * at(acceleration, j);
             }
             break;
-        default: break;
+        default:
+            break;
         }
     }
     return DONE;
@@ -79,14 +91,14 @@ int wbc_control(wbc_controller *c, const double q[WBC_NQ], const double *v, wbc_
     static const double still[WBC_NV] = {0.0};
     const wbc_plan *plan = &c->plan;
     wbc_qp qp;
-    const int said = wbc_tick(plan, 0, q, v ? v : still);
-    if (said != DONE) return said;
+    const int status = wbc_tick(plan, 0, q, v ? v : still);
+    if (status != DONE) return status;
     lay_out(plan, &qp);
     memset(command, 0, sizeof *command);
     memcpy(command->velocity, plan->torque ? qp.exact : qp.x, sizeof command->velocity);
     if (!plan->torque) return DONE;
     memcpy(command->torque, qp.torque, sizeof command->torque);
-    for (int64_t i = 0; i < plan->bounded; i++) { /* off by as much as the accuracy promised */
+    for (int64_t i = 0; i < plan->bounded; i++) { /* within the tolerance of the solver */
         double *torque = command->torque + plan->with_bound[i] - 6;
         const double most = plan->unit * plan->torque_bound[i];
         *torque = *torque > most ? most : *torque < -most ? -most : *torque;

@@ -14,7 +14,7 @@
 
 #include "plan.h"
 
-/* A controller and its memory. It points into itself: start it where it stays, do not copy it. */
+/* A controller and its memory. It contains pointers into itself: do not move or copy it after wbc_start. */
 typedef struct {
     wbc_plan plan;
     double number[WBC_NUMBERS], state[WBC_STATE], out[WBC_OUT], scratch[WBC_SCRATCH];
@@ -22,17 +22,17 @@ typedef struct {
 } wbc_controller;
 
 typedef struct {
-    double velocity[WBC_NV];       /* at the end of the tick */
-    double torque[WBC_NV - 6];     /* within its bounds; zeros if the problem is not about torques */
+    double velocity[WBC_NV];   /* at the end of the tick */
+    double torque[WBC_NV - 6]; /* within its bounds; zeros at the velocity level */
 } wbc_command;
 
-/* Besides core.h's enum said: UNSOLVED, INFEASIBLE and so on. */
+/* In addition to core.h's enum status: UNSOLVED, INFEASIBLE and so on. */
 enum { NO_TARGET = -3 };
 
-/* Begin with the targets that the problem had in its first tick. Returns DONE. */
+/* Initialise, with the targets of the first tick of the problem. Returns DONE. */
 int wbc_start(wbc_controller *c);
 
-/* Say what a task, or where a contact, should be, and at which rate and acceleration; 0: zeros.
+/* Set the target of a task or contact, its rate and acceleration; 0: zeros.
  *
  *     WBC_KIND_...       target                                rate, acceleration
  *     POINT              position (3), world axes              (3)
@@ -43,15 +43,14 @@ int wbc_start(wbc_controller *c);
  *     MOMENTUM_ENTRIES   linear, angular (6)                   rate only (6)
  *     CONTACT            position (3), rotation (3, 3)         none
  *
- * Of a task that is about a part of these, the other entries are not looked at. What is not finite
- * makes wbc_control say NOT_FINITE. NO_TARGET: there is no such part, or it has no target. */
-int wbc_set_target(wbc_controller *c, int part, const double *target, const double *rate,
-                   const double *acceleration);
-/* How many numbers each of these has; NO_TARGET as above. */
+ * A task of some entries ignores the others. If a number is not finite, wbc_control returns
+ * NOT_FINITE. NO_TARGET: there is no such part, or it has no target. */
+int wbc_set_target(wbc_controller *c, int part, const double *target, const double *rate, const double *acceleration);
+/* The sizes of these three; NO_TARGET as above. */
 int wbc_target_sizes(int part, int sizes[3]);
 
 /* Compute the command at a measured state; v may be 0: at rest. Its KKT residuals
- * were checked against WBC_EPS. All but DONE: there is no command, and the caller must have one. */
+ * are at most WBC_EPS. Other than DONE: there is no command, and the caller needs a fallback. */
 int wbc_control(wbc_controller *c, const double q[WBC_NQ], const double *v, wbc_command *command);
 
 #endif

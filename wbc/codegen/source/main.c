@@ -31,27 +31,27 @@ static int replay(FILE *file) {
     double q[WBC_NQ], v[WBC_NV], worst = 0.0, seconds = 0.0;
     wbc_command found, wanted;
     int ticks, nq, nv, torque;
-    if (fscanf(file, "wbc recording 1 %d %d %d %d", &ticks, &nq, &nv, &torque) != 4 ||
-        ticks < 1 || nq != WBC_NQ || nv != WBC_NV || torque != WBC_TORQUE) {
+    if (fscanf(file, "wbc recording 1 %d %d %d %d", &ticks, &nq, &nv, &torque) != 4 || ticks < 1 || nq != WBC_NQ ||
+        nv != WBC_NV || torque != WBC_TORQUE) {
         fprintf(stderr, "not a recording of this controller\n");
         return 2;
     }
     wbc_start(&c);
     for (int k = 0; k < ticks; k++) {
-        if (!read(file, q, nq) || !read(file, v, nv) || !read_targets(file, &c) ||
-            !read(file, wanted.velocity, nv) || (torque && !read(file, wanted.torque, nv - 6))) {
+        if (!read(file, q, nq) || !read(file, v, nv) || !read_targets(file, &c) || !read(file, wanted.velocity, nv) ||
+            (torque && !read(file, wanted.torque, nv - 6))) {
             fprintf(stderr, "the recording ends in tick %d of %d\n", k, ticks);
             return 2;
         }
         const clock_t begun = clock();
-        const int said = wbc_control(&c, q, v, &found);
+        const int status = wbc_control(&c, q, v, &found);
         seconds += (double)(clock() - begun) / CLOCKS_PER_SEC;
-        if (said != DONE) {
-            fprintf(stderr, "tick %d: no command (%d)\n", k, said);
+        if (status != DONE) {
+            fprintf(stderr, "tick %d: no command (%d)\n", k, status);
             return 1;
         }
-        judge(found.velocity, wanted.velocity, nv, &worst);
-        if (torque) judge(found.torque, wanted.torque, nv - 6, &worst);
+        compare_numbers(found.velocity, wanted.velocity, nv, &worst);
+        if (torque) compare_numbers(found.torque, wanted.torque, nv - 6, &worst);
     }
     printf("%d ticks, %.1f us each; largest difference %.1e\n", ticks, 1e6 * seconds / ticks, worst);
     return worst <= TOLERANCE ? 0 : 1;

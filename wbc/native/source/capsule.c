@@ -1,6 +1,5 @@
-/* A capsule of small volume round points: a search over its two ends, its radius being the distance of the
- * farthest point. By the simplices of Nelder and Mead (1965), as SciPy's minimize does it.
- */
+/* A small capsule round points: Nelder and Mead's simplex search (1965; as in SciPy's minimize) over its two ends;
+ * the radius is the distance of the farthest point. */
 #include "core.h"
 #include "linear.h"
 
@@ -10,8 +9,8 @@ enum { ENDS = 6, CORNERS = ENDS + 1 }; /* unknowns, corners of a simplex */
 static const double PI = 3.14159265358979323846;
 
 /* The square of the farthest point's distance from a segment. */
-static double farthest(int64_t count, const double *points, const double *begin,
-                       const double *along, double squared) {
+static double farthest(int64_t count, const double *points, const double *begin, const double *along,
+                       double squared) {
     double most = 0.0;
     for (int64_t k = 0; k < count; k++) {
         const double *p = points + 3 * k;
@@ -38,7 +37,7 @@ typedef struct {
     double at[CORNERS][ENDS], value[CORNERS];
 } simplex;
 
-/* Best corner first; those of equal value stay in their order. */
+/* Sort by value, stable. */
 static void sort(simplex *s) {
     for (int i = 1; i < CORNERS; i++) {
         double at[ENDS];
@@ -63,7 +62,7 @@ static int is_small(const simplex *s, double accuracy, double value_accuracy) {
     return 1;
 }
 
-/* The point past the middle of all corners but the worst, as seen from that: by part of the way there. */
+/* Reflect the worst corner at the centroid of the others, by a factor. */
 static double tried(int64_t count, const double *points, const simplex *s, double part, double *at) {
     for (int j = 0; j < ENDS; j++) {
         double middle = 0.0;
@@ -90,23 +89,17 @@ int wbc_fit_capsule(int64_t count, const double *points, double size, int64_t mo
     for (int64_t k = 1; k < most && !is_small(&s, accuracy, value_accuracy); k++) {
         double once[ENDS], other[ENDS];
         const double first = tried(count, points, &s, 1.0, once), worst = s.value[CORNERS - 1];
-        if (first < s.value[0]) { /* farther? */
+        if (first < s.value[0]) { /* expand */
             const double second = tried(count, points, &s, 2.0, other);
-            if (second < first)
-                replace(&s, other, second);
-            else
-                replace(&s, once, first);
-        } else if (first < s.value[CORNERS - 2])
-            replace(&s, once, first);
-        else { /* half the way, on the better side */
-            const int outside = first < worst;
+            if (second < first) replace(&s, other, second);
+            else replace(&s, once, first);
+        } else if (first < s.value[CORNERS - 2]) replace(&s, once, first);
+        else { /* contract, on the better side */ const int outside = first < worst;
             const double second = tried(count, points, &s, outside ? 0.5 : -0.5, other);
-            if (outside ? second <= first : second < worst)
-                replace(&s, other, second);
+            if (outside ? second <= first : second < worst) replace(&s, other, second);
             else
                 for (int i = 1; i < CORNERS; i++) {
-                    for (int j = 0; j < ENDS; j++)
-                        s.at[i][j] = s.at[0][j] + 0.5 * (s.at[i][j] - s.at[0][j]);
+                    for (int j = 0; j < ENDS; j++) s.at[i][j] = s.at[0][j] + 0.5 * (s.at[i][j] - s.at[0][j]);
                     s.value[i] = volume(count, points, s.at[i]);
                 }
         }

@@ -1,13 +1,13 @@
 /* Distances of convex hulls by the algorithm of Gilbert, Johnson and Keerthi (1988).
  *
- * A - B is as far from the origin as A is from B. A simplex of its corners moves there: with v the
- * point of the simplex nearest to the origin, the corner w of A - B that is farthest along -v joins,
- * and what v does not rest on leaves. All of A - B is beyond the plane through w across v, hence
+ * A - B is as far from the origin as A is from B. A simplex of its corners moves towards the origin: with v the
+ * nearest point of the simplex, the support point w of A - B along -v is added, and corners of weight 0 are
+ * removed. All of A - B lies beyond the plane through w normal to v, hence
  *
  *     v.w / |v|  <=  distance  <=  |v|
  *
- * which both ends the search and proves the answer. Every search begins anew: the answer depends
- * on where the bodies are, not on where they were. Nearest points of triangles: Ericson, Real-Time
+ * which both ends the search and proves the answer. Every search starts cold: the answer depends on where the
+ * bodies are, not on where they were. Nearest points of triangles: Ericson, Real-Time
  * Collision Detection (2005), sec. 5.1.5, but with v from the triangle's normal.
  */
 #include "convex.h"
@@ -16,12 +16,12 @@
 #include <math.h>
 #include <string.h>
 
-static const double TOUCHING = 1e-7; /* m: nearer hulls are left to who knows of depths */
+static const double TOUCHING = 1e-7; /* m: closer hulls are measured as overlapping ones, in Python */
 static const double CERTAIN = 1e-10; /* m: between the two bounds */
-static const double EXACT = 1e-15;   /* of the size of v: no better answer is looked for */
+static const double EXACT = 1e-15;   /* by the size of v: no improvement beyond this */
 enum { MOST_ROUNDS = 50, BLOCK = 8 };
 
-/* Corners of A - B with the corner of A, and the weights by which v is made of them. */
+/* Corners of A - B, the corners of A that they come from, and barycentric weights of v. */
 typedef struct {
     int count;
     double w[4][3], a[4][3], share[4];
@@ -35,8 +35,7 @@ static void farthest(const convex *hull, const double *d, double *corner) {
     transposed_times3(hull->R, d, local);
     for (; i + BLOCK <= hull->n; i += BLOCK) {
         double along[BLOCK];
-        for (int j = 0; j < BLOCK; j++)
-            along[j] = local[0] * x[i + j] + local[1] * y[i + j] + local[2] * z[i + j];
+        for (int j = 0; j < BLOCK; j++) along[j] = local[0] * x[i + j] + local[1] * y[i + j] + local[2] * z[i + j];
         for (int j = 0; j < BLOCK; j++)
             if (along[j] > most) most = along[j], best = i + j;
     }
@@ -52,7 +51,7 @@ static void subtract(const double *a, const double *b, double *out) {
     for (int i = 0; i < 3; i++) out[i] = a[i] - b[i];
 }
 
-/* Of the segment p, q: the point nearest to the origin, and how much of it is q's. */
+/* Nearest point of the segment p, q to the origin, and the weight of q. */
 static double on_segment(const double *p, const double *q, double *v) {
     double along[3];
     subtract(q, p, along);
@@ -63,9 +62,8 @@ static double on_segment(const double *p, const double *q, double *v) {
     return share;
 }
 
-/* Of a triangle: the point v nearest to the origin, and the corners' shares of it. */
-static void on_triangle(const double *a, const double *b, const double *c, double *v,
-                        double *share) {
+/* Nearest point v of a triangle to the origin, and the corners' weights. */
+static void on_triangle(const double *a, const double *b, const double *c, double *v, double *share) {
     double ab[3], ac[3], bc[3], n[3], side[3];
     subtract(b, a, ab), subtract(c, a, ac), subtract(c, b, bc);
     cross3(ab, ac, n);
@@ -98,7 +96,7 @@ static void on_triangle(const double *a, const double *b, const double *c, doubl
     }
 }
 
-/* Of a tetrahedron the same; false: the origin is inside. */
+/* Likewise of a tetrahedron; false: the origin is inside. */
 static int on_tetrahedron(double w[4][3], double *v, double *share) {
     static const int face[4][4] = {{0, 1, 2, 3}, {0, 1, 3, 2}, {0, 2, 3, 1}, {1, 2, 3, 0}};
     double best = INFINITY;
@@ -120,7 +118,7 @@ static int on_tetrahedron(double w[4][3], double *v, double *share) {
     return best < INFINITY;
 }
 
-/* The point v of the simplex nearest to the origin; corners without a share leave it. */
+/* Nearest point v of the simplex to the origin; corners of weight 0 are removed. */
 static int nearest_of(simplex *of, double *v) {
     switch (of->count) {
     case 1:
@@ -155,8 +153,8 @@ static int has(const simplex *of, const double *w) {
     return 0;
 }
 
-int convex_distance(const convex *A, const convex *B, const double *there, const double *guess,
-                    double *distance, double *normal, double *point) {
+int convex_distance(const convex *A, const convex *B, const double *there, const double *guess, double *distance,
+                    double *normal, double *point) {
     simplex of;
     double v[3], size = INFINITY, least = -INFINITY;
     memset(&of, 0, sizeof of);
@@ -175,7 +173,7 @@ int convex_distance(const convex *A, const convex *B, const double *there, const
         of.count++;
         if (!nearest_of(&of, next)) return 0;
         const double now = sqrt(dot3(next, next));
-        if (!(now < size)) { /* rounding: what was there is as good */
+        if (!(now < size)) { /* rounding: the last one was as good */
             of = before;
             break;
         }

@@ -1,29 +1,29 @@
-/* How the CRB inertia curves: what an inertia task's Gauss-Newton step leaves out of the Hessian.
+/* Second derivatives of the CRB inertia: the term that an inertia task's Gauss-Newton step neglects.
  *
- * With I = tr(S) 1 - S, a column i of v that carries all that column j does moves the rate P_j of the
- * pseudo-inertia, with S_j and h_j its second and first moments about the CoM, by [W_i] P_j + (..)', hence
+ * With I = tr(S) 1 - S: a column i of v whose subtree contains that of column j moves the rate P_j of the
+ * pseudo-inertia, with second and first moments S_j and h_j about the CoM, by [W_i] P_j + (..)', hence
  *
  *     d2S / (dv_i dv_j) = [w_i] S_j + u_i h_j' - h_i h_j' / M + (..)'
  *
- * of which the last term is the CoM's own motion; it alone is left where neither carries the other. Rotations
- * of the base do not commute: of both orders the mean is taken.
+ * The last term is the CoM's own motion, the only one if neither subtree contains the other. Rotations of the
+ * base do not commute: the mean of both orders is taken.
  */
 #include <string.h>
 
 #include "rows.h"
 
-/* Four columns of v, side by side: how the inertia pulls at them, angular and linear, the velocities that they
- * give to what is at the CoM, and to the CoM itself. Columns beyond the last are 0. */
+/* Four columns of v side by side: gradient by angular and linear motion, velocity at the CoM, and velocity of the
+ * CoM. Columns beyond the last are 0. */
 typedef struct {
     four angular[3], linear[3], at_com[3], com[3];
 } columns;
 
-/* Columns of v by how the inertia pulls at them, G, and how they move. Returns what is behind them in work. */
-INLINE double *pulls(int64_t nv, const double *state, double mass, const double *G, columns *restrict to) {
+/* Write the columns of v, for the gradient G by the inertia. Returns what lies behind them in work. */
+INLINE double *weighted_columns(int64_t nv, const double *state, double mass, const double *G, columns *restrict to) {
     const double *restrict rates = state + INERTIA_JACOBIAN(nv), *h = state + COM_JACOBIAN(nv);
     const double *restrict T = state + TWISTS(nv), *com = state + COM;
     const double trace = G[0] + G[3] + G[5];
-    const double k[6] = {mass * (trace - G[0]), -mass * G[1],          -mass * G[2],
+    const double k[6] = {mass * (trace - G[0]), -mass * G[1], -mass * G[2],
                          mass * (trace - G[3]), -mass * G[4], mass * (trace - G[5])};
     for (int64_t c = 0; c < nv; c += 4, to++) {
         const four xx = FOUR(rates + c), xy = FOUR(rates + nv + c), xz = FOUR(rates + 2 * nv + c);
@@ -48,14 +48,14 @@ INLINE double *pulls(int64_t nv, const double *state, double mass, const double 
     return (double *)to;
 }
 
-/* The joint behind the last one that joint i carries: those that it carries follow it. */
-static int64_t carried_until(const wbc_tree *tree, int64_t i) {
+/* The joint behind the subtree of joint i, which is contiguous. */
+static int64_t subtree_end(const wbc_tree *tree, int64_t i) {
     int64_t j = i + 1;
     while (j < tree->joints && tree->parent[j] >= i) j++;
     return j;
 }
 
-/* How the inertia pulls at column b as column a moves all that b moves. */
+/* The second derivative by column b, which column a moves as a whole. */
 INLINE double moved_by(int64_t nv, const double *turn, const columns *of, int64_t a, int64_t b) {
     const columns *one = of + (a >> 2), *other = of + (b >> 2);
     double sum = 0.0;
@@ -64,12 +64,13 @@ INLINE double moved_by(int64_t nv, const double *turn, const columns *of, int64_
     return sum;
 }
 
-/* Row a of the second derivative (nv, nv) of <G, I> by v, world axes, from its diagonal on, zeros
- * elsewhere. turn: the columns' angular velocities; end: behind the columns that column a carries.
- * By four from a multiple of four: what is stored as a vector is read back as the same one. */
-INLINE void second_derivative_row(int64_t nv, const double *turn, const columns *of, int64_t a,
-                                  int64_t end, double *restrict row) {
-    static const double from[4][4] = {{1, 1, 1, 1}, {0, 1, 1, 1}, {0, 0, 1, 1}, {0, 0, 0, 1}}; /* which lane on */
+/* Row a of the second derivative (nv, nv) of <G, I> by v, world axes, from the diagonal on, zeros before. turn: the
+ * columns' angular velocities; end: the column behind a's subtree. In aligned blocks of four, so that no load waits
+ * for a store of another width. */
+INLINE void second_derivative_row(int64_t nv, const double *turn, const columns *of, int64_t a, int64_t end,
+                                  double *restrict row) {
+    static const double from[4][4] = {{1, 1, 1, 1}, {0, 1, 1, 1}, {0, 0, 1, 1}, {0, 0, 0, 1}}; /* lanes from the
+                                                                                                * diagonal on */
     const columns *at = of + (a >> 2);
     const int64_t begin = a & ~(int64_t)3, lane = a & 3;
     double by[3], turned[3], moved[3];
@@ -87,12 +88,12 @@ INLINE void second_derivative_row(int64_t nv, const double *turn, const columns 
         }
         *(four *)(row + b) = now;
     }
-    for (int64_t b = a; b < 6; b++) /* the base's columns carry each other */
+    for (int64_t b = a; b < 6; b++) /* the base's columns move each other */
         row[b] += moved_by(nv, turn, of, b, a) - moved_by(nv, turn, of, a, b);
     *(four *)(row + begin) *= FOUR(from[lane]);
 }
 
-/* Add what a row, and its mirror image below the diagonal, adds to the sums of absolute values. */
+/* Add the absolute values of a row, and of its mirror image below the diagonal, to the sums of the rows. */
 INLINE void add_sizes(int64_t nv, int64_t a, const double *restrict row, double *restrict sum) {
     double own[4] = {0.0};
     for (int64_t b = a & ~(int64_t)3; b < PADDED(nv); b += 4)
@@ -103,44 +104,41 @@ INLINE void add_sizes(int64_t nv, int64_t a, const double *restrict row, double 
     sum[a] += (own[0] + own[2]) + (own[1] + own[3]) - fabs(row[a]);
 }
 
-/* The cost's slope by the inertia's entries, as a symmetric matrix G in the world's axes, and how columns
- * of v pull at it. Returns what is behind them in work. */
-INLINE double *prepare(const wbc_plan *plan, const wbc_block *block, const double *state,
-                       const double *frames, const double *e, double *work) {
+/* The gradient of the cost by the inertia, a symmetric matrix G in world axes, and the columns of v for it. Returns
+ * what lies behind them in work. */
+INLINE double *gradient_columns(const wbc_plan *plan, const wbc_block *block, const double *state,
+                                const double *frames, const double *e, double *work) {
     const int64_t nv = plan->tree->nv, k = block->rows;
     const double *weight = plan->number + block->number + WEIGHTS, *own = weight + 3 * k;
     double pull[6] = {0.0}, G[6];
     for (int64_t i = 0; i < k; i++)
         for (int j = 0; j < 6; j++) pull[j] += weight[i] * weight[i] * e[i] * own[6 * i + j];
-    pull[1] *= 0.5, pull[2] *= 0.5, pull[4] *= 0.5; /* these entries stand twice in the matrix */
-    if (block->frame < 0)
-        memcpy(G, pull, sizeof G);
-    else
-        congruent(frames + block->frame * FRAME_SIZE(nv) + FRAME_ROTATION, pull, G);
-    return pulls(nv, state, plan->mass, G, (columns *)work);
+    pull[1] *= 0.5, pull[2] *= 0.5, pull[4] *= 0.5; /* off-diagonal entries stand twice in G */
+    if (block->frame < 0) memcpy(G, pull, sizeof G);
+    else congruent(frames + block->frame * FRAME_SIZE(nv) + FRAME_ROTATION, pull, G);
+    return weighted_columns(nv, state, plan->mass, G, (columns *)work);
 }
 
-/* The first column that counts: of axes of the base those of the base do not. */
+/* The first column that counts: in axes of the base, the base's own columns do not. */
 static int64_t first_column(const wbc_block *block) { return block->frame < 0 ? 0 : 6; }
 
-/* Of joint j: its columns of v, and where those end that it carries. */
-INLINE void columns_of(const wbc_tree *tree, int64_t j, int64_t *begin, int64_t *behind, int64_t *end) {
-    const int64_t last = carried_until(tree, j) - 1;
+/* The columns of joint j, and the one behind its subtree. */
+INLINE void joint_columns(const wbc_tree *tree, int64_t j, int64_t *begin, int64_t *behind, int64_t *end) {
+    const int64_t last = subtree_end(tree, j) - 1;
     *end = last < 2 ? 6 : tree->iv[last] + 1;
     *begin = j == 1 ? 0 : tree->iv[j], *behind = j == 1 ? 6 : *begin + 1;
 }
 
-WIDE void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
-                            const double *frames, const double *e, double factor, double *work,
-                            double *to, int64_t stride) {
+WIDE void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const double *state, const double *frames,
+                            const double *e, double factor, double *work, double *to, int64_t stride) {
     const wbc_tree *tree = plan->tree;
     const int64_t nv = tree->nv, first = first_column(block);
     const double *turn = state + TWISTS(nv) + 3 * nv;
-    double *row = prepare(plan, block, state, frames, e, work), *sum = row + PADDED(nv);
+    double *row = gradient_columns(plan, block, state, frames, e, work), *sum = row + PADDED(nv);
     int64_t begin, behind, end;
     memset(sum, 0, PADDED(nv) * sizeof *sum);
     for (int64_t j = first ? 2 : 1; j < tree->joints; j++) {
-        columns_of(tree, j, &begin, &behind, &end);
+        joint_columns(tree, j, &begin, &behind, &end);
         for (int64_t a = begin; a < behind; a++) {
             second_derivative_row(nv, turn, (const columns *)work, a, end, row);
             add_sizes(nv, a, row, sum);
@@ -149,14 +147,14 @@ WIDE void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const 
     for (int64_t a = first; a < nv; a++) to[a * stride] += factor * sum[a];
 }
 
-/* Add the second derivative, by columns from the first that counts on. */
+/* Add the second derivative, from the first column on. */
 INLINE void add_hessian(const wbc_tree *tree, const double *state, int64_t first, const double *work, double *row,
                         double *H) {
     const int64_t nv = tree->nv;
     const double *turn = state + TWISTS(nv) + 3 * nv;
     int64_t begin, behind, end;
     for (int64_t j = first ? 2 : 1; j < tree->joints; j++) {
-        columns_of(tree, j, &begin, &behind, &end);
+        joint_columns(tree, j, &begin, &behind, &end);
         for (int64_t a = begin; a < behind; a++) {
             second_derivative_row(nv, turn, (const columns *)work, a, end, row);
             H[a * nv + a] += row[a];
@@ -165,16 +163,16 @@ INLINE void add_hessian(const wbc_tree *tree, const double *state, int64_t first
     }
 }
 
-WIDE void add_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
-                        const double *frames, const double *e, double *work, double *H) {
-    double *row = prepare(plan, block, state, frames, e, work);
+WIDE void add_curvature(const wbc_plan *plan, const wbc_block *block, const double *state, const double *frames,
+                        const double *e, double *work, double *H) {
+    double *row = gradient_columns(plan, block, state, frames, e, work);
     add_hessian(plan->tree, state, first_column(block), work, row, H);
 }
 
-WIDE int wbc_inertia_hessian(const wbc_tree *tree, const double *state, double mass, const double *G,
-                             double *work, double *H) {
+WIDE int wbc_inertia_hessian(const wbc_tree *tree, const double *state, double mass, const double *G, double *work,
+                             double *H) {
     memset(H, 0, tree->nv * tree->nv * sizeof *H);
-    double *row = pulls(tree->nv, state, mass, G, (columns *)work);
+    double *row = weighted_columns(tree->nv, state, mass, G, (columns *)work);
     add_hessian(tree, state, 0, work, row, H);
     return DONE;
 }

@@ -1,7 +1,7 @@
-/* A symmetric matrix with its eigenvalues made positive.
+/* A symmetric matrix made positive definite by the absolute values of its eigenvalues.
  *
- * Householder's tridiagonal form, whose vectors are accumulated, then QL with implicit shifts (Wilkinson
- * & Reinsch 1971, tred2 and tql2): the vectors are kept as rows, so that rotations run along memory.
+ * Householder tridiagonalisation with accumulated vectors, then QL with implicit shifts (Wilkinson & Reinsch
+ * 1971, tred2 and tql2). Vectors are stored as rows, so that rotations run along memory.
  */
 #include "linear.h"
 #include "problem.h"
@@ -9,15 +9,15 @@
 #include <math.h>
 #include <string.h>
 
-/* Curvatures below this part of the largest are raised to it: steps stay finite in flat valleys. */
+/* Smaller curvatures, by the largest, are raised to this: steps in flat valleys stay finite. */
 static const double FLATTEST = 1e-5;
-enum { MOST = 60 }; /* of steps for one eigenvalue; two or three are usual */
+enum { MOST = 60 }; /* iterations per eigenvalue; two or three are usual */
 
-/* V (n, n) symmetric becomes the rows of Q', Q'V Q tridiagonal: d (n) its diagonal, e (n) what is
- * beside it, e[0] = 0. w (n) to work in. */
+/* Replace V (n, n), symmetric, by the rows of Q', with Q'V Q tridiagonal: diagonal d (n), off-diagonal e (n), e[0]
+ * = 0. w (n): scratch. */
 WIDE static void tridiagonal(int64_t n, double *restrict V, double *restrict d, double *restrict e,
                              double *restrict w) {
-    for (int64_t i = n - 1; i > 0; i--) { /* row i: its first i entries are reflected */
+    for (int64_t i = n - 1; i > 0; i--) { /* row i: reflect its first i entries */
         double *u = V + i * n, scale = 0.0, h = 0.0;
         for (int64_t k = 0; k < i; k++) scale += fabs(u[k]);
         if (i == 1 || scale == 0.0) {
@@ -29,7 +29,7 @@ WIDE static void tridiagonal(int64_t n, double *restrict V, double *restrict d, 
         e[i] = scale * g;
         h -= f * g;
         u[i - 1] = f - g;
-        /* w = A u / h, of which the lower half stands in V */
+        /* w = A u / h, from the lower half in V */
         memset(w, 0, i * sizeof *w);
         for (int64_t j = 0; j < i; j++) {
             const double *row = V + j * n, own = u[j];
@@ -63,7 +63,7 @@ WIDE static void tridiagonal(int64_t n, double *restrict V, double *restrict d, 
     }
 }
 
-/* Rows of V become eigenvectors, d eigenvalues; false: no convergence, or no numbers. */
+/* Replace the rows of V by eigenvectors, d by eigenvalues; false: no convergence, or NaN. */
 WIDE static int diagonal(int64_t n, double *restrict V, double *restrict d, double *restrict e) {
     for (int64_t i = 1; i < n; i++) e[i - 1] = e[i];
     e[n - 1] = 0.0;
@@ -108,11 +108,11 @@ WIDE void convexify(int64_t n, double *H, double *work) {
     double *V = work, *d = V + n * n, *e = d + n, most = 0.0;
     memcpy(V, H, n * n * sizeof *V);
     tridiagonal(n, V, d, e, e + n);
-    if (!diagonal(n, V, d, e)) return; /* what is no number is seen where the QP is checked */
+    if (!diagonal(n, V, d, e)) return; /* NaN is found when the QP is checked */
     for (int64_t i = 0; i < n; i++)
         if (fabs(d[i]) > most) most = fabs(d[i]);
     memset(H, 0, n * n * sizeof *H);
-    for (int64_t i = 0; i < n; i++) { /* d of rows v: the sum of d v v' */
+    for (int64_t i = 0; i < n; i++) { /* V' d V */
         const double size = fabs(d[i]) > FLATTEST * most ? fabs(d[i]) : FLATTEST * most;
         const double *row = V + i * n;
         for (int64_t a = 0; a < n; a++) e[a] = size * row[a];

@@ -1,11 +1,12 @@
-/* The base's state from IMUs, encoders and contacts, one message after the other:
- * IMU -> predict -> joints -> feet seen from the IMU -> who bears -> hold, correct or release each
- *     -> base pose and velocity -> forces by momentum residuals, for who bears in the next message */
+/* The base's state from IMUs, encoders and contacts, message by message:
+ * IMU -> predict -> joints -> feet seen from the IMU -> loads -> hold, correct by or release each foot
+ *     -> base pose and velocity -> external forces by momentum residuals, for the next message's loads */
 #include "estimator.h"
 #include "rotation.h"
 #include "tree.h"
 
-static const double SWAYED = 0.1; /* rad/s: beyond it a mean rate, or that of a joint, is none of standing still */
+static const double STILL =
+    0.1; /* rad/s: a robot whose mean rate, or that of a joint, is above does not stand still */
 
 int wbc_estimator_sizes(const wbc_estimator *e, int64_t *sizes) {
     const int64_t n = e->tree->nv - 6, imus = e->imus, feet = e->feet;
@@ -18,11 +19,12 @@ int wbc_estimator_sizes(const wbc_estimator *e, int64_t *sizes) {
     return DONE;
 }
 
-wbc_memory wbc_remembered(const wbc_estimator *e) {
+wbc_memory wbc_memory_of(const wbc_estimator *e) {
     const int64_t n = e->tree->nv - 6, imus = e->imus, feet = e->feet;
     wbc_memory m;
     m.time = e->x, m.lost_since = m.time + 1;
-    m.usual = m.lost_since + 1, m.times = m.usual + 1, m.positions = m.times + e->window, m.believed = m.positions + e->window * n;
+    m.usual = m.lost_since + 1, m.times = m.usual + 1, m.positions = m.times + e->window;
+    m.believed = m.positions + e->window * n;
     m.heard = m.believed + n, m.last = m.heard + imus;
     m.since = m.last + 6 * imus, m.moves = m.since + feet, m.pace = m.moves + feet, m.apart = m.pace + feet;
     m.counts = e->counts;
@@ -31,12 +33,12 @@ wbc_memory wbc_remembered(const wbc_estimator *e) {
     return m;
 }
 
-void wbc_note(const wbc_estimator *e, int64_t kind, int64_t whose, double how_much) {
+void wbc_report(const wbc_estimator *e, int64_t kind, int64_t whose, double how_much) {
     const int64_t k = e->event[0]++;
     e->event[1 + 2 * k] = kind, e->event[2 + 2 * k] = whose, e->detail[k] = how_much;
 }
 
-/* The frame of the IMU that is used: the leader's axes, in the middle of all members. */
+/* The frame of the IMU in use: the leader's axes, at the centre of all members. */
 static void place_imu(const wbc_estimator *e, int64_t leader, int64_t members) {
     const int64_t nv = e->tree->nv, size = FRAME_SIZE(nv);
     double *out = e->frames + (e->imus + e->feet) * size;
@@ -63,7 +65,7 @@ static void write_positions(const wbc_tree *tree, const double *positions, doubl
     }
 }
 
-void wbc_look(const wbc_estimator *e, const wbc_memory *m, const double *positions) {
+void wbc_place_frames(const wbc_estimator *e, const wbc_memory *m, const double *positions) {
     const int64_t nv = e->tree->nv, nq = configuration_size(e->tree);
     double *q = e->scratch, *v = q + nq, *rest = v + nv;
     memset(q, 0, (nq + nv) * sizeof *q);
@@ -74,9 +76,9 @@ void wbc_look(const wbc_estimator *e, const wbc_memory *m, const double *positio
     place_imu(e, m->counts[LEADER], m->counts[MEMBERS]);
 }
 
-/* Go on with others: the same body, another place. Of those that are left of one link the mean's biases are
- * the best guess, of others nobody knows any. */
-static void follow(const wbc_estimator *e, const wbc_memory *m, int64_t leader, int64_t members) {
+/* Go on with other IMUs of the same body. If some stay, the mean's biases are the best guess; else the biases are
+ * unknown. */
+static void switch_imu(const wbc_estimator *e, const wbc_memory *m, int64_t leader, int64_t members) {
     const int64_t size = FRAME_SIZE(e->tree->nv), stays = m->counts[MEMBERS] & members;
     const double *imu = e->frames + (e->imus + e->feet) * size, *R = e->filter->x;
     double own[9], turned[9], old[3], arm[3], along[3], biases[6] = {0.0};
@@ -91,34 +93,34 @@ static void follow(const wbc_estimator *e, const wbc_memory *m, int64_t leader, 
         times3(e->placement + 12 * leader, e->filter->x + FILTER_GYRO + part, along);
         transposed_times3(e->placement + 12 * m->counts[LEADER], along, biases + part);
     }
-    wbc_filter_follow(e->filter, arm, turned, biases, e->bias_variances, SWAYED * SWAYED);
+    wbc_filter_follow(e->filter, arm, turned, biases, e->bias_variances, STILL * STILL);
 }
 
-/* Take in a message at a time when it does not stand to begin. */
-static int take(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, int standing, double *out) {
+/* Process a message. */
+static int process(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, int standing, double *out) {
     const wbc_tree *tree = e->tree;
     const int64_t nv = tree->nv, n = nv - 6, leader = m->counts[LEADER], members = m->counts[MEMBERS];
     double *v = out + OUT_WRENCHES + 6 * e->feet, *q = v + nv;
     double *positions = e->scratch + configuration_size(tree) + 18 * nv + 13 * tree->joints, *rates = positions + n;
     wbc_inertial now;
     e->event[0] = 0;
-    int said = wbc_hear(e, m, s, &now);
-    if (said != DONE) return said;
+    int status = wbc_read_imus(e, m, s, &now);
+    if (status != DONE) return status;
     const double dt = s->time - *m->time;
     *m->time = s->time;
     if (m->counts[LEADER] != leader || m->counts[MEMBERS] != members) {
         const int64_t next = m->counts[LEADER], those = m->counts[MEMBERS];
         m->counts[LEADER] = leader, m->counts[MEMBERS] = members;
-        wbc_look(e, m, m->believed); /* where the filter is still; messages that were filed moved the frames */
+        wbc_place_frames(e, m, m->believed); /* where the filter is: the messages in between moved the frames */
         m->counts[LEADER] = next, m->counts[MEMBERS] = those;
-        follow(e, m, leader, members);
+        switch_imu(e, m, leader, members);
     }
-    wbc_believe(e, m, s, dt, positions, rates);
+    wbc_read_joints(e, m, s, dt, positions, rates);
     if (dt > 0.0) wbc_filter_predict(e->filter, now.rate, now.force, dt, now.scale);
-    if (dt > e->lost && dt > 2.0 * *m->usual) wbc_let_go(e, m);
-    wbc_look(e, m, positions);
-    said = wbc_see_feet(e, m, s, now.rate, rates, standing, out + OUT_SQUARED);
-    if (said != DONE) return said;
+    if (dt > e->lost && dt > 2.0 * *m->usual) wbc_release_feet(e, m);
+    wbc_place_frames(e, m, positions);
+    status = wbc_update_feet(e, m, s, now.rate, rates, standing, out + OUT_SQUARED);
+    if (status != DONE) return status;
     wbc_filter_base(e->filter, nv, e->frames + (e->imus + e->feet) * FRAME_SIZE(nv), now.rate, rates, q, v);
     write_positions(tree, positions, q);
     m->counts[FEELS] = s->torques != 0;
@@ -126,13 +128,13 @@ static int take(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s
     wbc_filter_covariance(e->filter, out);
     memcpy(out + OUT_GYRO, e->filter->x + FILTER_GYRO, 6 * sizeof *out);
     memcpy(out + OUT_WRENCHES, e->momentum->wrenches, 6 * e->feet * sizeof *out);
-    double sum = 0.0; /* NaN of any entry is one of the sum, and infinity makes one */
+    double sum = 0.0; /* NaN if any entry is NaN or infinite */
     for (int64_t i = 0; i < 7; i++) sum += 0.0 * q[i];
     for (int64_t i = 0; i < 6; i++) sum += 0.0 * v[i];
     return sum == 0.0 ? DONE : NO_ESTIMATE;
 }
 
-static void forget(const wbc_estimator *e, const wbc_memory *m, double time) {
+static void clear(const wbc_estimator *e, const wbc_memory *m, double time) {
     const int64_t waits = m->counts[WAITS], nv = e->tree->nv;
     int64_t sizes[6];
     wbc_estimator_sizes(e, sizes);
@@ -149,15 +151,15 @@ static void forget(const wbc_estimator *e, const wbc_memory *m, double time) {
 }
 
 int wbc_estimator_reset(const wbc_estimator *e) {
-    const wbc_memory m = wbc_remembered(e);
+    const wbc_memory m = wbc_memory_of(e);
     m.counts[WAITS] = 0, e->event[0] = 0;
-    forget(e, &m, 0.0);
+    clear(e, &m, 0.0);
     return DONE;
 }
 
-/* ---- the beginning: messages of a robot at rest are kept, and taken in once it stood still long enough ---- */
+/* ---- before the estimate begins, messages are stored; they are processed once the robot stood long enough ---- */
 
-static void keep(const wbc_estimator *e, const wbc_sample *s, double *to) {
+static void store_sample(const wbc_estimator *e, const wbc_sample *s, double *to) {
     const int64_t n = e->tree->nv - 6;
     double *joints = to + 4, *imu = joints + 3 * n, *heard = imu + 6 * e->imus, *loads = heard + e->imus;
     to[0] = s->time, to[1] = s->velocities != 0, to[2] = s->torques != 0, to[3] = s->loads != 0;
@@ -169,76 +171,81 @@ static void keep(const wbc_estimator *e, const wbc_sample *s, double *to) {
     if (s->loads) memcpy(loads, s->loads, e->feet * sizeof *to);
 }
 
-static wbc_sample kept(const wbc_estimator *e, const double *from, int64_t *heard) {
+static wbc_sample stored_sample(const wbc_estimator *e, const double *from, int64_t *heard) {
     const int64_t n = e->tree->nv - 6;
     const double *joints = from + 4, *imu = joints + 3 * n, *spoke = imu + 6 * e->imus;
-    wbc_sample s = {from[0], joints, from[1] != 0.0 ? joints + n : 0, from[2] != 0.0 ? joints + 2 * n : 0,
-                    from[3] != 0.0 ? spoke + e->imus : 0, imu, heard};
+    wbc_sample s = {from[0],
+                    joints,
+                    from[1] != 0.0 ? joints + n : 0,
+                    from[2] != 0.0 ? joints + 2 * n : 0,
+                    from[3] != 0.0 ? spoke + e->imus : 0,
+                    imu,
+                    heard};
     for (int64_t k = 0; k < e->imus; k++) heard[k] = spoke[k] != 0.0;
     return s;
 }
 
-/* Write what the IMUs said on the mean (imus, 6); return those that are used: the first, and on its link what
- * spoke at least half as often. */
-static int64_t mean_said(const wbc_estimator *e, int64_t count, double *said) {
+/* Write the IMUs' mean readings (imus, 6); returns those to use: the first, and those on its link that were heard
+ * at least half as often. */
+static int64_t mean_readings(const wbc_estimator *e, int64_t count, double *readings) {
     const int64_t n = e->tree->nv - 6, size = WAIT_SIZE(n, e->imus, e->feet);
     int64_t often[MOST_IMUS] = {0}, members = 0;
-    const int64_t near = wbc_companions(e, 0);
-    memset(said, 0, 6 * e->imus * sizeof *said);
+    const int64_t near = wbc_imus_on_link(e, 0);
+    memset(readings, 0, 6 * e->imus * sizeof *readings);
     for (int64_t i = 0; i < count; i++) {
         const double *imu = e->wait + i * size + 4 + 3 * n, *spoke = imu + 6 * e->imus;
         for (int64_t k = 0; k < e->imus; k++)
             if (spoke[k] != 0.0) {
                 often[k]++;
-                for (int j = 0; j < 6; j++) said[6 * k + j] += imu[6 * k + j];
+                for (int j = 0; j < 6; j++) readings[6 * k + j] += imu[6 * k + j];
             }
     }
     for (int64_t k = 0; k < e->imus; k++) {
         if (HAS(near, k) && 2 * often[k] >= often[0]) members |= (int64_t)1 << k;
-        for (int j = 0; often[k] && j < 6; j++) said[6 * k + j] /= (double)often[k];
+        for (int j = 0; often[k] && j < 6; j++) readings[6 * k + j] /= (double)often[k];
     }
     return members;
 }
 
-/* Whether joints or base moved meanwhile. */
-static int swayed(const wbc_estimator *e, const wbc_sample *s, const double *rate) {
-    if (sqrt(dot3(rate, rate)) > SWAYED) return 1;
+/* Whether joints or base moved while messages were stored. */
+static int has_moved(const wbc_estimator *e, const wbc_sample *s, const double *rate) {
+    if (sqrt(dot3(rate, rate)) > STILL) return 1;
     for (int64_t j = 0; j < e->tree->nv - 6; j++)
-        if (fabs(s->positions[j] - e->wait[4 + j]) > SWAYED * e->standing_time) return 1;
+        if (fabs(s->positions[j] - e->wait[4 + j]) > STILL * e->standing_time) return 1;
     return 0;
 }
 
-static int stand(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, double *out) {
+static int collect_standing(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, double *out) {
     const int64_t size = WAIT_SIZE(e->tree->nv - 6, e->imus, e->feet);
     int64_t *waits = m->counts + WAITS, heard[MOST_IMUS];
-    double *wait = e->wait, said[6 * MOST_IMUS], mean[6];
-    /* Late ones, and more than there is room for, are left out: standing, nothing is lost with them. */
-    const double soonest = *waits ? wait[(*waits - 1) * size] + e->standing_time / (double)(e->waiting - 2) : 0.0;
-    if (*waits ? s->time <= wait[(*waits - 1) * size] || s->time < soonest : !s->heard[0]) return STANDING;
-    keep(e, s, wait + *waits * size);
+    double *wait = e->wait, readings[6 * MOST_IMUS], mean[6];
+    /* Late messages, and more than fit, are dropped: while the robot stands nothing is lost with them. */
+    const double earliest = *waits ? wait[(*waits - 1) * size] + e->standing_time / (double)(e->waiting - 2) : 0.0;
+    if (*waits ? s->time <= wait[(*waits - 1) * size] || s->time < earliest : !s->heard[0]) return STANDING;
+    store_sample(e, s, wait + *waits * size);
     const int64_t count = ++*waits;
     if (s->time - wait[0] < e->standing_time - 1e-9 && count < e->waiting) return STANDING;
-    const int64_t members = mean_said(e, count, said);
-    if (swayed(e, s, said)) {
+    const int64_t members = mean_readings(e, count, readings);
+    if (has_moved(e, s, readings)) {
         *waits = s->heard[0] != 0;
         memmove(wait, wait + (count - 1) * size, size * sizeof *wait);
         return STANDING;
     }
-    forget(e, m, wait[0]);
+    clear(e, m, wait[0]);
     m->counts[MEMBERS] = members, *m->usual = count > 1 ? (s->time - wait[0]) / (double)(count - 1) : 0.0;
-    wbc_look(e, m, wait + 4);
-    wbc_fused(e, 0, members, said, mean);
-    int found = wbc_level(e, mean, mean + 3);
+    wbc_place_frames(e, m, wait + 4);
+    wbc_mean_of_imus(e, 0, members, readings, mean);
+    int found = wbc_align_to_gravity(e, mean, mean + 3);
     for (int64_t i = 0; found == DONE && i < count; i++) {
-        const wbc_sample one = kept(e, wait + i * size, heard);
-        found = take(e, m, &one, 1, out);
+        const wbc_sample one = stored_sample(e, wait + i * size, heard);
+        found = process(e, m, &one, 1, out);
     }
     m->counts[BEGUN] = found == DONE, *waits = 0;
     return found;
 }
 
 int wbc_estimator_update(const wbc_estimator *e, const wbc_sample *s, double *out) {
-    const wbc_memory m = wbc_remembered(e);
+    const wbc_memory m = wbc_memory_of(e);
     e->event[0] = 0;
-    return m.counts[BEGUN] ? take(e, &m, s, 0, out) : stand(e, &m, s, out);
+    return m.counts[BEGUN] ? process(e, &m, s, 0, out) : collect_standing(e, &m, s, out);
 }

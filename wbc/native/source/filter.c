@@ -6,15 +6,23 @@
 
 #include <string.h>
 
-enum { ERROR_R = 0, ERROR_V = 3, ERROR_P = 6, ERROR_GYRO = 9, ERROR_ACCEL = 12, ERROR_FOOT = 15, ROWS = 6,
-       SHOWN = ERROR_FOOT };
-static const double FAR_AWAY = 10.0; /* m from the origin, from where it moves along */
+enum {
+    ERROR_R = 0,
+    ERROR_V = 3,
+    ERROR_P = 6,
+    ERROR_GYRO = 9,
+    ERROR_ACCEL = 12,
+    ERROR_FOOT = 15,
+    ROWS = 6,
+    SHOWN = ERROR_FOOT
+};
+static const double FAR_AWAY = 10.0; /* m from the IMU, at which the origin moves along */
 #define SIZE(filter) (ERROR_FOOT + 6 * (filter)->feet)
 /* Of a foot's error, the position's rows come first, then the rotation's. */
 #define FOOT(k) (FILTER_FEET + FILTER_FOOT_SIZE * (k))
 #define FOOT_ERROR(k) (ERROR_FOOT + 6 * (k))
 
-/* Rows (3, n) += scale [u] R (rows): what a bias in the IMU's axes does far from the origin. */
+/* Rows (3, n) += scale [u] R rows: the effect of a bias in the IMU's axes far from the origin. */
 static void add_crossed(int64_t n, double scale, const double *u, const double *turned, double *to) {
     for (int64_t j = 0; j < n; j++) {
         const double a = turned[j], b = turned[n + j], c = turned[2 * n + j];
@@ -32,8 +40,7 @@ static void add_scaled(int64_t n, double scale, const double *rows, double *to) 
 static void turn(int64_t n, const double *R, const double *rows, double *out) {
     for (int i = 0; i < 3; i++)
         for (int64_t j = 0; j < n; j++)
-            out[i * n + j] =
-                R[3 * i] * rows[j] + R[3 * i + 1] * rows[n + j] + R[3 * i + 2] * rows[2 * n + j];
+            out[i * n + j] = R[3 * i] * rows[j] + R[3 * i + 1] * rows[n + j] + R[3 * i + 2] * rows[2 * n + j];
 }
 
 static void transpose(int64_t n, double *P) {
@@ -45,10 +52,8 @@ static void transpose(int64_t n, double *P) {
         }
 }
 
-/* P <- Phi P, Phi = 1 + A dt + A^2 dt^2 / 2 with A by rotation, velocity and position in the middle of dt:
- * what is left out is of the order of dt^3. */
-static void transition(const wbc_filter *filter, const double *middle, double dt, double *P,
-                       double *scratch) {
+/* P <- Phi P, Phi = 1 + A dt + A^2 dt^2 / 2 with A at the middle of dt: the error is of the order of dt^3. */
+static void transition(const wbc_filter *filter, const double *middle, double dt, double *P, double *scratch) {
     const int64_t n = SIZE(filter);
     const double *x = filter->x, *R = middle, *v = middle + FILTER_V, *p = middle + FILTER_P;
     const double *g = filter->gravity;
@@ -71,11 +76,11 @@ static void transition(const wbc_filter *filter, const double *middle, double dt
         if (filter->held[k]) add_crossed(n, -dt, x + FOOT(k), by_gyro, P + FOOT_ERROR(k) * n);
 }
 
-/* P += what the IMU's noise, the biases' walks and the feet's creep add over dt. */
+/* P += noise of the IMU, random walks of the biases and creep of the feet over dt. */
 static void add_noise(const wbc_filter *filter, double dt, double scale, double *scratch) {
     const int64_t n = SIZE(filter);
     const double *x = filter->x;
-    double *P = filter->P, *G = scratch; /* (n, 3): how the gyroscope's noise comes in */
+    double *P = filter->P, *G = scratch; /* (n, 3): columns of the gyroscope's noise */
     const double gyro = scale * filter->gyroscope * dt, accel = scale * filter->accelerometer * dt;
     memset(G, 0, 3 * n * sizeof *G);
     for (int i = 0; i < 3; i++) G[3 * (ERROR_R + i) + i] = 1.0;
@@ -103,8 +108,8 @@ static void add_noise(const wbc_filter *filter, double dt, double scale, double 
         }
 }
 
-/* Put the origin where the IMU is: rounding grows with the square of the distance. With p' = p - s the
- * invariant error becomes p^ - s - exp(r) (p - s) = e_p - [s] r. */
+/* Move the origin to the IMU: rounding grows with the square of the distance. With p' = p - s the invariant error
+ * becomes p^ - s - exp(r) (p - s) = e_p - [s] r. */
 static void move_origin(const wbc_filter *filter) {
     const int64_t n = SIZE(filter);
     double *x = filter->x, *P = filter->P, s[3];
@@ -137,15 +142,15 @@ int wbc_filter_reset(const wbc_filter *filter, const double *state, const double
     return DONE;
 }
 
-int wbc_filter_follow(const wbc_filter *filter, const double *arm, const double *rotation,
-                      const double *biases, const double *bias_variances, double velocity_variance) {
+int wbc_filter_follow(const wbc_filter *filter, const double *arm, const double *rotation, const double *biases,
+                      const double *bias_variances, double velocity_variance) {
     double state[FILTER_FEET] = {0.0}, P[SHOWN * SHOWN];
     wbc_filter_covariance(filter, P);
     for (int i = 0; i < SHOWN; i++)
         for (int j = 0; j < SHOWN; j++)
             if (i >= ERROR_GYRO || j >= ERROR_GYRO)
                 P[SHOWN * i + j] = i == j ? bias_variances[i >= ERROR_ACCEL] : 0.0;
-    for (int pass = 0; pass < 2; pass++) { /* how the new place turns with the old one */
+    for (int pass = 0; pass < 2; pass++) { /* the new place rotates with the old one */
         add_crossed(SHOWN, -1.0, arm, P + SHOWN * ERROR_R, P + SHOWN * ERROR_P);
         transpose(SHOWN, P);
     }
@@ -208,7 +213,7 @@ WIDE int wbc_filter_predict(const wbc_filter *filter, const double *rate, const 
     return DONE;
 }
 
-/* Write the noise of a foot's place (6, 6), turned from the IMU's axes to the world's. */
+/* Write the noise of a foot's pose (6, 6), rotated from the IMU's axes to the world's. */
 static void turned_noise(const double *R, const double *noise, double *out) {
     double half[36];
     for (int block = 0; block < 2; block++)
@@ -232,8 +237,7 @@ int wbc_filter_hold(const wbc_filter *filter, int64_t foot, const double *place,
     for (int64_t i = 0; i < 6; i++)
         memcpy(P + (at + i) * n, P + (i < 3 ? ERROR_P + i : ERROR_R + i - 3) * n, n * sizeof *P);
     for (int64_t j = 0; j < n; j++)
-        for (int64_t i = 0; i < 6; i++)
-            P[j * n + at + i] = P[j * n + (i < 3 ? ERROR_P + i : ERROR_R + i - 3)];
+        for (int64_t i = 0; i < 6; i++) P[j * n + at + i] = P[j * n + (i < 3 ? ERROR_P + i : ERROR_R + i - 3)];
     turned_noise(x, noise, N);
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++) P[(at + i) * n + at + j] += N[6 * i + j];
@@ -249,7 +253,7 @@ int wbc_filter_release(const wbc_filter *filter, int64_t foot) {
     return DONE;
 }
 
-/* X <- exp(-error) X, of the rotation, all vectors beside it and the feet's rotations. */
+/* X <- exp(-error) X: the rotation, all vectors and the feet's rotations. */
 static void apply(const wbc_filter *filter, const double *error) {
     double *x = filter->x, r[3], c[4], E[9], J[9], next[9], step[3];
     for (int i = 0; i < 3; i++) r[i] = -error[ERROR_R + i];

@@ -1,35 +1,31 @@
-/* The evidence for an answer of a QP, whoever gave it: its KKT residuals (Boyd & Vandenberghe, Convex
- * Optimization, sec. 5.5.3, with rows and bounds that have two sides). */
+/* KKT residuals of a solution, whoever found it (Boyd & Vandenberghe, Convex Optimization, sec. 5.5.3, with
+ * two-sided rows and bounds). */
 #include "linear.h"
 #include "problem.h"
 
 #include <math.h>
 
-/* The larger, or what is not a number. */
-static double worse(double one, double other) {
-    return one != one || other <= one ? one : other;
-}
+/* The larger one, or NaN. */
+static double worse(double one, double other) { return one != one || other <= one ? one : other; }
 
-/* A value between two bounds and its multiplier: primal and complementarity residual. */
-static void judge(double value, double lower, double upper, double z, double *found) {
+/* Add the primal and the complementarity residual of a value between two bounds with multiplier z. */
+static void add_bound_residuals(double value, double lower, double upper, double z, double *found) {
     const double above = upper - value, below = value - lower;
     const double slack = fabs(z > 0.0 ? above : below), size = fabs(z);
     found[0] = worse(worse(found[0], -above), -below);
     found[2] = worse(found[2], slack < size ? slack : size);
 }
 
-WIDE void residuals(const wbc_qp *qp, const double *give, double *gradient) {
+WIDE void residuals(const wbc_qp *qp, const double *compliance, double *gradient) {
     const int64_t n = qp->n;
     double *found = qp->found;
     found[0] = found[1] = found[2] = 0.0;
-    for (int64_t i = 0; i < n; i++)
-        judge(qp->x[i], qp->lower[i], qp->upper[i], qp->z_box[i], found);
-    for (int64_t r = 0; r < qp->k; r++)
-        found[0] = worse(found[0], fabs(dot(n, qp->A + r * n, qp->x) - qp->b[r]));
+    for (int64_t i = 0; i < n; i++) add_bound_residuals(qp->x[i], qp->lower[i], qp->upper[i], qp->z_box[i], found);
+    for (int64_t r = 0; r < qp->k; r++) found[0] = worse(found[0], fabs(dot(n, qp->A + r * n, qp->x) - qp->b[r]));
     add_rows(n, qp->k, qp->y, qp->A, n, gradient);
     for (int64_t r = 0; r < qp->m; r++) {
-        const double given = give ? give[r] * qp->z[r] : 0.0;
-        judge(dot(n, qp->C + r * n, qp->x) - given, qp->l[r], qp->u[r], qp->z[r], found);
+        const double slack_allowed = compliance ? compliance[r] * qp->z[r] : 0.0;
+        add_bound_residuals(dot(n, qp->C + r * n, qp->x) - slack_allowed, qp->l[r], qp->u[r], qp->z[r], found);
     }
     for (int64_t i = 0; i < n; i++) found[1] = worse(found[1], fabs(gradient[i]));
 }

@@ -5,10 +5,10 @@
 #include <math.h>
 #include <stdint.h>
 
-/* A function compiled twice, and run with wider vectors where the machine has them; INLINE for what
- * it calls. The bits are the same: nothing is reordered or fused. */
-#if defined(__x86_64__) && defined(__gnu_linux__) && !defined(__clang__) && \
-    !defined(__SANITIZE_ADDRESS__) && !defined(WBC_NARROW)
+/* WIDE compiles a function twice, for wider vectors where the machine has them; INLINE is for what it calls.
+ * Results are the same, bit for bit: nothing is reordered or fused. */
+#if defined(__x86_64__) && defined(__gnu_linux__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) &&        \
+    !defined(WBC_NARROW)
 #define WIDE __attribute__((target_clones("avx2", "default")))
 #define INLINE static inline __attribute__((always_inline))
 #else
@@ -16,26 +16,24 @@
 #define INLINE static inline
 #endif
 
-/* Of a loop whose arrays do not overlap, which compilers cannot see of rows of one block. */
+/* For loops over arrays that do not overlap, which compilers cannot see of rows of one block. */
 #if defined(__GNUC__) && !defined(__clang__)
 #define INDEPENDENT _Pragma("GCC ivdep")
 #else
 #define INDEPENDENT
 #endif
 
-/* The next multiple of four: rows that long, zeros at their ends, leave vectors no rest. */
+/* The next multiple of four: rows padded with zeros to that length need no remainder loop. */
 #define PADDED(n) (((n) + 3) & ~(int64_t)3)
 
-/* Four numbers behind each other, anywhere. */
+/* Four contiguous numbers of any alignment. */
 typedef double four __attribute__((vector_size(32), aligned(8), may_alias));
 #define FOUR(from) (*(const four *)(from))
 
-static inline double dot3(const double *a, const double *b) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+static inline double dot3(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-/* Of n entries; eight sums, since one would wait for itself. Written out: compilers make two vectors of
- * them, where of loops they make detours. */
+/* Dot product in eight partial sums, which are independent. Written out, since compilers vectorise it better than a
+ * loop. */
 INLINE double dot(int64_t n, const double *a, const double *b) {
     double p = 0.0, q = 0.0, r = 0.0, s = 0.0, t = 0.0, u = 0.0, v = 0.0, w = 0.0;
     int64_t i = 0;
@@ -54,24 +52,23 @@ INLINE double dot(int64_t n, const double *a, const double *b) {
     return ((p + t) + (r + v)) + ((q + u) + (s + w));
 }
 
-/* to += w a + x b + y d + z e: four rows at a time are a quarter of the traffic of to. */
-INLINE void add_four(int64_t n, const double *c, const double *a, const double *b, const double *d,
-                     const double *e, double *restrict to) {
+/* to += w a + x b + y d + z e: four rows at a time read and write to a quarter as often. */
+INLINE void add_four(int64_t n, const double *c, const double *a, const double *b, const double *d, const double *e,
+                     double *restrict to) {
     const double w = c[0], x = c[1], y = c[2], z = c[3];
     if (w == 0.0 && x == 0.0 && y == 0.0 && z == 0.0) return;
     for (int64_t j = 0; j < n; j++) to[j] += (w * a[j] + x * b[j]) + (y * d[j] + z * e[j]);
 }
 
-/* to += c' R for k rows of n entries, stride apart. */
-INLINE void add_rows(int64_t n, int64_t k, const double *c, const double *rows, int64_t stride,
-                     double *restrict to) {
+/* to += c'R for k rows of n entries, stride apart. */
+INLINE void add_rows(int64_t n, int64_t k, const double *c, const double *rows, int64_t stride, double *restrict to) {
     for (; k >= 4; k -= 4, c += 4, rows += 4 * stride)
         add_four(n, c, rows, rows + stride, rows + 2 * stride, rows + 3 * stride, to);
     const double rest[4] = {k > 0 ? c[0] : 0.0, k > 1 ? c[1] : 0.0, k > 2 ? c[2] : 0.0, 0.0};
     if (k > 0) add_four(n, rest, rows, k > 1 ? rows + stride : rows, k > 2 ? rows + 2 * stride : rows, rows, to);
 }
 
-/* The same for the k rows numbered, of n entries of stride; of a triangle (ascending) from the diagonal on. */
+/* The same for k rows by number; of a triangle (ascending numbers) from the diagonal on. */
 INLINE void add_numbered(int64_t n, int64_t stride, int64_t k, const double *c, const int64_t *number,
                          const double *rows, int triangle, double *restrict to) {
     for (int64_t r = 0; r < k; r += 4) {
@@ -112,8 +109,7 @@ static inline void product3(const double *A, const double *B, double *out) {
 /* out = A' B */
 static inline void transposed_product3(const double *A, const double *B, double *out) {
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            out[3 * i + j] = A[i] * B[j] + A[3 + i] * B[3 + j] + A[6 + i] * B[6 + j];
+        for (int j = 0; j < 3; j++) out[3 * i + j] = A[i] * B[j] + A[3 + i] * B[3 + j] + A[6 + i] * B[6 + j];
 }
 
 /* out = S x, S symmetric */
@@ -131,11 +127,11 @@ static inline void congruent(const double *R, const double *S, double *out) {
     out[3] = dot3(R + 3, T + 3), out[4] = dot3(R + 3, T + 6), out[5] = dot3(R + 6, T + 6);
 }
 
-/* exp(r) = 1 + c[0] [r] + c[1] [r]^2, and its integrals over time 1 + c[1] [r] + c[2] [r]^2 and
- * 1/2 + c[2] [r] + c[3] [r]^2 (Hartley et al., the appendix's Gamma 0, 1, 2). */
+/* exp(r) = 1 + c[0] [r] + c[1] [r]^2, its integral over time 1 + c[1] [r] + c[2] [r]^2, and the integral of that,
+ * 1/2 + c[2] [r] + c[3] [r]^2 (Gamma 0, 1, 2 in the appendix of Hartley et al.). */
 static inline void coefficients(const double *r, double *c) {
     const double tt = dot3(r, r);
-    if (tt < 0.01) { /* series: the closed form loses half the digits of c[3]; divisions take long */
+    if (tt < 0.01) { /* series: the closed form of c[3] loses half its digits, and divisions are slow */
         const double a = tt * (1.0 / 20), b = tt * (1.0 / 30), d = tt * (1.0 / 42), e = tt * (1.0 / 56);
         const double f = tt * (1.0 / 72), g = tt * (1.0 / 90), h = tt * (1.0 / 110), i = tt * (1.0 / 132);
         c[0] = 1.0 - tt * (1.0 / 6) * (1.0 - a * (1.0 - d * (1.0 - f)));
@@ -162,7 +158,7 @@ static inline void add_turning(double *S, double factor, const double *a, const 
     S[5] += factor * (twice - 2.0 * a[2] * b[2]);
 }
 
-/* S += [w] M - M [w], the rate of a symmetric M that is carried round at w */
+/* S += [w] M - M [w], the rate of a symmetric M that rotates at w */
 static inline void add_commutator(double *S, const double *M, const double *w) {
     const double a = M[0], b = M[1], c = M[2], d = M[3], e = M[4], f = M[5];
     S[0] += 2.0 * (c * w[1] - b * w[2]);

@@ -1,8 +1,8 @@
-/* Closed loops and gears: errors, rows, drifts, and how far they are open where a command leads.
+/* Closed loops and gears: errors, rows, drifts, and the gaps where a command leads.
  *
- * In axes of the other frame of a loop, which is where its error is, joints that carry both frames move
- * nothing: their columns are exactly 0, and all that follows looks at the joints between the frames alone.
- * The frames need no Jacobians: those that nothing else is about are behind plan->frames.
+ * A loop's error is that of one frame in axes of the other. Joints that carry both frames do not change it:
+ * their columns are exactly 0, and only the joints between the frames are visited. The frames need no
+ * Jacobians: those used by loops only are behind plan->frames.
  */
 #include "rows.h"
 #include "tree.h"
@@ -12,8 +12,7 @@
 /* Numbers of a gear: two joints, and the coefficients of its polynomial, lowest first. */
 enum { FOLLOWER = 0, DRIVER = 1, POWERS = 2, GEAR_DEGREE = 4 };
 
-/* The joints that carry one end of a loop and not the other: from one inwards to another, that without, which is
- * the base or behind it. */
+/* The joints that carry one end of a loop but not the other: from one, inwards, to (but not including) another. */
 typedef struct {
     int64_t from, to;
 } chain;
@@ -23,16 +22,14 @@ static chain chain_of(const wbc_plan *plan, const wbc_block *block, int side) {
     const int64_t other = plan->frame_joint[block->other];
     int64_t i = one, j = other;
     while (i != j) /* parents come before children */
-        if (i > j)
-            i = parent[i];
-        else
-            j = parent[j];
+        if (i > j) i = parent[i];
+        else j = parent[j];
     const chain found = {side ? other : one, i};
     return found;
 }
 
-/* A loop's ends in the world: origins and rotations (12 each) of its frame, of which the rotation only if it
- * holds turns, too, and of that at which it is held. */
+/* A loop's ends in the world: pose (12) of its frame, with rotation only if that is held, too, and of the frame
+ * that holds it. */
 typedef struct {
     double one[12], other[12];
     int turns;
@@ -43,11 +40,11 @@ static void place_ends(const wbc_plan *plan, const wbc_block *block, const doubl
     for (int64_t i = 0; i < block->rows; i++) ends->turns |= plan->index[block->index + i] >= 3;
     place_frame(plan->tree, state, plan->frame_joint[block->frame], plan->frame_placement + 12 * block->frame,
                 ends->turns, ends->one);
-    place_frame(plan->tree, state, plan->frame_joint[block->other], plan->frame_placement + 12 * block->other,
-                1, ends->other);
+    place_frame(plan->tree, state, plan->frame_joint[block->other], plan->frame_placement + 12 * block->other, 1,
+                ends->other);
 }
 
-/* The rows of a loop by where its frame is as seen from the other. */
+/* Write the rows' errors: the pose of the frame in the other one. */
 static void gap_of(const wbc_plan *plan, const wbc_block *block, const loop_ends *ends, double *gap) {
     const int64_t *chosen = plan->index + block->index;
     const double *axes = ends->other + FRAME_ROTATION;
@@ -61,10 +58,9 @@ static void gap_of(const wbc_plan *plan, const wbc_block *block, const loop_ends
     for (int64_t i = 0; i < block->rows; i++) gap[i] = all[chosen[i]];
 }
 
-/* Its rows are by the joints that carry one end and not the other: what they do to a point at the frame's
- * origin, on either side, in the other's axes. */
-void loop_rows(const wbc_plan *plan, const wbc_block *block, const double *state, double scale,
-               double *rows, int64_t apart, int64_t stride, double *errors) {
+/* The joints on either side move the frame's origin, in the other frame's axes. */
+void loop_rows(const wbc_plan *plan, const wbc_block *block, const double *state, double scale, double *rows,
+               int64_t apart, int64_t stride, double *errors) {
     const wbc_tree *tree = plan->tree;
     const int64_t nv = tree->nv, k = block->rows, *chosen = plan->index + block->index;
     const double *T = state + TWISTS(nv);
@@ -86,10 +82,9 @@ void loop_rows(const wbc_plan *plan, const wbc_block *block, const double *state
         }
 }
 
-/* Of Ra' (pb - pa): a' - w' x arm - w x (w x arm) - 2 w x (the rate in axes of a); and of its turn's rate,
- * Ra' (wb - wa). */
-void loop_drift(const wbc_plan *plan, const wbc_block *block, const double *state,
-                const double *motion, const double *v, double *out) {
+/* Drift of Ra' (pb - pa): a' - w' x arm - w x (w x arm) - 2 w x (velocity in axes of a); and of Ra' (wb - wa). */
+void loop_drift(const wbc_plan *plan, const wbc_block *block, const double *state, const double *motion,
+                const double *v, double *out) {
     const wbc_tree *tree = plan->tree;
     const int64_t frames[2] = {block->frame, block->other};
     const double *moving = motion + JOINT_MOTION(tree->nv);
@@ -157,9 +152,9 @@ static double gear_gap(const wbc_plan *plan, const double *gear, const double *q
     return joint_position(plan, q, follower) + plan->dt * v[6 + follower] - by[0];
 }
 
-/* Move a frame, its origin and maybe its rotation, by a joint's twist for a while: so no joint is placed anew. */
-static void move_by(const wbc_tree *tree, int64_t j, const double *state, const double *v, double time,
-                    int turns, double *pose) {
+/* Move a frame by a joint's twist for some time: joints need not be placed again. */
+static void move_frame(const wbc_tree *tree, int64_t j, const double *state, const double *v, double time, int turns,
+                       double *pose) {
     const int64_t nv = tree->nv, c = tree->iv[j];
     const double *T = state + TWISTS(nv) + c, by = time * v[c];
     const double w[3] = {by * T[3 * nv], by * T[4 * nv], by * T[5 * nv]};
@@ -168,7 +163,7 @@ static void move_by(const wbc_tree *tree, int64_t j, const double *state, const 
     speed_at(tree, state, j, c, pose, u);
     cross3(w, u, turn);
     for (int i = 0; i < 3; i++) pose[i] += by * (k[0] * u[i] + k[1] * turn[i]);
-    for (int a = 0; a < 3 && turns; a++) { /* axis by axis */
+    for (int a = 0; a < 3 && turns; a++) { /* column by column */
         double *R = pose + FRAME_ROTATION + a;
         const double axis[3] = {R[0], R[3], R[6]};
         cross3(w, axis, turn);
@@ -177,27 +172,27 @@ static void move_by(const wbc_tree *tree, int64_t j, const double *state, const 
     }
 }
 
-/* The other way by joints up to another, which comes first. */
+/* Backwards along the joints from another one, which comes first. */
 static void move_back(const wbc_plan *plan, int64_t joint, int64_t to, const double *state, const double *v,
                       loop_ends *ends) {
     if (joint == to) return;
     move_back(plan, plan->tree->parent[joint], to, state, v, ends);
-    move_by(plan->tree, joint, state, v, -plan->dt, ends->turns, ends->one);
+    move_frame(plan->tree, joint, state, v, -plan->dt, ends->turns, ends->one);
 }
 
-/* Where its frame gets to as seen from the other: moved outwards by its own joints, back by the other's. */
-static void loop_gaps(const wbc_plan *plan, const wbc_block *block, const double *state,
-                      const double *v, double *gaps) {
+/* The gap where the command leads: the frame moved forwards by its own joints, backwards by the other side's. */
+static void loop_gaps(const wbc_plan *plan, const wbc_block *block, const double *state, const double *v,
+                      double *gaps) {
     const chain own = chain_of(plan, block, 0), held = chain_of(plan, block, 1);
     loop_ends ends;
     place_ends(plan, block, state, &ends);
     for (int64_t j = own.from; j != own.to; j = plan->tree->parent[j])
-        move_by(plan->tree, j, state, v, plan->dt, ends.turns, ends.one);
+        move_frame(plan->tree, j, state, v, plan->dt, ends.turns, ends.one);
     move_back(plan, held.from, held.to, state, v, &ends);
     gap_of(plan, block, &ends, gaps);
 }
 
-static int bends(const double *gear) {
+static int is_nonlinear(const double *gear) {
     return gear[POWERS + 2] != 0.0 || gear[POWERS + 3] != 0.0 || gear[POWERS + 4] != 0.0;
 }
 
@@ -207,10 +202,8 @@ int64_t wbc_gaps(const wbc_plan *plan, const double *state, const double *q, con
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++) {
         const double *own = plan->number + block->number + WEIGHTS + 3 * block->rows;
         double *to = gaps + block->first;
-        if (block->held && block->kind == LOOP)
-            loop_gaps(plan, block, state, v, to), bent += block->rows;
-        else if (block->held && block->kind == GEAR && bends(own))
-            *to = gear_gap(plan, own, q, v), bent++;
+        if (block->held && block->kind == LOOP) loop_gaps(plan, block, state, v, to), bent += block->rows;
+        else if (block->held && block->kind == GEAR && is_nonlinear(own)) *to = gear_gap(plan, own, q, v), bent++;
     }
     return bent;
 }

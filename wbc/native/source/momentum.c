@@ -1,5 +1,5 @@
-/* What acts on a robot from outside, by residuals of its generalised momentum, and the wrenches on its
- * soles that explain it. See wbc/estimation/momentum_observer.py. */
+/* External forces from residuals of the generalised momentum, and the wrenches on the soles that explain them. See
+ * wbc/estimation/momentum_observer.py. */
 #include "core.h"
 #include "linear.h"
 #include "problem.h"
@@ -7,11 +7,10 @@
 #include <string.h>
 
 enum { MOST_ROWS = 6 * MOMENTUM_MOST_FEET };
-static const double CREEP = 0.05; /* rad/s or m/s, from which on dry friction is all that it is */
-static const double LEVER = 1e-3; /* m^2: levers below its root say little of a force */
+static const double CREEP = 0.05; /* rad/s or m/s: dry friction is fully developed from here on */
+static const double LEVER = 1e-3; /* m^2: regularisation, of levers too short to tell a force */
 
-static void add_outside(const wbc_momentum *m, const double *v, const double *torque, double dt,
-                        double share) {
+static void add_outside(const wbc_momentum *m, const double *v, const double *torque, double dt, double share) {
     const int64_t nv = m->tree->nv;
     const double *M = m->motion, *h = m->motion + BIAS(nv);
     double *gained = m->scratch;
@@ -36,16 +35,14 @@ static void explain(const wbc_momentum *m) {
         const double *row = m->frames + (i / 6) * size + FRAME_JACOBIAN + (i % 6) * nv;
         for (int64_t k = 0; k < nv; k++) weighted[k] = row[k] * (k < 6 ? m->base_trust : 1.0);
         for (int64_t j = i; j < rows; j++)
-            H[i * rows + j] =
-                dot(nv, weighted, m->frames + (j / 6) * size + FRAME_JACOBIAN + (j % 6) * nv);
+            H[i * rows + j] = dot(nv, weighted, m->frames + (j / 6) * size + FRAME_JACOBIAN + (j % 6) * nv);
         H[i * rows + i] += LEVER;
         f[i] = -dot(nv, weighted, m->residual);
     }
-    if (!least(rows, H, rows, f, triangle, m->wrenches)) memset(m->wrenches, 0, rows * sizeof(double));
+    if (!cholesky_solve(rows, H, rows, f, triangle, m->wrenches)) memset(m->wrenches, 0, rows * sizeof(double));
 }
 
-int wbc_momentum_update(const wbc_momentum *m, const double *q, const double *v, const double *torque,
-                        double dt) {
+int wbc_momentum_update(const wbc_momentum *m, const double *q, const double *v, const double *torque, double dt) {
     const int64_t nv = m->tree->nv;
     if (dt > 0.0 && m->known[0] != 0.0) add_outside(m, v, torque, dt, 1.0 - exp(-m->bandwidth * dt));
     m->known[0] = 1.0;

@@ -1,9 +1,9 @@
-/* What the tree does at a velocity v: mass matrix, bias forces, and the second derivatives at zero
+/* Dynamics of the tree at a velocity v: mass matrix, bias forces, and the second derivatives at zero
  * acceleration of v (drifts) of CoM, momentum, CRB inertia and frames.
  *
- * Everything is about the robot's CoM. A column k of the twists, u at the CoM and w, does work on
- * the momentum that another column gives to what both carry, which is the mass matrix; and on the
- * forces that the bodies there need at zero acceleration, which is the bias.
+ * Everything is about the robot's CoM. A column's twist (u at the CoM, w) times the momentum that another column
+ * gives to the bodies that both move is an entry of the mass matrix; times the forces that these bodies need at
+ * zero acceleration, of the bias.
  */
 #include "core.h"
 #include "linear.h"
@@ -11,9 +11,8 @@
 
 #include <string.h>
 
-/* Acceleration of a point at an arm from one that accelerates by c; out may be c. */
-static void carried(const double *c, const double *alpha, const double *w, const double *arm,
-                    double *out) {
+/* Acceleration of a point at an arm from one with acceleration c; out may be c. */
+static void carried(const double *c, const double *alpha, const double *w, const double *arm, double *out) {
     double speed[3], inward[3], tangential[3];
     cross3(w, arm, speed);
     cross3(w, speed, inward);
@@ -31,7 +30,7 @@ static void move_joints(const wbc_tree *tree, const double *state, const double 
     memset(velocity, 0, 3 * sizeof *velocity);
     times3(R, v + 3, base + OMEGA);
     times3(R, v, velocity + 3);
-    cross3(base + OMEGA, velocity + 3, base + ACCELERATION); /* of v in axes that turn */
+    cross3(base + OMEGA, velocity + 3, base + ACCELERATION); /* of velocities in rotating axes */
     for (int64_t j = 2; j < n; j++) {
         const double *parent = joints + JOINT_MOTION_SIZE * tree->parent[j], *w = parent + OMEGA;
         const double *T = state + TWISTS(nv) + tree->iv[j], rate = v[tree->iv[j]];
@@ -53,13 +52,13 @@ static void move_joints(const wbc_tree *tree, const double *state, const double 
     }
 }
 
-/* Of a body: its CoM from the robot's, the CoM's velocity and acceleration, its inertia. */
+/* A body: its CoM relative to the robot's, the CoM's velocity and acceleration, its inertia. */
 typedef struct {
     double mass, arm[3], velocity[3], acceleration[3], inertia[6];
 } moving_body;
 
-static void move_body(const wbc_tree *tree, const double *state, const double *motion,
-                      const double *velocity, int64_t j, moving_body *body) {
+static void move_body(const wbc_tree *tree, const double *state, const double *motion, const double *velocity,
+                      int64_t j, moving_body *body) {
     const int64_t nv = tree->nv;
     const double *R = state + ROTATIONS(nv) + 9 * j, *own = tree->body + 10 * j;
     const double *joint = motion + JOINT_MOTION(nv) + JOINT_MOTION_SIZE * j;
@@ -75,7 +74,7 @@ static void move_body(const wbc_tree *tree, const double *state, const double *m
     congruent(R, own + 4, body->inertia);
 }
 
-/* Add a body's share to the first and second derivative of the inertia about the CoM, which moves. */
+/* Add a body's part of the first and second derivative of the inertia about the moving CoM. */
 static void add_inertia(const moving_body *body, const double *joint, const double *com_velocity,
                         const double *com_acceleration, double *rate, double *curvature) {
     double spin[6] = {0.0}, speed[3], push[3];
@@ -92,9 +91,8 @@ static void add_inertia(const moving_body *body, const double *joint, const doub
     add_turning(curvature, body->mass, body->arm, push);
 }
 
-/* Add the force and the moment about the robot's CoM that a body needs beyond m times "lost". */
-static void add_force(const moving_body *body, const double *joint, const double *lost,
-                      double *wrench) {
+/* Add the force and the moment about the robot's CoM that accelerate a body, beyond m times "lost". */
+static void add_force(const moving_body *body, const double *joint, const double *lost, double *wrench) {
     double force[3], moment[3], spin[3], gyro[3], turn[3];
     for (int i = 0; i < 3; i++) force[i] = body->mass * (body->acceleration[i] - lost[i]);
     cross3(body->arm, force, moment);
@@ -107,9 +105,8 @@ static void add_force(const moving_body *body, const double *joint, const double
     }
 }
 
-/* M by the momentum that a column gives to what it carries, and the work of others on that. */
-static void mass_matrix(const wbc_tree *tree, const double *state, const double *twists,
-                        double *M) {
+/* The mass matrix: the momentum that a column gives to its subtree, times the other columns. */
+static void mass_matrix(const wbc_tree *tree, const double *state, const double *twists, double *M) {
     const int64_t nv = tree->nv;
     memset(M, 0, nv * nv * sizeof *M);
     for (int64_t j = 1; j < tree->joints; j++) {
@@ -130,16 +127,14 @@ static void mass_matrix(const wbc_tree *tree, const double *state, const double 
     for (int64_t k = 0; k < nv; k++) M[k * nv + k] += tree->armature[k];
 }
 
-int wbc_motion(const wbc_tree *tree, const double *state, const double *v, double *motion,
-               double *scratch) {
+int wbc_motion(const wbc_tree *tree, const double *state, const double *v, double *motion, double *scratch) {
     const int64_t nv = tree->nv, n = tree->joints;
     const double *joints = motion + JOINT_MOTION(nv), none[3] = {0.0};
     double *velocity = scratch, *wrench = scratch + 3 * n, *twists = wrench + 6 * n;
     double *drift = motion + DRIFTS(nv), mean[3] = {0.0}, *push = drift + COM_DRIFT, mass = 0.0;
     moving_body body;
     move_joints(tree, state, v, motion, velocity);
-    for (int64_t k = 0; k < nv; k++)
-        twist_at_com(nv, state, k, twists + 6 * k, twists + 6 * k + 3);
+    for (int64_t k = 0; k < nv; k++) twist_at_com(nv, state, k, twists + 6 * k, twists + 6 * k + 3);
     mass_matrix(tree, state, twists, motion);
     memset(drift, 0, DRIFTS_SIZE * sizeof *drift);
     memset(wrench, 0, 6 * n * sizeof *wrench);
@@ -166,8 +161,8 @@ int wbc_motion(const wbc_tree *tree, const double *state, const double *v, doubl
     return 0;
 }
 
-int wbc_drifts(const wbc_tree *tree, const double *state, const double *motion, int64_t count,
-               const int64_t *joint, const double *placement, double *out) {
+int wbc_drifts(const wbc_tree *tree, const double *state, const double *motion, int64_t count, const int64_t *joint,
+               const double *placement, double *out) {
     const int64_t nv = tree->nv;
     for (int64_t f = 0; f < count; f++, out += 6, placement += 12) {
         const double *own = motion + JOINT_MOTION(nv) + JOINT_MOTION_SIZE * joint[f];

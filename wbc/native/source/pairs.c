@@ -1,6 +1,5 @@
-/* The nearest pairs of convex bodies on a robot, and how their distances change: what
- * wbc/robot/collision says. Capsules are measured as segments, others by corners.
- */
+/* The nearest pairs of convex bodies of a robot and their rows; see wbc/robot/collision. Capsules are segments with
+ * a radius, other bodies hulls of corners. */
 #include "core.h"
 #include "convex.h"
 #include "linear.h"
@@ -8,14 +7,14 @@
 
 #include <string.h>
 
-static const double PARALLEL = 1e-10; /* squared sine of an angle below which two segments count as parallel */
-static const double TOUCHING = 1e-9;  /* m: nearer axes have no direction between them */
-static const double EVEN = 1e-9;      /* m: clearances that differ by less are equal, and the lower numbers win */
+static const double PARALLEL = 1e-10; /* squared sine of the angle below which segments count as parallel */
+static const double TOUCHING = 1e-9;  /* m: between closer axes there is no direction */
+static const double TIE = 1e-9;       /* m: clearances closer than this are a tie, and lower numbers win */
 
-/* Of a body, in a row: start, unit direction and middle, world axes; of a half-space point, normal, point. */
+/* A placed body: start, unit direction and middle, world axes; a half-space: point, normal, point. */
 enum { START = 0, DIRECTION = 3, MIDDLE = 6, PLACED = 9 };
 enum { LENGTH = 0, RADIUS = 1, REACH = 2, SIZES = 3 };
-enum { FOUND = 7 }; /* distance, normal, point on the first */
+enum { FOUND = 7 }; /* distance, normal, point on the first body */
 
 static void place_bodies(const wbc_pairs *of, const double *state, double *placed) {
     const int64_t nv = of->nv;
@@ -31,34 +30,34 @@ static void place_bodies(const wbc_pairs *of, const double *state, double *place
     }
 }
 
-static double within(double x, double length) {
+static double clamp(double x, double length) {
     const double least = x > 0.0 ? x : 0.0;
     return least < length ? least : length;
 }
 
-/* The part of x across an axis, if it has a length. */
-static int across(const double *x, const double *axis, double *n) {
+/* Write the part of x perpendicular to an axis; returns whether it has a length. */
+static int perpendicular(const double *x, const double *axis, double *n) {
     const double squared = dot3(axis, axis), share = squared > 0.0 ? dot3(x, axis) / squared : 0.0;
     for (int i = 0; i < 3; i++) n[i] = x[i] - share * axis[i];
     return dot3(n, n) > TOUCHING * TOUCHING;
 }
 
-/* A unit vector to push apart two segments a, b whose axes touch: across both, to the side of a's middle. */
-static void part(const double *a, const double *b, const double *between, double *n) {
-    static const double up[3] = {0.0, 0.0, 1.0}, ahead[3] = {1.0, 0.0, 0.0}; /* one is off any axis */
+/* A unit vector that separates segments a, b whose axes touch: perpendicular to both, towards a's middle. */
+static void separating_direction(const double *a, const double *b, const double *between, double *n) {
+    static const double up[3] = {0.0, 0.0, 1.0}, ahead[3] = {1.0, 0.0, 0.0}; /* one of them is not parallel to the
+                                                                              * axis */
     const double aa = dot3(a, a), bb = dot3(b, b), *axis = aa >= bb ? a : b;
     double middles[3];
     for (int i = 0; i < 3; i++) middles[i] = between[i] + 0.5 * (a[i] - b[i]);
     cross3(a, b, n);
-    if (dot3(n, n) <= PARALLEL * aa * bb && !across(middles, axis, n) && !across(up, axis, n))
-        across(ahead, axis, n);
+    if (dot3(n, n) <= PARALLEL * aa * bb && !perpendicular(middles, axis, n) && !perpendicular(up, axis, n))
+        perpendicular(ahead, axis, n);
     const double length = sqrt(dot3(n, n)), sign = dot3(n, middles) < 0.0 ? -1.0 : 1.0;
     for (int i = 0; i < 3; i++) n[i] *= sign / length;
 }
 
-/* Of the capsules of two bodies. Ericson, Real-Time Collision Detection (2005), sec. 5.1.9. */
-static void measure_capsules(const wbc_pairs *of, const double *placed, int64_t pair,
-                             double *found) {
+/* Of two capsules. Ericson, Real-Time Collision Detection (2005), sec. 5.1.9. */
+static void measure_capsules(const wbc_pairs *of, const double *placed, int64_t pair, double *found) {
     const int64_t first = of->pair[2 * pair], second = of->pair[2 * pair + 1];
     const double *A = placed + PLACED * first, *B = placed + PLACED * second;
     const double *a = A + DIRECTION, *b = B + DIRECTION;
@@ -67,23 +66,23 @@ static void measure_capsules(const wbc_pairs *of, const double *placed, int64_t 
     for (int i = 0; i < 3; i++) between[i] = A[i] - B[i];
     const double ab = dot3(a, b), ar = dot3(a, between), br = dot3(b, between);
     const double sine = 1.0 - ab * ab > PARALLEL ? 1.0 - ab * ab : PARALLEL;
-    const double near = within((ab * br - ar) / sine, own[LENGTH]);
-    const double t = within(ab * near + br, other[LENGTH]);
-    const double s = within(ab * t - ar, own[LENGTH]);
+    const double near = clamp((ab * br - ar) / sine, own[LENGTH]);
+    const double t = clamp(ab * near + br, other[LENGTH]);
+    const double s = clamp(ab * t - ar, own[LENGTH]);
     for (int i = 0; i < 3; i++) apart[i] = between[i] + s * a[i] - t * b[i];
     const double distance = sqrt(dot3(apart, apart));
     found[0] = distance - own[RADIUS] - other[RADIUS];
     for (int i = 0; i < 3; i++) found[1 + i] = apart[i] / distance;
     if (distance < TOUCHING) {
         for (int i = 0; i < 3; i++) along[0][i] = own[LENGTH] * a[i], along[1][i] = other[LENGTH] * b[i];
-        part(along[0], along[1], between, found + 1);
+        separating_direction(along[0], along[1], between, found + 1);
     }
     for (int i = 0; i < 3; i++) found[4 + i] = A[i] + s * a[i] - own[RADIUS] * found[1 + i];
 }
 
-/* Of any two bodies, by their corners; -INFINITY where who knows of depths must: convex_distance. */
-static void measure_hulls(const wbc_pairs *of, const double *state, const double *placed,
-                         int64_t pair, double *found) {
+/* Of two hulls; -INFINITY where convex_distance has no answer, since they overlap. */
+static void measure_hulls(const wbc_pairs *of, const double *state, const double *placed, int64_t pair,
+                          double *found) {
     const double *rotations = state + ROTATIONS(of->nv);
     const double *origins = state + ORIGINS(of->nv, of->joints), *origin[2];
     convex hull[2];
@@ -109,7 +108,7 @@ static void measure_hulls(const wbc_pairs *of, const double *state, const double
     for (int i = 0; i < 3; i++) found[4 + i] += origin[0][i] - of->rounding[first] * found[1 + i];
 }
 
-/* Of a body above a half-space, by the lowest of its corners. */
+/* Of a hull and a half-space: by the lowest corner. */
 static void measure_above(const wbc_pairs *of, const double *state, const double *placed, int64_t pair,
                           double *found) {
     const int64_t body = of->pair[2 * pair], corners = of->first[of->bodies];
@@ -129,9 +128,9 @@ static void measure_above(const wbc_pairs *of, const double *state, const double
     memcpy(found + 1, n, 3 * sizeof *n);
 }
 
-/* Of any pair; where one is no capsule, found is of the capsules round them, if it is above a limit. */
-static void measure(const wbc_pairs *of, const double *state, const double *placed, int64_t pair,
-                    double limit, double *found) {
+/* Of any pair. If a bounding capsule's distance is above the limit, that is written instead. */
+static void measure(const wbc_pairs *of, const double *state, const double *placed, int64_t pair, double limit,
+                    double *found) {
     if (of->kind[pair] == ABOVE) {
         measure_above(of, state, placed, pair, found);
         return;
@@ -140,8 +139,8 @@ static void measure(const wbc_pairs *of, const double *state, const double *plac
     if (of->kind[pair] == HULLS && !(found[0] > limit)) measure_hulls(of, state, placed, pair, found);
 }
 
-/* The k-th smallest (from 0) of n values, which are put in another order: Hoare's selection. */
-static double smallest(double *values, int64_t n, int64_t k) {
+/* The k-th smallest (from 0) of n values, which are reordered: Hoare's selection. */
+static double kth_smallest(double *values, int64_t n, int64_t k) {
     int64_t low = 0, high = n - 1;
     while (low < high) {
         const double pivot = values[(low + high) / 2];
@@ -154,19 +153,15 @@ static double smallest(double *values, int64_t n, int64_t k) {
                 values[i++] = values[j], values[j--] = swap;
             }
         }
-        if (k <= j)
-            high = j;
-        else if (k >= i)
-            low = i;
-        else
-            break;
+        if (k <= j) high = j;
+        else if (k >= i) low = i;
+        else break;
     }
     return values[k];
 }
 
-/* How fast any point of each body moves at most, by the twists of the joints. */
-static void bound_speeds(const wbc_pairs *of, const wbc_closing *closing, const double *placed,
-                         double *most) {
+/* Bound the speeds of the points of each body, by the twists of the joints. */
+static void bound_speeds(const wbc_pairs *of, const wbc_closing *closing, const double *placed, double *most) {
     for (int64_t b = 0; b < of->bodies; b++) {
         const double *T = closing->twist + 6 * closing->carrier[b], *c = placed + PLACED * b + MIDDLE;
         double at[3];
@@ -176,9 +171,10 @@ static void bound_speeds(const wbc_pairs *of, const wbc_closing *closing, const 
     }
 }
 
-/* How the second body of a pair moves against the first, at a point; returns its turn, squared. */
-static double against(const wbc_pairs *of, const wbc_closing *closing, int64_t pair,
-                      const double *point, double *at) {
+/* Velocity of the second body of a pair relative to the first, at a point; returns the square of its angular
+ * velocity. */
+static double relative_motion(const wbc_pairs *of, const wbc_closing *closing, int64_t pair, const double *point,
+                              double *at) {
     const double *A = closing->twist + 6 * closing->carrier[of->pair[2 * pair]];
     const double *B = closing->twist + 6 * closing->carrier[of->pair[2 * pair + 1]];
     const double turn[3] = {B[3] - A[3], B[4] - A[4], B[5] - A[5]};
@@ -187,27 +183,25 @@ static double against(const wbc_pairs *of, const wbc_closing *closing, int64_t p
     return dot3(turn, turn);
 }
 
-/* How fast a pair closes that was measured. */
-static double closing_speed(const wbc_pairs *of, const wbc_closing *closing, int64_t pair,
-                            const double *found) {
+/* The closing speed of a measured pair. */
+static double closing_speed(const wbc_pairs *of, const wbc_closing *closing, int64_t pair, const double *found) {
     double at[3];
-    against(of, closing, pair, found + 4, at);
+    relative_motion(of, closing, pair, found + 4, at);
     return dot3(at, found + 1);
 }
 
-/* What a pair needs to stop in at most, by its motion alone: closer than by that of each body. */
-static double longest_way(const wbc_pairs *of, const wbc_closing *closing, const double *placed,
-                          int64_t pair) {
+/* Bound the stopping distance of a pair by its relative motion: tighter than by the speeds of its bodies. */
+static double longest_stopping_distance(const wbc_pairs *of, const wbc_closing *closing, const double *placed,
+                                        int64_t pair) {
     const int64_t first = of->pair[2 * pair];
     double at[3];
-    const double turn = against(of, closing, pair, placed + PLACED * first + MIDDLE, at);
+    const double turn = relative_motion(of, closing, pair, placed + PLACED * first + MIDDLE, at);
     const double most = sqrt(dot3(at, at)) + sqrt(turn) * of->size[SIZES * first + REACH];
-    return stopping_way(closing, most);
+    return stopping_distance(closing, most);
 }
 
-/* Lower bounds by the balls round the bodies, less what is kept; false: one is not a number. */
-static int bound_by_balls(const wbc_pairs *of, const double *placed, const double *less,
-                          double *lower) {
+/* Lower bounds of the distances, less the margins, by bounding balls; false: one is NaN. */
+static int bound_by_balls(const wbc_pairs *of, const double *placed, const double *less, double *lower) {
     for (int64_t p = 0; p < of->pairs; p++) {
         const int64_t a = of->pair[2 * p], b = of->pair[2 * p + 1];
         const double *A = placed + PLACED * a + MIDDLE, *B = placed + PLACED * b + MIDDLE;
@@ -219,8 +213,8 @@ static int bound_by_balls(const wbc_pairs *of, const double *placed, const doubl
     return 1;
 }
 
-int soonest(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
-            const wbc_closing *closing, double *scratch, int64_t *chosen, double *nearest) {
+int most_urgent_pairs(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
+                      const wbc_closing *closing, double *scratch, int64_t *chosen, double *nearest) {
     const int64_t pairs = of->pairs;
     double *placed = scratch, *speed = placed + PLACED * of->bodies, *lower = speed + of->bodies;
     double *less = lower + pairs, *sorted = less + pairs, *found = sorted + pairs;
@@ -228,72 +222,71 @@ int soonest(const wbc_pairs *of, const double *state, int64_t count, const doubl
     int64_t k = 0, beyond = 0, unknown = 0;
     if (count < 1 || pairs < count) return -1;
     place_bodies(of, state, placed);
-    if (kept)
-        memcpy(less, kept, pairs * sizeof *less);
-    else
-        memset(less, 0, pairs * sizeof *less);
+    if (kept) memcpy(less, kept, pairs * sizeof *less);
+    else memset(less, 0, pairs * sizeof *less);
     if (!bound_by_balls(of, placed, less, lower)) return -1;
     if (closing) {
         bound_speeds(of, closing, placed, speed);
-        for (int64_t p = 0; p < pairs; p++) /* nothing bounds how fast a half-space that turns moves */
+        for (int64_t p = 0; p < pairs; p++) /* the speed of a turning half-space is not bounded */
             lower[p] -= of->kind[p] == ABOVE
-                            ? longest_way(of, closing, placed, p)
-                            : stopping_way(closing, speed[of->pair[2 * p]] + speed[of->pair[2 * p + 1]]);
+                            ? longest_stopping_distance(of, closing, placed, p)
+                            : stopping_distance(closing, speed[of->pair[2 * p]] + speed[of->pair[2 * p + 1]]);
     }
     memcpy(sorted, lower, pairs * sizeof *lower);
-    limit = smallest(sorted, pairs, count - 1);
+    limit = kth_smallest(sorted, pairs, count - 1);
     for (int64_t p = 0; p < pairs; p++) found[FOUND * p] = INFINITY;
-    /* Count pairs that are near by their balls bound how far the nearest can be; then all that
-     * may be as near are measured. */
+    /* The distances of the count pairs nearest by their balls bound the count-th distance; then all pairs that may
+     * be below it are measured. */
     for (int round = 0; round < 2; round++) {
         int64_t measured = 0;
         for (int64_t p = 0; p < pairs; p++) {
             double *own = found + FOUND * p;
             if (lower[p] > limit) continue;
             if (own[0] == INFINITY) {
-                double most = INFINITY; /* of the capsules round a pair that may be among the nearest */
+                double most = INFINITY; /* skip hulls whose capsules are too far apart */
                 if (round && of->kind[p] == HULLS)
-                    most = limit + less[p] + (closing ? longest_way(of, closing, placed, p) : 0.0);
+                    most = limit + less[p] + (closing ? longest_stopping_distance(of, closing, placed, p) : 0.0);
                 measure(of, state, placed, p, most, own);
                 if (own[0] > most) {
                     own[0] = INFINITY;
                     continue;
                 }
                 if (own[0] == -INFINITY && ++unknown >= count) return -1;
-                if (closing) less[p] += stopping_way(closing, closing_speed(of, closing, p, own));
+                if (closing) less[p] += stopping_distance(closing, closing_speed(of, closing, p, own));
             }
             sorted[measured++] = own[0] - less[p];
         }
-        limit = smallest(sorted, measured, count - 1);
+        limit = kth_smallest(sorted, measured, count - 1);
     }
-    const double even = closing ? EVEN : 0.0; /* of those as far as the farthest, the first */
-    for (int64_t p = 0; p < pairs; p++) beyond += found[FOUND * p] - less[p] < limit - even;
+    const double tie = closing ? TIE : 0.0; /* among ties the lowest numbers */
+    for (int64_t p = 0; p < pairs; p++) beyond += found[FOUND * p] - less[p] < limit - tie;
     beyond = count - beyond;
     for (int64_t p = 0; p < pairs && k < count; p++) {
         const double own = found[FOUND * p] - less[p];
-        if (own < limit - even || (own <= limit + even && beyond-- > 0)) chosen[k++] = p;
+        if (own < limit - tie || (own <= limit + tie && beyond-- > 0)) chosen[k++] = p;
     }
     for (int64_t i = 0; i < k; i++)
         for (int r = 0; r < FOUND; r++) nearest[r * k + i] = found[FOUND * chosen[i] + r];
     if (k < count) return -1;
-    return closing && count < pairs && limit < 0.0; /* then others may be as urgent */
+    return closing && count < pairs && limit < 0.0; /* more pairs may be as urgent */
 }
 
-int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
-                double *scratch, int64_t *chosen, double *nearest) {
-    return soonest(of, state, count, kept, 0, scratch, chosen, nearest);
+int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, const double *kept, double *scratch,
+                int64_t *chosen, double *nearest) {
+    return most_urgent_pairs(of, state, count, kept, 0, scratch, chosen, nearest);
 }
 
-int wbc_soonest(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
-                const wbc_closing *closing, double *scratch, int64_t *chosen, double *nearest, double *left) {
-    const int said = soonest(of, state, count, kept, closing, scratch, chosen, nearest);
+int wbc_most_urgent_pairs(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
+                          const wbc_closing *closing, double *scratch, int64_t *chosen, double *nearest,
+                          double *left) {
+    const int status = most_urgent_pairs(of, state, count, kept, closing, scratch, chosen, nearest);
     const double *less = scratch + (PLACED + 1) * of->bodies + of->pairs;
-    for (int64_t i = 0; i < count && said >= 0; i++) left[i] = nearest[i] - less[chosen[i]];
-    return said;
+    for (int64_t i = 0; i < count && status >= 0; i++) left[i] = nearest[i] - less[chosen[i]];
+    return status;
 }
 
-int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64_t *chosen,
-                double *scratch, double *nearest) {
+int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64_t *chosen, double *scratch,
+                double *nearest) {
     place_bodies(of, state, scratch);
     for (int64_t i = 0; i < k; i++) {
         const int64_t p = chosen[i];
@@ -304,9 +297,8 @@ int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64
     return 0;
 }
 
-int64_t wbc_within(const wbc_pairs *of, const double *states, int64_t n, int64_t stride,
-                   double limit, const double *kept, double *scratch, int64_t room,
-                   int64_t *chosen, double *nearest) {
+int64_t wbc_pairs_within(const wbc_pairs *of, const double *states, int64_t n, int64_t stride, double limit,
+                         const double *kept, double *scratch, int64_t room, int64_t *chosen, double *nearest) {
     double *placed = scratch, *lower = placed + PLACED * of->bodies;
     int64_t k = 0;
     for (int64_t f = 0; f < n; f++) {
@@ -328,9 +320,9 @@ int64_t wbc_within(const wbc_pairs *of, const double *states, int64_t n, int64_t
     return k;
 }
 
-/* Add the line of force [n, p x n] times the twists of what moves a joint and not another above. */
-static void add_line(const wbc_tree *tree, const double *state, int64_t joint, int64_t above,
-                     const double *n, const double *arm, double sign, double *row) {
+/* Add the force line [n, p x n] times the twists of the joints from one up to another above. */
+static void add_line(const wbc_tree *tree, const double *state, int64_t joint, int64_t above, const double *n,
+                     const double *arm, double sign, double *row) {
     const int64_t nv = tree->nv;
     const double *T = state + TWISTS(nv);
     for (int64_t j = joint; j > above; j = tree->parent[j]) {
@@ -343,8 +335,8 @@ static void add_line(const wbc_tree *tree, const double *state, int64_t joint, i
     }
 }
 
-int wbc_pair_rows(const wbc_pairs *of, const wbc_tree *tree, const double *state, int64_t k,
-                  const int64_t *chosen, const double *normal, const double *point, double *rows) {
+int wbc_pair_rows(const wbc_pairs *of, const wbc_tree *tree, const double *state, int64_t k, const int64_t *chosen,
+                  const double *normal, const double *point, double *rows) {
     memset(rows, 0, k * tree->nv * sizeof *rows);
     for (int64_t i = 0; i < k; i++) {
         const int64_t *pair = of->pair + 2 * chosen[i], above = of->common[chosen[i]];

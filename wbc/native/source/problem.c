@@ -9,13 +9,13 @@
 
 #include <string.h>
 
-/* A joint this little outside its limit [rad or m] is at the limit: which side rounding leaves it on must
- * not decide whether a cost that outweighs all tasks appears. FAR stands for no limit. */
+/* A joint this little outside its limit [rad or m] counts as at it: rounding must not decide whether a cost that
+ * outweighs all tasks appears. FAR stands for no limit. */
 static const double AT_LIMIT = 1e-9, FAR = 1e12;
-/* What limits ask of a joint beyond the braking that they count on, by that: the reserve. Joints come to
- * their limits as exp(-t / ARRIVAL) at the end [s], and what they are too fast by goes as exp(-t / SETTLE). */
+/* BRAKING: largest deceleration that limits demand, by the one they count on; the rest is a reserve. Joints
+ * approach limits as exp(-t / ARRIVAL) [s], and excess speed decays as exp(-t / SETTLE). */
 static const double BRAKING = 2.0, ARRIVAL = 0.02, SETTLE = 0.02;
-/* Recovery outweighs the tasks by this (squared) factor, the heaviest of which counts as no less. */
+/* Recovery outweighs the tasks by this squared factor; the heaviest task counts as IDLE at least. */
 static const double RECOVERY_FACTOR = 1e2, IDLE = 1e-6;
 const double wbc_largest_qp = 1e150;
 
@@ -49,8 +49,8 @@ void lay_out(const wbc_plan *plan, wbc_qp *qp) {
     qp->chosen = at;
 }
 
-WIDE void square(int64_t nv, int64_t rows, const double *restrict J, const double *wanted,
-                   double *restrict P, int64_t n, double *restrict g) {
+WIDE void add_squares(int64_t nv, int64_t rows, const double *restrict J, const double *wanted, double *restrict P,
+                      int64_t n, double *restrict g) {
     for (int64_t r = 0; r < rows; r += 3) {
         const double *a = J + r * nv, *b = r + 1 < rows ? a + nv : 0, *c = r + 2 < rows ? b + nv : 0;
         if (c) {
@@ -58,7 +58,7 @@ WIDE void square(int64_t nv, int64_t rows, const double *restrict J, const doubl
                 const double x = a[i], y = b[i], z = c[i];
                 if (fabs(x) + fabs(y) + fabs(z) == 0.0) continue;
                 double *restrict to = P + i * n;
-                int64_t j = nv - PADDED(nv - i); /* up to three entries that nobody reads, then no rest */
+                int64_t j = nv - PADDED(nv - i); /* up to three unused entries, and no remainder */
                 if (j < 0) j = i;
                 for (; j + 4 <= nv; j += 4) *(four *)(to + j) += x * FOUR(a + j) + y * FOUR(b + j) + z * FOUR(c + j);
                 for (; j < nv; j++) to[j] += x * a[j] + y * b[j] + z * c[j];
@@ -77,25 +77,24 @@ WIDE void square(int64_t nv, int64_t rows, const double *restrict J, const doubl
     }
 }
 
-/* The distance within which it stops from a speed: most joints are farther from their limits. */
-static double stops_within(double speed, double deceleration, double wait) {
+/* The stopping distance from a speed: most joints are farther from their limits. */
+static double stopping_distance_from(double speed, double deceleration, double wait) {
     return speed * (wait + 0.5 * speed / deceleration);
 }
 
-/* The same at the torque level, back from outside, too. */
+/* The speed from which a joint stops within a distance; from outside, the speed back. */
 static double braking_speed(double distance, double most, double deceleration, double wait) {
     const double inside = distance > 0.0 ? distance : 0.0;
-    double speed = stopping(inside, deceleration, wait) + (distance - inside) / wait;
+    double speed = stopping_speed(inside, deceleration, wait) + (distance - inside) / wait;
     if (speed < -most) speed = -most;
     return speed > most ? most : speed;
 }
 
-/* The bound on the speed towards one side at the torque level, some distance away, so that joints arrive
- * without chatter: u(x - v dt) + (1 - dt / S) (v - u(x)), where u(x) is the rate from which a joint stops
- * within x. One at u(x) stays there, what it is faster by is lost with the time constant S, and what lies
- * outside comes back with T: one law, without a switch. */
-static double arriving(double distance, double towards, double speed, double faster,
-                       double deceleration, double dt) {
+/* The bound on the speed towards a limit at the torque level, so that joints arrive without chatter: u(x - v dt) +
+ * (1 - dt / S) (v - u(x)), where a joint at the speed u(x) stops within x. At u(x) it stays there, excess speed
+ * decays with the time constant S, and outside the joint comes back with T: one law, without a switch. */
+static double arrival_bound(double distance, double towards, double speed, double faster, double deceleration,
+                            double dt) {
     const double wait = ARRIVAL > dt ? ARRIVAL : dt, left = distance > FAR ? FAR : distance;
     const double kept = SETTLE > dt ? 1.0 - dt / SETTLE : 0.0;
     const double now = braking_speed(left, speed, deceleration, wait);
@@ -107,14 +106,14 @@ static double arriving(double distance, double towards, double speed, double fas
     return most < reach ? reach : most;
 }
 
-/* The weight, squared, of a cost that outweighs all others. */
-static double dominating(const wbc_qp *qp) {
+/* The squared weight of a cost that outweighs the tasks. */
+static double dominating_weight(const wbc_qp *qp) {
     return RECOVERY_FACTOR * (*qp->heaviest > IDLE ? *qp->heaviest : IDLE);
 }
 
-void push(const wbc_plan *plan, const double *row, double rate, double weight, const wbc_qp *qp) {
+void add_dominating_row(const wbc_plan *plan, const double *row, double rate, double weight, const wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = qp->n;
-    const double size = dominating(qp) * weight * weight;
+    const double size = dominating_weight(qp) * weight * weight;
     for (int64_t i = 0; i < nv; i++) {
         if (row[i] == 0.0) continue;
         for (int64_t j = i; j < nv; j++) qp->P[i * n + j] += size * row[i] * row[j];
@@ -122,12 +121,12 @@ void push(const wbc_plan *plan, const double *row, double rate, double weight, c
     }
 }
 
-/* Joints outside their limits are moved back by costs that outweigh all others. */
-static void recover(const wbc_plan *plan, const double *q, const wbc_qp *qp) {
+/* Joints outside their limits are moved back, by costs that outweigh the tasks. */
+static void recover_limits(const wbc_plan *plan, const double *q, const wbc_qp *qp) {
     const int64_t n = plan->tree->nv - 6;
     const double *lo = plan->limit, *up = lo + n, *speed = up + n;
     for (int64_t k = 0; k < n; k++) {
-        const double position = joint_position(plan, q, k), weight = dominating(qp);
+        const double position = joint_position(plan, q, k), weight = dominating_weight(qp);
         const double below = position - lo[k], above = position - up[k];
         const double outside = below < -AT_LIMIT ? below : above > AT_LIMIT ? above : 0.0;
         if (outside == 0.0) continue;
@@ -138,9 +137,9 @@ static void recover(const wbc_plan *plan, const double *q, const wbc_qp *qp) {
     }
 }
 
-/* The box on v+ of wbc.constraints.Limits: from where a joint can still stop, and how fast it speeds up (and
- * slows down, if that is bounded); at the torque level how it arrives. */
-static void bound(const wbc_plan *plan, const double *q, const double *v, double *lower, double *upper) {
+/* The box on v+ of wbc.constraints.Limits: speeds from which a joint still stops, and accelerations (of braking,
+ * too, if that is bounded); at the torque level the law of arrival. */
+static void limits_box(const wbc_plan *plan, const double *q, const double *v, double *lower, double *upper) {
     const int64_t n = plan->tree->nv - 6;
     const double *lo = plan->limit, *up = lo + n, *speed = up + n, *rise = speed + n;
     const double dt = plan->dt, *braked = rise + n, *base = braked + n;
@@ -153,23 +152,24 @@ static void bound(const wbc_plan *plan, const double *q, const double *v, double
             const double towards = side ? v[6 + k] : -v[6 + k];
             if (plan->torque) {
                 const double now = plan->braked || towards > 0.0 ? towards : 0.0;
-                most[side] = arriving(left[side], towards, speed[k], now + start, braked[k], dt);
+                most[side] = arrival_bound(left[side], towards, speed[k], now + start, braked[k], dt);
                 continue;
             }
             most[side] = speed[k];
             const double change = towards + start;
-            if (!plan->braked) { /* it may stop, and start the other way in the same tick */
+            if (!plan->braked) { /* it may stop and reverse within one tick */
                 const double limit = change > start ? change : start;
                 if (most[side] > limit) most[side] = limit;
             }
             const double reach = left[side] < 0.0 ? 0.0 : left[side];
-            /* Without limits on speed and acceleration that distance is not a number. */
-            if (left[side] <= FAR && !(reach >= stops_within(most[side], braked[k], dt))) {
-                const double slowed = stopping(reach, braked[k], dt);
+            /* Without limits on speed and acceleration the stopping distance is NaN. */
+            if (left[side] <= FAR && !(reach >= stopping_distance_from(most[side], braked[k], dt))) {
+                const double slowed = stopping_speed(reach, braked[k], dt);
                 if (most[side] > slowed) most[side] = slowed;
             }
         }
-        if (plan->braked && !plan->torque) { /* its own limits may ask for harder braking: they win */
+        if (plan->braked && !plan->torque) { /* the acceleration limits win where the position limits demand harder
+                                              * braking */
             const double other[2] = {-most[1], -most[0]};
             for (int side = 0; side < 2; side++) {
                 const double towards = side ? v[6 + k] : -v[6 + k];
@@ -178,7 +178,7 @@ static void bound(const wbc_plan *plan, const double *q, const double *v, double
                 if (most[side] < other[side]) most[side] = other[side];
             }
         }
-        if (plan->torque && most[0] + most[1] < 0.0) { /* contradicting: between them */
+        if (plan->torque && most[0] + most[1] < 0.0) { /* they contradict each other: take the middle */
             const double between = 0.5 * (most[1] - most[0]);
             most[0] = -between, most[1] = between;
         }
@@ -187,11 +187,11 @@ static void bound(const wbc_plan *plan, const double *q, const double *v, double
 }
 
 int wbc_box(const wbc_plan *plan, const double *q, const double *v, double *box) {
-    bound(plan, q, v, box, box + plan->tree->nv);
+    limits_box(plan, q, v, box, box + plan->tree->nv);
     return DONE;
 }
 
-/* What the forces of contacts do to v: the columns of D behind v+, negative. */
+/* The contact forces' part of the dynamics: the columns of D behind v+, negative. */
 static void add_forces(const wbc_plan *plan, const double *state, const double *frames, const double *q,
                        const wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = nv + plan->forces;
@@ -203,11 +203,11 @@ static void add_forces(const wbc_plan *plan, const double *state, const double *
         static const double world[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
         const double *axes = force->aligned ? world : R;
         double *to = D + nv + force->column;
-        if (block->kind == LOOP && block->held && block->rows == force->count) { /* its rows are there */
+        if (block->kind == LOOP && block->held && block->rows == force->count) { /* the rows are already there */
             const double *A = qp->A + (plan->passives + block->first) * n;
             for (int64_t r = 0; r < force->count; r++)
                 for (int64_t i = 0; i < nv; i++)
-                    if (A[r * n + i] != 0.0) to[i * n + r] = -A[r * n + i]; /* few are */
+                    if (A[r * n + i] != 0.0) to[i * n + r] = -A[r * n + i]; /* they are sparse */
             continue;
         }
         if (block->kind == LOOP) {
@@ -218,7 +218,7 @@ static void add_forces(const wbc_plan *plan, const double *state, const double *
             gear_row(plan, plan->number + block->number + WEIGHTS + 3, q, -1.0, to, n);
             continue;
         }
-        if (force->corners == 0) { /* along the contact's own rows, all of them */
+        if (force->corners == 0) { /* along the contact's own rows */
             const double *own = plan->number + block->number + WEIGHTS + 3 * block->rows;
             const double *rows = block->frame < 0 ? own : J;
             for (int64_t r = 0; r < force->count; r++)
@@ -226,7 +226,8 @@ static void add_forces(const wbc_plan *plan, const double *state, const double *
             continue;
         }
         for (int64_t j = plan->frame_joint[block->frame], i; j > 0; j = plan->tree->parent[j])
-            for (int64_t behind = columns_of(plan->tree, j, &i); i < behind; i++) { /* which move the frame */
+            for (int64_t behind = columns_of(plan->tree, j, &i); i < behind; i++) { /* the columns that move the
+                                                                                     * frame */
                 const double w[3] = {J[3 * nv + i], J[4 * nv + i], J[5 * nv + i]};
                 for (int64_t c = 0; c < force->corners; c++) {
                     double arm[3], u[3], along[3];
@@ -240,9 +241,9 @@ static void add_forces(const wbc_plan *plan, const double *state, const double *
     }
 }
 
-/* Base forces and torques D x + offset by the unknowns, and the rows made of them; behind those of loops. */
-static void add_dynamics(const wbc_plan *plan, const double *state, const double *frames,
-                         const double *motion, const double *q, const double *v, const wbc_qp *qp) {
+/* The dynamics, base forces and torques D x + offset, and the rows made of them, behind those of loops. */
+static void add_dynamics(const wbc_plan *plan, const double *state, const double *frames, const double *motion,
+                         const double *q, const double *v, const wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = qp->n, f = plan->forces;
     const double *cone = plan->cone, *least = cone + plan->cones * f, *most = least + plan->cones;
     const double by_mass = 1.0 / plan->mass;
@@ -269,37 +270,34 @@ static void add_dynamics(const wbc_plan *plan, const double *state, const double
         memcpy(row + nv, cone + r * f, f * sizeof *row);
         qp->l[plan->bounded + r] = least[r], qp->u[plan->bounded + r] = most[r];
     }
-    if (f == 0) return; /* there are no bounds to point at */
+    if (f == 0) return; /* no force bounds */
     memcpy(qp->lower + nv, plan->force_bound, f * sizeof *qp->lower);
     memcpy(qp->upper + nv, plan->force_bound + f, f * sizeof *qp->upper);
 }
 
-/* What the rate of a row should be: the laws of both levels. */
-static double wanted_rate(const wbc_plan *plan, const double *number, double error, double bias,
-                          double drift, double moving) {
+/* The rate that a row should have, by the laws of both levels. */
+static double wanted_rate(const wbc_plan *plan, const double *number, double error, double bias, double drift,
+                          double moving) {
     if (!plan->torque) return -number[RATE] * error - bias;
     return moving + plan->dt * (-number[STIFFNESS] * error - number[DAMPING] * (moving + bias) - drift);
 }
 
-/* Of the costs of a block what damps the step: curvature that they leave out, errors out of reach. */
-static void add_damping(const wbc_plan *plan, const wbc_block *block, const wbc_state_at *at,
-                        const double *error, double curved, double *work, const wbc_qp *qp,
-                        double *damping) {
+/* Damping of the step by the block: neglected curvature, and errors (Levenberg-Marquardt). */
+static void add_damping(const wbc_plan *plan, const wbc_block *block, const wbc_state_at *at, const double *error,
+                        double curved, double *work, const wbc_qp *qp, double *damping) {
     const int64_t nv = plan->tree->nv, k = block->rows;
     const double *number = plan->number + block->number, *weight = number + WEIGHTS;
     double own = number[HALF_GAIN] * curved;
-    const wbc_costs kept = kept_costs(plan);
-    double *diagonal = plan->rows ? kept.damping + block->level * nv : qp->P;
+    const wbc_costs stored = stored_costs(plan);
+    double *diagonal = plan->rows ? stored.damping + block->level * nv : qp->P;
     const int64_t stride = plan->rows ? 1 : qp->n + 1;
     const double *asked = weight + 3 * k + k * nv + k; /* of ASKED: bound (nv), curvature (nv, nv) */
     if (block->kind == INERTIA_ENTRIES && block->second)
-        add_curvature(plan, block, at->state, at->frames, error, work,
-                      kept.curvature + block->level * nv * nv);
+        add_curvature(plan, block, at->state, at->frames, error, work, stored.curvature + block->level * nv * nv);
     else if (block->kind == INERTIA_ENTRIES && number[HALF_GAIN] > 0.0)
-        damp_by_curvature(plan, block, at->state, at->frames, error, number[HALF_GAIN], work, diagonal,
-                          stride);
+        damp_by_curvature(plan, block, at->state, at->frames, error, number[HALF_GAIN], work, diagonal, stride);
     else if (block->kind == ASKED) {
-        double *H = kept.curvature + block->level * nv * nv;
+        double *H = stored.curvature + block->level * nv * nv;
         for (int64_t i = 0; i < nv; i++) diagonal[i * stride] += number[HALF_GAIN] * asked[i];
         for (int64_t i = 0; block->second && i < nv * nv; i++) H[i] += asked[nv + i];
     }
@@ -309,46 +307,41 @@ static void add_damping(const wbc_plan *plan, const wbc_block *block, const wbc_
         own += number[LM_DAMPING] * sqrt(sum);
     }
     if (plan->rows)
-        for (int64_t c = 0; c < nv; c++) kept.damping[block->level * nv + c] += own;
-    else
-        *damping += own;
+        for (int64_t c = 0; c < nv; c++) stored.damping[block->level * nv + c] += own;
+    else *damping += own;
 }
 
-/* Rows of a contact become equalities, those of a cost are kept for all levels. */
-static void keep_row(const wbc_plan *plan, const wbc_block *block, int64_t i, const double *row,
-                     double rate, double bias, const wbc_qp *qp) {
+/* Store a row: of a contact as an equality, of a cost for all levels. */
+static void store_row(const wbc_plan *plan, const wbc_block *block, int64_t i, const double *row, double rate,
+                      double bias, const wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = qp->n, r = block->first + i;
-    const wbc_costs kept = kept_costs(plan);
-    double *to = block->held ? qp->A + (plan->passives + r) * n : kept.matrix + r * n;
+    const wbc_costs stored = stored_costs(plan);
+    double *to = block->held ? qp->A + (plan->passives + r) * n : stored.matrix + r * n;
     if (block->kind == JOINTS && !block->held)
         memset(to, 0, nv * sizeof *to), to[6 + plan->index[block->index + i]] = 1.0;
-    else if (to != row)
-        memcpy(to, row, nv * sizeof *to);
+    else if (to != row) memcpy(to, row, nv * sizeof *to);
     memset(to + nv, 0, (n - nv) * sizeof *to);
-    if (block->held)
-        qp->b[plan->passives + r] = rate;
-    else
-        kept.target[r] = rate, kept.bias[r] = bias;
+    if (block->held) qp->b[plan->passives + r] = rate;
+    else stored.target[r] = rate, stored.bias[r] = bias;
 }
 
-/* Add a block to the costs or to the equalities. The damping that it asks for is added to damping, and
- * heaviest is the largest square of a weighted row. */
-WIDE static void add_block(const wbc_plan *plan, const wbc_block *block, const wbc_state_at *at,
-                           double *J, const wbc_qp *qp, double *damping) {
+/* Add a block to the costs or to the equalities, its damping to damping; heaviest is the largest square of a
+ * weighted row. */
+WIDE static void add_block(const wbc_plan *plan, const wbc_block *block, const wbc_state_at *at, double *J,
+                           const wbc_qp *qp, double *damping) {
     const int64_t nv = plan->tree->nv, n = qp->n, k = block->rows;
     const double *number = plan->number + block->number, *weight = number + WEIGHTS;
     double *e = J + k * nv, *bias = e + k, *drift = bias + k, *wanted = drift + k, curved;
     double *error = block->held ? e : qp->errors + block->first;
-    /* where they are to be, if they fit there */
+    /* written in place if the strides agree */
     double *rows = block->held && n == nv ? qp->A + (plan->passives + block->first) * n : J;
     const int is_diagonal = block->kind == JOINTS && !block->held;
     const int is_rate = block->kind == MOMENTUM_ENTRIES && !block->held;
-    evaluate(plan, block, at->state, at->frames, at->q, rows, error, bias, &curved);
+    evaluate_block(plan, block, at->state, at->frames, at->q, rows, error, bias, &curved);
     for (int64_t i = 0; i < k && (block->kind == LOOP || block->kind == GEAR); i++)
         error[i] += plan->added[block->first + i];
     if (plan->torque)
-        drift_of(plan, block, at->state, at->frames, at->motion, at->accelerations, at->q, at->v,
-                 error, drift);
+        block_drift(plan, block, at->state, at->frames, at->motion, at->accelerations, at->q, at->v, error, drift);
     else {
         memset(drift, 0, k * sizeof *drift);
         if (!block->held) add_damping(plan, block, at, error, curved, wanted + k, qp, damping);
@@ -358,9 +351,9 @@ WIDE static void add_block(const wbc_plan *plan, const wbc_block *block, const w
         double *row = rows + i * nv, moving = 0.0, size = weight[i] * weight[i];
         if (plan->torque || is_rate) moving = is_diagonal ? at->v[c] : dot(nv, row, at->v);
         const double rate = wanted_rate(plan, number, error[i], bias[i], drift[i], moving);
-        if (is_rate) error[i] = moving + bias[i]; /* a law has no use for it; it is reported */
+        if (is_rate) error[i] = moving + bias[i]; /* reported only: the law does not use it */
         if (block->held || plan->rows) {
-            keep_row(plan, block, i, row, rate, bias[i], qp);
+            store_row(plan, block, i, row, rate, bias[i], qp);
             continue;
         }
         wanted[i] = weight[i] * rate;
@@ -373,40 +366,38 @@ WIDE static void add_block(const wbc_plan *plan, const wbc_block *block, const w
         }
         if (size > *qp->heaviest) *qp->heaviest = size;
     }
-    if (!block->held && !plan->rows && !is_diagonal) square(nv, k, J, wanted, qp->P, n, qp->g);
+    if (!block->held && !plan->rows && !is_diagonal) add_squares(nv, k, J, wanted, qp->P, n, qp->g);
 }
 
-WIDE void add_costs(const wbc_plan *plan, int64_t level, double *J, double *P, double *g,
-                    double *heaviest) {
+WIDE void add_costs(const wbc_plan *plan, int64_t level, double *J, double *P, double *g, double *heaviest) {
     const int64_t nv = plan->tree->nv, n = nv + plan->forces;
-    const wbc_costs kept = kept_costs(plan);
+    const wbc_costs stored = stored_costs(plan);
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++) {
         if (block->held || (level >= 0 && block->level != level)) continue;
         const double *weight = plan->number + block->number + WEIGHTS;
         const int64_t k = block->rows, width = is_of_forces(block) ? n : nv;
         double *wanted = J + k * width;
         for (int64_t i = 0; i < k; i++) {
-            const double *from = kept.matrix + (block->first + i) * n;
+            const double *from = stored.matrix + (block->first + i) * n;
             const int64_t c = 6 + plan->index[block->index + i];
             double *row = J + i * width, size = weight[i] * weight[i];
-            wanted[i] = weight[i] * kept.target[block->first + i];
-            if (block->kind == JOINTS)
-                P[c * n + c] += size, g[c] -= weight[i] * wanted[i];
+            wanted[i] = weight[i] * stored.target[block->first + i];
+            if (block->kind == JOINTS) P[c * n + c] += size, g[c] -= weight[i] * wanted[i];
             else {
                 for (int64_t j = 0; j < width; j++) row[j] = weight[i] * from[j];
                 size = dot(width, row, row);
             }
             if (size > *heaviest) *heaviest = size;
         }
-        if (block->kind != JOINTS) square(width, k, J, wanted, P, n, g);
+        if (block->kind != JOINTS) add_squares(width, k, J, wanted, P, n, g);
     }
 }
 
-void close_cost(const wbc_plan *plan, int64_t level, const double *v, double damping, double *work,
-                double *P, double *g) {
+void finish_cost(const wbc_plan *plan, int64_t level, const double *v, double damping, double *work, double *P,
+                 double *g) {
     const int64_t nv = plan->tree->nv, n = nv + plan->forces, wide = plan->wide;
     const int64_t first = level < 0 ? 0 : level, last = level < 0 ? plan->levels - 1 : level;
-    const wbc_costs kept = kept_costs(plan);
+    const wbc_costs stored = stored_costs(plan);
     for (int64_t i = 0; i < wide; i++)
         for (int64_t j = i + 1; j < wide; j++) P[j * n + i] = P[i * n + j];
     if (plan->curved) {
@@ -414,7 +405,7 @@ void close_cost(const wbc_plan *plan, int64_t level, const double *v, double dam
         for (int64_t i = 0; i < nv; i++) memcpy(H + i * nv, P + i * n, nv * sizeof *H);
         for (int64_t l = first; l <= last; l++)
             for (int64_t i = 0; i < nv * nv; i++) {
-                const double entry = kept.curvature[l * nv * nv + i];
+                const double entry = stored.curvature[l * nv * nv + i];
                 H[i] += entry;
                 if (fabs(entry) > largest) largest = fabs(entry);
             }
@@ -424,14 +415,14 @@ void close_cost(const wbc_plan *plan, int64_t level, const double *v, double dam
         }
     }
     for (int64_t l = first; plan->rows && l <= last; l++)
-        for (int64_t i = 0; i < nv; i++) P[i * n + i] += kept.damping[l * nv + i];
+        for (int64_t i = 0; i < nv; i++) P[i * n + i] += stored.damping[l * nv + i];
     for (int64_t i = 0; i < n; i++) {
         P[i * n + i] += plan->damping[i] + (i < nv ? damping : 0.0);
         if (plan->torque && i < nv) g[i] -= plan->damping[i] * v[i];
     }
 }
 
-/* Inequality rows that were worked out by others, behind all others, and what they push at. */
+/* The inequality rows given by Python, behind all others, and the costs that recover them. */
 static void add_given_bounds(const wbc_plan *plan, const wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = qp->n, k = plan->given_rows, begin = qp->m - k;
     const double *lower = plan->given + k * nv, *upper = lower + k;
@@ -442,16 +433,15 @@ static void add_given_bounds(const wbc_plan *plan, const wbc_qp *qp) {
         qp->l[begin + r] = lower[r], qp->u[begin + r] = upper[r];
     }
     const double *target = plan->push + plan->pushes * nv, *weight = target + plan->pushes;
-    for (int64_t r = 0; r < plan->pushes; r++) push(plan, plan->push + r * nv, target[r], weight[r], qp);
+    for (int64_t r = 0; r < plan->pushes; r++)
+        add_dominating_row(plan, plan->push + r * nv, target[r], weight[r], qp);
 }
 
-INLINE int is_sound(const double *values, int64_t n) {
+INLINE int is_finite_enough(const double *values, int64_t n) {
     return dot(n, values, values) < wbc_largest_qp * wbc_largest_qp;
 }
 
-static int is_range(double lower, double upper) {
-    return lower <= upper && lower < INFINITY && upper > -INFINITY;
-}
+static int is_range(double lower, double upper) { return lower <= upper && lower < INFINITY && upper > -INFINITY; }
 
 WIDE int is_qp(const wbc_qp *qp) {
     const int64_t n = qp->n;
@@ -459,10 +449,10 @@ WIDE int is_qp(const wbc_qp *qp) {
         if (!is_range(qp->lower[i], qp->upper[i])) return 0;
     for (int64_t i = 0; i < qp->m; i++)
         if (!is_range(qp->l[i], qp->u[i])) return 0;
-    for (int64_t i = qp->wide; i < n; i++) /* beyond, only the diagonal is not 0 */
-        if (!is_sound(qp->P + i * (n + 1), 1)) return 0;
-    return is_sound(qp->P, qp->wide * n) && is_sound(qp->A, qp->k * n) && is_sound(qp->C, qp->m * n) &&
-           is_sound(qp->g, n) && is_sound(qp->b, qp->k);
+    for (int64_t i = qp->wide; i < n; i++) /* beyond wide only the diagonal is not 0 */
+        if (!is_finite_enough(qp->P + i * (n + 1), 1)) return 0;
+    return is_finite_enough(qp->P, qp->wide * n) && is_finite_enough(qp->A, qp->k * n) &&
+           is_finite_enough(qp->C, qp->m * n) && is_finite_enough(qp->g, n) && is_finite_enough(qp->b, qp->k);
 }
 
 int wbc_problem(const wbc_plan *plan, const double *state, const void *measured, const double *v) {
@@ -485,39 +475,35 @@ int wbc_problem(const wbc_plan *plan, const double *state, const void *measured,
     memset(qp.found, 0, 5 * sizeof *qp.found);
     *qp.heaviest = 0.0;
     if (plan->rows)
-        memset(kept_costs(plan).damping, 0,
-               plan->levels * nv * (plan->curved ? 1 + nv : 1) * sizeof *plan->rows);
+        memset(stored_costs(plan).damping, 0, plan->levels * nv * (plan->curved ? 1 + nv : 1) * sizeof *plan->rows);
     wbc_frames(plan->tree, state, plan->frames, plan->frame_joint, plan->frame_placement, frames);
     if (plan->torque) {
         wbc_motion(plan->tree, state, v, motion, J);
-        wbc_drifts(plan->tree, state, motion, plan->frames, plan->frame_joint,
-                   plan->frame_placement, accelerations);
+        wbc_drifts(plan->tree, state, motion, plan->frames, plan->frame_joint, plan->frame_placement, accelerations);
     }
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++)
         if (is_of_forces(block)) {
             if (block->kind == COP) add_moments(plan, block, frames);
             add_force_rows(plan, block, J, &qp);
-        } else
-            add_block(plan, block, &at, J, &qp, &damping);
+        } else add_block(plan, block, &at, J, &qp, &damping);
     if (plan->torque) add_dynamics(plan, state, frames, motion, q, v, &qp);
     if (plan->rows) add_costs(plan, 0, J, qp.P, qp.g, qp.heaviest);
     const int kept = plan->margin ? add_margin(plan, state, v, J, &qp) : DONE;
     if (kept != DONE) return kept;
     add_given_bounds(plan, &qp);
     for (int64_t i = 0; i < nv; i++) qp.lower[i] = -INFINITY, qp.upper[i] = INFINITY;
-    if (plan->limited) bound(plan, q, v, qp.lower, qp.upper);
-    if (plan->limited && !plan->torque) recover(plan, q, &qp);
-    close_cost(plan, 0, v, damping, J, qp.P, qp.g);
+    if (plan->limited) limits_box(plan, q, v, qp.lower, qp.upper);
+    if (plan->limited && !plan->torque) recover_limits(plan, q, &qp);
+    finish_cost(plan, 0, v, damping, J, qp.P, qp.g);
     return is_qp(&qp) ? DONE : NOT_FINITE;
 }
 
-int wbc_cost(const wbc_plan *plan, const double *q, const double *v, int64_t level, double *P,
-             double *g) {
+int wbc_cost(const wbc_plan *plan, const double *q, const double *v, int64_t level, double *P, double *g) {
     const int64_t nv = plan->tree->nv, n = nv + plan->forces;
     double heaviest = 0.0;
     memset(P, 0, n * n * sizeof *P);
     memset(g, 0, n * sizeof *g);
     add_costs(plan, level, plan->scratch, P, g, &heaviest);
-    close_cost(plan, level, velocity_of(plan->tree, q, v), 0.0, plan->scratch, P, g);
+    finish_cost(plan, level, velocity_of(plan->tree, q, v), 0.0, plan->scratch, P, g);
     return DONE;
 }

@@ -1,6 +1,6 @@
-/* The equalities of a QP eliminated.
+/* Elimination of the equalities of a QP.
  *
- * Gauss-Jordan elimination with pivots by column turns A x = b into x_d = G x_i + h. What is left,
+ * Gauss-Jordan elimination with pivots by column turns A x = b into x_d = G x_i + h. The reduced QP,
  *
  *     minimise 1/2 x_i' H x_i + g' x_i    subject to the bounds of x_i, those of x_d as rows of G,
  *                                         and C x = (C_i + C_d G) x_i + C_d h
@@ -15,18 +15,16 @@
 #include <math.h>
 #include <string.h>
 
-static const double DEPENDENT = 1e-9; /* a pivot below this, in metres or radians */
-static const double CONTRADICTED = 1e-6; /* by what such a row misses: no x of less than 1e3 meets it */
-/* Unknowns without bounds are preferred as dependent ones: eliminating them adds no inequality row. */
-static const double PREFERENCE = 10.0;
-/* So is what a row had in the last tick, where others solve the reduced QP: they start from there. */
-static const double USUAL = 4.0;
+static const double DEPENDENT = 1e-9;    /* smaller pivots [m or rad]: the row depends on those above */
+static const double CONTRADICTED = 1e-6; /* residual of a dependent row, from which on it contradicts the others */
+/* Unknowns without bounds are preferred as dependent ones: they add no inequality row. */
+static const double FREE_PREFERRED = 10.0;
+/* So is the pivot of the last tick if the reduced QP goes to an external solver, which starts warm. */
+static const double SAME_PIVOT = 4.0;
 
-static int is_free(const wbc_qp *qp, int64_t i) {
-    return qp->upper[i] == INFINITY && qp->lower[i] == -INFINITY;
-}
+static int is_free(const wbc_qp *qp, int64_t i) { return qp->upper[i] == INFINITY && qp->lower[i] == -INFINITY; }
 
-void place(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r) {
+void lay_out_reduced(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r) {
     const int64_t n = qp->n, k = qp->k;
     r->rank = k, r->order = order, r->touched = order + n, r->row = r->touched + n;
     r->W = scratch;
@@ -37,8 +35,8 @@ void place(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r) {
     r->G = r->factor + k;
 }
 
-/* The rest, once it is known how many unknowns are left. */
-static void place_rest(const wbc_qp *qp, reduced *r) {
+/* What depends on the number of free unknowns. */
+static void lay_out_rest(const wbc_qp *qp, reduced *r) {
     const int64_t left = r->left = qp->n - r->rank, most = left + qp->m + r->rank;
     r->stride = PADDED(left);
     r->half = r->G + r->rank * r->stride;
@@ -62,15 +60,15 @@ int64_t reduced_integers(int64_t n, int64_t k) { return 2 * n + k + 1; }
 
 int is_reduced(const wbc_qp *qp, const int64_t *order) { return order[2 * qp->n + qp->k] >= 0; }
 
-void resume(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r) {
-    place(qp, scratch, order, r);
+void restore_reduced(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r) {
+    lay_out_reduced(qp, scratch, order, r);
     r->rank = order[2 * qp->n + qp->k];
-    place_rest(qp, r);
-    r->coupled = r->left; /* at most */
+    lay_out_rest(qp, r);
+    r->coupled = r->left; /* an upper bound */
 }
 
-/* Columns of A that are not zero, into touched; returns how many. Arms, say, are not in the rows of
- * feet: what is zero stays so, and need not be worked on. sum (n) to work in. */
+/* Write the columns of A that are not zero to touched, and return how many. Rows of feet have none of the arms',
+ * say: zeros stay zero and cost nothing. sum: scratch (n). */
 INLINE int64_t touched_columns(const wbc_qp *qp, double *restrict sum, int64_t *touched) {
     const int64_t n = qp->n;
     int64_t count = 0;
@@ -82,14 +80,14 @@ INLINE int64_t touched_columns(const wbc_qp *qp, double *restrict sum, int64_t *
     return count;
 }
 
-/* By how much row i of W is bound by a pivot; of the columns that are not pivots yet its best. */
-INLINE double best_pivot(const reduced *of, int64_t i, int64_t r, int64_t count,
-                         const int64_t *place, const int64_t *usual, int64_t *chosen) {
-    const double *row = of->W + i * PADDED(count + 1), *liking = of->gradient;
+/* Return the weighted size of the best pivot of row i of W among the columns left, and write that column. */
+INLINE double best_pivot(const reduced *of, int64_t i, int64_t r, int64_t count, const int64_t *place,
+                         const int64_t *last_pivots, int64_t *chosen) {
+    const double *row = of->W + i * PADDED(count + 1), *preference = of->gradient;
     double most = -1.0;
     for (int64_t c = r; c < count; c++) {
-        double size = fabs(row[place[c]]) * liking[place[c]];
-        if (usual && usual[of->row[i]] == of->touched[place[c]] + 1) size *= USUAL;
+        double size = fabs(row[place[c]]) * preference[place[c]];
+        if (last_pivots && last_pivots[of->row[i]] == of->touched[place[c]] + 1) size *= SAME_PIVOT;
         if (size > most) most = size, *chosen = c;
     }
     return most;
@@ -105,10 +103,9 @@ static void swap_rows(reduced *of, int64_t i, int64_t j, int64_t width) {
     }
 }
 
-/* A row of which the rows above leave next to nothing but an end contradicts them: y, the combination
- * of rows of A that is 0, but of b below 0. */
-static void contradict(const wbc_qp *qp, const reduced *of, int64_t r, int64_t count,
-                       const int64_t *place) {
+/* Row r depends on those above, and its b contradicts theirs: write the combination of rows of A that is 0, with b
+ * below 0, to y. */
+static void write_certificate(const wbc_qp *qp, const reduced *of, int64_t r, int64_t count, const int64_t *place) {
     const double *row = of->W + r * PADDED(count + 1);
     const double sign = row[count] > 0.0 ? -1.0 : 1.0;
     memset(qp->y, 0, qp->k * sizeof *qp->y);
@@ -116,28 +113,26 @@ static void contradict(const wbc_qp *qp, const reduced *of, int64_t r, int64_t c
     qp->y[of->row[r]] = sign;
 }
 
-/* W = [A b] of the touched columns reduced until the columns place[0..rank) would be those of the
- * identity: in their place stands the inverse of what they were. Rows that depend on those above are
- * left out; NO_POINT if one contradicts them. usual, or 0: of each row the column that it had, plus
- * one. pivoted: rows in the order of their pivots, as they may nearly repeat each other. */
-WIDE static int64_t eliminate(const wbc_qp *qp, reduced *of, int64_t count, int64_t *usual,
-                              int pivoted) {
+/* Reduce W = [A b] (touched columns only) until the columns place[0..rank) were those of the identity; they hold
+ * the inverse of the pivots' columns instead. Dependent rows are left out; NO_POINT if one contradicts the others.
+ * last_pivots and pivoted: as in reduce. */
+WIDE static int64_t eliminate(const wbc_qp *qp, reduced *of, int64_t count, int64_t *last_pivots, int pivoted) {
     const int64_t width = PADDED(count + 1);
     int64_t *place = of->order;
     double *W = of->W;
     for (int64_t c = 0; c < count; c++) place[c] = c;
     for (int64_t r = 0; r < of->rank;) {
         int64_t chosen = r, best = r, column = r;
-        double most = best_pivot(of, r, r, count, place, usual, &chosen);
+        double most = best_pivot(of, r, r, count, place, last_pivots, &chosen);
         for (int64_t i = r + 1; pivoted && i < of->rank; i++) {
-            const double size = best_pivot(of, i, r, count, place, usual, &column);
+            const double size = best_pivot(of, i, r, count, place, last_pivots, &column);
             if (size > most) most = size, best = i, chosen = column;
         }
         swap_rows(of, r, best, width);
         double *restrict top = W + r * width;
         if (r >= count || !(fabs(top[place[chosen]]) > DEPENDENT)) {
             if (fabs(top[count]) > CONTRADICTED) {
-                contradict(qp, of, r, count, place);
+                write_certificate(qp, of, r, count, place);
                 return NO_POINT;
             }
             swap_rows(of, r, --of->rank, width);
@@ -145,11 +140,11 @@ WIDE static int64_t eliminate(const wbc_qp *qp, reduced *of, int64_t count, int6
         }
         const int64_t pivot = place[chosen];
         place[chosen] = place[r], place[r] = pivot;
-        if (usual) usual[of->row[r]] = of->touched[pivot] + 1;
+        if (last_pivots) last_pivots[of->row[r]] = of->touched[pivot] + 1;
         const double scale = 1.0 / top[pivot];
         for (int64_t c = 0; c < width; c++) top[c] *= scale;
         top[pivot] = scale;
-        int64_t begin = 0, end = count; /* rows of loops are of few columns, and an end */
+        int64_t begin = 0, end = count; /* rows of loops have few columns */
         while (top[begin] == 0.0) begin++;
         while (top[end - 1] == 0.0) end--;
         begin &= ~(int64_t)3, end = PADDED(end);
@@ -159,19 +154,19 @@ WIDE static int64_t eliminate(const wbc_qp *qp, reduced *of, int64_t count, int6
             if (i == r || factor == 0.0) continue;
             for (int64_t c = begin; c < end; c += 4) *(four *)(to + c) -= factor * FOUR(top + c);
             if (end <= count) to[count] -= factor * top[count];
-            to[pivot] = -factor * scale; /* behind the others: vectors would wait for it */
+            to[pivot] = -factor * scale; /* written last: the vector loop would wait for it */
         }
         r++;
     }
     return 0;
 }
 
-WIDE int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *usual, int pivoted) {
+WIDE int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *last_pivots, int pivoted) {
     const int64_t n = qp->n;
-    double *W = of->W, *liking = of->gradient;
+    double *W = of->W, *preference = of->gradient;
     int64_t *order = of->order, *touched = of->touched;
-    const int64_t count = touched_columns(qp, liking, touched), width = PADDED(count + 1);
-    for (int64_t c = 0; c < count; c++) liking[c] = is_free(qp, touched[c]) ? PREFERENCE : 1.0;
+    const int64_t count = touched_columns(qp, preference, touched), width = PADDED(count + 1);
+    for (int64_t c = 0; c < count; c++) preference[c] = is_free(qp, touched[c]) ? FREE_PREFERRED : 1.0;
     for (int64_t r = 0; r < qp->k; r++) {
         double *row = W + r * width;
         for (int64_t c = 0; c < count; c++) row[c] = qp->A[r * n + touched[c]];
@@ -179,9 +174,9 @@ WIDE int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *usual, int
         for (int64_t c = count + 1; c < width; c++) row[c] = 0.0;
         of->row[r] = r;
     }
-    const int64_t said = eliminate(qp, of, count, usual, pivoted), k = of->rank;
-    if (said < 0) return said;
-    place_rest(qp, of);
+    const int64_t status = eliminate(qp, of, count, last_pivots, pivoted), k = of->rank;
+    if (status < 0) return status;
+    lay_out_rest(qp, of);
     of->coupled = count - k;
     for (int64_t d = 0; d < k; d++) {
         const double *row = W + d * width;
@@ -193,10 +188,8 @@ WIDE int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *usual, int
     }
     for (int64_t c = 0; c < count; c++) order[c] = touched[order[c]];
     for (int64_t c = 0, next = 0, last = count; c < n; c++)
-        if (next < count && touched[next] == c)
-            next++;
-        else
-            order[last++] = c;
+        if (next < count && touched[next] == c) next++;
+        else order[last++] = c;
     return 0;
 }
 
@@ -244,14 +237,12 @@ WIDE static void reduce_cost(const wbc_qp *qp, const reduced *r) {
         for (int64_t j = 0; j < i; j++) r->H[i * left + j] = r->H[j * left + i];
 }
 
-/* Bounds of x_i, then C, then the bounds of x_d, where there are some; returns how many. again: their rows
- * are there already. */
+/* Bounds of x_i, then C, then finite bounds of x_d; returns how many. again: update the bounds, keep the rows. */
 INLINE int64_t reduce_bounds(const wbc_qp *qp, const reduced *r, int again) {
     const int64_t n = qp->n, k = r->rank, left = r->left;
     const int64_t *dependent = r->order, *free = r->order + k;
     int64_t bounded = left;
-    for (int64_t i = 0; i < left; i++)
-        r->up[i] = qp->upper[free[i]], r->low[i] = qp->lower[free[i]];
+    for (int64_t i = 0; i < left; i++) r->up[i] = qp->upper[free[i]], r->low[i] = qp->lower[free[i]];
     for (int64_t m = 0; m < qp->m; m++, bounded++) {
         const double *row = qp->C + m * n;
         double *restrict to = r->rows + m * left, known = 0.0;
@@ -270,23 +261,21 @@ INLINE int64_t reduce_bounds(const wbc_qp *qp, const reduced *r, int again) {
         if (is_free(qp, d)) continue;
         r->up[bounded] = qp->upper[d] - r->h[s];
         r->low[bounded] = qp->lower[d] - r->h[s];
-        if (!again)
-            memcpy(r->rows + (bounded - left) * left, r->G + s * r->stride, left * sizeof *r->rows);
+        if (!again) memcpy(r->rows + (bounded - left) * left, r->G + s * r->stride, left * sizeof *r->rows);
         bounded++;
     }
     return bounded;
 }
 
-/* y by the rows of x_d: that P x + g + z + C'z is -A'y. */
+/* y from the rows of x_d of P x + g + z + C'z = -A'y. */
 WIDE void lift_multipliers(const wbc_qp *qp, const reduced *r) {
     const int64_t n = qp->n, k = r->rank, left = r->left;
     const int64_t *dependent = r->order, *free = r->order + k;
     double *y = qp->y, *z = qp->z_box, *restrict gradient = r->gradient;
-    double *factor = r->factor, *pull = r->W; /* which is done with */
+    double *factor = r->factor, *pull = r->W; /* which is no longer needed */
     int64_t bounded = left + qp->m;
     for (int64_t i = 0; i < left; i++) z[free[i]] = r->multipliers[i];
-    for (int64_t s = 0; s < k; s++)
-        z[dependent[s]] = is_free(qp, dependent[s]) ? 0.0 : r->multipliers[bounded++];
+    for (int64_t s = 0; s < k; s++) z[dependent[s]] = is_free(qp, dependent[s]) ? 0.0 : r->multipliers[bounded++];
     memcpy(qp->z, r->multipliers + left, qp->m * sizeof *qp->z);
     for (int64_t i = 0; i < n; i++) gradient[i] += z[i];
     add_rows(n, qp->m, qp->z, qp->C, n, gradient);
@@ -300,8 +289,7 @@ WIDE void lift_multipliers(const wbc_qp *qp, const reduced *r) {
 WIDE void lift_point(const wbc_qp *qp, const reduced *r) {
     const int64_t k = r->rank, left = r->left, *dependent = r->order, *free = r->order + k;
     for (int64_t i = 0; i < left; i++) qp->x[free[i]] = r->answer[i];
-    for (int64_t s = 0; s < k; s++)
-        qp->x[dependent[s]] = r->h[s] + dot(r->coupled, r->G + s * r->stride, r->answer);
+    for (int64_t s = 0; s < k; s++) qp->x[dependent[s]] = r->h[s] + dot(r->coupled, r->G + s * r->stride, r->answer);
 }
 
 WIDE void lift(const wbc_qp *qp, const reduced *r) {
@@ -324,16 +312,16 @@ int64_t bounds_left(const wbc_qp *qp, const reduced *r) {
     return bounded;
 }
 
-WIDE int64_t reduce(const wbc_qp *qp, reduced *r, int64_t *usual, int pivoted) {
+WIDE int64_t reduce(const wbc_qp *qp, reduced *r, int64_t *last_pivots, int pivoted) {
     r->row[qp->k] = -1;
-    const int64_t said = solve_equalities(qp, r, usual, pivoted);
-    if (said < 0) return said;
-    r->row[qp->k] = r->rank; /* for resume */
+    const int64_t status = solve_equalities(qp, r, last_pivots, pivoted);
+    if (status < 0) return status;
+    r->row[qp->k] = r->rank; /* for restore_reduced */
     reduce_cost(qp, r);
     return reduce_bounds(qp, r, 0);
 }
 
-WIDE void renew(const wbc_qp *qp, reduced *r) {
+WIDE void update_right_hand_side(const wbc_qp *qp, reduced *r) {
     const int64_t n = qp->n, k = r->rank, *dependent = r->order;
     double *factor = r->factor;
     for (int64_t t = 0; t < k; t++) factor[t] = qp->b[r->row[t]];

@@ -16,7 +16,7 @@ static inline void polynomial(const double *r, double a, double b, double c, dou
     out[5] -= b * r[0], out[6] -= b * r[1], out[7] += b * r[0];
 }
 
-/* R <- R (3 - R'R) / 2, a Newton step to the nearest rotation: rounding does not add up. */
+/* R <- R (3 - R'R) / 2: a Newton step to the nearest rotation, against the sum of roundings. */
 static inline void orthonormal(double *R) {
     double G[9], out[9];
     transposed_product3(R, R, G);
@@ -25,7 +25,7 @@ static inline void orthonormal(double *R) {
     memcpy(R, out, sizeof out);
 }
 
-/* Rotation vector of a rotation by less than a right angle or so: innovations are small. */
+/* Rotation vector of a rotation by less than about a right angle, as innovations are. */
 static inline void logarithm(const double *R, double *r) {
     const double s[3] = {0.5 * (R[7] - R[5]), 0.5 * (R[2] - R[6]), 0.5 * (R[3] - R[1])};
     const double sine = sqrt(dot3(s, s)), cosine = 0.5 * (R[0] + R[4] + R[8] - 1.0);

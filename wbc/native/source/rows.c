@@ -1,11 +1,11 @@
-/* Errors, matrices and drifts of tasks and contacts: in ticks, and for who asks one (wbc/tasks/core_task.py). */
+/* Errors, Jacobians and drifts of tasks and contacts, in ticks and on request (wbc/tasks/core_task.py). */
 #include "rows.h"
 
 #include <string.h>
 
-/* Nearer to half a turn than this [rad] the axis is taken from the symmetric part. */
+/* rad: closer to half a turn the axis is taken from the symmetric part. */
 static const double TURN = 0.01;
-/* Below this angle [rad] series, which lose nothing. */
+/* rad: smaller angles use series, which lose no digits. */
 static const double SMALL = 0.1;
 static const double PI = 3.14159265358979323846;
 
@@ -15,8 +15,9 @@ void logarithm(const double *R, double *r) {
     double factor;
     if (sine < SMALL && cosine > 0.0) { /* asin(s) / s */
         const double s = sine * sine;
-        factor = 1.0 + s * (1.0 / 6 + s * (3.0 / 40 + s * (15.0 / 336 + s * (105.0 / 3456 +
-                 s * (945.0 / 42240 + s * (10395.0 / 599040))))));
+        factor = 1.0 + s * (1.0 / 6 +
+                            s * (3.0 / 40 + s * (15.0 / 336 +
+                                                 s * (105.0 / 3456 + s * (945.0 / 42240 + s * (10395.0 / 599040))))));
     } else {
         const double angle = atan2(sine, cosine);
         if (!(angle < PI - TURN)) { /* the largest diagonal entry has the largest part of the axis */
@@ -37,20 +38,17 @@ void logarithm(const double *R, double *r) {
 /* J of d(log R)/dt = J w, w in R's own axes: 1 + [r]/2 + c [r]^2. */
 static void log_jacobian(const double *r, double *J) {
     const double t2 = dot3(r, r), t = sqrt(t2);
-    const double c = t < SMALL
-                         ? 1.0 / 12 + t2 * (1.0 / 720 + t2 * (1.0 / 30240 + t2 / 1209600))
-                         : 1.0 / t2 - 1.0 / (2.0 * t * tan(0.5 * t));
+    const double c = t < SMALL ? 1.0 / 12 + t2 * (1.0 / 720 + t2 * (1.0 / 30240 + t2 / 1209600))
+                               : 1.0 / t2 - 1.0 / (2.0 * t * tan(0.5 * t));
     const double x = 0.5 * r[0], y = 0.5 * r[1], z = 0.5 * r[2];
     const double skew[9] = {0.0, -z, y, z, 0.0, -x, -y, x, 0.0};
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            J[3 * i + j] = skew[3 * i + j] + c * r[i] * r[j] + (i == j ? 1.0 - c * t2 : 0.0);
+        for (int j = 0; j < 3; j++) J[3 * i + j] = skew[3 * i + j] + c * r[i] * r[j] + (i == j ? 1.0 - c * t2 : 0.0);
 }
 
 /* J' x of the same J at a rotation vector that changes at rate: [rate]/2 x + c' [r]^2 x
  * + c ([rate] [r] + [r] [rate]) x, c = 1/t^2 - (1 + cos t) / (2 t sin t). */
-static void log_jacobian_rate_times(const double *r, const double *rate, const double *x,
-                                    double *out) {
+static void log_jacobian_rate_times(const double *r, const double *rate, const double *x, double *out) {
     const double t2 = dot3(r, r), t = sqrt(t2);
     double c, slope, rx[3], ratex[3], squared[3], one[3], other[3];
     if (t < SMALL) {
@@ -67,8 +65,7 @@ static void log_jacobian_rate_times(const double *r, const double *rate, const d
     cross3(r, rx, squared);
     cross3(rate, rx, one);
     cross3(r, ratex, other);
-    for (int i = 0; i < 3; i++)
-        out[i] = 0.5 * ratex[i] + growth * squared[i] + c * (one[i] + other[i]);
+    for (int i = 0; i < 3; i++) out[i] = 0.5 * ratex[i] + growth * squared[i] + c * (one[i] + other[i]);
 }
 
 double joint_position(const wbc_plan *plan, const double *q, int64_t joint) {
@@ -94,7 +91,7 @@ static void angular_row(int64_t nv, const double *T, const double *jacobian, dou
     for (int64_t c = 0; c < nv; c++) row[c] = T[0] * W[c] + T[1] * W[nv + c] + T[2] * W[2 * nv + c];
 }
 
-/* The axis in the world that a contact's row 6 or 7 is about, across its line. Returns whether it is one. */
+/* Write the world axis of a contact's row 6 or 7, across its line. Returns whether the row is one of them. */
 static int across(const double *own, int64_t row, double *axis) {
     if (row < 6) return 0;
     times3(own + 3, own + 12 + 3 * (row - 6), axis);
@@ -116,16 +113,15 @@ static void rotation_error(const double *target, const double *R, double *e, dou
     for (int i = 0; i < 3; i++) times3(R, matrix + 3 * i, T + 3 * i);
 }
 
-/* Of a frame as seen from another, which are given with what their pose there should be: position and rotation
- * (12), and rates (12): what of that turns in the world, rotation (9), rate and acceleration. */
+/* Target of a frame relative to another, from the pose (12) and rates (12) wanted in the other's axes: rotation
+ * (9), rate and acceleration in world axes. */
 static void seen_target(const double *own, const double *there, double *target) {
     product3(there + FRAME_ROTATION, own + 3, target);
     for (int i = 0; i < 2; i++) times3(there + FRAME_ROTATION, own + 15 + 6 * i, target + 9 + 3 * i);
 }
 
-void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
-              const double *frames, const double *q, double *J, double *e, double *bias,
-              double *bound) {
+void evaluate_block(const wbc_plan *plan, const wbc_block *block, const double *state, const double *frames,
+                    const double *q, double *J, double *e, double *bias, double *bound) {
     const int64_t nv = plan->tree->nv, k = block->rows, *chosen = plan->index + block->index;
     const double *number = plan->number + block->number, *weight = number + WEIGHTS;
     const double *own = weight + 3 * k;
@@ -158,15 +154,14 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
         return;
     case POINTING: /* own: target (3), axis (3) in the frame's axes */
         times3(R, own + 3, all);
-        for (int64_t i = 0; i < k; i++) { /* (R axis)' = w x R axis */
+        for (int64_t i = 0; i < k; i++) { /* d(R axis)/dt = w x R axis */
             const int64_t a = chosen[i], b = (a + 1) % 3, c = (a + 2) % 3;
             const double *turn = jacobian + 3 * nv;
             e[i] = all[a] - own[a];
-            for (int64_t j = 0; j < nv; j++)
-                J[i * nv + j] = turn[b * nv + j] * all[c] - turn[c * nv + j] * all[b];
+            for (int64_t j = 0; j < nv; j++) J[i * nv + j] = turn[b * nv + j] * all[c] - turn[c * nv + j] * all[b];
         }
         return;
-    case INERTIA_ENTRIES: { /* own: selection (k, 6), what it should give (k) */
+    case INERTIA_ENTRIES: { /* own: selection (k, 6), targets (k) */
         const double *I = state + INERTIA, *rates = state + INERTIA_JACOBIAN(nv);
         const double entries[6] = {I[0], I[1], I[2], I[4], I[5], I[8]};
         double turn[9];
@@ -193,7 +188,7 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
         }
         return;
     }
-    case JOINTS: /* own: wanted positions (k); costs need no matrix: 1 at 6 + chosen */
+    case JOINTS: /* own: targets (k); costs need no J, which is 1 at 6 + chosen */
         if (block->held) {
             memset(J, 0, k * nv * sizeof *J);
             for (int64_t i = 0; i < k; i++) J[i * nv + 6 + chosen[i]] = 1.0;
@@ -209,7 +204,7 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
             copy_row(J + i * nv, state + CENTROIDAL_MAP + chosen[i] * nv, nv);
         }
         return;
-    case CONTACT: { /* own: position (3), rotation (3, 3); of a line two axes across it there (2, 3) */
+    case CONTACT: { /* own: position (3), rotation (3, 3); of a line two axes across it (2, 3) */
         double drift[6], turn[3], axis[3];
         for (int i = 0; i < 3; i++) drift[i] = frame[i] - own[i];
         transposed_product3(own + 3, R, relative);
@@ -259,16 +254,15 @@ void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
         for (int64_t i = 0; i < k; i++) {
             e[i] = -own[k * nv + i];
             for (int64_t c = 6; c < nv; c++)
-                if (own[i * nv + c] != 0.0)
-                    e[i] += own[i * nv + c] * joint_position(plan, q, c - 6);
+                if (own[i * nv + c] != 0.0) e[i] += own[i * nv + c] * joint_position(plan, q, c - 6);
         }
         return;
     }
 }
 
 /* Second derivative of log(target' R) at zero acceleration of v: d/dt R'(w - w*) = R'(w' - w*' + w x w*). */
-static void orientation_drift(const double *own, const double *R, const double *w,
-                              const double *alpha, const double *e, double *out) {
+static void orientation_drift(const double *own, const double *R, const double *w, const double *alpha,
+                              const double *e, double *out) {
     const double *rate = own + 9, *push = own + 12;
     double turn[3], spin[3], relative[3], carried[3], local[3], J[9], moving[3];
     cross3(w, rate, turn);
@@ -286,8 +280,8 @@ static void orientation_drift(const double *own, const double *R, const double *
 }
 
 /* Second derivative of vech(I) in axes R that turn at w and alpha: inertia_drift_in of a state. */
-static void inertia_drift(const double *state, const double *drifts, const double *R,
-                          const double *w, const double *alpha, double *out) {
+static void inertia_drift(const double *state, const double *drifts, const double *R, const double *w,
+                          const double *alpha, double *out) {
     const double *I = state + INERTIA;
     const double entries[6] = {I[0], I[1], I[2], I[4], I[5], I[8]};
     const double back[3] = {-alpha[0], -alpha[1], -alpha[2]};
@@ -305,9 +299,9 @@ static void inertia_drift(const double *state, const double *drifts, const doubl
     congruent(turn, total, out);
 }
 
-void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
-              const double *frames, const double *motion, const double *accelerations,
-              const double *q, const double *v, const double *e, double *drift) {
+void block_drift(const wbc_plan *plan, const wbc_block *block, const double *state, const double *frames,
+                 const double *motion, const double *accelerations, const double *q, const double *v, const double *e,
+                 double *drift) {
     const int64_t nv = plan->tree->nv, k = block->rows, *chosen = plan->index + block->index;
     const double *weight = plan->number + block->number + WEIGHTS, *own = weight + 3 * k;
     const double *drifts = motion + DRIFTS(nv), *R = 0, *acceleration = 0, *w = 0;
@@ -339,10 +333,8 @@ void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
         return;
     }
     case INERTIA_ENTRIES:
-        if (block->frame < 0)
-            copy_row(whole, drifts + INERTIA_CURVATURE, 6);
-        else
-            inertia_drift(state, drifts, R, w, acceleration + 3, whole);
+        if (block->frame < 0) copy_row(whole, drifts + INERTIA_CURVATURE, 6);
+        else inertia_drift(state, drifts, R, w, acceleration + 3, whole);
         for (int64_t i = 0; i < k; i++)
             for (int j = 0; j < 6; j++) drift[i] += own[6 * i + j] * whole[j];
         return;
@@ -355,12 +347,11 @@ void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
         double target[15], turned[3], all[3], T[9];
         seen_target(own, there, target);
         rotation_error(target, R, all, T);
-        cross3(wa, target + 9, turned); /* the target rides on the other frame */
+        cross3(wa, target + 9, turned); /* the target moves with the other frame */
         for (int i = 0; i < 3; i++) target[12 + i] += b[3 + i] + turned[i], target[9 + i] += wa[i];
         loop_drift(plan, block, state, motion, v, whole);
         orientation_drift(target, R, w, acceleration + 3, all, whole + 3);
-        for (int64_t i = 0; i < k; i++)
-            drift[i] += whole[chosen[i]] - (chosen[i] < 3 ? own[18 + chosen[i]] : 0.0);
+        for (int64_t i = 0; i < k; i++) drift[i] += whole[chosen[i]] - (chosen[i] < 3 ? own[18 + chosen[i]] : 0.0);
         return;
     }
     case LOOP:
@@ -370,28 +361,26 @@ void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
     case GEAR:
         *drift += gear_drift(plan, own, q, v);
         return;
-    default: /* joints are coordinates of v; of ASKED it is all there */
+    default: /* joints are coordinates of v; an ASKED task has given the whole drift */
         return;
     }
 }
 
-int wbc_rows(const wbc_plan *plan, const double *state, const double *motion, const double *q,
-             const double *v, double *out) {
+int wbc_rows(const wbc_plan *plan, const double *state, const double *motion, const double *q, const double *v,
+             double *out) {
     const int64_t nv = plan->tree->nv, held = plan->held;
     double *frames = plan->scratch, *accelerations = frames + plan->frames * FRAME_SIZE(nv);
     double *error = out + held * nv, *bias = error + held, *drift = bias + held, *bound = drift + held;
     *bound = 0.0;
     wbc_frames(plan->tree, state, plan->frames, plan->frame_joint, plan->frame_placement, frames);
     if (motion)
-        wbc_drifts(plan->tree, state, motion, plan->frames, plan->frame_joint, plan->frame_placement,
-                   accelerations);
+        wbc_drifts(plan->tree, state, motion, plan->frames, plan->frame_joint, plan->frame_placement, accelerations);
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++) {
         const int64_t r = block->first;
         double own;
-        evaluate(plan, block, state, frames, q, out + r * nv, error + r, bias + r, &own);
+        evaluate_block(plan, block, state, frames, q, out + r * nv, error + r, bias + r, &own);
         *bound += own;
-        if (motion)
-            drift_of(plan, block, state, frames, motion, accelerations, q, v, error + r, drift + r);
+        if (motion) block_drift(plan, block, state, frames, motion, accelerations, q, v, error + r, drift + r);
     }
     return DONE;
 }

@@ -1,15 +1,15 @@
-/* Readings of joints and IMUs: which are believed, and what stands in for those that are not. */
+/* Checks of the readings of joints and IMUs, and what replaces rejected ones. */
 #include "estimator.h"
 #include "linear.h"
 
 #include <string.h>
 
-static const double LEEWAY = 5e-3; /* rad or m that a joint may move besides */
-enum { AGREE = 5 };                /* after so many readings that jumped a joint is where they say */
-enum { FROZEN = 25 };              /* readings with the same bits are those of a device that hangs */
-static const double QUIET = 0.01;  /* s: an IMU may be slower than messages are */
-static const double GUESSED = 100.0; /* times the variance of a reading that was held */
-static const double STRAYS = 3.0;  /* m/s^2 by which a robot's acceleration strays from a reading that is held for longer */
+static const double LEEWAY = 5e-3;   /* rad or m: tolerance of a joint's motion */
+enum { AGREE = 5 };                  /* rejected readings in a row after which a joint is where they say */
+enum { FROZEN = 25 };                /* identical readings in a row that make an IMU frozen */
+static const double QUIET = 0.01;    /* s: an IMU may be slower than the messages */
+static const double GUESSED = 100.0; /* variance of a held reading, by that of a fresh one */
+static const double STRAYS = 3.0;    /* m/s^2: change of a robot's acceleration while a reading is held */
 
 int wbc_joint_rates(int64_t window, int64_t n, double *times, double *positions, int64_t *count, double time,
                     const double *reading, double *rates) {
@@ -33,16 +33,15 @@ int wbc_joint_rates(int64_t window, int64_t n, double *times, double *positions,
     return DONE;
 }
 
-void wbc_believe(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, double dt, double *positions,
-                 double *rates) {
+void wbc_read_joints(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, double dt, double *positions,
+                     double *rates) {
     const int64_t n = e->tree->nv - 6;
     double *before = m->believed;
     for (int64_t j = 0; j < n; j++) {
-        const int jumped =
-            m->counts[BELIEVES] && fabs(s->positions[j] - before[j]) > e->fastest[j] * dt + LEEWAY;
+        const int jumped = m->counts[BELIEVES] && fabs(s->positions[j] - before[j]) > e->fastest[j] * dt + LEEWAY;
         m->distrusted[j] = jumped ? m->distrusted[j] + 1 : 0;
         const int doubted = jumped && m->distrusted[j] < AGREE;
-        if (doubted) wbc_note(e, JOINT_JUMPED, j, 0.0);
+        if (doubted) wbc_report(e, JOINT_JUMPED, j, 0.0);
         else before[j] = s->positions[j];
     }
     m->counts[BELIEVES] = 1;
@@ -51,22 +50,22 @@ void wbc_believe(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *
     for (int64_t j = 0; j < n; j++) positions[j] = before[j] + e->encoder_delay * rates[j];
 }
 
-static int within(const double *value, double most) {
+static int is_in_range(const double *value, double most) {
     for (int i = 0; i < 3; i++)
         if (!(value[i] >= -most && value[i] <= most)) return 0;
     return 1;
 }
 
-/* Return which IMUs said something that is believed. */
-static int64_t fresh(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s) {
+/* Return the IMUs whose readings are accepted. */
+static int64_t accepted_imus(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s) {
     int64_t found = 0;
     for (int64_t k = 0; k < e->imus; k++) {
         const double *reading = s->imu + 6 * k;
         if (!s->heard[k]) continue;
         m->same[k] = m->has[k] && !memcmp(m->last + 6 * k, reading, 6 * sizeof *reading) ? m->same[k] + 1 : 0;
-        if (!within(reading, e->range[2 * k])) wbc_note(e, RATE_BEYOND, k, e->range[2 * k]);
-        else if (!within(reading + 3, e->range[2 * k + 1])) wbc_note(e, FORCE_BEYOND, k, e->range[2 * k + 1]);
-        else if (m->same[k] >= FROZEN) wbc_note(e, HANGS, k, (double)m->same[k]);
+        if (!is_in_range(reading, e->range[2 * k])) wbc_report(e, RATE_BEYOND, k, e->range[2 * k]);
+        else if (!is_in_range(reading + 3, e->range[2 * k + 1])) wbc_report(e, FORCE_BEYOND, k, e->range[2 * k + 1]);
+        else if (m->same[k] >= FROZEN) wbc_report(e, HANGS, k, (double)m->same[k]);
         else {
             m->heard[k] = s->time, m->has[k] = 1;
             memcpy(m->last + 6 * k, reading, 6 * sizeof *reading);
@@ -76,29 +75,29 @@ static int64_t fresh(const wbc_estimator *e, const wbc_memory *m, const wbc_samp
     return found;
 }
 
-static int64_t lowest(int64_t set) {
+static int64_t lowest_member(int64_t set) {
     int64_t k = 0;
     while (!HAS(set, k)) k++;
     return k;
 }
 
-int64_t wbc_companions(const wbc_estimator *e, int64_t leader) {
+int64_t wbc_imus_on_link(const wbc_estimator *e, int64_t leader) {
     int64_t set = 0;
     for (int64_t k = 0; k < e->imus; k++) set |= (int64_t)(e->joint[k] == e->joint[leader]) << k;
     return set;
 }
 
-/* The specific force at a point of a body is linear in the point: the mean of several is that in the middle. */
-void wbc_fused(const wbc_estimator *e, int64_t leader, int64_t members, const double *said, double *out) {
+/* The specific force is linear in the point of a body: the mean is that at the centre. */
+void wbc_mean_of_imus(const wbc_estimator *e, int64_t leader, int64_t members, const double *readings, double *out) {
     const double *own = e->placement + 12 * leader;
-    memcpy(out, said + 6 * leader, 6 * sizeof *out);
+    memcpy(out, readings + 6 * leader, 6 * sizeof *out);
     int64_t count = 1;
     for (int64_t k = 0; k < e->imus; k++) {
         double along[3], turned[3];
         if (k == leader || !HAS(members, k)) continue;
         count++;
         for (int part = 0; part < 6; part += 3) {
-            times3(e->placement + 12 * k, said + 6 * k + part, along);
+            times3(e->placement + 12 * k, readings + 6 * k + part, along);
             transposed_times3(own, along, turned);
             for (int i = 0; i < 3; i++) out[part + i] += turned[i];
         }
@@ -106,8 +105,8 @@ void wbc_fused(const wbc_estimator *e, int64_t leader, int64_t members, const do
     for (int i = 0; i < 6; i++) out[i] /= (double)count;
 }
 
-/* Who goes on when some fell silent: what is left of the members, else who spoke now, on another link. */
-static void relieve(const wbc_estimator *e, const wbc_memory *m, int64_t now, double time) {
+/* Replace silent IMUs: by the other members, else by one that was heard now, on another link. */
+static void replace_silent_imus(const wbc_estimator *e, const wbc_memory *m, int64_t now, double time) {
     int64_t *leader = m->counts + LEADER, *members = m->counts + MEMBERS, left = 0;
     const int64_t silent = *leader;
     double latest = -INFINITY;
@@ -116,21 +115,21 @@ static void relieve(const wbc_estimator *e, const wbc_memory *m, int64_t now, do
     for (int64_t k = 0; k < e->imus; k++)
         if (HAS(*members, k) && latest - m->heard[k] <= QUIET) left |= (int64_t)1 << k;
     if (time - latest > e->timeout && now) {
-        left = wbc_companions(e, lowest(now)) & now;
+        left = wbc_imus_on_link(e, lowest_member(now)) & now;
     } else
         for (int64_t k = 0; k < e->imus; k++)
-            if (HAS(*members & ~left, k) && k != silent) wbc_note(e, LEFT_OUT, k, 1e3 * (time - m->heard[k]));
+            if (HAS(*members & ~left, k) && k != silent) wbc_report(e, LEFT_OUT, k, 1e3 * (time - m->heard[k]));
     *members = left;
     if (HAS(left, silent)) return;
-    *leader = lowest(left);
-    wbc_note(e, TAKES_OVER, silent * MOST_IMUS + *leader, 1e3 * (time - m->heard[silent]));
+    *leader = lowest_member(left);
+    wbc_report(e, TAKES_OVER, silent * MOST_IMUS + *leader, 1e3 * (time - m->heard[silent]));
 }
 
-int wbc_hear(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, wbc_inertial *found) {
+int wbc_read_imus(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, wbc_inertial *found) {
     double before[MOST_IMUS];
     memcpy(before, m->heard, e->imus * sizeof *before);
-    const int64_t now = fresh(e, m, s);
-    relieve(e, m, now, s->time);
+    const int64_t now = accepted_imus(e, m, s);
+    replace_silent_imus(e, m, now, s->time);
     const int64_t leader = m->counts[LEADER], members = m->counts[MEMBERS];
     int64_t speaking = 0, count = 0;
     double latest = -INFINITY, previous = -INFINITY, mean[6];
@@ -141,14 +140,14 @@ int wbc_hear(const wbc_estimator *e, const wbc_memory *m, const wbc_sample *s, w
             if (before[k] > previous) previous = before[k];
         }
     if (!m->has[leader]) return NO_IMU;
-    if (!(now & members) && s->time - latest > QUIET) wbc_note(e, HELD, leader, 1e3 * (s->time - latest));
-    wbc_fused(e, leader, speaking, m->last, mean);
+    if (!(now & members) && s->time - latest > QUIET) wbc_report(e, HELD, leader, 1e3 * (s->time - latest));
+    wbc_mean_of_imus(e, leader, speaking, m->last, mean);
     memcpy(found->rate, mean, sizeof found->rate);
     memcpy(found->force, mean + 3, sizeof found->force);
     found->scale = (now & members ? 1.0 : GUESSED) / (double)count;
     const double gap = s->time - previous - (QUIET > 2.0 * *m->usual ? QUIET : 2.0 * *m->usual);
     if (!(gap > 0.0)) return DONE;
-    if (now & members) wbc_note(e, GAP, leader, 1e3 * (s->time - previous));
+    if (now & members) wbc_report(e, GAP, leader, 1e3 * (s->time - previous));
     if (e->filter->accelerometer > 0.0) found->scale += STRAYS * STRAYS * gap / e->filter->accelerometer;
     return DONE;
 }

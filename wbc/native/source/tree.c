@@ -12,11 +12,11 @@
 
 #include <string.h>
 
-/* Entries beyond the largest are no measurement, and rounding would take over: at 1e6 m the inertia about the
- * CoM, a difference of terms m p^2, has a few digits left. */
+/* Larger entries are not measurements, and rounding would dominate: at 1e6 m the inertia about the CoM, a
+ * difference of terms m p^2, has a few digits left. */
 const double wbc_unit = 1e-3, wbc_unit_rounding = 4e-16, wbc_largest_state = 1e6;
 
-/* R = P turned about a unit axis by the angle of c = cos, s = sin */
+/* R = P times the rotation about a unit axis by the angle with c = cos, s = sin. */
 static void turned(const double *P, const double *axis, double c, double s, double *R) {
     const double x = axis[0], y = axis[1], z = axis[2], d = 1.0 - c;
     const double turn[9] = {
@@ -33,9 +33,8 @@ static void from_quaternion(const double *xyzw, double *R) {
     R[6] = 2.0 * (x * z - y * w), R[7] = 2.0 * (y * z + x * w), R[8] = 1.0 - 2.0 * (x * x + y * y);
 }
 
-/* Rotation of a joint in its parent, and its origin there, by its coordinates in q. */
-static void place_in_parent(const wbc_tree *tree, int64_t j, const double *value, double *local,
-                            double *shift) {
+/* Rotation and origin of a joint in its parent, from its coordinates in q. */
+static void place_in_parent(const wbc_tree *tree, int64_t j, const double *value, double *local, double *shift) {
     const double *P = tree->placement + 12 * j, *axis = tree->axis + 3 * j;
     double turn[3];
     for (int i = 0; i < 3; i++) shift[i] = P[9 + i];
@@ -53,9 +52,8 @@ static void place_in_parent(const wbc_tree *tree, int64_t j, const double *value
     }
 }
 
-/* Rotation of a joint, and its origin from the base's. */
-static void place(const wbc_tree *tree, int64_t j, const double *q, double *rotations,
-                  double *arms) {
+/* Rotation of a joint, and its origin relative to the base's. */
+static void place(const wbc_tree *tree, int64_t j, const double *q, double *rotations, double *arms) {
     const double *parent = rotations + 9 * tree->parent[j];
     double local[9], shift[3], turn[3];
     place_in_parent(tree, j, q + tree->iq[j], local, shift);
@@ -65,7 +63,7 @@ static void place(const wbc_tree *tree, int64_t j, const double *q, double *rota
 }
 
 /* Mass, first moment and inertia (10) of a body about the base's origin. */
-static void weigh(const double *body, const double *R, const double *arm, double *out) {
+static void body_inertia(const double *body, const double *R, const double *arm, double *out) {
     double c[3];
     times3(R, body + 1, c);
     for (int i = 0; i < 3; i++) c[i] += arm[i];
@@ -75,8 +73,8 @@ static void weigh(const double *body, const double *R, const double *arm, double
     add_turning(out + 4, 0.5 * body[0], c, c);
 }
 
-/* The same about another point, in place: its distance from there is c. */
-static void shifted(const double *from, const double *c, double *out) {
+/* The same about another point, at c. */
+static void about_point(const double *from, const double *c, double *out) {
     out[0] = from[0];
     for (int i = 0; i < 3; i++) out[1 + i] = from[1 + i] - from[0] * c[i];
     for (int i = 4; i < 10; i++) out[i] = from[i];
@@ -84,11 +82,11 @@ static void shifted(const double *from, const double *c, double *out) {
     add_turning(out + 4, 0.5 * from[0], c, c);
 }
 
-/* Rows (nv) of scratch: of each column of v its axis, 1 if it turns and 0 if it slides, the way from
- * its joint to the CoM, and mass, first moment and inertia about the CoM of what it carries. */
+/* Rows (nv) of scratch, for each column of v: its axis; 1 if it rotates, 0 if it translates; the vector from its
+ * joint to the CoM; mass, first moment and inertia about the CoM of its subtree. */
 enum { AXIS = 0, TURNS = 3, TO_COM = 4, CARRIED = 7, COLUMN_ROWS = 17 };
 
-/* The maps from what is known of their columns, all of them side by side. */
+/* The maps from these rows, for all columns side by side. */
 WIDE static void fill_maps(int64_t n, double mass, const double *columns, double *state) {
     const double *axis = columns, *turns = columns + TURNS * n;
     const double *way = columns + TO_COM * n, *Y = columns + CARRIED * n;
@@ -142,15 +140,14 @@ void place_joints(const wbc_tree *tree, const double *q, double *state, double *
     }
 }
 
-/* p, quaternion q x y z w: moved by velocity u and angular velocity w in its own axes, for 1. */
+/* Write p, quaternion x y z w of q, moved for unit time by u and w in its own axes. */
 static void integrate_base(const double *from, const double *u, const double *w, double *to) {
     const double angle = sqrt(dot3(w, w)), square = angle * angle, half = 0.5 * angle;
-    const int small = angle < 1e-2; /* there the series are exact to rounding */
+    const int small = angle < 1e-2; /* series, exact to rounding */
     const double s = small ? 0.5 - square / 48.0 + square * square / 3840.0 : sin(half) / angle;
-    const double one = small ? 0.5 - square / 24.0 + square * square / 720.0
-                             : 2.0 * s * s; /* (1 - cos) / angle^2 */
-    const double two = small ? 1.0 / 6.0 - square / 120.0 + square * square / 5040.0
-                             : (angle - sin(angle)) / (square * angle);
+    const double one = small ? 0.5 - square / 24.0 + square * square / 720.0 : 2.0 * s * s; /* (1 - cos) / angle^2 */
+    const double two =
+        small ? 1.0 / 6.0 - square / 120.0 + square * square / 5040.0 : (angle - sin(angle)) / (square * angle);
     const double x = s * w[0], y = s * w[1], z = s * w[2], r = cos(half), *q = from + 3;
     double turn[3], twice[3], path[3], R[9], norm;
     cross3(w, u, turn);
@@ -163,18 +160,17 @@ static void integrate_base(const double *from, const double *u, const double *w,
     to[4] = q[3] * y + q[1] * r + q[2] * x - q[0] * z;
     to[5] = q[3] * z + q[2] * r + q[0] * y - q[1] * x;
     to[6] = q[3] * r - q[0] * x - q[1] * y - q[2] * z;
-    norm = r < 0.0 ? -1.0 : 1.0; /* of two names of a rotation the nearer */
+    norm = r < 0.0 ? -1.0 : 1.0; /* of the two quaternions the nearer one */
     norm *= sqrt(dot3(to + 3, to + 3) + to[6] * to[6]);
     for (int i = 3; i < 7; i++) to[i] /= norm;
 }
 
-/* Coordinates of a joint, moved by some angle or way. */
+/* Move a joint's coordinates by an angle or a length. */
 static void integrate_joint(int64_t kind, const double *from, double by, double *to) {
     if (kind == CONTINUOUS) {
         const double c = cos(by), s = sin(by);
         to[0] = from[0] * c - from[1] * s, to[1] = from[1] * c + from[0] * s;
-    } else
-        to[0] = from[0] + by;
+    } else to[0] = from[0] + by;
 }
 
 int wbc_integrate(const wbc_tree *tree, const double *q, const double *step, double *out) {
@@ -199,7 +195,7 @@ int is_measured(const double *values, int64_t n) {
     return 1;
 }
 
-/* Make a vector of n one of norm 1, which it is but for rounding; false if it is not. */
+/* Normalise a vector of norm 1 but for rounding; false if it is not. */
 static int normalise(double *values, int64_t n) {
     double norm = 0.0;
     for (int64_t i = 0; i < n; i++) norm += values[i] * values[i];
@@ -230,25 +226,38 @@ int wbc_move(const wbc_tree *tree, const double *q, const double *v, double dt, 
 int wbc_places(const wbc_tree *tree, wbc_state_places *state, wbc_motion_places *motion) {
     const int64_t nv = tree->nv, joints = tree->joints, drifts = DRIFTS(nv);
     const wbc_state_places in_state = {
-        COM, INERTIA, MOMENTUM, CENTROIDAL_MAP, COM_JACOBIAN(nv), INERTIA_JACOBIAN(nv),
-        TWISTS(nv), ROTATIONS(nv), ORIGINS(nv, joints), FRAMES(nv, joints),
+        COM,
+        INERTIA,
+        MOMENTUM,
+        CENTROIDAL_MAP,
+        COM_JACOBIAN(nv),
+        INERTIA_JACOBIAN(nv),
+        TWISTS(nv),
+        ROTATIONS(nv),
+        ORIGINS(nv, joints),
+        FRAMES(nv, joints),
     };
     const wbc_motion_places in_motion = {
-        0, BIAS(nv), drifts + COM_DRIFT, drifts + MOMENTUM_DRIFT, drifts + INERTIA_RATE,
-        drifts + INERTIA_CURVATURE, JOINT_MOTION(nv), MOTION_SIZE(nv, joints),
+        0,
+        BIAS(nv),
+        drifts + COM_DRIFT,
+        drifts + MOMENTUM_DRIFT,
+        drifts + INERTIA_RATE,
+        drifts + INERTIA_CURVATURE,
+        JOINT_MOTION(nv),
+        MOTION_SIZE(nv, joints),
     };
     *state = in_state, *motion = in_motion;
     return 0;
 }
 
-int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *state,
-              double *scratch, int64_t frames, const int64_t *joint, const double *placement) {
+int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *state, double *scratch, int64_t frames,
+              const int64_t *joint, const double *placement) {
     const int64_t n = tree->joints, nv = tree->nv;
     const double *R = state + ROTATIONS(nv), *base = state + ORIGINS(nv, n) + 3;
     double *arms = scratch, *composite = scratch + 3 * n, *columns = composite + 10 * n, com[3];
     place_joints(tree, q, state, arms);
-    for (int64_t j = 1; j < n; j++)
-        weigh(tree->body + 10 * j, R + 9 * j, arms + 3 * j, composite + 10 * j);
+    for (int64_t j = 1; j < n; j++) body_inertia(tree->body + 10 * j, R + 9 * j, arms + 3 * j, composite + 10 * j);
     for (int64_t j = n - 1; j > 1; j--)
         for (int i = 0; i < 10; i++) composite[10 * tree->parent[j] + i] += composite[10 * j + i];
 
@@ -258,13 +267,12 @@ int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *st
     for (int64_t j = 1; j < n; j++) {
         const int64_t first = j == 1 ? 0 : tree->iv[j], behind = j == 1 ? 6 : first + 1;
         double moved[10];
-        shifted(composite + 10 * j, com, moved);
+        about_point(composite + 10 * j, com, moved);
         for (int64_t k = first; k < behind; k++) {
             double axis[3];
             if (j == 1)
                 for (int i = 0; i < 3; i++) axis[i] = R[9 + 3 * i + k % 3];
-            else
-                times3(R + 9 * j, tree->axis + 3 * j, axis);
+            else times3(R + 9 * j, tree->axis + 3 * j, axis);
             columns[TURNS * nv + k] = j == 1 ? k > 2 : tree->kind[j] != PRISMATIC;
             for (int i = 0; i < 3; i++) columns[(AXIS + i) * nv + k] = axis[i];
             for (int i = 0; i < 3; i++) columns[(TO_COM + i) * nv + k] = com[i] - arms[3 * j + i];
@@ -280,7 +288,7 @@ int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *st
     return wbc_frames(tree, state, frames, joint, placement, state + FRAMES(nv, n));
 }
 
-/* Momentum (6) of mass, first moment and inertia at a twist. */
+/* Momentum (6) of a mass, first moment and inertia at a twist. */
 static void times6(const double *Y, const double *twist, double *out) {
     double pulled[3], swept[3];
     cross3(twist + 3, Y + 1, pulled);
@@ -289,7 +297,7 @@ static void times6(const double *Y, const double *twist, double *out) {
     for (int i = 0; i < 3; i++) out[i] = Y[0] * twist[i] + pulled[i], out[3 + i] += swept[i];
 }
 
-/* out += a x b of twists; or of a twist and a momentum, if dual. */
+/* out += a x b of twists; if dual, of a twist and a momentum. */
 static void add_cross6(const double *a, const double *b, int dual, double *out) {
     double turned[3], spun[3], moved[3];
     cross3(a + 3, b, turned);
@@ -301,12 +309,11 @@ static void add_cross6(const double *a, const double *b, int dual, double *out) 
     }
 }
 
-int wbc_momentum_jacobian(const wbc_tree *tree, const double *state, const double *v, double *scratch,
-                          double *out) {
+int wbc_momentum_jacobian(const wbc_tree *tree, const double *state, const double *v, double *scratch, double *out) {
     const int64_t n = tree->joints, nv = tree->nv;
     const double *A = state + CENTROIDAL_MAP, *J = state + COM_JACOBIAN(nv), *p = state + MOMENTUM;
     const double *columns = scratch + 13 * n;
-    double *V = scratch, *own = V + 6 * n, S[6]; /* twists, and what columns give to what they carry */
+    double *V = scratch, *own = V + 6 * n, S[6]; /* twists, and the momentum that columns give to their subtrees */
     memset(V, 0, 12 * n * sizeof *V);
     for (int64_t j = 1; j < n; j++) {
         int64_t k;

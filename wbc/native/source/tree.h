@@ -1,4 +1,4 @@
-/* Where the joints of a tree are. */
+/* Poses of the joints of a tree, and the columns that move them. */
 #ifndef WBC_TREE_H
 #define WBC_TREE_H
 
@@ -8,23 +8,23 @@
 /* Not of the library's interface. */
 #pragma GCC visibility push(hidden)
 
-/* Whether numbers are what may be entries of q and v: finite, and within what rounding allows. */
+/* Whether all numbers are finite and of a size that states may have. */
 int is_measured(const double *values, int64_t n);
 
-/* How many numbers a configuration has. */
+/* The size nq of a configuration. */
 int64_t configuration_size(const wbc_tree *tree);
-/* v, or where it lies behind q if v is 0. */
+/* v; or, if that is 0, the velocity that lies behind q. */
 const double *velocity_of(const wbc_tree *tree, const double *q, const double *v);
 
-/* The columns of v that move a joint: from first to before the one that is returned. */
+/* The columns of v that move a joint: from first up to the one returned. */
 static inline int64_t columns_of(const wbc_tree *tree, int64_t j, int64_t *first) {
     *first = j == 1 ? 0 : tree->iv[j];
     return j == 1 ? 6 : *first + 1;
 }
 
-/* Write the velocity (3) that column k, of joint j, gives to a point that the joint carries. */
-static inline void speed_at(const wbc_tree *tree, const double *state, int64_t j, int64_t k,
-                            const double *point, double *u) {
+/* Write the velocity (3) that column k, of joint j, gives to a point fixed to the joint. */
+static inline void speed_at(const wbc_tree *tree, const double *state, int64_t j, int64_t k, const double *point,
+                            double *u) {
     const int64_t nv = tree->nv, slides = j == 1 ? k < 3 : tree->kind[j] == PRISMATIC;
     const double *T = state + TWISTS(nv) + k, *origin = state + ORIGINS(nv, tree->joints) + 3 * j;
     const double axis[3] = {T[3 * nv], T[4 * nv], T[5 * nv]};
@@ -42,9 +42,9 @@ static inline void twist_at_com(int64_t nv, const double *state, int64_t k, doub
     for (int i = 0; i < 3; i++) u[i] += T[i * nv];
 }
 
-/* Write origin and, if turns, rotation (12) of a frame, given by its joint and its placement there. */
-static inline void place_frame(const wbc_tree *tree, const double *state, int64_t joint,
-                               const double *placement, int turns, double *out) {
+/* Write origin and, if turns, rotation (12) of a frame from its joint and its placement there. */
+static inline void place_frame(const wbc_tree *tree, const double *state, int64_t joint, const double *placement,
+                               int turns, double *out) {
     const double *R = state + ROTATIONS(tree->nv) + 9 * joint;
     const double *origin = state + ORIGINS(tree->nv, tree->joints) + 3 * joint;
     times3(R, placement + 9, out);

@@ -154,7 +154,7 @@ class NativePairs:
         )
         given = self.struct(state.tree), doubles(state.array), count, doubles(kept), own
         out = doubles(scratch), integers(chosen), doubles(found), doubles(found[7])
-        said = lib.wbc_soonest(*given, *out)
+        said = lib.wbc_most_urgent_pairs(*given, *out)
         return None if said < 0 else SoonestPairs(chosen, found[:7], found[7], said == 0)
 
     def measure(self, state: NativeState, pairs: Index) -> Array:
@@ -187,7 +187,7 @@ class NativePairs:
         while True:
             chosen, found = np.empty((room, 2), dtype=np.int64), np.empty((room, 7))
             at, work, nearest = map(doubles, (states, scratch, found))
-            count = lib.wbc_within(struct, at, *given, work, room, integers(chosen), nearest)
+            count = lib.wbc_pairs_within(struct, at, *given, work, room, integers(chosen), nearest)
             if count <= room:
                 return chosen[:count], found[:count]
             room, self._most_near = int(count), 1.1 * count / len(states)
@@ -216,7 +216,7 @@ class NativePairs:
         turns, out = np.empty(tree.joints), np.empty(len(pairs))
         chosen, moved = np.ascontiguousarray(pairs), np.ascontiguousarray(step)
         given = self.struct(tree), tree.struct, doubles(moved), len(pairs), integers(chosen)
-        lib.wbc_bends(*given, doubles(turns), doubles(out))
+        lib.wbc_curvature_bounds(*given, doubles(turns), doubles(out))
         return out
 
     def struct(self, tree: NativeTree) -> Any:

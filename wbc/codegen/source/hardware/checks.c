@@ -10,23 +10,23 @@ void wbc_checks_start(wbc_checks *c) {
 
 static const wbc_reading *past(const wbc_checks *c, int k) { return c->past + (c->first + k) % WBC_PAST; }
 
-static void forget(wbc_checks *c) {
+static void clear_window(wbc_checks *c) {
     c->count = 0;
     memset(c->velocities, 0, sizeof c->velocities);
     memset(c->spins, 0, sizeof c->spins);
 }
 
-static void add(wbc_checks *c, const wbc_reading *r, double sign) {
+static void add_to_sums(wbc_checks *c, const wbc_reading *r, double sign) {
     for (int j = 0; j < WBC_JOINTS; j++) c->velocities[j] += sign * r->velocity[j];
     for (int i = 0; i < 3; i++) c->spins[i] += sign * r->rate[i];
 }
 
 static void drop_oldest(wbc_checks *c) {
-    add(c, past(c, 0), -1.0);
+    add_to_sums(c, past(c, 0), -1.0);
     c->first = (c->first + 1) % WBC_PAST, c->count--;
 }
 
-/* ---- readings of no use ---- */
+/* ---- rejected readings ---- */
 
 static int finite(const wbc_reading *r) {
     double sum = 0.0 * r->time; /* 0 x is NaN of what is not finite */
@@ -48,8 +48,7 @@ static int timely(wbc_checks *c, double time, double now) {
         c->strangers = 0;
         return -1;
     }
-    if (c->strangers == WBC_AGREE_AGAIN)
-        memmove(c->strange, c->strange + 1, --c->strangers * sizeof *c->strange);
+    if (c->strangers == WBC_AGREE_AGAIN) memmove(c->strange, c->strange + 1, --c->strangers * sizeof *c->strange);
     c->strange[c->strangers++] = offset;
     double low = offset, high = offset;
     for (int k = 0; k < c->strangers; k++) {
@@ -83,14 +82,15 @@ static int jumped(wbc_checks *c, const wbc_reading *r) {
     const wbc_reading *last = past(c, c->count - 1);
     const double passed = r->time - last->time > 0.0 ? r->time - last->time : 0.0;
     double along = 0.0;
-    if (passed > WBC_WINDOW) { /* too long ago to tell */
-        forget(c);
+    if (passed > WBC_WINDOW) { /* too long ago to compare */
+        clear_window(c);
         return 0;
     }
     for (int j = 0; j < WBC_JOINTS; j++) {
         /* Half of the velocity limit beyond what was measured: the limits alone allow 0.06 rad. */
         const double measured = fabs(last->velocity[j]) + 5.0;
-        const double reach = WBC_JUMP + passed * (wbc_limits.velocity[j] < measured ? wbc_limits.velocity[j] : measured);
+        const double reach =
+            WBC_JUMP + passed * (wbc_limits.velocity[j] < measured ? wbc_limits.velocity[j] : measured);
         if (fabs(r->position[j] - last->position[j]) - reach > 0.0) return 1;
     }
     for (int i = 0; i < 4; i++) along += r->quaternion[i] * last->quaternion[i];
@@ -101,7 +101,7 @@ static int jumped(wbc_checks *c, const wbc_reading *r) {
 int wbc_checks_refused(wbc_checks *c, wbc_reading *r, double now) {
     int found = -1;
     r->time += c->jumped_back;
-    /* What counts anew is far back, so no message that came late. */
+    /* A sequence far back has restarted; it is no late message. */
     if (r->sequence <= c->sequence && !(r->sequence < c->sequence - WBC_RESTARTED)) found = WBC_FAULT_OUT_OF_ORDER;
     else if (!finite(r)) found = WBC_FAULT_NOT_FINITE;
     else if ((found = timely(c, r->time, now)) < 0)
@@ -121,16 +121,16 @@ void wbc_rotation(const double *x, double *R) {
 
 static double norm3(const double *a) { return sqrt(dot3(a, a)); }
 
-static void compare(const wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
+static void compare_rates(const wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
     if (!c->count || !(r->time - past(c, 0)->time >= 0.8 * WBC_WINDOW)) return;
     const wbc_reading *first = past(c, 0);
     const double passed = r->time - first->time, count = c->count + 1.0;
     double before[9], now[9], D[9];
     int disagrees = 0;
     for (int j = 0; j < WBC_JOINTS; j++) {
-        const double rate = (r->position[j] - first->position[j]) / passed, told = c->velocities[j] / count;
-        const double larger = fabs(rate) > fabs(told) ? fabs(rate) : fabs(told);
-        disagrees |= fabs(rate - told) - WBC_RATE_OFF - WBC_RATE_PART * larger > 0.0;
+        const double rate = (r->position[j] - first->position[j]) / passed, reported = c->velocities[j] / count;
+        const double larger = fabs(rate) > fabs(reported) ? fabs(rate) : fabs(reported);
+        disagrees |= fabs(rate - reported) - WBC_RATE_OFF - WBC_RATE_PART * larger > 0.0;
     }
     if (disagrees) wbc_safety_report(s, WBC_FAULT_ENCODER_DISAGREES);
     wbc_rotation(first->quaternion, before), wbc_rotation(r->quaternion, now);
@@ -142,20 +142,21 @@ static void compare(const wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
     if (norm3(off) > WBC_TURN_OFF + WBC_TURN_PART * larger) wbc_safety_report(s, WBC_FAULT_IMU_DISAGREES);
 }
 
-static void lean(wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
+static void compare_gravity(wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
     double R[9], force[3];
     wbc_rotation(r->quaternion, R);
     times3(R, r->force, force);
     const double passed = c->count ? r->time - past(c, c->count - 1)->time : 0.0;
     const double share = passed / WBC_GRAVITY_TIME < 1.0 ? passed / WBC_GRAVITY_TIME : 1.0;
     for (int i = 0; i < 3; i++) c->gravity[i] += share * (force[i] - c->gravity[i]);
-    const double size = norm3(c->gravity); /* in free fall there is nothing to compare */
+    const double size = norm3(c->gravity); /* in free fall there is no direction */
     if (!c->count || (size >= WBC_WEAKEST && size <= WBC_STRONGEST)) c->weighed = r->time;
-    if (r->time - c->weighed > WBC_LONGEST_FALL || (size >= WBC_WEAKEST && c->gravity[2] < size * cos(WBC_GRAVITY_OFF)))
+    if (r->time - c->weighed > WBC_LONGEST_FALL ||
+        (size >= WBC_WEAKEST && c->gravity[2] < size * cos(WBC_GRAVITY_OFF)))
         wbc_safety_report(s, WBC_FAULT_GRAVITY_DISAGREES);
 }
 
-static void freeze(wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
+static void check_frozen(wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
     const wbc_reading *last = c->count ? past(c, c->count - 1) : 0;
     for (int k = 0; k < 2; k++) {
         const double *now = k ? r->force : r->rate, *before = last ? (k ? last->force : last->rate) : now;
@@ -166,14 +167,14 @@ static void freeze(wbc_checks *c, const wbc_reading *r, wbc_safety *s) {
 }
 
 void wbc_checks_compared(wbc_checks *c, const wbc_reading *r, const double *commanded, wbc_safety *s) {
-    add(c, r, 1.0);
-    compare(c, r, s), lean(c, r, s), freeze(c, r, s);
+    add_to_sums(c, r, 1.0);
+    compare_rates(c, r, s), compare_gravity(c, r, s), check_frozen(c, r, s);
     for (int j = 0; commanded && j < WBC_JOINTS; j++)
         if (fabs(r->torque[j] - commanded[j]) - WBC_TORQUE_OFF * wbc_limits.effort[j] > 0.0) {
             wbc_safety_report(s, WBC_FAULT_TORQUE_DISAGREES);
             break;
         }
-    if (c->count == WBC_PAST) drop_oldest(c); /* more readings than a window should have */
+    if (c->count == WBC_PAST) drop_oldest(c); /* more readings than expected of a window */
     c->past[(c->first + c->count++) % WBC_PAST] = *r;
     while (r->time - past(c, 0)->time > WBC_WINDOW + 1e-9) drop_oldest(c);
 }

@@ -1,13 +1,13 @@
 /* The loop on a robot, without Python: ./loop SECONDS [ADDRESS [SLOWER [DOMAIN]]]
  *
- * Read, check, estimate, stand up or tick or go down, judge, limit, write, 500 times a second; as
- * wbc/hardware/loop.py does, but in one thread: a tick that takes too long is a late cycle. It arms, stands up,
- * lets the controller command for SECONDS, goes down and ends: for the simulator process,
+ * 500 times a second: read, check, estimate, compute the command of the mode, judge faults, limit, write; as
+ * wbc/hardware/loop.py, but in one thread: a tick that takes too long is a late cycle. It arms, stands up, lets the
+ * controller run for SECONDS, sits down and ends. Against the simulated robot of
  *
  *     wbc hardware sim g1 --bus udp
  *
- * SLOWER: slow motion, so many times, as the simulator's --slower; DOMAIN as there, too. Ends with 0 if it went down as asked, 3 if a
- * fault stopped it, 1 if there is no robot. For a real robot, who arms is a person: replace what asks.
+ * SLOWER: factor of slow motion, as the simulator's --slower; DOMAIN likewise. Exit code 0: it sat down as asked; 3:
+ * a fault stopped it; 1: there is no robot. On a real robot a person arms: replace request_mode.
  */
 #define _POSIX_C_SOURCE 200112L
 #include "../controller.h"
@@ -25,15 +25,15 @@
 
 static const double SILENT_AFTER = 0.005, GONE_AFTER = 0.040, STALL = 0.040; /* s; as in Python */
 static const double SETTLE = 0.5;                                            /* s in damping, at both ends */
-static const double FIRST = 10.0; /* s in which a robot must have been heard */
+static const double FIRST = 10.0; /* s: the robot must have been heard by then */
 enum { STOPS = 5 };
 #define EVERY ((int)(WBC_DT / WBC_CYCLE + 0.5)) /* cycles of a tick */
 
-/* A way up or down along the crouch's postures. */
+/* A motion up or down along the postures of the crouch, first onto them from where joints are. */
 typedef struct {
     int up, begun;
     double began, from[WBC_JOINTS], loaded[WBC_JOINTS], first;
-} way;
+} posture_path;
 
 typedef struct {
     wbc_udp bus;
@@ -41,11 +41,11 @@ typedef struct {
     wbc_checks checks;
     wbc_sensing sensing;
     wbc_controller controller;
-    way to_stand, to_crouch;
+    posture_path to_stand, to_crouch;
     wbc_reading reading, before;
     int has_reading, has_before, mode, was_up, estimates, asked, runs, turn;
     double time, mode_began, heard, estimate[WBC_ESTIMATE];
-    double held[WBC_JOINTS], turned[9], shift[3], began; /* the problem's world by the estimate's */
+    double held[WBC_JOINTS], turned[9], shift[3], began; /* from the estimate's world to the problem's */
     wbc_motors command;
     uint64_t sent;
 } robot_loop;
@@ -64,7 +64,8 @@ static void sleep_until(double due) {
     const double seconds = due * slower;
     struct timespec t;
     t.tv_sec = (time_t)seconds, t.tv_nsec = (long)(1e9 * (seconds - (double)t.tv_sec));
-    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, 0) == EINTR) {}
+    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, 0) == EINTR) {
+    }
 }
 
 /* ---- up and down ---- */
@@ -74,21 +75,22 @@ static double minimum_jerk(double x) {
     return x * x * x * (10.0 + x * (6.0 * x - 15.0));
 }
 
-static void set_out(way *w, double time, const wbc_reading *r, const wbc_motors *last) {
+static void begin_path(posture_path *w, double time, const wbc_reading *r, const wbc_motors *last) {
     double least = INFINITY;
     w->begun = 1, w->began = time, w->first = WBC_POSTURES - 1;
     wbc_motor_torque(last, r->position, r->velocity, w->loaded);
     memcpy(w->from, r->position, sizeof w->from);
     for (int k = 0; !w->up && k < WBC_POSTURES; k++) { /* the nearest posture */
         double off = 0.0;
-        for (int j = 0; j < WBC_JOINTS; j++) off += (wbc_crouch[k][j] - r->position[j]) * (wbc_crouch[k][j] - r->position[j]);
+        for (int j = 0; j < WBC_JOINTS; j++)
+            off += (wbc_crouch[k][j] - r->position[j]) * (wbc_crouch[k][j] - r->position[j]);
         if (off < least) least = off, w->first = k;
     }
 }
 
-static int is_over(const way *w, double time) { return w->begun && time - w->began >= WBC_ONTO + WBC_ALONG; }
+static int is_over(const posture_path *w, double time) { return w->begun && time - w->began >= WBC_ONTO + WBC_ALONG; }
 
-static void follow(const way *w, double time, wbc_motors *c) {
+static void path_command(const posture_path *w, double time, wbc_motors *c) {
     const double onto = minimum_jerk((time - w->began) / WBC_ONTO);
     const double along = minimum_jerk((time - w->began - WBC_ONTO) / WBC_ALONG);
     const double at = w->first + along * ((w->up ? 0.0 : WBC_POSTURES - 1.0) - w->first);
@@ -110,12 +112,16 @@ static int sense(robot_loop *l) {
     static const int64_t heard[1] = {1};
     const wbc_reading *r = &l->reading;
     double imu[6] = {r->rate[0], r->rate[1], r->rate[2], r->force[0], r->force[1], r->force[2]};
-    const wbc_sample sample = {.time = r->time, .positions = r->position, .velocities = r->velocity,
-                               .torques = r->torque, .imu = imu, .heard = heard};
+    const wbc_sample sample = {.time = r->time,
+                               .positions = r->position,
+                               .velocities = r->velocity,
+                               .torques = r->torque,
+                               .imu = imu,
+                               .heard = heard};
     return wbc_sensing_take(&l->sensing, &sample, l->estimate);
 }
 
-/* Begin to run: move the estimate over the ground, and turn it, to where the problem begins. */
+/* Start the controller: find the transformation of the estimate to the problem's start, on the ground. */
 static void begin(robot_loop *l) {
     const double *q = l->estimate + WBC_AT_Q;
     const wbc_estimator *e = &l->sensing.estimator;
@@ -124,18 +130,19 @@ static void begin(robot_loop *l) {
     const double by = atan2(S[3], S[0]) - atan2(R[3], R[0]);
     const double turned[9] = {cos(by), -sin(by), 0.0, sin(by), cos(by), 0.0, 0.0, 0.0, 1.0};
     memcpy(l->turned, turned, sizeof turned);
-    for (int k = 0; k < WBC_FEET; k++) { /* frames are seen from the base */
+    for (int k = 0; k < WBC_FEET; k++) { /* frames are relative to the base */
         const double *sole = e->frames + (WBC_IMUS + k) * FRAME_SIZE(WBC_NV);
         const double height = q[2] + dot3(R + 6, sole);
         lowest = height < lowest ? height : lowest;
     }
     times3(turned, q, moved);
-    l->shift[0] = wbc_begin[0] - moved[0], l->shift[1] = wbc_begin[1] - moved[1], l->shift[2] = wbc_begin_sole - lowest;
+    l->shift[0] = wbc_begin[0] - moved[0], l->shift[1] = wbc_begin[1] - moved[1],
+    l->shift[2] = wbc_begin_sole - lowest;
     l->began = l->reading.time;
     memcpy(l->held, l->reading.position, sizeof l->held);
 }
 
-/* The command of a tick; 0: there is none. */
+/* Write the command of a tick; 0: it has none. */
 static int tick(robot_loop *l, wbc_motors *c) {
     double q[WBC_NQ], moved[3];
     const double *v = l->estimate + WBC_AT_V, z = atan2(l->turned[3], l->turned[0]);
@@ -174,18 +181,18 @@ static int listen(robot_loop *l) {
 
 static void entered(robot_loop *l) {
     const wbc_safety *s = &l->safety;
-    struct pollfd out = {1, POLLOUT, 0}; /* a terminal that is stopped stops no cycle: nothing is said to it */
+    struct pollfd out = {1, POLLOUT, 0}; /* a stopped terminal must not block a cycle */
     if (poll(&out, 1, 0) == 1)
         printf("%9.3f s  %s%s%s\n", l->time, wbc_mode_names[s->mode], s->cause >= 0 ? ": " : "",
                s->cause >= 0 ? wbc_fault_names[s->cause] : "");
     l->mode = s->mode, l->mode_began = l->time, l->runs = 0;
     if (s->mode != WBC_MODE_STANDING_UP) return;
     l->to_stand.begun = l->to_crouch.begun = l->estimates = l->asked = 0;
-    l->was_up = 1; /* or on its way when something stopped it: it does not try again */
+    l->was_up = 1; /* or on its way: after a stop it does not try again */
 }
 
-/* Ask for the next mode when it is time; return whether it is over. */
-static int ask(robot_loop *l, double seconds) {
+/* Request the next mode when it is due; returns whether the program is over. */
+static int request_mode(robot_loop *l, double seconds) {
     wbc_safety *s = &l->safety;
     const double passed = l->time - l->mode_began;
     const int is_up = is_over(&l->to_stand, l->time) && l->estimates;
@@ -201,23 +208,25 @@ static int ask(robot_loop *l, double seconds) {
     return 0;
 }
 
-/* Return what this mode commands, or 0: what was last commanded. */
-static const wbc_motors *wanted(robot_loop *l, int fresh, wbc_motors *c) {
+/* Return the command of this mode, or 0: repeat the last one. */
+static const wbc_motors *mode_command(robot_loop *l, int fresh, wbc_motors *c) {
     wbc_safety *s = &l->safety;
     if (!l->has_reading) return 0;
-    way *w = s->mode == WBC_MODE_STANDING_UP ? &l->to_stand : s->mode == WBC_MODE_SOFT_STOP ? &l->to_crouch : 0;
+    posture_path *w = s->mode == WBC_MODE_STANDING_UP ? &l->to_stand
+                      : s->mode == WBC_MODE_SOFT_STOP ? &l->to_crouch
+                                                      : 0;
     if (w) {
-        if (!w->begun) set_out(w, l->time, &l->reading, &l->command);
-        follow(w, l->time, c);
+        if (!w->begun) begin_path(w, l->time, &l->reading, &l->command);
+        path_command(w, l->time, c);
     }
     const int stands = s->mode == WBC_MODE_STANDING_UP && is_over(w, l->time), runs = s->mode == WBC_MODE_RUNNING;
     if (!fresh || !(stands || runs)) return w ? c : 0;
     if (stands && !l->asked++) wbc_sensing_start(&l->sensing);
-    const int said = sense(l);
-    l->estimates = said == DONE;
-    if (said != DONE && (runs || said != STANDING)) wbc_safety_report(s, WBC_FAULT_ESTIMATOR_FAILED);
+    const int status = sense(l);
+    l->estimates = status == DONE;
+    if (status != DONE && (runs || status != STANDING)) wbc_safety_report(s, WBC_FAULT_ESTIMATOR_FAILED);
     if (!runs) return c;
-    if (said != DONE) return 0;
+    if (status != DONE) return 0;
     if (!l->runs) begin(l), l->runs = 1, l->turn = EVERY;
     if (++l->turn < EVERY) return 0;
     l->turn = 0;
@@ -239,10 +248,10 @@ static void cycle(robot_loop *l, double late) {
         wbc_checks_compared(&l->checks, &l->reading, knows ? torque : 0, s);
         wbc_safety_measured(s, &l->reading);
     }
-    const wbc_motors *told = wanted(l, fresh, &c);
+    const wbc_motors *told = mode_command(l, fresh, &c);
     if (wbc_safety_judge(s) != l->mode) {
         entered(l);
-        told = wanted(l, 0, &c);
+        told = mode_command(l, 0, &c);
     }
     l->command = *wbc_safety_admit(s, told);
     if (!wbc_udp_write(&l->bus, &l->command, ++l->sent)) wbc_safety_report(s, WBC_FAULT_BUS_FAILED);
@@ -254,7 +263,7 @@ int main(int count, char **arguments) {
     const char *address = count > 2 ? arguments[2] : "127.0.0.1", *ended = 0;
     slower = count > 3 ? atof(arguments[3]) : 1.0;
     setvbuf(stdout, 0, _IOLBF, 0);
-    signal(SIGPIPE, SIG_IGN); /* nor may a reader of its words that is gone end it */
+    signal(SIGPIPE, SIG_IGN); /* a closed pipe must not end the loop */
     if (!wbc_udp_open(&l.bus, address, count > 4 ? atoi(arguments[4]) : 0)) {
         fprintf(stderr, "no bus to %s: is another controller running?\n", address);
         return 1;
@@ -272,7 +281,7 @@ int main(int count, char **arguments) {
         due += WBC_CYCLE * (1 + (int64_t)(late / WBC_CYCLE));
         cycles++, late_ones += late > 2e-4;
         cycle(&l, late);
-        if (ask(&l, seconds)) ended = "it is down";
+        if (request_mode(&l, seconds)) ended = "it is down";
         if (l.has_reading && l.time - l.heard > GONE_AFTER) ended = "the robot's side is gone";
         if (!l.has_reading && l.time - start > FIRST) ended = "no robot was heard";
     }

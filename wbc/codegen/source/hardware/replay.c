@@ -1,8 +1,8 @@
 /* Estimator and safety layer against a recorded sequence: ./replay recording.txt
  *
- * Of messages and cycles, faults among them, the file has what came, and what Python made of it, as hexadecimal
- * numbers. Ends with 0 if no estimate differs by more than TOLERANCE of one plus its size, and all that was
- * decided and commanded is the same to rounding; 1 if not; 2 if the file is another's.
+ * The file holds messages and cycles, with faults among them, and the results of Python, as hexadecimal numbers.
+ * Exit code 0: no estimate differs by more than TOLERANCE relative to one plus its size, and all decisions and
+ * commands agree to rounding; 1: they do not; 2: the file is of another robot.
  */
 #include "checks.h"
 #include "recording.h"
@@ -14,26 +14,29 @@ static const double TOLERANCE = 1e-12;
 enum { SHOWN = 15, NV = WBC_JOINTS + 6, ESTIMATED = WBC_CONFIGURATION + NV + SHOWN + 1 };
 enum { ARM, STAND, RUN, SOFT, DOWN, RESET };
 
-/* Compare a message's estimate; -1: the file has ended, 0: one has an estimate and the other none. */
+/* Compare a message's estimate. Returns 1; 0: only one side has an estimate; -1: end of file. */
 static int message(FILE *file, wbc_sensing *s, double *worst, double *seconds) {
-    double head[4], joints[3][WBC_JOINTS], imu[6], said[1], wanted[ESTIMATED], out[WBC_ESTIMATE];
+    double head[4], joints[3][WBC_JOINTS], imu[6], expected[1], wanted[ESTIMATED], out[WBC_ESTIMATE];
     if (!read(file, head, 4) || !read(file, joints[0], 3 * WBC_JOINTS) || !read(file, imu, 6) ||
-        !read(file, said, 1) || !read(file, wanted, ESTIMATED))
+        !read(file, expected, 1) || !read(file, wanted, ESTIMATED))
         return -1;
     const int64_t heard[1] = {head[1] != 0.0};
-    const wbc_sample sample = {.time = head[0], .positions = joints[0], .imu = imu, .heard = heard,
+    const wbc_sample sample = {.time = head[0],
+                               .positions = joints[0],
+                               .imu = imu,
+                               .heard = heard,
                                .velocities = head[2] != 0.0 ? joints[1] : 0,
                                .torques = head[3] != 0.0 ? joints[2] : 0};
     const clock_t begun = clock();
     const int found = wbc_sensing_take(s, &sample, out);
     *seconds += (double)(clock() - begun) / CLOCKS_PER_SEC;
-    if (found != DONE) return found == STANDING && said[0] == 0.0;
-    judge(out + WBC_AT_Q, wanted, WBC_CONFIGURATION, worst);
-    judge(out + WBC_AT_V, wanted + WBC_CONFIGURATION, NV, worst);
+    if (found != DONE) return found == STANDING && expected[0] == 0.0;
+    compare_numbers(out + WBC_AT_Q, wanted, WBC_CONFIGURATION, worst);
+    compare_numbers(out + WBC_AT_V, wanted + WBC_CONFIGURATION, NV, worst);
     for (int i = 0; i < SHOWN; i++)
-        judge(out + (SHOWN + 1) * i, wanted + WBC_CONFIGURATION + NV + i, 1, worst);
-    judge(out + OUT_SQUARED, wanted + ESTIMATED - 1, 1, worst);
-    return said[0] == 1.0;
+        compare_numbers(out + (SHOWN + 1) * i, wanted + WBC_CONFIGURATION + NV + i, 1, worst);
+    compare_numbers(out + OUT_SQUARED, wanted + ESTIMATED - 1, 1, worst);
+    return expected[0] == 1.0;
 }
 
 static int read_motors(FILE *file, wbc_motors *c, int *is_one) {
@@ -57,16 +60,22 @@ static int read_reading(FILE *file, wbc_reading *r, int *is_one) {
 
 static int granted(wbc_safety *s, int asked) {
     switch (asked) {
-    case ARM: return wbc_safety_arm(s);
-    case STAND: return wbc_safety_stand_up(s);
-    case RUN: return wbc_safety_to(s, WBC_MODE_RUNNING);
-    case SOFT: return wbc_safety_to(s, WBC_MODE_SOFT_STOP);
-    case DOWN: return wbc_safety_to(s, WBC_MODE_DAMPING);
-    default: return wbc_safety_reset(s);
+    case ARM:
+        return wbc_safety_arm(s);
+    case STAND:
+        return wbc_safety_stand_up(s);
+    case RUN:
+        return wbc_safety_to(s, WBC_MODE_RUNNING);
+    case SOFT:
+        return wbc_safety_to(s, WBC_MODE_SOFT_STOP);
+    case DOWN:
+        return wbc_safety_to(s, WBC_MODE_DAMPING);
+    default:
+        return wbc_safety_reset(s);
     }
 }
 
-/* One cycle: -1: the file has ended; 0: something else was decided. */
+/* Compare a cycle. Returns 1; 0: decisions differ; -1: end of file. */
 static int cycle(FILE *file, int k, wbc_safety *s, wbc_checks *checks, double *worst) {
     static wbc_reading last;
     static int has_last;
@@ -91,9 +100,11 @@ static int cycle(FILE *file, int k, wbc_safety *s, wbc_checks *checks, double *w
     const wbc_motors *found = wbc_safety_admit(s, wants ? &wanted : 0);
     for (int f = 0; f < WBC_FAULTS; f++)
         if (s->borne[f] > 0.0) borne += ldexp(1.0, f);
-    judge(found->position, told.position, WBC_JOINTS, worst), judge(found->velocity, told.velocity, WBC_JOINTS, worst);
-    judge(found->torque, told.torque, WBC_JOINTS, worst), judge(found->kp, told.kp, WBC_JOINTS, worst);
-    judge(found->kd, told.kd, WBC_JOINTS, worst);
+    compare_numbers(found->position, told.position, WBC_JOINTS, worst),
+        compare_numbers(found->velocity, told.velocity, WBC_JOINTS, worst);
+    compare_numbers(found->torque, told.torque, WBC_JOINTS, worst),
+        compare_numbers(found->kp, told.kp, WBC_JOINTS, worst);
+    compare_numbers(found->kd, told.kd, WBC_JOINTS, worst);
     return refused == (int)decided[0] && took == (int)decided[1] && mode == (int)decided[2] && borne == decided[3] &&
            found->enabled == told.enabled;
 }
@@ -104,8 +115,8 @@ static int replay(FILE *file) {
     static wbc_checks checks;
     double worst = 0.0, commanded = 0.0, seconds = 0.0;
     int samples, cycles, joints, nq, same = 1;
-    if (fscanf(file, "wbc hardware recording 1 %d %d %d %d", &samples, &cycles, &joints, &nq) != 4 ||
-        samples < 1 || cycles < 1 || joints != WBC_JOINTS || nq != WBC_CONFIGURATION) {
+    if (fscanf(file, "wbc hardware recording 1 %d %d %d %d", &samples, &cycles, &joints, &nq) != 4 || samples < 1 ||
+        cycles < 1 || joints != WBC_JOINTS || nq != WBC_CONFIGURATION) {
         fprintf(stderr, "not a recording of this robot\n");
         return 2;
     }

@@ -49,17 +49,19 @@ void wbc_safety_report(wbc_safety *s, int fault) {
     s->order[s->reported++] = fault;
 }
 
-/* NaN is beyond all limits. */
+/* NaN is beyond every limit. */
 static int beyond(double value, double most) { return !(value <= most); }
 
-static int sane(double position, double velocity) { return fabs(position) < WBC_HUGE && fabs(velocity) < WBC_HUGE; }
+static int is_plausible(double position, double velocity) {
+    return fabs(position) < WBC_HUGE && fabs(velocity) < WBC_HUGE;
+}
 
 void wbc_safety_measured(wbc_safety *s, const wbc_reading *r) {
     const wbc_safety_limits *l = &wbc_limits;
     const double *x = r->quaternion, *up = l->up;
     int position = 0, velocity = 0, overload = 0, warm = 0, hot = 0;
     for (int j = 0; j < WBC_JOINTS; j++)
-        if (!sane(r->position[j], r->velocity[j])) {
+        if (!is_plausible(r->position[j], r->velocity[j])) {
             wbc_safety_report(s, WBC_FAULT_NOT_FINITE);
             return;
         }
@@ -77,8 +79,7 @@ void wbc_safety_measured(wbc_safety *s, const wbc_reading *r) {
     if (overload) wbc_safety_report(s, WBC_FAULT_OVERLOAD);
     if (warm) wbc_safety_report(s, WBC_FAULT_WARM);
     if (hot) wbc_safety_report(s, WBC_FAULT_HOT);
-    const double vertical = 2.0 * (x[0] * x[2] - x[3] * x[1]) * up[0] +
-                            2.0 * (x[1] * x[2] + x[3] * x[0]) * up[1] +
+    const double vertical = 2.0 * (x[0] * x[2] - x[3] * x[1]) * up[0] + 2.0 * (x[1] * x[2] + x[3] * x[0]) * up[1] +
                             (1.0 - 2.0 * (x[0] * x[0] + x[1] * x[1])) * up[2];
     if (!(vertical >= l->least_vertical)) wbc_safety_report(s, WBC_FAULT_TILT);
     if (r->stop) wbc_safety_report(s, WBC_FAULT_BUTTON);
@@ -103,15 +104,15 @@ int wbc_safety_judge(wbc_safety *s) {
 
 /* ---- commands ---- */
 
-static int finite(const wbc_motors *c) {
+static int is_finite(const wbc_motors *c) {
     double sum = 0.0; /* 0 x is NaN of what is not finite */
     for (int j = 0; j < WBC_JOINTS; j++)
         sum += 0.0 * c->position[j] + 0.0 * c->velocity[j] + 0.0 * c->torque[j] + 0.0 * c->kp[j] + 0.0 * c->kd[j];
     return sum == 0.0;
 }
 
-/* Gains and torques by which motors make at most the effort where joints are now. */
-static void within_effort(const wbc_safety *s, wbc_motors *c) {
+/* Reduce gains and torques so that motors give at most their effort at the present state. */
+static void limit_effort(const wbc_safety *s, wbc_motors *c) {
     for (int j = 0; j < WBC_JOINTS; j++) {
         const double effort = wbc_limits.effort[j];
         const double whole = c->kp[j] * (c->position[j] - s->q[j]) + c->kd[j] * (c->velocity[j] - s->v[j]);
@@ -121,44 +122,45 @@ static void within_effort(const wbc_safety *s, wbc_motors *c) {
     }
 }
 
-/* The last command, by which motors may make too much of a joint that moved on. */
+/* Repeat the last command, with less if the joints have moved so that it exceeds the effort. */
 static void hold(wbc_safety *s) {
     double torque[WBC_JOINTS];
     int over = 0;
     wbc_motor_torque(&s->last, s->q, s->v, torque);
     for (int j = 0; j < WBC_JOINTS; j++) over |= fabs(torque[j]) > wbc_limits.effort[j] + 1e-9;
-    if (over) within_effort(s, &s->last);
+    if (over) limit_effort(s, &s->last);
 }
 
 static void limit(wbc_safety *s, const wbc_motors *wanted) {
     const wbc_safety_limits *l = &wbc_limits;
-    wbc_motors made = s->last;
+    wbc_motors limited = s->last;
     int far = 0;
     double clipped = 0.0;
     for (int j = 0; j < WBC_JOINTS; j++) {
-        const double reach = l->velocity[j] * WBC_CYCLE, held = made.kp[j] > 0.0 ? made.position[j] : s->q[j];
-        const double near = clip(wanted->position[j], held - reach, held + reach), step = l->torque_rate[j] * WBC_CYCLE;
-        made.position[j] = clip(near, l->lower[j], l->upper[j]);
-        made.velocity[j] = clip(wanted->velocity[j], -l->velocity[j], l->velocity[j]);
-        made.torque[j] = clip(wanted->torque[j], made.torque[j] - step, made.torque[j] + step);
-        made.kp[j] = clip(wanted->kp[j], 0.0, l->kp[j]), made.kd[j] = clip(wanted->kd[j], 0.0, l->kd[j]);
-        far |= !sane(made.position[j], made.velocity[j]);
+        const double reach = l->velocity[j] * WBC_CYCLE, held = limited.kp[j] > 0.0 ? limited.position[j] : s->q[j];
+        const double near = clip(wanted->position[j], held - reach, held + reach),
+                     step = l->torque_rate[j] * WBC_CYCLE;
+        limited.position[j] = clip(near, l->lower[j], l->upper[j]);
+        limited.velocity[j] = clip(wanted->velocity[j], -l->velocity[j], l->velocity[j]);
+        limited.torque[j] = clip(wanted->torque[j], limited.torque[j] - step, limited.torque[j] + step);
+        limited.kp[j] = clip(wanted->kp[j], 0.0, l->kp[j]), limited.kd[j] = clip(wanted->kd[j], 0.0, l->kd[j]);
+        far |= !is_plausible(limited.position[j], limited.velocity[j]);
     }
-    if (far) { /* of joints without limits */
+    if (far) { /* joints without limits */
         wbc_safety_report(s, WBC_FAULT_COMMAND_NOT_FINITE);
         hold(s);
         return;
     }
-    within_effort(s, &made);
-    for (int j = 0; j < WBC_JOINTS; j++) clipped = larger(clipped, fabs(made.torque[j] - wanted->torque[j]));
-    made.enabled = 1, s->last = made;
+    limit_effort(s, &limited);
+    for (int j = 0; j < WBC_JOINTS; j++) clipped = larger(clipped, fabs(limited.torque[j] - wanted->torque[j]));
+    limited.enabled = 1, s->last = limited;
     if (clipped > 1e-6) wbc_safety_report(s, WBC_FAULT_CLIPPED);
 }
 
 const wbc_motors *wbc_safety_admit(wbc_safety *s, const wbc_motors *wanted) {
     if (s->mode == WBC_MODE_IDLE) s->last = s->off;
     else if (s->mode == WBC_MODE_DAMPING || s->mode == WBC_MODE_STOP || !s->measured) s->last = s->brake;
-    else if (wanted && finite(wanted)) limit(s, wanted);
+    else if (wanted && is_finite(wanted)) limit(s, wanted);
     else {
         if (wanted) wbc_safety_report(s, WBC_FAULT_COMMAND_NOT_FINITE);
         hold(s);
@@ -168,6 +170,7 @@ const wbc_motors *wbc_safety_admit(wbc_safety *s, const wbc_motors *wanted) {
 
 void wbc_motor_torque(const wbc_motors *c, const double *q, const double *v, double *torque) {
     for (int j = 0; j < WBC_JOINTS; j++)
-        torque[j] = !c->enabled ? 0.0
-                                : c->torque[j] + c->kp[j] * (c->position[j] - q[j]) + c->kd[j] * (c->velocity[j] - v[j]);
+        torque[j] = !c->enabled
+                        ? 0.0
+                        : c->torque[j] + c->kp[j] * (c->position[j] - q[j]) + c->kd[j] * (c->velocity[j] - v[j]);
 }

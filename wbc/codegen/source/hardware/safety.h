@@ -1,22 +1,21 @@
-/* The safety layer: what a robot may be told, and what is done when something goes wrong.
+/* The safety layer: limits of commands, and reactions to faults.
  *
- * It knows nothing of the controller. In each cycle it is told what the sensors said and what went wrong
- * (wbc_safety_report), judges by one table (wbc_rules), changes its mode by another (wbc_transitions), and
- * lets a command pass only within limits (wbc_safety_admit). Tables and limits are in data.c; the same layer
- * in Python is wbc/hardware/safety.py.
+ * It is independent of the controller. In each cycle it gets readings and faults (wbc_safety_report), judges them by
+ * one table (wbc_rules), changes its mode by another (wbc_transitions), and admits commands within limits only
+ * (wbc_safety_admit). Tables and limits are in data.c; the same layer in Python is wbc/hardware/safety.py.
  */
 #ifndef WBC_SAFETY_H
 #define WBC_SAFETY_H
 
 #include "data.h"
 
-/* What motors are told: tau = torque + kp (position - q) + kd (velocity - q'). */
+/* A command of the motors: tau = torque + kp (position - q) + kd (velocity - q'). */
 typedef struct {
     double position[WBC_JOINTS], velocity[WBC_JOINTS], torque[WBC_JOINTS], kp[WBC_JOINTS], kd[WBC_JOINTS];
     int enabled; /* whether motors are powered at all */
 } wbc_motors;
 
-/* One message of a robot, as it came. */
+/* One message of the robot. */
 typedef struct {
     int64_t sequence;
     double time; /* of the measurement, by the robot's clock */
@@ -29,31 +28,31 @@ typedef struct {
 typedef struct {
     int mode;
     wbc_motors last, brake, off;
-    int reported, order[WBC_FAULTS]; /* in this cycle, in this order */
-    double borne[WBC_FAULTS];        /* for how long [s]; 0: not */
-    int64_t counts[WBC_FAULTS];      /* how many cycles had each */
+    int reported, order[WBC_FAULTS]; /* faults of this cycle, in order */
+    double borne[WBC_FAULTS];        /* s: how long each fault has been present; 0: absent */
+    int64_t counts[WBC_FAULTS];      /* cycles with each fault */
     int measured;                    /* whether there was a reading */
     double q[WBC_JOINTS], v[WBC_JOINTS];
-    int cause; /* the fault of the last judgement that stopped it, -1: none did */
+    int cause; /* the fault that caused the last stop; -1: none */
 } wbc_safety;
 
 void wbc_safety_start(wbc_safety *s);
-/* Change the mode, by hand or as it goes; 0: not allowed from here, or with a fault that is borne. */
+/* Change the mode; 0: not allowed from this one, or with a fault present. */
 int wbc_safety_to(wbc_safety *s, int mode);
 int wbc_safety_arm(wbc_safety *s);
 int wbc_safety_reset(wbc_safety *s);
 int wbc_safety_stand_up(wbc_safety *s);
-/* From all modes that move; from idle there is nothing to stop. */
+/* From all modes but idle, which moves nothing. */
 void wbc_safety_stop(wbc_safety *s);
-/* Tell of a fault in this cycle. */
+/* Report a fault in this cycle. */
 void wbc_safety_report(wbc_safety *s, int fault);
-/* Look at a usable reading: joints, motors, tilt, button. */
+/* Check an accepted reading: joints, motors, tilt, button. */
 void wbc_safety_measured(wbc_safety *s, const wbc_reading *reading);
-/* End a cycle's reports: change the mode where a fault was borne for too long. Returns the mode. */
+/* Judge the faults of the cycle: one that lasts beyond its patience changes the mode. Returns the mode. */
 int wbc_safety_judge(wbc_safety *s);
-/* Return what the robot is told: wanted within limits; the last command if that is 0. */
+/* Return the command to send: wanted within limits, or the last one if wanted is 0. */
 const wbc_motors *wbc_safety_admit(wbc_safety *s, const wbc_motors *wanted);
-/* What motors make of a command at a state, before their limits. */
+/* Motor torques of a command at a state, before their limits. */
 void wbc_motor_torque(const wbc_motors *c, const double *q, const double *v, double *torque);
 
 #endif

@@ -1,19 +1,19 @@
-/* The base's state by IMU, encoders and motors' torques: the estimator and its memory.
+/* Estimate of the base's state from IMU, encoders and motor torques.
  *
  *     static wbc_sensing s;
  *     wbc_sensing_start(&s);
  *     every message: if (wbc_sensing_take(&s, &sample, out) == DONE)
  *         ... out + WBC_AT_Q, out + WBC_AT_V        (core.h: what else an estimate has)
  *
- * It says STANDING until the robot stood still for half a second. A message that is not later than the last
- * one is dropped (LATE_MESSAGE); in Python it is filed where it belongs.
+ * It returns STANDING until the robot has stood still for half a second. A message not later than the last one is
+ * dropped (LATE_MESSAGE); Python inserts it at its time.
  */
 #ifndef WBC_SENSING_H
 #define WBC_SENSING_H
 
 #include "data.h"
 
-/* It points into itself: start it where it stays, do not copy it. */
+/* It contains pointers into itself: do not move or copy it after the start. */
 typedef struct {
     wbc_estimator estimator;
     wbc_filter filter;
@@ -30,9 +30,9 @@ typedef struct {
 
 enum { LATE_MESSAGE = 30 };
 
-/* Begin: the robot stands still, on its feet. */
+/* Initialise; the robot has to stand still on its feet. */
 void wbc_sensing_start(wbc_sensing *s);
-/* Take in a message; write an estimate. All but DONE: there is none. */
+/* Process a message; write the estimate. Other than DONE: there is none. */
 int wbc_sensing_take(wbc_sensing *s, const wbc_sample *sample, double out[WBC_ESTIMATE]);
 
 #endif

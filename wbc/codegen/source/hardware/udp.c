@@ -30,13 +30,13 @@ int wbc_udp_open(wbc_udp *bus, const char *robot, int domain) {
     own.sin_addr.s_addr = htonl(strncmp(robot, "127.", 4) ? INADDR_ANY : INADDR_LOOPBACK);
     if (inet_pton(AF_INET, robot, &to.sin_addr) != 1) return 0;
     bus->socket = socket(AF_INET, SOCK_DGRAM, 0);
-    /* Connected: what others send is not heard. */
+    /* Connected: packets of other senders are not received. */
     return bus->socket >= 0 && fcntl(bus->socket, F_SETFL, O_NONBLOCK) == 0 &&
            bind(bus->socket, (struct sockaddr *)&own, sizeof own) == 0 &&
            connect(bus->socket, (struct sockaddr *)&to, sizeof to) == 0;
 }
 
-/* Take a reading out of a packet; 0: it is damaged, or another's. */
+/* Unpack a reading; 0: the packet is damaged or foreign. */
 static int unpack(const unsigned char *packet, size_t size, wbc_reading *r) {
     uint64_t sequence;
     uint32_t crc;
@@ -62,7 +62,7 @@ int wbc_udp_read(wbc_udp *bus, wbc_reading *reading) {
     for (;;) {
         const ssize_t size = recv(bus->socket, packet, sizeof packet, 0);
         if (size < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return found;
-        if (size < 0) continue; /* refused by a side that is not there: no packet */
+        if (size < 0) continue; /* refused: nobody is at the other end */
         if (!unpack(packet, (size_t)size, &came)) bus->damaged++;
         else if (!found || came.sequence > reading->sequence) *reading = came, found = 1;
     }

@@ -1,5 +1,5 @@
-/* The bus over UDP, as wbc/hardware/udp.py has it: readings come to one port, commands go to another.
- * Numbers are little-endian, as on all machines that this was compiled for. */
+/* The bus over UDP, as in wbc/hardware/udp.py: readings arrive at one port, commands go to another. Numbers are
+ * little-endian, as on all supported machines. */
 #ifndef WBC_UDP_H
 #define WBC_UDP_H
 
@@ -10,11 +10,11 @@ typedef struct {
     int64_t damaged;
 } wbc_udp;
 
-/* Open the controller's end to the robot at an address; domain: moves the ports. 0: it cannot be. */
+/* Open the controller's end to the robot at an address; domain: offset of the ports. 0: failed. */
 int wbc_udp_open(wbc_udp *bus, const char *robot, int domain);
-/* Read the newest reading since the last call; 0: none came. It never waits. */
+/* Read the newest reading since the last call; 0: none came. Never blocks. */
 int wbc_udp_read(wbc_udp *bus, wbc_reading *reading);
-/* Send a command with a number; 0: the system refuses it. It never waits. */
+/* Send a command with its number; 0: the system refuses. Never blocks. */
 int wbc_udp_write(wbc_udp *bus, const wbc_motors *command, uint64_t sequence);
 
 #endif

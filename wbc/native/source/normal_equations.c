@@ -1,9 +1,9 @@
-/* Normal equations of rows that couple frames which follow each other, in LAPACK's lower band. */
+/* Normal equations of rows that couple consecutive frames, in LAPACK's lower band storage. */
 #include "core.h"
 #include "linear.h"
 
-WIDE int wbc_band(int64_t count, int64_t nv, int64_t span, int64_t rows, const double *J, const double *off,
-                  int64_t height, double *band, double *slope) {
+WIDE int wbc_add_normal_equations(int64_t count, int64_t nv, int64_t span, int64_t rows, const double *J,
+                                  const double *off, int64_t height, double *band, double *slope) {
     const int64_t n = span * nv;
     for (int64_t k = 0; k < count; k++, J += rows * n, off += rows, band += nv * height, slope += nv) {
         add_rows(n, rows, off, J, n, slope);

@@ -1,22 +1,22 @@
-/* How an estimate begins: with the tilt that an IMU at rest has on the mean, and nothing moving. */
+/* The start of an estimate: the tilt at which an IMU at rest measures gravity, and zero velocity. */
 #include "estimator.h"
 #include "rotation.h"
 
-static const double TILT = 0.05; /* rad: deviation of the tilt by the mean specific force of a robot at rest */
+static const double TILT = 0.05; /* rad: standard deviation of that tilt */
 static const double PI = 3.14159265358979323846;
 
-static void turn_by(const double *r, double *R) {
+static void rotation_of(const double *r, double *R) {
     double c[4];
     coefficients(r, c);
     polynomial(r, 1.0, c[0], c[1], R);
 }
 
 /* The shortest rotation from one unit vector to another. */
-static void shortest(const double *a, const double *b, double *R) {
+static void shortest_rotation(const double *a, const double *b, double *R) {
     double axis[3], by[3] = {0.0, 0.0, 0.0};
     cross3(a, b, axis);
     const double sine = sqrt(dot3(axis, axis)), cosine = dot3(a, b);
-    if (sine < 1e-12 && cosine < 0.0) { /* half a turn about what is across */
+    if (sine < 1e-12 && cosine < 0.0) { /* half a turn about a perpendicular axis */
         double least[3] = {0.0, 0.0, 0.0};
         int i = fabs(a[1]) < fabs(a[0]) ? 1 : 0;
         if (fabs(a[2]) < fabs(a[i])) i = 2;
@@ -27,10 +27,10 @@ static void shortest(const double *a, const double *b, double *R) {
     } else if (sine >= 1e-12) {
         for (int j = 0; j < 3; j++) by[j] = atan2(sine, cosine) / sine * axis[j];
     }
-    turn_by(by, R);
+    rotation_of(by, R);
 }
 
-int wbc_level(const wbc_estimator *e, const double *rate, const double *force) {
+int wbc_align_to_gravity(const wbc_estimator *e, const double *rate, const double *force) {
     enum { SHOWN = 15 };
     const int64_t size = FRAME_SIZE(e->tree->nv);
     const double *soles = e->frames + e->imus * size, *imu = soles + e->feet * size;
@@ -42,20 +42,19 @@ int wbc_level(const wbc_estimator *e, const double *rate, const double *force) {
     if (!(felt >= 0.5 * weight)) return NO_GRAVITY;
     const int told = start[3] != 0.0 || start[4] != 0.0 || start[5] != 0.0 || start[6] != 0.0;
     for (int i = 0; i < 3; i++) up[i] = -gravity[i] / weight, along[i] = force[i] / felt;
-    shortest(along, up, R_shortest); /* with some heading */
+    shortest_rotation(along, up, R_shortest); /* with an arbitrary heading */
     times3(R_shortest, own, forwards);
-    if (told) { /* where the base's x axis points */
+    if (told) { /* heading of the base's x axis */
         wanted[0] = 1.0 - 2.0 * (start[4] * start[4] + start[5] * start[5]);
         wanted[1] = 2.0 * (start[3] * start[4] + start[6] * start[5]);
     }
     by[2] = atan2(wanted[1], wanted[0]) - atan2(forwards[1], forwards[0]);
-    turn_by(by, Z);
+    rotation_of(by, Z);
     product3(Z, R_shortest, state);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) R[3 * i + j] = dot3(state + 3 * i, own + 3 * j);
     if (told) memcpy(base, start, sizeof base);
-    else { /* the soles' middle at the world's origin */
-        double middle[3] = {0.0, 0.0, 0.0};
+    else { /* the centre of the soles at the world's origin */ double middle[3] = {0.0, 0.0, 0.0};
         for (int64_t k = 0; k < e->feet; k++)
             for (int i = 0; i < 3; i++) middle[i] -= soles[k * size + i] / (double)e->feet;
         times3(R, middle, base);

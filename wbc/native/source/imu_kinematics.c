@@ -1,4 +1,4 @@
-/* What an IMU sees of feet and base by the joints between: see wbc/estimation/estimator.py. */
+/* Poses of feet and base relative to the IMU, by the joints between: see wbc/estimation/estimator.py. */
 #include "core.h"
 #include "linear.h"
 
@@ -12,7 +12,7 @@ int wbc_foot_place(int64_t nv, const double *imu, const double *foot, const doub
     transposed_times3(R, arm, place);
     transposed_product3(R, foot + FRAME_ROTATION, place + 3);
     for (int i = 0; i < 3; i++) place[PLACE_VELOCITY + i] = 0.0;
-    for (int64_t j = 6; j < nv; j++) { /* how joint j moves the foot, seen from the IMU */
+    for (int64_t j = 6; j < nv; j++) { /* motion of the foot by joint j, seen from the IMU */
         double column[6], carried[3];
         int moves = 0;
         for (int i = 0; i < 6; i++) column[i] = other[i * nv + j] - own[i * nv + j];
@@ -52,8 +52,8 @@ static void quaternion(const double *R, double *out) {
     out[3] = (R[3 * k + j] - R[3 * j + k]) / s;
 }
 
-int wbc_filter_base(const wbc_filter *filter, int64_t nv, const double *imu, const double *rate,
-                    const double *rates, double *q, double *v) {
+int wbc_filter_base(const wbc_filter *filter, int64_t nv, const double *imu, const double *rate, const double *rates,
+                    double *q, double *v) {
     const double *x = filter->x, *own = imu + FRAME_ROTATION, *J = imu + FRAME_JACOBIAN;
     double R[9], arm[3], moved[6], turn[3], carried[3], along[3];
     for (int i = 0; i < 3; i++)

@@ -1,11 +1,11 @@
-/* The optimum of a cost without constraints: H x = -f by Cholesky factors U'U = H. */
+/* The unconstrained optimum, H x = -f, by Cholesky factors U'U = H. */
 #include "linear.h"
 #include "problem.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Four at a time, from the end: their sums over what is known wait for nothing. */
+/* Four rows at a time, from the end: the sums over known entries are independent of each other. */
 INLINE void back_substitute(int64_t n, int64_t width, const double *triangle, double *x) {
     for (int64_t end = n; end > 0; end = (end - 1) & ~(int64_t)3) {
         const int64_t begin = (end - 1) & ~(int64_t)3;
@@ -21,11 +21,10 @@ INLINE void back_substitute(int64_t n, int64_t width, const double *triangle, do
     }
 }
 
-WIDE int least(int64_t n, const double *H, int64_t stride, const double *f, double *triangle,
-               double *x) {
-    const int64_t width = PADDED(n + 1); /* U, its diagonal inverted, and behind it U'^-1 (-f) */
+WIDE int cholesky_solve(int64_t n, const double *H, int64_t stride, const double *f, double *triangle, double *x) {
+    const int64_t width = PADDED(n + 1); /* U with its diagonal inverted, and behind it U'^-1 (-f) */
     for (int64_t i = 0; i < n; i++) {
-        const int64_t begin = i & ~(int64_t)3; /* up to three entries that nobody reads */
+        const int64_t begin = i & ~(int64_t)3; /* up to three unused entries */
         double *restrict row = triangle + i * width;
         for (int64_t j = begin; j < i; j++) row[j] = 0.0;
         memcpy(row + i, H + i * stride + i, (n - i) * sizeof *row);
@@ -42,10 +41,10 @@ WIDE int least(int64_t n, const double *H, int64_t stride, const double *f, doub
     return 1;
 }
 
-WIDE void least_again(int64_t n, const double *f, double *triangle, double *x) {
+WIDE void cholesky_solve_again(int64_t n, const double *f, double *triangle, double *x) {
     const int64_t width = PADDED(n + 1);
     for (int64_t i = 0; i < n; i++) x[i] = -f[i];
-    for (int64_t i = 0; i < n; i += 4) { /* four rows, then what they are to all others */
+    for (int64_t i = 0; i < n; i += 4) { /* four rows, then their part of all others */
         const int64_t behind = i + 4 < n ? i + 4 : n;
         double end[4] = {0.0, 0.0, 0.0, 0.0};
         for (int64_t j = i; j < behind; j++) {
