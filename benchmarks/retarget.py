@@ -38,8 +38,8 @@ from wbc.constraints import SelfCollision
 from wbc.gait import Walker
 from wbc.gait.phases import Standing
 from wbc.human import HumanMotion, human_motion, read_markers
-from wbc.retargeting.smoothing import able_accelerations
 from wbc.retargeting.steps import footsteps, posture_at
+from wbc.retargeting.trajectory_problem import max_accelerations
 from wbc.robot import Robot
 from wbc.simulation import FallLimits, FallWatch, Terrain
 from wbc.tasks import PostureTask
@@ -58,7 +58,7 @@ def figures(found: wbc.Retargeted, seconds: float) -> dict[str, Any]:
     broken = max(raw.broken(q) for q in found.q)
     joints = np.array([robot.snapshot(q).joint_positions for q in found.q])
     past = np.maximum(limits.lower - joints, joints - limits.upper).max()
-    able = able_accelerations(robot)
+    able = max_accelerations(robot)
     reached = {one.task: {"rms": one.rms, "largest": one.largest} for one in found.reached}
     worst: dict[str, float] = {}
     for one in found.unbalanced:

@@ -16,8 +16,8 @@ import numpy as np
 import wbc
 from wbc.gait.legs import SIDES, leg_joints
 from wbc.human import HumanMotion
-from wbc.retargeting.passes import FRICTION, judged
-from wbc.retargeting.prepared import prepared
+from wbc.retargeting.pipeline import FRICTION, evaluate
+from wbc.retargeting.robot_setup import robot_setup
 from wbc.retargeting.source import human_frames
 from wbc.rotations import quaternion_from
 
@@ -35,7 +35,7 @@ def by_mink(human: HumanMotion, found: wbc.Retargeted) -> tuple[wbc.Retargeted, 
     python = Path(os.environ.get("WBC_PEERS", PYTHON.parents[2])) / "mink" / "bin" / "python"
     if not python.exists():
         return None
-    robot, known = found.robot, prepared(found.robot, None, 0.01)
+    robot, known = found.robot, robot_setup(found.robot, None, 0.01)
     body, scale = known.body, found.scale
     source = human_frames(human, found.rate * scale.time, human.cutoff)
     frames = [body.pelvis, body.trunk, *(robot.feet[side].frame for side in SIDES)]
@@ -58,7 +58,7 @@ def by_mink(human: HumanMotion, found: wbc.Retargeted) -> tuple[wbc.Retargeted, 
             q = np.hstack((file["base"], file["joints"]))
             seconds, version = float(file["seconds"]), str(file["version"])
     notes = (f"mink {version}",)
-    motion = judged(robot, known, found.source, scale, found.targets, q, FRICTION, notes)
+    motion = evaluate(robot, known, found.source, scale, found.targets, q, FRICTION, notes)
     return motion, seconds
 
 

@@ -17,15 +17,19 @@ def test_a_band_is_the_dense_least_squares(rng: np.random.Generator) -> None:
         errors.append(off)
 
     A, e = rng.normal(size=(count, rows, nv)), rng.normal(size=(count, rows))
-    normal.add(A, off=e)
+    normal.add(A, errors=e)
     B, f = rng.normal(size=(count - 1, rows, nv)), rng.normal(size=(count - 1, rows))
-    normal.add(-B, B, off=f)
+    normal.add(-B, B, errors=f)
     after = rng.normal(size=(count - 1, rows, nv))
-    normal.add(-B, after, off=2.0 * f)
+    normal.add(-B, after, errors=2.0 * f)
     g = rng.normal(size=(count - 2, rows))
-    normal.add(B[:-1], -B[:-1] - B[1:], B[1:], off=g)
-    ways, square, slope = (-1.0, 3.0, -3.0, 1.0), rng.uniform(1, 2, nv - 1), rng.normal(size=nv - 1)
-    normal.add_differences(ways, square, np.tile(slope, (count - SPAN, 1)), 1)
+    normal.add(B[:-1], -B[:-1] - B[1:], B[1:], errors=g)
+    coefficients, square, gradient = (
+        (-1.0, 3.0, -3.0, 1.0),
+        rng.uniform(1, 2, nv - 1),
+        rng.normal(size=nv - 1),
+    )
+    normal.add_differences(coefficients, square, np.tile(gradient, (count - SPAN, 1)), 1)
     for k in range(count):
         for r in range(rows):
             row({k: A[k, r]}, e[k, r])
@@ -37,11 +41,11 @@ def test_a_band_is_the_dense_least_squares(rng: np.random.Generator) -> None:
         for c in range(1, nv) if k < count - SPAN else ():
             w = np.sqrt(square[c - 1])
             unit = np.eye(nv)[c]
-            row({k + m: w * way * unit for m, way in enumerate(ways)}, slope[c - 1] / w)
+            row({k + m: w * way * unit for m, way in enumerate(coefficients)}, gradient[c - 1] / w)
     more, pull = rng.uniform(size=(count, nv)), rng.normal(size=(count, nv))
-    found = normal.solved(more, pull)
+    found = normal.solve(more, pull)
     M = np.array(dense)
     H = M.T @ M + np.diag(more.ravel())
     wanted = np.linalg.solve(H, -(M.T @ np.array(errors) + pull.ravel()))
     np.testing.assert_allclose(found.ravel(), wanted, rtol=1e-9, atol=1e-11)
-    np.testing.assert_allclose(normal.solved(more, pull), found)  # it may be asked again
+    np.testing.assert_allclose(normal.solve(more, pull), found)  # it may be asked again

@@ -12,11 +12,11 @@ import pytest
 import wbc
 from tests.retargeting.humans import crouching, stepping
 from wbc.retargeting import RetargetWeights, body_map
-from wbc.retargeting.beside import human_beside
-from wbc.retargeting.by_tick import between
-from wbc.retargeting.reaching import sunk, unlike
+from wbc.retargeting.initial_guess import interpolate
 from wbc.retargeting.result import Reached
-from wbc.retargeting.targets import balanced
+from wbc.retargeting.side_by_side import human_beside
+from wbc.retargeting.targets import balance_com
+from wbc.retargeting.tracking_errors import dissimilarity_notes, penetration_notes
 from wbc.robot import Robot
 from wbc.view.mcap_export import write_retargeted
 
@@ -39,14 +39,14 @@ def kept(motion: wbc.Retargeted) -> None:
     assert motion.slide < 1e-3
 
 
-def test_soles_that_pass_under_the_ground_are_told(crouch: wbc.Retargeted) -> None:
-    """As a walk's of a drifting suit: 55 mm under it in the air, and nothing was said."""
-    assert sunk(crouch.robot, crouch.targets, crouch.q) == []
+def test_swinging_soles_below_the_ground_are_noted(crouch: wbc.Retargeted) -> None:
+    """As in a walk recorded by a drifting suit: 55 mm below it in swing, and nothing was noted."""
+    assert penetration_notes(crouch.robot, crouch.targets, crouch.q) == []
     q = crouch.q.copy()
     q[3, 2] -= 0.02
-    told = sunk(crouch.robot, crouch.targets, q)
-    assert [note.split(" in the air")[0] for note in told] == [
-        f"the {foot} sole is up to 20 mm under the ground" for foot in crouch.robot.feet
+    notes = penetration_notes(crouch.robot, crouch.targets, q)
+    assert [note.split(",")[0] for note in notes] == [
+        f"the swinging {foot} sole is up to 20 mm below the ground" for foot in crouch.robot.feet
     ]
 
 
@@ -252,7 +252,7 @@ def test_balance_moves_the_com_by_a_part_of_the_human_s_motion(crouch: wbc.Retar
     """Of a human that bends ever more suddenly: as it does, or a third of its own way."""
     robot, targets = crouch.robot, crouch.targets
     for times in (1.0, 30.0, 300.0):
-        found = balanced(targets, robot, times * targets.angular_momentum)
+        found = balance_com(targets, robot, times * targets.angular_momentum)
         moved, human = found.com - targets.human_com, targets.human_com
         assert (moved[:, :2].std(axis=0) <= 0.3 * human[:, :2].std(axis=0) + 1e-9).all()
         each = [np.corrcoef(a, b)[0, 1] for a, b in zip(found.com.T, human.T, strict=True)]
@@ -260,30 +260,34 @@ def test_balance_moves_the_com_by_a_part_of_the_human_s_motion(crouch: wbc.Retar
         np.testing.assert_array_equal(found.com[:, 2], targets.com[:, 2])
 
 
-def test_what_is_little_like_the_human_is_said(crouch: wbc.Retargeted) -> None:
-    """Of a motion that is the human's but for a CoM that goes up when the human's goes down."""
+def test_motion_unlike_the_human_is_noted(crouch: wbc.Retargeted) -> None:
+    """The human's motion, but with the CoM's vertical motion reversed."""
     human, k = crouch.targets.human_com, crouch.targets.angular_momentum
     momentum = np.hstack((crouch.whole.momentum[:, :3], k))
     same = replace(crouch, whole=replace(crouch.whole, com=human, momentum=momentum), reached=())
-    assert unlike(same) == []
+    assert dissimilarity_notes(same) == []
     other = replace(same, whole=replace(same.whole, com=human * [1.0, 1.0, -1.0]))
-    (note,) = unlike(other)
+    (note,) = dissimilarity_notes(other)
     assert "CoM correlates by -1.00 along z" in note and "along x" not in note
-    assert f"moves by {1e3 * np.ptp(human[:, 2]):.0f} mm" in note and "momentum by" not in note
+    assert (
+        f"moves by {1e3 * np.ptp(human[:, 2]):.0f} mm" in note
+        and "momentum" not in note.split(";")[0]
+    )
     turned = momentum * [1.0, 1.0, 1.0, -1.0, -1.0, -1.0]
-    (note,) = unlike(replace(same, whole=replace(same.whole, momentum=turned)))
-    assert "angular momentum by -" in note and "CoM" not in note.split(";")[0]
+    (note,) = dissimilarity_notes(replace(same, whole=replace(same.whole, momentum=turned)))
+    assert "angular momentum correlates by -" in note and "CoM" not in note.split(";")[0]
     far = Reached("principal axis 1", 5.0, 12.0, 0.5, "deg")
     assert (
-        "long axis is up to 12 degrees off, at 0.50 s" in unlike(replace(same, reached=(far,)))[0]
+        "long axis is up to 12 degrees off, at 0.50 s"
+        in dissimilarity_notes(replace(same, reached=(far,)))[0]
     )
 
 
-def test_configurations_between_others_are_on_the_way(hoap2: Robot) -> None:
+def test_interpolated_configurations_are_geodesic(hoap2: Robot) -> None:
     rng = np.random.default_rng(3)
     start = hoap2.postures["standing"]
     q = np.array([hoap2.integrate(start, 0.3 * rng.normal(size=hoap2.nv), 1.0) for _ in range(3)])
-    found = between(hoap2, q, np.array([0.0, 0.25, 1.0, 1.5, 2.0]))
+    found = interpolate(hoap2, q, np.array([0.0, 0.25, 1.0, 1.5, 2.0]))
     np.testing.assert_allclose(found[[0, 2, 4]], q, atol=1e-12)  # rounding
     model = hoap2.model
     for one, (a, b, part) in zip(found[[1, 3]], ((0, 1, 0.25), (1, 2, 0.5)), strict=True):

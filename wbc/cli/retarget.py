@@ -266,7 +266,7 @@ def print_retargeted(found: Retargeted) -> None:
     from rich.text import Text
 
     from wbc.cli.printing import heads, print_unbalanced
-    from wbc.retargeting.prepared import APART
+    from wbc.retargeting.robot_setup import NO_SELF_COLLISION
 
     console, scale = Console(highlight=False), found.scale
     sizes = f"lengths {scale.length:.3f}, times {scale.time:.3f}, masses {scale.mass:.3f}"
@@ -289,7 +289,8 @@ def print_retargeted(found: Retargeted) -> None:
     for lacking in found.broken:
         console.print(Text.assemble(("not kept ", "red"), str(lacking)))
     if not found.broken:
-        margins = "" if any(note.startswith(APART) for note in found.notes) else " margins,"
+        no_margins = any(note.startswith(NO_SELF_COLLISION) for note in found.notes)
+        margins = "" if no_margins else " margins,"
         kept = f"soles, limits,{margins} speeds, accelerations"
         console.print(Text.assemble(("kept     ", "dim"), kept))
     print_unbalanced(console, found.unbalanced)

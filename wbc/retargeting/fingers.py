@@ -1,6 +1,6 @@
-"""Fingers follow nobody: they are held as they stand, and a motion is found for all else.
+"""Fingers are fixed in their standing posture, and a motion is found for all other joints.
 
-Each finger near each other one would be a margin in every frame, and a column for every joint.
+Each pair of fingers would be a margin in every frame, and each joint a column.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from wbc.validate import Array
 
 
 @dataclass(frozen=True, eq=False)
-class FingersHeld:
-    """A robot and how it is with rigid fingers.
+class FixedFingers:
+    """A robot with rigid fingers, and its configurations with movable ones.
 
     Attributes
     ----------
     robot:
-        With rigid fingers; the whole one if it has none.
+        With rigid fingers; the same robot if it has none.
     fingers:
         Their joints, by name.
     standing:
-        Configuration (nq,) of the whole robot, from which fingers are.
+        Configuration (nq,) of the whole robot, in which fingers are fixed.
     q_kept, v_kept:
-        Which of its coordinates and velocities the other has.
+        Indices of the whole robot's coordinates and velocities that the rigid one has.
     """
 
     robot: Robot
@@ -43,8 +43,8 @@ class FingersHeld:
     v_kept: NDArray[np.intp]
 
     @classmethod
-    def of(cls, robot: Robot, body: BodyMap) -> FingersHeld:
-        """Return what is held of a robot whose hands are known."""
+    def of(cls, robot: Robot, body: BodyMap) -> FixedFingers:
+        """Fix the fingers of a robot whose hands are known."""
         fingers, model = _fingers(robot, body), robot.model
         others = [joint for joint in range(1, model.njoints) if joint not in fingers]
         q = np.concatenate([model.idx_qs[joint] + np.arange(model.nqs[joint]) for joint in others])
@@ -55,12 +55,12 @@ class FingersHeld:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is held, in words."""
+        """Which fingers are fixed."""
         if not self.fingers:
             return ()
         return (f"fingers are held as they stand, {len(self.fingers)}: {listed(self.fingers, 4)}",)
 
-    def of_all_joints(self, q: Array) -> Array:
+    def all_joints(self, q: Array) -> Array:
         """Return configurations of the whole robot (n, nq) from those without fingers."""
         every = np.tile(self.standing, (len(q), 1))
         every[:, self.q_kept] = q
@@ -81,12 +81,12 @@ def _fingers(robot: Robot, body: BodyMap) -> list[int]:
     names = {str(robot.model.names[joint]) for joint in found}
     for follower, coupling in robot.couplings.items():
         if (follower in names) != (coupling.driver in names):
-            return []  # a hand that closes as its wrist turns, say
+            return []  # such as a hand that closes as its wrist turns
     return sorted(found)
 
 
 def _rigid(robot: Robot, joints: Collection[str], kept: NDArray[np.intp]) -> Robot:
-    """Return a robot with some joints rigid where they stand, and the coordinates that it keeps."""
+    """Return a robot with some joints fixed as it stands; ``kept``: its remaining coordinates."""
     model = reduced_model(robot.model, joints, robot.postures[STANDING])
     limits = JointLimits.of(model)
     return replace(

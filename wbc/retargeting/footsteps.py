@@ -22,7 +22,7 @@ from wbc.gait.footsteps import SIGN
 from wbc.gait.legs import SIDES, Legs, leg_joints
 from wbc.minimum_jerk import minimum_jerk
 from wbc.motion.dropouts import runs
-from wbc.retargeting.balanced import SupportedFrames, supports
+from wbc.retargeting.cop_correction import SupportedFrames, supports
 from wbc.retargeting.source import HumanFrames
 from wbc.robot import Robot
 from wbc.robot.postures import STANDING

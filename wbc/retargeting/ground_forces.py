@@ -1,4 +1,4 @@
-"""What the ground has to do for a motion, whether feet can, and the joints' torques."""
+"""Inverse dynamics of a motion: ground forces, whether feet can bear them, joint torques."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.optimize import nnls
 
 from wbc.gait.legs import SIDES
 from wbc.motion.dropouts import runs
-from wbc.retargeting.balanced import SupportedFrames, clipped
+from wbc.retargeting.cop_correction import SupportedFrames, project_onto_supports
 from wbc.rmp.ground import centre_of_pressure, in_contact
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
@@ -18,10 +18,10 @@ from wbc.robot.series import CentroidalSeries, state_series
 from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array
 
-# Edges of a friction cone's pyramid, inside the cone.
-EDGES = np.array([(np.cos(a), np.sin(a)) for a in np.pi * (np.arange(4) + 0.5) / 2.0])
-SPREAD = 1e-3  # of corner forces, by what the wrench counts: picks even ones
-# So little is rounding, or what a hand would not notice: m, 1, part of the torque.
+# Horizontal directions of the edges of a pyramid inside the friction cone.
+PYRAMID_EDGES = np.array([(np.cos(a), np.sin(a)) for a in np.pi * (np.arange(4) + 0.5) / 2.0])
+REGULARIZATION = 1e-3  # of corner forces, by the wrench's error: selects even ones
+# m, or relative: less is rounding, or negligible.
 TOLERANCES = {"CoP outside the feet": 1e-3, "friction above the cone": 5e-3,
               "torque above the limit": 1e-2, "force without a foot": 2e-2,
               "sole slides": 1e-3, "joint limit passed": 1e-9, "margin broken": 1e-6,
@@ -30,19 +30,19 @@ TOLERANCES = {"CoP outside the feet": 1e-3, "friction above the cone": 5e-3,
 
 @dataclass(frozen=True, eq=False)
 class GroundForces:
-    """What the ground does, n frames.
+    """Ground forces of n frames, and joint torques.
 
     Attributes
     ----------
     wrenches:
         Of both feet at their sole frames, force then moment, world axes (n, 2, 6) [N, N m]: the
-        most even ones within friction cones at the corners that touch.
+        most even ones inside the friction cones at the corners that touch.
     torque:
         Of the joints (n, nv - 6) [N m or N].
     cop:
-        That the motion asks for (n, 2) [m]; NaN where it asks for no push.
+        That the motion requires (n, 2) [m]; NaN where it requires no contact force.
     unbalanced:
-        What cannot be.
+        Where the feet cannot give these forces, or the joints these torques.
     """
 
     wrenches: Array
@@ -58,15 +58,15 @@ def ground_forces(
     acceleration: Array,
     whole: CentroidalSeries,
     time: Array,
-    stands: Sequence[SupportedFrames],
+    supports: Sequence[SupportedFrames],
     friction: float,
 ) -> GroundForces:
-    """Return what the ground has to do for a motion.
+    """Return the ground forces and joint torques of a motion.
 
     Parameters
     ----------
-    stands:
-        What frames stand on; all others are in the air.
+    supports:
+        Of the frames that have one; all others are in flight.
     friction:
         Coefficient.
     """
@@ -80,15 +80,16 @@ def ground_forces(
     )[:, :2]
     wrenches, torque = np.zeros((count, 2, 6)), np.empty((count, robot.nv - BASE_NV))
     # NaN where there is no CoP, or no foot.
-    outside = np.linalg.norm(cop - clipped(cop, stands, edge=True), axis=1)
-    lacking, standing = np.zeros(count), np.zeros(count, dtype=int)
-    for one in stands:
+    outside = np.linalg.norm(cop - project_onto_supports(cop, supports, margin=False), axis=1)
+    friction_excess, standing = np.zeros(count), np.zeros(count, dtype=int)
+    for one in supports:
         frames = one.frames
         standing[frames] = sum(n + 1 for n, _ in one.feet)
-        for n, wrench in _shares(one, force[frames], moment[frames], friction):
+        for n, wrench in _foot_wrenches(one, force[frames], moment[frames], friction):
             wrenches[frames, n] = wrench
-        level = np.hypot(*force[frames, :2].T)
-        lacking[frames] = level / np.maximum(force[frames, 2], 1e-3 * weight) - friction
+        horizontal = np.hypot(*force[frames, :2].T)
+        ratio = horizontal / np.maximum(force[frames, 2], 1e-3 * weight)
+        friction_excess[frames] = ratio - friction
     soles = [robot.feet[side].frame for side in SIDES]
     states = state_series(robot, q, v, soles)
     for n, sole in enumerate(soles):  # moments at the soles
@@ -101,52 +102,52 @@ def ground_forces(
         carried = np.swapaxes(states.jacobian(sole)[..., BASE_NV:], 1, 2) @ wrenches[:, n, :, None]
         torque -= carried[..., 0]
     names = np.array(["in the air", "left", "right", "both feet"])[standing]
-    alone = np.where(standing > 0, 0.0, np.linalg.norm(force, axis=1) / weight)
-    over = np.abs(torque) / robot.limits.effort - 1.0
+    unsupported = np.where(standing > 0, 0.0, np.linalg.norm(force, axis=1) / weight)
+    torque_excess = np.abs(torque) / robot.limits.effort - 1.0
     found = [
-        *stretches("CoP outside the feet", outside, time, names),
-        *stretches("friction above the cone", lacking, time, names),
-        *stretches("force without a foot", alone, time, names),
+        *intervals_above("CoP outside the feet", outside, time, names),
+        *intervals_above("friction above the cone", friction_excess, time, names),
+        *intervals_above("force without a foot", unsupported, time, names),
     ]
-    for joint, column in zip(robot.joint_names, over.T, strict=True):
-        found += stretches("torque above the limit", column, time, np.full(count, joint))
+    for joint, column in zip(robot.joint_names, torque_excess.T, strict=True):
+        found += intervals_above("torque above the limit", column, time, np.full(count, joint))
     return GroundForces(wrenches, torque, cop, tuple(found))
 
 
-def _shares(
+def _foot_wrenches(
     stand: SupportedFrames, force: Array, moment: Array, friction: float
 ) -> list[tuple[int, Array]]:
-    """Return the wrenches (m, 6) of feet that make forces and moments (m, 3), about the origin."""
-    ways = np.column_stack((friction * EDGES, np.ones(len(EDGES))))  # (4, 3)
+    """Return feet's wrenches (m, 6) that sum up to force and moment (m, 3) about the origin."""
+    directions = np.column_stack((friction * PYRAMID_EDGES, np.ones(len(PYRAMID_EDGES))))  # (4, 3)
     points = [_distinct(corners) for _, corners in stand.feet]
-    at = np.repeat(np.concatenate(points), len(ways), axis=0)  # (e, 3)
-    along = np.tile(ways, (len(at) // len(ways), 1))
-    middle = at.mean(axis=0)  # about which moments count
+    at = np.repeat(np.concatenate(points), len(directions), axis=0)  # (e, 3)
+    along = np.tile(directions, (len(at) // len(directions), 1))
+    middle = at.mean(axis=0)  # moments are taken about it
     G = np.vstack((along.T, np.cross(at - middle, along).T))
-    A = np.vstack((G, SPREAD * np.eye(len(at))))
+    A = np.vstack((G, REGULARIZATION * np.eye(len(at))))
     size = np.linalg.norm(force, axis=1)[:, None] + 1.0
     wanted = np.hstack((force, moment - np.cross(middle, force))) / size
-    # Where no force pulls anyway, all frames at once: the same least squares by G' (G G' + s^2)^-1.
-    edges = np.linalg.solve(G @ G.T + SPREAD**2 * np.eye(len(G)), wanted.T).T @ G
+    # Frames whose unconstrained solution has no pulling force need no NNLS: G' (G G' + s^2)^-1.
+    edges = np.linalg.solve(G @ G.T + REGULARIZATION**2 * np.eye(len(G)), wanted.T).T @ G
     none = np.zeros(len(at))
     for k in np.flatnonzero((edges < 0.0).any(axis=1)).tolist():
         edges[k] = nnls(A, np.concatenate((wanted[k], none)))[0]
     edges *= size
     wrench = np.hstack((along, np.cross(at, along)))  # of each edge
-    owner = np.repeat([n for n, _ in stand.feet], [len(ways) * len(p) for p in points])
+    owner = np.repeat([n for n, _ in stand.feet], [len(directions) * len(p) for p in points])
     return [(n, edges[:, owner == n] @ wrench[owner == n]) for n, _ in stand.feet]
 
 
 def _distinct(corners: Array) -> Array:
-    """Return corners (k, 3) without those that repeat the one before."""
+    """Return corners (k, 3) without repeated neighbours."""
     return corners[np.concatenate(([True], (np.diff(corners, axis=0) != 0.0).any(axis=1)))]
 
 
-def stretches(what: str, by: Array, time: Array, where: Array) -> list[Unbalanced]:
-    """Return the stretches in which a number is above its tolerance."""
+def intervals_above(what: str, excess: Array, time: Array, where: Array) -> list[Unbalanced]:
+    """Return the intervals in which an excess (n,) is above its tolerance."""
     found = []
-    for first, end in runs(by > TOLERANCES[what]):
-        worst = first + int(np.argmax(by[first:end]))
+    for first, end in runs(excess > TOLERANCES[what]):
+        worst = first + int(np.argmax(excess[first:end]))
         span = float(time[first]), float(time[end - 1]), float(time[worst])
-        found.append(Unbalanced(what, float(by[worst]), *span, str(where[worst])))
+        found.append(Unbalanced(what, float(excess[worst]), *span, str(where[worst])))
     return found

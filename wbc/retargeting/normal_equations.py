@@ -1,4 +1,4 @@
-"""Normal equations in which only neighbouring frames are coupled: one band of a matrix."""
+"""Banded normal equations: only neighbouring frames are coupled."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wbc.errors import SolverError
 from wbc.native import doubles, lib, pointer
 from wbc.validate import Array
 
-SPAN = 3  # frames that are coupled
+SPAN = 3  # frames ahead that one is coupled with
 
 
 class NormalEquations:
@@ -20,45 +20,45 @@ class NormalEquations:
 
     Attributes
     ----------
-    slope:
-        (n, nv).
+    gradient:
+        (n, nv), of half the sum of squares.
     """
 
     def __init__(self, count: int, nv: int) -> None:
         # LAPACK's lower band by columns: entry (i, j) of the matrix is [j, i - j].
         self._band = np.zeros((count, nv, (SPAN + 1) * nv))
-        self.slope = np.zeros((count, nv))
+        self.gradient = np.zeros((count, nv))
 
-    def add(self, *parts: Array, off: Array) -> None:
+    def add(self, *parts: Array, errors: Array) -> None:
         """Add A_k d_k + B_k d_k+1 + ..., parts A, B, ... (m, r, nv), errors (m, r)."""
         (count, rows, nv), span = parts[0].shape, len(parts)
         J = np.empty((count, rows, span, nv))
         for k, part in enumerate(parts):
             J[:, :, k] = part
-        given = pointer(J), pointer(np.ascontiguousarray(off))
-        height, sums = self._band.shape[2], (doubles(self._band), doubles(self.slope))
-        lib.wbc_add_normal_equations(count, nv, span, rows, *given, height, *sums)
+        inputs = pointer(J), pointer(np.ascontiguousarray(errors))
+        sums = doubles(self._band), doubles(self.gradient)
+        lib.wbc_add_normal_equations(count, nv, span, rows, *inputs, self._band.shape[2], *sums)
 
     def add_differences(
-        self, ways: Sequence[float], square: Array, slope: Array, first: int = 0
+        self, coefficients: Sequence[float], square: Array, gradient: Array, first: int = 0
     ) -> None:
-        """Add differences over frames of the coordinates from ``first`` on, one by one.
+        """Add differences over frames of each coordinate from ``first`` on, by itself.
 
         Parameters
         ----------
-        ways:
+        coefficients:
             Of the difference, such as (1, -2, 1).
-        square, slope:
-            Of each difference (m, k), by itself.
+        square, gradient:
+            Squared weight of each difference, and that times its error (m, k).
         """
-        count, nv = len(slope), self.slope.shape[1]
-        for i, a in enumerate(ways):
-            self.slope[i : count + i, first:] += a * slope
-            for j in range(i, len(ways)):
-                self._band[i : count + i, first:, (j - i) * nv] += a * ways[j] * square
+        count, nv = len(gradient), self.gradient.shape[1]
+        for i, a in enumerate(coefficients):
+            self.gradient[i : count + i, first:] += a * gradient
+            for j in range(i, len(coefficients)):
+                self._band[i : count + i, first:, (j - i) * nv] += a * coefficients[j] * square
 
-    def solved(self, more: Array, pull: Array) -> Array:
-        """Return displacements (n, nv), with ``more`` and ``pull`` (n, nv) on diagonal and slope.
+    def solve(self, diagonal: Array, gradient: Array) -> Array:
+        """Return displacements (n, nv), with (n, nv) added to the diagonal and the gradient.
 
         Raises
         ------
@@ -66,24 +66,24 @@ class NormalEquations:
             The matrix is not positive definite.
         """
         band = self._band.copy()
-        band[..., 0] += more
-        rows = band.reshape(more.size, -1).T
+        band[..., 0] += diagonal
+        rows = band.reshape(diagonal.size, -1).T
         try:
             found = solveh_banded(
-                rows, -(self.slope + pull).ravel(), lower=True, overwrite_ab=True,
+                rows, -(self.gradient + gradient).ravel(), lower=True, overwrite_ab=True,
                 check_finite=False,
             )  # fmt: skip
         except LinAlgError as failure:
             raise SolverError(
                 f"retarget: the motion's least squares failed: {failure}"
             ) from failure
-        return np.asarray(found.reshape(pull.shape))
+        return np.asarray(found.reshape(gradient.shape))
 
 
-def padded(frames: NDArray[np.intp], J: Array, off: Array, count: int) -> tuple[Array, Array]:
-    """Return rows (k, nv) and errors (k,) of increasing frames by frame, filled up with zeros."""
+def pad_rows(frames: NDArray[np.intp], J: Array, e: Array, count: int) -> tuple[Array, Array]:
+    """Return rows (k, nv) and errors (k,) frame by frame, padded with zeros; frames are sorted."""
     place = np.arange(len(frames)) - np.searchsorted(frames, frames)  # in its frame
     shape = count, int(place.max()) + 1
     rows, errors = np.zeros((*shape, J.shape[1])), np.zeros(shape)
-    rows[frames, place], errors[frames, place] = J, off
+    rows[frames, place], errors[frames, place] = J, e
     return rows, errors

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 from wbc.errors import InvalidInputError
 from wbc.polygon import inset, nearest_point
-from wbc.retargeting.balanced import cop_of, moved
+from wbc.retargeting.cop_correction import com_displacement, required_cop
 from wbc.retargeting.ground_forces import ground_forces
 from wbc.retargeting.standing import StandingMotion
 from wbc.robot.limits import BASE_NQ
@@ -151,9 +151,9 @@ class MotionReference:
         m, k_rate = robot.mass, whole.momentum_rate[:, 3:]
         com, com_velocity = whole.com, whole.momentum[:, :3] / m
         com_acceleration = whole.momentum_rate[:, :3] / m
-        cop, square = cop_of(com, k_rate, m, robot.gravity, dt)
+        cop, time_constant_sq = required_cop(com, k_rate, m, robot.gravity, dt)
         if self.lean is not None:
-            off = moved(self._goal(cop) - cop, square, dt)
+            off = com_displacement(self._goal(cop) - cop, time_constant_sq, dt)
             off = np.column_stack((off, np.zeros(len(off))))
             self.led = float(np.linalg.norm(off, axis=1).max())
             speed = np.gradient(off, dt, axis=0)

@@ -1,4 +1,4 @@
-"""A human's motion on a robot, and how near it came."""
+"""A human's motion on a robot, and its tracking errors."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from wbc.robot.series import CentroidalSeries, sole_series
 from wbc.tracking.unbalanced import Unbalanced
 from wbc.validate import Array
 
-TOUCHING = 1e-3  # m: higher corners do not touch the ground
+CONTACT_HEIGHT = 1e-3  # m: higher corners do not touch the ground
 
 
 @dataclass(frozen=True)
 class Reached:
-    """How near a task came to its target over the motion.
+    """A task's tracking error over the motion.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Retargeted:
     Attributes
     ----------
     robot, source:
-        Whose it is, and the recording it comes from.
+        The robot, and the recording that the motion comes from.
     scale:
         From the human to the robot.
     time:
@@ -66,19 +66,19 @@ class Retargeted:
     whole:
         CoM, momentum, inertia and their rates.
     targets:
-        What was asked for.
+        Of the tasks, scaled to the robot.
     wrenches:
         On the feet, left and right, at their sole frames (n, 2, 6) [N, N m].
     torque:
         Of the joints (n, nv - 6).
     cop:
-        (n, 2) [m]; NaN where the motion asks for no push of the ground.
+        (n, 2) [m]; NaN where the motion requires no force of the ground.
     reached:
-        How near each task came.
+        Tracking errors by task.
     unbalanced:
         Where the motion cannot be balanced as it is, and why.
     broken:
-        What is hard and was not kept, by how much, when and where; empty if all was.
+        Violated constraints, by how much, when and where; empty if there are none.
     notes:
         What was changed, left out and guessed.
     """
@@ -118,10 +118,10 @@ class Retargeted:
 
     @property
     def com_correlation(self) -> Array:
-        """Of the CoM's way with the human's, scaled: x, y and z (3,).
+        """Of the CoM's path with the human's, scaled: x, y and z (3,).
 
         Along an axis in which the human moves by millimetres, balance moves the robot by as much:
-        there it says little, and the errors in ``reached`` say more.
+        there the errors in ``reached`` say more.
         """
         return correlations(self.whole.com, self.targets.human_com)
 
@@ -132,11 +132,11 @@ class Retargeted:
 
     @property
     def slide(self) -> float:
-        """How far a corner of a sole moves at most while it touches the ground [m]."""
+        """Largest displacement of a sole's corner while it touches the ground [m]."""
         return float(slides(self.robot, self.targets, self.q).max())
 
     def save(self, path: str | Path, layout: str = "wbc") -> None:
-        """Write the motion; see :mod:`wbc.retargeting.layouts` for what a layout has.
+        """Write the motion; see :mod:`wbc.retargeting.layouts` for the layouts.
 
         Parameters
         ----------
@@ -158,9 +158,9 @@ class Retargeted:
 
 
 def slides(robot: Robot, targets: Targets, q: Array) -> Array:
-    """Return how far a corner of a sole that touches the ground is from where it came down (n, 2).
+    """Return the largest distance of a sole's corners from where they touched down (n, 2) [m].
 
-    At most, in m; 0 in the air. Of a foot that stands along its length only, that line's ends.
+    0 in the air. Of a foot that stands along its length only, the line's ends count.
     """
     soles = sole_series(robot, q)
     found = np.zeros((len(q), len(SIDES)))
@@ -168,24 +168,25 @@ def slides(robot: Robot, targets: Targets, q: Array) -> Array:
         path, T = targets.feet.paths[side], soles[side]
         R, place = path.rotation, path.place
         for first, end in runs(path.down):
-            # The corners that touch, by the pitch that is wanted.
-            own = np.einsum("nji,nkj->nki", R, path.corners - place[:, None])[first:end]
+            # The corners that touch at the wanted pitch, in axes of the sole.
+            local = np.einsum("nji,nkj->nki", R, path.corners - place[:, None])[first:end]
             if side in targets.feet.lines:
-                own[..., 1] = 0.0
-            # Of a sole with a pointed end the corner next to the point is lifted with the rest.
+                local[..., 1] = 0.0
+            # The edge of a pointed sole is one corner: lifted corners are replaced by the lowest.
             low = np.argmin(path.corners[first:end, :, 2], axis=1)
-            lifted = path.corners[first:end, :, 2] > TOUCHING
-            own = np.where(lifted[..., None], own[np.arange(len(own)), low][:, None], own)
-            same = np.abs(np.diff(own, axis=0)).max(axis=(1, 2)) < 1e-6
-            at = own @ np.swapaxes(T[first:end, :3, :3], 1, 2) + T[first:end, None, :3, 3]
+            lifted = path.corners[first:end, :, 2] > CONTACT_HEIGHT
+            lowest = local[np.arange(len(local)), low][:, None]
+            local = np.where(lifted[..., None], lowest, local)
+            same = np.abs(np.diff(local, axis=0)).max(axis=(1, 2)) < 1e-6
+            at = local @ np.swapaxes(T[first:end, :3, :3], 1, 2) + T[first:end, None, :3, 3]
             for a, b in runs(np.concatenate((same, [False]))):
-                way = np.linalg.norm(at[a : b + 1] - at[a], axis=2).max(axis=1)
-                found[first + a : first + b + 1, number] = way
+                distance = np.linalg.norm(at[a : b + 1] - at[a], axis=2).max(axis=1)
+                found[first + a : first + b + 1, number] = distance
     return found
 
 
 def correlations(a: Array, b: Array) -> Array:
-    """Return Pearson's coefficients of the columns; 1 where neither changes, 0 where one does."""
+    """Return Pearson's correlation of columns; 1 where both are constant, 0 where one is."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     sizes = np.sqrt((a**2).sum(axis=0) * (b**2).sum(axis=0))
     still = sizes < 1e-12

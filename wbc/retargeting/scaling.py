@@ -19,26 +19,24 @@ from wbc.tasks import AxisTask, OrientationTask, PostureTask, Task
 from wbc.validate import Array, finite_number
 
 FROUDE, KEPT = "froude", "kept"
-STEP, STEPS = 0.02, 60  # s: of the ticks that bring a robot from standing to hanging arms
+DT, STEPS = 0.02, 60  # s, 1: ticks that bring a robot from standing to hanging arms
 
 
 @dataclass(frozen=True)
 class MotionScale:
     """What a human's motion is multiplied by.
 
-    With lengths by L and times by sqrt(L) accelerations stay as they are, and so does the Froude
-    number v^2/(g l) (Alexander and Jayes 1983): CoP and friction then scale with the body, and
-    what balanced a human balances a robot of the same shape. With another time it does not, and
-    the CoM has to be moved for it (:mod:`wbc.retargeting.balanced`).
+    With lengths scaled by L and times by sqrt(L), accelerations and the Froude number v^2/(g l) are
+    unchanged (Alexander and Jayes 1983): CoP and friction then scale with the body, and a motion
+    that balances a human balances a robot of the same shape. With another time it does not, and the
+    CoM has to be moved (:mod:`wbc.retargeting.cop_correction`).
 
     Attributes
     ----------
     length:
-        Of the legs, hip to sole, the robot's by the human's.
-    time:
-        Duration.
-    mass:
-        Masses.
+        Of the robot's legs, hip to sole, by the human's.
+    time, mass:
+        Duration and mass by the human's.
     human_height, robot_height:
         Of the CoM over the soles with straight legs and arms hanging [m].
     """
@@ -62,14 +60,14 @@ class MotionScale:
 
 @dataclass(frozen=True, eq=False)
 class StandingBody:
-    """A robot that stands as a human does, arms hanging.
+    """Dimensions of a robot that stands with hanging arms.
 
     Attributes
     ----------
     hips:
         From the CoM (2, 3) [m], left and right; x forwards, z up.
     com_height:
-        Of the CoM over the soles if the legs were straight [m].
+        Of the CoM over the soles with straight legs [m].
     ankle_height:
         Of the ankles over the soles [m].
     """
@@ -79,8 +77,8 @@ class StandingBody:
     ankle_height: float
 
 
-def standing_of(robot: Robot, legs: Legs, body: BodyMap) -> StandingBody:
-    """Return how a robot stands with its trunk upright and its arms hanging."""
+def standing_body(robot: Robot, legs: Legs, body: BodyMap) -> StandingBody:
+    """Return the dimensions of a robot that stands with an upright trunk and hanging arms."""
     start = robot.snapshot(robot.postures[STANDING])
     tasks: list[Task] = [PostureTask(robot, start.q, weight=0.02, gain=0.2)]
     for frame, R in body.upright.items():
@@ -91,11 +89,11 @@ def standing_of(robot: Robot, legs: Legs, body: BodyMap) -> StandingBody:
             tasks.append(AxisTask(robot, frame, (0, 0, -1), axis=axis, name=name, gain=0.2))
     contacts, limits = support(start, "double"), Limits(robot, velocity=None)
     controller = KinematicController(
-        robot, tasks, contacts=contacts, limits=limits, dt=STEP, damping=1e-4
+        robot, tasks, contacts=contacts, limits=limits, dt=DT, damping=1e-4
     )
     q = start.q
     for _ in range(STEPS):
-        q = robot.integrate(q, controller.step(robot.snapshot(q)).velocity, STEP)
+        q = robot.integrate(q, controller.step(robot.snapshot(q)).velocity, DT)
     found = robot.snapshot(q)
     chains = [leg_joints(robot, side) for side in SIDES]
     hips, ankles = (
@@ -108,7 +106,7 @@ def standing_of(robot: Robot, legs: Legs, body: BodyMap) -> StandingBody:
     return StandingBody(hips - found.com, up, ankle - float(np.mean(soles[:, 2])))
 
 
-def scale_of(
+def motion_scale(
     human: HumanMotion, robot: Robot, legs: Legs, standing: StandingBody, duration: str | float
 ) -> MotionScale:
     """Return the scale from a human to a robot with these legs.
@@ -121,7 +119,7 @@ def scale_of(
     Raises
     ------
     InvalidInputError
-        Another word, or a number that is not positive.
+        Another word, or a factor that is not positive.
     """
     body = human.motion.robot
     q = np.zeros(body.nq)

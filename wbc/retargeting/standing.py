@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from wbc.errors import InvalidInputError, shown
 from wbc.files import ArrayFileError, read_arrays
 from wbc.gait.legs import SIDES
-from wbc.retargeting.balanced import SupportedFrames, supports
+from wbc.retargeting.cop_correction import SupportedFrames, supports
 from wbc.retargeting.result import Retargeted
 from wbc.robot import Robot
 from wbc.robot.series import sole_series

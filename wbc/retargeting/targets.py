@@ -1,4 +1,4 @@
-"""What a robot is asked to do in each frame: a human's motion, scaled to it."""
+"""A robot's targets in each frame: a human's motion, scaled to it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.gait.legs import SIDES, Legs, leg_joints
-from wbc.retargeting.balanced import cop_of, least_moved, loads, pressing
 from wbc.retargeting.body_map import BodyMap
+from wbc.retargeting.cop_correction import (
+    cop_displacement,
+    least_com_displacement,
+    load_shares,
+    required_cop,
+)
 from wbc.retargeting.footsteps import FootPath, FootPaths, foot_paths, pitched
 from wbc.retargeting.scaling import MotionScale, StandingBody
 from wbc.retargeting.source import HumanFrames
@@ -19,19 +24,18 @@ from wbc.robot.postures import STANDING
 from wbc.spatial import vech_inverse
 from wbc.validate import Array
 
-# For legs to reach, the CoM is lowered and steps get shorter, by what is least in squares of these
-# parts of the legs' length and of the level distances.
-LOWERED, SHORTENED = 0.05, 0.2
-SHORTEST = 0.5  # part of the human's scaled level distances that is left at least
-TRIED = 26  # shares
-STRAIGHTEST = 0.985  # part of the full length that standing legs are stretched to
-STRAIGHT = 0.9  # part of its way that the CoM is away at the end
-# Of its height: so far the CoM is moved for balance at most; how suddenly it is held there.
-FARTHEST, SUDDEN = 0.15, 8
-# And to and fro along an axis by this part of the human's own motion at most, rms by rms: by a
-# third of it both correlate by 0.95.
-UNLIKE = 0.3
-AHEAD = 0.08  # of the legs' length: so far the CoM is put ahead at most
+# Where legs do not reach, the CoM is lowered and steps are shortened: the least sum of squares of
+# the lowering by this part of the legs' length and of the shortening by this part of the steps.
+LOWERING_UNIT, SHORTENING_UNIT = 0.05, 0.2
+MIN_STEP_SCALE = 0.5  # of the human's scaled horizontal distances
+STEP_SCALES = 26  # candidates between MIN_STEP_SCALE and 1
+MAX_LEG_EXTENSION = 0.985  # of standing legs, by their full length
+STRAIGHT_WALK = 0.9  # distance of the CoM between both ends by the length of its path
+# The CoM's displacement for balance saturates at this part of its height, as (1 + x^p)^(-1/p).
+MAX_DISPLACEMENT, SATURATION_POWER = 0.15, 8
+# Its standard deviation along an axis by the human CoM's: a third makes both correlate by 0.95.
+MAX_DEVIATION = 0.3
+MAX_FORWARD_SHIFT = 0.08  # of the CoM over the feet, by the legs' length
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +57,13 @@ class Targets:
     inertia:
         The human's, scaled (n, 3, 3) [kg m^2].
     feet:
-        Ways of the soles.
+        Paths of the soles.
     human_com:
         The human's CoM, scaled, before it was moved for balance and reach (n, 3) [m].
     cop:
-        Of the targets, where the feet can push (n, 2) [m]; NaN in the air.
+        Of the targets, inside the feet that stand (n, 2) [m]; NaN in the air.
     notes:
-        What was changed, in words.
+        What was changed.
     """
 
     time: Array
@@ -88,19 +92,21 @@ def scaled_targets(
     source: HumanFrames, robot: Robot, legs: Legs, body: BodyMap, standing: StandingBody,
     scale: MotionScale, balance: bool,
 ) -> Targets:  # fmt: skip
-    """Return a robot's targets, the CoM moved where the feet can push (``balance``)."""
+    """Return a robot's targets; with ``balance`` the CoM is moved so that the CoP is feasible."""
     series = source.series
     dt = scale.time * float(series.time[1] - series.time[0])
     pelvis = source.rotation["pelvis"] @ body.upright[body.pelvis]
-    feet = foot_paths(source, robot, legs, _spread(source, scale, 1.0))
-    share, lowered, notes = _within_reach(source, robot, legs, standing, scale, pelvis, body, feet)
-    spread = _spread(source, scale, share)
-    if share < 1.0:
-        feet = foot_paths(source, robot, legs, spread)
-    com = _scaled_com(source, legs, standing, scale, spread)
-    com[:, 2] -= lowered
+    feet = foot_paths(source, robot, legs, _step_scaling(source, scale, 1.0))
+    step_scale, lowering, notes = _step_scale_and_lowering(
+        source, robot, legs, standing, scale, pelvis, body, feet
+    )
+    scaling = _step_scaling(source, scale, step_scale)
+    if step_scale < 1.0:
+        feet = foot_paths(source, robot, legs, scaling)
+    com = _scaled_com(source, legs, standing, scale, scaling)
+    com[:, 2] -= lowering
     if feet.wider > 0.0:
-        why = "as legs stand that cannot roll them" if feet.lines else "to pass each other"
+        why = "for legs that cannot roll the soles" if feet.lines else "to pass each other"
         notes += (f"feet set {1e3 * feet.wider:.0f} mm farther outwards each, {why}",)
     notes += feet.notes
     k = scale.angular_momentum * series.momentum[:, 3:]
@@ -127,136 +133,140 @@ def scaled_targets(
         cop=np.full((len(source), 2), np.nan),
         notes=notes,
     )
-    return balanced(targets, robot, k) if balance else targets
+    return balance_com(targets, robot, k) if balance else targets
 
 
-def balanced(targets: Targets, robot: Robot, k: Array, com: Array | None = None) -> Targets:
-    """Return targets with the CoM moved so that the CoP is where feet stand.
+def balance_com(targets: Targets, robot: Robot, k: Array, com: Array | None = None) -> Targets:
+    """Return targets with the CoM moved so that the CoP is inside the feet that stand.
 
     Parameters
     ----------
     k:
-        Angular momentum (n, 3) that the robot has, or is wanted to have [kg m^2/s].
+        Angular momentum (n, 3) of the robot, or of its targets [kg m^2/s].
     com:
-        Its CoM (n, 3) [m]; None: the wanted one.
+        CoM (n, 3) of the robot [m]; None: of the targets.
     """
     dt = targets.dt
     k_rate = np.gradient(k, dt, axis=0)
-    cop, square = cop_of(targets.com if com is None else com, k_rate, robot.mass, robot.gravity, dt)
-    # From the human's on: what was moved before may be taken back.
+    cop, time_constant_sq = required_cop(
+        targets.com if com is None else com, k_rate, robot.mass, robot.gravity, dt
+    )
+    # The displacement is relative to the human's CoM: an earlier one may be taken back.
     before = targets.com[:, :2] - targets.human_com[:, :2]
-    off, goal = least_moved(cop - pressing(before, square, dt), square, dt, targets.feet.supports)
-    moving = targets.com.copy()
-    # What cannot be balanced is not balanced by a CoM that runs away from the human's.
-    part = np.linalg.norm(off, axis=1) / (FARTHEST * float(np.mean(targets.com[:, 2])))
-    off /= ((1.0 + part**SUDDEN) ** (1.0 / SUDDEN))[:, None]
-    # Nor by one that goes its own way where the human's hardly moves.
-    mean, own = off.mean(axis=0), targets.human_com[:, :2].std(axis=0)
-    off -= mean
-    off *= np.minimum(1.0, UNLIKE * own / np.maximum(off.std(axis=0), 1e-12))
-    moving[:, :2] = targets.human_com[:, :2] + mean + off
-    return replace(targets, com=moving, cop=goal)
+    undisplaced = cop - cop_displacement(before, time_constant_sq, dt)
+    e, goal = least_com_displacement(undisplaced, time_constant_sq, dt, targets.feet.supports)
+    # A motion that cannot be balanced must not drag the CoM far from the human's,
+    ratio = np.linalg.norm(e, axis=1) / (MAX_DISPLACEMENT * float(np.mean(targets.com[:, 2])))
+    e /= ((1.0 + ratio**SATURATION_POWER) ** (1.0 / SATURATION_POWER))[:, None]
+    # nor make it oscillate where the human's hardly moves.
+    mean, human = e.mean(axis=0), targets.human_com[:, :2].std(axis=0)
+    e -= mean
+    e *= np.minimum(1.0, MAX_DEVIATION * human / np.maximum(e.std(axis=0), 1e-12))
+    displaced = targets.com.copy()
+    displaced[:, :2] = targets.human_com[:, :2] + mean + e
+    return replace(targets, com=displaced, cop=goal)
 
 
-def _held(path: FootPath) -> Array:
-    """Return a foot's shift (n, 2) where it stands flat, interpolated between."""
+def _flat_shift(path: FootPath) -> Array:
+    """Return a foot's shift (n, 2) [m] where it stands flat, interpolated elsewhere."""
     frames, flat = np.arange(len(path.down)), path.down & (path.pitch == 0.0)
     if not flat.any():
         return np.zeros_like(path.shift)
     return np.column_stack([np.interp(frames, frames[flat], one[flat]) for one in path.shift.T])
 
 
-def _spread(source: HumanFrames, scale: MotionScale, share: float) -> Array:
-    """Return what takes a human's places to the robot's (3, 3), steps shortened to ``share``.
+def _step_scaling(source: HumanFrames, scale: MotionScale, step_scale: float) -> Array:
+    """Return the matrix (3, 3) from a human's positions to the robot's.
 
-    Who walks straight on is shortened along that way only: sideways steps stay as wide.
+    Of a straight walk only the distances along it are scaled by ``step_scale``, so that the width
+    of the steps stays; otherwise all horizontal ones.
     """
-    spread = scale.length * np.eye(3)
+    scaling = scale.length * np.eye(3)
     com = source.series.com[:, :2]
     net, whole = com[-1] - com[0], float(np.linalg.norm(np.diff(com, axis=0), axis=1).sum())
     length = float(np.linalg.norm(net))
-    if length > STRAIGHT * whole and length > 0.0:
-        spread[:2, :2] -= scale.length * (1.0 - share) * np.outer(net, net) / length**2
+    if length > STRAIGHT_WALK * whole and length > 0.0:
+        scaling[:2, :2] -= scale.length * (1.0 - step_scale) * np.outer(net, net) / length**2
     else:
-        spread[:2, :2] *= share
-    return spread
+        scaling[:2, :2] *= step_scale
+    return scaling
 
 
 def _scaled_com(
-    source: HumanFrames, legs: Legs, standing: StandingBody, scale: MotionScale, spread: Array
+    source: HumanFrames, legs: Legs, standing: StandingBody, scale: MotionScale, scaling: Array
 ) -> Array:
     """Return the human's CoM, scaled (n, 3) [m], over the robot's ground.
 
-    A robot may have its hips farther behind its CoM than a human. By how much, on average over the
-    motion, the CoM is put ahead, so that legs have what they reach on both sides.
+    A robot may have its hips farther behind its CoM than a human: the CoM is shifted forward by the
+    mean difference, so that the legs reach as far forward as backward.
     """
     height = source.series.com[:, 2] - source.series.ground_height - scale.human_height
-    turns = pitched(source.heading, np.zeros(len(source)))
-    ahead = scale.length * float(np.mean(np.einsum("nji,nj->ni", turns, source.hips)[:, 0]))
-    ahead -= float(standing.hips[:, 0].mean())
-    most = AHEAD * legs.length
+    R = pitched(source.heading, np.zeros(len(source)))
+    shift = scale.length * float(np.mean(np.einsum("nji,nj->ni", R, source.hips)[:, 0]))
+    shift -= float(standing.hips[:, 0].mean())
+    most = MAX_FORWARD_SHIFT * legs.length
     com = np.empty((len(source), 3))
-    com[:, :2] = source.series.com[:, :2] @ spread[:2, :2].T
-    com[:, :2] += min(max(ahead, -most), most) * turns[:, :2, 0]
+    com[:, :2] = source.series.com[:, :2] @ scaling[:2, :2].T
+    com[:, :2] += min(max(shift, -most), most) * R[:, :2, 0]
     com[:, 2] = scale.robot_height + scale.length * height
     return com
 
 
-def _within_reach(
+def _step_scale_and_lowering(
     source: HumanFrames, robot: Robot, legs: Legs, standing: StandingBody, scale: MotionScale,
-    pelvis: Array, body: BodyMap, widest: FootPaths,
+    pelvis: Array, body: BodyMap, unscaled: FootPaths,
 ) -> tuple[float, float, tuple[str, ...]]:  # fmt: skip
-    """Return which part of level distances legs reach, and by how much the CoM is lowered [m].
+    """Return the scale of the steps and the lowering of the CoM [m] for legs to reach, and notes.
 
-    ``widest``: ways of the feet with all of the level distances.
+    ``unscaled``: paths of the feet with a step scale of 1.
     """
-    lacking = _stretch(source, robot, legs, standing, scale, pelvis, body, widest)
-    shares = np.linspace(1.0, SHORTEST, TRIED)
-    lower = np.array([lacking(share) for share in shares])
-    cost = (lower / (LOWERED * legs.length)) ** 2 + ((1.0 - shares) / SHORTENED) ** 2
-    share, lowered = float(shares[np.argmin(cost)]), float(lower[np.argmin(cost)])
+    lowering = _required_lowering(source, robot, legs, standing, scale, pelvis, body, unscaled)
+    scales = np.linspace(1.0, MIN_STEP_SCALE, STEP_SCALES)
+    lower = np.array([lowering(one) for one in scales])
+    cost = (lower / (LOWERING_UNIT * legs.length)) ** 2 + ((1.0 - scales) / SHORTENING_UNIT) ** 2
+    step_scale, lowered = float(scales[np.argmin(cost)]), float(lower[np.argmin(cost)])
     notes = list[str]()
-    if share < 1.0:
-        notes.append(f"steps are {share:.0%} of the human's, scaled: the legs reach so far")
+    if step_scale < 1.0:
+        notes.append(f"steps are {step_scale:.0%} of the human's, scaled: the legs reach so far")
     if lowered > 0.0:
         notes.append(f"the CoM is {1e3 * lowered:.0f} mm lower, for flat feet to reach the ground")
-    return share, lowered, tuple(notes)
+    return step_scale, lowered, tuple(notes)
 
 
-def _stretch(
+def _required_lowering(
     source: HumanFrames, robot: Robot, legs: Legs, standing: StandingBody, scale: MotionScale,
-    pelvis: Array, body: BodyMap, widest: FootPaths,
+    pelvis: Array, body: BodyMap, unscaled: FootPaths,
 ) -> Callable[[float], float]:  # fmt: skip
-    """Return by how much the CoM must be lowered for standing legs to be bent enough [m].
+    """Return the lowering of the CoM [m] that bends standing legs enough, by the step scale.
 
-    By which part of the level distances is left: all places are linear in it, but for how far feet
-    are set outwards, which is taken to be, too.
+    All positions are linear in the step scale, but for the outward shift of the feet, which is
+    taken as linear too.
     """
     snapshot = robot.snapshot(robot.postures[STANDING])
-    upright, longest = snapshot.rotation(body.pelvis), STRAIGHTEST * legs.length
-    # Who leans has the hips elsewhere under the CoM than who stands upright.
+    upright, longest = snapshot.rotation(body.pelvis), MAX_LEG_EXTENSION * legs.length
+    # A bent body has its hips elsewhere relative to the CoM than an upright one.
     bent = scale.length * (source.hips - source.rotation["pelvis"] @ source.upright_hips)
     ends = []
-    for share in (SHORTEST, 1.0):
-        spread = _spread(source, scale, share)
-        feet = widest if share == 1.0 else foot_paths(source, robot, legs, spread)
-        com = _scaled_com(source, legs, standing, scale, spread)
-        weight = loads(feet.down)
-        com[:, :2] += sum(weight[:, [n]] * _held(feet.paths[s]) for n, s in enumerate(SIDES))
-        ways = []  # from the ankle on the ground to the hip
+    for step_scale in (MIN_STEP_SCALE, 1.0):
+        scaling = _step_scaling(source, scale, step_scale)
+        feet = unscaled if step_scale == 1.0 else foot_paths(source, robot, legs, scaling)
+        com = _scaled_com(source, legs, standing, scale, scaling)
+        share = load_shares(feet.down)
+        com[:, :2] += sum(share[:, [n]] * _flat_shift(feet.paths[s]) for n, s in enumerate(SIDES))
+        vectors = []  # from the ankle on the ground to the hip
         for side, hip in zip(SIDES, standing.hips, strict=True):
             ankle = snapshot.position(str(robot.model.names[leg_joints(robot, side)[-1]]))
             sole, path = robot.feet[side].frame, feet.paths[side]
             arm = snapshot.rotation(sole).T @ (ankle - snapshot.position(sole))
-            way = com + bent + pelvis @ (upright.T @ hip) - path.place - path.rotation @ arm
-            ways.append(way[path.down])
-        ends.append(np.concatenate(ways))
+            vector = com + bent + pelvis @ (upright.T @ hip) - path.place - path.rotation @ arm
+            vectors.append(vector[path.down])
+        ends.append(np.concatenate(vectors))
 
-    def lacking(share: float) -> float:
-        part = (share - SHORTEST) / (1.0 - SHORTEST)
-        way = (1.0 - part) * ends[0] + part * ends[1]
-        flat = np.square(way[:, :2]).sum(axis=1)
-        highest = np.sqrt(np.maximum(longest**2 - flat, 0.0))
-        return float((way[:, 2] - highest).max(initial=0.0))
+    def lowering(step_scale: float) -> float:
+        u = (step_scale - MIN_STEP_SCALE) / (1.0 - MIN_STEP_SCALE)
+        vector = (1.0 - u) * ends[0] + u * ends[1]
+        horizontal_sq = np.square(vector[:, :2]).sum(axis=1)
+        highest = np.sqrt(np.maximum(longest**2 - horizontal_sq, 0.0))
+        return float((vector[:, 2] - highest).max(initial=0.0))
 
-    return lacking
+    return lowering

@@ -14,17 +14,19 @@ from wbc.robot.postures import STANDING
 from wbc.tasks import AxisTask, ComTask, InertiaTask, OrientationTask, PoseTask, PostureTask, Task
 from wbc.validate import Array, check_fields
 
-TURNING = 0.1  # of m h sqrt(g h): angular momentum of who turns as a whole; who walks has a fifth
-# Of a leg's length and of m h sqrt(g h): who moves and turns by less is followed more closely, by
-# this at most.
-STILL, QUIET, CLOSEST = 0.02, 0.01, 6.0
+# Of m h sqrt(g h): angular momentum of a body that rotates as a whole; walking has a fifth of it.
+ROTATION_MOMENTUM = 0.1
+# Motions with a smaller standard deviation of the CoM (by a leg's length) or of the angular
+# momentum (by m h sqrt(g h)) get higher weights, by the factor at most.
+SMALL_COM_MOTION, SMALL_MOMENTUM, MAX_SMALL_MOTION_FACTOR = 0.02, 0.01, 6.0
 
 
 @dataclass(frozen=True)
 class RetargetWeights:
-    """Weights of the tasks; lengths count as parts of the legs', so one fits all robots.
+    """Weights of the tasks; lengths are divided by the legs', so that one set fits all robots.
 
-    More is asked first of ``com``, ``momentum`` and ``lean`` (:data:`wbc.retargeting.tries.EAGER`).
+    The first attempt has higher weights of ``com``, ``momentum`` and ``lean``
+    (:data:`wbc.retargeting.retries.FIRST_ATTEMPT`).
 
     Attributes
     ----------
@@ -59,18 +61,18 @@ class RetargetWeights:
 
 
 class FrameTasks:
-    """Tasks of one robot, and how a frame's targets are put into them.
+    """Tasks of one robot; :meth:`set_targets` gives them a frame's targets.
 
     Attributes
     ----------
-    lasting:
-        Tasks that have a target in every frame, about configurations.
     feet:
-        Those of feet in the air, by side.
+        Tasks of feet in the air, by side.
     momentum:
-        Weights (3,) of the angular momentum, which all frames at once follow.
+        Weights (3,) of the angular momentum, a task of the whole motion.
     inertia:
-        About the ellipsoid.
+        Of the ellipsoid.
+    inertia_targets:
+        Its targets (n, 3, 3) [kg m^2], once they are known.
     """
 
     def __init__(
@@ -81,16 +83,18 @@ class FrameTasks:
         start = robot.snapshot(standing)
         height = float(np.mean(targets.com[:, 2]))
         unit = robot.mass * height * np.sqrt(robot.gravity * height)
-        moves = _closer(targets.com.std(axis=0) / (STILL * legs.length))
-        self.com = ComTask(robot, start.com, weight=w.com / legs.length * moves, gain=1.0)
-        rate = {body.pelvis: w.pelvis, body.trunk: w.trunk}
+        com_factor = _small_motion_factor(
+            targets.com.std(axis=0) / (SMALL_COM_MOTION * legs.length)
+        )
+        self.com = ComTask(robot, start.com, weight=w.com / legs.length * com_factor, gain=1.0)
+        rotation_weights = {body.pelvis: w.pelvis, body.trunk: w.trunk}
         if body.head is not None:
-            rate[body.head] = w.head
-        self.turns = {
+            rotation_weights[body.head] = w.head
+        self.orientations = {
             frame: OrientationTask(
                 robot, frame, start.rotation(frame), name=frame, weight=weight, gain=1.0
             )
-            for frame, weight in rate.items()
+            for frame, weight in rotation_weights.items()
             if frame in targets.rotation
         }
         self.arms = {
@@ -104,11 +108,12 @@ class FrameTasks:
             for side, arm in body.arms.items()
         }
         self.posture = PostureTask(robot, standing, weight=w.posture, gain=0.1)
-        # What turns with all of its body has to get round: the momentum of a body of another shape
-        # would leave it behind.
-        most = np.abs(targets.angular_momentum).max(axis=0) / (TURNING * unit)
-        turns = _closer(targets.angular_momentum.std(axis=0) / (QUIET * unit))
-        self.momentum = w.momentum / unit * turns / (1.0 + most**2)
+        # A body that rotates as a whole has to complete its rotation, which with another inertia
+        # takes another momentum than the human's.
+        k = targets.angular_momentum
+        rotating = np.abs(k).max(axis=0) / (ROTATION_MOMENTUM * unit)
+        factor = _small_motion_factor(k.std(axis=0) / (SMALL_MOMENTUM * unit))
+        self.momentum = w.momentum / unit * factor / (1.0 + rotating**2)
         size = float(np.trace(start.inertia))
         entries = np.array([w.inertia, w.inertia, w.lean, w.inertia, w.lean, w.inertia]) / size
         self.inertia = InertiaTask(robot, start.inertia, weight=entries, gain=1.0)
@@ -122,47 +127,48 @@ class FrameTasks:
             )
         self.rotations = {side: targets.feet.paths[side].rotation for side in SIDES}
         self.foot_weight = foot
-        self.ellipsoids: Array | None = None  # (n, 3, 3) [kg m^2], once they are known
+        self.inertia_targets: Array | None = None
 
     @property
-    def lasting(self) -> tuple[Task, ...]:
-        """Tasks about configurations that have a target in every frame."""
+    def configuration_tasks(self) -> tuple[Task, ...]:
+        """Tasks of the configuration that have a target in every frame."""
         arms = [task for pair in self.arms.values() for task in pair]
-        return (self.com, *self.turns.values(), *arms, self.posture)
+        return (self.com, *self.orientations.values(), *arms, self.posture)
 
-    def aim(self, k: int) -> None:
+    def set_targets(self, k: int) -> None:
         """Set the targets of frame ``k``."""
         targets = self.targets
         self.com.set_target(targets.com[k])
-        for frame, task in self.turns.items():
+        for frame, task in self.orientations.items():
             task.set_target(targets.rotation[frame][k])
         for side, pair in self.arms.items():
-            for one, way in zip(pair, targets.arms[side][k], strict=True):
-                one.set_target(way)
+            for one, direction in zip(pair, targets.arms[side][k], strict=True):
+                one.set_target(direction)
         for side, foot in self.feet.items():
             foot.set_target(targets.feet.paths[side].place[k], self.rotations[side][k])
 
-    def shape_like(self, inertia: Array, axes: Array) -> None:
-        """Want the human's ellipsoid at the robot's own size, from now on.
+    def set_inertia_targets(self, inertia: Array, axes: Array) -> None:
+        """Set the targets of the ellipsoid: the human's, at the robot's own size.
 
-        Its axes are the human's, and its moments change by the same factors as the human's do,
-        about the means of those that the robot has along these axes.
+        The axes are the human's. The moments are the robot's mean ones along these axes, times the
+        human's by their means.
 
         Parameters
         ----------
         inertia:
-            That the robot has so far (n, 3, 3) [kg m^2].
+            Of the robot in its present motion (n, 3, 3) [kg m^2].
         axes:
             The human's principal axes as columns (n, 3, 3).
         """
-        theirs, mine = (
+        human, robot = (
             np.einsum("nij,nik,nkj->nj", axes, one, axes) for one in (self.targets.inertia, inertia)
         )
-        moments = mine.mean(axis=0) * theirs / theirs.mean(axis=0)
+        moments = robot.mean(axis=0) * human / human.mean(axis=0)
         found = np.einsum("nij,nj,nkj->nik", axes, moments, axes)
-        self.ellipsoids = 0.5 * (found + np.swapaxes(found, 1, 2))
+        self.inertia_targets = 0.5 * (found + np.swapaxes(found, 1, 2))
 
 
-def _closer(part: Array) -> Array:
-    """Return factors on weights (3,) by which a small motion is not lost among other tasks."""
-    return np.minimum(np.sqrt(1.0 + 1.0 / np.maximum(part, 1e-9) ** 2), CLOSEST)
+def _small_motion_factor(ratio: Array) -> Array:
+    """Return factors (3,) on weights, so that other tasks do not hide a small motion."""
+    factor = np.sqrt(1.0 + 1.0 / np.maximum(ratio, 1e-9) ** 2)
+    return np.minimum(factor, MAX_SMALL_MOTION_FACTOR)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from wbc.human import HumanMotion
 from wbc.retargeting import Retargeted
-from wbc.retargeting.beside import human_beside
+from wbc.retargeting.side_by_side import human_beside
 from wbc.view.live.messages import Frame
 from wbc.view.live.process import HOST
 from wbc.view.live.viewer import Viewer

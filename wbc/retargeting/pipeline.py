@@ -1,4 +1,4 @@
-"""From a human's motion to a robot's: the passes, one after the other."""
+"""From a human's motion to a robot's: all steps of retargeting, in order."""
 
 from __future__ import annotations
 
@@ -8,26 +8,31 @@ from functools import lru_cache
 
 from wbc.errors import InvalidInputError, shown
 from wbc.human import HumanMotion
-from wbc.retargeting.by_tick import Progress
+from wbc.retargeting.constraint_projection import update_footprints
 from wbc.retargeting.ground_forces import ground_forces
-from wbc.retargeting.mending import resettled
-from wbc.retargeting.prepared import Prepared, prepared
-from wbc.retargeting.reaching import broken, reached, sunk, unlike
+from wbc.retargeting.initial_guess import Progress
 from wbc.retargeting.result import Retargeted
-from wbc.retargeting.scaling import FROUDE, MotionScale, scale_of
-from wbc.retargeting.smoothing import WholeMotion
+from wbc.retargeting.retries import MAX_ITERATIONS, solve_with_retries
+from wbc.retargeting.robot_setup import RobotSetup, robot_setup
+from wbc.retargeting.scaling import FROUDE, MotionScale, motion_scale
 from wbc.retargeting.source import human_frames
 from wbc.retargeting.targets import Targets, scaled_targets
 from wbc.retargeting.tasks import FrameTasks, RetargetWeights
-from wbc.retargeting.tries import ROUNDS, kept
+from wbc.retargeting.tracking_errors import (
+    dissimilarity_notes,
+    penetration_notes,
+    tracking_errors,
+    violations,
+)
+from wbc.retargeting.trajectory_problem import TrajectoryProblem
 from wbc.robot import Robot
 from wbc.robot.model import check_robot
 from wbc.robot.series import centroidal_series, rates
 from wbc.robot.tree import refuse_loops
 from wbc.validate import Array, finite_number, read_only
 
-RATE = 50.0  # Hz: of what trainers of policies read
-FRICTION, MARGIN = 0.6, 0.01
+RATE = 50.0  # Hz, as policy training reads it
+FRICTION, MARGIN = 0.6, 0.01  # 1, m
 
 
 def retarget(
@@ -44,18 +49,19 @@ def retarget(
     self_collision: bool = True,
     weights: RetargetWeights | None = None,
     links: Mapping[str, str] | None = None,
-    rounds: int = ROUNDS,
+    rounds: int = MAX_ITERATIONS,
     progress: Progress | None = None,
 ) -> Retargeted:
     """Return a human's motion on a humanoid.
 
     Lengths are scaled by those of the legs, angular momentum by m h sqrt(g h). Feet stand and roll
     where the human's do, and do not slide; CoM, angular momentum, the ellipsoid, pelvis, trunk,
-    head and arms follow the human's, fingers are held as they stand. Frames are first solved one
-    after the other by the tick, then all at once with the jerk of the joints
-    (:mod:`wbc.retargeting.smoothing`), and last what is hard is kept
-    (:mod:`wbc.retargeting.mending`): feet that stand do not slide, limits, speeds and accelerations
-    of joints, margins between bodies. What is not is said (``broken``).
+    head and arms follow the human's, fingers are held as they stand. The initial guess is solved
+    frame by frame by the tick, then a trajectory optimization takes all frames at once with the
+    jerk of the joints (:mod:`wbc.retargeting.trajectory_problem`). Last, the motion is projected
+    onto its hard constraints (:mod:`wbc.retargeting.constraint_projection`): feet that stand do not
+    slide, limits, speeds and accelerations of joints, margins between bodies. Violations that
+    remain are told (``broken``).
 
     Parameters
     ----------
@@ -67,17 +73,17 @@ def retarget(
         Frames per second of the result [Hz].
     duration:
         ``froude``: times scale with the square root of lengths, as between animals of different
-        size; ``kept``: the human's time; or a factor. Either is stretched if joints would have to
-        be faster than they are, which is noted.
+        size; ``kept``: the human's time; or a factor. The time is stretched if joints would exceed
+        their speeds, which is noted.
     cutoff:
-        Of the human's low-pass [Hz]; None: by its steps.
+        Of the low-pass filter on the human's motion [Hz]; None: by its steps.
     roll:
         Part of the pitch of the human's feet that the robot's have, in [0, 1]. With 0 soles are
         always level: steps get shorter, but ankles need not bear the weight on an edge.
     balance:
         Move the CoM so that the CoP is where the robot's feet stand.
     friction:
-        Coefficient, by which wrenches are shared and judged.
+        Coefficient, for the distribution of wrenches and their check.
     margin:
         Kept between bodies [m], with ``self_collision``.
     weights:
@@ -85,9 +91,9 @@ def retarget(
     links:
         Frames of the robot by part of the body, see :func:`wbc.retargeting.body_map.body_map`.
     rounds:
-        Of the whole motion at once, at most: most take four.
+        Gauss-Newton iterations at most, each over the whole motion; most motions take four.
     progress:
-        Called with frames done and frames in all, of all passes.
+        Called with frames done and frames in all.
 
     Returns
     -------
@@ -118,42 +124,44 @@ def retarget(
     margin = finite_number("retarget, margin", margin, least=0.0)
     rounds = int(finite_number("retarget, rounds", rounds, least=1.0))
     weights = RetargetWeights() if weights is None else weights
-    known = prepared(robot, links, margin if self_collision else None)
-    hands, legs, body, standing, collision, _ = known
-    moved_as = hands.robot
-    scale = scale_of(human, moved_as, legs, standing, duration)
-    low = human.cutoff if cutoff is None else cutoff
+    setup = robot_setup(robot, links, margin if self_collision else None)
+    fingers, legs, body, standing, collision, _ = setup
+    reduced = fingers.robot
+    scale = motion_scale(human, reduced, legs, standing, duration)
+    cutoff = human.cutoff if cutoff is None else cutoff
 
-    @lru_cache(maxsize=1)  # tries differ in what is asked more often than in time
-    def aims(scale: MotionScale) -> tuple[Targets, Array]:
-        source = human_frames(human, rate * scale.time, low, roll)
-        targets = scaled_targets(source, moved_as, legs, body, standing, scale, balance)
+    @lru_cache(maxsize=1)  # attempts differ in weights more often than in time
+    def targets_at(scale: MotionScale) -> tuple[Targets, Array]:
+        source = human_frames(human, rate * scale.time, cutoff, roll)
+        targets = scaled_targets(source, reduced, legs, body, standing, scale, balance)
         return targets, source.series.axes
 
-    def problem(scale: MotionScale, weights: RetargetWeights) -> tuple[WholeMotion, Array]:
-        targets, axes = aims(scale)
-        return WholeMotion(FrameTasks(moved_as, body, targets, weights, legs), collision), axes
+    def build_problem(
+        scale: MotionScale, weights: RetargetWeights
+    ) -> tuple[TrajectoryProblem, Array]:
+        targets, axes = targets_at(scale)
+        return TrajectoryProblem(FrameTasks(reduced, body, targets, weights, legs), collision), axes
 
-    found = kept(problem, scale, weights, rounds, balance, progress)
-    notes = [*known.notes, *body.notes, *found.notes(scale.time)]
-    feet, moved = resettled(found.motion.tasks.targets.feet, moved_as, found.q)
-    targets = replace(found.motion.tasks.targets, feet=feet)
-    notes += [*targets.notes, *moved, *sunk(moved_as, targets, found.q)]
-    q = hands.of_all_joints(found.q)
-    return judged(
-        robot, known, human.motion.source, found.scale, targets, q, friction, tuple(notes)
+    found = solve_with_retries(build_problem, scale, weights, rounds, balance, progress)
+    notes = [*setup.notes, *body.notes, *found.notes(scale.time)]
+    feet, moved = update_footprints(found.problem.tasks.targets.feet, reduced, found.q)
+    targets = replace(found.problem.tasks.targets, feet=feet)
+    notes += [*targets.notes, *moved, *penetration_notes(reduced, targets, found.q)]
+    q = fingers.all_joints(found.q)
+    return evaluate(
+        robot, setup, human.motion.source, found.scale, targets, q, friction, tuple(notes)
     )
 
 
-def judged(
-    robot: Robot, known: Prepared, source: str, scale: MotionScale, targets: Targets, q: Array,
+def evaluate(
+    robot: Robot, setup: RobotSetup, source: str, scale: MotionScale, targets: Targets, q: Array,
     friction: float, notes: tuple[str, ...],
 ) -> Retargeted:  # fmt: skip
-    """Return configurations (n, nq), wherever they come from, as a motion with all that is told."""
+    """Return configurations (n, nq) of any origin as a motion with its errors and violations."""
     v, acceleration = rates(robot, q, targets.dt)
     whole = centroidal_series(robot, q, v, acceleration)
-    stands = targets.feet.supports
-    ground = ground_forces(robot, q, v, acceleration, whole, targets.time, stands, friction)
+    supports = targets.feet.supports
+    ground = ground_forces(robot, q, v, acceleration, whole, targets.time, supports, friction)
     found = Retargeted(
         robot=robot,
         source=source,
@@ -167,9 +175,9 @@ def judged(
         wrenches=ground.wrenches,
         torque=ground.torque,
         cop=ground.cop,
-        reached=reached(robot, known.body, targets, q, whole, known.standing.com_height),
+        reached=tracking_errors(robot, setup.body, targets, q, whole, setup.standing.com_height),
         unbalanced=ground.unbalanced,
-        broken=broken(known, targets, q, v, acceleration),
+        broken=violations(setup, targets, q, v, acceleration),
         notes=notes,
     )
-    return replace(found, notes=(*notes, *unlike(found)))
+    return replace(found, notes=(*notes, *dissimilarity_notes(found)))

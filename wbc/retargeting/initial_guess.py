@@ -1,4 +1,4 @@
-"""Frame after frame by the controller's tick: limits and margins hard, feet on the ground exact."""
+"""The initial guess: frame by frame by the controller's tick, with hard limits and margins."""
 
 from __future__ import annotations
 
@@ -19,44 +19,42 @@ from wbc.robot.postures import STANDING
 from wbc.validate import Array
 
 Progress = Callable[[int, int], None]
-# Steps that a robot is given to get from standing to the first frame, and how long each is.
-GETTING_READY, READY_STEP = 400, 0.02
-COARSE = 25.0  # Hz
-REPORTED = 50  # frames from one call of ``progress`` to the next
-THERE = 1e-5  # rad or m per step: it has arrived
-STANDS = 30.0  # weight of a foot on the ground by that of one in the air
+FIRST_FRAME_STEPS, FIRST_FRAME_DT = 400, 0.02  # from standing to the first frame, at most; s
+COARSE_RATE = 25.0  # Hz
+FRAMES_PER_REPORT = 50  # from one call of ``progress`` to the next
+CONVERGED_STEP = 1e-5  # rad or m
+CONTACT_WEIGHT_FACTOR = 30.0  # weight of a foot on the ground by that of one in the air
 
 
 def first_configuration(tasks: FrameTasks, constraints: Sequence[Constraint]) -> Array:
     """Return a configuration (nq,) for the first frame, by steps from standing.
 
-    On straight knees nothing says which way they bend, and the trunk would lean back in their
-    place: they are bent first.
+    Knees are bent first: straight ones may bend either way, and the trunk would lean back instead.
     """
     robot, targets = tasks.robot, tasks.targets
     standing, height = robot.snapshot(robot.postures[STANDING]), float(targets.com[0, 2])
     q = walking_posture(standing, height, tasks.legs).copy()
-    tasks.aim(0)
+    tasks.set_targets(0)
     q[:3] += targets.com[0] - robot.snapshot(q).com
     R = targets.rotation[tasks.body.pelvis][0] @ tasks.body.upright[tasks.body.pelvis].T
-    q = _turned(robot, q, float(np.arctan2(R[1, 0], R[0, 0])))
-    every = [*tasks.lasting, *tasks.feet.values()]
-    controller = _controller(tasks, constraints, READY_STEP, 1e-4)
+    q = _rotate_about_vertical(robot, q, float(np.arctan2(R[1, 0], R[0, 0])))
+    every = [*tasks.configuration_tasks, *tasks.feet.values()]
+    controller = _controller(tasks, constraints, FIRST_FRAME_DT, 1e-4)
     for task in every:
         task.gain = 0.2
     v = np.zeros(robot.nv)
-    for _ in range(GETTING_READY):
+    for _ in range(FIRST_FRAME_STEPS):
         tick = controller.step(robot.snapshot(q, v))
-        q = robot.integrate(q, tick.velocity, READY_STEP)
-        if float(np.abs(tick.velocity).max()) * READY_STEP < THERE:
+        q = robot.integrate(q, tick.velocity, FIRST_FRAME_DT)
+        if float(np.abs(tick.velocity).max()) * FIRST_FRAME_DT < CONVERGED_STEP:
             break
     for task in every:
         task.gain = 0.1 if task is tasks.posture else 1.0
     return q
 
 
-def _turned(robot: Robot, q: Array, yaw: float) -> Array:
-    """Return a configuration turned about the vertical through its base."""
+def _rotate_about_vertical(robot: Robot, q: Array, yaw: float) -> Array:
+    """Return a configuration rotated about the vertical through its base."""
     v = np.zeros(robot.nv)
     R = robot.snapshot(q).rotation(BASE)
     v[3:6] = R.T @ [0.0, 0.0, yaw]
@@ -66,10 +64,10 @@ def _turned(robot: Robot, q: Array, yaw: float) -> Array:
 def _controller(
     tasks: FrameTasks, constraints: Sequence[Constraint], dt: float, damping: float
 ) -> KinematicController:
-    """Return one that follows all tasks, joints within their ranges and as fast as need be."""
+    """Return a controller of all tasks, with limits of positions but not of speeds."""
     return KinematicController(
         tasks.robot,
-        [*tasks.lasting, *tasks.feet.values()],
+        [*tasks.configuration_tasks, *tasks.feet.values()],
         contacts=(),
         limits=Limits(tasks.robot, velocity=None),
         constraints=constraints,
@@ -78,7 +76,7 @@ def _controller(
     )
 
 
-def tick_pass(
+def solve_frame_by_frame(
     tasks: FrameTasks,
     start: Array,
     constraints: Sequence[Constraint],
@@ -86,32 +84,33 @@ def tick_pass(
 ) -> Array:
     """Return configurations (n, nq) of all frames, the first of them ``start``.
 
-    Some 25 frames a second are solved; those between are interpolated, for whoever has all of
-    them at once. Where a tick has no solution, the robot is held.
+    Some 25 frames a second are solved and the others interpolated, which does for an initial guess.
+    Where a tick has no solution, the robot is held.
     """
     targets, robot = tasks.targets, tasks.robot
-    last, skipped = len(targets.time) - 1, max(1, round(1.0 / (COARSE * targets.dt)))
-    frames = np.unique(np.append(np.arange(0, last, skipped), last))
-    dt, count, down = skipped * targets.dt, len(frames), targets.down[frames]
+    last, stride = len(targets.time) - 1, max(1, round(1.0 / (COARSE_RATE * targets.dt)))
+    frames = np.unique(np.append(np.arange(0, last, stride), last))
+    dt, count, down = stride * targets.dt, len(frames), targets.down[frames]
     controller = _controller(tasks, constraints, dt, 1e-5)
     q = np.empty((count, robot.nq))
     q[0] = start
     v: Array = np.zeros(robot.nv)
     for k in range(1, count):
-        tasks.aim(int(frames[k]))
+        tasks.set_targets(int(frames[k]))
         for n, side in enumerate(SIDES):
             if down[k, n] != down[k - 1, n] or k == 1:
-                tasks.feet[side].weight = tasks.foot_weight * (STANDS if down[k, n] else 1.0)
+                factor = CONTACT_WEIGHT_FACTOR if down[k, n] else 1.0
+                tasks.feet[side].weight = tasks.foot_weight * factor
         tick = controller.step(robot.snapshot(q[k - 1], v))
         v = tick.velocity
         q[k] = robot.integrate(q[k - 1], v, dt)
-        if progress is not None and k % REPORTED == 0:
+        if progress is not None and k % FRAMES_PER_REPORT == 0:
             progress(int(frames[k]), last)
-    return between(robot, q, np.interp(np.arange(last + 1), frames, np.arange(count)))
+    return interpolate(robot, q, np.interp(np.arange(last + 1), frames, np.arange(count)))
 
 
-def between(robot: Robot, q: Array, places: Array) -> Array:
-    """Return configurations (m, nq) on straight ways between some (n, nq), at places (m,) there."""
+def interpolate(robot: Robot, q: Array, places: Array) -> Array:
+    """Interpolate configurations (n, nq) geodesically at fractional indices (m,)."""
     first = np.minimum(places.astype(int), len(q) - 2)
     steps = [robot.difference(a, b) for a, b in pairwise(q)]
     return np.array(

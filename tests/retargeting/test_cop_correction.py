@@ -1,10 +1,15 @@
-"""The CoM's way whose CoP is inside the soles: against a QP solver on dense rows."""
+"""The CoM's path whose CoP is inside the soles: against a QP solver on dense rows."""
 
 import numpy as np
 import pytest
 import qpsolvers
 
-from wbc.retargeting.balanced import SHIFTED, SupportedFrames, least_moved, pressing
+from wbc.retargeting.cop_correction import (
+    COP_WEIGHT,
+    SupportedFrames,
+    cop_displacement,
+    least_com_displacement,
+)
 from wbc.validate import Array
 
 DT, COUNT = 0.02, 60
@@ -12,7 +17,7 @@ SOLE = np.array([(-0.1, -0.05, 0.0), (0.1, -0.05, 0.0), (0.1, 0.05, 0.0), (-0.1,
 FIRST, END = 20, 40  # frames in which the other foot stands
 
 
-def stands() -> tuple[SupportedFrames, ...]:
+def supports() -> tuple[SupportedFrames, ...]:
     frames = np.arange(COUNT)
     other = (frames >= FIRST) & (frames < END)
     aside = SOLE + (0.05, 0.2, 0.0)
@@ -22,11 +27,11 @@ def stands() -> tuple[SupportedFrames, ...]:
     )
 
 
-def pressed(square: Array) -> Array:
+def cop_matrix(time_constant_sq: Array) -> Array:
     """Return the matrix (n, n) of CoPs by CoMs along one axis: e - h/(g + z'') e''."""
     D = np.eye(COUNT)
     for k in range(1, COUNT - 1):
-        D[k, k - 1 : k + 2] -= square[k] / DT**2 * np.array((1.0, -2.0, 1.0))
+        D[k, k - 1 : k + 2] -= time_constant_sq[k] / DT**2 * np.array((1.0, -2.0, 1.0))
     return D
 
 
@@ -37,14 +42,17 @@ def cop() -> Array:
     return np.column_stack((0.15 * np.sin(6.0 * t), step + 0.08 * np.cos(9.0 * t)))
 
 
-def test_the_com_is_moved_as_little_as_a_qp_says(cop: Array, rng: np.random.Generator) -> None:
-    square = 0.07 + 0.01 * rng.uniform(size=COUNT)
-    off, found = least_moved(cop, square, DT, stands())
-    D, rows, most = pressed(square), [], []
+def test_com_displacement_is_as_small_as_a_qp_finds(cop: Array, rng: np.random.Generator) -> None:
+    time_constant_sq = 0.07 + 0.01 * rng.uniform(size=COUNT)
+    off, found = least_com_displacement(cop, time_constant_sq, DT, supports())
+    D, rows, most = cop_matrix(time_constant_sq), [], []
     np.testing.assert_allclose(found, cop + D @ off, atol=1e-12)
-    np.testing.assert_allclose(pressing(off, square, DT), D @ off, atol=1e-12)
-    for one in stands():
-        low, high = one.inner.min(axis=0), one.inner.max(axis=0)  # upright rectangles
+    np.testing.assert_allclose(cop_displacement(off, time_constant_sq, DT), D @ off, atol=1e-12)
+    for one in supports():
+        low, high = (
+            one.inset_polygon.min(axis=0),
+            one.inset_polygon.max(axis=0),
+        )  # upright rectangles
         for k in one.frames[(one.frames > 0) & (one.frames < COUNT - 1)]:
             for axis in range(2):
                 row = np.zeros((COUNT, 2))
@@ -52,7 +60,7 @@ def test_the_com_is_moved_as_little_as_a_qp_says(cop: Array, rng: np.random.Gene
                 rows += [row.ravel(), -row.ravel()]
                 most += [high[axis] - cop[k, axis], cop[k, axis] - low[axis]]
     both = np.kron(D, np.eye(2))
-    P = np.eye(2 * COUNT) + SHIFTED * both.T @ both
+    P = np.eye(2 * COUNT) + COP_WEIGHT * both.T @ both
     G, h = np.array(rows), np.array(most)
     best = qpsolvers.solve_qp(P, np.zeros(2 * COUNT), G, h, solver="proxqp", eps_abs=1e-9)
     assert best is not None
@@ -60,14 +68,16 @@ def test_the_com_is_moved_as_little_as_a_qp_says(cop: Array, rng: np.random.Gene
     np.testing.assert_allclose(off, best.reshape(COUNT, 2), atol=1e-3)
 
 
-def test_a_cop_that_is_inside_already_moves_nothing() -> None:
-    off, found = least_moved(np.zeros((COUNT, 2)), np.full(COUNT, 0.07), DT, stands()[:1])
+def test_cop_inside_the_sole_displaces_nothing() -> None:
+    off, found = least_com_displacement(
+        np.zeros((COUNT, 2)), np.full(COUNT, 0.07), DT, supports()[:1]
+    )
     assert not off.any() and not found.any()
 
 
-def test_in_the_air_nothing_is_asked(cop: Array) -> None:
+def test_frames_in_flight_leave_the_cop_undefined(cop: Array) -> None:
     flying = cop.copy()
     flying[10:50] = np.nan
-    off, found = least_moved(flying, np.full(COUNT, 0.07), DT, stands())
+    off, found = least_com_displacement(flying, np.full(COUNT, 0.07), DT, supports())
     assert np.isfinite(off).all() and np.isnan(found[10:50]).all()
     assert np.abs(found[51:-1]).max() < 0.1  # where it lands it is inside

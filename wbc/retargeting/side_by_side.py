@@ -1,4 +1,4 @@
-"""The human of a retargeted motion beside its robot, at the same moments."""
+"""The human of a retargeted motion beside its robot, at the same times."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from wbc.retargeting.result import Retargeted
 from wbc.rotations import headings, rotation_from
 from wbc.validate import Array
 
-SPACE = 1.0  # m to the robot's right where the motion begins, for robots of a human's size
+DISTANCE = 1.0  # m to the robot's right, where the motion begins; for robots of a human's size
 
 
 def human_beside(human: HumanMotion, motion: Retargeted) -> Array:
@@ -26,20 +26,20 @@ def human_beside(human: HumanMotion, motion: Retargeted) -> Array:
     recorded, base = human.motion, human.motion.base
     if base is None:
         raise InvalidInputError("human beside the robot: its motion has no base, only joints")
-    q = np.hstack((base, recorded.joints))[frames_of(human, motion)]
+    q = np.hstack((base, recorded.joints))[recorded_frames(human, motion)]
     (heading,) = headings(rotation_from(motion.q[0, 3:7])[None])
     right = np.array((np.sin(heading), -np.cos(heading)))
     height = float(motion.targets.com[0, 2])
-    space = SPACE * max(height / motion.scale.human_height, 0.5)
-    q[:, :2] += motion.q[0, :2] + space * right - q[0, :2]
+    distance = DISTANCE * max(height / motion.scale.human_height, 0.5)
+    q[:, :2] += motion.q[0, :2] + distance * right - q[0, :2]
     q[:, 2] -= human.ground_height
     return q
 
 
-def frames_of(human: HumanMotion, motion: Retargeted) -> Array:
-    """Return the numbers (n,) of the recorded frames that a robot's motion is of.
+def recorded_frames(human: HumanMotion, motion: Retargeted) -> Array:
+    """Return the index (n,) of the recorded frame nearest to each frame of the robot's motion.
 
-    Both ends of the recording are left out of the motion, alike.
+    As much of the recording is left out at its beginning as at its end.
     """
     time = np.asarray(human.motion.time)
     own = motion.time / motion.scale.time

@@ -1,4 +1,4 @@
-"""What is hard, of all frames at once: kept where it can be, told where it is not."""
+"""Projection onto the hard constraints of all frames, and the violations that remain."""
 
 from itertools import pairwise
 
@@ -10,11 +10,11 @@ import pytest
 import wbc
 from tests.retargeting.humans import stepping
 from wbc.retargeting import RetargetWeights
-from wbc.retargeting.mending import mended, resettled
-from wbc.retargeting.passes import judged
-from wbc.retargeting.prepared import prepared
-from wbc.retargeting.smoothing import WholeMotion
+from wbc.retargeting.constraint_projection import project_onto_constraints, update_footprints
+from wbc.retargeting.pipeline import evaluate
+from wbc.retargeting.robot_setup import robot_setup
 from wbc.retargeting.tasks import FrameTasks
+from wbc.retargeting.trajectory_problem import TrajectoryProblem
 from wbc.robot import Robot
 from wbc.robot.collision.bodies import named_shapes
 from wbc.validate import Array
@@ -25,14 +25,14 @@ def step() -> wbc.Retargeted:
     return wbc.retarget(stepping(), Robot.load("hoap2_like"))
 
 
-def whole(motion: wbc.Retargeted) -> WholeMotion:
-    known = prepared(motion.robot, None, 0.01)
+def trajectory_problem(motion: wbc.Retargeted) -> TrajectoryProblem:
+    setup = robot_setup(motion.robot, None, 0.01)
     weights = RetargetWeights()
-    tasks = FrameTasks(motion.robot, known.body, motion.targets, weights, known.legs)
-    return WholeMotion(tasks, known.collision)
+    tasks = FrameTasks(motion.robot, setup.body, motion.targets, weights, setup.legs)
+    return TrajectoryProblem(tasks, setup.collision)
 
 
-def knocked(motion: wbc.Retargeted, joint: str, by: float, first: int, end: int) -> Array:
+def disturbed(motion: wbc.Retargeted, joint: str, by: float, first: int, end: int) -> Array:
     """Return the configurations with a joint turned [rad] in some frames."""
     robot, q = motion.robot, motion.q.copy()
     d = np.zeros(robot.nv)
@@ -42,19 +42,19 @@ def knocked(motion: wbc.Retargeted, joint: str, by: float, first: int, end: int)
     return q
 
 
-def hard(robot: Robot, q: Array, dt: float) -> tuple[float, float, float]:
-    """Return how far limits are passed [rad], and speeds and accelerations by what joints can."""
+def joint_ratios(robot: Robot, q: Array, dt: float) -> tuple[float, float, float]:
+    """Return the violation of limits [rad], and speeds and accelerations by the joints' own."""
     joints = q[:, 7:]
     steps = np.array([pin.difference(robot.model, a, b) for a, b in pairwise(q)])
     limits = robot.limits
     mass = np.abs(robot.snapshot(robot.postures["standing"]).mass_matrix[6:, 6:])
-    able = (limits.effort[:, None] / np.maximum(mass, 1e-12)).min(axis=0)
+    max_accelerations = (limits.effort[:, None] / np.maximum(mass, 1e-12)).min(axis=0)
     past = np.maximum(limits.lower - joints, joints - limits.upper).max()
     speed = (np.abs(steps[:, 6:]) / dt / limits.velocity).max()
-    return past, speed, (np.abs(np.diff(steps[:, 6:], axis=0)) / dt**2 / able).max()
+    return past, speed, (np.abs(np.diff(steps[:, 6:], axis=0)) / dt**2 / max_accelerations).max()
 
 
-def soles(motion: wbc.Retargeted, q: Array) -> float:
+def sole_displacement(motion: wbc.Retargeted, q: Array) -> float:
     """Return how far a level sole moves at most while it stands [m], by Pinocchio."""
     data, worst = motion.robot.model.createData(), 0.0
     for number, foot in enumerate(motion.robot.feet.values()):
@@ -95,18 +95,19 @@ def margins_kept(robot: Robot, q: Array) -> bool:
 @pytest.mark.parametrize(
     ("joint", "by"), [("left_knee", 0.1), ("right_hip_roll", 0.1), ("left_shoulder_pitch", 0.15)]
 )
-def test_a_motion_that_was_knocked_keeps_what_is_hard_again(
+def test_disturbed_motion_is_feasible_after_projection(
     step: wbc.Retargeted, joint: str, by: float
 ) -> None:
     robot, dt = step.robot, step.targets.dt
     (name,) = (one for one in robot.joint_names if one.startswith(joint))
-    q = knocked(step, name, by, 12, 15)
-    assert max(*hard(robot, q, dt)[1:], 1e3 * soles(step, q)) > 1.0  # it leaps, or a sole moves
-    found = mended(whole(step), q)
-    assert found.kept
-    past, speed, force = hard(robot, found.q, dt)
+    q = disturbed(step, name, by, 12, 15)
+    ratios = joint_ratios(robot, q, dt)[1:]
+    assert max(*ratios, 1e3 * sole_displacement(step, q)) > 1.0  # joints too fast, or a sole moves
+    found = project_onto_constraints(trajectory_problem(step), q)
+    assert found.feasible
+    past, speed, force = joint_ratios(robot, found.q, dt)
     assert past <= 1e-9 and speed <= 1.0 + 1e-9 and force <= 1.0 + 1e-9
-    assert soles(step, found.q) < 1e-3
+    assert sole_displacement(step, found.q) < 1e-3
     assert all(margins_kept(robot, one) for one in found.q)
 
 
@@ -123,23 +124,23 @@ def lowest(robot: Robot, q: Array) -> float:
 
 
 @pytest.mark.parametrize("by", [0.5, -0.5])
-def test_soles_in_the_air_are_lifted_out_of_the_ground(step: wbc.Retargeted, by: float) -> None:
-    """Of a run a G1's were up to 66 mm in it."""
+def test_swinging_soles_in_the_ground_are_lifted_out_of_it(step: wbc.Retargeted, by: float) -> None:
+    """In a run a G1's were up to 66 mm below it."""
     robot, air = step.robot, np.flatnonzero(~step.contacts[:, 0])
-    q = knocked(step, "left_ankle_pitch", by, air[2], air[-2])
+    q = disturbed(step, "left_ankle_pitch", by, air[2], air[-2])
     assert lowest(robot, q) < -5e-3
-    found = mended(whole(step), q)
-    assert found.kept and lowest(robot, found.q) > -1e-3
+    found = project_onto_constraints(trajectory_problem(step), q)
+    assert found.feasible and lowest(robot, found.q) > -1e-3
 
 
-def test_feet_that_a_robot_has_elsewhere_are_where_it_has_them(step: wbc.Retargeted) -> None:
-    """A robot that is set aside as a whole: footprints, corners and ways go with it."""
+def test_footprints_of_a_displaced_robot_are_updated(step: wbc.Retargeted) -> None:
+    """Footprints, corners and paths move with the whole robot."""
     turn, move = 0.2, np.array((0.03, -0.02, 0.0))
     R = np.array(((np.cos(turn), -np.sin(turn)), (np.sin(turn), np.cos(turn))))
     T = pin.SE3(pin.AngleAxis(turn, np.array((0.0, 0.0, 1.0))).matrix(), move)
     q = np.array([np.concatenate((pin.SE3ToXYZQUAT(T * pin.XYZQUATToSE3(one[:7])), one[7:]))
                   for one in step.q])  # fmt: skip
-    feet, notes = resettled(step.targets.feet, step.robot, q)
+    feet, notes = update_footprints(step.targets.feet, step.robot, q)
     for before, after in zip(step.targets.feet.prints, feet.prints, strict=True):
         np.testing.assert_allclose(after.pose[:2], R @ before.pose[:2] + move[:2], atol=2e-3)
         assert after.pose[2] == pytest.approx(before.pose[2] + turn, abs=2e-3)
@@ -150,16 +151,16 @@ def test_feet_that_a_robot_has_elsewhere_are_where_it_has_them(step: wbc.Retarge
     assert len(notes) == len(feet.prints)
 
 
-def test_what_is_not_kept_is_told_by_how_much_when_and_where(step: wbc.Retargeted) -> None:
+def test_violations_tell_size_time_and_place(step: wbc.Retargeted) -> None:
     robot = step.robot
     assert step.broken == ()
     (knee,) = (name for name in robot.joint_names if name.startswith("left_knee"))
     column = 7 + robot.joint_names.index(knee)
     q = step.q.copy()
     q[20:23, column] = robot.limits.upper[robot.joint_names.index(knee)] + 0.05
-    known = prepared(robot, None, 0.01)
-    told = judged(robot, known, "", step.scale, step.targets, q, 0.6, ())
-    by = {one.what: one for one in told.broken if one.where == knee}
+    setup = robot_setup(robot, None, 0.01)
+    found = evaluate(robot, setup, "", step.scale, step.targets, q, 0.6, ())
+    by = {one.what: one for one in found.broken if one.where == knee}
     passed = by["joint limit passed"]
     assert passed.by == pytest.approx(0.05, abs=1e-9)
     assert (passed.start, passed.end) == pytest.approx((step.time[20], step.time[22]))
@@ -169,5 +170,5 @@ def test_what_is_not_kept_is_told_by_how_much_when_and_where(step: wbc.Retargete
     fastest = robot.limits.velocity[robot.joint_names.index(knee)]
     assert by["speed above the limit"].by == pytest.approx(np.abs(rate).max() / fastest - 1.0)
     assert "acceleration above the motor's" in by
-    slides = [one for one in told.broken if one.what == "sole slides"]
+    slides = [one for one in found.broken if one.what == "sole slides"]
     assert slides and slides[0].where == "left foot" and "mm" in str(slides[0])

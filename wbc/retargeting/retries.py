@@ -1,0 +1,110 @@
+"""Retries of a motion, slower or with lower weights, until all hard constraints are satisfied."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from wbc.retargeting.constraint_projection import project_onto_constraints
+from wbc.retargeting.gauss_newton import CONVERGED_COST, FEASIBLE, MAX_RATIO, solve
+from wbc.retargeting.initial_guess import Progress
+from wbc.retargeting.scaling import MotionScale
+from wbc.retargeting.tasks import RetargetWeights
+from wbc.retargeting.trajectory_problem import TrajectoryProblem
+from wbc.validate import Array
+
+MAX_ITERATIONS = 14  # of Gauss-Newton
+# Where constraints cannot be satisfied, the next attempt lowers the weight of the CoM by the first
+# factor (the momentum's by its square). It takes the second times as long where joints are too slow
+# or too weak.
+ATTEMPTS, WEIGHT_FACTOR, TIME_FACTOR = 6, 0.5, 1.2
+# Speeds above the limit by less than MAX_OVERSPEED stretch the time by that ratio, at most
+# MAX_STRETCH at once, and by this part more with each attempt.
+MAX_OVERSPEED, EXTRA_STRETCH, MAX_STRETCH = 4.0, 0.03, 1.5
+MAX_COST_GROWTH = 1.5  # by the projection; above it a motion that is too fast is stretched instead
+# Factors on weights of the first attempt: many robots can follow these more closely.
+FIRST_ATTEMPT = {"com": 1.15, "momentum": 1.75, "lean": 20.0}
+
+# From a scale and weights to the least squares of a motion, and the human's principal axes.
+ProblemBuilder = Callable[[MotionScale, RetargetWeights], tuple[TrajectoryProblem, Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """The result of one attempt.
+
+    Attributes
+    ----------
+    q:
+        Configurations (n, nq).
+    problem, scale:
+        What was solved, with the targets.
+    reductions:
+        How many times the weights of CoM and momentum were lowered.
+    """
+
+    q: Array
+    problem: TrajectoryProblem
+    scale: MotionScale
+    reductions: int
+
+    def notes(self, time_scale: float) -> list[str]:
+        """Return what was given up; ``time_scale``: the scale of time that was asked for."""
+        found = list[str]()
+        if self.scale.time != time_scale:
+            found.append(
+                f"{self.scale.time / time_scale:.2f} times as slow as asked for: joints of"
+                f" {self.problem.tasks.robot.name} are no faster, or no stronger"
+            )
+        if self.reductions > 0:
+            com, momentum = WEIGHT_FACTOR**self.reductions, WEIGHT_FACTOR ** (2 * self.reductions)
+            found.append(
+                f"the weights of CoM and momentum are multiplied by {com:g} and {momentum:g}:"
+                " limits and margins allow no more"
+            )
+        return found
+
+
+def solve_with_retries(
+    build_problem: ProblemBuilder, scale: MotionScale, weights: RetargetWeights, iterations: int,
+    balance: bool, progress: Progress | None,
+) -> Attempt:  # fmt: skip
+    """Return the first attempt that satisfies all constraints, or the least infeasible one."""
+    higher = {name: factor * getattr(weights, name) for name, factor in FIRST_ATTEMPT.items()}
+    problem, axes = build_problem(scale, replace(weights, **higher))
+    best = solve(problem, axes, iterations, balance, progress, None)
+    if best.speed_ratio <= MAX_RATIO:
+        found = project_onto_constraints(problem, best.q, stop_early=True)
+        if found.feasible:
+            return Attempt(found.q, problem, scale, 0)
+    reductions, least = 0, math.inf
+    warm_start: Array | None = None
+    for number in range(ATTEMPTS):
+        problem, axes = build_problem(scale, weights)
+        best = solve(problem, axes, iterations, balance, progress, warm_start)
+        last, too_fast = number == ATTEMPTS - 1, MAX_RATIO < best.speed_ratio < MAX_OVERSPEED
+        found = project_onto_constraints(problem, best.q, stop_early=not last)
+        if found.violation < least or (last and found.feasible):
+            least, nearest = found.violation, Attempt(found.q, problem, scale, reductions)
+        if found.feasible and too_fast and not last:
+            # Slowing down single joints may have changed the motion too much.
+            accepted = MAX_COST_GROWTH * max(best.cost, CONVERGED_COST)
+            too_fast = problem.linearize(found.q).cost > accepted
+        if found.feasible and not too_fast:
+            return Attempt(found.q, problem, scale, reductions)
+        if too_fast and (found.feasible or number == 0):
+            stretch = min(best.speed_ratio, MAX_STRETCH) * (1.0 + (number + 1) * EXTRA_STRETCH)
+            scale = replace(scale, time=scale.time * stretch)
+            warm_start = best.q if best.violation < FEASIBLE else None
+            continue
+        warm_start = None
+        reductions += 1
+        weights = replace(
+            weights,
+            com=WEIGHT_FACTOR * weights.com,
+            momentum=WEIGHT_FACTOR**2 * weights.momentum,
+        )
+        if max(found.speed_ratio, found.acceleration_ratio) > 1.0:
+            scale = replace(scale, time=TIME_FACTOR * scale.time)
+    return nearest
