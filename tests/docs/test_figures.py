@@ -162,7 +162,7 @@ CLAIMS: dict[str, tuple[str, str, Figures]] = {
         }.items()
     },
     **{
-        f"who stays on both feet: {name}": (
+        f"both feet: {name}": (
             "docs/howto/retarget.md", f"| `{name}` | {how} | {{}} of {{}} | {{}}, {{}} mm |",
             standing(name),
         )

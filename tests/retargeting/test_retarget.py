@@ -1,4 +1,4 @@
-"""Human motion on humanoids: what is promised of feet, limits, margins, CoM and momentum."""
+"""Human motion on humanoids: feet, limits, margins, CoM and momentum."""
 
 import json
 import re
@@ -26,8 +26,8 @@ def crouch(hoap2: Robot) -> wbc.Retargeted:
     return wbc.retarget(crouching(), hoap2)
 
 
-def kept(motion: wbc.Retargeted) -> None:
-    """Check what is hard, by other means than those that made the motion."""
+def check_constraints(motion: wbc.Retargeted) -> None:
+    """Check the constraints by other means than those that made the motion."""
     robot, limits = motion.robot, motion.robot.limits
     collision = wbc.SelfCollision(robot, margin=0.01)
     for q in motion.q:
@@ -50,8 +50,8 @@ def test_swinging_soles_below_the_ground_are_noted(crouch: wbc.Retargeted) -> No
     ]
 
 
-def test_a_crouch_keeps_the_feet_where_they_are(crouch: wbc.Retargeted) -> None:
-    kept(crouch)
+def test_crouch_does_not_move_the_feet(crouch: wbc.Retargeted) -> None:
+    check_constraints(crouch)
     robot = crouch.robot
     assert crouch.contacts.all()
     # Both soles by Pinocchio, in all frames: what a sole is off from where it first was.
@@ -69,14 +69,14 @@ def test_a_crouch_keeps_the_feet_where_they_are(crouch: wbc.Retargeted) -> None:
     assert depth == pytest.approx(np.ptp(crouch.targets.human_com[:, 2]), rel=0.35)
 
 
-def test_feet_whose_toes_point_inwards_are_set_apart(hoap2: Robot) -> None:
+def test_feet_with_inward_toes_are_shifted_outward(hoap2: Robot) -> None:
     motion = wbc.retarget(crouching(1.0, inward=0.35), hoap2)
-    kept(motion)
+    check_constraints(motion)
     toes = [motion.targets.feet.paths[side].heading[0] for side in ("left", "right")]
     assert toes[1] - toes[0] == pytest.approx(0.7, abs=0.1)  # they still do
 
 
-def test_the_human_is_shown_beside_at_the_same_moments(crouch: wbc.Retargeted) -> None:
+def test_human_beside_the_robot_moves_at_the_same_times(crouch: wbc.Retargeted) -> None:
     human = crouching()
     beside = human_beside(human, crouch)
     assert beside.shape == (len(crouch), human.motion.robot.nq)
@@ -90,7 +90,7 @@ def test_the_human_is_shown_beside_at_the_same_moments(crouch: wbc.Retargeted) -
     assert crouch.q[0, 1] - beside[0, 1] == pytest.approx(0.5, abs=0.1)  # it looks along x
 
 
-def test_wrenches_are_those_of_the_motion(crouch: wbc.Retargeted) -> None:
+def test_wrenches_satisfy_newton_and_euler(crouch: wbc.Retargeted) -> None:
     """By Newton and Euler about the CoM, and by Pinocchio's inverse dynamics for the torques."""
     robot, k = crouch.robot, len(crouch) // 3
     force = crouch.wrenches[k, :, :3].sum(axis=0)
@@ -106,7 +106,7 @@ def test_wrenches_are_those_of_the_motion(crouch: wbc.Retargeted) -> None:
     assert np.abs(tau[:6]).max() < 0.02 * robot.weight  # nothing holds the base
 
 
-def test_files_have_what_trainers_read(crouch: wbc.Retargeted, tmp_path: Path) -> None:
+def test_files_have_the_fields_of_policy_training(crouch: wbc.Retargeted, tmp_path: Path) -> None:
     robot = crouch.robot
     crouch.save(tmp_path / "own.npz")
     again = wbc.read_motion(tmp_path / "own.npz", robot)
@@ -151,18 +151,18 @@ def test_files_have_what_trainers_read(crouch: wbc.Retargeted, tmp_path: Path) -
         crouch.save(tmp_path / "x.npz", "mujoco")
 
 
-def test_legs_that_cannot_roll_their_soles_hold_them_along_their_length() -> None:
-    """As those of a Unitree H1: held flat, such feet left the robot no way to move its CoM."""
+def test_legs_without_ankle_roll_stand_on_lines() -> None:
+    """As a Unitree H1's: flat feet left its CoM nowhere to go."""
     ankles = {"left_ankle_roll": 0.0, "right_ankle_roll": 0.0}
     found = wbc.retarget(crouching(inward=0.2), Robot.load("hoap2_like", locked=ankles))
-    kept(found)
+    check_constraints(found)
     assert sum("cannot roll its sole" in note for note in found.notes) == 2
     assert not found.broken
     assert found.com_correlation[2] > 0.95
 
 
-def test_legs_that_cannot_roll_their_soles_stand_as_far_apart_as_they_are() -> None:
-    """Beside each other as a human's, such legs lean inwards, and soles tilt with them."""
+def test_legs_without_ankle_roll_stand_as_wide_as_the_hips() -> None:
+    """With feet as near as a human's the legs lean inward, and the soles tilt with them."""
     ankles = {"left_ankle_roll_joint": 0.0, "right_ankle_roll_joint": 0.0}
     robot = Robot.load("g1", locked=ankles)
     found = wbc.retarget(crouching(1.0, inward=0.2), robot)
@@ -177,8 +177,8 @@ def test_legs_that_cannot_roll_their_soles_stand_as_far_apart_as_they_are() -> N
     assert found.com_correlation[2] > 0.95
 
 
-def test_fingers_are_held_and_nothing_else(hoap2: Robot) -> None:
-    """As those of a Unitree H2 plus: 600 pairs near each other in every frame took minutes."""
+def test_only_fingers_are_fixed(hoap2: Robot) -> None:
+    """As a Unitree H2 plus': 600 near pairs in every frame took minutes."""
     text, fingers = hoap2.path.read_text(), list[str]()
     for side in ("left", "right"):
         for k, x in enumerate((-0.01, 0.01)):
@@ -200,7 +200,7 @@ def test_fingers_are_held_and_nothing_else(hoap2: Robot) -> None:
     assert any(note.startswith("fingers are held as they stand, 8: ") for note in found.notes)
     moved = dict(zip(gripping.joint_names, np.ptp(found.q[:, 7:], axis=0), strict=True))
     assert {name for name, way in moved.items() if way == 0.0} == {*fingers}
-    kept(found)
+    check_constraints(found)
     # With the same joints locked by the file's reader the motion is the same one.
     rigid = Robot.load(text, base="floating", locked=dict.fromkeys(fingers, 0.0))
     same = wbc.retarget(crouching(1.0), rigid)
@@ -212,8 +212,8 @@ def test_fingers_are_held_and_nothing_else(hoap2: Robot) -> None:
         np.testing.assert_allclose(mine, theirs, atol=1e-3)  # rad; standing is settled twice
 
 
-def test_joints_without_ranges_are_retargeted_with_knees_ahead(hoap2: Robot) -> None:
-    """With warnings of NumPy's, and knees behind."""
+def test_joints_without_ranges_bend_knees_forward(hoap2: Robot) -> None:
+    """They gave warnings of NumPy, and knees bent backward."""
     text = re.sub(r'<limit lower="[^"]*" upper="[^"]*"', "<limit", hoap2.path.read_text())
     robot = Robot.load(text.replace('type="revolute"', 'type="continuous"'), base="floating")
     found = wbc.retarget(crouching(0.6), robot, self_collision=False)
@@ -222,7 +222,7 @@ def test_joints_without_ranges_are_retargeted_with_knees_ahead(hoap2: Robot) -> 
     assert not found.broken
 
 
-def test_a_robot_without_shapes_is_retargeted_and_told(hoap2: Robot, tmp_path: Path) -> None:
+def test_robot_without_shapes_is_retargeted_with_a_note(hoap2: Robot, tmp_path: Path) -> None:
     text = hoap2.path.read_text()
     bare = re.sub(r"<collision>.*?</collision>", "", text, flags=re.DOTALL)
     soles = {
@@ -235,9 +235,9 @@ def test_a_robot_without_shapes_is_retargeted_and_told(hoap2: Robot, tmp_path: P
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["g1", "talos"])
-def test_a_step(name: str) -> None:
+def test_step_satisfies_constraints_and_follows_the_human(name: str) -> None:
     found = wbc.retarget(stepping(), Robot.load(name))
-    kept(found)
+    check_constraints(found)
     left, right = found.contacts.T
     assert right.all() and 0.05 < (~left).mean() < 0.4
     path = found.targets.feet.paths["left"].place
@@ -248,8 +248,8 @@ def test_a_step(name: str) -> None:
     assert not [one for one in found.unbalanced if one.what.startswith("CoP") and one.by > 0.01]
 
 
-def test_balance_moves_the_com_by_a_part_of_the_human_s_motion(crouch: wbc.Retargeted) -> None:
-    """Of a human that bends ever more suddenly: as it does, or a third of its own way."""
+def test_balance_displaces_the_com_by_part_of_the_human_motion(crouch: wbc.Retargeted) -> None:
+    """Of ever more sudden bends: at most a third of the human's standard deviation."""
     robot, targets = crouch.robot, crouch.targets
     for times in (1.0, 30.0, 300.0):
         found = balance_com(targets, robot, times * targets.angular_momentum)
@@ -294,7 +294,7 @@ def test_interpolated_configurations_are_geodesic(hoap2: Robot) -> None:
         np.testing.assert_allclose(one, pin.interpolate(model, q[a], q[b], part), atol=1e-9)
 
 
-def test_who_stands_for_whom() -> None:
+def test_body_map_of_g1_finds_trunk_and_arms() -> None:
     found = body_map(Robot.load("g1"))
     assert found.trunk == "waist_pitch_joint" and found.head is None
     assert found.arms["left"].forearm == "left_elbow_joint"
@@ -303,7 +303,7 @@ def test_who_stands_for_whom() -> None:
     assert other.trunk == "torso_link"
 
 
-def test_an_elbow_that_is_the_last_joint_is_one(hoap2: Robot) -> None:
+def test_arm_whose_last_joint_is_the_elbow_has_a_forearm(hoap2: Robot) -> None:
     held = Robot.load("hoap2_like", locked={"left_hand": 0.0, "right_hand": 0.0})
     found, whole = body_map(held).arms, body_map(hoap2).arms
     for side, arm in found.items():
@@ -316,7 +316,7 @@ def test_an_elbow_that_is_the_last_joint_is_one(hoap2: Robot) -> None:
         assert arm.forearm_axis @ whole[side].forearm_axis > np.cos(np.radians(10.0))
 
 
-def test_refusals(hoap2: Robot) -> None:
+def test_bad_arguments_are_refused(hoap2: Robot) -> None:
     human = crouching(0.8)
     with pytest.raises(wbc.WbcError, match="expected a human's motion"):
         wbc.retarget(human.motion, hoap2)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Standing motions in physics: a crouch that is followed, and what it asks for that cannot be."""
+"""Standing motions in physics: a crouch that is followed, and where it cannot be balanced."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from wbc.problem import Problem, load_problem
 from wbc.problem.standing_problem import AFTER, standing_problem
 from wbc.problem.targets import BEGINS, EASE
 from wbc.retargeting import reference as references
-from wbc.retargeting.reference import FrameTurn, MotionReference
+from wbc.retargeting.reference import FrameRotation, MotionReference
 from wbc.retargeting.standing import StandingMotion
 from wbc.robot import Robot
 
@@ -60,21 +60,21 @@ def test_what_a_motion_asks_for(crouch: wbc.Retargeted, reference: MotionReferen
     ):
         slope = (value[2:] - value[:-2]) / (2.0 * h)
         assert np.abs(slope - rate[1:-1]).max() < size
-    turn = FrameTurn(reference, TRUNK)
+    turn = FrameRotation(reference, TRUNK)
     for t in (0.5, 1.1):
         (R0, w0, _), (R, w, alpha), (R1, w1, _) = (turn.at(t + d) for d in (-h, 0.0, h))
         spin = R.T @ (R1 - R0) / (2.0 * h)  # [w] in the frame's axes
         np.testing.assert_allclose([spin[2, 1], spin[0, 2], spin[1, 0]], w, atol=2e-3)
         np.testing.assert_allclose((w1 - w0) / (2.0 * h), alpha, atol=0.2)
-    # The CoP of the pendulum is where Newton has it: of CoM, force and moment.
+    # Newton and Euler: the moment about the CoP is vertical.
     force = robot.mass * (target.com_acceleration + [0.0, 0.0, robot.gravity])
     moment = target.momentum_rate[:, 3:] + np.cross(target.com - target.cop, force)
     assert np.abs(moment[:, :2]).max() < 0.05  # N m; rates of the CoM's are differences twice
 
 
-def test_what_cannot_be_is_said(crouch: wbc.Retargeted, reference: MotionReference) -> None:
+def test_hasty_motion_is_unbalanced(crouch: wbc.Retargeted, reference: MotionReference) -> None:
     assert not [one for one in reference.unbalanced if one.by > 0.05]
-    # The same frames in a fifth of the time: the CoM would have to be thrown up and down.
+    # The same frames in a fifth of the time: the CoM would be thrown up and down.
     hasty = StandingMotion(reference.motion.robot, "hasty", 0.2 * crouch.time, reference.motion.q)
     found = MotionReference(hasty, ease=0.05).unbalanced
     assert {one.what for one in found} & {"CoP outside the feet", "torque above the limit"}
@@ -90,7 +90,7 @@ def test_what_cannot_be_is_said(crouch: wbc.Retargeted, reference: MotionReferen
     assert (cop >= corners[0] - 1e-6).all() and (cop <= corners[1] + 1e-6).all()
 
 
-def test_motions_that_leave_the_ground_are_refused(crouch: wbc.Retargeted, tmp_path: Path) -> None:
+def test_motion_that_leaves_the_ground_is_refused(crouch: wbc.Retargeted, tmp_path: Path) -> None:
     path, robot = tmp_path / "crouch.npz", crouch.robot
     crouch.save(path)
     assert StandingMotion.read(path, robot).q.shape == crouch.q.shape
@@ -126,7 +126,7 @@ def problem(crouch: wbc.Retargeted, tmp_path: Path) -> Path:
     return path
 
 
-def test_mistakes_of_a_problem(problem: Path) -> None:
+def test_mistakes_of_a_problem_are_refused(problem: Path) -> None:
     begun = load_problem(problem)
     assert isinstance(begun, Problem)
     reference = begun.parts.plan
@@ -148,7 +148,7 @@ def test_mistakes_of_a_problem(problem: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_crouch_is_followed_in_physics(problem: Path) -> None:
+def test_crouch_is_followed_in_physics(problem: Path) -> None:
     pytest.importorskip("mujoco")
     noise = {"position_noise": 1e-3, "velocity_noise": 0.05, "delay": 0.002, "seed": 3}
     overrides = {"simulation.sensors": noise, "simulation.model_error": {"mass": 1.1}}

@@ -1,4 +1,4 @@
-"""A retargeted walk as footsteps for a walker, by prints that are known."""
+"""A retargeted walk as footsteps for a walker, from known footprints."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -32,7 +32,7 @@ def walking(count: int) -> Any:
     )
 
 
-def test_feet_take_turns_seen_from_each_other_and_the_last_stride_goes_on() -> None:
+def test_footsteps_of_alternating_feet_are_relative_and_repeat_the_last_stride() -> None:
     steps = footsteps(walking(6), 9)
     assert [step.foot for step in steps] == ["left", "right"] * 4 + ["left"]
     for k in range(2, 6):  # neither the first two nor the last three
@@ -44,7 +44,7 @@ def test_feet_take_turns_seen_from_each_other_and_the_last_stride_goes_on() -> N
     assert steps[-1].x == 0.0 and steps[-1].yaw == 0.0  # beside the other foot
 
 
-def test_a_stride_is_from_a_landing_to_the_next_of_that_foot_and_postures_repeat() -> None:
+def test_stride_lasts_from_touchdown_to_touchdown_and_postures_repeat() -> None:
     walk = walking(6)
     begin, period = stride(walk)
     assert period == pytest.approx(2 * EVERY * DT)
@@ -53,10 +53,10 @@ def test_a_stride_is_from_a_landing_to_the_next_of_that_foot_and_postures_repeat
     np.testing.assert_array_equal(posture_at(walk, 0.25 * period), posture_at(walk, 3.25 * period))
 
 
-def test_what_is_no_walk_is_said() -> None:
+def test_motion_without_alternating_feet_is_refused() -> None:
     with pytest.raises(InvalidInputError, match=r"walk.trc has 2 footprints in turn"):
         footsteps(walking(2), 4)
-    with pytest.raises(InvalidInputError, match="no foot comes down twice"):
+    with pytest.raises(InvalidInputError, match="no foot touches down twice"):
         stride(walking(3))
     with pytest.raises(InvalidInputError, match="count"):
         footsteps(walking(6), 1)

@@ -100,9 +100,9 @@ def follow_plan(
 
 def _course(task: TaskSpec, reference: PlanReference | MotionReference) -> Course:
     if isinstance(task, OrientationSpec) and not isinstance(reference, PlanReference):
-        from wbc.retargeting.reference import FrameTurn
+        from wbc.retargeting.reference import FrameRotation
 
-        return FrameTurn(reference, task.frame)
+        return FrameRotation(reference, task.frame)
     return PlanCourse(reference, task.of_plan)
 
 

@@ -1,4 +1,4 @@
-"""Which frame of a robot stands for which segment of a human, found by geometry."""
+"""Correspondence of a robot's frames with a human's segments, found by geometry."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
 from wbc.validate import Array, by_name, read_only
 
-# Of the CoM's height: what is nearer to the middle than this is no arm.
-ASIDE = 0.05
-# Frames that may be named by who knows better.
+MIN_ARM_OFFSET = 0.05  # of a hand to the side of the base, by the CoM's height
+# Parts whose frames may be given.
 ARM_PARTS = ("shoulder", "upper_arm", "forearm", "hand")
 PARTS = ("pelvis", "trunk", "head", *(f"{side}_{part}" for side in SIDES for part in ARM_PARTS))
 
@@ -29,13 +28,13 @@ class RobotArm:
     Attributes
     ----------
     shoulder, upper_arm, forearm, hand:
-        Frames; the upper arm goes from the shoulder to the forearm's origin, that to the hand's. A
-        robot whose last joint is the elbow has no other frame for its hand than its forearm, which
-        then goes to the CoM of what that joint carries.
+        Frames; the upper arm extends from the shoulder to the forearm's origin, the forearm to the
+        hand's. If the elbow is the last joint, hand and forearm are the same frame, and the forearm
+        extends to the CoM of the links behind that joint.
     upper_axis, forearm_axis:
-        Those directions (3,) in the axes of the upper arm and of the forearm, unit vectors.
+        Unit vectors (3,) along them, in the axes of the upper arm and of the forearm.
     length:
-        Of both [m].
+        Of upper arm and forearm together [m].
     """
 
     shoulder: str
@@ -49,19 +48,19 @@ class RobotArm:
 
 @dataclass(frozen=True, eq=False)
 class BodyMap:
-    """Frames of a robot that stand for a human's segments; made by :func:`body_map`.
+    """Frames of a robot that correspond to a human's segments; made by :func:`body_map`.
 
     Attributes
     ----------
     pelvis, trunk, head:
         Frames; the trunk may be the pelvis, and there may be no head that moves.
     arms:
-        By side; those that the robot has.
+        Of the robot, by side.
     upright:
-        Rotation (3, 3) of these frames in the standing posture, in which a human's axes are those
-        of the world: x forwards, z up.
+        Rotation (3, 3) of these frames in the standing posture, where a human's axes are those of
+        the world: x forwards, z up.
     notes:
-        What the robot lacks.
+        Parts that the robot lacks.
     """
 
     pelvis: str
@@ -73,7 +72,7 @@ class BodyMap:
 
 
 def body_map(robot: Robot, links: Mapping[str, str] | None = None) -> BodyMap:
-    """Return which frames of a robot stand for a human's pelvis, trunk, head and arms.
+    """Return the frames of a robot that correspond to a human's pelvis, trunk, head and arms.
 
     The pelvis is the link that carries both legs. Arms are the chains that end farthest to the left
     and to the right of the base, legs aside; the trunk is the link that carries both; the elbow is
@@ -83,9 +82,9 @@ def body_map(robot: Robot, links: Mapping[str, str] | None = None) -> BodyMap:
     Parameters
     ----------
     links:
-        Frames by part, for robots on which that is wrong: ``pelvis``, ``trunk``, ``head``,
+        Frames by part, for robots on which this fails: ``pelvis``, ``trunk``, ``head``,
         ``left_shoulder``, ``left_upper_arm``, ``left_forearm``, ``left_hand`` and those of the
-        right arm. An arm that is named needs all four.
+        right arm. An arm needs all four.
 
     Raises
     ------
@@ -100,12 +99,12 @@ def body_map(robot: Robot, links: Mapping[str, str] | None = None) -> BodyMap:
         if part not in PARTS:
             raise UnknownNameError("part of a body", part, PARTS)
         robot.frame_id(frame)
-    found, notes = _found(robot), list[str]()
+    found, notes = _frames_by_geometry(robot), list[str]()
     for side in SIDES:
         named = [part for part in ARM_PARTS if f"{side}_{part}" in given]
         if named and len(named) < len(ARM_PARTS):
-            lacking = ", ".join(f"{side}_{p}" for p in ARM_PARTS if p not in named)
-            raise InvalidInputError(f"retarget, links: name all of the {side} arm: {lacking} too")
+            missing = ", ".join(f"{side}_{p}" for p in ARM_PARTS if p not in named)
+            raise InvalidInputError(f"retarget, links: name all of the {side} arm: {missing} too")
     found |= given
     snapshot = robot.snapshot(robot.postures[STANDING])
     arms = {}
@@ -116,32 +115,32 @@ def body_map(robot: Robot, links: Mapping[str, str] | None = None) -> BodyMap:
         names = [found[f"{side}_{part}"] for part in ARM_PARTS]
         places = [snapshot.position(names[k]) for k in (0, 2, 3)]
         if names[2] == names[3]:
-            places[2] = _carried(robot, snapshot, names[3])
-        ways = np.diff(places, axis=0)
-        lengths = np.linalg.norm(ways, axis=1)
+            places[2] = _distal_com(robot, snapshot, names[3])
+        vectors = np.diff(places, axis=0)
+        lengths = np.linalg.norm(vectors, axis=1)
         if lengths.min() < 1e-3:
             raise InvalidInputError(
                 f"retarget, links: shoulder, forearm and hand of the {side} arm of {robot.name}"
                 f" ({', '.join(names)}) must be at different places"
             )
         axes = [
-            read_only(snapshot.rotation(frame).T @ way / length)
-            for frame, way, length in zip(names[1:3], ways, lengths, strict=True)
+            read_only(snapshot.rotation(frame).T @ vector / length)
+            for frame, vector, length in zip(names[1:3], vectors, lengths, strict=True)
         ]
         shoulder, upper, forearm, hand = names
         length = float(lengths.sum())
         arms[side] = RobotArm(shoulder, upper, forearm, hand, axes[0], axes[1], length)
     head = found.get("head")
     if head is None:
-        notes.append(f"{robot.name} has no head that moves: it looks where its trunk does")
+        notes.append(f"{robot.name} has no head that moves: its gaze follows the trunk")
     frames = [found["pelvis"], found["trunk"]] + ([head] if head else [])
     upright = {frame: snapshot.rotation(frame) for frame in frames}
     both = MappingProxyType(arms), MappingProxyType(upright)
     return BodyMap(found["pelvis"], found["trunk"], head, *both, tuple(notes))
 
 
-def _found(robot: Robot) -> dict[str, str]:
-    """Return frames by part, as far as geometry tells."""
+def _frames_by_geometry(robot: Robot) -> dict[str, str]:
+    """Return the frames of the parts that geometry identifies."""
     model, snapshot = robot.model, robot.snapshot(robot.postures[STANDING])
     names = [str(name) for name in model.names]
     legs = {joint for side in SIDES for joint in leg_joints(robot, side)}
@@ -150,11 +149,11 @@ def _found(robot: Robot) -> dict[str, str]:
     chains = {end: chain_to(robot, end) for end in leaves}
     ends = [end for end in leaves if legs.isdisjoint(chains[end])]
     ground = np.mean([snapshot.position(foot.frame)[2] for foot in robot.feet.values()])
-    aside = ASIDE * float(snapshot.com[2] - ground)
+    min_offset = MIN_ARM_OFFSET * float(snapshot.com[2] - ground)
     base = snapshot.position(BASE)
     at = {joint: snapshot.position(names[joint]) - base for joint in range(2, model.njoints)}
 
-    def way(end: int) -> float:
+    def length(end: int) -> float:
         places = np.array([at[joint] for joint in chains[end]])
         return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
 
@@ -165,16 +164,16 @@ def _found(robot: Robot) -> dict[str, str]:
         found["pelvis"] = names[carry[-1]]
     sides = dict[str, list[int]]()
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        there = [end for end in ends if sign * at[end][1] > aside and len(chains[end])]
-        if there:  # the longest way from the base
-            sides[side] = chains[max(there, key=way)]
+        there = [end for end in ends if sign * at[end][1] > min_offset and len(chains[end])]
+        if there:  # the longest chain
+            sides[side] = chains[max(there, key=length)]
     if len(sides) == len(SIDES):
         left, right = (sides[side] for side in SIDES)
         shared = [joint for joint in left if joint in right]
         if shared and min(len(left), len(right)) > len(shared) + 1:  # antennas are no arms
             found["trunk"] = names[shared[-1]]
         for side, chain in sides.items():
-            arm = _up_to_the_palm(robot, chain[len(shared) :])
+            arm = _without_fingers(robot, chain[len(shared) :])
             if len(arm) >= 3:
                 elbow = arm.index(bending_joint(robot, arm, model.inertias[arm[-1]].lever))
                 parts = (arm[max(elbow - 2, 0)], arm[elbow - 1], arm[elbow])
@@ -187,7 +186,7 @@ def _found(robot: Robot) -> dict[str, str]:
             if end not in (left[-1], right[-1])
             and chains[end][: len(shared)] == shared
             and len(chains[end]) > len(shared)
-            and abs(at[end][1]) <= max(aside, 0.5 * at[left[len(shared)]][1])
+            and abs(at[end][1]) <= max(min_offset, 0.5 * at[left[len(shared)]][1])
             and at[end][2] > at[left[len(shared)]][2]
         ]
         if middle:
@@ -195,16 +194,16 @@ def _found(robot: Robot) -> dict[str, str]:
     return found
 
 
-def _carried(robot: Robot, snapshot: Snapshot, frame: str) -> Array:
-    """Return the CoM (3,) of what the joint of a frame carries, up to the next joints [m]."""
+def _distal_com(robot: Robot, snapshot: Snapshot, frame: str) -> Array:
+    """Return the CoM (3,) of the links behind a frame's joint, up to the next joints [m]."""
     rotations, origins = snapshot.joint_placements
     joint = robot.frame(frame).parentJoint
     lever: Array = robot.model.inertias[joint].lever
     return np.asarray(origins[joint] + rotations[joint] @ lever)
 
 
-def _up_to_the_palm(robot: Robot, chain: Sequence[int]) -> list[int]:
-    """Return a chain without what comes behind the first link with several joints: fingers."""
+def _without_fingers(robot: Robot, chain: Sequence[int]) -> list[int]:
+    """Return a chain up to the first link with several joints: a palm with fingers."""
     parents = [int(p) for p in robot.model.parents]
     for number, joint in enumerate(chain):
         if parents.count(joint) > 1:

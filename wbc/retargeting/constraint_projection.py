@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from wbc.constraints import SelfCollision
 from wbc.gait.legs import SIDES
 from wbc.motion.dropouts import runs
-from wbc.retargeting.footsteps import FootPaths, Footprint, pitched
+from wbc.retargeting.footsteps import FootPaths, Footprint, yaw_pitch_rotations
 from wbc.retargeting.normal_equations import NormalEquations, pad_rows
 from wbc.retargeting.trajectory_problem import (
     TrajectoryProblem,
@@ -147,8 +147,8 @@ class _LinearizedConstraints:
             e, J = self.problem.footprint_error(states, side)
             down = path.down[:, None]
             weight = np.array((w, WEIGHT, WEIGHT))  # of height, roll, pitch
-            if side in self.problem.tasks.targets.feet.lines:
-                e, J = rotate_angular_part(pitched(path.heading, 0.0 * path.heading), e, J)
+            if side in self.problem.tasks.targets.feet.line_feet:
+                e, J = rotate_angular_part(yaw_pitch_rotations(path.heading), e, J)
                 e[:, 3], J[:, 3] = 0.0, 0.0
             errors = np.where(down, weight * e[:, 2:5], 0.0)
             self._add(np.where(down[..., None], weight[:, None] * J[:, 2:5], 0.0), errors)
@@ -252,14 +252,14 @@ def update_footprints(feet: FootPaths, robot: Robot, q: Array) -> tuple[FootPath
             prints.append(one)
             continue
         prints.append(replace(one, pose=one.pose + [*shift, yaw]))
-        paths[one.foot] = path.set_aside(span, shift, yaw)
+        paths[one.foot] = path.displaced(span, shift, yaw)
         if distance > NOTED or abs(yaw) > NOTED:
             notes.append(
                 f"the {one.foot} foot stands {1e3 * distance:.0f} mm and {np.degrees(yaw):.1f}"
                 f" degrees aside from frame {one.first} to {one.end - 1}: the robot reaches no"
                 " nearer"
             )
-    for side in sorted(feet.lines):
+    for side in sorted(feet.line_feet):
         tilt = float(np.abs(np.arcsin(soles[side][paths[side].down, 2, 1])).max(initial=0.0))
         notes.append(
             f"the {side} leg cannot roll its sole: that stands along its length only, and is tilted"

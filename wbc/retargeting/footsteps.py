@@ -1,9 +1,8 @@
-"""Where a robot's feet stand and roll, and how they swing from one place to the next.
+"""Foot paths of a robot: where its feet stand and roll, and how they swing.
 
 A human's foot lands on its heel, stands flat, and rolls over its ball. A robot's is one plate: it
-is held level where the human's stood flattest, and rolls over its rear and front edges, which do
-not move meanwhile, by as much as the human's. In the air it follows the human's foot, and begins
-and ends on these edges.
+stands level where the human's stood flattest, and rolls as much as the human's over its rear and
+front edges, which do not move meanwhile. In swing it follows the human's foot from edge to edge.
 """
 
 from __future__ import annotations
@@ -28,17 +27,17 @@ from wbc.robot import Robot
 from wbc.robot.postures import STANDING
 from wbc.validate import Array
 
-# Soles come no nearer to each other than this part of the legs' length, along lines that are turned
-# by so much [rad] from straight across at most.
-BESIDE, STEEP = 0.08, 1.3
-DRAWN = 0.08  # part of the legs' length: what a level foot moves more in a contact is told
-CLEARANCE = 0.01  # m, of a human's foot: so high its corners pass over the ground
-LOW = 0.1  # part of that at which a foot counts as lifted
-# rad: pitches below the first are those of a foot that is flat, and little more until the second;
-# none is larger than the third, toes down and up.
-FLAT, EASED, STEEPEST = 0.06, 0.1, (0.6, 0.3)
-LEVEL = 2e-3  # rad: a foot that is tilted by less stands on all of its sole
-EDGE = 1e-3  # m: corners so near to the front or rear are those of its edge; two are, at least
+# Least distance between the soles by the legs' length, and the largest angle [rad] from straight
+# across of the lines along which it is measured.
+SOLE_DISTANCE, MAX_LINE_ANGLE = 0.08, 1.3
+NOTED_SLIDING = 0.08  # of a level foot in a contact, by the legs' length
+CLEARANCE = 0.01  # m, of the corners of a human's foot in swing
+MIN_LIFT = 0.1  # of the lifting curve; a foot lower than this must not demand an infinite lift
+# rad: stance pitches below the first are 0, those beyond grow smoothly over the second; the third
+# is the largest pitch, toes down and up.
+FLAT_PITCH, PITCH_TRANSITION, MAX_PITCH = 0.06, 0.1, (0.6, 0.3)
+LEVEL_PITCH = 2e-3  # rad: with less tilt a foot stands on all of its sole
+EDGE_WIDTH = 1e-3  # m: corners this near to the front or rear form its edge; at least two do
 Bools = NDArray[np.bool_]
 
 
@@ -59,7 +58,7 @@ class Footprint:
 
 
 class FootPath(NamedTuple):
-    """The way of one foot.
+    """The path of one foot.
 
     Attributes
     ----------
@@ -70,9 +69,9 @@ class FootPath(NamedTuple):
     down:
         Whether it touches the ground (n,).
     corners:
-        Of the sole that touch the ground, or would (n, k, 3) [m]; fewer ones are repeated.
+        Of the sole that touch the ground, or would (n, k, 3) [m]; the last may be repeated.
     shift:
-        How far it is set from the human's scaled way (n, 2) [m].
+        From the human's scaled path (n, 2) [m].
     origin:
         Of the footprint that it stands on, or its own place in the air (n, 3) [m].
     """
@@ -88,41 +87,41 @@ class FootPath(NamedTuple):
     @property
     def rotation(self) -> Array:
         """Of the sole frame (n, 3, 3)."""
-        return pitched(self.heading, self.pitch)
+        return yaw_pitch_rotations(self.heading, self.pitch)
 
-    def set_aside(self, span: slice, move: Array, turn: float) -> FootPath:
-        """Return the way with its footprint in some frames moved (2,) [m] and turned [rad]."""
-        R, origin = pitched(np.array([turn]), np.zeros(1))[0], self.origin[span]
+    def displaced(self, span: slice, shift: Array, yaw: float) -> FootPath:
+        """Return the path with its footprint in some frames shifted (2,) [m] and rotated [rad]."""
+        R, origin = yaw_pitch_rotations(np.array([yaw]))[0], self.origin[span]
         new = {name: getattr(self, name).copy() for name in ("place", "heading", "corners")}
-        way = [*move, 0.0] + origin
-        new["place"][span] = (new["place"][span] - origin) @ R.T + way
-        new["corners"][span] = (new["corners"][span] - origin[:, None]) @ R.T + way[:, None]
-        new["heading"][span] += turn
-        moved = self.origin.copy()
-        moved[span] = way
-        return self._replace(origin=moved, **new)
+        target = [*shift, 0.0] + origin
+        new["place"][span] = (new["place"][span] - origin) @ R.T + target
+        new["corners"][span] = (new["corners"][span] - origin[:, None]) @ R.T + target[:, None]
+        new["heading"][span] += yaw
+        new["origin"] = self.origin.copy()
+        new["origin"][span] = target
+        return self._replace(**new)
 
 
 @dataclass(frozen=True, eq=False)
 class FootPaths:
-    """Ways of both feet, by side, and where they stand.
+    """Paths of both feet, by side, and their footprints.
 
     Attributes
     ----------
-    wider:
-        By how much each foot was set outwards [m].
+    widening:
+        Outward shift of each foot [m].
     notes:
-        Of feet that are drawn along the ground.
-    lines:
-        Feet that stand along the middle of their length only: their legs have no joint to roll
-        them, so that they tilt sideways as the legs do (:class:`~wbc.LineContact`).
+        Of feet that slide on the ground.
+    line_feet:
+        Sides of feet that stand along the middle of their length only: their legs have no joint to
+        roll them, so they tilt sideways as the legs do (:class:`~wbc.LineContact`).
     """
 
     paths: Mapping[str, FootPath]
     prints: tuple[Footprint, ...]
-    wider: float
+    widening: float
     notes: tuple[str, ...]
-    lines: frozenset[str]
+    line_feet: frozenset[str]
 
     @property
     def down(self) -> Bools:
@@ -131,72 +130,74 @@ class FootPaths:
 
     @cached_property
     def supports(self) -> tuple[SupportedFrames, ...]:
-        """What frames stand on."""
+        """Of all frames but those in flight."""
         return supports({side: self.paths[side].corners for side in SIDES}, self.down)
 
 
-def pitched(heading: Array, pitch: Array) -> Array:
-    """Return rotations (n, 3, 3) with these headings and pitches (n,), toes up positive [rad]."""
+def yaw_pitch_rotations(heading: Array, pitch: Array | None = None) -> Array:
+    """Return rotations (n, 3, 3) of headings and pitches (n,) [rad], toes up positive; None: 0."""
+    pitch = np.zeros_like(heading) if pitch is None else pitch
     c, s, cp, sp = np.cos(heading), np.sin(heading), np.cos(pitch), np.sin(pitch)
     zero = np.zeros_like(c)
     rows = [[c * cp, -s, -c * sp], [s * cp, c, -s * sp], [sp, zero, cp]]
     return np.moveaxis(np.array([[*row] for row in rows]), 2, 0)
 
 
-def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, spread: Array) -> FootPaths:
-    """Return the ways of a robot's feet.
+def foot_paths(source: HumanFrames, robot: Robot, legs: Legs, scaling: Array) -> FootPaths:
+    """Return the paths of a robot's feet.
 
     Parameters
     ----------
-    spread:
-        (3, 3), which takes a human's places to the robot's size.
+    scaling:
+        Matrix (3, 3) from a human's positions to the robot's.
     """
-    arms = {side: _from_under_ankle(robot, side) for side in SIDES}
+    arms = {side: _sole_from_ankle(robot, side) for side in SIDES}
     flat = {side: _flatness(source, side) for side in SIDES}
     prints, notes, dt = [], list[str](), float(source.series.time[1] - source.series.time[0])
     for side in SIDES:
         place, heading = source.soles[side]
-        level = place @ spread.T + pitched(heading, np.zeros_like(heading)) @ arms[side]
+        level = place @ scaling.T + yaw_pitch_rotations(heading) @ arms[side]
         for first, end in runs(source.down[side]):
-            pose = _print(level, heading, flat[side], first, end)
+            pose = _footprint_pose(level, heading, flat[side], first, end)
             prints.append(Footprint(side, first, end, pose))
             flatter = flat[side][first:end] > 0.3 * flat[side][first:end].max()
-            off = np.linalg.norm(level[first:end, :2] - pose[:2], axis=1)[flatter].max()
-            if off > DRAWN * legs.length:
+            sliding = np.linalg.norm(level[first:end, :2] - pose[:2], axis=1)[flatter].max()
+            if sliding > NOTED_SLIDING * legs.length:
                 span = f"{first * dt:.2f} to {(end - 1) * dt:.2f} s of the human's time"
                 notes.append(
-                    f"the {side} foot is drawn {1e3 * off:.0f} mm along the ground, {span}: it"
+                    f"the {side} foot slides {1e3 * sliding:.0f} mm along the ground, {span}: it"
                     " stands in between"
                 )
     soles = {side: robot.feet[side].polygon for side in SIDES}
-    wider = _outwards(prints, soles, BESIDE * legs.length)
+    widening = _required_widening(prints, soles, SOLE_DISTANCE * legs.length)
     posture = robot.snapshot(robot.postures[STANDING])
-    lines = frozenset(side for side in SIDES if not rolls(posture, side))
-    if lines:  # legs that stand as they are made to hold such soles level
-        apart = [float((a.pose[:2] - b.pose[:2]) @ across) for a, b, across in _neighbours(prints)]
-        wider = max(wider, 0.5 * (legs.width - float(np.median(apart)))) if apart else wider
-    prints = [replace(one, pose=_moved_out(one.pose, one.foot, wider)) for one in prints]
+    line_feet = frozenset(side for side in SIDES if not rolls(posture, side))
+    if line_feet:  # such soles are level where the feet are as wide apart as the hips
+        width = [float((a.pose[:2] - b.pose[:2]) @ across) for a, b, across in _neighbours(prints)]
+        if width:
+            widening = max(widening, 0.5 * (legs.width - float(np.median(width))))
+    prints = [replace(one, pose=_shifted_outward(one.pose, one.foot, widening)) for one in prints]
     paths = {}
     for side in SIDES:
         own = sorted((one for one in prints if one.foot == side), key=lambda one: one.first)
-        paths[side] = _path(source, robot, side, spread, arms[side], own, wider)
-    return FootPaths(paths, tuple(prints), wider, tuple(notes), lines)
+        paths[side] = _path(source, robot, side, scaling, arms[side], own, widening)
+    return FootPaths(paths, tuple(prints), widening, tuple(notes), line_feet)
 
 
 def _pitches(source: HumanFrames, side: str) -> tuple[Array, Array]:
-    """Return a robot's pitch for a human's, in the air and on the ground (n,) [rad].
+    """Return a robot's pitch for a human's, in swing and in stance (n,) [rad].
 
-    On the ground a foot that is nearly flat is flat; two derivatives vanish where it no longer is.
+    In stance a nearly flat foot is flat; two derivatives vanish where it begins to pitch.
     """
     pitch = source.roll * np.arcsin(np.clip(source.sole_rotation[side][:, 2, 0], -1.0, 1.0))
-    most = np.where(pitch < 0.0, *STEEPEST)
-    beyond = np.maximum(np.abs(pitch) - FLAT, 0.0)
-    eased = np.sign(pitch) * beyond**3 / (beyond**2 + EASED**2)
-    return most * np.tanh(pitch / most), most * np.tanh(eased / most)
+    most = np.where(pitch < 0.0, *MAX_PITCH)
+    beyond = np.maximum(np.abs(pitch) - FLAT_PITCH, 0.0)
+    stance = np.sign(pitch) * beyond**3 / (beyond**2 + PITCH_TRANSITION**2)
+    return most * np.tanh(pitch / most), most * np.tanh(stance / most)
 
 
-def _from_under_ankle(robot: Robot, side: str) -> Array:
-    """Return the sole frame's place (3,) from the ground under the ankle, in its axes [m]."""
+def _sole_from_ankle(robot: Robot, side: str) -> Array:
+    """Return the sole frame's origin (3,) from the ground below the ankle, in its axes [m]."""
     snapshot = robot.snapshot(robot.postures[STANDING])
     ankle = str(robot.model.names[leg_joints(robot, side)[-1]])
     place, R = snapshot.placement(robot.feet[side].frame)
@@ -205,47 +206,47 @@ def _from_under_ankle(robot: Robot, side: str) -> Array:
 
 
 def _flatness(source: HumanFrames, side: str) -> Array:
-    """Return how much a frame counts for where a foot stands (n,): most when level and slow."""
+    """Return weights (n,) of frames for the footprint's mean: largest where level and slow."""
     tilt = 1.0 - source.sole_rotation[side][:, 2, 2]
     speed = np.linalg.norm(np.gradient(source.soles[side][0], source.series.time, axis=0), axis=1)
     return np.exp(-tilt / 0.01 - (speed / 0.2) ** 2) + 1e-9
 
 
-def _print(place: Array, heading: Array, weight: Array, first: int, end: int) -> Array:
+def _footprint_pose(place: Array, heading: Array, weight: Array, first: int, end: int) -> Array:
     span = slice(first, end)
     x, y = np.average(place[span, :2], axis=0, weights=weight[span]).tolist()
     return np.array((x, y, np.average(heading[span], weights=weight[span])))
 
 
-def _outwards(prints: list[Footprint], soles: Mapping[str, Array], gap: float) -> float:
-    """Return by how much feet must be set outwards so that none are too near to each other [m].
+def _required_widening(prints: list[Footprint], soles: Mapping[str, Array], gap: float) -> float:
+    """Return the outward shift of each foot that keeps them apart [m].
 
     Parameters
     ----------
     soles:
         Their corners (k, 2), by side [m].
     gap:
-        Between them, and between their widths where one passes the other [m].
+        Between soles, and between their widths where one foot passes the other [m].
     """
-    turn = np.linspace(-STEEP, STEEP, 53)  # of lines across both
+    angles = np.linspace(-MAX_LINE_ANGLE, MAX_LINE_ANGLE, 53)
     width = max(float(np.ptp(sole[:, 1])) for sole in soles.values())
-    wider = 0.0
+    widening = 0.0
     for a, b, side in _neighbours(prints):
         yaw = 0.5 * (a.pose[2] + b.pose[2])
-        across = pitched(yaw + turn, np.zeros_like(turn))[:, :2, 1]
+        across = yaw_pitch_rotations(yaw + angles)[:, :2, 1]
         left, right = (
-            one.pose[:2] + soles[one.foot] @ pitched(one.pose[2:], np.zeros(1))[0, :2, :2].T
+            one.pose[:2] + soles[one.foot] @ yaw_pitch_rotations(one.pose[2:])[0, :2, :2].T
             for one in (a, b)
         )
         apart = (left @ across.T).min(axis=0) - (right @ across.T).max(axis=0)
-        standing = ((gap - apart) / (2.0 * np.cos(turn))).min()
+        standing = ((gap - apart) / (2.0 * np.cos(angles))).min()
         passing = 0.5 * (gap + width - (a.pose[:2] - b.pose[:2]) @ side)
-        wider = max(wider, float(standing), float(passing))
-    return wider
+        widening = max(widening, float(standing), float(passing))
+    return widening
 
 
 def _neighbours(prints: list[Footprint]) -> Iterator[tuple[Footprint, Footprint, Array]]:
-    """Yield left and right footprints, at a time or in turn, and the unit vector across (2,)."""
+    """Yield left and right footprints, simultaneous or successive, and the unit vector across."""
     for a, b in product(prints, prints):
         near = a.first < b.end + 1 and b.first < a.end + 1
         if near and (a.foot, b.foot) == SIDES:
@@ -253,60 +254,60 @@ def _neighbours(prints: list[Footprint]) -> Iterator[tuple[Footprint, Footprint,
             yield a, b, np.array((-np.sin(yaw), np.cos(yaw)))
 
 
-def _moved_out(pose: Array, foot: str, wider: float) -> Array:
+def _shifted_outward(pose: Array, foot: str, widening: float) -> Array:
     yaw = float(pose[2])
-    way = SIGN[foot] * wider * np.array((-np.sin(yaw), np.cos(yaw)))
-    return np.array((*(pose[:2] + way), yaw))
+    shift = SIGN[foot] * widening * np.array((-np.sin(yaw), np.cos(yaw)))
+    return np.array((*(pose[:2] + shift), yaw))
 
 
 def _path(
     source: HumanFrames,
     robot: Robot,
     side: str,
-    spread: Array,
+    scaling: Array,
     arm: Array,
     prints: list[Footprint],
-    wider: float,
+    widening: float,
 ) -> FootPath:
-    """Return a foot's way over its footprints."""
-    under, heading = source.soles[side]
+    """Return a foot's path over its footprints."""
+    ankle, heading = source.soles[side]
     polygon = robot.feet[side].polygon
     edges = float(polygon[:, 0].min()), float(polygon[:, 0].max())  # rear and front
-    free, pitch = _pitches(source, side)
-    yaw, swings = heading.copy(), np.ones(len(under), dtype=bool)
+    swing_pitch, pitch = _pitches(source, side)
+    yaw, swings = heading.copy(), np.ones(len(ankle), dtype=bool)
     for one in prints:
         swings[one.first : one.end] = False
         yaw[one.first : one.end] = one.pose[2]
-    turn = np.column_stack((yaw, pitch))
-    _swing(turn, np.column_stack((heading, free)), swings)
-    yaw, pitch = turn.T
-    R = pitched(yaw, pitch)
-    way = under @ spread.T + R @ arm
-    way[:, :2] += SIGN[side] * wider * np.column_stack((-np.sin(heading), np.cos(heading)))
-    place, origin = way.copy(), way.copy()
+    angles = np.column_stack((yaw, pitch))
+    _blend_swings(angles, np.column_stack((heading, swing_pitch)), swings)
+    yaw, pitch = angles.T
+    R = yaw_pitch_rotations(yaw, pitch)
+    path = ankle @ scaling.T + R @ arm
+    path[:, :2] += SIGN[side] * widening * np.column_stack((-np.sin(heading), np.cos(heading)))
+    place, origin = path.copy(), path.copy()
     for one in prints:
         span = slice(one.first, one.end)
-        place[span] = _rolled(one.pose, R[span], pitch[span], edges)
+        place[span] = _roll_over_edge(one.pose, R[span], pitch[span], edges)
         origin[span] = *one.pose[:2], 0.0
-    _swing(place, way, swings)
+    _blend_swings(place, path, swings)
     lowest = place[:, 2] + (np.sin(pitch)[:, None] * polygon[:, 0]).min(axis=1)
-    for first, end in runs(swings):  # a robot's foot may be longer than a human's, scaled
+    for first, end in runs(swings):  # longer feet than the human's need more clearance
         u = (np.arange(first, end) - first + 1.0) / (end - first + 1.0)
         rise, sink = (u if first > 0 else 1.0), (1.0 - u if end < len(swings) else 1.0)
         lift = minimum_jerk(np.minimum(2.0 * np.minimum(rise, sink), np.ones(end - first)))
-        lack = CLEARANCE * float(spread[2, 2]) - lowest[first:end] / np.maximum(lift, LOW)
-        place[first:end, 2] += max(0.0, float(lack.max())) * lift
-    corners = place[:, None] + touching(polygon, pitch) @ np.swapaxes(R, 1, 2)
-    shift = (place - under @ spread.T - R @ arm)[:, :2]
+        height = CLEARANCE * float(scaling[2, 2]) - lowest[first:end] / np.maximum(lift, MIN_LIFT)
+        place[first:end, 2] += max(0.0, float(height.max())) * lift
+    corners = place[:, None] + contact_corners(polygon, pitch) @ np.swapaxes(R, 1, 2)
+    shift = (place - ankle @ scaling.T - R @ arm)[:, :2]
     return FootPath(place, yaw, pitch, ~swings, corners, shift, origin)
 
 
-def _swing(values: Array, way: Array, swings: Bools) -> None:
-    """Set values (n, k) in swings to ``way``, bent so that they leave and meet the ground smoothly.
+def _blend_swings(values: Array, path: Array, swings: Bools) -> None:
+    """Set values (n, k) in swings to ``path``, plus a quintic that joins the stances smoothly.
 
-    What both differ by there, its rate and its acceleration go over into each other on a quintic.
+    The quintic goes from the difference at lift-off, with its rate, to that at touchdown.
     """
-    off = values - way
+    error = values - path
     count = len(values)
     for first, end in runs(swings):
         T = end - first + 1.0
@@ -315,42 +316,42 @@ def _swing(values: Array, way: Array, swings: Bools) -> None:
             if not 0 <= at < count:
                 ends.append(None)
                 continue
-            near = [off[min(max(at + inner * m, 0), count - 1)] for m in range(3)]
+            near = [error[min(max(at + inner * m, 0), count - 1)] for m in range(3)]
             if min(at, count - 1 - at) < 2 or swings[[at + inner, at + 2 * inner]].any():
                 near = [near[0]] * 3
             rate = inner * (-1.5 * near[0] + 2.0 * near[1] - 0.5 * near[2])
             ends.append((near[0], T * rate))
         known = [one for one in ends if one is not None]
         if not known:
-            values[first:end] = way[first:end]
+            values[first:end] = path[first:end]
             continue
-        still = known[0][0], 0.0 * known[0][1]  # beyond the recording's ends it stays so
-        start, goal = (still if one is None else one for one in ends)
+        constant = known[0][0], 0.0 * known[0][1]  # beyond the ends of the recording
+        start, goal = (constant if one is None else one for one in ends)
         u = ((np.arange(first, end) - first + 1.0) / T)[:, None]
         s = minimum_jerk(u)
-        # Hermite's quintics for a rate at one end, with no acceleration at either.
+        # Quintic Hermite polynomials of a rate at one end, without accelerations.
         leave = u - 6.0 * u**3 + 8.0 * u**4 - 3.0 * u**5
         meet = -4.0 * u**3 + 7.0 * u**4 - 3.0 * u**5
-        bend = (1.0 - s) * start[0] + s * goal[0] + leave * start[1] + meet * goal[1]
-        values[first:end] = way[first:end] + bend
+        blend = (1.0 - s) * start[0] + s * goal[0] + leave * start[1] + meet * goal[1]
+        values[first:end] = path[first:end] + blend
 
 
-def _rolled(pose: Array, R: Array, pitch: Array, edges: tuple[float, float]) -> Array:
-    """Return the places (m, 3) of a sole frame that rolls over an edge of its footprint."""
+def _roll_over_edge(pose: Array, R: Array, pitch: Array, edges: tuple[float, float]) -> Array:
+    """Return positions (m, 3) of a sole frame that rolls over an edge of its footprint."""
     x, y, yaw = pose.tolist()
     ahead = np.array((np.cos(yaw), np.sin(yaw), 0.0))
     edge = np.where(pitch < 0.0, edges[1], edges[0])[:, None]
     return np.asarray(np.array((x, y, 0.0)) + edge * (ahead - R[:, :, 0]))
 
 
-def touching(polygon: Array, pitch: Array) -> Array:
-    """Return the corners of a sole that touch level ground at these pitches (n, k, 3), its axes."""
+def contact_corners(polygon: Array, pitch: Array) -> Array:
+    """Return the corners of a sole that touch level ground at pitches (n,), its axes (n, k, 3)."""
     flat = np.column_stack((polygon, np.zeros(len(polygon))))
     x, ordered = polygon[:, 0], np.sort(polygon[:, 0])
     found = np.tile(flat, (len(pitch), 1, 1))
     for where, own in (
-        (pitch < -LEVEL, x >= min(ordered[-2], ordered[-1] - EDGE)),
-        (pitch > LEVEL, x <= max(ordered[1], ordered[0] + EDGE)),
+        (pitch < -LEVEL_PITCH, x >= min(ordered[-2], ordered[-1] - EDGE_WIDTH)),
+        (pitch > LEVEL_PITCH, x <= max(ordered[1], ordered[0] + EDGE_WIDTH)),
     ):
         only = flat[own]
         found[where] = only[np.minimum(np.arange(len(flat)), len(only) - 1)]

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.retargeting.initial_guess import (
-    Progress,
-    first_configuration,
-    interpolate,
-    solve_frame_by_frame,
-)
+from wbc.retargeting.initial_guess import Progress, first_configuration, interpolate, solve_frames
 from wbc.retargeting.targets import balance_com
 from wbc.retargeting.trajectory_problem import Linearization, TrajectoryProblem
 from wbc.validate import Array
@@ -52,7 +47,7 @@ def solve(
     constraints = [] if collision is None else [collision]
     if warm_start is None:
         start = first_configuration(tasks, constraints)
-        q = solve_frame_by_frame(tasks, start, constraints, progress)
+        q = solve_frames(tasks, start, constraints, progress)
     else:
         frames = np.linspace(0.0, len(warm_start) - 1.0, len(tasks.targets.time))
         q = interpolate(robot, warm_start, frames)
@@ -60,7 +55,7 @@ def solve(
     tasks.set_inertia_targets(states.inertia, axes)
     best = problem.linearize(q, states)
     if warm_start is None and best.violation > BLOCKED_LEGS:
-        unconstrained = problem.linearize(solve_frame_by_frame(tasks, start, (), progress))
+        unconstrained = problem.linearize(solve_frames(tasks, start, (), progress))
         best = min(best, unconstrained, key=lambda one: one.violation)
     for number in range(1, iterations + 1):
         q = problem.step(best)

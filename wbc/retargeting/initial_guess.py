@@ -76,7 +76,7 @@ def _controller(
     )
 
 
-def solve_frame_by_frame(
+def solve_frames(
     tasks: FrameTasks,
     start: Array,
     constraints: Sequence[Constraint],

@@ -1,4 +1,4 @@
-"""Files of a retargeted motion: our own, and those that trainers of policies read.
+"""Files of a retargeted motion: wbc's own layout, and those that policy training reads.
 
 ``wbc`` (``.npz``)
     Everything; ``time`` and ``q`` make it a recorded motion, for ``wbc analyze``.
@@ -33,14 +33,14 @@ LAYOUTS = tuple(ENDINGS)
 
 
 def check_layout(path: str | Path, layout: str) -> None:
-    """Refuse a layout that does not exist, and a file with another ending than it has.
+    """Refuse a layout that does not exist, and a file with another extension.
 
     Raises
     ------
     UnknownNameError
         No such layout.
     InvalidInputError
-        Another ending.
+        Another extension.
     """
     if layout not in ENDINGS:
         raise UnknownNameError("layout of a motion", layout, LAYOUTS)
@@ -94,7 +94,7 @@ def _save_own(motion: Any, path: str | Path) -> None:
 
 
 def _save_tracking(motion: Any, path: str | Path) -> None:
-    names, place, quaternion, velocity, spin = bodies(motion.robot, motion.q, motion.v)
+    names, place, quaternion, velocity, omega = bodies(motion.robot, motion.q, motion.v)
     arrays = {
         "fps": np.array([motion.rate]),
         "joint_pos": _angles(motion),
@@ -102,7 +102,7 @@ def _save_tracking(motion: Any, path: str | Path) -> None:
         "body_pos_w": place,
         "body_quat_w": quaternion,
         "body_lin_vel_w": velocity,
-        "body_ang_vel_w": spin,
+        "body_ang_vel_w": omega,
     }
     texts = {
         "joint_names": np.array(motion.robot.joint_names, dtype=str),
@@ -123,12 +123,12 @@ def _angles(motion: Any) -> Array:
 
 
 def bodies(robot: Robot, q: Array, v: Array) -> tuple[tuple[str, ...], Array, Array, Array, Array]:
-    """Return names of the base and of the links behind the joints, and how they move.
+    """Return names, poses and velocities of the base and of the links behind the joints.
 
     Returns
     -------
     tuple
-        Names (b,), places of the links' origins (n, b, 3) [m], quaternions w x y z (n, b, 4),
+        Names (b,), positions of the links' origins (n, b, 3) [m], quaternions w x y z (n, b, 4),
         velocities of the origins and angular velocities (n, b, 3), world axes.
     """
     model = robot.model
@@ -139,15 +139,15 @@ def bodies(robot: Robot, q: Array, v: Array) -> tuple[tuple[str, ...], Array, Ar
         names.append(str(at[0].name) if at else str(model.names[joint]))
         frames.append(names[-1] if at else str(model.names[joint]))
     count, many = len(q), len(frames)
-    place, velocity, spin = np.empty((3, count, many, 3))
-    turn = np.empty((count, many, 4))
+    place, velocity, omega = np.empty((3, count, many, 3))
+    quaternion = np.empty((count, many, 4))
     for k in range(count):
         snapshot = robot.snapshot(q[k])
         for n, frame in enumerate(frames):
             place[k, n], R = snapshot.placement(frame)
-            turn[k, n] = quaternion_from(R)
+            quaternion[k, n] = quaternion_from(R)
             twist = snapshot.jacobian(frame) @ v[k]
-            velocity[k, n], spin[k, n] = twist[:3], twist[3:]
+            velocity[k, n], omega[k, n] = twist[:3], twist[3:]
     for n in range(many):
-        turn[:, n] = same_sign(turn[:, n])
-    return tuple(names), place, turn[..., [3, 0, 1, 2]], velocity, spin
+        quaternion[:, n] = same_sign(quaternion[:, n])
+    return tuple(names), place, quaternion[..., [3, 0, 1, 2]], velocity, omega

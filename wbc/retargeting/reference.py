@@ -1,4 +1,4 @@
-"""A standing motion as targets over time: what tasks of a robot aim at, to move as it says."""
+"""A standing motion as targets over time, for tasks that follow it."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from wbc.validate import Array, finite_array, finite_number, read_only, real_arr
 
 STEP = 1e-3  # s between samples
 BEGINS, EASE = 0.3, 0.5  # s
-JUDGED = 10  # samples from one that is judged to the next
+CHECKED_EVERY = 10  # samples, for what cannot be balanced
 FRICTION = 0.6
 
 
 @dataclass(frozen=True, eq=False)
 class MotionTarget(PlanTarget):
-    """What a motion asks for at one time, or at n times; besides what a plan does, the posture."""
+    """Targets of a motion at one time, or at n times: those of a plan, and the posture."""
 
     q: Array  # (..., nq)
     v: Array  # (..., nv)
@@ -42,13 +42,12 @@ class MotionTarget(PlanTarget):
 class MotionReference:
     """Follows a standing motion over time; ``target = reference.at(time)`` in every tick.
 
-    Tasks take targets as of a plan (:class:`wbc.PlanReference`); besides::
+    Tasks take targets as from a plan (:class:`wbc.PlanReference`), and also::
 
         posture.set_target(target.q, target.v, target.acceleration)
 
-    A recording begins and ends in the midst of a motion: here it begins from rest and comes to
-    rest, its time eased in and out. Before it begins, targets are where it begins, and afterwards
-    where it ends.
+    A recording begins and ends in the middle of a motion: here its time is eased in from rest and
+    out to rest. Before and after, targets are those of its first and last configuration.
 
     Parameters
     ----------
@@ -57,25 +56,25 @@ class MotionReference:
     begins:
         When it begins [s].
     ease:
-        Time [s] in which it gets to its own speed, and from it to rest; each makes it longer by
-        half of that. A shorter motion is eased all of its time.
+        Time [s] in which it reaches its own speed, and in which it comes to rest; each prolongs it
+        by half of that. A shorter motion is eased throughout.
     slower:
         Factor on its time, at least 1.
     lean:
-        Where the motion asks for a CoP that is less than this inside the soles [m], the CoM is led
-        so that it is there; None: the motion as it is.
+        The CoM is displaced so that the CoP is at least this far inside the soles [m]; None: the
+        motion as it is.
     friction:
-        Coefficient, by which the motion is judged.
+        Coefficient, for ``unbalanced``.
 
     Attributes
     ----------
     led:
-        How far the CoM is led at most [m], with ``lean``.
+        Largest displacement of the CoM [m], with ``lean``.
 
     Raises
     ------
     InvalidInputError
-        Numbers that make no sense, or soles that have nothing so far inside.
+        Numbers out of range, or soles too small for ``lean``.
     """
 
     followed: ClassVar[str] = "motion"
@@ -132,19 +131,19 @@ class MotionReference:
 
     @cached_property
     def unbalanced(self) -> tuple[Unbalanced, ...]:
-        """Where the motion, eased but not led, cannot be balanced, and why."""
-        rows, robot = slice(None, None, JUDGED), self.motion.robot
+        """Where the motion, eased but without ``lean``, cannot be balanced, and why."""
+        rows, robot = slice(None, None, CHECKED_EVERY), self.motion.robot
         q, v, acceleration = (
             one[rows] for one in (self._target.q, self._target.v, self._target.acceleration)
         )
         whole = centroidal_series(robot, q, v, acceleration)
-        time, stands = self.begins + self._times[rows], self.motion.stands(q)
-        found = ground_forces(robot, q, v, acceleration, whole, time, stands, self.friction)
+        time, supports = self.begins + self._times[rows], self.motion.stands(q)
+        found = ground_forces(robot, q, v, acceleration, whole, time, supports, self.friction)
         return found.unbalanced
 
     def _sampled(self) -> MotionTarget:
         motion, robot, dt = self.motion, self.motion.robot, float(self._times[1])
-        q = _between(motion, self._own_time())
+        q = _interpolated(motion, self._motion_time())
         v, acceleration = rates(robot, q, dt)
         v[[0, -1]] = acceleration[[0, -1]] = 0.0
         whole = centroidal_series(robot, q, v, acceleration)
@@ -153,13 +152,13 @@ class MotionReference:
         com_acceleration = whole.momentum_rate[:, :3] / m
         cop, time_constant_sq = required_cop(com, k_rate, m, robot.gravity, dt)
         if self.lean is not None:
-            off = com_displacement(self._goal(cop) - cop, time_constant_sq, dt)
-            off = np.column_stack((off, np.zeros(len(off))))
-            self.led = float(np.linalg.norm(off, axis=1).max())
-            speed = np.gradient(off, dt, axis=0)
-            com, com_velocity = com + off, com_velocity + speed
-            com_acceleration = com_acceleration + np.gradient(speed, dt, axis=0)
-            cop = self._goal(cop)
+            e = com_displacement(self._feasible_cop(cop) - cop, time_constant_sq, dt)
+            e = np.column_stack((e, np.zeros(len(e))))
+            self.led = float(np.linalg.norm(e, axis=1).max())
+            e_rate = np.gradient(e, dt, axis=0)
+            com, com_velocity = com + e, com_velocity + e_rate
+            com_acceleration = com_acceleration + np.gradient(e_rate, dt, axis=0)
+            cop = self._feasible_cop(cop)
         inertia, inertia_rate = (
             one[:, ROWS, COLUMNS] for one in (whole.inertia, whole.inertia_rate)
         )
@@ -178,29 +177,29 @@ class MotionReference:
             acceleration=acceleration,
         )
 
-    def _own_time(self) -> Array:
+    def _motion_time(self) -> Array:
         """Return the motion's own time (n,) [s] at the samples: its rate is eased in and out."""
 
-        def gone(u: Array) -> Array:  # of minimum_jerk from 0 to u
+        def integral(u: Array) -> Array:  # of minimum_jerk from 0 to u
             return u**4 * (2.5 + u * (u - 3.0))
 
-        t, ease, whole = self._times, self.ease, self.duration
-        inner = t - 0.5 * ease
-        begun = ease * gone(np.minimum(t / ease, 1.0))
-        left = ease * gone(np.minimum((whole - t) / ease, 1.0))
-        length = whole - ease
-        own = np.where(t < ease, begun, np.where(t > whole - ease, length - left, inner))
-        return np.clip(own / self.slower, 0.0, self.motion.time[-1])
+        t, ease, duration = self._times, self.ease, self.duration
+        middle = t - 0.5 * ease
+        elapsed = ease * integral(np.minimum(t / ease, 1.0))
+        remaining = ease * integral(np.minimum((duration - t) / ease, 1.0))
+        length = duration - ease
+        late = np.where(t > duration - ease, length - remaining, middle)
+        return np.clip(np.where(t < ease, elapsed, late) / self.slower, 0.0, self.motion.time[-1])
 
-    def _goal(self, cop: Array) -> Array:
-        """Return the nearest CoP (n, 2) that is so far inside the soles; NaN stays."""
+    def _feasible_cop(self, cop: Array) -> Array:
+        """Return the nearest CoP (n, 2) at least ``lean`` inside the soles; NaN stays."""
         (support, *_) = self.motion.stands(self.motion.q[:1])
         return nearest_point(inset(support.polygon, self.lean or 0.0), cop)
 
 
 @dataclass(frozen=True, eq=False)
-class FrameTurn:
-    """How a frame turns in a motion: a course of rotations, rates in the rotating axes."""
+class FrameRotation:
+    """Rotation of a frame over a motion, with rates in the rotating axes."""
 
     reference: MotionReference
     frame: str
@@ -215,26 +214,26 @@ class FrameTurn:
         target = self.reference.at(t)
         snapshot = self.reference.motion.robot.snapshot(target.q, target.v)
         R, J = snapshot.rotation(self.frame), snapshot.jacobian(self.frame)[3:]
-        turning = J @ target.acceleration + snapshot.drift(self.frame)[3:]
-        return R, R.T @ (J @ target.v), R.T @ turning
+        alpha = J @ target.acceleration + snapshot.drift(self.frame)[3:]
+        return R, R.T @ (J @ target.v), R.T @ alpha
 
 
-def _between(motion: StandingMotion, own: Array) -> Array:
-    """Return configurations (m, nq) at times of the motion (m,) [s]: two derivatives go on."""
+def _interpolated(motion: StandingMotion, times: Array) -> Array:
+    """Return configurations (m, nq) at times of the motion (m,) [s], twice differentiable."""
     robot, time = motion.robot, motion.time
     if robot.limits.unbounded:
         raise InvalidInputError(
             f"motion reference: {robot.name} has continuous joints, which are not followed"
         )
-    found = np.empty((len(own), robot.nq))
-    found[:, :3] = CubicSpline(time, motion.q[:, :3])(own)
-    turns = RotationSpline(time, Rotation.from_quat(motion.q[:, 3:BASE_NQ]))
-    found[:, 3:BASE_NQ] = same_sign(turns(own).as_quat())
-    found[:, BASE_NQ:] = CubicSpline(time, motion.q[:, BASE_NQ:])(own)
+    found = np.empty((len(times), robot.nq))
+    found[:, :3] = CubicSpline(time, motion.q[:, :3])(times)
+    rotations = RotationSpline(time, Rotation.from_quat(motion.q[:, 3:BASE_NQ]))
+    found[:, 3:BASE_NQ] = same_sign(rotations(times).as_quat())
+    found[:, BASE_NQ:] = CubicSpline(time, motion.q[:, BASE_NQ:])(times)
     return found
 
 
 def _without_gaps(cop: Array) -> Array:
-    """Return the CoP (n, 2), on a straight line where there is none."""
+    """Return the CoP (n, 2), linearly interpolated where there is none."""
     known, frames = np.isfinite(cop).all(axis=1), np.arange(len(cop))
     return np.column_stack([np.interp(frames, frames[known], one[known]) for one in cop.T])

@@ -170,7 +170,7 @@ def slides(robot: Robot, targets: Targets, q: Array) -> Array:
         for first, end in runs(path.down):
             # The corners that touch at the wanted pitch, in axes of the sole.
             local = np.einsum("nji,nkj->nki", R, path.corners - place[:, None])[first:end]
-            if side in targets.feet.lines:
+            if side in targets.feet.line_feet:
                 local[..., 1] = 0.0
             # The edge of a pointed sole is one corner: lifted corners are replaced by the lowest.
             low = np.argmin(path.corners[first:end, :, 2], axis=1)

@@ -1,4 +1,4 @@
-"""A human's motion as retargeting needs it: its pendulum, the directions of segments, its feet."""
+"""A human's motion as retargeting needs it: CoM and momentum, rotations of segments, feet."""
 
 from __future__ import annotations
 
@@ -20,32 +20,30 @@ from wbc.validate import Array
 SEGMENTS = ("pelvis", "trunk", "head", "left_upper_arm", "left_forearm", "right_upper_arm",
             "right_forearm")  # fmt: skip
 THIGHS = ("left_thigh", "right_thigh")
-
-
-EDGE = 0.5  # periods of the cutoff that are left out at both ends
-LEVEL, DRAWN = 0.15, 0.25  # rad and m/s: a sole as level as this that is faster shuffles
-SPUN = 2.5  # rad/s: who turns so fast on a foot does not stand on it
-LEAST = 20  # frames that are left at least
+DROPPED_PERIODS = 0.5  # of the cutoff, at both ends
+MIN_FRAMES = 20  # a shorter motion is left whole
+# A contact in which a level sole slides, or pivots, faster than this is none.
+LEVEL_PITCH, MAX_SLIDING, MAX_PIVOTING = 0.15, 0.25, 2.5  # rad, m/s, rad/s
 
 
 @dataclass(frozen=True, eq=False)
 class HumanFrames:
-    """A human's motion on an even grid, n frames, its own size and time, its ground at z = 0.
+    """A human's motion at a constant rate, n frames, its own size and time, its ground at z = 0.
 
     Attributes
     ----------
     series:
-        Its pendulum (:class:`wbc.RmpSeries`), heights as recorded.
+        CoM, momentum and inertia (:class:`wbc.RmpSeries`), heights as recorded.
     rotation:
         Of segments, by name (n, 3, 3).
     heading:
         Of the pelvis (n,) [rad].
     hips:
-        The middle of the hips from the CoM (n, 3) [m], world axes.
+        Midpoint of the hips from the CoM (n, 3) [m], world axes.
     upright_hips:
-        The same (3,) [m] of a body that stands upright, in the axes of its pelvis.
+        The same (3,) [m] of an upright body, in the axes of its pelvis.
     soles:
-        Where the ground under the ankles is (n, 3) [m], and headings (n,) [rad], by side.
+        Points of the soles under the ankles (n, 3) [m], and headings (n,) [rad], by side.
     sole_rotation:
         Of the soles, by side (n, 3, 3).
     down:
@@ -80,13 +78,13 @@ def human_frames(
         rate=rate,
         cutoff=cutoff,
         noise=None,
-        feet=None,  # its CoP is not judged here
+        feet=None,  # its CoP is not needed
         ground_height=human.ground_height,
     )
-    # What a filter makes of a recording's ends is a guess.
-    dropped = round(EDGE / series.cutoff * rate) if series.cutoff else 0
+    # Filters extrapolate at the ends of a recording.
+    dropped = round(DROPPED_PERIODS / series.cutoff * rate) if series.cutoff else 0
     inner = slice(dropped, len(series) - dropped)
-    if len(series) - 2 * dropped < LEAST:
+    if len(series) - 2 * dropped < MIN_FRAMES:
         inner = slice(None)
     robot = series.robot
     cut: dict[str, Any] = {name: one[inner] for name, one in series.arrays().items()}
@@ -96,35 +94,35 @@ def human_frames(
     states = state_series(robot, series.q, frames=(*SEGMENTS, *THIGHS))
     rotation = {name: states.rotation(name) for name in SEGMENTS}
     hips = np.mean([states.position(name) for name in THIGHS], axis=0)
-    soles, turns, down = {}, {}, {}
+    soles, sole_rotation, down = {}, {}, {}
     for number, side in enumerate(robot.feet):
         T = places[side]
         position = T[:, :3, 3] - [0.0, 0.0, human.ground_height]
         heading = headings(T[:, :3, :3])
-        soles[side], turns[side] = (position, heading), T[:, :3, :3]
-        stands = flags[:, number] & ~_shuffles(position, T[:, :3, :3], series.time)
+        soles[side], sole_rotation[side] = (position, heading), T[:, :3, :3]
+        stands = flags[:, number] & ~_slides(position, T[:, :3, :3], series.time)
         down[side] = _without_short_ends(stands, series.time)
     heading = headings(rotation["pelvis"])
     upright = robot.snapshot(robot.postures["neutral"])
     standing = np.mean([upright.position(name) for name in THIGHS], axis=0) - upright.com
     return HumanFrames(
-        series, rotation, heading, hips - series.com, standing, soles, turns, down, roll
+        series, rotation, heading, hips - series.com, standing, soles, sole_rotation, down, roll
     )
 
 
-def _shuffles(position: Array, rotation: Array, time: Array) -> NDArray[np.bool_]:
-    """Return where a sole is drawn along the ground, or turned on it (n,): none to stand on."""
+def _slides(position: Array, rotation: Array, time: Array) -> NDArray[np.bool_]:
+    """Return where a sole slides or pivots on the ground (n,), for long enough to be no contact."""
     speed = np.linalg.norm(np.gradient(position[:, :2], time, axis=0), axis=1)
-    drawn = (np.abs(rotation[:, 2, 0]) < LEVEL) & (speed > DRAWN)
-    drawn |= np.abs(np.gradient(headings(rotation), time)) > SPUN
-    for first, end in runs(drawn):
+    slides = (np.abs(rotation[:, 2, 0]) < LEVEL_PITCH) & (speed > MAX_SLIDING)
+    slides |= np.abs(np.gradient(headings(rotation), time)) > MAX_PIVOTING
+    for first, end in runs(slides):
         if time[end - 1] - time[first] < SHORTEST:
-            drawn[first:end] = False
-    return drawn
+            slides[first:end] = False
+    return slides
 
 
 def _without_short_ends(flags: NDArray[np.bool_], time: Array) -> NDArray[np.bool_]:
-    """Return contacts in which what the recording just begins or ends with is left out."""
+    """Return contacts without too short phases at the beginning and end of the recording."""
     flags = flags.copy()
     for first, end in (one for value in (True, False) for one in runs(flags == value)):
         if time[end - 1] - time[first] < SHORTEST:

@@ -1,4 +1,4 @@
-"""Motions of who stays on both feet: what a robot can be made to do as it is, without a step."""
+"""Motions on both feet, without steps: a robot can follow these as they are."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from wbc.robot import Robot
 from wbc.robot.series import sole_series
 from wbc.validate import Array, finite_array, read_only
 
-WANTED = ("time", "q", "contacts", "joint_names")
-LARGEST = 2**30  # bytes of a file's arrays
-# How far soles may be off where they stand in the first frame, and off the ground [m]; their tilt.
-STILL, LEVEL, TILTED = 5e-3, 5e-3, 0.02
-LEAST = 4  # frames
-STEPS = "steps are the walker's: wbc.retargeting.steps.footsteps(motion, count)"
+ARRAYS = ("time", "q", "contacts", "joint_names")
+MAX_BYTES = 2**30  # of a file's arrays
+# Of soles from their first frame [m], from the ground [m], and of their tilt [rad].
+MAX_SLIDING, MAX_HEIGHT, MAX_TILT = 5e-3, 5e-3, 0.02
+MIN_FRAMES = 4
+STEPS_HINT = "for steps see wbc.retargeting.steps.footsteps(motion, count)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class StandingMotion:
     Attributes
     ----------
     robot, source:
-        Whose it is, and where it comes from.
+        The robot, and where the motion comes from.
     time:
         (n,) [s], increasing, from 0.
     q:
@@ -76,10 +76,10 @@ class StandingMotion:
             return {"contacts": "b", "joint_names": "U"}.get(name, "f")
 
         try:
-            arrays = read_arrays(path, lambda names: set(names) & set(WANTED), kinds, LARGEST)
+            arrays = read_arrays(path, lambda names: set(names) & set(ARRAYS), kinds, MAX_BYTES)
         except OSError as error:
             raise InvalidInputError(f"{path}: {error.strerror or error}") from error
-        for name in WANTED:
+        for name in ARRAYS:
             if name not in arrays:
                 hint = "write a motion with wbc retarget RECORDING --robot NAME -o motion.npz"
                 raise ArrayFileError(path, f"it has no array {name!r}; {hint}")
@@ -101,23 +101,23 @@ class StandingMotion:
         return self.q[0]
 
     def stands(self, q: Array) -> tuple[SupportedFrames, ...]:
-        """Return what other configurations (n, nq) stand on, as soles are there."""
+        """Return the supports of other configurations (n, nq), where their soles are."""
         soles, corners = sole_series(self.robot, q), {}
         for side in SIDES:
             polygon = self.robot.feet[side].polygon
             flat = np.column_stack((polygon, np.zeros(len(polygon))))
             T = soles[side]
             corners[side] = flat @ np.swapaxes(T[:, :3, :3], 1, 2) + T[:, None, :3, 3]
-            corners[side] = np.round(corners[side], 4)  # what stands still is one support
+            corners[side] = np.round(corners[side], 4)  # soles at rest are one support
         return supports(corners, np.ones((len(q), len(SIDES)), dtype=bool))
 
 
 def _checked(
     robot: Robot, source: str, time: Array, q: Array, contacts: NDArray[np.bool_]
 ) -> StandingMotion:
-    if len(time) < LEAST or (np.diff(time) <= 0.0).any():
+    if len(time) < MIN_FRAMES or (np.diff(time) <= 0.0).any():
         raise InvalidInputError(
-            f"{source}: expected {LEAST} frames at least, in order of time; it has {len(time)}"
+            f"{source}: expected {MIN_FRAMES} frames at least, in order of time; it has {len(time)}"
         )
     for n, side in enumerate(SIDES):
         if side not in robot.feet:
@@ -125,17 +125,17 @@ def _checked(
         if not contacts[:, n].all():
             at = float(time[int(np.argmin(contacts[:, n]))])
             raise InvalidInputError(
-                f"{source}: the {side} foot leaves the ground at {at:.2f} s, so that it is no"
-                f" motion on both feet; {STEPS}"
+                f"{source}: the {side} foot leaves the ground at {at:.2f} s: no motion on both"
+                f" feet; {STEPS_HINT}"
             )
     q = np.array([robot.check_configuration(one) for one in q])
     for side, T in sole_series(robot, q).items():
         if side not in SIDES:
             continue
         for what, by, most, unit in (
-            ("moves", np.linalg.norm(T[:, :3, 3] - T[0, :3, 3], axis=1), STILL, "m"),
-            ("is off the ground", np.abs(T[:, 2, 3]), LEVEL, "m"),
-            ("rolls", np.arccos(np.clip(T[:, 2, 2], -1.0, 1.0)), TILTED, "rad"),
+            ("moves", np.linalg.norm(T[:, :3, 3] - T[0, :3, 3], axis=1), MAX_SLIDING, "m"),
+            ("is off the ground", np.abs(T[:, 2, 3]), MAX_HEIGHT, "m"),
+            ("rolls", np.arccos(np.clip(T[:, 2, 2], -1.0, 1.0)), MAX_TILT, "rad"),
         ):
             worst = int(np.argmax(by))
             if by[worst] > most:

@@ -1,4 +1,4 @@
-"""A retargeted walk for a walker: its footsteps, and what the arms do meanwhile."""
+"""A retargeted walk for a walker: its footsteps, and the postures of a stride."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from wbc.retargeting.footsteps import Footprint
 from wbc.retargeting.result import Retargeted
 from wbc.validate import Array, finite_number
 
-RAMP = (0.4, 0.7)  # parts of their length of the first steps, and of the last ones
+RAMP = (0.4, 0.7)  # factors on the length of the first two and, reversed, the last two steps
 
 
 def footsteps(motion: Retargeted, count: int) -> list[Footstep]:
-    """Return ``count`` footsteps of a retargeted walk, each seen from the one before.
+    """Return ``count`` footsteps of a retargeted walk, each relative to the one before.
 
-    For :meth:`wbc.gait.Walker.follow` with ``relative=True``: the walk in order, then its last
-    stride again and again; first and last steps are shorter, and the last one ends beside the other
-    foot.
+    For :meth:`wbc.gait.Walker.follow` with ``relative=True``: the steps of the walk, then its last
+    stride repeatedly. The first and last steps are shortened, and the last one ends beside the
+    other foot.
 
     Raises
     ------
     InvalidInputError
-        A motion in which feet do not take turns for a stride at least: three footprints.
+        Feet do not alternate for at least a stride: three footprints.
     """
     count = int(finite_number("footsteps, count", count, least=2.0))
-    prints = in_turn(motion)
+    prints = alternating_footprints(motion)
     if len(prints) < 3:
         raise InvalidInputError(
             f"footsteps: {motion.source} has {len(prints)} footprints in turn; a stride takes three"
@@ -41,27 +41,27 @@ def footsteps(motion: Retargeted, count: int) -> list[Footstep]:
     for before, after in pairwise(prints):
         x, y = turned(-float(before.pose[2]))[:2, :2] @ (after.pose[:2] - before.pose[:2])
         turn = math.remainder(float(after.pose[2] - before.pose[2]), math.tau)
-        air = [one for one in prints if one.foot == after.foot and one.end <= after.first]
-        last = max((one.end for one in air), default=None)
-        duration = None if last is None else (after.first - last + 1) * dt
+        earlier = [one for one in prints if one.foot == after.foot and one.end <= after.first]
+        lift_off = max((one.end for one in earlier), default=None)
+        duration = None if lift_off is None else (after.first - lift_off + 1) * dt
         steps.append(Footstep(after.foot, float(x), float(y), turn, duration))
     known = [one.duration for one in steps if one.duration is not None]
-    usual = float(np.mean(known)) if known else None
-    steps = [Footstep(s.foot, s.x, s.y, s.yaw, s.duration or usual) for s in steps]
-    found = [steps[k] if k < len(steps) else steps[_again(k, len(steps))] for k in range(count)]
-    parts = np.ones(count)
-    for k, part in enumerate(RAMP[: count // 2]):
-        parts[k] = min(parts[k], part)
-        parts[-2 - k] = min(parts[-2 - k], part)
-    parts[-1] = 0.0
+    mean = float(np.mean(known)) if known else None
+    steps = [Footstep(s.foot, s.x, s.y, s.yaw, s.duration or mean) for s in steps]
+    found = [steps[k] if k < len(steps) else steps[_repeated(k, len(steps))] for k in range(count)]
+    factors = np.ones(count)
+    for k, factor in enumerate(RAMP[: count // 2]):
+        factors[k] = min(factors[k], factor)
+        factors[-2 - k] = min(factors[-2 - k], factor)
+    factors[-1] = 0.0
     return [
-        Footstep(one.foot, part * one.x, one.y, min(1.0, part) * one.yaw, one.duration)
-        for one, part in zip(found, parts.tolist(), strict=True)
+        Footstep(one.foot, factor * one.x, one.y, factor * one.yaw, one.duration)
+        for one, factor in zip(found, factors.tolist(), strict=True)
     ]
 
 
-def in_turn(motion: Retargeted) -> list[Footprint]:
-    """Return the footprints in order of time, as long as feet take turns."""
+def alternating_footprints(motion: Retargeted) -> list[Footprint]:
+    """Return the footprints in order of time, as long as the feet alternate."""
     prints = sorted(motion.targets.feet.prints, key=lambda one: (one.first, one.end))
     found = prints[:1]
     for one in prints[1:]:
@@ -77,27 +77,31 @@ def stride(motion: Retargeted) -> tuple[float, float]:
     Raises
     ------
     InvalidInputError
-        No foot comes down twice.
+        No foot touches down twice.
     """
     dt, found = motion.targets.dt, []
     for side in SIDES:
-        firsts = [one.first for one in in_turn(motion) if one.foot == side and one.first > 0]
+        firsts = [
+            one.first
+            for one in alternating_footprints(motion)
+            if one.foot == side and one.first > 0
+        ]
         found += [(a * dt, (b - a) * dt) for a, b in pairwise(firsts)]
     if not found:
-        raise InvalidInputError(f"stride: in {motion.source} no foot comes down twice")
+        raise InvalidInputError(f"stride: in {motion.source} no foot touches down twice")
     return max(found)
 
 
 def posture_at(motion: Retargeted, time: float) -> Array:
-    """Return the configuration (nq,) of a walk that goes on, ``time`` after its stride began [s].
+    """Return the configuration (nq,) of a repeated stride, ``time`` after its beginning [s].
 
-    Before that it is where the stride begins.
+    Before that it is the stride's first.
     """
     begin, period = stride(motion)
-    at = begin + (math.fmod(time, period) if time > 0.0 else 0.0)
-    return motion.q[min(round(at / motion.targets.dt), len(motion) - 1)]
+    phase = begin + (math.fmod(time, period) if time > 0.0 else 0.0)
+    return motion.q[min(round(phase / motion.targets.dt), len(motion) - 1)]
 
 
-def _again(k: int, count: int) -> int:
-    """Return which of ``count`` steps is made as number ``k``, when the last stride is repeated."""
+def _repeated(k: int, count: int) -> int:
+    """Return the index of step ``k`` among ``count``, when the last stride is repeated."""
     return count - 2 + (k - count) % 2

@@ -16,7 +16,7 @@ from wbc.retargeting.cop_correction import (
     load_shares,
     required_cop,
 )
-from wbc.retargeting.footsteps import FootPath, FootPaths, foot_paths, pitched
+from wbc.retargeting.footsteps import FootPath, FootPaths, foot_paths, yaw_pitch_rotations
 from wbc.retargeting.scaling import MotionScale, StandingBody
 from wbc.retargeting.source import HumanFrames
 from wbc.robot import Robot
@@ -105,9 +105,9 @@ def scaled_targets(
         feet = foot_paths(source, robot, legs, scaling)
     com = _scaled_com(source, legs, standing, scale, scaling)
     com[:, 2] -= lowering
-    if feet.wider > 0.0:
-        why = "for legs that cannot roll the soles" if feet.lines else "to pass each other"
-        notes += (f"feet set {1e3 * feet.wider:.0f} mm farther outwards each, {why}",)
+    if feet.widening > 0.0:
+        why = "for legs that cannot roll the soles" if feet.line_feet else "to pass each other"
+        notes += (f"feet set {1e3 * feet.widening:.0f} mm farther outwards each, {why}",)
     notes += feet.notes
     k = scale.angular_momentum * series.momentum[:, 3:]
     rotation = {body.pelvis: pelvis}
@@ -201,7 +201,7 @@ def _scaled_com(
     mean difference, so that the legs reach as far forward as backward.
     """
     height = source.series.com[:, 2] - source.series.ground_height - scale.human_height
-    R = pitched(source.heading, np.zeros(len(source)))
+    R = yaw_pitch_rotations(source.heading)
     shift = scale.length * float(np.mean(np.einsum("nji,nj->ni", R, source.hips)[:, 0]))
     shift -= float(standing.hips[:, 0].mean())
     most = MAX_FORWARD_SHIFT * legs.length

@@ -36,11 +36,10 @@ from wbc.validate import Array
 # By a leg's length, or per rad.
 CONTACT_WEIGHT, LIMIT_WEIGHT, MARGIN_WEIGHT = 1e4, 200.0, 200.0
 COP_WEIGHT = 3.0  # by a leg's length
-# Of ratios of speeds to their limits, and of their excess over the threshold.
-SPEED_WEIGHT, OVERSPEED_WEIGHT, SPEED_THRESHOLD = 0.3, 10.0, 0.9
-# Likewise of accelerations to the motors': arms accelerate by reaction as well.
-ACCELERATION_WEIGHT, OVERACCELERATION_WEIGHT, ACCELERATION_THRESHOLD = 0.2, 5.0, 0.8
-CONSTRAINT_THRESHOLD = 0.97  # of both ratios, where only the excess counts
+# Weights of the ratios of speeds to their limits and of accelerations to the motors' below a
+# threshold, of their excess above it, and the threshold; another one where only the excess counts.
+SPEED_COST, ACCELERATION_COST = (0.3, 10.0, 0.9), (0.2, 5.0, 0.8)
+CONSTRAINT_THRESHOLD = 0.97
 FIRST_DIFFERENCE, SECOND_DIFFERENCE = (-1.0, 1.0), (1.0, -2.0, 1.0)
 THIRD_DIFFERENCE = (-1.0, 3.0, -3.0, 1.0)
 # Hz: the jerk cuts a task of weight 1 off at this frequency, others at that times the third root of
@@ -229,7 +228,7 @@ class TrajectoryProblem:
             turn = _rotation_vectors(states.rotation(frame), tasks.rotations[side])
             e, J = np.hstack((states.position(frame) - path.place, turn)), states.jacobian(frame)
             contact_weight, constrained = self._contact_weight, np.ones(6, dtype=bool)
-            if side in tasks.targets.feet.lines:  # the leg cannot roll its sole: roll is a task
+            if side in tasks.targets.feet.line_feet:  # the leg cannot roll its sole: roll is a task
                 e, J = rotate_angular_part(tasks.rotations[side], e, J)
                 constrained[3] = False
                 contact_weight = np.where(constrained, contact_weight, tasks.foot_weight)
@@ -348,23 +347,16 @@ class TrajectoryProblem:
         """
         dt, max_speeds = self.tasks.targets.dt, self.tasks.robot.limits.velocity
         speeds, rates, cost = v[:, BASE_NV:], np.diff(v[:, BASE_NV:], axis=0) / dt, 0.0
-        if excess_factor is None:
-            weights = (
-                (SPEED_WEIGHT, OVERSPEED_WEIGHT, SPEED_THRESHOLD),
-                (ACCELERATION_WEIGHT, OVERACCELERATION_WEIGHT, ACCELERATION_THRESHOLD),
-            )
-        else:
-            weights = (
-                (0.0, excess_factor * OVERSPEED_WEIGHT, CONSTRAINT_THRESHOLD),
-                (0.0, excess_factor * OVERACCELERATION_WEIGHT, CONSTRAINT_THRESHOLD),
-            )
         accelerations = self.max_accelerations
-        for difference, ratio, unit, (inside, outside, threshold) in (
-            (FIRST_DIFFERENCE, speeds / max_speeds, dt * max_speeds, weights[0]),
-            (SECOND_DIFFERENCE, rates / accelerations, dt**2 * accelerations, weights[1]),
+        for difference, ratio, unit, weights in (
+            (FIRST_DIFFERENCE, speeds / max_speeds, dt * max_speeds, SPEED_COST),
+            (SECOND_DIFFERENCE, rates / accelerations, dt**2 * accelerations, ACCELERATION_COST),
         ):
+            below, above, threshold = weights
+            if excess_factor is not None:
+                below, above, threshold = 0.0, excess_factor * above, CONSTRAINT_THRESHOLD
             beyond = np.abs(ratio) > threshold
-            square = np.where(beyond, outside, inside) ** 2
+            square = np.where(beyond, above, below) ** 2
             errors = np.where(beyond, ratio - np.sign(ratio) * threshold, ratio)
             normal.add_differences(difference, square / unit**2, square * errors / unit, BASE_NV)
             cost += float((square * errors**2).sum())
