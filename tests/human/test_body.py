@@ -8,7 +8,7 @@ from wbc.errors import InvalidInputError
 from wbc.human.anthropometry import DE_LEVA, segment_table
 from wbc.human.body import NAMES, SEGMENT_NAMES, HumanBody, masses
 from wbc.human.fit import MarkerSet
-from wbc.human.kinematics import DOFS, dimension_jacobian, place, point_jacobian
+from wbc.human.kinematics import DOFS, dimension_jacobian, forward_kinematics, point_jacobian
 from wbc.human.landmarks import landmark, landmark_of
 from wbc.human.skeleton import configurations, human_robot
 
@@ -18,7 +18,7 @@ BODY = HumanBody.of(1.80, 80.0, "male")
 def test_places_are_those_of_pinocchio() -> None:
     _, poses = marching(0.3)
     robot = human_robot(BODY)
-    q, placed = configurations(robot, poses), place(poses, BODY.dimensions)
+    q, placed = configurations(robot, poses), forward_kinematics(poses, BODY.dimensions)
     for frame in (0, 17):
         state = robot.snapshot(q[frame])
         for k, name in enumerate(SEGMENT_NAMES):  # rounding
@@ -54,21 +54,22 @@ def test_derivatives_are_those_of_differences() -> None:
     poses = poses[np.array([2])]
     marks = tuple(landmark(str(landmark_of(n))) for n in ("LASI", "RWRA", "LTOE", "C7", "RKNE"))
     markers = MarkerSet(("a", "b", "c", "d", "e"), marks, np.array([m.place for m in marks]))
-    placed = place(poses, BODY.dimensions)
-    J = point_jacobian(placed, markers.segments, markers.at(placed))[0]
+    placed = forward_kinematics(poses, BODY.dimensions)
+    J = point_jacobian(placed, markers.segments, markers.positions(placed))[0]
     h = 1e-6  # central differences: errors of h^2 = 1e-12 and of rounding, 1e-10
     for k in range(DOFS):
         step = np.zeros((1, DOFS))
         step[0, k] = h
         ahead, behind = (
-            markers.at(place(poses.moved(s * step), BODY.dimensions))[0] for s in (1, -1)
+            markers.positions(forward_kinematics(poses.step(s * step), BODY.dimensions))[0]
+            for s in (1, -1)
         )
         np.testing.assert_allclose(J[:, :, k], (ahead - behind) / (2 * h), atol=1e-8)
     D = dimension_jacobian(placed, markers.anchors)[0]
     for k in range(len(NAMES)):
         size = BODY.dimensions.copy()
         size[k] += 1.0  # linear
-        moved = markers.at(place(poses, size))[0] - markers.at(placed)[0]
+        moved = markers.positions(forward_kinematics(poses, size))[0] - markers.positions(placed)[0]
         np.testing.assert_allclose(D[:, :, k], moved, atol=1e-12)
 
 

@@ -486,7 +486,7 @@ def test_of_two_skeletons_in_one_table_the_one_that_is_said_is_taken(tmp_path: P
         ]
     path.write_text("\n".join(",".join(row) for row in rows) + "\n")
     found = read_markers(path)
-    with pytest.raises(RecordingError, match="2 humans, Skeleton 001, Bo: say whose"):
+    with pytest.raises(RecordingError, match="2 humans, Skeleton 001, Bo: choose one"):
         human_motion(found, mass=70.0)
     one = human_motion(found, mass=70.0, subject="Skeleton 001")
     bo = human_motion(found, mass=70.0, subject="Bo")
@@ -503,7 +503,7 @@ def test_bvh_of_two_humans_is_refused_and_a_thing_beside_one_is_not(tmp_path: Pa
     other = head.removeprefix("HIERARCHY\n")
     tail = text[len(head) : begin] + "\n".join(f"{row} {row}" for row in rows)
     path.write_text(head + other.replace("Hips", "Bo") + tail)
-    with pytest.raises(RecordingError, match="2 humans, Hips, Bo: a file for each"):
+    with pytest.raises(RecordingError, match="2 humans, Hips, Bo: write a file for each"):
         read_markers(path)
     other = other.replace("UpLeg", "Rod").replace("Hips", "Table")
     path.write_text(head + other + tail)
@@ -559,7 +559,7 @@ NESTED = "JOINT a\n{\nOFFSET 0 1 0\n"
     ("change", "words"),
     [
         (lambda t: t.replace("Frame Time: 0.01", "Frame Time: 0"), "frame time is 0 s"),
-        (lambda t: t.replace("Frames: 12", "Frames: 13"), "tells of 13 frames and has 12"),
+        (lambda t: t.replace("Frames: 12", "Frames: 13"), "declares 13 frames and has 12"),
         (lambda t: t[: t.index("Frame Time")], "no frames"),
         (lambda t: t.replace("CHANNELS 3", "CHANNELS 4", 1), "channels 'CHANNELS 4"),
         (lambda t: t.replace("OFFSET 0 60 0", "OFFSET 0 sixty 0"), "expected 3 numbers"),
@@ -621,7 +621,7 @@ def test_c3d_whose_plate_cannot_be_read_says_why_and_keeps_its_markers(tmp_path:
             3,
             (0.201, 0.11),
             (0.11, 0.201),
-            "201 of 200 mm and 110 of 300 mm .*: taken the other way",
+            "201 of 200 mm and 110 of 300 mm .*: x and y are exchanged",
         ),
         (3, (0.0, 0.0), (0.0, 0.0), "0 of 200 mm and 0 of 300 mm .* so is its CoP"),
         (3, (0.35, 0.25), (0.35, 0.25), "so is its CoP"),

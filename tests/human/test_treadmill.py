@@ -6,11 +6,11 @@ import pytest
 from tests.human.walker import LABELS, recorded
 from wbc.human import MarkerRecording, human_motion
 from wbc.human.body import HumanBody
-from wbc.human.known import other_human
-from wbc.human.landmarks import lacking, landmark, landmark_of
+from wbc.human.landmarks import landmark, landmark_of, missing_landmarks
+from wbc.human.marker_identification import static_trial_notes
 from wbc.human.markers import ForcePlate
 from wbc.human.skeleton import configurations, human_robot
-from wbc.human.treadmill import belt_velocity, from_the_belt
+from wbc.human.treadmill import belt_velocity, in_belt_frame
 
 BODY = HumanBody.of(1.76, 72.0, "male")
 NAMES = ("LASI", "RASI", "SACR", "LHEE", "LTOE", "RHEE", "RTOE")
@@ -48,7 +48,7 @@ def test_a_belt_is_found_and_still_ground_is_none() -> None:
     assert not belt_velocity(walked(0.0, over=1.0), NAMES, MARKS).any()  # carried along
 
 
-def test_from_the_belt_plates_bear_the_same_force_where_the_belt_has_it() -> None:
+def test_in_belt_frame_plates_bear_the_same_force_where_the_belt_has_it() -> None:
     """Oracle: the CoP moves with the axes, force and free moment stay."""
     recording = walked(SPEED)
     time, rng = np.arange(0.0, 5.0, 1e-3), np.random.default_rng(1)
@@ -58,7 +58,7 @@ def test_from_the_belt_plates_bear_the_same_force_where_the_belt_has_it() -> Non
     cop = np.column_stack((rng.normal(size=(len(time), 2)), np.zeros(len(time))))
     plate = ForcePlate("belt", time, force, np.cross(cop, force))
     belt = np.array((-SPEED, 0.0, 0.0))
-    moved = from_the_belt(recording.with_plates((plate,)), belt)
+    moved = in_belt_frame(recording.with_plates((plate,)), belt)
     (seen,) = moved.plates
     np.testing.assert_array_equal(seen.force, force)
     expected = np.cross(cop - time[:, None] * belt, force)
@@ -71,16 +71,16 @@ def test_what_is_lacking_is_told_by_static_trials_and_clusters() -> None:
     walk = ["left_asis", "right_asis", "sacrum", "c7", "jugular", "xiphoid"]
     for side in ("left", "right"):
         walk += [f"{side}_thigh", f"{side}_shank", f"{side}_heel"]
-    assert len(lacking(walk)) == 4
+    assert len(missing_landmarks(walk)) == 4
     beside = [
         f"{side}_{joint}_lateral" for side in ("left", "right") for joint in ("knee", "ankle")
     ]
-    assert lacking(walk, beside) == []
-    assert lacking([name for name in walk if "thigh" not in name], beside) != []
+    assert missing_landmarks(walk, beside) == []
+    assert missing_landmarks([name for name in walk if "thigh" not in name], beside) != []
     clusters = [
         f"{side}_{part}" for side in ("left", "right") for part in ("thigh", "shank", "foot")
     ]
-    assert lacking(walk + 2 * clusters) == []
+    assert missing_landmarks(walk + 2 * clusters) == []
 
 
 @pytest.mark.parametrize(("scale", "prefix"), [(1.0, ""), (1.1, ""), (1.0, "X")])
@@ -89,7 +89,7 @@ def test_a_static_trial_of_another_human_is_told(scale: float, prefix: str) -> N
     labels = tuple(prefix + name for name in whole.labels)
     static = MarkerRecording(whole.time[:40], labels, scale * whole.positions[:40], up="z")
     marks = [landmark(str(landmark_of(name))) for name in whole.labels]
-    told = other_human(whole, static, whole.labels, marks)
+    told = static_trial_notes(whole, static, whole.labels, marks)
     if scale > 1.0:
         assert told[0].startswith("markers of the static trial are 1.10 times as far apart")
     else:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from wbc.human.body import HINGE_NAMES, HINGES, SEGMENT_NAMES, HumanBody, masses
-from wbc.human.kinematics import Poses, place, rotations
+from wbc.human.kinematics import Poses, forward_kinematics, rotations
 from wbc.human.landmarks import landmark, landmark_of
 from wbc.human.markers import ForcePlate, MarkerRecording
 from wbc.validate import Array
@@ -104,7 +104,7 @@ def recorded(
 ) -> tuple[MarkerRecording, Poses]:
     """Return the recording of a marching (or ``posed``) body, z up, and its true postures."""
     time, poses = marching(seconds) if posed is None else posed
-    placed = place(poses, body.dimensions)
+    placed = forward_kinematics(poses, body.dimensions)
     tracks = [
         placed.origin[:, anchor] + placed.rotation[:, segment] @ spot
         for segment, anchor, spot in marker_places(labels, body, off, seed)
@@ -117,7 +117,7 @@ def recorded(
 
 def true_plate(body: HumanBody, poses: Poses, time: Array) -> ForcePlate:
     """Return what one plate under all feet feels: segment by segment, by differences of places."""
-    placed, parts = place(poses, body.dimensions), masses(body)
+    placed, parts = forward_kinematics(poses, body.dimensions), masses(body)
     force, moment = np.zeros((2, len(time), 3))
     step = time[1] - time[0]
     for k, name in enumerate(SEGMENT_NAMES):

@@ -4,7 +4,7 @@ from wbc.human.body import HumanBody
 from wbc.human.comparison import Comparison, compared
 from wbc.human.files import is_human_recording, read_markers
 from wbc.human.markers import ForcePlate, MarkerRecording
-from wbc.human.recorded import HumanMotion, human_motion
+from wbc.human.motion_fit import HumanMotion, human_motion
 from wbc.human.skeleton import human_robot
 
 __all__ = [

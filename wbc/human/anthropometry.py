@@ -1,8 +1,8 @@
 """Segments of the human body: masses, centres and gyration radii, and the usual proportions.
 
 Masses, centres and radii are those of de Leva (1996, J. Biomech. 29, 1223-1230), Table 4; lengths
-are the means of the same table. De Leva has centres on the long axes; how far those of trunk and
-legs are behind them is from Dumas, Cheze and Verriest (2007).
+are the means of the same table. De Leva has centres on the long axes; the offsets of trunk and
+legs behind them are those of Dumas, Cheze and Verriest (2007).
 """
 
 from __future__ import annotations
@@ -83,25 +83,25 @@ DE_LEVA: Mapping[str, Mapping[str, SegmentInertia]] = MappingProxyType(
         ),
     }
 )
-# How far the centre is behind the long axis, as a part of the length, where de Leva has it on the
-# axis: Dumas, Cheze and Verriest (2007, J. Biomech. 40, 543-553), Table 2.
+# Offset of the centre behind the long axis, by the length: Dumas, Cheze and Verriest (2007, J.
+# Biomech. 40, 543-553), Table 2.
 BEHIND: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
         "female": MappingProxyType({"trunk": 0.016, "thigh": 0.077, "shank": 0.049}),
         "male": MappingProxyType({"trunk": 0.036, "thigh": 0.041, "shank": 0.048}),
     }
 )
-STATURES, MASSES = (0.4, 2.8), (3.0, 400.0)  # m, kg: what a human may have
+STATURES, MASSES = (0.4, 2.8), (3.0, 400.0)  # m, kg: smallest and largest of a human
 PAIRED = ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")
 
 
 def check_sex(sex: str) -> str:
-    """Return the sex in small letters.
+    """Return the sex in lower case.
 
     Raises
     ------
     InvalidInputError
-        Neither ``female`` nor ``male``, which the tables know.
+        Neither ``female`` nor ``male``.
     """
     if not isinstance(sex, str) or sex.lower() not in SEXES:
         raise InvalidInputError(f"sex: expected {' or '.join(SEXES)}, got {sex!r}")
@@ -114,14 +114,14 @@ def check_build(mass: Any, stature: Any) -> tuple[float | None, float | None]:
     Raises
     ------
     InvalidInputError
-        No numbers, or such as no human has: in another unit.
+        No numbers, or outside the range of humans, as in another unit.
     """
 
     def checked(what: str, value: Any, least: float, most: float, unit: str) -> float | None:
         number = None if value is None else finite_number(what, value, above=0.0)
         if number is not None and not least <= number <= most:
             raise InvalidInputError(
-                f"{what}: {number:g} {unit} is no human's, {least:g} to {most:g} {unit}; say it in"
+                f"{what}: {number:g} {unit} is no human's, {least:g} to {most:g} {unit}; give it in"
                 f" {unit}"
             )
         return number

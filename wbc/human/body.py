@@ -1,8 +1,8 @@
-"""A human of rigid segments: the tree of joints, its dimensions, and the robot made of them.
+"""A human of rigid segments: the tree of joints, its dimensions and masses.
 
 Axes of every segment in the neutral posture (upright, arms hanging, palms to the thighs): x
-forward, y to the left, z up, origin at the joint that carries it; the pelvis' is midway between the
-hips. Joints of three axes are three hinges in a row.
+forward, y to the left, z up, origin at the parent joint, that of the pelvis midway between the
+hips. Joints with three axes are three hinges in a row.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from wbc.human.anthropometry import BEHIND, MEAN_STATURE, SegmentInertia, check_sex, segment_table
 from wbc.validate import Array, finite_array, finite_number, read_only, set_fields
 
-# Dimensions [m] of a body whose stature is 1.741 m, and how much people of one stature differ.
-# Lengths: de Leva (1996), men, whose hip centres are where those of Harrington et al. (2007) are.
+# Dimensions [m] of a body with a stature of 1.741 m, and their standard deviation among people of
+# one stature. Lengths: de Leva (1996), men; hip centres agree with Harrington et al. (2007).
 DIMENSIONS: Mapping[str, tuple[float, float]] = {
     "hip_y": (0.086, 0.008),  # from the middle of the hips, either side
     "lumbar_x": (-0.010, 0.010),  # from the middle of the hips to the joint of the trunk
@@ -38,7 +38,7 @@ SIDES = {"left": 1.0, "right": -1.0}  # sign of y
 MIDDLE_TRUNK = 215.5 / 457.6  # part of the way from the trunk's joint to C7 that is below the chest
 HEEL, ANKLE_HEIGHT = 0.045, 0.075  # m of the reference stature: from the ankle back and down
 SOLE_WIDTH = 0.38  # of the foot's length
-LIMIT = 1e3  # rad: no joint of a fit is limited, arms that circle add up; models need bounds
+LIMIT = 1e3  # rad: a fit has no joint limits (circling arms add up), but models need bounds
 
 
 Axis = tuple[float, float, float]
@@ -50,12 +50,12 @@ class Hinge:
 
     name: str
     axis: Axis  # in the axes of the segment before it, neutral posture
-    spread: float  # rad: how far it usually is from neutral; a fit leans on this where it must
+    spread: float  # rad, standard deviation from neutral: a prior for what no marker tells
 
 
 @dataclass(frozen=True)
 class Segment:
-    """One rigid segment, and the joint that carries it."""
+    """One rigid segment and its parent joint."""
 
     name: str
     parent: int  # -1: the base
@@ -65,7 +65,7 @@ class Segment:
 
 
 def _segments() -> tuple[Segment, ...]:
-    """Return all segments, each behind the one that carries it."""
+    """Return all segments, each after its parent."""
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     back = (0.0, -1.0, 0.0)
     found = [Segment("pelvis", -1, (), (None, None, None))]
@@ -77,9 +77,9 @@ def _segments() -> tuple[Segment, ...]:
         hinges: dict[str, tuple[Axis, float]],
         *origin: tuple[str, float] | None,
     ) -> None:
-        carriers = [segment.name for segment in found]
-        made = tuple(Hinge(f"{joint}_{what}", *one) for what, one in hinges.items())
-        found.append(Segment(name, carriers.index(parent), made, origin))
+        names = [segment.name for segment in found]
+        axes = tuple(Hinge(f"{joint}_{what}", *one) for what, one in hinges.items())
+        found.append(Segment(name, names.index(parent), axes, origin))
 
     for side, s in SIDES.items():
         inward, across = (-s, 0.0, 0.0), (0.0, 0.0, -s)
@@ -94,13 +94,13 @@ def _segments() -> tuple[Segment, ...]:
         ("trunk", "pelvis", "lumbar", 0.5),
         ("head", "trunk", "neck", 0.2),
     ):
-        turns = {"flexion": (y, spread), "bending": (x, spread), "rotation": (z, spread)}
-        add(name, parent, joint, turns, (f"{joint}_x", 1.0), None, (f"{joint}_z", 1.0))
+        spine = {"flexion": (y, spread), "bending": (x, spread), "rotation": (z, spread)}
+        add(name, parent, joint, spine, (f"{joint}_x", 1.0), None, (f"{joint}_z", 1.0))
     half = float(np.sqrt(0.5))
     for side, s in SIDES.items():
         inward, across = (-s, 0.0, 0.0), (0.0, 0.0, -s)
-        # Three hinges in a row lose an axis where the last lies along the first: here only where
-        # the arm points level, halfway between forwards and sideways.
+        # Three hinges are singular where the last axis is parallel to the first: here only with a
+        # horizontal arm, halfway between forward and sideways.
         swing, lift = (half, s * half, 0.0), (s * half, -half, 0.0)
         shoulder = {"swing": (swing, 1.5), "lift": (lift, 1.5), "rotation": (across, 1.0)}
         place = (("shoulder_x", 1.0), ("shoulder_y", s), ("shoulder_z", 1.0))
@@ -120,7 +120,7 @@ HINGE_NAMES = tuple(hinge.name for hinge in HINGES)
 
 
 def origin_maps() -> Array:
-    """Return (segments, 3, dimensions): a segment's origin in its parent's axes by dimensions."""
+    """Return matrices (segments, 3, 12) from dimensions to origins in the parent's axes."""
     maps = np.zeros((len(SEGMENTS), 3, len(NAMES)))
     for segment, found in zip(SEGMENTS, maps, strict=True):
         for row, entry in zip(found, segment.origin, strict=True):
@@ -140,9 +140,9 @@ class HumanBody:
     mass:
         [kg].
     stature:
-        [m]; of head, hands and feet, whose lengths no joint tells.
+        [m]; for lengths of head, hands and feet, which have no joint at their end.
     sex:
-        ``female`` or ``male``, which table of segments is taken.
+        ``female`` or ``male``: which table of segments is used.
 
     Raises
     ------
@@ -192,7 +192,7 @@ def usual_dimensions(stature: float) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Mass:
-    """A segment's mass [kg], its centre (3,) [m] and inertia (3, 3) about it [kg m^2]."""
+    """Mass [kg] of a segment, centre (3,) [m] and inertia (3, 3) about the centre [kg m^2]."""
 
     mass: float
     centre: Array
@@ -200,11 +200,11 @@ class Mass:
 
 
 def masses(body: HumanBody) -> dict[str, Mass]:
-    """Return the segments' masses in their own axes; the trunk is made of two of the table's."""
+    """Return the segments' masses in their own axes; the trunk joins two of the table's."""
     table = segment_table(body.sex)
 
     def along(row: SegmentInertia, start: Array, end: Array, forward: Array | None = None) -> Mass:
-        """Return a row's mass along a line; its sagittal axis is as near to ``forward`` as can."""
+        """Return a row's mass along a line, its sagittal axis nearest to ``forward``."""
         line = end - start
         length = float(np.linalg.norm(line))
         z = -line / length
@@ -221,11 +221,11 @@ def masses(body: HumanBody) -> dict[str, Mass]:
     neck = np.array((body.size("neck_x"), 0.0, body.size("neck_z")))
     chest = MIDDLE_TRUNK * neck
     back = np.array((-BEHIND[body.sex]["trunk"] * float(np.linalg.norm(neck)), 0.0, 0.0))
-    trunk = joined(
+    trunk = combine(
         along(table["upper_trunk"], neck + back, chest + back),
         along(table["middle_trunk"], chest + back, back),
     )
-    # The table's axis of the head is from the top down to C7, above which the neck leans forward.
+    # The head's axis in the table goes from the vertex to C7; the neck leans forward.
     top = np.array((0.02, 0.0, table["head"].length / MEAN_STATURE[body.sex] * body.stature))
     found = {
         "pelvis": along(table["lower_trunk"], lumbar, zero),
@@ -255,14 +255,14 @@ def masses(body: HumanBody) -> dict[str, Mass]:
 
 
 def foot_ends(body: HumanBody) -> tuple[Array, Array]:
-    """Return heel and tip of the toes (3,) [m] in the foot's axes, midway of sole and ankle."""
+    """Return heel and tip of the toes (3,) [m] in the foot's axes, halfway up to the ankle."""
     length = segment_table(body.sex)["foot"].length / MEAN_STATURE[body.sex] * body.stature
     heel = body.scale * np.array((-HEEL, 0.0, -0.6 * ANKLE_HEIGHT))
     return heel, heel + np.array((length, 0.0, -0.2 * ANKLE_HEIGHT * body.scale))
 
 
-def joined(a: Mass, b: Mass) -> Mass:
-    """Return two masses as one."""
+def combine(a: Mass, b: Mass) -> Mass:
+    """Return two masses as one rigid body."""
     m = a.mass + b.mass
     centre = (a.mass * a.centre + b.mass * b.centre) / m
     inertia = a.inertia + b.inertia
@@ -273,9 +273,9 @@ def joined(a: Mass, b: Mass) -> Mass:
 
 
 def subtree(segment: int) -> NDArray[np.bool_]:
-    """Return which segments (n,) a segment carries, itself among them."""
-    carried = np.zeros(len(SEGMENTS), dtype=bool)
-    carried[segment] = True
+    """Return which segments (n,) are in the subtree of a segment, which includes itself."""
+    inside = np.zeros(len(SEGMENTS), dtype=bool)
+    inside[segment] = True
     for k in range(segment + 1, len(SEGMENTS)):
-        carried[k] = SEGMENTS[k].parent >= 0 and carried[SEGMENTS[k].parent]
-    return carried
+        inside[k] = SEGMENTS[k].parent >= 0 and inside[SEGMENTS[k].parent]
+    return inside

@@ -1,7 +1,7 @@
-"""Skeletons of animation as markers: at joints, and beside them, where bones turn.
+"""Animated skeletons as markers: at the joints, and on the bones for their rotations.
 
-What an animation calls a joint is taken for the joint's centre. Three more points move with each
-bone; where they are on the human's segment is found in the fit, since rest poses differ.
+An animation's joint is taken for the joint's centre. Three more points move with each bone; their
+places on the human's segment are calibrated, since rest poses differ.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from wbc.motion.table import RecordingError
 from wbc.validate import Array
 
 LEGS = frozenset(f"{s}_{n}_centre" for s in ("left", "right") for n in ("hip", "knee", "ankle"))
-REACH = 0.1  # m: of a bone's points from its joint
-FREE, LOOSE = 0.3, 0.02  # m: spread and noise of such points
+REACH = 0.1  # m, of a bone's points from its joint
+PLACE_SPREAD, NOISE = 0.3, 0.02  # m, standard deviations of such points
 # Names of joints after the side, in the order in which they are preferred. A leg is a thigh only
 # where another name is the shank's.
 _PAIRED = {
@@ -51,32 +51,32 @@ SEGMENT_OF = {
 
 @dataclass(frozen=True, eq=False)
 class Bone:
-    """A joint of an animation, and the bone that turns with it."""
+    """A joint of an animation, and its bone."""
 
     name: str
     place: Array  # (n, 3) [m]
     rotation: Array  # (n, 3, 3)
-    landmark: str | None  # what its joint is; None: nothing that a human's model has
+    landmark: str | None  # of its joint; None: the human's model has none
 
 
 def joint_landmarks(
     names: Sequence[str], source: str, owners: Sequence[str] | None = None
 ) -> dict[int, str]:
-    """Return which landmark some joints of an animation are, by their number.
+    """Return the landmarks of an animation's joints, by index.
 
     Parameters
     ----------
     owners:
-        Whose each joint is; None: what stands before the colon of its name. Of several, all that
-        have legs are humans.
+        The skeleton of each joint; None: the part of its name before the colon. All with legs are
+        humans.
 
     Raises
     ------
     RecordingError
-        Hips, knees or ankles are not found.
+        Hips, knees or ankles are missing.
     """
     owners = [name.rpartition(":")[0] for name in names] if owners is None else owners
-    plain = [_plain(name) for name in names]
+    plain = [_normalized(name) for name in names]
     found = dict[int, str]()
     for owner in dict.fromkeys(owners):
         one = _landmarks_of(
@@ -84,10 +84,10 @@ def joint_landmarks(
         )
         found |= one if set(one.values()) >= LEGS else {}
     found = found or _landmarks_of(plain)
-    lost = sorted(LEGS - set(found.values()))
-    if lost:
+    missing = sorted(LEGS - set(found.values()))
+    if missing:
         raise RecordingError(
-            f"its skeleton has no {', '.join(lost)} by the usual names (LeftUpLeg, LeftLeg,"
+            f"its skeleton has no {', '.join(missing)} by the usual names (LeftUpLeg, LeftLeg,"
             " LeftFoot, ...); rename its joints",
             source,
         )
@@ -110,7 +110,7 @@ def _landmarks_of(plain: Sequence[str]) -> dict[int, str]:
     return found
 
 
-def _plain(name: str) -> str:
+def _normalized(name: str) -> str:
     name = name.rpartition(":")[2].upper()
     name = re.sub(r"^(MIXAMORIG|BIP01|BIP001|CHARACTER1)_?", "", name)
     return re.sub(r"[^A-Z0-9/]+", "", name)
@@ -127,7 +127,7 @@ def bone_markers(
 ) -> MarkerRecording:
     """Return a recording of markers at the joints and on the bones of an animation.
 
-    The spine's highest bone below the neck, or whatever carries both shoulders, tells of the trunk.
+    The trunk has no points of a bone: joints of shoulders, neck and head tell its pose.
     """
     labels, tracks, marks = list[str](), list[Array](), list[Landmark | None]()
     for bone in bones:
@@ -146,7 +146,7 @@ def bone_markers(
             label = f"{bone.name}/{letter}"
             labels.append(label)
             tracks.append(bone.place + REACH * bone.rotation[:, :, axis])
-            marks.append(Landmark(label, segment, segment, (0.0, 0.0, 0.0), FREE, LOOSE))
+            marks.append(Landmark(label, segment, segment, (0.0, 0.0, 0.0), PLACE_SPREAD, NOISE))
     return MarkerRecording(
         time,
         tuple(labels),

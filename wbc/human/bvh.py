@@ -15,13 +15,13 @@ from wbc.human.markers import MarkerRecording
 from wbc.motion.table import RecordingError, read_text, shortened
 from wbc.validate import Array
 
-MOST_JOINTS, MOST_FRAMES, DEEPEST = 500, 1_000_000, 100
+MAX_JOINTS, MAX_FRAMES, MAX_DEPTH = 500, 1_000_000, 100
 CHANNELS = {f"{axis}{kind}": (axis, kind) for axis in "XYZ" for kind in ("position", "rotation")}
-# Lengths that files are written in [m], most usual first; and what a human's height may be [m].
-# Carnegie Mellon's Graphics Lab wrote inches times 0.45, and so are all files made of its own.
+# Units of length [m], most usual first, and the range of a human's height [m]. Carnegie Mellon's
+# Graphics Lab wrote inches times 0.45, as do all files made from theirs.
 UNITS = {"cm": 0.01, "m": 1.0, "inch": 0.0254, "mm": 0.001, "cmu": 0.0254 / 0.45}
 HEIGHTS = (1.2, 2.2)
-THING = re.compile("prop[0-9]", re.IGNORECASE)
+PROP = re.compile("prop[0-9]", re.IGNORECASE)
 
 
 @dataclass
@@ -33,18 +33,18 @@ class _Joint:
 
 
 def read_bvh(path: Path, unit: str | float | None = None) -> MarkerRecording:
-    """Return a BVH file's motion as markers at its joints, and on its bones for their turning.
+    """Return a BVH file's motion as markers at its joints, and on its bones for their rotations.
 
     Parameters
     ----------
     unit:
         ``cm``, ``m``, ``inch``, ``mm``, ``cmu`` (Carnegie Mellon's, 56.4 mm), or its length [m];
-        None: the one of these in which the skeleton is as tall as a human.
+        None: the first in which the skeleton is as tall as a human.
 
     Raises
     ------
     RecordingError
-        Unreadable, not such a file, no human's skeleton, or a height that no unit explains.
+        Unreadable, not such a file, no human's skeleton, or a height of no human in any unit.
     """
     source = str(path)
     lines = [line.strip() for line in read_text(path, strict=False).splitlines()]
@@ -53,32 +53,34 @@ def read_bvh(path: Path, unit: str | float | None = None) -> MarkerRecording:
         raise RecordingError("it has no HIERARCHY and MOTION, as BVH files have", source)
     joints = _hierarchy(lines[1:start], source)
     time, values = _motion(lines, start, sum(len(joint.channels) for joint in joints), source)
-    places, turns = _forward(joints, values)
+    places, rotations = _forward_kinematics(joints, values)
     landmarks = _landmarks(joints, source)
     heights = _height(joints)
     scale, note = _unit(unit, heights, source)
     bones = [
-        Bone(joint.name, scale * places[k], turns[k], landmarks.get(k))
+        Bone(joint.name, scale * places[k], rotations[k], landmarks.get(k))
         for k, joint in enumerate(joints)
     ]
     return bone_markers(time, bones, source, (note,))
 
 
 def _landmarks(joints: list[_Joint], source: str) -> dict[int, str]:
-    """Return which landmark some joints are, of the only skeleton that is a human's."""
+    """Return the landmarks of joints of the only human skeleton."""
     roots = list[str]()
     for k, joint in enumerate(joints):
         roots.append(f"{k} {joint.name}" if joint.parent < 0 else roots[joint.parent])
     found = joint_landmarks([joint.name for joint in joints], source, roots)
     humans = list(dict.fromkeys(roots[k] for k in found))
     if len(humans) > 1:
-        whose = ", ".join(root.partition(" ")[2] for root in humans)
-        raise RecordingError(f"skeletons of {len(humans)} humans, {whose}: a file for each", source)
+        names = ", ".join(root.partition(" ")[2] for root in humans)
+        raise RecordingError(
+            f"skeletons of {len(humans)} humans, {names}: write a file for each", source
+        )
     return found
 
 
 def _hierarchy(lines: list[str], source: str) -> list[_Joint]:
-    """Return the joints, each behind its parent; end sites are joints without channels."""
+    """Return the joints, each after its parent; end sites are joints without channels."""
     joints, stack, opened = list[_Joint](), list[int](), -1
     for number, line in enumerate(lines, 2):
         words = line.split()
@@ -92,13 +94,13 @@ def _hierarchy(lines: list[str], source: str) -> list[_Joint]:
             name = f"{joints[parent].name}/end" if key == "END" else "_".join(words[1:])
             joints.append(_Joint(name, parent))
             opened = len(joints) - 1
-            if len(joints) > MOST_JOINTS:
-                raise RecordingError(f"over {MOST_JOINTS} joints", source)
+            if len(joints) > MAX_JOINTS:
+                raise RecordingError(f"over {MAX_JOINTS} joints", source)
         elif key == "{" and opened >= 0:
             stack.append(opened)
             opened = -1
-            if len(stack) > DEEPEST:
-                raise RecordingError(f"joints are nested over {DEEPEST} deep", source)
+            if len(stack) > MAX_DEPTH:
+                raise RecordingError(f"joints are nested over {MAX_DEPTH} deep", source)
         elif key == "}" and stack:
             stack.pop()
         elif key == "OFFSET" and stack:
@@ -140,23 +142,22 @@ def _motion(lines: list[str], start: int, width: int, source: str) -> tuple[Arra
         for number, line in enumerate(lines[start + 3 :], start + 4)
         if line
     ]
-    if not 0 < len(rows) <= MOST_FRAMES:
+    if not 0 < len(rows) <= MAX_FRAMES:
         raise RecordingError(f"it has {len(rows)} frames", source)
-    told = _numbers(head[0], 1, source, start + 2)[0]
-    if told != len(rows):
-        what = f"it tells of {told:g} frames and has {len(rows)}; is it cut off?"
+    declared = _numbers(head[0], 1, source, start + 2)[0]
+    if declared != len(rows):
+        what = f"it declares {declared:g} frames and has {len(rows)}; is it cut off?"
         raise RecordingError(what, source)
     return step * np.arange(len(rows)), np.array(rows)
 
 
-def _forward(joints: list[_Joint], values: Array) -> tuple[list[Array], list[Array]]:
-    """Return places (n, 3) in the file's unit and rotations (n, 3, 3) of all joints."""
-    places, turns, column, count = list[Array](), list[Array](), 0, len(values)
+def _forward_kinematics(joints: list[_Joint], values: Array) -> tuple[list[Array], list[Array]]:
+    """Return positions (n, 3) in the file's unit and rotations (n, 3, 3) of all joints."""
+    places, rotations, column, count = list[Array](), list[Array](), 0, len(values)
     for joint in joints:
         local = np.tile(np.array(joint.offset), (count, 1))
         R = np.tile(np.eye(3), (count, 1, 1))
-        moved = [name for name in joint.channels if name.endswith("position")]
-        if moved:  # in place of the offset
+        if any(name.endswith("position") for name in joint.channels):  # in place of the offset
             local = np.zeros((count, 3)) if joint.parent < 0 else local
         for name in joint.channels:
             axis, kind = CHANNELS[name]
@@ -166,18 +167,18 @@ def _forward(joints: list[_Joint], values: Array) -> tuple[list[Array], list[Arr
                 R = R @ Rotation.from_euler(axis, values[:, [column]], degrees=True).as_matrix()
             column += 1
         if joint.parent >= 0:
-            parent = turns[joint.parent]
+            parent = rotations[joint.parent]
             local = places[joint.parent] + (parent @ local[..., None])[..., 0]
             R = parent @ R
         places.append(local)
-        turns.append(R)
-    return places, turns
+        rotations.append(R)
+    return places, rotations
 
 
 def _height(joints: list[_Joint]) -> float:
-    """Return the largest extent of the skeleton as it is drawn, in the file's unit.
+    """Return the largest extent of the rest pose, in the file's unit.
 
-    Joints that carry all others may be drawn anywhere; things that Xsens tracks, its props, too.
+    The joints above the first branch may be anywhere, and the props that Xsens tracks, too.
     """
     parents = [joint.parent for joint in joints]
     trunk = next((k for k in range(len(joints)) if parents.count(k) > 1), 0)
@@ -185,14 +186,14 @@ def _height(joints: list[_Joint]) -> float:
     for k, joint in enumerate(joints):
         at = np.array(joint.offset) if k > trunk else np.zeros(3)
         rest.append(at + (rest[joint.parent] if joint.parent >= 0 else 0.0))
-    body = [at for at, joint in zip(rest, joints, strict=True) if not THING.match(joint.name)]
+    body = [at for at, joint in zip(rest, joints, strict=True) if not PROP.match(joint.name)]
     return float(np.ptp(np.array(body or rest), axis=0).max())
 
 
 def _unit(unit: str | float | None, height: float, source: str) -> tuple[float, str]:
     if unit is not None:
         if str(unit) in UNITS:
-            return UNITS[str(unit)], f"lengths in {unit}, as was said"
+            return UNITS[str(unit)], f"lengths in {unit}, as given"
         try:
             size = float(unit)
         except (TypeError, ValueError):
@@ -200,13 +201,12 @@ def _unit(unit: str | float | None, height: float, source: str) -> tuple[float, 
         if not 0.0 < size < math.inf:
             what = f"unit: expected {', '.join(UNITS)} or a length in m, got {unit!r}"
             raise RecordingError(what, source)
-        return size, f"lengths in {unit} m, as was said"
+        return size, f"lengths in {unit} m, as given"
     for name, size in UNITS.items():
         if HEIGHTS[0] <= height * size <= HEIGHTS[1]:
-            tall = f"its skeleton extends over {height * size:.2f} m"
-            return size, f"lengths taken for {name}: {tall}"
+            return size, f"lengths taken for {name}: its skeleton is {height * size:.2f} m tall"
     raise RecordingError(
-        f"its skeleton extends over {height:.4g}: in no usual unit a human; say in which one, or"
-        " how long that is in m (unit)",
+        f"its skeleton is {height:.4g} tall: in no usual unit a human's height; give the unit, or"
+        " its length in m (unit)",
         source,
     )

@@ -15,14 +15,14 @@ from wbc.motion.table import read_bytes
 from wbc.validate import Array
 
 LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "dm": 0.1}
-MOST_POINTS = 1000
-LARGEST_RATE = 1e6  # Hz
-SMALLEST = 1e-3  # m: sides of a plate
-CORNER = 1.05  # of the way to its corner: an origin there, as treadmills have it, may be rounded
+MAX_POINTS = 1000
+MAX_RATE = 1e6  # Hz
+MIN_SIDE = 1e-3  # m, of a plate
+CORNER_TOLERANCE = 1.05  # factor: an origin in a corner, as treadmills have it, may be rounded
 
 
 def read_c3d(path: Path) -> MarkerRecording:
-    """Return what a C3D file holds: all points whose residual is not negative, and force plates.
+    """Return a C3D file's recording: all points whose residual is not negative, and force plates.
 
     Intel, DEC and MIPS; integers and floats; plates of types 1 to 4.
 
@@ -37,11 +37,11 @@ def read_c3d(path: Path) -> MarkerRecording:
     samples = file.header[9]  # of each channel in a frame
     frames, notes = _frames(file), tuple[str, ...]()
     rate = file.number("POINT:RATE", file.rate)
-    if not 0.0 < rate <= LARGEST_RATE:
+    if not 0.0 < rate <= MAX_RATE:
         raise file.error(f"its rate is {rate:g} frames per second")
-    if not 0 < points <= MOST_POINTS:
-        raise file.error(f"it has {points} points; at least 1 and at most {MOST_POINTS} are read")
-    with np.errstate(all="ignore"):  # what is no number was not seen
+    if not 0 < points <= MAX_POINTS:
+        raise file.error(f"it has {points} points; at least 1 and at most {MAX_POINTS} are read")
+    with np.errstate(all="ignore"):  # points that are not finite were not seen
         marked, analog = _data(file, frames, points, per_frame)
     unit = next(iter(file.texts("POINT:UNITS")), "mm").lower()
     unit = "m" if unit.startswith("met") else unit  # metres, which may be cut off
@@ -62,32 +62,32 @@ def read_c3d(path: Path) -> MarkerRecording:
 
 
 def _frames(file: C3dFile) -> int:
-    """Return how many frames the file tells of; words of 16 bits are too short for long ones."""
+    """Return the number of frames, which 16-bit words of the header cannot tell for long files."""
     first, last = file.header[3], file.header[4]
     count = last - first + 1
     start, end = (file.numbers(f"TRIAL:ACTUAL_{name}_FIELD").ravel() for name in ("START", "END"))
     if start.size == end.size == 2:
         low = [int(v[0]) % 65536 + 65536 * (int(v[1]) % 65536) for v in (start, end)]
         count = low[1] - low[0] + 1
-    told = file.number("POINT:LONG_FRAMES", file.number("POINT:FRAMES", count)) % 2**32
-    if last == 65535 and told > count:
-        count = int(told)
+    declared = file.number("POINT:LONG_FRAMES", file.number("POINT:FRAMES", count)) % 2**32
+    if last == 65535 and declared > count:
+        count = int(declared)
     if count < 1:
-        raise file.error(f"its header tells of {count} frames")
+        raise file.error(f"its header declares {count} frames")
     return count
 
 
 def _data(file: C3dFile, frames: int, points: int, per_frame: int) -> tuple[Array, Array]:
     """Return points (n, m, 4) in the file's unit, with residual, and analog samples (n, k)."""
     start = int(file.number("POINT:DATA_START", 0.0))
-    start = start if start > file.data[0] else file.header[8]  # behind the parameters, or untrue
+    start = start if start > file.data[0] else file.header[8]  # after the parameters, or wrong
     start = BLOCK * (start - 1)
     real = file.scale < 0.0
     width, words = (4 if real else 2), 4 * points + per_frame
     wanted = frames * words * width
     if start < BLOCK or start + wanted > len(file.data):
-        there = max(0, len(file.data) - start) // (words * width)
-        what = f"it should have {frames} frames of {points} points, and has bytes for {there}"
+        available = max(0, len(file.data) - start) // (words * width)
+        what = f"it should have {frames} frames of {points} points, and has bytes for {available}"
         raise file.error(f"{what}; is it cut off?")
     raw = file.data[start : start + wanted]
     if real:
@@ -104,7 +104,7 @@ def _data(file: C3dFile, frames: int, points: int, per_frame: int) -> tuple[Arra
 
 
 def _labels(file: C3dFile, points: int) -> tuple[tuple[str, ...], list[int], tuple[str, ...]]:
-    """Return the labels of markers, which points they are, and notes; angles and such are none."""
+    """Return the labels of markers, their points, and notes; angles, forces etc. are no markers."""
     labels = file.texts("POINT:LABELS")
     names = [labels[k] if k < len(labels) and labels[k] else f"*{k + 1}" for k in range(points)]
     other = set[str]()
@@ -114,8 +114,12 @@ def _labels(file: C3dFile, points: int) -> tuple[tuple[str, ...], list[int], tup
     for k, name in enumerate(names):
         if name not in other:
             first.setdefault(name, k)
-    twice = [name for name in first if names.count(name) > 1]
-    notes = (f"several points are called {listed(twice, 8)}: the first is taken",) if twice else ()
+    repeated = [name for name in first if names.count(name) > 1]
+    notes = (
+        (f"several points are called {listed(repeated, 8)}: the first is taken",)
+        if repeated
+        else ()
+    )
     return tuple(first), list(first.values()), notes
 
 
@@ -134,7 +138,7 @@ def _plates(
     plates, notes = list[ForcePlate](), list[str]()
     for k in range(min(used, 32)):
         try:
-            with np.errstate(all="ignore"):  # what is not finite is refused
+            with np.errstate(all="ignore"):  # values that are not finite are refused
                 plate, told = _plate(file, k, signals, time, unit)
             plates.append(plate)
             notes += told
@@ -188,20 +192,20 @@ def _plate(
 
 
 def _sensors(name: str, kind: int, corners: Array, origin: Array) -> tuple[Array, tuple[str, ...]]:
-    """Return where a plate has its sensors, beside the middle (3,) [m], and what is odd of that.
+    """Return the offset of a plate's sensors from its centre (3,) [m], and notes.
 
-    Sensors of type 3 stand under the plate, within its corners; where half their distances are
-    larger than those allow, and are not the other way round, these were exchanged.
+    Sensors of type 3 stand under the plate, within its corners; where half their distances are too
+    large for it, but fit if exchanged, they are exchanged.
     """
     half = 0.5 * np.array([np.linalg.norm(corners[0] - corners[end]) for end in (1, 3)])
-    off = np.abs(origin[:2])
-    inside = bool((off <= (half if kind == 3 else CORNER * half)).all())
-    if kind == 1 or (inside and (kind != 3 or off.min() > 0.0)):
+    offset = np.abs(origin[:2])
+    inside = bool((offset <= (half if kind == 3 else CORNER_TOLERANCE * half)).all())
+    if kind == 1 or (inside and (kind != 3 or offset.min() > 0.0)):
         return origin, ()
-    sizes = [f"{1e3 * a:.0f} of {1e3 * b:.0f} mm" for a, b in zip(off, half, strict=True)]
-    what = f"{name} has its sensors {' and '.join(sizes)} beside its middle"
-    if kind == 3 and off.min() > 0.0 and (off[::-1] <= half).all():
-        return origin[[1, 0, 2]], (f"{what}: taken the other way round",)
+    sizes = [f"{1e3 * a:.0f} of {1e3 * b:.0f} mm" for a, b in zip(offset, half, strict=True)]
+    what = f"{name} has its sensors {' and '.join(sizes)} from its centre"
+    if kind == 3 and offset.min() > 0.0 and (offset[::-1] <= half).all():
+        return origin[[1, 0, 2]], (f"{what}: x and y are exchanged",)
     return origin, (f"{what}: its origin or corners are wrong, and so is its CoP",)
 
 
@@ -210,7 +214,7 @@ def plate_wrench(
 ) -> tuple[Array, Array]:
     """Return force [N] and moment about the world's origin [N m], both (k, 3).
 
-    As the C3D manual has the types (www.c3d.org): 1 gives force, its point and the free torque; 2
+    Types of the C3D manual (www.c3d.org): 1 gives force, its point and the free torque; 2
     and 4 force and moment at the sensor; 3 eight forces of sensors in the corners. A plate's x axis
     leads from corners 2, 3 to 1, 4, its y axis from 3, 4 to 1, 2. Whether it is the ground's or the
     foot's force differs from laboratory to laboratory; see :meth:`ForcePlate.pushing`.
@@ -241,7 +245,7 @@ def plate_wrench(
     x = 0.5 * (corners[0] + corners[3] - corners[1] - corners[2])
     y = 0.5 * (corners[0] + corners[1] - corners[2] - corners[3])
     z = np.cross(x, y)
-    if min(np.linalg.norm(x), np.linalg.norm(y)) < SMALLEST or np.linalg.norm(z) < SMALLEST**2:
+    if min(np.linalg.norm(x), np.linalg.norm(y)) < MIN_SIDE or np.linalg.norm(z) < MIN_SIDE**2:
         raise InvalidInputError("its corners span no surface")
     x = x / np.linalg.norm(x)
     z = z / np.linalg.norm(z)

@@ -20,13 +20,13 @@ from wbc.validate import Array
 BLOCK = 512
 MARK = 0x50
 INTEL, DEC, MIPS = 84, 85, 86
-MOST_PARAMETERS = 10_000
+MAX_PARAMETERS = 10_000
 Values = list[str] | Array
 
 
 @dataclass(frozen=True, eq=False)
 class C3dFile:
-    """What stands before the data of a C3D file, and the bytes."""
+    """Header and parameters of a C3D file, and its bytes."""
 
     source: str
     data: bytes
@@ -52,7 +52,7 @@ class C3dFile:
         return float(found[0]) if found.size and math.isfinite(found[0]) else default
 
     def texts(self, name: str) -> list[str]:
-        """Return a parameter's texts, those of its continuations (LABELS2, ...) behind them."""
+        """Return a parameter's texts, then those of its continuations (LABELS2, ...)."""
         found = list[str]()
         for k in range(1, 100):
             part = self.parameters.get(name if k == 1 else f"{name}{k}")
@@ -101,7 +101,7 @@ def _parameters(
 ) -> dict[str, Values]:
     groups, found = dict[int, str](), list[tuple[int, str, Values]]()
     at, end = start + 4, start + BLOCK * data[start + 2]
-    for _ in range(MOST_PARAMETERS):
+    for _ in range(MAX_PARAMETERS):
         if at + 2 > len(data):
             break
         length, group = struct.unpack_from("bb", data, at)

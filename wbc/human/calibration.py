@@ -1,8 +1,8 @@
-"""The dimensions of a human and the places of its markers, from the recording itself.
+"""Calibration of a human's dimensions and marker places, from the recording itself.
 
-One Gauss-Newton over postures of some frames, dimensions and marker places together (a bundle
-adjustment): joints come to lie where the markers of both segments turn about them, as in functional
-methods, and where the motion does not tell, where anatomy has them: the hips by Harrington et al.
+A bundle adjustment: Gauss-Newton over postures of key frames, dimensions and marker places
+together. Joint centres are found functionally, where the markers of both segments rotate about
+them; where the motion does not tell, they follow an anatomical prior: the hips by Harrington et al.
 (2007, J. Biomech. 40, 595-602), the rest by usual proportions.
 """
 
@@ -20,27 +20,27 @@ from wbc.human.body import NAMES, REFERENCE_STATURE, usual_dimensions
 from wbc.human.fit import (
     SPREADS,
     MarkerSet,
-    first_poses,
+    escape_local_minima,
     fit_poses,
-    linearised,
+    initial_poses,
+    linearize,
     residuals,
-    unstuck,
     weights,
 )
-from wbc.human.kinematics import DOFS, Placed, Poses, dimension_jacobian
+from wbc.human.kinematics import DOFS, Poses, SegmentFrames, dimension_jacobian
 from wbc.human.landmarks import Landmark
 from wbc.validate import Array
 
 KEY_FRAMES = 40
-STEPS = 25
-SETTLED = 1e-5
-# Spreads from the place that a name has: those of 16 public recordings were within 3.4, but for two
-# wrist markers whose names were swapped, which were 5.2 and 5.7 off.
-FAR_OFF = 5.0
-# m, that a fit takes for possible; who is smaller than CHILD is asked for its unit.
-STATURES, CHILD = (0.6, 2.8), 1.1
-OTHER = 0.08  # of the stature that was said, to which they lean: limbs that tell another one say so
-# Parts of the stature between joints that markers are near to, which tell the stature; de Leva.
+MAX_ITERATIONS = 25
+CONVERGED_DECREASE = 1e-5  # of the cost, relative
+# Standard deviations of a marker from its prior place: in 16 public recordings at most 3.4, but for
+# two wrist markers with swapped names, at 5.2 and 5.7.
+MISPLACED = 5.0
+STATURES = (0.6, 2.8)  # m, of possible fits
+SMALL_CHILD = 1.1  # m: below it a note asks for the unit
+STATURE_TOLERANCE = 0.08  # of the given stature; more difference of the limbs' is noted
+# Distances between joints by the stature; de Leva.
 _LENGTHS = {
     ("knee", "ankle"): 0.249,
     ("hip", "knee"): 0.2425,
@@ -51,11 +51,11 @@ _LENGTHS = {
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What a recording tells of a human's build."""
+    """Dimensions and marker places of a human, from a recording."""
 
     dimensions: Array  # (12,) [m]
     markers: MarkerSet
-    stature: float  # [m]: given, or by the lengths found
+    stature: float  # [m]: given, or by the calibrated lengths
     poses: Poses  # of the key frames
     rms: float  # of the key frames' marker residuals [m]
     notes: tuple[str, ...] = ()
@@ -63,7 +63,7 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False)
 class _Prior:
-    """What anatomy says, before any motion: means and standard deviations [m]."""
+    """The anatomical prior: means and standard deviations [m]."""
 
     dimensions: Array
     dimension_spread: Array
@@ -71,17 +71,17 @@ class _Prior:
     place_spread: Array  # (m, 3)
 
 
-def key_frames(observed: Array, most: int = KEY_FRAMES) -> NDArray[np.intp]:
-    """Return frames spread over a recording (n, m, 3), of those that show most of its markers."""
+def key_frames(observed: Array, count: int = KEY_FRAMES) -> NDArray[np.intp]:
+    """Return indices of frames spread over a recording (n, m, 3), with most of its markers seen."""
     seen = np.isfinite(observed).all(axis=2).sum(axis=1)
     good = np.flatnonzero(seen >= max(np.quantile(seen, 0.5), 0.5 * seen.max()))
-    return good[np.unique(np.linspace(0, len(good) - 1, min(most, len(good))).round().astype(int))]
+    return good[np.unique(np.linspace(0, len(good) - 1, min(count, len(good))).round().astype(int))]
 
 
 def calibrate(
     observed: Array, names: tuple[str, ...], landmarks: tuple[Landmark, ...], stature: float | None
 ) -> Calibration:
-    """Return a human's dimensions and markers, of key frames (n, m, 3) [m]; NaN: not seen.
+    """Return a human's dimensions and marker places, from key frames (n, m, 3) [m]; NaN: not seen.
 
     Parameters
     ----------
@@ -91,56 +91,56 @@ def calibrate(
     Raises
     ------
     InvalidInputError
-        Lengths of no human.
+        Lengths that no human has.
     """
-    guess = stature if stature is not None else _stature(observed, landmarks)
+    guess = stature if stature is not None else _estimate_stature(observed, landmarks)
     for _ in range(2 if stature is None else 1):
         prior = _prior(observed, landmarks, guess)
         markers = MarkerSet(names, landmarks, prior.place.copy())
-        # Until places are found, a marker tells no more than how far from the usual one it may be.
+        # With uncalibrated places a marker is no more certain than its place.
         noisy = (replace(one, noise=math.hypot(one.noise, one.spread)) for one in landmarks)
-        vague = replace(markers, landmarks=tuple(noisy))
-        poses = first_poses(observed, markers, prior.dimensions)
-        poses, cost = fit_poses(poses, observed, vague, prior.dimensions)
-        poses = _retried(poses, cost, observed, vague, prior.dimensions)
-        _, cost = fit_poses(poses, observed, vague, prior.dimensions, 0)
-        poses = unstuck(poses, cost, observed, vague, prior.dimensions)
-        found = _adjusted(poses, observed, markers, prior)
+        uncalibrated = replace(markers, landmarks=tuple(noisy))
+        poses = initial_poses(observed, markers, prior.dimensions)
+        poses, cost = fit_poses(poses, observed, uncalibrated, prior.dimensions)
+        poses = _refit_from_best(poses, cost, observed, uncalibrated, prior.dimensions)
+        _, cost = fit_poses(poses, observed, uncalibrated, prior.dimensions, 0)
+        poses = escape_local_minima(poses, cost, observed, uncalibrated, prior.dimensions)
+        found = _bundle_adjustment(poses, observed, markers, prior)
         limbs = [NAMES.index(n) for n in ("upper_arm", "forearm", "thigh", "shank")]
-        parts = found.dimensions[limbs] / usual_dimensions(REFERENCE_STATURE)[0][limbs]
-        tall = float(np.clip(np.mean(parts) * REFERENCE_STATURE, *STATURES))
-        guess = tall if stature is None else stature
+        ratios = found.dimensions[limbs] / usual_dimensions(REFERENCE_STATURE)[0][limbs]
+        by_limbs = float(np.clip(np.mean(ratios) * REFERENCE_STATURE, *STATURES))
+        guess = by_limbs if stature is None else stature
     sizes = dict(zip(NAMES, found.dimensions.tolist(), strict=True))
-    odd = next((n for n, size in sizes.items() if size <= 0.0 and not n.endswith("_x")), None)
-    if odd is not None:
+    bad = next((n for n, size in sizes.items() if size <= 0.0 and not n.endswith("_x")), None)
+    if bad is not None:
         raise InvalidInputError(
-            f"markers: they are {1e3 * found.rms:.0f} mm off any human, whose {odd} would be"
-            f" {sizes[odd]:.3g} m: they are not one human's, or their names mean other places"
+            f"markers: they are {1e3 * found.rms:.0f} mm off any human, whose {bad} would be"
+            f" {sizes[bad]:.3g} m: they are not one human's, or their names mean other places"
         )
     small = f"{guess:.2f} m tall by its lengths: a small child, or are they in another unit?"
-    told = (small,) if stature is None and guess < CHILD else ()
-    if abs(tall - guess) > OTHER * guess:
-        told = (f"by its limbs' lengths it is {tall:.2f} m tall, {guess:g} m was said",)
-    return replace(found, stature=guess, notes=told + _misplaced(found, prior))
+    notes = (small,) if stature is None and guess < SMALL_CHILD else ()
+    if abs(by_limbs - guess) > STATURE_TOLERANCE * guess:
+        notes = (f"by its limbs' lengths it is {by_limbs:.2f} m tall, {guess:g} m was given",)
+    return replace(found, stature=guess, notes=notes + _misplaced_note(found, prior))
 
 
-def _misplaced(found: Calibration, prior: _Prior) -> tuple[str, ...]:
-    """Return a note on markers that are far from where their names have them."""
-    off = found.markers.place - prior.place
+def _misplaced_note(found: Calibration, prior: _Prior) -> tuple[str, ...]:
+    """Return a note on markers far from the places of their names."""
+    offsets = found.markers.place - prior.place
     names = [
         f"{name} ({1e3 * np.linalg.norm(one):.0f} mm)"
-        for name, one, spread in zip(found.markers.names, off, prior.place_spread, strict=True)
-        if (np.abs(one) > FAR_OFF * spread).any()
+        for name, one, spread in zip(found.markers.names, offsets, prior.place_spread, strict=True)
+        if (np.abs(one) > MISPLACED * spread).any()
     ]
     if not names:
         return ()
-    return (f"markers far from where their names have them: {listed(names, 8)}; swapped?",)
+    return (f"markers far from the places of their names: {listed(names, 8)}; swapped?",)
 
 
-def _retried(
+def _refit_from_best(
     poses: Poses, cost: Array, observed: Array, markers: MarkerSet, dimensions: Array
 ) -> Poses:
-    """Return postures of which bad ones were fitted again, from the best one's joints."""
+    """Return postures in which bad ones are refitted from the joint angles of the best one."""
     best = int(cost.argmin())
     bad = np.flatnonzero(cost > 3.0 * cost[best] + 10.0)
     if not len(bad):
@@ -153,8 +153,8 @@ def _retried(
     return poses
 
 
-def _stature(observed: Array, landmarks: tuple[Landmark, ...]) -> float:
-    """Return a stature [m] by distances between markers near to joints; 1.7 without any."""
+def _estimate_stature(observed: Array, landmarks: tuple[Landmark, ...]) -> float:
+    """Estimate the stature [m] by distances between markers near joints; 1.7 without any."""
     where = {one.name: k for k, one in enumerate(landmarks)}
     found = list[float]()
     for (a, b), part in _LENGTHS.items():
@@ -172,40 +172,42 @@ def _stature(observed: Array, landmarks: tuple[Landmark, ...]) -> float:
                     found.append(float(np.nanmedian(length)) / part)
     if not found:
         return 1.7
-    tall, (least, most) = float(np.median(found)), STATURES
-    if not least < tall < most:
+    stature, (least, most) = float(np.median(found)), STATURES
+    if not least < stature < most:
         raise InvalidInputError(
-            f"markers: by the distances between them the human is {tall:.3g} m tall: the file's"
-            " lengths are in another unit than it says, or than was said (unit, of a BVH)"
+            f"markers: by the distances between them the human is {stature:.3g} m tall: the"
+            " lengths are in another unit than the file or (unit, of a BVH) you say"
         )
-    return tall
+    return stature
 
 
 def _prior(observed: Array, landmarks: tuple[Landmark, ...], stature: float) -> _Prior:
     dimensions, spread = usual_dimensions(stature)
     scale = stature / REFERENCE_STATURE
-    spots = scale * np.array([one.place for one in landmarks])
-    spots_spread = scale * np.array([[one.spread] * 3 for one in landmarks])
-    width, depth = _pelvis(observed, landmarks)
+    places = scale * np.array([one.place for one in landmarks])
+    place_spread = scale * np.array([[one.spread] * 3 for one in landmarks])
+    width, depth = _pelvis_size(observed, landmarks)
     if width is not None:
         k = NAMES.index("hip_y")
-        deep = 0.62 * width if depth is None else depth
+        usual_depth = 0.62 * width if depth is None else depth
         # Harrington et al. (2007), regression of adults and children, mm in the paper.
         dimensions[k], spread[k] = 0.33 * width + 0.0073, 0.006
-        forward, up = 0.24 * deep + 0.0099, 0.30 * width + 0.0109
-        for row, one in zip(spots, landmarks, strict=True):
+        forward, up = 0.24 * usual_depth + 0.0099, 0.30 * width + 0.0109
+        for row, one in zip(places, landmarks, strict=True):
             side = np.sign(one.place[1])
             if one.name.endswith("asis"):
                 row[:] = forward, 0.5 * width * side, up
             elif one.name.endswith("psis"):
-                row[0], row[2] = forward - deep, up
+                row[0], row[2] = forward - usual_depth, up
             elif one.name == "sacrum" and depth is not None:
-                row[0] = forward - deep
-    return _Prior(dimensions, spread, spots, spots_spread)
+                row[0] = forward - usual_depth
+    return _Prior(dimensions, spread, places, place_spread)
 
 
-def _pelvis(observed: Array, landmarks: tuple[Landmark, ...]) -> tuple[float | None, float | None]:
-    """Return width (between ASIS) and depth (to PSIS or sacrum) of the pelvis [m], or None."""
+def _pelvis_size(
+    observed: Array, landmarks: tuple[Landmark, ...]
+) -> tuple[float | None, float | None]:
+    """Return width (between ASIS) and depth (to PSIS or sacrum) of the pelvis [m] or None."""
     where = {one.name: k for k, one in enumerate(landmarks)}
 
     def median(a: Array, b: Array) -> float | None:
@@ -224,28 +226,30 @@ def _pelvis(observed: Array, landmarks: tuple[Landmark, ...]) -> tuple[float | N
     return width, depth
 
 
-def _adjusted(poses: Poses, observed: Array, markers: MarkerSet, prior: _Prior) -> Calibration:
-    """Return the joint optimum of postures, dimensions and places, by its Schur complement."""
+def _bundle_adjustment(
+    poses: Poses, observed: Array, markers: MarkerSet, prior: _Prior
+) -> Calibration:
+    """Optimise postures, dimensions and places together, by the Schur complement."""
     dimensions = prior.dimensions.copy()
-    cost, damping = _whole_cost(poses, observed, markers, dimensions, prior), 1e-3
-    for _ in range(STEPS):
-        step, moves = _step(poses, observed, markers, dimensions, prior, damping)
-        tried = poses.moved(moves)
-        size = dimensions + step[: len(NAMES)]
-        set_ = replace(markers, place=markers.place + step[len(NAMES) :].reshape(-1, 3))
-        new = _whole_cost(tried, observed, set_, size, prior)
+    cost, damping = _total_cost(poses, observed, markers, dimensions, prior), 1e-3
+    for _ in range(MAX_ITERATIONS):
+        step, pose_steps = _step(poses, observed, markers, dimensions, prior, damping)
+        tried = poses.step(pose_steps)
+        new_dimensions = dimensions + step[: len(NAMES)]
+        new_markers = replace(markers, place=markers.place + step[len(NAMES) :].reshape(-1, 3))
+        new = _total_cost(tried, observed, new_markers, new_dimensions, prior)
         if new > cost:
             damping *= 10.0
             if damping > 1e6:
                 break
             continue
-        gain, cost = cost - new, new
-        poses, dimensions, markers = tried, size, set_
+        decrease, cost = cost - new, new
+        poses, dimensions, markers = tried, new_dimensions, new_markers
         damping = max(0.1 * damping, 1e-9)
-        if gain < SETTLED * cost:
+        if decrease < CONVERGED_DECREASE * cost:
             break
-    rest = residuals(poses, observed, markers, dimensions)
-    rms = float(np.sqrt(np.nanmean((rest**2).sum(axis=2))))
+    residual = residuals(poses, observed, markers, dimensions)
+    rms = float(np.sqrt(np.nanmean((residual**2).sum(axis=2))))
     return Calibration(dimensions, markers, 0.0, poses, rms)
 
 
@@ -258,17 +262,19 @@ def _step(
     damping: float,
 ) -> tuple[Array, Array]:
     """Return the steps of the body (12 + 3 m) and of the postures (n, 40)."""
-    placed, W, JW, r, H, g = linearised(poses, observed, markers, dimensions)
-    A = _body_jacobian(placed, markers)
+    frames, W, JW, r, H, g = linearize(poses, observed, markers, dimensions)
+    A = _body_jacobian(frames, markers)
     H[:, np.arange(DOFS), np.arange(DOFS)] *= 1.0 + damping
     cross = JW @ A  # (n, 40, b)
     AW = (A * W).reshape(-1, A.shape[2])
     B = AW.T @ A.reshape(-1, A.shape[2])
     b = AW.T @ r.ravel()
     spread = np.concatenate((prior.dimension_spread, prior.place_spread.ravel()))
-    off = np.concatenate((dimensions - prior.dimensions, (markers.place - prior.place).ravel()))
+    deviation = np.concatenate(
+        (dimensions - prior.dimensions, (markers.place - prior.place).ravel())
+    )
     B[np.diag_indices_from(B)] = np.diagonal(B) * (1.0 + damping) + spread**-2
-    b += off * spread**-2
+    b += deviation * spread**-2
     solved = np.linalg.solve(H, np.concatenate((cross, g[..., None]), axis=2))
     S = B - np.einsum("nij,nik->jk", cross, solved[..., :-1], optimize=True)
     s = b - np.einsum("nij,ni->j", cross, solved[..., -1])
@@ -276,23 +282,23 @@ def _step(
     return step, -(solved[..., -1] + solved[..., :-1] @ step)
 
 
-def _body_jacobian(placed: Placed, markers: MarkerSet) -> Array:
-    """Return derivatives (n, 3 m, 12 + 3 m) of all markers by dimensions and places."""
-    by = dimension_jacobian(placed, markers.anchors)
-    count, many = by.shape[:2]
+def _body_jacobian(frames: SegmentFrames, markers: MarkerSet) -> Array:
+    """Return the Jacobian (n, 3 m, 12 + 3 m) of all markers by dimensions and places."""
+    by_dimensions = dimension_jacobian(frames, markers.anchors)
+    count, many = by_dimensions.shape[:2]
     A = np.zeros((count, many, 3, len(NAMES) + 3 * many))
-    A[..., : len(NAMES)] = by
+    A[..., : len(NAMES)] = by_dimensions
     for k, segment in enumerate(markers.segments):
         first = len(NAMES) + 3 * k
-        A[:, k, :, first : first + 3] = placed.rotation[:, segment]
+        A[:, k, :, first : first + 3] = frames.rotation[:, segment]
     return A.reshape(count, 3 * many, -1)
 
 
-def _whole_cost(
+def _total_cost(
     poses: Poses, observed: Array, markers: MarkerSet, dimensions: Array, prior: _Prior
 ) -> float:
     _, cost = weights(residuals(poses, observed, markers, dimensions), markers.noise)
-    whole = cost.sum() + ((poses.angles / SPREADS) ** 2).sum()
-    whole += (((dimensions - prior.dimensions) / prior.dimension_spread) ** 2).sum()
-    whole += (((markers.place - prior.place) / prior.place_spread) ** 2).sum()
-    return float(whole)
+    total = cost.sum() + ((poses.angles / SPREADS) ** 2).sum()
+    total += (((dimensions - prior.dimensions) / prior.dimension_spread) ** 2).sum()
+    total += (((markers.place - prior.place) / prior.place_spread) ** 2).sum()
+    return float(total)

@@ -1,4 +1,4 @@
-"""Which feet are on the ground, by the motion alone: low and slow."""
+"""Detection of foot contacts by the motion alone: low and slow soles."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from wbc.motion.ground import sole_corners
 from wbc.robot import Robot
 from wbc.validate import Array
 
-LOW, SLOW = 0.035, 0.6  # m above the ground and m/s: of the lowest corner of a sole
+MAX_HEIGHT, MAX_SPEED = 0.035, 0.6  # m above the ground, m/s: of a sole's lowest corner in contact
 SHORTEST = 0.06  # s: shorter contacts, and gaps in them, are noise
-# Of steps, whose third harmonic is the last in which most of the ground's force is (Antonsson and
-# Mann 1985, J. Biomech. 18, 39-47); above it markers tell more of skin than of bones.
+# Cutoff by the step rate: most of the ground's force is below the third harmonic (Antonsson and
+# Mann 1985, J. Biomech. 18, 39-47); above it markers show more of skin than of bones.
 HARMONICS = 2.4
-USUAL_CUTOFF, CUTOFFS = 6.0, (4.0, 12.0)  # Hz: without steps, and at least and most with them
+USUAL_CUTOFF, CUTOFF_RANGE = 6.0, (4.0, 12.0)  # Hz: without steps; least and largest with steps
 
 Bools = NDArray[np.bool_]
 
@@ -31,8 +31,8 @@ def feet_down(robot: Robot, soles: dict[str, Array], time: Array, height: float)
     corners = sole_corners(robot, soles)  # (n, f, k, 3)
     speed = np.linalg.norm(np.gradient(corners, time, axis=0), axis=3)
     lowest = corners[..., 2].argmin(axis=2)[..., None]
-    low = np.take_along_axis(corners[..., 2], lowest, axis=2)[..., 0] - height < LOW
-    slow = np.take_along_axis(speed, lowest, axis=2)[..., 0] < SLOW
+    low = np.take_along_axis(corners[..., 2], lowest, axis=2)[..., 0] - height < MAX_HEIGHT
+    slow = np.take_along_axis(speed, lowest, axis=2)[..., 0] < MAX_SPEED
     down = low & slow
     for flags in down.T:
         for value in (False, True):  # short gaps first, then short contacts
@@ -44,19 +44,19 @@ def feet_down(robot: Robot, soles: dict[str, Array], time: Array, height: float)
 
 
 def nearest_rows(time: Array, at: Array) -> NDArray[np.intp]:
-    """Return the rows of increasing times (n,) that are nearest to others (m,)."""
+    """Return the indices into increasing times (n,) that are nearest to others (m,)."""
     return np.rint(np.interp(at, time, np.arange(len(time)))).astype(np.intp)
 
 
 def step_rate(down: Bools, time: Array) -> float | None:
-    """Return steps per second, by the median time between landings; None with fewer than three."""
-    landings = np.sort(time[1:][(down[1:] & ~down[:-1]).any(axis=1)])
-    if len(landings) < 3:
+    """Return steps per second, by the median time between touchdowns; None with less than three."""
+    touchdowns = np.sort(time[1:][(down[1:] & ~down[:-1]).any(axis=1)])
+    if len(touchdowns) < 3:
         return None
-    return 1.0 / float(np.median(np.diff(landings)))
+    return 1.0 / float(np.median(np.diff(touchdowns)))
 
 
 def chosen_cutoff(down: Bools, time: Array) -> float:
-    """Return the low-pass for a human's motion [Hz], by its steps per second."""
+    """Return the cutoff for a human's motion [Hz], by its step rate."""
     rate = step_rate(down, time)
-    return USUAL_CUTOFF if rate is None else float(np.clip(HARMONICS * rate, *CUTOFFS))
+    return USUAL_CUTOFF if rate is None else float(np.clip(HARMONICS * rate, *CUTOFF_RANGE))

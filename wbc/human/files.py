@@ -1,4 +1,4 @@
-"""Files of recorded humans: which reader reads which."""
+"""Files of recorded humans: the reader by file name."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PLATES = (".mot", ".sto", ".c3d")
 
 
 def is_human_recording(path: str | Path) -> bool:
-    """Return whether a file is read as a human's.
+    """Return whether a file is read as a human's recording.
 
     C3D, TRC, BVH, a CSV of rigid bodies, or an NPZ of SMPL poses.
     """
@@ -35,7 +35,7 @@ def is_human_recording(path: str | Path) -> bool:
         with zipfile.ZipFile(path) as file:
             return is_smpl([name.removesuffix(".npy") for name in file.namelist()])
     except (OSError, ValueError, zipfile.BadZipFile, NotImplementedError, RuntimeError):
-        return False  # its reader says what is wrong
+        return False  # its reader tells what is wrong
 
 
 def read_markers(
@@ -59,7 +59,7 @@ def read_markers(
         of those of the recording.
     unit:
         Of a BVH file's lengths, ``cm``, ``m``, ``inch``, ``mm``, ``cmu`` (Carnegie Mellon's, 56.4
-        mm), or its length [m]; None: by the skeleton's height. Others say theirs themselves.
+        mm), or its length [m]; None: by the skeleton's height. Other files tell theirs.
     stature:
         Of the human whose SMPL poses are read [m].
     standing:
@@ -68,14 +68,14 @@ def read_markers(
     Raises
     ------
     RecordingError
-        A file cannot be read, or is none of these; a unit for one that says its own.
+        A file cannot be read, or is none of these; a unit for one that tells its own.
     InvalidInputError
-        What it holds is no recording: see :class:`MarkerRecording`.
+        Its contents are no recording: see :class:`MarkerRecording`.
     """
     check_path("read_markers, path", path)
     path, source = Path(path), str(path)
     if unit is not None and path.suffix.lower() != ".bvh":
-        what = f"unit: only of .bvh; of {path.suffix or 'this'} the file says it, or it is m"
+        what = f"unit: only for .bvh; a {path.suffix or 'file'} tells its own, or has m"
         raise RecordingError(what, source)
     try:
         match path.suffix.lower():

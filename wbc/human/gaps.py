@@ -1,4 +1,4 @@
-"""What a recording of markers lacks: gaps, swapped markers and ghosts; found, told and filled."""
+"""Repair of marker recordings: gaps, swapped markers, ghosts and jumps are found and told."""
 
 from __future__ import annotations
 
@@ -12,80 +12,81 @@ from wbc.human.markers import MarkerRecording
 from wbc.motion.dropouts import MISSING, Dropout, runs
 from wbc.validate import Array
 
-GHOST = 0.12  # m from where the fit has it, and
-FARTHER = 6.0  # times its usual residual: what is farther is no longer that marker
-# Swapped: both moved by this much [m] from one frame to the next, the other's place being nearer
-# by this factor.
-JUMP, CLOSER = 0.04, 0.4
-SWAPPED, GHOSTS = "swapped markers", "ghost"
-SHOWN = 0.5  # of the most markers seen at once: with fewer a human has not come yet, or has gone
-# A leap: half of the markers move farther in one step than in those beside it, by at least so far
-# [m], and by more than this acceleration [m/s^2] brings about, which no whole body has.
-LEAP, SUDDEN = 0.05, 40.0
-LEAPS = 4  # that are named
+# A ghost is farther from the fit than the first [m] and than this factor times its usual residual.
+GHOST_DISTANCE, GHOST_FACTOR = 0.12, 6.0
+# Markers are swapped if both jump by the first [m] and are nearer to each other's place by this
+# factor.
+SWAP_JUMP, SWAP_RATIO = 0.04, 0.4
+SWAPPED, GHOST = "swapped markers", "ghost"
+MIN_SEEN = 0.5  # of the most markers seen at once: with fewer the human is not in view
+# The body jumps if the markers' median step exceeds those before and after by this distance [m],
+# and by more than this acceleration [m/s^2] allows, which no whole body has.
+BODY_JUMP, MAX_ACCELERATION = 0.05, 40.0
+NAMED_JUMPS = 4
 
 
-def while_shown(
+def while_in_view(
     recording: MarkerRecording, names: tuple[str, ...]
 ) -> tuple[MarkerRecording, tuple[str, ...]]:
-    """Return the recording from when its human comes until it goes, and a note if that is less.
+    """Return the recording while its human is in view, and a note if that is not all of it.
 
-    A human that no marker tells of would stand still there, and be taken for one that stands.
+    Without markers the fit would keep still, and look like a human that stands.
     """
     columns = [recording.labels.index(name) for name in names if name in recording.labels]
     count = np.isfinite(recording.positions[:, columns]).all(axis=2).sum(axis=1)
-    shown = np.flatnonzero(count >= SHOWN * count.max())
-    part = slice(shown[0], shown[-1] + 1)
+    seen = np.flatnonzero(count >= MIN_SEEN * count.max())
+    part = slice(seen[0], seen[-1] + 1)
     time = recording.time[part]
     if len(time) == len(recording.time):
         return recording, ()
-    note = f"taken from {time[0]:.2f} to {time[-1]:.2f} s: else most markers are not seen"
+    note = f"taken from {time[0]:.2f} to {time[-1]:.2f} s: elsewhere most markers are not seen"
     return replace(recording, time=time, positions=recording.positions[part]), (note,)
 
 
-def without_leaps(
+def longest_without_jump(
     recording: MarkerRecording, names: tuple[str, ...]
 ) -> tuple[MarkerRecording, tuple[str, ...]]:
-    """Return the longest part of a recording in which its human does not leap, and a note.
+    """Return the longest part of a recording without a jump of the whole body, and a note.
 
-    Many files of animation begin with one frame of another posture, mostly a T-pose elsewhere;
-    others were joined. A low-pass across a leap makes forces of many times the weight of it.
+    Many animation files begin with one frame of another posture, mostly a T-pose elsewhere; others
+    are spliced. A low-pass across a jump yields forces of many times the weight.
     """
     columns = [recording.labels.index(name) for name in names if name in recording.labels]
     places, time = recording.positions[:, columns], recording.time
-    moved = np.linalg.norm(np.diff(places, axis=0), axis=2)
-    seen = np.isfinite(moved)
-    enough = seen.sum(axis=1) >= SHOWN * seen.sum(axis=1).max(initial=1)
-    far = np.zeros(len(moved))
-    far[enough] = np.nanmedian(moved[enough], axis=1)
-    beside = np.maximum(np.append(0.0, far[:-1]), np.append(far[1:], 0.0))
-    step = 1.0 / recording.rate
-    leaps = np.flatnonzero(far - beside > max(LEAP, SUDDEN * step**2)) + 1
-    leaps = leaps[np.diff(time)[leaps - 1] < 1.5 * step]  # else nobody knows what was between
-    if not len(leaps):
+    distances = np.linalg.norm(np.diff(places, axis=0), axis=2)
+    seen = np.isfinite(distances)
+    enough = seen.sum(axis=1) >= MIN_SEEN * seen.sum(axis=1).max(initial=1)
+    median = np.zeros(len(distances))
+    median[enough] = np.nanmedian(distances[enough], axis=1)
+    neighbours = np.maximum(np.append(0.0, median[:-1]), np.append(median[1:], 0.0))
+    dt = 1.0 / recording.rate
+    jumps = np.flatnonzero(median - neighbours > max(BODY_JUMP, MAX_ACCELERATION * dt**2)) + 1
+    jumps = jumps[np.diff(time)[jumps - 1] < 1.5 * dt]  # across missing frames it may have moved
+    if not len(jumps):
         return recording, ()
-    ends = np.array((0, *leaps, len(time)))
+    ends = np.array((0, *jumps, len(time)))
     longest = int(np.diff(ends).argmax())
     part = slice(ends[longest], ends[longest + 1])
-    told = ", ".join(f"{time[k]:.3f} s" for k in leaps[:LEAPS]) + (" ..." * (len(leaps) > LEAPS))
+    times = ", ".join(f"{time[k]:.3f} s" for k in jumps[:NAMED_JUMPS])
+    times += " ..." * (len(jumps) > NAMED_JUMPS)
     note = (
-        f"all of the body leaps at {told}, as from a T-pose: taken from {time[part.start]:.3f} to"
+        f"the whole body jumps at {times}, as from a T-pose: taken from {time[part.start]:.3f} to"
         f" {time[part.stop - 1]:.3f} s"
     )
     return replace(recording, time=time[part], positions=recording.positions[part]), (note,)
 
 
-def filled_shortly(
+def interpolate_gaps(
     time: Array, positions: Array, labels: tuple[str, ...], longest: float
 ) -> tuple[Array, list[Dropout]]:
-    """Return positions (n, m, 3) with gaps up to ``longest`` [s] interpolated, and which."""
+    """Interpolate gaps of positions (n, m, 3) up to ``longest`` [s]; return them and the gaps."""
     positions, found = positions.copy(), list[Dropout]()
     for k, label in enumerate(labels):
-        lost = np.asarray(~np.isfinite(positions[:, k]).all(axis=1))
-        if not lost.any() or lost.sum() > len(time) - 4:
+        missing = np.asarray(~np.isfinite(positions[:, k]).all(axis=1))
+        if not missing.any() or missing.sum() > len(time) - 4:
             continue
-        curve = PchipInterpolator(time[~lost], positions[~lost, k])
-        for first, end in runs(lost):
+        curve = PchipInterpolator(time[~missing], positions[~missing, k])
+        for first, end in runs(missing):
             if first == 0 or end == len(time) or time[end] - time[first - 1] > longest:
                 continue
             positions[first:end, k] = curve(time[first:end])
@@ -94,47 +95,46 @@ def filled_shortly(
     return positions, found
 
 
-def filled_by_fit(
+def fill_gaps_by_fit(
     time: Array, observed: Array, fitted: Array, labels: tuple[str, ...]
 ) -> tuple[Array, list[Dropout]]:
-    """Return positions (n, m, 3) in which gaps follow the fit, and which.
+    """Fill gaps of positions (n, m, 3) by the fit; return them and the gaps.
 
-    A marker that comes or goes would move the fit by its residual at once; so the fit's place with
-    the residual carried across the gap, linearly, stands in for it. Markers that were never seen
-    stay unseen.
+    A marker that appears or disappears would move the fit by its residual at once, so the residual
+    is interpolated linearly across the gap and added. Markers that are never seen stay NaN.
     """
     observed, found = observed.copy(), list[Dropout]()
     for k, label in enumerate(labels):
         seen = np.asarray(np.isfinite(observed[:, k]).all(axis=1))
         if not seen.any() or seen.all():
             continue
-        rest = observed[seen, k] - fitted[seen, k]
-        carried = np.column_stack([np.interp(time, time[seen], part) for part in rest.T])
-        observed[~seen, k] = (fitted[:, k] + carried)[~seen]
+        residual = observed[seen, k] - fitted[seen, k]
+        bridge = np.column_stack([np.interp(time, time[seen], part) for part in residual.T])
+        observed[~seen, k] = (fitted[:, k] + bridge)[~seen]
         for first, end in runs(~seen):
             span = float(time[max(first - 1, 0)]), float(time[min(end, len(time) - 1)])
             found.append(Dropout(MISSING, *span, (label,), True))
     return observed, found
 
 
-def unswapped(
+def swap_back(
     time: Array, positions: Array, labels: tuple[str, ...], fixed: NDArray[np.bool_]
 ) -> tuple[Array, list[Dropout]]:
-    """Return positions (n, m, 3) in which swapped labels are swapped back, and which.
+    """Swap back swapped labels of positions (n, m, 3); return them and the swaps.
 
-    Two markers are swapped from a frame on if each goes on where the other was, and not where it
-    was itself. Those with ``fixed`` labels (m,) cannot be: a skeleton's file says which is which.
+    Two markers are swapped from a frame on if each continues the other's track rather than its own.
+    Markers with ``fixed`` labels (m,) are not: a skeleton's file identifies them.
     """
     positions, found = positions.copy(), list[Dropout]()
     since = dict[tuple[int, int], int]()
     for frame in range(1, len(time)):
         before, now = positions[frame - 1], positions[frame]
         own = np.linalg.norm(now - before, axis=1)
-        jumped = np.flatnonzero((np.nan_to_num(own) > JUMP) & ~fixed).tolist()
+        jumped = np.flatnonzero((np.nan_to_num(own) > SWAP_JUMP) & ~fixed).tolist()
         for number, a in enumerate(jumped):
             for b in jumped[number + 1 :]:
                 crossed = np.linalg.norm(now[[a, b]] - before[[b, a]], axis=1)
-                if not (crossed < CLOSER * own[[a, b]]).all():
+                if not (crossed < SWAP_RATIO * own[[a, b]]).all():
                     continue
                 positions[frame:, [a, b]] = positions[frame:, [b, a]]
                 own[[a, b]] = crossed
@@ -149,21 +149,22 @@ def unswapped(
     return positions, found
 
 
-def without_ghosts(
+def remove_ghosts(
     time: Array, observed: Array, fitted: Array, labels: tuple[str, ...]
 ) -> tuple[Array, list[Dropout]]:
-    """Return positions in which ghosts are NaN, and which.
+    """Set ghosts of positions (n, m, 3) to NaN; return them and the ghosts.
 
-    A ghost is farther from where the fit has the marker than 12 cm, and than six times its median
-    residual.
+    A ghost is farther from the fit than 12 cm, and than six times the marker's median residual.
     """
     observed, found = observed.copy(), list[Dropout]()
-    off = np.linalg.norm(observed - fitted, axis=2)
-    usual = np.array([np.median(c[np.isfinite(c)]) if np.isfinite(c).any() else 0.0 for c in off.T])
-    far = np.nan_to_num(off) > np.maximum(GHOST, FARTHER * usual)
-    observed[far] = np.nan
+    distance = np.linalg.norm(observed - fitted, axis=2)
+    usual = np.array(
+        [np.median(c[np.isfinite(c)]) if np.isfinite(c).any() else 0.0 for c in distance.T]
+    )
+    ghosts = np.nan_to_num(distance) > np.maximum(GHOST_DISTANCE, GHOST_FACTOR * usual)
+    observed[ghosts] = np.nan
     for k, label in enumerate(labels):
-        for first, end in runs(far[:, k]):
+        for first, end in runs(ghosts[:, k]):
             span = float(time[first]), float(time[end - 1])
-            found.append(Dropout(GHOSTS, *span, (label,), True))
+            found.append(Dropout(GHOST, *span, (label,), True))
     return observed, found

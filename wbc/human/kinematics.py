@@ -1,6 +1,6 @@
-"""Points on a human's segments in many frames at once, with their derivatives.
+"""Forward kinematics of a human in many frames at once, with Jacobians.
 
-Pinocchio goes frame by frame; a fit to markers needs thousands of frames at once, and derivatives
+Pinocchio evaluates one frame at a time; a fit to markers needs thousands at once, and derivatives
 by the body's dimensions, which Pinocchio does not have. Tests compare both.
 """
 
@@ -17,7 +17,7 @@ from wbc.spatial import skews
 from wbc.validate import Array
 
 ORIGIN_MAPS = origin_maps()
-CARRIED = np.array([subtree(k) for k in range(len(SEGMENTS))])  # (segments, segments)
+IN_SUBTREE = np.array([subtree(k) for k in range(len(SEGMENTS))])  # (segments, segments)
 HINGE_SEGMENTS = np.array([k for k, s in enumerate(SEGMENTS) for _ in s.hinges])
 BASE_DOFS = 6
 DOFS = BASE_DOFS + len(HINGES)
@@ -38,23 +38,23 @@ class Poses:
         return Poses(self.position[frames], self.rotation[frames], self.angles[frames])
 
     def copy(self) -> Poses:
-        """Return the same postures, which may be changed."""
+        """Return a writable copy."""
         return Poses(self.position.copy(), self.rotation.copy(), self.angles.copy())
 
     def put(self, frames: int | NDArray[np.intp], other: Poses, rows: Any) -> None:
-        """Take over some frames from rows of others."""
+        """Set some frames to rows of others."""
         self.position[frames] = other.position[rows]
         self.rotation[frames] = other.rotation[rows]
         self.angles[frames] = other.angles[rows]
 
-    def moved(self, step: Array) -> Poses:
+    def step(self, step: Array) -> Poses:
         """Return the postures after steps (n, 40): of the pelvis in world axes, then of hinges."""
-        turned = rotations(step[:, 3:6]) @ self.rotation
-        return Poses(self.position + step[:, :3], turned, self.angles + step[:, 6:])
+        R = rotations(step[:, 3:6]) @ self.rotation
+        return Poses(self.position + step[:, :3], R, self.angles + step[:, 6:])
 
 
-def joined_poses(parts: list[Poses]) -> Poses:
-    """Return the frames of several postures in a row."""
+def concatenate_poses(parts: list[Poses]) -> Poses:
+    """Return the frames of several postures, one after the other."""
     return Poses(
         np.concatenate([part.position for part in parts]),
         np.concatenate([part.rotation for part in parts]),
@@ -63,8 +63,8 @@ def joined_poses(parts: list[Poses]) -> Poses:
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
-    """Where segments and hinges are in n frames, in world axes."""
+class SegmentFrames:
+    """Poses of the segments and axes of the hinges in n frames, in world axes."""
 
     rotation: Array  # of the segments (n, s, 3, 3)
     origin: Array  # of the segments (n, s, 3) [m]
@@ -80,8 +80,8 @@ def rotations(vectors: Array) -> Array:
     return np.asarray(np.eye(3) + first * K + second * (K @ K))
 
 
-def place(poses: Poses, dimensions: Array) -> Placed:
-    """Return where the segments of a body of these dimensions (12,) are."""
+def forward_kinematics(poses: Poses, dimensions: Array) -> SegmentFrames:
+    """Return the poses of the segments of a body with dimensions (12,) [m]."""
     count = len(poses)
     offsets = ORIGIN_MAPS @ dimensions
     rotation = np.empty((count, len(SEGMENTS), 3, 3))
@@ -97,25 +97,26 @@ def place(poses: Poses, dimensions: Array) -> Placed:
             R = R @ rotations(poses.angles[:, number, None] * direction)
             number += 1
         rotation[:, k] = R
-    return Placed(rotation, origin, axis)
+    return SegmentFrames(rotation, origin, axis)
 
 
-def point_jacobian(placed: Placed, segments: NDArray[np.intp], at: Array) -> Array:
-    """Return derivatives (n, m, 3, 40) of points ``at`` (n, m, 3) by steps of the postures."""
-    count, many = at.shape[:2]
+def point_jacobian(frames: SegmentFrames, segments: NDArray[np.intp], points: Array) -> Array:
+    """Return the Jacobian (n, m, 3, 40) of points (n, m, 3) on segments (m,) by steps."""
+    count, many = points.shape[:2]
     J = np.zeros((count, many, 3, DOFS))
     J[..., :3] = np.eye(3)
-    J[..., 3:6] = -skews((at - placed.origin[:, None, 0]).reshape(-1, 3)).reshape(count, many, 3, 3)
-    arms = at[:, :, None] - placed.origin[:, None, HINGE_SEGMENTS]  # (n, m, h, 3)
-    moved = np.cross(placed.axis[:, None], arms)
-    moved *= CARRIED[HINGE_SEGMENTS][:, segments].T[None, :, :, None]
-    J[..., 6:] = np.swapaxes(moved, 2, 3)
+    from_pelvis = (points - frames.origin[:, None, 0]).reshape(-1, 3)
+    J[..., 3:6] = -skews(from_pelvis).reshape(count, many, 3, 3)
+    arms = points[:, :, None] - frames.origin[:, None, HINGE_SEGMENTS]  # (n, m, h, 3)
+    columns = np.cross(frames.axis[:, None], arms)
+    columns *= IN_SUBTREE[HINGE_SEGMENTS][:, segments].T[None, :, :, None]
+    J[..., 6:] = np.swapaxes(columns, 2, 3)
     return J
 
 
-def dimension_jacobian(placed: Placed, segments: NDArray[np.intp]) -> Array:
-    """Return derivatives (n, m, 3, 12) of points on these segments (m,) by the dimensions."""
-    by = np.zeros((len(placed.origin), len(SEGMENTS), 3, ORIGIN_MAPS.shape[2]))
+def dimension_jacobian(frames: SegmentFrames, segments: NDArray[np.intp]) -> Array:
+    """Return the Jacobian (n, m, 3, 12) of points on segments (m,) by the dimensions."""
+    J = np.zeros((len(frames.origin), len(SEGMENTS), 3, ORIGIN_MAPS.shape[2]))
     for k, segment in enumerate(SEGMENTS[1:], 1):
-        by[:, k] = by[:, segment.parent] + placed.rotation[:, segment.parent] @ ORIGIN_MAPS[k]
-    return np.asarray(by[:, segments])
+        J[:, k] = J[:, segment.parent] + frames.rotation[:, segment.parent] @ ORIGIN_MAPS[k]
+    return np.asarray(J[:, segments])

@@ -1,4 +1,4 @@
-"""Places on a human that markers are put on, and the names that laboratories give to them.
+"""Places of markers on a human, and the names that laboratories give to them.
 
 Names are those of Plug-in Gait and CGM2 (Vicon), Helen Hayes, HBM (Motek), IOR (Leardini 2007),
 ISB (Wu 2002, 2005), OpenSim's gait2392, Rajagopal and OpenCap, CMU, Visual3D, OptiTrack's baseline,
@@ -26,13 +26,13 @@ class Landmark:
     segment:
         The segment it moves with.
     anchor:
-        The segment at whose origin, a joint on ``segment``, places are counted from.
+        The segment from whose origin, a joint on ``segment``, places are measured.
     place:
         In the axes of ``segment`` [m], of the reference stature.
     spread:
-        How far it may be from there, one standard deviation [m].
+        Standard deviation of the place [m].
     noise:
-        How much skin and marker move against the bone, one standard deviation [m].
+        Standard deviation of the movement of skin and marker against the bone [m].
     """
 
     name: str
@@ -43,8 +43,8 @@ class Landmark:
     noise: float
 
 
-# What the left or right ones are called besides the side: segment, anchor, place on the left [mm],
-# spread and noise [mm].
+# Landmarks of both sides: segment, anchor, place on the left [mm], spread and noise [mm], names
+# without the side.
 _PAIRED: dict[str, tuple[str, str, tuple[float, float, float], float, float, str]] = {
     "asis": ("pelvis", "pelvis", (46, 120, 83), 12, 8, "ASIS ASI IAS FWT FRONTWAIST WAISTFRONT"),
     "psis": ("pelvis", "pelvis", (-105, 45, 83), 15, 8, "PSIS PSI IPS BWT BACKWAIST WAISTBACK"),
@@ -244,44 +244,44 @@ def landmark(name: str) -> Landmark:
     return Landmark(name, carrier, counted, place, 1e-3 * spread, 1e-3 * noise)
 
 
-def lacking(names: Sequence[str], standing: Iterable[str] = ()) -> list[str]:
-    """Return what the landmarks of a motion lack for a fit, in words; empty if nothing.
+def missing_landmarks(names: Sequence[str], standing: Iterable[str] = ()) -> list[str]:
+    """Return the landmarks of a motion that a fit needs and that are missing, in words.
 
-    A knee or ankle is told by a marker beside it, in the motion or, as laboratories take them off
-    for that, in a static trial; or by three markers on each of its segments, which turn about it.
-    One marker tells how the trunk leans; without any, and none on what it carries, it is guessed.
-    The pelvis is told by both hips and the trunk's joint.
+    A knee or ankle needs a marker beside it, in the motion or, as laboratories remove some for it,
+    in a static trial; or three markers on each of its segments, which rotate about it. The trunk
+    needs one marker; without any, and none on head and arms, it is guessed. The pelvis may be told
+    by both hips and the trunk's joint.
 
     Parameters
     ----------
     names:
-        Of each marker: several may be the same, as those of a cluster are.
+        Of each marker; those of a cluster are equal.
     standing:
-        Those that a static trial has.
+        Landmarks of a static trial.
     """
-    found, still, wanted = set(names), set(standing), list[str]()
+    found, static, missing = set(names), set(standing), list[str]()
     on = Counter(landmark(name).segment for name in names)
     left, right = ({n.removeprefix(f"{s}_") for n in found if n.startswith(s)} for s in _BOTH)
     hips = "hip_centre" in left & right
     if len({n for n in found if landmark(n).segment == "pelvis"}) < 3 and not hips:
-        wanted.append("three on the pelvis (RASI, LASI, and RPSI and LPSI, or SACR)")
+        missing.append("three on the pelvis (RASI, LASI, and RPSI and LPSI, or SACR)")
     if not on["trunk"] and any(one in ABOVE for one in on):
-        wanted.append("one or more on the trunk (C7, CLAV, STRN, RSHO, LSHO)")
+        missing.append("one or more on the trunk (C7, CLAV, STRN, RSHO, LSHO)")
     for side in _BOTH:
         mark = side[0].upper()
         for joint, above, below in (("knee", "thigh", "shank"), ("ankle", "shank", "foot")):
             beside = {f"{side}_{joint}_{part}" for part in ("lateral", "medial", "centre")}
             fewest = min(on[f"{side}_{above}"], on[f"{side}_{below}"])
-            if not (found & beside or (fewest and still & beside) or fewest >= CLUSTER):
+            if not (found & beside or (fewest and static & beside) or fewest >= CLUSTER):
                 label = {"knee": "KNE", "ankle": "ANK"}[joint]
-                wanted.append(f"the {side} {joint} ({mark}{label})")
+                missing.append(f"the {side} {joint} ({mark}{label})")
         if not on[f"{side}_foot"]:
-            wanted.append(f"the {side} foot ({mark}TOE, {mark}HEE)")
-    return wanted
+            missing.append(f"the {side} foot ({mark}TOE, {mark}HEE)")
+    return missing
 
 
-def tells_trunk(marks: Iterable[Landmark]) -> bool:
-    """Return whether some markers tell how the trunk leans: those low on the back do not."""
+def identifies_trunk(marks: Iterable[Landmark]) -> bool:
+    """Whether some markers tell the lean of the trunk, which those low on the back do not."""
     return any(
         one.segment in ABOVE or (one.segment == "trunk" and one.name != "spine_low")
         for one in marks

@@ -1,4 +1,4 @@
-"""A recording of a human: marker positions over time, and what force plates measured."""
+"""A recording of a human: marker positions over time, and force plates."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ _TO_Z = {
     "y": np.array(((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))),
     "x": np.array(((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))),
 }
-FARTHEST = 1e3  # m from the origin: beyond, it is another unit
-# What a plate reads while nothing stands on it: at most this in N or of its largest vertical force,
-# steady within a part of that, for some time in s.
-UNLOADED, UNLOADED_PART, STEADY, LEAST_UNLOADED = 30.0, 0.05, 0.2, 0.1
+MAX_DISTANCE = 1e3  # m from the origin: beyond, it is another unit
+# Readings of an unloaded plate: at most this [N] or this part of its largest vertical force, within
+# a part of that of their median, for at least a time [s].
+MAX_OFFSET, MAX_OFFSET_PART, STEADY_PART, MIN_UNLOADED = 30.0, 0.05, 0.2, 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class ForcePlate:
-    """What one force plate measured: the ground's wrench on the human.
+    """Measurements of one force plate: the ground's wrench on the human.
 
     Raises
     ------
@@ -57,24 +57,24 @@ class ForcePlate:
     def pushing(self) -> ForcePlate:
         """Return it with the sign for which the ground pushes up (z) rather than pulls.
 
-        Large forces decide: an amplifier's offset lasts longer than a step.
+        Squares decide: the small offset of an amplifier lasts longer than a step.
         """
         up = self.force[:, 2]
         sign = -1.0 if float((up * np.abs(up)).sum()) < 0.0 else 1.0
         return replace(self, force=sign * self.force, moment=sign * self.moment)
 
     def tared(self) -> tuple[ForcePlate, float]:
-        """Return it less the wrench that it reads unloaded, and the force of that [N].
+        """Return it without its offset, the wrench that it reads unloaded, and that force [N].
 
-        Amplifiers drift, and few laboratories take that off: 20 N and 10 N m shift the CoP by some
-        cm. Z is up. As it is, and 0, if something always stands on it.
+        Amplifiers drift, and few laboratories subtract it: 20 N and 10 N m shift the CoP by some
+        cm. Z is up. A plate that is always loaded is unchanged, with 0 N.
         """
         up = self.force[:, 2]
-        most = max(UNLOADED, UNLOADED_PART * float(np.abs(up).max()))
+        most = max(MAX_OFFSET, MAX_OFFSET_PART * float(np.abs(up).max()))
         light = np.abs(up) < most
         middle = np.median(up[light]) if light.any() else np.inf
-        steady = light & (np.abs(up - middle) < STEADY * most)
-        if steady.sum() * np.median(np.diff(self.time)) < LEAST_UNLOADED:
+        steady = light & (np.abs(up - middle) < STEADY_PART * most)
+        if steady.sum() * np.median(np.diff(self.time)) < MIN_UNLOADED:
             return self, 0.0
         force = np.median(self.force[steady], axis=0)
         moment = np.median(self.moment[steady], axis=0)
@@ -82,7 +82,7 @@ class ForcePlate:
         return plate, float(np.linalg.norm(force))
 
     def rotated(self, R: Array) -> ForcePlate:
-        """Return it in world axes turned by ``R`` (3, 3)."""
+        """Return it in world axes rotated by ``R`` (3, 3)."""
         corners = None if self.corners is None else self.corners @ R.T
         return ForcePlate(self.name, self.time, self.force @ R.T, self.moment @ R.T, corners)
 
@@ -102,14 +102,13 @@ class MarkerRecording:
     plates:
         Force plates, in the same world and time.
     up:
-        Axis of the world that points up: ``x``, ``y``, ``z``, or None: to be found from the
-        markers.
+        Vertical axis of the world: ``x``, ``y``, ``z``, or None: to be found from the markers.
     source:
-        Where it comes from, for messages.
+        Its origin, for messages.
     notes:
-        What was tolerated while reading, in words.
+        What was tolerated while reading.
     landmarks:
-        What some markers are, by label, where their names do not say it. As joints of a skeleton,
+        Landmarks of markers, by label, where their names do not tell. As joints of a skeleton,
         these are never taken for swapped.
 
     Raises
@@ -155,9 +154,10 @@ class MarkerRecording:
                 f" {(count, len(labels), 3)}"
             )
         positions[~np.isfinite(positions).all(axis=2)] = np.nan
-        if len(labels) and np.nanmax(np.abs(positions), initial=0.0) > FARTHEST:
+        if len(labels) and np.nanmax(np.abs(positions), initial=0.0) > MAX_DISTANCE:
             raise InvalidInputError(
-                f"{source}: a marker is over {FARTHEST:g} m from the origin; are its units right?"
+                f"{source}: a marker is over {MAX_DISTANCE:g} m from the origin; are its units"
+                " right?"
             )
         if self.up is not None:
             one_of(f"axis that is up ({source})", self.up, UPS)
@@ -169,8 +169,8 @@ class MarkerRecording:
         """Raise InvalidInputError if it has fewer than 8 frames, which tell no accelerations."""
         if len(self.time) < LEAST_ROWS:
             raise InvalidInputError(
-                f"{self.source}: {len(self.time)} frames; at least {LEAST_ROWS} are needed, but"
-                " of a static trial"
+                f"{self.source}: {len(self.time)} frames; at least {LEAST_ROWS} are needed, except"
+                " for a static trial"
             )
 
     @property

@@ -12,14 +12,14 @@ from wbc.motion.table import RecordingError, numbers_of, read_text, shortened
 from wbc.validate import Array
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "meters": 1.0, "millimeters": 1e-3}
-MOST_MARKERS = 1000
-PRESSED = 10.0  # N: below it a plate's point is noise, and what it pushes with is none
+MAX_MARKERS = 1000
+MIN_FORCE = 10.0  # N: below it a plate's CoP is noise, and its force is set to 0
 
 
 def read_trc(path: Path) -> MarkerRecording:
-    """Return what a TRC file holds.
+    """Return the recording of a TRC file.
 
-    Empty cells, and markers at exactly (0, 0, 0), were not seen.
+    Empty cells, and markers at exactly (0, 0, 0), count as not seen.
 
     Raises
     ------
@@ -36,12 +36,12 @@ def read_trc(path: Path) -> MarkerRecording:
     if unit not in UNITS:
         raise RecordingError(f"Units: expected mm, cm or m, got {shortened(unit)!r}", source)
     labels = [cell.strip() for cell in _cells(lines[3])[2:] if cell.strip()]
-    if not labels or len(labels) > MOST_MARKERS:
+    if not labels or len(labels) > MAX_MARKERS:
         raise RecordingError(f"line 4 names {len(labels)} markers", source)
     notes = list[str]()
-    told = fields.get("NumMarkers", "")
-    if told.isdigit() and int(told) != len(labels):
-        notes.append(f"the header tells of {told} markers, {len(labels)} are named")
+    declared = fields.get("NumMarkers", "")
+    if declared.isdigit() and int(declared) != len(labels):
+        notes.append(f"the header declares {declared} markers, {len(labels)} are named")
     width = 2 + 3 * len(labels)
     rows = _rows(lines, 5, width, source)
     positions = rows[:, 2:].reshape(len(rows), -1, 3) * UNITS[unit]
@@ -79,7 +79,7 @@ def _rows(lines: list[str], first: int, width: int, source: str) -> Array:
 
 
 def _cells(line: str) -> list[str]:
-    """Return what tabs part; or blanks, where two in a row do so between two tabs."""
+    """Split at tabs; or at blanks, if two of them in a row separate cells between tabs."""
     blank = "\t" not in line or re.search("[^\t ] {2,}[^\t ]", line) is not None
     return line.split() if blank else line.split("\t")
 
@@ -93,8 +93,7 @@ def read_plates(path: Path) -> tuple[ForcePlate, ...]:
     Raises
     ------
     RecordingError
-        Unreadable, no such header, no forces, a force without its point, or numbers that are
-        missing.
+        Unreadable, no such header, no forces, a force without its point, or missing numbers.
     """
     source, lines = str(path), read_text(path, strict=False).splitlines()
     end = next((k for k, line in enumerate(lines[:200]) if line.strip() == "endheader"), None)
@@ -121,9 +120,9 @@ def read_plates(path: Path) -> tuple[ForcePlate, ...]:
         force, point, torque = (
             rows[:, found[kind]] if kind in found else np.zeros((len(rows), 3)) for kind in "vpt"
         )
-        pressed = np.linalg.norm(force, axis=1) > PRESSED
-        force = np.where(pressed[:, None], force, 0.0)
-        moment = np.where(pressed[:, None], np.cross(point, force) + torque, 0.0)
+        loaded = np.linalg.norm(force, axis=1) > MIN_FORCE
+        force = np.where(loaded[:, None], force, 0.0)
+        moment = np.where(loaded[:, None], np.cross(point, force) + torque, 0.0)
         plates.append(ForcePlate(plate, rows[:, 0], force, moment))
     return tuple(plates)
 

@@ -1,6 +1,6 @@
 """Trajectories of rigid bodies in a CSV file, as markers at a human's joints and on its bones.
 
-Two layouts: what OptiTrack's Motive exports (a head of several rows, bones or rigid bodies with
+Two layouts: exports of OptiTrack's Motive (a head of several rows, bones or rigid bodies with
 quaternions, in the world's axes), and a plain table, ``time`` and for each body ``NAME_x``,
 ``NAME_y``, ``NAME_z`` [m], ``NAME_qx``, ``NAME_qy``, ``NAME_qz``, ``NAME_qw``.
 """
@@ -23,10 +23,10 @@ from wbc.validate import Array
 MOTIVE = "Format Version"
 PARTS = ("qx", "qy", "qz", "qw", "x", "y", "z")
 UNITS = {"meters": 1.0, "centimeters": 0.01, "millimeters": 0.001}
-LEAST_BODIES = 6  # hips, knees and ankles: a table with fewer is no human's
-MOST_BODIES, HEAD_ROWS, SNIFFED = 500, 12, 65536
-UNIT = 0.05  # how far the norm of a recorded quaternion may be from 1
-STIFF = 0.02  # m: deviation of the distance of two joints of one bone
+MIN_BODIES = 6  # hips, knees and ankles
+MAX_BODIES, HEAD_ROWS, SNIFFED_BYTES = 500, 12, 65536
+NORM_TOLERANCE = 0.05  # of a quaternion's norm
+MAX_LENGTH_DEVIATION = 0.02  # m, standard deviation of a bone's length
 SEGMENTS = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
 
 
@@ -39,18 +39,18 @@ def is_rigid_bodies(path: Path) -> bool:
     """Return whether a CSV file has trajectories of rigid bodies, by its first lines."""
     try:
         with path.open("rb") as file:
-            text = file.read(SNIFFED).decode("utf-8-sig", errors="replace")
+            text = file.read(SNIFFED_BYTES).decode("utf-8-sig", errors="replace")
     except OSError:
-        return False  # its reader says why
+        return False  # its reader tells why
     first = next(iter(text.splitlines()), "")
-    return first.startswith(MOTIVE) or len(_plain_bodies(_cells(first))) >= LEAST_BODIES
+    return first.startswith(MOTIVE) or len(_plain_bodies(_cells(first))) >= MIN_BODIES
 
 
 def read_rigid_bodies(path: Path) -> MarkerRecording:
     """Return rigid bodies of a CSV file as markers at joints and on bones.
 
-    Bodies are known by name, as joints of a BVH are, and their origins are taken for the joints'
-    centres. Cells that are empty are gaps.
+    Bodies are identified by name, as joints of a BVH, and their origins are taken for the joints'
+    centres. Empty cells are gaps.
 
     Raises
     ------
@@ -65,15 +65,15 @@ def read_rigid_bodies(path: Path) -> MarkerRecording:
     else:
         head = _cells(lines[0]) if lines else []
         bodies = _plain_bodies(head)
-        if len(bodies) < LEAST_BODIES or "time" not in head:
+        if len(bodies) < MIN_BODIES or "time" not in head:
             raise RecordingError(
                 "its first line names no rigid bodies of a human: expected time, and of each"
                 " NAME_x, NAME_y, NAME_z, NAME_qx, NAME_qy, NAME_qz, NAME_qw",
                 source,
             )
         time, first, scale, note = head.index("time"), 1, 1.0, "lengths taken for m"
-    if len(bodies) > MOST_BODIES:
-        raise RecordingError(f"over {MOST_BODIES} rigid bodies", source)
+    if len(bodies) > MAX_BODIES:
+        raise RecordingError(f"over {MAX_BODIES} rigid bodies", source)
     values = _numbers(lines, first, source)
     width = values.shape[1]
     if time >= width or any(max(body.columns) >= width for body in bodies):
@@ -81,11 +81,13 @@ def read_rigid_bodies(path: Path) -> MarkerRecording:
     landmarks = joint_landmarks([body.name for body in bodies], source)
     notes, bones = [note], list[Bone]()
     for k, body in enumerate(bodies):
-        place, R = _placed(values[:, list(body.columns)], body.name, source)
+        place, R = _poses(values[:, list(body.columns)], body.name, source)
         bones.append(Bone(body.name, scale * place, R, landmarks.get(k)))
     owners = [bone.name.rpartition(":")[0] for bone in bones]
     for one in dict.fromkeys(owners):
-        notes += _loose([bone for bone, who in zip(bones, owners, strict=True) if who == one])
+        notes += _length_notes(
+            [bone for bone, who in zip(bones, owners, strict=True) if who == one]
+        )
     if not np.isfinite(values[:, time]).all():
         raise RecordingError("a time is no number", source)
     return bone_markers(values[:, time], bones, source, tuple(notes))
@@ -96,7 +98,7 @@ def _cells(line: str) -> list[str]:
 
 
 def _plain_bodies(head: Sequence[str]) -> list[_Body]:
-    """Return the bodies of which a plain head has all columns."""
+    """Return the bodies of a plain table with all of their columns."""
     at = {name: k for k, name in enumerate(head)}
     names = [name.removesuffix("_qw") for name in head if name.endswith("_qw")]
     found = list[_Body]()
@@ -108,17 +110,17 @@ def _plain_bodies(head: Sequence[str]) -> list[_Body]:
 
 
 def _motive(lines: Sequence[str], source: str) -> tuple[list[_Body], int, int, float, str]:
-    """Return bodies, the time's column, the first row of numbers, metres by the unit, a note."""
+    """Return bodies, the time's column, the first row of numbers, the unit [m], and a note."""
     facts = _cells(lines[0])
-    said = dict(zip(facts[::2], facts[1::2], strict=False))
-    kind, space = said.get("Rotation Type", ""), said.get("Coordinate Space", "")
+    header = dict(zip(facts[::2], facts[1::2], strict=False))
+    kind, space = header.get("Rotation Type", ""), header.get("Coordinate Space", "")
     if kind.lower() != "quaternion" or space.lower() != "global":
         raise RecordingError(
             f"its rotations are {shortened(kind)!r}, its axes {shortened(space)!r}; export"
             " quaternions, and the global coordinate space",
             source,
         )
-    unit = said.get("Length Units", "")
+    unit = header.get("Length Units", "")
     if unit.lower() not in UNITS:
         what = f"lengths in {shortened(unit)!r}; expected {', '.join(UNITS)}"
         raise RecordingError(what, source)
@@ -132,7 +134,7 @@ def _motive(lines: Sequence[str], source: str) -> tuple[list[_Body], int, int, f
     columns = dict[str, dict[str, int]]()
     for k in range(2, min(len(named), len(kinds), len(axes))):
         if types is not None and types[k : k + 1] not in (["Bone"], ["Rigid Body"]):
-            continue  # a marker of one
+            continue  # a marker of a body
         part = axes[k].lower()
         key = f"q{part}" if kinds[k] == "Rotation" else part
         if kinds[k] in ("Rotation", "Position") and key in PARTS:
@@ -161,14 +163,14 @@ def _numbers(lines: Sequence[str], first: int, source: str) -> Array:
     return numbers_of(found, source)
 
 
-def _placed(values: Array, name: str, source: str) -> tuple[Array, Array]:
-    """Return places (n, 3) and rotations (n, 3, 3) of a body; NaN where it was not seen."""
+def _poses(values: Array, name: str, source: str) -> tuple[Array, Array]:
+    """Return positions (n, 3) and rotations (n, 3, 3) of a body; NaN where it was not seen."""
     seen = np.isfinite(values).all(axis=1)
     place, R = np.full((len(values), 3), np.nan), np.full((len(values), 3, 3), np.nan)
     if seen.any():
         norm = np.linalg.norm(values[seen, :4], axis=1)
         off = int(np.abs(norm - 1.0).argmax())
-        if abs(norm[off] - 1.0) > UNIT:
+        if abs(norm[off] - 1.0) > NORM_TOLERANCE:
             row, size = int(np.flatnonzero(seen)[off]) + 1, norm[off]
             what = f"the quaternion of {shortened(name)!r} has norm {size:.3g} in row {row}"
             raise RecordingError(what, source)
@@ -177,8 +179,8 @@ def _placed(values: Array, name: str, source: str) -> tuple[Array, Array]:
     return place, R
 
 
-def _loose(bones: Sequence[Bone]) -> list[str]:
-    """Return notes of bones whose ends do not keep their distance: no joints' centres."""
+def _length_notes(bones: Sequence[Bone]) -> list[str]:
+    """Return notes of bones whose length varies, so that their ends are no joint centres."""
     at = {bone.landmark: bone.place for bone in bones if bone.landmark is not None}
     notes = list[str]()
     for side in ("left", "right"):
@@ -186,10 +188,13 @@ def _loose(bones: Sequence[Bone]) -> list[str]:
             ends = [at.get(f"{side}_{name}_centre") for name in (one, other)]
             if ends[0] is None or ends[1] is None:
                 continue
-            far = np.linalg.norm(ends[0] - ends[1], axis=1)
-            if np.isfinite(far).any() and (spread := float(np.nanstd(far))) > STIFF:
+            length = np.linalg.norm(ends[0] - ends[1], axis=1)
+            if (
+                np.isfinite(length).any()
+                and (spread := float(np.nanstd(length))) > MAX_LENGTH_DEVIATION
+            ):
                 notes.append(
-                    f"{side} {one} and {other} are not always as far apart, +-"
-                    f" {1e3 * spread:.0f} mm: the bodies' origins are no joints"
+                    f"the distance of {side} {one} and {other} varies by +- {1e3 * spread:.0f} mm:"
+                    " the bodies' origins are no joints"
                 )
     return notes

@@ -1,4 +1,4 @@
-"""A human as a robot: the URDF of a body, so that all that takes a robot takes a human."""
+"""A human as a robot: a URDF of the body, for all functions that take a robot."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from wbc.rotations import same_sign
 from wbc.validate import Array
 
 NAME = "human"
-# Half widths of capsules to draw, as parts of the stature.
-_THICK = {"thigh": 0.045, "shank": 0.03, "upper_arm": 0.027, "forearm": 0.022, "hand": 0.02}
+# Radii of capsules to draw, by the stature.
+_RADII = {"thigh": 0.045, "shank": 0.03, "upper_arm": 0.027, "forearm": 0.022, "hand": 0.02}
 
 
 @dataclass(frozen=True, eq=False)
 class FittedSole:
-    """The ground under a foot that stands flat, in the foot's axes."""
+    """The ground below a flat foot, in the foot's axes."""
 
     height: float  # of the foot's origin, the ankle, above the ground [m]
     # Rotation (3, 3) from the axes of the ground, z up and x forwards, to those of the foot.
@@ -61,7 +61,7 @@ def human_robot(
     Raises
     ------
     InvalidInputError
-        No body of a human.
+        ``body`` is no :class:`HumanBody`.
     """
     check_kind("human_robot, body", body, HumanBody)
     feet = {side: FootSpec(f"{side}_sole_link", _sole_polygon(body), 0.0) for side in SIDES}
@@ -70,17 +70,17 @@ def human_robot(
 
 
 def _sole_polygon(body: HumanBody) -> list[list[float]]:
-    """Return the corners of a sole [m] around the point of the ground below the ankle."""
+    """Return the corners of a sole [m] about the point of the ground below the ankle."""
     heel, toe = foot_ends(body)
     half = 0.5 * SOLE_WIDTH * float(toe[0] - heel[0])
     back, front = float(heel[0]), float(toe[0])
-    wide = back + 0.75 * (front - back)  # where the ball is; toes and heel are narrower
-    right = [[back, -0.6 * half], [wide, -half], [front, -0.5 * half]]
+    ball = back + 0.75 * (front - back)  # toes and heel are narrower
+    right = [[back, -0.6 * half], [ball, -half], [front, -0.5 * half]]
     return right + [[x, -y] for x, y in reversed(right)]
 
 
 def configurations(robot: Robot, poses: Poses) -> Array:
-    """Return configurations (n, nq) of a human's robot in some postures."""
+    """Return configurations (n, nq) of a human's robot from postures (n)."""
     q = np.empty((len(poses), robot.nq))
     q[:, :3] = poses.position
     q[:, 3:BASE_NQ] = same_sign(Rotation.from_matrix(poses.rotation).as_quat())
@@ -89,7 +89,7 @@ def configurations(robot: Robot, poses: Poses) -> Array:
 
 
 def hinge_order(robot: Robot) -> list[int]:
-    """Return, for each joint of a human's robot, which of the body's hinges it is."""
+    """Return the index of the body's hinge for each joint of a human's robot."""
     return [HINGE_NAMES.index(name) for name in robot.joint_names]
 
 
@@ -151,7 +151,7 @@ def _inertial(link: ET.Element, mass: Mass) -> None:
 
 
 def _shape(link: ET.Element, name: str, body: HumanBody, mass: Mass) -> None:
-    """Add an ellipsoid's box or a capsule, to be drawn; sizes are for the eye only."""
+    """Add a box, sphere or capsule to draw; its size has no other use."""
     kind = name.partition("_")[2] if name.startswith(("left_", "right_")) else name
     heel, toe = foot_ends(body)
     boxes = {
@@ -160,12 +160,12 @@ def _shape(link: ET.Element, name: str, body: HumanBody, mass: Mass) -> None:
         "foot": (float(toe[0] - heel[0]) / body.stature, 0.05, 0.035),
     }
     at = mass.centre
-    if kind in _THICK:
+    if kind in _RADII:
         length = 0.11 * body.stature if kind == "hand" else body.size(kind)
-        radius = _THICK[kind] * body.stature
+        radius = _RADII[kind] * body.stature
         at = np.array((0.0, 0.0, -0.5 * length))
-        long = max(length - radius, 0.2 * radius)
-        shape, sizes = "capsule", {"radius": repr(radius), "length": repr(long)}
+        cylinder = max(length - radius, 0.2 * radius)
+        shape, sizes = "capsule", {"radius": repr(radius), "length": repr(cylinder)}
     elif kind == "head":
         shape, sizes = "sphere", {"radius": repr(0.06 * body.stature)}
     else:

@@ -1,7 +1,7 @@
 """Pose parameters of SMPL, SMPL-H and SMPL-X as AMASS has them, as markers on the bones.
 
-Only the arrays of a file are read. Its body's shape needs a model that is not free; the bones here
-are those of usual proportions.
+Only the arrays of a file are read. Its body shape needs a model that is not free; the bones have
+usual proportions.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from wbc.human.markers import MarkerRecording
 from wbc.motion.table import NUMBERS, RecordingError, check_file, read_recorded
 from wbc.validate import Array, finite_array
 
-STATURE, MASS, SEX = 1.70, 70.0, "male"  # of the bones; a mass is needed by nothing here
+STATURE, MASS, SEX = 1.70, 70.0, "male"  # of the bones, whose mass does not matter
 RATES = ("mocap_framerate", "mocap_frame_rate", "fps", "framerate")
-# What the arrays are called, in AMASS and in what SMPL-X's own package writes.
-WORDS = {
+# Names of the arrays in AMASS, and in files of SMPL-X's own package.
+ARRAY_NAMES = {
     "poses": ("poses",),
     "trans": ("trans", "transl"),
     "root_orient": ("root_orient", "global_orient"),
@@ -40,7 +40,7 @@ _PAIRED = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
 
 def is_smpl(names: Collection[str]) -> bool:
     """Return whether arrays of these names are pose parameters."""
-    there = {key for key, words in WORDS.items() if any(word in names for word in words)}
+    there = {key for key, words in ARRAY_NAMES.items() if any(word in names for word in words)}
     return "trans" in there and ("poses" in there or "pose_body" in there)
 
 
@@ -64,10 +64,10 @@ def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
     source = str(path)
     _, stature = check_build(None, stature)
     check_file(path)
-    wanted = (*(word for words in WORDS.values() for word in words), *RATES)
+    wanted = (*(word for words in ARRAY_NAMES.values() for word in words), *RATES)
     arrays = read_recorded(path, lambda _: wanted, lambda _: NUMBERS)
-    told = dict[str, Array]()
-    for key, words in WORDS.items():
+    found = dict[str, Array]()
+    for key, words in ARRAY_NAMES.items():
         word = next((word for word in words if word in arrays), None)
         if word is None:
             continue
@@ -75,11 +75,11 @@ def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
         if one.ndim > 3 or (one.ndim == 3 and one.shape[2] != 3):
             what = f"{word} have shape {one.shape}; expected rotation vectors, (n, joints, 3)"
             raise RecordingError(f"{what}, not matrices or quaternions", source)
-        told[key] = one.reshape(len(one), -1) if one.ndim > 1 else one
-    if "poses" in told:
-        poses = told["poses"]
-    elif "pose_body" in told and "root_orient" in told:
-        parts = told["root_orient"], told["pose_body"]
+        found[key] = one.reshape(len(one), -1) if one.ndim > 1 else one
+    if "poses" in found:
+        poses = found["poses"]
+    elif "pose_body" in found and "root_orient" in found:
+        parts = found["root_orient"], found["pose_body"]
         if any(part.ndim != 2 for part in parts) or len(parts[0]) != len(parts[1]):
             raise RecordingError("root_orient and pose_body differ in length", source)
         poses = np.hstack(parts)
@@ -92,18 +92,18 @@ def read_smpl(path: Path, stature: float | None = None) -> MarkerRecording:
         raise RecordingError(f"it has no rate; add an array {' or '.join(RATES[:2])}", source)
     count = len(poses)
     vectors = finite_array(f"{source}: poses", poses[:, :66].astype(float), (count, 66))
-    trans = finite_array(f"{source}: trans", told.get("trans", np.zeros(0)), (count, 3))
+    trans = finite_array(f"{source}: trans", found.get("trans", np.zeros(0)), (count, 3))
     bones = _bones(vectors.reshape(count, 22, 3), trans, STATURE if stature is None else stature)
     note = (
-        "bones of usual proportions: the file's body shape needs a model that is not read; its"
-        " gender is not read, either: say sex"
+        "bones of usual proportions: the file's body shape needs a model that is not read, and its"
+        " gender is not read either: give sex"
     )
     time = np.arange(count) / float(rate.ravel()[0])
     return bone_markers(time, bones, source, (note,))
 
 
 def _bones(vectors: Array, trans: Array, stature: float) -> list[Bone]:
-    offsets = _rest(stature)
+    offsets = _rest_offsets(stature)
     count = len(vectors)
     local = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(count, 22, 3, 3)
     bones = list[Bone]()
@@ -123,7 +123,7 @@ def _bones(vectors: Array, trans: Array, stature: float) -> list[Bone]:
     return bones
 
 
-def _rest(stature: float) -> Array:
+def _rest_offsets(stature: float) -> Array:
     """Return offsets (22, 3) [m] from joint to joint: T-pose, x to the left, y up, z forward."""
     body, found = HumanBody.of(stature, MASS, SEX), np.zeros((22, 3))
     low, high = body.size("lumbar_z"), body.size("neck_z")

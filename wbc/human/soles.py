@@ -1,68 +1,69 @@
-"""The ground under a human's feet, from when they stand flat."""
+"""Height of the ground and shape of the soles, from frames in which feet stand flat."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from wbc.human.body import ANKLE_HEIGHT, SEGMENT_NAMES, SIDES, HumanBody
-from wbc.human.kinematics import Placed
+from wbc.human.kinematics import SegmentFrames
 from wbc.human.skeleton import FittedSole
 from wbc.motion.dropouts import runs
 from wbc.validate import Array
 
-RESTING = 0.2  # m/s: an ankle slower than this, and
-LEVEL = 0.012  # m: no higher than this above its lowest ones, is that of a foot that is flat
-LOWEST = 0.1  # part of the frames that counts as the lowest
-SAME_GROUND = 0.04  # m: nearer than this to 0 the ground is at 0
-STEEPEST = 0.85  # cosine of the tilt of a foot that may stand flat
-STANDS, APART = 0.1, 0.08  # s, m: feet still for so long so far apart in height are on no level
-SAME_TILT = 0.97  # cosine between the tilts of a foot that is flat and one that stands elsewhere
-HEIGHTS = (0.3, 2.5)  # of the usual height of an ankle: what else is no flat foot
+# A foot stands flat if its ankle is slower than the first [m/s], and at most this high [m] above a
+# low quantile of its heights.
+MAX_ANKLE_SPEED, MAX_ANKLE_RISE, LOW_QUANTILE = 0.2, 0.012, 0.1
+GROUND_TOLERANCE = 0.04  # m: a ground this near to 0 is at 0
+MIN_UPRIGHTNESS = 0.85  # cosine of the tilt of a foot that may stand flat
+# Feet at rest for so long [s], with heights so far apart [m], do not stand on level ground.
+MIN_REST, MAX_LEVEL_DIFFERENCE = 0.1, 0.08
+SAME_TILT = 0.97  # cosine between the axes of a flat foot and of one at rest elsewhere
+ANKLE_HEIGHTS = (0.3, 2.5)  # of a flat foot, by the usual one
 
 
 def ground_and_soles(
-    placed: Placed, time: Array, body: HumanBody, height: float | None
+    frames: SegmentFrames, time: Array, body: HumanBody, height: float | None
 ) -> tuple[float, dict[str, FittedSole], tuple[str, ...]]:
     """Return the ground's height [m], the soles by side, and notes.
 
     Parameters
     ----------
     height:
-        Of the ground [m]; None: 0, unless the feet say that it cannot be.
+        Of the ground [m]; None: 0, unless the feet contradict it.
     """
     usual = ANKLE_HEIGHT * body.scale
-    flat = {side: _flat(placed, time, side) for side in SIDES}
-    ankles = [placed.origin[flat[side], _foot(side), 2] for side in SIDES if flat[side].any()]
+    flat = {side: _flat(frames, time, side) for side in SIDES}
+    ankles = [frames.origin[flat[side], _foot(side), 2] for side in SIDES if flat[side].any()]
     notes = list[str]()
     if height is None:
         height = 0.0
         if ankles:
             guess = float(min(np.median(one) for one in ankles)) - usual
-            if abs(guess) > SAME_GROUND:
+            if abs(guess) > GROUND_TOLERANCE:
                 height = guess
                 notes.append(f"ground taken at {1e3 * guess:.0f} mm, from where the feet stand")
-    levels = [one for side in SIDES for one in _levels(placed, time, side, flat[side])]
-    if levels and np.ptp(levels) > APART:
+    levels = [one for side in SIDES for one in _levels(frames, time, side, flat[side])]
+    if levels and np.ptp(levels) > MAX_LEVEL_DIFFERENCE:
         low, high = (1e3 * (end(levels) - usual) for end in (min, max))
         what = f"feet stand at heights of {low:.0f} to {high:.0f} mm"
-        notes.append(f"{what}: only what is at {1e3 * height:.0f} mm is taken for ground")
+        notes.append(f"{what}: the ground is taken at {1e3 * height:.0f} mm only")
     soles = dict[str, FittedSole]()
     for side in SIDES:
-        frames = np.flatnonzero(flat[side])
-        if not len(frames):
-            notes.append(f"the {side} foot never stands flat: its sole is a usual one")
+        standing = np.flatnonzero(flat[side])
+        if not len(standing):
+            notes.append(f"the {side} foot never stands flat: its sole has usual dimensions")
             continue
-        R = placed.rotation[frames, _foot(side)]
-        above = float(np.median(placed.origin[frames, _foot(side), 2])) - height
-        if not HEIGHTS[0] * usual < above < HEIGHTS[1] * usual:
+        R = frames.rotation[standing, _foot(side)]
+        above = float(np.median(frames.origin[standing, _foot(side), 2])) - height
+        if not ANKLE_HEIGHTS[0] * usual < above < ANKLE_HEIGHTS[1] * usual:
             what = f"the {side} ankle stands {1e3 * above:.0f} mm above the ground"
-            notes.append(f"{what}: no sole is so thick, a usual one is taken; look at the ground")
+            notes.append(f"{what}, which no sole does: a usual one is taken; check the ground")
             continue
         up = np.median(R[:, 2], axis=0)
         up /= np.linalg.norm(up)
-        if up[2] < STEEPEST:
+        if up[2] < MIN_UPRIGHTNESS:
             what = f"the {side} foot is tilted by {np.degrees(np.arccos(up[2])):.0f} degrees"
-            notes.append(f"{what} where it seems to stand: its sole is a usual one")
+            notes.append(f"{what} where it seems to stand: its sole has usual dimensions")
             continue
         forward = np.array((1.0, 0.0, 0.0)) - up[0] * up
         forward /= np.linalg.norm(forward)
@@ -74,25 +75,25 @@ def _foot(side: str) -> int:
     return SEGMENT_NAMES.index(f"{side}_foot")
 
 
-def _flat(placed: Placed, time: Array, side: str) -> Array:
-    """Return in which frames a foot is taken to stand flat (n,), bool."""
-    at = placed.origin[:, _foot(side)]
-    slow = np.linalg.norm(np.gradient(at, time, axis=0), axis=1) < RESTING
+def _flat(frames: SegmentFrames, time: Array, side: str) -> Array:
+    """Return in which frames a foot stands flat (n,), bool."""
+    at = frames.origin[:, _foot(side)]
+    slow = np.linalg.norm(np.gradient(at, time, axis=0), axis=1) < MAX_ANKLE_SPEED
     if not slow.any():
         return slow
-    lowest = float(np.quantile(at[slow, 2], LOWEST))
-    return np.asarray(slow & (np.abs(at[:, 2] - lowest) < LEVEL))
+    lowest = float(np.quantile(at[slow, 2], LOW_QUANTILE))
+    return np.asarray(slow & (np.abs(at[:, 2] - lowest) < MAX_ANKLE_RISE))
 
 
-def _levels(placed: Placed, time: Array, side: str, flat: Array) -> list[float]:
-    """Return the ankle's heights [m] in the spans in which a foot is still, tilted as flat ones."""
-    at, up = placed.origin[:, _foot(side)], placed.rotation[:, _foot(side), 2]
+def _levels(frames: SegmentFrames, time: Array, side: str, flat: Array) -> list[float]:
+    """Return the ankle's heights [m] in each interval in which a foot is at rest and flat."""
+    at, up = frames.origin[:, _foot(side)], frames.rotation[:, _foot(side), 2]
     if not flat.any():
         return []
-    still = np.linalg.norm(np.gradient(at, time, axis=0), axis=1) < RESTING
-    still &= up @ np.median(up[flat], axis=0) > SAME_TILT
+    resting = np.linalg.norm(np.gradient(at, time, axis=0), axis=1) < MAX_ANKLE_SPEED
+    resting &= up @ np.median(up[flat], axis=0) > SAME_TILT
     return [
         float(np.median(at[first:end, 2]))
-        for first, end in runs(still)
-        if time[end - 1] - time[first] > STANDS
+        for first, end in runs(resting)
+        if time[end - 1] - time[first] > MIN_REST
     ]

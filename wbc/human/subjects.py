@@ -1,4 +1,4 @@
-"""Whose markers a recording holds: laboratories put the subject's name before each label."""
+"""Selection of one human's markers by the subject's name before each label."""
 
 from __future__ import annotations
 
@@ -6,27 +6,27 @@ from dataclasses import replace
 
 from wbc.errors import UnknownNameError, listed
 from wbc.human.bones import LEGS
-from wbc.human.landmarks import lacking, landmarks_of
+from wbc.human.landmarks import landmarks_of, missing_landmarks
 from wbc.human.markers import MarkerRecording
 from wbc.motion.table import RecordingError
 
 
-def of_subject(
+def select_subject(
     recording: MarkerRecording, subject: str | None
 ) -> tuple[MarkerRecording, tuple[str, ...]]:
-    """Return the markers of one human, and a note on those of other things that have a name.
+    """Return the markers of one human, and a note on other named objects.
 
     Parameters
     ----------
     subject:
-        What stands before the colon of its labels, as in ``Anna:LASI``; None: the only human.
+        The part of its labels before the colon, as in ``Anna:LASI``; None: the only human.
 
     Raises
     ------
     UnknownNameError
-        No label begins so.
+        No label begins with it.
     RecordingError
-        Several humans, and none was chosen.
+        Several humans, and no subject is given.
     """
     named = dict[str, list[str]]()
     for label in recording.labels:
@@ -35,11 +35,11 @@ def of_subject(
     if subject is not None:
         if subject not in known:
             raise UnknownNameError("subject of the markers", subject, known)
-        return _only(recording, named[subject]), ()
+        return _with_labels(recording, named[subject]), ()
     humans = [name for name in known if _is_human(recording, named[name])]
     if len(humans) > 1:
         raise RecordingError(
-            f"markers of {len(humans)} humans, {listed(humans, 8)}: say whose,"
+            f"markers of {len(humans)} humans, {listed(humans, 8)}: choose one,"
             f" subject={humans[0]!r} (--subject {humans[0]})",
             recording.source,
         )
@@ -47,17 +47,19 @@ def of_subject(
     if not humans or not others:
         return recording, ()
     kept = [label for label in recording.labels if label.rpartition(":")[0] not in others]
-    return _only(recording, kept), (f"markers of other things left out: {listed(others, 8)}",)
+    return _with_labels(recording, kept), (
+        f"markers of other objects left out: {listed(others, 8)}",
+    )
 
 
 def _is_human(recording: MarkerRecording, labels: list[str]) -> bool:
     if recording.landmarks:  # a skeleton's
         marks = dict(zip(recording.labels, recording.landmarks, strict=True))
         return {mark.name for label in labels if (mark := marks[label]) is not None} >= LEGS
-    return not lacking(list(landmarks_of(labels).values()))
+    return not missing_landmarks(list(landmarks_of(labels).values()))
 
 
-def _only(recording: MarkerRecording, labels: list[str]) -> MarkerRecording:
+def _with_labels(recording: MarkerRecording, labels: list[str]) -> MarkerRecording:
     places = [recording.labels.index(label) for label in labels]
     given = recording.landmarks
     return replace(

@@ -1,6 +1,6 @@
-"""A walk on a treadmill, seen from its belt: there it is a walk on the ground.
+"""A walk on a treadmill in the frame of its belt, where it is a walk on the ground.
 
-The belt's axes move evenly, so forces and accelerations are the same.
+The belt's frame moves at a constant velocity, so forces and accelerations are the same.
 """
 
 from __future__ import annotations
@@ -11,45 +11,46 @@ from wbc.human.landmarks import Landmark
 from wbc.human.markers import ForcePlate, MarkerRecording
 from wbc.validate import Array
 
-SLOWEST = 0.3  # m/s: what feet that stand seem to move by on still ground is less
-LOW = 0.3  # part of the frames, in which a foot is lowest, that is taken for standing
-STAYS = 0.2  # of the belt's speed: a human on it moves by less on the whole
-EVEN = 0.3  # of the belt's speed: feet on it do not differ by more
-LEAST_FRAMES = 10
+MIN_BELT_SPEED = 0.3  # m/s: feet that stand on the ground seem to move by less
+STANCE_QUANTILE = 0.3  # of the heights of a foot: lower frames are taken for its stance
+MAX_DRIFT = 0.2  # mean speed of a human on a belt, by the belt's
+MAX_DEVIATION = 0.3  # median deviation of the feet's velocities on a belt, by the belt's speed
+MIN_FRAMES = 10
 
 
 def belt_velocity(
     recording: MarkerRecording, names: tuple[str, ...], marks: tuple[Landmark, ...]
 ) -> Array:
-    """Return how the ground moves (3,) [m/s], z up: 0, unless it is a belt.
+    """Return the velocity (3,) of the ground [m/s], z up: 0, unless it is a belt.
 
-    It is one where feet move evenly while they are low, and the pelvis stays where it is.
+    On a belt low feet move at a constant velocity, and the pelvis stays in place.
     """
-    still = np.zeros(3)
+    at_rest = np.zeros(3)
     low = [_low_velocities(recording, names, marks, side) for side in ("left", "right")]
     pelvis = _mean_of(recording, names, marks, "pelvis")
     seen = np.flatnonzero(np.isfinite(pelvis).all(axis=1))
     velocities = np.concatenate(low)
-    if len(velocities) < LEAST_FRAMES or len(seen) < LEAST_FRAMES:
-        return still
+    if len(velocities) < MIN_FRAMES or len(seen) < MIN_FRAMES:
+        return at_rest
     belt = np.append(np.median(velocities, axis=0), 0.0)
     speed = float(np.linalg.norm(belt))
     first, last = seen[0], seen[-1]
-    way = (pelvis[last] - pelvis[first])[:2] / (recording.time[last] - recording.time[first])
-    differing = float(np.median(np.linalg.norm(velocities - belt[:2], axis=1)))
-    if speed < SLOWEST or np.linalg.norm(way) > STAYS * speed or differing > EVEN * speed:
-        return still
+    drift = (pelvis[last] - pelvis[first])[:2] / (recording.time[last] - recording.time[first])
+    deviation = float(np.median(np.linalg.norm(velocities - belt[:2], axis=1)))
+    moves = np.linalg.norm(drift) > MAX_DRIFT * speed
+    if speed < MIN_BELT_SPEED or moves or deviation > MAX_DEVIATION * speed:
+        return at_rest
     return belt
 
 
-def from_the_belt(recording: MarkerRecording, velocity: Array) -> MarkerRecording:
-    """Return the recording in axes that move at ``velocity`` (3,) [m/s], plates with it."""
-    begin = recording.time[0]
-    moved = recording.positions - (recording.time - begin)[:, None, None] * velocity
+def in_belt_frame(recording: MarkerRecording, velocity: Array) -> MarkerRecording:
+    """Return the recording, with its plates, in axes that move at ``velocity`` (3,) [m/s]."""
+    start = recording.time[0]
+    moved = recording.positions - (recording.time - start)[:, None, None] * velocity
     plates = []
     for plate in recording.plates:
-        way = -(plate.time - begin)[:, None] * velocity
-        moment = plate.moment + np.cross(way, plate.force)
+        shift = -(plate.time - start)[:, None] * velocity
+        moment = plate.moment + np.cross(shift, plate.force)
         plates.append(ForcePlate(plate.name, plate.time, plate.force, moment))
     return recording.moved(moved, tuple(plates))
 
@@ -57,7 +58,7 @@ def from_the_belt(recording: MarkerRecording, velocity: Array) -> MarkerRecordin
 def _mean_of(
     recording: MarkerRecording, names: tuple[str, ...], marks: tuple[Landmark, ...], segment: str
 ) -> Array:
-    """Return the mean (n, 3) of a segment's markers; NaN where one of them is not seen."""
+    """Return the mean position (n, 3) of a segment's markers; NaN where one is not seen."""
     where = [
         recording.labels.index(name)
         for name, mark in zip(names, marks, strict=True)
@@ -71,11 +72,11 @@ def _mean_of(
 def _low_velocities(
     recording: MarkerRecording, names: tuple[str, ...], marks: tuple[Landmark, ...], side: str
 ) -> Array:
-    """Return the horizontal velocities (k, 2) [m/s] of a foot in the frames where it is lowest."""
+    """Return the horizontal velocities (k, 2) [m/s] of a foot where it is lowest."""
     at = _mean_of(recording, names, marks, f"{side}_foot")
     velocity = np.gradient(at, recording.time, axis=0)
     good = np.isfinite(velocity).all(axis=1)
-    if good.sum() < LEAST_FRAMES:
+    if good.sum() < MIN_FRAMES:
         return np.zeros((0, 2))
-    low = good & (at[:, 2] <= np.quantile(at[good, 2], LOW))
+    low = good & (at[:, 2] <= np.quantile(at[good, 2], STANCE_QUANTILE))
     return np.asarray(velocity[low, :2])

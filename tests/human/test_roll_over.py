@@ -1,4 +1,4 @@
-"""Steps tell where the body is: the CoP rolls over the sole, the load goes over smoothly."""
+"""Roll-over correction: the CoP rolls over the sole, the load shifts smoothly."""
 
 import numpy as np
 import pytest
@@ -8,17 +8,17 @@ from tests.human.walker import recorded
 from wbc.human import HumanBody, human_motion, human_robot
 from wbc.human.body import HINGE_NAMES, HINGES
 from wbc.human.kinematics import Poses
-from wbc.human.rolling import (
-    ARC,
-    ASIDE,
-    BALL,
-    OUTWARD,
-    UPRIGHT,
-    _before_low_pass,
-    _loads,
-    _rolled,
-    _weighed,
-    moved_by_steps,
+from wbc.human.roll_over import (
+    COP_PER_LEAN,
+    MAX_COP,
+    MAX_OUTWARD,
+    OUTWARD_PART,
+    UPRIGHT_COP,
+    _invert_low_pass,
+    _least_squares,
+    _load_shares,
+    _roll_over_cop,
+    roll_over_correction,
 )
 from wbc.human.skeleton import configurations
 from wbc.motion import Motion
@@ -29,28 +29,28 @@ STEP, GRAVITY, HEIGHT = 0.01, 9.81, 1.0
 
 
 @pytest.mark.parametrize("sway", [0.002, -0.001])
-def test_a_sway_that_the_cop_contradicts_is_taken_back_where_feet_step(sway: float) -> None:
+def test_sway_contradicted_by_the_cop_is_reduced_in_steps(sway: float) -> None:
     # A point mass: the CoP is c - h c'' / g, here by the derivative of a sine, not by differences.
     time = np.arange(300) * STEP
     rate = 2.0 * np.pi * 1.8  # of steps
     error = sway * np.sin(rate * time)
-    asked = error * (1.0 + HEIGHT * rate**2 / GRAVITY)
+    cop_error = error * (1.0 + HEIGHT * rate**2 / GRAVITY)
     stepping = (time > 0.5) & (time < 2.5)
-    off = np.where(stepping, -asked, 0.0)[:, None] * (1.0, 0.0)
-    moves = _weighed(off, stepping, np.full(300, HEIGHT / GRAVITY), STEP)
+    wanted = np.where(stepping, -cop_error, 0.0)[:, None] * (1.0, 0.0)
+    moves = _least_squares(wanted, stepping, np.full(300, HEIGHT / GRAVITY), STEP)
     inner = (time > 1.0) & (time < 2.0)
-    # By 1 / (1 + (COP / SWAY g / h)^2) and a little more for where the body is: most of it.
+    # By 1 / (1 + (COP_DEVIATION / SWAY g / h)^2), and a little more by CENTRE_DEVIATION.
     left = error[inner] + moves[inner, 0]
     assert np.sqrt((left**2).mean()) < 0.5 * np.sqrt((error[inner] ** 2).mean())
     assert np.abs(moves[:, 1]).max() == 0.0
     assert np.abs(moves[:20]).max() < np.abs(moves[inner]).max()
 
 
-def test_the_load_goes_over_in_a_step_and_is_not_known_otherwise() -> None:
+def test_load_shifts_in_a_step_and_is_unknown_elsewhere() -> None:
     left = [True] * 9 + [False] * 6 + [True] * 7
     right = [False] * 4 + [True] * 18
-    load, known = _loads(np.column_stack((left, right)))
-    assert known[:15].all() and not known[15:].any()  # at the end both stand, who knows for what
+    load, known = _load_shares(np.column_stack((left, right)))
+    assert known[:15].all() and not known[15:].any()  # the last double support has no step after it
     np.testing.assert_array_equal(load[:4], np.tile((1.0, 0.0), (4, 1)))
     np.testing.assert_array_equal(load[9:15], np.tile((0.0, 1.0), (6, 1)))
     np.testing.assert_allclose(load[:15].sum(axis=1), 1.0)
@@ -58,8 +58,10 @@ def test_the_load_goes_over_in_a_step_and_is_not_known_otherwise() -> None:
     assert load[6, 1] == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize(("lean", "front"), [(-0.3, 0.0), (0.2, UPRIGHT + 0.2 * ARC), (0.6, BALL)])
-def test_a_shank_that_leans_has_its_cop_in_front_of_the_ankle(lean: float, front: float) -> None:
+@pytest.mark.parametrize(
+    ("lean", "front"), [(-0.3, 0.0), (0.2, UPRIGHT_COP + 0.2 * COP_PER_LEAN), (0.6, MAX_COP)]
+)
+def test_leaning_shank_has_its_cop_in_front_of_the_ankle(lean: float, front: float) -> None:
     angles = np.zeros((40, len(HINGES)))
     for side in ("left", "right"):
         angles[:, HINGE_NAMES.index(f"{side}_ankle_dorsiflexion")] = lean
@@ -71,12 +73,14 @@ def test_a_shank_that_leans_has_its_cop_in_front_of_the_ankle(lean: float, front
     q = configurations(robot, poses)
     motion = Motion(robot, np.arange(40) / 100.0, q[:, 7:], q[:, :7])
     series = wbc.analyze(motion, cutoff=None, noise=None, feet=None)
-    spots, ahead = _rolled(series, BODY.stature)
-    np.testing.assert_allclose(ahead, np.tile((1.0, 0.0), (40, 2, 1)), atol=1e-6)
+    cop, heading = _roll_over_cop(series, BODY.stature)
+    np.testing.assert_allclose(heading, np.tile((1.0, 0.0), (40, 2, 1)), atol=1e-6)
     for k, (side, s) in enumerate((("left", 1.0), ("right", -1.0))):
         ankle = robot.snapshot(series.q[0]).position(f"{side}_foot")[:2]
-        wanted = ankle + BODY.stature * np.array((front, s * min(ASIDE * front, OUTWARD)))
-        np.testing.assert_allclose(spots[0, k], wanted, atol=1e-3)
+        wanted = ankle + BODY.stature * np.array(
+            (front, s * min(OUTWARD_PART * front, MAX_OUTWARD))
+        )
+        np.testing.assert_allclose(cop[0, k], wanted, atol=1e-3)
 
 
 def gliding(
@@ -96,36 +100,38 @@ def gliding(
     return series, np.column_stack((left, right))
 
 
-def test_steps_forward_move_the_cop_to_the_feet_and_say_by_how_much() -> None:
+def test_forward_steps_move_the_cop_to_the_feet_with_a_note() -> None:
     series, down = gliding(1.2, 0.35)
-    moves, notes = moved_by_steps(series, down, BODY.stature)
-    spots, _ = _rolled(series, BODY.stature)
-    towards = np.mean(spots[:, :, 0].mean(axis=1) - series.cop[:, 0])
+    moves, notes = roll_over_correction(series, down, BODY.stature)
+    cop, _ = _roll_over_cop(series, BODY.stature)
+    towards = np.mean(cop[:, :, 0].mean(axis=1) - series.cop[:, 0])
     assert np.sign(moves[100, 0]) == np.sign(towards) and 0.0 < abs(moves[100, 0]) < abs(towards)
     assert len(notes) == 1 and "moved by" in notes[0]
 
 
-def test_moves_are_such_that_the_low_pass_of_the_analysis_leaves_what_was_found() -> None:
+def test_inverted_low_pass_is_undone_by_the_low_pass() -> None:
     time = np.arange(400) / 100.0
     wanted = np.sin(2.0 * np.pi * 4.5 * time)[:, None]  # Hz: the second harmonic of steps
     inner = slice(50, 350)
-    plain, mended = (
-        low_passed(one, 100.0, 5.0) for one in (wanted, _before_low_pass(wanted, 100.0, 5.0))
+    plain, inverted = (
+        low_passed(one, 100.0, 5.0) for one in (wanted, _invert_low_pass(wanted, 100.0, 5.0))
     )
     assert np.abs(plain - wanted)[inner].max() > 0.1
-    assert np.abs(mended - wanted)[inner].max() < 0.01
+    assert np.abs(inverted - wanted)[inner].max() < 0.01
 
 
-@pytest.mark.parametrize(("speed", "ahead", "told"), [(0.3, 0.35, []), (1.2, -1.2, ["beside"])])
-def test_who_does_not_step_forward_or_leans_on_something_is_not_moved(
+@pytest.mark.parametrize(
+    ("speed", "ahead", "told"), [(0.3, 0.35, []), (1.2, -1.2, ["requires a CoP"])]
+)
+def test_human_without_forward_steps_or_leaning_on_something_is_not_moved(
     speed: float, ahead: float, told: list[str]
 ) -> None:
-    moves, notes = moved_by_steps(*gliding(speed, ahead), BODY.stature)
+    moves, notes = roll_over_correction(*gliding(speed, ahead), BODY.stature)
     assert not moves.any()
     assert len(notes) == len(told) and all(one in notes[0] for one in told)
 
 
-def test_who_marches_on_the_spot_is_not_moved() -> None:
+def test_march_on_the_spot_is_not_moved() -> None:
     recording, _ = recorded(BODY, seconds=1.0)
     found, left = (human_motion(recording, mass=72.0, by_steps=by) for by in (True, False))
     np.testing.assert_array_equal(found.motion.base, left.motion.base)

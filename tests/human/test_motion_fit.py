@@ -11,17 +11,17 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.human import HumanMotion, MarkerRecording, compared, human_motion, read_markers
 from wbc.human.body import ANKLE_HEIGHT, HINGE_NAMES, HINGES, NAMES, SEGMENT_NAMES, HumanBody
 from wbc.human.fit import (
-    SWINGS,
+    PELVIS_TILT,
     MarkerSet,
-    continuous,
-    first_poses,
+    escape_local_minima,
     fit_poses,
-    unstuck,
+    initial_poses,
+    unwrap_joints,
     upright_trunk,
 )
-from wbc.human.kinematics import Poses, place, rotations
-from wbc.human.known import known_markers
-from wbc.human.landmarks import lacking, landmark, landmark_of
+from wbc.human.kinematics import Poses, forward_kinematics, rotations
+from wbc.human.landmarks import landmark, landmark_of, missing_landmarks
+from wbc.human.marker_identification import identify_markers
 from wbc.human.markers import ForcePlate
 from wbc.human.skeleton import configurations, human_robot
 from wbc.motion.table import RecordingError
@@ -39,9 +39,12 @@ def test_a_known_body_is_followed_exactly() -> None:
     marks = tuple(landmark(str(landmark_of(label))) for label in LABELS)
     places = BODY.scale * np.array([mark.place for mark in marks])
     markers = MarkerSet(tuple(LABELS), marks, places)
-    start = first_poses(recording.positions, markers, BODY.dimensions)
+    start = initial_poses(recording.positions, markers, BODY.dimensions)
     found, _ = fit_poses(start, recording.positions, markers, BODY.dimensions)
-    seen = place(found, BODY.dimensions).origin - place(truth, BODY.dimensions).origin
+    seen = (
+        forward_kinematics(found, BODY.dimensions).origin
+        - forward_kinematics(truth, BODY.dimensions).origin
+    )
     # Joints lean to neutral by (10 mm / lever / spread)^2 of their angle: a mm or so.
     assert np.abs(seen).max() < 3e-3
     assert np.sqrt((seen**2).mean()) < 5e-4
@@ -73,7 +76,7 @@ def test_knees_and_elbows_that_only_centres_of_joints_tell_of_bend_as_they_can()
             angles[:, HINGE_NAMES.index(f"{side}_{name}")] = rng.uniform(least, most, 100)
     posed = Poses(np.zeros((100, 3)), rotations(0.4 * rng.standard_normal((100, 3))), angles)
     recording, _ = recorded(BODY, labels=labels, posed=(time, posed))
-    start = first_poses(recording.positions, markers_of(labels), BODY.dimensions)
+    start = initial_poses(recording.positions, markers_of(labels), BODY.dimensions)
     found, _ = fit_poses(start, recording.positions, markers_of(labels), BODY.dimensions)
     for name in ("knee_flexion", "elbow_flexion"):
         both = [HINGE_NAMES.index(f"{side}_{name}") for side in ("left", "right")]
@@ -90,7 +93,7 @@ def test_frames_that_are_stuck_go_on_from_those_beside_them() -> None:
         wrong[frames, knee] *= -1.0
     start = Poses(truth.position, truth.rotation, wrong)
     stuck, cost = fit_poses(start, recording.positions, markers, BODY.dimensions)
-    found = unstuck(stuck, cost.copy(), recording.positions, markers, BODY.dimensions)
+    found = escape_local_minima(stuck, cost.copy(), recording.positions, markers, BODY.dimensions)
     assert (stuck.angles[22:28, knee] < 0.0).all()  # or the test would be none
     assert np.abs(found.angles[:, knee] - truth.angles[:, knee]).max() < 0.05
 
@@ -196,7 +199,7 @@ def test_what_an_unloaded_plate_reads_is_taken_off_and_told() -> None:
     read = np.tile((3.0, 0.0, 20.0), (len(plate.time), 1))
     drifted = ForcePlate("beside", plate.time, read, 0.3 * read)
     human = human_motion(recording.with_plates((plate, drifted)))
-    assert "taken off what unloaded plates read: beside 20 N" in human.notes
+    assert "offsets of unloaded plates subtracted: beside 20 N" in human.notes
     assert np.abs(human.recording.plates[1].force).max() < 1e-9
     assert human.body.mass == pytest.approx(BODY.mass, rel=0.01)
 
@@ -339,7 +342,7 @@ def test_a_frame_of_another_posture_before_the_motion_changes_nothing_and_is_tol
     truth = human_motion(MarkerRecording(time, whole.labels, places, up="z"))
     np.testing.assert_array_equal(found.motion.time, truth.motion.time)
     np.testing.assert_array_equal(found.motion.base, truth.motion.base)
-    assert any("leaps at 0.000 s" in note for note in found.notes)
+    assert any("jumps at 0.000 s" in note for note in found.notes)
     assert not any("leaps" in note for note in truth.notes)
 
 
@@ -350,7 +353,7 @@ def test_recordings_that_were_joined_are_taken_where_they_are_longest() -> None:
     places[30:] += (1.0, -0.5, 0.0)
     found = human_motion(MarkerRecording(whole.time, whole.labels, places, up="z"))
     assert found.motion.time[0] == 0.3 and len(found.motion.time) == 70
-    assert any("leaps at 0.300 s" in note and "0.990 s" in note for note in found.notes)
+    assert any("jumps at 0.300 s" in note and "0.990 s" in note for note in found.notes)
 
 
 @pytest.mark.slow
@@ -370,7 +373,7 @@ def test_axes_that_plug_in_gait_writes_as_markers_are_left_out() -> None:
     axes = tuple(f"{side}CL{end}" for side in "LR" for end in "OALP")
     places = np.zeros((len(recording.time), len(axes), 3))
     both = np.concatenate((recording.positions, places), axis=1)
-    names, _, notes = known_markers(
+    names, _, notes = identify_markers(
         MarkerRecording(recording.time, recording.labels + axes, both, up="z"), None
     )
     assert names == recording.labels and "LCLA" in notes[0]
@@ -400,7 +403,7 @@ def test_axes_that_are_left_handed_are_refused(axes: tuple[int, int, int]) -> No
 def test_an_axis_that_is_not_up_is_told() -> None:
     recording, _ = recorded(BODY, seconds=0.1)
     seen = MarkerRecording(recording.time, recording.labels, recording.positions)
-    said = "x taken for up, as was said, but from feet to trunk leads z"
+    said = "x taken for up, as given, but the trunk is along z of the feet"
     assert any(said in note for note in human_motion(seen, mass=72.0, up="x").notes)
     assert not any("taken for up" in n for n in human_motion(seen, mass=72.0, up="z").notes)
 
@@ -477,7 +480,7 @@ def test_plates_that_weigh_another_mass_than_was_said_are_told() -> None:
     recording, _ = recorded(BODY, seconds=2.0, plates=True)
     for mass, told in ((72.0, False), (158.7, True)):  # pounds
         notes = human_motion(recording, mass=mass).notes
-        assert any("weighed 7" in n and "158.7 kg was said" in n for n in notes) is told
+        assert any("weighed 7" in n and "158.7 kg was given" in n for n in notes) is told
 
 
 def test_markers_of_no_human_are_told_so() -> None:
@@ -521,7 +524,7 @@ def test_marker_sets_that_come_with_a_system_are_known(given: str) -> None:
     words = given.split()
     marks = words[1::2]
     assert [landmark_of(label) for label in words[::2]] == marks
-    assert not lacking(marks)
+    assert not missing_landmarks(marks)
 
 
 @pytest.mark.slow
@@ -553,12 +556,12 @@ def test_a_trunk_of_shoulders_alone_and_joints_that_cameras_see_are_enough_and_s
     few = ["LASI", "RASI", "SACR", "LSHO", "RSHO", "LKNE", "RKNE", "LANK", "RANK", "LTOE", "RTOE"]
     recording, poses = recorded(BODY, labels=few, seconds=1.0)
     human = human_motion(recording, mass=72.0)
-    assert "of the trunk only the shoulders are known: how it tilts is less certain" in human.notes
+    assert "of the trunk only the shoulders are known: its tilt is less certain" in human.notes
     assert human.rms < 2e-3
     com = np.array([human.motion.robot.snapshot(q).com for q in configurations_of(human)])
     assert np.abs(com - com_of(BODY, poses)).max() < 0.02
     ends = {"Hip": "thigh", "Knee": "shank", "Ankle": "foot", "Shoulder": "upper_arm"}
-    placed = place(poses, BODY.dimensions)
+    placed = forward_kinematics(poses, BODY.dimensions)
     tracks = {
         f"{side[0].upper()}{name}": placed.origin[:, SEGMENT_NAMES.index(f"{side}_{segment}")]
         for side in ("left", "right")
@@ -569,7 +572,7 @@ def test_a_trunk_of_shoulders_alone_and_joints_that_cameras_see_are_enough_and_s
     human = human_motion(
         MarkerRecording(recording.time, (*tracks, "LHeel", "RHeel"), seen, up="z"), mass=72.0
     )
-    assert "of the pelvis only the hips are known: how it tilts is less certain" in human.notes
+    assert "of the pelvis only the hips are known: its tilt is less certain" in human.notes
     assert {one.name for one in human.markers.landmarks} >= {"left_hip_centre", "left_knee_centre"}
     com = np.array([human.motion.robot.snapshot(q).com for q in configurations_of(human)])
     assert np.abs(com - com_of(BODY, poses)).max() < 0.04
@@ -593,7 +596,7 @@ def test_one_of_two_humans_is_asked_for_and_other_things_are_left_out() -> None:
     both = np.concatenate((recording.positions, recording.positions + (0.0, 1.0, 0.0)), axis=1)
     names = [f"{who}:{label}" for who in ("Anna", "Bo") for label in LABELS]
     two = MarkerRecording(recording.time, tuple(names), both, up="z")
-    with pytest.raises(RecordingError, match="markers of 2 humans, Anna, Bo: say whose"):
+    with pytest.raises(RecordingError, match="markers of 2 humans, Anna, Bo: choose one"):
         human_motion(two, mass=72.0)
     with pytest.raises(UnknownNameError, match="did you mean 'Anna'"):
         human_motion(two, mass=72.0, subject="Ana")
@@ -602,7 +605,7 @@ def test_one_of_two_humans_is_asked_for_and_other_things_are_left_out() -> None:
     racket = [name.replace("Bo:", "Racket:") for name in names[: len(LABELS) + 3]]
     with_racket = MarkerRecording(recording.time, tuple(racket), both[:, : len(racket)], up="z")
     anna = human_motion(with_racket, mass=72.0)
-    assert "markers of other things left out: Racket" in anna.notes
+    assert "markers of other objects left out: Racket" in anna.notes
     assert anna.rms < 1e-3 and not any("off the fit" in note for note in anna.notes)
     mixed = recording.positions.copy()
     mixed[:, ::3, 0] += 0.3 * np.sin(40.0 * recording.time)[:, None]  # as of who walks elsewhere
@@ -630,8 +633,8 @@ def test_continuous_postures_whose_branches_are_chance_are_the_same_and_do_not_l
         other = leaping[:, k : k + 3] * (1.0, -1.0, 1.0) + (np.pi, middle, np.pi)
         leaping[folded, k : k + 3] = other[folded]
     leaping += 2.0 * np.pi * rng.integers(-1, 2, leaping.shape)
-    found = continuous(Poses(truth.position, truth.rotation, leaping))
-    there, here = (place(one, BODY.dimensions) for one in (truth, found))
+    found = unwrap_joints(Poses(truth.position, truth.rotation, leaping))
+    there, here = (forward_kinematics(one, BODY.dimensions) for one in (truth, found))
     assert np.abs(here.rotation - there.rotation).max() < 1e-9
     assert np.abs(here.origin - there.origin).max() < 1e-9
     assert np.abs(found.angles - truth.angles).max() < 1e-9
@@ -652,7 +655,7 @@ def test_a_human_that_waves_overhead_keeps_its_hand_through_the_filter() -> None
     hand = SEGMENT_NAMES.index("right_hand")
     robot = human.motion.robot
     seen = np.array([robot.snapshot(q).position("right_hand") for q in series.q])
-    true = place(poses, BODY.dimensions).origin[:, hand]
+    true = forward_kinematics(poses, BODY.dimensions).origin[:, hand]
     true = np.column_stack([np.interp(series.time, time, one) for one in true.T])
     inner = slice(20, -20)
     assert np.linalg.norm(seen - true, axis=1)[inner].max() < 0.05
@@ -666,7 +669,7 @@ LEGS_ONLY = (  # noqa: SIM905
 def test_markers_of_legs_only_hold_the_trunk_upright_and_say_so() -> None:
     recording, poses = recorded(BODY, labels=LEGS_ONLY, seconds=2.0)
     human = human_motion(recording, mass=72.0)
-    assert any("no marker tells how the trunk leans" in note for note in human.notes)
+    assert any("no marker tells the lean of the trunk" in note for note in human.notes)
     assert human.rms < 2e-3
     states = [human.motion.robot.snapshot(q) for q in configurations_of(human)]
     upright = [state.rotation("trunk")[2, 2] for state in states]
@@ -681,9 +684,9 @@ def test_a_trunk_without_markers_leans_as_far_as_a_pelvis_tilts_beyond_its_swing
 ) -> None:
     turned = rotations(np.array([[0.0, 0.0, 0.7]])) @ rotations(np.array([[0.0, tilt, 0.0]]))
     poses = Poses(np.zeros((1, 3)), turned, np.zeros((1, len(HINGES))))
-    placed = place(upright_trunk(poses), BODY.dimensions)
+    placed = forward_kinematics(upright_trunk(poses), BODY.dimensions)
     trunk = placed.rotation[0, SEGMENT_NAMES.index("trunk")]
-    lean = np.sign(tilt) * max(abs(tilt) - SWINGS, 0.0)
+    lean = np.sign(tilt) * max(abs(tilt) - PELVIS_TILT, 0.0)
     wanted = rotations(np.array([[0.0, 0.0, 0.7]])) @ rotations(np.array([[0.0, lean, 0.0]]))
     np.testing.assert_allclose(trunk, wanted[0], atol=1e-12)
 
@@ -691,7 +694,7 @@ def test_a_trunk_without_markers_leans_as_far_as_a_pelvis_tilts_beyond_its_swing
 def test_one_marker_on_the_trunk_is_enough_and_named() -> None:
     recording, poses = recorded(BODY, labels=[*LEGS_ONLY, "C7"], seconds=2.0)
     human = human_motion(recording, mass=72.0)
-    assert "of the trunk only c7 is known: how it tilts is less certain" in human.notes
+    assert "of the trunk only c7 is known: its tilt is less certain" in human.notes
     com = np.array([human.motion.robot.snapshot(q).com for q in configurations_of(human)])
     assert np.abs(com - com_of(BODY, poses)).max() < 0.03
 
@@ -724,5 +727,5 @@ def test_a_static_trial_of_few_frames_is_as_good_as_a_long_one(tmp_path, frames:
 def test_a_stature_that_limbs_contradict_is_told(said: float, told: bool) -> None:
     recording, _ = recorded(BODY, seconds=0.5)
     human = human_motion(recording, mass=72.0, stature=said)
-    notes = [note for note in human.notes if f"m tall, {said:g} m was said" in note]
+    notes = [note for note in human.notes if f"m tall, {said:g} m was given" in note]
     assert bool(notes) is told and human.body.stature == said

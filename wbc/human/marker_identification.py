@@ -1,4 +1,4 @@
-"""Which markers of a recording are known, and which of its axes points up."""
+"""Identification of a recording's markers by name, and of its vertical axis."""
 
 from __future__ import annotations
 
@@ -8,38 +8,46 @@ from itertools import combinations
 import numpy as np
 
 from wbc.errors import listed
-from wbc.human.landmarks import Landmark, lacking, landmark, landmarks_of, tells_trunk
+from wbc.human.landmarks import (
+    Landmark,
+    identifies_trunk,
+    landmark,
+    landmarks_of,
+    missing_landmarks,
+)
 from wbc.human.markers import UPS, MarkerRecording
 from wbc.motion.table import RecordingError
 from wbc.validate import Array
 
-UPRIGHT = 0.8  # cosine between the way from feet to trunk and the axis that is taken for up
-LYING = 0.5  # the same: with less the axis that was said is not up, or the human lies
-MIRRORED = -0.2  # of the volume that left, up and the way of the toes span, which is 0.4 to 1
-NEAR, UNLIKE = 0.05, 0.05  # m between markers, and how far these may be apart in two trials of one
+# Cosine between the vector from feet to trunk and the vertical axis: at least the first for an axis
+# to be found; below the second a given axis is not up, or the human lies.
+UPRIGHT, LYING = 0.8, 0.5
+MIRRORED = -0.2  # triple product of left, up and toe direction, unit vectors: 0.4 to 1 if not
+# m, least distance of compared markers; relative difference of distances of the same human.
+MIN_DISTANCE, MAX_DIFFERENCE = 0.05, 0.05
 TOES, HEELS = ("toe", "metatarsal_1", "metatarsal_5"), ("heel", "ankle_lateral", "ankle_centre")
 
 
-def known_markers(
+def identify_markers(
     recording: MarkerRecording, static: MarkerRecording | None
 ) -> tuple[tuple[str, ...], tuple[Landmark, ...], tuple[str, ...]]:
-    """Return labels and landmarks of the markers that can be used, and notes on the others.
+    """Return labels and landmarks of the usable markers, and notes on the others.
 
-    Those of the recording come first; behind them those that only the static trial has.
+    Markers that only the static trial has come last.
 
     Raises
     ------
     RecordingError
-        A fit cannot do without what is not there.
+        Markers that a fit needs are missing.
     """
     found, unknown = dict[str, Landmark](), list[str]()
     for one in (recording, *(() if static is None else (static,))):
         given = one.landmarks or (None,) * len(one.labels)
-        meant = landmarks_of(one.labels)
+        by_name = landmarks_of(one.labels)
         for label, mark in zip(one.labels, given, strict=True):
             # Plug-in Gait writes its segments' axes as if they were markers: LCLA is no clavicle.
             axis = label[-1:] in "OALP" and all(label[:-1] + end in one.labels for end in "OALP")
-            name = None if axis else meant.get(label)
+            name = None if axis else by_name.get(label)
             if mark is None and name is None:
                 unknown += [label] if label not in unknown else []
             elif label not in found:
@@ -52,18 +60,18 @@ def known_markers(
     ]
     own = [label for label in recording.labels if label in found and label not in empty]
     if not recording.landmarks:
-        still = [found[one].name for one in static.labels if one in found] if static else []
-        wanted = lacking([found[label].name for label in own], still)
-        if wanted:
+        standing = [found[one].name for one in static.labels if one in found] if static else []
+        missing = missing_landmarks([found[label].name for label in own], standing)
+        if missing:
             raise RecordingError(
-                f"markers that a human needs are not there: {'; '.join(wanted)}. Known by name:"
+                f"markers that a fit needs are missing: {'; '.join(missing)}. Known by name:"
                 f" {listed([f'{n} ({found[n].name})' for n in own], 20) or 'none'}; not known:"
                 f" {listed(unknown, 20) or 'none'}. Rename them, as in Plug-in Gait",
                 recording.source,
             )
     notes = list[str]()
     if unknown:
-        notes.append(f"markers of no known place left out: {listed(unknown, 8)}")
+        notes.append(f"markers of unknown names left out: {listed(unknown, 8)}")
     if empty:
         notes.append(f"markers never seen: {listed(empty, 8)}")
     rest = [label for label in found if label not in own and label not in empty]
@@ -73,65 +81,68 @@ def known_markers(
         if 0 < len(kinds) < 3 and not recording.landmarks:
             pair = len({one.partition("_")[2] for one in kinds}) < len(kinds) == 2
             few = f"the {both} are" if pair else f"{listed(sorted(kinds), 3)} is"
-            notes.append(f"of the {part} only {few} known: how it tilts is less certain")
-    arms = {found[n].segment for n in own}
-    without = [s for s in ("head", "left_forearm", "right_forearm") if s not in arms]
-    if not tells_trunk(found[n] for n in own):
+            notes.append(f"of the {part} only {few} known: its tilt is less certain")
+    segments = {found[n].segment for n in own}
+    without = [s for s in ("head", "left_forearm", "right_forearm") if s not in segments]
+    if not identifies_trunk(found[n] for n in own):
         notes.append(
-            "no marker tells how the trunk leans: it is held upright over the pelvis, head and arms"
-            " as they usually are; forces and CoP are less certain"
+            "no marker tells the lean of the trunk: it is held upright over the pelvis, head and"
+            " arms are neutral; forces and CoP are less certain"
         )
     elif without:
-        notes.append(f"no markers on {', '.join(without)}: held as they usually are")
+        notes.append(f"no markers on {', '.join(without)}: held in their neutral posture")
     return names, tuple(found[name] for name in names), tuple(notes)
 
 
-def upright(
+def rotate_z_up(
     recording: MarkerRecording, names: tuple[str, ...], marks: tuple[Landmark, ...], up: str | None
 ) -> tuple[MarkerRecording, tuple[str, ...]]:
-    """Return the recording with z up, and a note if that axis was found, or is not the one said.
+    """Return the recording with z up, and a note if the axis was found, or seems not to be up.
 
     Raises
     ------
     RecordingError
-        From feet to trunk leads along none of the axes; or left is right of where toes point.
+        The vector from feet to trunk is along none of the axes; or left and right are exchanged.
     """
     axis = up if up is not None else recording.up
-    high = _middle(recording, names, marks, lambda mark: mark.segment in ("trunk", "pelvis"))
-    low = _middle(recording, names, marks, lambda mark: mark.segment.endswith(("foot", "shank")))
+    high = _mean_position(recording, names, marks, lambda mark: mark.segment in ("trunk", "pelvis"))
+    low = _mean_position(
+        recording, names, marks, lambda mark: mark.segment.endswith(("foot", "shank"))
+    )
     _check_sides(recording, names, marks, high - low)
-    way = np.nanmedian(high, axis=0) - np.nanmedian(low, axis=0)
-    way /= np.linalg.norm(way)
-    k = int(np.abs(way).argmax())
+    up_vector = np.nanmedian(high, axis=0) - np.nanmedian(low, axis=0)
+    up_vector /= np.linalg.norm(up_vector)
+    k = int(np.abs(up_vector).argmax())
     if axis is not None:
-        lies = axis in UPS and way["xyz".index(axis)] < LYING
-        leads = f"{'-' * bool(way[k] < 0.0)}{'xyz'[k]}"
+        lies = axis in UPS and up_vector["xyz".index(axis)] < LYING
+        found = f"{'-' * bool(up_vector[k] < 0.0)}{'xyz'[k]}"
         note = (
-            f"{axis} taken for up, as was said, but from feet to trunk leads {leads}: does it lie?"
+            f"{axis} taken for up, as given, but the trunk is along {found} of the feet: does the"
+            " human lie?"
         )
         return recording.upright(axis), (note,) if lies else ()
-    if way[k] < -UPRIGHT:
+    if up_vector[k] < -UPRIGHT:
         raise RecordingError(
-            f"from feet to trunk leads -{'xyz'[k]}: its {'xyz'[k]} axis points down, as a camera's"
-            " (negate two axes), or the human sits or lies: say which one points up (up)",
+            f"the trunk is along -{'xyz'[k]} of the feet: its {'xyz'[k]} axis points down, as a"
+            " camera's (negate two axes), or the human sits or lies: say which axis is up (up)",
             recording.source,
         )
-    if not way[k] > UPRIGHT:
+    if not up_vector[k] > UPRIGHT:
         raise RecordingError(
-            f"from feet to trunk leads ({way[0]:.2f}, {way[1]:.2f}, {way[2]:.2f}), along none of"
-            " the axes x, y, z: say which one points up (up)",
+            f"the trunk is along ({', '.join(f'{v:.2f}' for v in up_vector)}) of the feet, along"
+            " none of the axes x, y, z: say which one is up (up)",
             recording.source,
         )
-    return recording.upright("xyz"[k]), (f"{'xyz'[k]} taken for up, from feet to trunk",)
+    return recording.upright("xyz"[k]), (f"{'xyz'[k]} taken for up, by the trunk above the feet",)
 
 
 def _check_sides(
     recording: MarkerRecording, names: tuple[str, ...], marks: tuple[Landmark, ...], up: Array
 ) -> None:
-    """Raise RecordingError where left is on the right of where toes point; ``up``: (n, 3)."""
+    """Raise RecordingError if left and right contradict the toes' direction; ``up``: (n, 3)."""
 
-    def middle(side: str, segments: Sequence[str] = (), kinds: Sequence[str] = ()) -> Array:
-        return _middle(
+    def mean_position(side: str, segments: Sequence[str] = (), kinds: Sequence[str] = ()) -> Array:
+        return _mean_position(
             recording,
             names,
             marks,
@@ -142,27 +153,27 @@ def _check_sides(
         )
 
     body = ("pelvis", "trunk")
-    left = middle("left_", body) - middle("right_", body)
-    feet = [middle(s, (), TOES) - middle(s, (), HEELS) for s in ("left_", "right_")]
+    left = mean_position("left_", body) - mean_position("right_", body)
+    feet = [mean_position(s, (), TOES) - mean_position(s, (), HEELS) for s in ("left_", "right_")]
     forward = feet[0] + feet[1]
     sizes = [np.linalg.norm(one, axis=1) for one in (left, up, forward)]
     with np.errstate(invalid="ignore", divide="ignore"):
         volume = (np.cross(left, up) * forward).sum(axis=1) / np.prod(sizes, axis=0)
     if np.isfinite(volume).any() and float(np.nanmedian(volume)) < MIRRORED:
         raise RecordingError(
-            "its left side is on the right of where its toes point: its axes are left-handed, as"
-            " Unity's, or its sides are exchanged; negate one axis, or rename the markers",
+            "by the direction of its toes its left side is on the right: its axes are left-handed,"
+            " as Unity's, or its sides are exchanged; negate one axis, or rename the markers",
             recording.source,
         )
 
 
-def _middle(
+def _mean_position(
     recording: MarkerRecording,
     names: tuple[str, ...],
     marks: tuple[Landmark, ...],
     which: Callable[[Landmark], bool],
 ) -> Array:
-    """Return the mean (n, 3) of those of some markers that are seen; NaN where none is."""
+    """Return the mean position (n, 3) of the seen ones of some markers; NaN where none is."""
     columns = [
         recording.labels.index(name)
         for name, mark in zip(names, marks, strict=True)
@@ -174,13 +185,13 @@ def _middle(
         return np.asarray(np.where(seen, places, 0.0).sum(axis=1) / seen.sum(axis=1))
 
 
-def other_human(
+def static_trial_notes(
     recording: MarkerRecording,
     static: MarkerRecording,
     names: Sequence[str],
     marks: Sequence[Landmark],
 ) -> tuple[str, ...]:
-    """Return a note on a static trial whose human seems to be another one than the recording's.
+    """Return a note on a static trial that seems to be of another human than the recording.
 
     By distances between markers of one segment: of one human they differ by 1 to 2 % in the median.
     """
@@ -192,15 +203,15 @@ def other_human(
     ratios = list[float]()
     for pair in combinations(segments, 2):
         if segments[pair[0]] == segments[pair[1]]:
-            still, moved = _distance(static, *pair), _distance(recording, *pair)
-            if min(still, moved) > NEAR:
-                ratios.append(still / moved)
+            standing, moving = _distance(static, *pair), _distance(recording, *pair)
+            if min(standing, moving) > MIN_DISTANCE:
+                ratios.append(standing / moving)
     if not ratios:
         return (
-            "the static trial shares no two markers of a segment with the recording: whether it is"
-            " the same human cannot be told",
+            "the static trial shares no two markers of a segment with the recording: it cannot be"
+            " checked that it is the same human",
         )
-    if np.median(np.abs(np.log(ratios))) < UNLIKE:
+    if np.median(np.abs(np.log(ratios))) < MAX_DIFFERENCE:
         return ()
     return (
         f"markers of the static trial are {np.median(ratios):.2f} times as far apart on their"

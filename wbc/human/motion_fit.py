@@ -1,0 +1,412 @@
+"""From markers to a human's motion: body, postures, contacts and quality of the fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError, listed
+from wbc.human.anthropometry import MEAN_BODY_MASS_INDEX, check_build, check_sex
+from wbc.human.body import HumanBody
+from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
+from wbc.human.comparison import plates_mass
+from wbc.human.contacts import Bools, chosen_cutoff, feet_down, nearest_rows
+from wbc.human.fit import (
+    MarkerSet,
+    escape_local_minima,
+    fit_poses,
+    residuals,
+    unwrap_joints,
+    upright_trunk,
+)
+from wbc.human.gaps import (
+    fill_gaps_by_fit,
+    interpolate_gaps,
+    longest_without_jump,
+    remove_ghosts,
+    swap_back,
+    while_in_view,
+)
+from wbc.human.kinematics import Poses, forward_kinematics
+from wbc.human.landmarks import Landmark, identifies_trunk
+from wbc.human.marker_identification import identify_markers, rotate_z_up, static_trial_notes
+from wbc.human.markers import MarkerRecording
+from wbc.human.residual_noise import ResidualNoise, residual_noise
+from wbc.human.roll_over import SWAY, SWAY_WITHOUT_TRUNK, roll_over_correction
+from wbc.human.skeleton import configurations, human_robot
+from wbc.human.soles import ground_and_soles
+from wbc.human.subjects import select_subject
+from wbc.human.treadmill import belt_velocity, in_belt_frame
+from wbc.kinds import check_kind
+from wbc.motion.analysis import analyze
+from wbc.motion.dropouts import Dropout
+from wbc.motion.filtering import low_passed
+from wbc.motion.recording import LONGEST_GAP, Motion
+from wbc.motion.series import RmpSeries
+from wbc.motion.smoothing import even_grid, on_grid
+from wbc.robot import Robot
+from wbc.robot.limits import BASE_NQ
+from wbc.robot.series import sole_series
+from wbc.validate import Array, finite_number
+
+STATIC_FRAMES = 6  # of a static trial, which hardly differ
+MIN_CUTOFF_PERIODS = 2.0  # in a recording that is low-passed
+NOTED_OFFSET = 2.0  # N, of an unloaded plate
+MASS_TOLERANCE = 0.05  # of the given mass; more difference of the plates' is noted
+MAX_SPEED = 13.0  # m/s: somewhat above the fastest human
+# A note is due where the ground pulls by more than this part of the weight in this part of frames.
+MAX_PULL, PULL_QUANTILE = 1.0, 0.05
+MIN_CUTOFF = 3.0  # Hz: with a lower one, of few frames a second, forces of steps are lost
+MAX_RMS = 0.06  # m: a fit with more is not of a human
+
+
+@dataclass(frozen=True, eq=False)
+class HumanMotion:
+    """A human's motion, fitted to markers; made by :func:`wbc.human.human_motion`.
+
+    Attributes
+    ----------
+    motion:
+        For :func:`wbc.analyze`; its robot is the human.
+    body:
+        The human's dimensions, mass, stature and sex.
+    recording:
+        The markers, z up, gaps filled; and force plates.
+    markers:
+        Names and places of the fitted ones, in the order of ``residual``.
+    residual:
+        Fitted less observed marker positions (n, m, 3) [m]; NaN where not seen.
+    down:
+        Which feet touch the ground (n, f), by height and speed.
+    cutoff:
+        Low-pass for this motion [Hz]: 2.4 times its steps per second, 6 Hz without steps.
+    ground_height:
+        Height of the ground [m].
+    noise:
+        Uncertainty of the posture by markers and skin, for ``analyze(noise=...)``.
+    notes:
+        What was guessed, left out and tolerated.
+    """
+
+    motion: Motion
+    body: HumanBody
+    recording: MarkerRecording
+    markers: MarkerSet
+    residual: Array
+    down: Bools
+    cutoff: float
+    ground_height: float
+    noise: ResidualNoise
+    notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        span = f"{len(self.motion.time)} frames, {1e3 * self.rms:.1f} mm rms"
+        return f"HumanMotion({self.body!r}, {span})"
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of all markers' residuals [m]."""
+        return float(np.sqrt(np.nanmean((self.residual**2).sum(axis=2))))
+
+    @property
+    def rms_by_marker(self) -> dict[str, float]:
+        """The same by marker [m], without those that were never seen."""
+        squares = (self.residual**2).sum(axis=2)
+        return {
+            name: float(np.sqrt(np.nanmean(column)))
+            for name, column in zip(self.markers.names, squares.T, strict=True)
+            if np.isfinite(column).any()
+        }
+
+
+def human_motion(
+    recording: MarkerRecording,
+    *,
+    static: MarkerRecording | None = None,
+    subject: str | None = None,
+    mass: float | None = None,
+    stature: float | None = None,
+    sex: str = "male",
+    up: str | None = None,
+    ground_height: float | None = None,
+    longest_gap: float = LONGEST_GAP,
+    by_steps: bool = True,
+) -> HumanMotion:
+    """Fit a human of rigid segments to markers.
+
+    Markers are identified by their names (see :mod:`wbc.human.landmarks`). Dimensions, marker
+    places and postures of key frames are calibrated together, then all frames are fitted.
+
+    Parameters
+    ----------
+    static:
+        A trial in which the same human stands, at least one frame; may have more markers
+        (``read_markers(path, standing=True)``).
+    subject:
+        The human, where there are several: the part of its labels before the colon.
+    mass:
+        [kg]; None: as the force plates weigh it, or without them by the stature.
+    stature:
+        [m]; None: by the calibrated lengths.
+    sex:
+        ``male`` or ``female``: which table of segments is used.
+    up:
+        Vertical axis of the file, ``x``, ``y`` or ``z``; None: the recording's, or the one from
+        feet to trunk.
+    ground_height:
+        [m]; None: 0, unless the feet contradict it.
+    longest_gap:
+        Longest gap [s] of a marker that is interpolated; in longer ones it follows the fit.
+    by_steps:
+        Whether the body is displaced by some mm so that its CoP rolls over the soles in steps; see
+        :mod:`wbc.human.roll_over`.
+
+    Raises
+    ------
+    RecordingError
+        Markers that a fit needs are missing or have unknown names; several humans; no axis is up.
+    UnknownNameError
+        No subject of that name.
+    InvalidInputError
+        Numbers that are not positive, mass or stature that no human has, another sex or axis.
+    """
+    example = "read_markers(path)"
+    check_kind("human_motion, recording", recording, MarkerRecording, example)
+    check_kind("human_motion, static", static, MarkerRecording, example, or_none=True)
+    check_sex(sex)
+    recording.check_moving()
+    longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
+    mass, stature = check_build(mass, stature)
+    recording, static, names, marks, notes = _prepare(recording, static, subject, up)
+    standing = _static_frames(static, names, up, marks)
+    fit = _fit_markers(recording, standing, names, marks, stature, longest_gap)
+    found, poses, time = fit.calibration, fit.poses, recording.time
+    body = HumanBody(found.dimensions, 70.0 if mass is None else mass, found.stature, sex)
+    frames = forward_kinematics(poses, body.dimensions)
+    ground, soles, more = ground_and_soles(frames, time, body, ground_height)
+    notes += found.notes + more
+    robot = human_robot(body, soles)
+    q = configurations(robot, poses)
+    motion = _motion(robot, recording, q, fit.dropouts)
+    down, cutoff = _contacts(motion, q, ground)
+    weighed = None
+    if cutoff * (time[-1] - time[0]) > MIN_CUTOFF_PERIODS:
+        series = analyze(motion, cutoff=cutoff, noise=None, feet=None, ground_height=ground)
+        contacts = down[nearest_rows(time, series.time)]
+        weighed, more = plates_mass(series, recording.plates, contacts)
+        notes += more + _pull_note(series) + _rate_note(recording.rate, cutoff)
+        if by_steps:
+            sway = SWAY if fit.trunk else SWAY_WITHOUT_TRUNK
+            shift, more = roll_over_correction(series, contacts, found.stature, sway)
+            q[:, :2] += np.column_stack([np.interp(time, series.time, one) for one in shift.T])
+            notes += more
+    if mass is None:
+        guess = MEAN_BODY_MASS_INDEX[sex] * found.stature**2
+        notes += _mass_note(weighed, guess, bool(recording.plates))
+        body = replace(body, mass=guess if weighed is None else weighed)
+        robot = human_robot(body, soles)
+    elif weighed is not None and abs(weighed - mass) > MASS_TOLERANCE * mass:
+        notes += (f"the force plates weighed {weighed:.1f} kg, {mass:g} kg was given",)
+    motion = _motion(robot, recording, q, fit.dropouts)
+    residual = fit.residual
+    notes += _fit_note(residual) + _speed_note(time, q[:, :3])
+    noise = residual_noise(
+        time, poses, fit.observed, residual, found.markers, found.dimensions, robot
+    )
+    return HumanMotion(
+        motion, body, recording, found.markers, residual, down, cutoff, ground, noise, notes
+    )
+
+
+def _prepare(
+    recording: MarkerRecording, static: MarkerRecording | None, subject: str | None, up: str | None
+) -> tuple[
+    MarkerRecording, MarkerRecording | None, tuple[str, ...], tuple[Landmark, ...], tuple[str, ...]
+]:
+    """Return the recording of one human on ground at rest, z up, its markers, and notes."""
+    recording, others = select_subject(recording, subject)
+    if static is not None and any(":" in label for label in static.labels):
+        static, _ = select_subject(static, subject)
+    names, marks, notes = identify_markers(recording, static)
+    if static is not None:
+        notes += static_trial_notes(recording, static, names, marks)
+    recording, view = while_in_view(recording, names)
+    recording, jumps = longest_without_jump(recording, names)
+    recording, axis = rotate_z_up(recording, names, marks, up)
+    recording, offsets = _tare_plates(recording)
+    notes = (*recording.notes, *others, *notes, *view, *jumps, *offsets)
+    belt = belt_velocity(recording, names, marks)
+    if belt.any():
+        recording = in_belt_frame(recording, belt)
+        speed = float(np.linalg.norm(belt))
+        notes += (
+            f"feet that stand move at {speed:.2f} m/s: a treadmill, taken in its belt's frame",
+        )
+    return recording, static, names, marks, notes + axis
+
+
+def _tare_plates(recording: MarkerRecording) -> tuple[MarkerRecording, tuple[str, ...]]:
+    """Return the recording with the offsets of unloaded plates subtracted, and notes."""
+    tared = [plate.tared() for plate in recording.plates]
+    plates = tuple(plate for plate, _ in tared)
+    offsets = [f"{plate.name} {force:.0f} N" for plate, force in tared if force > NOTED_OFFSET]
+    notes = [f"offsets of unloaded plates subtracted: {listed(offsets, 8)}"] if offsets else []
+    largest = sum(np.abs(plate.force).max(axis=0) for plate in plates)
+    if plates and max(largest[:2]) > largest[2]:
+        notes.append(
+            "force plates push sideways more than up: their file has other axes than the markers'"
+        )
+    return recording.with_plates(plates), tuple(notes)
+
+
+class _MarkerFit(NamedTuple):
+    """Postures fitted to markers."""
+
+    calibration: Calibration
+    poses: Poses
+    observed: Array  # (n, m, 3) [m], repaired
+    residual: Array  # (n, m, 3) [m], NaN where not seen
+    dropouts: tuple[Dropout, ...]
+    trunk: bool  # whether markers tell its lean
+
+
+def _fit_markers(
+    recording: MarkerRecording, standing: Array, names: tuple[str, ...],
+    marks: tuple[Landmark, ...], stature: float | None, longest_gap: float,
+) -> _MarkerFit:  # fmt: skip
+    """Fit a human to the markers of a recording, z up, and to frames of a static trial."""
+    time = recording.time
+    columns = [recording.labels.index(n) for n in names if n in recording.labels]
+    own = names[: len(columns)]
+    given = recording.landmarks or (None,) * len(recording.labels)
+    fixed = np.array([given[k] is not None for k in columns])
+    observed, swaps = swap_back(time, recording.positions[:, columns], own, fixed)
+    observed, gaps = interpolate_gaps(time, observed, own, longest_gap)
+    extra = len(names) - len(columns)
+    observed = np.concatenate((observed, np.full((len(time), extra, 3), np.nan)), axis=1)
+    frames = key_frames(observed, KEY_FRAMES)
+    found = calibrate(np.concatenate((standing, observed[frames])), names, marks, stature)
+    poses = _fit_all_frames(found, len(standing), frames, observed)
+    observed, more = _repair(time, observed, poses, found)
+    if more:
+        poses, _ = fit_poses(poses, observed, found.markers, found.dimensions)
+        poses = unwrap_joints(poses)
+    residual = residuals(poses, observed, found.markers, found.dimensions)
+    trunk = identifies_trunk(marks[: len(columns)])
+    if not trunk:
+        poses = upright_trunk(poses)
+    missing = ~np.isfinite(recording.positions[:, columns]).all(axis=2)
+    residual[:, : len(columns)][missing] = np.nan
+    dropouts = tuple(sorted((*swaps, *gaps, *more), key=lambda one: one.start))
+    return _MarkerFit(found, poses, observed, residual, dropouts, trunk)
+
+
+def _static_frames(
+    static: MarkerRecording | None,
+    names: tuple[str, ...],
+    up: str | None,
+    marks: tuple[Landmark, ...],
+) -> Array:
+    """Return some frames (k, m, 3) of a static trial, z up; none without one."""
+    if static is None:
+        return np.zeros((0, len(names), 3))
+    own_names = tuple(name for name in names if name in static.labels)
+    own_marks = tuple(
+        mark for name, mark in zip(names, marks, strict=True) if name in static.labels
+    )
+    standing, _ = rotate_z_up(static, own_names, own_marks, up)
+    found = np.full((len(static.time), len(names), 3), np.nan)
+    for k, name in enumerate(names):
+        if name in static.labels:
+            found[:, k] = standing.positions[:, static.labels.index(name)]
+    if not np.isfinite(found).any():
+        raise InvalidInputError(f"{static.source}: it shares no marker with the recording")
+    frames = key_frames(found, STATIC_FRAMES)
+    return found[np.resize(frames, STATIC_FRAMES)]  # a single frame has the weight of six
+
+
+def _fit_all_frames(
+    found: Calibration, static_count: int, frames: NDArray[np.intp], observed: Array
+) -> Poses:
+    """Return the postures of all frames, with those of the nearest key frames as initial guess."""
+    nearest = np.abs(frames[None] - np.arange(len(observed))[:, None]).argmin(axis=1)
+    start = found.poses[static_count + nearest]
+    poses, cost = fit_poses(start, observed, found.markers, found.dimensions)
+    poses = escape_local_minima(poses, cost, observed, found.markers, found.dimensions)
+    poses, _ = fit_poses(unwrap_joints(poses), observed, found.markers, found.dimensions)
+    return unwrap_joints(poses)
+
+
+def _repair(
+    time: Array, observed: Array, poses: Poses, found: Calibration
+) -> tuple[Array, list[Dropout]]:
+    """Return markers without ghosts and gaps, and which there were."""
+    names = found.markers.names
+    fitted = found.markers.positions(forward_kinematics(poses, found.dimensions))
+    observed, ghosts = remove_ghosts(time, observed, fitted, names)
+    observed, gaps = fill_gaps_by_fit(time, observed, fitted, names)
+    gaps = [one for one in gaps if not any(one.columns == g.columns for g in ghosts)]
+    return observed, [*ghosts, *gaps]
+
+
+def _motion(
+    robot: Robot, recording: MarkerRecording, q: Array, dropouts: tuple[Dropout, ...]
+) -> Motion:
+    return Motion(robot, recording.time, q[:, BASE_NQ:], q[:, :BASE_NQ], dropouts, recording.source)
+
+
+def _contacts(motion: Motion, q: Array, ground: float) -> tuple[Bools, float]:
+    """Return which feet are down (n, f), and the cutoff [Hz] by the steps."""
+    grid, rate = even_grid(motion.time)
+    values = on_grid(motion.time, q, grid)
+    low = min(10.0, 0.4 * rate)
+    if low * len(grid) > MIN_CUTOFF_PERIODS * rate:
+        values = low_passed(values, rate, low)
+    values[:, 3:BASE_NQ] /= np.linalg.norm(values[:, 3:BASE_NQ], axis=1)[:, None]
+    down = feet_down(motion.robot, sole_series(motion.robot, values), grid, ground)
+    return down[nearest_rows(grid, motion.time)], min(chosen_cutoff(down, grid), 0.45 * rate)
+
+
+def _speed_note(time: Array, position: Array) -> tuple[str, ...]:
+    speed = float(np.median(np.linalg.norm(np.gradient(position, time, axis=0), axis=1)))
+    if speed <= MAX_SPEED:
+        return ()
+    return (f"it moves at {speed:.0f} m/s: are its lengths and times in the right units?",)
+
+
+def _pull_note(series: RmpSeries) -> tuple[str, ...]:
+    pull = -float(np.quantile(series.ground_force[:, 2], PULL_QUANTILE)) / series.robot.weight
+    if pull <= MAX_PULL:
+        return ()
+    what = f"the ground would have to pull by {pull:.1f} times the weight"
+    return (f"{what}: are its times and lengths in the right units?",)
+
+
+def _rate_note(rate: float, cutoff: float) -> tuple[str, ...]:
+    if cutoff >= MIN_CUTOFF:
+        return ()
+    return (
+        f"{rate:.3g} frames a second show nothing above {cutoff:.2g} Hz: forces are too smooth",
+    )
+
+
+def _fit_note(residual: Array) -> tuple[str, ...]:
+    rms = float(np.sqrt(np.nanmean((residual**2).sum(axis=2))))
+    if rms <= MAX_RMS:
+        return ()
+    return (
+        f"markers are {1e3 * rms:.0f} mm off the fit: they are not one human's, or their names"
+        " mean other places",
+    )
+
+
+def _mass_note(weighed: float | None, guess: float, plates: bool) -> tuple[str, ...]:
+    if weighed is not None:
+        return (f"mass {weighed:.1f} kg, as weighed by the force plates",)
+    why = "no frame has all feet on force plates" if plates else "there are no force plates"
+    return (
+        f"mass guessed by the stature, {guess:.0f} kg ({why}): forces scale with it; give mass",
+    )
