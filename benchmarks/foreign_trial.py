@@ -16,7 +16,7 @@ import wbc
 from wbc import Robot
 from wbc.errors import WbcError
 from wbc.gait import Velocity, Walker
-from wbc.gait.commanded import CommandedWalk, TimedCommand
+from wbc.gait.scheduled_walk import ScheduledWalk, TimedCommand
 from wbc.robot.formats.mjcf_balls import hinge_angles
 from wbc.robot.postures import stands
 from wbc.rotations import exp_rotation
@@ -215,7 +215,7 @@ def walking(robot: Robot) -> dict[str, Any]:
     usual = max(SLOWEST, FROUDE * float(np.sqrt(robot.gravity * start.com[2])))
     speed = min(usual, walker.limits.forwards)
     plant = Plant(robot, dt=DT)
-    walk = CommandedWalk(
+    walk = ScheduledWalk(
         walker, [TimedCommand(0.2, Velocity(speed, 0.0, 0.0))], lambda: plant.felt_forces
     )
     begin = float(plant.com[0])

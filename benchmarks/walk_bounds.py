@@ -31,10 +31,10 @@ from scipy.optimize import linprog
 from walk_pushes import LASTING, PHASES, SIDES, SPEED
 
 from wbc.gait import Velocity, Walker
-from wbc.gait.adaptation import FAR
+from wbc.gait.adaptation import REST_RANGE
 from wbc.gait.dcm import shift_gain
 from wbc.gait.footsteps import SIGN, Footsteps, other
-from wbc.gait.reference import HASTE, LONGEST, QUICKEST
+from wbc.gait.reference import CATCH_ACCELERATION, MAX_TIME_RATIO, MIN_TIME_RATIO
 from wbc.gait.whole_body import heaviest_link
 from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.validate import Array
@@ -96,7 +96,7 @@ def walks(name: str, side: str, rate: float, turn: float) -> Walk:
         gait.single,
         gait.double,
         (reach[0], reach[1]),
-        HASTE * limits.swing,
+        CATCH_ACCELERATION * limits.swing,
         half,
         (1.0 + above / gait.height) / (mass * omega),
         above / (mass * gait.height),
@@ -187,7 +187,7 @@ def captured(walk: Walk, start: Start, times: Sequence[float]) -> float:
         upper += [way, -way]
         most += [high, -low]
         # At rest in time: from where it is and as fast as it is, or from where it stood.
-        T, far = time, FAR * walk.acceleration * time**2
+        T, far = time, REST_RANGE * walk.acceleration * time**2
         if k == 0:
             from_, reached = np.zeros(count), start.foot + 0.5 * T * start.rate
         else:
@@ -247,7 +247,9 @@ def improved(walk: Walk, start: Start, times: Sequence[float]) -> tuple[float, l
     while best > before + LEAST:
         before = best
         for k in range(STEPS):
-            for time in choices(walk, start.elapsed if k == 0 else 0.0, LONGEST * walk.single):
+            for time in choices(
+                walk, start.elapsed if k == 0 else 0.0, MAX_TIME_RATIO * walk.single
+            ):
                 tried = [*kept[:k], time, *kept[k + 1 :]]
                 got = captured(walk, start, tried)
                 if got > best:
@@ -257,7 +259,7 @@ def improved(walk: Walk, start: Start, times: Sequence[float]) -> tuple[float, l
 
 def choices(walk: Walk, elapsed: float, most: float) -> Iterator[float]:
     """Yield times that may be left on one foot [s]."""
-    time = max(QUICKEST * walk.single - elapsed, SOONEST)
+    time = max(MIN_TIME_RATIO * walk.single - elapsed, SOONEST)
     while time <= most - elapsed:
         yield time
         time += GRID

@@ -45,7 +45,7 @@ import wbc
 from wbc.constraints import BrakingParameters, SelfCollision
 from wbc.controllers import Controller
 from wbc.gait import Velocity, Walker
-from wbc.gait.commanded import CommandedWalk, TimedCommand
+from wbc.gait.scheduled_walk import ScheduledWalk, TimedCommand
 from wbc.gait.whole_body import heaviest_link
 from wbc.journal import Journal
 from wbc.problem.simulation_spec import turned_with
@@ -230,7 +230,7 @@ def walked(trial: Trial) -> dict[str, Any]:
     walker = Walker(robot, constraints=margins, dt=DT)
     nearest = Nearest(robot) if trial.group == "meshes" else None
     commands = [TimedCommand(at, Velocity(*velocity)) for at, *velocity in trial.commands]
-    walk = CommandedWalk(walker, commands, lambda: plant.felt_forces)
+    walk = ScheduledWalk(walker, commands, lambda: plant.felt_forces)
     end = commands[-1].at + 3.0 if trial.steps is None else MOST
     begin = plant.com.copy()
     ticks = relaxed = 0

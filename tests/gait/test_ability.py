@@ -11,8 +11,8 @@ from tests.conftest import load
 from wbc.constraints import Contact, LineContact
 from wbc.errors import InvalidInputError
 from wbc.gait import Velocity, Walker
-from wbc.gait.ability import bearing_torques, pressed_ahead, rolls
-from wbc.gait.commanded import CommandedWalk, TimedCommand
+from wbc.gait.ability import bearing_torques, pressure_offset, rolls
+from wbc.gait.scheduled_walk import ScheduledWalk, TimedCommand
 from wbc.problem import load_problem
 from wbc.robot import Robot
 from wbc.simulation import Plant, simulate
@@ -62,11 +62,11 @@ def weak_ankles() -> Robot:
 def test_pressure_is_led_to_where_weak_ankles_bear_with_half_of_their_torque() -> None:
     robot = weak_ankles()
     s = robot.snapshot(robot.posture())
-    ahead = pressed_ahead(s, robot.limits.effort)
+    ahead = pressure_offset(s, robot.limits.effort)
     ankle = robot.joint_index("left_ankle_pitch_joint") - 6
     assert -0.04 < ahead < -0.02
     assert bearing_torques(s, robot.feet["left"].frame, ahead)[ankle] == pytest.approx(5.5)
-    assert pressed_ahead(s, load("g1").limits.effort) == 0.0  # 50 N m
+    assert pressure_offset(s, load("g1").limits.effort) == 0.0  # 50 N m
     (note,) = Walker(robot).notes
     assert f"the pressure is led {-1e3 * ahead:.0f} mm behind the middle of soles" in note
 
@@ -77,7 +77,7 @@ def test_robots_with_weak_ankles_go_where_they_are_told_to() -> None:
     walker = Walker(weak_ankles())
     plant = Plant(walker.robot, dt=0.002)
     commands = [TimedCommand(0.2, Velocity(0.3, 0.0, 0.0)), TimedCommand(3.0, Velocity(-0.2, 0, 0))]
-    walk = CommandedWalk(walker, commands, lambda: plant.felt_forces)
+    walk = ScheduledWalk(walker, commands, lambda: plant.felt_forces)
     ahead = [plant.com[0] for _ in simulate(walker.controller, plant, 7.0, update=walk.update)]
     assert abs((ahead[1500] - ahead[750]) / 1.5 - 0.3) < 0.03
     assert abs((ahead[-1] - ahead[-1000]) / 2.0 + 0.2) < 0.03
@@ -151,7 +151,7 @@ def test_feet_that_are_edges_ahead_walk_and_those_across_are_refused() -> None:
     walker = Walker(ahead)
     plant = Plant(ahead, dt=0.002)
     command = [TimedCommand(0.2, Velocity(0.1, 0.0, 0.0))]
-    walk = CommandedWalk(walker, command, lambda: plant.felt_forces)
+    walk = ScheduledWalk(walker, command, lambda: plant.felt_forces)
     *_, last = simulate(walker.controller, plant, 5.0, update=walk.update)
     assert last.verdict.stood, last.verdict.reason
     assert plant.com[0] > 0.8 * 0.1 * 4.0
@@ -166,7 +166,7 @@ def test_legs_without_an_ankle_roll_walk_on_narrow_soles(push: float) -> None:
     walker = Walker(without("ankle_roll", 0.005))
     plant = Plant(walker.robot, dt=0.002)
     plant.push("base", [0.0, push, 0.0], "com", start=2.0, duration=0.1)
-    walk = CommandedWalk(
+    walk = ScheduledWalk(
         walker, [TimedCommand(0.2, Velocity(0.1, 0.0, 0.0))], lambda: plant.felt_forces
     )
     *_, last = simulate(walker.controller, plant, 5.0, update=walk.update)

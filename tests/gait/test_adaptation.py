@@ -125,7 +125,7 @@ def test_the_reach_is_where_least_jerk_takes_the_acceleration_given(
 def test_a_foot_is_between_its_bounds_from_the_least_time_on(seed: int) -> None:
     rng = np.random.default_rng(seed)
     reach = Reach(rng.normal(scale=0.3, size=2), rng.normal(size=2), 30.0)
-    least = reach.least_time(BOUNDS.lower, BOUNDS.upper)
+    least = reach.min_time(BOUNDS.lower, BOUNDS.upper)
     stop = 1.5 * np.abs(reach.rate).max() / 30.0
 
     def can(time: float) -> bool:
@@ -165,7 +165,7 @@ def test_what_has_no_solution_is_finite_within_its_bounds_and_said() -> None:
     for _ in range(200):
         left = float(rng.uniform(0.1, 0.4))
         reach = Reach(rng.normal(size=2), 3.0 * rng.normal(size=2), rng.uniform(5.0, 60.0))
-        least = max(0.1, reach.least_time(BOUNDS.lower, BOUNDS.upper))
+        least = max(0.1, reach.min_time(BOUNDS.lower, BOUNDS.upper))
         bounds = BOUNDS._replace(least=least, most=max(least, 0.5), reach=reach)
         bounds = bounds._replace(about=min(max(left, least), bounds.most))
         plan = adapt_step(3.0 * rng.normal(size=2), nominal(left), bounds, OMEGA, TIMES.double)

@@ -33,7 +33,7 @@ def stairs(rise: float, tread: float, count: int, begin: float) -> Terrain:
 def flown(foot: SwingFoot, goal: Array, ground: float) -> list[FootPose]:
     poses = []
     for k in range(round(T / DT)):
-        foot = foot.advanced(goal, ground, T - k * DT, DT)
+        foot = foot.advance(goal, ground, T - k * DT, DT)
         poses.append(foot.pose())
     return poses
 
@@ -50,7 +50,7 @@ def test_soles_clear_the_edges(way: tuple[float, float]) -> None:
     beside = 0.5 * (first + last)
     over = Crossing.over(start, goal, SOLE, CLEARANCE, beside, terrain.height)
     assert over is not None and over.tip > 0.2 and over.begins + over.ends < 0.6
-    foot = SwingFoot.begun(start[:3], first, UP, CLEARANCE, 0.4, 0.1, crossing=over)
+    foot = SwingFoot.lift_off(start[:3], first, UP, CLEARANCE, 0.4, 0.1, crossing=over)
     poses = flown(foot, goal[:3], last)
     for pose in poses[:-20]:  # then it is 2 mm above the ground
         corners = np.column_stack((SOLE, np.zeros(4))) @ pose.rotation.T + pose.position
@@ -69,7 +69,7 @@ def test_rates_are_derivatives() -> None:
     over = Crossing.over(start, goal, SOLE, CLEARANCE, 0.15)
     assert over is not None
     lands = upright_on(np.array((-0.06, 0.04, np.sqrt(1.0 - 0.0052))))[:, 2]
-    foot = SwingFoot.begun(start[:3], 0.0, lands, CLEARANCE, 0.4, 0.1, sole=UP, crossing=over)
+    foot = SwingFoot.lift_off(start[:3], 0.0, lands, CLEARANCE, 0.4, 0.1, sole=UP, crossing=over)
     poses = flown(foot, goal[:3], 0.3)
     for a, pose, b in zip(poses[:370], poses[1:], poses[2:], strict=False):
         rate = (b.position - a.position) / (2 * DT)

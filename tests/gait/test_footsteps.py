@@ -29,7 +29,7 @@ def planner_of(legs: Legs, gait: GaitSettings) -> StepPlanner:
 
 
 def on_one_foot(support: str, elapsed: float, left: float, goal: complex = 0j) -> SingleSupport:
-    swing = SwingFoot.begun(np.zeros(3), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.1)
+    swing = SwingFoot.lift_off(np.zeros(3), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.1)
     stands = Foothold.whole(np.eye(3), np.eye(3)[2], np.array((0.08, 0.03)))
     return SingleSupport(support, swing, elapsed, left, goal, 0j, stands)
 
@@ -90,7 +90,7 @@ def test_feet_never_cross_whatever_is_commanded_and_measured(legs: Legs, seed: i
         now = GaitState(complex(*dcm), places, dict.fromkeys(SIGN, np.eye(3)))
         elapsed = float(rng.uniform(0.0, 0.9 * gait.single))
         phase = on_one_foot(support, elapsed, gait.single - elapsed)
-        after = planner.adapted(phase, now, heading, velocity)
+        after = planner.adapt(phase, now, heading, velocity)
         if after is phase:  # too late to change it
             assert phase.left <= 0.15 / gait.omega
             continue
@@ -112,8 +112,8 @@ def test_what_no_step_catches_is_pressed_against_with_all_of_the_sole(
     places = {"left": np.zeros(3), "right": np.array((0.0, -gait.width, 0.0))}
     dcm = side * planner.limits.catch_aside * 1j
     now = GaitState(dcm, places, dict.fromkeys(SIGN, np.eye(3)))
-    phase = planner.adapted(on_one_foot("left", 0.0, gait.single), now, 0.0, Velocity())
-    reference = planner.single(phase, now)
+    phase = planner.adapt(on_one_foot("left", 0.0, gait.single), now, 0.0, Velocity())
+    reference = planner.single_reference(phase, now)
     vrp = reference.vrp + (1.0 + gait.gain) * (now.dcm - reference.dcm)
     assert side * vrp.imag > planner.soles["left"][1]
 
@@ -129,8 +129,8 @@ def test_the_com_sinks_to_where_the_leg_behind_reaches_the_ground(
         for y in (gait.width, 0.5)
     ]
     here = Standing()
-    assert planner.sunk(here, measured[0], heading) == 0.0
-    sunk = planner.sunk(here, measured[1], heading)
+    assert planner.height_reduction(here, measured[0], heading) == 0.0
+    sunk = planner.height_reduction(here, measured[1], heading)
     # The pelvis over the right foot and half of the way ahead: the left hip is to the left of it,
     # the ankle farther.
     hip = legs.hip_height + gait.height - sunk - legs.com_height
@@ -139,8 +139,10 @@ def test_the_com_sinks_to_where_the_leg_behind_reaches_the_ground(
     assert sunk > 0.0
     # A foot that is still on its way there counts, and one that comes back from there.
     coming = on_one_foot("right", 0.1, 0.1, in_plane(R @ (0.3, 0.5, 0.0)))
-    assert planner.sunk(coming, measured[0], heading) == pytest.approx(sunk)
-    assert planner.sunk(on_one_foot("right", 0.1, 0.1), measured[1], heading) == pytest.approx(sunk)
+    assert planner.height_reduction(coming, measured[0], heading) == pytest.approx(sunk)
+    assert planner.height_reduction(
+        on_one_foot("right", 0.1, 0.1), measured[1], heading
+    ) == pytest.approx(sunk)
 
 
 def test_the_com_sinks_for_a_step_that_is_longer_than_in_a_walk(legs: Legs) -> None:
@@ -151,7 +153,7 @@ def test_the_com_sinks_for_a_step_that_is_longer_than_in_a_walk(legs: Legs) -> N
     places = {"left": np.array((0.0, legs.width, 0.0)), "right": np.zeros(3)}
     now = GaitState(0j, places, {})
     sunk = [
-        planner.sunk(on_one_foot("right", 0.1, 0.1, complex(far, legs.width)), now, 0.0)
+        planner.height_reduction(on_one_foot("right", 0.1, 0.1, complex(far, legs.width)), now, 0.0)
         for far in (walking - 1e-9, catching)
     ]
     assert sunk[0] == 0.0
@@ -193,7 +195,7 @@ def test_a_foot_that_lands_early_waits_until_the_dcm_is_nearest(legs: Legs, asid
     """Of a DCM that is pushed aside, or goes back, by a search over times."""
     gait = GaitSettings.of(legs)
     planner, phase = planner_of(legs, gait), on_one_foot("left", 0.3, 0.2, 0.3 - 0.2j)
-    wanted = planner.single(phase._replace(left=0.0), still(0.0)).dcm
+    wanted = planner.single_reference(phase._replace(left=0.0), still(0.0)).dcm
     for part in (0.8, 0.5, -0.3):
         dcm = wanted * (part + 1j * part * aside)
         times = np.linspace(0.0, phase.left, 20001)
@@ -213,7 +215,7 @@ def test_between_two_feet_the_pressure_is_wanted_where_they_are(legs: Legs) -> N
 
     def within(vrp: Array, left: float, unloading: bool = False) -> Array:
         phase = DoubleSupport("right", 0j, gait.double, left, unloading=unloading)
-        return as_array(planner.within(phase, complex(*vrp), now))
+        return as_array(planner.project_onto_support(phase, complex(*vrp), now))
 
     np.testing.assert_allclose(within(far, gait.double), (0.0, 0.23), atol=1e-12)
     np.testing.assert_allclose(within(far, gait.ramp, True), (0.0, 0.23), atol=1e-12)

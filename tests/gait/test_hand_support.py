@@ -13,7 +13,7 @@ from wbc.constraints import PointContact, support
 from wbc.controllers import KinematicController, TorqueController
 from wbc.errors import InvalidInputError, ProblemFileError, UnknownNameError
 from wbc.gait import Arm, Hand, HandSupport, LeanSettings, Wall, WithHands
-from wbc.gait.leaning import HandsFree, Leaning, Reaching, Withdrawing
+from wbc.gait.hand_states import HandsFree, Leaning, Reaching, Withdrawing
 from wbc.gait.swing import SPEED_UP, SwingMotion
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem

@@ -8,7 +8,7 @@ import pytest
 from wbc.gait import CommandLimits, GaitSettings, Legs, Walker, WalkingWeights
 from wbc.gait.pace import Paces
 from wbc.gait.phases import Standing
-from wbc.gait.reference import StepPlanner, half_sizes
+from wbc.gait.reference import StepPlanner, sole_half_sizes
 from wbc.robot import Robot
 from wbc.simulation import FallLimits, FallWatch, Plant
 
@@ -19,7 +19,7 @@ def paces_of(robot: Robot, *given: str) -> Paces:
     legs = Legs.of(robot)
     gait = GaitSettings.of(legs)
     limits = CommandLimits.of(legs, gait)
-    planner = StepPlanner(gait, limits, legs, half_sizes(robot))
+    planner = StepPlanner(gait, limits, legs, sole_half_sizes(robot))
     return Paces.of(planner, WalkingWeights(), given)
 
 

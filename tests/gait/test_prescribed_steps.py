@@ -12,7 +12,7 @@ import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait import Footstep, GaitSettings, Legs, Walker
 from wbc.gait.phases import DoubleSupport, SingleSupport, Standing, sole_poses
-from wbc.gait.prescribed_steps import Landing, given_offsets, in_world, velocity_on
+from wbc.gait.prescribed_steps import Landing, in_world, prescribed_dcm_offsets, velocity_for
 from wbc.gait.step_range import StepRange
 from wbc.polygon import polygon_margin
 from wbc.robot import Robot
@@ -60,7 +60,9 @@ def test_the_dcm_comes_to_rest_between_the_feet(able: StepRange, count: int) -> 
         Footstep("right" if k % 2 else "left", *place, duration=float(time))
         for k, (place, time) in enumerate(zip(places.tolist(), times, strict=True))
     ]
-    offsets = [np.array((b.real, b.imag)) for b in given_offsets(complex(*base), steps, gait)]
+    offsets = [
+        np.array((b.real, b.imag)) for b in prescribed_dcm_offsets(complex(*base), steps, gait)
+    ]
     points = [base, *places]
     # Where the VRP begins and ends, and how long it takes: on one foot, and to the next one.
     ways = [(points[0], points[0], times[0])]
@@ -82,7 +84,7 @@ def test_the_dcm_comes_to_rest_between_the_feet(able: StepRange, count: int) -> 
 
 def test_only_so_many_steps_count_as_matter(able: StepRange) -> None:
     steps = in_world(ahead(able, 12), {"left": np.zeros(4), "right": np.zeros(4)})
-    near, all_of_them = (given_offsets(0j, some, able.gait) for some in (steps[:8], steps))
+    near, all_of_them = (prescribed_dcm_offsets(0j, some, able.gait) for some in (steps[:8], steps))
     assert near == all_of_them
 
 
@@ -214,7 +216,7 @@ def test_landings_and_velocity(able: StepRange) -> None:
     assert Landing.of(high, np.array((1.0, 2.0, 0.0, 0.2))).height == pytest.approx(-0.05)
     gait = able.gait
     ahead = Footstep("left", 0.2, gait.width, 0.2)
-    velocity = velocity_on(np.zeros(3), ahead, 0.0, 0.5, gait)
+    velocity = velocity_for(np.zeros(3), ahead, 0.0, 0.5, gait)
     np.testing.assert_allclose(velocity, (0.2 / gait.times.total, 0.0, 0.2), atol=1e-12)
 
 

@@ -31,7 +31,7 @@ def observed(robot: Robot) -> tuple[Array, Array, PushObserver]:
         snapshot, forces = plant.snapshot(), plant.contact_forces
         now = GaitState.of(snapshot, frames, gait.omega, gait.height)
         felt = {foot: forces[frame] for foot, frame in frames.items()}
-        observer = observer.seen(snapshot, now, felt, 0.002)
+        observer = observer.update(snapshot, now, felt, 0.002)
         found.append((observer.push.real, observer.push.imag))
         times.append(plant.time)
         plant.step(walker.step(snapshot, forces).torque)
@@ -49,9 +49,9 @@ def test_a_push_is_seen_and_a_walk_is_none(hoap2: Robot) -> None:
     start = hoap2.snapshot(hoap2.posture("standing"))
     frames = {foot: sole.frame for foot, sole in hoap2.feet.items()}
     now = GaitState.of(start, frames, observer.omega, observer.height)
-    blind = observer.seen(start, now, {}, 0.002)  # not felt any more
+    blind = observer.update(start, now, {}, 0.002)  # not felt any more
     assert blind.expected is None and not blind.push
-    assert blind.ahead(now, 0.01).dcm == now.dcm
+    assert blind.predict(now, 0.01).dcm == now.dcm
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.01])
@@ -59,7 +59,7 @@ def test_the_capture_point_is_where_the_push_takes_it(delay: float) -> None:
     """After a quarter of the time constant and the delay, by a simulation of the pendulum."""
     omega, a = 4.0, 1.0 - 2.0j
     now = GaitState(0.02 + 0.01j, {}, {})
-    ahead = PushObserver(omega, 0.6, 0j, a).ahead(now, delay)
+    ahead = PushObserver(omega, 0.6, 0j, a).predict(now, delay)
     xi, steps = now.dcm, 1000
     for _ in range(steps):  # the pressure is at the DCM, so that only the push moves it
         xi = xi + (0.25 / omega + delay) / steps * a / omega

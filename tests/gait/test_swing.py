@@ -77,10 +77,10 @@ def test_a_foot_that_finds_no_ground_goes_on_down() -> None:
 
 def flown(lefts: Iterable[float]) -> tuple[list[FootPose], SwingFoot]:
     """A foot with a usual time of 0.4 s, by the time left in each tick."""
-    foot = SwingFoot.begun(np.zeros(3), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.2)
+    foot = SwingFoot.lift_off(np.zeros(3), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.2)
     poses = []
     for left in lefts:
-        foot = foot.advanced(np.array((0.2, 0.0, 0.1)), 0.0, left, DT)
+        foot = foot.advance(np.array((0.2, 0.0, 0.1)), 0.0, left, DT)
         poses.append(foot.pose())
     return poses, foot
 
@@ -113,8 +113,8 @@ def test_a_foot_that_hurries_is_accelerated_upwards_as_in_a_usual_step() -> None
 
 def test_the_shorter_way_round() -> None:
     start = np.array((0.0, 0.0, 3.1))
-    foot = SwingFoot.begun(start, 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.2)
-    foot = foot.advanced(np.array((0.0, 0.0, -3.1)), 0.0, 0.03, 0.03)
+    foot = SwingFoot.lift_off(start, 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.2)
+    foot = foot.advance(np.array((0.0, 0.0, -3.1)), 0.0, 0.03, 0.03)
     assert foot.level.value[2] == pytest.approx(2 * np.pi - 3.1)
 
 

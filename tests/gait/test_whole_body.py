@@ -12,7 +12,7 @@ from wbc.controllers.torque_tick import TorqueTick
 from wbc.gait.legs import Legs
 from wbc.gait.swing import FootPose
 from wbc.gait.walker import FRICTION
-from wbc.gait.whole_body import FIRM_HIPS, WalkingWeights, WholeBody
+from wbc.gait.whole_body import REFERENCE_HIPS, WalkingWeights, WholeBody
 from wbc.robot import Robot, Snapshot
 from wbc.validate import Array
 
@@ -72,9 +72,9 @@ def test_legs_speed_up_as_their_torques_allow(g1: Robot) -> None:
 def test_weak_hips_hold_a_foot_up_less_firmly(g1: Robot) -> None:
     """In proportion, below so many times gravity: else they throw the pelvis over."""
     legs, weights = Legs.of(g1), WalkingWeights(lift=50.0)
-    assert legs.swing_acceleration > FIRM_HIPS * legs.gravity
+    assert legs.swing_acceleration > REFERENCE_HIPS * legs.gravity
     assert weights.for_legs(legs) == weights
-    weak = replace(legs, swing_acceleration=0.5 * FIRM_HIPS * legs.gravity)
+    weak = replace(legs, swing_acceleration=0.5 * REFERENCE_HIPS * legs.gravity)
     assert weights.for_legs(weak) == replace(weights, lift=25.0)
 
 

@@ -22,83 +22,83 @@ from wbc.qp.active_set import ActiveSet
 from wbc.qp.core import FlatForm, FlatQP
 from wbc.qp.problem import Labels
 
-NAMES = ("u x", "u y", "sigma", "b x", "b y", "w x", "w y")
+VARIABLES = ("u x", "u y", "sigma", "b x", "b y", "w x", "w y")
 SIDES = ("x most", "y most", "x least", "y least")
-ROWS = (*(f"w {side}" for side in SIDES), *(f"reach {side}" for side in SIDES))
-FORM = FlatForm(Labels(("dcm x", "dcm y"), ROWS, NAMES))
-FREE = (math.inf,) * 4  # b and w are not bounded
-NO_LEAST = (-math.inf,) * 8  # nor are rows from below
+ROW_LABELS = (*(f"w {side}" for side in SIDES), *(f"reach {side}" for side in SIDES))
+FORM = FlatForm(Labels(("dcm x", "dcm y"), ROW_LABELS, VARIABLES))
+UNBOUNDED = (math.inf,) * 4  # b and w are not bounded
+NO_LOWER = (-math.inf,) * 8  # rows have upper bounds only
 SOLVER = ActiveSet()
-# What holds a footstep back, by the bounds on u and sigma (below, above) and by the rows.
-BOUNDS = (
+# What limits a footstep, named by active bounds on u and sigma (lower, upper) and active rows.
+BINDING_BOUNDS = (
     ("reach of the legs behind", "reach of the legs ahead"),
     ("reach of the legs aside", "the other foot"),
     ("least time in the air", "longest time in the air"),
 )
-ROWS_HOLD = ("the sole",) * 4 + ("acceleration of the foot",) * 4
-# Multipliers below this hold nothing back: a step could be 1 mm nearer for 1e-3 in the cost.
+BINDING_ROWS = ("the sole",) * 4 + ("acceleration of the foot",) * 4
+# Smaller multipliers are not reported: 1e-3 in the cost is 1 mm of a step.
 NEGLIGIBLE = 1e-3
-# Of a foot that comes to rest on a curve of least jerk within T: how far from T/2 times its rate,
-# in units of a T^2, and in what time, in units of rate by a, if it takes no more acceleration than
-# a. (The extremes of 60 s - 180 s^2 + 120 s^3 and of 6 s - 6 s^2.)
-FAR, STOP = 0.1 * math.sqrt(3.0), 1.5
+# A foot of velocity v that comes to rest on a minimum-jerk curve within T, at an acceleration of at
+# most a, gets REST_RANGE a T^2 away from v T/2, and needs T >= STOP_TIME v/a. (Extremes of
+# 60 s - 180 s^2 + 120 s^3 and of 6 s - 6 s^2.)
+REST_RANGE, STOP_TIME = 0.1 * math.sqrt(3.0), 1.5
 
 
 Pair = tuple[float, float]
 
 
 class Reach(NamedTuple):
-    """Where the foot in the air can be at rest after a time T: within ``acceleration`` of its way.
+    """Where the swing foot can come to rest within a time T, at a limited acceleration a.
 
-    Axis by axis that is from place + T/2 rate as far as a T^2 sqrt(3)/10, either way.
+    On each axis that is place + T/2 rate +- a T^2 sqrt(3)/10.
 
     Attributes
     ----------
     place, rate:
-        (2,) of the foot now, in the standing foot's axes [m, m/s].
+        (2,) position and velocity of the swing foot, in the stance foot's axes [m, m/s].
     acceleration:
-        Largest, on each axis [m/s^2].
+        Largest on each axis [m/s^2].
     """
 
     place: Pair
     rate: Pair
     acceleration: float
 
-    def least_time(self, lower: Pair, upper: Pair) -> float:
-        """Return the time [s] from which on the foot can be at rest between the corners (2,)."""
-        k, (x, y), (vx, vy) = FAR * self.acceleration, self.place, self.rate
+    def min_time(self, lower: Pair, upper: Pair) -> float:
+        """Return the shortest time [s] to come to rest in the box of corners (2,)."""
+        k, (x, y), (vx, vy) = REST_RANGE * self.acceleration, self.place, self.rate
         missing_by = lower[0] - x, lower[1] - y, x - upper[0], y - upper[1]
-        least = STOP * max(abs(vx), abs(vy)) / self.acceleration
+        shortest = STOP_TIME * max(abs(vx), abs(vy)) / self.acceleration
         for missing, rate in zip(missing_by, (vx, vy, -vx, -vy), strict=True):
             b = 0.5 * rate
-            inside = b * b + 4.0 * k * missing  # k T^2 + b T >= missing, always if this is negative
-            if inside > 0.0:
-                least = max(least, (math.sqrt(inside) - b) / (2.0 * k))
-        return least
+            discriminant = b * b + 4.0 * k * missing  # of k T^2 + b T >= missing; negative: always
+            if discriminant > 0.0:
+                shortest = max(shortest, (math.sqrt(discriminant) - b) / (2.0 * k))
+        return shortest
 
     def rows(self, time: float) -> tuple[list[float], list[float]]:
-        """Return h (4,), c (4,) of (u, -u) <= h T + c, the tangent of its parabola at ``time``."""
-        k, (x, y), (vx, vy) = FAR * self.acceleration, self.place, self.rate
-        steep, bend = 2.0 * k * time, k * time**2
-        h = [steep + 0.5 * rate for rate in (vx, vy, -vx, -vy)]
-        return h, [place - bend for place in (x, y, -x, -y)]
+        """Return h (4,), c (4,) of (u, -u) <= h T + c: the reach linearised at T = ``time``."""
+        k, (x, y), (vx, vy) = REST_RANGE * self.acceleration, self.place, self.rate
+        slope, offset = 2.0 * k * time, k * time**2
+        h = [slope + 0.5 * rate for rate in (vx, vy, -vx, -vy)]
+        return h, [place - offset for place in (x, y, -x, -y)]
 
 
 class StepBounds(NamedTuple):
-    """What the next footstep may be, in the standing foot's axes.
+    """Bounds of the next footstep, in the stance foot's axes.
 
     Attributes
     ----------
     lower, upper:
         (2,) of the next foot's place [m].
     least, most:
-        Of the time left in the air [s].
+        Of the remaining swing time [s].
     sole:
-        (2,) how far the VRP may be moved within the standing foot, either way [m].
+        (2,) how far the VRP may move within the stance foot, either way [m].
     reach:
-        Of the foot in the air.
+        Of the swing foot.
     about:
-        The time left that was planned before, by which the reach is linear [s].
+        The remaining swing time at which the reach is linearised: as planned last [s].
     """
 
     lower: Pair
@@ -111,7 +111,7 @@ class StepBounds(NamedTuple):
 
 
 class StepWeights(NamedTuple):
-    """Squared costs: of the place [1/m^2], of time by its growth factor, of offset and VRP."""
+    """Quadratic costs of place [1/m^2], growth factor of the time, DCM offset and VRP [1/m^2]."""
 
     place: float = 1.0
     time: float = 0.05
@@ -129,15 +129,15 @@ class StepPlan(NamedTuple):
     Attributes
     ----------
     place:
-        (2,) from the standing foot, in its axes [m].
+        (2,) from the stance foot, in its axes [m].
     left:
-        Time in the air from now on [s].
+        Remaining swing time [s].
     offset:
-        (2,) of the DCM from the next foot when that alone begins to bear [m].
+        (2,) of the DCM from the next foot at the beginning of its single support [m].
     vrp:
-        (2,) how far the VRP should be from the standing foot until then [m].
+        (2,) of the VRP from the stance foot until then [m].
     adapted:
-        Whether the QP gave it; else it is what was wanted, as far as the bounds let it.
+        Whether the QP was solved; else this is the nominal plan clipped to its bounds.
     multipliers:
         Of the rows (8,) and of the bounds (7,), positive at the upper ones; see
         :func:`held_back_by`.
@@ -164,45 +164,48 @@ def step_qp(
     Parameters
     ----------
     dcm:
-        (2,) from the standing foot, in its axes [m].
+        (2,) from the stance foot, in its axes [m].
     nominal:
-        What is wanted; its ``vrp`` too.
+        The plan whose deviation is the cost; its ``vrp`` too.
     """
-    sigma, grow = math.exp(omega * nominal.left), math.exp(omega * double)
+    sigma, growth = math.exp(omega * nominal.left), math.exp(omega * double)
     gain, (dx, dy), (sx, sy) = shift_gain(omega, double), dcm, bounds.sole
     place, time, offset, vrp = weights
     vrp /= (sigma - 1.0) ** 2
     cost = place, place, time, offset, offset, vrp, vrp
     (px, py), (bx, by), (zx, zy) = nominal.place, nominal.offset, nominal.vrp
-    wanted = px, py, 1.0, bx, by, (sigma - 1.0) * zx, (sigma - 1.0) * zy
+    target = px, py, 1.0, bx, by, (sigma - 1.0) * zx, (sigma - 1.0) * zy
     P = [0.0] * 49
     P[::8] = cost
     A = (
-        *(gain, 0.0, -grow * sigma * dx, 1.0, 0.0, grow, 0.0),
-        *(0.0, gain, -grow * sigma * dy, 0.0, 1.0, 0.0, grow),
+        *(gain, 0.0, -growth * sigma * dx, 1.0, 0.0, growth, 0.0),
+        *(0.0, gain, -growth * sigma * dy, 0.0, 1.0, 0.0, growth),
     )
-    speed, far = bounds.reach.rows(bounds.about)
-    a, b, c, d = speed
+    slopes, offsets = bounds.reach.rows(bounds.about)
+    a, b, c, d = slopes
     # T = about + (sigma / sigma(about) - 1) / omega, to first order
-    early = -math.exp(omega * (nominal.left - bounds.about)) / omega
+    per_growth = -math.exp(omega * (nominal.left - bounds.about)) / omega
     C = (
         *(0.0, 0.0, -sigma * sx, 0.0, 0.0, 1.0, 0.0),
         *(0.0, 0.0, -sigma * sy, 0.0, 0.0, 0.0, 1.0),
         *(0.0, 0.0, -sigma * sx, 0.0, 0.0, -1.0, 0.0),
         *(0.0, 0.0, -sigma * sy, 0.0, 0.0, 0.0, -1.0),
-        *(1.0, 0.0, early * a, 0.0, 0.0, 0.0, 0.0),
-        *(0.0, 1.0, early * b, 0.0, 0.0, 0.0, 0.0),
-        *(-1.0, 0.0, early * c, 0.0, 0.0, 0.0, 0.0),
-        *(0.0, -1.0, early * d, 0.0, 0.0, 0.0, 0.0),
+        *(1.0, 0.0, per_growth * a, 0.0, 0.0, 0.0, 0.0),
+        *(0.0, 1.0, per_growth * b, 0.0, 0.0, 0.0, 0.0),
+        *(-1.0, 0.0, per_growth * c, 0.0, 0.0, 0.0, 0.0),
+        *(0.0, -1.0, per_growth * d, 0.0, 0.0, 0.0, 0.0),
     )
-    ahead = bounds.about - 1.0 / omega
-    reached = [c + h * ahead for h, c in zip(speed, far, strict=True)]
-    g = [-one * goal for one, goal in zip(cost, wanted, strict=True)]
-    least, longest = math.exp(omega * bounds.least) / sigma, math.exp(omega * bounds.most) / sigma
-    lower = *bounds.lower, least, *NO_LEAST[:4]
-    upper = *bounds.upper, longest, *FREE
-    u = -sx, -sy, -sx, -sy, *reached
-    return FlatQP([*P, *A, *C, *g, *lower, *upper, 0.0, 0.0, *NO_LEAST, *u], FORM)
+    shift = bounds.about - 1.0 / omega
+    reach_bounds = [c + h * shift for h, c in zip(slopes, offsets, strict=True)]
+    g = [-weight * goal for weight, goal in zip(cost, target, strict=True)]
+    shortest, longest = (
+        math.exp(omega * bounds.least) / sigma,
+        math.exp(omega * bounds.most) / sigma,
+    )
+    lower = *bounds.lower, shortest, *NO_LOWER[:4]
+    upper = *bounds.upper, longest, *UNBOUNDED
+    u = -sx, -sy, -sx, -sy, *reach_bounds
+    return FlatQP([*P, *A, *C, *g, *lower, *upper, 0.0, 0.0, *NO_LOWER, *u], FORM)
 
 
 def adapt_step(
@@ -213,37 +216,39 @@ def adapt_step(
     double: float,
     weights: StepWeights = WEIGHTS,
 ) -> StepPlan:
-    """Return the footstep nearest to ``nominal`` from which the walk goes on.
+    """Return the footstep nearest to ``nominal`` that captures the DCM.
 
-    Where the QP is not solved (a time at which only one place is in reach is none to a solver), the
-    nominal one within its bounds, without a claim to catch the robot: ``adapted`` says so.
+    Where the QP is not solved (its feasible set may be a single point), return the nominal one
+    clipped to its bounds, with ``adapted=False``: it need not catch the robot.
     """
-    found = SOLVER.solve_flat(step_qp(dcm, nominal, bounds, omega, double, weights))
-    if found is None:
+    solution = SOLVER.solve_flat(step_qp(dcm, nominal, bounds, omega, double, weights))
+    if solution is None:
         (x, y), low, high = nominal.place, bounds.lower, bounds.upper
         place = min(max(x, low[0]), high[0]), min(max(y, low[1]), high[1])
         left = min(max(nominal.left, bounds.least), bounds.most)
         return StepPlan(place, left, nominal.offset, nominal.vrp, adapted=False)
-    (ux, uy, grown, bx, by, wx, wy), z, z_box = found
-    sigma = max(grown * math.exp(omega * nominal.left), 1e-9)
+    (ux, uy, growth, bx, by, wx, wy), z, z_box = solution
+    sigma = max(growth * math.exp(omega * nominal.left), 1e-9)
     left = min(max(math.log(sigma) / omega, bounds.least), bounds.most)
-    grows = math.expm1(omega * left)
-    return StepPlan((ux, uy), left, (bx, by), (wx / grows, wy / grows), multipliers=(z, z_box))
+    remaining = math.expm1(omega * left)
+    return StepPlan(
+        (ux, uy), left, (bx, by), (wx / remaining, wy / remaining), multipliers=(z, z_box)
+    )
 
 
 def held_back_by(multipliers: Multipliers | None, sign: float) -> tuple[str, ...]:
-    """Return what holds a footstep back, in words, the strongest first.
+    """Return the names of the active bounds of a footstep, the strongest first.
 
     Parameters
     ----------
     sign:
-        Of y on the side of the foot in the air.
+        Of y on the side of the swing foot.
     """
     if multipliers is None:
         return ()
     rows, box = multipliers
-    pull = list(zip(ROWS_HOLD, map(abs, rows), strict=True))
-    for names, size, way in zip(BOUNDS, box[:3], (1.0, -sign, 1.0), strict=True):
-        pull.append((names[size * way > 0.0], abs(size)))
-    strongest = sorted(pull, key=lambda one: -one[1])
+    strengths = list(zip(BINDING_ROWS, map(abs, rows), strict=True))
+    for names, size, side in zip(BINDING_BOUNDS, box[:3], (1.0, -sign, 1.0), strict=True):
+        strengths.append((names[size * side > 0.0], abs(size)))
+    strongest = sorted(strengths, key=lambda entry: -entry[1])
     return tuple(dict.fromkeys(name for name, size in strongest if size > NEGLIGIBLE))

@@ -1,4 +1,4 @@
-"""What a robot is asked to do: a velocity, and what its legs can do of it."""
+"""A walking command: a velocity, and its limits by the legs."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from wbc.gait.settings import GaitSettings
 from wbc.minimum_jerk import PEAK
 from wbc.validate import finite_number
 
-# Largest acceleration on the minimum-jerk way, over distance by time squared: 10/sqrt(3).
+# Peak acceleration of a minimum-jerk curve, in units of distance / time^2: 10/sqrt(3).
 PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
-# Feet are turned against each other by this much at most in a step [rad].
-MOST_TURN = 0.5
-# How much further than the reach of one leg feet may be apart sideways: the hips are in between.
-SIDEWAYS = 1.5
-# So far the CoM may sink for a step that catches a push, in parts of the hip's height.
-SINK = 0.03
+# Largest yaw between the feet [rad].
+MAX_TURN = 0.5
+# Lateral distance of the feet beyond the gait's width, in units of one leg's reach.
+LATERAL_REACH = 1.5
+# How far the CoM may sink in a recovery step, in units of the hip's height.
+MAX_SINK = 0.03
 
 
 class Velocity(NamedTuple):
@@ -30,7 +30,7 @@ class Velocity(NamedTuple):
 
     @property
     def at_rest(self) -> bool:
-        """Whether it asks for nothing."""
+        """Whether all are zero."""
         return self == (0.0, 0.0, 0.0)
 
     def towards(self, goal: Velocity, change: float, turn: float) -> Velocity:
@@ -39,8 +39,12 @@ class Velocity(NamedTuple):
             return goal
         dx, dy = goal.vx - self.vx, goal.vy - self.vy
         share = min(1.0, change / max(math.hypot(dx, dy), 1e-12))
-        rest = goal.yaw_rate - self.yaw_rate
-        yaw = goal.yaw_rate if abs(rest) <= turn else self.yaw_rate + math.copysign(turn, rest)
+        yaw_change = goal.yaw_rate - self.yaw_rate
+        yaw = (
+            goal.yaw_rate
+            if abs(yaw_change) <= turn
+            else self.yaw_rate + math.copysign(turn, yaw_change)
+        )
         if share == 1.0:
             return Velocity(goal.vx, goal.vy, yaw)
         return Velocity(self.vx + share * dx, self.vy + share * dy, yaw)
@@ -93,47 +97,47 @@ class CommandLimits:
 
     @classmethod
     def of(cls, legs: Legs, gait: GaitSettings) -> CommandLimits:
-        """Return the limits of legs that walk so.
+        """Return the limits of legs with a gait.
 
-        In a walk at v a foot goes 2 v T in the single support, on a minimum-jerk way; likewise it
-        turns.
+        In a walk at v a foot goes 2 v T in the single support, on a minimum-jerk curve; it turns
+        likewise.
         """
         T, reach = gait.times.total, legs.reach(gait.height)
-        hip = legs.hip_height + gait.height - legs.com_height
-        per_speed = 2.0 * T / gait.single
-        able = {
+        hip_height = legs.hip_height + gait.height - legs.com_height
+        swing_ratio = 2.0 * T / gait.single
+        forwards = {
             "reach of the legs": 2.0 * reach / T,
-            "speed of the hips": legs.swing_speed / (PEAK * per_speed - 1.0),
+            "speed of the hips": legs.swing_speed / (PEAK * swing_ratio - 1.0),
             "torque of the hips": legs.swing_acceleration
             * gait.single
-            / (PEAK_ACCELERATION * per_speed),
+            / (PEAK_ACCELERATION * swing_ratio),
         }
-        limiting = min(able, key=lambda key: able[key])
-        turn = min(MOST_TURN, legs.turn)
-        what = "the feet in one step" if turn else "legs without a joint for it"
-        turning = {
-            f"turn of {what}": turn / T,
-            "speed at which hips turn": legs.turn_speed / (PEAK * per_speed - 1.0),
+        forwards_limit = min(forwards, key=lambda key: forwards[key])
+        turn = min(MAX_TURN, legs.turn)
+        turn_limit = "the feet in one step" if turn else "legs without a joint for it"
+        turn_speeds = {
+            f"turn of {turn_limit}": turn / T,
+            "speed at which hips turn": legs.turn_speed / (PEAK * swing_ratio - 1.0),
         }
-        slowest = min(turning, key=lambda key: turning[key])
-        apart = gait.width + SIDEWAYS * reach
-        sideways = able | {"reach of the legs": SIDEWAYS * reach / (2.0 * T)}
-        least = min(sideways, key=lambda key: sideways[key])
+        slowest_turn = min(turn_speeds, key=lambda key: turn_speeds[key])
+        max_width = gait.width + LATERAL_REACH * reach
+        lateral = forwards | {"reach of the legs": LATERAL_REACH * reach / (2.0 * T)}
+        lateral_limit = min(lateral, key=lambda key: lateral[key])
         return cls(
-            able[limiting],
-            sideways[least],
-            turning[slowest],
-            (limiting, least, slowest),
+            forwards[forwards_limit],
+            lateral[lateral_limit],
+            turn_speeds[slowest_turn],
+            (forwards_limit, lateral_limit, slowest_turn),
             2.0 * reach,
-            apart,
+            max_width,
             turn,
             legs.swing_acceleration,
-            2.0 * legs.reach(gait.height - SINK * hip),
-            max(apart, legs.width + 2.0 * reach),  # hips stand over feet
+            2.0 * legs.reach(gait.height - MAX_SINK * hip_height),
+            max(max_width, legs.width + 2.0 * reach),  # hips stand over feet
         )
 
     def admit(self, vx: float, vy: float, yaw_rate: float) -> Admitted:
-        """Return the velocity in the direction of the command that legs can do.
+        """Return the command scaled to what the legs can do.
 
         Forwards and sideways share the legs' reach: (vx/forwards)^2 + (vy/sideways)^2 <= 1.
 
@@ -145,16 +149,16 @@ class CommandLimits:
         vx = finite_number("walking command, vx", vx)
         vy = finite_number("walking command, vy", vy)
         w = finite_number("walking command, yaw_rate", yaw_rate)
-        use = math.hypot(vx / self.forwards, vy / self.sideways)
-        told = list[str]()
-        if use > 1.0:
+        ratio = math.hypot(vx / self.forwards, vy / self.sideways)
+        reasons = list[str]()
+        if ratio > 1.0:
             why = self.why[0 if abs(vx) / self.forwards >= abs(vy) / self.sideways else 1]
-            told.append(
-                f"({vx:g}, {vy:g}) m/s is beyond the {why}: {vx / use:.3g}, {vy / use:.3g} m/s"
+            reasons.append(
+                f"({vx:g}, {vy:g}) m/s is beyond the {why}: {vx / ratio:.3g}, {vy / ratio:.3g} m/s"
                 f" (at most {self.forwards:.3g} forwards, {self.sideways:.3g} sideways)"
             )
-            vx, vy = vx / use, vy / use
+            vx, vy = vx / ratio, vy / ratio
         if abs(w) > self.turning:
-            told.append(f"{w:g} rad/s is beyond the {self.why[2]}: {self.turning:.3g} rad/s")
+            reasons.append(f"{w:g} rad/s is beyond the {self.why[2]}: {self.turning:.3g} rad/s")
             w = math.copysign(self.turning, w)
-        return Admitted(Velocity(vx, vy, w), "; ".join(told))
+        return Admitted(Velocity(vx, vy, w), "; ".join(reasons))

@@ -1,4 +1,4 @@
-"""The way of a foot over edges: up before the first, over all of them, down behind the last."""
+"""The path of a swing foot over edges: up before the first, down behind the last."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.run.phase_support import Ground
 from wbc.validate import Array, finite_array
 
-# In parts of how high a foot is lifted: how far about the sole edges are looked for, and how high
-# above an edge it is when it comes there.
-AROUND, ABOVE = 0.35, 0.35
-# What is higher than the foot by less than this part of that is no edge.
-UNEVEN = 0.1
-PLACES = 41  # of the way at which the ground is looked at
-TIMES = np.linspace(0.0, 1.0, 201)  # parts of that in which a foot goes ahead
+# As ratios of the swing clearance: how far around the sole edges are searched for, and how high
+# above an edge the foot is when it reaches it.
+SEARCH_MARGIN, EDGE_MARGIN = 0.35, 0.35
+# Ground that is higher than the foot by less than this ratio of the clearance is no edge.
+MIN_EDGE = 0.1
+SAMPLES = 41  # points of the path at which the ground is evaluated
+TIMES = np.linspace(0.0, 1.0, 201)  # normalised time of the horizontal motion
 PROGRESS = minimum_jerk(TIMES)
-# How far a foot is tipped, in parts of the slope of its way ahead, and at most [rad], and after
-# which part of its time.
-STEEPER, MOST_TIP, TIPPED = 1.3, 0.6, 0.35
-# A foot goes ahead in this part of its time at least.
-LEAST_AHEAD = 0.4
-ROUNDS = 4  # by which waiting in the beginning and in the end are found: each shortens the way
+# Pitch of the foot: as a ratio of the path's slope, its maximum [rad], and the normalised time of
+# its peak.
+PITCH_RATIO, MAX_PITCH, PITCH_PEAK = 1.3, 0.6, 0.35
+# The horizontal motion takes at least this part of the swing time.
+MIN_ADVANCE = 0.4
+ITERATIONS = 4  # for the dwells at both ends: each shortens the time that the other has
 
 
 class Crossing(NamedTuple):
-    """A way that rises in half of its time and comes down in the other, by minimum-jerk curves.
+    """A path that rises in half of the swing time and descends in the other, minimum jerk both.
 
-    Its heel rises first: a foot that is lifted far while it is behind asks for more than an ankle
-    bends, if it is level. A G1's ankle was at its limit on a step of 15 cm, its foot 10 cm too low.
+    The heel rises first: a level foot that is lifted far while it is behind exceeds the ankle's
+    range. A G1's ankle was at its limit on a step of 15 cm, and its foot 10 cm too low.
 
     Attributes
     ----------
     start, top, end:
-        Heights of the foot as it leaves the ground, half way, and as it lands [m].
+        Heights of the foot at lift-off, half way, and at touch-down [m].
     begins, ends:
-        Parts of the time, in the beginning and in the end, in which the foot does not go ahead.
+        Parts of the swing time, at its beginning and end, without horizontal motion.
     tip:
-        How far its toe is tipped down at most [rad].
+        Largest pitch of the foot, toe down [rad].
     """
 
     start: float
@@ -61,61 +61,66 @@ class Crossing(NamedTuple):
         beside: float,
         ground: Ground | None = None,
     ) -> Self | None:
-        """Return the way from ``start`` to ``goal``, both (x, y, yaw, z); None if no edge is there.
+        """Return the path from ``start`` to ``goal``, both (x, y, yaw, z); None without an edge.
 
         Parameters
         ----------
         corners:
             (k, 2) of the sole, in its axes [m].
         clearance:
-            How high above all that is below it the foot is lifted [m].
+            How high the foot is lifted above everything below its path [m].
         beside:
-            Height of the ground where the other foot stands [m].
+            Height of the ground below the stance foot [m].
         ground:
-            If it is not known, the highest of start, goal and ``beside`` may be anywhere between.
+            If unknown, the highest of start, goal and ``beside`` may be anywhere between.
         """
         first, last = float(start[3]), float(goal[3])
-        parts, around = np.linspace(0.0, 1.0, PLACES), AROUND * clearance
+        parts, margin = np.linspace(0.0, 1.0, SAMPLES), SEARCH_MARGIN * clearance
         if ground is None:
-            way = float(np.linalg.norm(goal[:2] - start[:2])) * parts
-            between = (way > around) & (way < way[-1] - around)
-            below = np.where(between, max(first, last, beside), np.where(parts < 0.5, first, last))
+            path = float(np.linalg.norm(goal[:2] - start[:2])) * parts
+            between = (path > margin) & (path < path[-1] - margin)
+            ground_height = np.where(
+                between, max(first, last, beside), np.where(parts < 0.5, first, last)
+            )
         else:
-            wide = corners + around * np.sign(corners)
-            outline = np.concatenate((wide, 0.5 * (wide + np.roll(wide, 1, axis=0))))
+            inflated = corners + margin * np.sign(corners)
+            outline = np.concatenate((inflated, 0.5 * (inflated + np.roll(inflated, 1, axis=0))))
             x, y, yaw = (start[:3] + np.outer(parts, goal[:3] - start[:3])).T[:, :, None]
             c, s = np.cos(yaw), np.sin(yaw)
             dx, dy = outline.T
             points = np.stack((x + c * dx - s * dy, y + s * dx + c * dy), axis=-1)
-            below = heights(ground, points.reshape(-1, 2)).reshape(PLACES, -1).max(axis=1)
-        up, down = (below > height + UNEVEN * clearance for height in (first, last))
-        if not (up.any() or down.any()):
+            ground_height = heights(ground, points.reshape(-1, 2)).reshape(SAMPLES, -1).max(axis=1)
+        rises, falls = (ground_height > height + MIN_EDGE * clearance for height in (first, last))
+        if not (rises.any() or falls.any()):
             return None
-        way, high = goal[:2] - start[:2], max(float(below.max()), first, last)
+        path, highest = goal[:2] - start[:2], max(float(ground_height.max()), first, last)
         yaw = float(start[2])
-        ahead = math.cos(yaw) * way[0] + math.sin(yaw) * way[1]
-        steep = (high - min(first, last)) * max(ahead, 0.0) / max(float(way @ way), 1e-9)
-        half, lift = float(np.abs(corners[:, 0]).max()), high + clearance - first
-        # The toe goes down sooner than the foot goes up, by this factor at first.
-        sooner = (0.5 / TIPPED) ** 3
-        tip = min(STEEPER * steep, MOST_TIP, lift / ((sooner - 1.0) * half))
-        toe = half * math.sin(tip)  # how much lower it is than the middle
-        top, wanted = high + clearance + toe, below + ABOVE * clearance + toe
+        ahead = math.cos(yaw) * path[0] + math.sin(yaw) * path[1]
+        slope = (highest - min(first, last)) * max(ahead, 0.0) / max(float(path @ path), 1e-9)
+        half, lift = float(np.abs(corners[:, 0]).max()), highest + clearance - first
+        # The pitch starts faster than the height, by this factor.
+        lead = (0.5 / PITCH_PEAK) ** 3
+        tip = min(PITCH_RATIO * slope, MAX_PITCH, lift / ((lead - 1.0) * half))
+        toe_drop = half * math.sin(tip)  # of the toe below the middle of the sole
+        top, wanted = (
+            highest + clearance + toe_drop,
+            ground_height + EDGE_MARGIN * clearance + toe_drop,
+        )
         ahead = np.interp(parts, PROGRESS, TIMES)
-        # From either end, in which part of all the time each edge is cleared.
-        rising, sinking = (
+        # Normalised time, from either end, after which the foot is above each edge.
+        rising, lowering = (
             0.5 * np.interp(wanted, height + (top - height) * PROGRESS, TIMES)
             for height in (first, last)
         )
         begins = ends = 0.0
-        for _ in range(ROUNDS):
-            begins = _waiting(rising[up], ahead[up], ends)
-            ends = _waiting(sinking[down], 1.0 - ahead[down], begins)
-        too_long = max(1.0, (begins + ends) / (1.0 - LEAST_AHEAD))
-        return cls(first, top, last, begins / too_long, ends / too_long, tip)
+        for _ in range(ITERATIONS):
+            begins = _dwell(rising[rises], ahead[rises], ends)
+            ends = _dwell(lowering[falls], 1.0 - ahead[falls], begins)
+        excess = max(1.0, (begins + ends) / (1.0 - MIN_ADVANCE))
+        return cls(first, top, last, begins / excess, ends / excess, tip)
 
-    def lifted(self, s: float, rate: float) -> tuple[float, float, float]:
-        """Return height [m], its rate and acceleration at the part ``s`` of the time.
+    def height_at(self, s: float, rate: float) -> tuple[float, float, float]:
+        """Return the height [m], its rate and acceleration at the normalised time ``s``.
 
         ``rate`` is that of s [1/s], taken as constant.
         """
@@ -123,19 +128,19 @@ class Crossing(NamedTuple):
         part, slope, curve = ((self.top - low) * one for one in _bump(s, rate, 0.5))
         return low + part, slope, curve
 
-    def tipped(self, s: float, rate: float) -> tuple[float, float, float]:
-        """Return how far the toe is tipped down [rad], its rate and acceleration, likewise."""
-        part, slope, curve = (self.tip * one for one in _bump(s, rate, TIPPED))
+    def pitch_at(self, s: float, rate: float) -> tuple[float, float, float]:
+        """Return the pitch, toe down [rad], its rate and acceleration, likewise."""
+        part, slope, curve = (self.tip * one for one in _bump(s, rate, PITCH_PEAK))
         return part, slope, curve
 
 
 def heights(ground: Ground, points: Array) -> Array:
-    """Return the heights (k,) of ground that the user gave at points (k, 2) [m].
+    """Return the heights (k,) of the user's ground at points (k, 2) [m].
 
     Raises
     ------
     InvalidInputError
-        No function, or it returns something else, or what is not finite.
+        Not a function, or its result is not finite or of another shape.
     """
     if not callable(ground):
         raise InvalidInputError(
@@ -150,22 +155,24 @@ def _bump(s: float, rate: float, top: float) -> tuple[float, float, float]:
 
     Its curvature is zero at all three.
     """
-    part, way = (s / top, 1.0 / top) if s < top else ((1.0 - s) / (1.0 - top), -1.0 / (1.0 - top))
+    part, direction = (
+        (s / top, 1.0 / top) if s < top else ((1.0 - s) / (1.0 - top), -1.0 / (1.0 - top))
+    )
     slope, curve = minimum_jerk_rates(part)
-    return minimum_jerk(part), slope * way * rate, curve * (way * rate) ** 2
+    return minimum_jerk(part), slope * direction * rate, curve * (direction * rate) ** 2
 
 
-def _waiting(cleared: Array, ahead: Array, later: float) -> float:
-    """Return how long not to go ahead at first, such that edges are cleared as they are reached.
+def _dwell(cleared: Array, ahead: Array, later: float) -> float:
+    """Return the dwell at one end that clears all edges before they are reached.
 
     Parameters
     ----------
     cleared:
-        (k,) parts of all the time after which the foot is above each edge.
+        (k,) normalised times after which the foot is above each edge.
     ahead:
-        (k,) parts of the time of going ahead after which it is there.
+        (k,) times, in parts of the horizontal motion, at which it reaches them.
     later:
-        Part of all the time in which it does not go ahead, in the end.
+        Dwell at the other end.
     """
-    lacking = cleared - (1.0 - later) * ahead
-    return max(0.0, float(np.max(lacking / np.maximum(1.0 - ahead, 1e-9), initial=0.0)))
+    missing = cleared - (1.0 - later) * ahead
+    return max(0.0, float(np.max(missing / np.maximum(1.0 - ahead, 1e-9), initial=0.0)))

@@ -1,4 +1,4 @@
-"""The posture that a walk is drawn to, where the robot stands on straight legs."""
+"""The nominal posture of a walk, where the robot starts on straight legs."""
 
 from __future__ import annotations
 
@@ -13,30 +13,31 @@ from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
 from wbc.validate import Array
 
-ROUNDS = 100
-CLOSE = 1e-3  # m and rad
-DAMPING = 1e-6  # squared, of each step
-NEARLY = 0.95  # part of a leg's length: knees that are past straight by no more are not bent so
-LONGEST = 0.2  # rad or m, of a step
+MAX_ITERATIONS = 100
+TOLERANCE = 1e-3  # m and rad
+DAMPING = 1e-6  # of the damped least-squares steps, squared
+# Hip's height by the leg's length from which on knees past straight count as straight.
+STRAIGHT_RATIO = 0.95
+MAX_STEP = 0.2  # rad or m, per iteration
 
 
 def walking_posture(start: Snapshot, height: float, legs: Legs | None = None) -> Array:
-    """Return the posture (nq,) to draw joints to while the CoM is at ``height`` over the soles [m].
+    """Return the posture task's target (nq,) for a CoM at ``height`` over the soles [m].
 
-    It is the posture at the start, unless its knees are the standing one's and straight, as in the
-    zero posture of most files: drawn to these a robot would not come down to its gait's height, and
-    walk faster than it is told to. Then it is one nearby with bent knees, feet, trunk and the CoM's
-    ground projection being where they were. ``legs``: the robot's, if they are known.
+    It is the start, unless its knees are straight as in the standing posture of most files: drawn
+    to straight knees a robot stays above its gait's height and walks faster than commanded. Then it
+    is a posture nearby with bent knees, and with feet, trunk and the CoM's ground projection where
+    they were, found by damped least squares. ``legs``: the robot's, if already known.
     """
     robot = start.robot
     legs = Legs.of(robot) if legs is None else legs
     straight = legs.hip_height > STRETCH * legs.length or (
-        legs.hip_height > NEARLY * legs.length and bent_backwards(start)
+        legs.hip_height > STRAIGHT_RATIO * legs.length and bent_backwards(start)
     )
     knees = [robot.model.idx_vs[knee_of(robot, side)] - BASE_NV for side in SIDES]
     standing = robot.limits.joint_positions(robot.postures[STANDING])
-    given = np.abs(start.joint_positions - standing)[knees].max() > CLOSE
-    if given or not straight:
+    differs = np.abs(start.joint_positions - standing)[knees].max() > TOLERANCE
+    if differs or not straight:
         return start.q
     bends = knee_bends(robot, legs.hip_height - (legs.com_height - height))
     q = start.q.copy()
@@ -44,15 +45,15 @@ def walking_posture(start: Snapshot, height: float, legs: Legs | None = None) ->
         robot.limits.set_joint(q, knee, angle)
     ground = np.mean([start.position(robot.feet[side].frame)[2] for side in SIDES])
     goal = np.array([*start.com[:2], ground + height])
-    for _ in range(ROUNDS):
-        error, J = _missing(start, robot.snapshot(q), goal)
+    for _ in range(MAX_ITERATIONS):
+        error, J = _posture_error(start, robot.snapshot(q), goal)
         if robot.loops:
-            open_by, rows = robot.closure.errors(q)
-            error, J = np.concatenate((error, open_by)), np.concatenate((J, rows))
-        if np.abs(error).max() < CLOSE:
+            loop_error, rows = robot.closure.errors(q)
+            error, J = np.concatenate((error, loop_error)), np.concatenate((J, rows))
+        if np.abs(error).max() < TOLERANCE:
             return q
         step = J.T @ np.linalg.solve(J @ J.T + DAMPING * np.eye(len(J)), error)
-        step *= -min(1.0, LONGEST / float(np.abs(step).max()))
+        step *= -min(1.0, MAX_STEP / float(np.abs(step).max()))
         q = robot.limits.clamped(robot.integrate(q, step, 1.0))
     logging.getLogger(__name__).warning(
         "walker: %s stands on straight legs, and no posture with bent knees and the CoM at %.3g m"
@@ -63,8 +64,8 @@ def walking_posture(start: Snapshot, height: float, legs: Legs | None = None) ->
     return start.q
 
 
-def _missing(start: Snapshot, now: Snapshot, goal: Array) -> tuple[Array, Array]:
-    """Return how far feet, trunk and CoM are from where they should be (k,), and the Jacobian."""
+def _posture_error(start: Snapshot, now: Snapshot, goal: Array) -> tuple[Array, Array]:
+    """Return the errors (k,) of feet, trunk and CoM, and their Jacobian (k, nv)."""
     frames = [start.robot.feet[side].frame for side in SIDES]
     error, rows = [now.com - goal], [now.com_jacobian]
     for frame in (*frames, BASE):

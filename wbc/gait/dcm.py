@@ -50,7 +50,7 @@ class StepTimes(NamedTuple):
 
 
 def shift_gain(omega: float, double: float) -> float:
-    """Return 1 + alpha: how far a footstep pushes back the DCM that leaves it.
+    """Return 1 + alpha, the gain of a footstep d on the DCM that leaves the foot.
 
     The VRP stays at p for the single support and then moves by d to the next foot in ``double``
     seconds. A DCM that is at p + a when it begins to move ends at
@@ -75,16 +75,16 @@ def dcm_offsets(
     steps:
         k displacements from each foot to the next [m].
     times:
-        Of all steps, or k of them: on the foot that a step leaves behind, and on both.
+        Of all steps, or of each of k: the single support before it, and the double support.
     last:
         The offset after the last step; 0: the DCM is over that foot.
     """
-    each = [times] * len(steps) if isinstance(times, StepTimes) else times
-    found = [last]
-    for step, time in zip(reversed(steps), reversed(each), strict=True):
+    step_times = [times] * len(steps) if isinstance(times, StepTimes) else times
+    offsets = [last]
+    for step, time in zip(reversed(steps), reversed(step_times), strict=True):
         gain, decay = shift_gain(omega, time.double), math.exp(-omega * time.total)
-        found.append(decay * (gain * step + found[-1]))
-    return found[::-1]
+        offsets.append(decay * (gain * step + offsets[-1]))
+    return offsets[::-1]
 
 
 def in_plane(point: Array) -> complex:

@@ -1,4 +1,4 @@
-"""Where the sole that bears can be pressed: less than all of it, where it stands over an edge."""
+"""The part of the stance sole that can bear pressure: less than all of it on an edge."""
 
 from __future__ import annotations
 
@@ -8,30 +8,29 @@ import numpy as np
 
 from wbc.validate import Array
 
-# A sole that has turned by this angle [rad] tips: ten times the noise of good sensors.
-TIPPED = 0.03
-# It goes on tipping as it turns by so much more [rad], until it has turned back by half.
-GROWS = 0.003
-# It is then pressed so much farther in than it was felt to be, in units of its half size.
-BACK = 0.1
-# What bears less than this part of the weight says nothing.
-LEAST_LOAD = 0.1
+# A sole that has turned by this angle [rad] is tipping: ten times the noise of good sensors.
+TIP_ANGLE = 0.03
+# It is tipping further when it turns by this much more [rad], and has settled when back by half.
+TIP_GROWTH = 0.003
+# Distance of the new edge from the CoP measured then, inwards, in half sizes of the sole.
+EDGE_MARGIN = 0.1
+# A sole that bears less than this part of the weight gives no estimate.
+MIN_LOAD = 0.1
 
 
 class Foothold(NamedTuple):
     """The part of a sole on which it is known to stand: at first all of it.
 
-    A sole that is pressed beyond the edge it stands on tips about that edge, and lifts the pelvis,
-    so that the other foot hangs above the ground while the capture point runs away. One that tips
-    is pressed no farther out than it was felt to be then, as the pressure is on the edge. After
-    Wiedebach et al., "Walking on partial footholds including line contacts with the humanoid robot
-    Atlas", Humanoids 2016.
+    A sole that is pressed beyond the edge it stands on tips about that edge and lifts the pelvis,
+    so that the swing foot hangs above the ground while the capture point diverges. While it tips,
+    the CoP is on the edge: it is asked for no farther out from then on. After Wiedebach et al.,
+    "Walking on partial footholds including line contacts with the humanoid robot Atlas", Humanoids
+    2016.
 
-    A sole that landed in a hurry stands on an edge at first, and turns as it settles. So it tips
-    where it turns both from how it stood and from level ground. One that turns back is pressed
-    anywhere, and says nothing: a G1 that was pushed from behind tipped over its toes, and where it
-    was pressed as they fell back took 13 cm of 17 from the rest of the step. So only a tip that
-    grows is one.
+    A sole that landed early stands on an edge at first, and turns as it settles: so it is tipping
+    only where it turns both from its rotation at lift-off and from level ground. Only a growing
+    angle counts: in a G1 that was pushed from behind and tipped over its toes, the CoP measured as
+    they came down again took 13 cm of 17 from the rest of the step.
 
     Attributes
     ----------
@@ -40,11 +39,11 @@ class Foothold(NamedTuple):
     level:
         (3,) of the ground, as far as it is known, a unit vector.
     lower, upper:
-        (2,) corners of that part in the sole's axes, from its middle [m].
+        (2,) corners of the foothold in the sole's axes, from its middle [m].
     half:
         (2,) half sizes of the sole [m].
     tipped:
-        (2,) how far the unit normal has turned on its axes since it tips; 0: it does not.
+        (2,) tilt of the unit normal on its axes while tipping, else 0.
     """
 
     normal: Array
@@ -56,11 +55,11 @@ class Foothold(NamedTuple):
 
     @classmethod
     def whole(cls, rotation: Array, level: Array, half: Array) -> Self:
-        """Return all of a sole with axes (3, 3) and half sizes (2,), on ground of a normal (3,)."""
+        """Return all of a sole with axes (3, 3) and half sizes (2,), on ground of normal (3,)."""
         return cls(rotation[:, 2], level, -half, half, half, np.zeros(2))
 
-    def felt(self, rotation: Array, wrench: Array, weight: float) -> Self:
-        """Return what is known of it now.
+    def update(self, rotation: Array, wrench: Array, weight: float) -> Self:
+        """Return the foothold updated by a measurement.
 
         Parameters
         ----------
@@ -71,28 +70,28 @@ class Foothold(NamedTuple):
         weight:
             Of the robot [N].
         """
-        # What of a normal points ahead and aside: a sole that tips ahead leans back from it.
-        ahead = self.normal.dot(rotation[:, :2])
-        if max(map(abs, ahead.tolist())) <= TIPPED and not any(self.tipped.tolist()):
+        # Components of the former normal: a sole that tips ahead leans back from it.
+        tilt = self.normal.dot(rotation[:, :2])
+        if max(map(abs, tilt.tolist())) <= TIP_ANGLE and not any(self.tipped.tolist()):
             return self  # it stands as it stood
         level = self.level.dot(rotation[:, :2])
-        way = np.sign(ahead)
-        angle = np.minimum(way * ahead, way * level)
-        tips = angle > np.maximum(way * self.tipped + GROWS, TIPPED)
-        ended = (angle < 0.5 * TIPPED) & (self.tipped != 0.0)
+        sign = np.sign(tilt)
+        angle = np.minimum(sign * tilt, sign * level)
+        is_tipping = angle > np.maximum(sign * self.tipped + TIP_GROWTH, TIP_ANGLE)
+        has_settled = (angle < 0.5 * TIP_ANGLE) & (self.tipped != 0.0)
         force, moment = rotation.T @ wrench[:3], rotation.T @ wrench[3:]
-        if force[2] < LEAST_LOAD * weight or not (tips | ended).any():
+        if force[2] < MIN_LOAD * weight or not (is_tipping | has_settled).any():
             return self
-        tipped = np.where(tips, way * angle, np.where(ended, 0.0, self.tipped))
-        pressed = np.array((-moment[1], moment[0])) / force[2]
-        upper = np.where(tips & (way < 0.0), pressed - BACK * self.half, self.upper)
-        lower = np.where(tips & (way > 0.0), pressed + BACK * self.half, self.lower)
-        # Less than before, and not past the other side.
+        tipped = np.where(is_tipping, sign * angle, np.where(has_settled, 0.0, self.tipped))
+        cop = np.array((-moment[1], moment[0])) / force[2]
+        upper = np.where(is_tipping & (sign < 0.0), cop - EDGE_MARGIN * self.half, self.upper)
+        lower = np.where(is_tipping & (sign > 0.0), cop + EDGE_MARGIN * self.half, self.lower)
+        # It only shrinks, and its edges do not cross.
         upper = np.clip(upper, self.lower, self.upper)
         lower = np.clip(lower, self.lower, upper)
         return self._replace(lower=lower, upper=upper, tipped=tipped)
 
     def nearest(self, x: float, y: float) -> tuple[float, float]:
-        """Return the point of it that is nearest to one in the sole's axes [m]."""
+        """Return the nearest point of the foothold, in the sole's axes [m]."""
         (left, low), (right, high) = self.lower.tolist(), self.upper.tolist()
         return min(max(x, left), right), min(max(y, low), high)

@@ -1,4 +1,4 @@
-"""Where feet go at a velocity: from each foot to the next, and so on."""
+"""Nominal footsteps of a walk at a velocity."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ def other(side: str) -> str:
 
 @dataclass(frozen=True)
 class Footsteps:
-    """The footsteps of a gait, in world axes, x + i y; feet are never nearer than its width."""
+    """Nominal footsteps of a gait, in world axes, x + i y; feet are its width apart or more."""
 
     gait: GaitSettings
 
     def step(self, support: str, heading: float, velocity: Velocity) -> complex:
-        """Return the way [m] from the foot ``support`` to the next.
+        """Return the displacement [m] from the foot ``support`` to the next.
 
-        The middle between the feet moves by v T; sideways the foot that leads does all of it, so
-        that the one that follows need not pass the other.
+        The middle between the feet moves by v T; sideways the leading foot makes all of it, so that
+        the trailing one need not cross the other.
 
         Parameters
         ----------
         heading:
-            Of the standing foot [rad].
+            Of the stance foot [rad].
         """
         return cmath.rect(1.0, heading) * self._way(support, velocity)
 
     def offset(self, foot: str, heading: float, velocity: Velocity) -> complex:
-        """Return where the DCM should be from a foot [m] when that alone begins to bear.
+        """Return the DCM relative to a foot [m] at the beginning of its single support.
 
-        Steps go on for ever: each counts for exp(-omega T) of the one before, as in
-        :func:`wbc.gait.dcm.dcm_offsets`, and every second one is the same, turned by 2 yaw_rate T.
-        That is a geometric series.
+        For an endless walk: each step counts for exp(-omega T) of the one before, as in
+        :func:`wbc.gait.dcm.dcm_offsets`, and every second one is the same, turned by 2 yaw_rate T:
+        a geometric series.
         """
         gait, T = self.gait, self.gait.times.total
         decay = math.exp(-gait.omega * T)
@@ -56,7 +56,7 @@ class Footsteps:
         return _way(SIGN[other(support)], velocity, self.gait.times.total, self.gait.width)
 
 
-@lru_cache(maxsize=2)  # both feet's are asked for in every tick, and most walks are steady
+@lru_cache(maxsize=2)  # both feet's are needed in every tick, and most walks are steady
 def _way(sign: float, velocity: Velocity, T: float, width: float) -> complex:
     """Return the step of a foot at the side ``sign``, as seen from the other: x + i y [m]."""
     vx, vy, yaw_rate = velocity
@@ -67,6 +67,6 @@ def _way(sign: float, velocity: Velocity, T: float, width: float) -> complex:
 
 
 def first_swing(velocity: Velocity) -> str:
-    """Return the foot to begin with: the one that leads sideways or in a turn, or the right one."""
+    """Return the first swing foot: the leading one, sideways or in a turn, else the right one."""
     leads = velocity.vy if velocity.vy != 0.0 else velocity.yaw_rate
     return "left" if leads > 0.0 else "right"

@@ -1,4 +1,4 @@
-"""A simulation in which hands lean on walls: a supervisor, and hands that are looked after."""
+"""A supervisor that adds hands that lean on walls to another one."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from wbc.tasks import Task
 
 
 class WithHands:
-    """Leads a simulation as another supervisor does, and hands besides.
+    """Supervises a simulation as another supervisor does, and hands as well.
 
     Parameters
     ----------
     first:
-        Leads the rest; its controller is that of the hands from beginning to end.
+        Supervises the rest; its controller is that of the hands throughout.
     hands:
-        Look for walls before each tick.
+        Prepared before each tick.
     """
 
     def __init__(self, first: Supervisor, hands: HandSupport) -> None:
@@ -29,7 +29,7 @@ class WithHands:
 
     @property
     def standing(self) -> PhaseSupport:
-        """What is held and kept; a hand on a wall is not for long."""
+        """Contacts and limits of the first; a hand's contact with a wall is short."""
         return self.first.standing
 
     @property
@@ -39,16 +39,16 @@ class WithHands:
 
     @property
     def notes(self) -> Sequence[str]:
-        """What else is worth saying in the end: what hands did, too."""
+        """Those of the first, and what hands did."""
         return (*self.first.notes, *self.hands.notes)
 
     @property
     def tasks(self) -> Sequence[Task]:
-        """All tasks whose errors are recorded: not those of hands, which are off mostly."""
+        """All tasks whose errors are recorded, without those of hands, which are mostly off."""
         return self.first.tasks
 
     def update(self, tick: int, snapshot: Snapshot) -> Controller | None:
-        """Make everything ready for a tick and return its controller; None to end."""
+        """Prepare a tick and return its controller; None to end."""
         found = self.first.update(tick, snapshot)
         if found is not None:
             self.hands.time = tick * self.hands.controller.dt

@@ -5,18 +5,18 @@ xi = c + c'/omega that is above them. One that a push carries beyond them toward
 force from there: a force F at the height z_F of a hand moves the point where all contact forces
 have no moment by F z_F / (M g) beyond the soles. So, one after the other,
 
-    watching     xi is looked at, in every tick
-    reaching     it is about to leave the soles: the hand that is sooner there goes to the wall
-                 below its shoulder, on a curve of least jerk, as quick as the shoulder's torque is;
-                 its place is chosen anew in every tick, for where the CoM's velocity takes the
-                 shoulder
+    hands free   xi is evaluated in every tick
+    reaching     xi is about to leave the soles: the hand that can be there first goes to the wall,
+                 below its shoulder, on a minimum-jerk curve as quick as the shoulder's torque
+                 allows; its goal is updated in every tick for the shoulder's position at contact,
+                 predicted by the CoM's velocity
     leaning      it touches: a contact (:class:`~wbc.constraints.PointContact`) with the wall's
-                 normal and friction, which the QP of the tick loads as it needs, with the soles
-    withdrawing  xi is well above the soles again, from all of their edges: the contact is relieved,
-                 the hand leaves the wall
+                 normal and friction, whose force the QP of the tick chooses with the soles'
+    withdrawing  xi is well inside all edges of the soles again: the contact is unloaded, the hand
+                 leaves the wall
 
-From the reach to the release the trunk is kept as it was at the start: without a wall it is thrown
-the way the robot falls, for its angular momentum, and would meet the wall with the head.
+From the reach to the release a task holds the trunk's orientation of the start: the CoM's task
+alone would throw the trunk towards the wall, for its angular momentum, and the head would hit it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError, shown
 from wbc.gait.arms import Arm
 from wbc.gait.command import PEAK_ACCELERATION
-from wbc.gait.leaning import HandsFree, Leaning, LeanSettings, Reaching, Withdrawing
+from wbc.gait.hand_states import HandsFree, Leaning, LeanSettings, Reaching, Withdrawing
 from wbc.gait.soles import capture_point, standing_soles
 from wbc.gait.swing import SPEED_UP, SwingMotion, towards
 from wbc.gait.walls import Hand, Wall, check_hands, check_reach, check_walls
@@ -45,37 +45,37 @@ from wbc.tasks import AxisTask, OrientationTask, PositionTask, Task
 from wbc.validate import Array
 
 UP = np.array((0.0, 0.0, 1.0))
-# A hand that has not met the wall so long after it should have goes back [s].
-PATIENCE = 0.3
-# A hand that leans and is farther from its wall than this [m] has lost it.
-LOST = 0.02
-# A hand that is released goes back so far [m] in such a time [s], before it is left to the posture.
-AWAY, AWAY_TIME = 0.06, 0.3
-# A hand leans at least so long [s]: as it meets the wall the capture point jumps.
-LEAST_LEAN = 0.1
-# The trunk is held up until the CoM goes away from the wall, or to it, no faster than this [m/s].
-# Let go with the hand, it was thrown by 0.9 rad at the wall that the robot swung away from; held
-# until the CoM is at rest, it was missed by a robot that then fell backwards, along the wall.
-CALM = 0.25
+# A hand that has not touched the wall this long after the planned time gives up [s].
+REACH_TIMEOUT = 0.3
+# A leaning hand that is farther from its wall than this [m] has lost contact.
+LOST_GAP = 0.02
+# A released hand retreats by this distance [m] in this time [s], before the posture takes over.
+RETREAT, RETREAT_TIME = 0.06, 0.3
+# Shortest lean [s]: the capture point jumps at the impact.
+MIN_LEAN_TIME = 0.1
+# The trunk is held until the CoM's speed normal to the wall is below this [m/s]. Released with the
+# hand, the trunk was thrown by 0.9 rad towards the wall; held until the CoM was at rest, a robot
+# lacked its momentum and fell backwards, along the wall.
+SWAY_SPEED = 0.25
 
 
 class HandSupport:
     """Leans on walls with a hand where soles alone do not catch the robot.
 
-    It serves a controller that drives the CoM by itself (a task for it with a capture point's law,
-    say), and is called before each of its ticks.
+    The controller drives the CoM itself (a CoM task with a capture point's law, say); this is
+    called before each of its ticks.
 
     Parameters
     ----------
     controller:
-        Gets tasks for hands and trunk, off until they are needed, and the contact of a hand.
+        Gets tasks for hands and trunk, switched off until needed, and the contact of a hand.
     start:
         The robot as it stands; a warning is logged where it already is so near to the edge of its
         soles that a hand reaches without a push.
     hands:
         What it leans with.
     walls:
-        Where they are; their friction is what is counted on.
+        With their friction.
     settings:
         When and how.
 
@@ -122,7 +122,7 @@ class HandSupport:
         self.arms = {hand: Arm.of(robot, hand.frame) for hand in hands}
         self.state: HandsFree | Reaching | Leaning | Withdrawing = HandsFree()
         self.time = 0.0
-        self._told: list[str] = []
+        self._notes: list[str] = []
         self._beyond_reach = set[int]()
         self._released: tuple[PointContact, ...] = ()  # and maybe still held while a ramp runs
         own = self.settings
@@ -165,19 +165,19 @@ class HandSupport:
     @property
     def notes(self) -> tuple[str, ...]:
         """What hands did, in words."""
-        return tuple(self._told)
+        return tuple(self._notes)
 
     def beyond(self, snapshot: Snapshot, wall: Wall) -> float:
         """Return how far the capture point is beyond the soles, towards a wall [m].
 
-        Negative is inside; without soles on the ground it is infinitely far inside.
+        Negative inside; minus infinity without soles on the ground.
         """
         found = self._soles_and_dcm(snapshot)
         if found is None:
             return -math.inf
         corners, dcm = found
-        level = wall.normal[:2] / np.linalg.norm(wall.normal[:2])
-        return float((corners @ level).min() - dcm @ level)
+        horizontal = wall.normal[:2] / np.linalg.norm(wall.normal[:2])
+        return float((corners @ horizontal).min() - dcm @ horizontal)
 
     def _soles_and_dcm(self, snapshot: Snapshot) -> tuple[Array, Array] | None:
         """Return the corners (k, 2) of the soles that stand, and the capture point (2,) [m]."""
@@ -187,10 +187,10 @@ class HandSupport:
         if not corners:
             return None
         points = np.concatenate(corners)
-        height = max(float(snapshot.com[2] - points[:, 2].mean()), LOST)
+        height = max(float(snapshot.com[2] - points[:, 2].mean()), LOST_GAP)
         return points[:, :2], capture_point(snapshot, height)[0]
 
-    def _inside(self, snapshot: Snapshot) -> float:
+    def _margin_inside(self, snapshot: Snapshot) -> float:
         """Return how far the capture point is inside the polygon of the soles [m]."""
         found = self._soles_and_dcm(snapshot)
         if found is None:
@@ -209,70 +209,70 @@ class HandSupport:
         before = self.state
         match before:
             case HandsFree():
-                first = self._chosen(snapshot)
-                self.state = before if first is None else self._begin(first)
+                first = self._choose_hand(snapshot)
+                self.state = before if first is None else self._start_reaching(first)
             case Reaching():
-                self.state = self._reached(snapshot, before)
+                self.state = self._update_reaching(snapshot, before)
             case Leaning():
-                self.state = self._leant(snapshot, before)
+                self.state = self._update_leaning(snapshot, before)
             case Withdrawing():
-                self.state = self._withdrawn(snapshot, before)
+                self.state = self._update_withdrawing(snapshot, before)
         self.time += self.controller.dt
 
     # ------------------------------------------------------------------ from state to state
 
-    def _chosen(self, snapshot: Snapshot) -> Reaching | None:
-        """Return the hand that has to reach for a wall now, if one has to and can."""
-        held = {one.name for one in self.controller.contacts}  # by hands that leave a wall, too
+    def _choose_hand(self, snapshot: Snapshot) -> Reaching | None:
+        """Return the plan of the hand that is first at a wall, if one is needed and in reach."""
+        held = {one.name for one in self.controller.contacts}  # of withdrawing hands, too
         for k, wall in enumerate(self.walls):
             if self.beyond(snapshot, wall) <= -self.settings.begin:
                 self._beyond_reach.discard(k)
                 continue
             free = [hand for hand in self.arms if hand.frame not in held]
-            found = [self._begun(snapshot, hand, wall) for hand in free]
-            able = [one for one in found if one is not None]
-            if not able:
+            plans = [self._plan_reach(snapshot, hand, wall) for hand in free]
+            feasible = [plan for plan in plans if plan is not None]
+            if not feasible:
                 if free and k not in self._beyond_reach:
-                    self._tell(f"no hand can reach wall {k}, towards which the robot falls")
+                    self._note(f"no hand can reach wall {k}, towards which the robot falls")
                     self._beyond_reach.add(k)
                 continue
-            return min(able, key=lambda one: one.left)
+            return min(feasible, key=lambda plan: plan.left)
         return None
 
-    def _begin(self, first: Reaching) -> Reaching:
-        """Switch on what a hand needs that reaches for a wall."""
+    def _start_reaching(self, first: Reaching) -> Reaching:
+        """Switch on the tasks of a reaching hand."""
         hand, own = first.hand, self.settings
         self._reach[hand].set_target(*first.motion)
         self._point[hand].set_target(-first.wall.normal)
-        _weigh(self._reach[hand], own.weight)
-        _weigh(self._point[hand], own.axis)
-        _weigh(self._trunk[first.arm.trunk], own.trunk)
-        self._tell(f"{hand.frame} reaches for a wall, in {first.left:.2f} s")
+        _switch_on(self._reach[hand], own.weight)
+        _switch_on(self._point[hand], own.axis)
+        _switch_on(self._trunk[first.arm.trunk], own.trunk)
+        self._note(f"{hand.frame} reaches for a wall, in {first.left:.2f} s")
         return first
 
-    def _begun(self, snapshot: Snapshot, hand: Hand, wall: Wall) -> Reaching | None:
-        """Return a hand on its way to a wall; None if it cannot get there."""
-        arm, place = self.arms[hand], snapshot.position(hand.frame)
+    def _plan_reach(self, snapshot: Snapshot, hand: Hand, wall: Wall) -> Reaching | None:
+        """Return the plan of a hand's reach for a wall; None if that is out of reach."""
+        arm, position = self.arms[hand], snapshot.position(hand.frame)
         left = 0.0
-        for _ in range(3):  # where it goes depends on when
+        for _ in range(3):  # fixed point: the goal depends on the time of contact
             goal, shoulder = self._goal(snapshot, arm, hand, wall, left)
-            way = float(np.linalg.norm(goal - place))
-            quick = math.sqrt(PEAK_ACCELERATION * way / arm.acceleration)
-            left = max(PEAK * way / arm.speed, quick)
+            distance = float(np.linalg.norm(goal - position))
+            by_acceleration = math.sqrt(PEAK_ACCELERATION * distance / arm.acceleration)
+            left = max(PEAK * distance / arm.speed, by_acceleration)
         if float(np.linalg.norm(goal - shoulder)) > arm.length:
             return None
         velocity = snapshot.jacobian(hand.frame)[:3] @ snapshot.v
-        return Reaching(arm, hand, wall, SwingMotion(place, velocity, np.zeros(3)), left)
+        return Reaching(arm, hand, wall, SwingMotion(position, velocity, np.zeros(3)), left)
 
     def _goal(
         self, snapshot: Snapshot, arm: Arm, hand: Hand, wall: Wall, left: float
     ) -> tuple[Array, Array]:
-        """Return where the hand should touch (3,), and where its shoulder will then be [m]."""
+        """Return the point (3,) that the hand should touch, and the shoulder's place then [m]."""
         shoulder = snapshot.position(arm.shoulder) + max(left, 0.0) * snapshot.com_velocity
         aim = shoulder - self.settings.below * arm.length * UP
         return wall.touched(aim, hand.radius), shoulder
 
-    def _reached(self, snapshot: Snapshot, now: Reaching) -> HandsFree | Reaching | Leaning:
+    def _update_reaching(self, snapshot: Snapshot, now: Reaching) -> HandsFree | Reaching | Leaning:
         hand, wall, dt, own = now.hand, now.wall, self.controller.dt, self.settings
         place = snapshot.position(hand.frame)
         gap = wall.gap(place, hand.radius)
@@ -283,86 +283,84 @@ class HandSupport:
                 friction=FrictionCone(wall.friction),
             )  # fmt: skip
             self._reach[hand].switch_off()
-            self.controller.set_contacts([*self._wanted(), contact], ramp=own.ramp)
-            self._tell(f"{hand.frame} leans on the wall")
+            self.controller.set_contacts([*self._active_contacts(), contact], ramp=own.ramp)
+            self._note(f"{hand.frame} leans on the wall")
             return Leaning(now.arm, hand, wall, contact)
         left = now.left - dt
-        if left < -PATIENCE:
-            off = math.dist(place, wall.touched(place, hand.radius))
-            self._tell(f"{hand.frame} missed the wall: {1e3 * off:.0f} mm off")
-            self._rest(hand)
+        if left < -REACH_TIMEOUT:
+            distance = math.dist(place, wall.touched(place, hand.radius))
+            self._note(f"{hand.frame} missed the wall: {1e3 * distance:.0f} mm off")
+            self._release(hand)
             return HandsFree()
         if left > 0.0:
             goal, _ = self._goal(snapshot, now.arm, hand, wall, left)
             motion = towards(now.motion, goal, now.left, dt)
         else:
-            motion = _onwards(now.motion, -own.late * wall.normal, dt)
+            motion = _approach(now.motion, -own.late * wall.normal, dt)
         self._reach[hand].set_target(*motion)
         return now._replace(motion=motion, left=left)
 
-    def _leant(self, snapshot: Snapshot, now: Leaning) -> Leaning | Withdrawing:
+    def _update_leaning(self, snapshot: Snapshot, now: Leaning) -> Leaning | Withdrawing:
         hand, wall, own = now.hand, now.wall, self.settings
         place = snapshot.position(hand.frame)
-        lost = wall.gap(place, hand.radius) > LOST
-        back = self._inside(snapshot) > own.end and now.time > LEAST_LEAN
-        if not lost and not back:
+        lost = wall.gap(place, hand.radius) > LOST_GAP
+        recovered = self._margin_inside(snapshot) > own.end and now.time > MIN_LEAN_TIME
+        if not lost and not recovered:
             return now._replace(time=now.time + self.controller.dt)
         self._released += (now.contact,)
-        self.controller.set_contacts(self._wanted(), ramp=own.ramp)
-        why = "lost the wall" if lost else "is released"
-        self._tell(f"{hand.frame} {why} after {now.time:.2f} s")
+        self.controller.set_contacts(self._active_contacts(), ramp=own.ramp)
+        reason = "lost the wall" if lost else "is released"
+        self._note(f"{hand.frame} {reason} after {now.time:.2f} s")
         self._point[hand].switch_off()
-        back_from = SwingMotion.rest(place)
-        self._reach[hand].set_target(*back_from)
-        _weigh(self._reach[hand], own.weight)
-        return Withdrawing(hand, wall, back_from, place + AWAY * wall.normal, AWAY_TIME)
+        motion = SwingMotion.rest(place)
+        self._reach[hand].set_target(*motion)
+        _switch_on(self._reach[hand], own.weight)
+        return Withdrawing(hand, wall, motion, place + RETREAT * wall.normal, RETREAT_TIME)
 
-    def _withdrawn(
+    def _update_withdrawing(
         self, snapshot: Snapshot, now: Withdrawing
     ) -> HandsFree | Withdrawing | Reaching:
-        again = self._chosen(snapshot)
-        if again is not None:  # another hand's trunk may be another link
-            self._rest(now.hand)
-            return self._begin(again)
+        plan = self._choose_hand(snapshot)
+        if plan is not None:  # another hand's trunk may be another link
+            self._release(now.hand)
+            return self._start_reaching(plan)
         dt = self.controller.dt
         if now.left <= dt:
             self._reach[now.hand].switch_off()
-            if abs(float(snapshot.com_velocity @ now.wall.normal)) < CALM:
-                self._rest(now.hand)
+            if abs(float(snapshot.com_velocity @ now.wall.normal)) < SWAY_SPEED:
+                self._release(now.hand)
                 return HandsFree()
             return now
         motion = towards(now.motion, now.goal, now.left, dt)
         self._reach[now.hand].set_target(*motion)
         return now._replace(motion=motion, left=now.left - dt)
 
-    def _wanted(self) -> list[Task]:
-        """Return what is held, without the hands that were released and whose force still goes."""
+    def _active_contacts(self) -> list[Task]:
+        """Return the contacts without those of released hands that are still ramping down."""
         held = self.controller.contacts
         self._released = tuple(one for one in self._released if one in held)
         return [one for one in held if one not in self._released]
 
-    def _rest(self, hand: Hand) -> None:
-        """Leave hand and trunk to the other tasks."""
+    def _release(self, hand: Hand) -> None:
+        """Switch off the tasks of a hand and its trunk."""
         self._reach[hand].switch_off()
         self._point[hand].switch_off()
         self._trunk[self.arms[hand].trunk].switch_off()
 
-    # ------------------------------------------------------------------ checks, words
-
-    def _tell(self, what: str) -> None:
-        self._told.append(f"{self.time:.3f} s: {what}")
+    def _note(self, what: str) -> None:
+        self._notes.append(f"{self.time:.3f} s: {what}")
 
 
-def _onwards(now: SwingMotion, wanted: Array, dt: float) -> SwingMotion:
-    """Return the motion ``dt`` later of a late hand that takes up the velocity (3,) wanted."""
-    change = wanted - now.rate
-    most = SPEED_UP * dt
-    change *= most / max(most, float(np.linalg.norm(change)))
+def _approach(now: SwingMotion, velocity_goal: Array, dt: float) -> SwingMotion:
+    """Return the motion of a late hand ``dt`` later, accelerated to a velocity (3,)."""
+    change = velocity_goal - now.rate
+    limit = SPEED_UP * dt
+    change *= limit / max(limit, float(np.linalg.norm(change)))
     velocity = now.rate + change
     return SwingMotion(now.value + velocity * dt, velocity, change / dt)
 
 
-def _weigh(task: Task, weight: float) -> None:
-    """Switch a task on."""
+def _switch_on(task: Task, weight: float) -> None:
+    """Give a task its weight, if it is off."""
     if not task.weight.any():
         task.weight = weight

@@ -17,30 +17,30 @@ from wbc.robot.postures import STANDING
 from wbc.validate import Array, read_only
 
 SIDES = ("left", "right")
-# Part of a leg's full length that it may be stretched to: a straight knee has no way out.
+# Longest leg, as a ratio of its full length: a straight knee is singular.
 STRETCH = 0.98
-# Likewise while it walks: knees stay bent in a long step.
-BENT = 0.905
-# Cosine between the axes of hip, knee and ankle about which a leg bends.
-ALIKE = 0.95
-# By so much of its length a leg is shortened as it lifts its foot.
-LIFTED = 0.1
-# Part of torques and of ranges that a swing may count on; the rest is for all else that legs do.
-SHARE = 0.8
+# Likewise at the default height of a walk: knees stay bent in a long step.
+WALKING_STRETCH = 0.905
+# Smallest cosine between parallel axes of hip, knee and ankle.
+PARALLEL = 0.95
+# Shortening of a leg that lifts its foot, as a ratio of its length.
+LIFT_SHORTENING = 0.1
+# Part of torques and ranges that a swing may use; the rest is for the leg's other tasks.
+SWING_SHARE = 0.8
 # Likewise of speeds: while the hip swings, the knee must bend and stretch within the same time.
 SPEED_SHARE = 0.5
-# Of a foot [m/s^2]: one whose hip has no effort limit is no faster in this.
-QUICKEST = 1e4
-# Knee angles at which a leg's length is looked at, over the knee's range.
-SAMPLES = 33
-# Of its range: by how much a knee has more of it on one side, to bend there for that reason.
-EVEN = 0.15
-# Of the leg's length: how far a hip moves the foot forwards or to a side, at least, per rad.
-LEVER = 0.2
-# How far a hip turns the foot about the vertical at least, per rad, if legs can turn at all.
-TURNS = 0.2
-# Of a foot that is an edge: how far it reaches to a side for its length, if it can be walked on.
-ASKEW = 0.2
+# Of a foot [m/s^2], where the hip has no effort limit.
+MAX_ACCELERATION = 1e4
+# Samples of a leg's length over the knee's range.
+KNEE_SAMPLES = 33
+# A knee's range is symmetric if its sides differ by less than this part of it.
+SYMMETRIC_RANGE = 0.15
+# Shortest lever of a hip that swings the foot forwards or sideways, as a ratio of the leg's length.
+MIN_LEVER = 0.2
+# Legs can turn if a hip turns the foot about the vertical by at least this [rad per rad].
+MIN_TURN = 0.2
+# Largest width by length of a foot that is an edge, to be walked on.
+MAX_EDGE_SKEW = 0.2
 ORIGIN = read_only(np.zeros(3))
 
 
@@ -53,12 +53,12 @@ class Legs:
     com_height: float  # of the CoM over the soles [m]
     width: float  # distance of the soles' middles from each other [m]
     sole_width: float  # of the wider sole, from side to side [m]
-    # At which a foot can be swung forwards by its hip, relative to the hip [m/s].
+    # At which the hip can swing a foot forwards, relative to the hip [m/s].
     swing_speed: float
-    swing_acceleration: float  # likewise, by the hip's torque against the leg's inertia [m/s^2]
-    turn: float  # how far a foot can be turned about the vertical, either way; 0: not [rad]
-    turn_speed: float  # at which a foot can be turned so [rad/s]
-    lift_speed: float  # at which the knee lifts a foot, on the mean [m/s]
+    swing_acceleration: float  # likewise, by the hip's torque and the leg's inertia [m/s^2]
+    turn: float  # range of a foot's yaw, either way; 0 if it has none [rad]
+    turn_speed: float  # of a foot's yaw [rad/s]
+    lift_speed: float  # mean speed at which the knee lifts a foot [m/s]
     # Shortest distance of the ankle from the hip at which the knee bears the robot alone [m].
     bearing_length: float
     gravity: float  # [m/s^2]
@@ -70,7 +70,7 @@ class Legs:
         Parameters
         ----------
         limits:
-            That joints keep besides the robot's own: speeds, and accelerations that were given.
+            Of the joints, besides the robot's own: speeds, and accelerations that were given.
 
         Raises
         ------
@@ -136,7 +136,7 @@ class Legs:
 
 
 def check_walker(robot: Robot) -> None:
-    """Refuse what cannot walk on two feet.
+    """Refuse robots that cannot walk on two feet.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def check_walker(robot: Robot) -> None:
         foot.link
         for foot in robot.feet.values()
         if len(foot.polygon) < 3
-        and np.ptp(foot.polygon[:, 1]) >= ASKEW * np.ptp(foot.polygon[:, 0])
+        and np.ptp(foot.polygon[:, 1]) >= MAX_EDGE_SKEW * np.ptp(foot.polygon[:, 0])
     ]
     if points:
         raise InvalidInputError(
@@ -192,112 +192,124 @@ def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:
     knee, angles, lengths = _knee(robot, joints)
     hips = [int(robot.model.idx_vs[joint]) for joint in joints[: joints.index(knee)]]
     J = snapshot.jacobian(robot.feet[side].frame)
-    own = [int(robot.model.idx_vs[joint]) for joint in joints]
-    for row, which, where in ((0, hips, "forwards"), (1, own, "to a side")):
-        if float(np.abs(J[row, which]).max()) < LEVER * float(lengths.max()):
+    columns = [int(robot.model.idx_vs[joint]) for joint in joints]
+    for row, which, where in ((0, hips, "forwards"), (1, columns, "to a side")):
+        if float(np.abs(J[row, which]).max()) < MIN_LEVER * float(lengths.max()):
             names = [str(robot.model.names[joint]) for joint in joints]
             raise InvalidInputError(
                 f"walker: the {side} leg of {robot.name} is {', '.join(names)}; the"
                 f" last one is the ankle, and those above the knee cannot swing the foot {where}:"
                 " walking takes hips that pitch and roll, a knee and an ankle"
             )
-    forwards = max(hips, key=lambda k: abs(float(J[0, k])))
-    turns = max(hips, key=lambda k: abs(float(J[5, k])))
-    lever, hip = abs(float(J[0, forwards])), forwards - BASE_NV
-    inertia = float(snapshot.mass_matrix[forwards, forwards])
+    swing_hip = max(hips, key=lambda k: abs(float(J[0, k])))
+    yaw_hip = max(hips, key=lambda k: abs(float(J[5, k])))
+    lever, hip = abs(float(J[0, swing_hip])), swing_hip - BASE_NV
+    inertia = float(snapshot.mass_matrix[swing_hip, swing_hip])
     limits, turn, turn_speed = robot.limits, 0.0, 0.0
     with np.errstate(divide="ignore", invalid="ignore"):  # damping may leave no torque before
         speed = np.fmin(limits.velocity, limits.effort / robot.damping)
-    quickest = QUICKEST
+    max_acceleration = MAX_ACCELERATION
     if given is not None:
         speed = np.fmin(speed, given.speed)
-        fast = given.acceleration if given.speed_up is None else given.speed_up
-        quickest = QUICKEST if given.by_default else min(QUICKEST, float(fast[hip]) * lever)
-    if abs(J[5, turns]) > TURNS:
-        turning, at = turns - BASE_NV, float(snapshot.joint_positions[turns - BASE_NV])
-        turn = SHARE * min(float(limits.upper[turning]) - at, at - float(limits.lower[turning]))
-        turn_speed = SHARE * float(speed[turning])
-    lift = LIFTED * float(lengths.max())
-    low, high = (_bend(angles, lengths, part * lengths.max()) for part in (BENT, BENT - LIFTED))
+        given_acceleration = given.acceleration if given.speed_up is None else given.speed_up
+        max_acceleration = (
+            MAX_ACCELERATION
+            if given.by_default
+            else min(MAX_ACCELERATION, float(given_acceleration[hip]) * lever)
+        )
+    if abs(J[5, yaw_hip]) > MIN_TURN:
+        yaw, angle = yaw_hip - BASE_NV, float(snapshot.joint_positions[yaw_hip - BASE_NV])
+        turn = SWING_SHARE * min(float(limits.upper[yaw]) - angle, angle - float(limits.lower[yaw]))
+        turn_speed = SWING_SHARE * float(speed[yaw])
+    lift = LIFT_SHORTENING * float(lengths.max())
+    low, high = (
+        _knee_angle(angles, lengths, part * lengths.max())
+        for part in (WALKING_STRETCH, WALKING_STRETCH - LIFT_SHORTENING)
+    )
     return (
         float(lengths.max()),
         float(_leg_vectors(robot, joints, [snapshot.q])[0, 2]),
         SPEED_SHARE * float(speed[hip]) * lever,
-        min(SHARE * float(limits.effort[hip]) / inertia * lever, quickest),
+        min(SWING_SHARE * float(limits.effort[hip]) / inertia * lever, max_acceleration),
         turn,
         turn_speed,
-        SHARE * float(speed[int(robot.model.idx_vs[knee]) - BASE_NV]) * lift / abs(high - low),
+        SWING_SHARE
+        * float(speed[int(robot.model.idx_vs[knee]) - BASE_NV])
+        * lift
+        / abs(high - low),
         _bearing_length(robot, knee, angles, lengths),
     )
 
 
 def knee_bends(robot: Robot, length: float) -> dict[str, float]:
-    """Return for each knee the angle [rad] at which the ankle is so far from the hip [m].
+    """Return the angle [rad] of each knee at which the leg has this length [m].
 
-    Knees bend to the side on which they have more range, or as far as they do; those that have as
-    much on both sides, or none in the file, ahead, as a human's.
+    Knees bend to the side with more range, within it; those with a symmetric range, or none in the
+    file, bend ahead, as a human's.
     """
     bends = {}
     for side in SIDES:
-        knee, angles, lengths, _ = _bending(robot, side)
-        bends[str(robot.model.names[knee])] = _bend(angles, lengths, length)
+        knee, angles, lengths, _ = _knee_branch(robot, side)
+        bends[str(robot.model.names[knee])] = _knee_angle(angles, lengths, length)
     return bends
 
 
 def knees_one_way(robot: Robot) -> Robot:
-    """Return a robot whose knees bend one way only, that of :func:`knee_bends`.
+    """Return a robot whose knees bend only to the side of :func:`knee_bends`.
 
-    Those with as much range on both sides would else bend backwards where a leg is nearly straight.
+    Knees with a symmetric range could otherwise bend backwards where a leg is nearly straight.
     """
     limits = robot.limits
     lower, upper = limits.lower.copy(), limits.upper.copy()
     for side in SIDES:
-        knee, angles, lengths, even = _bending(robot, side)
+        knee, angles, lengths, symmetric = _knee_branch(robot, side)
         k = int(robot.model.idx_vs[knee]) - BASE_NV
-        if even and k not in limits.unbounded:
-            stands = float(limits.joint_positions(robot.postures[STANDING])[k])
+        if symmetric and k not in limits.unbounded:
+            standing = float(limits.joint_positions(robot.postures[STANDING])[k])
             if lengths[0] > lengths[-1]:
-                lower[k] = min(angles[0], stands)
+                lower[k] = min(angles[0], standing)
             else:
-                upper[k] = max(angles[-1], stands)
+                upper[k] = max(angles[-1], standing)
     if (lower == limits.lower).all() and (upper == limits.upper).all():
         return robot
     return replace(robot, limits=replace(limits, lower=lower, upper=upper))
 
 
-def _bending(robot: Robot, side: str) -> tuple[int, Array, Array, bool]:
-    """Return a leg's knee, its angles and lengths where it may bend, and if others are left out."""
+def _knee_branch(robot: Robot, side: str) -> tuple[int, Array, Array, bool]:
+    """Return a leg's knee, its angles and lengths on the side it bends to, and if both are open."""
     knee, angles, lengths = _knee(robot, leg_joints(robot, side))
     straight = int(lengths.argmax())
-    even = abs(angles[0] + angles[-1] - 2.0 * angles[straight]) < EVEN * float(np.ptp(angles))
-    if even:
+    symmetric = abs(angles[0] + angles[-1] - 2.0 * angles[straight]) < SYMMETRIC_RANGE * float(
+        np.ptp(angles)
+    )
+    if symmetric:
         standing = robot.snapshot(robot.postures[STANDING])
         foot = standing.jacobian(robot.feet[side].frame)[:3, robot.model.idx_vs[knee]]
-        back = -foot[0] > 0.5 * np.linalg.norm(foot)  # the foot goes there, the knee ahead
-        way = slice(straight, None) if back else slice(straight + 1)
-        angles, lengths = angles[way], lengths[way]
-    return knee, angles, lengths, bool(even)
+        bends_ahead = -foot[0] > 0.5 * np.linalg.norm(foot)  # the foot goes back, the knee ahead
+        branch = slice(straight, None) if bends_ahead else slice(straight + 1)
+        angles, lengths = angles[branch], lengths[branch]
+    return knee, angles, lengths, bool(symmetric)
 
 
 def bent_backwards(snapshot: Snapshot) -> bool:
     """Return whether a knee is past straight, on the side to which it does not bend.
 
-    It is straight where the axes of hip, knee and ankle that are alike lie in one plane, wherever
-    the joints' origins are along these axes. In the zero posture of some files they do not.
+    It is straight where the parallel axes of hip, knee and ankle lie in one plane, wherever the
+    joints' origins are along them. In the zero posture of some files they do not.
     """
     robot, limits = snapshot.robot, snapshot.robot.limits
     _, origins = snapshot.joint_placements
     for side in SIDES:
         joints = leg_joints(robot, side)
         knee, _, _ = _knee(robot, joints)
-        turns = snapshot.jacobian(robot.feet[side].frame)[3:]
-        axes = {joint: turns[:, robot.model.idx_vs[joint]] for joint in joints}
+        angular = snapshot.jacobian(robot.feet[side].frame)[3:]
+        axes = {joint: angular[:, robot.model.idx_vs[joint]] for joint in joints}
         axis = axes[knee]
-        alike = [joint for joint in joints if abs(axes[joint] @ axis) > ALIKE]
-        place = alike.index(knee)
-        if not 0 < place < len(alike) - 1:
+        parallel = [joint for joint in joints if abs(axes[joint] @ axis) > PARALLEL]
+        place = parallel.index(knee)
+        if not 0 < place < len(parallel) - 1:
             continue
-        thigh, shank = np.diff(origins[alike[place - 1 : place + 2]], axis=0)
+        thigh, shank = np.diff(origins[parallel[place - 1 : place + 2]], axis=0)
         along = (thigh @ axis) * (shank @ axis)
         bend = math.atan2(axis @ np.cross(thigh, shank), thigh @ shank - along)
         k = limits.names.index(str(robot.model.names[knee]))
@@ -307,21 +319,21 @@ def bent_backwards(snapshot: Snapshot) -> bool:
     return False
 
 
-def _bend(angles: Array, lengths: Array, length: float) -> float:
+def _knee_angle(angles: Array, lengths: Array, length: float) -> float:
     """Return the angle [rad] at which a leg has a length [m], see :func:`knee_bends`."""
     straight = int(lengths.argmax())
     ahead = angles[-1] - angles[straight] > angles[straight] - angles[0]
-    bent = slice(straight, None) if ahead else slice(straight, None, -1)
-    shorter = np.maximum.accumulate(-lengths[bent])  # rises along the bend
-    return float(np.interp(-length, shorter, angles[bent]))
+    branch = slice(straight, None) if ahead else slice(straight, None, -1)
+    shorter = np.maximum.accumulate(-lengths[branch])  # rises along the bend
+    return float(np.interp(-length, shorter, angles[branch]))
 
 
 def bending_joint(robot: Robot, joints: Sequence[int], tip: Array) -> int:
-    """Return the joint of a chain that shortens it most, over its range: an elbow.
+    """Return the joint of a chain that shortens it most over its range: an elbow.
 
     The chain ends at ``tip`` (3,) [m], in the axes of its last joint.
     """
-    return _bends_most(robot, joints, joints[1:], tip)[0]
+    return _bending_joint(robot, joints, joints[1:], tip)[0]
 
 
 def knee_of(robot: Robot, side: str) -> int:
@@ -331,49 +343,49 @@ def knee_of(robot: Robot, side: str) -> int:
 
 def _knee(robot: Robot, joints: Sequence[int]) -> tuple[int, Array, Array]:
     """Return the knee of a leg's joints, angles over its range, and the leg's lengths there."""
-    return _bends_most(robot, joints, joints[1:-1])
+    return _bending_joint(robot, joints, joints[1:-1])
 
 
-def _bends_most(
-    robot: Robot, joints: Sequence[int], among: Sequence[int], tip: Array = ORIGIN
+def _bending_joint(
+    robot: Robot, joints: Sequence[int], candidates: Sequence[int], tip: Array = ORIGIN
 ) -> tuple[int, Array, Array]:
     """Return the joint that shortens a chain most, angles over its range, and the lengths there."""
-    lengths = {joint: _lengths(robot, joints, joint, tip) for joint in among}
-    found = max(lengths, key=lambda joint: float(np.ptp(lengths[joint][1])))
-    return found, *lengths[found]
+    lengths = {joint: _lengths(robot, joints, joint, tip) for joint in candidates}
+    joint = max(lengths, key=lambda joint: float(np.ptp(lengths[joint][1])))
+    return joint, *lengths[joint]
 
 
 def _bearing_length(robot: Robot, knee: int, angles: Array, lengths: Array) -> float:
-    """Return from which length of the leg on its knee bears the weight [m]; see :class:`Legs`.
+    """Return the shortest length of a leg at which its knee bears the weight [m].
 
     By virtual work a knee at angle q bears F with the torque F dL/dq.
     """
     effort = float(robot.limits.effort[int(robot.model.idx_vs[knee]) - BASE_NV])
     torque = robot.weight * np.abs(np.gradient(lengths, angles))
-    weak = lengths[torque > SHARE * effort]
-    able = lengths[lengths > weak.max()] if weak.size else lengths
+    too_weak = lengths[torque > SWING_SHARE * effort]
+    able = lengths[lengths > too_weak.max()] if too_weak.size else lengths
     return float(able.min()) if able.size else float(lengths.max())
 
 
 def _leg_vectors(
     robot: Robot, joints: Sequence[int], configurations: Iterable[Array], tip: Array = ORIGIN
 ) -> Array:
-    """Return the hip's places from the ankle (n, 3) [m]; ``joints`` begin and end with them.
+    """Return the vectors (n, 3) from the ankle, or a ``tip`` (3,) in its axes, to the hip [m].
 
-    Or from a ``tip`` (3,) beyond it, in its axes.
+    ``joints`` begin with the hip and end with the ankle.
     """
-    data, found = robot.model.createData(), []  # one for all: making it takes longer than its use
+    data, vectors = robot.model.createData(), []  # one for all: creating it takes longer than use
     for q in configurations:
         pin.forwardKinematics(robot.model, data, q)
-        found.append(data.oMi[joints[0]].translation - data.oMi[joints[-1]].act(tip))
-    return np.array(found)
+        vectors.append(data.oMi[joints[0]].translation - data.oMi[joints[-1]].act(tip))
+    return np.array(vectors)
 
 
 def _lengths(robot: Robot, joints: Sequence[int], joint: int, tip: Array) -> tuple[Array, Array]:
-    """Return angles over the range of one of its joints, and the leg's lengths there."""
+    """Return angles over a joint's range, and the chain's lengths there."""
     limits, k = robot.limits, int(robot.model.idx_vs[joint]) - BASE_NV
-    bent = np.tile(robot.postures[STANDING], (SAMPLES, 1))
-    angles = np.linspace(max(limits.lower[k], -np.pi), min(limits.upper[k], np.pi), SAMPLES)
+    bent = np.tile(robot.postures[STANDING], (KNEE_SAMPLES, 1))
+    angles = np.linspace(max(limits.lower[k], -np.pi), min(limits.upper[k], np.pi), KNEE_SAMPLES)
     for q, angle in zip(bent, angles.tolist(), strict=True):
         limits.set_joint(q, limits.names[k], angle)
     vectors = _leg_vectors(robot, joints, bent, tip)

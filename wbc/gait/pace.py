@@ -1,9 +1,9 @@
-"""Settings that follow the speed: a robot in a hurry walks lower, and with quicker steps.
+"""Gait settings that follow the speed: at high speed a lower CoM and quicker steps.
 
-A step is as long as the legs reach at the height of the CoM, and lasts as long as falling over it
-takes. At what usual settings do of that (:class:`~wbc.gait.command.CommandLimits`) a G1 falls;
-lower, its legs reach farther, and a shorter step needs less of that reach. Both cost robustness
-where they are not needed: so they come with the speed, from step to step.
+The reach of the legs at the CoM's height limits the steps and so the speed
+(:class:`~wbc.gait.command.CommandLimits`); at that limit a G1 with its usual settings falls. Lower,
+its legs reach farther, and quicker steps are shorter at the same speed. Both cost robustness where
+they are not needed: so they are blended in with the speed, from step to step.
 """
 
 from __future__ import annotations
@@ -15,30 +15,30 @@ from wbc.gait.command import CommandLimits
 from wbc.gait.reference import StepPlanner
 from wbc.gait.whole_body import WalkingWeights
 
-# From which part of the speed that usual settings reach others begin to come, and where they are
-# all there, which is as fast as it goes.
-BEGINS, FASTEST = 0.9, 1.075
-# How much lower and quicker it then walks, in parts of the usual height and single support. By
-# these a G1 walks at 1.2 m/s: without the one its legs are stretched, without the other its hips
-# are at their bounds.
-LOWER, QUICKER = 0.05, 0.12
-# How much more the foot in the air weighs then in its place, and how much less in its height. In a
-# usual walk the one costs pushes from behind: a foot that hurries takes the pressure's torque. At
-# three times the height's weight (180 in place of 60) one of two walks at 1.2 m/s fell.
-FIRM_PLACE, FIRM_LIFT = 3.0, 2.0 / 3.0
-REACH = "reach of the legs"
+# Speeds at which blending begins and is complete, as ratios of the usual settings' limit. The
+# second is the new limit.
+ONSET, FULL = 0.9, 1.075
+# Reductions of height and single support there, as ratios of the usual ones. A G1 needs both to
+# walk at 1.2 m/s: without the first its legs are stretched, without the second its hips are at
+# their bounds.
+HEIGHT_REDUCTION, TIME_REDUCTION = 0.05, 0.12
+# Factors there of the swing foot's weights for place and height. At usual speed the first would
+# cost robustness to pushes from behind: a fast foot takes torque from the CoP. At three times the
+# height's weight (180 in place of 60) one of two walks at 1.2 m/s fell.
+SWING_FACTOR, LIFT_FACTOR = 3.0, 2.0 / 3.0
+REACH_LIMIT = "reach of the legs"
 
 
 @dataclass(frozen=True)
 class Pace:
-    """What plans steps at one speed, and the weights by which feet follow.
+    """The step planner for one speed, and the swing foot's weights.
 
     Attributes
     ----------
     planner:
         With the settings of the gait.
     swing, lift:
-        Weights of a foot in the air (:class:`~wbc.gait.whole_body.WalkingWeights`).
+        Weights of the swing foot (:class:`~wbc.gait.whole_body.WalkingWeights`).
     """
 
     planner: StepPlanner
@@ -53,11 +53,11 @@ class Paces:
     Attributes
     ----------
     usual, fastest:
-        Up to :data:`BEGINS` of the usual limit, and from :data:`FASTEST` of it on. They are the
-        same where it is not the reach of the legs that limits the speed, where knees could not
-        bear the robot lower, or where height and time on one foot are given.
+        Up to :data:`ONSET` of the usual limit, and from :data:`FULL` of it on. They are the same
+        where something else than the legs' reach limits the speed, where knees could not bear the
+        robot lower, or where height or single support are given.
     begins, ends:
-        Speeds of both, forwards or backwards [m/s].
+        These two speeds, forwards or backwards [m/s].
     """
 
     usual: Pace
@@ -74,30 +74,30 @@ class Paces:
         Parameters
         ----------
         given:
-            Names of the settings that were asked for, and stay.
+            Names of the settings that the user gave.
         """
         gait, limits, legs = planner.gait, planner.limits, planner.legs
         usual = Pace(planner, weights.swing, weights.lift)
-        begins, ends = BEGINS * limits.forwards, FASTEST * limits.forwards
-        lower = gait.height * (1.0 - LOWER)
-        hip = legs.hip_height + lower - legs.com_height
-        follows = limits.why[0] == REACH and hip >= legs.bearing_length
-        if not follows or {"height", "single"} & set(given):
+        begins, ends = ONSET * limits.forwards, FULL * limits.forwards
+        lower = gait.height * (1.0 - HEIGHT_REDUCTION)
+        hip_height = legs.hip_height + lower - legs.com_height
+        can_adapt = limits.why[0] == REACH_LIMIT and hip_height >= legs.bearing_length
+        if not can_adapt or {"height", "single"} & set(given):
             return cls(usual, usual, begins, limits.forwards)
-        quick = replace(gait, height=lower, single=gait.single * (1.0 - QUICKER))
-        able = CommandLimits.of(legs, quick)
-        if able.forwards < ends:
+        fast_gait = replace(gait, height=lower, single=gait.single * (1.0 - TIME_REDUCTION))
+        fast_limits = CommandLimits.of(legs, fast_gait)
+        if fast_limits.forwards < ends:
             return cls(usual, usual, begins, limits.forwards)
         fast = Pace(
-            replace(planner, gait=quick, limits=able),
-            FIRM_PLACE * weights.swing,
-            FIRM_LIFT * weights.lift,
+            replace(planner, gait=fast_gait, limits=fast_limits),
+            SWING_FACTOR * weights.swing,
+            LIFT_FACTOR * weights.lift,
         )
         return cls(usual, fast, begins, ends)
 
     @property
     def limits(self) -> CommandLimits:
-        """The largest velocities, with the pace that each has."""
+        """The largest velocities, each with its pace."""
         return replace(self.usual.planner.limits, forwards=self.ends)
 
     def at(self, speed: float) -> Pace:
@@ -107,15 +107,21 @@ class Paces:
             return self.usual
         if share >= 1.0:
             return self.fastest
-        one, other = self.usual, self.fastest
+        slow_pace, fast_pace = self.usual, self.fastest
 
-        def between(a: float, b: float) -> float:
+        def interpolate(a: float, b: float) -> float:
             return a + share * (b - a)
 
-        slow, fast = one.planner.gait, other.planner.gait
+        slow, fast = slow_pace.planner.gait, fast_pace.planner.gait
         gait = replace(
-            slow, height=between(slow.height, fast.height), single=between(slow.single, fast.single)
+            slow,
+            height=interpolate(slow.height, fast.height),
+            single=interpolate(slow.single, fast.single),
         )
-        limits = CommandLimits.of(one.planner.legs, gait)
-        planner = replace(one.planner, gait=gait, limits=limits)
-        return Pace(planner, between(one.swing, other.swing), between(one.lift, other.lift))
+        limits = CommandLimits.of(slow_pace.planner.legs, gait)
+        planner = replace(slow_pace.planner, gait=gait, limits=limits)
+        return Pace(
+            planner,
+            interpolate(slow_pace.swing, fast_pace.swing),
+            interpolate(slow_pace.lift, fast_pace.lift),
+        )

@@ -1,4 +1,4 @@
-"""What a walking robot is doing: standing, on both feet between steps, or on one."""
+"""The phases of a walk: standing, double support, single support."""
 
 from __future__ import annotations
 
@@ -19,40 +19,40 @@ from wbc.gait.swing import SwingFoot, yaw_of
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
-# A foot that does not find the ground goes on down at this speed, in units of height times omega:
-# what is 3 % of the height lower is found within 0.2/omega, in which the capture point's error
-# grows by a fifth; at half the speed it grows by a half, beyond what a sole can do.
+# Speed at which a late foot goes on down, in units of height times omega: ground that is 3 % of the
+# height lower is found within 0.2/omega, in which the capture point's error grows by a fifth. At
+# half the speed it grows by a half, more than the sole can correct.
 DESCENT = 0.16
 
 
 class GaitState(NamedTuple):
-    """What a gait knows of the robot.
+    """The state that the gait is planned from.
 
     With the centre of pressure at p and the angular momentum k about the CoM, the horizontal motion
     at height h is c'' = omega^2 (c - p) - d/dt (k_y, -k_x) / (M h). So the DCM of the velocity
-    c' + (k_y, -k_x) / (M h) obeys xi' = omega (xi - p) - (k_y, -k_x) / (M h): what disturbs it is
-    the momentum, small and of zero mean while walking, and not its rate, which would ask for more
+    c' + (k_y, -k_x) / (M h) obeys xi' = omega (xi - p) - (k_y, -k_x) / (M h): it is disturbed by
+    the momentum, small and of zero mean while walking, and not by its rate, which would need more
     than the length of a sole.
 
     Attributes
     ----------
     dcm:
-        Of the CoM, with the velocity that the angular momentum stands for, as x + i y [m].
+        With the velocity above, as x + i y [m].
     places, rotations:
         Of the soles, by foot: (3,) [m] and (3, 3).
-    ahead:
-        Of the soles' middles the pressure is led [m], and of what :attr:`dcm` says the DCM is: so
-        a walk is planned as if it were led to their middles.
+    pressure_offset:
+        Offset of the CoP ahead of the soles' middles [m]. :attr:`dcm` is shifted back by it, so
+        that a walk is planned as if the CoP were at their middles.
     """
 
     dcm: complex
     places: dict[str, Array]
     rotations: dict[str, Array]
-    ahead: float = 0.0
+    pressure_offset: float = 0.0
 
     @classmethod
     def of(cls, snapshot: Snapshot, frames: dict[str, str], omega: float, height: float) -> Self:
-        """Return it of a snapshot; ``frames`` are those of the soles by foot."""
+        """Return the state of a snapshot; ``frames`` are those of the soles by foot."""
         lx, ly, _, kx, ky, _ = snapshot.momentum.tolist()
         x, y, _ = snapshot.com.tolist()
         velocity = complex(lx + ky / height, ly - kx / height) / snapshot.robot.mass
@@ -77,7 +77,7 @@ class GaitState(NamedTuple):
 
     @property
     def normal(self) -> Array:
-        """Of both soles, on average (3,); no unit vector."""
+        """Mean normal of both soles (3,), not normalised."""
         return np.asarray(0.5 * (self.rotations["left"] + self.rotations["right"])[:, 2])
 
 
@@ -87,38 +87,38 @@ class Standing:
 
 
 class DoubleSupport(NamedTuple):
-    """On both feet, the pressure on its way."""
+    """On both feet, the VRP moving from one to the other."""
 
-    support: str  # the foot that will bear
-    start: complex  # where the VRP began, x + i y [m]
-    duration: float  # [s]
-    left: float  # [s]
-    halts: bool = False  # whether it comes to rest between the feet
-    unloading: bool = False  # whether the other foot is being relieved
-    level: float | None = None  # as of the single support before
+    support: str  # the next stance foot
+    start: complex  # where the VRP begins, x + i y [m]
+    duration: float  # of the VRP's motion [s]
+    left: float  # remaining time [s]
+    halts: bool = False  # whether the robot comes to rest between the feet
+    unloading: bool = False  # whether the other foot is being unloaded
+    level: float | None = None  # of the single support before
 
 
 class SingleSupport(NamedTuple):
     """On one foot."""
 
-    support: str  # the foot that bears
+    support: str  # the stance foot
     swing: SwingFoot  # the other one
-    elapsed: float  # since it began [s]
-    left: float  # until the other foot lands; below zero if that is late [s]
-    goal: complex  # where it lands, x + i y [m]
-    # That the DCM should have from there, when that foot alone begins to bear [m].
+    elapsed: float  # since lift-off [s]
+    left: float  # until touch-down; negative if that is late [s]
+    goal: complex  # where the swing foot lands, x + i y [m]
+    # Of the DCM from the goal, at the beginning of the next single support [m].
     offset: complex
-    foothold: Foothold  # of the foot that bears
-    # The footstep that it is asked to make, and those after it, if any.
+    foothold: Foothold  # of the stance foot
+    # The prescribed footstep and those after it, if any.
     given: tuple[Footstep, ...] = ()
-    # Height of the ground that both legs reach as the foot lands [m], if its own was given.
+    # Height of the ground that both legs reach at touch-down [m], if the footstep prescribes one.
     level: float | None = None
     adapted: bool = True  # whether the QP of the footstep was solved
     # Its multipliers: see wbc.gait.adaptation.held_back_by.
     multipliers: Multipliers | None = None
 
     @classmethod
-    def begun(
+    def lift_off(
         cls,
         foot: str,
         now: GaitState,
@@ -128,10 +128,10 @@ class SingleSupport(NamedTuple):
         given: tuple[Footstep, ...] = (),
         crossing: Crossing | None = None,
     ) -> Self:
-        """Return the phase in which ``foot`` leaves the ground, whose ``normal`` is (3,).
+        """Return the phase in which ``foot`` leaves ground of a ``normal`` (3,).
 
-        ``half`` (2,) are half the sizes of the sole that bears [m]; ``crossing`` is how the foot
-        goes over edges, if it does.
+        ``half`` (2,) are the half sizes of the stance sole [m]; ``crossing`` is the path over
+        edges, if there are any.
         """
         pose, stands = now.pose(foot), float(now.places[other(foot)][2])
         descent = DESCENT * gait.height * gait.omega
@@ -142,7 +142,7 @@ class SingleSupport(NamedTuple):
             level = None if step.z is None else min(stands, step.z)
             if step.normal is not None:
                 lands, sole = step.normal, now.rotations[foot][:, 2]
-        swing = SwingFoot.begun(
+        swing = SwingFoot.lift_off(
             pose[:3],
             float(pose[3]),
             lands,
@@ -155,9 +155,9 @@ class SingleSupport(NamedTuple):
         hold = Foothold.whole(now.rotations[other(foot)], normal, half)
         return cls(other(foot), swing, 0.0, single, in_plane(pose), 0j, hold, given, level)
 
-    def felt(self, now: GaitState, wrench: Array, weight: float) -> Self:
-        """Return it with what is known of the foothold now; ``wrench`` (6,) is on its sole [N]."""
-        known = self.foothold.felt(now.rotations[self.support], wrench, weight)
+    def update(self, now: GaitState, wrench: Array, weight: float) -> Self:
+        """Return it with the foothold updated; ``wrench`` (6,) is on the stance sole [N, N m]."""
+        known = self.foothold.update(now.rotations[self.support], wrench, weight)
         return self if known is self.foothold else self._replace(foothold=known)
 
 
@@ -179,7 +179,7 @@ def sole_poses(snapshot: Snapshot) -> dict[str, Array]:
 
 
 def next_foot(phase: Phase) -> str | None:
-    """Return the foot that makes the next step that is not begun; None if both can."""
+    """Return the foot of the next step that has not begun; None if either can make it."""
     if isinstance(phase, SingleSupport):
         return phase.support
     if isinstance(phase, DoubleSupport) and not phase.halts:
@@ -188,7 +188,7 @@ def next_foot(phase: Phase) -> str | None:
 
 
 def landing_pose(phase: SingleSupport, heading: float, velocity: Velocity) -> Array:
-    """Return x, y [m] and yaw [rad] with which the foot in the air lands (3,)."""
+    """Return x, y [m] and yaw [rad] of the swing foot's landing (3,)."""
     turned = heading + velocity.yaw_rate * max(phase.left, 0.0)
     x, y = phase.goal.real, phase.goal.imag
     return np.array((x, y, phase.given[0].yaw if phase.given else turned))
@@ -197,7 +197,7 @@ def landing_pose(phase: SingleSupport, heading: float, velocity: Velocity) -> Ar
 def feet_after(
     phase: Phase, now: GaitState, heading: float, velocity: Velocity
 ) -> dict[str, Array]:
-    """Return x, y, yaw and z of both feet (4,) [m, rad], of one in the air where it lands."""
+    """Return x, y, yaw and z of both feet (4,) [m, rad], of a swing foot where it lands."""
     feet = {foot: now.pose(foot) for foot in now.places}
     if isinstance(phase, SingleSupport):
         lands = landing_pose(phase, heading, velocity)

@@ -1,4 +1,4 @@
-"""Footsteps that are given: where each foot goes, where it lands, and the DCM between."""
+"""Prescribed footsteps: where each foot goes, where it landed, and the DCM between."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from wbc.gait.swing import turned, unit
 from wbc.kinds import one_of
 from wbc.validate import Array, check_fields, finite_number, finite_vector, set_fields
 
-# How long the first shift of the weight takes, and the last one, in units of 1/omega.
-SHIFT = 1.2
-# So many steps are looked ahead; what comes later counts for exp(-omega T) per step, some 1/6.
-AHEAD = 6
-# The heading follows the feet within this time at least [s].
-LEAST_TURN = 0.1
+# Duration of the first and the last weight shift, in units of 1/omega.
+WEIGHT_SHIFT = 1.2
+# Steps of the preview; each later one counts for exp(-omega T), some 1/6, of the one before.
+HORIZON = 6
+# Shortest time in which the heading follows the feet [s].
+MIN_TURN_TIME = 0.1
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Footstep:
 
 
 class Landing(NamedTuple):
-    """How far a foot landed from its footstep, as it was measured then.
+    """How far a foot landed from its footstep, as measured at touch-down.
 
     Attributes
     ----------
@@ -129,52 +129,52 @@ class Landing(NamedTuple):
 
     @classmethod
     def of(cls, footstep: Footstep, pose: Array) -> Self:
-        """Return it of a foot at ``pose`` (x, y, yaw, z)."""
-        way = float(np.linalg.norm(pose[:2] - footstep.place))
+        """Return the landing of a foot at ``pose`` (x, y, yaw, z)."""
+        distance = float(np.linalg.norm(pose[:2] - footstep.place))
         turn, above = math.remainder(pose[2] - footstep.yaw, math.tau), footstep.pose(pose[3])[3]
-        return cls(footstep, way, abs(turn), float(pose[3] - above))
+        return cls(footstep, distance, abs(turn), float(pose[3] - above))
 
 
 def in_world(footsteps: Sequence[Footstep], feet: Mapping[str, Array]) -> tuple[Footstep, ...]:
     """Return footsteps in the world, each of which is given relative to the one before."""
-    found, base = list[Footstep](), feet[other(footsteps[0].foot)]
+    placed, base = list[Footstep](), feet[other(footsteps[0].foot)]
     for step in footsteps:
-        found.append(step.carried_to(base))
-        base = found[-1].pose(float(base[3]))
-    return tuple(found)
+        placed.append(step.carried_to(base))
+        base = placed[-1].pose(float(base[3]))
+    return tuple(placed)
 
 
-def given_offsets(
+def prescribed_dcm_offsets(
     base: complex, steps: Sequence[Footstep], gait: GaitSettings
 ) -> tuple[complex, complex]:
-    """Return where the DCM should be from the foot at ``base``, and from the first footstep.
+    """Return the DCM relative to the foot at ``base``, and to the first footstep.
 
-    Each when that foot alone begins to bear, x + i y [m]. After the last footstep the VRP moves to
-    the middle between the feet, and the DCM comes to rest there; in a walk that goes on, the first
-    is ((1 + alpha) d + b) exp(-omega T) of the second, b (:mod:`wbc.gait.dcm`).
+    Each at the beginning of that foot's single support, x + i y [m]. After the last footstep the
+    VRP moves to the middle between the feet, and the DCM comes to rest there; in a walk that goes
+    on, the first is ((1 + alpha) d + b) exp(-omega T) of the second, b (:mod:`wbc.gait.dcm`).
     """
-    ahead, last = steps[:AHEAD], 0j
-    places = [base, *(complex(step.x, step.y) for step in ahead)]
-    ways = [end - begin for begin, end in pairwise(places)]
-    if len(ahead) == len(steps):  # the DCM over the last footstep's start, when the VRP leaves
-        leaving = 0.5 * ways[-1] * -math.expm1(-SHIFT) / SHIFT
-        grown = math.exp(gait.omega * gait.double) * leaving
-        last = grown - shift_gain(gait.omega, gait.double) * ways[-1]
-    times = [StepTimes(step.single(gait), gait.double) for step in ahead]
-    here, there, *_ = dcm_offsets(ways, times, gait.omega, last)
+    horizon, last = steps[:HORIZON], 0j
+    places = [base, *(complex(step.x, step.y) for step in horizon)]
+    displacements = [end - begin for begin, end in pairwise(places)]
+    if len(horizon) == len(steps):  # the DCM as the VRP leaves the last but one foot
+        dcm_at_departure = 0.5 * displacements[-1] * -math.expm1(-WEIGHT_SHIFT) / WEIGHT_SHIFT
+        dcm_at_end = math.exp(gait.omega * gait.double) * dcm_at_departure
+        last = dcm_at_end - shift_gain(gait.omega, gait.double) * displacements[-1]
+    times = [StepTimes(step.single(gait), gait.double) for step in horizon]
+    here, there, *_ = dcm_offsets(displacements, times, gait.omega, last)
     return here, there
 
 
-def velocity_on(
+def velocity_for(
     base: Array, step: Footstep, heading: float, left: float, gait: GaitSettings
 ) -> Velocity:
-    """Return the velocity of a robot that makes a footstep beside a foot at ``base``.
+    """Return the velocity of a footstep beside a foot at ``base`` (x, y, yaw, z).
 
-    The middle between the feet moves by the step less the width; the heading is between the feet
-    after the time ``left`` [s].
+    The middle between the feet moves by the step less the gait's width; the heading is the mean of
+    the feet's after the time ``left`` [s].
     """
     goal = float(base[2]) + 0.5 * math.remainder(step.yaw - float(base[2]), math.tau)
-    turn = math.remainder(goal - heading, math.tau) / max(left, LEAST_TURN)
+    turn = math.remainder(goal - heading, math.tau) / max(left, MIN_TURN_TIME)
     x, y = (turned(-heading)[:2, :2] @ (step.place - base[:2])).tolist()
     T = step.single(gait) + gait.double
     return Velocity(x / T, (y - SIGN[step.foot] * gait.width) / T, turn)

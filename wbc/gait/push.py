@@ -1,4 +1,4 @@
-"""What pushes a robot: seen in its motion, where the forces on its soles do not explain it."""
+"""Estimates external pushes: the motion that the forces on the soles do not explain."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from wbc.gait.phases import GaitState
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
-# In units of 1/omega: how soon a push is seen, and how long it is expected to go on. Someone who
-# pushes does so for some tenths of a second.
-SEEN, LASTS = 0.1, 0.25
+# In units of 1/omega: time constant of the observer, and how long a push is expected to go on. A
+# person pushes for some tenths of a second.
+OBSERVER_TIME, PUSH_DURATION = 0.1, 0.25
 
 
 class PushObserver(NamedTuple):
-    """Observes the acceleration that is left when that by the soles is taken away.
+    """Luenberger observer of the acceleration that the forces on the soles do not explain.
 
     With forces f on the soles and their moment tau about the CoM, the velocity of the DCM (see
     :class:`~wbc.gait.phases.GaitState`), s = c' + (k_y, -k_x) / (M h), has the rate
 
         s' = f / M + (tau_y, -tau_x) / (M h) + a,
 
-    whatever the height and the leg that swings do. Only what pushes adds an a: observed with two
-    equal poles (Luenberger 1971). What noise and wrong masses leave in a G1's walk is 0.2 m/s^2; a
-    push of 100 N is 3.
+    whatever the height and the swing leg do. Only a push adds an a, which is observed with two
+    equal poles (Luenberger 1971). Noise and wrong masses give 0.2 m/s^2 in a G1's walk; a push of
+    100 N gives 3.
 
     Attributes
     ----------
     omega, height:
         Of the pendulum [1/s, m].
     expected:
-        s, as x + i y, or None before anything was felt [m/s].
+        s, as x + i y, or None before the first forces [m/s].
     push:
         a, likewise [m/s^2].
     """
@@ -42,18 +42,18 @@ class PushObserver(NamedTuple):
     expected: complex | None = None
     push: complex = 0j
 
-    def seen(
+    def update(
         self, snapshot: Snapshot, now: GaitState, felt: Mapping[str, Array], dt: float
     ) -> PushObserver:
-        """Return it ``dt`` later.
+        """Return the observer ``dt`` later.
 
-        ``felt`` are the wrenches (6,) on the soles by foot [N, N m]; if none are, it begins anew.
+        ``felt``: the measured wrenches (6,) on the soles by foot [N, N m]; without any it is reset.
         """
         cx, cy, cz = snapshot.com.tolist()
         velocity = self.omega * (now.dcm - complex(cx, cy))
         if not felt or self.expected is None:
             return self._replace(expected=velocity if felt else None, push=0j)
-        total_x = total_y = 0.0  # of the forces, with what their moments about the CoM stand for
+        total_x = total_y = 0.0  # M s', of the forces and of their moments about the CoM
         for foot, wrench in felt.items():
             fx, fy, fz, mx, my, _ = wrench.tolist()
             x, y, z = now.places[foot].tolist()
@@ -62,20 +62,20 @@ class PushObserver(NamedTuple):
             total_y += fy - (mx + y * fz - z * fy) / self.height
         rate = complex(total_x, total_y) / snapshot.robot.mass
         expected = self.expected + (rate + self.push) * dt
-        off, pole = velocity - expected, math.exp(-self.omega * dt / SEEN)
-        push = self.push + (1.0 - pole) ** 2 / dt * off
-        return PushObserver(self.omega, self.height, expected + (1.0 - pole**2) * off, push)
+        error, pole = velocity - expected, math.exp(-self.omega * dt / OBSERVER_TIME)
+        push = self.push + (1.0 - pole) ** 2 / dt * error
+        return PushObserver(self.omega, self.height, expected + (1.0 - pole**2) * error, push)
 
-    def ahead(self, now: GaitState, delay: float = 0.0) -> GaitState:
-        """Return a state with the DCM that the push will have made of it.
+    def predict(self, now: GaitState, delay: float = 0.0) -> GaitState:
+        """Return a state with the DCM predicted for the end of the push.
 
-        A push is half done when it is seen. A footstep that waits for the rest of it is decided too
-        late, and the pressure meets it only then.
+        A push is half over when it is observed: footstep and pressure that react to the measured
+        DCM only come too late.
 
         Parameters
         ----------
         delay:
-            Over which the state was predicted, without the push [s].
+            Over which the state was already predicted, without the push [s].
         """
-        dcm = now.dcm + (LASTS / self.omega**2 + delay / self.omega) * self.push
+        dcm = now.dcm + (PUSH_DURATION / self.omega**2 + delay / self.omega) * self.push
         return GaitState(dcm, now.places, now.rotations)

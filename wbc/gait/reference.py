@@ -1,4 +1,4 @@
-"""What the CoM and the next footstep should be, by the phase of the walk and the DCM measured."""
+"""The reference of VRP, DCM and next footstep, from the walk's phase and the measured DCM."""
 
 from __future__ import annotations
 
@@ -17,59 +17,57 @@ from wbc.gait.dcm import VrpSegment, in_plane, shift_gain
 from wbc.gait.footsteps import SIGN, Footsteps, other
 from wbc.gait.legs import Legs
 from wbc.gait.phases import DoubleSupport, GaitState, Phase, SingleSupport, landing_pose
-from wbc.gait.prescribed_steps import Footstep, given_offsets, velocity_on
+from wbc.gait.prescribed_steps import Footstep, prescribed_dcm_offsets, velocity_for
 from wbc.gait.settings import GaitSettings
-from wbc.gait.step_range import SHORTEST
+from wbc.gait.step_range import MIN_SINGLE_RATIO
 from wbc.gait.swing import FootPose, yaw_of
 from wbc.polygon import convex_hull, nearest_point
 from wbc.robot import Robot
 from wbc.validate import Array
 
-# The time in the air may grow to this part of it.
-LONGEST = 1.3
-# How much of the hips' acceleration a foot in the air may count on when it must hurry: more than
-# all, as pelvis and trunk give way too. Of 100 N pushes on a G1 those towards the standing foot are
-# lost at 0.5.
-HASTE = 1.5
-# How far in the sole the pressure may be counted on, in parts of its half size.
+# Longest swing, as a ratio of its nominal time.
+MAX_TIME_RATIO = 1.3
+# Largest acceleration of a swing foot in a recovery step, as a ratio of what the hips give: above
+# 1, as pelvis and trunk yield, too. At 0.5 a G1 falls of 100 N pushes towards the stance foot.
+CATCH_ACCELERATION = 1.5
+# Part of the sole's half size within which the planner places the CoP.
 SOLE_SHARE = 0.6
-# A step that catches a push takes at least this part of its usual time, in which its foot is
-# relieved and lifted; what its way takes follows from the acceleration. At 0.45 a G1 that is pushed
-# towards the foot it has begun to stand on waits for the other one, which could be down.
-QUICKEST = 0.2
-# A step that is shorter than this part of its usual time had to hurry.
-HURRIED = 0.9
+# Shortest recovery step, as a ratio of the nominal swing time: unloading and lifting the foot; the
+# time for its distance follows from the acceleration. At 0.45 a G1 that is pushed towards its new
+# stance foot lands the other one later than it could.
+MIN_TIME_RATIO = 0.2
+# A step below this ratio of its nominal swing time is a recovery step.
+SHORTENED_RATIO = 0.9
 # A foot that bears this part of the weight has landed.
-TOUCH = 0.1
-# Nearer to the landing than this, in units of 1/omega, a footstep is not changed any more.
-DECIDED = 0.15
-# A foot that is pressed has landed, if it has done so much of its way: what it bumps into before is
-# an edge.
-DONE = 0.7
-# One that does not find the ground counts as landed so late, in units of 1/omega.
-LATEST = 1.2
-# A step at rest ends the walk if it is this near to its place [m].
-BESIDE = 0.03
-# Of a sole, in units of its half size.
-CORNERS = np.array(((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)))
-# A footstep that is given is left only where the sole and the time of the landing do not suffice.
-GIVEN = StepWeights(place=100.0)
+TOUCHDOWN_LOAD = 0.1
+# The footstep is fixed for this time before touch-down, in units of 1/omega.
+FREEZE_TIME = 0.15
+# A loaded foot has landed from this part of its path on; before, it has hit an edge.
+MIN_PROGRESS = 0.7
+# A foot that finds no ground counts as landed after this delay, in units of 1/omega.
+MAX_DELAY = 1.2
+# A commanded stop ends the walk if the foot is this near to its nominal place [m].
+HALT_DISTANCE = 0.03
+# Corners of a sole, in units of its half size.
+CORNER_SIGNS = np.array(((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)))
+# A prescribed footstep is left only where the sole and the time of landing do not suffice.
+PRESCRIBED_WEIGHTS = StepWeights(place=100.0)
 
 
 class Reference(NamedTuple):
-    """Where the pressure and the DCM should be.
+    """The reference of VRP and DCM.
 
     Attributes
     ----------
     vrp, dcm:
         As x + i y [m].
     ground:
-        How high the ground is where it is pressed [m].
+        Height of the ground at the CoP [m].
     level:
-        How high that is that the CoM's height is over [m], if footsteps have heights that are
-        given; else it is ``ground``.
+        Height that the CoM's height is relative to [m], where footsteps prescribe heights; None:
+        ``ground``.
     within:
-        In which time the CoM should be there [s]; None: as soon as it follows.
+        Time until the CoM should be at that height [s]; None: it follows as a spring.
     """
 
     vrp: complex
@@ -81,7 +79,7 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True)
 class StepPlanner:
-    """Plans from the phase of a walk; keeps nothing.
+    """Plans from the phase of a walk; has no state.
 
     Attributes
     ----------
@@ -96,15 +94,15 @@ class StepPlanner:
 
     @cached_property
     def footsteps(self) -> Footsteps:
-        """Where feet go."""
+        """Nominal footsteps."""
         return Footsteps(self.gait)
 
-    def standing(self, now: GaitState) -> Reference:
-        """Return the reference of a robot that stands: between its feet."""
+    def standing_reference(self, now: GaitState) -> Reference:
+        """Return the reference while standing: the middle between the feet."""
         middle = in_plane(now.middle)
         return Reference(middle, middle, float(now.middle[2]))
 
-    def double(
+    def double_reference(
         self,
         phase: DoubleSupport,
         now: GaitState,
@@ -112,7 +110,7 @@ class StepPlanner:
         velocity: Velocity,
         coming: Sequence[Footstep] = (),
     ) -> Reference:
-        """Return the reference on both feet; ``coming`` are footsteps that are given."""
+        """Return the reference in double support; ``coming`` are prescribed footsteps."""
         omega, left = self.gait.omega, max(phase.left, 0.0)
         new, old = now.places[phase.support], now.places[other(phase.support)]
         end, ground = now.place(phase.support), float(new[2])
@@ -120,177 +118,191 @@ class StepPlanner:
             end = last = in_plane(now.middle)
             ground = float(now.middle[2])
         elif coming:
-            last = end + given_offsets(end, coming, self.gait)[0]
+            last = end + prescribed_dcm_offsets(end, coming, self.gait)[0]
         else:
             ahead = heading + velocity.yaw_rate * left
             last = end + self.footsteps.offset(phase.support, ahead, velocity)
         segment = VrpSegment(phase.start, end, phase.duration)
-        waits = max(left - phase.duration, 0.0)
-        left -= waits
-        done = 1.0 - left / phase.duration
+        wait = max(left - phase.duration, 0.0)
+        left -= wait
+        progress = 1.0 - left / phase.duration
         vrp = segment.at(phase.duration - left)
         dcm = segment.dcm_before(last, left, omega)
         return Reference(
             vrp,
-            vrp + math.exp(-omega * waits) * (dcm - vrp) if waits else dcm,
-            (1.0 - done) * float(old[2]) + done * ground,
+            vrp + math.exp(-omega * wait) * (dcm - vrp) if wait else dcm,
+            (1.0 - progress) * float(old[2]) + progress * ground,
             None if phase.halts else phase.level,
         )
 
-    def single(self, phase: SingleSupport, now: GaitState) -> Reference:
-        """Return the reference on one foot: back from the footstep that is planned."""
+    def single_reference(self, phase: SingleSupport, now: GaitState) -> Reference:
+        """Return the reference in single support: back in time from the planned footstep."""
         base, ground = now.place(phase.support), float(now.places[phase.support][2])
         left = max(phase.left, 0.0)
-        dcm = base + math.exp(-self.gait.omega * left) * self._leaving(phase, base)
+        dcm = base + math.exp(-self.gait.omega * left) * self._departing_dcm(phase, base)
         return Reference(base, dcm, ground, phase.level, left)
 
-    def _leaving(self, phase: SingleSupport, base: complex) -> complex:
-        """Return where the DCM should be, from the foot at ``base``, as the VRP leaves that [m]."""
+    def _departing_dcm(self, phase: SingleSupport, base: complex) -> complex:
+        """Return the DCM relative to the foot at ``base`` when the VRP leaves it [m]."""
         omega, double = self.gait.omega, self.gait.double
         shift = shift_gain(omega, double) * (phase.goal - base) + phase.offset
         return math.exp(-omega * double) * shift
 
-    def sunk(self, phase: Phase, now: GaitState, heading: float) -> float:
-        """Return how much lower than usual the CoM should be [m].
+    def height_reduction(self, phase: Phase, now: GaitState, heading: float) -> float:
+        """Return how far the CoM should sink below the gait's height [m].
 
-        Where feet are far apart sideways, or will be, the leg behind reaches the ground from less
-        height when the pelvis is over the other foot; stretched straight it would lift the pelvis.
-        In a step that is longer than in a walk both legs reach it from less when the pelvis is
-        halfway.
+        Where feet are, or will be, far apart sideways, the trailing leg must reach the ground with
+        the pelvis over the other foot; stretched straight it would lift the pelvis. In a long step
+        both legs must reach it with the pelvis halfway.
         """
-        ways = [now.place("left") - now.place("right")]
+        separations = [now.place("left") - now.place("right")]
         if isinstance(phase, SingleSupport):
-            ways.append(phase.goal - now.place(phase.support))
-        back, found = cmath.rect(1.0, -heading), 0.0
-        for way in ways:
-            seen = way * back  # ahead + i beside
-            halfway = 0.5 * min(abs(seen.real), self.limits.catch)
-            wider = max(min(abs(seen.imag), self.limits.catch_aside) - self.legs.width, 0.0)
-            height = self.legs.com_height_for(math.hypot(halfway, wider))
-            found = max(found, self.gait.height - height)
-        return found
+            separations.append(phase.goal - now.place(phase.support))
+        to_heading, reduction = cmath.rect(1.0, -heading), 0.0
+        for separation in separations:
+            local = separation * to_heading  # x forwards, y to the left
+            halfway = 0.5 * min(abs(local.real), self.limits.catch)
+            excess_width = max(min(abs(local.imag), self.limits.catch_aside) - self.legs.width, 0.0)
+            height = self.legs.com_height_for(math.hypot(halfway, excess_width))
+            reduction = max(reduction, self.gait.height - height)
+        return reduction
 
     def single_time(self, phase: SingleSupport) -> float:
-        """Return how long a phase should last [s]."""
+        """Return the nominal duration of a single support [s]."""
         return phase.given[0].single(self.gait) if phase.given else self.gait.single
 
-    def touches(self, phase: SingleSupport, load: float | None) -> bool:
-        """Return whether the foot in the air, which bears this part of the weight, has landed.
+    def has_landed(self, phase: SingleSupport, load: float | None) -> bool:
+        """Return whether the swing foot, which bears ``load`` (part of the weight), has landed.
 
-        A slow one touches more softly, by the square of its speed. None: it does when it should.
+        The threshold falls with the square of its speed: a slow foot touches softly. None: it lands
+        as planned.
         """
         if load is None:
             return phase.left <= 0.0
-        pressed = load > TOUCH * min(1.0, self.gait.single / self.single_time(phase)) ** 2
-        return (pressed and phase.swing.done > DONE) or phase.swing.late > LATEST / self.gait.omega
+        loaded = load > TOUCHDOWN_LOAD * min(1.0, self.gait.single / self.single_time(phase)) ** 2
+        return (
+            loaded and phase.swing.done > MIN_PROGRESS
+        ) or phase.swing.late > MAX_DELAY / self.gait.omega
 
-    def swung(
+    def advance_swing(
         self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity, dt: float
     ) -> tuple[SingleSupport, FootPose]:
-        """Return the phase with the foot in the air led on by ``dt``, and where that should be."""
+        """Return the phase ``dt`` later, and the swing foot's reference."""
         goal = landing_pose(phase, heading, velocity)
         ground = phase.given[0].z if phase.given else None
         if ground is None:
             x, y, z = phase.swing.normal.tolist()
             way = phase.goal - now.place(phase.support)
             ground = float(now.places[phase.support][2]) - (x * way.real + y * way.imag) / z
-        swing = phase.swing.advanced(goal, ground, phase.left, dt)
+        swing = phase.swing.advance(goal, ground, phase.left, dt)
         return phase._replace(swing=swing), swing.pose()
 
     def double_time(self, phase: SingleSupport, now: GaitState) -> float:
-        """Return how long the double support lasts that ends a phase now [s].
+        """Return the duration of the double support after a touch-down now [s].
 
-        A foot that lands before its time, on higher ground, waits for the DCM to come as near as it
-        does to where the VRP leaves the other foot, but no longer than until then. After a push
-        aside that is sooner than ahead it is there: what goes aside grows as long as one waits. A
-        step of a walk that had to hurry does not wait: time is what it lacks.
+        A foot that lands early, on higher ground, waits until the DCM is nearest to where it should
+        be when the VRP leaves the old foot, at most until the planned touch-down. A lateral error
+        grows meanwhile, so that after a lateral push the nearest point comes sooner. A recovery
+        step of a commanded walk does not wait.
         """
         base = now.place(phase.support)
-        leaving, there = self._leaving(phase, base), now.dcm - base
-        grows = (leaving * there.conjugate()).real / max(abs(there) ** 2, 1e-12)
-        lacks = math.log(grows) / self.gait.omega if grows > 1.0 else 0.0
-        hurried = not phase.given and phase.elapsed + phase.left < HURRIED * self.single_time(phase)
-        return self.gait.double + (0.0 if hurried else max(min(phase.left, lacks), 0.0))
+        wanted, actual = self._departing_dcm(phase, base), now.dcm - base
+        growth = (wanted * actual.conjugate()).real / max(abs(actual) ** 2, 1e-12)
+        missing = math.log(growth) / self.gait.omega if growth > 1.0 else 0.0
+        shortened = (
+            not phase.given
+            and phase.elapsed + phase.left < SHORTENED_RATIO * self.single_time(phase)
+        )
+        return self.gait.double + (0.0 if shortened else max(min(phase.left, missing), 0.0))
 
     def velocity_on_steps(self, phase: Phase, now: GaitState, heading: float) -> Velocity | None:
-        """Return the velocity of the footstep that is being made, if it was given."""
+        """Return the velocity of the present footstep, if it is prescribed."""
         if not (isinstance(phase, SingleSupport) and phase.given):
             return None
         left = max(phase.left, 0.0) + self.gait.double
-        return velocity_on(now.pose(phase.support), phase.given[0], heading, left, self.gait)
+        return velocity_for(now.pose(phase.support), phase.given[0], heading, left, self.gait)
 
-    def at_its_end(
+    def can_halt(
         self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity
     ) -> bool:
-        """Return whether a robot that is to stand can do so, as its foot lands."""
+        """Return whether a commanded stop can end the walk at this touch-down."""
         if phase.given:
             return True
         start, place = now.place(phase.support), now.place(other(phase.support))
         nominal = start + self.footsteps.step(phase.support, heading, velocity)
-        return velocity.at_rest and abs(place - nominal) < BESIDE
+        return velocity.at_rest and abs(place - nominal) < HALT_DISTANCE
 
-    def adapted(
+    def adapt(
         self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity
     ) -> SingleSupport:
-        """Return the phase with the footstep for the DCM that is measured.
+        """Return the phase with its footstep adapted to the measured DCM.
 
-        Shortly before the landing a footstep stays as it is; its ``adapted`` says whether that was
-        the answer of a QP.
+        Shortly before touch-down it is unchanged. Its ``adapted`` says whether the last QP was
+        solved.
         """
         gait, omega, support = self.gait, self.gait.omega, phase.support
-        soon = DECIDED / omega
-        if phase.left <= soon:
+        freeze = FREEZE_TIME / omega
+        if phase.left <= freeze:
             return phase
         base, single, double = now.place(support), self.single_time(phase), gait.double
         if phase.given:
-            ahead, weights, step = yaw_of(now.rotations[support]), GIVEN, phase.given[0]
+            axes_yaw, weights, step = (
+                yaw_of(now.rotations[support]),
+                PRESCRIBED_WEIGHTS,
+                phase.given[0],
+            )
             to_next = complex(step.x, step.y) - base
-            offset = given_offsets(base, phase.given, gait)[1]
+            offset = prescribed_dcm_offsets(base, phase.given, gait)[1]
         else:
-            ahead, weights = heading, WEIGHTS
-            began = heading - velocity.yaw_rate * phase.elapsed  # the heading of the standing foot
-            landing = heading + velocity.yaw_rate * phase.left
-            to_next = self.footsteps.step(support, began, velocity)
-            offset = self.footsteps.offset(other(support), landing, velocity)
-        turn = cmath.rect(1.0, ahead)
-        back = turn.conjugate()  # to the axes of the foot that stands
+            axes_yaw, weights = heading, WEIGHTS
+            stance_heading = heading - velocity.yaw_rate * phase.elapsed
+            landing_heading = heading + velocity.yaw_rate * phase.left
+            to_next = self.footsteps.step(support, stance_heading, velocity)
+            offset = self.footsteps.offset(other(support), landing_heading, velocity)
+        rotation = cmath.rect(1.0, axes_yaw)
+        to_stance = rotation.conjugate()  # to the axes of the stance foot
 
-        def seen(way: complex) -> tuple[float, float]:
-            there = way * back
-            return there.real, there.imag
+        def in_stance(vector: complex) -> tuple[float, float]:
+            local = vector * to_stance
+            return local.real, local.imag
 
         nominal = StepPlan(
-            seen(to_next), max(single - phase.elapsed, soon), seen(offset), (0.0, 0.0)
+            in_stance(to_next), max(single - phase.elapsed, freeze), in_stance(offset), (0.0, 0.0)
         )
-        sign, far = SIGN[other(support)], self.limits.catch
-        beside = sorted((sign * gait.least_width, sign * self.limits.catch_aside))
-        lower, upper = (-far, beside[0]), (far, beside[1])
-        level, swing = phase.swing.level, HASTE * self.limits.swing
-        reach = Reach(seen(in_plane(level.value) - base), seen(in_plane(level.rate)), swing)
-        quickest = SHORTEST if phase.given else QUICKEST
-        least = max(soon, quickest * single - phase.elapsed, reach.least_time(lower, upper))
-        most = max(least, LONGEST * single - phase.elapsed)
+        sign, longest = SIGN[other(support)], self.limits.catch
+        lateral = sorted((sign * gait.least_width, sign * self.limits.catch_aside))
+        lower, upper = (-longest, lateral[0]), (longest, lateral[1])
+        level, swing = phase.swing.level, CATCH_ACCELERATION * self.limits.swing
+        reach = Reach(
+            in_stance(in_plane(level.value) - base), in_stance(in_plane(level.rate)), swing
+        )
+        min_ratio = MIN_SINGLE_RATIO if phase.given else MIN_TIME_RATIO
+        min_time = max(freeze, min_ratio * single - phase.elapsed, reach.min_time(lower, upper))
+        max_time = max(min_time, MAX_TIME_RATIO * single - phase.elapsed)
         length, width = self.soles[support].tolist()
-        length -= abs(now.ahead)
-        sole, about = (SOLE_SHARE * length, SOLE_SHARE * width), min(max(phase.left, least), most)
-        bounds = StepBounds(lower, upper, least, most, sole, reach, about)
-        plan = adapt_step(seen(now.dcm - base), nominal, bounds, omega, double, weights)
-        # Not the plan's own offset, which is where the DCM will be: what the step cannot catch
-        # would be no error then, and the pressure would go back to the middle of the sole.
+        length -= abs(now.pressure_offset)
+        sole, linearized_at = (
+            (SOLE_SHARE * length, SOLE_SHARE * width),
+            min(max(phase.left, min_time), max_time),
+        )
+        bounds = StepBounds(lower, upper, min_time, max_time, sole, reach, linearized_at)
+        plan = adapt_step(in_stance(now.dcm - base), nominal, bounds, omega, double, weights)
+        # The nominal offset, not the plan's, which is where the DCM will be: a part that the step
+        # cannot capture would be no error then, and the CoP would go back to the sole's middle.
         return phase._replace(
             left=plan.left,
-            goal=base + turn * complex(*plan.place),
+            goal=base + rotation * complex(*plan.place),
             offset=offset,
             adapted=plan.adapted,
             multipliers=plan.multipliers,
         )
 
-    def within(self, phase: Phase, vrp: complex, now: GaitState) -> complex:
-        """Return the point nearest to ``vrp`` that can be pressed, on one sole or between two.
+    def project_onto_support(self, phase: Phase, vrp: complex, now: GaitState) -> complex:
+        """Return the point of the support polygon, or of the foothold, nearest to ``vrp``.
 
-        About a point outside the moment of the forces would be least where there are none: led
-        there by a push, a robot left the ground for the whole double support. What a foot that is
-        being relieved can bear goes to zero, and so does what it adds to the other sole.
+        About a point outside, the moment of the contact forces is least for zero forces: asked for
+        such a CoP after a push, a robot left the ground for the whole double support. The part of a
+        foot that is being unloaded shrinks to zero with its force limit.
         """
         if isinstance(phase, SingleSupport):
             (a, b, _), (c, d, _), _ = now.rotations[phase.support].tolist()
@@ -299,7 +311,7 @@ class StepPlanner:
             x, y = phase.foothold.nearest(a * x + c * y, b * x + d * y)
             return place + complex(a * x + b * y, c * x + d * y)
         corners = {
-            foot: place[:2] + (self.soles[foot] * CORNERS) @ now.rotations[foot][:2, :2].T
+            foot: place[:2] + (self.soles[foot] * CORNER_SIGNS) @ now.rotations[foot][:2, :2].T
             for foot, place in now.places.items()
         }
         if isinstance(phase, DoubleSupport) and phase.unloading:
@@ -310,8 +322,8 @@ class StepPlanner:
         return in_plane(nearest_point(hull, np.array((vrp.real, vrp.imag))))
 
 
-def half_sizes(robot: Robot) -> dict[str, Array]:
-    """Return how far each sole reaches from its middle (2,) [m], the lesser of both ways."""
+def sole_half_sizes(robot: Robot) -> dict[str, Array]:
+    """Return the smaller half length and half width of each sole (2,) [m]."""
     return {
         name: np.minimum(foot.polygon.max(axis=0), -foot.polygon.min(axis=0))
         for name, foot in robot.feet.items()

@@ -1,4 +1,4 @@
-"""The numbers of a gait, by default those that fit the robot's size."""
+"""The settings of a gait, by default from the robot's size."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from typing import Self
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.dcm import StepTimes
-from wbc.gait.legs import BENT, Legs
+from wbc.gait.legs import WALKING_STRETCH, Legs
 from wbc.validate import check_fields, finite_number
 
-# The hip's height over the ankle, in parts of the leg's length, for the sake of weak knees.
-TALLEST = 0.97
+# Largest height of the hip over the ankle for weak knees, as a ratio of the leg's length.
+MAX_HIP_RATIO = 0.97
 # Times in units of the pendulum's time constant 1/omega, lengths in units of the CoM's height.
-# A foot's peak acceleration goes with the inverse square of its time in the air, and moves the
-# pressure by that moment: so double support is short.
+# A swing foot's peak acceleration goes with the inverse square of the swing time, and its moment
+# moves the CoP: so double support is short.
 SINGLE, DOUBLE, RAMP, CLEARANCE = 1.56, 0.16, 0.08, 0.09
-# Between the soles, at least, and as they walk: a step inwards needs room.
-GAP, ROOM = 0.04, 0.12
-# Longest step, in 1/omega: rounding has grown by e^50 then, 5e21.
-LONGEST = 50.0
-# Of the commanded velocity, in units of gravity.
+# Lateral gap between the soles: smallest, and nominal, for inward recovery steps.
+MIN_SOLE_GAP, SOLE_GAP = 0.04, 0.12
+# Longest step, in 1/omega: rounding errors have grown by e^50 then, 5e21.
+MAX_STEP_TIME = 50.0
+# Acceleration of the commanded velocity, in units of gravity, for a CoM at 1 m.
 SPEED_UP = 0.08
 
 
@@ -75,12 +75,12 @@ class GaitSettings:
                 f"gait, single: {self.single:g} s is shorter than a foot takes to bear its load;"
                 f" give at least {self.ramp:g} s (ramp)"
             )
-        most = LONGEST / self.omega
-        if self.single + self.double > most:
+        max_time = MAX_STEP_TIME / self.omega
+        if self.single + self.double > max_time:
             raise InvalidInputError(
                 f"gait, single: {self.single:g} s and double: {self.double:g} s are too long for a"
                 f" step: errors of the capture point grow by e in each {1.0 / self.omega:.2g} s;"
-                f" give at most {most:.3g} s together"
+                f" give at most {max_time:.3g} s together"
             )
         if self.least_width > self.width:
             raise InvalidInputError(
@@ -119,11 +119,11 @@ class GaitSettings:
         chosen.setdefault("single", SINGLE / omega)
         chosen.setdefault("double", DOUBLE / omega)
         chosen.setdefault("ramp", min(RAMP / omega, chosen["double"]))
-        chosen.setdefault("width", max(legs.width, legs.sole_width + ROOM * height))
-        narrow = legs.sole_width + GAP * height
+        chosen.setdefault("width", max(legs.width, legs.sole_width + SOLE_GAP * height))
+        narrow = legs.sole_width + MIN_SOLE_GAP * height
         chosen.setdefault("least_width", min(narrow, chosen["width"]))
-        lifted = 0.5 * chosen["single"] * legs.lift_speed  # slow knees lift feet less
-        chosen.setdefault("clearance", min(CLEARANCE * height, lifted))
+        lift = 0.5 * chosen["single"] * legs.lift_speed  # what slow knees can lift
+        chosen.setdefault("clearance", min(CLEARANCE * height, lift))
         chosen.setdefault("acceleration", SPEED_UP * legs.gravity * math.sqrt(height))
         return cls(**chosen, gravity=legs.gravity)
 
@@ -139,10 +139,10 @@ class GaitSettings:
 
 
 def default_height(legs: Legs) -> float:
-    """Return a height of the CoM at which knees are bent [m], no higher than when standing.
+    """Return a height of the CoM with bent knees [m], at most that of the standing posture.
 
-    But high enough for one knee to bear the robot, as far as the length of the leg allows.
+    It is raised until one knee can bear the robot, as far as the leg's length allows.
     """
-    hip = min(BENT * legs.length, legs.hip_height)
-    hip = max(hip, min(legs.bearing_length, TALLEST * legs.length))
+    hip = min(WALKING_STRETCH * legs.length, legs.hip_height)
+    hip = max(hip, min(legs.bearing_length, MAX_HIP_RATIO * legs.length))
     return legs.com_height + hip - legs.hip_height

@@ -1,4 +1,4 @@
-"""The soles that stand, by what a controller holds, and the capture point over them."""
+"""The soles among a controller's contacts, and the capture point over them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from wbc.robot import Snapshot
 from wbc.tasks import Task
 from wbc.validate import Array
 
-UPWARDS = 0.5  # a point that faces up by less is on a wall
+MIN_UPWARDS = 0.5  # z of a point contact's normal: smaller, it is on a wall
 
 
 class SoleContact(NamedTuple):
@@ -32,13 +32,13 @@ class SoleContact(NamedTuple):
 
 
 def standing_soles(contacts: Sequence[Task]) -> list[SoleContact]:
-    """Return what is held by corners that bear: soles and points, without those on walls."""
+    """Return the contacts with corners that bear: soles and points, without those on walls."""
     return [
         SoleContact(one, one.corners)
         for one in contacts
         if isinstance(one, Contact)
         and one.corners is not None
-        and not (isinstance(one, PointContact) and one.normal[2] < UPWARDS)
+        and not (isinstance(one, PointContact) and one.normal[2] < MIN_UPWARDS)
     ]
 
 

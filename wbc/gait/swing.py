@@ -1,4 +1,4 @@
-"""The way of a foot through the air, whose end and time of landing may change at any moment."""
+"""The swing foot's trajectory, whose goal and time of landing may change at any moment."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.rotations import upright_on
 from wbc.validate import Array
 
-# Nearer to the landing than this the goal is met as it is [s].
+# Shortest remaining time of a quintic [s].
 LEAST_LEFT = 0.03
-# By which power of s (1 - s) a foot rises, while it goes ahead with s^3: the less, the sooner it
-# is up, over an edge just before its toe; from 2 on its acceleration jumps.
+# Exponent of s (1 - s) in a foot's height, while it goes ahead with s^3: the less, the sooner it is
+# above an edge just before its toe; at 2 and less its acceleration jumps.
 STEEPNESS = 2.5
 
-# How fast a late foot takes up the speed that it goes down at [m/s^2]: at once, arms were thrown up
-# to their torque bounds against it in the last tick of most steps. One whose step was made much
-# shorter or longer, by its pace next to the usual, does so at once: pushed robots fell.
+# Acceleration of a late foot up to its descent speed [m/s^2]: with a jump in speed, arms were
+# thrown up at their torque bounds in the last tick of most steps. A foot whose pace is outside
+# USUAL_PACES, in a step made much shorter or longer, jumps all the same: pushed robots fell.
 SPEED_UP = 6.0
 USUAL_PACES = 0.5, 1.1
 
@@ -34,21 +34,21 @@ class SwingMotion(NamedTuple):
 
     @classmethod
     def rest(cls, value: float | Array) -> SwingMotion:
-        """Return no motion at all."""
+        """Return a constant value."""
         return SwingMotion(value, 0.0 * value, 0.0 * value)
 
     def plus(self, other: SwingMotion) -> SwingMotion:
-        """Return the sum of both."""
+        """Return the sum."""
         (x, v, a), (y, u, b) = self, other
         return SwingMotion(x + y, v + u, a + b)
 
-    def less(self, other: SwingMotion) -> SwingMotion:
-        """Return what it is beyond the other."""
+    def minus(self, other: SwingMotion) -> SwingMotion:
+        """Return the difference."""
         (x, v, a), (y, u, b) = self, other
         return SwingMotion(x - y, v - u, a - b)
 
-    def sprung(self, goal: float | Array, rate: float, dt: float) -> SwingMotion:
-        """Return it ``dt`` later on a critically damped spring to ``goal`` of ``rate`` [1/s]."""
+    def spring_towards(self, goal: float | Array, rate: float, dt: float) -> SwingMotion:
+        """Return it ``dt`` later, drawn to ``goal`` by a critically damped spring [rate: 1/s]."""
         acceleration = rate**2 * (goal - self.value) - 2.0 * rate * self.rate
         v = self.rate + acceleration * dt
         return SwingMotion(self.value + v * dt, v, acceleration)
@@ -67,9 +67,9 @@ def towards(now: SwingMotion, goal: float | Array, left: float, dt: float) -> Sw
 
 
 def quintic(left: float, dt: float) -> Quintic:
-    """Return what way, rate and acceleration of now make of those after ``dt``: rows (3, 3).
+    """Return the map (3, 3) from (goal - value, rate, acceleration) now to those after ``dt``.
 
-    These are Hermite's polynomials of degree 5, and their derivatives: see :func:`towards`.
+    Its entries are Hermite polynomials of degree 5 and their derivatives: see :func:`towards`.
     """
     T = max(left, LEAST_LEFT)
     s = min(dt / T, 1.0)
@@ -85,7 +85,7 @@ def quintic(left: float, dt: float) -> Quintic:
 
 def _along(curves: Quintic, now: SwingMotion, goal: float | Array) -> SwingMotion:
     (x, v, a), way = now, goal - now.value
-    if isinstance(way, float):  # in every tick: without arrays
+    if isinstance(way, float):  # called in every tick: arrays would cost more
         moved, rate, change = [p * way + q * v + r * a for p, q, r in curves]
     else:
         moved, rate, change = np.array(curves).dot(np.array((way, v, a)))
@@ -93,7 +93,7 @@ def _along(curves: Quintic, now: SwingMotion, goal: float | Array) -> SwingMotio
 
 
 class Lift(NamedTuple):
-    """Height of a foot over its way, by how much of the way is done: up, over, and softly down.
+    """Height of a foot by the part of its path that is done.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Lift(NamedTuple):
     clearance: float
 
     def at(self, s: float, rate: float) -> tuple[float, float, float]:
-        """Return height [m], its rate and acceleration at the part ``s`` of the way.
+        """Return the height [m], its rate and acceleration at the part ``s`` of the path.
 
         ``rate`` is that of s [1/s], taken as constant.
         """
@@ -124,7 +124,7 @@ class Lift(NamedTuple):
 
 
 class FootPose(NamedTuple):
-    """Where a foot should be: position (3,), rotation (3, 3), twist and its derivative (6,)."""
+    """Reference of a foot: position (3,), rotation (3, 3), twist and its derivative (6,)."""
 
     position: Array
     rotation: Array
@@ -136,40 +136,39 @@ LEVEL = SwingMotion(0.0, 0.0, 0.0)
 
 
 class SwingFoot(NamedTuple):
-    """A foot in the air.
+    """A swing foot.
 
-    It is lifted by the part of its way that is done (:class:`Lift`); a hurried one less, by the
-    square of its time, so that it is accelerated upwards no more than in a usual step: that throws
-    the CoM up, and the foot lands late. Where the plan changes, the height does not jump: what it
-    is off its new curve is taken back on a curve of least jerk until the landing.
+    Its height follows :class:`Lift`. In a shortened step the clearance falls with the square of the
+    time, so that the upward acceleration is no larger than in a nominal one: it would throw the CoM
+    up, and the foot would land late. When the plan changes the height does not jump: its offset
+    from the new curve decays on a minimum-jerk curve until touch-down.
 
     Attributes
     ----------
     level:
-        x, y [m], yaw [rad] and what of the unit normal of its sole is horizontal (5,), as they
-        should be.
+        Reference of x, y [m], yaw [rad] and the horizontal part of the sole's unit normal (5,).
     height:
-        Likewise [m].
+        Reference of the height [m].
     lifted_from:
-        Height at which it left the ground [m].
+        Height at lift-off [m].
     normal:
         (3,) of the ground where it lands, a unit vector.
     clearance:
         How high it is lifted in the ``usual`` time [m].
     usual:
-        Time in the air [s].
+        Nominal swing time [s].
     descent:
-        Speed at which it goes on downwards when it is late [m/s].
+        Speed at which it goes on downwards when late [m/s].
     done:
-        Part of the way that is done, in [0, 1].
+        Part of the path that is done, in [0, 1].
     pace:
-        How fast it does its way, by the usual.
+        Rate of ``done``, by the nominal one.
     late:
-        How long it should have been on the ground [s].
+        Time since the planned touch-down [s].
     crossing:
-        How it goes over edges, if any are known.
+        Path over edges, if any are known.
     tip:
-        How much lower its toe is than its heel, then [rad].
+        Pitch of the foot over them, toe down [rad].
     """
 
     level: SwingMotion
@@ -186,7 +185,7 @@ class SwingFoot(NamedTuple):
     tip: SwingMotion = LEVEL
 
     @classmethod
-    def begun(
+    def lift_off(
         cls,
         pose: Array,
         height: float,
@@ -197,16 +196,16 @@ class SwingFoot(NamedTuple):
         sole: Array | None = None,
         crossing: Crossing | None = None,
     ) -> SwingFoot:
-        """Return one that leaves the ground, from ``pose`` (x, y, yaw).
+        """Return a foot that leaves the ground at ``pose`` (x, y, yaw).
 
-        ``sole`` is the normal (3,) that it has there, if not that of where it lands.
+        ``sole`` is its normal (3,) there, if it differs from that of the landing.
         """
         level = SwingMotion.rest(np.append(pose, (normal if sole is None else sole)[:2]))
         still = SwingMotion.rest(height)
         return cls(level, still, height, normal, clearance, usual, descent, crossing=crossing)
 
-    def advanced(self, goal: Array, ground: float, left: float, dt: float) -> SwingFoot:
-        """Return it ``dt`` later on its way to ``goal`` (x, y, yaw); it lands after ``left``.
+    def advance(self, goal: Array, ground: float, left: float, dt: float) -> SwingFoot:
+        """Return the foot ``dt`` later; it lands at ``goal`` (x, y, yaw) after ``left`` [s].
 
         ``ground`` is the height below the goal [m].
         """
@@ -224,13 +223,13 @@ class SwingFoot(NamedTuple):
             done, late = min(1.0, self.done + rate * dt), self.late
             pace = rate * self.usual if left >= dt else pace
         if over is not None:
-            tip = SwingMotion(*over.tipped(done, rate))
+            tip = SwingMotion(*over.pitch_at(done, rate))
         then = self._replace(level=level, done=done, pace=pace, late=late, tip=tip)
-        off = _along(curves, self.height.less(self._curve(ground, rate)), 0.0)
+        off = _along(curves, self.height.minus(self._curve(ground, rate)), 0.0)
         return then._replace(height=off.plus(then._curve(ground, rate)))
 
     def _curve(self, ground: float, rate: float) -> SwingMotion:
-        """Return the height of one that does its way at ``rate`` [1/s]; 0 if it is late."""
+        """Return the nominal height at a ``rate`` of ``done`` [1/s]; 0 if the foot is late."""
         if rate == 0.0:
             if not USUAL_PACES[0] <= self.pace <= USUAL_PACES[1]:
                 return SwingMotion(ground - self.descent * self.late, -self.descent, 0.0)
@@ -239,12 +238,12 @@ class SwingFoot(NamedTuple):
             way = 0.5 * v * speeding + v * (self.late - speeding)
             return SwingMotion(ground - way, -v, -SPEED_UP if v < self.descent else 0.0)
         if self.crossing is not None:
-            return SwingMotion(*self.crossing._replace(end=ground).lifted(self.done, rate))
+            return SwingMotion(*self.crossing._replace(end=ground).height_at(self.done, rate))
         clearance = self.clearance * min(1.0, 1.0 / (rate * self.usual)) ** 2
         return SwingMotion(*Lift(self.lifted_from, ground, clearance).at(self.done, rate))
 
     def pose(self) -> FootPose:
-        """Return where it should be; what its tilt adds to rates is that to first order in it."""
+        """Return the foot's reference; rates are of first order in its tilt."""
         (x, y, yaw, nx, ny), speed, push = [one.tolist() for one in self.level]
         (z, up, up_push), (tip, *tips) = self.height, self.tip
         R = upright_on(np.array((nx, ny, math.sqrt(1.0 - nx * nx - ny * ny)))) @ turned(yaw)

@@ -1,18 +1,18 @@
 """A robot that walks at a velocity which may change at any time, or on footsteps.
 
     command -> footsteps -> DCM and VRP in closed form -> the next footstep, adapted (one small QP)
-            -> centre of pressure, height, foot in the air -> one torque tick
+            -> centre of pressure, height, swing foot -> one torque tick
 
-While one foot bears, its VRP is at the middle of the sole, or where weak ankles bear
-(:func:`wbc.gait.ability.pressed_ahead`); in the double support it moves to the next one at a
-constant rate. Footsteps beyond the next follow the velocity, and give what the DCM should be
-relative to the next foot (:mod:`wbc.gait.dcm`); where and when that lands is chosen for the DCM
-that is measured (:mod:`wbc.gait.adaptation`). The centre of pressure is led to
+In single support the VRP is at the middle of the sole, or at an offset for weak ankles
+(:func:`wbc.gait.ability.pressure_offset`); in double support it moves to the next one at a constant
+rate. Footsteps beyond the next follow the velocity, and give the DCM relative to the next foot
+(:mod:`wbc.gait.dcm`); place and time of its landing are adapted to the measured DCM
+(:mod:`wbc.gait.adaptation`). The target of the centre of pressure is
 
     vrp + (1 + k) (xi - xi_ref),
 
-within the sole: by a task about the forces, so that the angular momentum of the swinging leg, which
-comes and goes by itself, takes nothing from the sole (:class:`~wbc.gait.phases.GaitState`).
+projected onto the sole. Its task is about the contact forces, so that the swing leg's angular
+momentum, which is of zero mean, needs no length of the sole (:class:`~wbc.gait.phases.GaitState`).
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ from wbc.gait.phases import (
     feet_after,
     next_foot,
 )
-from wbc.gait.prescribed_steps import SHIFT, Footstep, Landing
+from wbc.gait.prescribed_steps import WEIGHT_SHIFT, Footstep, Landing
 from wbc.gait.push import PushObserver
-from wbc.gait.reference import Reference, StepPlanner, half_sizes
+from wbc.gait.reference import Reference, StepPlanner, sole_half_sizes
 from wbc.gait.settings import GaitSettings
 from wbc.gait.step_range import StepRange
 from wbc.gait.swing import SwingMotion, towards, unit
@@ -64,30 +64,31 @@ from wbc.tasks.task import Task
 from wbc.validate import Array, by_name, finite_number, finite_vector, plain_copy
 
 # Largest change of the yaw rate [rad/s^2].
-TURN_UP = 2.0
-# The CoM's height follows the ground, and how far apart feet are, as a critically damped spring of
-# this rate, in units of omega.
-FOLLOW = 3.0
-# s: where knees stand straight they first bend, drawn by the posture alone, and then the CoM sinks.
-# Asked to sink at once, a robot whose knees are a little past straight leant back by 0.5 rad.
-BENDING, SINKING = 0.2, 0.5
-# How much the sole that bears counts for the slope of the ground: it may be on an edge.
-LEVELLING = 0.2
-# So many steps before a speed is reached its settings are taken.
-AHEAD_OF_PACE = 2.0
-# A robot that is so far from where a walker was made for begins where it is [m], [rad].
-ELSEWHERE = 0.1
-# Of the robot's weight, what is counted on at least while the CoM sinks.
-LIGHTEST = 0.5
-# A robot that falls aside pushes the ground with half its weight. Of a pyramid of four sides inside
-# the cone 0.71 of the friction is left straight ahead and aside, of eight 0.92, in the same time.
+YAW_ACCELERATION = 2.0
+# Rate of the critically damped spring by which the CoM's height follows the ground and the distance
+# of the feet, in units of omega.
+HEIGHT_RATE = 3.0
+# s: straight knees are first bent by the posture task alone, then the CoM sinks. Sinking at once, a
+# robot whose knees are a little past straight leant back by 0.5 rad.
+BENDING_TIME, SINKING_TIME = 0.2, 0.5
+# Filter gain per step of the ground's normal, for the normal of the stance sole: it may be on an
+# edge.
+NORMAL_GAIN = 0.2
+# Settings for a speed are taken this many steps before it is reached.
+PACE_LEAD_STEPS = 2.0
+# A robot farther than this from the walker's nominal start begins where it is [m], [rad].
+START_TOLERANCE = 0.1
+# Smallest vertical force that is assumed while the CoM sinks, as a ratio of the weight.
+MIN_WEIGHT_SHARE = 0.5
+# A robot that falls sideways needs half its weight as friction. An inscribed pyramid of four sides
+# leaves 0.71 of it straight ahead and sideways, one of eight 0.92, in the same time.
 FRICTION = FrictionCone(facets=8)
-# Methods that are easily taken for attributes, and refuse to be assigned.
-CALLED = frozenset(("command", "follow", "step", "prepare"))
+# Methods that are easily mistaken for attributes, and refuse to be assigned.
+METHODS = frozenset(("command", "follow", "step", "prepare"))
 
 
 class Walker:
-    """Walks a robot: commands torques for the state that is measured.
+    """Walks a robot: commands torques for the measured state.
 
     Parameters
     ----------
@@ -99,19 +100,19 @@ class Walker:
         Of the tasks; that of a foot's height is less where hips are weak
         (:meth:`~wbc.gait.WalkingWeights.for_legs`).
     posture:
-        (nq,) what arms and trunk are drawn to; its soles are on the ground. The standing one,
-        if None. Where the robot stands, and which way it faces, is measured in the first tick.
+        (nq,) target of the posture task, with its soles on the ground; None: the standing posture.
+        Place and heading of the robot are measured in the first tick.
     friction:
-        What soles may bear.
+        Friction cone of the soles.
     tasks, constraints:
         More of them, such as a :class:`~wbc.constraints.SelfCollision`.
     limits:
-        Of the joints, which walking commands keep, too; the robot's own if None.
+        Of the joints, for walking commands, too; the robot's own if None.
     dt:
         Period of the control loop [s].
     settings:
-        Others of the :class:`~wbc.controllers.torque.TorqueController`, such as the ``delay`` that
-        states and forces are measured with.
+        Others of the :class:`~wbc.controllers.torque.TorqueController`, such as the ``delay`` of
+        measured states and forces.
 
     Attributes
     ----------
@@ -122,20 +123,20 @@ class Walker:
         (:class:`~wbc.gait.pace.Paces`), and largest velocities,
         :class:`~wbc.gait.command.CommandLimits`.
     velocity:
-        At which it walks now; it follows what was commanded.
+        The present one, which follows the command.
     phase:
-        What it does now.
+        The present one.
     steps:
-        How many it has made.
+        Number of steps made.
     coming:
-        Footsteps that were given and not begun yet, in the world.
+        Prescribed footsteps that have not begun, in the world.
     landings:
-        How far feet landed from those that were.
+        How far feet landed from prescribed footsteps.
     unadapted:
-        In how many ticks the QP that adapts the footstep was not solved and the usual one is made;
-        a warning says so at the first.
+        Number of ticks in which the QP that adapts the footstep was not solved and the nominal one
+        is made; a warning says so at the first.
     notes:
-        What its legs lack for walking, in words; warnings say so too.
+        What limits its legs in walking, in words; logged as warnings, too.
 
     Raises
     ------
@@ -173,10 +174,10 @@ class Walker:
         start = robot.snapshot(robot.postures[STANDING] if posture is None else posture)
         self._frames = {foot: robot.feet[foot].frame for foot in robot.feet}
         weights = (weights or WalkingWeights()).for_legs(legs)
-        self._planner = StepPlanner(self.gait, limits_of_legs, legs, half_sizes(robot))
+        self._planner = StepPlanner(self.gait, limits_of_legs, legs, sole_half_sizes(robot))
         chosen = [name for name, value in given.items() if value is not None]
         self._paces = Paces.of(self._planner, weights, chosen)
-        self.limits, self._usual = self._paces.limits, self.gait.height
+        self.limits, self._nominal_height = self._paces.limits, self.gait.height
         self._range = StepRange.of(robot, self.gait, limits)
         now = GaitState.of(start, self._frames, self.gait.omega, self.gait.height)
         self.heading = heading_of(now.rotations.values())
@@ -195,9 +196,9 @@ class Walker:
             solver=solver,
             **settings,
         )
-        self._sinks = BENDING + SINKING if self._whole_body.bends else 0.0
+        self._sink_time = BENDING_TIME + SINKING_TIME if self._whole_body.bends else 0.0
         self.controller: TorqueController = self._whole_body.controller
-        self.notes = self._whole_body.lacks
+        self.notes = self._whole_body.limitations
         self.wanted = self.velocity = Velocity()
         self.phase: Phase = Standing()
         self.steps = 0
@@ -206,12 +207,12 @@ class Walker:
         self.landings: tuple[Landing, ...] = ()
         self.unadapted = 0
         self._push = PushObserver(self.gait.omega, self.gait.height)
-        self._made_at: Array | None = now.middle
+        self._nominal_start: Array | None = now.middle
 
     if not TYPE_CHECKING:  # a checker that sees this method lets every name be assigned
 
         def __setattr__(self, name: str, value: object) -> None:
-            if name in CALLED:  # walker.command = 0.3 would walk nowhere, in silence
+            if name in METHODS:  # walker.command = 0.3 would walk nowhere, in silence
                 raise InvalidInputError(f"walker: {name} is called: walker.{name}({value!r})")
             object.__setattr__(self, name, value)
 
@@ -224,14 +225,14 @@ class Walker:
 
     @property
     def lasting_tasks(self) -> tuple[Task, ...]:
-        """The tasks whose errors mean something all the time: those of one phase left out."""
+        """The tasks whose errors are meaningful in all phases."""
         return self._whole_body.lasting
 
     @property
     def held_back_by(self) -> tuple[str, ...]:
-        """What holds the next footstep back, the strongest first; empty in a steady walk.
+        """The active bounds of the next footstep, the strongest first; empty in a steady walk.
 
-        Such as ``"reach of the legs ahead"``. Motors and margins that hold the tick back are in
+        Such as ``"reach of the legs ahead"``. Active motors and margins of the tick are in
         ``tick.active``, joints at their bounds in :func:`wbc.run.history.held_joints`.
         """
         if not isinstance(self.phase, SingleSupport):
@@ -241,7 +242,8 @@ class Walker:
     def command(self, vx: float, vy: float = 0.0, yaw_rate: float = 0.0) -> Admitted:
         """Walk at this velocity from now on; zeros to stop.
 
-        Return the velocity that legs can do of it, and why it is not all. A warning says so too.
+        Return the velocity within the legs' limits, and the reason if it is less. A warning says so
+        too.
 
         Parameters
         ----------
@@ -269,20 +271,20 @@ class Walker:
     ) -> tuple[Footstep, ...]:
         """Walk on footsteps from now on, and stop on the last; return them in the world.
 
-        A foot in the air lands first. A step leaves its place only if neither the sole nor the time
-        of the landing suffice for the capture point; see :attr:`landings`. A command, or other
-        footsteps, take the place of those that are left.
+        A swing foot lands first. A step leaves its place only if neither the CoP within the sole
+        nor the time of landing suffice for the capture point; see :attr:`landings`. A command, or
+        other footsteps, replace those that remain.
 
         Parameters
         ----------
         snapshot:
-            Where the robot is.
+            The robot's state.
         relative:
-            Whether each is seen from the one before, the first from the foot that stands.
+            Whether each is relative to the one before, the first to the stance foot.
         ground:
-            The heights (k,) of what feet go over at points (k, 2) [m], such as
-            :meth:`wbc.simulation.Terrain.height`: they clear its edges. Without it the highest of
-            where a foot comes from, goes to and passes the other one may be anywhere between.
+            Function of points (k, 2) that returns heights (k,) [m], such as
+            :meth:`wbc.simulation.Terrain.height`: feet clear its edges. Without it the highest of
+            start, goal and stance foot may be anywhere between.
 
         Raises
         ------
@@ -301,53 +303,57 @@ class Walker:
         return self.coming
 
     def step(self, snapshot: Snapshot, forces: Mapping[str, ArrayLike] | None = None) -> TorqueTick:
-        """Return the command for ``snapshot``; see :meth:`prepare`."""
+        """Return the command for a state; see :meth:`prepare`."""
         return self.prepare(snapshot, forces).step(snapshot)
 
     def prepare(
         self, snapshot: Snapshot, forces: Mapping[str, ArrayLike] | None = None
     ) -> TorqueController:
-        """Set the goals of the tick that follows; return the controller that makes it.
+        """Set the targets of the next tick; return its controller.
 
         Parameters
         ----------
         forces:
             Wrench (6,) on each sole by its frame, world axes [N, N m], as
-            :attr:`wbc.simulation.Plant.contact_forces`: feet then land when they touch. None: they
-            land when they should.
+            :attr:`wbc.simulation.Plant.contact_forces`: touch-down is then measured. None: feet
+            land at the planned time.
         """
         check_snapshot(self.robot, snapshot)
         dt, acceleration = self.dt, self.gait.acceleration
-        now, felt = self._measured(snapshot), self._felt(forces)
-        if self._made_at is not None:
-            self._begin(snapshot, now, self._made_at)
-        self._push = self._push.seen(snapshot, now, felt, dt)
+        now, wrenches = self._measured(snapshot), self._sole_wrenches(forces)
+        if self._nominal_start is not None:
+            self._match_start(snapshot, now, self._nominal_start)
+        self._push = self._push.update(snapshot, now, wrenches, dt)
         if self.controller.delay:
             snapshot = self.controller.predicted(snapshot)
             now = self._measured(snapshot)
-        now = self._push.ahead(now, self.controller.delay)
-        if self._whole_body.ahead:
-            now = now._replace(dcm=now.dcm - self._shift, ahead=self._whole_body.ahead)
+        now = self._push.predict(now, self.controller.delay)
+        if self._whole_body.pressure_offset:
+            now = now._replace(
+                dcm=now.dcm - self._pressure_shift, pressure_offset=self._whole_body.pressure_offset
+            )
         on_steps = self._planner.velocity_on_steps(self.phase, now, self.heading)
         wanted = on_steps or self.wanted
-        self.velocity = self.velocity.towards(wanted, acceleration * dt, TURN_UP * dt)
+        self.velocity = self.velocity.towards(wanted, acceleration * dt, YAW_ACCELERATION * dt)
         if not isinstance(self.phase, Standing):
             self.heading += self.velocity.yaw_rate * dt
-        phase = self._next_phase(snapshot, now, felt)
+        phase = self._next_phase(snapshot, now, wrenches)
         planner = self._planner
         if isinstance(phase, SingleSupport):
-            phase = planner.adapted(phase, now, self.heading, self.velocity)
-            self._count(phase)
-            phase, pose = planner.swung(phase, now, self.heading, self.velocity, dt)
+            phase = planner.adapt(phase, now, self.heading, self.velocity)
+            self._count_unadapted(phase)
+            phase, pose = planner.advance_swing(phase, now, self.heading, self.velocity, dt)
             exact, over = bool(phase.given), phase.swing.crossing is not None
             self._whole_body.swing(other(phase.support), pose, exact=exact, over=over)
-            if felt:
-                phase = phase.felt(now, felt[phase.support], self.robot.weight)
-            reference = planner.single(phase, now)
+            if wrenches:
+                phase = phase.update(now, wrenches[phase.support], self.robot.weight)
+            reference = planner.single_reference(phase, now)
         elif isinstance(phase, DoubleSupport):
-            reference = planner.double(phase, now, self.heading, self.velocity, self.coming)
+            reference = planner.double_reference(
+                phase, now, self.heading, self.velocity, self.coming
+            )
         else:
-            reference = planner.standing(now)
+            reference = planner.standing_reference(now)
         self.phase = phase
         self._lead(snapshot, now, reference)
         return self.controller
@@ -355,76 +361,78 @@ class Walker:
     # ------------------------------------------------------------------ parts of a tick
 
     @property
-    def _shift(self) -> complex:
-        """How far from the soles' middles the pressure is led, as x + i y [m]."""
-        return cmath.rect(self._whole_body.ahead, self.heading)
+    def _pressure_shift(self) -> complex:
+        """Offset of the CoP from the soles' middles, as x + i y [m]."""
+        return cmath.rect(self._whole_body.pressure_offset, self.heading)
 
-    def _begin(self, snapshot: Snapshot, now: GaitState, made_at: Array) -> None:
-        """Begin where the robot stands, if that is elsewhere than where its posture has it."""
-        self._made_at, facing = None, heading_of(now.rotations.values())
+    def _match_start(self, snapshot: Snapshot, now: GaitState, nominal_start: Array) -> None:
+        """Begin where the robot stands, if that is not the walker's nominal start."""
+        self._nominal_start, facing = None, heading_of(now.rotations.values())
         turn = abs(math.remainder(facing - self.heading, math.tau))
-        if max(float(np.linalg.norm(now.middle - made_at)), turn) > ELSEWHERE:
+        if max(float(np.linalg.norm(now.middle - nominal_start)), turn) > START_TOLERANCE:
             self.heading, self._ground = facing, SwingMotion.rest(float(now.middle[2]))
             self._normal = unit(now.normal)
             self._whole_body.hold(snapshot, self._frames, 0.0)
-        if self._sinks:
-            self._ground = SwingMotion.rest(float(snapshot.com[2]) - self._usual)
+        if self._sink_time:
+            self._ground = SwingMotion.rest(float(snapshot.com[2]) - self._nominal_height)
 
     def _lead(self, snapshot: Snapshot, now: GaitState, reference: Reference) -> None:
-        """Set the goals of CoM and trunk."""
+        """Set the targets of CoM and trunk."""
         vrp = reference.vrp + (1.0 + self.gait.gain) * (now.dcm - reference.dcm)
-        if now.ahead:
-            vrp += self._shift
-        sunk = self._planner.sunk(self.phase, now, self.heading)
-        follow = FOLLOW * self.gait.omega
-        lower = self._usual - self.gait.height + sunk
+        if now.pressure_offset:
+            vrp += self._pressure_shift
+        reduction = self._planner.height_reduction(self.phase, now, self.heading)
+        follow = HEIGHT_RATE * self.gait.omega
+        lowering = self._nominal_height - self.gait.height + reduction
         level = reference.ground if reference.level is None else reference.level
-        if self._sinks > 0.0:
-            if self._sinks <= SINKING:
-                self._ground = towards(self._ground, level - lower, self._sinks, self.dt)
-            self._sinks -= self.dt
+        if self._sink_time > 0.0:
+            if self._sink_time <= SINKING_TIME:
+                self._ground = towards(self._ground, level - lowering, self._sink_time, self.dt)
+            self._sink_time -= self.dt
         elif reference.level is None or reference.within is None:
-            self._ground = self._ground.sprung(level - lower, follow, self.dt)
+            self._ground = self._ground.spring_towards(level - lowering, follow, self.dt)
         else:
-            self._ground = towards(self._ground, level - lower, reference.within, self.dt)
+            self._ground = towards(self._ground, level - lowering, reference.within, self.dt)
         if reference.level is not None:
-            # The rate of the DCM is as planned, at a constant omega, if the pressure is so much
-            # nearer to the CoM as the pendulum is shorter, or its weight more.
+            # At another height or vertical acceleration the DCM has the planned rate, that of a
+            # constant omega, if the CoP's distance from the CoM is scaled by this ratio.
             com, g = snapshot.com, self.gait.gravity
-            up = max(g + self._ground.acceleration, LIGHTEST * g)
-            share = self.gait.omega**2 * (float(com[2]) - reference.ground) / up
-            vrp = in_plane(com) + share * (vrp - in_plane(com))
+            vertical = max(g + self._ground.acceleration, MIN_WEIGHT_SHARE * g)
+            ratio = self.gait.omega**2 * (float(com[2]) - reference.ground) / vertical
+            vrp = in_plane(com) + ratio * (vrp - in_plane(com))
         ground, *rates = self._ground
-        height = SwingMotion(ground + self._usual, *rates)
+        height = SwingMotion(ground + self._nominal_height, *rates)
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
-        place = self._planner.within(self.phase, vrp, now)
+        place = self._planner.project_onto_support(self.phase, vrp, now)
         pressure = np.array((place.real, place.imag, reference.ground))
         self._whole_body.lead(snapshot, pressure, height, self.heading, turn)
 
-    def _count(self, phase: SingleSupport) -> None:
+    def _count_unadapted(self, phase: SingleSupport) -> None:
         if not (phase.adapted or self.unadapted):
-            told = "walker: the QP of a footstep was not solved; the usual one is made instead"
-            logging.getLogger(__name__).warning(told)
+            message = "walker: the QP of a footstep was not solved; the usual one is made instead"
+            logging.getLogger(__name__).warning(message)
         self.unadapted += not phase.adapted
 
     def _measured(self, snapshot: Snapshot) -> GaitState:
         return GaitState.of(snapshot, self._frames, self.gait.omega, self.gait.height)
 
-    def _felt(self, forces: Mapping[str, ArrayLike] | None) -> dict[str, Array]:
-        """Return the wrenches (6,) on the soles, by foot; none if they are not felt."""
+    def _sole_wrenches(self, forces: Mapping[str, ArrayLike] | None) -> dict[str, Array]:
+        """Return the wrenches (6,) on the soles, by foot; empty if they are not measured."""
         if forces is None:
             return {}
         given = by_name("walker, forces", forces)
-        felt: dict[str, Array] = {}
+        wrenches: dict[str, Array] = {}
         for foot, frame in self._frames.items():
             wrench = plain_copy(given.get(frame), (6,))
             if wrench is None:
                 wrench = finite_vector(f"walker, force on {frame!r}", given.get(frame, ()), 6)
-            felt[foot] = wrench
-        return felt
+            wrenches[foot] = wrench
+        return wrenches
 
-    def _next_phase(self, snapshot: Snapshot, now: GaitState, felt: Mapping[str, Array]) -> Phase:
-        """Return the phase a tick later, and change what is held where it ends."""
+    def _next_phase(
+        self, snapshot: Snapshot, now: GaitState, wrenches: Mapping[str, Array]
+    ) -> Phase:
+        """Return the phase a tick later, and change contacts where the phase changes."""
         phase, dt = self.phase, self.dt
         if isinstance(phase, Standing):
             if self.wanted.at_rest and not self.coming:
@@ -432,7 +440,7 @@ class Walker:
             support = other(self.coming[0].foot if self.coming else first_swing(self.wanted))
             self._normal = unit(now.normal)
             self._whole_body.hold(snapshot, self._frames, self.gait.ramp)
-            time = SHIFT / self.gait.omega
+            time = WEIGHT_SHIFT / self.gait.omega
             return DoubleSupport(support, in_plane(now.middle), time, time)
         if isinstance(phase, DoubleSupport):
             phase = phase._replace(left=phase.left - dt)
@@ -441,35 +449,39 @@ class Walker:
             if phase.left <= self.gait.ramp and not phase.unloading:
                 self._whole_body.hold(snapshot, [phase.support], self.gait.ramp)
                 phase = phase._replace(unloading=True)
-            return self._lifted(phase, now) if phase.left <= 0.0 else phase
+            return self._begin_single_support(phase, now) if phase.left <= 0.0 else phase
         phase = phase._replace(left=phase.left - dt, elapsed=phase.elapsed + dt)
-        load = felt[other(phase.support)][2] / self.robot.weight if felt else None
-        return self._landed(snapshot, phase, now) if self._planner.touches(phase, load) else phase
+        load = wrenches[other(phase.support)][2] / self.robot.weight if wrenches else None
+        return (
+            self._begin_double_support(snapshot, phase, now)
+            if self._planner.has_landed(phase, load)
+            else phase
+        )
 
-    def _lifted(self, phase: DoubleSupport, now: GaitState) -> SingleSupport:
+    def _begin_single_support(self, phase: DoubleSupport, now: GaitState) -> SingleSupport:
         foot = other(phase.support)
-        sole = now.rotations[phase.support][:, 2]  # it has settled now
-        self._normal = unit((1.0 - LEVELLING) * self._normal + LEVELLING * sole)
+        sole = now.rotations[phase.support][:, 2]  # settled by now
+        self._normal = unit((1.0 - NORMAL_GAIN) * self._normal + NORMAL_GAIN * sole)
         given, self.coming = self.coming, self.coming[1:]
-        self._walk_at(0.0 if given else self._coming_speed())
+        self._set_pace(0.0 if given else self._speed_ahead())
         half = self._planner.soles[phase.support]
         over = None
         if given:
             base, before = now.pose(phase.support), now.pose(foot)
             over = self._range.crossing(given[0], base, before, self._terrain)
-        return SingleSupport.begun(foot, now, self._normal, self.gait, half, given, over)
+        return SingleSupport.lift_off(foot, now, self._normal, self.gait, half, given, over)
 
-    def _coming_speed(self) -> float:
-        """Return how fast it goes, forwards or backwards, in the steps that it begins with [m/s].
+    def _speed_ahead(self) -> float:
+        """Return the speed of the next steps, forwards or backwards [m/s].
 
-        The CoM takes most of a step to sink, so that begins before the speed is there.
+        Settings change ahead of the speed, as the CoM takes most of a step to sink.
         """
         gait, now = self.gait, self.velocity
-        change = AHEAD_OF_PACE * gait.times.total * gait.acceleration
+        change = PACE_LEAD_STEPS * gait.times.total * gait.acceleration
         return max(abs(now.vx), abs(now.towards(self.wanted, change, 0.0).vx))
 
-    def _walk_at(self, speed: float) -> None:
-        """Take the settings for a speed [m/s]; on footsteps that are given they are the usual."""
+    def _set_pace(self, speed: float) -> None:
+        """Take the settings for a speed [m/s]; 0, the usual ones, on prescribed footsteps."""
         pace = self._paces.at(speed)
         if pace.planner is self._planner:
             return
@@ -477,7 +489,9 @@ class Walker:
         self._push = self._push._replace(omega=self.gait.omega, height=self.gait.height)
         self._whole_body.weigh_swing(pace.swing, pace.lift)
 
-    def _landed(self, snapshot: Snapshot, phase: SingleSupport, now: GaitState) -> DoubleSupport:
+    def _begin_double_support(
+        self, snapshot: Snapshot, phase: SingleSupport, now: GaitState
+    ) -> DoubleSupport:
         foot, start = other(phase.support), now.place(phase.support)
         self.steps += 1
         self._whole_body.hold(snapshot, self._frames, self.gait.ramp)
@@ -485,8 +499,8 @@ class Walker:
             self.landings = (*self.landings, Landing.of(phase.given[0], now.pose(foot)))
             if phase.given[0].normal is not None:
                 self._normal = phase.given[0].normal
-        rests = self.wanted.at_rest and not self.coming
-        halts = rests and self._planner.at_its_end(phase, now, self.heading, self.velocity)
-        time = SHIFT / self.gait.omega if halts else self._planner.double_time(phase, now)
+        stops = self.wanted.at_rest and not self.coming
+        halts = stops and self._planner.can_halt(phase, now, self.heading, self.velocity)
+        time = WEIGHT_SHIFT / self.gait.omega if halts else self._planner.double_time(phase, now)
         moves = time if halts or phase.level is None else self.gait.double
         return DoubleSupport(foot, start, moves, time, halts=halts, level=phase.level)

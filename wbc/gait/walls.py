@@ -15,10 +15,10 @@ from wbc.robot import Snapshot
 from wbc.validate import Array, check_fields, finite_array, list_of, read_only, set_fields
 
 WALL_THICKNESS = 0.1  # m
-LEAST_UPRIGHT = 0.1  # horizontal part of a unit normal: a flatter face is ground
-# How far the shoulder may come nearer to a wall, in parts of the CoM's height: a robot that leans
-# by 30 degrees is not caught by any hand.
-LEAN = 0.5
+MIN_HORIZONTAL = 0.1  # horizontal part of a wall's unit normal: a flatter face is ground
+# Largest lean towards a wall [rad], about 30 degrees: a robot that leans more is not caught by any
+# hand. It brings the shoulder nearer by as many heights of the CoM.
+MAX_LEAN = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Wall:
             raise InvalidInputError(
                 "wall, normal: needs some length: it points out of the face, towards the robot"
             )
-        if float(np.linalg.norm(normal[:2])) <= LEAST_UPRIGHT * length:
+        if float(np.linalg.norm(normal[:2])) <= MIN_HORIZONTAL * length:
             raise InvalidInputError(
                 f"wall, normal: {normal.tolist()} is not horizontal; what lies flat is a step of"
                 " the terrain"
@@ -78,27 +78,26 @@ class Wall:
     def gap(self, middle: Array, radius: float) -> float:
         """Return how far a ball around a point (3,) is in front of the face [m].
 
-        Negative is in it or behind it; a ball that is beside the face, above a rail say, is
-        infinitely far.
+        Negative inside or behind it; infinite for a ball beside the face, above a rail say.
         """
         local = np.abs((middle - self.point) @ self.rotation[:, 1:])
         beside = bool((local > 0.5 * self.size + radius).any())
         return math.inf if beside else self.distance(middle) - radius
 
     def touched(self, point: Array, radius: float) -> Array:
-        """Return the middle (3,) of a ball on the face, as near to a point (3,) as it can be [m].
+        """Return the centre (3,) of a ball on the face that is nearest to a point (3,) [m].
 
-        The ball is not beyond the face's sides, or in the middle of a face that is too small.
+        The ball stays within the face's sides, or is in the middle of a face that is too small.
         """
         R = self.rotation
-        most = np.maximum(0.5 * self.size - radius, 0.0)
+        half = np.maximum(0.5 * self.size - radius, 0.0)
         local = (point - self.point) @ R[:, 1:]
-        return self.point + R[:, 1:] @ np.clip(local, -most, most) + radius * self.normal
+        return self.point + R[:, 1:] @ np.clip(local, -half, half) + radius * self.normal
 
 
 @dataclass(frozen=True)
 class Hand:
-    """What a robot leans on walls with: a ball around a frame's origin.
+    """A hand that leans on walls: a ball around a frame's origin.
 
     Attributes
     ----------
@@ -124,12 +123,12 @@ def check_hands(what: str, hands: Sequence[Hand]) -> tuple[Hand, ...]:
     InvalidInputError
         Something else, or two hands at one frame.
     """
-    found = list_of(f"{what}, hands", hands, Hand, 'Hand("left_rubber_hand")')
-    frames = [hand.frame for hand in found]
+    checked = list_of(f"{what}, hands", hands, Hand, 'Hand("left_rubber_hand")')
+    frames = [hand.frame for hand in checked]
     for frame in frames:
         if frames.count(frame) > 1:
             raise InvalidInputError(f"{what}, hands: {frame!r} is named twice")
-    return found
+    return checked
 
 
 def check_walls(what: str, walls: Sequence[Wall]) -> tuple[Wall, ...]:
@@ -140,9 +139,9 @@ def check_walls(what: str, walls: Sequence[Wall]) -> tuple[Wall, ...]:
 def check_reach(
     walls: Sequence[Wall], arms: Mapping[Hand, Arm], start: Snapshot, touch: float
 ) -> None:
-    """Refuse walls that no hand can reach, or that are where the robot is.
+    """Refuse walls that no hand can reach, or that the robot is in or behind.
 
-    ``touch`` is how far before a wall a hand touches it [m].
+    ``touch`` is the distance from a wall that counts as contact [m].
 
     Raises
     ------
@@ -166,12 +165,12 @@ def check_reach(
                 )
             shoulder = start.position(arm.shoulder)
             goal = wall.touched(shoulder, hand.radius)
-            way = math.dist(goal, shoulder)
-            spare[hand.frame] = arm.length + LEAN * float(start.com[2]) - way
+            distance = math.dist(goal, shoulder)
+            spare[hand.frame] = arm.length + MAX_LEAN * float(start.com[2]) - distance
         nearest = max(spare, key=lambda name: spare[name])
         if spare[nearest] < 0.0:
             raise InvalidInputError(
                 f"hand support: wall {k} is out of reach of {', '.join(spare)}, by"
                 f" {-spare[nearest]:.2f} m for {nearest!r} even if the robot leans by"
-                f" {math.degrees(LEAN):.0f} degrees; move it, or leave it out"
+                f" {math.degrees(MAX_LEAN):.0f} degrees; move it, or leave it out"
             )

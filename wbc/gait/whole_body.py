@@ -14,7 +14,7 @@ from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Constraint
 from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError
-from wbc.gait.ability import contact_of, lacks, pressed_ahead
+from wbc.gait.ability import contact_of, leg_limitations, pressure_offset
 from wbc.gait.crouch import walking_posture
 from wbc.gait.legs import SIDES, Legs, leg_joints
 from wbc.gait.swing import FootPose, SwingMotion, turned
@@ -25,61 +25,60 @@ from wbc.tasks import ComTask, CopTask, MomentumTask, OrientationTask, PoseTask,
 from wbc.validate import Array, check_fields
 
 UP = np.array((0.0, 0.0, 1.0))
-# Hips that accelerate a foot by so many times gravity hold it up by all of ``WalkingWeights.lift``.
-# A G1's do 5.5, TALOS's 4.05. A Romeo's do 1.8: pushed to its right half way through a step it goes
-# over its wrist with all of the weight, and walks on with 0.45 of it.
-FIRM_HIPS = 4.0
-# How much a foot in the air weighs in how it is turned, in parts of its place.
-TURN = 0.3
-# How high it is, likewise, where it has to land on a footstep beyond an edge.
-OVER = 3.0
+# Acceleration of a foot by its hips, in units of gravity, from which on ``WalkingWeights.lift`` is
+# not reduced. G1 has 5.5, TALOS 4.05, Romeo 1.8: pushed to its right half way through a step, Romeo
+# falls with the full weight, and walks on with 0.45 of it.
+REFERENCE_HIPS = 4.0
+# Weight of the swing foot's orientation, as a ratio of its place's.
+ORIENTATION_SHARE = 0.3
+# Likewise of its height, where it lands on a footstep beyond an edge.
+EDGE_HEIGHT_FACTOR = 3.0
 
 
 @dataclass(frozen=True)
 class WalkingWeights:
-    """Weights of the tasks, and how stiff they are.
+    """Weights and stiffnesses of a walk's tasks.
 
-    A pressure can be had by accelerating the CoM or by turning the trunk; only the first brings
-    the robot anywhere. So the trunk is held upright firmly: at a sixth of the weight, pushes of
-    20 N s threw a G1's trunk to its limits.
+    CoP before trunk: a CoP can be had by accelerating the CoM or by turning the trunk, and only the
+    first moves the robot. So the trunk's weight is high: at a sixth of it, pushes of 20 N s threw a
+    G1's trunk to its limits.
 
-    The pressure comes before the foot in the air: at a fifth of the weight, a G1's foot that is
-    hurried at 60 m/s^2 had 0.4 m/s^2 more of them, and the pressure was 5 cm off for it.
+    CoP before swing foot: at a fifth of the CoP's weight, a G1's foot at 60 m/s^2 got 0.4 m/s^2
+    more, and the CoP was 5 cm off.
 
-    How high that foot is comes before where it is: one that is 8 mm too high when it should land
-    lands 60 ms late, in which the capture point's error grows by a quarter. At the weight of its
-    place, a leg swung by its hip drew a G1's foot down by 25 m/s^2 when it hurried ahead at 70, and
-    held it up as it slowed; at three times that weight, hurried ahead or aside after a push, it was
-    3 cm lower than planned, scuffed and landed 0.4 m short of its footstep. On footsteps that are
-    given the place counts as much: with a firm height a small humanoid's feet landed 4 mm from them
-    in place of 2. Not quite over edges: down stairs of 15 cm, where the ankle that bears is at its
-    limit, a G1's foot was drawn 2 cm too low, landed 0.1 s early and threw the CoM up. At three
-    times the place it lands in time.
+    The swing foot's height before its place: a foot that is 8 mm too high lands 60 ms late, in
+    which the capture point's error grows by a quarter. At equal weights, a G1's leg swung at 70
+    m/s^2 drew its foot down by 25 m/s^2, and held it up as it slowed; at three times, its foot in a
+    recovery step was 3 cm lower than planned, scuffed and landed 0.4 m short. On prescribed
+    footsteps both weigh the same: with a high weight for the height a small humanoid's feet landed
+    4 mm from them in place of 2. Over edges the height weighs three times as much: at equal
+    weights, down stairs of 15 cm, where the stance ankle is at its limit, a G1's foot was drawn
+    2 cm too low, landed 0.1 s early and threw the CoM up.
 
-    Where that foot is comes before how it is turned: ankles and hips that are at their bounds as a
-    leg is hurried aside held it back for that. Of 190 m/s^2 that a G1's late foot was asked for it
-    had 11, and 100 with a tenth of the weight for its turn.
+    The swing foot's place before its orientation: ankles and hips at their bounds held back a leg
+    that swings sideways in a recovery step. Of 190 m/s^2 asked of a G1's late foot it got 11, and
+    100 with a tenth of the weight for its orientation.
 
-    What draws that foot down grows with how fast hips swing it, and weak hips that hold it up throw
-    the pelvis over: so ``lift`` is in proportion less for hips that do less than
-    :data:`FIRM_HIPS` (:meth:`for_legs`).
+    The vertical disturbance grows with the speed of the swing, and weak hips that hold the foot up
+    throw the pelvis over: ``lift`` is reduced in proportion for hips with less acceleration than
+    :data:`REFERENCE_HIPS` (:meth:`for_legs`).
 
-    The CoM's height comes before the foot in the air, too: a hip at its bound can accelerate a foot
-    that hurries by letting the robot fall, and weak knees do not lift it again. At half the weight
-    6 of 10 walks of a Romeo stood that was pushed aside late in a step, with this one 9.
+    The CoM's height before the swing foot: a hip at its bound can accelerate the foot by letting
+    the robot fall, and weak knees do not lift it again. Of 10 walks of a Romeo that was pushed
+    sideways late in a step 6 stood at half the weight, 9 with this one.
 
-    The angular momentum of a swinging leg is let go: held to zero it would move the pressure by
-    more than the length of a sole. About the vertical only friction holds a foot, so that is
-    regulated, firmly, to what the whole body has when it turns as commanded: on ground with a
-    friction of 0.4 a G1's foot turned by 5 degrees in a step at a ninth of the weight, by 3 at two
-    thirds, and by 1 with it (means of four seeds). At a third more the pressure was 9 mm off under
-    a hurried foot, in place of 7.
+    The swing leg's angular momentum is nearly free: regulated to zero it would move the CoP by more
+    than the length of a sole. About the vertical only friction holds a foot, so that is regulated,
+    with a high weight, to the momentum of the whole body turning as commanded: at a friction of 0.4
+    a G1's foot turned by 5 degrees in a step at a ninth of the weight, by 3 at two thirds, and by 1
+    with it (means of four seeds). At a third more the CoP was 9 mm off in recovery steps, in place
+    of 7.
 
     Attributes
     ----------
     com, height, swing, lift:
-        Of the CoM's horizontal motion (by the centre of pressure), of its height, of the foot in
-        the air, and of how high that is [1/(m/s)].
+        Of the CoM's horizontal motion (by the centre of pressure), of its height, of the swing
+        foot's place, and of its height [1/(m/s)].
     trunk, posture:
         [1/(rad/s)].
     spin, yaw:
@@ -106,9 +105,9 @@ class WalkingWeights:
         check_fields(self, "walking weights, ", *self.__dataclass_fields__, above=0.0)
 
     def for_legs(self, legs: Legs) -> Self:
-        """Return them with the ``lift`` that the hips of these legs bear."""
-        firm = min(1.0, legs.swing_acceleration / (FIRM_HIPS * legs.gravity))
-        return replace(self, lift=firm * self.lift)
+        """Return the weights with ``lift`` reduced for weak hips."""
+        ratio = min(1.0, legs.swing_acceleration / (REFERENCE_HIPS * legs.gravity))
+        return replace(self, lift=ratio * self.lift)
 
 
 class WholeBody:
@@ -119,13 +118,13 @@ class WholeBody:
     controller:
         The :class:`~wbc.controllers.torque.TorqueController`.
     lasting:
-        Those of its tasks that have a target all the time.
+        Its tasks that have a target in all phases.
     bends:
         Whether the robot starts on straight legs, which are bent first.
-    ahead:
-        Of the soles' middles the pressure is led [m], where ankles are too weak for these.
-    lacks:
-        What the legs lack for walking, in words.
+    pressure_offset:
+        Of the CoP ahead of the soles' middles, for weak ankles [m].
+    limitations:
+        What limits the legs in walking, in words.
     """
 
     def __init__(
@@ -148,23 +147,23 @@ class WholeBody:
         posture = walking_posture(start, height)
         self.bends = not np.array_equal(posture, start.q)
         bent = robot.snapshot(posture)
-        self._kinds = {foot: contact_of(bent, foot) for foot in self._frames}
-        self._exact_weight = w.swing
-        self._over_weight = w.swing * np.array((1.0, 1.0, OVER, 1.0, 1.0, 1.0))
+        self._contact_types = {foot: contact_of(bent, foot) for foot in self._frames}
+        self._prescribed_weight = w.swing
+        self._edge_weight = w.swing * np.array((1.0, 1.0, EDGE_HEIGHT_FACTOR, 1.0, 1.0, 1.0))
         self.weigh_swing(w.swing, w.lift)
         trunks = dict.fromkeys((BASE, heaviest_link(robot)))
-        self._upright = {one: turned(-heading) @ start.rotation(one) for one in trunks}
-        self._led: tuple[float, float] | None = None  # heading, and its rate
+        self._upright = {link: turned(-heading) @ start.rotation(link) for link in trunks}
+        self._trunk_target: tuple[float, float] | None = None  # heading, and its rate
         inertia = robot.mass * height**2
         self._pressure = CopTask(robot, (*start.com[:2], 0.0), weight=w.com / height)
         self._height = ComTask(
             robot, start.com, axes=["z"], name="height", kp=w.stiff_height, weight=w.height
         )
         self._trunk = {
-            one: OrientationTask(
-                robot, one, start.rotation(one), name=one, kp=w.stiff_trunk, weight=w.trunk
+            link: OrientationTask(
+                robot, link, start.rotation(link), name=link, kp=w.stiff_trunk, weight=w.trunk
             )
-            for one in trunks
+            for link in trunks
         }
         self._swing = {
             foot: PoseTask(
@@ -189,16 +188,16 @@ class WholeBody:
             *self._swing.values(),
         ]
         taken = [task.name for task in own]
-        for one in tasks:
-            if one.name in taken:
+        for task in tasks:
+            if task.name in taken:
                 raise InvalidInputError(
-                    f"walker, tasks: a walk has a task {one.name!r} of its own; give yours another"
+                    f"walker, tasks: a walk has a task {task.name!r} of its own; give yours another"
                     f" name than: {', '.join(taken)}"
                 )
         self.controller = TorqueController(
             robot,
             [*own, *tasks],
-            contacts=self._held(start, self._frames),
+            contacts=self._contacts_at(start, self._frames),
             limits=limits,
             constraints=constraints,
             dt=dt,
@@ -206,24 +205,24 @@ class WholeBody:
         )
         for task in self._swing.values():
             task.switch_off()
-        self._swing_freely(robot)
+        self._free_leg_acceleration(robot)
         stuck = 1.0 - self.controller.friction_compensation
         bounds = self.controller.torque_bounds
-        self.ahead = pressed_ahead(bent, bounds)
-        self.lacks = lacks(bent, bounds, stuck, self.ahead)
+        self.pressure_offset = pressure_offset(bent, bounds)
+        self.limitations = leg_limitations(bent, bounds, stuck, self.pressure_offset)
         self.lasting = (self._height, *self._trunk.values(), *tasks)
 
-    def _held(self, snapshot: Snapshot, feet: Iterable[str]) -> list[Contact]:
+    def _contacts_at(self, snapshot: Snapshot, feet: Iterable[str]) -> list[Contact]:
         return [
-            self._kinds[foot].hold(snapshot, self._frames[foot], friction=self._friction)
+            self._contact_types[foot].hold(snapshot, self._frames[foot], friction=self._friction)
             for foot in feet
         ]
 
-    def _swing_freely(self, robot: Robot) -> None:
-        """Let legs speed up as their torques allow, where no acceleration was given.
+    def _free_leg_acceleration(self, robot: Robot) -> None:
+        """Lift the default limit on speeding up of the legs' joints, leaving their torques.
 
-        By half of a hip's torque against a straight leg, as it can be counted on to brake, a G1's
-        swings its foot ahead by 30 m/s^2 at most.
+        That default, half of a hip's torque against a straight leg, is for braking; it would limit
+        a G1's swing foot to 30 m/s^2.
         """
         limits = self.controller.limits
         if limits is None or not limits.by_default or limits.speed_up is not None:
@@ -235,22 +234,22 @@ class WholeBody:
         limits.speed_up = most
 
     def hold(self, snapshot: Snapshot, feet: Iterable[str], ramp: float) -> None:
-        """Let feet bear from now on, where they are; others are relieved within ``ramp`` [s]."""
+        """Make contacts of these feet, where they are; others are unloaded within ``ramp`` [s]."""
         feet = tuple(feet)
-        self.controller.set_contacts(self._held(snapshot, feet), ramp=ramp)
+        self.controller.set_contacts(self._contacts_at(snapshot, feet), ramp=ramp)
         for foot in feet:
             self._swing[foot].switch_off()
 
     def weigh_swing(self, swing: float, lift: float) -> None:
-        """Weigh feet in the air so from the next step on: in place, with their turn, and height."""
-        turn = TURN * swing
+        """Set the swing foot's weights for place and height from the next step on."""
+        turn = ORIENTATION_SHARE * swing
         self._swing_weight = np.array((swing, swing, lift, turn, turn, turn))
 
     def swing(self, foot: str, pose: FootPose, *, exact: bool = False, over: bool = False) -> None:
-        """Lead a foot through the air; ``exact``: to a place that counts, ``over`` edges or not."""
+        """Set a swing foot's target; ``exact``: to a prescribed footstep, ``over`` edges or not."""
         task = self._swing[foot]
         if not task.weight.any():
-            given = self._over_weight if over else self._exact_weight
+            given = self._edge_weight if over else self._prescribed_weight
             task.weight = given if exact else self._swing_weight
         task.set_target(*pose)
 
@@ -269,11 +268,11 @@ class WholeBody:
         """
         self._pressure.set_target(pressure)
         self._height.set_target(*np.array([(0.0, 0.0, value) for value in height]))
-        if self._led != (heading, turn):  # else the trunk is led there already
-            self._led = heading, turn
+        if self._trunk_target != (heading, turn):  # else the trunk is led there already
+            self._trunk_target = heading, turn
             R, rate = turned(heading), turn * UP if turn else None
-            for one, task in self._trunk.items():
-                task.set_target(R @ self._upright[one], rate)
+            for link, task in self._trunk.items():
+                task.set_target(R @ self._upright[link], rate)
         spin = float(snapshot.inertia[2, 2]) * turn if turn else 0.0
         if spin != self._yaw.target[5]:
             self._yaw.set_target((0.0, 0.0, 0.0, 0.0, 0.0, spin))
@@ -286,7 +285,9 @@ def heaviest_link(robot: Robot) -> str:
     joint = int(np.argmax(masses))
     if joint <= 1:
         return BASE
-    bodies = [f for f in model.frames if f.parentJoint == joint and "BODY" in str(f.type)]
+    bodies = [
+        frame for frame in model.frames if frame.parentJoint == joint and "BODY" in str(frame.type)
+    ]
     return str(bodies[0].name)
 
 

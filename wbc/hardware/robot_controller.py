@@ -11,8 +11,8 @@ import numpy as np
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import InvalidInputError, WbcError
 from wbc.estimation import ImuReading, Measurement, StateEstimator
-from wbc.gait.commanded import CommandedWalk
 from wbc.gait.phases import Standing
+from wbc.gait.scheduled_walk import ScheduledWalk
 from wbc.gait.swing import turned, yaw_of
 from wbc.hardware.bus import Command, Reading
 from wbc.robot import Robot
@@ -247,13 +247,13 @@ class RobotController:
 
     def come_to_rest(self) -> None:
         """Stop walking; other problems go on."""
-        if isinstance(self.supervisor, CommandedWalk):
+        if isinstance(self.supervisor, ScheduledWalk):
             self.supervisor.stop()
 
     @property
     def is_at_rest(self) -> bool:
         """Whether it stands on both feet."""
-        if not isinstance(self.supervisor, CommandedWalk):
+        if not isinstance(self.supervisor, ScheduledWalk):
             return True
         return isinstance(self.supervisor.walker.phase, Standing)
 

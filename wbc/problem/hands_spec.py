@@ -7,8 +7,8 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from wbc.controllers import TorqueController
+from wbc.gait.hand_states import LeanSettings
 from wbc.gait.hand_support import HandSupport
-from wbc.gait.leaning import LeanSettings
 from wbc.gait.walls import Hand, Wall
 from wbc.problem.section import Distinct, KeysOf, Names, Point, Positive, Section, Two, default_of
 from wbc.robot import Snapshot

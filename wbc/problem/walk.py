@@ -10,9 +10,9 @@ from pydantic import Field
 from wbc.constraints import Limits
 from wbc.constraints.friction import FrictionCone
 from wbc.gait import Footstep, Legs, Velocity, Walker, WalkingWeights
-from wbc.gait.commanded import CommandedWalk, Forces, TimedCommand
 from wbc.gait.phases import sole_poses
 from wbc.gait.prescribed_steps import in_world
+from wbc.gait.scheduled_walk import Forces, ScheduledWalk, TimedCommand
 from wbc.gait.settings import GaitSettings
 from wbc.gait.step_range import StepRange
 from wbc.gait.walker import FRICTION
@@ -219,7 +219,7 @@ def friction_of(spec: WalkSpec) -> FrictionCone:
     return replace(cone(given), facets=FRICTION.facets)
 
 
-def commanded_walk(spec: WalkSpec, parts: Parts, forces: Forces | None) -> CommandedWalk:
+def commanded_walk(spec: WalkSpec, parts: Parts, forces: Forces | None) -> ScheduledWalk:
     """Return what leads the walk; its feet feel ``forces``, unless they are not to feel any."""
     forces = forces if spec.gait.feel else None
     commands = [command.timed for command in spec.gait.commands]
@@ -228,4 +228,4 @@ def commanded_walk(spec: WalkSpec, parts: Parts, forces: Forces | None) -> Comma
         given = [one.footstep for one in spec.gait.footsteps]
         ground = spec.ground_height if spec.gait.see else None
         walker.follow(given, parts.at_start, relative=spec.gait.relative, ground=ground)
-    return CommandedWalk(walker, commands, forces, parts.surroundings.move_to)
+    return ScheduledWalk(walker, commands, forces, parts.surroundings.move_to)

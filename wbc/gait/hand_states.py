@@ -1,4 +1,4 @@
-"""When hands reach for walls, and how far they have got."""
+"""Settings and states of hands that lean on walls."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ class LeanSettings:
     Attributes
     ----------
     begin:
-        How near the capture point is to the edge of the soles, inside, when a hand reaches [m].
-        Soles may suffice for one that stays inside, but throw the trunk for that: a G1 that was
-        pushed towards a wall in front by 1.5 M omega d met it with its head at 0, its capture
-        point 13 mm inside, and stood with 20 mm.
+        Distance of the capture point from the edge of the soles, inside, at which a hand reaches
+        [m]. Soles may suffice for one that stays inside, but throw the trunk for that: with 0 a G1
+        that was pushed towards a wall in front by 1.5 M omega d hit it with its head, its capture
+        point 13 mm inside; with 20 mm it stood.
     end:
-        How far inside, from all edges, it is when the hand is released [m]; more than ``begin``.
-        A G1 that was held by its hand until it was so far from the edge towards the wall alone fell
-        backwards along the wall afterwards, pushed by 2.1 M omega d.
+        Distance inside of all edges at which the hand is released [m]; more than ``begin``. When
+        only the edge towards the wall counted, a G1 pushed by 2.1 M omega d fell backwards along
+        the wall afterwards.
     below:
         How far below the shoulder the hand touches, in parts of the arm's length.
     touch:
-        Distance from the wall at which the hand is taken to touch it [m].
+        Distance from the wall that counts as contact [m].
     late:
-        Speed at which a hand goes on that has not met the wall in time [m/s].
+        Speed of a hand that has not touched the wall in time [m/s].
     ramp:
-        How long the wall's force takes to come and to go [s].
+        How long the wall's force ramps up and down [s].
     weight, stiffness:
-        Of the hand in the air [1/(m/s)], and its ``kp`` [1/s^2].
+        Of the reaching hand [1/(m/s)], and its ``kp`` [1/s^2].
     axis:
-        Weight of the hand's pointing at the wall; its stiffness is that of the hand.
+        Weight of the hand's direction, at the wall; its stiffness is that of the hand.
     trunk, stiff_trunk:
         Weight [1/(rad/s)] and ``kp`` [1/s^2] of the trunk meanwhile.
     """
@@ -78,9 +78,9 @@ class Reaching(NamedTuple):
     Attributes
     ----------
     motion:
-        Of its frame's origin (3,), as it should be [m].
+        Reference of its frame's origin (3,) [m].
     left:
-        Until it should touch [s]; negative: it is late.
+        Time until the planned contact [s]; negative if late.
     """
 
     arm: Arm
@@ -91,7 +91,7 @@ class Reaching(NamedTuple):
 
 
 class Leaning(NamedTuple):
-    """A hand is on a wall, for ``time`` [s] by now."""
+    """A hand has been on a wall for ``time`` [s]."""
 
     arm: Arm
     hand: Hand
@@ -101,7 +101,7 @@ class Leaning(NamedTuple):
 
 
 class Withdrawing(NamedTuple):
-    """A hand leaves a wall; ``left`` [s] until it is left to the posture, and then to rest."""
+    """A hand leaves a wall; ``left`` is the remaining time of its retreat [s]."""
 
     hand: Hand
     wall: Wall

@@ -1,4 +1,4 @@
-"""A walk by a schedule of commands, and by footsteps that were given."""
+"""A supervisor that walks by a schedule of commands, or on prescribed footsteps."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ from wbc.run.phase_support import PhaseSupport
 from wbc.tasks import Task
 from wbc.validate import Array, finite_number
 
-# A foot that landed farther from the height of its footstep is told [m].
-TOLD = 0.01
-# Wrenches (6,) on the soles now, by frame.
+# Smallest height error of a landing that the notes report [m].
+MAX_HEIGHT_ERROR = 0.01
+# Returns the measured wrenches (6,) on the soles, by frame.
 Forces = Callable[[], Mapping[str, Array]]
 
 
 class TimedCommand(NamedTuple):
-    """A velocity, and from when on it is wanted [s]."""
+    """A velocity, and its time [s]."""
 
     at: float
     velocity: Velocity
 
 
-class CommandedWalk:
-    """Leads a simulation by a walker and a schedule; see :class:`wbc.run.supervisor.Supervisor`.
+class ScheduledWalk:
+    """Supervises a run by a walker and a schedule; see :class:`wbc.run.supervisor.Supervisor`.
 
     Parameters
     ----------
     walker:
-        Footsteps that it was told to follow are made from the start on.
+        Prescribed footsteps that it has begin at once.
     commands:
         In order of time; before the first the robot stands, or makes its footsteps.
     forces:
-        What the soles feel; None, or nothing felt: feet land when they should.
+        On the soles; None, or an empty result: feet land at the planned time.
     move_world:
         Called before each tick with the time [s], for instance to move obstacles.
 
@@ -61,50 +61,50 @@ class CommandedWalk:
         self.walker = walker
         self.complaint: str | None = None
         self.controller: Controller = walker.controller
-        self._beyond: tuple[str, ...] = ()
-        self._given, self._tick = len(walker.coming), -1
-        self._coming, self._forces, self._move_world = list(commands), forces, move_world
-        self.standing = self._standing()
+        self._clipped: tuple[str, ...] = ()
+        self._step_count, self._tick = len(walker.coming), -1
+        self._pending, self._forces, self._move_world = list(commands), forces, move_world
+        self.standing = self._support()
 
     @property
     def tasks(self) -> tuple[Task, ...]:
-        """Those whose errors mean something all the time."""
+        """Those whose errors are meaningful in all phases."""
         return self.walker.lasting_tasks
 
     @property
     def notes(self) -> Sequence[str]:
-        """What legs lack, which commands were beyond them, how far feet landed from footsteps."""
-        told = (*self.walker.notes, *self._beyond)
-        if not self._given:
-            return told
-        return (*told, landings_in_words(self.walker.landings, self._given))
+        """What limits the legs, which commands were clipped, how far feet landed from footsteps."""
+        notes = (*self.walker.notes, *self._clipped)
+        if not self._step_count:
+            return notes
+        return (*notes, describe_landings(self.walker.landings, self._step_count))
 
     def update(self, tick: int, snapshot: Snapshot) -> Controller:
-        """Give the commands that are due; return the controller, its goals set.
+        """Give the commands that are due; return the controller with its targets set.
 
-        Where ticks were left out since the last call, the gait goes on by their time, too.
+        Ticks that were skipped since the last call advance the gait, too.
         """
         dt = self.walker.dt
-        time, passed = tick * dt, max(tick - self._tick, 1)
+        time, ticks = tick * dt, max(tick - self._tick, 1)
         self._tick = tick
         self.move_to(time)
-        while self._coming and time >= self._coming[0].at - 1e-9:
-            command = self._coming.pop(0)
+        while self._pending and time >= self._pending[0].at - 1e-9:
+            command = self._pending.pop(0)
             reason = self.walker.command(*command.velocity).reason
             if reason:
-                self._beyond = (*self._beyond, f"command at {command.at:g} s: {reason}")
-        self.walker.dt = passed * dt
+                self._clipped = (*self._clipped, f"command at {command.at:g} s: {reason}")
+        self.walker.dt = ticks * dt
         try:
             self.walker.prepare(snapshot, (self._forces() or None) if self._forces else None)
         finally:
             self.walker.dt = dt
         if self.controller.contacts != self.standing.contacts:
-            self.standing = self._standing()
+            self.standing = self._support()
         return self.controller
 
     def stop(self) -> None:
-        """Come to rest: commands that are not given yet are forgotten."""
-        self._coming.clear()
+        """Stop walking, and drop the pending commands."""
+        self._pending.clear()
         self.walker.command(0.0)
 
     def move_to(self, time: float) -> None:
@@ -112,25 +112,31 @@ class CommandedWalk:
         if self._move_world is not None:
             self._move_world(time)
 
-    def _standing(self) -> PhaseSupport:
-        made = self.controller
-        contacts = [one for one in made.contacts if isinstance(one, Contact)]
-        return PhaseSupport.on("", contacts, made.constraints, made.limits, made.slacks.is_hard)
+    def _support(self) -> PhaseSupport:
+        controller = self.controller
+        contacts = [one for one in controller.contacts if isinstance(one, Contact)]
+        return PhaseSupport.on(
+            "", contacts, controller.constraints, controller.limits, controller.slacks.is_hard
+        )
 
 
-def landings_in_words(landings: Sequence[Landing], count: int) -> str:
-    """Return how many of ``count`` footsteps were made, and how well."""
-    made = f"footsteps: {len(landings)} of {count} made"
+def describe_landings(landings: Sequence[Landing], count: int) -> str:
+    """Return a note on how many of ``count`` footsteps were made, and on their errors."""
+    count_text = f"footsteps: {len(landings)} of {count} made"
     if not landings:
-        return made
+        return count_text
     worst = max(range(len(landings)), key=lambda k: landings[k].distance)
-    way, turn = landings[worst].distance, max(one.turn for one in landings)
-    uneven = max(range(len(landings)), key=lambda k: abs(landings[k].height))
-    rise = landings[uneven].height
-    told = f"; footstep {uneven + 1} at {1e3 * rise:+.0f} mm from its z" if abs(rise) > TOLD else ""
+    distance, turn = landings[worst].distance, max(one.turn for one in landings)
+    highest = max(range(len(landings)), key=lambda k: abs(landings[k].height))
+    rise = landings[highest].height
+    height_note = (
+        f"; footstep {highest + 1} at {1e3 * rise:+.0f} mm from its z"
+        if abs(rise) > MAX_HEIGHT_ERROR
+        else ""
+    )
     return (
-        f"{made}; feet landed within {1e3 * way:.1f} mm (footstep {worst + 1}) and"
-        f" {math.degrees(turn):.1f} degrees of them, as measured{told}"
+        f"{count_text}; feet landed within {1e3 * distance:.1f} mm (footstep {worst + 1}) and"
+        f" {math.degrees(turn):.1f} degrees of them, as measured{height_note}"
     )
 
 
