@@ -113,7 +113,7 @@ def test_what_no_step_catches_is_pressed_against_with_all_of_the_sole(
     dcm = side * planner.limits.catch_aside * 1j
     now = GaitState(dcm, places, dict.fromkeys(SIGN, np.eye(3)))
     phase = planner.adapt(on_one_foot("left", 0.0, gait.single), now, 0.0, Velocity())
-    reference = planner.single_reference(phase, now)
+    reference = planner.single_support(phase, now)
     vrp = reference.vrp + (1.0 + gait.gain) * (now.dcm - reference.dcm)
     assert side * vrp.imag > planner.soles["left"][1]
 
@@ -195,7 +195,7 @@ def test_a_foot_that_lands_early_waits_until_the_dcm_is_nearest(legs: Legs, asid
     """Of a DCM that is pushed aside, or goes back, by a search over times."""
     gait = GaitSettings.of(legs)
     planner, phase = planner_of(legs, gait), on_one_foot("left", 0.3, 0.2, 0.3 - 0.2j)
-    wanted = planner.single_reference(phase._replace(left=0.0), still(0.0)).dcm
+    wanted = planner.single_support(phase._replace(left=0.0), still(0.0)).dcm
     for part in (0.8, 0.5, -0.3):
         dcm = wanted * (part + 1j * part * aside)
         times = np.linspace(0.0, phase.left, 20001)

@@ -88,9 +88,7 @@ def pressure_offset(posture: Snapshot, effort: Array) -> float:
     return largest
 
 
-def leg_limitations(
-    posture: Snapshot, effort: Array, friction_share: float, ahead: float = 0.0
-) -> tuple[str, ...]:
+def leg_limits(posture: Snapshot, effort: Array, dry: float, ahead: float = 0.0) -> tuple[str, ...]:
     """Return what the legs of a robot lack for walking, in words, and warn of it.
 
     Parameters
@@ -135,7 +133,7 @@ def leg_limitations(
             f" effort={{{robot.joint_names[int(np.argmax(needed - effort))]!r}: ...}}"
         )
     legs = [robot.model.idx_vs[joint] for side in SIDES for joint in leg_joints(robot, side)]
-    friction = friction_share * robot.friction
+    friction = dry * robot.friction
     friction[[robot.joint_index(name) - BASE_NV for name in robot.motorless]] = 0.0
     sticky = [k for k in np.subtract(legs, BASE_NV) if friction[k] > FRICTION_SHARE * effort[k]]
     if sticky:
@@ -166,17 +164,13 @@ def bearing_torques(posture: Snapshot, sole: str, ahead: float = 0.0) -> Array:
     force = robot.mass * float(up[2]) / float(arm[2]) * arm  # from p through the CoM
     acceleration = np.zeros(robot.nv)
     acceleration[:3] = posture.rotation(BASE).T @ (force / robot.mass - up)
-    contact_torques = J[:3].T @ force + J[3:].T @ np.cross(offset, force)
-    torques = np.asarray(
-        (posture.mass_matrix @ acceleration + posture.bias - contact_torques)[BASE_NV:]
-    )
+    borne = J[:3].T @ force + J[3:].T @ np.cross(offset, force)
+    torques = np.asarray((posture.mass_matrix @ acceleration + posture.bias - borne)[BASE_NV:])
     passive = [robot.joint_index(name) - BASE_NV for name in robot.motorless]
-    ties = [
-        mechanism for mechanism in mechanics_of(robot, ()) if not isinstance(mechanism, BoltedBase)
-    ]
+    ties = [tie for tie in mechanics_of(robot, ()) if not isinstance(tie, BoltedBase)]
     if not (passive and ties):
         return torques
-    J = np.concatenate([mechanism.residual(posture).jacobian[:, BASE_NV:] for mechanism in ties])
+    J = np.concatenate([tie.residual(posture).jacobian[:, BASE_NV:] for tie in ties])
     forces = np.linalg.lstsq(J[:, passive].T, torques[passive], rcond=1e-9)[0]
     torques -= J.T @ forces
     torques[passive] = 0.0

@@ -198,12 +198,8 @@ def step_qp(
     shift = bounds.about - 1.0 / omega
     reach_bounds = [c + h * shift for h, c in zip(slopes, offsets, strict=True)]
     g = [-weight * goal for weight, goal in zip(cost, target, strict=True)]
-    shortest, longest = (
-        math.exp(omega * bounds.least) / sigma,
-        math.exp(omega * bounds.most) / sigma,
-    )
-    lower = *bounds.lower, shortest, *NO_LOWER[:4]
-    upper = *bounds.upper, longest, *UNBOUNDED
+    lower = *bounds.lower, math.exp(omega * bounds.least) / sigma, *NO_LOWER[:4]
+    upper = *bounds.upper, math.exp(omega * bounds.most) / sigma, *UNBOUNDED
     u = -sx, -sy, -sx, -sy, *reach_bounds
     return FlatQP([*P, *A, *C, *g, *lower, *upper, 0.0, 0.0, *NO_LOWER, *u], FORM)
 
@@ -230,10 +226,8 @@ def adapt_step(
     (ux, uy, growth, bx, by, wx, wy), z, z_box = solution
     sigma = max(growth * math.exp(omega * nominal.left), 1e-9)
     left = min(max(math.log(sigma) / omega, bounds.least), bounds.most)
-    remaining = math.expm1(omega * left)
-    return StepPlan(
-        (ux, uy), left, (bx, by), (wx / remaining, wy / remaining), multipliers=(z, z_box)
-    )
+    scale = math.expm1(omega * left)
+    return StepPlan((ux, uy), left, (bx, by), (wx / scale, wy / scale), multipliers=(z, z_box))
 
 
 def held_back_by(multipliers: Multipliers | None, sign: float) -> tuple[str, ...]:

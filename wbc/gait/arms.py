@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.errors import InvalidInputError
-from wbc.gait.legs import MAX_ACCELERATION, SPEED_SHARE, STRETCH, SWING_SHARE
+from wbc.gait.legs import MAX_ACCELERATION, SHARE, SPEED_SHARE, STRETCH
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import Robot, check_robot
 from wbc.robot.names import BASE
@@ -96,7 +96,7 @@ class Arm:
         inertia = s.mass_matrix.diagonal()[dofs]
         motors = [k - BASE_NV for k in dofs]
         speed = SPEED_SHARE * (limits.velocity[motors] * levers[strongest]).min()
-        acceleration = SWING_SHARE * (limits.effort[motors] / inertia * levers[strongest]).min()
+        acceleration = SHARE * (limits.effort[motors] / inertia * levers[strongest]).min()
         joint_names = [robot.limits.names[k] for k in motors]
         if not (speed > 0.0 and acceleration > 0.0) or set(joint_names) & set(robot.unactuated):
             raise InvalidInputError(

@@ -39,12 +39,8 @@ class Velocity(NamedTuple):
             return goal
         dx, dy = goal.vx - self.vx, goal.vy - self.vy
         share = min(1.0, change / max(math.hypot(dx, dy), 1e-12))
-        yaw_change = goal.yaw_rate - self.yaw_rate
-        yaw = (
-            goal.yaw_rate
-            if abs(yaw_change) <= turn
-            else self.yaw_rate + math.copysign(turn, yaw_change)
-        )
+        dyaw = goal.yaw_rate - self.yaw_rate
+        yaw = goal.yaw_rate if abs(dyaw) <= turn else self.yaw_rate + math.copysign(turn, dyaw)
         if share == 1.0:
             return Velocity(goal.vx, goal.vy, yaw)
         return Velocity(self.vx + share * dx, self.vy + share * dy, yaw)

@@ -79,7 +79,7 @@ class Crossing(NamedTuple):
         if ground is None:
             path = float(np.linalg.norm(goal[:2] - start[:2])) * parts
             between = (path > margin) & (path < path[-1] - margin)
-            ground_height = np.where(
+            terrain = np.where(
                 between, max(first, last, beside), np.where(parts < 0.5, first, last)
             )
         else:
@@ -89,22 +89,22 @@ class Crossing(NamedTuple):
             c, s = np.cos(yaw), np.sin(yaw)
             dx, dy = outline.T
             points = np.stack((x + c * dx - s * dy, y + s * dx + c * dy), axis=-1)
-            ground_height = heights(ground, points.reshape(-1, 2)).reshape(SAMPLES, -1).max(axis=1)
-        rises, falls = (ground_height > height + MIN_EDGE * clearance for height in (first, last))
+            terrain = heights(ground, points.reshape(-1, 2)).reshape(SAMPLES, -1).max(axis=1)
+        rises, falls = (terrain > height + MIN_EDGE * clearance for height in (first, last))
         if not (rises.any() or falls.any()):
             return None
-        path, highest = goal[:2] - start[:2], max(float(ground_height.max()), first, last)
+        path, peak = goal[:2] - start[:2], max(float(terrain.max()), first, last)
         yaw = float(start[2])
         ahead = math.cos(yaw) * path[0] + math.sin(yaw) * path[1]
-        slope = (highest - min(first, last)) * max(ahead, 0.0) / max(float(path @ path), 1e-9)
-        half, lift = float(np.abs(corners[:, 0]).max()), highest + clearance - first
+        slope = (peak - min(first, last)) * max(ahead, 0.0) / max(float(path @ path), 1e-9)
+        half, lift = float(np.abs(corners[:, 0]).max()), peak + clearance - first
         # The pitch starts faster than the height, by this factor.
         lead = (0.5 / PITCH_PEAK) ** 3
         tip = min(PITCH_RATIO * slope, MAX_PITCH, lift / ((lead - 1.0) * half))
-        toe_drop = half * math.sin(tip)  # of the toe below the middle of the sole
+        drop = half * math.sin(tip)  # of the toe below the middle of the sole
         top, wanted = (
-            highest + clearance + toe_drop,
-            ground_height + EDGE_MARGIN * clearance + toe_drop,
+            peak + clearance + drop,
+            terrain + EDGE_MARGIN * clearance + drop,
         )
         ahead = np.interp(parts, PROGRESS, TIMES)
         # Normalised time, from either end, after which the foot is above each edge.
@@ -155,11 +155,9 @@ def _bump(s: float, rate: float, top: float) -> tuple[float, float, float]:
 
     Its curvature is zero at all three.
     """
-    part, direction = (
-        (s / top, 1.0 / top) if s < top else ((1.0 - s) / (1.0 - top), -1.0 / (1.0 - top))
-    )
+    part, scale = (s / top, 1.0 / top) if s < top else ((1.0 - s) / (1.0 - top), -1.0 / (1.0 - top))
     slope, curve = minimum_jerk_rates(part)
-    return minimum_jerk(part), slope * direction * rate, curve * (direction * rate) ** 2
+    return minimum_jerk(part), slope * scale * rate, curve * (scale * rate) ** 2
 
 
 def _dwell(cleared: Array, ahead: Array, later: float) -> float:

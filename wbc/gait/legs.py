@@ -24,9 +24,9 @@ WALKING_STRETCH = 0.905
 # Smallest cosine between parallel axes of hip, knee and ankle.
 PARALLEL = 0.95
 # Shortening of a leg that lifts its foot, as a ratio of its length.
-LIFT_SHORTENING = 0.1
+LIFT = 0.1
 # Part of torques and ranges that a swing may use; the rest is for the leg's other tasks.
-SWING_SHARE = 0.8
+SHARE = 0.8
 # Likewise of speeds: while the hip swings, the knee must bend and stretch within the same time.
 SPEED_SHARE = 0.5
 # Of a foot [m/s^2], where the hip has no effort limit.
@@ -34,7 +34,7 @@ MAX_ACCELERATION = 1e4
 # Samples of a leg's length over the knee's range.
 KNEE_SAMPLES = 33
 # A knee's range is symmetric if its sides differ by less than this part of it.
-SYMMETRIC_RANGE = 0.15
+SYMMETRY = 0.15
 # Shortest lever of a hip that swings the foot forwards or sideways, as a ratio of the leg's length.
 MIN_LEVER = 0.2
 # Legs can turn if a hip turns the foot about the vertical by at least this [rad per rad].
@@ -208,35 +208,29 @@ def _leg(robot: Robot, side: str, given: Limits | None) -> tuple[float, ...]:
     limits, turn, turn_speed = robot.limits, 0.0, 0.0
     with np.errstate(divide="ignore", invalid="ignore"):  # damping may leave no torque before
         speed = np.fmin(limits.velocity, limits.effort / robot.damping)
-    max_acceleration = MAX_ACCELERATION
+    limit = MAX_ACCELERATION
     if given is not None:
         speed = np.fmin(speed, given.speed)
-        given_acceleration = given.acceleration if given.speed_up is None else given.speed_up
-        max_acceleration = (
-            MAX_ACCELERATION
-            if given.by_default
-            else min(MAX_ACCELERATION, float(given_acceleration[hip]) * lever)
-        )
+        if not given.by_default:
+            fastest = given.acceleration if given.speed_up is None else given.speed_up
+            limit = min(limit, float(fastest[hip]) * lever)
     if abs(J[5, yaw_hip]) > MIN_TURN:
         yaw, angle = yaw_hip - BASE_NV, float(snapshot.joint_positions[yaw_hip - BASE_NV])
-        turn = SWING_SHARE * min(float(limits.upper[yaw]) - angle, angle - float(limits.lower[yaw]))
-        turn_speed = SWING_SHARE * float(speed[yaw])
-    lift = LIFT_SHORTENING * float(lengths.max())
+        turn = SHARE * min(float(limits.upper[yaw]) - angle, angle - float(limits.lower[yaw]))
+        turn_speed = SHARE * float(speed[yaw])
+    lift = LIFT * float(lengths.max())
     low, high = (
         _knee_angle(angles, lengths, part * lengths.max())
-        for part in (WALKING_STRETCH, WALKING_STRETCH - LIFT_SHORTENING)
+        for part in (WALKING_STRETCH, WALKING_STRETCH - LIFT)
     )
     return (
         float(lengths.max()),
         float(_leg_vectors(robot, joints, [snapshot.q])[0, 2]),
         SPEED_SHARE * float(speed[hip]) * lever,
-        min(SWING_SHARE * float(limits.effort[hip]) / inertia * lever, max_acceleration),
+        min(SHARE * float(limits.effort[hip]) / inertia * lever, limit),
         turn,
         turn_speed,
-        SWING_SHARE
-        * float(speed[int(robot.model.idx_vs[knee]) - BASE_NV])
-        * lift
-        / abs(high - low),
+        SHARE * float(speed[int(robot.model.idx_vs[knee]) - BASE_NV]) * lift / abs(high - low),
         _bearing_length(robot, knee, angles, lengths),
     )
 
@@ -279,7 +273,7 @@ def _knee_branch(robot: Robot, side: str) -> tuple[int, Array, Array, bool]:
     """Return a leg's knee, its angles and lengths on the side it bends to, and if both are open."""
     knee, angles, lengths = _knee(robot, leg_joints(robot, side))
     straight = int(lengths.argmax())
-    symmetric = abs(angles[0] + angles[-1] - 2.0 * angles[straight]) < SYMMETRIC_RANGE * float(
+    symmetric = abs(angles[0] + angles[-1] - 2.0 * angles[straight]) < SYMMETRY * float(
         np.ptp(angles)
     )
     if symmetric:
@@ -362,7 +356,7 @@ def _bearing_length(robot: Robot, knee: int, angles: Array, lengths: Array) -> f
     """
     effort = float(robot.limits.effort[int(robot.model.idx_vs[knee]) - BASE_NV])
     torque = robot.weight * np.abs(np.gradient(lengths, angles))
-    too_weak = lengths[torque > SWING_SHARE * effort]
+    too_weak = lengths[torque > SHARE * effort]
     able = lengths[lengths > too_weak.max()] if too_weak.size else lengths
     return float(able.min()) if able.size else float(lengths.max())
 

@@ -107,21 +107,19 @@ class Paces:
             return self.usual
         if share >= 1.0:
             return self.fastest
-        slow_pace, fast_pace = self.usual, self.fastest
+        usual, fastest = self.usual, self.fastest
 
-        def interpolate(a: float, b: float) -> float:
+        def blend(a: float, b: float) -> float:
             return a + share * (b - a)
 
-        slow, fast = slow_pace.planner.gait, fast_pace.planner.gait
+        slow, fast = usual.planner.gait, fastest.planner.gait
         gait = replace(
-            slow,
-            height=interpolate(slow.height, fast.height),
-            single=interpolate(slow.single, fast.single),
+            slow, height=blend(slow.height, fast.height), single=blend(slow.single, fast.single)
         )
-        limits = CommandLimits.of(slow_pace.planner.legs, gait)
-        planner = replace(slow_pace.planner, gait=gait, limits=limits)
+        limits = CommandLimits.of(usual.planner.legs, gait)
+        planner = replace(usual.planner, gait=gait, limits=limits)
         return Pace(
             planner,
-            interpolate(slow_pace.swing, fast_pace.swing),
-            interpolate(slow_pace.lift, fast_pace.lift),
+            blend(usual.swing, fastest.swing),
+            blend(usual.lift, fastest.lift),
         )

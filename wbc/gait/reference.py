@@ -39,11 +39,11 @@ MIN_TIME_RATIO = 0.2
 # A step below this ratio of its nominal swing time is a recovery step.
 SHORTENED_RATIO = 0.9
 # A foot that bears this part of the weight has landed.
-TOUCHDOWN_LOAD = 0.1
+TOUCH_LOAD = 0.1
 # The footstep is fixed for this time before touch-down, in units of 1/omega.
 FREEZE_TIME = 0.15
 # A loaded foot has landed from this part of its path on; before, it has hit an edge.
-MIN_PROGRESS = 0.7
+MIN_DONE = 0.7
 # A foot that finds no ground counts as landed after this delay, in units of 1/omega.
 MAX_DELAY = 1.2
 # A commanded stop ends the walk if the foot is this near to its nominal place [m].
@@ -51,7 +51,7 @@ HALT_DISTANCE = 0.03
 # Corners of a sole, in units of its half size.
 CORNER_SIGNS = np.array(((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)))
 # A prescribed footstep is left only where the sole and the time of landing do not suffice.
-PRESCRIBED_WEIGHTS = StepWeights(place=100.0)
+EXACT = StepWeights(place=100.0)
 
 
 class Reference(NamedTuple):
@@ -97,12 +97,12 @@ class StepPlanner:
         """Nominal footsteps."""
         return Footsteps(self.gait)
 
-    def standing_reference(self, now: GaitState) -> Reference:
+    def standing(self, now: GaitState) -> Reference:
         """Return the reference while standing: the middle between the feet."""
         middle = in_plane(now.middle)
         return Reference(middle, middle, float(now.middle[2]))
 
-    def double_reference(
+    def double_support(
         self,
         phase: DoubleSupport,
         now: GaitState,
@@ -135,7 +135,7 @@ class StepPlanner:
             None if phase.halts else phase.level,
         )
 
-    def single_reference(self, phase: SingleSupport, now: GaitState) -> Reference:
+    def single_support(self, phase: SingleSupport, now: GaitState) -> Reference:
         """Return the reference in single support: back in time from the planned footstep."""
         base, ground = now.place(phase.support), float(now.places[phase.support][2])
         left = max(phase.left, 0.0)
@@ -174,15 +174,13 @@ class StepPlanner:
     def has_landed(self, phase: SingleSupport, load: float | None) -> bool:
         """Return whether the swing foot, which bears ``load`` (part of the weight), has landed.
 
-        The threshold falls with the square of its speed: a slow foot touches softly. None: it lands
-        as planned.
+        The threshold falls with the square of the speed. None: it lands as planned.
         """
         if load is None:
             return phase.left <= 0.0
-        loaded = load > TOUCHDOWN_LOAD * min(1.0, self.gait.single / self.single_time(phase)) ** 2
-        return (
-            loaded and phase.swing.done > MIN_PROGRESS
-        ) or phase.swing.late > MAX_DELAY / self.gait.omega
+        pressed = load > TOUCH_LOAD * min(1.0, self.gait.single / self.single_time(phase)) ** 2
+        late = phase.swing.late > MAX_DELAY / self.gait.omega
+        return late or (pressed and phase.swing.done > MIN_DONE)
 
     def advance_swing(
         self, phase: SingleSupport, now: GaitState, heading: float, velocity: Velocity, dt: float
@@ -209,11 +207,9 @@ class StepPlanner:
         wanted, actual = self._departing_dcm(phase, base), now.dcm - base
         growth = (wanted * actual.conjugate()).real / max(abs(actual) ** 2, 1e-12)
         missing = math.log(growth) / self.gait.omega if growth > 1.0 else 0.0
-        shortened = (
-            not phase.given
-            and phase.elapsed + phase.left < SHORTENED_RATIO * self.single_time(phase)
-        )
-        return self.gait.double + (0.0 if shortened else max(min(phase.left, missing), 0.0))
+        time = phase.elapsed + phase.left
+        recovers = not phase.given and time < SHORTENED_RATIO * self.single_time(phase)
+        return self.gait.double + (0.0 if recovers else max(min(phase.left, missing), 0.0))
 
     def velocity_on_steps(self, phase: Phase, now: GaitState, heading: float) -> Velocity | None:
         """Return the velocity of the present footstep, if it is prescribed."""
@@ -246,47 +242,38 @@ class StepPlanner:
             return phase
         base, single, double = now.place(support), self.single_time(phase), gait.double
         if phase.given:
-            axes_yaw, weights, step = (
-                yaw_of(now.rotations[support]),
-                PRESCRIBED_WEIGHTS,
-                phase.given[0],
-            )
+            yaw, weights, step = yaw_of(now.rotations[support]), EXACT, phase.given[0]
             to_next = complex(step.x, step.y) - base
             offset = prescribed_dcm_offsets(base, phase.given, gait)[1]
         else:
-            axes_yaw, weights = heading, WEIGHTS
+            yaw, weights = heading, WEIGHTS
             stance_heading = heading - velocity.yaw_rate * phase.elapsed
             landing_heading = heading + velocity.yaw_rate * phase.left
             to_next = self.footsteps.step(support, stance_heading, velocity)
             offset = self.footsteps.offset(other(support), landing_heading, velocity)
-        rotation = cmath.rect(1.0, axes_yaw)
+        rotation = cmath.rect(1.0, yaw)
         to_stance = rotation.conjugate()  # to the axes of the stance foot
 
-        def in_stance(vector: complex) -> tuple[float, float]:
-            local = vector * to_stance
-            return local.real, local.imag
+        def local(vector: complex) -> tuple[float, float]:
+            seen = vector * to_stance
+            return seen.real, seen.imag
 
         nominal = StepPlan(
-            in_stance(to_next), max(single - phase.elapsed, freeze), in_stance(offset), (0.0, 0.0)
+            local(to_next), max(single - phase.elapsed, freeze), local(offset), (0.0, 0.0)
         )
         sign, longest = SIGN[other(support)], self.limits.catch
         lateral = sorted((sign * gait.least_width, sign * self.limits.catch_aside))
         lower, upper = (-longest, lateral[0]), (longest, lateral[1])
         level, swing = phase.swing.level, CATCH_ACCELERATION * self.limits.swing
-        reach = Reach(
-            in_stance(in_plane(level.value) - base), in_stance(in_plane(level.rate)), swing
-        )
+        reach = Reach(local(in_plane(level.value) - base), local(in_plane(level.rate)), swing)
         min_ratio = MIN_SINGLE_RATIO if phase.given else MIN_TIME_RATIO
-        min_time = max(freeze, min_ratio * single - phase.elapsed, reach.min_time(lower, upper))
-        max_time = max(min_time, MAX_TIME_RATIO * single - phase.elapsed)
+        least = max(freeze, min_ratio * single - phase.elapsed, reach.min_time(lower, upper))
+        most = max(least, MAX_TIME_RATIO * single - phase.elapsed)
         length, width = self.soles[support].tolist()
         length -= abs(now.pressure_offset)
-        sole, linearized_at = (
-            (SOLE_SHARE * length, SOLE_SHARE * width),
-            min(max(phase.left, min_time), max_time),
-        )
-        bounds = StepBounds(lower, upper, min_time, max_time, sole, reach, linearized_at)
-        plan = adapt_step(in_stance(now.dcm - base), nominal, bounds, omega, double, weights)
+        sole, about = (SOLE_SHARE * length, SOLE_SHARE * width), min(max(phase.left, least), most)
+        bounds = StepBounds(lower, upper, least, most, sole, reach, about)
+        plan = adapt_step(local(now.dcm - base), nominal, bounds, omega, double, weights)
         # The nominal offset, not the plan's, which is where the DCM will be: a part that the step
         # cannot capture would be no error then, and the CoP would go back to the sole's middle.
         return phase._replace(

@@ -242,8 +242,7 @@ class Walker:
     def command(self, vx: float, vy: float = 0.0, yaw_rate: float = 0.0) -> Admitted:
         """Walk at this velocity from now on; zeros to stop.
 
-        Return the velocity within the legs' limits, and the reason if it is less. A warning says so
-        too.
+        Return the velocity within the legs' limits, and the reason if it is less, which is logged.
 
         Parameters
         ----------
@@ -329,9 +328,8 @@ class Walker:
             now = self._measured(snapshot)
         now = self._push.predict(now, self.controller.delay)
         if self._whole_body.pressure_offset:
-            now = now._replace(
-                dcm=now.dcm - self._pressure_shift, pressure_offset=self._whole_body.pressure_offset
-            )
+            dcm = now.dcm - self._pressure_shift
+            now = now._replace(dcm=dcm, pressure_offset=self._whole_body.pressure_offset)
         on_steps = self._planner.velocity_on_steps(self.phase, now, self.heading)
         wanted = on_steps or self.wanted
         self.velocity = self.velocity.towards(wanted, acceleration * dt, YAW_ACCELERATION * dt)
@@ -347,13 +345,11 @@ class Walker:
             self._whole_body.swing(other(phase.support), pose, exact=exact, over=over)
             if wrenches:
                 phase = phase.update(now, wrenches[phase.support], self.robot.weight)
-            reference = planner.single_reference(phase, now)
+            reference = planner.single_support(phase, now)
         elif isinstance(phase, DoubleSupport):
-            reference = planner.double_reference(
-                phase, now, self.heading, self.velocity, self.coming
-            )
+            reference = planner.double_support(phase, now, self.heading, self.velocity, self.coming)
         else:
-            reference = planner.standing_reference(now)
+            reference = planner.standing(now)
         self.phase = phase
         self._lead(snapshot, now, reference)
         return self.controller
@@ -429,9 +425,7 @@ class Walker:
             wrenches[foot] = wrench
         return wrenches
 
-    def _next_phase(
-        self, snapshot: Snapshot, now: GaitState, wrenches: Mapping[str, Array]
-    ) -> Phase:
+    def _next_phase(self, snapshot: Snapshot, now: GaitState, loads: Mapping[str, Array]) -> Phase:
         """Return the phase a tick later, and change contacts where the phase changes."""
         phase, dt = self.phase, self.dt
         if isinstance(phase, Standing):
@@ -449,16 +443,12 @@ class Walker:
             if phase.left <= self.gait.ramp and not phase.unloading:
                 self._whole_body.hold(snapshot, [phase.support], self.gait.ramp)
                 phase = phase._replace(unloading=True)
-            return self._begin_single_support(phase, now) if phase.left <= 0.0 else phase
+            return self._lift_off(phase, now) if phase.left <= 0.0 else phase
         phase = phase._replace(left=phase.left - dt, elapsed=phase.elapsed + dt)
-        load = wrenches[other(phase.support)][2] / self.robot.weight if wrenches else None
-        return (
-            self._begin_double_support(snapshot, phase, now)
-            if self._planner.has_landed(phase, load)
-            else phase
-        )
+        load = loads[other(phase.support)][2] / self.robot.weight if loads else None
+        return self._land(snapshot, phase, now) if self._planner.has_landed(phase, load) else phase
 
-    def _begin_single_support(self, phase: DoubleSupport, now: GaitState) -> SingleSupport:
+    def _lift_off(self, phase: DoubleSupport, now: GaitState) -> SingleSupport:
         foot = other(phase.support)
         sole = now.rotations[phase.support][:, 2]  # settled by now
         self._normal = unit((1.0 - NORMAL_GAIN) * self._normal + NORMAL_GAIN * sole)
@@ -489,9 +479,7 @@ class Walker:
         self._push = self._push._replace(omega=self.gait.omega, height=self.gait.height)
         self._whole_body.weigh_swing(pace.swing, pace.lift)
 
-    def _begin_double_support(
-        self, snapshot: Snapshot, phase: SingleSupport, now: GaitState
-    ) -> DoubleSupport:
+    def _land(self, snapshot: Snapshot, phase: SingleSupport, now: GaitState) -> DoubleSupport:
         foot, start = other(phase.support), now.place(phase.support)
         self.steps += 1
         self._whole_body.hold(snapshot, self._frames, self.gait.ramp)

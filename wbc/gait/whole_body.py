@@ -14,7 +14,7 @@ from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Constraint
 from wbc.controllers.torque import TorqueController
 from wbc.errors import InvalidInputError
-from wbc.gait.ability import contact_of, leg_limitations, pressure_offset
+from wbc.gait.ability import contact_of, leg_limits, pressure_offset
 from wbc.gait.crouch import walking_posture
 from wbc.gait.legs import SIDES, Legs, leg_joints
 from wbc.gait.swing import FootPose, SwingMotion, turned
@@ -209,7 +209,7 @@ class WholeBody:
         stuck = 1.0 - self.controller.friction_compensation
         bounds = self.controller.torque_bounds
         self.pressure_offset = pressure_offset(bent, bounds)
-        self.limitations = leg_limitations(bent, bounds, stuck, self.pressure_offset)
+        self.limitations = leg_limits(bent, bounds, stuck, self.pressure_offset)
         self.lasting = (self._height, *self._trunk.values(), *tasks)
 
     def _contacts_at(self, snapshot: Snapshot, feet: Iterable[str]) -> list[Contact]:
