@@ -114,7 +114,7 @@ def test_tasks_have_the_targets_of_the_plan(folder: Path) -> None:
     np.testing.assert_array_equal(tasks["cop"].target, wanted.cop)
     np.testing.assert_array_equal(tasks["shape"].target, wanted.inertia)
     np.testing.assert_array_equal(tasks["shape"].target_rate, wanted.inertia_rate)
-    assert phases.ramps_over == one.parts.plan.ends
+    assert phases.ramps_end == one.parts.plan.ends
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from wbc.run.ramps import (
     ROTATIONS,
     VECTORS,
     MinimumJerk,
-    configurations,
+    configuration_space,
     placement,
 )
 
@@ -82,7 +82,7 @@ CASES: dict[str, tuple[Any, Any]] = {
     "rotations": (ROTATIONS, rotation),
     "placements": (PLACEMENTS, lambda rng: placement(rng.standard_normal(3), rotation(rng))),
     "directions": (DIRECTIONS, direction),
-    "configurations": (configurations(ROBOT), configuration),
+    "configurations": (configuration_space(ROBOT), configuration),
 }
 
 
@@ -93,11 +93,11 @@ def test_the_displacement_leads_there_and_its_parts_add_up(name: str, seed: int)
     rng = np.random.default_rng(seed)
     start, end = draw(rng), draw(rng)
     displacement = space.difference(start, end)
-    np.testing.assert_allclose(space.moved(start, displacement), end, atol=1e-12)
-    np.testing.assert_allclose(space.moved(start, 0.0 * displacement), start, atol=1e-12)
-    half = space.moved(space.moved(start, 0.3 * displacement), 0.2 * displacement)
-    np.testing.assert_allclose(half, space.moved(start, 0.5 * displacement), atol=1e-12)
-    np.testing.assert_allclose(space.moved(end, -0.5 * displacement), half, atol=1e-12)
+    np.testing.assert_allclose(space.integrate(start, displacement), end, atol=1e-12)
+    np.testing.assert_allclose(space.integrate(start, 0.0 * displacement), start, atol=1e-12)
+    half = space.integrate(space.integrate(start, 0.3 * displacement), 0.2 * displacement)
+    np.testing.assert_allclose(half, space.integrate(start, 0.5 * displacement), atol=1e-12)
+    np.testing.assert_allclose(space.integrate(end, -0.5 * displacement), half, atol=1e-12)
 
 
 def test_rotations_turn_the_shortest_way() -> None:
@@ -112,8 +112,8 @@ def test_the_same_and_the_opposite_direction_are_reached(end: list[float]) -> No
     start = np.array([0.0, 0.0, 1.0])
     displacement = DIRECTIONS.difference(start, np.array(end))
     assert np.isfinite(displacement).all()
-    np.testing.assert_allclose(DIRECTIONS.moved(start, displacement), end, atol=1e-9)
-    assert np.linalg.norm(DIRECTIONS.moved(start, 0.5 * displacement)) == pytest.approx(1.0)
+    np.testing.assert_allclose(DIRECTIONS.integrate(start, displacement), end, atol=1e-9)
+    assert np.linalg.norm(DIRECTIONS.integrate(start, 0.5 * displacement)) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -122,7 +122,9 @@ def test_ramps_start_and_end_where_they_should_and_move_at_their_rate(name: str)
     rng = np.random.default_rng(7)
     ramp = MinimumJerk(draw(rng), draw(rng), 1.3, space)
     np.testing.assert_allclose(ramp.at(0.0)[0], ramp.start, atol=1e-12)
-    np.testing.assert_array_equal(ramp.at(1.3)[0], space.moved(ramp.end, 0.0 * ramp.displacement))
+    np.testing.assert_array_equal(
+        ramp.at(1.3)[0], space.integrate(ramp.end, 0.0 * ramp.displacement)
+    )
     h = 1e-5
     for t in (0.2, 0.65, 1.1):
         rate = ramp.at(t)[1]
@@ -133,7 +135,7 @@ def test_ramps_start_and_end_where_they_should_and_move_at_their_rate(name: str)
 def test_a_placement_moves_as_pinocchio_says() -> None:
     rng = np.random.default_rng(3)
     start, end = (placement(rng.standard_normal(3), rotation(rng)) for _ in range(2))
-    middle = PLACEMENTS.moved(start, 0.5 * PLACEMENTS.difference(start, end))
+    middle = PLACEMENTS.integrate(start, 0.5 * PLACEMENTS.difference(start, end))
     expected = start[:, :3] @ pin.exp3(0.5 * pin.log3(start[:, :3].T @ end[:, :3]))
     np.testing.assert_allclose(middle[:, :3], expected, atol=1e-12)
     np.testing.assert_allclose(middle[:, 3], 0.5 * (start + end)[:, 3], atol=1e-12)

@@ -6,16 +6,16 @@ from typing import Any
 import pytest
 
 from wbc.errors import InvalidInputError
-from wbc.run.stopping import REST_TICKS, RestWatch, Stop, ending
+from wbc.run.stopping import REST_TICKS, RestDetector, Stop, run_status
 
 
 def test_rest_needs_ten_slow_solved_ticks_after_the_ramps() -> None:
-    watch = RestWatch(speed=0.1, ramps_over=1.0)
+    watch = RestDetector(speed=0.1, ramps_end=1.0)
     assert not any(watch.at_rest(0.5, 0.0, True) for _ in range(50))
     assert not any(watch.at_rest(1.0, 0.0, False) for _ in range(50))
     assert not any(watch.at_rest(1.0, 0.2, True) for _ in range(50))
     assert [watch.at_rest(1.0, 0.05, True) for _ in range(REST_TICKS)] == [False] * 9 + [True]
-    never = RestWatch(speed=None, ramps_over=0.0)
+    never = RestDetector(speed=None, ramps_end=0.0)
     assert not any(never.at_rest(9.0, 0.0, True) for _ in range(50))
 
 
@@ -36,7 +36,7 @@ def test_rest_needs_ten_slow_solved_ticks_after_the_ramps() -> None:
 def test_what_an_end_is_called(
     stop: dict[str, Any], at_rest: bool, failed: int, error: float, status: str, words: str
 ) -> None:
-    ended, reason = ending(Stop(**stop), at_rest, failed, 9, {"t": error})
+    ended, reason = run_status(Stop(**stop), at_rest, failed, 9, {"t": error})
     assert ended.value == status
     assert words in reason
     assert ended.good == (status in ("converged", "accepted", "completed"))

@@ -22,7 +22,7 @@ from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.walk import WalkSpec, commanded_walk, read_problem
 from wbc.run.callbacks import Cancelled, Observe, Progress, Show
-from wbc.run.phase_support import FLAT, held_feet
+from wbc.run.phase_support import SOLE_FLATNESS, held_feet
 from wbc.run.phases import Loads, PhaseExecutor
 from wbc.run.result import Result
 from wbc.run.simulate import simulate
@@ -225,7 +225,7 @@ class Problem:
             parts.at_start,
             parts.surroundings.move_to,
             spec.ground_height,
-            TOUCHED if spec.controller.level == "torque" else FLAT,
+            TOUCHED if spec.controller.level == "torque" else SOLE_FLATNESS,
             loads,
         )
 

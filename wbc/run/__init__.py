@@ -1,4 +1,4 @@
-"""Runs: a closed loop, phases, and what came of it."""
+"""Runs: the closed loop, phases, and results."""
 
 from wbc.controllers.closed_loop import LoopTick, closed_loop
 from wbc.run.callbacks import Progress

@@ -1,4 +1,4 @@
-"""What a run calls while it goes on: progress, every tick, and whether it is to end."""
+"""Callbacks of a run: progress, every tick, cancellation."""
 
 from __future__ import annotations
 
@@ -12,39 +12,39 @@ from wbc.controllers import Controller, Tick
 from wbc.controllers.closed_loop import LoopTick
 from wbc.validate import Array
 
-# Called with ticks done, ticks at most, and time [s], speed, errors by task, failed ticks; by a
-# search with searches done, searches in all, and cost.
+# Called with ticks done, the largest number of ticks, and time [s], speed, errors by task, failed
+# ticks; by a search with searches done, their total, and cost.
 Progress = Callable[[int, int, Mapping[str, Any]], None]
 Observe = Callable[[Tick], None]
 Cancelled = Callable[[], bool]  # asked after every tick whether the run is to end there
-# Called with every tick of the loop and the controller that answered, if that is the problem's own.
+# Called with every tick of the loop and its controller, if that is the problem's own.
 Show = Callable[[LoopTick, Controller | None], None]
 PROGRESS_EVERY = 10  # ticks
 
 
 @dataclass
 class Callbacks:
-    """What one run calls, see :func:`wbc.run.simulate`; whatever is None is left out."""
+    """Callbacks of one run, see :func:`wbc.run.simulate`; None: not called."""
 
     progress: Progress | None = None
     observe: Observe | None = None
     cancelled: Cancelled | None = None
     show: Show | None = None
-    interrupted: float | None = None  # when the run was asked to end [s]; None if it was not
+    interrupted: float | None = None  # time of the cancellation [s]; None without one
 
     def tick(self, now: LoopTick, controller: Controller | None) -> None:
-        """Hand on a tick of the loop, and the controller that answered."""
+        """Pass on a tick of the loop, and its controller."""
         if self.observe is not None:
             self.observe(now.tick)
         if self.show is not None:
             self.show(now, controller)
 
-    def end_with(
+    def should_end(
         self, time: float, done: int, total: int, over: bool, info: Callable[[], Mapping[str, Any]]
     ) -> bool:
-        """Return whether the run ends with this tick: it is over, or was asked to end.
+        """Return whether the run ends with this tick: it is over, or cancelled.
 
-        Every tenth tick and the last are reported, with what ``info`` returns.
+        Progress is reported every tenth tick and at the last, with the result of ``info``.
         """
         if not over and self.cancelled is not None and self.cancelled():
             self.interrupted, over = time, True

@@ -1,4 +1,4 @@
-"""A run as a table: a row per tick, columns with names and units; as a data frame, in a file."""
+"""A run as a table, a row per tick, columns with names and units: a data frame or a file."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from wbc.validate import Array
 
 Column = tuple[str, Array]  # header, (n,)
 XYZ = ("x", "y", "z")
-BASE = ("x [m]", "y [m]", "z [m]", "qx [1]", "qy [1]", "qz [1]", "qw [1]")
-BASE_RATES = ("vx [m/s]", "vy [m/s]", "vz [m/s]", "wx [rad/s]", "wy [rad/s]", "wz [rad/s]")
+BASE_POSE = ("x [m]", "y [m]", "z [m]", "qx [1]", "qy [1]", "qz [1]", "qw [1]")
+BASE_TWIST = ("vx [m/s]", "vy [m/s]", "vz [m/s]", "wx [rad/s]", "wy [rad/s]", "wz [rad/s]")
 
 
 def history_columns(
@@ -29,8 +29,8 @@ def history_columns(
     """Return the columns of a run, each with its header such as ``left_knee [rad]``.
 
     Time and configuration come first, under the names that :func:`wbc.read_motion` knows; the names
-    of all others have a slash, so that ``ignore="*/*"`` passes over them. Words are left out:
-    phases, supports and the nearest rows are in an ``.npz`` only.
+    of all others have a slash, so that ``ignore="*/*"`` skips them. Text is omitted: phases,
+    supports and the nearest rows are in an ``.npz`` only.
 
     Parameters
     ----------
@@ -39,30 +39,30 @@ def history_columns(
     """
     return [
         ("time [s]", history.time),
-        *placed_columns(robot, history.q),
-        *rate_columns(robot, history.v),
-        *_measured(history, rows),
+        *configuration_columns(robot, history.q),
+        *velocity_columns(robot, history.v),
+        *_recorded_columns(history, rows),
     ]
 
 
-def placed_columns(robot: Robot, q: Array) -> Iterator[Column]:
+def configuration_columns(robot: Robot, q: Array) -> Iterator[Column]:
     """Yield the columns of configurations (n, nq)."""
-    for k, name in enumerate(BASE):
+    for k, name in enumerate(BASE_POSE):
         yield f"base_{name}", q[:, k]
     joints = robot.limits.joint_positions(q)
     for k, (name, turns) in enumerate(zip(robot.joint_names, turning_joints(robot), strict=True)):
         yield f"{name} [{'rad' if turns else 'm'}]", joints[:, k]
 
 
-def rate_columns(robot: Robot, v: Array) -> Iterator[Column]:
+def velocity_columns(robot: Robot, v: Array) -> Iterator[Column]:
     """Yield the columns of velocities (n, nv)."""
-    for k, name in enumerate(BASE_RATES):
+    for k, name in enumerate(BASE_TWIST):
         yield f"velocity/base_{name}", v[:, k]
     for k, (name, turns) in enumerate(zip(robot.joint_names, turning_joints(robot), strict=True)):
         yield f"velocity/{name} [{'rad/s' if turns else 'm/s'}]", v[:, 6 + k]
 
 
-def _measured(history: History, rows: Mapping[str, Sequence[str]]) -> Iterator[Column]:
+def _recorded_columns(history: History, rows: Mapping[str, Sequence[str]]) -> Iterator[Column]:
     for k, axis in enumerate(XYZ):
         yield f"com/{axis} [m]", history.com[:, k]
     for k, entry in enumerate(COMPONENTS):
@@ -70,26 +70,26 @@ def _measured(history: History, rows: Mapping[str, Sequence[str]]) -> Iterator[C
     for name, errors in history.errors.items():
         for k, row in enumerate(rows[name]):
             yield f"error/{name}/{row}", errors[:, k]
-    for name, places in history.targets.items():
+    for name, points in history.targets.items():
         for k, axis in enumerate(XYZ):
-            yield f"target/{name}/{axis} [m]", places[:, k]
+            yield f"target/{name}/{axis} [m]", points[:, k]
     yield "limits/least_left [rad or m]", history.margin
     if np.isfinite(history.balance).any():
         yield "balance/com_inside_soles [m]", history.balance
-    for name, left in history.clearance.items():
-        yield f"constraint/{name} [m]", left
-    for label, on in history.active.items():
-        yield f"held_back/{label} [1]", on.astype(float)
+    for name, clearance in history.clearance.items():
+        yield f"constraint/{name} [m]", clearance
+    for label, active in history.active.items():
+        yield f"held_back/{label} [1]", active.astype(float)
     yield "tick/time [s]", history.tick_time
     yield "tick/kkt_residual [1]", history.kkt
 
 
 Frame: TypeAlias = Any  # a pandas.DataFrame
-SUMMARY = "wbc.summary"  # the key of the file's metadata under which its JSON text is
+SUMMARY = "wbc.summary"  # key of the JSON text in the file's metadata
 
 
 def frame_of(columns: Sequence[Column]) -> Frame:
-    """Return columns as a data frame, a row per tick, heads with units.
+    """Return columns as a data frame, a row per tick, headers with units.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def frame_of(columns: Sequence[Column]) -> Frame:
 
 
 def write_parquet(path: str | Path, columns: Sequence[Column], summary: str) -> None:
-    """Write columns into a Parquet file, whole or not at all, with a summary's JSON text.
+    """Write columns and a summary's JSON text into a Parquet file, atomically.
 
     Raises
     ------
@@ -117,6 +117,6 @@ def write_parquet(path: str | Path, columns: Sequence[Column], summary: str) -> 
     from pyarrow import parquet
 
     table: Any = pyarrow.table(dict(columns)).replace_schema_metadata({SUMMARY: summary})
-    packed = io.BytesIO()
-    parquet.write_table(table, packed)
-    write_whole(path, lambda file: file.write(packed.getbuffer()))
+    buffer = io.BytesIO()
+    parquet.write_table(table, buffer)
+    write_whole(path, lambda file: file.write(buffer.getbuffer()))

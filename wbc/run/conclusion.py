@@ -1,4 +1,4 @@
-"""From everything recorded to the result of a run."""
+"""The result of a run from its record."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wbc.robot.names import COM
 from wbc.run.history import History, HistoryRecorder, StateRecord
 from wbc.run.phase_support import PhaseSupport
 from wbc.run.result import Failure, HeldBack, InertiaReading, PhaseResult, Result, TaskResult, Worst
-from wbc.run.stopping import Stop, ending
+from wbc.run.stopping import Stop, run_status
 from wbc.spatial import COMPONENTS, DIAGONAL, vech_inverse
 from wbc.tasks import ForceTask, InertiaTask, PrincipalInertiaTask, Task
 from wbc.tasks.inertia import TRACE
@@ -26,27 +26,27 @@ def conclude(
     standing: PhaseSupport,
     end: Snapshot,
     at_rest: bool,
-    broken_off: str | None = None,
+    aborted: str | None = None,
     provenance: Mapping[str, Any] | None = None,
     interrupted: float | None = None,
 ) -> Result:
-    """Return the result of a run that ended at ``end``, its targets being as they were then.
+    """Return the result of a run that ended at ``end``; targets are those of the end.
 
     Parameters
     ----------
     standing:
-        What was held last.
+        The support at the end.
     broken_off:
         Why a phase could not begin, or None.
     provenance:
-        Where the run came from, as plain data; becomes a part of the result.
+        Origin of the run, as plain data; a part of the result.
     interrupted:
-        When the run was asked to end [s], if that is why it did.
+        Time of the cancellation [s], if that ended the run.
     """
     final = recorder.measure(end, standing)
     results = {
         task.name: TaskResult(
-            error=recorder.decided(task)
+            error=recorder.last_error(task)
             if isinstance(task, ForceTask)
             else task.deviation(end, task.residual(end)),
             rows=task.reported_rows,
@@ -60,8 +60,8 @@ def conclude(
     states = [*recorder.states, final]
     balance = _worst_balance(states, history)
     not_kept = tuple(_not_kept(stop, states, [*recorder.standings, standing], balance))
-    status, reason = ending(
-        stop, at_rest, len(recorder.failures), ticks, norms, broken_off, not_kept, interrupted
+    status, reason = run_status(
+        stop, at_rest, len(recorder.failures), ticks, norms, aborted, not_kept, interrupted
     )
     return Result(
         robot=end.robot,
@@ -101,11 +101,11 @@ def _inertia_reading(
         moments = [np.linalg.eigvalsh(vech_inverse(s)) for s in (start, reached)]
         rows = task.reported_rows
         return InertiaReading("principal", COM, rows, moments[0], task.target, moments[1])
-    values = (_entries(task.rows, s) for s in (start, task.target, reached))
+    values = (_selected_entries(task.rows, s) for s in (start, task.target, reached))
     return InertiaReading(task.frame, task.about, task.rows, *values)
 
 
-def _entries(rows: tuple[str, ...], s: Array) -> Array:
+def _selected_entries(rows: tuple[str, ...], s: Array) -> Array:
     if rows == TRACE:
         return np.array([s[DIAGONAL].sum()])
     return s[[COMPONENTS.index(row) for row in rows]]
@@ -116,13 +116,13 @@ def _worst_margin(states: list[StateRecord]) -> Worst:
     return Worst(states[tick].margin, states[tick].margin_joint, tick)
 
 
-def _worst_slip(states: Sequence[StateRecord], counts: Callable[[int, str], bool]) -> Worst | None:
-    """Return the farthest slip of the ticks and frames that count."""
+def _worst_slip(states: Sequence[StateRecord], counted: Callable[[int, str], bool]) -> Worst | None:
+    """Return the largest slip of the ticks and frames that ``counted`` selects."""
     slips = (
         Worst(distance, frame, tick)
         for tick, state in enumerate(states)
         for frame, distance in state.slip.items()
-        if counts(tick, frame)
+        if counted(tick, frame)
     )
     return max(slips, key=lambda slip: slip.value, default=None)
 
@@ -138,19 +138,19 @@ def _worst_balance(states: list[StateRecord], history: History) -> Worst | None:
 def _worst_clearance(states: Sequence[StateRecord]) -> dict[str, Worst]:
     worst = dict[str, Worst]()
     for tick, state in enumerate(states):
-        for name, left in state.clearance.items():
-            if name not in worst or left < worst[name].value:
-                worst[name] = Worst(left, state.nearest[name], tick)
+        for name, clearance in state.clearance.items():
+            if name not in worst or clearance < worst[name].value:
+                worst[name] = Worst(clearance, state.nearest[name], tick)
     return worst
 
 
 def _held_back(history: History) -> dict[str, HeldBack]:
-    """Return which rows held the command back, the longest first."""
-    found = {
-        name: HeldBack(int(on.sum()), float(history.time[on][0]), float(history.time[on][-1]))
-        for name, on in history.active.items()
-    }
-    return dict(sorted(found.items(), key=lambda one: -one[1].ticks))
+    """Return the active rows over the run, the longest active first."""
+    rows = dict[str, HeldBack]()
+    for name, active in history.active.items():
+        times = history.time[active]
+        rows[name] = HeldBack(times.size, float(times[0]), float(times[-1]))
+    return dict(sorted(rows.items(), key=lambda entry: -entry[1].ticks))
 
 
 def _not_kept(
@@ -159,54 +159,54 @@ def _not_kept(
     standings: Sequence[PhaseSupport],
     balance: Worst | None,
 ) -> Iterator[str]:
-    """Yield in words every condition that was not kept all the time."""
+    """Yield in words every condition that was violated in some tick."""
     if stop.balance is not None and balance is not None and balance.value < stop.balance:
         side = "outside" if balance.value < 0.0 else "inside"
-        asked = f", less than {1e3 * stop.balance:.3g} mm" if balance.value >= 0.0 else ""
+        required = f", less than {1e3 * stop.balance:.3g} mm" if balance.value >= 0.0 else ""
         yield (
             f"the robot falls: its CoM was {1e3 * abs(balance.value):.3g} mm {side} the soles"
-            f"{asked} (tick {balance.tick})"
+            f"{required} (tick {balance.tick})"
         )
     if stop.slip is not None:
         worst = _worst_slip(states, lambda tick, frame: frame not in standings[tick].soft)
         if worst is not None and worst.value > stop.slip:
             yield f"{worst.where} slipped by {1e3 * worst.value:.3g} mm (tick {worst.tick})"
     if stop.margins is not None:
-        for name, worst in _exceeded(states, standings, stop.margins).items():
+        for name, worst in _violations(states, standings, stop.margins).items():
             yield f"{name} exceeded by {-worst.value:.3g} at {worst.where} (tick {worst.tick})"
 
 
-def _exceeded(
+def _violations(
     states: Sequence[StateRecord], standings: Sequence[PhaseSupport], tolerance: float
 ) -> dict[str, Worst]:
-    """Return by how much limits and margins were exceeded once they were kept in a phase.
+    """Return the largest violations of limits and margins after they first held in a phase.
 
-    What is outside when a phase begins is brought back first; if it never is, all of it counts.
+    A violation at the beginning of a phase counts only if it is never recovered.
     """
-    left: dict[tuple[str, str], list[Worst]] = {}
+    margins: dict[tuple[str, str], list[Worst]] = {}
     for tick, (state, standing) in enumerate(zip(states, standings, strict=True)):
         for name, value in state.clearance.items():
             if name in standing.yielding:
                 continue
             worst = Worst(value, state.nearest[name], tick)
-            left.setdefault((standing.phase, name), []).append(worst)
+            margins.setdefault((standing.phase, name), []).append(worst)
         if standing.limited:
             worst = Worst(state.margin, state.margin_joint, tick)
-            left.setdefault((standing.phase, "joint limits"), []).append(worst)
+            margins.setdefault((standing.phase, "joint limits"), []).append(worst)
     found = dict[str, Worst]()
-    for (_, name), values in left.items():
-        first = next((k for k, one in enumerate(values) if one.value >= -tolerance), 0)
-        worst = min(values[first:], key=lambda one: one.value)
+    for (_, name), values in margins.items():
+        first = next((k for k, entry in enumerate(values) if entry.value >= -tolerance), 0)
+        worst = min(values[first:], key=lambda entry: entry.value)
         if worst.value < -tolerance and (name not in found or worst.value < found[name].value):
             found[name] = worst
     return found
 
 
 def _phase_results(history: History) -> dict[str, PhaseResult]:
-    """Return what each phase came to; none if the run has no phases."""
+    """Return the results of the phases; empty if the run has none."""
     results = {}
     for name in filter(None, dict.fromkeys(history.phase.tolist())):
-        part = np.flatnonzero(history.phase == name)
-        begins, support = float(history.time[part[0]]), str(history.support[part[0]])
-        results[name] = PhaseResult(begins, support, float(history.balance[part].min()))
+        ticks = np.flatnonzero(history.phase == name)
+        begins, support = float(history.time[ticks[0]]), str(history.support[ticks[0]])
+        results[name] = PhaseResult(begins, support, float(history.balance[ticks].min()))
     return results

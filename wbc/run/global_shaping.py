@@ -1,4 +1,4 @@
-"""A run by global shaping: search for the best posture, move there, and say what came of both."""
+"""A run by global shaping: search for the best posture, move there, and report both."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from wbc.shaping.problem import ShapingProblem, posture_errors
 from wbc.tasks import InertiaTask, PrincipalInertiaTask, Task
 from wbc.validate import Array
 
-_ENDED_BY: Mapping[Stopped | None, str] = {
+_SEARCH_END: Mapping[Stopped | None, str] = {
     Stopped.SECONDS: "out of time",
     Stopped.INTERRUPTED: "interrupted",
 }
@@ -53,7 +53,7 @@ def shape_globally(
     cancelled: Cancelled | None = None,
     show: Show | None = None,
 ) -> Result:
-    """Search for the best posture, then run from rest at ``q`` (nq,) to one that can be reached.
+    """Search for the best posture, then run from rest at ``q`` (nq,) to the best reachable one.
 
     For ``starts`` to ``seed`` see :meth:`~wbc.shaping.GlobalShaping.solve`, for ``dt``,
     ``attempts``, ``tolerance`` and ``make_controller`` its method ``reach``, for the rest
@@ -62,36 +62,37 @@ def shape_globally(
     Parameters
     ----------
     tasks:
-        What the result reports on; by default the tasks of the search.
+        Tasks of the result; by default those of the search.
     progress:
-        While it searches: called with searches done, searches in all, and a mapping with ``cost``
-        (the least so far, or None); then as in any run, with ``posture`` (the rank of the one it is
-        led to).
+        During the search called with searches done, their total, and a mapping with ``cost`` (the
+        least so far, or None); then as in any run, with ``posture`` (the rank of the target).
 
     Notes
     -----
     The search starts other processes: a script needs the usual ``if __name__ == "__main__"`` guard.
-    Ctrl-C ends it, and the motion goes to the best posture found until then; ``cancelled`` is asked
-    on the way there only.
+    Ctrl-C ends it, and the motion goes to the best posture found until then; ``cancelled`` is
+    called during the motion only.
 
     Raises
     ------
     NoPostureError
-        No search ended at a posture that keeps every constraint; there is nowhere to move.
+        No search ended at a posture that satisfies every constraint.
     KeyboardInterrupt
-        Interrupted before anything was found, or on the way.
+        Interrupted before a posture was found, or during the motion.
     """
     calls = Callbacks(progress, observe, cancelled, show)
 
-    def searched(done: int, total: int, cost: float | None) -> None:
+    def report_search(search: int, total: int, cost: float | None) -> None:
         if progress is not None:
-            progress(done, total, {"cost": cost})
+            progress(search, total, {"cost": cost})
 
-    searched(0, starts, None)  # drawing and closing many starts takes a while
-    outcome = shaping.solve(q, starts, seconds, workers, seed, searched, patience)
-    began = perf_counter()
+    report_search(0, starts, None)  # sampling and projecting many starts takes a while
+    outcome = shaping.solve(q, starts, seconds, workers, seed, report_search, patience)
+    reach_started = perf_counter()
     problem = shaping.problem
-    way = _WayThere(problem, tuple(tasks) or problem.tasks, ticks_in(stop.duration, dt), dt, calls)
+    recording = _MotionRecorder(
+        problem, tuple(tasks) or problem.tasks, ticks_in(stop.duration, dt), dt, calls
+    )
     motion = shaping.reach(
         q,
         outcome,
@@ -101,17 +102,17 @@ def shape_globally(
         make_controller,
         longest=stop.duration,
         rest_speed=stop.speed,
-        watch=way.watch,
+        watch=recording.watch,
     )
-    done, took = outcome.statistics, perf_counter() - began
-    told = {**vars(done), "stopped": done.stopped and done.stopped.value}
-    effort = SearchEffort(**told, starts=starts, reach_seconds=took)
-    recorder = way.recorders[_led_to(outcome, motion)]
+    search, reach_seconds = outcome.statistics, perf_counter() - reach_started
+    statistics = {**vars(search), "stopped": search.stopped and search.stopped.value}
+    effort = SearchEffort(**statistics, starts=starts, reach_seconds=reach_seconds)
+    recorder = recording.recorders[_target_index(outcome, motion)]
     result = conclude(
-        way.tasks,
+        recording.tasks,
         stop,
         recorder,
-        way.standing,
+        recording.standing,
         problem.robot.snapshot(motion.q[-1], recorder.history().v[-1]),
         motion.at_rest,
         provenance=provenance,
@@ -120,10 +121,10 @@ def shape_globally(
     return _with_search(result, problem.tasks, outcome, motion, effort)
 
 
-class _WayThere:
-    """Records and reports the motion to the best postures, an attempt each.
+class _MotionRecorder:
+    """Records and reports the motions to the best postures, one per attempt.
 
-    Other tasks lead the robot on the way; recorded are the errors of the problem's own.
+    Other tasks guide these motions; recorded are the errors of the problem's tasks.
     """
 
     def __init__(
@@ -140,7 +141,7 @@ class _WayThere:
         self.recorders: list[HistoryRecorder] = []
 
     def watch(self, attempt: int, now: LoopTick) -> bool:
-        """Take a tick of an attempt; return whether the motion is to end."""
+        """Record a tick of an attempt; return whether the motion ends."""
         if attempt == len(self.recorders):
             self.recorders.append(HistoryRecorder(self.problem.robot, self.tasks))
         recorder = self.recorders[attempt]
@@ -149,7 +150,7 @@ class _WayThere:
         self.calls.tick(now, None)
         done = len(recorder.states)
         info = partial(progress_info, now, errors, len(recorder.failures), posture=attempt + 1)
-        return self.calls.end_with(done * self.dt, done, self.total, False, info)
+        return self.calls.should_end(done * self.dt, done, self.total, False, info)
 
 
 def _with_search(
@@ -159,52 +160,51 @@ def _with_search(
     motion: ShapingMotion,
     effort: SearchEffort,
 ) -> Result:
-    """Return the result of a motion together with the search that it followed.
-
-    It counts as good only if the motion arrived.
-    """
-    tried = {attempt.candidate: attempt.reason for attempt in motion.attempts}
+    """Return the result of a motion and its search; good only if the motion arrived."""
+    attempts = {attempt.candidate: attempt.reason for attempt in motion.attempts}
     report = ShapingReport(
         postures=tuple(
             Posture(
-                q=one.q,
-                cost=one.cost,
-                relative_errors=_relative(tasks, one.errors),
-                status=one.status,
-                optimal=one.optimal,
-                starts=one.starts,
-                tried=tried.get(k),
+                q=candidate.q,
+                cost=candidate.cost,
+                relative_errors=_relative_errors(tasks, candidate.errors),
+                status=candidate.status,
+                optimal=candidate.optimal,
+                starts=candidate.starts,
+                tried=attempts.get(k),
             )
-            for k, one in enumerate(outcome.candidates)
+            for k, candidate in enumerate(outcome.candidates)
         ),
         rejected=dict(Counter(rejected.kind for rejected in outcome.rejected)),
         cost_start=float(motion.cost[0]),
         cost_end=float(motion.cost[-1]),
-        relative_start=_relative(
+        relative_start=_relative_errors(
             tasks, {name: errors[0] for name, errors in result.history.errors.items()}
         ),
-        relative_end=_relative(tasks, {name: one.error for name, one in result.tasks.items()}),
-        led_to=_led_to(outcome, motion),
+        relative_end=_relative_errors(
+            tasks, {name: candidate.error for name, candidate in result.tasks.items()}
+        ),
+        led_to=_target_index(outcome, motion),
         arrived=motion.arrived,
         effort=effort,
     )
     status = result.status
-    ended = (RunStatus.QP_FAILED, RunStatus.NOT_KEPT, RunStatus.INTERRUPTED)
-    if not report.arrived and status not in ended:
+    final_statuses = (RunStatus.QP_FAILED, RunStatus.NOT_KEPT, RunStatus.INTERRUPTED)
+    if not report.arrived and status not in final_statuses:
         status = RunStatus.NOT_REACHED
     reason = f"{result.reason}; {report.describe()}"
-    stopped = _ENDED_BY.get(outcome.statistics.stopped)
+    stopped = _SEARCH_END.get(outcome.statistics.stopped)
     if stopped is not None:
         reason += f"; the search was {stopped} after {effort.searched} of {effort.starts} starts"
     return replace(result, status=status, reason=reason, shaping=report)
 
 
-def _led_to(outcome: ShapingOutcome, motion: ShapingMotion) -> int:
-    """Return the index of the candidate that a motion was led to."""
+def _target_index(outcome: ShapingOutcome, motion: ShapingMotion) -> int:
+    """Return the index of the candidate that a motion went to."""
     return next(k for k, one in enumerate(outcome.candidates) if one is motion.candidate)
 
 
-def _relative(tasks: Sequence[Task], errors: Mapping[str, Array]) -> dict[str, float]:
+def _relative_errors(tasks: Sequence[Task], errors: Mapping[str, Array]) -> dict[str, float]:
     return {
         task.name: relative_error(task, errors[task.name])
         for task in tasks

@@ -1,4 +1,4 @@
-"""What happened in a run, tick by tick, and the recorder that keeps it."""
+"""The history of a run, tick by tick, and its recorder."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from wbc.validate import Array
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class History:
-    """One row per tick: the state in which it began, and what the controller answered.
+    """One row per tick: the state at its beginning, and the controller's answer.
 
     Attributes
     ----------
     time:
-        (n,) when the tick began [s].
+        (n,) beginning of the tick [s].
     phase:
         (n,) name of the phase; empty in a run without phases.
     support:
-        (n,) what is held, with commas between: feet by name, such as ``left,right``, or frames.
+        (n,) contacts, separated by commas: feet by name, such as ``left,right``, or frames.
     q:
         (n, nq) configuration then.
     v:
@@ -49,24 +49,24 @@ class History:
     errors:
         (n, k) error of each task, actual minus target, by task; NaN while the task is off.
     slip, turn:
-        (n,) how far each contact is from its anchor [m], [rad], by frame; NaN while it is not held.
-        The anchor is where the frame was when it was last put down.
+        (n,) distance of each contact from its anchor [m], [rad], by frame; NaN without the contact.
+        The anchor is the frame's placement when the contact was made.
     margin:
         (n,) smallest distance to a joint position limit [rad or m].
     balance:
-        (n,) how far the CoM's projection is inside the polygon of the soles that stand [m],
-        negative outside; NaN if no feet stand, or something else is held too.
+        (n,) distance of the CoM's projection inside the support polygon [m], negative outside; NaN
+        unless feet and nothing else are in contact.
     clearance:
-        (n,) what is left of each margin [m], negative inside, by constraint; NaN while it is not in
+        (n,) slack of each margin [m], negative if violated, by constraint; NaN while it is not in
         use.
     nearest:
-        (n,) at which of its rows, such as ``"left_hand vs pelvis"``, by constraint; empty while it
-        is not in use.
+        (n,) the row with that slack, such as ``"left_hand vs pelvis"``, by constraint; empty while
+        it is not in use.
     active:
-        (n,) whether a row held the command back, by the label of each that ever did; see
+        (n,) whether a row was active, by the label of each that ever was; see
         :func:`holding_rows`.
     points, targets:
-        (n, 3) the point that each task with a place to go to moves, and that place [m], by task;
+        (n, 3) the point that each task with a target in space moves, and that target [m], by task;
         NaN while the task is off.
     obstacles:
         Shape and place of each obstacle, such as ``room/wall``.
@@ -110,7 +110,7 @@ class History:
         return int(self.time.size)
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """Return every array under a flat name; those by task or frame as ``errors/com``.
+        """Return every array by a flat name; those by task or frame as ``errors/com``.
 
         An obstacle has several: ``obstacles/room/wall/place`` and so on.
         """
@@ -127,7 +127,7 @@ class History:
 
 
 class StateRecord(NamedTuple):
-    """What is read off a state, beside what the controller says of it."""
+    """Quantities measured at a state, besides the controller's diagnostics."""
 
     com: Array  # (3,)
     inertia: Array  # (6,)
@@ -136,9 +136,9 @@ class StateRecord(NamedTuple):
     turn: dict[str, float]
     margin: float
     margin_joint: str
-    balance: float  # NaN unless feet stand
+    balance: float  # NaN without feet in contact
     clearance: dict[str, float]
-    nearest: dict[str, str]  # where the clearance is least
+    nearest: dict[str, str]  # the row of the clearance
 
 
 class HistoryRecorder:
@@ -147,13 +147,13 @@ class HistoryRecorder:
     Attributes
     ----------
     states:
-        By what a run is judged: what was measured when each tick began, or what was really so.
+        The states that a run is judged by: measured at the beginning of each tick, or true.
     failures:
         Why there was no solution, by tick.
     standings:
-        What was held and kept in each tick.
+        Contacts and margins of each tick.
     left_out:
-        In how many ticks each thing was left out, for want of time or of a level's solution.
+        Number of ticks in which each part was skipped, for lack of time or of a level's solution.
     """
 
     def __init__(self, robot: Robot, tasks: Iterable[Task]) -> None:
@@ -161,12 +161,12 @@ class HistoryRecorder:
         self.failures: dict[int, str] = {}
         self.standings: list[PhaseSupport] = []
         self.left_out: Counter[str] = Counter()
-        # By tick what the history keeps: not snapshots and QPs, which are a hundred times larger.
+        # Rows of the history by tick, without snapshots and QPs, which are a hundred times larger.
         self._rows: list[dict[str, Any]] = []
         self._tasks = tuple(tasks)
         self._shapes: dict[str, Shape] = {}
         self._limits = Limits(robot)  # only to read the margin: also in a run without limits
-        self._seen = {
+        self._inertia_axes = {
             task.name: (task.frame, task.about) if isinstance(task, InertiaTask) else (BASE, COM)
             for task in self._tasks
             if isinstance(task, InertiaTask | PrincipalInertiaTask)
@@ -179,22 +179,21 @@ class HistoryRecorder:
         errors: Mapping[str, Array] | None = None,
         truth: Snapshot | None = None,
     ) -> None:
-        """Keep what matters of a tick.
+        """Record a tick.
 
         Parameters
         ----------
         errors:
             Of the tasks, by name; by default those that the tick reports.
         truth:
-            Where the robot really was, if that is known: by it a run is judged. The history keeps
-            what was measured.
+            The true state, if known, by which the run is judged. The history has the measured one.
         """
         tick, state = now.tick, self.measure(now.snapshot, standing)
         if not tick.ok:
             self.failures[len(self.states)] = tick.report()
         self.left_out.update(tick.left_out)
-        judged = now.snapshot if truth is None else truth
-        self.states.append(state if judged is now.snapshot else self.measure(judged, standing))
+        actual = now.snapshot if truth is None else truth
+        self.states.append(state if actual is now.snapshot else self.measure(actual, standing))
         self.standings.append(standing)
         errors = tick.errors if errors is None else errors
         aims = {
@@ -224,29 +223,29 @@ class HistoryRecorder:
             }
         )
 
-    def decided(self, task: Task) -> Array:
-        """Return the error (k,) that the last tick with a task told; NaN if there was none."""
+    def last_error(self, task: Task) -> Array:
+        """Return the error (k,) of the last tick with a task; NaN if there was none."""
         rows = (row["errors"] for row in reversed(self._rows))
         last = next((errors[task.name] for errors in rows if task.name in errors), None)
         return np.full(len(task.reported_rows), np.nan) if last is None else last
 
     def measure(self, snapshot: Snapshot, standing: PhaseSupport) -> StateRecord:
-        """Return what the summary needs to know of a state."""
-        drifts = {contact.frame: contact.residual(snapshot).error for contact in standing.contacts}
+        """Return what the summary needs of a state."""
+        errors = {contact.frame: contact.residual(snapshot).error for contact in standing.contacts}
         margin, joint = self._limits.worst_margin(snapshot.q)
         clearance = standing.clearance(snapshot)
         return StateRecord(
             com=snapshot.com,
             inertia=vech(snapshot.inertia),
             task_inertia={
-                name: vech(snapshot.inertia_in(*seen)) for name, seen in self._seen.items()
+                name: vech(snapshot.inertia_in(*axes)) for name, axes in self._inertia_axes.items()
             },
-            slip={frame: float(np.linalg.norm(drift[:3])) for frame, drift in drifts.items()},
-            turn={frame: float(np.linalg.norm(drift[3:])) for frame, drift in drifts.items()},
+            slip={frame: float(np.linalg.norm(drift[:3])) for frame, drift in errors.items()},
+            turn={frame: float(np.linalg.norm(drift[3:])) for frame, drift in errors.items()},
             margin=margin,
             margin_joint=joint,
             balance=standing.margin(snapshot),
-            clearance={name: left for name, (left, _) in clearance.items()},
+            clearance={name: value for name, (value, _) in clearance.items()},
             nearest={name: where for name, (_, where) in clearance.items()},
         )
 
@@ -262,10 +261,9 @@ class HistoryRecorder:
 
 
 def holding_rows(tick: Tick) -> tuple[str, ...]:
-    """Return the labels of what held a command back: ``tick.active``, then joints at a bound.
+    """Return the labels of active rows: ``tick.active``, then joints at a bound of their velocity.
 
-    A joint is at a bound where a limit of its position, speed or acceleration decides its velocity,
-    as in ``left_knee lower bound``.
+    Such a bound comes from a limit of position, speed or acceleration: ``left_knee lower bound``.
     """
     if not tick.ok:
         return ()
@@ -281,30 +279,31 @@ class HeldJoint(NamedTuple):
 
 
 def held_joints(tick: Tick) -> list[HeldJoint]:
-    """Return the joints whose velocity a bound holds back, in the robot's order; none if failed."""
+    """Return the joints at an active bound, in the robot's order; none if the tick failed."""
     if not tick.ok:
         return []
-    pull = tick.solution.z_box[: tick.velocity.size]
-    least = max(NEGLIGIBLE, ACTIVE * float(np.abs(tick.solution.z_box).max(initial=0.0)))
+    multipliers = tick.solution.z_box[: tick.velocity.size]
+    threshold = max(NEGLIGIBLE, ACTIVE * float(np.abs(tick.solution.z_box).max(initial=0.0)))
     names = tick.qp.labels.variables
     return [
-        HeldJoint(names[k], "upper" if pull[k] > 0.0 else "lower", abs(float(pull[k])))
-        for k in np.flatnonzero(np.abs(pull) > least).tolist()
+        HeldJoint(
+            names[k], "upper" if multipliers[k] > 0.0 else "lower", abs(float(multipliers[k]))
+        )
+        for k in np.flatnonzero(np.abs(multipliers) > threshold).tolist()
     ]
 
 
 def _column(rows: Sequence[Any]) -> Any:
-    """Return an array, or one array per name; NaN, "" or False in the rows that do not have it."""
+    """Return an array, or one array per name; missing entries are NaN, "" or False."""
     if not isinstance(rows[0], Mapping):
         return np.array(rows)
-    lacking = {name: _nothing(value) for row in rows for name, value in row.items()}
+    fillers = {name: _filler(value) for row in rows for name, value in row.items()}
     return {
-        name: np.array([row.get(name, nothing) for row in rows])
-        for name, nothing in lacking.items()
+        name: np.array([row.get(name, filler) for row in rows]) for name, filler in fillers.items()
     }
 
 
-def _nothing(like: Any) -> Any:
+def _filler(like: Any) -> Any:
     if isinstance(like, bool | str):
         return type(like)()
     return np.full(np.shape(like), np.nan)

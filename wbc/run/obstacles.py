@@ -1,4 +1,4 @@
-"""What stands around a robot in a run: the obstacles' shapes, and where they are tick by tick."""
+"""Obstacles of a run: their shapes, and their placements tick by tick."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class ObstacleTrack:
     """An obstacle over a run."""
 
     shape: Shape  # in the obstacle's own frame
-    place: Array  # (n, 3, 4) rotation and origin [m] of that frame; NaN while it is not watched
+    place: Array  # (n, 3, 4) rotation and origin [m] of that frame; NaN while not in use
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """Return what :meth:`from_arrays` makes a track of."""
+        """Return the arrays that :meth:`from_arrays` reads."""
         shape: dict[str, NDArray[np.generic]] = {CORE: self.shape.core}
         if isinstance(self.shape, HalfSpace):
             shape[NORMAL] = self.shape.normal
@@ -35,7 +35,7 @@ class ObstacleTrack:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[np.generic]]) -> ObstacleTrack:
-        """Return the track that :meth:`arrays` took apart.
+        """Return the track of :meth:`arrays`.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What a phase holds and keeps: contacts, the feet among them, margins; and how well."""
+"""The support of a phase: its contacts, the feet among them, its margins."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from wbc.polygon import polygon_margin
 from wbc.robot import Robot, Snapshot
 from wbc.validate import Array
 
-# How far a corner of the sole of a foot that is put down may be from the ground [m].
-FLAT = 1e-3
+# Largest distance of a sole's corner from the ground at touch-down [m].
+SOLE_FLATNESS = 1e-3
 Ground = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
 class PhaseSupport:
-    """What is held and kept in a phase."""
+    """Contacts and margins of a phase."""
 
     phase: str  # the phase's name; empty in a run without phases
-    contacts: tuple[Contact, ...]  # what is held
-    # The feet that stand, if nothing else is held; what then keeps the robot from falling is the
-    # polygon of their soles.
+    contacts: tuple[Contact, ...]
+    # The feet in contact, if there are no other contacts; balance is then that over their support
+    # polygon.
     feet: tuple[str, ...]
-    margins: tuple[Margin, ...] = ()  # the constraints that are distances which must not close
-    limited: bool = False  # whether joint position limits must be kept
-    soft: frozenset[str] = frozenset()  # frames of contacts that may give way
-    yielding: frozenset[str] = frozenset()  # names of those that may give way
+    margins: tuple[Margin, ...] = ()  # the constraints that are distances
+    limited: bool = False  # whether there are joint position limits
+    soft: frozenset[str] = frozenset()  # frames of soft contacts
+    yielding: frozenset[str] = frozenset()  # names of soft margins
 
     @classmethod
     def on(
@@ -42,12 +42,12 @@ class PhaseSupport:
         limits: Limits | None = None,
         is_hard: Callable[[str], bool] = lambda _: True,
     ) -> PhaseSupport:
-        """Return the conditions of standing on ``contacts`` and of keeping constraints and limits.
+        """Return the support of contacts, with constraints and limits.
 
         Parameters
         ----------
         is_hard:
-            Says of a contact's or constraint's name whether it may not give way.
+            Tells whether the contact or constraint of a name is hard.
         """
         feet = held_feet(contacts)
         margins = tuple(one for one in constraints if isinstance(one, Margin))
@@ -63,44 +63,44 @@ class PhaseSupport:
 
     @property
     def label(self) -> str:
-        """What is held, with commas between: feet by name, such as ``left,right``, or frames."""
+        """Contacts, separated by commas: feet by name, such as ``left,right``, or frames."""
         return ",".join(_foot_of(contact) or contact.frame for contact in self.contacts)
 
     def margin(self, snapshot: Snapshot) -> float:
-        """Return how far the CoM's projection is inside the soles' polygon [m]; NaN without feet.
+        """Return the distance of the CoM's projection inside the support polygon [m].
 
-        This is the balance of a robot that moves slowly; negative is outside.
+        This is quasi-static balance; negative outside, NaN without feet.
         """
         if not self.feet:
             return float("nan")
         return float(polygon_margin(support_polygon(snapshot, self.feet), snapshot.com[:2]))
 
     def clearance(self, snapshot: Snapshot) -> dict[str, tuple[float, str]]:
-        """Return the clearance of each margin [m], negative inside, and where, by its name."""
-        found = dict[str, tuple[float, str]]()
+        """Return the slack of each margin [m], negative if violated, and its row, by name."""
+        clearances = dict[str, tuple[float, str]]()
         for margin in self.margins:
             distances = margin.distances(snapshot)
             if distances.clearance.size:
                 k = int(distances.clearance.argmin())
-                left = float(distances.clearance[k]) + SKIN
-                found[margin.name] = left, margin.labels(distances)[k]
-        return found
+                value = float(distances.clearance[k]) + SKIN
+                clearances[margin.name] = value, margin.labels(distances)[k]
+        return clearances
 
 
 def held_feet(contacts: Iterable[Contact]) -> tuple[str, ...]:
-    """Return the feet that are held as a whole."""
+    """Return the feet whose whole soles are in contact."""
     feet = (_foot_of(contact) for contact in contacts)
     return tuple(foot for foot in feet if foot is not None)
 
 
 def keep_anchors(before: Iterable[Contact], now: Iterable[Contact]) -> tuple[Contact, ...]:
-    """Return the contacts ``now``; those that go on keep their anchor, so that no drift adds up."""
-    kept = {_sameness(one): one for one in before}
-    return tuple(kept.get(_sameness(one), one) for one in now)
+    """Return the contacts ``now``; continued ones keep their anchor, so that drift is corrected."""
+    anchored = {_contact_key(one): one for one in before}
+    return tuple(anchored.get(_contact_key(one), one) for one in now)
 
 
-def _sameness(contact: Contact) -> tuple[object, ...]:
-    """Return what two contacts agree in if the later one goes on with the earlier one."""
+def _contact_key(contact: Contact) -> tuple[object, ...]:
+    """Return a key that is equal for contacts of which one continues the other."""
     corners = contact.corners
     points = None if corners is None else corners.tobytes()
     laws = contact.law, contact.acceleration_law
@@ -109,13 +109,13 @@ def _sameness(contact: Contact) -> tuple[object, ...]:
 
 
 def touchdowns(before: Iterable[Contact], now: Iterable[Contact]) -> tuple[str, ...]:
-    """Return the feet that stand now and did not before."""
+    """Return the feet that are in contact now and were not before."""
     stood = held_feet(before)
     return tuple(foot for foot in held_feet(now) if foot not in stood)
 
 
 def held_joints(robot: Robot, contacts: Iterable[Contact]) -> set[int]:
-    """Return the joints whose bodies are held in position and orientation."""
+    """Return the joints whose bodies are fixed in position and orientation."""
     fixed = (one for one in contacts if not isinstance(one, PointContact | LineContact))
     return {carrier(robot, contact.frame) for contact in fixed}
 
@@ -126,16 +126,16 @@ def carrier(robot: Robot, frame: str) -> int:
 
 
 def off_the_ground(
-    snapshot: Snapshot, foot: str, ground: Ground | None = None, flat: float = FLAT
+    snapshot: Snapshot, foot: str, ground: Ground | None = None, flat: float = SOLE_FLATNESS
 ) -> str | None:
-    """Return in words why a foot cannot be stood on, or None if its sole is flat on the ground.
+    """Return why a foot cannot bear, in words, or None if its sole is flat on the ground.
 
     Parameters
     ----------
     ground:
         Height of the ground (k,) [m] at points (k, 2), world axes; None: 0 everywhere.
     flat:
-        How far a corner of the sole may be from the ground [m].
+        Largest distance of a sole's corner from the ground [m].
     """
     sole = snapshot.robot.feet[foot]
     R, p = snapshot.rotation(sole.frame), snapshot.position(sole.frame)
@@ -151,7 +151,7 @@ def off_the_ground(
 
 
 def _foot_of(contact: Contact) -> str | None:
-    """Return the foot that a contact holds as a whole, or None: a point holds one that is one."""
+    """Return the foot whose whole sole a contact holds, or None; a point contact holds a point."""
     point = isinstance(contact, PointContact)
     for name, foot in contact.robot.feet.items():
         if contact.frame in (foot.frame, foot.link) and (len(foot.polygon) == 1 or not point):

@@ -1,4 +1,4 @@
-"""The result of a run: what it came to, and the history it came from."""
+"""The result of a run, with its history."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from wbc.validate import Array
 
 FORMAT = "wbc result 1"
 SHOWN_FAILURES = 5
-ARRIVED = 0.01  # part of a wanted inertia that may be missing
+REACHED_TOLERANCE = 0.01  # relative error of an inertia that counts as reached
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,26 +42,25 @@ class TaskResult:
 
 @dataclass(frozen=True, eq=False)
 class InertiaReading:
-    """What an inertia task controls, in kg m^2 and as plain entries of the matrix."""
+    """An inertia task's quantity, in kg m^2 and as plain entries of the matrix."""
 
     axes: str  # the frame whose axes these are; principal for principal moments
     about: str | tuple[float, ...]  # com, world, a frame, or a point of the world [m]
     components: tuple[str, ...]  # names of the entries below
-    # start, wanted and reached: (k,) at the start, at the end of the target's ramp, and at the
-    # end of the run.
+    # (k,) at the start, the target at the end of its ramp, and at the end of the run.
     start: Array
     wanted: Array
     reached: Array
 
     def share(self, k: int) -> float:
-        """Return how much of what was wanted of an entry was reached."""
+        """Return the ratio of reached to wanted of an entry."""
         return float(self.reached[k] / self.wanted[k]) if self.wanted[k] else float("nan")
 
     @property
     def arrived(self) -> bool:
-        """Whether what was wanted was reached, but for a hundredth."""
-        off = np.linalg.norm(self.reached - self.wanted)
-        return bool(off <= ARRIVED * np.linalg.norm(self.wanted))
+        """Whether the target was reached to a hundredth."""
+        error = np.linalg.norm(self.reached - self.wanted)
+        return bool(error <= REACHED_TOLERANCE * np.linalg.norm(self.wanted))
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ class Worst:
 
 @dataclass(frozen=True)
 class HeldBack:
-    """In how many ticks a row held the command back, and when the first and last of them began [s].
+    """Number of ticks in which a row was active, and times of the first and last of them [s].
 
     A row is a limit of a joint, a pair of bodies, an edge of the support and so on.
     """
@@ -87,7 +86,7 @@ class HeldBack:
 
 @dataclass(frozen=True)
 class PhaseResult:
-    """A phase: when it began [s], what was held, and the least balance margin [m] in it."""
+    """A phase: its beginning [s], its contacts, and its smallest balance margin [m]."""
 
     begins: float
     support: str
@@ -104,49 +103,48 @@ class Failure:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What a run came to.
+    """The result of a run.
 
     Attributes
     ----------
     status, reason:
-        How it ended, and why that is so in words.
+        How it ended, and why, in words.
     q, v:
         Configuration (nq,) and velocity (nv,) at the end.
     final:
-        What is measured there.
+        Quantities measured there.
     tasks, inertia:
-        Each task at the end by name, and for inertia tasks what was wanted and reached.
+        Each task at the end by name, and the quantities of inertia tasks.
     margin:
         Smallest distance to a joint position limit [rad or m]; the tick ``len(history)`` is the
         end of the run.
     slip:
-        Farthest any contact was from its anchor [m]; None without contacts.
+        Largest distance of a contact from its anchor [m]; None without contacts.
     balance:
-        Least distance of the CoM's projection inside the polygon of the soles that stand [m],
-        negative outside, and the phase in which that was; None if the robot never stood on feet
-        alone.
+        Smallest distance of the CoM's projection inside the support polygon [m], negative outside,
+        and its phase; None if the robot never stood on feet alone.
     clearance:
-        What was left of each margin at worst [m], negative inside, and at which of its rows, by the
-        name of the constraint.
+        Smallest slack of each margin [m], negative if violated, and its row, by the name of the
+        constraint.
     yielding:
-        Names of the constraints that may give way.
+        Names of the soft constraints.
     held_back:
-        Which inequality rows and bounds of joints held the command back and for how long, by their
-        labels, the longest first.
+        Active inequality rows and bounds of joints and how long they were active, by their labels,
+        the longest first.
     not_kept:
-        What :class:`Stop` asks to be kept all the time and was not, in words.
+        Conditions of :class:`Stop` that were violated in some tick, in words.
     phases:
-        What each phase came to by name, in order; empty in a run without phases.
+        The phases by name, in order; empty in a run without phases.
     failures:
         Every tick without solution.
     left_out:
-        What ticks left out, their deadline being over or a level not solved, and in how many.
+        What ticks skipped, as their deadline was over or a level not solved, and in how many.
     history:
         Every tick.
     provenance:
         Problem text, overrides and versions.
     shaping:
-        What the search came to, with the method ``global``.
+        The search of the method ``global``.
     """
 
     robot: Robot
@@ -172,8 +170,8 @@ class Result:
     shaping: ShapingReport | None = None
 
     def __repr__(self) -> str:
-        ran = f"{len(self.history)} ticks, {len(self.tasks)} tasks"
-        return f"Result({self.status.value}, {self.robot.name!r}, {ran})"
+        contents = f"{len(self.history)} ticks, {len(self.tasks)} tasks"
+        return f"Result({self.status.value}, {self.robot.name!r}, {contents})"
 
     @property
     def worst_kkt(self) -> float:
@@ -188,32 +186,32 @@ class Result:
 
     @property
     def held_at_end(self) -> tuple[str, ...]:
-        """Labels of the rows and bounds that held the last command back, the longest first."""
+        """Labels of the rows and bounds active in the last tick, the longest active first."""
         active = self.history.active
         return tuple(name for name in self.held_back if name in active and active[name][-1])
 
     @property
     def reach(self) -> str:
-        """How far a robot at rest came towards an inertia out of reach, in words; else empty.
+        """How near a robot at rest came to an inertia out of reach, in words; else empty.
 
         Such as "as far as its joints allow: shape 20 to 45 % of what is wanted, held by ...".
         """
         short = {name: one for name, one in self.inertia.items() if not one.arrived}
-        held = self.held_at_end
-        if self.status is not RunStatus.CONVERGED or not short or not held:
+        active = self.held_at_end
+        if self.status is not RunStatus.CONVERGED or not short or not active:
             return ""
-        bounds = [name.endswith(" bound") for name in held]
-        what = " and ".join(["joints"] * any(bounds) + ["margins"] * (not all(bounds)))
+        bounds = [name.endswith(" bound") for name in active]
+        limits = " and ".join(["joints"] * any(bounds) + ["margins"] * (not all(bounds)))
         parts = []
         for name, one in short.items():
             shares = sorted(
                 100 * one.share(k) for k in range(len(one.components)) if one.wanted[k] > 0.0
             )
             if shares:
-                ends = dict.fromkeys((f"{shares[0]:.0f}", f"{shares[-1]:.0f}"))
-                parts.append(f"{name} {' to '.join(ends)} % of what is wanted")
-        told = "; ".join(parts) or "a nearest inertia"
-        return f"as far as its {what} allow: {told}, held by {listed(held, 2)}"
+                extremes = dict.fromkeys((f"{shares[0]:.0f}", f"{shares[-1]:.0f}"))
+                parts.append(f"{name} {' to '.join(extremes)} % of what is wanted")
+        shares_text = "; ".join(parts) or "a nearest inertia"
+        return f"as far as its {limits} allow: {shares_text}, held by {listed(active, 2)}"
 
     def tick_times(self) -> dict[str, dict[str, float]]:
         """Return median, 99th percentile and maximum of the tick's wall and CPU time [s]."""
@@ -327,17 +325,17 @@ class Result:
         return history_columns(self.robot, self.history, rows)
 
     def _repr_html_(self) -> str:
-        """Return how a notebook shows it."""
+        """Return the HTML of a notebook."""
         errors = [
             (name, f"{task.norm:.3g} {', '.join(dict.fromkeys(task.units))}")
             for name, task in self.tasks.items()
         ]
-        held = listed([f"{name} for {one.ticks * self.dt:.2f} s" for name, one in
+        active = listed([f"{name} for {one.ticks * self.dt:.2f} s" for name, one in
                        self.held_back.items()])  # fmt: skip
         facts = [
             ("robot", self.robot.name),
             ("ran", f"{len(self.history)} ticks of {self.dt:g} s"),
-            ("held back by", held),
+            ("held back by", active),
             ("not kept", "; ".join(self.not_kept)),
             ("failed ticks", str(len(self.failures) or "")),
         ]

@@ -1,4 +1,4 @@
-"""Writing results: strict JSON, .npz, .csv and .parquet, whole or not at all."""
+"""Writing results atomically: strict JSON, .npz, .csv and .parquet."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ def save_result(
 ) -> None:
     """Write a summary as ``.json``, summary and arrays as ``.npz``, or columns as a table.
 
-    The file appears whole or not at all. JSON is strict: what is not finite is null. In an ``.npz``
-    the entry ``summary`` holds the JSON text. A ``.csv`` has its columns' names in the first line;
-    a ``.parquet`` has the JSON text in its metadata, ``wbc.summary``.
+    The file is written whole or not at all. JSON is strict: numbers that are not finite are null.
+    In an ``.npz`` the entry ``summary`` is the JSON text. A ``.csv`` has its columns' names in the
+    first line; a ``.parquet`` has the JSON text in its metadata, ``wbc.summary``.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def save_result(
 
 
 def _csv_text(columns: Sequence[tuple[str, Array]]) -> str:
-    """Return a table with a line of headers; what does not exist is ``nan``."""
+    """Return a table with a line of headers; missing values are ``nan``."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow([header for header, _ in columns])
     np.savetxt(text, np.column_stack([values for _, values in columns]), fmt=DIGITS, delimiter=",")
@@ -80,15 +80,15 @@ def _csv_text(columns: Sequence[tuple[str, Array]]) -> str:
 
 
 def json_text(summary: Mapping[str, Any]) -> str:
-    """Return strict JSON, lists of numbers on one line; what is not finite is null."""
+    """Return strict JSON, lists of numbers on one line; numbers that are not finite are null."""
     text = as_text(json.dumps(_finite(summary), indent=2, allow_nan=False, ensure_ascii=False))
-    # Raw line ends stand between values only, never inside a JSON string.
+    # Raw line ends are between values only, never inside a JSON string.
     lists = re.compile(r"\[\n\s*([^\[\]{}]*?)\n\s*\]")
     return lists.sub(lambda found: "[" + re.sub(r"\n\s*", " ", found[1]) + "]", text) + "\n"
 
 
 def plain(value: Any) -> Any:
-    """Return ``value`` as a YAML file would give it: arrays and tuples as lists, paths as text.
+    """Return ``value`` as plain data, as read from YAML: arrays and tuples as lists, paths as text.
 
     Dataclasses are mappings of their fields.
     """
@@ -97,7 +97,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     if is_dataclass(value):
-        return {one.name: plain(getattr(value, one.name)) for one in fields(value)}
+        return {part.name: plain(getattr(value, part.name)) for part in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""What a search over postures came to, as plain data: a part of the result of its run."""
+"""The report of a search over postures, as plain data: a part of the result of its run."""
 
 from __future__ import annotations
 
@@ -14,52 +14,50 @@ from wbc.validate import Array
 
 @dataclass(frozen=True, eq=False)
 class Posture:
-    """A posture that keeps every constraint."""
+    """A posture that satisfies every constraint."""
 
     q: Array  # (nq,)
     cost: float  # sum over the tasks of gain * 1/2 |weight * error|^2
     relative_errors: Mapping[str, float]  # |actual - target| / |target| of each inertia task
-    # status and optimal: IPOPT's own word, and whether it says that the conditions of optimality
-    # hold.
+    # IPOPT's own status, and whether it says that the conditions of optimality hold.
     status: str
     optimal: bool
-    starts: tuple[int, ...]  # numbers of the starts that led here; 0 is the start of the run
-    tried: str | None  # what came of moving there: "arrived", or why not; None if it was not tried
+    starts: tuple[int, ...]  # numbers of the starts that converged here; 0: the run's start
+    tried: str | None  # result of moving there: "arrived", or why not; None if not tried
 
 
 @dataclass(frozen=True)
 class SearchEffort:
-    """What the search took."""
+    """The effort of the search."""
 
-    starts: int  # how many searches were asked for
+    starts: int  # requested searches
     drawn: int  # samples drawn
     searched: int  # searches made
-    iterations: int  # of IPOPT, in all
-    # build_seconds, search_seconds and reach_seconds: wall time of making the program and the
-    # starts, of searching, and of moving.
+    iterations: int  # of IPOPT, in total
+    # Wall times of building the program and the starts, of searching, and of moving.
     build_seconds: float
     search_seconds: float
     reach_seconds: float
     workers: int  # processes that searched
-    # Why it ended before all starts were tried: met (the tasks are met), settled (nothing better
-    # was found for long), seconds or interrupted; or None.
+    # Why it ended before all starts: met (the tasks are met), settled (no better posture for long),
+    # seconds or interrupted; or None.
     stopped: str | None
 
 
 @dataclass(frozen=True, eq=False)
 class ShapingReport:
-    """What a search over postures came to, and how near the motion came to its best."""
+    """The postures of a search, and how near the motion came to the best."""
 
-    postures: tuple[Posture, ...]  # every distinct one found, the best first
-    rejected: Mapping[str, int]  # how many starts and samples came to nothing, by reason
-    # cost_start and cost_end: cost where the motion begins and ends.
+    postures: tuple[Posture, ...]  # every distinct one, the best first
+    rejected: Mapping[str, int]  # number of rejected starts and samples, by reason
+    # Cost where the motion begins and ends.
     cost_start: float
     cost_end: float
-    # relative_start and relative_end: |actual - target| / |target| of each inertia task there.
+    # |actual - target| / |target| of each inertia task there.
     relative_start: Mapping[str, float]
     relative_end: Mapping[str, float]
-    led_to: int  # index of the posture that the motion was led to
-    arrived: bool  # true if it keeps every constraint and ends at that posture's cost
+    led_to: int  # index of the posture that the motion went to
+    arrived: bool  # whether it satisfies every constraint and ends at that posture's cost
     effort: SearchEffort
 
     @property
@@ -69,23 +67,23 @@ class ShapingReport:
 
     @property
     def above_best(self) -> float:
-        """By which part of the best posture's cost the motion ends above it; NaN if that is 0."""
+        """Relative excess of the final cost over the best posture's; NaN if that is 0."""
         best = self.best.cost
         return self.cost_end / best - 1.0 if best > 0.0 else float("nan")
 
     def describe(self) -> str:
-        """Return in words whether a posture was reached, and if not the best, why not."""
+        """Return in words which posture was reached, and why not the better ones."""
         count = len(self.postures)
-        failed = [
+        failures = [
             f"{number} {posture.tried}"
             for number, posture in enumerate(self.postures, 1)
             if posture.tried is not None and (number != self.led_to + 1 or not self.arrived)
         ]
-        why = f" ({'; '.join(failed)})" if failed else ""
+        reasons = f" ({'; '.join(failures)})" if failures else ""
         if not self.arrived:
-            return f"none of the postures was reached{why}"
-        which = "the best" if self.led_to == 0 else f"number {self.led_to + 1}"
-        return f"reached {which} of {count} posture{'s' if count > 1 else ''}{why}"
+            return f"none of the postures was reached{reasons}"
+        rank = "the best" if self.led_to == 0 else f"number {self.led_to + 1}"
+        return f"reached {rank} of {count} posture{'s' if count > 1 else ''}{reasons}"
 
     def summary(self) -> dict[str, Any]:
         """Return everything as plain data."""
@@ -105,15 +103,15 @@ class ShapingReport:
             "postures": [
                 {
                     "rank": rank,
-                    "cost": one.cost,
-                    "relative_error": dict(one.relative_errors),
-                    "status": one.status,
-                    "optimal": one.optimal,
-                    "starts": list(one.starts),
-                    "tried": one.tried,
-                    "q": one.q.tolist(),
+                    "cost": posture.cost,
+                    "relative_error": dict(posture.relative_errors),
+                    "status": posture.status,
+                    "optimal": posture.optimal,
+                    "starts": list(posture.starts),
+                    "tried": posture.tried,
+                    "q": posture.q.tolist(),
                 }
-                for rank, one in enumerate(self.postures, 1)
+                for rank, posture in enumerate(self.postures, 1)
             ],
             "rejected": dict(self.rejected),
             "effort": asdict(self.effort),
@@ -121,18 +119,18 @@ class ShapingReport:
 
 
 def relative_error(task: InertiaTask | PrincipalInertiaTask, error: Array) -> float:
-    """Return |actual - target| / |target|, Frobenius over what the task controls.
+    """Return |actual - target| / |target|, Frobenius norms over the controlled entries.
 
     Infinite for a target of zero.
 
     Parameters
     ----------
     error:
-        What the task reports as its error (k,).
+        Error (k,) that the task reports.
     """
     if isinstance(task, PrincipalInertiaTask):
-        wanted = task.selection[0, 0] * task.target
+        target = task.selection[0, 0] * task.target
     else:
-        wanted = task.selection @ task.target
-    size = float(np.linalg.norm(wanted))
-    return float(np.linalg.norm(error)) / size if size > 0.0 else float("inf")
+        target = task.selection @ task.target
+    norm = float(np.linalg.norm(target))
+    return float(np.linalg.norm(error)) / norm if norm > 0.0 else float("inf")

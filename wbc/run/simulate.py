@@ -1,4 +1,4 @@
-"""Runs a controller, or phases of controllers, from a start to the end, and keeps the result."""
+"""Runs a controller, or phases, in a closed loop from a start, and returns the result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from wbc.run.conclusion import conclude
 from wbc.run.history import HistoryRecorder
 from wbc.run.phases import PhaseExecutor
 from wbc.run.result import Result
-from wbc.run.stopping import RestWatch, Stop
+from wbc.run.stopping import RestDetector, Stop
 
 DEFAULT_STOP = Stop()
 
@@ -37,8 +37,7 @@ def simulate(
     Parameters
     ----------
     controller:
-        In charge all the time, or phases with one each; phases remember where they are, so they
-        serve one run.
+        One controller, or phases, which have a state and serve one run.
     progress:
         Called every ten ticks and at the end with ticks done, ticks at most, and a mapping with
         ``time`` [s], ``speed`` (largest velocity), ``errors`` (norm by task) and ``failed`` (ticks
@@ -46,12 +45,11 @@ def simulate(
     observe:
         Called with every tick: its QP, solution and errors.
     provenance:
-        Where the run comes from, as plain data; becomes a part of the result.
+        Origin of the run, as plain data; a part of the result.
     cancelled:
-        Called after every tick; True ends the run there, with what was computed.
+        Called after every tick; True ends the run there, with the result so far.
     show:
-        Called with every tick of the loop, with the state and the controller that answered: for
-        what is drawn while the robot moves.
+        Called with every tick of the loop, with its state and controller: for live views.
 
     Raises
     ------
@@ -65,16 +63,16 @@ def simulate(
     robot, dt = first.robot, first.dt
     total = ticks_in(stop.duration, dt)
     recorder = HistoryRecorder(robot, phases.tasks)
-    watch = RestWatch(stop.speed, phases.ramps_over)
+    rest = RestDetector(stop.speed, phases.ramps_end)
     at_rest = False
     for now in closed_loop(first, q, total, phases.update):
         recorder.add(now, phases.standing)
         calls.tick(now, phases.controller)
-        at_rest = watch.at_rest(now.time, now.speed, now.tick.ok)
+        at_rest = rest.at_rest(now.time, now.speed, now.tick.ok)
         done = len(recorder.states)
         over = at_rest or now.gave_up or done == total
         info = partial(progress_info, now, now.tick.errors, len(recorder.failures))
-        if calls.end_with(done * dt, done, total, over, info):
+        if calls.should_end(done * dt, done, total, over, info):
             break
     phases.move_to(done * dt)
     end = robot.snapshot(now.q, now.tick.velocity)

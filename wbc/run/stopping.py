@@ -1,4 +1,4 @@
-"""When a run ends, when it is at rest, and what its end is called."""
+"""When a run ends, when it is at rest, and its status."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ REST_TICKS = 10
 
 @dataclass(frozen=True)
 class Stop:
-    """When a run ends, and what must hold then.
+    """Stop criteria of a run, and conditions on it.
 
     Attributes
     ----------
@@ -25,13 +25,13 @@ class Stop:
     accept:
         Tolerance on the norm of a task's error at the end, by the task's name.
     balance:
-        How far inside the polygon of the soles that stand the CoM's projection stays all the time
-        [m]; None: no matter where.
+        Distance that the CoM's projection must be inside the support polygon in every tick [m];
+        None: anywhere.
     slip:
-        Farthest that a held frame may be from its anchor [m], unless it may give way; None: any.
+        Largest distance of a hard contact from its anchor [m]; None: any.
     margins:
-        By how much joint limits and constraints may be exceeded [m or rad], from when they are
-        first kept in a phase, unless they may give way; None: by anything.
+        Largest violation of joint limits and hard constraints [m or rad], after they first hold in
+        a phase; None: any.
 
     Raises
     ------
@@ -58,12 +58,12 @@ class RunStatus(StrEnum):
     """How a run ended.
 
     ``CONVERGED``: at rest, and every tolerance met. ``ACCEPTED``: every tolerance met, though not
-    at rest, when the time was over. ``COMPLETED``: the whole duration was asked for (``speed:
-    null``) and no tolerance given. ``TIMEOUT``: not at rest when the time was over.
-    ``NOT_REACHED``: a tolerance was not met. ``NOT_KEPT``: balance, a contact or a margin was not
-    kept all the time, as :class:`Stop` asks; the robot may fall or collide. ``QP_FAILED``: a tick
+    at rest, when the time was over. ``COMPLETED``: the whole duration was run as requested
+    (``speed: null``) and no tolerance given. ``TIMEOUT``: not at rest when the time was over.
+    ``NOT_REACHED``: a tolerance was not met. ``NOT_KEPT``: balance, a contact or a margin was
+    violated in some tick (see :class:`Stop`); the robot may fall or collide. ``QP_FAILED``: a tick
     had no solution. ``NOT_STANDING``: a phase could not begin, because a foot that it stands on
-    was in the air or tilted; the run ended there. ``INTERRUPTED``: it was asked to end early.
+    was in the air or tilted; the run ended there. ``INTERRUPTED``: it was cancelled.
     """
 
     CONVERGED = "converged"
@@ -78,76 +78,76 @@ class RunStatus(StrEnum):
 
     @property
     def good(self) -> bool:
-        """True if the run did what was asked."""
+        """Whether the run succeeded."""
         return self in (RunStatus.CONVERGED, RunStatus.ACCEPTED, RunStatus.COMPLETED)
 
 
-class RestWatch:
-    """Tells when nothing has moved for ten solved ticks in a row, all ramps being over."""
+class RestDetector:
+    """Detects rest: ten solved ticks in a row at low speed, after the end of all ramps."""
 
-    def __init__(self, speed: float | None, ramps_over: float) -> None:
+    def __init__(self, speed: float | None, ramps_end: float) -> None:
         self._speed = speed
-        self._ramps_over = ramps_over
-        self._still = 0
+        self._ramps_end = ramps_end
+        self._slow = 0
 
-    def at_rest(self, time: float, fastest: float, solved: bool) -> bool:
-        """Take note of a tick; ``fastest`` is the largest absolute velocity it commands."""
-        slow = self._speed is not None and fastest < self._speed
-        # A tick without solution commands zero: that is no rest.
-        self._still = self._still + 1 if slow and solved and time >= self._ramps_over else 0
-        return self._still >= REST_TICKS
+    def at_rest(self, time: float, speed: float, solved: bool) -> bool:
+        """Return whether the robot is at rest; ``speed`` is the largest commanded velocity."""
+        slow = self._speed is not None and speed < self._speed
+        # A tick without solution commands zero, which is no rest.
+        self._slow = self._slow + 1 if slow and solved and time >= self._ramps_end else 0
+        return self._slow >= REST_TICKS
 
 
-def ending(
+def run_status(
     stop: Stop,
     at_rest: bool,
     failed: int,
     ticks: int,
     norms: Mapping[str, float],
-    broken_off: str | None = None,
+    aborted: str | None = None,
     not_kept: Sequence[str] = (),
     interrupted: float | None = None,
 ) -> tuple[RunStatus, str]:
-    """Return how a run ended, and why, in words.
+    """Return the status of a run, and its reason in words.
 
     Parameters
     ----------
     failed, ticks:
-        How many ticks had no solution, of how many.
+        Number of ticks without solution, and of all.
     norms:
         Norm of each task's error at the end.
     broken_off:
         Why a phase could not begin, or None.
     not_kept:
-        What was to be kept all the time and was not, in words.
+        Conditions that were violated in some tick, in words.
     interrupted:
-        When the run was asked to end [s], if that is why it did.
+        Time of the cancellation [s], if that ended the run.
     """
     if failed:
         return RunStatus.QP_FAILED, f"{failed} of {ticks} ticks had no solution"
-    if broken_off is not None:
-        return RunStatus.NOT_STANDING, broken_off
+    if aborted is not None:
+        return RunStatus.NOT_STANDING, aborted
     if interrupted is not None:
-        also = f"; {'; '.join(not_kept)}" if not_kept else ""
-        reason = f"at {interrupted:.4g} s of at most {stop.duration:g} s{also}"
+        more = f"; {'; '.join(not_kept)}" if not_kept else ""
+        reason = f"at {interrupted:.4g} s of at most {stop.duration:g} s{more}"
         return RunStatus.INTERRUPTED, reason
     missed = [
         f"{name} (error {norms[name]:.3g}, tolerance {tolerance:g})"
         for name, tolerance in stop.accept.items()
         if not norms[name] <= tolerance
     ]
-    how = "at rest" if at_rest else f"still moving after {stop.duration:g} s"
+    ending = "at rest" if at_rest else f"still moving after {stop.duration:g} s"
     if stop.speed is None:
-        how = f"ran for {stop.duration:g} s"
+        ending = f"ran for {stop.duration:g} s"
     if not_kept:
-        also = f"; not within tolerance: {', '.join(missed)}" if missed else ""
-        return RunStatus.NOT_KEPT, f"{how}, but {'; '.join(not_kept)}{also}"
+        more = f"; not within tolerance: {', '.join(missed)}" if missed else ""
+        return RunStatus.NOT_KEPT, f"{ending}, but {'; '.join(not_kept)}{more}"
     if missed:
-        return RunStatus.NOT_REACHED, f"{how}; not within tolerance: {', '.join(missed)}"
+        return RunStatus.NOT_REACHED, f"{ending}; not within tolerance: {', '.join(missed)}"
     within = "; every tolerance met" if stop.accept else ""
     if at_rest:
-        return RunStatus.CONVERGED, how + within
+        return RunStatus.CONVERGED, ending + within
     if stop.accept:
-        return RunStatus.ACCEPTED, how + within
+        return RunStatus.ACCEPTED, ending + within
     status = RunStatus.COMPLETED if stop.speed is None else RunStatus.TIMEOUT
-    return status, how
+    return status, ending

@@ -1,4 +1,4 @@
-"""Supervisors of a simulation: which controller is in charge of each tick, and what it holds."""
+"""Supervisors of a run: the controller of each tick, and its contacts."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from wbc.tasks import Task
 
 
 class Supervisor(Protocol):
-    """Hands over from tick to tick, as :class:`~wbc.run.phases.PhaseExecutor` does."""
+    """Prepares every tick, as :class:`~wbc.run.phases.PhaseExecutor` does."""
 
-    controller: Controller  # in charge now
+    controller: Controller  # the present one
 
     @property
     def standing(self) -> PhaseSupport:
-        """What it holds and keeps."""
+        """Contacts and margins now."""
 
     @property
     def complaint(self) -> str | None:
-        """Why it could not go on, which ended the run; else None."""
+        """Why it ended the run; else None."""
 
     @property
     def notes(self) -> Sequence[str]:
-        """What else is worth saying in the end."""
+        """Notes for the end of the run."""
 
     @property
     def tasks(self) -> Sequence[Task]:
         """All tasks whose errors are recorded."""
 
     def update(self, tick: int, snapshot: Snapshot) -> Controller | None:
-        """Make everything ready for a tick and return its controller; None to end."""
+        """Prepare a tick and return its controller; None to end."""
 
     def move_to(self, time: float) -> None:
-        """Set everything that moves to its value at ``time`` [s]."""
+        """Set moving targets and obstacles to their values at ``time`` [s]."""

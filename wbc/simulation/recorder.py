@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.robot.series import turning_joints
-from wbc.run.columns import Column, placed_columns, rate_columns
+from wbc.run.columns import Column, configuration_columns, velocity_columns
 from wbc.run.saving import save_result
 from wbc.simulation.plant import Plant
 from wbc.validate import Array
@@ -78,8 +78,8 @@ class Recorder:
         found, robot = self.arrays(), self._plant.robot
         table: list[Column] = [
             ("time [s]", found["time"]),
-            *placed_columns(robot, found["q"]),
-            *rate_columns(robot, found["v"]),
+            *configuration_columns(robot, found["q"]),
+            *velocity_columns(robot, found["v"]),
         ]
         turning = zip(robot.joint_names, turning_joints(robot), strict=True)
         units = [f"{name} [{'N m' if turns else 'N'}]" for name, turns in turning]

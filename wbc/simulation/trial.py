@@ -73,7 +73,7 @@ def run_trial(
             kept = record.add(now)
             calls.tick(kept, phases.controller)
             over = not now.verdict.stood or record.ticks == total
-            if calls.end_with(plant.time, record.ticks, total, over, record.info):
+            if calls.should_end(plant.time, record.ticks, total, over, record.info):
                 break
     except ControllerFailure as failure:
         if not isinstance(failure.tick, TorqueTick) or not record.ticks:

@@ -39,7 +39,7 @@ from wbc.problem.targets import (
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot
 from wbc.robot.feet import NO_FEET
-from wbc.run.ramps import VECTORS, Attend, TargetedTask
+from wbc.run.ramps import VECTORS, TargetedTask, UpdateLaw
 from wbc.tasks import ComTask
 from wbc.validate import Array
 
@@ -149,7 +149,7 @@ class ComSpec(ErrorTaskSpec):
         law = AccelerationLaw.capture_point(float(start.com[2]), given.gain)
         return {"kp": law.kp, "kd": law.kd}
 
-    def _attendant(self, task: ComTask) -> Callable[[Controller], Attend] | None:
+    def _attendant(self, task: ComTask) -> Callable[[Controller], UpdateLaw] | None:
         """Return what makes the law follow the capture point, if it does."""
         law = self.law
         if not isinstance(law, CapturePointLaw) or law.spin is None:

@@ -24,7 +24,7 @@ from wbc.problem.section import (
 from wbc.problem.targets import Followed, MotionForm, PlanForm, entries, form_with_plan
 from wbc.problem.task_spec import ForceTaskSpec
 from wbc.robot import Snapshot
-from wbc.run.ramps import TargetedTask, unmeasured, untargeted
+from wbc.run.ramps import TargetedTask, force_target, without_target
 from wbc.tasks import ContactForceTask, CopTask, ForceRateTask, LoadShareTask, TorqueTask
 from wbc.tasks.force_task import WRENCH
 from wbc.validate import Array
@@ -75,7 +75,7 @@ class ContactForceSpec(ForceTaskSpec):
         task = ContactForceTask(
             start.robot, self.frame, goal, components=self.components, name=name, **settings
         )
-        return unmeasured(task, goal)
+        return force_target(task, goal)
 
 
 class CopSpec(ForceTaskSpec):
@@ -116,7 +116,7 @@ class CopSpec(ForceTaskSpec):
         """Return the task."""
         goal, settings = self._goal(start), self.settings(("mx", "my"))
         task = CopTask(start.robot, goal, frame=self.frame, name=name, **settings)
-        return unmeasured(task, goal)
+        return force_target(task, goal)
 
     def _goal(self, start: Snapshot) -> Array:
         """Return the wanted point, (2,) or (3,) [m]; below the CoM until a plan begins."""
@@ -154,7 +154,7 @@ class ForceRateSpec(ForceTaskSpec):
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
         task = ForceRateTask(start.robot, self.frames, name=name, **self.settings())
-        return untargeted(task)
+        return without_target(task)
 
 
 class LoadShareSpec(ForceTaskSpec):
@@ -192,7 +192,7 @@ class LoadShareSpec(ForceTaskSpec):
         shares = {frame: self.target[frame] for frame in frames}
         task = LoadShareTask(start.robot, shares, name=name, **self.settings(frames))
         goal = task.target / task.target.sum()  # so that a change is even, whatever the numbers
-        return unmeasured(task, goal)
+        return force_target(task, goal)
 
 
 class TorqueTaskSpec(ForceTaskSpec):
@@ -216,4 +216,4 @@ class TorqueTaskSpec(ForceTaskSpec):
                 "target",
             )
         task = TorqueTask(robot, self.target, joints=self.joints, name=name, **self.settings())
-        return unmeasured(task, task.target)
+        return force_target(task, task.target)

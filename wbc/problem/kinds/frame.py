@@ -25,11 +25,11 @@ from wbc.run.ramps import (
     ROTATIONS,
     VECTORS,
     TargetedTask,
+    axis_setter,
     fixed_goal,
-    placed,
+    orientation_setter,
     placement,
-    pointed,
-    turned,
+    pose_setter,
 )
 from wbc.tasks import AxisTask, OrientationTask, PoseTask, PositionTask
 from wbc.tasks.frame import TURNS
@@ -91,7 +91,9 @@ class OrientationSpec(FrameSpec):
         def current(now: Snapshot) -> Array:
             return now.rotation(self.frame)
 
-        return TargetedTask(task, fixed_goal(goal), current, ROTATIONS, turned(task), self.ramp)
+        return TargetedTask(
+            task, fixed_goal(goal), current, ROTATIONS, orientation_setter(task), self.ramp
+        )
 
 
 class PlacementTarget(Section):
@@ -123,7 +125,7 @@ class PoseSpec(FrameSpec):
             return placement(now.position(self.frame), now.rotation(self.frame))
 
         goal = fixed_goal(placement(position, orientation))
-        return TargetedTask(task, goal, current, PLACEMENTS, placed(task), self.ramp)
+        return TargetedTask(task, goal, current, PLACEMENTS, pose_setter(task), self.ramp)
 
 
 class AxisSpec(FrameSpec):
@@ -146,4 +148,4 @@ class AxisSpec(FrameSpec):
             return now.rotation(self.frame) @ task.axis
 
         goal = fixed_goal(task.target)
-        return TargetedTask(task, goal, current, DIRECTIONS, pointed(task), self.ramp)
+        return TargetedTask(task, goal, current, DIRECTIONS, axis_setter(task), self.ramp)

@@ -14,7 +14,7 @@ from wbc.problem.section import WORD, Forms, Name, NonNegative, Number
 from wbc.problem.targets import LOOP, FromMotion, LoopTarget, MotionForm, form_with_motion
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot
-from wbc.run.ramps import TargetedTask, configurations, fixed_goal
+from wbc.run.ramps import TargetedTask, configuration_space, fixed_goal
 from wbc.tasks import PostureTask
 from wbc.validate import Array
 
@@ -66,7 +66,7 @@ class PostureSpec(ErrorTaskSpec):
         else:
             goal = with_joints(robot, start.q, self.target)
         task = PostureTask(robot, goal, joints=self.joints, name=name, **self.settings())
-        space = configurations(robot)
+        space = configuration_space(robot)
         return TargetedTask(
             task, fixed_goal(goal), lambda now: now.q, space, task.set_target, self.ramp, course
         )

@@ -22,7 +22,7 @@ from wbc.problem.section import (
 from wbc.problem.targets import Followed, MotionForm, PlanForm, entries, form_with_plan
 from wbc.problem.task_spec import MotionTaskSpec
 from wbc.robot import Snapshot
-from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal, untargeted
+from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal, without_target
 from wbc.tasks import DampingTask, MomentumTask
 from wbc.tasks.momentum import ANGULAR, LINEAR
 from wbc.validate import Array
@@ -60,7 +60,7 @@ class DampingSpec(MotionTaskSpec):
         """Return the task."""
         settings = self.settings()
         task = DampingTask(start.robot, joints=self.joints, base=self.base, name=name, **settings)
-        return untargeted(task)
+        return without_target(task)
 
 
 class MomentumSpec(MotionTaskSpec):

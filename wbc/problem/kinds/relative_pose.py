@@ -11,7 +11,7 @@ from wbc.problem.section import Distinct, Forms, Name, NonEmpty, Weight, Words, 
 from wbc.problem.targets import Start, point, rotation
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Snapshot
-from wbc.run.ramps import PLACEMENTS, TargetedTask, fixed_goal, placed, placement
+from wbc.run.ramps import PLACEMENTS, TargetedTask, fixed_goal, placement, pose_setter
 from wbc.tasks import RelativePoseTask
 from wbc.tasks.frame import TURNS
 from wbc.tasks.point import AXES
@@ -62,7 +62,7 @@ class RelativePoseSpec(ErrorTaskSpec):
         )
 
         goal = fixed_goal(placement(position, turned))
-        return TargetedTask(task, goal, self._current, PLACEMENTS, placed(task), self.ramp)
+        return TargetedTask(task, goal, self._current, PLACEMENTS, pose_setter(task), self.ramp)
 
     def _current(self, now: Snapshot) -> Array:
         Ra = now.rotation(self.relative_to)
