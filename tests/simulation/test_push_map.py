@@ -11,7 +11,7 @@ import pytest
 from wbc.robot import Robot
 from wbc.simulation import PushGrid, PushMap, PushOutcome
 from wbc.simulation.push_bounds import push_bounds
-from wbc.simulation.push_map import compared, save_maps
+from wbc.simulation.push_map import compare_maps, save_maps
 
 GRID = PushGrid(4, (1.0, 1.2, 1.4, 1.6), failures=0)
 # By direction and ratio: a limit, a hole, all survived, nothing survived.
@@ -85,10 +85,10 @@ def test_files_hold_what_the_map_says(
     assert len(first["outcomes"]) == 15 and len(second["outcomes"]) == 16
     assert told["compared"]["times"][:3] == pytest.approx([1.2, 1.2, 1.6 / 1.4])
     assert told["compared"]["times"][3] is None  # nothing was survived: nothing is known
-    least, mean, _ = compared(one, other)
+    least, mean, _ = compare_maps(one, other)
     assert least == pytest.approx(1.6 / 1.4) and mean == pytest.approx((2.4 + 1.6 / 1.4) / 3)
     nothing = made(("0000",) * 4)
-    assert np.isnan(compared(one, nothing)[0])
+    assert np.isnan(compare_maps(one, nothing)[0])
     with np.load(tmp_path / "r.npz") as archive:
         np.testing.assert_array_equal(archive["survived"][0], [1, 1, 0, -1])
         np.testing.assert_array_equal(archive["2/limit"], [1.0, 1.0, 1.4, 1.0])

@@ -13,7 +13,7 @@ from rich.text import Text
 from wbc.cli.printing import facts, heads, print_written
 from wbc.problem.pushing import PushSettings
 from wbc.simulation import PushMap
-from wbc.simulation.push_map import compared
+from wbc.simulation.push_map import compare_maps
 
 
 def print_maps(maps: Sequence[PushMap], settings: PushSettings, written: Iterable[Path]) -> None:
@@ -41,7 +41,7 @@ def print_maps(maps: Sequence[PushMap], settings: PushSettings, written: Iterabl
 
 
 def _compared(one: PushMap, other: PushMap) -> str:
-    least, mean, times = compared(one, other)
+    least, mean, times = compare_maps(one, other)
     unknown = int(np.isnan(times).sum())
     if unknown == len(times):
         return f"in no direction both survived a push of the grid: {one.name}, {other.name}"

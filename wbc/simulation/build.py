@@ -1,7 +1,7 @@
-"""A robot and its ground as a MuJoCo model: the same joints, inertias and friction, no second file.
+"""A robot and its ground as a MuJoCo model, built from the robot's Pinocchio model.
 
 Masses, CoMs and inertias are Pinocchio's to the last digits; armature, damping and dry friction of
-the joints are what the robot's model has, and nothing is added: the mass matrices of both agree.
+the joints are those of the robot's model, and nothing is added: both mass matrices agree.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from wbc.simulation.shapes import PLANE, STEP, ShapeOptions, add_shapes
 from wbc.simulation.terrain import IMPEDANCE, Terrain
 from wbc.validate import Array
 
-PLANE_HALF_SIZE = 50.0  # m, drawn; it has no end for contacts
-# A gear's error decays with this time constant [s], critically damped.
-GEAR_TIME = 4.0  # physics steps
-GEAR_IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # how much of it (MuJoCo's solimp)
-# How much stiffer than the normal force friction is: on a slope of 0.2 feet creep by 0.03 mm/s with
-# MuJoCo's 1, by 0.001 with this.
+PLANE_HALF_SIZE = 50.0  # m, as drawn; for contacts it is infinite
+# Time constant with which a gear's error decays, critically damped, in physics steps.
+GEAR_STEPS = 4.0
+GEAR_IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # MuJoCo's solimp of gears and loops
+# MuJoCo's impratio: friction by normal stiffness. On a slope of 0.2 feet creep by 0.03 mm/s with
+# MuJoCo's default of 1, by 0.001 with this.
 FRICTION_STIFFNESS = 100.0
-# Least eigenvalue of a mass matrix that can be integrated: iCub's neck turns about points and has
-# 2e-17, all other robots 1.5e-5 and more. Real joints have rotors.
-LEAST_FELT = 1e-8  # kg m^2, or kg
+# Smallest eigenvalue of a mass matrix that can be integrated: iCub's neck turns about points and
+# has 2e-17, all other robots 1.5e-5 and more. Real joints have rotors.
+MIN_INERTIA = 1e-8  # kg m^2, or kg
 WORLD_SITE = "world site"
 # Geoms' names, the latter two with their numbers.
 GROUND, BOX, WALL = "ground", "step ", "wall "
-_FAR = 1e6  # stands for a limit that is missing on one side [rad or m]
+_UNLIMITED = 1e6  # in place of a limit that is missing on one side [rad or m]
 
 
 class Sole(NamedTuple):
-    """Where the frame of a foot's sole is."""
+    """The frame of a foot's sole, in MuJoCo."""
 
     foot: str
     frame: str
@@ -48,18 +48,17 @@ class Sole(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Built:
-    """A compiled model, and what its parts stand for."""
+class CompiledModel:
+    """A compiled model, and the robot's parts by MuJoCo's indices."""
 
     model: Any  # mujoco.MjModel
     bodies: tuple[int, ...]  # MuJoCo's body of each Pinocchio joint (njoints); 0 for the world
-    feet: tuple[str, ...]  # for each geom the foot whose sole it belongs to, or an empty text
-    # For each geom the link it belongs to; empty for the ground, its steps and walls.
-    links: tuple[str, ...]
+    feet: tuple[str, ...]  # the foot of each geom of a sole; else empty
+    links: tuple[str, ...]  # the link of each geom; empty for the ground, its steps and walls
     walls: frozenset[int]  # geoms that are walls
     forearms: frozenset[int]  # geoms that may lean on walls
-    soles: tuple[Sole, ...]  # the frames of the soles
-    notes: tuple[str, ...]  # what was left out, in words
+    soles: tuple[Sole, ...]
+    notes: tuple[str, ...]  # what was omitted, in words
 
 
 def build(
@@ -69,15 +68,15 @@ def build(
     mismatch: ModelMismatch,
     shapes: ShapeOptions,
     physics_dt: float,
-) -> Built:
+) -> CompiledModel:
     """Return the MuJoCo model of a robot on a terrain.
 
     Raises
     ------
     ModelError
-        MuJoCo refuses the robot, or some joints feel no inertia; the message says why.
+        MuJoCo refuses the robot, or some joints have no inertia; the message says why.
     """
-    _check_felt_inertia(robot)
+    _check_inertias(robot)
     spec = mujoco.MjSpec()
     _set_options(mujoco, spec, robot, physics_dt)
     _add_terrain(mujoco, spec, terrain, mismatch.friction)
@@ -98,9 +97,9 @@ def build(
     geoms = [labels.get(name, ("", "")) for name in names]
     feet, links = zip(*geoms, strict=True)
     walls = frozenset(k for k, name in enumerate(names) if name.startswith(WALL))
-    leaning = {ids[j] for hand in shapes.hands for j in Arm.of(robot, hand.frame).forearm}
-    forearms = frozenset(k for k in range(model.ngeom) if int(model.geom_bodyid[k]) in leaning)
-    return Built(model, tuple(ids), feet, links, walls, forearms, _soles(robot, ids), notes)
+    arms = {ids[j] for hand in shapes.hands for j in Arm.of(robot, hand.frame).forearm}
+    forearms = frozenset(k for k in range(model.ngeom) if int(model.geom_bodyid[k]) in arms)
+    return CompiledModel(model, tuple(ids), feet, links, walls, forearms, _soles(robot, ids), notes)
 
 
 def _soles(robot: Robot, ids: Sequence[int]) -> tuple[Sole, ...]:
@@ -112,35 +111,35 @@ def _soles(robot: Robot, ids: Sequence[int]) -> tuple[Sole, ...]:
     return tuple(soles)
 
 
-def _check_felt_inertia(robot: Robot) -> None:
-    """Refuse a robot with joints that the least torque would accelerate without bound."""
-    first = BASE_NV if robot.fixed_base else 0  # a base that is bolted may weigh nothing
+def _check_inertias(robot: Robot) -> None:
+    """Refuse a robot whose mass matrix is singular: torques would accelerate without bound."""
+    first = BASE_NV if robot.fixed_base else 0  # a fixed base may have no mass
     M = robot.snapshot(robot.postures["standing"]).mass_matrix[first:, first:]
     if not M.size:
         return
-    moments, directions = np.linalg.eigh(M)
-    weak = moments < LEAST_FELT
-    if weak.any():
-        parts = np.abs(directions[BASE_NV - first :, weak]).max(axis=1)
+    eigenvalues, vectors = np.linalg.eigh(M)
+    too_small = eigenvalues < MIN_INERTIA
+    if too_small.any():
+        parts = np.abs(vectors[BASE_NV - first :, too_small]).max(axis=1)
         joints = [name for name, part in zip(robot.joint_names, parts, strict=True) if part > 0.3]
         raise ModelError(
             f"{robot.path}: joint {', '.join(joints)} can turn without moving any mass (a moment of"
-            f" {moments.min():.1g} kg m^2), which no physics can integrate; give the robot its"
+            f" {eigenvalues.min():.1g} kg m^2), which no physics can integrate; give the robot its"
             " rotors' inertia: Robot.load(..., armature=...)"
         )
 
 
 def _set_options(mujoco: Any, spec: Any, robot: Robot, physics_dt: float) -> None:
     spec.modelname = robot.name
-    spec.compiler.degree = False  # or ranges are read as degrees
+    spec.compiler.degree = False  # ranges are in rad
     spec.compiler.autolimits = False
     spec.option.timestep = physics_dt
     spec.option.gravity = robot.model.gravity.linear
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = FRICTION_STIFFNESS
-    # A state that blew up is kept as it is, to be told of, not put back to the start. Splitting the
-    # constraints into islands takes a fifth of a step and finds one robot.
+    # A state that blew up is kept, to be reported, and not reset. Splitting the constraints into
+    # islands takes a fifth of a step and finds one island, the robot.
     for flag in ("mjDSBL_AUTORESET", "mjDSBL_ISLAND"):
         if hasattr(mujoco.mjtDisableBit, flag):
             spec.option.disableflags |= int(getattr(mujoco.mjtDisableBit, flag))
@@ -155,12 +154,12 @@ def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain, factor: float) -> Non
         size=[PLANE_HALF_SIZE, PLANE_HALF_SIZE, 1.0],
         quat=quaternion,
     )
-    _make_ground(ground, PLANE, terrain, factor * terrain.friction)
+    _set_contact(ground, PLANE, terrain, factor * terrain.friction)
 
     def add_box(name: str, half: Array, centre: Array, R: Array, friction: float) -> None:
         kind, quaternion = mujoco.mjtGeom.mjGEOM_BOX, _quaternion(mujoco, R)
         box = spec.worldbody.add_geom(name=name, type=kind, size=half, pos=centre, quat=quaternion)
-        _make_ground(box, STEP, terrain, factor * friction)
+        _set_contact(box, STEP, terrain, factor * friction)
 
     for k, step in enumerate(terrain.steps):
         half, R = 0.5 * step.size, step.rotation
@@ -172,8 +171,8 @@ def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain, factor: float) -> Non
         add_box(f"{WALL}{k}", half, centre, wall.rotation, wall.friction)
 
 
-def _make_ground(geom: Any, kind: int, terrain: Terrain, friction: float) -> None:
-    """Let a geom meet the robot, and decide alone what the contact is like."""
+def _set_contact(geom: Any, kind: int, terrain: Terrain, friction: float) -> None:
+    """Let a geom collide with the robot, with its own contact parameters."""
     geom.contype, geom.conaffinity, geom.priority, geom.condim = kind, 0, 1, 3
     geom.friction = [friction, 0.0, 0.0]  # sliding; neither torsional nor rolling
     geom.solref = [terrain.time_constant, 1.0]
@@ -181,7 +180,7 @@ def _make_ground(geom: Any, kind: int, terrain: Terrain, friction: float) -> Non
 
 
 def _body_name(joint: int) -> str:
-    return f"body {joint}"  # of a link there may be two, and one called world
+    return f"body {joint}"  # links' names may be doubled, or "world"
 
 
 def _add_tree(
@@ -201,7 +200,7 @@ def _add_tree(
         bodies.append(body)
         body.explicitinertial = True
         body.ipos, body.iquat = inertias[j].com, _quaternion(mujoco, inertias[j].axes)
-        body.mass, body.inertia = 1.0, np.ones(3)  # what MuJoCo accepts; see _set_inertias
+        body.mass, body.inertia = 1.0, np.ones(3)  # placeholders; see _set_inertias
         if j == 1:
             if not robot.fixed_base:
                 body.add_freejoint(name=str(model.names[1]))
@@ -224,7 +223,7 @@ def _add_tree(
                     f" {high:g}; lock it: locked={{{str(model.names[j])!r}: {low:g}}}"
                 )
             joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
-            joint.range = [max(low, -_FAR), min(high, _FAR)]
+            joint.range = [max(low, -_UNLIMITED), min(high, _UNLIMITED)]
     return bodies
 
 
@@ -239,7 +238,7 @@ def _set_passive(joint: Any, robot: Robot, name: str, damping: float) -> None:
 
 
 def _polynomial(field: Any, coefficients: Sequence[float]) -> Any:
-    """Return coefficients for a field that has the first one only in older MuJoCo."""
+    """Return coefficients for a field, which is a scalar in older MuJoCo: then the first."""
     if np.ndim(field) == 0:
         return coefficients[0]
     values = np.zeros(np.shape(field))
@@ -248,10 +247,9 @@ def _polynomial(field: Any, coefficients: Sequence[float]) -> Any:
 
 
 def _add_lifts(mujoco: Any, spec: Any, bodies: Sequence[Any], robot: Robot) -> None:
-    """Add the forces that take bodies' weight off the joints: constant ones, at sites.
+    """Add gravity compensation of bodies: constant forces at sites.
 
-    MuJoCo's own gravity compensation acts at the CoM of all that hangs on one joint, whereas some
-    of its parts may be lifted only.
+    MuJoCo's own acts at the CoM of all bodies on one joint, of which some only may be compensated.
     """
     pull = -np.array(robot.model.gravity.linear)
     spec.worldbody.add_site(name=WORLD_SITE)
@@ -287,30 +285,30 @@ def _quaternion(mujoco: Any, R: Array) -> Array:
 
 
 def _set_inertias(model: Any, inertias: Sequence[PrincipalInertia], ids: Sequence[int]) -> None:
-    """Set masses and moments: the compiler refuses some that robots' files have.
+    """Set masses and moments after compilation, as the compiler refuses some that files have.
 
-    Links without mass between two joints, points, and moments that break the triangle inequality
-    by a digit do not hinder the physics; Robot.load told of them.
+    Links without mass between two joints, points, and moments that violate the triangle inequality
+    by a digit do not disturb the physics; Robot.load noted them.
     """
     for inertia, body in zip(inertias[1:], ids[1:], strict=True):
         model.body_mass[body], model.body_inertia[body] = inertia.mass, inertia.moments
 
 
 def _add_gears(mujoco: Any, spec: Any, robot: Robot, physics_dt: float) -> None:
-    """Tie mimic joints to their drivers, by constraints that are stiff but not rigid."""
+    """Couple mimic joints to their drivers by stiff constraints."""
     for joint, coupling in robot.couplings.items():
         gear = spec.add_equality(name=f"gear of {joint}", type=mujoco.mjtEq.mjEQ_JOINT, name1=joint)
         gear.name2, gear.objtype = coupling.driver, mujoco.mjtObj.mjOBJ_JOINT
         data = np.zeros(np.shape(gear.data))
         data[:5] = coupling.offset, coupling.ratio, *coupling.curved
         gear.data = data
-        gear.solref, gear.solimp = [GEAR_TIME * physics_dt, 1.0], GEAR_IMPEDANCE
+        gear.solref, gear.solimp = [GEAR_STEPS * physics_dt, 1.0], GEAR_IMPEDANCE
 
 
 def _add_loops(
     mujoco: Any, spec: Any, bodies: Sequence[Any], robot: Robot, physics_dt: float
 ) -> None:
-    """Tie the frames of loops, at sites, as stiff as gears are."""
+    """Couple the frames of loops, at sites, as stiffly as gears."""
     kinds = {"point": mujoco.mjtEq.mjEQ_CONNECT, "pose": mujoco.mjtEq.mjEQ_WELD}
     for name, loop in robot.loops.items():
         sites = [f"loop {name} {k}" for k in range(2)]
@@ -319,10 +317,10 @@ def _add_loops(
             quaternion = _quaternion(mujoco, np.array(place.rotation))
             body = bodies[int(frame.parentJoint)]
             body.add_site(name=site, pos=np.array(place.translation), quat=quaternion)
-        tie = spec.add_equality(name=f"loop {name}", type=kinds[loop.kind])
-        tie.name1, tie.name2, tie.objtype = *sites, mujoco.mjtObj.mjOBJ_SITE
+        equality = spec.add_equality(name=f"loop {name}", type=kinds[loop.kind])
+        equality.name1, equality.name2, equality.objtype = *sites, mujoco.mjtObj.mjOBJ_SITE
         if loop.kind == "pose":
-            data = np.zeros(np.shape(tie.data))
-            data[10] = 1.0  # what turning counts beside moving
-            tie.data = data
-        tie.solref, tie.solimp = [GEAR_TIME * physics_dt, 1.0], GEAR_IMPEDANCE
+            data = np.zeros(np.shape(equality.data))
+            data[10] = 1.0  # weight of rotation by that of translation
+            equality.data = data
+        equality.solref, equality.solimp = [GEAR_STEPS * physics_dt, 1.0], GEAR_IMPEDANCE

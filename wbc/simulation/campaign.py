@@ -1,8 +1,8 @@
-"""Pushes from all sides, ever harder, in parallel processes: which are survived.
+"""Push campaigns: increasing pushes from all sides, in parallel processes.
 
-A grid, and not a bisection only: a robot may survive a push and fall by a smaller one, and where it
-does so is a finding. Which pushes are tried depends on the outcomes, not on the workers. Outcomes
-are kept in a file, one line as each comes.
+A grid in place of a bisection, as a robot may survive a push and fall at a smaller one, which is
+worth knowing. The pushes that are tried depend on the outcomes, not on the workers. Each outcome is
+appended to a file as it comes.
 """
 
 from __future__ import annotations
@@ -23,33 +23,33 @@ from wbc.kinds import whole_number
 from wbc.validate import Array, finite_number, finite_vector, read_only, real_array, set_fields
 from wbc.workers import Workers
 
-MOMENT = 0.1  # s to wait for an outcome, before looking whether the campaign is to end
-DIGITS = 9  # to which angles and ratios tell pushes apart
+POLL_TIME = 0.1  # s to wait for an outcome before asking whether the campaign is cancelled
+DIGITS = 9  # of angles and ratios in a push's key
 
 
 class PushOutcome(NamedTuple):
-    """What became of one push.
+    """The outcome of one push.
 
     Attributes
     ----------
     angle:
         Direction in the horizontal plane [rad]: 0 is along world x.
     ratio:
-        Impulse in parts of M omega d of this direction.
+        Impulse by M omega d of this direction.
     impulse:
         [N s].
     survived:
-        It stood, and was at rest in the end.
+        Whether the robot stood, and was at rest in the end.
     reason:
         How it ended, in words.
     time:
-        Until when it stood [s].
+        Time until which it stood [s].
     tilt:
-        Largest angle of the trunk from its first vertical [rad].
+        Largest angle of the trunk from its initial vertical [rad].
     slip:
-        How far a foot was from where it began, at most [m].
+        Largest distance of a foot from its initial place [m].
     relaxed:
-        Share of the ticks in which something gave way, in [0, 1].
+        Share of relaxed ticks, in [0, 1].
     """
 
     angle: float
@@ -64,34 +64,34 @@ class PushOutcome(NamedTuple):
 
     @property
     def key(self) -> tuple[float, float]:
-        """What tells pushes apart."""
+        """Key of the push; see :func:`key`."""
         return key(self.angle, self.ratio)
 
 
 class Trial(Protocol):
-    """Tries a push; the outcome depends on nothing but the arguments."""
+    """Tries a push; the outcome depends on the arguments only."""
 
     def __call__(self, angle: float, ratio: float) -> PushOutcome:
-        """Push at rest in a direction [rad], by an impulse in parts of M omega d."""
+        """Push the robot at rest in a direction [rad], by an impulse in units of M omega d."""
 
 
-# Makes what tries pushes, once in every process: it is pickled, and need not be small.
+# Makes a trial, once in every process; it is pickled.
 MakeTrial = Callable[[], Trial]
 Progress = Callable[[int, int, Mapping[str, Any]], None]
 
 
 @dataclass(frozen=True, eq=False)
 class PushGrid:
-    """Directions evenly around times impulses.
+    """Evenly spaced directions by impulses.
 
     Attributes
     ----------
     directions:
-        How many, the first along world x.
+        Their number, the first along world x.
     ratios:
-        Impulses (k,) in parts of M omega d, rising.
+        Impulses (k,) in units of M omega d, increasing.
     failures:
-        A direction ends after so many pushes in a row that were not survived; 0: never.
+        Number of failures in a row after which a direction ends; 0: never.
 
     Raises
     ------
@@ -120,7 +120,7 @@ class PushGrid:
 
     @property
     def size(self) -> int:
-        """How many pushes there are at most."""
+        """Largest number of pushes."""
         return self.directions * np.size(self.ratios)
 
     def next_ratio(self, angle: float, found: Mapping[tuple[float, float], PushOutcome]) -> float:
@@ -136,7 +136,7 @@ class PushGrid:
         return math.inf
 
     def remaining(self, found: Mapping[tuple[float, float], PushOutcome]) -> int:
-        """Return how many pushes are left at most, if all of them are survived."""
+        """Return the number of pushes that remain if all of them are survived."""
         ratios = np.asarray(self.ratios).tolist()
         return sum(
             key(angle, ratio) not in found
@@ -147,12 +147,12 @@ class PushGrid:
 
 
 def compass_angles(count: int) -> Array:
-    """Return angles (count,) evenly around, from 0 on [rad]."""
+    """Return evenly spaced angles (count,) from 0 on [rad]."""
     return 2.0 * np.pi * np.arange(count) / count
 
 
 def key(angle: float, ratio: float) -> tuple[float, float]:
-    """Return what tells pushes apart."""
+    """Return the key that identifies a push."""
     return round(angle, DIGITS), round(ratio, DIGITS)
 
 
@@ -173,86 +173,86 @@ def run_campaign(
     make:
         Called once in every process that tries pushes.
     workers:
-        Processes that do; with 1 it is this one. More are started fresh (``spawn``), so a script
-        needs the usual ``if __name__ == "__main__"`` guard. The outcomes do not depend on it.
+        Number of these processes; 1: this one. More are started by ``spawn``, so a script needs
+        the usual ``if __name__ == "__main__"`` guard. The outcomes do not depend on it.
     known:
-        Outcomes from before; those of the grid are not tried again.
+        Earlier outcomes; those of the grid are not tried again.
     record:
-        Called here with every new outcome, as it comes.
+        Called in this process with every new outcome, as it comes.
     progress:
-        Called with how many pushes are done, how many there will be at most, and a mapping: the
-        last (``push``) and how many were tried now (``new``).
+        Called with the number of pushes done, their largest total, and a mapping: the last
+        (``push``) and the number of new ones (``new``).
     cancelled:
-        Asked between pushes; True ends the campaign with what there is.
+        Called between pushes; True ends the campaign with the outcomes so far.
 
     Raises
     ------
     WbcError
-        What a trial raises; :class:`~wbc.workers.WorkerDiedError` if processes die of a push each
+        An error of a trial; :class:`~wbc.workers.WorkerDiedError` if processes die of a push each
         time that it is tried.
     """
     size = int(finite_number("campaign, workers", workers, least=1.0))
-    here = {key(a, r) for a in grid.angles.tolist() for r in np.asarray(grid.ratios).tolist()}
-    found = {one.key: one for one in known if one.key in here}
-    ended = cancelled or (lambda: False)
-    tell = progress or (lambda done, total, info: None)
+    grid_keys = {key(a, r) for a in grid.angles.tolist() for r in np.asarray(grid.ratios).tolist()}
+    found = {push.key: push for push in known if push.key in grid_keys}
+    is_cancelled = cancelled or (lambda: False)
+    report = progress or (lambda done, total, info: None)
     if any(math.isfinite(grid.next_ratio(angle, found)) for angle in grid.angles.tolist()):
-        outcomes = _one_by_one if size == 1 else _in_processes
+        run = _run_serially if size == 1 else _run_in_processes
         before = len(found)
-        for outcome in outcomes(grid, make, found, min(size, grid.directions), ended):
+        for outcome in run(grid, make, found, min(size, grid.directions), is_cancelled):
             found[outcome.key] = outcome
             if record is not None:
                 record(outcome)
             done = len(found)
             total = done + grid.remaining(found)
-            tell(done, total, {"push": outcome, "new": done - before})
-    return [found[one] for one in sorted(found)]
+            report(done, total, {"push": outcome, "new": done - before})
+    return [found[push] for push in sorted(found)]
 
 
-def _next(
+def _next_push(
     grid: PushGrid, found: Mapping[tuple[float, float], PushOutcome], busy: Iterable[float]
 ) -> tuple[float, float] | None:
-    """Return the gentlest push to try, of a direction that is not being tried."""
-    waits = [
+    """Return the smallest push to try, of a direction that is not busy."""
+    candidates = [
         (grid.next_ratio(angle, found), angle)
         for angle in grid.angles.tolist()
         if angle not in set(busy)
     ]
-    ratio, angle = min(waits, default=(math.inf, 0.0))
+    ratio, angle = min(candidates, default=(math.inf, 0.0))
     return (angle, ratio) if math.isfinite(ratio) else None
 
 
-def _one_by_one(
+def _run_serially(
     grid: PushGrid,
     make: MakeTrial,
     found: Mapping[tuple[float, float], PushOutcome],
     _: int,
-    ended: Callable[[], bool],
+    is_cancelled: Callable[[], bool],
 ) -> Iterator[PushOutcome]:
     trial = make()
-    while not ended() and (push := _next(grid, found, ())) is not None:
+    while not is_cancelled() and (push := _next_push(grid, found, ())) is not None:
         yield trial(*push)
 
 
-def _in_processes(
+def _run_in_processes(
     grid: PushGrid,
     make: MakeTrial,
     found: Mapping[tuple[float, float], PushOutcome],
     size: int,
-    ended: Callable[[], bool],
+    is_cancelled: Callable[[], bool],
 ) -> Iterator[PushOutcome]:
     """Yield outcomes as they come; a direction is tried by one process at a time."""
     busy: set[tuple[float, float]] = set()
     with Workers(make, size) as workers:
-        while not ended():
+        while not is_cancelled():
             angles = [angle for angle, _ in busy]
-            while workers.room and (push := _next(grid, found, angles)):
+            while workers.room and (push := _next_push(grid, found, angles)):
                 busy.add(push)
                 angles.append(push[0])
                 workers.submit(push, *push)
             if not busy:
                 return
-            for answer in workers.results(MOMENT):
+            for answer in workers.results(POLL_TIME):
                 if answer.error is not None:
                     raise answer.error
                 busy.discard(answer.key)
@@ -260,12 +260,12 @@ def _in_processes(
 
 
 class CampaignLog(Journal):
-    """What was pushed and how, then one outcome in each line; a context.
+    """A file of a campaign: its description, then an outcome in each line; a context manager.
 
     Attributes
     ----------
     known:
-        Outcomes that were there, by the name of the problem.
+        Outcomes found in it, by the name of the problem.
 
     Raises
     ------
@@ -285,5 +285,5 @@ class CampaignLog(Journal):
             raise not_ours(path, error) from error
 
     def record(self, problem: str, outcome: PushOutcome) -> None:
-        """Keep an outcome."""
+        """Append an outcome."""
         self.add({"problem": problem, **outcome._asdict()})

@@ -1,9 +1,9 @@
-"""What MuJoCo's contacts leave out: the part of a point's acceleration that its velocity makes.
+"""The drift J' q' of contact points, which MuJoCo's contacts neglect.
 
 A point of a chain of joints accelerates by J q'' + J' q', but MuJoCo lets J q'' alone follow its
-reference, -b J q' - k r. So a foot that should rest creeps at J' q'/b, b = 2/``time_constant``; and
-where legs fold at 2.7 m/s, J' q' is 70 m/s^2, it is pressed harder as it comes down, and is then
-lifted off the ground although its leg pushes it down.
+reference, -b J q' - k r. So a foot that should rest creeps at J' q'/b, b = 2/``time_constant``.
+Where legs fold at 2.7 m/s, J' q' is 70 m/s^2: the foot is pressed harder as the robot comes down,
+and is then lifted off the ground although its leg pushes it down.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class ContactDrift:
 
     def __init__(self, model: Any) -> None:
         self._model = model
-        moves = np.zeros((model.nbody, model.nv))  # which velocities move which bodies
+        moves = np.zeros((model.nbody, model.nv))  # 1 where a velocity moves a body
         for body in range(1, model.nbody):
             moves[body] = moves[model.body_parentid[body]] + (model.dof_bodyid == body)
         self._moves = moves

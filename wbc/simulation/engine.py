@@ -10,7 +10,7 @@ import numpy as np
 from wbc.errors import WbcError
 from wbc.robot.tree import LARGEST
 
-# The warnings of MuJoCo that mean an unusable state, and what they speak of.
+# MuJoCo's warnings of an unusable state, and the quantity that they are about.
 _STATES = {
     "mjWARN_BADQPOS": "position",
     "mjWARN_BADQVEL": "velocity",
@@ -26,9 +26,9 @@ class SimulationError(WbcError):
     what:
         What is wrong, and what to do.
     time:
-        When, in simulated time [s]; None if nothing was simulated.
+        Simulated time [s]; None if nothing was simulated.
     joint:
-        Joint or ``base`` that is to blame, if one is.
+        The joint, or ``base``, that is the cause, if one is.
     """
 
     def __init__(self, what: str, time: float | None = None, joint: str | None = None) -> None:
@@ -39,7 +39,7 @@ class SimulationError(WbcError):
 def check_state(
     mujoco: Any, data: Any, coordinates: Sequence[str], velocities: Sequence[str]
 ) -> None:
-    """Raise what MuJoCo warned of since the data were reset, and for states that are no motion.
+    """Raise an error for MuJoCo's warnings since the reset, and for unusable states.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How far an estimate is from the truth that only a simulation knows."""
+"""Errors of an estimate, by a simulation's true state."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from wbc.validate import Array
 
 
 class EstimateErrors:
-    """Errors of the base's estimates over a run, and how often they were as large as was said.
+    """Errors of the base's estimates over a run, and their consistency with the covariances.
 
     Attributes
     ----------
     count:
-        Estimates seen.
+        Number of estimates.
     way:
-        Horizontal distance that the base went [m], by its places every quarter of a second, so
-        that its sway does not count in full.
+        Horizontal distance that the base travelled [m], from its places every quarter of a second,
+        so that its sway hardly counts.
     drift, yaw:
         Horizontal error of the position [m] and of the heading [rad] at the last estimate.
     """
@@ -30,33 +30,33 @@ class EstimateErrors:
         self.way = self.drift = self.yaw = 0.0
         self._squares = np.zeros(5)  # velocity, tilt; normalised: velocity, tilt, and innovation
         self._rows = 0
-        self._place: tuple[float, Array] | None = None
+        self._last_place: tuple[float, Array] | None = None
 
     def add(self, estimate: Estimate, q: Array, v: Array) -> None:
         """Compare an estimate with the configuration (nq,) and velocity (nv,) of its time."""
-        R, own = rotation_from(q[3:7]), rotation_from(estimate.q[3:7])
-        turn, P = log_rotation(own @ R.T), estimate.covariance
-        velocity = own @ estimate.v[:3] - R @ v[:3]
+        R, estimated = rotation_from(q[3:7]), rotation_from(estimate.q[3:7])
+        rotation, P = log_rotation(estimated @ R.T), estimate.covariance
+        velocity = estimated @ estimate.v[:3] - R @ v[:3]
         squares = (
             velocity @ velocity,
-            turn[:2] @ turn[:2],
+            rotation[:2] @ rotation[:2],
             velocity @ np.linalg.solve(P[3:6, 3:6], velocity) / 3.0,
-            turn[:2] @ np.linalg.solve(P[:2, :2], turn[:2]) / 2.0,
+            rotation[:2] @ np.linalg.solve(P[:2, :2], rotation[:2]) / 2.0,
             estimate.innovation[0],
         )
         self._squares += np.array(squares, dtype=float)
         self._rows += estimate.innovation[1]
         self.count += 1
         self.drift = math.hypot(*(estimate.q[:2] - q[:2]).tolist())
-        self.yaw = float(turn[2])
-        if self._place is None or estimate.time - self._place[0] >= 0.25:
-            if self._place is not None:
-                self.way += math.hypot(*(q[:2] - self._place[1]).tolist())
-            self._place = estimate.time, q[:2].copy()
+        self.yaw = float(rotation[2])
+        if self._last_place is None or estimate.time - self._last_place[0] >= 0.25:
+            if self._last_place is not None:
+                self.way += math.hypot(*(q[:2] - self._last_place[1]).tolist())
+            self._last_place = estimate.time, q[:2].copy()
 
     @property
     def velocity(self) -> float:
-        """Root mean square error of the linear velocity, all axes together [m/s]."""
+        """Root mean square error of the linear velocity, its norm [m/s]."""
         return math.sqrt(float(self._squares[0]) / max(self.count, 1))
 
     @property
@@ -66,13 +66,13 @@ class EstimateErrors:
 
     @property
     def normalised(self) -> tuple[float, float]:
-        """Mean squares of velocity and tilt by their covariances, per degree of freedom: 1."""
+        """Mean normalised squares of velocity and tilt per degree of freedom: 1 if consistent."""
         v, tilt = (self._squares[2:4] / max(self.count, 1)).tolist()
         return v, tilt
 
     @property
     def innovation(self) -> float:
-        """Mean normalised innovation squared per row: 1 where the noise is as the filter has it."""
+        """Mean normalised innovation squared per row: 1 if the noise is as modelled."""
         return float(self._squares[4]) / max(self._rows, 1)
 
     def __str__(self) -> str:

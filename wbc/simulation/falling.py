@@ -1,4 +1,4 @@
-"""Whether a simulated robot still stands, and why not."""
+"""Detection of falls of a simulated robot."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from wbc.validate import check_fields
 
 @dataclass(frozen=True)
 class FallLimits:
-    """What counts as a fall; whatever happens first.
+    """Criteria of a fall; the first that is met counts.
 
     Attributes
     ----------
     com_height:
-        The CoM sinks below this part of its height over the ground in the beginning.
+        The CoM is below this part of its initial height over the ground.
     tilt:
-        The trunk turns away from its first vertical by more than this [rad].
+        The trunk has tilted from its initial vertical by more than this [rad].
     trunk:
         Frame of the trunk.
     touch:
-        Anything touches the ground but a sole, or what joints carry beyond one, such as toes.
+        Anything touches the ground but a sole, or links beyond it, such as toes.
     lifted:
-        Foot that must not come down, of a robot that stands on the other one; empty: none.
+        Foot that must not touch down, of a robot that stands on the other one; empty: none.
     """
 
     com_height: float = 0.5
@@ -53,7 +53,7 @@ class FallLimits:
 class Verdict(NamedTuple):
     """Whether a robot stood until ``time`` [s], or why it fell then.
 
-    ``tilt`` is the present angle of the trunk from its first vertical [rad].
+    ``tilt`` is the present angle of the trunk from its initial vertical [rad].
     """
 
     stood: bool
@@ -66,7 +66,7 @@ class Verdict(NamedTuple):
 
 
 def beyond_feet(robot: Robot) -> frozenset[str]:
-    """Return the links that joints carry beyond the feet, such as toes."""
+    """Return the links beyond the feet in the kinematic tree, such as toes."""
     model = robot.model
     beyond = set[int]()
     feet = {int(robot.frame(foot.frame).parentJoint) for foot in robot.feet.values()}
@@ -77,7 +77,7 @@ def beyond_feet(robot: Robot) -> frozenset[str]:
 
 
 class FallWatch:
-    """Watches a plant; made when it is as it should stay.
+    """Watches a plant for falls; made when the robot stands.
 
     Raises
     ------
@@ -90,9 +90,9 @@ class FallWatch:
         plant.robot.frame_id(limits.trunk)
         self._lifted = plant.robot.foot(limits.lifted).frame if limits.lifted else ""
         self._up = plant.body_rotation(limits.trunk)[2].copy()  # the vertical in the trunk's axes
-        self._first_height = self._height()
+        self._initial_height = self._height()
         self._toes = beyond_feet(plant.robot)
-        self._at_first = plant.touched()
+        self._initial_touches = plant.touched()
 
     def verdict(self) -> Verdict:
         """Return the present verdict."""
@@ -105,23 +105,23 @@ class FallWatch:
         if links := [link for link in touched if link not in self._toes]:
             what = touched[links[0]]
             reason = f"{links[0]} touched {'the ground' if what == GROUND else what}"
-            if self._at_first.get(links[0]) == what:
+            if self._initial_touches.get(links[0]) == what:
                 reason += ", as at the start: the robot begins there; falls: {touch: false} lets it"
         elif self._lifted and plant.contact_forces[self._lifted][2] > 0.0:
             reason = f"the {limits.lifted} foot, which was lifted, touched the ground"
         elif tilt > limits.tilt:
             reason = f"{limits.trunk} tilted by {tilt:.2f} rad, more than {limits.tilt:g}"
-        elif height < limits.com_height * self._first_height:
+        elif height < limits.com_height * self._initial_height:
             reason = (
                 f"the CoM sank to {height:.3f} m, below {limits.com_height:g} of"
-                f" {self._first_height:.3f} m"
+                f" {self._initial_height:.3f} m"
             )
         if reason:
             return Verdict(False, plant.time, f"fell at t = {plant.time:.3f} s: {reason}", tilt)
         return Verdict(True, plant.time, f"stood for {plant.time:.3f} s", tilt)
 
     def _height(self) -> float:
-        """Return how far the CoM is above the plane of the ground [m]."""
+        """Return the CoM's height over the plane of the ground [m]."""
         x, y, z = self._plant.com.tolist()
         slope = self._plant.terrain.slope
         return z - slope[0] * x - slope[1] * y

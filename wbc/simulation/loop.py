@@ -1,4 +1,4 @@
-"""The loop closed: measure, command a torque, let the physics go on."""
+"""The closed loop in physics: measure, command a torque, step."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ class SimulationTick(NamedTuple):
     Attributes
     ----------
     time:
-        Simulated time at its end [s]; the plant is there now.
+        Simulated time at its end [s], the plant's time now.
     snapshot:
-        What was measured at its beginning; of a lost frame, what was last measured.
+        The state measured at its beginning; for a lost frame the last one.
     state:
-        Where the plant really was at its beginning: configuration (nq,) and velocity (nv,).
+        The true state at its beginning: configuration (nq,) and velocity (nv,).
     tick:
-        What the controller answered to it, and the plant was given.
+        The controller's answer, given to the plant.
     fresh:
-        Whether it was measured; if not, the last torque was held.
+        Whether the frame was measured; if not, the last torque was held.
     verdict:
         Whether the robot stands at its end.
     seconds, cpu_seconds:
@@ -59,25 +59,25 @@ def simulate(
     update: Update | None = None,
     falls: FallLimits | None = STANDING_LIMITS,
 ) -> Iterator[SimulationTick]:
-    """Yield the control periods of a plant, from the state that it is in.
+    """Yield the control periods of a plant, from its present state.
 
     It ends after ``duration``, after the period in which the robot fell, or when ``update`` returns
-    None. Between periods anything may be done: targets moved, the robot pushed, the plant recorded
-    (:class:`~wbc.simulation.recorder.Recorder`). Controllers are told of the wrenches that
-    :meth:`Plant.apply <wbc.simulation.Plant.apply>` lets act, where these say so. Where the
-    sensors lose a frame, the last torque is held; before the first frame, none.
+    None. Between periods the caller may move targets, push the robot or record the plant
+    (:class:`~wbc.simulation.recorder.Recorder`). Controllers get the known wrenches of
+    :meth:`Plant.apply <wbc.simulation.Plant.apply>`. When the sensors lose a frame, the last torque
+    is held; before the first frame it is zero.
 
     Parameters
     ----------
     controller:
-        Gives the period, and torques: a :class:`~wbc.controllers.torque.TorqueController`.
+        With the period, and torques: a :class:`~wbc.controllers.torque.TorqueController`.
     duration:
         [s].
     update:
-        Called before each command with the period's number and what was measured; returns the
-        controller in charge, or None to end.
+        Called before each command with the period's number and the measured state; returns the
+        controller of this period, or None to end.
     falls:
-        What counts as a fall; None: go on whatever happens.
+        Criteria of a fall, which ends it; None: it does not.
 
     Raises
     ------
@@ -104,18 +104,18 @@ def simulate(
     tick: TorqueTick | None = None
     snapshot: Snapshot | None = None
     for k in range(total):
-        began, cpu_began = perf_counter(), thread_time()
+        started, cpu_started = perf_counter(), thread_time()
         measured = plant.measure()
         if measured is not None:
             snapshot = plant.robot.snapshot(*measured)
-            present = controller if update is None else update(k, snapshot)
-            if present is None:
+            active = controller if update is None else update(k, snapshot)
+            if active is None:
                 return
-            tick = _torque_tick(present, snapshot, plant.known_wrenches(dt))
-        if snapshot is None or tick is None:  # not one frame has come yet
+            tick = _torque_tick(active, snapshot, plant.known_wrenches(dt))
+        if snapshot is None or tick is None:  # before the first frame
             plant.step(plant.torque, dt)
             continue
-        seconds, cpu_seconds = perf_counter() - began, thread_time() - cpu_began
+        seconds, cpu_seconds = perf_counter() - started, thread_time() - cpu_started
         state, fresh = plant.state(), measured is not None
         plant.step(tick.torque, dt)
         verdict = watch.verdict()
@@ -141,7 +141,7 @@ def _torque_tick(
 
 
 def _check_controller(what: str, controller: object) -> None:
-    """Refuse what cannot be asked for ticks; controllers of one's own may be of any class."""
+    """Refuse objects without a controller's methods; user-defined ones may be of any class."""
     if not all(hasattr(controller, name) for name in ("robot", "dt", "step")):
         raise InvalidInputError(
             f"{what}: expected a controller, such as TorqueController(robot, tasks), got"

@@ -1,4 +1,4 @@
-"""How the simulated robot differs from the model that controllers have of it."""
+"""Model errors: how the simulated robot differs from the controllers' model."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ SPREADS = ("mass_spread", "inertia_spread", "com_spread")
 
 @dataclass(frozen=True, eq=False)
 class ModelMismatch:
-    """Errors of the controller's model: the physics gets the robot as it "really" is.
+    """Errors of the controller's model: how the true robot in the physics differs from it.
 
     Attributes
     ----------
     mass:
-        Factor on the mass of every link; moments of inertia go with it.
+        Factor on the mass of every link, and on its moments of inertia.
     inertia:
-        Factor on the moments of inertia of every link, besides.
+        Further factor on the moments of inertia of every link.
     com:
         Shift (3,) of the base link's CoM in its own axes [m].
     friction:
@@ -33,9 +33,9 @@ class ModelMismatch:
     mass_spread, inertia_spread:
         Each link's factors are multiplied by 1 + spread u, u uniform in [-1, 1]; below 1.
     com_spread:
-        Each link's CoM is shifted by up to so much along each of its joint's axes [m].
+        Each link's CoM is shifted by up to this along each of its joint's axes [m].
     seed:
-        Of the random numbers; the same seed is the same robot.
+        Of the random numbers; the same seed gives the same robot.
     """
 
     mass: float = 1.0
@@ -81,7 +81,7 @@ def principal_inertia(inertia: Any) -> PrincipalInertia:
     """Return the principal axes and moments of a ``pin.Inertia``."""
     moments, axes = np.linalg.eigh(np.array(inertia.inertia))
     axes[:, 2] *= np.sign(np.linalg.det(axes))
-    # below zero by rounding only: robots with more are refused when loaded
+    # Negative by rounding only: Robot.load refuses others.
     return PrincipalInertia(
         float(inertia.mass), np.array(inertia.lever), axes, np.maximum(moments, 0.0)
     )
@@ -89,21 +89,21 @@ def principal_inertia(inertia: Any) -> PrincipalInertia:
 
 def true_inertias(robot: Robot, mismatch: ModelMismatch) -> list[PrincipalInertia]:
     """Return the mass properties of the link of each Pinocchio joint; entry 0 is no link."""
-    found = [principal_inertia(body) for body in robot.model.inertias]
-    if _same(mismatch):
-        return found
-    random = np.random.default_rng(mismatch.seed).uniform(-1.0, 1.0, (len(found), 5))
-    for j, (inertia, u) in enumerate(zip(found, random, strict=True)):
+    inertias = [principal_inertia(body) for body in robot.model.inertias]
+    if _is_exact(mismatch):
+        return inertias
+    random = np.random.default_rng(mismatch.seed).uniform(-1.0, 1.0, (len(inertias), 5))
+    for j, (inertia, u) in enumerate(zip(inertias, random, strict=True)):
         mass = mismatch.mass * (1.0 + mismatch.mass_spread * u[0])
         moments = mass * mismatch.inertia * (1.0 + mismatch.inertia_spread * u[1])
         shift = mismatch.com_spread * u[2:] + (mismatch.com if j == 1 else 0.0)
-        found[j] = PrincipalInertia(
+        inertias[j] = PrincipalInertia(
             mass * inertia.mass, inertia.com + shift, inertia.axes, moments * inertia.moments
         )
-    return found
+    return inertias
 
 
-def _same(mismatch: ModelMismatch) -> bool:
-    """Return whether nothing differs but the seed and the ground's friction."""
+def _is_exact(mismatch: ModelMismatch) -> bool:
+    """Return whether the links' inertias are the model's."""
     names = [field.name for field in fields(EXACT) if field.name not in ("seed", "friction")]
     return all(np.array_equal(getattr(mismatch, name), getattr(EXACT, name)) for name in names)

@@ -1,4 +1,4 @@
-"""A robot in MuJoCo that is commanded by torques, and read back."""
+"""A torque-controlled robot in MuJoCo."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from wbc.simulation.terrain import Terrain
 from wbc.simulation.wrench import AppliedWrench, apply, sum_by_frame
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only, time_step
 
-_EVEN = 1e-6  # a control period is so many physics steps, to this part of one
+_STEP_TOLERANCE = 1e-6  # of a control period's number of physics steps, from an integer
 PERFECT = Sensors()
 
 
@@ -44,48 +44,48 @@ class Plant:
     Parameters
     ----------
     robot:
-        Floating or fixed base; mimic joints and closed loops are held by stiff springs. Mimic
+        Floating or fixed base; mimic joints and closed loops are coupled by stiff springs. Mimic
         joints take torques, too, unactuated ones none.
     dt:
         Control period: how long :meth:`step` holds a torque [s].
     physics_dt:
-        Step of the physics [s], of which the control period is a multiple.
+        Step of the physics [s]; the control period is a multiple.
     terrain:
         Ground and steps; ``friction`` is short for ``Terrain(friction=...)``.
     shapes:
-        Whether the links' collision shapes meet the ground too, not only the soles. A robot
+        Whether the links' collision shapes collide with the ground, not only the soles. A robot
         without such shapes gets a note.
     self_collision:
-        Whether links meet each other, too: the pairs of self-collision constraints.
+        Whether links collide with each other: the pairs of self-collision constraints.
     saturate:
-        Hold torques to the robot's effort limits, as motors would; see :attr:`saturated`.
+        Clip torques to the robot's effort limits, as motors would; see :attr:`saturated`.
     hands:
-        Balls that may lean on the terrain's walls, which is then no touching.
+        Balls that may lean on the terrain's walls; that is no touch in the sense of falls.
     sensors:
-        Noise, delay and loss of what :meth:`measure` returns, and latency of torques.
+        Noise, delay and loss of :meth:`measure`, and latency of torques.
     mismatch:
-        How the simulated robot differs from ``robot``, which controllers know.
+        Differences of the simulated robot from ``robot``, the controllers' model.
     gravity:
-        (3,) [m/s^2]; None: that of the robot's model, which controllers count on.
+        (3,) [m/s^2]; None: that of the robot's model, which controllers use.
 
     Attributes
     ----------
     model, data:
-        MuJoCo's own ``MjModel`` and ``MjData``: for its viewer, and for what is not offered here.
+        MuJoCo's ``MjModel`` and ``MjData``, for its viewer and for anything not offered here.
     states:
         Converts states between MuJoCo's coordinates and the robot's.
     pushes:
-        Pushes that are not over yet.
+        Pushes that are not over.
     wrenches:
-        Wrenches that are not over yet; see :meth:`apply`.
+        Wrenches that are not over; see :meth:`apply`.
     torque:
-        What was last commanded (nv-6,), within the effort limits.
+        The last command (nv-6,), within the effort limits.
     push_force:
         Sum of the pushes (3,) in the last step of the physics [N].
     applied:
-        Wrenches (6,) that acted in the last period, by frame: their means.
+        Mean wrenches (6,) of the last period, by frame.
     saturated:
-        How often each joint (nv-6,) was asked for more than its effort limit, in control periods.
+        Number of control periods in which each joint's (nv-6,) command was beyond its effort limit.
 
     Raises
     ------
@@ -94,7 +94,7 @@ class Plant:
     ModelError
         MuJoCo refuses the robot.
     InvalidInputError
-        Hands that are none, or not at the ends of arms; numbers that are unusable.
+        Hands that are not at the ends of arms; unusable numbers.
     """
 
     def __init__(
@@ -136,18 +136,18 @@ class Plant:
         options = ShapeOptions(
             shapes, bool(terrain.steps or terrain.walls), self_collision, self.hands
         )
-        self._built = build(self._mujoco, robot, terrain, mismatch, options, self.physics_dt)
-        self.model = self._built.model
+        self._compiled = build(self._mujoco, robot, terrain, mismatch, options, self.physics_dt)
+        self.model = self._compiled.model
         if gravity is not None:
             self.model.opt.gravity = finite_array("plant, gravity", gravity, (3,))
         self.data = self._mujoco.MjData(self.model)
         self._drift = ContactDrift(self.model) if terrain.drift else None
         self.states = StateMap(robot, self.model)
-        self._most_torque = robot.limits.effort if saturate else np.full(robot.nv - BASE_NV, np.inf)
+        self._max_torque = robot.limits.effort if saturate else np.full(robot.nv - BASE_NV, np.inf)
         if robot.unactuated:
-            self._most_torque = self._most_torque.copy()
-            without = [robot.joint_index(name) - BASE_NV for name in robot.unactuated]
-            self._most_torque[without] = 0.0
+            self._max_torque = self._max_torque.copy()
+            passive = [robot.joint_index(name) - BASE_NV for name in robot.unactuated]
+            self._max_torque[passive] = 0.0
         self.reset(robot.postures[STANDING])
 
     def __repr__(self) -> str:
@@ -157,15 +157,15 @@ class Plant:
         )
 
     @property
-    def _mujoco(self) -> Any:  # a module kept as an attribute could be neither copied nor pickled
+    def _mujoco(self) -> Any:  # a module as an attribute could be neither copied nor pickled
         import mujoco
 
         return mujoco
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the physics leaves out, in words."""
-        return self._built.notes
+        """What the physics omits, in words."""
+        return self._compiled.notes
 
     # ------------------------------------------------------------------ time and state
 
@@ -175,10 +175,9 @@ class Plant:
         return float(self.data.time)
 
     def reset(self, q: ArrayLike, v: ArrayLike | None = None) -> None:
-        """Begin at configuration ``q`` (nq,) moving at ``v`` (at rest if None), at time 0.
+        """Begin at configuration ``q`` (nq,) with velocity ``v`` (at rest if None), at time 0.
 
-        Pushes and wrenches are forgotten. Nothing else is remembered either: what follows is the
-        same, bit for bit, whatever was before.
+        Pushes and wrenches are removed. What follows is the same, bit for bit, whatever was before.
 
         Raises
         ------
@@ -192,7 +191,7 @@ class Plant:
         self.data.qpos, self.data.qvel = qpos, qvel
         if not self.states.floating:
             self.states.base = q[:BASE_NQ].copy()
-            root = self._built.bodies[1]
+            root = self._compiled.bodies[1]
             self.model.body_pos[root] = q[:3]
             self.model.body_quat[root] = q[[6, 3, 4, 5]]
         self.pushes: list[Push] = []
@@ -203,8 +202,8 @@ class Plant:
         self.applied: dict[str, Array] = {}
         self._contacts: Contacts | None = None
         self._measurements = Measurements(self.robot, self.sensors)
-        self._frame: tuple[tuple[Array, Array] | None] | None = None
-        self._past = deque([(qpos, qvel)], maxlen=self._delay + 1)
+        self._measurement: tuple[tuple[Array, Array] | None] | None = None
+        self._past_states = deque([(qpos, qvel)], maxlen=self._delay + 1)
         self._commands = deque[Array]()  # one for each step of the physics still to come
         with quietly(self._mujoco):
             self._mujoco.mj_forward(self.model, self.data)
@@ -215,18 +214,18 @@ class Plant:
         return self.states.from_mujoco(self.data.qpos, self.data.qvel)
 
     def measure(self) -> tuple[Array, Array] | None:
-        """Return configuration and velocity as the sensors see them; None if the frame is lost.
+        """Return configuration and velocity as measured; None if the frame is lost.
 
-        However often it is asked within one control period, the answer is the same.
+        All calls within one control period return the same.
         """
-        if self._frame is None:
-            state = self.states.from_mujoco(*self._past[0]) if self._delay else self.state()
-            self._frame = (self._measurements.measure(*state),)
-        found = self._frame[0]
-        return None if found is None else (found[0].copy(), found[1].copy())
+        if self._measurement is None:
+            state = self.states.from_mujoco(*self._past_states[0]) if self._delay else self.state()
+            self._measurement = (self._measurements.measure(*state),)
+        measured = self._measurement[0]
+        return None if measured is None else (measured[0].copy(), measured[1].copy())
 
     def snapshot(self) -> Snapshot:
-        """Return what the robot's own model knows of :meth:`state`."""
+        """Return the model's snapshot at :meth:`state`."""
         return self.robot.snapshot(*self.state())
 
     # ------------------------------------------------------------------ what acts
@@ -245,15 +244,15 @@ class Plant:
             raise InvalidInputError("plant, torque: expected numbers: plant.step(tick.torque)")
         torque = finite_vector("plant, torque", torque, self.robot.nv - BASE_NV)
         count = self._substeps("dt", self.dt if dt is None else dt)
-        applied = np.clip(torque, -self._most_torque, self._most_torque)
+        applied = np.clip(torque, -self._max_torque, self._max_torque)
         self.saturated += applied != torque
         self.torque = read_only(applied)
-        self.push_force, self._contacts, self._frame = np.zeros(3), None, None
+        self.push_force, self._contacts, self._measurement = np.zeros(3), None, None
         self.applied = sum_by_frame(self.wrenches, self.time, count * self.physics_dt)
         with quietly(self._mujoco):
-            acted_on = self.pushes or self.wrenches
-            if acted_on or self._delay or self._latency or self._drift:
-                self._step_one_by_one(applied, count)
+            external = self.pushes or self.wrenches
+            if external or self._delay or self._latency or self._drift:
+                self._step_singly(applied, count)
             else:
                 self.states.torques_to_mujoco(applied, self.data.qfrc_applied)
                 self._mujoco.mj_step(self.model, self.data, count)
@@ -274,12 +273,12 @@ class Plant:
         Parameters
         ----------
         body:
-            A link or frame; what it is fixed to is pushed.
+            A link or frame; its body is pushed.
         force:
             (3,) [N], world axes; the peak of a ``half_sine``.
         point:
-            Where (3,) [m], in the frame's axes from its origin, which is the default; or ``com``:
-            where the robot's CoM is now, carried along with the body.
+            Point of application (3,) [m], in the frame's axes from its origin, the default; or
+            ``com``: the robot's CoM now, a point that then moves with the body.
         duration:
             [s].
         profile:
@@ -315,15 +314,15 @@ class Plant:
         Parameters
         ----------
         frame:
-            A link or frame, whose origin carries it along.
+            A link or frame; the wrench moves with its origin.
         wrench:
             (6,) at that origin, world axes, [N] then [N m].
         start:
             In simulated time [s], not before now.
         duration:
-            [s]; for ever by default. To end it sooner, take it out of :attr:`wrenches`.
+            [s]; infinite by default. To end it earlier, remove it from :attr:`wrenches`.
         told:
-            Whether the controller shall know: it is then in :meth:`known_wrenches`.
+            Whether controllers know it: whether it is in :meth:`known_wrenches`.
 
         Raises
         ------
@@ -333,23 +332,23 @@ class Plant:
             Not finite numbers, no duration, or a start that is over.
         """
         self.robot.frame_id(frame)
-        when = self.time if start is None else finite_number("wrench, start", start, least=0.0)
-        if when < self.time:
-            raise InvalidInputError(f"wrench, start: {when:g} s is over; it is {self.time:g} s")
-        found = AppliedWrench(frame, finite_array("wrench", wrench, (6,)), when, duration, told)
-        self.wrenches.append(found)
-        return found
+        begin = self.time if start is None else finite_number("wrench, start", start, least=0.0)
+        if begin < self.time:
+            raise InvalidInputError(f"wrench, start: {begin:g} s is over; it is {self.time:g} s")
+        acting = AppliedWrench(frame, finite_array("wrench", wrench, (6,)), begin, duration, told)
+        self.wrenches.append(acting)
+        return acting
 
     def known_wrenches(self, dt: float | None = None) -> dict[str, Array]:
-        """Return the wrenches (6,) by frame that controllers are told for the next period, or dt.
+        """Return the wrenches (6,) by frame that controllers know, mean of the next period or dt.
 
-        As ``controller.step(snapshot, wrenches=plant.known_wrenches())`` takes them.
+        For ``controller.step(snapshot, wrenches=plant.known_wrenches())``.
         """
-        told = (wrench for wrench in self.wrenches if wrench.told)
-        return sum_by_frame(told, self.time, self.dt if dt is None else dt)
+        known = (wrench for wrench in self.wrenches if wrench.told)
+        return sum_by_frame(known, self.time, self.dt if dt is None else dt)
 
-    def _step_one_by_one(self, torque: Array, count: int) -> None:
-        """Make steps of the physics with pushes, late torques, and states kept for later."""
+    def _step_singly(self, torque: Array, count: int) -> None:
+        """Step the physics one by one, with pushes, latency, and past states for the delay."""
         mujoco, model, data = self._mujoco, self.model, self.data
         if not self._commands:  # the first since the reset
             self._commands.extend([torque] * self._latency)
@@ -357,48 +356,48 @@ class Plant:
         for _ in range(count):
             mujoco.mj_step1(model, data)
             self.states.torques_to_mujoco(self._commands.popleft(), data.qfrc_applied)
-            acting: list[Push | AppliedWrench] = [*self.pushes, *self.wrenches]
-            self.push_force = apply(acting, self.robot, self._built.bodies, data, self.physics_dt)
+            acts: list[Push | AppliedWrench] = [*self.pushes, *self.wrenches]
+            self.push_force = apply(acts, self.robot, self._compiled.bodies, data, self.physics_dt)
             if self._drift is not None:
                 self._drift.subtract(data)
             mujoco.mj_step2(model, data)
-            self._past.append((data.qpos.copy(), data.qvel.copy()))
-        over = self.time + 1e-9
-        self.pushes = [push for push in self.pushes if push.end > over]
-        self.wrenches = [wrench for wrench in self.wrenches if wrench.end > over]
+            self._past_states.append((data.qpos.copy(), data.qvel.copy()))
+        now = self.time + 1e-9
+        self.pushes = [push for push in self.pushes if push.end > now]
+        self.wrenches = [wrench for wrench in self.wrenches if wrench.end > now]
         data.xfrc_applied[:] = 0.0
 
     # ------------------------------------------------------------------ what is felt
 
     @property
     def contacts(self) -> Contacts:
-        """Contacts with the ground, as the last step of the physics had them."""
+        """Contacts with the ground in the last step of the physics."""
         if self._contacts is None:
-            self._contacts = read_contacts(self._mujoco, self._built, self.data)
+            self._contacts = read_contacts(self._mujoco, self._compiled, self.data)
         return self._contacts
 
     @property
     def contact_forces(self) -> dict[str, Array]:
         """Wrench (6,) on each sole by its frame, as a tick's ``forces``: at its origin, world axes.
 
-        Zero for a foot in the air.
+        Zero for a swing foot.
         """
-        found, data = self.contacts, self.data
+        contacts, data = self.contacts, self.data
         return {
-            sole.frame: found.wrench(
+            sole.frame: contacts.wrench(
                 sole.foot, data.xpos[sole.body] + data.xmat[sole.body].reshape(3, 3) @ sole.origin
             )
-            for sole in self._built.soles
+            for sole in self._compiled.soles
         }
 
     @property
     def felt_forces(self) -> dict[str, Array]:
-        """What feet feel: :attr:`contact_forces`, without noise; see :class:`SensedPlant`."""
+        """Measured forces on the soles: :attr:`contact_forces` here; see :class:`SensedPlant`."""
         return self.contact_forces
 
     @property
     def felt_loads(self) -> dict[str, float]:
-        """Normal force by foot [N] as feet feel it."""
+        """Measured normal force by foot [N]."""
         return {foot: self.contacts.load(foot) for foot in self.robot.feet}
 
     @property
@@ -412,30 +411,30 @@ class Plant:
 
     def touched(self) -> dict[str, str]:
         """Return what these touch, by link: ``ground``, ``step 0`` or ``wall 0`` of the terrain."""
-        return touched_by_links(self._built, self.data)
+        return touched_by_links(self._compiled, self.data)
 
     def self_contacts(self) -> tuple[tuple[str, str], ...]:
         """Return the pairs of links that touch each other; none without ``self_collision``."""
-        return self_contacts(self._built, self.data)
+        return self_contacts(self._compiled, self.data)
 
     @property
     def com(self) -> Array:
-        """CoM (3,) of the simulated robot, one step of the physics ago at most [m]."""
-        return np.array(self.data.subtree_com[self._built.bodies[1]])
+        """CoM (3,) of the simulated robot, at most one step of the physics old [m]."""
+        return np.array(self.data.subtree_com[self._compiled.bodies[1]])
 
     def body_rotation(self, frame: str) -> Array:
         """Return the rotation (3, 3) of a frame to the world, of the same instant."""
-        found = self.robot.frame(frame)
-        body = self._built.bodies[int(found.parentJoint)]
-        return self.data.xmat[body].reshape(3, 3) @ np.array(found.placement.rotation)
+        placed = self.robot.frame(frame)
+        body = self._compiled.bodies[int(placed.parentJoint)]
+        return self.data.xmat[body].reshape(3, 3) @ np.array(placed.placement.rotation)
 
     # ------------------------------------------------------------------ checks
 
     def _substeps(self, what: str, time: float, least: int = 1) -> int:
-        """Return how many steps of the physics a time has."""
+        """Return the number of physics steps in a time."""
         steps = finite_number(f"plant, {what}", time, least=0.0) / self.physics_dt
         count = round(steps)
-        if count < least or abs(steps - count) > _EVEN:
+        if count < least or abs(steps - count) > _STEP_TOLERANCE:
             raise InvalidInputError(
                 f"plant, {what}: {time:g} s is no multiple of physics_dt {self.physics_dt:g} s"
             )

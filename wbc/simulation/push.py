@@ -29,9 +29,9 @@ class Push:
     force:
         Largest force (3,) [N], world axes.
     point:
-        Where it acts (3,) [m], in the frame's axes from its origin.
+        Point of application (3,) [m], in the frame's axes from its origin.
     start, duration:
-        When it begins, in simulated time, and how long it lasts [s].
+        In simulated time [s].
     profile:
         ``rectangular``, or ``half_sine``, whose impulse is 2/pi of the former's.
     """
@@ -56,7 +56,7 @@ class Push:
 
     @property
     def end(self) -> float:
-        """When it is over [s]."""
+        """End of the push [s]."""
         return self.start + self.duration
 
     @property
@@ -67,21 +67,21 @@ class Push:
     def mean(self, time: float, dt: float) -> Array:
         """Return the mean force [N] from ``time`` to ``time + dt``, as a wrench (6,).
 
-        Held over physics steps, these give the impulse exactly, whatever the steps are.
+        Held over physics steps of any size, these give the exact impulse.
         """
         begin, end = ((t - self.start) / self.duration for t in (time, time + dt))
         share = self._share(min(max(begin, 0.0), 1.0), min(max(end, 0.0), 1.0))
         return np.append(self.force * (share * self.duration / dt), np.zeros(3))
 
     def _share(self, begin: float, end: float) -> float:
-        """Return the integral of the profile over a part of [0, 1]; its peak is 1."""
+        """Return the integral of the profile, whose peak is 1, over a part of [0, 1]."""
         if self.profile == "rectangular":
             return end - begin
         return (math.cos(np.pi * begin) - math.cos(np.pi * end)) / np.pi
 
 
 def push_point(point: ArrayLike | str | None, body: str, snapshot: Callable[[], Snapshot]) -> Array:
-    """Return where a push acts (3,), in the body's axes from its origin [m].
+    """Return a push's point of application (3,), in the body's axes from its origin [m].
 
     Raises
     ------

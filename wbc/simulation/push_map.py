@@ -1,4 +1,4 @@
-"""What a campaign of pushes came to: the impulse that is survived, by direction."""
+"""The push map of a campaign: the survived impulse by direction."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class PushMap:
     Attributes
     ----------
     outcomes:
-        Of those that were tried.
+        Of the tried pushes.
     bounds:
-        Of theory, by direction.
+        Theoretical, by direction.
     outline:
         The same by finer directions, for pictures.
     """
@@ -44,19 +44,19 @@ class PushMap:
 
     def __post_init__(self) -> None:
         angles = self.grid.angles.tolist()
-        done = all(np.isinf(self.grid.next_ratio(angle, self._found)) for angle in angles)
+        done = all(np.isinf(self.grid.next_ratio(angle, self._by_key)) for angle in angles)
         object.__setattr__(self, "complete", done)
 
     @cached_property
-    def _found(self) -> Mapping[tuple[float, float], PushOutcome]:
+    def _by_key(self) -> Mapping[tuple[float, float], PushOutcome]:
         return {one.key: one for one in self.outcomes}
 
     def outcome(self, direction: int, step: int) -> PushOutcome | None:
-        """Return what became of a push of the grid, by its indices; None if it was not tried."""
-        return self._found.get(key(self.grid.angles[direction], self._ratios[step]))
+        """Return the outcome of a push of the grid, by its indices; None if it was not tried."""
+        return self._by_key.get(key(self.grid.angles[direction], self._ratios[step]))
 
-    def _placed(self) -> Iterator[tuple[tuple[int, int], PushOutcome]]:
-        """Yield direction and ratio, by their indices, of what was tried, and what became of it."""
+    def _tried_pushes(self) -> Iterator[tuple[tuple[int, int], PushOutcome]]:
+        """Yield the indices (direction, ratio) and outcome of each tried push."""
         for place in np.ndindex(self.grid.directions, self._ratios.size):
             outcome = self.outcome(*place)
             if outcome is not None:
@@ -69,49 +69,49 @@ class PushMap:
     @cached_property
     def table(self) -> NDArray[np.int8]:
         """1 survived, 0 not, -1 not tried (n, k): by direction and ratio."""
-        found = np.full((self.grid.directions, self._ratios.size), UNTRIED, dtype=np.int8)
-        for place, outcome in self._placed():
-            found[place] = SURVIVED if outcome.survived else FELL
-        return found
+        table = np.full((self.grid.directions, self._ratios.size), UNTRIED, dtype=np.int8)
+        for place, outcome in self._tried_pushes():
+            table[place] = SURVIVED if outcome.survived else FELL
+        return table
 
     @cached_property
     def limits(self) -> Array:
         """Largest ratio (n,) up to which every push of the grid was survived; 0 if none was.
 
-        NaN in directions in which the gentlest push was not tried: nothing is known of them.
+        NaN in directions in which not even the smallest push was tried.
         """
-        whole = np.cumprod(self.table == SURVIVED, axis=1).sum(axis=1)
-        limits = np.where(whole > 0, self._ratios[np.maximum(whole, 1) - 1], 0.0)
+        count = np.cumprod(self.table == SURVIVED, axis=1).sum(axis=1)
+        limits = np.where(count > 0, self._ratios[np.maximum(count, 1) - 1], 0.0)
         return np.where(self.tried, limits, np.nan)
 
     @cached_property
     def tried(self) -> NDArray[np.bool_]:
-        """Whether at least the gentlest push of a direction (n,) was tried."""
+        """Whether at least the smallest push of a direction (n,) was tried."""
         return np.asarray(self.table[:, 0] != UNTRIED)
 
     @property
     def least(self) -> float:
-        """The least limit of the directions that were tried; NaN if none was."""
+        """The smallest limit of the tried directions; NaN if none was."""
         return float(self.limits[self.tried].min()) if self.tried.any() else math.nan
 
     @property
     def mean(self) -> float:
-        """The mean limit of the directions that were tried; NaN if none was."""
+        """The mean limit of the tried directions; NaN if none was."""
         return float(self.limits[self.tried].mean()) if self.tried.any() else math.nan
 
     @cached_property
     def open_ended(self) -> NDArray[np.bool_]:
-        """Whether a direction (n,) was tried without a failure: its limit is at least this."""
+        """Whether a direction (n,) was tried without a failure: its limit is a lower bound."""
         return np.asarray((self.table != FELL).all(axis=1) & self.tried)
 
     def beyond(self, direction: int) -> list[float]:
-        """Return the ratios that were survived beyond a smaller push that was not."""
+        """Return the survived ratios above a failed one."""
         row = self.table[direction]
         failed = np.maximum.accumulate(row == FELL)
         return [float(ratio) for ratio in self._ratios[failed & (row == SURVIVED)]]
 
     def first_failure(self, direction: int) -> PushOutcome | None:
-        """Return the gentlest push of a direction that was not survived."""
+        """Return the smallest failed push of a direction."""
         columns = np.flatnonzero(self.table[direction] == FELL)
         return self.outcome(direction, int(columns[0])) if columns.size else None
 
@@ -120,16 +120,16 @@ class PushMap:
         bounds, angles = self.bounds, self.grid.angles
         directions = []
         for k, angle in enumerate(angles.tolist()):
-            first = self.first_failure(k)
+            failure = self.first_failure(k)
             unit = float(bounds.ankle[k])
             directions.append(
                 {
                     "angle": angle,
-                    "limit": _known(self.limits[k]),
-                    "impulse": _known(self.limits[k] * unit),
+                    "limit": _json_number(self.limits[k]),
+                    "impulse": _json_number(self.limits[k] * unit),
                     "at_least": bool(self.open_ended[k]),
                     "survived_beyond": self.beyond(k),
-                    "first_failure": None if first is None else first._asdict(),
+                    "first_failure": None if failure is None else failure._asdict(),
                     "capture_impulse": unit,
                     "pulse_limit": float(bounds.pulse[k]) / unit,
                     "reaction_mass_limit": None
@@ -141,8 +141,8 @@ class PushMap:
             "problem": self.name,
             "robot": self.robot,
             "complete": self.complete,
-            "least": _known(self.least),
-            "mean": _known(self.mean),
+            "least": _json_number(self.least),
+            "mean": _json_number(self.mean),
             "omega": bounds.omega,
             "reaction_mass": bounds.reaction_mass,
             "directions": directions,
@@ -150,11 +150,11 @@ class PushMap:
         }
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the histories' place in an ``.npz``: rows are directions."""
+        """Return the arrays of an ``.npz``; rows are directions."""
         bounds = self.bounds
         none = np.full_like(bounds.ankle, np.nan)
         values = np.full((4, *self.table.shape), np.nan)
-        for place, one in self._placed():
+        for place, one in self._tried_pushes():
             values[:, *place] = one.time, one.tilt, one.slip, one.relaxed
         return {
             "angle": self.grid.angles,
@@ -168,31 +168,31 @@ class PushMap:
         }
 
 
-def _known(value: float) -> float | None:
-    """Return a number for JSON, None for one that is not known."""
+def _json_number(value: float) -> float | None:
+    """Return a number for JSON, None for NaN."""
     return None if math.isnan(value) else float(value)
 
 
-def compared(one: PushMap, other: PushMap) -> tuple[float, float, Array]:
-    """Return how many times what the other survives one does: least, mean, and by direction (n,).
+def compare_maps(one: PushMap, other: PushMap) -> tuple[float, float, Array]:
+    """Return the ratios of one map's limits to another's: minimum, mean, and by direction (n,).
 
-    NaN in directions in which one of them survived no push of the grid, and they are left out of
-    the first two.
+    NaN in directions in which either survived no push of the grid; minimum and mean are over the
+    others.
     """
-    known = (one.limits > 0.0) & (other.limits > 0.0)
-    times = np.full(known.shape, np.nan)
-    mine, others = one.limits * one.bounds.ankle, other.limits * other.bounds.ankle
-    times[known] = mine[known] / others[known]
-    if not known.any():
-        return math.nan, math.nan, times
-    return float(times[known].min()), float(times[known].mean()), times
+    comparable = (one.limits > 0.0) & (other.limits > 0.0)
+    ratios = np.full(comparable.shape, np.nan)
+    first, second = one.limits * one.bounds.ankle, other.limits * other.bounds.ankle
+    ratios[comparable] = first[comparable] / second[comparable]
+    if not comparable.any():
+        return math.nan, math.nan, ratios
+    return float(ratios[comparable].min()), float(ratios[comparable].mean()), ratios
 
 
 def save_maps(path: str | Path, maps: Sequence[PushMap], made_with: Mapping[str, Any]) -> None:
     """Write maps as ``.json``, ``.npz`` with arrays, or ``.csv`` with a row per direction.
 
-    The arrays of the second problem, and of others, begin with their number: ``2/limit``; so do
-    the columns of a table.
+    The arrays of the second and later problems begin with their number: ``2/limit``; so do the
+    columns of a table.
 
     Raises
     ------
@@ -209,7 +209,7 @@ def save_maps(path: str | Path, maps: Sequence[PushMap], made_with: Mapping[str,
         "maps": [one.summary() for one in maps],
     }
     if len(maps) > 1:
-        least, mean, times = compared(maps[0], maps[1])
+        least, mean, times = compare_maps(maps[0], maps[1])
         summary["compared"] = {"least": least, "mean": mean, "times": times.tolist()}
 
     def arrays() -> dict[str, NDArray[Any]]:
@@ -220,11 +220,11 @@ def save_maps(path: str | Path, maps: Sequence[PushMap], made_with: Mapping[str,
         }
 
     def columns() -> list[tuple[str, Array]]:
-        found = [("angle [rad]", maps[0].grid.angles)]
+        table = [("angle [rad]", maps[0].grid.angles)]
         for prefix, one in zip(_prefixes(maps), maps, strict=True):
             rows = one.arrays()
             monotone = np.array([not one.beyond(k) for k in range(one.grid.directions)])
-            found += [
+            table += [
                 (f"{prefix}limit [M omega d]", rows["limit"]),
                 (f"{prefix}survived [N s]", rows["limit"] * rows["capture_impulse"]),
                 (f"{prefix}M omega d [N s]", rows["capture_impulse"]),
@@ -233,7 +233,7 @@ def save_maps(path: str | Path, maps: Sequence[PushMap], made_with: Mapping[str,
                 (f"{prefix}pulse_limit [M omega d]", rows["pulse_limit"]),
                 (f"{prefix}reaction_mass_limit [M omega d]", rows["reaction_mass_limit"]),
             ]
-        return found
+        return table
 
     save_result(path, summary, arrays, columns)
 

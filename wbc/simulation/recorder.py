@@ -1,4 +1,4 @@
-"""What happened in a simulation, control period by control period, as arrays and files."""
+"""The record of a simulation, by control period, as arrays and files."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from wbc.validate import Array
 
 WRENCH = ("fx [N]", "fy [N]", "fz [N]", "mx [N m]", "my [N m]", "mz [N m]")
 PLACE = ("x [m]", "y [m]", "z [m]")
-_LOST = (np.nan, np.nan, np.nan)
+_MISSING = (np.nan, np.nan, np.nan)
 
 
 class Recorder:
     """Records a plant after each of its steps; ``wbc analyze`` reads what it saves.
 
-    The first row is the state in which it is made. Arrays, one row each:
+    The first row is the state at which it is made. Arrays, one row each:
 
     ``time`` (n,) [s], ``q`` (n, nq), ``v`` (n, nv): the true state.
     ``torque`` (n, nv-6): held over the period that ended then [N m or N].
-    ``forces/FRAME`` (n, 6): measured on each sole, at its frame's origin, world axes; of the
-    physics' last step. ``cop`` (n, 3): of all but walls [m], NaN in the air.
-    ``planned_forces/FRAME``, ``planned_cop``: what the controller's tick expected, NaN without.
-    ``wrenches/FRAME`` (n, 6): of those that :meth:`Plant.apply` lets act, their means over the
-    period, at the frame's origin, world axes.
-    ``relaxed`` (n,): whether something gave way in the tick. ``push`` (n, 3): sum of pushes [N].
+    ``forces/FRAME`` (n, 6): true ones on each sole, at its frame's origin, world axes; of the
+    physics' last step. ``cop`` (n, 3): of all contacts but walls [m], NaN in the air.
+    ``planned_forces/FRAME``, ``planned_cop``: those of the controller's tick, NaN without one.
+    ``wrenches/FRAME`` (n, 6): of :meth:`Plant.apply`, means over the period, at the frame's origin,
+    world axes.
+    ``relaxed`` (n,): whether the tick was relaxed. ``push`` (n, 3): sum of pushes [N].
     ``joint_names`` (nv-6,): of the columns of ``torque``.
     """
 
@@ -47,16 +47,16 @@ class Recorder:
 
     def add(self, tick: TorqueTick | None = None) -> None:
         """Record the plant as it is now, after the step that ``tick`` commanded."""
-        plant, unknown = self._plant, np.full(6, np.nan)
+        plant, missing = self._plant, np.full(6, np.nan)
         q, v = plant.state()
         forces = plant.contact_forces
         row: dict[str, Any] = {"time": plant.time, "q": q, "v": v, "torque": plant.torque}
         for frame, wrench in forces.items():
             row[f"forces/{frame}"] = wrench
             planned = None if tick is None else tick.forces.get(frame, np.zeros(6))
-            row[f"planned_forces/{frame}"] = unknown if planned is None else planned
-        row["cop"] = _LOST if plant.cop is None else plant.cop
-        row["planned_cop"] = _LOST if tick is None or tick.cop is None else tick.cop
+            row[f"planned_forces/{frame}"] = missing if planned is None else planned
+        row["cop"] = _MISSING if plant.cop is None else plant.cop
+        row["planned_cop"] = _MISSING if tick is None or tick.cop is None else tick.cop
         row["relaxed"] = tick is not None and bool(tick.policy)
         row["push"] = plant.push_force
         for frame, wrench in plant.applied.items():
@@ -66,25 +66,25 @@ class Recorder:
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return everything recorded, by name."""
         names = dict.fromkeys(name for row in self._rows for name in row)
-        nothing = np.zeros(6)  # of a wrench that does not act
-        found: dict[str, NDArray[Any]] = {
-            name: np.array([row.get(name, nothing) for row in self._rows]) for name in names
+        no_wrench = np.zeros(6)
+        arrays: dict[str, NDArray[Any]] = {
+            name: np.array([row.get(name, no_wrench) for row in self._rows]) for name in names
         }
-        found["joint_names"] = np.array(self._plant.robot.joint_names)
-        return found
+        arrays["joint_names"] = np.array(self._plant.robot.joint_names)
+        return arrays
 
     def columns(self) -> list[Column]:
-        """Return a table: what :func:`wbc.read_motion` knows first, then names with a slash."""
-        found, robot = self.arrays(), self._plant.robot
+        """Return a table: columns that :func:`wbc.read_motion` knows, then names with a slash."""
+        arrays, robot = self.arrays(), self._plant.robot
         table: list[Column] = [
-            ("time [s]", found["time"]),
-            *configuration_columns(robot, found["q"]),
-            *velocity_columns(robot, found["v"]),
+            ("time [s]", arrays["time"]),
+            *configuration_columns(robot, arrays["q"]),
+            *velocity_columns(robot, arrays["v"]),
         ]
         turning = zip(robot.joint_names, turning_joints(robot), strict=True)
         units = [f"{name} [{'N m' if turns else 'N'}]" for name, turns in turning]
-        table += _split("torque", units, found["torque"])
-        for name, array in found.items():
+        table += _split("torque", units, arrays["torque"])
+        for name, array in arrays.items():
             if name.partition("/")[0] in ("forces", "planned_forces", "wrenches"):
                 table += _split(name, WRENCH, array)
             elif name in ("cop", "planned_cop"):
@@ -94,7 +94,7 @@ class Recorder:
     def save(self, path: str | Path, summary: Mapping[str, Any] | None = None) -> None:
         """Write ``.npz``, a table as ``.csv``, or the summary as ``.json``; whole or not at all.
 
-        ``summary`` is added to what is known here.
+        ``summary`` is merged into the recorder's own.
 
         Raises
         ------
@@ -105,7 +105,7 @@ class Recorder:
         """
         plant = self._plant
         saturated = zip(plant.robot.joint_names, plant.saturated.tolist(), strict=True)
-        known = {
+        own = {
             "robot": plant.robot.name,
             "mass": plant.robot.mass,
             "dt": plant.dt,
@@ -114,7 +114,7 @@ class Recorder:
             "saturated": {name: count for name, count in saturated if count},
             "notes": list(plant.notes),
         }
-        save_result(path, {**known, **(summary or {})}, self.arrays, self.columns)
+        save_result(path, {**own, **(summary or {})}, self.arrays, self.columns)
 
 
 def _split(name: str, parts: Sequence[str], array: Array) -> list[Column]:

@@ -1,4 +1,4 @@
-"""What a simulation came to: stood or fell, what gave way, how much of the torque it took."""
+"""The result of a simulation: stood or fell, what was relaxed, torque use."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from wbc.tracking.deviation import Followed, PlanTracking, judge
 from wbc.validate import Array
 
 # A foot that bears less than this part of the robot's weight does not widen the support.
-LOADED = 1e-3
-# A torque this near to its bound is at it: solvers' eps.
+MIN_LOAD = 1e-3
+# A torque within the solvers' tolerance of its bound is at it.
 AT_BOUND = 1.0 - 1e-6
 
 
@@ -40,9 +40,9 @@ class SimulationStatus(StrEnum):
     """How a simulation ended.
 
     ``STOOD``: to its end, and every tolerance was met. ``FELL``. ``NOT_REACHED``: a tolerance was
-    not met. ``NOT_KEPT``: what ``stop`` asks to be kept all the time was not. ``QP_FAILED``: a tick
-    had no solution, even with everything but physics given up. ``NOT_STANDING``: a phase could not
-    begin. ``INTERRUPTED``: it was asked to end early.
+    not met. ``NOT_KEPT``: a condition of ``stop`` was violated in some tick. ``QP_FAILED``: a tick
+    had no solution, even with everything but physics relaxed. ``NOT_STANDING``: a phase could not
+    begin. ``INTERRUPTED``: it was cancelled.
     """
 
     STOOD = "stood"
@@ -55,39 +55,39 @@ class SimulationStatus(StrEnum):
 
     @property
     def good(self) -> bool:
-        """True if the robot did what was asked."""
+        """Whether the simulation succeeded."""
         return self is SimulationStatus.STOOD
 
 
 @dataclass(frozen=True, eq=False)
 class SimulationResult:
-    """What a simulation came to.
+    """The result of a simulation.
 
     Attributes
     ----------
     run:
-        What the controller saw and answered: tasks, contacts, margins, ticks.
+        Of the controller: tasks, contacts, margins, ticks.
     verdict:
         Whether the robot stood, until when, and why it fell.
     arrays:
         Rows from the first state to the last, see :meth:`save`.
     pushes, wrenches:
-        What pushed the robot, and acted on it for longer.
+        All pushes and longer wrenches.
     relaxed:
-        Share of the ticks in which something gave way, in [0, 1].
+        Share of relaxed ticks, in [0, 1].
     gave_way:
-        The same by the name of what did, the most frequent first.
+        The same by the name of what was relaxed, the most frequent first.
     lost:
-        Control periods for which nothing was measured.
+        Number of control periods without a measurement.
     saturated:
-        Share of the control periods in which a joint was at its torque bound, by joint; those that
-        never were are left out.
+        Share of the control periods in which a joint was at its torque bound, by joint, where it is
+        above 0.
     torque_use:
-        Largest part of its torque bound that each joint used, by joint; those without are left out.
+        Largest ratio of torque to bound, by joint that has one.
     terrain:
-        What the robot stood on.
+        The ground.
     tracking:
-        How well the robot followed a plan, if it had one.
+        Tracking errors of a plan, if there was one.
     """
 
     run: Result
@@ -116,17 +116,17 @@ class SimulationResult:
     ) -> SimulationResult:
         """Return the result of a trial; ``bounds`` (nv - 6,) are those on the torques."""
         robot, truth, ticks = plant.robot, record.truth.arrays(), record.ticks
-        given = np.abs(truth["torque"][1:])
-        used = np.divide(given, bounds, out=np.zeros_like(given), where=bounds > 0.0)  # 0: no motor
-        parts = dict(zip(robot.joint_names, used.max(axis=0, initial=0.0).tolist(), strict=True))
-        at_bound = (used >= AT_BOUND).mean(axis=0) if len(used) else np.zeros(len(bounds))
+        used = np.abs(truth["torque"][1:])
+        ratio = np.divide(used, bounds, out=np.zeros_like(used), where=bounds > 0.0)  # 0: no motor
+        peaks = dict(zip(robot.joint_names, ratio.max(axis=0, initial=0.0).tolist(), strict=True))
+        at_bound = (ratio >= AT_BOUND).mean(axis=0) if len(ratio) else np.zeros(len(bounds))
         shares = zip(robot.joint_names, at_bound.tolist(), strict=True)
         tracking = None if plan is None else judge(plan, robot, truth)
         return cls(
             run=run,
             verdict=record.verdict,
             arrays={
-                **_of_ticks(run, len(record.truth)),
+                **_tick_arrays(run, len(record.truth)),
                 **truth,
                 "tilt": np.array(record.tilt),
                 "cop_margin": cop_margin(robot, truth),
@@ -137,10 +137,10 @@ class SimulationResult:
             relaxed=record.relaxed / ticks,
             gave_way={name: count / ticks for name, count in record.gave_way.most_common()},
             lost=record.lost,
-            saturated=_falling({name: share for name, share in shares if share > 0.0}),
-            torque_use=_falling(
-                {name: parts[name] for name, most in zip(parts, bounds, strict=True)
-                 if np.isfinite(most)}
+            saturated=_descending({name: share for name, share in shares if share > 0.0}),
+            torque_use=_descending(
+                {name: peaks[name] for name, bound in zip(peaks, bounds, strict=True)
+                 if np.isfinite(bound)}
             ),
             recorder=record.truth,
             notes=record.notes,
@@ -176,31 +176,31 @@ class SimulationResult:
 
     @property
     def least_cop_margin(self) -> float:
-        """How far the CoP was inside the soles that bore load, at least [m]; NaN if none did."""
+        """Smallest distance of the CoP inside the loaded soles [m]; NaN if none was."""
         margin = self.arrays["cop_margin"]
         return float(np.nanmin(margin)) if np.isfinite(margin).any() else float("nan")
 
     @property
     def peak_tilt(self) -> float:
-        """Largest angle of the trunk from its first vertical [rad]."""
+        """Largest angle of the trunk from its initial vertical [rad]."""
         return float(self.arrays["tilt"].max())
 
     @property
     def cop_error(self) -> float:
-        """Root mean square distance of the CoP from where the controller wanted it [m]."""
-        apart = self.arrays["cop"][:, :2] - self.arrays["planned_cop"][:, :2]
-        known = np.square(apart).sum(axis=1)[np.isfinite(apart).all(axis=1)]
+        """Root mean square distance of the CoP from the controller's [m]."""
+        offsets = self.arrays["cop"][:, :2] - self.arrays["planned_cop"][:, :2]
+        known = np.square(offsets).sum(axis=1)[np.isfinite(offsets).all(axis=1)]
         return float(np.sqrt(known.mean())) if known.size else float("nan")
 
     @property
     def torque_change(self) -> Mapping[str, float]:
         """Root mean square change of torques from tick to tick [N m or N], the largest first.
 
-        Torques that chatter wear gears and are heard: gains are too high for springs and noise.
+        Chattering torques wear gears and are heard: gains are too high for springs and noise.
         """
         steps = np.diff(self.arrays["torque"][1:], axis=0)
         rms = np.sqrt(np.square(steps).mean(axis=0)) if len(steps) else np.zeros(steps.shape[1])
-        return _falling(dict(zip(self.robot.joint_names, rms.tolist(), strict=True)))
+        return _descending(dict(zip(self.robot.joint_names, rms.tolist(), strict=True)))
 
     def summary(self) -> dict[str, Any]:
         """Return everything but the histories as plain data."""
@@ -235,9 +235,9 @@ class SimulationResult:
 
         Rows of the arrays are the states between ticks, from the first to the last: those of
         :class:`~wbc.simulation.recorder.Recorder`, ``tilt`` of the trunk [rad] and ``cop_margin``,
-        how far the CoP is inside the soles that bear load [m]. Beside them there are those of
-        :class:`~wbc.run.History`, of the tick that began in each state, as the controller measured
-        it; the last row repeats the last tick.
+        the CoP's distance inside the loaded soles [m]; and those of :class:`~wbc.run.History`, of
+        the tick that began in each state, as the controller measured it; the last row repeats the
+        last tick.
 
         Raises
         ------
@@ -259,7 +259,7 @@ class SimulationResult:
         return frame_of(self._columns())
 
     def _repr_html_(self) -> str:
-        """Return how a notebook shows it."""
+        """Return the HTML of a notebook."""
         facts = [
             ("robot", self.robot.name),
             ("simulated", f"{self.duration:g} s"),
@@ -283,42 +283,42 @@ class SimulationResult:
 
 
 def cop_margin(robot: Robot, truth: Mapping[str, Array]) -> Array:
-    """Return how far the CoP of the soles is inside those that bear load (n,) [m]; NaN in the air.
+    """Return the CoP's distance inside the loaded soles (n,) [m]; NaN in the air.
 
-    It is that of the soles' wrenches alone: a hand on the ground counts neither here nor there.
+    Of the soles alone: a hand on the ground changes neither.
 
     Parameters
     ----------
     truth:
         Arrays of a :class:`~wbc.simulation.recorder.Recorder`.
     """
-    found = np.full(len(truth["time"]), np.nan)
-    least = LOADED * robot.weight
+    margins = np.full(len(truth["time"]), np.nan)
+    min_load = MIN_LOAD * robot.weight
     feet = {name: foot.frame for name, foot in robot.feet.items()}
     for k, q in enumerate(truth["q"]):
         wrenches = {name: truth[f"forces/{frame}"][k] for name, frame in feet.items()}
-        loaded = {name: one for name, one in wrenches.items() if one[2] > least}
+        loaded = {name: one for name, one in wrenches.items() if one[2] > min_load}
         if loaded:
             snapshot = robot.snapshot(q)
             cop = _cop(snapshot, {feet[name]: one for name, one in loaded.items()})
-            found[k] = float(polygon_margin(support_polygon(snapshot, loaded), cop))
-    return found
+            margins[k] = float(polygon_margin(support_polygon(snapshot, loaded), cop))
+    return margins
 
 
 def _cop(snapshot: Snapshot, wrenches: Mapping[str, Array]) -> Array:
-    """Return the CoP (2,) of soles by the wrench at the frame of each, on its own plane."""
-    total, place = 0.0, np.zeros(3)
+    """Return the CoP (2,) of soles from the wrench at each frame, each on its own plane."""
+    total, weighted = 0.0, np.zeros(3)
     for frame, wrench in wrenches.items():
         R = snapshot.rotation(frame)
         force, moment = R.T @ wrench[:3], R.T @ wrench[3:]
         on_sole = np.array((-moment[1] / force[2], moment[0] / force[2], 0.0))
-        place += force[2] * (snapshot.position(frame) + R @ on_sole)
+        weighted += force[2] * (snapshot.position(frame) + R @ on_sole)
         total += force[2]
-    return place[:2] / total
+    return weighted[:2] / total
 
 
-def _of_ticks(run: Result, rows: int) -> dict[str, NDArray[Any]]:
-    """Return the arrays of the ticks, the last row repeated up to the number of states."""
+def _tick_arrays(run: Result, rows: int) -> dict[str, NDArray[Any]]:
+    """Return the arrays of the ticks, the last row repeated up to ``rows``."""
     arrays = run.history.arrays()
     count = len(run.history)
     return {
@@ -329,13 +329,13 @@ def _of_ticks(run: Result, rows: int) -> dict[str, NDArray[Any]]:
     }
 
 
-def _falling(shares: Mapping[str, float]) -> dict[str, float]:
+def _descending(shares: Mapping[str, float]) -> dict[str, float]:
     return dict(sorted(shares.items(), key=lambda one: -one[1]))
 
 
 def _acting_summary(one: Push | AppliedWrench) -> dict[str, Any]:
-    told = {**plain(one), "at": one.start}
-    del told["start"]
+    data = {**plain(one), "at": one.start}
+    del data["start"]
     if isinstance(one, Push):
-        return {**told, "impulse": plain(one.impulse)}
-    return {**told, "duration": one.duration if np.isfinite(one.duration) else None}
+        return {**data, "impulse": plain(one.impulse)}
+    return {**data, "duration": one.duration if np.isfinite(one.duration) else None}

@@ -1,4 +1,4 @@
-"""A plant whose state is not told: it is estimated from the devices of the robot."""
+"""A plant whose state is estimated from the robot's simulated devices."""
 
 from __future__ import annotations
 
@@ -21,41 +21,41 @@ from wbc.simulation.sensors_devices import Devices
 from wbc.simulation.sensors_reading import Sensing
 from wbc.validate import Array
 
-TRUTHS = 64  # control periods for which a message may be under way and still be compared
-MOST_NOTES = 5
-MORE = 50  # control periods to stand, since messages may be lost and IMUs slow
+MAX_IN_FLIGHT = 64  # age of a message, in control periods, up to which its estimate is compared
+MAX_NOTES = 5
+EXTRA_PERIODS = 50  # control periods of standing, as messages may be lost and IMUs slow
 NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
 class SensedPlant(Plant):
-    """A :class:`~wbc.simulation.Plant` that tells what an estimator makes of its devices.
+    """A :class:`~wbc.simulation.Plant` that is measured by an estimator from its devices.
 
-    :meth:`measure` gives the estimate, predicted over the age of the last message by its own
-    velocities, and :attr:`felt_forces` the estimated forces on the soles; :meth:`state` and
-    :attr:`contact_forces` are still the truth, for verdicts and comparisons. At the reset it is
-    held where it stands for as long as the estimator stands to begin; devices run before time 0.
+    :meth:`measure` returns the estimate, predicted over the age of the last message by its
+    velocity, and :attr:`felt_forces` the estimated forces on the soles; :meth:`state` and
+    :attr:`contact_forces` are still true, for verdicts and comparisons. At the reset it is fixed
+    where it stands while the estimator initialises; devices run before time 0.
 
     Parameters
     ----------
     devices:
         The robot's sensors; by default a common humanoid's.
     settings:
-        Of the estimator; the encoders' delay is known to it unless they say otherwise.
+        Of the estimator; by default it knows the encoders' delay.
     others:
-        As of :class:`~wbc.simulation.Plant`; of ``sensors`` only the latency of torques.
+        See :class:`~wbc.simulation.Plant`; of ``sensors`` only the latency of torques.
 
     Attributes
     ----------
     devices, estimator:
-        As given, and made of it.
+        The devices, and their estimator.
     sensing:
         Reads the devices.
     estimate:
         The last one.
     errors:
-        Of the estimates so far, by the truth.
+        Of the estimates so far.
     told:
-        What estimates noted, numbers left out, with how often.
+        Notes of the estimates, without numbers, and their counts.
     """
 
     def __init__(
@@ -81,19 +81,19 @@ class SensedPlant(Plant):
         mounts = [one.mount for one in self.devices.imus]
         self.estimator = StateEstimator(robot, mounts, known, dt=dt)
         self.told: dict[str, int] = {}
-        self._read = False
+        self._is_read = False
         self.errors = EstimateErrors()
         super().__init__(robot, dt=dt, **others)
 
     def reset(self, q: ArrayLike, v: ArrayLike | None = None) -> None:
-        """Begin at rest at ``q`` (nq,), whose base position and heading the estimator is told.
+        """Begin at rest at ``q`` (nq,), whose base position and heading the estimator gets.
 
         Raises
         ------
         InvalidInputError
-            An unusable state, or one that moves: a robot stands while its estimator begins.
+            An unusable state, or one that moves: a robot stands while its estimator initialises.
         """
-        self._truths = deque[tuple[float, Array, Array]](maxlen=TRUTHS)
+        self._truths = deque[tuple[float, Array, Array]](maxlen=MAX_IN_FLIGHT)
         super().reset(q, v)
         if v is not None and np.any(v):
             raise InvalidInputError(
@@ -103,39 +103,39 @@ class SensedPlant(Plant):
         self.estimate: Estimate | None = None
         self.estimator.reset(q)
         bus = self.devices.bus
-        before = self.estimator.settings.standing_time + bus.delay + bus.jitter
-        for k in range(-int(np.ceil(before / self.dt)) - MORE, 0):
+        settling = self.estimator.settings.standing_time + bus.delay + bus.jitter
+        for k in range(-int(np.ceil(settling / self.dt)) - EXTRA_PERIODS, 0):
             self.sensing.read(self, k * self.dt)
-            self._take(k * self.dt)
+            self._receive(k * self.dt)
         if self.estimate is None:
             raise InvalidInputError(
                 f"plant, devices: the estimator cannot begin: {self.estimator.kept_by}"
             )
-        self._read = False
+        self._is_read = False
 
     def measure(self) -> tuple[Array, Array] | None:
-        """Return configuration and velocity as estimated; None if no message came yet.
+        """Return the estimated configuration and velocity; None before the first message.
 
-        However often it is asked within one control period, the answer is the same.
+        All calls within one control period return the same.
         """
-        if not self._read:
+        if not self._is_read:
             self.sensing.read(self)
             self._truths.append((self.time, *self.state()))
-            self._take(self.time)
-            self._read = True
-        found = self.estimate
-        if found is None:
+            self._receive(self.time)
+            self._is_read = True
+        estimate = self.estimate
+        if estimate is None:
             return None
-        age = self.time - found.time
-        q = self.robot.integrate(found.q, found.v, age) if age > 0.0 else found.q.copy()
-        return q, found.v.copy()
+        age = self.time - estimate.time
+        q = self.robot.integrate(estimate.q, estimate.v, age) if age > 0.0 else estimate.q.copy()
+        return q, estimate.v.copy()
 
     def step(self, torque: ArrayLike, dt: float | None = None) -> None:
         """Hold joint torques (nv-6,) as :meth:`wbc.simulation.Plant.step` does."""
-        if not self._read:
+        if not self._is_read:
             self.measure()
         super().step(torque, dt)
-        self._read = False
+        self._is_read = False
 
     @property
     def felt_forces(self) -> dict[str, Array]:
@@ -145,7 +145,7 @@ class SensedPlant(Plant):
 
     @property
     def felt_loads(self) -> dict[str, float]:
-        """Vertical force by foot [N] as estimated; a foot that is counted on bears by any means."""
+        """Estimated vertical force by foot [N]; the weight for a contact without an estimate."""
         forces = self.estimate.forces if self.estimate is not None else {}
         held = self.estimate.contacts if self.estimate is not None else ()
         return {
@@ -155,15 +155,15 @@ class SensedPlant(Plant):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the physics leaves out, how good the estimates were, and what they noted most."""
+        """What the physics omits, errors of the estimates, and their most frequent notes."""
         if not self.errors.count:
             return super().notes
-        most = sorted(self.told.items(), key=lambda one: -one[1])[:MOST_NOTES]
-        told = (f"estimate, {count} times: {note}" for note, count in most)
+        frequent = sorted(self.told.items(), key=lambda one: -one[1])[:MAX_NOTES]
+        texts = (f"estimate, {count} times: {note}" for note, count in frequent)
         lost = (f"bus: {self.sensing.lost} messages lost",) if self.sensing.lost else ()
-        return (*super().notes, str(self.errors), *lost, *told)
+        return (*super().notes, str(self.errors), *lost, *texts)
 
-    def _take(self, time: float) -> None:
+    def _receive(self, time: float) -> None:
         fresh = False
         for message in self.sensing.received(time):
             estimate = self.estimator.update(message)

@@ -1,4 +1,4 @@
-"""What a robot measures of its state: noise, bias, delay, missing frames; and late commands."""
+"""Imperfect measurement of the state: noise, bias, delay, lost frames; and late commands."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from wbc.validate import Array, check_fields, set_fields
 
 @dataclass(frozen=True)
 class Sensors:
-    """Imperfections of measurement and command; all are off by default.
+    """Imperfections of measurement and command, off by default.
 
-    Noise is white, normal, with these standard deviations, and drawn anew for each control period.
+    Noise is white and normal, with these standard deviations, drawn in each control period.
 
     Attributes
     ----------
     position_noise, velocity_noise:
         Of the joints [rad or m], [rad/s or m/s].
     position_bias:
-        Of an offset of each joint [rad or m] that is drawn at the reset and then stays.
+        Of a constant offset of each joint [rad or m], drawn at the reset.
     base_position_noise, base_rotation_noise:
         Of the base's position along each axis [m], and rotation about each [rad].
     base_velocity_noise, base_rate_noise:
         Of its linear [m/s] and angular velocity [rad/s] along each axis.
     delay:
-        How old what is measured is [s]. In the beginning that is the state at the reset.
+        Age of the measurement [s]; at first the state at the reset is measured.
     latency:
-        How late a torque arrives [s]. The first one counts as given before the reset.
+        Delay of a torque [s]; the first one counts as given before the reset.
     dropout:
-        Probability that the frame of a control period is missing.
+        Probability that the frame of a control period is lost.
     seed:
-        Of the random numbers, which begin anew at each reset.
+        Of the random numbers, restarted at each reset.
     """
 
     position_noise: float = 0.0
@@ -63,7 +63,7 @@ def _noises() -> list[str]:
 
 
 class Measurements:
-    """Measures states with the faults of some sensors, from one reset to the next."""
+    """Measures states with the imperfections of sensors, from one reset to the next."""
 
     def __init__(self, robot: Robot, sensors: Sensors) -> None:
         self._robot, self._sensors = robot, sensors
@@ -81,9 +81,9 @@ class Measurements:
         self._noisy = bool(any(getattr(s, name) for name in _noises()))
 
     def measure(self, q: Array, v: Array) -> tuple[Array, Array] | None:
-        """Return the measurement of a state, or None for a missing frame.
+        """Return the measurement of a state, or None for a lost frame.
 
-        Every call draws as many random numbers as any other.
+        Every call draws the same number of random numbers.
         """
         lost = bool(self._random.uniform() < self._sensors.dropout)
         noise = self._random.normal(size=(2, self._robot.nv))

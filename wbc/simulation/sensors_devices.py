@@ -1,6 +1,6 @@
-"""The sensors that a humanoid has: IMUs, encoders, motor currents, foot switches, and their bus.
+"""A humanoid's devices: IMUs, encoders, motor currents, foot switches, and their bus.
 
-Defaults are those of devices that are common in humanoids, from public data sheets. IMU: Xsens
+Defaults are those of common devices, from public data sheets. IMU: Xsens
 MTi-1 series, noise densities 0.007 degrees/s/Hz^(1/2) and 120 ug/Hz^(1/2), in-run bias
 instabilities 10 degrees/h and 30 ug. Encoders: 14 bits a turn at the joint (ams AS5047P and
 others). A data sheet's in-run instability is not a random walk: the walks here pass it in a minute.
@@ -25,7 +25,7 @@ _G = 9.80665
 
 @dataclass(frozen=True, eq=False)
 class Imu:
-    """An IMU: it integrates over its period, as devices do, and gives the mean.
+    """An IMU; a reading is the mean over its period, as of real devices.
 
     Attributes
     ----------
@@ -36,12 +36,12 @@ class Imu:
     gyroscope_noise, accelerometer_noise:
         Densities of white noise [rad/s/Hz^(1/2)], [m/s^2/Hz^(1/2)].
     gyroscope_bias, accelerometer_bias:
-        Standard deviations of the biases [rad/s], [m/s^2], which are drawn at the reset.
+        Standard deviations of the biases [rad/s], [m/s^2], drawn at the reset.
     gyroscope_walk, accelerometer_walk:
         Densities of the white noise that the biases integrate [rad/s^2/Hz^(1/2)],
         [m/s^3/Hz^(1/2)].
     most_rate, most_force:
-        Ends of its ranges [rad/s], [m/s^2], where readings stay.
+        Measurement ranges [rad/s], [m/s^2], at which readings are clipped.
     """
 
     name: str = "imu"
@@ -69,7 +69,7 @@ class Imu:
 
     @property
     def mount(self) -> ImuMount:
-        """Where it is, as the estimator knows it."""
+        """Its mount, as the estimator knows it."""
         place = self.name, self.frame, self.position, self.rotation
         return ImuMount(*place, 0.999 * self.most_rate, 0.999 * self.most_force)
 
@@ -79,7 +79,7 @@ class Imu:
         Raises
         ------
         InvalidInputError
-            It is none.
+            It is not.
         """
         periods = 1.0 if self.rate is None else 1.0 / (self.rate * dt)
         if abs(periods - round(periods)) > 1e-6 or round(periods) < 1:
@@ -102,11 +102,11 @@ class Encoders:
     resolution:
         Step of a reading [rad or m].
     noise:
-        White, before it is rounded [rad or m].
+        White noise, before rounding [rad or m].
     delay:
-        How much older than the message a reading is [s].
+        Age of a reading at the message's time [s].
     rates:
-        Whether the drives tell velocities, too; else there are none.
+        Whether the drives send velocities, too.
     rate_noise:
         White noise of these [rad/s or m/s].
     """
@@ -124,17 +124,17 @@ class Encoders:
 
 @dataclass(frozen=True)
 class MotorTorques:
-    """Joint torques by the currents of the motors.
+    """Joint torques from motor currents.
 
     Attributes
     ----------
     noise:
-        White [N m or N].
+        White noise [N m or N].
     friction:
-        What a gear takes that its model does not know of, against its motion, in parts of the
-        joint's largest torque: in readings, not in the physics.
+        Unmodelled friction of gears, against their motion, as a ratio of the joint's effort limit:
+        in readings, not in the physics.
     gain:
-        Standard deviation of the factors on the readings, by joint, drawn at the reset.
+        Standard deviation of the gain errors of the readings, by joint, drawn at the reset.
     """
 
     noise: float = 0.1
@@ -152,7 +152,7 @@ class FootSwitches:
     Attributes
     ----------
     force:
-        Normal force from which one is pressed [N].
+        Normal force at which one closes [N].
     """
 
     force: float = 20.0
@@ -163,16 +163,16 @@ class FootSwitches:
 
 @dataclass(frozen=True)
 class MessageBus:
-    """How messages come from the robot; stamped when they were measured.
+    """The transport of messages, which are stamped at measurement.
 
     Attributes
     ----------
     delay:
-        How long each takes at least [s].
+        Shortest transport time [s].
     jitter:
-        How much longer it may take, uniformly [s]; one that is late may be overtaken.
+        Additional time, uniformly distributed [s]; messages may overtake each other.
     loss:
-        Probability that one never comes.
+        Probability that a message is lost.
     """
 
     delay: float = 0.0
@@ -196,7 +196,7 @@ class Devices:
     torques, feet:
         None: there are none.
     seed:
-        Of the random numbers, which begin anew at each reset.
+        Of the random numbers, restarted at each reset.
     """
 
     imus: Sequence[Imu] = field(default_factory=lambda: (Imu(),))

@@ -1,4 +1,4 @@
-"""Reads the devices of a simulated robot: from states of the plant to messages."""
+"""Simulates the robot's devices: from states of the plant to messages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from wbc.simulation.plant import Plant
 from wbc.simulation.sensors_devices import Devices, Imu
 from wbc.validate import Array
 
-SLOW = 0.05  # rad/s or m/s: width of the step of dry friction through zero
+RAMP = 0.05  # rad/s or m/s: of the ramp of dry friction through zero
 
 
 class _ImuState:
@@ -28,36 +28,36 @@ class _ImuState:
         self._walk = np.repeat((imu.gyroscope_walk, imu.accelerometer_walk), 3)
         bias = np.repeat((imu.gyroscope_bias, imu.accelerometer_bias), 3)
         self.bias: Array = bias * random.normal(size=6)
-        self._most = np.repeat((imu.most_rate, imu.most_force), 3)
-        self.began: tuple[float, Array, Array] | None = None  # time, rotation, velocity
+        self._range = np.repeat((imu.most_rate, imu.most_force), 3)
+        self.last: tuple[float, Array, Array] | None = None  # time, rotation, velocity
 
     def read(self, time: float, R: Array, velocity: Array, gravity: Array) -> ImuReading | None:
-        """Return a reading if one is due: means since the last one, from states at both ends."""
-        if self.began is None:
-            self.began = time, R, velocity
+        """Return a reading if one is due: the means since the last one, from both end states."""
+        if self.last is None:
+            self.last = time, R, velocity
             return None
-        since, before, was = self.began
-        dt = time - since
+        last_time, last_rotation, last_velocity = self.last
+        dt = time - last_time
         if dt < self.period - 1e-9:
             return None
-        self.began = time, R, velocity
-        turn = log_rotation(before.T @ R)
-        middle = before @ exp_rotation(0.5 * turn)
-        force = middle.T @ ((velocity - was) / dt - gravity)
+        self.last = time, R, velocity
+        turn = log_rotation(last_rotation.T @ R)
+        mean_rotation = last_rotation @ exp_rotation(0.5 * turn)
+        force = mean_rotation.T @ ((velocity - last_velocity) / dt - gravity)
         white = self._random.normal(size=(2, 6))
         self.bias = self.bias + self._walk * np.sqrt(dt) * white[0]
         both = np.concatenate((turn / dt, force)) + self.bias + self._noise / np.sqrt(dt) * white[1]
-        both = np.clip(both, -self._most, self._most)
+        both = np.clip(both, -self._range, self._range)
         return ImuReading(self.imu.name, both[:3], both[3:])
 
 
 class Sensing:
-    """Reads devices once in a control period, from one reset of the plant to the next.
+    """Reads devices once per control period, from one reset of the plant to the next.
 
     Attributes
     ----------
     lost:
-        How many messages never came.
+        Number of lost messages.
     """
 
     def __init__(self, plant: Plant, devices: Devices) -> None:
@@ -83,7 +83,7 @@ class Sensing:
         return tuple(one.bias.copy() for one in self._imus)
 
     def read(self, plant: Plant, time: float | None = None) -> None:
-        """Measure the plant as it is now, and send a message; ``time``, if not the plant's own."""
+        """Measure the plant and send a message; ``time``, if not the plant's own [s]."""
         time = plant.time if time is None else time
         q, v = plant.state()
         m, bus = self._measured(plant, time, q, v), self._devices.bus
@@ -95,17 +95,17 @@ class Sensing:
         heapq.heappush(self._sent, (time + bus.delay + late * bus.jitter, self._count, m))
 
     def received(self, time: float) -> list[Measurement]:
-        """Return the messages that came until ``time`` [s], in the order in which they came."""
-        found = []
+        """Return the messages that arrived until ``time`` [s], in order of arrival."""
+        messages = []
         while self._sent and self._sent[0][0] <= time + 1e-9:
-            found.append(heapq.heappop(self._sent)[2])
-        return found
+            messages.append(heapq.heappop(self._sent)[2])
+        return messages
 
     def _measured(self, plant: Plant, time: float, q: Array, v: Array) -> Measurement:
         devices, random, joints = self._devices, self._random, self._robot.nv - BASE_NV
         positions, rates = self._robot.limits.joint_positions(q), v[BASE_NV:]
         readings = self._inertial(time, q, v, positions)
-        seen, moved = self._delayed(time, positions, rates)
+        seen, rates_seen = self._delayed(time, positions, rates)
         encoders, white = devices.encoders, random.normal(size=(3, joints))
         seen = seen + encoders.noise * white[0]
         if encoders.resolution:
@@ -113,7 +113,7 @@ class Sensing:
         torque = None
         if devices.torques is not None:
             torque = self._gain * plant.torque + devices.torques.noise * white[1]
-            torque += devices.torques.friction * self._friction * np.clip(rates / SLOW, -1.0, 1.0)
+            torque += devices.torques.friction * self._friction * np.clip(rates / RAMP, -1.0, 1.0)
         pressed = None
         if devices.feet is not None:
             found = plant.contacts
@@ -121,7 +121,7 @@ class Sensing:
         return Measurement(
             time,
             seen,
-            moved + encoders.rate_noise * white[2] if encoders.rates else None,
+            rates_seen + encoders.rate_noise * white[2] if encoders.rates else None,
             torque,
             readings,
             pressed,
@@ -132,26 +132,26 @@ class Sensing:
     ) -> tuple[ImuReading, ...]:
         mounted, R = self._mounted, rotation_from(q[3:7])
         mounted.at(positions)
-        found = []
-        for k, one in enumerate(self._imus):
-            own = v[:3] + np.cross(v[3:6], mounted.origin(k))
-            own += mounted.jacobian(k)[:3, BASE_NV:] @ v[BASE_NV:]
-            reading = one.read(time, R @ mounted.rotation(k), R @ own, self._gravity)
+        readings = []
+        for k, imu in enumerate(self._imus):
+            velocity = v[:3] + np.cross(v[3:6], mounted.origin(k))
+            velocity += mounted.jacobian(k)[:3, BASE_NV:] @ v[BASE_NV:]
+            reading = imu.read(time, R @ mounted.rotation(k), R @ velocity, self._gravity)
             if reading is not None:
-                found.append(reading)
-        return tuple(found)
+                readings.append(reading)
+        return tuple(readings)
 
     def _delayed(self, time: float, positions: Array, rates: Array) -> tuple[Array, Array]:
-        """Return positions and rates as they were ``delay`` ago, between periods in a line."""
+        """Return positions and rates ``delay`` ago, interpolated between periods."""
         delay = self._devices.encoders.delay
         if not delay:
             return positions, rates
-        past, wanted = self._past, time - delay
+        past, time_read = self._past, time - delay
         past.append((time, positions.copy(), rates.copy()))
-        while len(past) > 1 and past[1][0] <= wanted + 1e-12:
+        while len(past) > 1 and past[1][0] <= time_read + 1e-12:
             past.popleft()
         (t, p, r), *rest = past
-        if wanted <= t or not rest:
+        if time_read <= t or not rest:
             return p, r
-        share = (wanted - t) / (rest[0][0] - t)
+        share = (time_read - t) / (rest[0][0] - t)
         return p + share * (rest[0][1] - p), r + share * (rest[0][2] - r)

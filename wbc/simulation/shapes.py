@@ -1,4 +1,4 @@
-"""What of a robot meets the ground: soles as balls at their corners, and the links' own shapes."""
+"""Collision geometry: soles as balls at their corners, and the links' own shapes."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from wbc.robot import Foot, Robot
 from wbc.robot.collision import Body, Capsule, Hull, chosen_pairs, fitted_bodies
 from wbc.validate import Array
 
-# Soles are balls at the corners of their polygons, lowest at the sole: all corners touch the plane
-# at once, where MuJoCo gives four points at most to a box or prism, and each is one force as
-# controllers think of it. Where there are steps, rods along the polygon's sides meet these, so that
-# a step's edge is felt where it passes below a sole; a step's corner inside of a sole is not. The
-# radius rolls a tipping foot by so much only.
+# Soles are balls at the corners of their polygons, tangent to the sole: all corners touch the plane
+# at once, whereas MuJoCo gives at most four points to a box or prism, and each has one force, as in
+# controllers. For steps there are capsules along the polygon's sides, so that a step's edge below a
+# sole makes contact; a step's corner inside of a sole does not. The radius is small, as a tipping
+# foot rolls on it.
 SOLE_RADIUS = 5e-3  # m
-# Bits of contype and conaffinity: the robot meets the ground and the steps; itself by pairs.
+# Bits of contype and conaffinity: of the robot with ground and steps; self-collision is by pairs.
 PLANE, STEP = 1, 2
 SELF_FRICTION = 0.5
 
@@ -29,14 +29,14 @@ Labels = dict[str, tuple[str, str]]
 
 @dataclass(frozen=True)
 class ShapeOptions:
-    """Which shapes of a robot touch what."""
+    """Which shapes of a robot collide with what."""
 
-    links: bool = True  # the links' collision shapes meet the ground, not only the soles
-    steps: bool = False  # there are steps for the soles' sides to meet
-    # Links meet each other too, in the pairs that :func:`wbc.robot.collision.select_pairs` finds
-    # worth keeping apart.
+    links: bool = True  # whether the links' collision shapes collide with the ground
+    steps: bool = False  # whether there are steps, and soles need sides
+    # Whether links collide with each other, in the pairs of
+    # :func:`wbc.robot.collision.select_pairs`.
     self_collision: bool = False
-    hands: tuple[Hand, ...] = ()  # balls that meet the ground, its steps and walls
+    hands: tuple[Hand, ...] = ()  # balls that collide with the ground, its steps and walls
 
 
 def add_shapes(
@@ -47,41 +47,41 @@ def add_shapes(
     Raises
     ------
     ModelError
-        Links shall meet each other and have no shapes.
+        Self-collision of links without shapes.
     """
     labels, notes = Labels(), list[str]()
     for foot in robot.feet.values():
         labels |= _add_sole(mujoco, bodies, robot, foot, options.steps)
     if not robot.feet:
         notes.append("the robot has no feet: no soles touch the ground")
-    raw, pairs = tuple[Body, ...](), tuple[tuple[int, int], ...]()
+    link_shapes, pairs = tuple[Body, ...](), tuple[tuple[int, int], ...]()
     if options.links or options.self_collision:
         try:
-            raw = fitted_bodies(robot, "hull")
+            link_shapes = fitted_bodies(robot, "hull")
         except ModelError as error:
             if options.self_collision:
                 raise
             notes.append(f"only soles touch the ground: {error}")
-    every = raw
+    shapes = link_shapes
     if options.self_collision:
         selection = chosen_pairs(robot, "hull")
-        every, pairs = selection.bodies, selection.pairs
+        shapes, pairs = selection.bodies, selection.pairs
     feet = {int(robot.frame(foot.frame).parentJoint) for foot in robot.feet.values()}
     paired = {k for pair in pairs for k in pair}
-    for k, body in enumerate(every):
-        # A foot's shapes end where its sole begins, give or take a digit; finer shapes, which come
-        # after the raw ones, are for pairs only.
-        on_ground = options.links and body.joint not in feet and k < len(raw)
+    for k, body in enumerate(shapes):
+        # A foot's own shapes end at its sole, to rounding; finer shapes, which come after the
+        # links' own, are for pairs only.
+        on_ground = options.links and body.joint not in feet and k < len(link_shapes)
         if on_ground or k in paired:
             labels[_shape_name(k)] = ("", body.link)
             geom = _add_shape(mujoco, spec, bodies[body.joint], body, _shape_name(k))
-            _let_touch(geom, PLANE | STEP if on_ground else 0)
+            _set_collision_mask(geom, PLANE | STEP if on_ground else 0)
     for hand in options.hands:
         frame, name = robot.frame(hand.frame), f"hand {hand.frame}"
         ball = bodies[int(frame.parentJoint)].add_geom(name=name, pos=frame.placement.translation)
         ball.type, ball.size = mujoco.mjtGeom.mjGEOM_SPHERE, [hand.radius, 0, 0]
         labels[name] = ("", hand.frame)
-        _let_touch(ball, PLANE | STEP)
+        _set_collision_mask(ball, PLANE | STEP)
     for a, b in pairs:
         pair = spec.add_pair(name=f"{_shape_name(a)}, {_shape_name(b)}")
         pair.geomname1, pair.geomname2, pair.condim = _shape_name(a), _shape_name(b), 3
@@ -102,17 +102,17 @@ def _add_sole(mujoco: Any, bodies: Sequence[Any], robot: Robot, foot: Foot, step
         names.append(f"{foot.name} sole {k}")
         ball = parent.add_geom(name=names[-1], pos=corner)
         ball.type, ball.size = mujoco.mjtGeom.mjGEOM_SPHERE, [SOLE_RADIUS, 0, 0]
-        _let_touch(ball, PLANE)
+        _set_collision_mask(ball, PLANE)
         if steps:
             names.append(f"{foot.name} sole side {k}")
             rod = parent.add_geom(name=names[-1])
             _make_rod(mujoco, rod, corners[k - 1], corner, SOLE_RADIUS)
-            _let_touch(rod, STEP)
+            _set_collision_mask(rod, STEP)
     return dict.fromkeys(names, (foot.name, foot.link))
 
 
 def _make_rod(mujoco: Any, geom: Any, start: Array, end: Array, radius: float) -> None:
-    """Make a geom all points within ``radius`` of a segment."""
+    """Make a geom a capsule around a segment."""
     axis, quaternion = end - start, np.empty(4)
     length = float(np.linalg.norm(axis))
     geom.pos = 0.5 * (start + end)
@@ -136,5 +136,5 @@ def _add_shape(mujoco: Any, spec: Any, parent: Any, body: Body, name: str) -> An
     return geom
 
 
-def _let_touch(geom: Any, what: int) -> None:
+def _set_collision_mask(geom: Any, what: int) -> None:
     geom.contype, geom.conaffinity, geom.mass = 0, what, 0.0

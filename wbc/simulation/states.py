@@ -1,10 +1,10 @@
-"""Robot states in MuJoCo's coordinates and back: the one place that knows how they differ.
+"""Conversion of robot states to MuJoCo's coordinates and back.
 
-A free base has in MuJoCo the linear velocity of its origin in world axes, the angular velocity in
+In MuJoCo a free base has the linear velocity of its origin in world axes, the angular velocity in
 its own, and the quaternion w x y z; here both are in its own axes and the quaternion is x y z w.
-With R the base's rotation ``qvel = T v``, T = diag(R, 1, ...), so forces go by T' and accelerations
-by ``qacc = T a + dT/dt v``, dT/dt v = R (w x v_linear). Joints are the same, but that a continuous
-one is stored as (cos, sin) here and as an angle there.
+With R the base's rotation ``qvel = T v``, T = diag(R, 1, ...), so forces transform by T' and
+accelerations by ``qacc = T a + dT/dt v``, dT/dt v = R (w x v_linear). Joints are the same, except
+that a continuous one is (cos, sin) here and an angle there.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class StateMap:
     coordinates, velocities:
         Joint of each entry of MuJoCo's ``qpos`` and ``qvel``; ``base`` for the base.
     base:
-        Where a fixed base is (7,), position and quaternion xyzw.
+        Pose of a fixed base (7,), position and quaternion xyzw.
     """
 
     def __init__(self, robot: Robot, model: Any) -> None:
@@ -68,13 +68,13 @@ class StateMap:
         return qpos, qvel
 
     def torques_to_mujoco(self, torque: Array, out: Array) -> None:
-        """Write joint torques (nv-6,) to generalised forces ``out``; none act on the base."""
+        """Write joint torques (nv-6,) to generalised forces ``out``, zero on the base."""
         out[self._at_v] = torque
 
     # ------------------------------------------------------------------ from MuJoCo to the robot
 
     def from_mujoco(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
-        """Return the state (nq,), (nv,) that ``qpos`` and ``qvel`` hold; fresh arrays."""
+        """Return the state (nq,), (nv,) of ``qpos`` and ``qvel``; new arrays."""
         q, v = np.empty(self.robot.nq), np.zeros(self.robot.nv)
         if self.floating:
             q[:3], q[3:7] = qpos[:3], qpos[3:7][XYZW]

@@ -15,8 +15,8 @@ from wbc.rotations import upright_on
 from wbc.run.saving import plain
 from wbc.validate import Array, check_fields, finite_array, list_of, read_only, set_fields
 
-# How much of a contact's error the physics corrects, when it begins and when deep, and how deep
-# that is [m] (MuJoCo's solimp). With its defaults, 0.9 and 0.95, feet sink in five times as far.
+# MuJoCo's solimp of contacts: impedance at first and at depth, and that depth [m]. With MuJoCo's
+# defaults, 0.9 and 0.95, feet sink in five times as far.
 IMPEDANCE = (0.98, 0.995, 0.001)
 
 
@@ -29,13 +29,13 @@ class Step:
     centre:
         Of its upper face (3,) [m], world axes.
     size:
-        Side lengths (3,) along x, y, z before it is turned [m].
+        Side lengths (3,) along its own x, y, z [m].
     yaw:
-        How far it is turned about the vertical [rad].
+        Of the box, about the vertical [rad].
     friction:
         Coefficient of friction; None: that of the ground.
     slope:
-        Rise over run of its upper face along x and y before it is turned.
+        Rise over run of its upper face along its own x and y.
     """
 
     centre: Array
@@ -60,13 +60,13 @@ class Step:
 
     @property
     def axes(self) -> Array:
-        """How it is turned (2, 2): its x and y axis in the world, as columns."""
+        """Its x and y axes in the world (2, 2), as columns."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         return np.array(((c, -s), (s, c)))
 
     @property
     def rotation(self) -> Array:
-        """How it is turned and tilted (3, 3): its axes in the world, as columns."""
+        """Its axes in the world, tilt included (3, 3), as columns."""
         normal = np.array((-self.slope[0], -self.slope[1], 1.0))
         turn = np.eye(3)
         turn[:2, :2] = self.axes
@@ -75,24 +75,24 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Terrain:
-    """What robots stand on: a plane through the world's origin, and steps; and what is beside.
+    """The ground: a plane through the world's origin, steps, and walls.
 
     Attributes
     ----------
     friction:
-        Coefficient of friction between the ground and anything; the cone is round.
+        Coefficient of friction of the ground; the cone is circular.
     slope:
         Rise over run of the plane along x and y.
     steps:
         Boxes.
     time_constant:
-        How fast a contact returns from penetration, critically damped [s]; MuJoCo's ``solref``.
-        At 0.01 s a standing robot sinks in by 0.06 mm.
+        Of contacts, critically damped [s]; MuJoCo's ``solref``. At 0.01 s a standing robot sinks in
+        by 0.06 mm.
     drift:
-        Whether contacts hold points whose bodies turn and fold, too, which MuJoCo's by themselves
-        do not; see :mod:`wbc.simulation.contact_drift`. It takes time.
+        Whether contacts compensate the drift J' q', which MuJoCo's do not; see
+        :mod:`wbc.simulation.contact_drift`. It takes time.
     walls:
-        Plates that stand beside the robot; :meth:`height` knows nothing of them.
+        Plates beside the robot; :meth:`height` ignores them.
     """
 
     friction: float = 0.8
@@ -116,7 +116,7 @@ class Terrain:
 
     @property
     def upright(self) -> Array:
-        """(3,) by which a point multiplied is how far it is above the plane, vertically [m]."""
+        """(3,) whose product with a point is its vertical distance from the plane [m]."""
         return np.array([-self.slope[0], -self.slope[1], 1.0])
 
     @property
@@ -126,27 +126,27 @@ class Terrain:
 
     def height(self, points: Array) -> Array:
         """Return the height (k,) of the ground, or of a step on it, at points (k, 2) [m]."""
-        found = points @ np.array(self.slope)
+        heights = points @ np.array(self.slope)
         for step in self.steps:
-            away = points - step.centre[:2]
-            rise = (away @ step.axes) @ np.array(step.slope)
-            local = (np.column_stack((away, rise)) @ step.rotation)[:, :2]
-            on = (np.abs(local) <= 0.5 * step.size[:2]).all(axis=1)
-            found = np.where(on, np.maximum(found, step.centre[2] + rise), found)
-        return found
+            offset = points - step.centre[:2]
+            rise = (offset @ step.axes) @ np.array(step.slope)
+            local = (np.column_stack((offset, rise)) @ step.rotation)[:, :2]
+            inside = (np.abs(local) <= 0.5 * step.size[:2]).all(axis=1)
+            heights = np.where(inside, np.maximum(heights, step.centre[2] + rise), heights)
+        return heights
 
     def surface(self, points: Array) -> Array:
-        """Return the points (k, 3) of the surface above or below points (k, 2) or (k, 3) [m]."""
+        """Return points (k, 2) or (k, 3) projected vertically onto the surface (k, 3) [m]."""
         level = points[:, :2]
         return np.column_stack((level, self.height(level)))
 
     def to_data(self) -> dict[str, Any]:
-        """Return plain data, of which :meth:`from_data` makes the same terrain."""
+        """Return plain data for :meth:`from_data`."""
         return dict(plain(self))
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Terrain:
-        """Return the terrain that :meth:`to_data` told of."""
+        """Return the terrain of :meth:`to_data`."""
         steps = tuple(Step(**step) for step in data["steps"])
         walls = tuple(Wall(**wall) for wall in data.get("walls", ()))
         return cls(**{**data, "steps": steps, "walls": walls})

@@ -1,4 +1,4 @@
-"""A simulation from its start to its end, or to the robot's fall, and what came of it."""
+"""A simulation from its start to its end, or to the robot's fall, and its result."""
 
 from __future__ import annotations
 
@@ -37,24 +37,24 @@ def run_trial(
     cancelled: Cancelled | None = None,
     show: Show | None = None,
 ) -> SimulationResult:
-    """Simulate a plant, from the state that it is in, under controllers of torques.
+    """Simulate a plant, from its present state, under torque controllers.
 
     Parameters
     ----------
     phases:
-        Lead the controllers; they remember where they are, so they serve one trial.
+        Supervise the controllers; they have a state and serve one trial.
     plant:
-        With its pushes to come.
+        With its future pushes.
     stop:
-        Its ``duration``, and what must hold at the end; it does not end at rest.
+        Its ``duration`` and conditions; it does not end at rest.
     falls:
-        What counts as a fall, which ends it.
+        Criteria of a fall, which ends it.
     plan:
-        What the tasks follow, by which the result is judged too.
+        Followed by the tasks; the result has its tracking errors.
     progress, cancelled, show:
-        As of :func:`wbc.run.simulate`; ``failed`` counts the ticks in which something gave way.
+        See :func:`wbc.run.simulate`; ``failed`` counts relaxed ticks.
     provenance:
-        Where it comes from, as plain data; becomes a part of the result.
+        Origin of the run, as plain data; a part of the result.
 
     Raises
     ------
@@ -70,10 +70,10 @@ def run_trial(
     loop = simulate(first, plant, total * plant.dt, update=phases.update, falls=falls)
     try:
         for now in loop:
-            kept = record.add(now)
-            calls.tick(kept, phases.controller)
-            over = not now.verdict.stood or record.ticks == total
-            if calls.should_end(plant.time, record.ticks, total, over, record.info):
+            loop_tick = record.add(now)
+            calls.tick(loop_tick, phases.controller)
+            done = not now.verdict.stood or record.ticks == total
+            if calls.should_end(plant.time, record.ticks, total, done, record.info):
                 break
     except ControllerFailure as failure:
         if not isinstance(failure.tick, TorqueTick) or not record.ticks:
@@ -93,11 +93,11 @@ def run_trial(
         provenance,
         calls.interrupted,
     )
-    return SimulationResult.of(result, plant, record, _bounds(first), plan)
+    return SimulationResult.of(result, plant, record, _torque_bounds(first), plan)
 
 
-def _bounds(controller: Controller) -> Array:
-    """Return the bounds (nv - 6,) that torques really have: the controller's and the motors'."""
+def _torque_bounds(controller: Controller) -> Array:
+    """Return the bounds (nv - 6,) on torques: the tighter of the controller's and the motors'."""
     effort = controller.robot.limits.effort
     if not isinstance(controller, TorqueController):
         return effort

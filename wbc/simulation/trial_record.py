@@ -1,4 +1,4 @@
-"""What is kept of a simulation while it goes on: the truth, the ticks, and what gave way."""
+"""The record of a running simulation: true states, ticks, and relaxations."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from wbc.simulation.recorder import Recorder
 
 
 class TrialRecord:
-    """Keeps the control periods of a trial, from the state that its plant is in.
+    """Records the control periods of a trial, from the plant's present state.
 
     Attributes
     ----------
     truth:
         States and forces of the plant.
     run:
-        What the controller saw and answered; what is to be kept is judged by the truth.
+        Measured states and ticks; conditions are judged by the true states.
     pushes, wrenches:
-        What will push the robot, and act on it for longer.
+        All pushes and longer wrenches.
     verdict:
-        Whether it stands.
+        Whether the robot stands.
     gave_way:
-        In how many ticks each thing gave way, by name.
+        Number of ticks in which each row was relaxed, by name.
     relaxed, lost:
-        Ticks in which anything did, and control periods for which nothing was measured.
+        Number of relaxed ticks, and of control periods without a measurement.
     tilt:
-        Angles of the trunk from its first vertical [rad], of the first state and every period's.
+        Angles of the trunk from its initial vertical [rad], of the first state and every period.
     """
 
     def __init__(self, plant: Plant, phases: Supervisor) -> None:
@@ -49,39 +49,39 @@ class TrialRecord:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What physics and supervisor have to say, and which pushes the end cut short."""
+        """Notes of physics and supervisor, and pushes that the end cut short."""
         end, dt = self._plant.time, self._plant.dt
-        cut = [
+        cut_short = [
             f"the push on {one.body} from {one.start:g} s on lasts until {late:g} s, and was over"
             f" with the simulation, at {end:g} s"
             for one in self.pushes
             if self.verdict.stood and one.start < end < (late := one.start + one.duration) - dt / 2
         ]
-        return (*self._plant.notes, *self._phases.notes, *cut)
+        return (*self._plant.notes, *self._phases.notes, *cut_short)
 
     @property
     def ticks(self) -> int:
-        """Control periods kept."""
+        """Number of control periods recorded."""
         return len(self.run.states)
 
     def add(self, now: SimulationTick) -> LoopTick:
-        """Keep a control period; return it as a tick of a run, by when it began."""
-        kept = as_loop_tick(now, self._plant.dt)
+        """Record a control period; return it as a tick of a run, timed at its beginning."""
+        tick = as_loop_tick(now, self._plant.dt)
         self.truth.add(now.tick)
-        self.run.add(kept, self._phases.standing, truth=self._truth(now))
+        self.run.add(tick, self._phases.standing, truth=self._true_state(now))
         self.gave_way.update(now.tick.relaxed)
         self.relaxed += bool(now.tick.policy)
         self.lost += not now.fresh
         self.verdict = now.verdict
         self.tilt.append(now.verdict.tilt)
-        return kept
+        return tick
 
     def info(self) -> dict[str, Any]:
         """Return the progress of the trial."""
         return {"time": self._plant.time, "errors": {}, "failed": self.relaxed}
 
-    def _truth(self, now: SimulationTick) -> Snapshot:
-        """Return where the robot really was when a control period began."""
+    def _true_state(self, now: SimulationTick) -> Snapshot:
+        """Return the true state at the beginning of a control period."""
         q, v = now.state
         if np.array_equal(q, now.snapshot.q) and np.array_equal(v, now.snapshot.v):
             return now.snapshot
@@ -89,7 +89,7 @@ class TrialRecord:
 
 
 def as_loop_tick(now: SimulationTick, dt: float) -> LoopTick:
-    """Return a control period of ``dt`` [s] as a tick of a loop, by when it began."""
+    """Return a control period of ``dt`` [s] as a tick of a loop, timed at its beginning."""
     return LoopTick(
         now.time - dt, now.snapshot, now.tick, now.snapshot.q, now.seconds, now.cpu_seconds, False
     )

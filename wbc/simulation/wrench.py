@@ -1,4 +1,4 @@
-"""Wrenches that act on a simulated robot for longer, as a rope or a wind; what acts, in MuJoCo."""
+"""Lasting wrenches on a simulated robot, as of a rope or wind, and their application in MuJoCo."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ class AppliedWrench:
     Attributes
     ----------
     frame:
-        A frame or link of the robot, whose origin carries it along.
+        A frame or link of the robot; the wrench moves with its origin.
     wrench:
         (6,) on the robot.
     start, duration:
-        When it begins, in simulated time, and how long it lasts [s]; infinite for ever.
+        In simulated time [s]; the duration may be infinite.
     told:
-        Whether :func:`wbc.simulation.simulate` tells the controller of it.
+        Whether the controller knows it (:func:`wbc.simulation.simulate`).
     """
 
     frame: str
@@ -49,33 +49,33 @@ class AppliedWrench:
 
     @property
     def end(self) -> float:
-        """When it is over [s]."""
+        """End of the wrench [s]."""
         return self.start + self.duration
 
     def mean(self, time: float, dt: float) -> Array:
         """Return its mean (6,) from ``time`` to ``time + dt``."""
-        acts = min(time + dt, self.end) - max(time, self.start)
-        return self.wrench * round(min(max(acts / dt, 0.0), 1.0), DIGITS)
+        overlap = min(time + dt, self.end) - max(time, self.start)
+        return self.wrench * round(min(max(overlap / dt, 0.0), 1.0), DIGITS)
 
 
 def sum_by_frame(wrenches: Iterable[AppliedWrench], time: float, dt: float) -> dict[str, Array]:
-    """Return the mean of what acts from ``time`` to ``time + dt``, the sum (6,) by frame."""
-    found: dict[str, Array] = {}
+    """Return the sums (6,) by frame of the means from ``time`` to ``time + dt``."""
+    sums: dict[str, Array] = {}
     for one in wrenches:
         mean = one.mean(time, dt)
         if mean.any():
-            found[one.frame] = found[one.frame] + mean if one.frame in found else mean
-    return found
+            sums[one.frame] = sums[one.frame] + mean if one.frame in sums else mean
+    return sums
 
 
 def apply(
-    acting: Sequence[Push | AppliedWrench],
+    active: Sequence[Push | AppliedWrench],
     robot: Robot,
     bodies: Sequence[int],
     data: Any,
     dt: float,
 ) -> Array:
-    """Write what acts, its means over ``dt`` from now, as the forces in MuJoCo's data.
+    """Write the mean wrenches over ``dt`` from now into MuJoCo's data.
 
     Returns the sum of the pushes' forces (3,) [N].
 
@@ -85,16 +85,16 @@ def apply(
         MuJoCo's body of each Pinocchio joint.
     """
     data.xfrc_applied[:] = 0.0
-    pushed = np.zeros(3)
-    for one in acting:
+    push_force = np.zeros(3)
+    for one in active:
         force, moment = np.split(one.mean(float(data.time), dt), 2)
         frame, point = (one.body, one.point) if isinstance(one, Push) else (one.frame, ORIGIN)
-        here = robot.frame(frame)
-        body = bodies[int(here.parentJoint)]
-        local = np.array(here.placement.rotation) @ point
-        local += here.placement.translation
+        placed = robot.frame(frame)
+        body = bodies[int(placed.parentJoint)]
+        local = np.array(placed.placement.rotation) @ point
+        local += placed.placement.translation
         arm = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local - data.xipos[body]
         data.xfrc_applied[body, :3] += force
         data.xfrc_applied[body, 3:] += moment + np.cross(arm, force)
-        pushed += force * isinstance(one, Push)
-    return pushed
+        push_force += force * isinstance(one, Push)
+    return push_force

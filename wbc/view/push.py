@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from wbc.simulation import PushMap
 from wbc.simulation.push_bounds import PushBounds
-from wbc.simulation.push_map import FELL, SURVIVED, compared
+from wbc.simulation.push_map import FELL, SURVIVED, compare_maps
 from wbc.validate import Array
 from wbc.view import style
 
@@ -63,7 +63,7 @@ def _told(maps: Sequence[PushMap], k: int) -> str:
     one = maps[k]
     text = f"least {one.least:.2f}, mean {one.mean:.2f}"
     if k == 0 and len(maps) > 1:
-        _, mean, _ = compared(maps[0], maps[1])
+        _, mean, _ = compare_maps(maps[0], maps[1])
         text += f"; {mean:.2f} x {maps[1].name}" if np.isfinite(mean) else ""
     return text
 
