@@ -52,7 +52,7 @@ def test_rows_that_remain_are_independent_and_span_all(here, case) -> None:
     held = independent_rows(contacts)
     none = np.zeros((0, here.robot.nv))
     every = [c.residual(here).jacobian for c in held.contacts]
-    kept = [J if k is None else J[k] for J, k in zip(every, held.kept, strict=True)]
+    kept = [J if k is None else J[k] for J, k in zip(every, held.row_selections, strict=True)]
     left = np.concatenate([none, *kept])
     everything = np.concatenate([none, *(c.residual(here).jacobian for c in contacts)])
     assert len(left) == len(held.labels) == CASES[case][2]

@@ -12,7 +12,7 @@ from wbc.constraints.margin import (
     USED,
     BrakingParameters,
     Margin,
-    _matched,
+    _clearance_before,
     point_curvature_bound,
 )
 from wbc.constraints.rows import Bounds, Distances, stack, take
@@ -315,14 +315,14 @@ def test_distances_are_matched_by_their_keys() -> None:
         return Distances(numbers, 10.0 + numbers, np.zeros((len(keys), 8)), own)
 
     after = some([1, 5, 7, 9, 11], True)
-    clearance, rate = _matched(some([2, 5, 9], True), after)
+    clearance, rate = _clearance_before(some([2, 5, 9], True), after)
     np.testing.assert_array_equal(clearance, [np.inf, 15.0, np.inf, 19.0, np.inf])
     np.testing.assert_allclose(rate, [0.0, 0.5, 0.0, 0.9, 0.0])
-    clearance, rate = _matched(some([2, 5, 9], False), after)
+    clearance, rate = _clearance_before(some([2, 5, 9], False), after)
     np.testing.assert_array_equal(clearance, [np.inf, 15.0, np.inf, 19.0, np.inf])
     np.testing.assert_array_equal(rate, 0.0)
     for before in (None, some([], True)):
-        clearance, rate = _matched(before, after)
+        clearance, rate = _clearance_before(before, after)
         np.testing.assert_array_equal(clearance, np.inf)
         np.testing.assert_array_equal(rate, 0.0)
         assert clearance.dtype == float

@@ -9,7 +9,7 @@ import pytest
 from tests.urdf import geared_arm
 from wbc import KinematicController, PositionTask, PostureTask, load_problem
 from wbc.constraints.limits import Limits
-from wbc.controllers.closing import _part
+from wbc.controllers.closing import _reachable_share
 from wbc.robot import Robot
 
 
@@ -132,4 +132,4 @@ def test_what_a_box_lets_rows_take_back_is_found_at_its_corners(rng) -> None:
         box = -rng.uniform(0.1, 1.0, 4), rng.uniform(0.1, 1.0, 4)
         rates = np.array([J @ corner for corner in product(*zip(*box, strict=True))])
         farthest = (-np.sign(rate) * rates).max(axis=0)
-        assert _part(J, rate, box) == pytest.approx(min(1.0, *(farthest / np.abs(rate))))
+        assert _reachable_share(J, rate, box) == pytest.approx(min(1.0, *(farthest / np.abs(rate))))

@@ -9,7 +9,7 @@ import wbc
 from tests.needs import needs_bench
 from wbc.qp import QP, Solution, Status, make_backend
 from wbc.qp.active_set import ActiveSet
-from wbc.qp.backend import doubt_at_torque_level
+from wbc.qp.backend import torque_level_doubt
 
 pytestmark = needs_bench
 # Those of which nothing is said solve so many of the torque ticks that have a solution.
@@ -64,11 +64,11 @@ def test_solvers_are_doubted_at_the_torque_level_alone(hoap2, caplog) -> None:
     controller(hoap2, "velocity", "osqp")
     assert not caplog.records
     for name in ("active_set", "proxqp", "proxqp_cold", "clarabel", "daqp", "piqp"):
-        assert doubt_at_torque_level(make_backend(name)) is None
+        assert torque_level_doubt(make_backend(name)) is None
     ecos = make_backend("piqp")
     ecos.name = "ecos"
-    assert "never measured" in doubt_at_torque_level(ecos)
-    assert "no inequality rows" in doubt_at_torque_level(make_backend("pseudo_inverse"))
+    assert "never measured" in torque_level_doubt(ecos)
+    assert "no inequality rows" in torque_level_doubt(make_backend("pseudo_inverse"))
 
 
 class Stranger:

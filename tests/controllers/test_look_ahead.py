@@ -161,7 +161,7 @@ def outcome(side: str | None) -> Outcome:
         np.zeros(2), none, none, np.zeros(2), Status.INFEASIBLE, KktResiduals(1.0, 0.0, 0.0), 1,
         0.0, "daqp", conflict,
     )  # fmt: skip
-    return Outcome(SimpleNamespace(hurried=(), box=(-np.ones(2), np.ones(2))), solution)
+    return Outcome(SimpleNamespace(skipped=(), box=(-np.ones(2), np.ones(2))), solution)
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ def test_margins_are_relaxed_only_where_they_take_part(
     assert not found.solved
     assert len(asked) == solves
     np.testing.assert_array_equal(asked[0].lower, [-1.0])
-    assert found.found.hurried == ((RELAXED,) if over else ())
+    assert found.core_tick.skipped == ((RELAXED,) if over else ())
 
 
 @pytest.mark.parametrize(("most", "scale"), [(1.0, 1.0), (0.3, 0.25), (0.07, 0.0625), (0.06, 0.0)])

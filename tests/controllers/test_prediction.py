@@ -27,11 +27,11 @@ def test_a_prediction_is_the_motion_by_what_was_commanded(delay: float, hoap2: R
     accelerations = rng.normal(size=(6, robot.nv))
     prediction = StatePrediction(robot, delay, DT)
     for acceleration in accelerations:
-        prediction.commanded(acceleration)
+        prediction.record(acceleration)
     q, v = robot.posture("standing"), 0.1 * rng.normal(size=robot.nv)
     here = robot.snapshot(q, v)
-    ahead = prediction.ahead(here)
-    assert prediction.ahead(here) is ahead  # asked again in a tick
+    ahead = prediction.predict(here)
+    assert prediction.predict(here) is ahead  # asked again in a tick
     whole = int(np.ceil(delay / DT - 1e-9))
     times = [delay - (whole - 1) * DT] + [DT] * (whole - 1)
     for time, acceleration in zip(times, accelerations[len(accelerations) - whole :], strict=True):
@@ -43,7 +43,7 @@ def test_a_prediction_is_the_motion_by_what_was_commanded(delay: float, hoap2: R
 def test_before_any_command_a_velocity_lasts(hoap2: Robot) -> None:
     v = 0.1 * np.random.default_rng(6).normal(size=hoap2.nv)
     here = hoap2.snapshot(hoap2.posture("standing"), v)
-    ahead = StatePrediction(hoap2, 0.005, DT).ahead(here)
+    ahead = StatePrediction(hoap2, 0.005, DT).predict(here)
     np.testing.assert_allclose(ahead.q, hoap2.integrate(here.q, v, 0.005), atol=1e-14)
     np.testing.assert_array_equal(ahead.v, v)
 

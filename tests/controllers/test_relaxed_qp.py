@@ -9,7 +9,7 @@ from wbc.constraints.mechanics import BoltedBase
 from wbc.constraints.rows import Bounds
 from wbc.controllers import TorqueController, relaxation
 from wbc.controllers.plan import Decision, LevelPlan
-from wbc.controllers.relaxation import Physical, given_way, relaxed_qp
+from wbc.controllers.relaxation import Physical, relaxed_amounts, relaxed_qp
 from wbc.controllers.slack import Slacks
 from wbc.laws import Rows
 from wbc.qp import QP
@@ -139,12 +139,12 @@ def test_costs_are_those_declared(hoap2: Robot, rng, bounded: bool) -> None:
         assert cost(point) - least_cost(qp, point) == pytest.approx(constant, rel=1e-9)
     # What is missed is told by name, in its own units, unless it is what solvers leave.
     full = np.concatenate((points[0], np.zeros(qp.g.size - n)))
-    told = given_way(plan, given, physical, relaxed, full)
+    told = relaxed_amounts(plan, given, physical, relaxed, full)
     values = np.concatenate([row.matrix @ points[0][:nv] - row.target for row in held])
     expected = {name: v for name, v in zip(plan.held.labels, values, strict=True) if abs(v) > 1e-5}
     assert told == pytest.approx(expected)
     full[n + 1], full[n + 2] = 2e-5, 0.5e-5
-    told = given_way(plan, given, physical, relaxed, full)
+    told = relaxed_amounts(plan, given, physical, relaxed, full)
     assert told["m b"] == 2e-5 and "m c" not in told
 
 
@@ -188,8 +188,8 @@ def test_bodies_are_not_pushed_into_each_other_by_tasks(hoap2, monkeypatch) -> N
     target = here.q.copy()
     target[7:] += np.random.default_rng(2).uniform(-3.0, 3.0, hoap2.nv - 6)
     missed = []
-    for weight in (1.0, relaxation.BODIES):
-        monkeypatch.setattr(relaxation, "BODIES", weight)
+    for weight in (1.0, relaxation.BODY_MARGIN):
+        monkeypatch.setattr(relaxation, "BODY_MARGIN", weight)
         controller = TorqueController(
             hoap2,
             [PostureTask(hoap2, target, kp=2000.0)],

@@ -39,7 +39,7 @@ def test_torque_tick_of_loops_answers_the_qp_as_it_stands(
         v = tick.velocity
         q = robot.integrate(q, v, controller.dt)
         whole = solve_in_core(tick.qp, 1e-9, 1000)  # nothing is known of loops there
-        assert whole.said == DONE
+        assert whole.status == DONE
         np.testing.assert_allclose(tick.solution.x, whole.x, atol=1e-8)
         kkt = tick.qp.P @ tick.solution.x + tick.qp.g + tick.solution.z_box
         kkt += tick.qp.A.T @ tick.solution.y + tick.qp.C.T @ tick.solution.z
@@ -54,7 +54,7 @@ def test_torque_tick_of_loops_without_a_solution_is_given_a_certificate(robot: R
     controller.limits.speed = np.full(robot.nv - 6, 1e-6)  # and none may fall
     found = controller.core.tick(robot.snapshot(q, np.zeros(robot.nv)))
     assert found is not None
-    assert controller.core.memory.said == INFEASIBLE
+    assert controller.core.memory.status == INFEASIBLE
     qp, at = found.qp_of(0), found.views_of(0)
     np.testing.assert_allclose(at.y @ qp.A + at.z @ qp.C + at.z_box, 0.0, atol=1e-9)
     ends = at.y @ qp.b

@@ -5,7 +5,7 @@ import pytest
 
 from wbc.qp import QP, Labels
 from wbc.qp.active_set import proximal
-from wbc.qp.core import CoreAnswer, solve_in_core
+from wbc.qp.core import CoreSolution, solve_in_core
 
 
 def test_proximal_step_beyond_all_rows_leaves_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -23,7 +23,7 @@ def test_proximal_step_beyond_all_rows_leaves_no_answer(monkeypatch: pytest.Monk
         Labels.numbered(2, 0, 1),
     )
 
-    def thrown(qp: QP, eps: float, most: int) -> CoreAnswer:
+    def thrown(qp: QP, eps: float, most: int) -> CoreSolution:
         found = solve_in_core(qp, eps, most)
         far = found.residuals._replace(primal=1e22)
         return found._replace(x=np.full(2, 1e200), residuals=far)

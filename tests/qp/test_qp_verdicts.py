@@ -6,7 +6,7 @@ import pytest
 from wbc.qp import QP
 from wbc.qp.conflict import REACH, conflict_of, find_conflict
 from wbc.qp.kkt import (
-    DOUBT,
+    COST_DOUBT,
     acceptable,
     doubtful_cost,
     kkt_residuals,
@@ -47,12 +47,12 @@ def test_a_cost_in_doubt_by_more_than_a_ten_thousandth_is_not_accepted() -> None
     qp = QP.build(np.eye(1), [-1000.0])
     x, large = np.array([1000.0]), 1.0 + 2e6
     for share, good in ((0.99, True), (1.01, False)):
-        left = share * DOUBT * large / 1000.0
+        left = share * COST_DOUBT * large / 1000.0
         near = x + left
         residuals = kkt_residuals(qp, near, NONE, NONE, np.zeros(1))
         eps = 1.1 * left / 1001.0
         assert acceptable(residuals, eps, qp, near, NONE, NONE, np.zeros(1)) is good
-    assert DOUBT == 1e-4
+    assert COST_DOUBT == 1e-4
 
 
 # ---------------------------------------------------------------------- certificates

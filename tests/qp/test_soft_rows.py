@@ -7,7 +7,7 @@ import pytest
 from conflict_judge import blamed_in_vain
 
 from wbc.controllers.first_level import FirstLevel
-from wbc.controllers.slack import GivingQP
+from wbc.controllers.slack import SlackQP
 from wbc.errors import InvalidInputError
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.backend import make_backend
@@ -20,7 +20,7 @@ from wbc.qp.solution import Solution, Status
 UNSOLVED = -1  # of native/source/core.h
 
 
-def giving_qp(rng: np.random.Generator, n: int, me: int, mi: int, soft: float) -> GivingQP:
+def giving_qp(rng: np.random.Generator, n: int, me: int, mi: int, soft: float) -> SlackQP:
     """A QP whose hard rows leave room about a point, which rows that give way do not."""
     J = rng.normal(size=(n + 3, n)) * 10.0 ** rng.uniform(-1, 1, size=(n + 3, 1))
     inside = rng.normal(size=n)
@@ -41,10 +41,10 @@ def giving_qp(rng: np.random.Generator, n: int, me: int, mi: int, soft: float) -
         lower=np.where(rng.random(n) < 0.5, inside - rng.random(n), -np.inf),
         upper=np.where(rng.random(n) < 0.5, inside + rng.random(n), np.inf),
     )
-    return GivingQP(qp, weights)
+    return SlackQP(qp, weights)
 
 
-def assert_solved_as_by_proxqp(given: GivingQP, atol: float) -> Solution:
+def assert_solved_as_by_proxqp(given: SlackQP, atol: float) -> Solution:
     """The answer, which meets the QP with slacks and is where ProxQP's is."""
     full, found = given.qp, ActiveSet().solve_soft(*given)
     assert found.solved
@@ -135,7 +135,7 @@ def test_corners_of_many_rows(seed: int) -> None:
     u[len(cone) :] = -1.0
     weights = np.r_[np.full(len(cone), np.inf), 10.0 ** rng.uniform(0, 3, size=6)]
     qp = QP.build(J.T @ J + 1e-4 * np.eye(n), pull, C=C, l=lower, u=u)
-    assert_solved_as_by_proxqp(GivingQP(qp, weights), atol=1e-5)
+    assert_solved_as_by_proxqp(SlackQP(qp, weights), atol=1e-5)
 
 
 def test_slacks_that_hardly_count() -> None:
@@ -157,8 +157,8 @@ def test_what_is_nearly_solved_is_taken_where_nobody_else_is_near(off, solved, m
         """The core's answer with x off its hard row, and what the core would say of that."""
         found = solve_in_core(qp, eps, most, give)
         residuals = found.residuals._replace(primal=off)
-        said = DONE if off <= eps else UNSOLVED
-        return found._replace(x=found.x - [off, 0.0], residuals=residuals, said=said)
+        status = DONE if off <= eps else UNSOLVED
+        return found._replace(x=found.x - [off, 0.0], residuals=residuals, status=status)
 
     monkeypatch.setattr("wbc.qp.active_set.solve_in_core", rough)
     found = FirstLevel(ActiveSet(), torque=True).solve_relaxed(qp, weights, np.zeros(qp.g.size))
@@ -177,7 +177,7 @@ def test_many_rows_that_are_missed_at_once() -> None:
     u = C @ rng.normal(size=n) - 3.0 * rng.random(m)
     weights = np.where(np.arange(m) < 20, np.inf, 10.0 ** rng.uniform(0, 4, size=m))
     qp = QP.build(J.T @ J + 1e-3 * np.eye(n), 30.0 * rng.normal(size=n), C=C, u=u)
-    found = assert_solved_as_by_proxqp(GivingQP(qp, weights), atol=1e-6)
+    found = assert_solved_as_by_proxqp(SlackQP(qp, weights), atol=1e-6)
     assert np.count_nonzero(found.z) > n
     assert found.iterations < 600  # 770 when rows came one at a time; 367
 
@@ -191,7 +191,7 @@ def test_what_is_nearly_solved_will_do() -> None:
         weights = recorded["weights"]
         names = ("P", "g", "A", "b", "C", "l", "u", "lower", "upper")
         qp = QP.build(**{name: recorded[name] for name in names})
-    given = GivingQP(qp, weights)
+    given = SlackQP(qp, weights)
     found = FirstLevel(ActiveSet(), torque=True).solve_relaxed(qp, weights, np.zeros(qp.g.size))
     assert found.solved and found.solver == "active_set"
     told = kkt_residuals(given.qp, found.x, found.y, found.z, found.z_box)

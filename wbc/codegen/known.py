@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from wbc.constraints.collision import SelfCollision
 from wbc.controllers import Controller
-from wbc.controllers.blocks import described
+from wbc.controllers.blocks import native_rows_of
 from wbc.controllers.core_plan import CorePlan
 from wbc.controllers.torque import TorqueController
 from wbc.errors import WbcError
@@ -68,7 +68,7 @@ def _unknown(controller: Controller) -> str | None:
     if torque and controller.robot.passive:
         return "springs and other forces that no motor gives"
     for task in (*controller.tasks, *controller.plan.held.contacts):
-        rows = described(task, torque)
+        rows = native_rows_of(task, torque)
         python = isinstance(task, ForceTask) or rows is None or _is_seen_from(rows)
         if python or (not torque and (task.singular_threshold > 0.0 or _is_second_order(task))):
             return _of_task(task, torque)

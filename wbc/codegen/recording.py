@@ -85,7 +85,7 @@ class TickRecording:
         self._last = seen
         found = self.plan.tick(seen)
         if found is None or not found.solved:
-            self.left_out[_REASONS.get(self.plan.memory.said, _REASONS[lib.UNSOLVED])] += 1
+            self.left_out[_REASONS.get(self.plan.memory.status, _REASONS[lib.UNSOLVED])] += 1
             return
         if not self.ticks:
             self.numbers = self.plan.memory.arrays["number"].copy()

@@ -1,4 +1,4 @@
-"""Margins between bodies, and which of the many pairs get an inequality row in a tick."""
+"""Margins between bodies, and the choice of pairs that get an inequality row in a tick."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from wbc.validate import Array, finite_number
 
 
 class BodyMargin(Margin):
-    """Keep pairs of bodies apart, with rows for those pairs alone that are the first to need one.
+    """Keep pairs of bodies apart, with rows for the most critical pairs only.
 
     Parameters
     ----------
     pairs:
-        How many pairs get a row in each tick. At the velocity level those of least clearance; all
+        Number of pairs with a row in each tick. At the velocity level those of least clearance; all
         others are checked at the configuration that the command leads to. At the torque level those
-        that would have the least clearance left after braking, and beyond ``pairs`` every pair that
-        could not stop in time.
+        with the least clearance left after braking, and beyond ``pairs`` every pair that could not
+        stop in time.
     braking, limits:
         See :class:`~wbc.constraints.margin.Margin`.
     """
 
-    count: int  # of the pairs that get rows
+    count: int  # number of pairs with a row
     model: CollisionModel
 
     def __init__(
@@ -48,22 +48,22 @@ class BodyMargin(Margin):
         self.count = pairs
 
     def _set_attribute(self, name: str, value: Any) -> None:
-        if name == "count":  # the core makes room for so many
+        if name == "count":  # the core allocates memory for so many
             value = int(finite_number(f"{self.name}, pairs", value, least=1.0))
         super()._set_attribute(name, value)
 
     @abstractmethod
-    def kept(self) -> Array:
-        """Return the distance (N,) that each pair keeps [m], skin included."""
+    def min_distances(self) -> Array:
+        """Return the least distance (N,) of each pair [m], skin included."""
 
     @abstractmethod
-    def made_of(
+    def to_distances(
         self, snapshot: Snapshot, found: PairDistances, beyond: float | None = None
     ) -> Distances:
         """Return measured pairs as distances; all other pairs have ``beyond`` [m] at least."""
 
     def place(self) -> None:
-        """Move bodies that are no part of the robot to where they are now."""
+        """Move the bodies that are not the robot's to their present poses."""
 
     def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
         """Return the pairs of least clearance, or those given by their numbers."""
@@ -71,8 +71,10 @@ class BodyMargin(Margin):
         self.place()
         model = self.model
         if keys is not None:
-            return self.made_of(snapshot, model.measure(snapshot, keys))
-        return self.made_of(snapshot, model.nearest(snapshot, self.count, self.kept()))
+            return self.to_distances(snapshot, model.measure(snapshot, keys))
+        return self.to_distances(
+            snapshot, model.nearest(snapshot, self.count, self.min_distances())
+        )
 
     def near(
         self, q: Array, states: StateSeries, limit: float
@@ -90,16 +92,20 @@ class BodyMargin(Margin):
             Of these.
         """
         self.place()
-        kept, model, parts = self.kept(), self.model, list[tuple[Index, Index, Array, Array]]()
+        min_distances, model, parts = (
+            self.min_distances(),
+            self.model,
+            list[tuple[Index, Index, Array, Array]](),
+        )
         if not len(model.pairs):
             none = np.zeros(0, dtype=np.int64)
             return none, none, np.zeros(0), np.zeros((0, self.robot.nv))
-        pairs, found = model.native.within(states.array, states.tree, limit, kept)
+        pairs, found = model.native.within(states.array, states.tree, limit, min_distances)
         unknown = np.unique(pairs[found[:, 0] == -np.inf, 0])
         known = ~np.isin(pairs[:, 0], unknown)
         pairs, found = pairs[known], found[known]
         J = model.rows_of(states, pairs, found)
-        parts.append((*pairs.T, found[:, 0] - kept.take(pairs[:, 1]), J))
+        parts.append((*pairs.T, found[:, 0] - min_distances.take(pairs[:, 1]), J))
         every = np.arange(len(model.pairs))
         for k in unknown.tolist():
             one = self.distances(self.robot.snapshot(q[k]), every)
@@ -111,7 +117,7 @@ class BodyMargin(Margin):
         return frames[order], pairs[order], rest[0][order], rest[1][order]
 
     def braked_rows(self, snapshot: Snapshot, dt: float) -> Bounds:
-        """Return the rows of the pairs that have to brake first: see ``pairs`` of the class.
+        """Return the rows of the pairs that must brake first: see ``pairs`` of the class.
 
         With finite torques nothing stops at once, and a far pair may close faster than a near one.
         """
@@ -122,8 +128,8 @@ class BodyMargin(Margin):
             slowest = float((np.abs(snapshot.v[BASE_NV:]) / able).max(initial=0.0))
         closing = Closing(dt, law.deceleration, law.gain, slowest)
         self.place()
-        found, left = self.model.soonest(snapshot, self.count, self.kept(), closing)
-        return self._rows(self.made_of(snapshot, found, float(left.max())), dt)
+        found, left = self.model.soonest(snapshot, self.count, self.min_distances(), closing)
+        return self._rows(self.to_distances(snapshot, found, float(left.max())), dt)
 
     def curvature_bound(self, distances: Distances, step: Array) -> Array:
         """See :meth:`wbc.robot.collision.CollisionModel.curvature_bound`."""

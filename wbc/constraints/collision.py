@@ -23,16 +23,16 @@ from wbc.validate import Array, clearance, read_only
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
 
-UNSEEN = "no collision shapes"
+NO_SHAPES = "no collision shapes"
 
 
 class WatchedPairs(NamedTuple):
-    """What the native core must know to keep pairs of bodies apart."""
+    """A self-collision constraint's data for the native core."""
 
     pairs: NativePairs
-    kept: Array  # (N,) distance that each pair keeps, skin included [m]
-    rows: int  # how many pairs get one
-    acceleration: Array | None  # (nv - 6,) of the joints that braking may count on, or None
+    min_distances: Array  # (N,) least distance of each pair, skin included [m]
+    rows: int  # number of pairs with a row
+    acceleration: Array | None  # (nv - 6,) of the joints, assumed for braking, or None
     braking: BrakingParameters
 
 
@@ -115,9 +115,9 @@ class SelfCollision(BodyMargin):
             model = CollisionModel(robot, chosen.bodies, chosen.pairs)
             margins = chosen.margins
             self.excluded, self.finer = dict(chosen.excluded), dict(chosen.finer)
-            self.unseen = _unseen(robot, {body.joint for body in chosen.bodies})
+            self.unseen = _joints_without_shapes(robot, {body.joint for body in chosen.bodies})
         self.margins = read_only(np.array(margins or [self.margin] * len(model.pairs)))
-        self._kept = self.margins + SKIN
+        self._min_distances = self.margins + SKIN
         if model.robot is not robot:
             raise InvalidInputError("self-collision: the model was made for another robot object")
         self.model = model
@@ -127,38 +127,38 @@ class SelfCollision(BodyMargin):
         """Pairs that are not watched although nobody asked to leave them out, with the reason."""
         return {pair: why for pair, why in self.excluded.items() if why not in BY_DESCRIPTION}
 
-    def kept(self) -> Array:
-        """Return the distance (N,) that each pair keeps [m], skin included."""
-        return self._kept
+    def min_distances(self) -> Array:
+        """Return the least distance (N,) of each pair [m], skin included."""
+        return self._min_distances
 
-    def made_of(
+    def to_distances(
         self, snapshot: Snapshot, found: PairDistances, beyond: float | None = None
     ) -> Distances:
         """Return measured pairs as distances."""
-        clearance, rows = found.distance - self._kept.take(found.pairs), self.model.rows
+        clearance, rows = found.distance - self._min_distances.take(found.pairs), self.model.rows
         return Distances(found.pairs, clearance, rows(snapshot, found), None, found, beyond)
 
     def watched(self) -> WatchedPairs | None:
-        """Return what the native core needs for the rows, or None if there are no pairs."""
+        """Return the data for the native core, or None if there are no pairs."""
         model = self.model
         if not len(model.pairs):
             return None
         law = self.count, self._joint_acceleration, self.braking
-        return WatchedPairs(model.native, self._kept, *law)
+        return WatchedPairs(model.native, self._min_distances, *law)
 
     def symbolic_rows(self, posture: SymbolicPosture) -> SeparatedPairs:
         """Return all pairs."""
-        return SeparatedPairs(self.model, self._kept, {})
+        return SeparatedPairs(self.model, self._min_distances, {})
 
 
-def _unseen(robot: Robot, seen: set[int]) -> dict[str, str]:
-    """Return the joints whose links have no collision shapes and why that matters, if most."""
+def _joints_without_shapes(robot: Robot, seen: set[int]) -> dict[str, str]:
+    """Return what is not kept apart, and why, if most joints' links have no collision shapes."""
     joints = [*enumerate(robot.model.names)][2:]  # behind the world and the base
     unseen = [str(name) for joint, name in joints if joint not in seen]
     if 2 * len(unseen) <= len(joints):
         return {}
     told = f"what {len(unseen)} of {len(joints)} joints move ({listed(unseen, 3)})"
     logging.getLogger(__name__).warning(
-        "self-collision: %s: %s is not kept apart: %s", robot.name, told, UNSEEN
+        "self-collision: %s: %s is not kept apart: %s", robot.name, told, NO_SHAPES
     )
-    return {told: UNSEEN}
+    return {told: NO_SHAPES}

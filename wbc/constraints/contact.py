@@ -128,10 +128,10 @@ class Contact(CoreTask):
         **law: Unpack[LawKeywords],
     ) -> Self:
         """Return a contact that holds ``frame`` where it is in ``snapshot``."""
-        return cls(*cls._placed(snapshot, frame), friction=friction, corners=corners, **law)
+        return cls(*cls._hold_arguments(snapshot, frame), friction=friction, corners=corners, **law)
 
     @classmethod
-    def _placed(cls, snapshot: Snapshot, frame: str) -> tuple[Robot, str, Array, Array]:
+    def _hold_arguments(cls, snapshot: Snapshot, frame: str) -> tuple[Robot, str, Array, Array]:
         """Return robot, frame, and the anchor where it is in ``snapshot``."""
         check_snapshot(f"{cls.__name__}.hold", snapshot)
         return snapshot.robot, frame, *snapshot.placement(frame)
@@ -246,7 +246,7 @@ class PointContact(Contact):
         **law: Unpack[LawKeywords],
     ) -> Self:
         """Return a contact that holds ``frame`` where it is in ``snapshot``."""
-        placed = cls._placed(snapshot, frame)
+        placed = cls._hold_arguments(snapshot, frame)
         return cls(*placed, normal=normal, friction=friction, corners=corners, **law)
 
     def _corners(self, given: ArrayLike | None) -> Array:
@@ -262,14 +262,14 @@ class PointContact(Contact):
 
 
 class ContactRows:
-    """The rows of contacts that the QP gets, see :mod:`wbc.constraints.independent_rows`.
+    """The rows of contacts in the QP, see :mod:`wbc.constraints.independent_rows`.
 
     Parameters
     ----------
     contacts:
         Contacts, or other tasks to be met exactly.
-    kept:
-        Which rows of each, increasing; None for all.
+    row_selections:
+        Indices of the rows of each, increasing; None for all.
 
     Attributes
     ----------
@@ -277,10 +277,10 @@ class ContactRows:
         Of the rows, such as ``"left_sole x"``.
     """
 
-    def __init__(self, contacts: Sequence[Task], kept: Sequence[Index | None]) -> None:
-        self.contacts, self.kept = tuple(contacts), tuple(kept)
+    def __init__(self, contacts: Sequence[Task], row_selections: Sequence[Index | None]) -> None:
+        self.contacts, self.row_selections = tuple(contacts), tuple(row_selections)
         self.labels = tuple(
             f"{contact.name} {contact.rows[k]}"
-            for contact, own in zip(self.contacts, self.kept, strict=True)
+            for contact, own in zip(self.contacts, self.row_selections, strict=True)
             for k in (range(len(contact.rows)) if own is None else own)
         )

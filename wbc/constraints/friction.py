@@ -1,4 +1,4 @@
-"""What a contact can bear: a friction cone at each of its points, and a range of normal force."""
+"""Friction: a linearised cone at each point of a contact, and a range of normal force."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class FrictionCone:
     facets:
         Of the pyramid that stands for the cone, at least 3.
     inner:
-        Whether the pyramid is inscribed in the cone, so that every force it allows is inside the
-        true one; otherwise it is circumscribed.
+        Whether the pyramid is inscribed in the cone, so that every force in it is inside the true
+        cone; otherwise it is circumscribed.
     least, most:
-        Range of the contact's whole normal force [N]. ``least`` keeps a foot loaded; it gives way
-        where a stance cannot have it.
+        Range of the contact's whole normal force [N]. ``least`` keeps a foot loaded; it is relaxed
+        where it cannot be met.
     """
 
     coefficient: float = 0.6
@@ -54,7 +54,7 @@ class FrictionCone:
             )
 
     def matrix(self) -> Array:
-        """Return A (facets, 3) with A f <= 0 for the forces f allowed, the normal along z."""
+        """Return A (facets, 3) with A f <= 0 for allowed forces f, the normal along z."""
         angles = 2.0 * math.pi * np.arange(self.facets) / self.facets
         slope = self.coefficient * (math.cos(math.pi / self.facets) if self.inner else 1.0)
         return np.stack((np.cos(angles), np.sin(angles), np.full(self.facets, -slope)), axis=1)

@@ -1,9 +1,9 @@
-"""The paper's coordinates of a support (5.2), and its step of inertia shaping in them (eq. 38).
+"""The paper's independent coordinates of a support (5.2), and its inertia shaping step (eq. 38).
 
-Held feet tie entries of v to each other. The paper keeps as many as are independent and writes the
-rest by them: floating all of v; on one foot the joints, the base by eqs. 32-35; on both the joints
-of the left leg and of the trunk, q_l and q_t, base and right leg by eqs. 36-37. Which are kept
-decides what eq. 38 makes least: the norm of the independent ones only.
+Held feet make entries of v dependent. The paper chooses independent entries and expresses the rest
+by them: floating all of v; on one foot the joints, the base by eqs. 32-35; on both feet the joints
+of the left leg and of the trunk, q_l and q_t, base and right leg by eqs. 36-37. The choice matters:
+eq. 38 minimises the norm of the independent entries only.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.validate import Array, finite_array, finite_number, read_only, real_array
 
-# Singular values of a task's Jacobian in independent coordinates below this part of the largest
-# are rounding: directions in which nothing can be done.
+# Singular values of a task's Jacobian in independent coordinates below this share of the largest
+# are rounding.
 ROUNDING = 1e-12
 
 
@@ -108,11 +108,11 @@ class IndependentCoordinates:
         return finite_array("independent coordinates, rows", given, shape) @ self.basis
 
     def step(self, rows: ArrayLike, change: ArrayLike, damping: float = 0.0) -> Array:
-        """Return the step of eq. 38 (nv,): the least independent one that changes rows so.
+        """Return the step of eq. 38 (nv,): the least one, in independent entries, to a change.
 
-        J^+ change in the independent coordinates, J^+ = J' (J J' + damping 1)^-1, and what follows
-        of it for the dependent ones. Neither limits nor margins are known to it. For inertia
-        shaping ``residual = task.residual(snapshot)`` gives ``rows = residual.jacobian`` and
+        J^+ change in the independent coordinates, J^+ = J' (J J' + damping 1)^-1, and the dependent
+        entries that follow. It ignores limits and margins. For inertia shaping
+        ``residual = task.residual(snapshot)`` gives ``rows = residual.jacobian`` and
         ``change = -residual.error``.
 
         Parameters
@@ -120,10 +120,10 @@ class IndependentCoordinates:
         rows:
             Jacobian (m, nv) by v.
         change:
-            (m,) wanted, as I_d - I. Where it is out of reach the nearest one is met.
+            (m,) wanted, as I_d - I. If it cannot be met, the nearest one is.
         damping:
-            Of the squares, in the rows' units squared; 0 as printed, where rows that nearly lose
-            rank turn joints by radians.
+            Of the squares, in the rows' units squared; 0 as in the paper, where rows that nearly
+            lose rank move joints by radians.
 
         Returns
         -------
@@ -145,7 +145,7 @@ class IndependentCoordinates:
 
 
 def _groups(robot: Robot, held: Sequence[Contact]) -> Iterator[list[int]]:
-    """Yield places in v in the order in which they are eliminated; some more than once."""
+    """Yield indices in v in the order of their elimination; some more than once."""
     model = robot.model
     yield list(range(BASE_NV))
     yield [robot.joint_index(joint) for joint in robot.motorless]
@@ -153,25 +153,25 @@ def _groups(robot: Robot, held: Sequence[Contact]) -> Iterator[list[int]]:
         {int(model.idx_vs[j]) for j in model.supports[robot.frame(one.frame).parentJoint] if j > 1}
         for one in held
     ]
-    for k in reversed(range(len(chains))):  # what moves this foot alone
+    for k in reversed(range(len(chains))):  # joints that move this foot only
         others = set().union(*chains[:k], *chains[k + 1 :])
         yield sorted(chains[k] - others)
     yield list(range(BASE_NV, robot.nv))
 
 
 def _dependent(A: Array, groups: Iterator[list[int]], tolerance: float) -> list[int]:
-    """Return columns of A (me, n) that span all of them, as many of the first groups as can be."""
-    chosen = list[int]()
+    """Return columns of A (me, n) that span its range, preferring those of the first groups."""
+    dependent = list[int]()
     if not len(A):
-        return chosen
+        return dependent
     least = tolerance * float(np.linalg.norm(A, axis=0).max())
     left = A.copy()
     for group in groups:
-        columns = [k for k in group if k not in chosen]
+        columns = [k for k in group if k not in dependent]
         if not columns:
             continue
         Q, R, pivots = qr(left[:, columns], mode="economic", pivoting=True)
         rank = int(np.count_nonzero(np.abs(np.diagonal(R)) > least))
-        chosen += [columns[k] for k in pivots[:rank]]
+        dependent += [columns[k] for k in pivots[:rank]]
         left -= Q[:, :rank] @ (Q[:, :rank].T @ left)
-    return chosen
+    return dependent

@@ -1,9 +1,9 @@
-"""A largest independent set of contact rows; those that follow from others are left out.
+"""A largest independent set of contact rows; redundant rows are left out.
 
-Four held corners of a sole make twelve rows, of which six are independent. The other six agree with
+Four held corners of a sole have twelve rows, of which six are independent. The other six agree with
 them to first order only: the second-order drift of a tick makes the twelve contradict each other,
-and the QP infeasible. Contacts that really ask one link to be in two places keep all their rows, so
-that the tick can name them.
+and the QP infeasible. Contacts that really hold one link at two places keep all their rows, so that
+the tick can name them.
 """
 
 from __future__ import annotations
@@ -23,35 +23,35 @@ from wbc.tasks.task import Task
 from wbc.validate import Array
 
 # Rows count as dependent below this part of the largest, positions measured in the link's size.
-DEPENDENT = 1e-6
-# Anchors of one link may disagree by what held feet drift [m, rad]. A larger disagreement is a real
-# contradiction.
-DRIFT, TURN = 5e-3, 5e-2
+RANK_TOLERANCE = 1e-6
+# Anchors of one link may disagree by the drift of held feet [m, rad]. A larger disagreement is a
+# real contradiction.
+DRIFT, ANGLE_DRIFT = 5e-3, 5e-2
 
 
 def independent_rows(contacts: Sequence[Task]) -> ContactRows:
-    """Return the rows of contacts, or other tasks to be met exactly, that the QP gets.
+    """Return the rows of contacts, or other tasks to be met exactly, for the QP.
 
-    Contacts on one link keep a largest set of independent rows, chosen where they are anchored,
-    which is where the link is held. All other tasks that are held keep all their rows.
+    Of contacts on one link a largest set of independent rows, chosen at their anchors; of all other
+    tasks all rows.
     """
-    kept: list[Index | None] = [None] * len(contacts)
-    for members in _links(contacts):
+    selections: list[Index | None] = [None] * len(contacts)
+    for members in _by_link(contacts):
         together = [contact for k in members if isinstance(contact := contacts[k], Contact)]
-        if len(members) < 2 or not all(_agree(a, b) for a, b in combinations(together, 2)):
+        if len(members) < 2 or not all(_are_consistent(a, b) for a, b in combinations(together, 2)):
             continue
         chosen = _independent(together)
         start = 0
         for k in members:
             size = len(contacts[k].rows)
             own = chosen[(chosen >= start) & (chosen < start + size)] - start
-            kept[k] = None if own.size == size else own
+            selections[k] = None if own.size == size else own
             start += size
-    return ContactRows(contacts, kept)
+    return ContactRows(contacts, selections)
 
 
-def _agree(a: Contact, b: Contact) -> bool:
-    """Whether one link can meet both anchors, up to drift."""
+def _are_consistent(a: Contact, b: Contact) -> bool:
+    """Return whether one link can meet both anchors, up to drift."""
     if len(a.rows) < len(b.rows):
         a, b = b, a
     here, there = (one.robot.frame(one.frame).placement for one in (a, b))
@@ -62,11 +62,11 @@ def _agree(a: Contact, b: Contact) -> bool:
     if np.linalg.norm(link @ arm - separation) > DRIFT:
         return False
     turn = link.T @ b.rotation @ there.rotation.T
-    return isinstance(b, PointContact) or float(np.linalg.norm(log_rotation(turn))) <= TURN
+    return isinstance(b, PointContact) or float(np.linalg.norm(log_rotation(turn))) <= ANGLE_DRIFT
 
 
-def _links(contacts: Sequence[Task]) -> list[list[int]]:
-    """Return the numbers of the contacts on each link that moves on its own."""
+def _by_link(contacts: Sequence[Task]) -> list[list[int]]:
+    """Return the indices of the contacts on each moving link."""
     found: dict[int, list[int]] = {}
     for k, contact in enumerate(contacts):
         if isinstance(contact, Contact):
@@ -90,7 +90,7 @@ def _independent(contacts: Sequence[Contact]) -> Index:
     )
     _, triangle, order = qr(rows.T, mode="economic", pivoting=True)
     sizes = np.abs(np.diagonal(triangle))
-    rank = int(np.count_nonzero(sizes > DEPENDENT * sizes[0]))
+    rank = int(np.count_nonzero(sizes > RANK_TOLERANCE * sizes[0]))
     return np.sort(order[:rank]).astype(np.int64)
 
 

@@ -4,14 +4,13 @@ Three facts shape the box of a joint at position q moving at v, with limits q_ma
 
 * braking: from velocity u it can stop before q_max if ``u dt + u^2 / (2 a_max) <= q_max - q``. Once
   this holds it can hold at the next tick too, so a limit is met without overshoot or oscillation;
-* speeding up is bounded by ``a_max dt`` per tick, but slowing down to rest is always possible, and
-  from there to speed up the other way: with several limits and closed kinematic chains, a hard
-  bound on deceleration can contradict the contacts, and standing still must remain possible (and a
-  little more: a foot put down while moving takes back what it has drifted). A joint that turns
-  round so changes its velocity by up to ``|v| + a_max dt`` in a tick: ``tick.braked`` names it.
-  With ``braking:
-  bounded`` slowing down is bounded by ``a_max dt`` as well, unless a limit of the joint itself asks
-  for more; where contacts or margins do, the controller opens this box towards the other one, see
+* speeding up is bounded by ``a_max dt`` per tick, but a joint may always stop at once, and speed up
+  the other way from there: with several limits and closed kinematic chains, a hard bound on
+  deceleration can contradict the contacts, and standing still must remain feasible (and a little
+  more: a foot that touches down while moving corrects its drift). A joint that reverses changes its
+  velocity by up to ``|v| + a_max dt`` in a tick: ``tick.braked`` names it. With ``braking:
+  bounded`` slowing down is bounded by ``a_max dt`` as well, unless a limit of the joint itself
+  needs more; if contacts or margins need more, the controller relaxes this box, see
   :mod:`wbc.controllers.braking`;
 * outside its range a joint may only move back, and a soft row of high weight moves it back. That
   row is a cost, not a bound, so that no state can make the QP infeasible.
@@ -40,8 +39,8 @@ BASE_ROWS = ("base x", "base y", "base z", "base rx", "base ry", "base rz")
 BRAKING = ("free", "bounded")
 # Time in which a joint reaches full speed if no acceleration limit is given [s].
 DEFAULT_RISE_TIME = 0.1
-# Part of a joint's torque that braking may count on. Counting on all of it, a waist met its limit
-# at full speed, and the tick had to choose between limit and feet.
+# Part of a joint's torque that is assumed for braking. With all of it, a waist reached its limit at
+# full speed, and the tick had to choose between the limit and the feet.
 TORQUE_SHARE = 0.5
 Box = tuple[Array, Array]
 
@@ -110,7 +109,7 @@ class Limits(DeclaredAttributes):
         super()._set_attribute(name, value)
         self.__dict__["_changes"] = object()
         if not name.startswith("_"):
-            for one in self.__dict__.get("_weaker", ()):
+            for one in self.__dict__.get("_derived", ()):
                 setattr(one, name, value)
 
     robot: Robot
@@ -123,7 +122,7 @@ class Limits(DeclaredAttributes):
     braking: str
     base_twist: Array
     recovery: float
-    _changes: object  # another once one was assigned: what was read of them before may be old
+    _changes: object  # replaced at each assignment: readers compare it by identity
 
     def __init__(
         self,
@@ -140,7 +139,7 @@ class Limits(DeclaredAttributes):
     ) -> None:
         check_robot("limits", robot)
         self.robot = robot
-        self._weaker: tuple[Limits, ...] = ()  # made of these
+        self._derived: tuple[Limits, ...] = ()  # by within_torques(): assignments reach them too
         self.lower, self.upper = _position_bounds(robot, position, margin)
         self.speed = _speeds(robot, velocity)
         self.by_default = acceleration is None
@@ -155,21 +154,21 @@ class Limits(DeclaredAttributes):
         self.recovery = recovery
 
     def within_torques(self, torques: Array) -> Limits:
-        """Return limits whose default accelerations torques (joints,) [N m] can give, by half.
+        """Return limits whose default accelerations half the torques (joints,) [N m] can produce.
 
-        Each joint alone moving what it carries in the standing posture; the other half is for
-        gravity and for the other joints. What was given as ``acceleration`` stays. What is assigned
-        to these limits later is assigned to those, too.
+        Each joint alone moves what it carries in the standing posture; the other half is for
+        gravity and for the other joints. A given ``acceleration`` is not changed. Later assignments
+        to these limits are passed on to the returned ones.
         """
         if not self.by_default:
             return self
         q = self.robot.postures[STANDING]
         inertia = np.diagonal(self.robot.snapshot(q).mass_matrix)[BASE_NV:]
         limits = copy(self)
-        limits._weaker = ()
+        limits._derived = ()
         able = TORQUE_SHARE * torques / inertia
         limits.acceleration = np.minimum(self.acceleration, able)
-        self._weaker += (limits,)
+        self._derived += (limits,)
         return limits
 
     def box(self, snapshot: Snapshot, dt: float) -> Box:
@@ -181,9 +180,9 @@ class Limits(DeclaredAttributes):
         return self._box(snapshot, dt, bounded=False)
 
     def numbers(self, deceleration: Array | None = None) -> Array:
-        """Return all as the core reads it (5 (nv - 6) + 12,): ``limit`` of source/core.h.
+        """Return all limits as the core reads them (5 (nv - 6) + 12,): ``limit`` of source/core.h.
 
-        ``deceleration`` (nv - 6,): what braking may count on; None: the acceleration.
+        ``deceleration`` (nv - 6,): assumed for braking; None: the acceleration.
         """
         slow = self.acceleration if deceleration is None else deceleration
         rise = self.acceleration if self.speed_up is None else self.speed_up

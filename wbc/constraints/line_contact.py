@@ -17,8 +17,8 @@ from wbc.validate import Array, read_only
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
-STRAIGHT = 1e-3  # m: how far its points may be beside a line through the frame's origin
-LEAST_FLAT = 0.1  # of a line's length: seen from above
+STRAIGHTNESS = 1e-3  # m: how far its points may be beside a line through the frame's origin
+LEAST_HORIZONTAL = 0.1  # of a line's length: seen from above
 
 
 class LineContact(Contact):
@@ -57,12 +57,12 @@ class LineContact(Contact):
         if corners is None:
             corners = np.zeros((1, 3))
         elif given is None and len(corners) > 2:
-            corners = _along(corners)
+            corners = _x_axis_ends(corners)
         line = corners[-1] - corners[0]
         length, across = math.hypot(*line.tolist()), math.hypot(*line[:2].tolist())
         line /= max(length, 1e-300)
         beside = np.abs(corners - np.outer(corners @ line, line)).max()
-        if across <= LEAST_FLAT * length or beside > STRAIGHT:
+        if across <= LEAST_HORIZONTAL * length or beside > STRAIGHTNESS:
             raise InvalidInputError(
                 f"{self}, corners: expected points on a line through the origin of {self.frame!r},"
                 " the first and the last its ends, across its z axis"
@@ -90,7 +90,7 @@ class LineContact(Contact):
         return np.asarray(self._across @ self.rotation.T)
 
 
-def _along(sole: Array) -> Array:
+def _x_axis_ends(sole: Array) -> Array:
     """Return where the x axis leaves a sole of corners (k, 3): behind and ahead (2, 3)."""
     corners = sole[:, :2].tolist()  # a handful: plain numbers are faster
     ends = [

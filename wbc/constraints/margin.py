@@ -40,11 +40,11 @@ from wbc.validate import Array, finite_number, read_only
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
 
-# What the core's margins count on, too, see native/source/margin.c: a skin that rows keep besides,
-# and what a tick may use up of it [m]; rounding [m]; an interior for the solver [m/s]; a lever [m].
+# Constants of the core's margins, see native/source/margin.c: the skin that rows add to a margin,
+# and how much of it a tick may use up [m].
 SKIN: float = lib.wbc_skin
 USED: float = lib.wbc_skin_per_tick
-JOINT_SHARE = 0.5  # of the joints' acceleration limits that braking may count on
+JOINT_SHARE = 0.5  # of the joints' acceleration limits, assumed for braking
 
 
 @dataclass(frozen=True)
@@ -132,18 +132,18 @@ class Margin(DeclaredAttributes, Constraint):
         """Bound how far (m,) clearances end below their linear prediction over ``step`` (nv,)."""
 
     def has_more(self, distances: Distances) -> bool:
-        """Whether there are more distances than these: farther away, without rows."""
+        """Return whether there are more distances than these: farther away, without rows."""
         return False
 
     def symbolic_rows(self, posture: SymbolicPosture) -> SymbolicRows | SeparatedPairs:
-        """Return what a posture must respect, for searches over postures.
+        """Return the rows that a posture must meet, for searches over postures.
 
-        Margins are kept with their skin, so that the QP can rest at what such a search finds.
+        Margins include their skin, so that the QP can rest at the posture found.
 
         Raises
         ------
         InvalidInputError
-            A kind of constraint that does not say what it asks of a posture.
+            A kind of constraint without rows on postures.
         """
         raise InvalidInputError(
             f"global shaping: constraint {self.name!r} is a {type(self).__name__}, of which no rows"
@@ -158,26 +158,26 @@ class Margin(DeclaredAttributes, Constraint):
         least = self._approach(distances, dt)
         if distances.rate is not None:
             least -= distances.rate
-        least, push = _asked(distances, least)
+        least, push = _split_bounds_and_push(distances, least)
         labels, matrix = self.labels(distances), distances.jacobian
         return Bounds(labels, matrix, least, _unbounded(least.size), push, distances)
 
     def may_violate(self, rows: Bounds, v: Array, dt: float) -> bool:
-        """Whether some clearance, with a row or without, might end below the margin by ``v``."""
+        """Return whether some clearance, with a row or without, might end below the margin."""
         distances = rows.distances
         if distances is None:
             return False
-        if self.has_more(distances) and _others_may_come(distances, v, dt):
+        if self.has_more(distances) and _unlisted_may_violate(distances, v, dt):
             return True
-        return bool((self._least(distances, v, dt) < -USED).any())
+        return bool((self._least_clearance(distances, v, dt) < -USED).any())
 
     def cutting_planes(self, there: Snapshot, v: Array, dt: float, rows: Bounds) -> Bounds | None:
         """Return the rows, linear about ``there``, of the distances that are violated there.
 
         A distance may end half a skin inside; one that began further inside may not shrink more.
         """
-        after = self.distances(there, self._watched(rows, v, dt))
-        lacking = self._lacking(after, rows, dt)
+        after = self.distances(there, self._keys_to_measure(rows, v, dt))
+        lacking = self._missing_clearance(after, rows, dt)
         violated = np.flatnonzero(lacking)
         if not violated.size:
             return None
@@ -190,15 +190,15 @@ class Margin(DeclaredAttributes, Constraint):
         which = Distances(after.keys[violated], after.clearance[violated], matrix, rate, found)
         return Bounds(chosen, matrix, least, np.full(violated.size, np.inf), distances=which)
 
-    def _lacking(self, after: Distances, rows: Bounds, dt: float) -> Array:
-        """Return what clearances (m,) must end higher by [m]; 0 where nothing is violated."""
-        start, drift = _matched(rows.distances, after)
+    def _missing_clearance(self, after: Distances, rows: Bounds, dt: float) -> Array:
+        """Return by how much clearances (m,) are too small at the end [m]; 0 if not violated."""
+        start, drift = _clearance_before(rows.distances, after)
         clearance = after.clearance if after.rate is None else after.clearance + dt * after.rate
         floor = np.minimum(-USED, start + dt * np.minimum(drift, 0.0) - lib.wbc_rounding)
         return np.where(clearance < floor, np.minimum(0.0, start) - clearance, 0.0)
 
-    def _least(self, distances: Distances, v: Array, dt: float) -> Array:
-        """Return lower estimates (m,) of the clearances where ``v`` leads."""
+    def _least_clearance(self, distances: Distances, v: Array, dt: float) -> Array:
+        """Return lower bounds (m,) on the clearances at the end of a step with ``v``."""
         step = dt * v
         predicted = distances.jacobian @ step
         predicted += distances.clearance
@@ -207,15 +207,15 @@ class Margin(DeclaredAttributes, Constraint):
         predicted -= self.curvature_bound(distances, step)
         return predicted
 
-    def _watched(self, rows: Bounds, v: Array, dt: float) -> Index | None:
-        """Return the keys of the distances to measure where ``v`` leads, or None for all."""
+    def _keys_to_measure(self, rows: Bounds, v: Array, dt: float) -> Index | None:
+        """Return the keys of the distances to measure at the end of the step, or None for all."""
         distances = rows.distances
-        if distances is None or _others_may_come(distances, v, dt):
+        if distances is None or _unlisted_may_violate(distances, v, dt):
             return None
-        return distances.keys[self._least(distances, v, dt) < -USED]
+        return distances.keys[self._least_clearance(distances, v, dt) < -USED]
 
     def _approach(self, distances: Distances, dt: float) -> Array:
-        """Return how fast clearances (m,) may change [m/s], or, where they are lost, have to."""
+        """Return least rates of the clearances (m,) [m/s]; positive if a clearance must grow."""
         law, rows = asdict(self.braking), np.ascontiguousarray(distances.jacobian, dtype=float)
         m, nv, least = len(rows), self.robot.nv, np.empty(len(rows))
         margin, acceleration = ffi.new("wbc_margin *", law), self._joint_acceleration
@@ -231,8 +231,8 @@ class Margin(DeclaredAttributes, Constraint):
         return least
 
 
-def _others_may_come(distances: Distances, v: Array, dt: float) -> bool:
-    """Whether distances without a row, all above the farthest with one, could be used up by v."""
+def _unlisted_may_violate(distances: Distances, v: Array, dt: float) -> bool:
+    """Return whether a distance without a row, beyond the farthest with one, may be violated."""
     left = distances.beyond
     if left is None:
         left = float(np.maximum.reduce(distances.clearance))
@@ -243,12 +243,12 @@ def point_curvature_bound(distances: Distances, step: Array) -> Array:
     """Bound how far (m,) a point a metre away ends from its linear prediction."""
     size = np.abs(step)
     slide, angle = float(size[:3].sum()), float(size[3:].sum())
-    # A base that turns while it slides moves on a curve itself, whatever the lever.
+    # A base that turns while it translates moves on a curve itself, whatever the lever.
     return np.full(distances.clearance.size, 0.5 * (lib.wbc_lever * angle + slide) * angle)
 
 
-def _asked(distances: Distances, least: Array) -> tuple[Array, Rows | None]:
-    """Return the part of ``least`` (m,) that bounds ask for, and as a cost what they cannot."""
+def _split_bounds_and_push(distances: Distances, least: Array) -> tuple[Array, Rows | None]:
+    """Return ``least`` (m,) as bounds that allow rest, and the cost that pushes beyond these."""
     wanted = least > 0.0
     if not wanted.any():
         return least, None
@@ -263,8 +263,8 @@ def _unbounded(size: int) -> Array:
     return read_only(np.full(size, np.inf))
 
 
-def _matched(before: Distances | None, after: Distances) -> tuple[Array, Array]:
-    """Return clearance and rate (m,), (m,) that ``after`` had before; infinity and 0 if new."""
+def _clearance_before(before: Distances | None, after: Distances) -> tuple[Array, Array]:
+    """Return earlier clearances and rates (m,), (m,) of ``after``'s keys; infinity, 0 if new."""
     far, none = np.full(after.keys.size, np.inf), np.zeros(after.keys.size)
     if before is None or not before.keys.size:
         return far, none

@@ -1,4 +1,4 @@
-"""What a robot's own mechanics hold, met exactly: gears, closed loops, and a bolted base."""
+"""The robot's own mechanical constraints, met exactly: gears, closed loops, and a bolted base."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from wbc.validate import read_only
 
 
 class Mechanics(CoreTask):
-    """What a robot's mechanics hold; controllers hold it by themselves (:func:`mechanics_of`)."""
+    """A constraint of the robot's mechanics; controllers add them (:func:`mechanics_of`)."""
 
     def __init__(self, robot: Robot, name: str, rows: Sequence[str]) -> None:
         super().__init__(robot, name, rows, gain=1.0)
 
     @property
-    def bends(self) -> bool:
-        """Whether its rows are linear in the command to first order only."""
+    def nonlinear(self) -> bool:
+        """Whether its error is nonlinear in q."""
         return False
 
 
@@ -41,8 +41,8 @@ class Gear(Mechanics):
         super().__init__(robot, f"gear of {joint}", ("gear",))
 
     @property
-    def bends(self) -> bool:
-        """Whether its row is linear to first order only."""
+    def nonlinear(self) -> bool:
+        """Whether its error is nonlinear in q."""
         return not self._coupling.is_linear
 
     def native(self) -> tuple[NativeRows, ...]:
@@ -68,8 +68,8 @@ class ClosedLoop(Mechanics):
         super().__init__(robot, f"loop {name}", AXES if loop.kind == "point" else AXES + TURNS)
 
     @property
-    def bends(self) -> bool:
-        """Whether its rows are linear to first order only: they are."""
+    def nonlinear(self) -> bool:
+        """True."""
         return True
 
     def native(self) -> tuple[NativeRows, ...]:

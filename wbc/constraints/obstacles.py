@@ -92,17 +92,17 @@ class Obstacles(BodyMargin):
             [(b, self._first + k) for k in range(len(around)) for b in range(len(own))],
         )
 
-    def kept(self) -> Array:
-        """Return the distance (N,) that each pair keeps [m], skin included."""
+    def min_distances(self) -> Array:
+        """Return the least distance (N,) of each pair [m], skin included."""
         return np.full(len(self.model.pairs), self.margin + SKIN)
 
     def place(self) -> None:
-        """Move the obstacles to where they are now."""
+        """Move the obstacles' bodies to their present poses."""
         for k, one in enumerate(self.obstacles, self._first):
             moving = one.velocity, one.angular_velocity
             self.model.place(k, one.rotation, one.origin, *moving)
 
-    def made_of(
+    def to_distances(
         self, snapshot: Snapshot, found: PairDistances, beyond: float | None = None
     ) -> Distances:
         """Return measured pairs as distances, and the rates at which obstacles change them."""

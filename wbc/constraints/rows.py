@@ -105,7 +105,7 @@ class Constraint(ABC):
 
     robot: Robot
     name: str
-    _tested = True  # whether what it returns needs no look: set below for what is derived
+    _tested = True  # whether its return values are not checked; False for users' subclasses
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -116,45 +116,45 @@ class Constraint(ABC):
         """Return the rows for the next velocity, to be applied for ``dt``."""
 
     def braked_rows(self, snapshot: Snapshot, dt: float) -> Bounds:
-        """Return the rows where velocities do not change at once: those of the torque level.
+        """Return the rows at the torque level, where velocities do not change at once.
 
-        The same as :meth:`rows`, unless there are more in motion.
+        The same as :meth:`rows` by default.
         """
         return self.rows(snapshot, dt)
 
     def may_violate(self, rows: Bounds, v: Array, dt: float) -> bool:
-        """Whether ``v`` may lead to a violation, so that the constraint must be evaluated there."""
+        """Return whether ``v`` may violate a row, so that :meth:`cutting_planes` is needed."""
         return False
 
     def cutting_planes(self, there: Snapshot, v: Array, dt: float, rows: Bounds) -> Bounds | None:
-        """Return further rows if ``there``, which ``v`` leads to, is a violation; else None."""
+        """Return further rows if ``there``, the end of a step by ``v``, violates; else None."""
         return None
 
 
 def relax_for_contacts(bounds: Bounds, held: Sequence[Rows]) -> Bounds:
-    """Return the rows, relaxed where they would forbid what contacts need to take back a drift.
+    """Return the rows, relaxed where they would forbid that contacts correct their drift.
 
-    The least velocity that does what the contacts ask, ``v = A' (A A')^-1 b``, is then allowed as
-    rest is, with a small interior. It is a matter of micrometres in a tick.
+    The least velocity that meets the contacts, ``v = A' (A A')^-1 b``, is then feasible, with a
+    small interior, as v = 0 is. This amounts to micrometres in a tick.
     """
     if not held or not bounds.lower.size:
         return bounds
     A = np.concatenate([rows.matrix for rows in held])
     b = np.concatenate([rows.target for rows in held])
-    asked = float(np.abs(b).max(initial=0.0))
+    demanded = float(np.abs(b).max(initial=0.0))
     square = A @ A.T
     square.flat[:: len(b) + 1] += 1e-12 * square.trace()  # contacts may repeat each other
     needed = bounds.matrix @ (A.T @ np.linalg.solve(square, b))
-    needed -= 0.1 * asked + INTERIOR
+    needed -= 0.1 * demanded + INTERIOR
     return bounds._replace(lower=np.minimum(bounds.lower, needed))
 
 
 def reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:
-    """Return rows of margins within reach of the velocity (nv,) now, for the torque level.
+    """Return rows of margins relaxed to what is reachable from the velocity (nv,) now.
 
-    At the velocity level a body in a margin may not come nearer from this tick on. Motors cannot do
-    that: such rows would contradict the torque bounds, and the tick would give up contacts for
-    them. So what comes too fast is braked as hard as it can be, not at once.
+    At the velocity level a body inside a margin stops approaching in one tick. Motors cannot do
+    that: such rows would contradict the torque bounds, and the tick would relax contacts instead.
+    So at the torque level a fast approach is braked as hard as possible, not at once.
     """
     if not bounds.lower.size:
         return bounds

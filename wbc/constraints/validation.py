@@ -1,6 +1,6 @@
-"""What constraints of one's own return, looked at in every tick; those of this package are tested.
+"""Checks on the return values of users' constraints in each tick: shapes, types, finite numbers.
 
-Shapes, types and whether all is finite: before it is used.
+The package's own constraints are not checked.
 """
 
 from __future__ import annotations
@@ -19,44 +19,44 @@ Method = Literal["rows", "braked_rows", "cutting_planes"]
 
 
 def bounds_of(constraint: Constraint, snapshot: Snapshot, dt: float, braked: bool) -> Bounds:
-    """Return the rows of a constraint; ``braked``: where nothing stops at once.
+    """Return the rows of a constraint; ``braked``: those for the torque level.
 
     Raises
     ------
     InvalidInputError
-        A constraint of one's own returns something else, or of other shapes than its labels and the
-        robot's nv say; the message names constraint and field.
+        A user's constraint returns something else, or shapes that do not match its labels and the
+        robot's nv; the message names constraint and field.
     """
     method: Method = "braked_rows" if braked else "rows"
-    found = _asked(constraint, method, snapshot, dt)
+    found = _call(constraint, method, snapshot, dt)
     if constraint._tested:
         return cast(Bounds, found)
     return _checked(constraint, method, found)
 
 
-def cuts_of(
+def cutting_planes_of(
     constraint: Constraint, there: Snapshot, v: Array, dt: float, rows: Bounds
 ) -> Bounds | None:
-    """Return the rows at a violation that ``v`` leads to, or None: see :class:`Constraint`."""
-    found = _asked(constraint, "cutting_planes", there, v, dt, rows)
+    """Return the cutting planes at the end of a step by ``v``, or None; see :class:`Constraint`."""
+    found = _call(constraint, "cutting_planes", there, v, dt, rows)
     if constraint._tested or found is None:
         return cast(Bounds | None, found)
     return _checked(constraint, "cutting_planes", found)
 
 
-def look_closely_at(constraint: Constraint, snapshot: Snapshot, dt: float) -> None:
-    """Ask a constraint again, and look at all that it returns.
+def check_rows(constraint: Constraint, snapshot: Snapshot, dt: float) -> None:
+    """Evaluate a constraint again and check its rows.
 
     Raises
     ------
     InvalidInputError
         As :func:`bounds_of` does; also of constraints of this package.
     """
-    _checked(constraint, "rows", _asked(constraint, "rows", snapshot, dt))
+    _checked(constraint, "rows", _call(constraint, "rows", snapshot, dt))
 
 
-def _asked(constraint: Constraint, method: Method, *given: Any) -> Any:
-    """Call a method of a constraint; what it raises is its own, and gets a note."""
+def _call(constraint: Constraint, method: Method, *given: Any) -> Any:
+    """Call a method of a constraint; exceptions get a note that names it."""
     try:
         return getattr(constraint, method)(*given)
     except Exception as error:
@@ -66,7 +66,7 @@ def _asked(constraint: Constraint, method: Method, *given: Any) -> Any:
 
 
 def _checked(constraint: Constraint, method: Method, found: object) -> Bounds:
-    """Return rows with all fields checked, and converted where that is plain."""
+    """Return rows with all fields checked, and converted to arrays."""
     nv = constraint.robot.nv
     what = f"constraint {constraint.name!r}: {method}()"
     if not isinstance(found, Bounds):

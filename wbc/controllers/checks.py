@@ -1,4 +1,4 @@
-"""Checks on the parts that a controller is made of, and on what they return."""
+"""Checks and warnings on the parts of a controller, and on the values that they return."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Constraint
-from wbc.constraints.validation import look_closely_at
+from wbc.constraints.validation import check_rows
 from wbc.controllers.competing import competing
 from wbc.controllers.contact_forces import displaced
 from wbc.controllers.slack import NO_SLACK, Slacks
@@ -24,19 +24,19 @@ from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
 from wbc.validate import Array
 
-# What is worked into a controller's plan, and what to do instead of assigning it.
-ANOTHER = "make another controller"
-PLANNED = dict.fromkeys(("tasks", "contacts", "constraints"), "call change()") | dict.fromkeys(
-    ("robot", "limits", "dt", "damping", "joint_weights", "backend", "formulation"), ANOTHER
+# Attributes that are fixed in a controller's plan, and what to do instead of assigning them.
+MAKE_ANOTHER = "make another controller"
+FIXED = dict.fromkeys(("tasks", "contacts", "constraints"), "call change()") | dict.fromkeys(
+    ("robot", "limits", "dt", "damping", "joint_weights", "backend", "formulation"), MAKE_ANOTHER
 )
 
-FAR_OUTSIDE = 0.2  # rad, m: no calibration of a joint is off by that
-UNTOLD = VelocityLaw()
-# What a controller of velocities, and of torques, does not read; its name; and what it does read.
+FAR_OUTSIDE = 0.2  # rad, m: more than any joint's calibration error
+DEFAULT_LAW = VelocityLaw()
+# Of the velocity and the torque level: the gains it ignores, its name, the gains it uses.
 LEVEL_GAINS = ("kp, kd", "velocity", "gain"), ("gain", "torque", "kp, kd")
 
 
-def held_by(robot: Robot, contacts: Sequence[Task] | None) -> Sequence[Task]:
+def contacts_or_warn(robot: Robot, contacts: Sequence[Task] | None) -> Sequence[Task]:
     """Return the contacts; warn if None are given and a robot with feet would float."""
     if contacts is not None:
         return contacts
@@ -49,8 +49,8 @@ def held_by(robot: Robot, contacts: Sequence[Task] | None) -> Sequence[Task]:
     return ()
 
 
-def say_outside(snapshot: Snapshot) -> None:
-    """Log which joints are far outside their limits, as in degrees, or in another order."""
+def warn_outside_limits(snapshot: Snapshot) -> None:
+    """Warn of joints far outside their limits: q may be in degrees, or in another order."""
     past = snapshot.robot.limits.past(snapshot.joint_positions)
     far = np.flatnonzero(past > FAR_OUTSIDE)
     if far.size:
@@ -62,8 +62,8 @@ def say_outside(snapshot: Snapshot) -> None:
         )
 
 
-def say_displaced(snapshot: Snapshot, contacts: Sequence[Task]) -> None:
-    """Log which contacts are not at their anchors, as those of a robot that is elsewhere."""
+def warn_displaced(snapshot: Snapshot, contacts: Sequence[Task]) -> None:
+    """Warn of contacts that are not at their anchors."""
     away = displaced(snapshot, contacts)
     if away:
         told = ", ".join(f"{name!r} by {1e3 * by:.3g} mm" for name, by in away.items())
@@ -74,8 +74,8 @@ def say_displaced(snapshot: Snapshot, contacts: Sequence[Task]) -> None:
         )
 
 
-def say_competing(tasks: Sequence[Task], snapshot: Snapshot, velocity: Array, dt: float) -> bool:
-    """Log which tasks compete at rest at different gains; return whether any do."""
+def warn_competing(tasks: Sequence[Task], snapshot: Snapshot, velocity: Array, dt: float) -> bool:
+    """Warn of tasks that compete at rest at different gains; return whether any do."""
     gains = competing(tasks, snapshot, velocity, dt)
     if gains:
         told = ", ".join(f"{name!r} (gain {gain:.3g})" for name, gain in gains.items())
@@ -87,8 +87,8 @@ def say_competing(tasks: Sequence[Task], snapshot: Snapshot, velocity: Array, dt
     return bool(gains)
 
 
-def refuse_unnamed(more: Sequence[object]) -> None:
-    """Refuse what is given without its name, by InvalidInputError."""
+def refuse_positional(more: Sequence[object]) -> None:
+    """Raise InvalidInputError if there are further positional arguments."""
     if more:
         raise InvalidInputError(
             "controller: a robot and a list of tasks, and all else by name, as in contacts=...,"
@@ -96,8 +96,8 @@ def refuse_unnamed(more: Sequence[object]) -> None:
         )
 
 
-def refuse_idle(tasks: Sequence[Task]) -> None:
-    """Refuse tasks without any weight, by InvalidInputError."""
+def refuse_weightless(tasks: Sequence[Task]) -> None:
+    """Raise InvalidInputError if a task has no weight."""
     for task in tasks:
         if not task.weight.any():
             raise InvalidInputError(
@@ -106,12 +106,15 @@ def refuse_idle(tasks: Sequence[Task]) -> None:
             )
 
 
-def say_unused_gains(tasks: Sequence[Task], torques: bool) -> None:
-    """Log which tasks have gains of the other level, and none of this one."""
+def warn_unused_gains(tasks: Sequence[Task], torques: bool) -> None:
+    """Warn of tasks with gains for the other level, and none for this one."""
     for task in tasks:
         if not isinstance(task, Task) or isinstance(task, ForceTask):
             continue
-        first = (task.law.gain, task.law.gain_per_second) != (UNTOLD.gain, UNTOLD.gain_per_second)
+        first = (task.law.gain, task.law.gain_per_second) != (
+            DEFAULT_LAW.gain,
+            DEFAULT_LAW.gain_per_second,
+        )
         second = task.acceleration_law != AccelerationLaw()
         if first != second and second != torques:
             unused, level, used = LEVEL_GAINS[torques]
@@ -125,17 +128,17 @@ def say_unused_gains(tasks: Sequence[Task], torques: bool) -> None:
 
 
 def motion_and_forces(
-    tasks: Sequence[Task], controller: str, bears: bool
+    tasks: Sequence[Task], controller: str, decides_forces: bool
 ) -> tuple[tuple[Task, ...], tuple[ForceTask, ...]]:
     """Return the tasks about motion and those about forces.
 
     Raises
     ------
     InvalidInputError
-        A task about forces, and a controller that ``bears`` none; the message names both.
+        A task about forces, and a controller that ``decides_forces`` none; the message names both.
     """
     forces = tuple(task for task in tasks if isinstance(task, ForceTask))
-    if forces and not bears:
+    if forces and not decides_forces:
         raise InvalidInputError(
             f"controller: {forces[0]} is a {type(forces[0]).__name__}, about forces, which a"
             f" {controller} does not decide; give it to a TorqueController, or leave it out"
@@ -202,7 +205,7 @@ def check_parts(
 
 
 def check_snapshot(robot: Robot, snapshot: object, more: object = None) -> None:
-    """Refuse what is no snapshot, or one of another robot object, and ``more`` than that.
+    """Raise unless ``snapshot`` is one of this robot object, and there is no ``more``.
 
     Raises
     ------
@@ -223,14 +226,14 @@ def check_snapshot(robot: Robot, snapshot: object, more: object = None) -> None:
         )
 
 
-def look_closely(
+def validate_returns(
     snapshot: Snapshot,
     dt: float,
     tasks: Sequence[Task],
     contacts: Sequence[Task],
     constraints: Sequence[Constraint],
 ) -> None:
-    """Look for who returned what a tick came to grief over; takes up to a millisecond.
+    """Raise an error that names the part whose return value broke a tick; up to a millisecond.
 
     Raises
     ------
@@ -238,13 +241,13 @@ def look_closely(
         A task's residual or a constraint's rows are none, or not finite; the message names it.
     """
     for task in (*tasks, *contacts):
-        validation.look_closely(task, snapshot)
+        validation.check_residual(task, snapshot)
     for constraint in constraints:
-        look_closely_at(constraint, snapshot, dt)
+        check_rows(constraint, snapshot, dt)
 
 
 def check_list(kind: str, given: Any, wanted: type) -> None:
-    """Refuse what is no list of parts; :class:`~wbc.errors.InvalidInputError` says what it is."""
+    """Raise InvalidInputError if ``given`` is not a list of parts."""
     what = "Task objects" if wanted is Task else "Constraint objects"
     if isinstance(given, wanted):
         raise InvalidInputError(f"controller, {kind}: expected a list, got one; write [...]")

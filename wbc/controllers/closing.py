@@ -1,12 +1,11 @@
-"""Gears and loops of the velocity level that are off, and those that the core alone does not close.
+"""Closing loops and gears at the velocity level, where the core alone does not.
 
-Their rows are linear, and mechanisms bend: the core looks where a command leads, and takes Newton
-steps until the loops are closed there (``native/source/closing.c``). Where QPs are changed in
-Python on their way to a command, what is left open is added to the errors here, and the tick is
-done again.
+Their rows are linearised, so the core integrates each command and takes Newton steps until the
+loops are closed there (``native/source/closing.c``). If QPs are modified in Python, the remaining
+gap is added to the errors here and the tick is repeated.
 
-And a robot may begin with a gear or loop that is off, as measured after power-up. All of that in
-one tick may be faster than the limits allow; then as much of it is taken back as they do.
+A robot may also start with an open gear or loop, as measured after power-up. Closing it in one tick
+may be faster than the limits allow; then the largest feasible share of the error is corrected.
 """
 
 from __future__ import annotations
@@ -25,52 +24,53 @@ from wbc.native import lib
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
-OFF = 1e-9  # m, rad: smaller errors are no reason why a tick cannot be had
-HALVINGS = 6  # of the part of errors that is taken back
-REST = "what loops miss to second order"
-INSIDE = 1.0 - 1e-9  # of what limits allow
+OPEN_TOLERANCE = 1e-9  # m, rad: smaller errors cannot be why a QP is infeasible
+HALVINGS = 6  # of the interval for the share of errors that is corrected
+LEFT_OPEN = "what loops miss to second order"
+LIMIT_SHARE = 1.0 - 1e-9  # of the rates that limits allow
 
 Step = Callable[[Snapshot], Tick]
 
 
 class LoopClosing:
-    """What the velocity level does for the gears and loops among its contacts.
+    """Repeats ticks until gears and loops among the contacts are closed at their end.
 
     Parameters
     ----------
     held:
         The contacts that are met exactly.
-    added:
-        (held,) what the core adds to their errors: written here.
+    error_offset:
+        (held,) added by the core to their errors; written here.
 
     Attributes
     ----------
     parts:
-        All gears and loops, and their rows among those that are held.
-    bend:
-        Whether rows of any are linear in the command to first order only.
+        All gears and loops, and their rows among the held ones.
+    nonlinear:
+        Whether any of them is nonlinear in q.
     busy:
-        Whether a tick is being done again.
+        Whether a tick is being repeated.
     lock:
-        Held while one is: threads that share a controller take turns.
+        Held meanwhile: threads that share a controller take turns.
     """
 
-    def __init__(self, held: ContactRows, added: Array, dt: float) -> None:
-        self._made_of = held, added, dt
+    def __init__(self, held: ContactRows, error_offset: Array, dt: float) -> None:
+        self._arguments = held, error_offset, dt
         self.parts: list[tuple[Mechanics, slice]] = []
         begin = 0
-        for one, kept in zip(held.contacts, held.kept, strict=True):
+        for one, kept in zip(held.contacts, held.row_selections, strict=True):
             end = begin + (len(one.rows) if kept is None else len(kept))
             if isinstance(one, Mechanics) and not isinstance(one, BoltedBase):
                 self.parts.append((one, slice(begin, end)))
             begin = end
-        self.bend = any(one.bends for one, _ in self.parts)
-        self._added, self._dt, self.busy, self.lock = added, dt, False, threading.RLock()
+        self.nonlinear = any(one.nonlinear for one, _ in self.parts)
+        self._error_offset, self._dt = error_offset, dt
+        self.busy, self.lock = False, threading.RLock()
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self), self._made_of  # a copy has a lock of its own
+        return type(self), self._arguments  # a copy has a lock of its own
 
-    def closed(
+    def close(
         self,
         snapshot: Snapshot,
         tick: Tick,
@@ -78,9 +78,9 @@ class LoopClosing:
         memory: CoreMemory,
         is_over: Callable[[], bool],
     ) -> Tick:
-        """Return the tick whose command ends with closed loops; ``step`` does it again.
+        """Return a tick whose command ends with closed loops; ``step`` repeats it.
 
-        Not once the deadline ``is_over``: what is open then is taken back in the next tick.
+        Once the deadline ``is_over`` nothing is repeated: the next tick corrects the gap.
         """
         found = tick
         self.busy = True
@@ -91,65 +91,68 @@ class LoopClosing:
                 if worst <= lib.wbc_closed or not worst < lib.wbc_far_open:
                     break
                 if is_over():
-                    found.__dict__["left_out"] = (*found.left_out, REST)
+                    found.__dict__["left_out"] = (*found.left_out, LEFT_OPEN)
                     break
-                self._added += missed
+                self._error_offset += missed
                 again = step(snapshot)
-                if not again.ok:  # rows that follow from others may contradict each other
+                if not again.ok:  # redundant rows may become inconsistent
                     break
                 found = again
         finally:
-            self._forget()
+            self._reset()
         return found
 
-    def within_reach(
+    def close_within_limits(
         self, snapshot: Snapshot, box: Box, step: Step
     ) -> tuple[Tick, list[str]] | None:
-        """Return a tick that takes back as much of the errors as limits allow, and whose.
+        """Return a tick that corrects as much of the errors as limits allow, and which are late.
 
-        None: that is not why the tick cannot be had.
+        None: open loops are not why the tick has no solution.
         """
         residuals = [one.residual(snapshot) for one, _ in self.parts]
-        if not any(float(np.abs(one.error).max()) > OFF for one in residuals):
+        if not any(float(np.abs(one.error).max()) > OPEN_TOLERANCE for one in residuals):
             return None
         errors = [residual.error for residual in residuals]
-        parts = [_part(one.jacobian, one.error / self._dt, box) for one in residuals]
+        shares = [_reachable_share(one.jacobian, one.error / self._dt, box) for one in residuals]
         self.busy = True
         try:
-            if not self._tried(snapshot, errors, np.zeros(len(parts)), step).ok:
+            if not self._step_with(snapshot, errors, np.zeros(len(shares)), step).ok:
                 return None
-            least, most = 0.0, 1.0
-            found = self._tried(snapshot, errors, INSIDE * np.array(parts), step)
+            feasible, infeasible = 0.0, 1.0
+            found = self._step_with(snapshot, errors, LIMIT_SHARE * np.array(shares), step)
             if found.ok:
-                late = zip(self.parts, parts, strict=True)
-                return found, [one.name for (one, _), part in late if part < 1.0]
+                late = zip(self.parts, shares, strict=True)
+                return found, [one.name for (one, _), share in late if share < 1.0]
             for _ in range(HALVINGS):
-                middle = 0.5 * (least + most)
-                tried = self._tried(snapshot, errors, middle * np.array(parts), step)
-                if tried.ok:
-                    least, found = middle, tried
+                middle = 0.5 * (feasible + infeasible)
+                tick = self._step_with(snapshot, errors, middle * np.array(shares), step)
+                if tick.ok:
+                    feasible, found = middle, tick
                 else:
-                    most = middle
+                    infeasible = middle
             if not found.ok:
-                found = self._tried(snapshot, errors, np.zeros(len(parts)), step)
+                found = self._step_with(snapshot, errors, np.zeros(len(shares)), step)
             return found, [one.name for one, _ in self.parts]
         finally:
-            self._forget()
+            self._reset()
 
-    def _tried(self, snapshot: Snapshot, errors: Sequence[Array], parts: Array, step: Step) -> Tick:
-        for (_, where), error, part in zip(self.parts, errors, parts.tolist(), strict=True):
-            self._added[where] = (part - 1.0) * error
+    def _step_with(
+        self, snapshot: Snapshot, errors: Sequence[Array], shares: Array, step: Step
+    ) -> Tick:
+        """Return the tick that corrects these shares of the errors."""
+        for (_, where), error, share in zip(self.parts, errors, shares.tolist(), strict=True):
+            self._error_offset[where] = (share - 1.0) * error
         return step(snapshot)
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         self.busy = False
-        self._added[:] = 0.0
+        self._error_offset[:] = 0.0
 
 
-def _part(J: Array, rate: Array, box: Box) -> float:
-    """Return the part of minus ``rate`` (k,) that rows J v of a box on v can have, each alone."""
+def _reachable_share(J: Array, rate: Array, box: Box) -> float:
+    """Return the share of minus ``rate`` (k,) that every row of J v can reach alone, v in a box."""
     lower, upper = (np.clip(side, -1e9, 1e9) for side in box)
     J = -np.sign(rate)[:, None] * J  # towards 0 error
-    there, wanted = np.maximum(J * lower, J * upper).sum(axis=1), np.abs(rate)
-    parts = np.divide(there, wanted, out=np.ones_like(wanted), where=wanted != 0.0)
-    return float(np.clip(parts.min(), 0.0, 1.0))
+    reachable, wanted = np.maximum(J * lower, J * upper).sum(axis=1), np.abs(rate)
+    shares = np.divide(reachable, wanted, out=np.ones_like(wanted), where=wanted != 0.0)
+    return float(np.clip(shares.min(), 0.0, 1.0))

@@ -1,8 +1,7 @@
-"""Tasks that keep each other from their targets at rest, where their gains act as weights.
+"""Competing tasks: at rest off their targets, where gains act as weights.
 
-The QP of a tick weighs what each task asks for, gain times error: at rest the gradients
-weight^2 gain J' error cancel each other, and a task of a smaller gain gives way more than its
-weight says.
+The QP weighs the rate that each task demands, gain times error: at rest the gradients
+weight^2 gain J' error cancel, and a task of smaller gain loses more than its weight says.
 """
 
 from __future__ import annotations
@@ -17,16 +16,16 @@ from wbc.tasks.task import Task
 from wbc.tasks.validation import residual_of
 from wbc.validate import Array
 
-MOVES = 0.05  # part of what a task asks for, from which on it is still on its way
-SHARES = 0.02  # part of the largest weighted error of a level, below which an error is none
-UNLIKE = 1.25  # times another's gain
-LEAST = 1e-6  # weighted errors that no task is off by
+MOVING_SHARE = 0.05  # of the demanded rate: a faster task is still moving to its target
+RELEVANT_SHARE = 0.02  # of a level's largest weighted error: smaller errors are ignored
+LEAST_GAIN_RATIO = 1.25  # between the gains of two tasks that are reported
+LEAST_ERROR = 1e-6  # weighted errors below this are ignored
 
 
 def competing(
     tasks: Iterable[Task], snapshot: Snapshot, velocity: Array, dt: float
 ) -> dict[str, float]:
-    """Return the gains, by task, of those of one level that compete at rest at different gains.
+    """Return the gains, by name, of the tasks of one level that compete at different gains.
 
     Parameters
     ----------
@@ -42,12 +41,16 @@ def competing(
             found, gain = residual_of(task, snapshot), task.law.fraction(dt)
             size = float(np.linalg.norm(task.weight * found.error))
             moves = float(np.linalg.norm(task.weight * found.rate(velocity))) * dt
-            off[task] = size, gain, moves < MOVES * gain * size
+            off[task] = size, gain, moves < MOVING_SHARE * gain * size
         most = max(size for size, *_ in off.values())
-        off = {task: one for task, one in off.items() if one[0] > max(SHARES * most, LEAST)}
+        off = {
+            task: one
+            for task, one in off.items()
+            if one[0] > max(RELEVANT_SHARE * most, LEAST_ERROR)
+        }
         if not all(rests for *_, rests in off.values()):
             continue
         gains = {task.name: gain for task, (_, gain, _) in off.items() if not task.law.weighs_error}
-        if gains and max(gains.values()) > UNLIKE * min(gains.values()):
+        if gains and max(gains.values()) > LEAST_GAIN_RATIO * min(gains.values()):
             return gains
     return {}

@@ -41,7 +41,7 @@ FAR, TILTED = 0.01, 0.1
 NO_RAMPS: Mapping[str, float] = {}
 UPWARDS = read_only(np.array((0.0, 0.0, 1.0)))
 STRAIGHT = 1e-9
-STEEP = math.sqrt(0.5)  # how far up a normal looks at 45 degrees
+LEAST_NORMAL_Z = math.sqrt(0.5)  # how far up a normal looks at 45 degrees
 
 
 class ContactPart(NamedTuple):
@@ -176,9 +176,9 @@ class ContactForces:
         """
         if [contact.friction for contact in self.surfaces] != self._cones:
             self._read_cones()
-        return self._within(most) if most else self._bounds
+        return self._bounds_within(most) if most else self._bounds
 
-    def _within(self, most: Mapping[str, float]) -> Bounds:
+    def _bounds_within(self, most: Mapping[str, float]) -> Bounds:
         """Return the rows of :meth:`bounds`."""
         lower, upper = np.full(len(self.labels), -np.inf), np.zeros(len(self.labels))
         for k, contact in enumerate(self.surfaces):
@@ -210,7 +210,7 @@ class ContactForces:
             labels += [f"{contact.name} {one}" for one in called]
         self._matrix = read_only(np.concatenate([np.zeros((0, self.size)), *rows]))
         self.labels = tuple(labels)
-        self._bounds = self._within(NO_RAMPS)
+        self._bounds = self._bounds_within(NO_RAMPS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +272,7 @@ class Reaction:
         """
         total, moment = 0.0, np.zeros(3)
         for part in self.layout.parts:
-            if part.surface is not None and part.normal[2] > STEEP:
+            if part.surface is not None and part.normal[2] > LEAST_NORMAL_Z:
                 normal = part.normal_forces(self.f)
                 total += float(normal.sum())
                 moment += normal @ part.points(self.snapshot)

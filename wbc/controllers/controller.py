@@ -3,10 +3,9 @@
     snapshot -> rows of tasks (goals), contacts (held), limits and margins (safe)
              -> levels: assemble, solve -> look ahead -> within limits? -> tick
 
-The unknown begins with the velocity at the end of the tick. What a level adds, the law that it
-applies to tasks, further unknowns and the physics that ties them to the velocity, is said by a
-subclass; everything else is written once, here. Between ticks only the solver's warm start is kept,
-and at the torque level the last forces and the ramps of those that come and go.
+The unknowns begin with the velocity at the end of the tick. Subclasses add their control level:
+the tasks' law, further unknowns, and the physics that ties these to the velocity. Between ticks
+only the solver's warm start is kept, and at the torque level the last forces and their ramps.
 """
 
 from __future__ import annotations
@@ -25,10 +24,10 @@ from wbc.constraints.limits import Box, Limits
 from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers import checks
-from wbc.controllers.blocks import Asked
+from wbc.controllers.blocks import TaskEvaluation
 from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.contact_forces import NO_RAMPS
-from wbc.controllers.core_plan import CorePlan, solves
+from wbc.controllers.core_plan import CorePlan, core_solves
 from wbc.controllers.core_tick import CoreTick
 from wbc.controllers.first_level import FirstLevel
 from wbc.controllers.force_rows import TorqueRows
@@ -50,10 +49,10 @@ from wbc.tasks.task import Task
 from wbc.tasks.validation import deviation_of, drift_of, residual_of
 from wbc.validate import Array, finite_number, read_only, time_step
 
-# How contacts are treated: as equality rows, which the core eliminates; both are the same now.
+# Contacts are equality rows, which the core eliminates: both names mean the same now.
 FORMULATIONS = ("equality", "reduced")
-SETTLED = 128  # ticks in which a robot may come to rest
-Answers = Callable[[CorePlan], list[Asked]]
+COMPETING_CHECK_FROM = 128  # ticks after which a robot may be at rest, its tasks competing
+Evaluate = Callable[[CorePlan], list[TaskEvaluation]]
 
 
 class Controller(DeclaredAttributes, ABC):
@@ -86,8 +85,8 @@ class Controller(DeclaredAttributes, ABC):
         Weight of 1/2 |v|^2 in the cost, [1/(rad/s)^2]: picks one among equally good velocities.
     joint_weights:
         Factors on the damping, 1/2 damping * sum of weight * v^2: a joint of weight 10 moves a
-        tenth as much as one of weight 1 that serves as well. By name or pattern (``{"*wrist*": 10,
-        "base": 100}``, later entries win, all others 1), or (nv,). They only decide what tasks
+        tenth as much as one of weight 1 that serves as well. By name or pattern (``{"*wrist*":
+        10, "base": 100}``, later entries win, all others 1), or (nv,). They only decide what tasks
         leave open: with a posture task of all joints, nothing.
     deadline:
         Time that a tick may take [s], or None. Once it is over the best command within limits is
@@ -117,18 +116,18 @@ class Controller(DeclaredAttributes, ABC):
     contacts: tuple[Task, ...]
     constraints: tuple[Constraint, ...]
     deadline: float | None
-    ticks: int  # that were answered
+    ticks: int  # number of calls of step()
     _core: CorePlan
-    _second: CorePlan | None  # without margins, where the first has them; if it was asked for
-    _curved: frozenset[str]
-    _added: Array  # (held,) to the errors of loops and gears
+    _second_core: CorePlan | None  # without margins, if the first has them; made on demand
+    _curved_tasks: frozenset[str]  # tasks in Python whose residuals have a curvature
+    _error_offset: Array  # (held,) added to the errors of loops and gears
 
-    _fixed = checks.PLANNED
+    _fixed = checks.FIXED
     _policies: tuple[str, ...] = POLICIES
-    _said = False  # that tasks compete
-    _bears = False  # whether the level decides forces
-    _going_slack: Mapping[str, float] = NO_SLACK  # of contacts that are leaving
-    _ramped: Mapping[str, float] = NO_RAMPS  # largest normal forces of those that come or go
+    _warned_competing = False
+    _decides_forces = False  # True at the torque level
+    _leaving_slack: Mapping[str, float] = NO_SLACK  # slack weights of contacts being released
+    _ramp_limits: Mapping[str, float] = NO_RAMPS  # normal force bounds of ramping contacts [N]
 
     def __repr__(self) -> str:
         counts = f"{len(self.tasks)} tasks, {len(self.contacts)} contacts"
@@ -152,10 +151,13 @@ class Controller(DeclaredAttributes, ABC):
         on_failure: str = "hold",
         deadline: float | None = None,
     ) -> None:
-        checks.refuse_unnamed(more)
-        contacts, slack = checks.held_by(robot, contacts), NO_SLACK if slack is None else slack
+        checks.refuse_positional(more)
+        contacts, slack = (
+            checks.contacts_or_warn(robot, contacts),
+            NO_SLACK if slack is None else slack,
+        )
         self.robot, self.limits, self.ticks = robot, limits, 0
-        self._take(tasks, contacts, constraints, slack)
+        self._set_parts(tasks, contacts, constraints, slack)
         self.dt = time_step("controller", dt)
         self.damping = finite_number("controller, damping", damping, above=0.0)
         self.joint_weights = weights_of(robot, joint_weights)
@@ -163,7 +165,7 @@ class Controller(DeclaredAttributes, ABC):
         self.formulation = one_of("formulation", formulation, FORMULATIONS)
         self.on_failure, self.deadline = on_failure, deadline
         self._rest = bytes(8 * robot.nv)  # a velocity of 0
-        self._missing_velocity = MissingVelocity(self.dt, damped=self._bears)
+        self._missing_velocity = MissingVelocity(self.dt, damped=self._decides_forces)
         self._plan(tuple(contacts))
 
     def _set_attribute(self, name: str, value: Any) -> None:
@@ -181,21 +183,21 @@ class Controller(DeclaredAttributes, ABC):
         constraints: Sequence[Constraint] | None = None,
         slack: Mapping[str, float] | None = None,
     ) -> None:
-        """Change what is done, held and kept from the next tick on; what is left out stays.
+        """Replace tasks, contacts, constraints or slack from the next tick on; others stay.
 
-        Solvers keep their warm starts for each set of contacts, and at the torque level forces come
-        and go without jumps. What :class:`Controller` refuses is refused.
+        Solvers keep their warm starts for each set of contacts, and at the torque level forces ramp
+        up and down. Raises what :class:`Controller` raises.
         """
         tasks = self.tasks if tasks is None else tasks
         held = self.contacts if contacts is None else contacts
         constraints = self.constraints if constraints is None else constraints
         slack = self._slack if slack is None else slack
-        self._take(tasks, held, constraints, slack)
-        # What is held already may be leaving: only contacts that are asked for come back.
+        self._set_parts(tasks, held, constraints, slack)
+        # self.contacts may include some that are being released: only given ones come back.
         self._plan(tuple(held) if contacts is None else self._next_contacts(tuple(contacts)))
 
     def set_contacts(self, contacts: Sequence[Task]) -> None:
-        """Change what is held: :meth:`change` for contacts alone."""
+        """Replace the contacts: :meth:`change` for contacts alone."""
         checks.check_list("contacts", contacts, Task)  # None would leave them as they are
         self.change(contacts=contacts)
 
@@ -223,61 +225,69 @@ class Controller(DeclaredAttributes, ABC):
             or snapshot.robot is not self.robot
         ):
             checks.check_snapshot(self.robot, snapshot, wrenches)
-        own, before = self.__dict__, self._kept()
+        own, before = self.__dict__, self._memory()
         own["ticks"] = number = own["ticks"] + 1
         measured, limits = snapshot.measured, self.limits
         fast = None if limits is None else limits.acceleration
-        began = limits, measured, fast, self.dt, self, before, number  # see Began
+        began = limits, measured, fast, self.dt, self, before, number  # see TickOrigin
         try:
             tick = self._step(snapshot)
         except ControllerFailure as failure:
             if isinstance(failure.tick, Tick):
-                failure.tick.__dict__["_began"] = began
+                failure.tick.__dict__["_origin"] = began
             raise
         except (AttributeError, IndexError, InvalidInputError, TypeError, ValueError):
-            checks.look_closely(snapshot, self.dt, self._motion, self.contacts, self.constraints)
+            checks.validate_returns(
+                snapshot, self.dt, self._motion, self.contacts, self.constraints
+            )
             raise
-        tick.__dict__["_began"] = began
+        tick.__dict__["_origin"] = began
         if not number & (number - 1):  # the first tick, the second, fourth, eighth...
-            self._look_at(snapshot, tick, number)
+            self._log_advice(snapshot, tick, number)
         if measured.endswith(self._rest):
             self._missing_velocity.watch(snapshot, tick.velocity, limits)
         return tick
 
-    def _look_at(self, snapshot: Snapshot, tick: Tick, number: int) -> None:
-        """Log what a user should know of a tick, rarely: it takes as long as one."""
+    def _log_advice(self, snapshot: Snapshot, tick: Tick, number: int) -> None:
+        """Log likely mistakes; called rarely, it takes as long as a tick."""
         if number == 1:
-            checks.say_outside(snapshot)
-            checks.say_displaced(snapshot, self.contacts)
-        elif number >= SETTLED and tick.ok and not (self._bears or self._said):
-            given = self._motion, snapshot, tick.velocity, self.dt
-            self._said = checks.say_competing(*given)
+            checks.warn_outside_limits(snapshot)
+            checks.warn_displaced(snapshot, self.contacts)
+        elif (
+            number >= COMPETING_CHECK_FROM
+            and tick.ok
+            and not (self._decides_forces or self._warned_competing)
+        ):
+            parts = self._motion, snapshot, tick.velocity, self.dt
+            self._warned_competing = checks.warn_competing(*parts)
 
     def _step(self, snapshot: Snapshot) -> Tick:
-        """Return the command: the core's alone, as most are, or by what is decided here."""
-        begun, plan, found = perf_counter(), self._core, None
-        if not plan.serves(self.limits, self.dt):
+        """Return the command: by the core alone if it can, else with decisions in Python."""
+        start_time, plan, core_tick = perf_counter(), self._core, None
+        if not plan.is_current(self.limits, self.dt):
             self._plan(self.contacts)
-        elif self._plain:
-            found = plan.tick(snapshot, (), None, self._ramped, begun)
-            if found is not None and found.solved:
-                return self._command(snapshot, found)
-        return self._decided(snapshot, begun, found)
+        elif self._core_suffices:
+            core_tick = plan.tick(snapshot, (), None, self._ramp_limits, start_time)
+            if core_tick is not None and core_tick.solved:
+                return self._command(snapshot, core_tick)
+        return self._step_in_python(snapshot, start_time, core_tick)
 
-    def _decided(self, snapshot: Snapshot, begun: float, found: CoreTick | None = None) -> Tick:
-        """Return the command of a tick that the core alone does not answer, from top to bottom.
+    def _step_in_python(
+        self, snapshot: Snapshot, start_time: float, core_tick: CoreTick | None = None
+    ) -> Tick:
+        """Return the command of a tick that the core alone does not solve.
 
-        ``found`` is what it made of it, without an answer; None: nothing yet.
+        ``core_tick``: the core's unsolved attempt, if it made one.
         """
         if self._margins_in_core or not self.constraints:
-            given = self._asked_once(snapshot)
-            outcome = self._solve(snapshot, self._core, None, None, begun, given, found)
-            # Planned anew meanwhile, the core may no longer keep the margin.
+            evaluate = self._evaluate_once(snapshot)
+            outcome = self._solve(snapshot, self._core, None, None, start_time, evaluate, core_tick)
+            # A replan meanwhile may have taken the margin out of the core.
             if not self.constraints or (outcome.solved and self._margins_in_core):
                 return self._answer(snapshot, outcome, [])
-        # Constraints in Python; or the core's margin has no answer, or one that leads inside.
+        # Constraints in Python; or the core's QP is unsolved, or its solution ends inside a margin.
         margins = self._margins(snapshot)
-        outcome, rows = self._solve_kept_apart(snapshot, margins, begun)
+        outcome, rows = self._solve_with_margins(snapshot, margins, start_time)
         return self._answer(snapshot, outcome, rows)
 
     def _solve(
@@ -286,108 +296,110 @@ class Controller(DeclaredAttributes, ABC):
         plan: CorePlan,
         bounds: Bounds | None,
         box: Box | None,
-        begun: float,
-        given: Answers,
-        found: CoreTick | None = None,
-        opened: bool = False,
+        start_time: float,
+        evaluate: Evaluate,
+        core_tick: CoreTick | None = None,
+        relaxed: bool = False,
     ) -> Outcome:
-        """Return what comes of all levels, with inequality rows of constraints in Python.
+        """Solve all levels with inequality rows of constraints in Python.
 
-        ``box``: on v+, of an earlier round of this tick; None in the first. ``opened``: whether it
-        was opened in this round, as far as rows needed it. ``given``: what
-        tasks in Python answer, which is the same in all rounds.
+        ``box``: on v+, from an earlier round of this tick; None in the first. ``relaxed``: whether
+        the box was relaxed in this round. ``evaluate``: returns the residuals of tasks in Python,
+        the same in all rounds.
         """
         levels = self._levels
-        if not levels.braked:
-            box = None  # that of the limits, in each round
-        simple = box is None and not levels.looked_into
-        if found is None:
-            found = plan.tick(snapshot, given(plan), bounds, self._ramped, begun, simple)
-            if found is None:
-                plan = self._planned_anew(plan, given(plan))
-                return self._solve(snapshot, plan, bounds, box, begun, given)
-        if found.solved:
-            return Outcome(found)
-        hurried = self._is_over(begun)
-        outcome = levels.solve(plan, found, snapshot, box, simple, hurried)
-        if not outcome.solved and not opened and levels.braked:
-            wider = levels.relaxed_box(found, snapshot)
+        if not levels.bounds_braking:
+            box = None  # the limits' box, in each round
+        simple = box is None and not levels.modifies_qps
+        if core_tick is None:
+            parts = evaluate(plan), bounds, self._ramp_limits
+            core_tick = plan.tick(snapshot, *parts, start_time, simple)
+            if core_tick is None:
+                plan = self._replan(plan, evaluate(plan))
+                return self._solve(snapshot, plan, bounds, box, start_time, evaluate)
+        if core_tick.solved:
+            return Outcome(core_tick)
+        deadline_over = self._deadline_over(start_time)
+        outcome = levels.solve(plan, core_tick, snapshot, box, simple, deadline_over)
+        if not outcome.solved and not relaxed and levels.bounds_braking:
+            wider = levels.relaxed_box(core_tick, snapshot)
             if wider is not None:
-                return self._solve(snapshot, plan, bounds, wider, begun, given, opened=True)
+                given = plan, bounds, wider, start_time, evaluate
+                return self._solve(snapshot, *given, relaxed=True)
         return outcome
 
     @property
-    def _marginless(self) -> CorePlan:
-        """The plan in which no margin is the core's: theirs are rows that come from here."""
+    def _core_without_margins(self) -> CorePlan:
+        """The plan without margins in the core: Python adds their rows."""
         if not self._margins_in_core:
             return self._core
-        if self._second is None:  # few ticks ask for it, and each change of contacts plans anew
-            self._second = self._core_plan(None, self._curved)
-        return self._second
+        if self._second_core is None:  # few ticks need it, and each change of contacts replans
+            self._second_core = self._core_plan(None, self._curved_tasks)
+        return self._second_core
 
-    def _planned_anew(self, plan: CorePlan, given: Sequence[Asked]) -> CorePlan:
-        """Plan again where tasks are others than those planned; return what stands for ``plan``."""
-        second = plan is self._second
-        residuals = {one.task.name: one.residual for one in given if one.residual is not None}
-        curved = (name for name, one in residuals.items() if one.curvature is not None)
+    def _replan(self, plan: CorePlan, evaluations: Sequence[TaskEvaluation]) -> CorePlan:
+        """Plan again as tasks have changed in kind or size; return the successor of ``plan``."""
+        second = plan is self._second_core
+        residuals = ((one.task.name, one.residual) for one in evaluations)
+        curved = (name for name, one in residuals if one is not None and one.curvature is not None)
         self._plan(self.contacts, frozenset(curved))
-        return self._marginless if second else self._core
+        return self._core_without_margins if second else self._core
 
-    def _set_up(self, snapshot: Snapshot, begun: float) -> CoreTick:
+    def _assemble(self, snapshot: Snapshot, start_time: float) -> CoreTick:
         """Return a tick whose first QP is set up, without margins, and not solved."""
-        plan = self._marginless
-        given = self._ask(plan, snapshot)
-        found = plan.tick(snapshot, given, None, self._ramped, begun, solve=False)
-        if found is None:
-            self._planned_anew(plan, given)
-            return self._set_up(snapshot, begun)
-        return found
+        plan = self._core_without_margins
+        found = self._evaluate_python_tasks(plan, snapshot)
+        core_tick = plan.tick(snapshot, found, None, self._ramp_limits, start_time, solve=False)
+        if core_tick is None:
+            self._replan(plan, found)
+            return self._assemble(snapshot, start_time)
+        return core_tick
 
-    def _is_over(self, begun: float) -> bool:
-        """Whether the deadline of a tick that began then is over."""
-        return self.deadline is not None and perf_counter() - begun > self.deadline
+    def _deadline_over(self, start_time: float) -> bool:
+        """Return whether the deadline of a tick is over."""
+        return self.deadline is not None and perf_counter() - start_time > self.deadline
 
-    def _asked_once(self, snapshot: Snapshot) -> Answers:
-        """Return what asks a plan's tasks in Python, once in a tick."""
-        known: dict[CorePlan, list[Asked]] = {}
+    def _evaluate_once(self, snapshot: Snapshot) -> Evaluate:
+        """Return a function that evaluates a plan's tasks in Python, once in a tick."""
+        cache: dict[CorePlan, list[TaskEvaluation]] = {}
 
-        def answers(plan: CorePlan) -> list[Asked]:
-            if plan not in known:
-                known[plan] = self._ask(plan, snapshot)
-            return known[plan]
+        def evaluate(plan: CorePlan) -> list[TaskEvaluation]:
+            if plan not in cache:
+                cache[plan] = self._evaluate_python_tasks(plan, snapshot)
+            return cache[plan]
 
-        return answers
+        return evaluate
 
-    def _ask(self, plan: CorePlan, snapshot: Snapshot) -> list[Asked]:
-        """Return the answers of tasks and contacts that the core does not know."""
-        asked = []
+    def _evaluate_python_tasks(self, plan: CorePlan, snapshot: Snapshot) -> list[TaskEvaluation]:
+        """Evaluate the tasks and contacts that the core does not know."""
+        found = []
         for task in plan.python_tasks:
             residual = residual_of(task, snapshot)
-            drift = drift_of(task, snapshot) if self._bears else None
-            asked.append(Asked(task, residual, drift))
-        return asked
+            drift = drift_of(task, snapshot) if self._decides_forces else None
+            found.append(TaskEvaluation(task, residual, drift))
+        return found
 
-    def _known(self, outcome: Outcome, snapshot: Snapshot) -> dict[str, Any]:
-        """Return what a tick does not read from the core."""
+    def _extra_fields(self, outcome: Outcome, snapshot: Snapshot) -> dict[str, Any]:
+        """Return the fields of a tick that are not read from the core."""
         known: dict[str, Any] = {}
         if outcome.step_scale < 1.0:
             known["step_scale"] = outcome.step_scale
-        return known | self._errors(outcome.found, snapshot)
+        return known | self._errors(outcome.core_tick, snapshot)
 
-    def _errors(self, found: CoreTick, snapshot: Snapshot) -> dict[str, Any]:
-        """Return the errors of tasks, of targets of now, where they are not the residuals'."""
+    def _errors(self, core_tick: CoreTick, snapshot: Snapshot) -> dict[str, Any]:
+        """Return the tasks' errors if some are not their residuals' (:meth:`Task.deviation`)."""
         if not self._deviating:
             return {}
-        errors = dict(found.errors)
+        errors = dict(core_tick.errors)
         for task in self._deviating:
-            errors[task.name] = deviation_of(task, snapshot, found.residual(task.name))
+            errors[task.name] = deviation_of(task, snapshot, core_tick.residual(task.name))
         return {"errors": errors}
 
-    def _failed(self, outcome: Outcome, snapshot: Snapshot) -> dict[str, Any]:
-        """Return what a tick without a solution is made of, by the declared policy."""
+    def _fallback_fields(self, outcome: Outcome, snapshot: Snapshot) -> dict[str, Any]:
+        """Return the fields of a tick without a solution, by the declared policy."""
         velocity, slack = self._fallback(snapshot, outcome)
         velocity.setflags(write=False)
-        known = self._known(outcome, snapshot) | {"errors": outcome.found.errors}
+        known = self._extra_fields(outcome, snapshot) | {"errors": outcome.core_tick.errors}
         solution = outcome.solution
         return known | {
             "velocity": velocity,
@@ -395,33 +407,34 @@ class Controller(DeclaredAttributes, ABC):
             "policy": self.on_failure,
             "solution": solution,
             "slack": slack,
-            "singular": outcome.found.singular,
+            "singular": outcome.core_tick.singular,
         }
 
     def changed(self) -> str | None:
         """Return what was changed since the last tick, in words, or None."""
         return self._core.changed()
 
-    def _again(self, snapshot: Snapshot) -> Tick:
-        """Answer a saved tick's state again, once :meth:`_return_to` has been called."""
+    def _replay_step(self, snapshot: Snapshot) -> Tick:
+        """Repeat a saved tick, after :meth:`_restore`."""
         return self.step(snapshot)
 
-    def _kept(self) -> tuple[object, ...]:
-        """Return what is kept from tick to tick, but for warm starts: what a tick changes."""
-        second = self._second
-        return self._core.memory.last_pivots, b"" if second is None else second.memory.last_pivots
+    def _memory(self) -> tuple[object, ...]:
+        """Return the state that ticks change, except warm starts."""
+        second = self._second_core
+        columns = b"" if second is None else second.memory.preferred_columns
+        return self._core.memory.preferred_columns, columns
 
-    def _return_to(self, kept: tuple[Any, ...]) -> None:
-        """Take up what was kept before a tick."""
-        self._core.memory.last_pivots, last_pivots = kept
-        if not last_pivots:
-            self._second = None
+    def _restore(self, memory: tuple[Any, ...]) -> None:
+        """Set the state that :meth:`_memory` returned before a tick."""
+        self._core.memory.preferred_columns, columns = memory
+        if not columns:
+            self._second_core = None
         elif self._margins_in_core:
-            self._marginless.memory.last_pivots = last_pivots
+            self._core_without_margins.memory.preferred_columns = columns
 
     @property
     def core(self) -> CorePlan:
-        """What the core computes ticks by."""
+        """The plan by which the core computes ticks."""
         return self._core
 
     def conditioning(self, tick: Tick) -> Conditioning:
@@ -429,108 +442,116 @@ class Controller(DeclaredAttributes, ABC):
         check_kind("conditioning, tick", tick, Tick)
         return conditioning(tick.qp, self.damping, self.joint_weights)
 
-    def _take(
+    def _set_parts(
         self,
         tasks: Sequence[Task],
         contacts: Sequence[Task],
         constraints: Sequence[Constraint],
         slack: Mapping[str, float],
     ) -> None:
-        """Check all parts, and take over all but the contacts."""
+        """Check all parts, and set all but the contacts."""
         checks.check_parts(self.robot, tasks, contacts, self.limits, constraints, slack)
         had = self.__dict__.get("tasks", ())
-        if tasks is not had:  # tasks that it has may be off on purpose
-            checks.refuse_idle([one for one in tasks if not any(one is other for other in had)])
-            checks.say_unused_gains(tasks, self._bears)
-        kinds = checks.motion_and_forces(tasks, type(self).__name__, self._bears)
+        if tasks is not had:  # present tasks may be switched off on purpose
+            checks.refuse_weightless(
+                [one for one in tasks if not any(one is other for other in had)]
+            )
+            checks.warn_unused_gains(tasks, self._decides_forces)
+        kinds = checks.motion_and_forces(tasks, type(self).__name__, self._decides_forces)
         self._motion, self._force_tasks = kinds
         self.__dict__.update(tasks=tuple(tasks), constraints=tuple(constraints))
         self._slack = dict(slack)
 
-    # ------------------------------------------------------------------ what a level says
+    # ------------------------------------------------------------------ overridden by a level
 
     def _next_contacts(self, wanted: tuple[Task, ...]) -> tuple[Task, ...]:
-        """Return what is held in the next tick if ``wanted`` shall be held from then on."""
+        """Return the next tick's contacts: ``wanted``, and those still being released."""
         return wanted
 
     def _decision(self) -> Decision:
         return Decision.velocity(self.robot, read_only(self.damping * self.joint_weights))
 
     def _physics_names(self) -> tuple[str, ...]:
-        """Return the names of the equality rows that physics puts before the contacts'."""
+        """Return the names of the dynamics' equality rows, which precede the contacts'."""
         return ()
 
     def _force_rows(self) -> TorqueRows | None:
-        """Return what the torque level adds."""
+        """Return the torque level's rows."""
         return None
 
     def _margins(self, snapshot: Snapshot) -> MarginRows:
-        given = self.constraints, self.slacks, self.dt
-        return MarginRows.at(snapshot, *given, self._bears)
+        parts = self.constraints, self.slacks, self.dt
+        return MarginRows.at(snapshot, *parts, self._decides_forces)
 
-    def _solve_kept_apart(
-        self, snapshot: Snapshot, margins: MarginRows, begun: float
+    def _solve_with_margins(
+        self, snapshot: Snapshot, margins: MarginRows, start_time: float
     ) -> tuple[Outcome, list[Bounds]]:
-        """Return the outcome with margins kept where it leads, and the rows that it took."""
+        """Return the outcome with margins kept at its end, and the rows of margins in its QP."""
 
         def held() -> list[Rows]:
-            qp = self._set_up(snapshot, begun).views
+            qp = self._assemble(snapshot, start_time).views
             return [Rows(qp.A, qp.b, np.ones(qp.b.size))]
 
-        over = partial(self._is_over, begun)
-        return solve_with_look_ahead(self._solving(snapshot, begun), margins, held, over), []
+        over = partial(self._deadline_over, start_time)
+        return solve_with_look_ahead(
+            self._solve_function(snapshot, start_time), margins, held, over
+        ), []
 
-    def _solving(self, snapshot: Snapshot, begun: float) -> Solve:
-        """Return what solves all levels with rows of margins; tasks in Python are asked once."""
-        given = self._asked_once(snapshot)
-        return lambda rows, box: self._solve(snapshot, self._marginless, rows, box, begun, given)
+    def _solve_function(self, snapshot: Snapshot, start_time: float) -> Solve:
+        """Return a function that solves all levels with given rows of margins."""
+        evaluate = self._evaluate_once(snapshot)
+        return lambda rows, box: self._solve(
+            snapshot, self._core_without_margins, rows, box, start_time, evaluate
+        )
 
     @abstractmethod
-    def _command(self, snapshot: Snapshot, found: CoreTick) -> Tick:
+    def _command(self, snapshot: Snapshot, core_tick: CoreTick) -> Tick:
         """Return the command of a tick that the core solved."""
 
     @abstractmethod
     def _answer(self, snapshot: Snapshot, outcome: Outcome, rows: Sequence[Bounds]) -> Tick:
-        """Return the command; ``rows`` of margins are those that the outcome took."""
+        """Return the command; ``rows`` are the margins' in the outcome's QP."""
 
     @abstractmethod
     def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
-        """Return the command of the declared policy, within the limits, and the slack it needs."""
+        """Return the command of the declared policy, within the limits, and its slack."""
 
     # ------------------------------------------------------------------ the plan
 
     def _plan(self, contacts: tuple[Task, ...], curved: frozenset[str] = frozenset()) -> None:
-        """Work out what does not change between ticks."""
+        """Prepare what does not change between ticks."""
         self.__dict__["contacts"] = contacts = mechanics_of(self.robot, contacts)
-        self.slacks = Slacks(self._slack, contacts, self.constraints, self._going_slack)
+        self.slacks = Slacks(self._slack, contacts, self.constraints, self._leaving_slack)
         decision, physics, forces = self._decision(), self._physics_names(), self._force_tasks
         self.plan = plan = LevelPlan.of(
             decision, self._motion, contacts, self.slacks, physics, forces
         )
-        first, limits = FirstLevel(self.backend, self._bears), self.limits
-        self._levels = Levels(plan, first, limits, self.dt, self.joint_weights, self._bears)
-        kept_apart = None
-        if not self._levels.looked_into and solves(self.backend):
-            kept_apart = only_self_collision(self.constraints, self.slacks)
-        self._added = np.zeros(len(plan.held.labels))
-        self._curved, self._second = curved, None
-        if kept_apart is not None and kept_apart.watched() is None:
-            kept_apart = None
-        self._margins_in_core = kept_apart is not None
-        self._core = core = self._core_plan(kept_apart, curved)
-        # Asked in the ticks; of all others the core reports the error.
-        asked = [one for one in self._motion if any(one is other for other in core.python_tasks)]
-        self._deviating = [one for one in asked if type(one).deviation is not Task.deviation]
-        python = core.python_tasks or core.force_tasks or self._levels.looked_into
-        kept = self._margins_in_core or not self.constraints
-        self._plain = kept and core.solves and not python
+        first, limits = FirstLevel(self.backend, self._decides_forces), self.limits
+        self._levels = Levels(
+            plan, first, limits, self.dt, self.joint_weights, self._decides_forces
+        )
+        self_collision = None
+        if not self._levels.modifies_qps and core_solves(self.backend):
+            self_collision = only_self_collision(self.constraints, self.slacks)
+        self._error_offset = np.zeros(len(plan.held.labels))
+        self._curved_tasks, self._second_core = curved, None
+        if self_collision is not None and self_collision.watched() is None:
+            self_collision = None
+        self._margins_in_core = self_collision is not None
+        self._core = core = self._core_plan(self_collision, curved)
+        # Tasks whose error is not their residual's; the core reports the errors of all others.
+        own = [one for one in self._motion if any(one is other for other in core.python_tasks)]
+        self._deviating = [one for one in own if type(one).deviation is not Task.deviation]
+        python = core.python_tasks or core.force_tasks or self._levels.modifies_qps
+        margins = self._margins_in_core or not self.constraints
+        self._core_suffices = margins and core.solves and not python
 
     def _core_plan(self, constraint: SelfCollision | None, curved: frozenset[str]) -> CorePlan:
         return CorePlan(
             *(self.robot, self._motion, self._force_tasks, self.plan, self.limits, self.dt),
-            *(self.backend, self._force_rows(), constraint, self._levels.looked_into),
-            constraint is None and bool(self.constraints),  # margins look at the state, too
+            *(self.backend, self._force_rows(), constraint, self._levels.modifies_qps),
+            constraint is None and bool(self.constraints),  # margins read the state, too
             self.slacks.weights,
             curved,
-            self._added,
+            self._error_offset,
         )

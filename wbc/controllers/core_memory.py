@@ -24,7 +24,7 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import NativeTree, frame_places, joint_starts
 from wbc.validate import Array
 
-# What the core says: enum status of source/core.h.
+# Status values of the core: enum status of source/core.h.
 INFEASIBLE, UNSOLVED, DONE, NOT_FINITE = lib.INFEASIBLE, lib.UNSOLVED, lib.DONE, lib.NOT_FINITE
 NOT_MEASURED, LEADS_INSIDE, MORE_ROWS = lib.NOT_MEASURED, lib.LEADS_INSIDE, lib.MORE_ROWS
 REDUCED = lib.REDUCED
@@ -41,22 +41,23 @@ class CoreMemory:
     margin:
         Between the robot's bodies; None: no rows of it.
     solver:
-        Of the first level: the core itself, or ProxQP, which gets its QP reduced. None: no one's.
-    added:
-        (held,) what is added to the errors of loops and gears: others write it.
-    kept:
-        Whether rows of costs are kept for who looks at them.
+        Solves the first level: the core itself, or ProxQP on the reduced QP. None: the core only
+        sets the QP up.
+    error_offset:
+        (held,) added to the errors of loops and gears; :class:`LoopClosing` writes it.
+    keeps_rows:
+        Whether the rows of costs stay readable after the tick.
 
     Attributes
     ----------
     arrays:
-        What it reads and works in, by the names of ``wbc_plan`` in source/core.h.
+        Inputs and scratch of the core, by the names of ``wbc_plan`` in source/core.h.
     struct:
-        The plan, a pointer to it.
+        Pointer to the ``wbc_plan``.
     tree, blocks:
-        The structs that it reads besides, but for the forces'.
-    said:
-        What the core said last.
+        The other structs that it reads, except those of the forces.
+    status:
+        Returned by the core's last call.
     """
 
     def __init__(
@@ -70,12 +71,12 @@ class CoreMemory:
         rows: TorqueRows | None,
         margin: NativeMargin | None,
         solver: ActiveSet | ProxQP | None,
-        added: Array,
-        kept: bool,
+        error_offset: Array,
+        keeps_rows: bool,
     ) -> None:
         self.tree, self.margin, self.levels = tree, margin, len(plan.levels)
-        self.curved = any(part.second for part in parts)
-        self.kept = kept or self.levels > 1 or self.curved
+        self.curved = any(part.second_order for part in parts)
+        self.keeps_rows = keeps_rows or self.levels > 1 or self.curved
         self.forces, self._planned = None, CoreBlocks.of(parts)
         if rows is not None:
             contacts = (part.task for part in parts for _ in part.rows or ())
@@ -91,7 +92,8 @@ class CoreMemory:
         self.state = np.zeros(tree.frames)
         limit = np.zeros(0) if limits is None else limits.numbers(self._slow)
         self.arrays = self._planned_arrays(robot)  # the struct points at them
-        self.arrays |= {"damping": plan.decision.damping.copy(), "limit": limit, "added": added}
+        self.arrays |= {"damping": plan.decision.damping.copy(), "limit": limit}
+        self.arrays["added"] = error_offset
         self.blocks = ffi.new("wbc_block[]", self._planned.blocks)
         settings = {"dt": dt, "mass": robot.mass, "unit": 1.0, "eps": 1e-8, "most": 1000}
         self.struct = ffi.new("wbc_plan *", {**self._planned.counts, **settings})
@@ -100,21 +102,23 @@ class CoreMemory:
         if limits is not None:
             self.struct.limited, self.struct.recovery = True, limits.recovery
             self.struct.braked = limits.braking == "bounded"
-        bent = any(isinstance(part.task, Mechanics) and part.task.bends for part in parts)
-        self.struct.closing = bent and rows is None and solver is not None
-        self._usual, self._outside = np.zeros(0, dtype=np.int64), False
+        nonlinear_loops = any(
+            isinstance(part.task, Mechanics) and part.task.nonlinear for part in parts
+        )
+        self.struct.closing = nonlinear_loops and rows is None and solver is not None
+        self._preferred, self._outside = np.zeros(0, dtype=np.int64), False
         self._point(solver)
         self._tick: Any = lib.wbc_problem if solver is None else lib.wbc_tick
         self._state_pointer = doubles(self.state)
         self._measured = b""  # q and v
         self._layouts: dict[tuple[int, int], Layout] = {}
         self._reduced: dict[int, QP] = {}  # by its number of rows
-        self.said, self.out, self.below = DONE, NOTHING, NOTHING
+        self.status, self.out, self.below = DONE, NOTHING, NOTHING
         self._fit(0)
         self.layout, self.given_rows = self.layout_of(0, 0), 0
 
     def _planned_arrays(self, robot: Robot) -> dict[str, NDArray[Any]]:
-        """Return what blocks are about, and what ticks keep of them."""
+        """Return the arrays of blocks and frames, and the memory for rows of costs."""
         planned, n, nv = self._planned, self.n, self.tree.nv
         joint, placement = frame_places(robot.model, [*map(robot.frame_id, planned.frames)])
         arrays: dict[str, NDArray[Any]] = {
@@ -127,7 +131,7 @@ class CoreMemory:
             "push": np.zeros(0),
             "state": self.state,
         }
-        if self.kept:
+        if self.keeps_rows:
             size = self.costs * (n + 2) + self.levels * nv * (1 + nv * self.curved)
             arrays["rows"] = np.zeros(size)
         if planned.moments:
@@ -135,7 +139,7 @@ class CoreMemory:
         return arrays
 
     def _point(self, solver: ActiveSet | ProxQP | None) -> None:
-        """Let the struct point at all that it needs, of both levels."""
+        """Set the pointers and settings of the struct."""
         struct = self.struct
         struct.tree, struct.block = self.tree.struct, self.blocks
         if self.forces is not None:
@@ -153,22 +157,22 @@ class CoreMemory:
     # ------------------------------------------------------------------ calls
 
     def call(self, measured: bytes, state: Array | None, solve: bool = True) -> int:
-        """Run the core in memory that is the tick's own, as its evidence; return what it said.
+        """Run the core in new memory, which the tick keeps as its evidence; return the status.
 
         Parameters
         ----------
         measured:
-            q, and v behind it.
+            q, then v.
         state:
-            What the core found there before; None: it looks now.
+            The kinematic state that the core computed there before; None: it is computed now.
         solve:
-            Whether the QP is solved, if that is for the core.
+            Whether the QP is solved too, if the core solves it.
         """
         known, layout, struct = NULL, self.layout, self.struct
         if state is not None:
             self.state[:] = state[: self.state.size]
             known = self._state_pointer
-        self.out = NOTHING  # that of a tick which nobody kept is free to be taken again
+        self.out = NOTHING  # frees the memory of a tick that nobody keeps, for this one
         self.out = out = np.empty(layout.out)
         struct.out = doubles(out)
         if layout.below:
@@ -176,42 +180,42 @@ class CoreMemory:
             struct.below = doubles(self.below)
         self._measured = measured
         function = self._tick if solve else lib.wbc_problem
-        self.said = said = function(struct, known, measured, NULL)
-        return said
+        self.status = status = function(struct, known, measured, NULL)
+        return status
 
     @property
-    def asked(self) -> Any:
+    def _last_state(self) -> Any:
         """A pointer to q and v of the last call."""
         return doubles(self._measured)
 
     def accept(self, x: bytes, z: bytes, scale: float, iterations: int) -> bool:
-        """Whether an answer of the reduced QP makes one of the level: see :class:`Reduced`."""
-        self.said = lib.wbc_answer(self.struct, doubles(x), doubles(z), scale, iterations)
-        return bool(self.said == DONE)
+        """Return whether a solution of the reduced QP solves the level: see :class:`Reduced`."""
+        self.status = lib.wbc_answer(self.struct, doubles(x), doubles(z), scale, iterations)
+        return bool(self.status == DONE)
 
     def solve(self) -> bool:
-        """Whether the core's active-set method does."""
-        self.said = lib.wbc_answer(self.struct, NULL, NULL, 1.0, 0)
-        return bool(self.said == DONE)
+        """Solve the reduced QP by the core's active-set method; return whether that worked."""
+        self.status = lib.wbc_answer(self.struct, NULL, NULL, 1.0, 0)
+        return bool(self.status == DONE)
 
     def pose_level(self, level: int) -> int:
         """Write the QP of a level below the first."""
-        return int(lib.wbc_pose(self.struct, self.asked, NULL, level))
+        return int(lib.wbc_pose(self.struct, self._last_state, NULL, level))
 
     def solve_level(self, level: int) -> int:
-        """Solve a level's QP, in the core; of the first REDUCED may be said."""
-        self.said = int(lib.wbc_solve(self.struct, level))
-        return self.said
+        """Solve a level's QP in the core; the first level's status may be REDUCED."""
+        self.status = int(lib.wbc_solve(self.struct, level))
+        return self.status
 
     def descend(self) -> int:
-        """Solve the levels below the first, whose answer was written, and write the command."""
-        self.said = int(lib.wbc_descend(self.struct, self.asked, NULL))
-        return self.said
+        """Solve the levels below the first, whose solution is in memory; write the command."""
+        self.status = int(lib.wbc_descend(self.struct, self._last_state, NULL))
+        return self.status
 
     def finish(self) -> int:
         """Write the command of the last level that was solved."""
-        self.said = int(lib.wbc_finish(self.struct, self.asked, NULL))
-        return self.said
+        self.status = int(lib.wbc_finish(self.struct, self._last_state, NULL))
+        return self.status
 
     def gaps(self, snapshot: Snapshot, v: Array) -> Array:
         """Return how far loops and gears are open (held,) where a command leads [m, rad]."""
@@ -220,24 +224,24 @@ class CoreMemory:
         return gaps
 
     def cost(self, level: int) -> tuple[Array, Array]:
-        """Return P (n, n) and g (n,) of one level, or of all (-1), from the rows that are kept."""
+        """Return P (n, n) and g (n,) of one level, or of all (-1), from the rows in memory."""
         P, g = np.empty((self.n, self.n)), np.empty(self.n)
-        lib.wbc_cost(self.struct, self.asked, NULL, level, doubles(P), doubles(g))
+        lib.wbc_cost(self.struct, self._last_state, NULL, level, doubles(P), doubles(g))
         return P, g
 
     @property
-    def last_pivots(self) -> bytes:
-        """Columns that the last tick eliminated: the next prefers them, where ProxQP is asked."""
-        return self._usual.tobytes() if self._outside else b""
+    def preferred_columns(self) -> bytes:
+        """Columns that the last tick eliminated: with ProxQP the next tick prefers them."""
+        return self._preferred.tobytes() if self._outside else b""
 
-    @last_pivots.setter
-    def last_pivots(self, columns: bytes) -> None:
-        if len(columns) == self._usual.nbytes:
-            self._usual[:] = np.frombuffer(columns, dtype=np.int64)
+    @preferred_columns.setter
+    def preferred_columns(self, columns: bytes) -> None:
+        if len(columns) == self._preferred.nbytes:
+            self._preferred[:] = np.frombuffer(columns, dtype=np.int64)
 
     @property
     def qp(self) -> QP:
-        """What the core left to be solved, a QP without equalities: views on its memory."""
+        """The reduced QP, without equalities: views on the core's memory."""
         rows = int(self.out[self.layout.found][0])
         found = self._reduced.get(rows)
         if found is None:
@@ -258,18 +262,18 @@ class CoreMemory:
 
     @property
     def iterations(self) -> int:
-        """Of the last answer of the first level."""
+        """Iterations of the first level's last solution."""
         return int(self.out[self.layout.found][3])
 
     # ------------------------------------------------------------------ what is written
 
     def write_limits(self, limits: Limits) -> None:
-        """Take over those that were assigned."""
+        """Write the joint limits again."""
         self.arrays["limit"][:] = limits.numbers(self._slow)
         self.struct.recovery = limits.recovery
 
     def write_bounds(self, bounds: Bounds | None) -> None:
-        """Take over inequality rows that were worked out in Python, and what they push at."""
+        """Write inequality rows that were computed in Python, and the cost that recovers them."""
         struct, nv = self.struct, self.tree.nv
         count = 0 if bounds is None else bounds.lower.size
         if count != struct.given_rows:
@@ -292,7 +296,7 @@ class CoreMemory:
         setattr(self.struct, name, pointer(array))
 
     def _fit(self, given: int) -> None:
-        """Make room to work in for so many given rows."""
+        """Allocate scratch for so many given rows."""
         n, m = self.n, self._m + given
         k = self.k + (self.costs if self.levels > 1 else 0)
         sizes = np.empty(3, dtype=np.int64)
@@ -309,10 +313,10 @@ class CoreMemory:
         if "scratch" not in self.arrays or self.arrays["scratch"].size < scratch:
             self._put("scratch", np.zeros(scratch))
         if "order" not in self.arrays or self.arrays["order"].size < order:
-            before = self._usual
+            before = self._preferred
             self._put("order", np.zeros(order, dtype=np.int64))
-            self._usual = self.arrays["order"][begin : begin + k]
-            self._usual[: before.size] = before
+            self._preferred = self.arrays["order"][begin : begin + k]
+            self._preferred[: before.size] = before
         self._reduced.clear()
 
     def layout_of(self, level: int, given: int) -> Layout:
@@ -343,12 +347,12 @@ class CoreMemory:
         return self._planned.moving * (tree.frame_size + 6) + motion + work + n
 
     def _margin_scratch_size(self, margin: NativeMargin) -> int:
-        """Return how many numbers looking where an answer leads needs."""
+        """Return how many numbers the look-ahead of a margin needs."""
         there = 3 * self.tree.nv + 6 * self.tree.joints + 7 * margin.rows
         return there + 10 * (margin.bodies + margin.pairs)
 
     def _add_level(self, forces: NativeForces) -> None:
-        """Add what the torque level needs to the arrays and to the struct."""
+        """Add the torque level's arrays and settings."""
         self.arrays |= forces.arrays
         struct, layout = self.struct, forces.rows.forces
         struct.force, struct.bearing = forces.structs, forces.count

@@ -1,8 +1,8 @@
-"""Ticks in the core: from a snapshot to the answers of all levels' QPs.
+"""Ticks in the core: from a snapshot to the solutions of all levels' QPs.
 
-A plan is what does not change between ticks. Tasks that do not describe their rows
-(:meth:`wbc.tasks.task.Task.native`) are asked in Python, and so are constraints but the margin
-between a robot's bodies; all else from the state to the QP is the core's.
+A plan holds what does not change between ticks. Python evaluates the tasks that do not describe
+their rows (:meth:`wbc.tasks.task.Task.native`), and all constraints but self-collision; the core
+computes everything else from the state to the QP.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from wbc.constraints.collision import SelfCollision
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds
-from wbc.controllers.blocks import Asked, AskedPart, ForcePart, Part
+from wbc.controllers.blocks import ForcePart, Part, PythonPart, TaskEvaluation
 from wbc.controllers.contact_forces import NO_RAMPS
 from wbc.controllers.core_memory import DONE, REDUCED, CoreMemory
 from wbc.controllers.core_tick import CoreTick, TickNames
@@ -40,37 +40,37 @@ TOLERANCE = 1e-6
 
 
 class CorePlan:
-    """What the core needs of a controller; made anew with each plan.
+    """A controller's parts as the core reads them; made anew with each plan.
 
     Its memory belongs to the controller; threads that share one take turns.
 
     Parameters
     ----------
     tasks, forces:
-        Those about motion, and those about forces.
+        Motion tasks and force tasks.
     rows:
-        What the torque level adds; None at the velocity level.
+        The torque level's rows; None at the velocity level.
     constraint:
-        What is kept apart by the core itself; None: nothing is.
-    looked_into:
-        Whether others change the QPs of levels before they are solved.
-    shares_state:
-        Whether others in the tick look at what the core finds at a state: it is kept then.
-    added:
-        (held,) what is added to the errors of loops and gears.
+        The self-collision margin that the core evaluates; None if there is none.
+    modifies_qps:
+        Whether the QPs of levels are changed in Python before they are solved.
+    needs_state:
+        Whether other parts of the tick read the kinematic state: the snapshot keeps it then.
+    error_offset:
+        (held,) added to the errors of loops and gears.
     curved:
-        Tasks in Python whose residuals have a curvature, by name.
+        Names of tasks in Python whose residuals have a curvature.
 
     Attributes
     ----------
     memory:
-        What the core reads and works in.
+        The core's inputs and scratch.
     margin:
-        Between the robot's bodies, kept by the core; None: none is.
+        The self-collision margin in the core, or None.
     python_tasks:
-        Tasks about motion, soft contacts and contacts that are asked in Python.
+        Motion tasks, soft contacts and contacts that Python evaluates.
     force_tasks:
-        Those about forces that are.
+        Force tasks that Python evaluates.
     """
 
     def __init__(
@@ -84,16 +84,16 @@ class CorePlan:
         backend: Backend,
         rows: TorqueRows | None,
         constraint: SelfCollision | None,
-        looked_into: bool,
-        shares_state: bool,
+        modifies_qps: bool,
+        needs_state: bool,
         soft_weights: Mapping[str, float],
         curved: frozenset[str],
-        added: Array,
+        error_offset: Array,
     ) -> None:
         tree = robot.native.tree
-        self._made_of = (
+        self._arguments = (
             *(robot, tasks, forces, plan, limits, dt, backend, rows, constraint),
-            *(looked_into, shares_state, soft_weights, curved, added),
+            *(modifies_qps, needs_state, soft_weights, curved, error_offset),
         )
         torque, n = rows is not None, plan.decision.size
         self._parts: list[Part] = []
@@ -101,25 +101,25 @@ class CorePlan:
             level = next(i for i, members in enumerate(plan.levels) if k in members)
             scale = float(np.sqrt(soft_weights[task.name])) if task in plan.soft else 1.0
             self._parts.append(Part(task, None, False, torque, level, scale))
-        for contact, kept in zip(plan.held.contacts, plan.held.kept, strict=True):
+        for contact, kept in zip(plan.held.contacts, plan.held.row_selections, strict=True):
             chosen = None if kept is None else kept.tolist()
             self._parts.append(Part(contact, chosen, held=True, torque=torque))
         for k, part in enumerate(self._parts):
             if part.rows is None and isinstance(part.task, ForceTask):
                 self._parts[k] = ForcePart(part, n)
             elif part.rows is None:
-                self._parts[k] = AskedPart(part, robot.nv, part.task.name in curved)
-        asked = [part for part in self._parts if isinstance(part, AskedPart | ForcePart)]
-        self._asked = {id(part.task): part for part in asked}
-        self.python_tasks = tuple(part.task for part in asked if isinstance(part, AskedPart))
-        self.force_tasks = tuple(one for one in forces if id(one) in self._asked)
+                self._parts[k] = PythonPart(part, robot.nv, part.task.name in curved)
+        asked = [part for part in self._parts if isinstance(part, PythonPart | ForcePart)]
+        self._python_parts = {id(part.task): part for part in asked}
+        self.python_tasks = tuple(part.task for part in asked if isinstance(part, PythonPart))
+        self.force_tasks = tuple(one for one in forces if id(one) in self._python_parts)
         self.plan, self._robot = plan, robot
         self._dt, self._lock = dt, threading.Lock()
         self._limits, self._limits_changes = limits, limits and limits._changes
-        self._solver = solver = backend if solves(backend) else None
+        self._solver = solver = backend if core_solves(backend) else None
         self.margin = None if constraint is None else NativeMargin.of(constraint, tree)
         made_of = robot, tree, plan, self._parts, limits, dt, rows, self.margin
-        self.memory = CoreMemory(*made_of, solver, added, looked_into)
+        self.memory = CoreMemory(*made_of, solver, error_offset, modifies_qps)
         costs = (*tasks, *plan.soft, *forces)
         ends = np.cumsum([0, *(len(task.rows) for task in costs)]).tolist()
         errors = {
@@ -127,35 +127,35 @@ class CorePlan:
             for task, begin, end in zip(costs, ends, ends[1:], strict=False)
             if task not in plan.soft
         }
-        called = [
+        level_names = [
             f"level {k}: {', '.join(costs[i].name for i in members)}"
             for k, members in enumerate(plan.levels)
         ]
-        self._names = TickNames(errors, plan.labels, called)
+        self._names = TickNames(errors, plan.labels, level_names)
         self._costs, self._ends = costs, ends
-        self.shares_state, self._braking = shares_state, limits and limits.braking
+        self.needs_state, self._braking = needs_state, limits and limits.braking
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self)._with_columns, (*self._made_of, self.memory.last_pivots)
+        return type(self)._with_preferred_columns, (*self._arguments, self.memory.preferred_columns)
 
     @classmethod
-    def _with_columns(cls, *parts: object) -> CorePlan:
-        """Return a copy, with memory of its own."""
-        *made_of, last_pivots = parts
-        made = cls(*made_of)  # type: ignore[arg-type]
-        made.memory.last_pivots = last_pivots  # type: ignore[assignment]
+    def _with_preferred_columns(cls, *parts: object) -> CorePlan:
+        """Return a copy with its own memory."""
+        *arguments, columns = parts
+        made = cls(*arguments)  # type: ignore[arg-type]
+        made.memory.preferred_columns = columns  # type: ignore[assignment]
         return made
 
     @property
     def solves(self) -> bool:
-        """Whether the first level is solved in the core, or with its aid."""
+        """Whether the core solves the first level, alone or with ProxQP."""
         return self._solver is not None
 
     @property
     def heaviest(self) -> float:
-        """Square of the heaviest weight of a cost."""
+        """Square of the largest weight of a cost."""
         costs = (part for part in self._parts if not part.held)
-        weights = [place.weight for part in costs for place in part._places]
+        weights = [views.weight for part in costs for views in part._views]
         return max(map(largest, weights)) ** 2
 
     def changed(self) -> str | None:
@@ -166,104 +166,108 @@ class CorePlan:
                 return f"{task.name!r} was changed since"
         return None
 
-    def serves(self, limits: Limits | None, dt: float) -> bool:
-        """Whether limits and time step are still those that the plan was made for."""
+    def is_current(self, limits: Limits | None, dt: float) -> bool:
+        """Return whether limits and time step are still those that the plan was made for."""
         return (
             dt == self._dt
             and limits is self._limits
             and (limits is None or limits.braking == self._braking)
-            and (self.margin is None or self.margin.serves())
+            and (self.margin is None or self.margin.is_current())
         )
 
     def tick(
         self,
         snapshot: Snapshot,
-        given: Sequence[Asked] = (),
+        evaluations: Sequence[TaskEvaluation] = (),
         bounds: Bounds | None = None,
         ramps: Mapping[str, float] = NO_RAMPS,
-        begun: float | None = None,
+        start_time: float | None = None,
         solve: bool = True,
     ) -> CoreTick | None:
         """Return the QPs at ``snapshot``, maybe solved; None: the plan has to be made anew.
 
         Parameters
         ----------
-        given:
-            What tasks in Python answered.
+        evaluations:
+            Residuals of the tasks that Python evaluates.
         bounds:
-            Inequality rows of constraints that were.
+            Inequality rows of the constraints that Python evaluates.
         ramps:
             The largest normal forces [N] of contacts that come or go.
-        begun:
+        start_time:
             When the tick began [s]; None: now.
         solve:
-            False: the first level's QP is set up, and nothing is solved.
+            False: set up the first level's QP and solve nothing.
         """
-        if begun is None:
-            begun = perf_counter()
+        if start_time is None:
+            start_time = perf_counter()
         known: NativeState | None = snapshot.__dict__.get("native_state")
-        if known is None and self.shares_state:
+        if known is None and self.needs_state:
             known = snapshot.native_state
         state = None if known is None else known.array
         memory = self.memory
         with self._lock:
             if not self._write(ramps):
                 return None
-            for one in given:
-                if not self._asked[id(one.task)].fill(one):
+            for one in evaluations:
+                if not self._python_parts[id(one.task)].fill(one):
                     return None
             if memory.forces is not None:
                 memory.forces.write_load(self._robot, snapshot)
             if bounds is not None or memory.given_rows:
                 memory.write_bounds(bounds)
-            called = perf_counter()
-            said = memory.call(snapshot.measured, state, solve and self._solver is not None)
-            found = CoreTick(memory, self._names, begun, called)
-            if given:
-                found.given = given
+            call_time = perf_counter()
+            status = memory.call(snapshot.measured, state, solve and self._solver is not None)
+            core_tick = CoreTick(memory, self._names, start_time, call_time)
+            if evaluations:
+                core_tick.evaluations = evaluations
             if bounds is not None:
-                found.with_bounds(bounds)
-            if solve and said == REDUCED:  # ProxQP is to answer it
-                said = memory.descend() if self._is_answered(found) else memory.said
-            found.solved = solve and said == DONE and self._solver is not None
-            found.done = perf_counter()
-            return found
+                core_tick.with_bounds(bounds)
+            if solve and status == REDUCED:  # ProxQP solves the reduced QP
+                status = memory.descend() if self._solve_by_proxqp(core_tick) else memory.status
+            core_tick.solved = solve and status == DONE and self._solver is not None
+            core_tick.done = perf_counter()
+            return core_tick
 
-    def solve_level(self, found: CoreTick, level: int) -> bool:
-        """Solve a level of a tick that was set up, after others looked into its QP."""
+    def solve_level(self, core_tick: CoreTick, level: int) -> bool:
+        """Solve a level of a tick that was set up, once its QP has been modified."""
         with self._lock:
             if level == 0 and self._solver is None:
                 return False
-            said = self.memory.solve_level(level)
-            return self._is_answered(found) if said == REDUCED else said == DONE
+            status = self.memory.solve_level(level)
+            return self._solve_by_proxqp(core_tick) if status == REDUCED else status == DONE
 
-    def _is_answered(self, found: CoreTick) -> bool:
-        """Ask ProxQP for the first level, whose QP the core has reduced."""
+    def _solve_by_proxqp(self, core_tick: CoreTick) -> bool:
+        """Solve the first level, whose QP the core has reduced, by ProxQP."""
         if not isinstance(self._solver, ProxQP):
             return False
         bounded = self.memory.forces is not None
-        found.answered = self._solver.solve_reduced(self.memory, self.plan.workspace, bounded)
-        return found.answered is not None
+        call = self._solver.solve_reduced(self.memory, self.plan.workspace, bounded)
+        core_tick.first_call = call
+        return call is not None
 
-    def rows_of(self, found: CoreTick, level: int) -> list[tuple[Task, Rows]]:
-        """Return the rows of a level's costs: views on what the core keeps of them."""
+    def cost_rows(self, core_tick: CoreTick, level: int) -> list[tuple[Task, Rows]]:
+        """Return the rows of a level's costs: views on the core's memory."""
         memory, nv = self.memory, self.memory.tree.nv
-        n, costs, kept = memory.n, memory.costs, memory.arrays["rows"]
-        matrix = kept[: costs * n].reshape(costs, n)[:, :nv]
-        target, bias = kept[costs * n : costs * (n + 1)], kept[costs * (n + 1) : costs * (n + 2)]
+        n, costs, stored = memory.n, memory.costs, memory.arrays["rows"]
+        matrix = stored[: costs * n].reshape(costs, n)[:, :nv]
+        target, bias = (
+            stored[costs * n : costs * (n + 1)],
+            stored[costs * (n + 1) : costs * (n + 2)],
+        )
         rows = []
         for k in self.plan.levels[level]:
             task, where = self._costs[k], slice(self._ends[k], self._ends[k + 1])
-            places = self._parts[k]._places
-            weight = np.concatenate([place.weight for place in places])
-            rate = 0.0 if isinstance(task, ForceTask) else float(places[0].header[0])
+            views = self._parts[k]._views
+            weight = np.concatenate([one.weight for one in views])
+            rate = 0.0 if isinstance(task, ForceTask) else float(views[0].header[0])
             threshold = task.law.singular_threshold
             one = Rows(matrix[where], target[where], weight, threshold, rate, bias[where])
             rows.append((task, one))
         return rows
 
     def _write(self, ramps: Mapping[str, float]) -> bool:
-        """Write what has changed since the last tick; False if that needs another plan."""
+        """Write what has changed since the last tick; False if that needs a new plan."""
         forces, limits = self.memory.forces, self._limits
         if limits is not None and limits._changes is not self._limits_changes:
             self.memory.write_limits(limits)
@@ -280,10 +284,10 @@ class CorePlan:
         return forces is None or forces.write(ramps)
 
 
-def solves(backend: Backend | None) -> TypeGuard[ActiveSet | ProxQP]:
-    """Whether a tick stays with the core until it is solved: by itself, or with ProxQP's aid.
+def core_solves(backend: Backend | None) -> TypeGuard[ActiveSet | ProxQP]:
+    """Return whether the core runs the whole tick, alone or with ProxQP on the reduced QP.
 
-    A command may exceed limits by no more than its residuals.
+    Only with a solver whose residuals, by which a command may exceed limits, are small enough.
     """
     if not isinstance(backend, ActiveSet | ProxQP) or backend.eps > TOLERANCE:
         return False

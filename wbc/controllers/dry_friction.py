@@ -1,4 +1,4 @@
-"""Torques that make up for the dry friction of joints, which no row of a tick knows of."""
+"""Compensation of the joints' dry friction, which the tick's dynamics leave out."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from wbc.robot.limits import BASE_NV
 from wbc.robot.series import turning_joints
 from wbc.validate import Array
 
-# Friction acts against where a joint is going: its velocity so long from now [s], of which a part
-# of the friction is made up for while it is slower than SLOW [rad/s], [m/s]. By the sign of what is
-# measured a small humanoid's feet, of 1e-4 kg m^2 and no rotor, chatter until it falls; by 0.03 s
-# and 0.5 rad/s a G1 of 8 N m did with noise and delay. With these, walks of three robots stand, and
-# a squat that friction stops altogether is followed.
+# Compensation follows the velocity predicted AHEAD seconds from now, smoothed by tanh below SLOW
+# [rad/s], SLOW_SLIDE [m/s]. With the sign of the measured velocity, a small humanoid's feet (1e-4
+# kg m^2, no rotor) chatter until it falls; with 0.03 s and 0.5 rad/s a G1 of 8 N m did, with noise
+# and delay. With these values three robots walk, and a squat that friction would stop is followed.
 AHEAD = 0.2
 SLOW, SLOW_SLIDE = 2.0, 0.2
 
 
 class DryFriction:
-    """Of a robot's motors: those that have none themselves are not helped."""
+    """The dry friction of a robot's joints with motors."""
 
     def __init__(self, robot: Robot) -> None:
         self._force = np.array(robot.friction)
@@ -27,5 +26,5 @@ class DryFriction:
         self._slow = np.where(turning_joints(robot), SLOW, SLOW_SLIDE)
 
     def torques(self, velocity: Array, acceleration: Array) -> Array:
-        """Return what makes up for it (nv - 6,) [N m or N], of joints that move so (nv - 6,)."""
+        """Return the compensating torques (nv - 6,) [N m or N] at this motion (nv - 6,)."""
         return self._force * np.tanh((velocity + AHEAD * acceleration) / self._slow)

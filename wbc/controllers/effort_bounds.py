@@ -1,4 +1,4 @@
-"""Bounds on torques by the motors' effort limits, and limits of joints that these can keep."""
+"""Torque bounds from effort limits, and joint decelerations that these torques can produce."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from wbc.robot.postures import STANDING
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
 
-# What is held twice, by its part of the stiffest row; joints that contacts hold fast still have
-# a braking distance [rad/s^2 or m/s^2].
-HELD, LEAST = 1e-9, 0.1
-MOST = 64  # sets of contacts that are remembered
+# Relative tolerance for redundant contact rows; least deceleration [rad/s^2 or m/s^2] of joints
+# that contacts lock, so that they have a braking distance.
+PINV_TOLERANCE, LEAST_DECELERATION = 1e-9, 0.1
+MOST_CACHED = 64  # sets of contacts
 
 
 def limits_within(limits: Limits | None, torques: Array) -> Limits | None:
-    """Return limits that the torques can keep; what is none is refused by the controller.
+    """Return limits that the torques can keep; anything but Limits is returned as it is.
 
-    Joints without a motor brake by those of others, through their loops.
+    Joints without a motor are braked by others, through their loops.
     """
     if not isinstance(limits, Limits):
         return limits
@@ -33,14 +33,14 @@ def limits_within(limits: Limits | None, torques: Array) -> Limits | None:
 
 
 class StanceBraking:
-    """How hard joints can brake while what is held stays where it is.
+    """Joint decelerations that motors can produce while contacts do not move.
 
-    By half of a joint's own torque in the standing posture, as the limits' default accelerations,
-    which bound them; but a leg that stands carries the robot, not its foot: the ankles of a G1
-    brake by 39 and 4 rad/s^2 there, in pitch and roll, by 300 in the air. At least, though, by what
-    the ground does that pushes with the robot's weight: g by the distance of the CoM, 15 rad/s^2 on
-    a G1. By 4 the roll of a walking one was held from 0.2 of its 0.26 rad off the limit on: pushed
-    sideways, it fell. Accelerations that were given to the limits stay.
+    Half of a joint's own torque in the standing posture, as in the limits' default accelerations,
+    which are an upper bound; but a standing leg carries the robot, not its foot: the ankles of a G1
+    brake by 39 and 4 rad/s^2 then, in pitch and roll, by 300 in the air. At least, though, what the
+    ground's reaction to the robot's weight does: g by the distance of the CoM, 15 rad/s^2 on a G1.
+    At 4 the roll of a walking G1 was bounded from 0.2 of its 0.26 rad before the limit: pushed
+    sideways, it fell. Accelerations that were given to the limits are used as they are.
 
     Parameters
     ----------
@@ -50,46 +50,50 @@ class StanceBraking:
 
     def __init__(self, robot: Robot, torques: Array) -> None:
         self._robot, self._torques = robot, _without_motors(robot, torques, np.inf)
-        # By what is held: feet come and go, and a change of contacts must be quick.
-        self._able: dict[bytes, Array] = {}
+        # By contact Jacobian: a change of contacts must be quick.
+        self._cache: dict[bytes, Array] = {}
 
     def decelerations(self, limits: Limits | None, held: Sequence[Task]) -> Array:
-        """Return how hard joints (nv - 6,) can brake [rad/s^2 or m/s^2], within the limits."""
+        """Return the joints' decelerations (nv - 6,) [rad/s^2 or m/s^2], within the limits."""
         if limits is None:
             return read_only(np.zeros(self._torques.size))
         if not held or not limits.by_default:
             return limits.acceleration
         J = np.concatenate([contact.residual(self._standing).jacobian for contact in held])
-        able = self._able.get(key := J.tobytes())
+        able = self._cache.get(key := J.tobytes())
         if able is None:
-            if len(self._able) == MOST:
-                self._able.clear()
-            able = self._able[key] = self._able_against(J)
-        return read_only(np.maximum(np.minimum(able, limits.acceleration), LEAST))
+            if len(self._cache) == MOST_CACHED:
+                self._cache.clear()
+            able = self._cache[key] = self._decelerations_with(J)
+        return read_only(np.maximum(np.minimum(able, limits.acceleration), LEAST_DECELERATION))
 
     @cached_property
     def _standing(self) -> Snapshot:
         return self._robot.snapshot(self._robot.postures[STANDING])
 
     @cached_property
-    def _freely(self) -> tuple[Array, Array]:
-        """Accelerations by forces where nothing is held, and what the ground does at most."""
+    def _free_accelerations(self) -> tuple[Array, Array]:
+        """Inverse mass matrix (nv, nv) without contacts, and the ground's share (nv - 6,)."""
         standing, robot = self._standing, self._robot
         joints = np.array([standing.position(name) for name in robot.joint_names])
         away = np.linalg.norm(joints - standing.com, axis=1)
-        # A base that is bolted rests in any case, and may be without mass of its own.
+        # A bolted base does not move, and may be without mass.
         moves = slice(BASE_NV if robot.fixed_base else 0, None)
         freely = np.zeros((robot.nv, robot.nv))
         freely[moves, moves] = np.linalg.inv(standing.mass_matrix[moves, moves])
-        return freely, robot.gravity / np.maximum(away, HELD)
+        return freely, robot.gravity / np.maximum(away, PINV_TOLERANCE)
 
-    def _able_against(self, J: Array) -> Array:
-        """Return what joints are able to, before limits, while rows J (k, nv) of contacts rest."""
-        freely, by_ground = self._freely
+    def _decelerations_with(self, J: Array) -> Array:
+        """Return decelerations (nv - 6,), before limits, with contact rows J (k, nv) at rest."""
+        freely, by_ground = self._free_accelerations
         moved = J @ freely
-        yielding = np.diagonal(freely - moved.T @ np.linalg.pinv(moved @ J.T, HELD, True) @ moved)
+        yielding = np.diagonal(
+            freely - moved.T @ np.linalg.pinv(moved @ J.T, PINV_TOLERANCE, True) @ moved
+        )
         able = np.maximum(TORQUE_SHARE * yielding[BASE_NV:], 0.0)
-        able = np.multiply(self._torques, able, out=np.full(able.size, LEAST), where=able > 0.0)
+        able = np.multiply(
+            self._torques, able, out=np.full(able.size, LEAST_DECELERATION), where=able > 0.0
+        )
         return np.maximum(able, by_ground)
 
 
@@ -99,11 +103,11 @@ def effort_bounds(robot: Robot, factor: float | None) -> Array:
     most = np.full(robot.nv - 6, np.inf)
     if factor is not None:
         most = finite_number("controller, torque_limits", factor, above=0.0) * robot.limits.effort
-        _say_unbounded(robot)
+        _warn_unbounded(robot)
     return _without_motors(robot, most, 0.0)
 
 
-def _say_unbounded(robot: Robot) -> None:
+def _warn_unbounded(robot: Robot) -> None:
     without = [name for name in robot.limits.without_effort if name not in robot.unactuated]
     if without:
         logging.getLogger(__name__).warning(

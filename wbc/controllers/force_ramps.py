@@ -1,8 +1,8 @@
-"""Contacts that come and go: their largest normal force grows from zero, or shrinks to it.
+"""Ramps of contact forces: the bound on a normal force grows from zero, or shrinks to it.
 
-A contact that is new may bear all of the load in the tick after the one in which it bore none, and
-one that is dropped loses all of it at once: torques jump by as much. So for a while the normal
-force is bounded, from 0 up to the robot's weight or from what it was down to 0, linearly in time.
+Otherwise a new contact may take the whole load in one tick, and a dropped one loses it at once:
+torques jump. So for a while the normal force is bounded, from 0 up to the robot's weight or from
+its present value down to 0, linearly in time.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 from wbc.constraints.contact import Contact
 from wbc.tasks.task import Task
 
-NOTHING = 1e-6  # of a full load: less is what solvers leave of none, and must not decide
+NEGLIGIBLE = 1e-6  # of a full load: less is a solver's residue
 
 
 class Ramp(NamedTuple):
@@ -31,7 +31,7 @@ class Ramp(NamedTuple):
 
     @property
     def over(self) -> bool:
-        """Whether it has arrived."""
+        """Whether it has ended."""
         return self.done >= self.ticks
 
 
@@ -51,7 +51,7 @@ class ForceRamps:
 
     @property
     def running(self) -> tuple[Mapping[str, Ramp], Mapping[str, Ramp]]:
-        """The ramps of contacts that come, and of those that go; may be assigned."""
+        """The ramps of new contacts, and of those being released; may be assigned."""
         return self._coming, self._going
 
     @running.setter
@@ -60,7 +60,7 @@ class ForceRamps:
 
     @property
     def most(self) -> Mapping[str, float]:
-        """The bound of each contact that comes or goes [N]."""
+        """The bound of each ramping contact [N]."""
         if not self._coming and not self._going:
             return {}
         return {name: ramp.most for name, ramp in (self._coming | self._going).items()}
@@ -72,7 +72,7 @@ class ForceRamps:
         normal_forces: Mapping[str, float],
         ticks: int,
     ) -> tuple[Task, ...]:
-        """Begin what a change of contacts needs; return the contacts of the next tick.
+        """Start the ramps of a change of contacts; return the contacts of the next tick.
 
         Parameters
         ----------
@@ -89,13 +89,13 @@ class ForceRamps:
         going = {
             name: Ramp(normal_forces[name], 0.0, ticks)
             for name in before - after
-            if normal_forces.get(name, 0.0) > NOTHING * self._full
+            if normal_forces.get(name, 0.0) > NEGLIGIBLE * self._full
         }
         for task in wanted:
-            bears = isinstance(task, Contact) and task.friction is not None
-            if bears and task.name not in before:
+            has_force = isinstance(task, Contact) and task.friction is not None
+            if has_force and task.name not in before:
                 self._coming[task.name] = Ramp(0.0, self._full, ticks)
-        for name in after & set(self._going):  # it comes back
+        for name in after & set(self._going):  # contacts that are set again while being released
             self._coming[name] = Ramp(self._going[name].most, self._full, ticks)
         self._coming = {name: ramp for name, ramp in self._coming.items() if name in after}
         still = {name: self._going[name] for name in going.keys() & self._going.keys()}
@@ -103,7 +103,7 @@ class ForceRamps:
         return (*wanted, *(task for task in held if task.name in going))
 
     def advance(self) -> frozenset[str]:
-        """Let a tick pass; return the contacts that have gone."""
+        """Advance all ramps by a tick; return the contacts that are unloaded now."""
         if not self._coming and not self._going:
             return frozenset()
         coming = {name: ramp._replace(done=ramp.done + 1) for name, ramp in self._coming.items()}

@@ -1,4 +1,4 @@
-"""What the torque level adds for the native core: contact forces, their cones, torque bounds."""
+"""The torque level's rows for the native core: contact forces, their cones, torque bounds."""
 
 from __future__ import annotations
 
@@ -23,30 +23,28 @@ class TorqueRows:
     forces: ContactForces  # the unknowns behind v+
     passive: NDArray[np.int64]  # entries of v without a motor
     bounded: NDArray[np.int64]  # entries of v with a torque bound
-    most: Array  # those bounds, in units of the forces
+    most: Array  # torque bounds, in units of the forces
     labels: tuple[str, ...]  # of the torque bounds
-    deceleration: Array  # (nv - 6,) that joints can brake by before their limits [rad/s^2 or m/s^2]
-    # Within which springs of joints without a motor give way [s], where anything bears.
-    spring_time: float
-    # (nv,) generalised forces of the wrenches that are known in this tick [N, N m]; the
-    # controller writes them.
-    told: Array
+    deceleration: Array  # (nv - 6,) of joints before their limits [rad/s^2 or m/s^2]
+    spring_time: float  # time constant [s] of springs of joints without a motor, in contact
+    # (nv,) generalised forces of this tick's known wrenches [N, N m]; the controller writes them.
+    known_forces: Array
 
 
 class NativeForces:
-    """The arrays that the core reads of a torque level.
+    """The torque level's arrays in the core.
 
     Parameters
     ----------
     blocks:
-        Of each contact that is met exactly: the number of its block.
+        Block number of each contact that is met exactly.
 
     Attributes
     ----------
     arrays:
-        All of them, by the names of ``wbc_plan`` in source/core.h.
+        By the names of ``wbc_plan`` in source/core.h.
     structs:
-        What each contact bears, ``wbc_force[]``.
+        The force unknowns of each contact, ``wbc_force[]``.
     stale:
         Whether a contact was changed since the cones were written.
     """
@@ -107,14 +105,14 @@ class NativeForces:
         self.stale = False
 
     def write_load(self, robot: Robot, snapshot: Snapshot) -> None:
-        """Write the forces that nobody commands: known wrenches, springs."""
-        self.load[:] = self.rows.told
+        """Write the forces that are not commanded: known wrenches, springs."""
+        self.load[:] = self.rows.known_forces
         if robot.passive:
             self.load += robot.passive_forces_at(snapshot)
             self.load[self._sprung] += self._yielding * snapshot.v[self._sprung]
 
     def write(self, ramps: Mapping[str, float]) -> bool:
-        """Write the cones if contacts were changed or forces come and go; False: of other size."""
+        """Write the cones if contacts were changed or forces ramp; False if their size differs."""
         if not self.stale and ramps == self._ramps:
             return True
         cones = self.rows.forces.bounds(ramps)

@@ -32,48 +32,50 @@ class KinematicController(Controller):
 
     def _plan(self, contacts: tuple[Task, ...], curved: frozenset[str] = frozenset()) -> None:
         super()._plan(contacts, curved)
-        self._closing = LoopClosing(self.plan.held, self._added, self.dt)
+        self._closing = LoopClosing(self.plan.held, self._error_offset, self.dt)
 
-    def _decided(self, snapshot: Snapshot, begun: float, found: CoreTick | None = None) -> Tick:
-        """Return the command of every controller, at whose end loops are closed."""
-        closing, decided = self._closing, super()._decided
-        if self._plain or not closing.bend or closing.busy:  # plain ticks are closed by the core
-            return decided(snapshot, begun, found)
-        over = partial(self._is_over, begun)
+    def _step_in_python(
+        self, snapshot: Snapshot, start_time: float, core_tick: CoreTick | None = None
+    ) -> Tick:
+        """Return the tick's command, with loops closed at its end."""
+        closing, decided = self._closing, super()._step_in_python
+        if self._core_suffices or not closing.nonlinear or closing.busy:  # the core closes them
+            return decided(snapshot, start_time, core_tick)
+        over = partial(self._deadline_over, start_time)
         with closing.lock:
-            tick = decided(snapshot, begun, found)
+            tick = decided(snapshot, start_time, core_tick)
             if not tick.ok:
                 return tick
-            return closing.closed(snapshot, tick, self._step, self._core.memory, over)
+            return closing.close(snapshot, tick, self._step, self._core.memory, over)
 
-    def _command(self, snapshot: Snapshot, found: CoreTick) -> Tick:
-        return Tick.reading(found, found.velocity, self._errors(found, snapshot))
+    def _command(self, snapshot: Snapshot, core_tick: CoreTick) -> Tick:
+        return Tick.reading(core_tick, core_tick.velocity, self._errors(core_tick, snapshot))
 
     def _answer(self, snapshot: Snapshot, outcome: Outcome, rows: Sequence[Bounds]) -> Tick:
-        found = outcome.found
+        core_tick = outcome.core_tick
         if outcome.solved:
             if outcome.step_scale == 1.0:
-                return self._command(snapshot, found)
-            velocity = outcome.step_scale * found.velocity
+                return self._command(snapshot, core_tick)
+            velocity = outcome.step_scale * core_tick.velocity
             velocity.setflags(write=False)
-            return Tick.reading(found, velocity, self._known(outcome, snapshot))
+            return Tick.reading(core_tick, velocity, self._extra_fields(outcome, snapshot))
         closing = self._closing
-        if closing.parts and not closing.busy:  # a gear or loop that is off may be the reason
-            within = closing.within_reach(snapshot, outcome.box, self._step)
+        if closing.parts and not closing.busy:  # an open gear or loop may be the reason
+            within = closing.close_within_limits(snapshot, outcome.box, self._step)
             if within is not None:
                 tick, late = within
                 tick.__dict__["late"] = tuple(late)
                 return tick
-        known = self._failed(outcome, snapshot)
-        tick = Tick.reading(found, known["velocity"], known)
+        known = self._fallback_fields(outcome, snapshot)
+        tick = Tick.reading(core_tick, known["velocity"], known)
         if tick.policy == "raise" and not closing.busy:
             raise ControllerFailure(tick.report(), tick)
         return tick
 
     def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
-        nv, found = self.robot.nv, outcome.found
+        nv, core_tick = self.robot.nv, outcome.core_tick
         if self.on_failure == "closest":
-            qp = found.qp_of(0)
+            qp = core_tick.qp_of(0)
             most = np.full(qp.g.size, np.inf)
             most[:nv] = LARGEST  # where there are no limits
             lower, upper = np.fmax(qp.lower, -most), np.fmin(qp.upper, most)

@@ -1,9 +1,8 @@
-"""Levels of a tick that the core alone does not settle.
+"""Levels of a tick that the core alone does not solve.
 
-Where tasks are singular or joints brake at bounded rates, the QP of each level is changed before it
-is solved, in the core's own memory: see :mod:`wbc.controllers.singular` and
-:mod:`wbc.controllers.braking`. And where the core's first attempt at the first level gives no
-answer, or another solver is to give it, it is asked here.
+For singular tasks and bounded braking the QP of each level is modified in the core's memory before
+it is solved: see :mod:`wbc.controllers.singular` and :mod:`wbc.controllers.braking`. And if the
+core's first attempt at the first level fails, or another solver was chosen, that is called here.
 """
 
 from __future__ import annotations
@@ -30,20 +29,20 @@ RETRIED = "another attempt at the QP"
 
 
 class Levels:
-    """Solves the levels of ticks that are not plain.
+    """Solves the levels of ticks that the core alone does not.
 
     Parameters
     ----------
     joint_weights:
-        (nv,) of the damping: which motion is the least.
+        (nv,) of the damping: the metric of least motions.
     torque:
-        Whether it is for the torque level, which knows neither singular rows nor bounded braking.
+        Whether it is for the torque level, which has neither singular rows nor bounded braking.
 
     Attributes
     ----------
-    braked:
-        Whether a joint's acceleration bounds how it slows down.
-    looked_into:
+    bounds_braking:
+        Whether the acceleration limits bound how joints slow down.
+    modifies_qps:
         Whether QPs are changed before they are solved.
     """
 
@@ -58,106 +57,106 @@ class Levels:
     ) -> None:
         self.first, self._plan, self._limits, self._dt = first, plan, limits, dt
         self._root = np.sqrt(joint_weights)
-        self.braked = limits is not None and limits.braking == "bounded" and not torque
+        self.bounds_braking = limits is not None and limits.braking == "bounded" and not torque
         singular = any(task.singular_threshold for task in plan.motion)
-        self.looked_into = self.braked or (singular and not torque)
+        self.modifies_qps = self.bounds_braking or (singular and not torque)
 
     def solve(
         self,
         core: CorePlan,
-        found: CoreTick,
+        core_tick: CoreTick,
         snapshot: Snapshot,
         box: Box | None,
         simple: bool,
-        hurried: bool,
+        deadline_over: bool,
     ) -> Outcome:
-        """Return what comes of the levels of a tick that the core did not solve.
+        """Solve the levels of a tick that the core did not solve.
 
         Parameters
         ----------
         box:
-            On v+, in place of the limits'; None: those.
+            Bounds on v+ in place of the limits'; None: the limits'.
         simple:
-            Whether the core was asked for all of it.
-        hurried:
-            Whether the deadline is over.
+            Whether the core has already tried to solve all levels.
         """
         names = self._plan.decision.names
-        said: int | None = core.memory.said
+        status: int | None = core.memory.status
         if simple:
-            said = said if core.solves else None
+            status = status if core.solves else None
         else:
             if box is not None:
-                for there, bound in zip(found.box, box, strict=True):
+                for there, bound in zip(core_tick.box, box, strict=True):
                     there[:] = bound
-            said = self._one_by_one(core, found, snapshot)
-            if found.solved:
-                return Outcome(found).within_limits(names)
-        if said in (NOT_MEASURED, MORE_ROWS, LEADS_INSIDE):
-            return Outcome(found, _not_measured(found))
-        if said == NOT_FINITE:
-            check_qp(found.qp_of(0))
+            status = self._one_by_one(core, core_tick, snapshot)
+            if core_tick.solved:
+                return Outcome(core_tick).within_limits(names)
+        if status in (NOT_MEASURED, MORE_ROWS, LEADS_INSIDE):
+            return Outcome(core_tick, _not_measured(core_tick))
+        if status == NOT_FINITE:
+            check_qp(core_tick.qp_of(0))
         workspace = None if box is not None else self._plan.workspace
-        solution = self.first.solve(found, said, workspace, hurried)
+        solution = self.first.solve(core_tick, status, workspace, deadline_over)
         if not solution.solved:
-            if hurried:
-                found.hurried += (RETRIED,)
-            return Outcome(found, solution)
-        found.take(solution)
-        found.solved = core.memory.descend() in (DONE, LEADS_INSIDE)
-        if core.memory.struct.closing:  # which may have solved it again
-            found.first = None
-        return Outcome(found).within_limits(names)
+            if deadline_over:
+                core_tick.skipped += (RETRIED,)
+            return Outcome(core_tick, solution)
+        core_tick.set_first_solution(solution)
+        core_tick.solved = core.memory.descend() in (DONE, LEADS_INSIDE)
+        if core.memory.struct.closing:  # closing loops may have solved it again
+            core_tick.first_solution = None
+        return Outcome(core_tick).within_limits(names)
 
-    def relaxed_box(self, found: CoreTick, snapshot: Snapshot) -> Box | None:
-        """Return the box opened as far as rows need it; None: it is all open already."""
+    def relaxed_box(self, core_tick: CoreTick, snapshot: Snapshot) -> Box | None:
+        """Return the box relaxed as far as rows need it; None: it is relaxed already."""
         if self._limits is None:
             return None
-        qp, nv = found.qp_of(0), snapshot.v.size
+        qp, nv = core_tick.qp_of(0), snapshot.v.size
         relaxed = relax_box(qp, self._limits, snapshot, self._dt, self.first.solve_once)
         return None if relaxed is None else (relaxed.lower[:nv], relaxed.upper[:nv])
 
-    def _one_by_one(self, core: CorePlan, found: CoreTick, snapshot: Snapshot) -> int | None:
-        """Solve level by level what is looked into; return what the core said of the first."""
+    def _one_by_one(self, core: CorePlan, core_tick: CoreTick, snapshot: Snapshot) -> int | None:
+        """Modify and solve level by level; return the core's status at the first."""
         memory = core.memory
         for level in range(len(self._plan.levels)):
             if level and memory.pose_level(level) != DONE:
                 break
-            if self.looked_into:
-                self._look_into(core, found, level, snapshot)
-            if core.solve_level(found, level):
+            if self.modifies_qps:
+                self._modify_qp(core, core_tick, level, snapshot)
+            if core.solve_level(core_tick, level):
                 continue
             if level:
                 break
-            said = memory.said if core.solves else None
-            solution = self.first.solve(found, said, self._plan.workspace, False)
+            status = memory.status if core.solves else None
+            solution = self.first.solve(core_tick, status, self._plan.workspace, False)
             if not solution.solved:
-                return said
-            found.take(solution)
-        found.solved = memory.finish() == DONE
+                return status
+            core_tick.set_first_solution(solution)
+        core_tick.solved = memory.finish() == DONE
         return DONE
 
-    def _look_into(self, core: CorePlan, found: CoreTick, level: int, snapshot: Snapshot) -> None:
-        """Let singular rows ask for less, and gains be such that joints can stop."""
-        rows, qp = core.rows_of(found, level), found.qp_of(level)
+    def _modify_qp(
+        self, core: CorePlan, core_tick: CoreTick, level: int, snapshot: Snapshot
+    ) -> None:
+        """Reduce the demand of singular rows, and gains so that joints can stop."""
+        rows, qp = core.cost_rows(core_tick, level), core_tick.qp_of(level)
         if any(row.singular_threshold for _, row in rows):
             held = Rows(qp.A, qp.b, np.ones(qp.b.size))
             soft = [row for task, row in rows if task in self._plan.soft]
             names = [task.name for task, _ in rows if task not in self._plan.soft]
-            eased = [row for task, row in rows if task not in self._plan.soft]
-            less, singular = reduce_singular(eased, [held, *soft], self._root)
-            for before, after in zip(eased, less, strict=True):
+            full = [row for task, row in rows if task not in self._plan.soft]
+            reduced, singular = reduce_singular(full, [held, *soft], self._root)
+            for before, after in zip(full, reduced, strict=True):
                 if after.target is not before.target:
                     lost = before.target - after.target
                     qp.g[:] += (np.square(before.weight) * lost) @ before.matrix
                     before.target[:] = after.target
-            found.singular |= {names[k]: one for k, one in singular.items()}
-        if self.braked and self._limits is not None:
+            core_tick.singular |= {names[k]: one for k, one in singular.items()}
+        if self.bounds_braking and self._limits is not None:
             scale_gains_to_brake(qp, [row for _, row in rows], self._limits, snapshot, self._dt)
 
 
-def _not_measured(found: CoreTick) -> Solution:
-    """Return what is said where the core has no QP: rows of its margin are not written."""
-    a, message = found.views, "not measured by the core"
+def _not_measured(core_tick: CoreTick) -> Solution:
+    """Return the failed solution of a tick whose margin rows the core could not write."""
+    a, message = core_tick.views, "not measured by the core"
     x, y, z, box = (np.full(one.size, np.nan) for one in (a.x, a.y, a.z, a.z_box))
     return Solution(x, y, z, box, Status.FAILED, NO_RESIDUALS, 0, 0.0, NAME, message=message)

@@ -13,21 +13,21 @@ from typing import NamedTuple
 
 from wbc.constraints.limits import Box
 from wbc.constraints.rows import Bounds, Constraint, relax_for_contacts, stack
-from wbc.constraints.validation import bounds_of, cuts_of
+from wbc.constraints.validation import bounds_of, cutting_planes_of
 from wbc.controllers.outcome import Outcome
 from wbc.controllers.slack import Slacks
 from wbc.laws import Rows
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
-# Of cutting planes in a tick. Where the first did not do, two more did in a sixth of 270 ticks from
-# wild states, and took up to 15 ms; problems as they are shipped need none.
+# Of cutting planes in a tick. If the first was not enough, two more were in a sixth of 270 ticks
+# from random states, and took up to 15 ms; the shipped problems need none.
 ROUNDS = 1
-# What there may be no time for.
+# Names of steps that may be skipped when the deadline is over.
 CUTS = "rows of margins where the command leads"
 RELAXED = "margins relaxed by what contacts need"
-# Parts of a step that are tried; each is looked at for up to a millisecond.
-SCALES = (1.0, 0.25, 0.0625)
+# Scales of a step that are tried; checking one takes up to a millisecond.
+STEP_SCALES = (1.0, 0.25, 0.0625)
 
 Solve = Callable[[Bounds | None, Box | None], Outcome]
 
@@ -36,7 +36,7 @@ class MarginRows(NamedTuple):
     """The inequality rows of all constraints at one snapshot."""
 
     constraints: Sequence[Constraint]
-    slacks: Slacks  # which may: where they lead is not looked at
+    slacks: Slacks  # soft constraints are not looked ahead
     snapshot: Snapshot
     dt: float
     parts: Sequence[Bounds]  # the rows of each constraint, with slack weights where it may give way
@@ -66,18 +66,20 @@ class MarginRows(NamedTuple):
             return []
         robot, step = self.snapshot.robot, (v, self.dt)
         there = robot.snapshot(robot.integrate(self.snapshot.q, *step))
-        found = (cuts_of(self.constraints[k], there, *step, self.parts[k]) for k in doubtful)
+        found = (
+            cutting_planes_of(self.constraints[k], there, *step, self.parts[k]) for k in doubtful
+        )
         return [cut for cut in found if cut is not None]
 
     def step_scale(self, v: Array) -> float:
-        """Return the part of ``v`` that leads to no violation: one of ``SCALES``, or rest."""
-        return next((scale for scale in SCALES if not self.violated(scale * v)), 0.0)
+        """Return the part of ``v`` that leads to no violation: one of ``STEP_SCALES``, or rest."""
+        return next((scale for scale in STEP_SCALES if not self.violated(scale * v)), 0.0)
 
 
 def solve_with_look_ahead(
     solve: Solve, margins: MarginRows, held: Callable[[], Sequence[Rows]], over: Callable[[], bool]
 ) -> Outcome:
-    """Return the outcome with margins kept where it leads, and the part of it to command.
+    """Return the outcome with margins kept at its end, and its scale to command.
 
     Parameters
     ----------
@@ -89,19 +91,19 @@ def solve_with_look_ahead(
     over:
         Whether the deadline of the tick is over: nothing is solved again then.
     """
-    outcome, rows, looked = solve_with_cuts(solve, margins, over)
+    outcome, rows, confirmed = solve_with_cuts(solve, margins, over)
     if not outcome.solved:
         if over():
-            outcome.found.hurried += (RELAXED,)
+            outcome.core_tick.skipped += (RELAXED,)
             return outcome
         conflict = outcome.solution.conflict
         if conflict is not None and not conflict.has_inequalities:
             return outcome
         relaxed = solve(relax_for_contacts(stack(rows), held()), outcome.box)
-        # Of two without a solution the one that is proved to have none.
+        # If neither has a solution, prefer the one proved infeasible.
         proved = conflict is not None and relaxed.solution.conflict is None
         return outcome if proved and not relaxed.solved else relaxed
-    if looked:
+    if confirmed:
         return outcome
     return outcome._replace(step_scale=margins.step_scale(outcome.velocity))
 
@@ -109,11 +111,11 @@ def solve_with_look_ahead(
 def solve_with_cuts(
     solve: Solve, margins: MarginRows, over: Callable[[], bool]
 ) -> tuple[Outcome, list[Bounds], bool]:
-    """Return the outcome with margins kept where it leads, and the rows that this took.
+    """Return the outcome with cutting planes at violated margins, its rows, and if it is safe.
 
-    After the last round, or when a QP has no solution, the outcome is returned as it is: at the
-    torque level no part of a command is safer than the whole. The last thing returned is whether
-    the outcome was seen to violate no margin.
+    After the last round, or when a QP has no solution, the outcome is returned unscaled: at the
+    torque level a scaled command is no safer. The last value says whether the outcome was checked
+    to violate no margin.
     """
     rows = list(margins.parts)
     outcome = solve(stack(rows), None)
@@ -124,7 +126,7 @@ def solve_with_cuts(
         if not found:
             return outcome, rows, True
         if over():
-            outcome.found.hurried += (CUTS,)
+            outcome.core_tick.skipped += (CUTS,)
             return outcome, rows, False
         rows = rows + found
         outcome = solve(stack(rows), outcome.box)

@@ -1,4 +1,4 @@
-"""The margin between a robot's bodies as the native core reads it: its rows and its look-ahead."""
+"""The self-collision margin as the native core reads it: for its rows and its look-ahead."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from wbc.validate import Array
 
 
 class NativeMargin:
-    """What the core needs of a self-collision constraint.
+    """A self-collision constraint in the core.
 
     Attributes
     ----------
     rows:
-        How many pairs get one.
+        Number of pairs with a row.
     struct:
-        The core's structure, a pointer to it.
+        Pointer to the ``wbc_margin``.
     known:
-        What is kept apart, and how.
+        The pairs, their distances and braking.
     watched, arrays:
-        What it points at; the arrays by the names of ``wbc_margin`` in source/core.h.
+        Kept alive for the struct; the arrays by the names of ``wbc_margin`` in source/core.h.
     """
 
     def __init__(self, constraint: SelfCollision, known: WatchedPairs, tree: NativeTree) -> None:
@@ -36,7 +36,7 @@ class NativeMargin:
         self.bodies, self.pairs = known.pairs.counts
         self.rows = min(known.rows, self.pairs)
         law, self.watched = known.braking, known.pairs.struct(tree)
-        self.arrays = {"kept": known.kept}
+        self.arrays = {"kept": known.min_distances}
         if known.acceleration is not None:
             self.arrays["acceleration"] = known.acceleration
         self.struct = ffi.new("wbc_margin *", {"of": self.watched, "rows": self.rows})
@@ -47,12 +47,12 @@ class NativeMargin:
 
     @classmethod
     def of(cls, constraint: SelfCollision, tree: NativeTree) -> NativeMargin | None:
-        """Return it, or None: bodies that the core does not know, or none."""
+        """Return it, or None if there are no bodies, or some that the core does not know."""
         known = constraint.watched()
         return None if known is None else cls(constraint, known, tree)
 
-    def serves(self) -> bool:
-        """Whether the constraint is still as it was read."""
+    def is_current(self) -> bool:
+        """Return whether the constraint is unchanged since."""
         now = self._constraint.watched()
         return now is not None and all(map(operator.is_, now, self.known))
 
@@ -62,7 +62,7 @@ class NativeMargin:
 
 
 def only_self_collision(constraints: Sequence[Constraint], slacks: Slacks) -> SelfCollision | None:
-    """Return the only constraint if it is one that the core knows, and may not give way."""
+    """Return the constraint if it is the only one, hard, and known to the core."""
     if len(constraints) != 1:
         return None
     (one,) = constraints

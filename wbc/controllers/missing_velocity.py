@@ -1,7 +1,7 @@
-"""Loops that never pass the velocity: said once, for each of their ticks begins at rest.
+"""Warns once of a user's loop that never passes the velocity, so that each tick begins at rest.
 
-From rest a joint gets no faster than its acceleration limit times dt, in the hundredth tick as in
-the first: at the velocity level the robot creeps, at the torque level nothing is damped.
+From rest a joint reaches at most its acceleration limit times dt, in each tick: at the velocity
+level the robot creeps, at the torque level nothing is damped.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from wbc.robot import Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.validate import Array
 
-TICKS = 3  # at rest in a row, the robot moving between them as commanded
-# A motion is the one commanded if it is at least this part of it, in a direction of this cosine.
-LEAST, ALIKE = 0.1, 0.7
+TICKS = 3  # consecutive ticks at rest between which the robot moves as commanded
+# A motion counts as commanded from this ratio of lengths and this cosine of directions on.
+LEAST_RATIO, LEAST_COSINE = 0.1, 0.7
 AT_LIMIT = 0.99  # part of a velocity's bound
 
 
 class MissingVelocity:
-    """Looks out for ticks at rest between which the robot moves.
+    """Detects ticks at rest between which the robot moves.
 
     Parameters
     ----------
@@ -35,13 +35,13 @@ class MissingVelocity:
 
     def __init__(self, dt: float, damped: bool) -> None:
         self._dt, self._damped = dt, damped
-        self._ticks, self._said = 0, False
+        self._ticks, self._warned = 0, False
         self._q: Array | None = None  # of the last tick at rest
         self._step: Array = np.empty(0)  # (nv - 6,) that its command makes of the joints
 
     def watch(self, snapshot: Snapshot, velocity: Array, limits: Limits | None) -> None:
-        """Take note of a tick at rest; log the third in a row that does not begin there."""
-        if self._said:
+        """Record a tick at rest; warn at the third in a row between which the robot moved."""
+        if self._warned:
             return
         before, self._q = self._q, snapshot.joint_positions
         step, self._step = self._step, self._dt * velocity[BASE_NV:]
@@ -49,7 +49,7 @@ class MissingVelocity:
         holds = self._damped or (limits is not None and self._at_limit(velocity, limits))
         self._ticks = self._ticks + 1 if follows and holds else 1
         if self._ticks >= TICKS:
-            self._said = True
+            self._warned = True
             why = (
                 "without it nothing is damped"
                 if self._damped
@@ -71,4 +71,6 @@ class MissingVelocity:
 def _follows(moved: Array, step: Array) -> bool:
     """Whether joints moved as commanded, roughly."""
     along, size = float(moved @ step), float(step @ step)
-    return 0.0 < LEAST * size <= along and along >= ALIKE * math.sqrt(size * float(moved @ moved))
+    return 0.0 < LEAST_RATIO * size <= along and along >= LEAST_COSINE * math.sqrt(
+        size * float(moved @ moved)
+    )

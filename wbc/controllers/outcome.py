@@ -1,4 +1,4 @@
-"""What came of the levels of one tick."""
+"""The result of solving the levels of one tick."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from wbc.validate import Array
 
 
 class Outcome(NamedTuple):
-    """What came of the levels of one tick."""
+    """The result of solving the levels of one tick."""
 
-    found: CoreTick  # their QPs and answers
+    core_tick: CoreTick  # their QPs and answers
     # The first level's solution, if it could not be solved; None: it was.
     failed: Solution | None = None
     step_scale: float = 1.0  # the part of the velocity that is safe to command
@@ -29,29 +29,29 @@ class Outcome(NamedTuple):
 
     @property
     def solution(self) -> Solution:
-        """That of the last level, or the first one's failure."""
-        return self.found.solution if self.failed is None else self.failed
+        """The last level's solution, or the first level's failure."""
+        return self.core_tick.solution if self.failed is None else self.failed
 
     @property
     def velocity(self) -> Array:
         """The velocity at the end of the tick (nv,)."""
-        return self.found.velocity
+        return self.core_tick.velocity
 
     @property
     def box(self) -> Box:
         """The bounds (nv,), (nv,) on the velocity that the first level kept."""
-        return self.found.box
+        return self.core_tick.box
 
     def within_limits(self, names: tuple[str, ...]) -> Outcome:
-        """Refuse an answer outside the limits in the robot's own units, whatever it rests on.
+        """Fail a solution that is outside the limits in the robot's own units.
 
-        Without limits what a robot's state may have is one: where it led could not be looked at.
-        Residuals may be judged relative to the numbers of the QP, which may be huge; joints are
-        not. ``names`` are those of the unknowns.
+        Residuals may be accepted relative to the QP's numbers, which may be huge; a joint's
+        velocity may not. Without limits the largest velocity of a state counts. ``names``: of the
+        unknowns.
         """
         if self.failed is not None:
             return self
-        v, (lower, upper) = self.found.velocity, self.box
+        v, (lower, upper) = self.core_tick.velocity, self.box
         excess = np.maximum(lower - v, v - upper)
         worst = int(excess.argmax())
         if excess.item(worst) <= TOLERANCE:  # NaN is not
@@ -61,5 +61,5 @@ class Outcome(NamedTuple):
         else:
             where = f"outside its limits [{lower[worst]:.6g}, {upper[worst]:.6g}]"
         message = f"{names[worst]} at {v[worst]:.6g}, {where}: not commanded"
-        refused = self.found.solution._replace(status=Status.CONTRADICTED, message=message)
+        refused = self.core_tick.solution._replace(status=Status.CONTRADICTED, message=message)
         return self._replace(failed=refused)

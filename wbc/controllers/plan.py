@@ -1,7 +1,6 @@
-"""The plan of a controller: unknowns, priority levels and row names, which ticks have in common.
+"""The plan of a controller: unknowns, priority levels and row names, shared by all ticks.
 
-A :class:`LevelPlan` is made once for each set of tasks and contacts; a tick then only fills in
-numbers.
+A :class:`LevelPlan` is made once for each set of tasks and contacts; a tick only fills in numbers.
 """
 
 from __future__ import annotations

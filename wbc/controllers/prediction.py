@@ -1,10 +1,9 @@
-"""States predicted over a known delay, by the accelerations that were commanded meanwhile.
+"""State prediction over a known delay, from the accelerations commanded meanwhile.
 
-What is measured is as old as sensors and filters make it, and a torque acts as late as bus and
-drives have it. A controller that answers to the state of then with torques for now acts on errors
-that it has corrected already. What became of the state since is known but for what disturbs it:
-each torque was found with the acceleration that it causes (the dynamics are rows of the tick's QP),
-so the state is integrated over them (a finite spectrum assignment, Manitius & Olbrot 1979).
+Sensors, filters, bus and drives delay measurements and torques. A controller that uses the old
+state acts on errors that it has corrected already. The dynamics in each tick's QP give the
+acceleration that its torque causes, so the measured state is integrated with these over the delay
+(finite spectrum assignment, Manitius & Olbrot 1979); disturbances meanwhile are unknown.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from collections import deque
 from wbc.robot import Robot, Snapshot
 from wbc.validate import Array
 
-_EVEN = 1e-9  # a delay is so many ticks, to this part of one
+_EVEN = 1e-9  # tolerance of a delay that is a whole number of ticks, in ticks
 
 
 class StatePrediction:
@@ -24,7 +23,7 @@ class StatePrediction:
     Parameters
     ----------
     delay:
-        From the instant that is measured to the one at which the torque that answers acts [s].
+        From the measurement to the instant at which the resulting torque acts [s].
     dt:
         Of a tick [s].
     """
@@ -32,22 +31,22 @@ class StatePrediction:
     def __init__(self, robot: Robot, delay: float, dt: float) -> None:
         self.robot, self.delay, self.dt = robot, delay, dt
         whole = math.ceil(delay / dt - _EVEN)
-        # Commands of the delay, the oldest first, of which only a part may fall into it.
-        self._commanded = deque[Array](maxlen=whole)
+        # Commands within the delay, oldest first; the oldest acts only for part of a tick.
+        self._accelerations = deque[Array](maxlen=whole)
         self._oldest = delay - (whole - 1) * dt
         self._last: tuple[Snapshot, Snapshot] | None = None
 
-    def ahead(self, snapshot: Snapshot) -> Snapshot:
-        """Return the state at which the torque acts that answers to ``snapshot``.
+    def predict(self, snapshot: Snapshot) -> Snapshot:
+        """Return the state at which the torque computed for ``snapshot`` acts.
 
-        Before as many ticks as the delay has, velocities are taken as constant where none is known.
+        In the first ticks, where commands are missing, the velocity is taken as constant.
         """
         if self._last is not None and self._last[0] is snapshot:
             return self._last[1]
-        q, v, count = snapshot.q, snapshot.v, len(self._commanded)
+        q, v, count = snapshot.q, snapshot.v, len(self._accelerations)
         rest = self.delay
-        for k, acceleration in enumerate(self._commanded):
-            time = self._oldest if count == self._commanded.maxlen and k == 0 else self.dt
+        for k, acceleration in enumerate(self._accelerations):
+            time = self._oldest if count == self._accelerations.maxlen and k == 0 else self.dt
             later = v + time * acceleration
             q, v = self.robot.integrate(q, 0.5 * (v + later), time), later
             rest -= time
@@ -57,6 +56,6 @@ class StatePrediction:
         self._last = snapshot, found
         return found
 
-    def commanded(self, acceleration: Array) -> None:
-        """Take note of what the last command causes (nv,)."""
-        self._commanded.append(acceleration)
+    def record(self, acceleration: Array) -> None:
+        """Add the acceleration (nv,) of the last command."""
+        self._accelerations.append(acceleration)

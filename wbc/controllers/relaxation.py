@@ -1,17 +1,16 @@
-"""What gives way at the torque level when a tick cannot have everything.
+"""The relaxed QP of the torque level, for ticks whose rows cannot all hold.
 
-At the velocity level rest is always allowed; a robot with finite torques on slippery ground cannot
-promise that. Dynamics, friction cones and torque bounds always have a solution (no force, any
-torque): they are physics, and stay hard. Everything else gives way, in this order, by squared slack
-costs:
+At the velocity level v = 0 is always feasible; a robot with finite torques on slippery ground
+cannot promise that. Dynamics, friction cones and torque bounds always have a solution (no force,
+any torque), so they stay hard. Everything else is relaxed, in this order, by squared slack costs:
 
-1. ranges of normal force (dropped: a foot that must be loaded may not be);
-2. contacts, joint limits and margins, each weighed like the heaviest task, those between bodies ten
-   times as heavy as the joint rates that miss them by as much. What is inside a margin already may
-   not go further; that it is moved back waits for a tick that keeps the rest.
+1. lower ends of normal forces (dropped: a contact that should be loaded may be unloaded);
+2. contacts, joint limits and margins, each weighed like the heaviest task; those between bodies ten
+   times as heavy as the joint rates that violate them as much. A body inside a margin may not go
+   deeper; moving it out is left to later ticks, whose rows can all hold.
 
-All levels are weighed in one QP: a tick that fights for its limits has no time for priorities. What
-gave way, and by how much, is reported by name.
+All levels are weighed in one QP, without priorities. What was relaxed, and by how much, is reported
+by name.
 """
 
 from __future__ import annotations
@@ -24,40 +23,38 @@ import numpy as np
 from wbc.constraints.mechanics import Mechanics, holds_bolted
 from wbc.constraints.rows import Bounds, stack, take
 from wbc.controllers.plan import LevelPlan
-from wbc.controllers.slack import GivingQP
+from wbc.controllers.slack import SlackQP
 from wbc.laws import stacked
 from wbc.qp.problem import QP, Labels
 from wbc.robot.limits import BASE_NV
 from wbc.validate import Array
 
-# Squared cost of a contact's, and of a limit's or margin's velocity missed [1/(m/s)^2], by the
-# heaviest row of the tasks. Slack of a limit is a joint that approaches it faster than it can
-# brake, not one beyond it: at a hundred times a contact's cost it kicked feet off the ground.
+# Costs of squared slack [1/(m/s)^2] of contacts, and of limits and margins, by the heaviest task
+# row. A limit's slack means a joint approaching it too fast to brake, not one beyond it: at a
+# hundred times a contact's cost, feet were kicked off the ground.
 CONTACT, LIMIT = 1.0, 1.0
-# Of bodies that come too near, by the rate of joints that carry them on a lever: as cheap as tasks,
-# these pushed them up to 23 cm into each other; with no regard to levers, short in hands, up to 4.
-BODIES = 100.0
-# m: levers count as no shorter; with 0.01 three of 1,000 wild QPs were beyond the solver.
-SHORTEST = 0.03
-# Squared weight assumed for the heaviest row, for when all tasks are switched off.
+# Of margins between bodies, by the rate of the joints that move them on a lever: at the tasks' cost
+# bodies were pushed up to 23 cm into each other; regardless of the lever (short in hands) up to 4.
+BODY_MARGIN = 100.0
+# m: shorter levers count as this; with 0.01 three of 1,000 random QPs were not solved.
+LEAST_LEVER = 0.03
+# Squared weight of the heaviest row if all tasks are switched off.
 IDLE = 1e-6
 # A velocity missed by less [m/s or rad/s] is what solvers and these costs leave.
 NEGLIGIBLE = 1e-5
 
 
 class Physical(NamedTuple):
-    """What stays hard in a relaxed QP."""
+    """The rows that stay hard in a relaxed QP."""
 
-    # How many of the QP's equality rows, the first, are the dynamics'; the contacts' follow.
-    equalities: int
-    rows: int  # how many of its inequality rows, the first, are torque bounds and friction cones
-    # Which of these are the ranges of normal forces, whose lower ends are dropped.
-    normal_forces: slice
+    equalities: int  # the first so many equality rows are the dynamics'; the contacts' follow
+    rows: int  # the first so many inequality rows are torque bounds and friction cones
+    normal_forces: slice  # of these, the ranges of normal forces, whose lower ends are dropped
 
 
 def relaxed_qp(
     plan: LevelPlan, qp: QP, physical: Physical, margins: Sequence[Bounds], unit: float
-) -> GivingQP:
+) -> SlackQP:
     """Return the QP in which only physics is hard.
 
     Parameters
@@ -74,7 +71,7 @@ def relaxed_qp(
     hard = np.zeros(qp.b.size, dtype=bool)
     hard[: physical.equalities] = True
     begin = physical.equalities
-    for contact, kept in zip(plan.held.contacts, plan.held.kept, strict=True):
+    for contact, kept in zip(plan.held.contacts, plan.held.row_selections, strict=True):
         end = begin + (len(contact.rows) if kept is None else kept.size)
         hard[begin:end] = isinstance(contact, Mechanics) or holds_bolted(contact)
         begin = end
@@ -102,27 +99,27 @@ def relaxed_qp(
         P, g, qp.A[hard], qp.b[hard], C, rows.lower, rows.upper, low, high,
         Labels(labels, rows.labels, plan.decision.names),
     )  # fmt: skip
-    return GivingQP(made, weights)
+    return SlackQP(made, weights)
 
 
-def given_way(
-    plan: LevelPlan, qp: QP, physical: Physical, relaxed: GivingQP, x: Array
+def relaxed_amounts(
+    plan: LevelPlan, qp: QP, physical: Physical, relaxed: SlackQP, x: Array
 ) -> dict[str, float]:
-    """Return what a relaxed QP's solution misses, by the name of contact row, limit or margin."""
+    """Return by how much a relaxed QP's solution violates contact rows, limits and margins."""
     begin = physical.equalities
     missed = qp.A[begin:] @ x[: qp.g.size] - qp.b[begin:]
-    found = dict(zip(plan.held.labels, missed.tolist(), strict=True)) | relaxed.given(x)
+    found = dict(zip(plan.held.labels, missed.tolist(), strict=True)) | relaxed.slack_of(x)
     return {name: by for name, by in found.items() if abs(by) > NEGLIGIBLE}
 
 
 def _cost(margin: Bounds) -> float | Array:
-    """Return the cost of a margin's slack, by the heaviest row of the tasks: one, or (m,)."""
+    """Return the cost of a margin's slack, scalar or (m,), by the heaviest task row."""
     measured = margin.distances
     if measured is None or measured.found is None:
         return LIMIT
     joints = margin.matrix[:, BASE_NV:]
     levers = np.einsum("ij,ij->i", joints, joints)  # squared
-    cost: Array = BODIES / np.maximum(levers, SHORTEST**2)
+    cost: Array = BODY_MARGIN / np.maximum(levers, LEAST_LEVER**2)
     return cost
 
 

@@ -78,7 +78,7 @@ class SavedTick(NamedTuple):
         content, versions = read_pickled(path, TICK_FILE, own)
         try:
             controller, before, measured, answer = content
-            controller._return_to(before)
+            controller._restore(before)
             numbers = np.frombuffer(measured)
             robot = controller.robot
             q, v = numbers[: robot.nq], numbers[robot.nq :]
@@ -94,7 +94,7 @@ class SavedTick(NamedTuple):
         One read is for one replay: the controller goes on from there.
         """
         try:
-            tick = self.controller._again(self.controller.robot.snapshot(self.q, self.v))
+            tick = self.controller._replay_step(self.controller.robot.snapshot(self.q, self.v))
         except ControllerFailure as failure:
             if not isinstance(failure.tick, Tick):
                 raise

@@ -1,4 +1,4 @@
-"""Which contacts and constraints may give way, and what giving way costs."""
+"""Slack: contacts and constraints that may give way, and its cost."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Slacks:
     ----------
     weights:
         Of 1/2 slack^2, the slack in m/s or rad/s: [1/(m/s)^2] or [1/(rad/s)^2], > 0.
-    going:
-        The same for contacts that are being released, which are soft until they are.
+    leaving:
+        The same for contacts that are being released.
 
     Raises
     ------
@@ -48,7 +48,7 @@ class Slacks:
         weights: Mapping[str, float],
         contacts: Sequence[Task],
         constraints: Sequence[Constraint],
-        going: Mapping[str, float] = NO_SLACK,
+        leaving: Mapping[str, float] = NO_SLACK,
     ) -> None:
         if not isinstance(weights, Mapping):
             raise InvalidInputError(
@@ -62,7 +62,7 @@ class Slacks:
             name: finite_number(f"controller, slack of {name!r}", weight, above=0.0)
             for name, weight in weights.items()
         }
-        self.weights: Mapping[str, float] = {**going, **own}
+        self.weights: Mapping[str, float] = {**leaving, **own}
 
     def is_hard(self, name: str) -> bool:
         """Whether a contact or constraint may not give way."""
@@ -84,29 +84,25 @@ class Slacks:
         return bounds._replace(slack=np.full(bounds.lower.size, weight), push=None)
 
 
-class GivingQP(NamedTuple):
-    """A QP whose inequality rows may give way, in the form in which their slacks are no unknowns.
+class SlackQP(NamedTuple):
+    """A QP with soft inequality rows, whose slacks are not among its unknowns."""
 
-    Also the evidence of a tick, few of which are asked for the QP itself.
-    """
-
-    slackless: QP  # the QP without its slacks
-    # (mi,) of the slacks, infinite for rows that may not give way; None: none may.
-    weights: Array | None
+    slackless: QP
+    weights: Array | None  # (mi,) of the slacks, infinite for hard rows; None: all rows are hard
 
     @property
     def qp(self) -> QP:
-        """The QP with its slacks as unknowns, made anew."""
+        """The QP with its slacks as unknowns, made at each access."""
         return self.slackless if self.weights is None else with_slack(self.slackless, self.weights)
 
-    def given(self, x: Array) -> dict[str, float]:
-        """Return by how much each row has given way, by its name; ``x`` with slacks at its end."""
+    def slack_of(self, x: Array) -> dict[str, float]:
+        """Return the slack of each row that has some, by name; ``x`` has the slacks at its end."""
         if self.weights is None:
             return {}
         slack, names = x[self.slackless.g.size :], self.slackless.labels.inequality
         rows = np.flatnonzero(np.isfinite(self.weights))
-        missed = np.flatnonzero(np.abs(slack) > NEGLIGIBLE)
-        return {names[rows[k]]: float(slack[k]) for k in missed.tolist()}
+        nonzero = np.flatnonzero(np.abs(slack) > NEGLIGIBLE)
+        return {names[rows[k]]: float(slack[k]) for k in nonzero.tolist()}
 
 
 def with_slack(qp: QP, weights: Array) -> QP:

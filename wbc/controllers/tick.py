@@ -1,4 +1,4 @@
-"""What one control tick answers, and what is done when the QP has no answer."""
+"""The result of one control tick, and the policies for QPs without a solution."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from wbc.validate import Array
 
 POLICIES = ("hold", "damp", "closest", "raise")
 TICK_FILE = "wbc tick 1"
-RELAX = "relax"  # the policy of a tick in which something gave way, at the torque level
-# Multipliers below this part of the largest, or below this, are what solvers leave: not active.
+RELAX = "relax"  # the policy of a torque tick from the relaxed QP
+# Multipliers below this share of the largest, or below this value, are a solver's residue.
 ACTIVE, NEGLIGIBLE = 1e-6, 1e-9
 
 
 class Times(NamedTuple):
-    """Where a tick spent its time [s]: from residuals to rows, to the QP, and in the solver."""
+    """Durations of a tick's stages [s]: evaluating tasks, assembling the QP, solving it."""
 
     tasks: float
     assembly: float
@@ -39,12 +39,12 @@ class Times(NamedTuple):
         return self.tasks + self.assembly + self.solve
 
 
-# A change of velocity beyond that of the acceleration limit by less is what solvers leave.
-ROUNDED = 1e-3
+# Relative excess over the acceleration limit that counts as a solver's residue.
+ACCELERATION_TOLERANCE = 1e-3
 
 
-class Answering(Protocol):
-    """A controller, as its ticks see it."""
+class TickSource(Protocol):
+    """The controller of a tick."""
 
     ticks: int
 
@@ -52,17 +52,16 @@ class Answering(Protocol):
         """Return what was changed since the last tick, in words, or None."""
 
 
-class Began(NamedTuple):
-    """Where a tick began: what its command is compared with, and what asks for it again."""
+class TickOrigin(NamedTuple):
+    """The inputs of a tick: to compare its command with, and to repeat it."""
 
-    limits: Limits | None  # that were kept, or None
-    measured: bytes  # the bytes of q, and of v behind it
-    # (nv - 6,) limits of the joints in this tick, or None; they may be assigned later.
-    acceleration: Array | None
+    limits: Limits | None
+    measured: bytes  # the bytes of q, then of v
+    acceleration: Array | None  # (nv - 6,) limits in this tick; limits may be assigned later
     dt: float  # time step [s]
-    asked: Answering  # the controller
-    before: tuple[object, ...]  # what it kept between ticks until this one, but for warm starts
-    number: int  # of this tick among those of the controller
+    controller: TickSource
+    memory: tuple[object, ...]  # the controller's state before this tick, except warm starts
+    number: int  # of this tick, counted by the controller
 
     def braked(self, velocity: Array) -> dict[str, float]:
         """Return how much harder joints brake than their limit, by name: see :class:`Tick`."""
@@ -71,11 +70,13 @@ class Began(NamedTuple):
         v = np.frombuffer(self.measured)[-velocity.size :]
         part = np.abs(velocity - v)[BASE_NV:] / (self.dt * self.acceleration)
         names = self.limits.robot.joint_names
-        return {names[k]: float(part[k]) for k in np.flatnonzero(part > 1.0 + ROUNDED)}
+        return {
+            names[k]: float(part[k]) for k in np.flatnonzero(part > 1.0 + ACCELERATION_TOLERANCE)
+        }
 
 
-# What a tick of the native core reads when it is asked for.
-_LATER = frozenset(
+# Fields that a tick of the core reads on demand.
+_READ_ON_DEMAND = frozenset(
     ("status", "policy", "errors", "solution", "qp", "times", "slack", "singular", "left_out")
 )
 
@@ -135,8 +136,8 @@ class Tick:
 
     @classmethod
     def reading(cls, evidence: object, velocity: Array, known: Mapping[str, Any] | None) -> Self:
-        """Return a plain, solved tick; what is not ``known`` is read from ``evidence`` later."""
-        tick = object.__new__(cls)  # past __init__, which assigns one frozen field after the other
+        """Return a tick that reads what is not ``known`` from ``evidence`` on demand."""
+        tick = object.__new__(cls)  # __init__ of a frozen dataclass is slow
         own = tick.__dict__
         own["velocity"], own["_evidence"] = velocity, evidence
         if known:
@@ -147,23 +148,23 @@ class Tick:
 
         def __getattr__(self, name):
             if name == "braked":
-                began = self._where_it_began()
-                self.__dict__[name] = found = began.braked(self.velocity) if began else {}
+                origin = self._tick_origin()
+                self.__dict__[name] = found = origin.braked(self.velocity) if origin else {}
                 return found
             evidence = self.__dict__.get("_evidence")
-            if evidence is None or name not in _LATER:
+            if evidence is None or name not in _READ_ON_DEMAND:
                 hint = ""
                 if name in ("torque", "forces", "cop", "acceleration", "reaction", "relaxed"):
                     hint = "; torques and forces are of a TorqueController's ticks"
-                known = _LATER.union(dir(type(self)), self.__dict__)
+                known = _READ_ON_DEMAND.union(dir(type(self)), self.__dict__)
                 raise no_attribute(f"{type(self).__name__!r} object", name, known, hint)
             value = self.__dict__[name] = getattr(evidence, name)
             return value
 
-    def _where_it_began(self) -> Began | None:
-        """Return what the controller left, of which most ticks are never asked; None: a copy."""
-        began = self.__dict__.get("_began")
-        return None if began is None else Began(*began)
+    def _tick_origin(self) -> TickOrigin | None:
+        """Return the tick's inputs, which the controller stored; None for a copied tick."""
+        origin = self.__dict__.get("_origin")
+        return None if origin is None else TickOrigin(*origin)
 
     def __getstate__(self) -> dict[str, object]:
         return {one.name: getattr(self, one.name) for one in fields(self)}
@@ -234,19 +235,22 @@ class Tick:
         return as_html(f"{type(self).__name__}: {self.report()}", facts, errors)
 
     def answer(self) -> dict[str, Any]:
-        """Return what the controller answered, as plain data: see :class:`SavedTick`."""
-        told = {"velocity": self.velocity, "torque": getattr(self, "torque", None)}
-        plain = {name: float(by) for name, by in self.slack.items()}
-        said = {"status": self.status.value, "policy": self.policy, "slack": plain}
-        report = {"solver": self.solution.solver, "report": self.report()}
-        return {name: value for name, value in told.items() if value is not None} | said | report
+        """Return the command and its status as plain data: see :class:`SavedTick`."""
+        command = {"velocity": self.velocity, "torque": getattr(self, "torque", None)}
+        slack = {name: float(by) for name, by in self.slack.items()}
+        return {name: value for name, value in command.items() if value is not None} | {
+            "status": self.status.value,
+            "policy": self.policy,
+            "slack": slack,
+            "solver": self.solution.solver,
+            "report": self.report(),
+        }
 
     def save(self, path: str | Path) -> None:
-        """Write the controller, the state that it was asked with, and this answer into a file.
+        """Write the controller, the measured state and this tick's command into a file.
 
-        ``wbc replay FILE``, or :class:`wbc.SavedTick`, asks again, on any
-        machine; the file holds the robot, but for its meshes' files. Save a tick before the
-        controller takes the next step.
+        ``wbc replay FILE``, or :class:`wbc.SavedTick`, repeats the tick on any machine; the file
+        holds the robot, except its mesh files. Save a tick before the controller's next step.
 
         Raises
         ------
@@ -256,16 +260,17 @@ class Tick:
         OSError
             The file cannot be written.
         """
-        began = self._where_it_began()
-        if began is None:
+        origin = self._tick_origin()
+        if origin is None:
             raise InvalidInputError(f"{path}: a copied tick has no controller; save the original")
-        changed = began.asked.changed()
-        if began.number != began.asked.ticks:
-            changed = f"{began.asked.ticks - began.number} ticks were taken since"
+        controller = origin.controller
+        changed = controller.changed()
+        if origin.number != controller.ticks:
+            changed = f"{controller.ticks - origin.number} ticks were taken since"
         if changed:
             raise InvalidInputError(
                 f"{path}: {changed}, and the file would tell of another tick; save a tick before"
                 " anything is changed and before the next step"
             )
-        content = began.asked, began.before, began.measured, self.answer()
+        content = controller, origin.memory, origin.measured, self.answer()
         write_pickled(path, TICK_FILE, content)

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint, reachable_rows
-from wbc.controllers.blocks import Asked
-from wbc.controllers.checks import ANOTHER, PLANNED, check_parts, check_snapshot
+from wbc.controllers.blocks import TaskEvaluation
+from wbc.controllers.checks import FIXED, MAKE_ANOTHER, check_parts, check_snapshot
 from wbc.controllers.closed_loop import ticks_of
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.controller import Controller
@@ -36,11 +36,11 @@ from wbc.controllers.look_ahead import MarginRows, solve_with_cuts
 from wbc.controllers.outcome import Outcome
 from wbc.controllers.plan import Decision
 from wbc.controllers.prediction import StatePrediction
-from wbc.controllers.relaxation import Physical, given_way, relaxed_qp
+from wbc.controllers.relaxation import Physical, relaxed_amounts, relaxed_qp
 from wbc.controllers.tick import RELAX, Tick
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import ControllerFailure, InvalidInputError
-from wbc.qp.backend import Backend, doubt_at_torque_level
+from wbc.qp.backend import Backend, torque_level_doubt
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
@@ -49,17 +49,17 @@ from wbc.validate import Array, by_name, finite_array, finite_number, read_only
 
 BASE_FORCES = tuple(f"dynamics {row}" for row in ("fx", "fy", "fz", "mx", "my", "mz"))
 POLICIES = ("damp", "raise")
-# Factor on the damping of forces in closed loops: the motion asks for them, and they are the least
-# only where loops are held twice over.
+# Factor on the damping of forces in closed loops: the motion determines them, and the damping only
+# chooses among them where loops are overconstrained.
 INTERNAL = 1e-4
 
-# How long contacts take to come and go [s], unless told.
+# Default time [s] over which contact forces ramp up and down.
 RAMP = 0.05
-# Within which springs have given way [s], unless told. Bipeds on springs of 6 kN m/rad stand with
-# 0.01 to 1, with 0.01 only if they begin loaded; a table on springs of 0.3 to 6 kN m/rad, with
-# rotors of 0.05 kg m^2, with 0.005 to 0.015.
+# Default time constant [s] of springs. Bipeds on springs of 6 kN m/rad stand with 0.01 to 1, with
+# 0.01 only if they begin loaded; a table on springs of 0.3 to 6 kN m/rad, with rotors of
+# 0.05 kg m^2, with 0.005 to 0.015.
 SPRING_TIME = 0.015
-# Time constants of the last resort [s]: joints come to rest this fast, as far as torques go.
+# Time constant [s] with which joints come to rest by the policy "damp", within the torque bounds.
 REST_TIME = 0.05
 
 
@@ -124,11 +124,11 @@ class TorqueController(Controller):
     torque_bounds: Array  # of the joints (nv - 6,) [N m]
     contact_forces: ContactForces
 
-    _fixed = PLANNED | dict.fromkeys(
-        ("torque_bounds", "force_damping", "delay", "spring_time"), ANOTHER
+    _fixed = FIXED | dict.fromkeys(
+        ("torque_bounds", "force_damping", "delay", "spring_time"), MAKE_ANOTHER
     )
     _policies = POLICIES
-    _bears = True
+    _decides_forces = True
 
     def __init__(
         self,
@@ -163,7 +163,7 @@ class TorqueController(Controller):
         self._last: Reaction | None = None
         self._ramps = ForceRamps(robot.weight)
         self._wrenches: Mapping[str, Array] = {}
-        self._told = np.zeros(robot.nv)
+        self._known_forces = np.zeros(robot.nv)
         super().__init__(
             robot,
             tasks,
@@ -187,7 +187,7 @@ class TorqueController(Controller):
                 )
         self.delay = finite_number("controller, delay", delay, least=0.0)
         self._prediction = StatePrediction(robot, self.delay, self.dt) if self.delay else None
-        doubt = doubt_at_torque_level(self.backend)
+        doubt = torque_level_doubt(self.backend)
         if doubt is not None:
             logging.getLogger(__name__).warning(
                 "controller: %s; what it leaves, the core's 'active_set' answers", doubt
@@ -227,32 +227,32 @@ class TorqueController(Controller):
         """
         known = self.predicted(snapshot)
         if wrenches is not None or self._wrenches:
-            self._tell(known, {} if wrenches is None else wrenches)
+            self._set_known_wrenches(known, {} if wrenches is None else wrenches)
         tick = cast(TorqueTick, super().step(known))
         if self._prediction is not None:
-            self._prediction.commanded(tick.acceleration)
+            self._prediction.record(tick.acceleration)
         return tick
 
-    def _again(self, snapshot: Snapshot) -> Tick:
-        """Answer to a state as it was predicted, with the wrenches of then."""
-        self._tell(snapshot, self._wrenches)
+    def _replay_step(self, snapshot: Snapshot) -> Tick:
+        """Repeat a tick at its predicted state, with its known wrenches."""
+        self._set_known_wrenches(snapshot, self._wrenches)
         return super().step(snapshot)
 
-    def _tell(self, snapshot: Snapshot, wrenches: Mapping[str, ArrayLike]) -> None:
-        """Take over the wrenches that are known."""
+    def _set_known_wrenches(self, snapshot: Snapshot, wrenches: Mapping[str, ArrayLike]) -> None:
+        """Store the known external wrenches and their generalised forces."""
         check_snapshot(self.robot, snapshot)
         given = {
             frame: read_only(finite_array(f"step, wrenches[{frame!r}]", wrench, (6,)))
             for frame, wrench in by_name("step, wrenches", wrenches).items()
         }
-        told = np.zeros(self.robot.nv)
+        forces = np.zeros(self.robot.nv)
         for frame, wrench in given.items():
-            told += snapshot.jacobian(frame).T @ wrench
-        self._told[:] = told
+            forces += snapshot.jacobian(frame).T @ wrench
+        self._known_forces[:] = forces
         self.__dict__["_wrenches"] = given
 
     def predicted(self, snapshot: Snapshot) -> Snapshot:
-        """Return the state that a tick at ``snapshot`` is for: ``delay`` later.
+        """Return the state that is predicted for ``delay`` after ``snapshot``.
 
         Raises
         ------
@@ -262,7 +262,7 @@ class TorqueController(Controller):
         if self._prediction is None:
             return snapshot
         check_snapshot(self.robot, snapshot)
-        return self._prediction.ahead(snapshot)
+        return self._prediction.predict(snapshot)
 
     def set_contacts(self, contacts: Sequence[Task], ramp: float | None = None) -> None:
         """Change what is held; forces come and go over ``ramp`` seconds, so that no torque jumps.
@@ -289,28 +289,28 @@ class TorqueController(Controller):
         self._plan(self._next_contacts(tuple(contacts), ramp))
 
     def _step(self, snapshot: Snapshot) -> Tick:
-        """Return the command of every controller, once what has gone is dropped."""
-        gone = self._ramps.advance()
-        if gone:
-            left = tuple(one for one in self.contacts if one.name not in gone)
-            self._keep_slack([one for one in left if one.name in self._going_slack])
-            self._plan(left)
-        self.__dict__["_ramped"] = self._ramps.most
+        """Drop the contacts whose forces have ramped to zero, then step as every controller."""
+        released = self._ramps.advance()
+        if released:
+            remaining = tuple(one for one in self.contacts if one.name not in released)
+            self._remember_slack([one for one in remaining if one.name in self._leaving_slack])
+            self._plan(remaining)
+        self.__dict__["_ramp_limits"] = self._ramps.most
         return super()._step(snapshot)
 
-    def _kept(self) -> tuple[object, ...]:
-        own = self._last, self._ramps.running, self.contacts, dict(self._going_slack)
-        return *super()._kept(), *own, self._wrenches
+    def _memory(self) -> tuple[object, ...]:
+        own = self._last, self._ramps.running, self.contacts, dict(self._leaving_slack)
+        return *super()._memory(), *own, self._wrenches
 
-    def _return_to(self, kept: tuple[Any, ...]) -> None:
-        *of_all, self._last, running, contacts, going_slack, self._wrenches = kept
+    def _restore(self, memory: tuple[Any, ...]) -> None:
+        *base, self._last, running, contacts, leaving_slack, self._wrenches = memory
         self._ramps.running = running
         if contacts != self.contacts:
-            self._going_slack = going_slack
+            self._leaving_slack = leaving_slack
             self._plan(contacts)
-        super()._return_to(tuple(of_all))
+        super()._restore(tuple(base))
 
-    # ------------------------------------------------------------------ what the level says
+    # ------------------------------------------------------------------ the level
 
     def _next_contacts(
         self, wanted: tuple[Task, ...], ramp: float | None = None
@@ -319,13 +319,13 @@ class TorqueController(Controller):
         loads = {} if self._last is None else self._last.normal_forces()
         held = self.contacts if self._last is not None else wanted
         changed = self._ramps.change(held, wanted, loads, ticks_of(ramp, self.dt))
-        self._keep_slack(changed[len(wanted) :])
+        self._remember_slack(changed[len(wanted) :])
         return changed
 
-    def _keep_slack(self, going: Sequence[Task]) -> None:
-        """Let contacts that are leaving stay as soft as they were."""
-        names, weights = {one.name for one in going}, self.slacks.weights
-        self._going_slack = {name: weights[name] for name in names & weights.keys()}
+    def _remember_slack(self, leaving: Sequence[Task]) -> None:
+        """Keep the slack weights of contacts that are being released."""
+        names, weights = {one.name for one in leaving}, self.slacks.weights
+        self._leaving_slack = {name: weights[name] for name in names & weights.keys()}
 
     def _decision(self) -> Decision:
         robot = self.robot
@@ -338,7 +338,7 @@ class TorqueController(Controller):
         self._bounded = 6 + np.flatnonzero(bounded)
         # Base, and joints without a motor of their own: no torque there.
         self._passive = np.array([*range(6), *followers])
-        self._most = self.torque_bounds[bounded] / self._unit
+        self._torque_bound = self.torque_bounds[bounded] / self._unit
         self._torque_labels = tuple(f"{robot.joint_names[k - 6]} torque" for k in self._bounded)
         velocity = Decision.velocity(robot, read_only(self.damping * self.joint_weights))
         damping = np.full(forces.size, self.force_damping)
@@ -350,27 +350,26 @@ class TorqueController(Controller):
         return BASE_FORCES + followers
 
     def _force_rows(self) -> TorqueRows:
-        limits = self._bounded, self._most, self._torque_labels
-        known = self._deceleration, self.spring_time, self._told
+        limits = self._bounded, self._torque_bound, self._torque_labels
+        known = self._deceleration, self.spring_time, self._known_forces
         return TorqueRows(self.contact_forces, self._passive, *limits, *known)
 
-    def _ask(self, plan: CorePlan, snapshot: Snapshot) -> list[Asked]:
-        asked = super()._ask(plan, snapshot)
+    def _evaluate_python_tasks(self, plan: CorePlan, snapshot: Snapshot) -> list[TaskEvaluation]:
+        motion = super()._evaluate_python_tasks(plan, snapshot)
         if not plan.force_tasks:
-            return asked
-        of_motion = tuple(asked)
+            return motion
 
         def physics() -> tuple[Array, Array]:
-            # What torques are by the unknowns is the core's: it is asked for that first.
-            found = plan.tick(snapshot, of_motion, None, self._ramped, solve=False)
-            if found is None:  # in this plan there is no tick: another is made, and asks again
+            # The core computes torques as an affine function of the unknowns.
+            core_tick = plan.tick(snapshot, motion, None, self._ramp_limits, solve=False)
+            if core_tick is None:  # the controller will replan, and evaluate again
                 nv = snapshot.v.size
                 return np.zeros((nv, nv + self.contact_forces.size)), np.zeros(nv)
-            return found.views.D, found.views.offset
+            return core_tick.views.D, core_tick.views.offset
 
         dynamics = self._dynamics(physics, snapshot)
         forces = ((one, one.force_rows(dynamics)) for one in plan.force_tasks)
-        return asked + [Asked(one, rows=rows) for one, rows in forces]
+        return motion + [TaskEvaluation(one, rows=rows) for one, rows in forces]
 
     def _dynamics(
         self, physics: Callable[[], tuple[Array, Array]], snapshot: Snapshot
@@ -379,46 +378,51 @@ class TorqueController(Controller):
 
     # ------------------------------------------------------------------ parts of the tick
 
-    def _solve_kept_apart(
-        self, snapshot: Snapshot, margins: MarginRows, begun: float
+    def _solve_with_margins(
+        self, snapshot: Snapshot, margins: MarginRows, start_time: float
     ) -> tuple[Outcome, list[Bounds]]:
         within_reach = [reachable_rows(part, snapshot.v, self.dt) for part in margins.parts]
         margins = margins._replace(parts=within_reach)
-        # No part of a step is safer than all of it.
-        solve, over = self._solving(snapshot, begun), partial(self._is_over, begun)
+        # Scaling a step down does not make it safer at this level.
+        solve, over = (
+            self._solve_function(snapshot, start_time),
+            partial(self._deadline_over, start_time),
+        )
         outcome, rows, _ = solve_with_cuts(solve, margins, over)
         return outcome, rows
 
-    def _command(self, snapshot: Snapshot, found: CoreTick) -> Tick:
-        known = self._errors(found, snapshot)
-        return self._commanded(snapshot, found, known, found.velocity, found.torque, found.forces)
+    def _command(self, snapshot: Snapshot, core_tick: CoreTick) -> Tick:
+        known = self._errors(core_tick, snapshot)
+        return self._make_tick(
+            snapshot, core_tick, known, core_tick.velocity, core_tick.torque, core_tick.forces
+        )
 
     def _answer(self, snapshot: Snapshot, outcome: Outcome, rows: Sequence[Bounds]) -> Tick:
-        found = outcome.found
+        core_tick = outcome.core_tick
         if outcome.solved:
-            return self._command(snapshot, found)
-        known = self._relaxed(snapshot, outcome, rows)
-        velocity, torque, f = found.velocity, found.torque, found.forces
-        if known["policy"] != RELAX:  # joints come to rest, on no sure ground
+            return self._command(snapshot, core_tick)
+        known = self._solve_relaxed(snapshot, outcome, rows)
+        velocity, torque, f = core_tick.velocity, core_tick.torque, core_tick.forces
+        if known["policy"] != RELAX:  # joints come to rest, contact forces unknown
             velocity, f = known.pop("velocity"), np.zeros(self.contact_forces.size)
             x = np.concatenate((velocity, f))
-            a = found.views
+            a = core_tick.views
             torque = self._dynamics(lambda: (a.D, a.offset), snapshot).torques(x)
-        tick = self._commanded(snapshot, found, known, velocity, torque, f)
+        tick = self._make_tick(snapshot, core_tick, known, velocity, torque, f)
         if tick.policy == "raise":
             raise ControllerFailure(tick.report(), tick)
         return tick
 
-    def _commanded(
+    def _make_tick(
         self,
         snapshot: Snapshot,
-        found: CoreTick,
+        core_tick: CoreTick,
         known: dict[str, Any],
         velocity: Array,
         torque: Array,
         f: Array,
     ) -> TorqueTick:
-        """Return a tick with the torques within their bounds."""
+        """Return the tick, its torques clipped to their bounds."""
         bounds, acceleration = self.torque_bounds, (velocity - snapshot.v) / self.dt
         if self.friction_compensation:
             missing = self._friction.torques(snapshot.v[BASE_NV:], acceleration[BASE_NV:])
@@ -427,16 +431,16 @@ class TorqueController(Controller):
         self.__dict__["_last"] = last = Reaction(self.contact_forces, snapshot, f)
         known["torque"] = read_only(torque)
         known["acceleration"] = read_only(acceleration)
-        known["reaction"], known["ramps"] = last, self._ramped
+        known["reaction"], known["ramps"] = last, self._ramp_limits
         known["wrenches"] = self._wrenches
-        return TorqueTick.reading(found, velocity, known)
+        return TorqueTick.reading(core_tick, velocity, known)
 
-    def _relaxed(
+    def _solve_relaxed(
         self, snapshot: Snapshot, failed: Outcome, margins: Sequence[Bounds]
     ) -> dict[str, Any]:
-        """Return the answer of the relaxed QP, where not everything can be kept, by field."""
-        found = self._set_up(snapshot, failed.found.begun)
-        plan, qp = self._marginless, found.qp_of(0)
+        """Solve the relaxed QP; return the fields of its tick."""
+        core_tick = self._assemble(snapshot, failed.core_tick.start_time)
+        plan, qp = self._core_without_margins, core_tick.qp_of(0)
         if len(self.plan.levels) > 1:
             P, g = plan.memory.cost(-1)
             qp = qp._replace(P=P, g=g)
@@ -446,24 +450,23 @@ class TorqueController(Controller):
         rest = np.concatenate((snapshot.v, np.zeros(self.contact_forces.size)))
         first = self._levels.first
         solution = first.solve_relaxed(relaxed.slackless, relaxed.weights, rest)
-        found.relaxed = relaxed
-        hurried = failed.found.hurried
-        failed.found.take_over(found)
+        core_tick.relaxed = relaxed
         known: dict[str, Any] = {"solution": solution, "status": solution.status}
         known |= {"refuted": failed.solution}
-        known |= {"singular": {}, "left_out": hurried}
+        known |= {"singular": {}, "left_out": failed.core_tick.skipped}
+        failed.core_tick.replace_by(core_tick)
         if not solution.solved:
-            known |= self._failed(failed._replace(failed=solution), snapshot)
+            known |= self._fallback_fields(failed._replace(failed=solution), snapshot)
             return known
-        found.views.x[:] = solution.x[: found.views.x.size]
-        found.views.found[4] = 1.0
+        core_tick.views.x[:] = solution.x[: core_tick.views.x.size]
+        core_tick.views.found[4] = 1.0
         plan.memory.finish()
-        missed = given_way(self.plan, qp, physical, relaxed, solution.x)
-        known |= {"errors": found.errors} | self._errors(found, snapshot)
-        return known | {"policy": RELAX, "slack": missed}
+        violated = relaxed_amounts(self.plan, qp, physical, relaxed, solution.x)
+        known |= {"errors": core_tick.errors} | self._errors(core_tick, snapshot)
+        return known | {"policy": RELAX, "slack": violated}
 
     def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
-        """Return the velocity of a robot whose joints come to rest: the last resort."""
+        """Return the velocity of a robot whose joints come to rest."""
         velocity = snapshot.v.copy()
         velocity[6:] *= max(0.0, 1.0 - self.dt / REST_TIME)
         return velocity, {}

@@ -1,12 +1,12 @@
-"""The core's own active-set method: quick, cold every time, and with a proof where no point exists.
+"""The core's own active-set method: fast, cold every time, with a certificate of infeasibility.
 
 A dual active-set method for strictly convex QPs (Goldfarb & Idnani 1983; in the form of Arnstrom,
-Bemporad & Axehall, IEEE Trans. Automatic Control 67(8), 2022) behind an elimination of the equality
-rows, in one call of the core (native/source/active_set.c, reduce.c). Where rows contradict each
-other the last active set says which: a Farkas certificate (:mod:`wbc.qp.conflict`).
+Bemporad & Axehall, IEEE Trans. Automatic Control 67(8), 2022) after eliminating the equality rows,
+in one call of the core (native/source/active_set.c, reduce.c). If rows contradict each other, the
+last active set gives a Farkas certificate (:mod:`wbc.qp.conflict`).
 
-A row that gives way at the cost of 1/2 w s^2 has the slack s = z / w, by its multiplier z: slacks
-are no unknowns, and relaxed QPs no larger than others.
+A soft row at the cost of 1/2 w s^2 has the slack s = z / w, z its multiplier: slacks are not
+unknowns, so relaxed QPs are no larger than others.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from typing import Final
 import numpy as np
 
 from wbc.qp.conflict import FINEST, conflict_by_simplex, conflict_of, find_conflict
-from wbc.qp.core import DONE, INFEASIBLE, CoreAnswer, FlatQP, solve_in_core
+from wbc.qp.core import DONE, INFEASIBLE, CoreSolution, FlatQP, solve_in_core
 from wbc.qp.kkt import SolveCheck, largest
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, KktResiduals, RawSolution, Solution, Status
 from wbc.validate import Array, finite_number
 
 NAME: Final = "active_set"
-# How far above eps the residuals of a last resort may be.
-NEARLY = 100.0
-# Steps of the proximal-point method for costs that are not strictly convex, and its weight by the
-# largest curvature: what a step leaves of the error shrinks by curvature / (curvature + weight).
+# Residuals of a last-resort solution may be this many times eps.
+LAST_RESORT = 100.0
+# Steps of the proximal-point method for costs that are not strictly convex, and its weight relative
+# to the largest curvature: a step reduces the error by curvature / (curvature + weight).
 _STEPS, _PROXIMAL = 30, 1e-6
-_LOST = 1e6  # a point that misses rows by this is none to go on from
+_DIVERGED = 1e6  # primal residual from which on the proximal-point method is abandoned
 NO_RESIDUALS = KktResiduals(np.inf, np.inf, np.inf)
 
 
 class ActiveSet:
-    """The core's active-set method, its answers checked; nothing is kept between calls.
+    """The core's active-set method, its solutions checked; without state between calls.
 
     Parameters
     ----------
@@ -68,14 +68,14 @@ class ActiveSet:
         return self._solve(qp, None, perf_counter(), quick)
 
     def solve_flat(self, flat: FlatQP) -> tuple[list[float], list[float], list[float]] | None:
-        """Return x, z and z_box of a QP, checked as by :meth:`solve`, or None: it has no answer."""
+        """Return x, z and z_box of a QP, checked as by :meth:`solve`; None: not solved."""
         found = flat.form.solve(flat.numbers, self.eps, self.max_iterations)
         if found is not None:
             return found
-        closely = self.solve(flat.qp, quick=True)  # to the accuracy that its numbers let have
-        if closely.status is not Status.SOLVED:
+        checked = self.solve(flat.qp, quick=True)  # to the accuracy that its numbers let have
+        if checked.status is not Status.SOLVED:
             return None
-        return closely.x.tolist(), closely.z.tolist(), closely.z_box.tolist()
+        return checked.x.tolist(), checked.z.tolist(), checked.z_box.tolist()
 
     def solve_soft(self, qp: QP, weights: Array, eps: float | None = None) -> Solution:
         """Return the checked solution of a QP in which rows may give way.
@@ -83,16 +83,16 @@ class ActiveSet:
         Parameters
         ----------
         qp:
-            Without the slacks, which are no unknowns here.
+            Without slack variables.
         weights:
-            (mi,) of 1/2 slack^2, infinite for rows that may not give way.
+            (mi,) of 1/2 slack^2, infinite for hard rows.
         eps:
             Accuracy, if not the promised one.
 
         Returns
         -------
         Solution
-            x and z_box have the slacks of the rows that may give way behind them (zeros in z_box).
+            The slacks of the soft rows are appended to x, zeros to z_box.
         """
         give = np.ascontiguousarray(1.0 / weights)
         found = self._solve(qp, give, perf_counter(), True, eps)
@@ -102,10 +102,10 @@ class ActiveSet:
         return found._replace(x=x, z_box=z_box)
 
     def answer(self, qp: QP) -> RawSolution:
-        """Return the core's answer as if it were unchecked: for benchmarks."""
-        said, x, y, z, z_box, _, iterations = solve_in_core(qp, self.eps, self.max_iterations)
+        """Return the core's solution as an unchecked one: for benchmarks."""
+        status, x, y, z, z_box, _, iterations = solve_in_core(qp, self.eps, self.max_iterations)
         if iterations < 0:
-            claim = Status.INFEASIBLE if said == INFEASIBLE else Status.ITERATION_LIMIT
+            claim = Status.INFEASIBLE if status == INFEASIBLE else Status.ITERATION_LIMIT
             return RawSolution.none(qp, claim, "")
         return RawSolution(x, y, z, z_box, Status.SOLVED, iterations)
 
@@ -114,9 +114,9 @@ class ActiveSet:
     ) -> Solution:
         eps = self.eps if eps is None else eps
         found = solve_in_core(qp, eps, self.max_iterations, give)
-        if found.said == DONE:
+        if found.status == DONE:
             return _solution(found, Status.SOLVED, start)
-        if found.said == INFEASIBLE:
+        if found.status == INFEASIBLE:
             conflict = conflict_of(qp, found.y, found.z, found.z_box)
             if conflict is not None:
                 nowhere = found._replace(x=np.full(qp.g.size, np.nan), residuals=NO_RESIDUALS)
@@ -125,14 +125,14 @@ class ActiveSet:
         if give is None:
             raw = RawSolution(*found[1:5], Status.SOLVED, found.iterations)
             check = SolveCheck(NAME, eps, start, explain=False)
-            settled = check.accept(qp, raw)  # relative to the QP's numbers it may be accurate
-            if settled is not None:
-                return settled
+            solution = check.accept(qp, raw)  # relative to the QP's numbers it may be accurate
+            if solution is not None:
+                return solution
             conflict = None if quick else find_conflict(qp)
-            settled = None if conflict else self._settled(qp, check, raw)
-            if settled is not None:
-                return settled
-            if conflict is None and not quick:  # missed by less than counts as met, and not met
+            solution = None if conflict else self._less_accurate(qp, check, raw)
+            if solution is not None:
+                return solution
+            if conflict is None and not quick:  # infeasible by less than the default tolerance
                 conflict = conflict_by_simplex(qp, FINEST)
         claim = Status.FAILED if conflict is None else Status.INFEASIBLE
         message = "" if conflict else "no answer whose residuals are small, and no proof of none"
@@ -141,15 +141,15 @@ class ActiveSet:
             *none[:4], claim, NO_RESIDUALS, 0, perf_counter() - start, NAME, conflict, 1, message
         )
 
-    def _settled(self, qp: QP, check: SolveCheck, raw: RawSolution) -> Solution | None:
-        """Return what may do in place of an accurate answer."""
+    def _less_accurate(self, qp: QP, check: SolveCheck, raw: RawSolution) -> Solution | None:
+        """Return a last resort: the proximal-point solution, or one with residuals above eps."""
         near = proximal(qp, self.eps, self.max_iterations)
-        settled = None if near is None else check.accept(qp, near)
-        nearly = check._replace(eps=NEARLY * check.eps)
+        solution = None if near is None else check.accept(qp, near)
+        nearly = check._replace(eps=LAST_RESORT * check.eps)
         for last in (raw, near):
-            if settled is None and last is not None and last.iterations >= 0:
-                settled = nearly.accept(qp, last)
-        return settled
+            if solution is None and last is not None and last.iterations >= 0:
+                solution = nearly.accept(qp, last)
+        return solution
 
 
 def proximal(qp: QP, eps: float, max_iterations: int) -> RawSolution | None:
@@ -166,7 +166,7 @@ def proximal(qp: QP, eps: float, max_iterations: int) -> RawSolution | None:
     raw = None
     for _ in range(_STEPS):
         found = solve_in_core(curved._replace(g=qp.g - weight * x), eps, max_iterations)
-        if found.iterations < 0 or not found.residuals.primal < _LOST:
+        if found.iterations < 0 or not found.residuals.primal < _DIVERGED:
             return raw
         steps += found.iterations
         moved = weight * largest(found.x - x)
@@ -178,7 +178,7 @@ def proximal(qp: QP, eps: float, max_iterations: int) -> RawSolution | None:
 
 
 def _solution(
-    found: CoreAnswer, status: Status, start: float, conflict: Conflict | None = None
+    found: CoreSolution, status: Status, start: float, conflict: Conflict | None = None
 ) -> Solution:
     point, spent = (found.x, found.y, found.z, found.z_box), perf_counter() - start
     iterations = max(found.iterations, 0)

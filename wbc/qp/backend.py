@@ -30,10 +30,10 @@ _NATIVE: dict[str, Callable[..., Backend]] = {
 }
 # Baselines that do not promise an optimum: known by name, but no choice among solvers.
 _BASELINES: dict[str, Callable[..., Backend]] = {"pseudo_inverse": PseudoInverse}
-LOOSEST = 1e-2  # the least accuracy that checks anything
-# At the torque level, of 143 ticks from states near and far of standing whose QP has a solution:
-# clarabel, daqp and piqp solved all, as the native ones do.
-_SELDOM = {
+LOOSEST = 1e-2  # the largest eps with which a check means anything
+# At the torque level, of 143 feasible ticks from states near and far from standing clarabel, daqp
+# and piqp solved all, as the native ones do.
+_UNRELIABLE = {
     "osqp": "solves few ticks at the torque level but calm ones (3 of 83, and 60 of 60)",
     "pseudo_inverse": "keeps no inequality rows, those of the torque level among them",
 }
@@ -119,12 +119,12 @@ def backend_of(solver: str | Backend) -> Backend:
     return solver
 
 
-def doubt_at_torque_level(backend: Backend) -> str | None:
-    """Return why a backend may leave torque ticks unsolved, in words; None: it was seen not to."""
+def torque_level_doubt(backend: Backend) -> str | None:
+    """Return why a backend may leave torque ticks unsolved, in words; None: it was measured."""
     name = backend.name
-    if name in _EXTRAS and name not in _MEASURED | set(_SELDOM):
+    if name in _EXTRAS and name not in _MEASURED | set(_UNRELIABLE):
         return f"QP solver {name!r} was never measured at the torque level"
-    return f"QP solver {name!r} {_SELDOM[name]}" if name in _SELDOM else None
+    return f"QP solver {name!r} {_UNRELIABLE[name]}" if name in _UNRELIABLE else None
 
 
 def installed_solvers() -> tuple[str, ...]:

@@ -1,13 +1,13 @@
-"""Which rows make a QP infeasible: the certificate that proves it, and the rows by their names.
+"""Infeasible QPs: the certificate that proves it, and the names of the conflicting rows.
 
 Multipliers y, z, z_box with ``y'A + z'C + z_box' = 0`` are a Farkas certificate (Boyd &
 Vandenberghe, Convex Optimization, sec. 5.8) if the sum
 
     y'b + z+'u - z-'l + z_box+'upper - z_box-'lower
 
-is negative, where a feasible x would make it >= 0. The sum is what we check: no solver's status or
-accuracy is believed. The core's active-set method finds one among linearly independent rows and
-one that depends on them, so that no row can be spared: the conflict named is irreducible.
+is negative, while a feasible x would make it >= 0. We check the sum, and trust no solver's status
+or accuracy. The core's active-set method finds one among linearly independent rows and one
+dependent row, so that none is redundant: the named conflict is irreducible.
 """
 
 from __future__ import annotations
@@ -23,36 +23,35 @@ from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, ConflictRow
 from wbc.validate import Array
 
-# Part of the tolerance that must survive the check: the core looked at it in other numbers.
-_SURVIVING = 0.5
-# Combinations of rows of unit length that are shorter are 0.
+# Share of the tolerance that the recomputed gap must reach: the core scales rows differently.
+_RECHECK_SHARE = 0.5
+# Shorter combinations of unit rows count as 0.
 _ZERO = 1e-9
-# Weights below this part of the heaviest are what is left of 0.
+# Weights below this share of the largest count as 0.
 _ROUNDING = 1e-3 * _ZERO
-_SPARED = 0.1  # of the gap, what a row may close of it within REACH if it is spared
-# Unknowns are assumed to stay within this: what rounding leaves of y'A + z'C + z_box' counts so
-# often.
+_NEGLIGIBLE_CLOSING = (
+    0.1  # share of the gap that unknowns within REACH may close if a row is dropped
+)
+# Unknowns are assumed to stay within this, which multiplies the rounding of y'A + z'C + z_box'.
 REACH = 1e6
-# Rows scaled to unit length count as met within this, by 1 + their ends.
+# Rows scaled to unit length count as met within this times (1 + their ends).
 TOLERANCE = 1e-7
-# And where no point is found that meets them so: the sums of a certificate are still far above
-# what rounding leaves of them.
+# Tolerance where no point is found at that one: a certificate's sums are still far above rounding.
 FINEST = 2e-9
 _MOST_ITERATIONS = 1000
-# What unknowns are damped by, which need not be determined by the rows that are missed least; with
-# the lightest, of many rows that nearly repeat each other, the active-set method can lose its way.
+# Damping of unknowns that the least violation does not determine, tried in this order: with the
+# smallest the active-set method can fail if many rows are nearly dependent.
 _DAMPINGS = 1e-10, 1e-8, 1e-6
 _EPS = 1e-11
-_SURE = "gesvd"  # divide and conquer ("gesdd") does not converge once in thousands of wild ticks
+_SVD_DRIVER = "gesvd"  # "gesdd" fails to converge once in thousands of random ticks
 
 
 def find_conflict(
     qp: QP, tolerance: float = TOLERANCE, guess: Array | None = None
 ) -> Conflict | None:
-    """Return rows that contradict each other, none of them needless; None: feasible, or undecided.
+    """Return an irreducible set of conflicting rows; None: feasible, or undecided.
 
-    The point of the QP's rows that is nearest to ``guess`` is sought, by the core: where there is
-    none, it proves so.
+    The core projects ``guess`` onto the feasible set: if that is empty, it returns a certificate.
 
     Parameters
     ----------
@@ -66,21 +65,21 @@ def find_conflict(
     if crossed:
         return Conflict(crossed)
     start = np.zeros(qp.g.size)
-    # Of a QP without a solution some solvers return a ray: a point at 1e200, or NaN.
+    # For infeasible QPs some solvers return a ray: a point at 1e200, or NaN.
     if guess is not None and (np.abs(guess) <= REACH).all():
         start = np.clip(guess, qp.lower, qp.upper)
         if (np.abs(UnitRows.of(qp).violation(start)) <= tolerance).all():
             return None
     nearest = qp._replace(P=np.eye(qp.g.size), g=-start)
     found = solve_in_core(nearest, 1e-8, _MOST_ITERATIONS)
-    if found.said == DONE:
+    if found.status == DONE:
         return None
     proved = conflict_of(qp, found.y, found.z, found.z_box, tolerance)
-    return proved or conflict_by_simplex(qp, tolerance)  # where the active-set method loses its way
+    return proved or conflict_by_simplex(qp, tolerance)  # if the active-set method fails
 
 
 def conflict_by_simplex(qp: QP, tolerance: float = TOLERANCE) -> Conflict | None:
-    """Return the conflict that the dual simplex names, where all else is lost: in milliseconds.
+    """Return the conflict found by the dual simplex, as a last resort: takes milliseconds.
 
     The largest violation of a row of unit length is minimised within the bounds, by HiGHS (Huangfu
     & Hall, Math. Programming Computation 10, 2018); multipliers of the optimum are the certificate.
@@ -111,86 +110,86 @@ def conflict_by_simplex(qp: QP, tolerance: float = TOLERANCE) -> Conflict | None
 def conflict_of(
     qp: QP, y: Array, z: Array, z_box: Array, tolerance: float = TOLERANCE
 ) -> Conflict | None:
-    """Return the rows of a certificate, the heaviest first; None: it proves nothing.
+    """Return the rows of a certificate, the heaviest first; None if it is not one.
 
     Parameters
     ----------
     y, z, z_box:
-        (me,), (mi,), (n,) multipliers, as those of a solution: what one points at is violated.
+        (me,), (mi,), (n,) multipliers, with the signs of a solution's.
     """
     rows = UnitRows.of(qp)
     weights = np.append(np.append(y, z) * rows.norms, z_box)
     if not np.isfinite(weights).all():
         return None
-    # From here on rows ask for no more than their ends, and weights are positive.
+    # From here on rows are signed so that each has an upper end and a positive weight.
     signs, pulls = np.sign(weights), np.abs(weights)
     every = signs[:, None] * np.concatenate((rows.matrix, np.eye(qp.g.size)))
     upper, lower = np.append(rows.upper, qp.upper), np.append(rows.lower, qp.lower)
     ends = np.where(weights > 0.0, upper, -lower)
     named = np.flatnonzero((pulls > 0.0) & np.isfinite(ends))  # other pulls are rounding
     matrix, end, own = every[named], ends[named], pulls[named]
-    exact = _irreducible(own, _zeros(matrix.T), end)
+    exact = _irreducible(own, _null_space(matrix.T), end)
     if not (gap := _gap(matrix, end, exact, tolerance)):  # rows that nearly depend on each other
         exact, gap = own, _gap(matrix, end, own, tolerance)
     if not gap:
         return None
-    while (less := _without_needless(matrix, end, exact, tolerance)) is not None:
+    while (less := _without_redundant(matrix, end, exact, tolerance)) is not None:
         exact, gap = less
-    return _named(qp, rows, named, exact, signs[named], gap)
+    return _conflict_rows(qp, rows, named, exact, signs[named], gap)
 
 
 def _gap(matrix: Array, ends: Array, weights: Array, tolerance: float) -> float:
-    """Return by how much a certificate (s,) of rows (s, n) contradicts itself; 0: not surely."""
+    """Return the gap of a certificate (s,) of rows (s, n); 0 if it may be rounding."""
     gap = -float(weights @ ends)
-    enough = _SURVIVING * tolerance * float(weights @ (1.0 + np.abs(ends)))
-    return gap if gap - _leak(matrix, weights) >= enough else 0.0
+    enough = _RECHECK_SHARE * tolerance * float(weights @ (1.0 + np.abs(ends)))
+    return gap if gap - _closable(matrix, weights) >= enough else 0.0
 
 
-def _leak(matrix: Array, weights: Array) -> float:
+def _closable(matrix: Array, weights: Array) -> float:
     """Return how much of a gap unknowns within REACH can close at most."""
     return REACH * float(np.abs(weights @ matrix).sum())
 
 
 def _irreducible(weights: Array, free: Array, ends: Array) -> Array:
-    """Return the certificate (s,) near this one of which no row can be spared; 0: there is none.
+    """Return an irreducible certificate (s,) near this one; 0 if there is none.
 
-    It is a combination of rows that is 0, ``free`` (s, k) all of them; the core knows it to what
-    its pivots leave, or damping. Where there are several, one row after another comes to 0 along
-    those that leave the gap as it is (Caratheodory's theorem). Weights that are lighter
-    than ROUNDING of the heaviest are 0.
+    A certificate is a combination of rows that is 0; ``free`` (s, k) spans all of them, and the
+    core knows it up to rounding or damping. While there are several, a row's weight is brought to 0
+    along those that leave the gap unchanged (Caratheodory's theorem). Weights below ROUNDING of the
+    largest are 0.
     """
     kept, own, found = np.arange(weights.size), weights, np.zeros(weights.size)
     while free.shape[1]:
         own = free @ (own @ free)
         gone = own <= _ROUNDING * own.max()
-        if gone.any():  # the lightest of them, others may turn back without it
+        if gone.any():  # drop the smallest only: others may grow again without it
             first = np.where(gone, weights[kept], np.inf).argmin()
         elif free.shape[1] == 1:
             found[kept] = own
             break
-        else:  # the way on which the rest becomes lighter: there some row comes to 0
-            way = free @ _zeros((ends[kept] @ free)[None, :])[:, 0]
-            way *= np.copysign(1.0, way.sum())
-            first = (way / own).argmax()
-            own = own - own[first] / way[first] * way
-        free = free @ _zeros(free[first : first + 1])
+        else:  # move along a direction of equal gap until some row's weight is 0
+            direction = free @ _null_space((ends[kept] @ free)[None, :])[:, 0]
+            direction *= np.copysign(1.0, direction.sum())
+            first = (direction / own).argmax()
+            own = own - own[first] / direction[first] * direction
+        free = free @ _null_space(free[first : first + 1])
         free, kept = np.delete(free, first, axis=0), np.delete(kept, first)
         own = np.delete(own, first)
     return found
 
 
-def _without_needless(
+def _without_redundant(
     matrix: Array, ends: Array, weights: Array, tolerance: float
 ) -> tuple[Array, float] | None:
-    """Return a certificate (s,) of fewer rows (s, n), and its gap; None: each row is needed.
+    """Return a certificate (s,) of fewer rows (s, n), and its gap; None if every row is needed.
 
-    Without a row the others are independent, but may be so nearly dependent that they could only
-    be met far beyond REACH: it is spared. Of all combinations without row k the shortest is, with
+    Without a row the others are independent, but may be so nearly dependent that they could only be
+    met far beyond REACH: then that row is dropped. The shortest combination without row k is, with
     G the pseudo-inverse of the rows' products and w the certificate, w - G_k w_k / G_kk.
     """
     kept = np.flatnonzero(weights)
     own = weights[kept]
-    left, values, _ = svd(matrix[kept], lapack_driver=_SURE)
+    left, values, _ = svd(matrix[kept], lapack_driver=_SVD_DRIVER)
     size = min(values.size, kept.size - 1)  # all but the certificate itself
     inverse = left[:, :size] / values[:size]
     products = inverse @ inverse.T
@@ -202,28 +201,28 @@ def _without_needless(
         if (less < 0.0).any():
             continue
         gap = _gap(matrix[kept], ends[kept], less, tolerance)
-        if _leak(matrix[kept], less) < _SPARED * gap:
+        if _closable(matrix[kept], less) < _NEGLIGIBLE_CLOSING * gap:
             found = np.zeros(weights.size)
             found[kept] = less
             return found, gap
     return None
 
 
-def _zeros(matrix: Array) -> Array:
-    """Return an orthonormal basis (n, k) of what a matrix (m, n) maps to 0, up to _ZERO."""
-    _, values, right = svd(matrix, lapack_driver=_SURE)
+def _null_space(matrix: Array) -> Array:
+    """Return an orthonormal basis (n, k) of a matrix's (m, n) null space, up to _ZERO."""
+    _, values, right = svd(matrix, lapack_driver=_SVD_DRIVER)
     rank = np.count_nonzero(values > _ZERO * values.max(initial=1.0))
     basis: Array = right[rank:].T
     return basis
 
 
-def _named(
+def _conflict_rows(
     qp: QP, rows: UnitRows, named: NDArray[np.int64], weights: Array, signs: Array, gap: float
 ) -> Conflict:
     """Return the conflict; violations are those of the nearest point within the bounds."""
     m, me = rows.norms.size, qp.b.size
     names = (*qp.labels.equality, *qp.labels.inequality, *qp.labels.variables)
-    # Of the least sum of squares that a point within the bounds misses the rows by.
+    # Scale of the least-squares violation of a point within the bounds.
     share = gap / max(float(np.square(weights[named < m]).sum()), np.finfo(float).tiny)
     found = []
     for k in np.argsort(-weights, kind="stable")[: np.count_nonzero(weights)].tolist():
@@ -237,7 +236,7 @@ def _named(
 
 
 def _crossed(qp: QP) -> tuple[ConflictRow, ...]:
-    """Return the row or bound whose lower end lies most above the upper: no solver is needed."""
+    """Return the row or bound whose lower end exceeds its upper end the most."""
     rows = []
     for lower, upper, names in (
         (qp.l, qp.u, qp.labels.inequality),
@@ -293,7 +292,7 @@ def least_violation(qp: QP) -> tuple[Array, Array]:
     for damping in _DAMPINGS:
         damped = elastic._replace(P=damping * np.eye(n))
         found = solve_in_core(damped, _EPS, _MOST_ITERATIONS, np.ones(rows.norms.size))
-        if found.said == DONE:
+        if found.status == DONE:
             break
     x = np.where(np.isfinite(found.x), found.x, 0.0) if found.iterations >= 0 else np.zeros(n)
     x = np.clip(x, qp.lower, qp.upper)

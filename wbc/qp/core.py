@@ -1,4 +1,4 @@
-"""One QP handed to the core: what its active-set method says, and how good an answer is."""
+"""One QP solved by the core's active-set method, and KKT residuals of any solution."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from wbc.validate import Array
 
 DONE, INFEASIBLE = lib.DONE, lib.INFEASIBLE
 new = ffi.new
-_GIVEN = ("P", "A", "C", "g", "lower", "upper", "b", "l", "u")
+_FIELDS = ("P", "A", "C", "g", "lower", "upper", "b", "l", "u")
 
 
-class CoreAnswer(NamedTuple):
-    """What the core says of a QP."""
+class CoreSolution(NamedTuple):
+    """The core's solution of a QP."""
 
-    said: int  # 0: x and the multipliers are optimal to the accuracy asked for
+    status: int  # DONE: x and the multipliers are optimal to the requested accuracy
     x: Array  # (n,)
-    # Multipliers; of a QP without a point a certificate.
+    # Multipliers; of an infeasible QP a certificate.
     y: Array  # (me,)
     z: Array  # (mi,)
     z_box: Array  # (n,)
-    residuals: KktResiduals  # of the answer, if it has one
-    iterations: int  # negative where there is no answer at all
+    residuals: KktResiduals
+    iterations: int  # negative if there is no solution
 
 
 class FlatForm:
-    """What is the same in QPs of a few unknowns that are posed as lists of numbers.
+    """Sizes and labels of small QPs that are given as lists of numbers.
 
-    Arrays of so few numbers would take longer to make than the QP to solve.
+    Making arrays of so few numbers would take longer than solving the QP.
     """
 
     def __init__(self, labels: Labels) -> None:
@@ -42,14 +42,17 @@ class FlatForm:
         n, k, m = len(labels.variables), len(labels.equality), len(labels.inequality)
         self.n, self.lengths = n, (n * n, k * n, m * n, n, n, n, k, m, m)
         self._sizes, self._end = (n, k, m), 2 * n + k + m
-        self._working, self._places = _sizes(n, k, m)
+        self._scratch_size, self._order_size = _sizes(n, k, m)
 
     def solve(
         self, numbers: list[float], eps: float, most: int
     ) -> tuple[list[float], list[float], list[float]] | None:
-        """Return x, z and z_box, or None where the core has no answer; see below."""
+        """Return x, z and z_box; None if the core does not solve it."""
         (n, k, m), end = self._sizes, self._end
-        out, order = new("double[]", end + 4 + self._working), new("int64_t[]", self._places)
+        out, order = (
+            new("double[]", end + 4 + self._scratch_size),
+            new("int64_t[]", self._order_size),
+        )
         if lib.wbc_solve_flat(n, k, m, numbers, eps, most, out, order) != DONE:
             return None
         answer = ffi.unpack(out, end)
@@ -64,21 +67,21 @@ class FlatQP(NamedTuple):
 
     @property
     def qp(self) -> QP:
-        """It as arrays."""
+        """The QP as arrays."""
         form = self.form
         parts = np.split(np.array(self.numbers), np.cumsum(form.lengths[:-1]))
-        by_name = dict(zip(_GIVEN, parts, strict=True))
+        by_name = dict(zip(_FIELDS, parts, strict=True))
         rows = {name: by_name[name].reshape(-1, form.n) for name in ("P", "A", "C")}
         return QP(**by_name | rows, labels=form.labels)
 
 
-def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> CoreAnswer:
-    """Return what the core says of a QP in at most ``most`` iterations.
+def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> CoreSolution:
+    """Solve a QP by the core in at most ``most`` iterations.
 
     Parameters
     ----------
     give:
-        (mi,) inverse weights of the rows' slacks, 0 for rows that may not give way; None: none may.
+        (mi,) inverse weights of the rows' slacks, 0 for hard rows; None: all are hard.
 
     Raises
     ------
@@ -94,17 +97,17 @@ def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> C
     struct.x, struct.y, struct.z, struct.z_box = at, at + n, at + n + k, at + n + k + m
     struct.found = at + out.size - 4
     soft = ffi.NULL if give is None else doubles(give)
-    said = lib.wbc_solve_qp(struct, soft, most, doubles(scratch), integers(order))
-    if said == lib.NOT_FINITE:
+    status = lib.wbc_solve_qp(struct, soft, most, doubles(scratch), integers(order))
+    if status == lib.NOT_FINITE:
         check_qp(qp)
     *residuals, iterations = out[-4:].tolist()
     y, z, z_box = n, n + k, n + k + m  # where they begin
     parts = out[:y], out[y:z], out[z:z_box], out[z_box:-4]
-    return CoreAnswer(said, *parts, KktResiduals(*residuals), int(iterations))
+    return CoreSolution(status, *parts, KktResiduals(*residuals), int(iterations))
 
 
 def residuals_in_core(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> list[float]:
-    """Return primal, dual and complementarity residual of a point and multipliers of any origin."""
+    """Return primal, dual and complementarity residual of any point and multipliers."""
     struct, _given = _struct(qp)
     point = [np.ascontiguousarray(part, dtype=np.float64) for part in (x, y, z, z_box)]
     sizes = qp.g.shape, qp.b.shape, qp.u.shape, qp.g.shape
@@ -119,21 +122,21 @@ def residuals_in_core(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> lis
 
 
 def _struct(qp: QP, eps: float = 0.0) -> tuple[Any, object]:
-    """Return a ``wbc_qp``, and what it points at, to be kept as long."""
+    """Return a ``wbc_qp``, and the arrays that it points at, to be kept alive as long."""
     n, k, m = qp.g.size, qp.b.size, qp.u.size
-    given = [np.ascontiguousarray(getattr(qp, name), dtype=np.float64) for name in _GIVEN]
+    given = [np.ascontiguousarray(getattr(qp, name), dtype=np.float64) for name in _FIELDS]
     shapes = [(n, n), (k, n), (m, n), (n,), (n,), (n,), (k,), (m,), (m,)]
     if [array.shape for array in given] != shapes:
         check_qp(qp)
     struct = ffi.new("wbc_qp *", {"n": n, "k": k, "m": m, "wide": n, "eps": eps})
-    for name, array in zip(_GIVEN, given, strict=True):
+    for name, array in zip(_FIELDS, given, strict=True):
         setattr(struct, name, doubles(array))
     return struct, given
 
 
 @lru_cache(maxsize=256)
 def _sizes(n: int, k: int, m: int) -> tuple[int, int]:
-    """Return how many numbers, and how many whole ones, the core works with."""
+    """Return how many doubles and integers of scratch the core needs."""
     wanted = np.empty(3, dtype=np.int64)
     lib.wbc_sizes(n, k, m, 0, integers(wanted))
     return int(wanted[0]), int(wanted[1])

@@ -1,7 +1,7 @@
-"""From a solver's claim to a status that rests on evidence: the same check for every backend.
+"""The check of every backend's solution: KKT residuals, and certificates of infeasibility.
 
-How far a point and its multipliers are from optimal is worked out from the QP, apart from any
-solver. No status of any is believed: each has claimed "solved" or "infeasible" wrongly somewhere.
+Residuals are computed from the QP, independently of the solver. No solver's status is trusted: each
+has claimed "solved" or "infeasible" wrongly somewhere.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, KktResiduals, RawSolution, Solution, Status
 from wbc.validate import Array
 
-# Part of the cost's terms that an accepted point may cost too much by the look of its multipliers.
-DOUBT = 1e-4
-# A point or multipliers beyond this are no answer: products of three overflow, where the numbers of
-# the QP are 1e150 at most.
-FARTHEST = 1e70
+# An accepted point may be suboptimal by this share of the cost's terms.
+COST_DOUBT = 1e-4
+# Points or multipliers beyond this are refused: products of three numbers overflow, with those of
+# the QP up to 1e150.
+LARGEST_POINT = 1e70
 
 
 def kkt_residuals(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> KktResiduals:
-    """Return the residuals of x (n,), y (me,), z (mi,), z_box (n,); infinite where one is too."""
+    """Return the residuals of x (n,), y (me,), z (mi,), z_box (n,); infinite if these are huge."""
     point = np.concatenate((z_box, z, y, x))
-    if np.vdot(point, point) > FARTHEST * FARTHEST:  # NaN is not, and stays
+    if np.vdot(point, point) > LARGEST_POINT * LARGEST_POINT:  # NaN is not, and stays
         return KktResiduals(math.inf, math.inf, math.inf)
     return KktResiduals(*residuals_in_core(qp, x, y, z, z_box))
 
 
 def is_accurate(residuals: Sequence[float], eps: float) -> bool:
-    """Whether the three residuals that ``residuals`` begins with are below ``eps``; NaN is not."""
+    """Return whether the first three of ``residuals`` are below ``eps``; NaN is not."""
     primal, dual, complementarity, *_ = residuals
     return primal <= eps and dual <= eps and complementarity <= eps
 
@@ -43,12 +43,12 @@ def is_accurate(residuals: Sequence[float], eps: float) -> bool:
 def acceptable(
     residuals: KktResiduals, eps: float, qp: QP, x: Array, y: Array, z: Array, z_box: Array
 ) -> bool:
-    """Whether the residuals are below eps, or below eps relative to the terms they are made of.
+    """Return whether the residuals are below eps, absolutely or relative to their terms.
 
-    Each row is measured by its own terms: a row of large numbers does not excuse the others. Nor do
-    multipliers: diverging ones (1e8, even 1e26) would make any residual small beside them, hence
-    the cost that they leave in doubt must be small beside the cost's own terms. The relative test
-    is only made when the plain one fails.
+    Each row is measured by its own terms, so a row of large numbers does not excuse the others. Nor
+    do multipliers: diverging ones (1e8, even 1e26) would make any residual relatively small, hence
+    the duality gap must be small relative to the cost's own terms. The relative test is made only
+    if the absolute one fails.
     """
     r = residuals
     if is_accurate(r, eps):
@@ -63,14 +63,14 @@ def acceptable(
         and r.complementarity <= eps * (1.0 + max(primal, dual))
         and _within(qp.A, x, qp.b, qp.b, eps)
         and _within(qp.C, x, qp.l, qp.u, eps)
-        and doubtful_cost(qp, x, y, z, z_box) <= DOUBT * cost
+        and doubtful_cost(qp, x, y, z, z_box) <= COST_DOUBT * cost
     )
 
 
 def doubtful_cost(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> float:
-    """Return the duality gap, multipliers times distances to bounds, and the gradient left over x.
+    """Return the duality gap: multipliers times distances to bounds, plus |gradient| times |x|.
 
-    Multipliers smaller than the distance are left out: there, they are what should be 0.
+    Multipliers smaller than the distance are left out: of the two they should be 0.
     """
     gradient = qp.P @ x + qp.g + z_box + y @ qp.A + z @ qp.C
     values, multipliers = np.concatenate((x, qp.C @ x)), np.concatenate((z_box, z))
@@ -89,7 +89,7 @@ def reference_magnitudes(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> 
 
 
 def _within(rows: Array, x: Array, lower: Array, upper: Array, eps: float) -> bool:
-    """Whether each row lies between its ends, to eps relative to its own largest term."""
+    """Return whether each row lies between its ends, to eps relative to its largest term."""
     terms = rows * x  # (m, n)
     values = terms.sum(axis=1)
     slack = eps * (1.0 + np.abs(terms).max(axis=1))

@@ -1,9 +1,9 @@
-"""The command when no command meets every row: as little violation as possible, then the task.
+"""The least infeasible point of a QP: least violation of the rows first, then the QP's cost.
 
 First the elastic problem of :mod:`wbc.qp.conflict`: within the bounds, the rows, scaled to unit
-length, are violated by as little as possible. Then the QP's own cost, over all points that violate
-no row by more than that. (ProxQP's ``primal_infeasibility_solving`` has the same meaning, but
-shifts bounds as well as rows; a joint limit is not ours to shift.)
+length, are violated as little as possible. Then the QP's cost, over all points that violate no row
+more than that. (ProxQP's ``primal_infeasibility_solving`` does the same, but shifts bounds as well
+as rows; joint limits must not be shifted.)
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from wbc.qp.kkt import largest
 from wbc.qp.problem import QP
 from wbc.validate import Array
 
-# Relative to 1 + max |x|: rows are relaxed by this much more than needed, against rounding.
+# Relative to 1 + max |x|: extra relaxation of rows, against rounding.
 _RELAXED = 1e-9
 # A row violated by less than this, scaled to unit length, counts as met.
 _MET = 1e-7
@@ -34,7 +34,7 @@ class LeastInfeasible:
     # The violation of each violated row, by label, in its own units; positive above.
     slack: Mapping[str, float]
     # Whether x also minimises the QP's cost among such points; False if that second problem was
-    # not solved, or not asked for, and x is the first one's solution.
+    # not solved, and x is the first one's solution.
     optimal: bool
     seconds: float  # time taken
 

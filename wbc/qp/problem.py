@@ -14,7 +14,7 @@ from wbc.errors import InvalidInputError
 from wbc.native import lib
 from wbc.validate import Array, real_array
 
-# Entries beyond this are refused: their squares overflow, and no controller means them.
+# Larger entries are refused: their squares overflow.
 LARGEST: float = lib.wbc_largest_qp
 
 
@@ -119,7 +119,7 @@ def _array(
 
 
 def check_qp(qp: QP) -> None:
-    """Refuse a QP that no solver should see. Costs 6-9 us at n = 35.
+    """Raise unless the QP is well formed. Costs 6-9 us at n = 35.
 
     Raises
     ------
@@ -144,10 +144,10 @@ def check_qp(qp: QP) -> None:
 
 
 def is_sound(qp: QP) -> bool:
-    """Whether shapes agree and all numbers but the bounds are finite: half of :func:`check_qp`.
+    """Return whether shapes agree and all numbers but the bounds are finite.
 
-    Enough before a solver whose answer is then seen to keep the bounds, which no answer does if
-    they are not fit to be some.
+    Half of :func:`check_qp`; enough if the solution is checked against the bounds afterwards, which
+    fails for malformed ones.
     """
     n, me, mi, names = qp.g.size, qp.b.size, qp.u.size, qp.labels
     P, A, C, g, b = qp.P, qp.A, qp.C, qp.g, qp.b
@@ -169,7 +169,7 @@ def is_sound(qp: QP) -> bool:
 
 
 def _faults(qp: QP) -> Iterator[str]:
-    """Yield what is wrong with ``qp``, in words; slow, and only ever run on failure."""
+    """Yield descriptions of the QP's faults; slow, run on failure only."""
     n, me, mi = qp.g.size, qp.b.size, qp.u.size
     if not n:
         yield "QP.g: no entries; a QP is about one unknown at least"

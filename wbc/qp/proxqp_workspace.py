@@ -36,7 +36,7 @@ from wbc.qp.problem import QP
 from wbc.qp.solution import RawSolution, Status
 from wbc.validate import Array
 
-# Builds of proxsuite that are taken by what the processor can do.
+# Builds of proxsuite that it would choose by the processor.
 _WIDE = ("avx512", "avx2")
 
 
@@ -57,26 +57,26 @@ def _import_proxqp() -> Any:
 
 
 proxqp = _import_proxqp()
-# "" or, where others imported proxsuite before, the wide build: the last bits then vary.
+# "" or, if proxsuite was imported before by others, the wide build: the last bits then vary.
 BUILD = next((build for build in _WIDE if build in proxqp.__name__), "")
 
 _RHO = 1e-7
-# The solver is asked for this part of the accuracy promised; see above why.
+# ProxQP's eps as a share of the promised accuracy; see above why.
 MARGIN = 0.1
-# But not for more than rounding allows: costs of 1e6 would keep it busy until the cap otherwise.
+# Its least eps relative to the QP's numbers: costs of 1e6 would iterate until the cap otherwise.
 _ROUNDING = 2e-15
-# Inner iterations per outer one: with 10 as many QPs are solved, and those that are not take twice
-# as long; without a cap an infeasible QP takes 25,000.
+# Inner iterations per outer one: with 10 as many QPs are solved, and unsolved ones take twice as
+# long; without a cap an infeasible QP takes 25,000.
 _INNER = 5
-# Squared change of g, by its own square, beyond which a warm start is none: of 123 QPs that were
-# solved warm in 10,000 ticks from wild states two at most were beyond, and those that were not took
-# up to 9 ms.
-FAR = 0.25
-# ProxQP's own infeasibility tests are turned off, we look for a certificate: even at 1e-14 they
-# have called a QP infeasible whose right-hand side was 1e-14 of rounding.
+# Relative squared change of g beyond which a warm start is dropped: of 123 QPs that were solved
+# warm in 10,000 ticks from random states at most two were beyond, and unsolved ones took up to 9
+# ms.
+FAR_CHANGE = 0.25
+# ProxQP's infeasibility tests are disabled, we search a certificate: even at 1e-14 they have called
+# a QP infeasible whose right-hand side was 1e-14 of rounding.
 _INFEASIBILITY = 0.0
 
-# What ProxQP sets itself where this package sets something else: a choice of wbc bench.
+# ProxQP's own defaults of settings that this package changes: a choice of wbc bench.
 DEFAULTS = {
     name: getattr(proxqp.dense.QP(1, 0, 0).settings, name)
     for name in ("check_duality_gap", "default_rho", "max_iter", "max_iter_in")
@@ -136,7 +136,7 @@ class Workspace:
     def is_far(self, qp: QP) -> bool:
         """Whether ``qp`` is so far from the last QP that its solution is hardly a start."""
         change = qp.g - self.g
-        return bool(change.dot(change) > FAR * qp.g.dot(qp.g))
+        return bool(change.dot(change) > FAR_CHANGE * qp.g.dot(qp.g))
 
     def cap(self, max_iterations: int) -> None:
         """Bound the outer iterations of the next solves."""

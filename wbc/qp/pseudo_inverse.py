@@ -15,10 +15,10 @@ from wbc.qp.problem import QP, check_qp
 from wbc.qp.solution import Solution, Status
 from wbc.validate import Array
 
-# A diagonal entry of R below this part of the largest marks rows that repeat the others.
+# A diagonal entry of R below this share of the largest marks redundant rows.
 RANK = 1e-9
-# Unknowns without bounds are preferred as dependent ones: clipping cannot part them from the rows.
-PREFERENCE = 10.0
+# Unknowns without bounds are preferred as dependent ones: clipping does not break their rows.
+UNBOUNDED_PREFERENCE = 10.0
 
 
 class PseudoInverse:
@@ -78,7 +78,7 @@ def _without_equalities(qp: QP) -> tuple[NDArray[np.int64], Array, Array]:
     if not me:
         return np.arange(n), np.eye(n), np.zeros(n)
     bounded = np.isfinite(qp.lower) | np.isfinite(qp.upper)
-    scale = np.where(bounded, 1.0, PREFERENCE)
+    scale = np.where(bounded, 1.0, UNBOUNDED_PREFERENCE)
     Q, R, order = linalg.qr(qp.A * scale, mode="economic", pivoting=True)
     diagonal = np.abs(np.diagonal(R))
     rank = int(np.count_nonzero(diagonal > RANK * diagonal[0]))

@@ -1,4 +1,4 @@
-"""Any solver that qpsolvers knows, for comparison: stateless, and its answers checked like ours."""
+"""Any solver of qpsolvers, for comparison: stateless, its solutions checked like ours."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Index = NDArray[np.intp]
 # asked for less than 1e-13, Clarabel runs past the optimum and diverges now and then.
 _GAP = 1e-13
 
-# One accuracy for all: how each solver is told. A solver that is not listed keeps its defaults.
+# Settings of each solver for one accuracy. A solver that is not listed keeps its defaults.
 _ACCURACY: Mapping[str, Callable[[float], dict[str, Any]]] = {
     "clarabel": lambda eps: {"tol_feas": eps, "tol_gap_abs": _GAP, "tol_gap_rel": _GAP},
     "daqp": lambda eps: {"primal_tol": eps},
@@ -44,11 +44,11 @@ _ACCURACY: Mapping[str, Callable[[float], dict[str, Any]]] = {
         "eps_duality_gap_rel": 0.0,
     },
 }
-# Caps on iterations of quick attempts. Of 112 and 104 QPs from wild states Clarabel and PIQP solved
-# as many to the accuracy promised as with their own caps of 200 and 250, which take up to 28 and 4
-# ms. OSQP solved half of 16, and all in 20,000 steps, which take 37 ms.
+# Caps on iterations of quick attempts. Of 112 and 104 QPs from random states Clarabel and PIQP
+# solved as many to the accuracy promised as with their own caps of 200 and 250, which take up to 28
+# and 4 ms. OSQP solved half of 16, and all in 20,000 steps, which take 37 ms.
 _QUICK = {"clarabel": 30, "osqp": 400, "piqp": 30}
-# These take infinite bounds in their own box; for all others the finite ones become rows.
+# These accept infinite bounds in their own box; for all others finite bounds become rows.
 _BOX = frozenset({"daqp", "osqp", "piqp"})
 # Settings are given a tenth of the accuracy promised: each scales its residuals differently.
 _MARGIN = 0.1

@@ -1,4 +1,4 @@
-"""What solvers answer, and what a QP backend returns: a point, its multipliers, the evidence."""
+"""Solutions of QPs, checked and unchecked: a point, its multipliers, the evidence."""
 
 from __future__ import annotations
 
@@ -120,8 +120,8 @@ class Solution(NamedTuple):
     residuals: KktResiduals
     iterations: int
     solve_time: float  # seconds, checks and every attempt included
-    # Who answered: a backend may ask another one, and the core none ("cholesky", 0 iterations)
-    # where the optimum of the cost alone keeps all bounds and rows.
+    # The solver that succeeded: a backend may call another one; "cholesky" with 0 iterations where
+    # the optimum of the cost alone keeps all bounds and rows.
     solver: str
     conflict: Conflict | None = None
     attempts: int = 1  # how many times a backend tried before it was satisfied or gave up

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.controllers.contact_forces import STEEP
+from wbc.controllers.contact_forces import LEAST_NORMAL_Z
 from wbc.simulation.build import CompiledModel
 from wbc.validate import Array
 
@@ -48,7 +48,7 @@ class Contacts:
         On one plane that is where the ground's force has no moment about any axis in the plane.
         Walls do not count.
         """
-        weights = np.where(self.normals[:, 2] > STEEP, self.normal_forces, 0.0)
+        weights = np.where(self.normals[:, 2] > LEAST_NORMAL_Z, self.normal_forces, 0.0)
         total = float(weights.sum())
         return weights @ self.points / total if total > 0.0 else None
 

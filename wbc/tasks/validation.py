@@ -98,7 +98,7 @@ def asked(task: Task, method: str, *given: Any) -> Any:
         raise
 
 
-def look_closely(task: Task, snapshot: Snapshot) -> None:
+def check_residual(task: Task, snapshot: Snapshot) -> None:
     """Ask a task again, and look at all that it returns.
 
     Raises
