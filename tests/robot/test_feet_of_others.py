@@ -148,6 +148,14 @@ def test_what_carries_wheels_is_no_foot(tmp_path: Path, end: str, wheel: str, sh
     assert any("it has wheels" in note for note in robot.notes)
 
 
+@pytest.mark.parametrize(("root", "fixed"), [("base", False), ("trunk", False), ("world", True)])
+def test_a_root_called_base_on_wheels_floats(tmp_path: Path, root: str, fixed: bool) -> None:
+    drive = joint("{0}_w", "{end}", "{0}_wheel", "0 1 0", "0 0 -.03", "continuous")
+    path = biped(tmp_path, "", LEG, link("{0}_wheel", WHEEL) + drive, "{0}_shank")
+    path.write_text(path.read_text().replace('"trunk"', f'"{root}"'))
+    assert Robot.load(path).fixed_base is fixed
+
+
 @pytest.mark.parametrize(("kind", "turns"), [("revolute", "1000"), ("continuous", "2")])
 def test_a_wheel_on_an_ankle_without_shapes_is_why_there_are_no_feet(
     tmp_path: Path, kind: str, turns: str

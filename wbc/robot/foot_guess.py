@@ -30,6 +30,7 @@ FOOT_WORDS = {"foot", "feet", "ankle", "sole", "contact"}
 WHEEL_WORDS = {"wheel", "caster", "roller"}
 ARM_WORDS = {"hand", "gripper", "finger", "wrist", "palm", "arm"}
 NAMELESS = "no link is called a left or right foot, ankle or sole"
+ROLLS = "it has wheels, and wheels are no soles"
 NOT_FEET = WHEEL_WORDS | ARM_WORDS
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 _GLUED = re.compile(rf"(left|right|[lr])({'|'.join(sorted(FOOT_WORDS))})")  # lfoot, rightankle
@@ -209,7 +210,7 @@ def guess_links(
     ]
     locked = f"the base carries {', '.join(rigid)} with no joint between: is a leg locked?"
     if not found and rolling:
-        return {}, "it has wheels, and wheels are no soles"
+        return {}, ROLLS
     if not found:
         others, why = _lowest_pair(model, data, geometry, bodies)
         if others or not shapeless:

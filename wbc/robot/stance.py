@@ -11,7 +11,15 @@ import pinocchio as pin
 
 from wbc.errors import ModelError
 from wbc.robot.feet import Foot, FootSpec, find_feet
-from wbc.robot.foot_guess import ARM_WORDS, BELOW_BASE, bodies_of, facing_ahead, upright, words_of
+from wbc.robot.foot_guess import (
+    ARM_WORDS,
+    BELOW_BASE,
+    ROLLS,
+    bodies_of,
+    facing_ahead,
+    upright,
+    words_of,
+)
 from wbc.robot.formats.description import Description, GeometrySource
 from wbc.robot.library import RobotSource
 from wbc.robot.loops import Closure
@@ -37,14 +45,14 @@ class StandingPose(NamedTuple):
     notes: tuple[str, ...]  # what was guessed or turned, in words
 
 
-def arm_reason(model: pin.Model, q: Array) -> str:
+def arm_reason(model: pin.Model, q: Array, rolls: bool) -> str:
     """Return why a robot without feet is an arm (or a hand) bolted down, in words; empty if not.
 
     One joint carries all else and none is below the base as legs are; or the root link's name says
-    so. ``q`` (nq,) has the base upright.
+    so. ``q`` (nq,) has the base upright. Of what ``rolls`` on wheels ``base`` is the trunk.
     """
     root = next((str(frame.name) for frame in bodies_of(model) if frame.parentJoint == 1), "")
-    if words_of(root) & ARM_WORDS:
+    if words_of(root) & ARM_WORDS or (root == "base" and not rolls):
         return f"the root link is called {root!r}"
     if list(model.parents).count(1) != 1:
         return ""
@@ -96,7 +104,8 @@ def find_stance(
         if base is None:
             foot_notes = (*foot_notes, f"the base is fixed, since {bolted}")
     elif not soles and base is None:  # neither feet nor the user tell
-        bolted = arm_reason(model, q) if description.bolted == "" else description.bolted
+        rolls = any(ROLLS in note for note in foot_notes)
+        bolted = arm_reason(model, q, rolls) if description.bolted == "" else description.bolted
     if bolted and not description.mounted:
         reason = f"{bolted} and there are no feet"
         foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)

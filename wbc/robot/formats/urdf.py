@@ -51,7 +51,6 @@ SIZES = {
 }
 LONGEST_CHAIN = 1000  # links
 WORLD = "world"
-BOLTED = {WORLD, "base"}  # a root link of such a name is that of an arm, if nothing stands
 
 
 def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> Description:
@@ -103,7 +102,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         model=model,
         geometry=UrdfGeometry(text, path, (*missing["collision"], *lost)),
         coupled=coupled,
-        bolted=None if floats else f"the root link is called {base!r}" if base in BOLTED else "",
+        bolted=None if floats else f"the root link is called {base!r}" if base == WORLD else "",
         notes=notes,
     )
 
