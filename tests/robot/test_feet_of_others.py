@@ -167,6 +167,14 @@ def test_a_wheel_on_an_ankle_without_shapes_is_why_there_are_no_feet(
     assert any("it has wheels" in note for note in robot.notes)
 
 
+def test_bearings_that_are_not_on_the_ground_are_no_wheels(tmp_path: Path) -> None:
+    """Those at the ends of rods that bend a ToddlerBot's knees; its soles have other names."""
+    rod = link("{0}_bearing", WHEEL.replace(".08", ".01"))
+    rod += joint("{0}_rod", "{0}_l2", "{0}_bearing", "0 1 0", "0.03 0 -.2", "continuous")
+    robot = Robot.load(biped(tmp_path, box(".03 0 -.03", ".2 .1 .04"), LEG + ANKLE, rod, "{0}_ank"))
+    assert [foot.link for foot in robot.feet.values()] == ["left_ank", "right_ank"]
+
+
 @pytest.mark.parametrize(("kind", "shape"), [("continuous", "box"), ("revolute", "disc")])
 def test_what_hangs_below_the_soles_is_said(tmp_path: Path, kind: str, shape: str) -> None:
     """What turns without end and is no wheel, and what is round and has limits."""

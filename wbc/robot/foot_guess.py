@@ -180,7 +180,7 @@ def guess_links(
     two bodies at the ends of limbs that reach lowest, with flat undersides, one to the left and its
     image to the right; or four, two on either side.
     Wheels, what carries them, and hands are none: what is called so, or ends a limb, turns without
-    end and is round.
+    end, is round and on the ground, as the bearing of a rod is not.
 
     ``data`` holds the frame placements of a posture with the base upright.
     """
@@ -188,7 +188,8 @@ def guess_links(
     rolling = {frame.parentJoint for frame in bodies if words_of(frame.name) & WHEEL_WORDS}
     below = float(data.oMi[1].translation[2]) - BELOW_BASE
     low = [j for j in _endless_ends(model) if float(data.oMi[j].translation[2]) < below]
-    rolling |= {joint for joint in low if _is_wheel(model, geometry, joint)}
+    wheels = [joint for joint in low if _is_wheel(model, geometry, joint)]
+    rolling |= {joint for joint in wheels if _near_ground(model, data, geometry, joint)}
     rolling |= {int(model.parents[joint]) for joint in rolling}
     bodies = [frame for frame in bodies if frame.parentJoint not in rolling]
     named = _one_of_each(model, data, bodies)
@@ -243,6 +244,14 @@ def _is_wheel(model: pin.Model, geometry: GeometrySource, joint: int) -> bool:
     pin.computeJointJacobians(model, data, pin.neutral(model))
     axis = pin.getJointJacobian(model, data, joint, local)[3:, int(model.idx_vs[joint])]
     return bool(axis.any()) and is_round_about(model, geometry, joint, axis)
+
+
+def _near_ground(model: pin.Model, data: pin.Data, geometry: GeometrySource, joint: int) -> bool:
+    """Whether a wheel is no higher than by its diameter over what ends the lowest limb."""
+    ends = {*range(2, model.njoints)} - {int(parent) for parent in model.parents}
+    lowest = {end: lowest_point(model, data, geometry, end) for end in ends}
+    radius = float(data.oMi[joint].translation[2]) - lowest[joint]
+    return lowest[joint] - min(lowest.values()) < 2.0 * radius
 
 
 def _one_of_each(
