@@ -121,6 +121,7 @@ def test_rows_are_the_run_at_its_own_speed() -> None:
     [
         ({"fps": 60}, "at most 50"),
         ({"fps": 0}, "fps"),
+        ({"fps": 12.7}, "whole number"),
         ({"speed": 0.0}, "speed"),
         ({"size": (100, 100)}, "at least 150"),
         ({"size": (10**7, 10**7)}, "at most 65535"),

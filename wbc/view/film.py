@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from wbc.errors import InvalidInputError
 from wbc.files import ending_of, why
+from wbc.kinds import whole_number
 from wbc.robot import Robot
 from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.simulation.terrain import LEVEL, Terrain
@@ -158,9 +159,7 @@ def write_film(
     """Write one picture per row, of times (n,) [s]; see :func:`film_run`."""
     path = Path(path)
     ending = film_format(path)
-    fps = int(finite_number("film, fps", fps, least=1.0))
-    if fps > FASTEST:
-        raise InvalidInputError(f"film, fps: at most {FASTEST}, got {fps}")
+    fps = whole_number("film, fps", fps, least=1, most=FASTEST)
     speed = finite_number("film, speed", speed, above=0.0)
     if not path.parent.is_dir():
         raise InvalidInputError(f"{path}: there is no folder {path.parent}; make it first")
