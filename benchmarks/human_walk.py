@@ -31,8 +31,8 @@ from wbc.motion import RmpSeries, analyze
 from wbc.view.human import human_figure, momentum_scale
 from wbc.view.style import save
 
-# Walks on which the numbers of steps and bands were chosen, wbc/human/rolling.py and
-# residual_noise.py; the others judge them.
+# Walks on which the constants of wbc/human/roll_over.py and residual_noise.py were chosen; the
+# others check them.
 CHOSEN_ON = (
     "opencap_walking1",
     "btk_Gait",

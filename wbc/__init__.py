@@ -27,8 +27,8 @@ if TYPE_CHECKING:  # "as" tells type checkers that a name is public
     from wbc.robot import robot_names as robot_names
     from wbc.robot.collision import Obstacle as Obstacle
     from wbc.tasks import *
-    from wbc.tracking.fit import PlanMismatchError as PlanMismatchError
     from wbc.tracking.pendulum import pendulum_of as pendulum_of
+    from wbc.tracking.plan_check import PlanMismatchError as PlanMismatchError
     from wbc.tracking.reference import PlanReference as PlanReference
 
 __version__ = "0.2.0"
@@ -41,7 +41,7 @@ _NAMES = {
     "AccelerationLaw": "wbc.laws",
     "Motion": "wbc.motion",
     "Obstacle": "wbc.robot.collision",
-    "PlanMismatchError": "wbc.tracking.fit",
+    "PlanMismatchError": "wbc.tracking.plan_check",
     "PlanReference": "wbc.tracking.reference",
     "RmpSeries": "wbc.motion",
     "RmpState": "wbc.reduction",

@@ -22,7 +22,7 @@ from wbc.human.roll_over import (
 )
 from wbc.human.skeleton import configurations
 from wbc.motion import Motion
-from wbc.motion.filtering import low_passed
+from wbc.motion.filtering import low_pass
 
 BODY = HumanBody.of(1.76, 72.0, "male")
 STEP, GRAVITY, HEIGHT = 0.01, 9.81, 1.0
@@ -114,7 +114,7 @@ def test_inverted_low_pass_is_undone_by_the_low_pass() -> None:
     wanted = np.sin(2.0 * np.pi * 4.5 * time)[:, None]  # Hz: the second harmonic of steps
     inner = slice(50, 350)
     plain, inverted = (
-        low_passed(one, 100.0, 5.0) for one in (wanted, _invert_low_pass(wanted, 100.0, 5.0))
+        low_pass(one, 100.0, 5.0) for one in (wanted, _invert_low_pass(wanted, 100.0, 5.0))
     )
     assert np.abs(plain - wanted)[inner].max() > 0.1
     assert np.abs(inverted - wanted)[inner].max() < 0.01

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wbc.motion.ground import sole_corners, support_margins, touching
+from wbc.motion.ground import feet_near_ground, sole_corners, support_margins
 from wbc.polygon import convex_hull, polygon_margin
 from wbc.robot import Robot
 from wbc.robot.series import sole_series
@@ -37,14 +37,14 @@ def test_gradients_of_the_margin_are_those_of_differences(rng: np.random.Generat
 
     for k, step in enumerate(1e-7 * np.eye(2, 3)):
         by_point = quotient(np.zeros((2, 1, 3)), step[:2])
-        np.testing.assert_allclose(found.slope[:, k], by_point, atol=1e-6)
+        np.testing.assert_allclose(found.gradient[:, k], by_point, atol=1e-6)
         for foot in range(2):
             moved = np.zeros((2, 1, 3))
             moved[foot] = step
-            expected = -found.shares[:, foot] * found.slope[:, k]
+            expected = -found.weights[:, foot] * found.gradient[:, k]
             by_foot = quotient(moved, np.zeros(2))
             np.testing.assert_allclose(expected[some], by_foot[some], atol=1e-6)
-    assert np.isnan(found.slope[~some]).all() and not found.shares[~standing].any()
+    assert np.isnan(found.gradient[~some]).all() and not found.weights[~standing].any()
 
 
 def test_only_standing_feet_count(rng: np.random.Generator) -> None:
@@ -75,8 +75,8 @@ def test_which_feet_touch(hoap2: Robot) -> None:
     lifted = hoap2.posture("standing", {"left_hip_pitch": -0.9, "left_knee_pitch": 1.2})
     q = np.stack((hoap2.postures["standing"], lifted))
     corners = sole_corners(hoap2, sole_series(hoap2, q))
-    assert touching(corners, 0.0).tolist() == [[True, True], [False, True]]
-    assert not touching(corners, 0.5).any()
+    assert feet_near_ground(corners, 0.0).tolist() == [[True, True], [False, True]]
+    assert not feet_near_ground(corners, 0.5).any()
     here = hoap2.snapshot(lifted)
     foot = hoap2.feet["left"]
     flat = np.column_stack((foot.polygon, np.zeros(len(foot.polygon))))

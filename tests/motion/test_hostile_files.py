@@ -196,7 +196,7 @@ def npz_entry(arrays: dict[str, np.ndarray], name: str) -> bytes:
 def test_sizes_are_refused_before_anything_is_unpacked(
     hoap2: Robot, good: dict[str, np.ndarray], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tables, "LARGEST", 10_000)
+    monkeypatch.setattr(tables, "MAX_BYTES", 10_000)
     bomb = zip_bytes({"time.npy": bytes(20_000)}, zipfile.ZIP_DEFLATED)
     assert len(bomb) < 1_000
     for name, content in (("a.npz", bomb), ("a.csv", b"a" * 20_000)):

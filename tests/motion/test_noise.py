@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from wbc.errors import InvalidInputError
 from wbc.motion import Motion, Noise, analyze
 from wbc.motion.filtered_noise import noise_covariances
-from wbc.motion.filtering import low_passed
-from wbc.motion.noise import estimated_noise
-from wbc.motion.residual_analysis import chosen_cutoff
+from wbc.motion.filtering import low_pass
+from wbc.motion.noise import estimate_noise
+from wbc.motion.residual_analysis import resolve_cutoff
 from wbc.robot import Robot
 
 RATE = 200.0
@@ -35,7 +35,7 @@ def recorded(rng: np.random.Generator, sizes: tuple[float, float, float]) -> np.
 
 
 def test_noise_of_known_size_is_found(rng: np.random.Generator) -> None:
-    noise = estimated_noise(recorded(rng, (2e-3, 5e-4, 1e-3)), RATE, 10.0)
+    noise = estimate_noise(recorded(rng, (2e-3, 5e-4, 1e-3)), RATE, 10.0)
     # 1200 rows of sixth differences are worth 380 independent values, whose windows' median is
     # right to 5 % (one standard deviation); four of them for the worst of 26.
     np.testing.assert_allclose(noise.position, 2e-3, rtol=0.2)
@@ -48,27 +48,27 @@ def test_noise_of_known_size_is_found(rng: np.random.Generator) -> None:
 def test_motion_is_not_taken_for_noise(rng: np.random.Generator) -> None:
     rows = recorded(rng, (0.0, 0.0, 0.0))
     # What the differences leave of 0.5 rad at 9 rad/s: (w h)^6 / sqrt(924) of it, 1.4e-10.
-    clean = estimated_noise(rows, RATE, 10.0)
+    clean = estimate_noise(rows, RATE, 10.0)
     assert max(clean.joints.max(), clean.position.max(), clean.rotation.max()) < 1e-8
     # A landing that shakes all joints for 0.1 s, a row lost now and then, and a frozen half second.
     rows = recorded(rng, (0.0, 0.0, 1e-3))
     rows[600:620, 7:] += 0.05 * rng.normal(size=(20, 20))
     rows[700:800, 7:] = rows[700, 7:]
-    found = estimated_noise(rows, RATE, 10.0)
+    found = estimate_noise(rows, RATE, 10.0)
     assert np.mean(found.joints) == pytest.approx(1e-3, rel=0.1)
 
 
 def test_noise_smoothed_before_is_found_near_the_cutoff(rng: np.random.Generator) -> None:
     rows = recorded(rng, (0.0, 0.0, 0.0))
-    rows[:, 7:] += low_passed(1e-3 * rng.normal(size=(1200, 20)), RATE, 30.0)
-    noise = estimated_noise(rows, RATE, 10.0)
+    rows[:, 7:] += low_pass(1e-3 * rng.normal(size=(1200, 20)), RATE, 30.0)
+    noise = estimate_noise(rows, RATE, 10.0)
     assert noise.coloured
     # Of the band from 20 to 100 Hz, what lies below 30 Hz is left: an eighth of the energy.
     assert 2e-4 < np.mean(noise.joints) < 6e-4
 
 
 @pytest.mark.parametrize(
-    ("joints", "words"), [(np.full(25, -1e-3), "not negative"), (np.full(25, np.nan), "joints")]
+    ("joints", "words"), [(np.full(25, -1e-3), "not be negative"), (np.full(25, np.nan), "joints")]
 )
 def test_noise_that_makes_no_sense(joints: np.ndarray, words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
@@ -99,7 +99,7 @@ def test_filtered_noise_has_the_energy_of_all_impulse_responses(
     """Against the whole recording's linear map, one impulse in each of its rows."""
     values, parts = np.eye(count), []
     for _ in range(passes):
-        values = low_passed(values, RATE, cutoff)
+        values = low_pass(values, RATE, cutoff)
         curve = make_interp_spline(np.arange(count) / RATE, values, k=5)
         parts += [curve(np.arange(count) / RATE, order) for order in range(3)]
     responses = np.stack(parts, axis=1)
@@ -124,9 +124,9 @@ def test_residual_cutoff_is_near_the_best(top: float, rng: np.random.Generator) 
     inner = slice(150, -150)
 
     def error(cutoff: float) -> float:
-        return float(np.sqrt(np.mean((low_passed(noisy, RATE, cutoff) - clean)[inner, 7:] ** 2)))
+        return float(np.sqrt(np.mean((low_pass(noisy, RATE, cutoff) - clean)[inner, 7:] ** 2)))
 
-    found = chosen_cutoff("residual", noisy, RATE)
+    found = resolve_cutoff("residual", noisy, RATE)
     best = min(error(cutoff) for cutoff in np.geomspace(1.0, 80.0, 60))
     # Winter's rule weighs what is lost against what is let through, it does not minimise their sum:
     # at the balance each is as large as the other, so at worst sqrt(2) of either alone.
@@ -138,14 +138,14 @@ def test_residual_cutoff_of_a_recording_without_noise_keeps_all() -> None:
     rows = np.zeros((600, 10))
     rows[:, 6] = 1.0
     rows[:, 7:] = np.sin(2.0 * np.pi * 15.0 * TIME[:600, None] + np.arange(3))
-    assert chosen_cutoff("residual", rows, RATE) > 40.0
+    assert resolve_cutoff("residual", rows, RATE) > 40.0
 
 
 def test_cutoffs_by_word() -> None:
     rows = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.3], (9, 1))
-    assert chosen_cutoff(7.0, rows, RATE) == 7.0
-    assert chosen_cutoff(None, rows, RATE) is None
+    assert resolve_cutoff(7.0, rows, RATE) == 7.0
+    assert resolve_cutoff(None, rows, RATE) is None
     with pytest.raises(InvalidInputError, match="'residual', got 'winter'"):
-        chosen_cutoff("winter", rows, RATE)
+        resolve_cutoff("winter", rows, RATE)
     with pytest.raises(InvalidInputError, match="9 rows are too few"):
-        chosen_cutoff("residual", rows, RATE)
+        resolve_cutoff("residual", rows, RATE)

@@ -5,7 +5,7 @@ import pytest
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.motion import Motion, analyze
-from wbc.motion.planted import EASE, planted_base
+from wbc.motion.planted_base import EASE, planted_base
 from wbc.robot import Robot
 
 RATE = 200.0
@@ -114,7 +114,7 @@ def test_feet_that_do_not_exist(hoap2: Robot) -> None:
 
 def test_a_base_or_a_planted_foot(hoap2: Robot) -> None:
     joints = moved(hoap2, {})
-    with pytest.raises(InvalidInputError, match="planted: left, right or auto"):
+    with pytest.raises(InvalidInputError, match="planted foot: left, right or auto"):
         analyze(Motion(hoap2, TIME, joints))
     base = np.tile(hoap2.postures["standing"][:7], (600, 1))
     with pytest.raises(InvalidInputError, match="leave planted out"):

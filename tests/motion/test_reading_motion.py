@@ -404,7 +404,7 @@ def test_missing_numbers_if_declared(hoap2, joints, write: Write) -> None:
     path = write(columns_of(hoap2, joints))
     assert refused(path, hoap2, hoap2.joint_names[2], fill=True, longest_gap=0.03)
     joints[-1, 4] = np.nan
-    assert refused(write(columns_of(hoap2, joints)), hoap2, "begin or end", fill=True)
+    assert refused(write(columns_of(hoap2, joints)), hoap2, "beginning or end", fill=True)
 
 
 def test_frozen_rows_are_reported(hoap2, joints, write: Write) -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from wbc.rmp.plan import Plan
 from wbc.robot import Snapshot
-from wbc.tracking.deviation import Deviation, judge
+from wbc.tracking.deviation import Deviation, evaluate_tracking
 from wbc.tracking.reference import PlanReference
 
 
@@ -31,7 +31,7 @@ def test_a_robot_that_stands_still_is_as_far_from_the_plan_as_the_plan_goes(
         "v": np.zeros((n, start.robot.nv)),
         "cop": reference.at(time).cop + shift,
     }
-    found = judge(reference, start.robot, truth)
+    found = evaluate_tracking(reference, start.robot, truth)
     assert found.cop.rms == pytest.approx(0.005) == found.cop.worst
     # The crouch goes down by 1 cm half way.
     assert found.com.worst == pytest.approx(found.com.peak, rel=1e-3)
@@ -42,6 +42,8 @@ def test_a_robot_that_stands_still_is_as_far_from_the_plan_as_the_plan_goes(
     assert found.inertia.worst == pytest.approx(found.inertia.peak, rel=1e-3)
     assert found.whole and (found.begins, found.until) == (0.1, reference.ends)
     np.testing.assert_array_equal(found.arrays["plan_com"], reference.at(time).com)
-    early = judge(reference, start.robot, {name: rows[:50] for name, rows in truth.items()})
+    early = evaluate_tracking(
+        reference, start.robot, {name: rows[:50] for name, rows in truth.items()}
+    )
     assert not early.whole and early.until == pytest.approx(0.49)
     assert early.summary()["ends"] == reference.ends

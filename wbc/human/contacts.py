@@ -56,7 +56,7 @@ def step_rate(down: Bools, time: Array) -> float | None:
     return 1.0 / float(np.median(np.diff(touchdowns)))
 
 
-def chosen_cutoff(down: Bools, time: Array) -> float:
+def cutoff_by_steps(down: Bools, time: Array) -> float:
     """Return the cutoff for a human's motion [Hz], by its step rate."""
     rate = step_rate(down, time)
     return USUAL_CUTOFF if rate is None else float(np.clip(HARMONICS * rate, *CUTOFF_RANGE))

@@ -10,7 +10,7 @@ import numpy as np
 from wbc.errors import InvalidInputError, shown
 from wbc.human.landmarks import Landmark
 from wbc.kinds import one_of
-from wbc.motion.recording import LEAST_ROWS
+from wbc.motion.recording import MIN_ROWS
 from wbc.validate import Array, finite_array, read_only, real_array, set_fields
 
 UPS = ("y", "z", "x")
@@ -167,9 +167,9 @@ class MarkerRecording:
 
     def check_moving(self) -> None:
         """Raise InvalidInputError if it has fewer than 8 frames, which tell no accelerations."""
-        if len(self.time) < LEAST_ROWS:
+        if len(self.time) < MIN_ROWS:
             raise InvalidInputError(
-                f"{self.source}: {len(self.time)} frames; at least {LEAST_ROWS} are needed, except"
+                f"{self.source}: {len(self.time)} frames; at least {MIN_ROWS} are needed, except"
                 " for a static trial"
             )
 

@@ -13,7 +13,7 @@ from wbc.human.anthropometry import MEAN_BODY_MASS_INDEX, check_build, check_sex
 from wbc.human.body import HumanBody
 from wbc.human.calibration import KEY_FRAMES, Calibration, calibrate, key_frames
 from wbc.human.comparison import plates_mass
-from wbc.human.contacts import Bools, chosen_cutoff, feet_down, nearest_rows
+from wbc.human.contacts import Bools, cutoff_by_steps, feet_down, nearest_rows
 from wbc.human.fit import (
     MarkerSet,
     escape_local_minima,
@@ -43,10 +43,10 @@ from wbc.human.treadmill import belt_velocity, in_belt_frame
 from wbc.kinds import check_kind
 from wbc.motion.analysis import analyze
 from wbc.motion.dropouts import Dropout
-from wbc.motion.filtering import low_passed
+from wbc.motion.filtering import low_pass
 from wbc.motion.recording import LONGEST_GAP, Motion
 from wbc.motion.series import RmpSeries
-from wbc.motion.smoothing import even_grid, on_grid
+from wbc.motion.smoothing import even_grid, resample
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ
 from wbc.robot.series import sole_series
@@ -361,13 +361,13 @@ def _motion(
 def _contacts(motion: Motion, q: Array, ground: float) -> tuple[Bools, float]:
     """Return which feet are down (n, f), and the cutoff [Hz] by the steps."""
     grid, rate = even_grid(motion.time)
-    values = on_grid(motion.time, q, grid)
+    values = resample(motion.time, q, grid)
     low = min(10.0, 0.4 * rate)
     if low * len(grid) > MIN_CUTOFF_PERIODS * rate:
-        values = low_passed(values, rate, low)
+        values = low_pass(values, rate, low)
     values[:, 3:BASE_NQ] /= np.linalg.norm(values[:, 3:BASE_NQ], axis=1)[:, None]
     down = feet_down(motion.robot, sole_series(motion.robot, values), grid, ground)
-    return down[nearest_rows(grid, motion.time)], min(chosen_cutoff(down, grid), 0.45 * rate)
+    return down[nearest_rows(grid, motion.time)], min(cutoff_by_steps(down, grid), 0.45 * rate)
 
 
 def _speed_note(time: Array, position: Array) -> tuple[str, ...]:

@@ -16,9 +16,9 @@ from scipy.interpolate import make_interp_spline
 from wbc.human.fit import MarkerSet, normal_equations
 from wbc.human.kinematics import DOFS, Poses, forward_kinematics, point_jacobian
 from wbc.human.skeleton import hinge_order
-from wbc.motion.filtering import low_passed
+from wbc.motion.filtering import low_pass
 from wbc.motion.noise import Noise
-from wbc.motion.smoothing import even_grid, on_grid
+from wbc.motion.smoothing import even_grid, resample
 from wbc.robot import Robot
 from wbc.validate import Array
 
@@ -74,7 +74,7 @@ class ResidualNoise:
         is that of value, velocity and acceleration of one of these.
         """
         grid, rate = even_grid(self.time)
-        values = low_passed(on_grid(self.time, self.residual, grid), rate, cutoff)
+        values = low_pass(resample(self.time, self.residual, grid), rate, cutoff)
         curve = make_interp_spline(grid, values, k=5)
         inner = slice(len(grid) // 20, len(grid) - len(grid) // 20)
         parts = np.stack([curve(grid, order)[inner] for order in range(3)])

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import spsolve
 from wbc.human.contacts import Bools
 from wbc.human.residual_noise import CENTRE_DEVIATION
 from wbc.motion.dropouts import runs
-from wbc.motion.filtering import low_passed
+from wbc.motion.filtering import low_pass
 from wbc.motion.series import RmpSeries
 from wbc.robot.series import FRAMES_PER_CALL, state_series
 from wbc.validate import Array
@@ -73,8 +73,8 @@ def roll_over_correction(
     cop = np.column_stack([np.interp(time, time[known], one) for one in cop[known].T])
     # As smooth as the motion's CoP, whose forces and moments are low-passed.
     dt = float(time[1] - time[0])
-    vertical = np.maximum(low_passed(push[:, None], 1.0 / dt, series.cutoff), min_load)
-    cop = low_passed(cop * push[:, None], 1.0 / dt, series.cutoff) / vertical
+    vertical = np.maximum(low_pass(push[:, None], 1.0 / dt, series.cutoff), min_load)
+    cop = low_pass(cop * push[:, None], 1.0 / dt, series.cutoff) / vertical
     error = np.where(stepping[:, None], cop - series.cop[:, :2], 0.0)
     rms = float(np.sqrt((error[stepping] ** 2).sum(axis=1).mean()))
     if rms > MAX_ERROR:
@@ -93,7 +93,7 @@ def _invert_low_pass(wanted: Array, rate: float, cutoff: float | None) -> Array:
     """Return a signal that a low-pass [Hz] turns into ``wanted`` (n, k); van Cittert (1931)."""
     found = wanted
     for _ in range(INVERSE_ITERATIONS):
-        found = found + wanted - low_passed(found, rate, cutoff)
+        found = found + wanted - low_pass(found, rate, cutoff)
     return found
 
 

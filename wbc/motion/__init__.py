@@ -1,4 +1,4 @@
-"""Recorded motion: read, made even in time, filtered, and reduced to its pendulum."""
+"""Recorded motion: read, resampled, filtered, and reduced to its pendulum."""
 
 from wbc.motion.analysis import analyze
 from wbc.motion.columns import UnknownColumnError

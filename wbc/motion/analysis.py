@@ -8,13 +8,13 @@ import numpy as np
 
 from wbc.errors import InvalidInputError, shown
 from wbc.motion.forces import ground_wrench
-from wbc.motion.ground import chosen_feet, ground_reaction, standing_feet
+from wbc.motion.ground import feet_to_check, ground_reaction, standing_feet
 from wbc.motion.noise import CorrelatedNoise, Noise
-from wbc.motion.planted import AUTO
+from wbc.motion.planted_base import AUTO
 from wbc.motion.recording import Motion
 from wbc.motion.series import RmpSeries
 from wbc.motion.smoothing import smooth_forces, smooth_trajectory
-from wbc.motion.uncertainty import Pendulum, propagated
+from wbc.motion.uncertainty import Pendulum, propagate_noise
 from wbc.rmp.axes import GAP, TrackedAxes, track, turning_rate
 from wbc.robot.limits import BASE_NV
 from wbc.robot.series import CentroidalSeries, Progress, centroidal_series
@@ -40,34 +40,34 @@ def analyze(
 ) -> RmpSeries:
     """Return the reaction mass pendulum of a recorded motion, frame by frame.
 
-    The motion is sampled evenly, filtered without delay and differentiated (see
-    :mod:`wbc.motion.smoothing`); each frame is then what :func:`wbc.reduce` makes of its state and
-    acceleration; the ground's force is what the soles measured if the recording has that. Memory:
-    linear in the frames, at its peak some 3.5 kB for each with 25 joints.
+    The motion is resampled evenly, filtered without delay and differentiated (see
+    :mod:`wbc.motion.smoothing`); each frame is then reduced as by :func:`wbc.reduce`, from its
+    state and acceleration. The ground's force is that of the soles' sensors if the recording has
+    it. Memory: linear in the frames, at its peak some 3.5 kB for each with 25 joints.
 
     Parameters
     ----------
     rate:
         Frames per second of the series [Hz]; by default those of the recording.
     cutoff:
-        Of the low-pass [Hz], for joints and base; None leaves the motion unfiltered; ``residual``
-        chooses it, see :mod:`wbc.motion.residual_analysis`.
+        Of the low-pass [Hz], for joints and base; None: unfiltered; ``residual``: by residual
+        analysis, see :mod:`wbc.motion.residual_analysis`.
     planted:
         Foot that stands flat, or ``auto`` for the lower one, if the base was not recorded; see
-        :func:`wbc.motion.planted.planted_base`.
+        :func:`wbc.motion.planted_base.planted_base`.
     feet:
         Feet that stand all the time, for the support polygon; or ``auto`` for those whose sole is
-        within 1 cm of the ground, and the planted one. None: the CoP is not judged.
+        within 1 cm of the ground, and the planted one. None: the CoP is not checked.
     ground_height:
         Height of the ground [m].
     gap:
         Axes with second moments closer than this fraction of the largest are undefined.
     noise:
-        Of the recording, which sets the series' ``uncertainty``; ``estimated`` from the recording
-        itself, see :mod:`wbc.motion.noise`; that of a human's fit (``HumanMotion.noise``); None: it
-        has none, and every verdict stands.
+        Of the recording, for the series' ``uncertainty``; ``estimated``: from the recording itself,
+        see :mod:`wbc.motion.noise`; that of a human's fit (``HumanMotion.noise``); None: no noise,
+        and no uncertainty.
     progress:
-        Called with frames done and frames in all, every 500 frames; with a planted foot twice over.
+        Called with frames done and frames in all, every 500 frames; twice with a planted foot.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def analyze(
     gap = finite_number("gap", gap, above=0.0)
     robot = motion.robot
     refuse_loops("analyze", robot)
-    names = chosen_feet(robot, feet)
+    names = feet_to_check(robot, feet)
     estimated = isinstance(noise, str) and noise == ESTIMATED
     correlated = hasattr(noise, "filtered") and motion.base is not None
     if not (noise is None or estimated or isinstance(noise, Noise) or correlated):
@@ -101,10 +101,10 @@ def analyze(
     axes = track(whole.inertia, gap=gap)
     measured = None
     if motion.forces is not None:
-        told = motion.forces
+        forces = motion.forces
         wrenches = {
-            foot: smooth_forces(told.time, wrench, frames.time, frames.cutoff)
-            for foot, wrench in told.wrenches.items()
+            foot: smooth_forces(forces.time, wrench, frames.time, frames.cutoff)
+            for foot, wrench in forces.wrenches.items()
         }
         measured = ground_wrench(wrenches, whole)
     reaction = ground_reaction(robot, whole, height, measured)
@@ -116,8 +116,8 @@ def analyze(
         pendulum = Pendulum(
             robot, whole, axes, reaction, names, margin, height, measured is not None
         )
-        uncertainty = propagated(pendulum, frames, frames.noise)
-    spin = np.linalg.solve(whole.inertia, whole.momentum[:, 3:, None])[..., 0]
+        uncertainty = propagate_noise(pendulum, frames, frames.noise)
+    angular_velocity = np.linalg.solve(whole.inertia, whole.momentum[:, 3:, None])[..., 0]
     return RmpSeries(
         robot=robot,
         source=motion.source,
@@ -145,7 +145,7 @@ def analyze(
         radii=np.sqrt(3.0 / robot.mass * axes.second_moments),
         axes=axes.axes,
         axes_defined=axes.defined,
-        average_angular_velocity=spin,
+        average_angular_velocity=angular_velocity,
         axes_angular_velocity=_axes_rate(whole, axes),
     )
 
@@ -153,6 +153,8 @@ def analyze(
 def _axes_rate(whole: CentroidalSeries, axes: TrackedAxes) -> Array:
     """Return the angular velocity of the axes (n, 3), NaN where one is undefined."""
     rate = np.full((len(axes.axes), 3), np.nan)
-    clear = axes.defined.all(axis=1)
-    rate[clear] = turning_rate(whole.inertia[clear], whole.inertia_rate[clear], axes.axes[clear])
+    defined = axes.defined.all(axis=1)
+    rate[defined] = turning_rate(
+        whole.inertia[defined], whole.inertia_rate[defined], axes.axes[defined]
+    )
     return rate

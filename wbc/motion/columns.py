@@ -1,4 +1,4 @@
-"""The columns of a recording: what they mean, in which unit, and checks on their numbers."""
+"""The columns of a recording: meaning, units, and checks of their numbers."""
 
 from __future__ import annotations
 
@@ -17,28 +17,27 @@ from wbc.validate import Array
 TIME = ("time", "t")
 PLACE, QUATERNION = BASE[:3], BASE[3:]
 ANGLES = ("base_roll", "base_pitch", "base_yaw")
-UNIT = 1e-2  # how far the norm of a recorded quaternion may be from 1: two decimals are enough
+NORM_TOLERANCE = 1e-2  # of a recorded quaternion: two decimals are enough
 SUFFIXES = ("deg", "rad")
 # Groups of columns that wbc run and wbc sim write beside time and configuration, GROUP/NAME.
-OWN = frozenset(
+WBC_GROUPS = frozenset(
     (
         *("velocity", "com", "inertia", "error", "target", "limits", "balance", "constraint"),
         *("held_back", "tick", "torque", "forces", "planned_forces", "wrenches", "cop"),
         *("planned_cop", "trunk"),
     )
 )
-TENFOLD = 10.0  # so far past its limits that a joint must be in another unit
+WRONG_UNIT_RATIO = 10.0  # of a position to its limits: then the joint is in another unit
 
 
 class UnknownColumnError(UnknownNameError):
-    """The column ``name`` of a recording means nothing for its robot."""
+    """The column ``name`` of a recording is none of its robot."""
 
     def __init__(self, file: str, name: str, choices: Iterable[str]) -> None:
         super().__init__("column", shortened(name), choices)
         self.file = file
         self.args = (
-            f"{file}: {self}; correct it, or declare that it be passed over (ignore, as in"
-            f" --ignore {name!r})",
+            f"{file}: {self}; correct it, or have it ignored (ignore, as in --ignore {name!r})",
         )
 
 
@@ -50,7 +49,7 @@ def configuration_columns(robot: Robot) -> tuple[str, ...]:
     return tuple(names)
 
 
-def with_angles(table: MotionTable, robot: Robot) -> MotionTable:
+def cos_sin_to_angles(table: MotionTable, robot: Robot) -> MotionTable:
     """Return the table with the (cos, sin) of continuous joints replaced by their angles."""
     columns, values = list(table.columns), table.values
     for k in robot.limits.unbounded:
@@ -67,28 +66,28 @@ def with_angles(table: MotionTable, robot: Robot) -> MotionTable:
 def read_columns(
     table: MotionTable, robot: Robot, ignore: Sequence[str], degrees: bool
 ) -> tuple[dict[str, int], Array]:
-    """Return which column holds ``time``, a joint or a part of the base; and numbers in SI units.
+    """Return the columns of ``time``, joints and base, and all numbers in SI units.
 
     Parameters
     ----------
     ignore:
-        Columns to pass over; shell-style patterns.
+        Columns to ignore; shell-style patterns.
     degrees:
         Angles whose column names no unit are in degrees.
 
     Returns
     -------
     where:
-        Columns by what they hold.
+        Column indices by quantity.
     values:
         All numbers (n, k) [rad, m, s].
 
     Raises
     ------
     UnknownColumnError
-        A column that is none of these, with the nearest that is.
+        A column that is none of these, with the nearest that is one.
     RecordingError
-        Two columns that hold the same, one without a name, or a unit that does not fit.
+        Two columns of one quantity, one without a name, or an unknown unit.
     """
     turning = dict(zip(robot.joint_names, turning_joints(robot), strict=True))
     known = {*TIME, *PLACE, *QUATERNION, *ANGLES, *turning}
@@ -99,11 +98,11 @@ def read_columns(
         if not header:
             if np.isnan(values[:, k]).all():  # every line ends with a delimiter
                 continue
-            what = f"column {k + 1} has no name; give it one, or pass it over: ignore = ''"
+            what = f"column {k + 1} has no name; give it one, or ignore it: ignore = ''"
             raise RecordingError(what, table.source)
         name, unit = _split(header, known)
         name = name.lower() if name.lower() in TIME else name
-        if name not in known and name.partition("/")[0] in OWN and "/" in name:
+        if name not in known and name.partition("/")[0] in WBC_GROUPS and "/" in name:
             continue
         if name not in known:
             choices = {"time", *robot.joint_names, *PLACE, *QUATERNION}
@@ -122,7 +121,7 @@ def read_columns(
 
 
 def _split(header: str, known: set[str]) -> tuple[str, str | None]:
-    """Return name and unit; a name that exists is never taken for one with a unit."""
+    """Return name and unit; an existing name is never split."""
     if header in known:
         return header, None
     if header.endswith((")", "]")):
@@ -134,9 +133,9 @@ def _split(header: str, known: set[str]) -> tuple[str, str | None]:
     return (name, unit) if mark and unit in SUFFIXES else (header, None)
 
 
-def _unit_factors(name: str, turns: bool, degrees: bool) -> dict[str | None, float]:
-    """Return factors to rad, m or s by the unit that a column names, or None."""
-    if turns:
+def _unit_factors(name: str, is_angle: bool, degrees: bool) -> dict[str | None, float]:
+    """Return factors to rad, m or s by unit; None is a column without one."""
+    if is_angle:
         degree = np.pi / 180.0
         return {"rad": 1.0, "deg": degree, None: degree if degrees else 1.0}
     if name in QUATERNION:
@@ -145,10 +144,10 @@ def _unit_factors(name: str, turns: bool, degrees: bool) -> dict[str | None, flo
     return {unit: 1.0, f"m{unit}": 1e-3, None: 1.0}
 
 
-def base_from(table: MotionTable, values: Array, where: Mapping[str, int]) -> Array | None:
+def read_base(table: MotionTable, values: Array, where: Mapping[str, int]) -> Array | None:
     """Return the base (n, 7), position and quaternion xyzw, or None if the file has none.
 
-    Roll, pitch and yaw turn about the fixed axes x, y, z in this order (R = Rz Ry Rx).
+    Roll, pitch and yaw are about the fixed axes x, y, z in this order (R = Rz Ry Rx).
 
     Raises
     ------
@@ -162,23 +161,23 @@ def base_from(table: MotionTable, values: Array, where: Mapping[str, int]) -> Ar
         return None
     if quaternion and angles:
         raise RecordingError("base: give quaternions or angles, not both", table.source)
-    turn = ANGLES if angles else QUATERNION
-    missing = [name for name in (*PLACE, *turn) if name not in where]
+    rotation = ANGLES if angles else QUATERNION
+    missing = [name for name in (*PLACE, *rotation) if name not in where]
     if missing:
         raise RecordingError(f"the base is not complete: {', '.join(missing)}", table.source)
-    position, turned = (values[:, [where[name] for name in part]] for part in (PLACE, turn))
+    position, rotations = (values[:, [where[name] for name in part]] for part in (PLACE, rotation))
     if angles:
         quaternions = np.full((len(values), 4), np.nan)
-        whole = np.isfinite(turned).all(axis=1)
-        quaternions[whole] = Rotation.from_euler("xyz", turned[whole]).as_quat()
+        known = np.isfinite(rotations).all(axis=1)
+        quaternions[known] = Rotation.from_euler("xyz", rotations[known]).as_quat()
         return np.hstack((position, quaternions))
-    norm = np.linalg.norm(turned, axis=1)
-    wrong = np.flatnonzero(np.abs(norm - 1.0) > UNIT)
+    norm = np.linalg.norm(rotations, axis=1)
+    wrong = np.flatnonzero(np.abs(norm - 1.0) > NORM_TOLERANCE)
     if len(wrong):
         row = int(wrong[0])
         what = f"quaternion of norm {norm[row]:.6g}, expected 1; correct it, or leave out the row"
         raise table.error(what, where["base_qx"], row)
-    return np.hstack((position, turned / norm[:, None]))
+    return np.hstack((position, rotations / norm[:, None]))
 
 
 # ---------------------------------------------------------------------- checks
@@ -189,9 +188,9 @@ def check_times(table: MotionTable, time: Array, column: int) -> None:
     unknown = np.flatnonzero(~np.isfinite(time))
     if len(unknown):
         raise table.error("there is no time here; remove the row", column, int(unknown[0]))
-    back = np.flatnonzero(np.diff(time) <= 0.0)
-    if len(back):
-        row = int(back[0]) + 1
+    not_increasing = np.flatnonzero(np.diff(time) <= 0.0)
+    if len(not_increasing):
+        row = int(not_increasing[0]) + 1
         what = (
             f"time must increase from row to row, but {time[row - 1]:.12g} is followed by"
             f" {time[row]:.12g}; sort the rows, and remove those that are there twice"
@@ -230,14 +229,14 @@ def check_limits(
     if not wrong.any():
         return
     reach = np.fmax(np.abs(limits.lower), np.abs(limits.upper))
-    degrees = bool((wrong & (np.abs(joints) > TENFOLD * reach)).any())
+    degrees = bool((wrong & (np.abs(joints) > WRONG_UNIT_RATIO * reach)).any())
     row = int(np.flatnonzero(wrong.any(axis=1))[0])
     k = int(np.argmax(np.where(wrong[row], excess[row], -np.inf)))
     worst = 1.001 * float(np.nanmax(np.where(recorded, excess, -np.inf)))  # rounds up
     remedy = (
-        "are the angles in degrees? Then declare that (degrees), or name the unit: 'knee [deg]'"
+        "are the angles in degrees? Then say so (degrees), or name the unit: 'knee [deg]'"
         if degrees
-        else f"correct it, or allow joints to be {worst:.4g} past them (beyond)"
+        else f"correct it, or allow {worst:.4g} past the limits (beyond)"
     )
     what = (
         f"{joints[row, k]:.6g} is outside the limits [{limits.lower[k]:g}, {limits.upper[k]:g}] of"

@@ -18,27 +18,26 @@ from wbc.rotations import same_sign
 from wbc.validate import Array
 
 GAP, MISSING, FROZEN = "gap in time", "missing numbers", "frozen"
-# Steps longer than this many median steps are gaps: one lost row makes two.
-LOST = 1.75
-# Rows are frozen if some joint, at the speed it has on both sides, should meanwhile have moved by
-# this much [rad or m], and by so many of the smallest steps it is recorded in.
-UNMOVED, QUANTA = 1e-3, 3.0
-AROUND = 5  # steps on each side that the speed is taken from
+GAP_RATIO = 1.75  # of a gap to the median step: one lost row makes two
+# Rows are frozen if some joint, at the speed before and after them, should have moved by more than
+# this [rad or m], and by more than so many quanta of its recording.
+MIN_EXPECTED_MOTION, MIN_QUANTA = 1e-3, 3.0
+SPEED_STEPS = 5  # on each side, over which the speed is taken
 LISTED = 4
-SLACK = 1e-9  # s: a gap that is the longest allowed but for rounding
-MOST_FRAMES = 1_000_000  # with 3 kB or so each
+TIME_TOLERANCE = 1e-9  # s, of rounding
+MAX_FRAMES = 1_000_000  # with 3 kB or so each
 
 
 @dataclass(frozen=True)
 class Dropout:
-    """Something that a recording lacks."""
+    """Missing or frozen data of a recording."""
 
     kind: str  # gap in time, missing numbers or frozen
     # start and end: times of the last good row before and the first one after [s].
     start: float
     end: float
-    columns: tuple[str, ...]  # what is concerned: joints and base columns
-    filled: bool  # true if it was interpolated over; else the rows are as recorded
+    columns: tuple[str, ...]  # joints and base columns that are affected
+    filled: bool  # True if interpolated; else the rows are as recorded
 
     @property
     def duration(self) -> float:
@@ -61,7 +60,7 @@ def fill_gaps(
     fill: bool,
     longest: float,
 ) -> tuple[Array, Array, tuple[Dropout, ...]]:
-    """Return times, content without NaN, and what was missing.
+    """Return times, content without NaN, and the dropouts.
 
     Parameters
     ----------
@@ -74,27 +73,27 @@ def fill_gaps(
     fill:
         Fill missing numbers and frozen rows; gaps in time are always filled.
     longest:
-        Longest time to interpolate over [s].
+        Longest gap that is interpolated [s].
 
     Raises
     ------
     RecordingError
-        Something to be filled lasts longer, or is at the recording's begin or end.
+        A gap to be filled is longer, or at the recording's beginning or end.
     """
     count = len(robot.joint_names)
     content = content.copy()
     dropouts = list[Dropout]()
 
     def note(kind: str, rows: tuple[int, int], columns: tuple[str, ...], filled: bool) -> None:
-        """Note the gap between two good rows; raise an error if it is too long to be filled."""
+        """Append the gap between two good rows; raise an error if it is too long to be filled."""
         before, after = rows
         column = next((where[name] for name in columns if name in where), None)
         if before < 0 or after >= len(time):
-            what = "numbers are missing at the begin or end, where there is nothing to interpolate"
+            what = "numbers are missing at the beginning or end, where they cannot be interpolated"
             what = f"{what} ({', '.join(columns)}); cut these rows off"
             raise table.error(what, column, before + 1)
         dropout = Dropout(kind, float(time[before]), float(time[after]), columns, filled)
-        if filled and dropout.duration > longest + SLACK:
+        if filled and dropout.duration > longest + TIME_TOLERANCE:
             what = (
                 f"nothing usable from {dropout.start:.12g} s to {dropout.end:.12g} s,"
                 f" {dropout.duration:.3g} s; only up to {longest:g} s is interpolated: declare a"
@@ -110,22 +109,22 @@ def fill_gaps(
         end = last + 1
         note(FROZEN, (first, end), columns, fill)
         if fill:
-            # The base is recorded apart, and may go on where the joints are frozen.
-            still = (content[first:end] == content[first]).all(axis=0)
-            content[first + 1 : end, still] = np.nan
+            # The base is recorded separately, and may move while the joints are frozen.
+            frozen = (content[first:end] == content[first]).all(axis=0)
+            content[first + 1 : end, frozen] = np.nan
     steps = np.diff(time)
-    gaps = np.flatnonzero(steps > LOST * np.median(steps)).tolist() if len(steps) else []
+    gaps = np.flatnonzero(steps > GAP_RATIO * np.median(steps)).tolist() if len(steps) else []
     for row in gaps:
         note(GAP, (row, row + 1), ("all",), True)
     unwrap(robot, content[:, :count], content[:, count + len(PLACE) :])
-    time, content = _with_rows_in_gaps(time, content, gaps)
-    return time, _interpolated(time, content), tuple(sorted(dropouts, key=lambda one: one.start))
+    time, content = _insert_rows(time, content, gaps)
+    return time, _interpolate(time, content), tuple(sorted(dropouts, key=lambda one: one.start))
 
 
 def _rounded_up(seconds: float) -> float:
-    """Return a duration rounded up to two digits, so that it can be declared as it is told."""
+    """Return a duration rounded up to two digits, so that the printed value is allowed."""
     unit = 10.0 ** (math.floor(math.log10(seconds)) - 1)
-    return unit * math.ceil(seconds / unit - SLACK)
+    return unit * math.ceil(seconds / unit - TIME_TOLERANCE)
 
 
 def unwrap(robot: Robot, joints: Array, quaternions: Array) -> None:
@@ -148,9 +147,9 @@ def unwrap(robot: Robot, joints: Array, quaternions: Array) -> None:
 
 
 def _missing_runs(content: Array, names: Sequence[str]) -> dict[tuple[int, int], tuple[str, ...]]:
-    """Return columns by the good rows before and after each run of NaN in (n, k) that they share.
+    """Return the columns of each run of NaN in (n, k), by the good rows before and after it.
 
-    The row before is -1, or the row after n, where a run is not enclosed.
+    The row before is -1, or the row after n, at the beginning or end.
     """
     found: dict[tuple[int, int], tuple[str, ...]] = {}
     holes = np.isnan(content)
@@ -161,7 +160,7 @@ def _missing_runs(content: Array, names: Sequence[str]) -> dict[tuple[int, int],
 
 
 def runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return begin and end (exclusive) of each run of True."""
+    """Return the start and end (exclusive) of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], marked, [False])).astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -169,16 +168,18 @@ def runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def _frozen_runs(time: Array, joints: Array) -> Iterator[tuple[int, int, NDArray[np.bool_]]]:
     """Yield the first and last row of each frozen run, and which joints (k,) should have moved.
 
-    Rows repeat exactly, in all joints, while the robot moves before and after. A robot at rest, or
-    slow for how finely it is recorded, is not frozen. NaN never repeats.
+    Frozen rows repeat exactly, in all joints, while the robot moves before and after. A robot at
+    rest, or slow by the quantum of its recording, is not frozen. NaN never repeats.
     """
     if len(time) < 3 or joints.shape[1] == 0:
         return
     steps = np.abs(np.diff(joints, axis=0))
     quantum = np.where(steps > 0.0, steps, np.inf).min(axis=0)  # (k,)
-    least = np.maximum(UNMOVED, QUANTA * np.where(np.isfinite(quantum), quantum, 0.0))
+    least = np.maximum(
+        MIN_EXPECTED_MOTION, MIN_QUANTA * np.where(np.isfinite(quantum), quantum, 0.0)
+    )
     for first, last in runs((steps == 0.0).all(axis=1)):
-        before, after = max(first - AROUND, 0), min(last + AROUND, len(time) - 1)
+        before, after = max(first - SPEED_STEPS, 0), min(last + SPEED_STEPS, len(time) - 1)
         if before == first or after == last:
             continue
         speed = np.minimum(
@@ -191,7 +192,7 @@ def _frozen_runs(time: Array, joints: Array) -> Iterator[tuple[int, int, NDArray
             yield first, last, moved
 
 
-def _with_rows_in_gaps(time: Array, values: Array, gaps: Sequence[int]) -> tuple[Array, Array]:
+def _insert_rows(time: Array, values: Array, gaps: Sequence[int]) -> tuple[Array, Array]:
     """Return times and values with rows of NaN after rows ``gaps``, a median step apart.
 
     Raises
@@ -212,8 +213,8 @@ def _with_rows_in_gaps(time: Array, values: Array, gaps: Sequence[int]) -> tuple
     return np.insert(time, where, inserted), np.insert(values, where, np.nan, axis=0)
 
 
-def _interpolated(time: Array, values: Array) -> Array:
-    """Return values (n, k) with NaN filled in from the rows around, without overshoot (PCHIP).
+def _interpolate(time: Array, values: Array) -> Array:
+    """Return values (n, k) with NaN interpolated, without overshoot (PCHIP).
 
     Each column must hold a number in its first and last row.
     """
@@ -227,9 +228,9 @@ def _interpolated(time: Array, values: Array) -> Array:
 
 
 def check_count(what: str, seconds: float, step: float) -> None:
-    """Raise InvalidInputError if a time holds more steps than can be handled."""
-    if seconds > MOST_FRAMES * step:
+    """Raise InvalidInputError if a duration has more steps than can be handled."""
+    if seconds > MAX_FRAMES * step:
         raise InvalidInputError(
             f"{what}: {seconds:.4g} s would be {seconds / step:.3g} frames; at most"
-            f" {MOST_FRAMES:,} are possible"
+            f" {MAX_FRAMES:,} are possible"
         )

@@ -1,8 +1,8 @@
-"""What the low-pass and the spline leave of white noise: in values, velocities, accelerations.
+"""Covariance of filtered white noise: values, velocities, accelerations after low-pass and spline.
 
-Both are linear in the recording's rows. So white noise comes out Gaussian, of one covariance among
-value, velocity and acceleration in each row: the energy of the filter's impulse responses. Away
-from the ends it is the same in all rows.
+Both are linear in the recording's rows, so the output is Gaussian, with one covariance among value,
+velocity and acceleration in each row: the energy of the filter's impulse responses. Away from the
+ends it is the same in all rows.
 """
 
 from __future__ import annotations
@@ -12,35 +12,35 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from wbc.motion.filtering import edge_rows, low_passed
+from wbc.motion.filtering import edge_rows, low_pass
 from wbc.motion.noise import Noise
 from wbc.validate import Array
 
-SPLINE_ROWS = 40  # by which the spline's ends are forgotten: they fade by 0.43 a row
-COLUMNS_AT_ONCE = 256
-FLIPPED = np.array([1.0, -1.0, 1.0])  # of value, velocity, acceleration if time runs backwards
+SPLINE_ROWS = 40  # reach of the spline's ends, which fade by 0.43 a row
+COLUMNS_PER_BATCH = 256
+REVERSED_TIME = np.array([1.0, -1.0, 1.0])  # signs of value, velocity, acceleration
 
 
 @dataclass(frozen=True, eq=False)
 class FilteredNoise:
-    """A recording's noise, and what the filter and the differentiation leave of it."""
+    """A recording's noise, and its covariances after filter and differentiation."""
 
     recorded: Noise
     # Of noise of variance 1 (n, 3 p, 3 p): see noise_covariances. With p = 2 passes, the base went
     # through the filter twice.
     covariances: Array
-    # Of errors that are correlated among the channels: roots (nv, k) of their covariance, in place
-    # of the standard deviations of ``recorded``; and of such as do not change over time.
+    # Roots (nv, k) of the covariance of errors that are correlated among the channels, in place of
+    # the standard deviations of ``recorded``; and of constant errors.
     root: Array | None = None
     constant: Array | None = None
-    late: float = 0.0  # of all times together, one standard deviation [s]
+    late: float = 0.0  # standard deviation of the clock [s]
 
 
 def noise_covariances(count: int, rate: float, cutoff: float | None, passes: int = 1) -> Array:
     """Return covariances (n, 3 p, 3 p) of noise of variance 1, filtered and differentiated.
 
-    Of value, velocity and acceleration in each row, in units of the noise and s; with ``passes`` of
-    the filter p, behind those after the first pass come those after the second, and so on.
+    Of value, velocity and acceleration in each row, in units of the noise and s, after each of the
+    ``passes`` p of the filter.
 
     Parameters
     ----------
@@ -53,14 +53,16 @@ def noise_covariances(count: int, rate: float, cutoff: float | None, passes: int
         passes, edge = 1, SPLINE_ROWS
     else:
         edge = edge_rows(count, rate, cutoff) + SPLINE_ROWS
-    short = min(count, 3 * passes * edge)  # what one end and the middle know of the other end: none
+    short = min(
+        count, 3 * passes * edge
+    )  # then one end and the middle do not depend on the other end
     time = np.arange(short) / rate
     found = np.zeros((short, 3 * passes, 3 * passes))
-    for first in range(0, short, COLUMNS_AT_ONCE):
-        noise: Array = np.eye(short, min(COLUMNS_AT_ONCE, short - first), -first)
+    for first in range(0, short, COLUMNS_PER_BATCH):
+        noise: Array = np.eye(short, min(COLUMNS_PER_BATCH, short - first), -first)
         parts = []
         for _ in range(passes):
-            noise = low_passed(noise, rate, cutoff)
+            noise = low_pass(noise, rate, cutoff)
             curve = make_interp_spline(time, noise, k=5)
             parts += [curve(time, order) for order in range(3)]
         responses = np.stack(parts, axis=1)  # (rows, 3 passes, columns)
@@ -70,5 +72,5 @@ def noise_covariances(count: int, rate: float, cutoff: float | None, passes: int
     row = np.arange(count)
     mirrored = row > count - 1 - row
     nearest = np.minimum(np.minimum(row, count - 1 - row), short // 2)
-    signs = np.where(mirrored[:, None], np.tile(FLIPPED, passes), 1.0)
+    signs = np.where(mirrored[:, None], np.tile(REVERSED_TIME, passes), 1.0)
     return np.asarray(signs[:, :, None] * found[nearest] * signs[:, None, :])

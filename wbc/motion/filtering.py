@@ -1,4 +1,4 @@
-"""The low-pass of a recording: zero phase, with ends that keep their velocity and acceleration."""
+"""Zero-phase low-pass of a recording that keeps velocity and acceleration at its ends."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from wbc.errors import InvalidInputError
 from wbc.validate import Array, finite_number
 
 ORDER = 4  # of the Butterworth filter; run both ways it falls by 48 dB per octave
-EDGE = 3.0  # periods of the cutoff by which a series is continued beyond its ends,
-TERMS = 6  # by a polynomial of so many terms
+PADDING = 3.0  # periods of the cutoff by which a series is extrapolated at its ends
+TERMS = 6  # of the polynomial of the extrapolation
 
 
-def low_passed(values: Array, rate: float, cutoff: float | None) -> Array:
+def low_pass(values: Array, rate: float, cutoff: float | None) -> Array:
     """Return values (n, k) after a low-pass at ``cutoff`` [Hz], without delay.
 
-    Butterworth of order 4, run forward and backward: no phase. Its own cutoff is set higher, so
-    that both runs together let 1/sqrt(2) of the amplitude at ``cutoff`` pass. Within about a period
-    of the cutoff from both ends the values rest on a continuation: the polynomial that fits best
-    there, which keeps velocity and acceleration (to 0.5% for a sine of 0.7 Hz at a cutoff of 10 Hz,
-    but to 25% for 2 Hz), and the rest mirrored through the last point.
+    Butterworth of order 4, run forward and backward: no phase. Its design cutoff is higher, so that
+    both runs together have a gain of 1/sqrt(2) at ``cutoff``. Within about a period of the cutoff
+    from both ends the values depend on an extrapolation: the best-fitting polynomial, which keeps
+    velocity and acceleration (to 0.5% for a sine of 0.7 Hz at a cutoff of 10 Hz, but to 25% for
+    2 Hz), and the residual mirrored through the last point.
 
     Raises
     ------
@@ -33,35 +33,35 @@ def low_passed(values: Array, rate: float, cutoff: float | None) -> Array:
     if cutoff >= 0.5 * rate:
         raise InvalidInputError(
             f"cutoff: {cutoff:g} Hz is not below half the recording's {rate:.6g} Hz; choose a lower"
-            " one, or none; or are its times not in s?"
+            " one or none; or are its times not in s?"
         )
     if cutoff * len(values) < rate:
         raise InvalidInputError(
             f"cutoff: the recording's {len(values) / rate:.4g} s are less than a period of"
             f" {cutoff:g} Hz; choose a higher one, or none"
         )
-    # In the bilinear transform's frequency tan(pi f / rate) the digital filter is the analog one.
+    # The bilinear transform maps the frequency f to tan(pi f / rate).
     warped = np.tan(np.pi * cutoff / rate) / (np.sqrt(2.0) - 1.0) ** (0.5 / ORDER)
     sections = butter(ORDER, 2.0 * np.arctan(warped) / np.pi, output="sos")
     edge = edge_rows(len(values), rate, cutoff)
-    before, after = _continued(values, edge), _continued(values[::-1], edge)[::-1]
-    longer = np.concatenate((before, values, after))
-    # Mirrored once more, so that the filter has forgotten how it started when it gets here.
-    filtered = sosfiltfilt(sections, longer, axis=0, padtype="odd", padlen=edge)
+    before, after = _extrapolate(values, edge), _extrapolate(values[::-1], edge)[::-1]
+    padded = np.concatenate((before, values, after))
+    # Padded once more, so that the filter's initial transient has decayed.
+    filtered = sosfiltfilt(sections, padded, axis=0, padtype="odd", padlen=edge)
     return np.asarray(filtered[edge : edge + len(values)])
 
 
 def edge_rows(count: int, rate: float, cutoff: float) -> int:
-    """Return how many of ``count`` rows at each end the continuation is made from."""
-    return min(count - 1, int(np.ceil(EDGE * rate / cutoff)))
+    """Return the number of rows at each end that determine the extrapolation."""
+    return min(count - 1, int(np.ceil(PADDING * rate / cutoff)))
 
 
-def _continued(values: Array, count: int) -> Array:
-    """Return what might come before values (n, k): (count, k), in order of time."""
+def _extrapolate(values: Array, count: int) -> Array:
+    """Extrapolate values (n, k) backwards by ``count`` rows (count, k), in order of time."""
     t = np.arange(count + 1) / count
     terms = min(TERMS, count // 2 + 1)
     head, powers = values[: count + 1], np.vander(t, terms)
     trend = np.linalg.lstsq(powers, head, rcond=None)[0]
-    rest = head - powers @ trend
-    before = np.vander(-t[1:], terms) @ trend + 2.0 * rest[0] - rest[1:]
+    residual = head - powers @ trend
+    before = np.vander(-t[1:], terms) @ trend + 2.0 * residual[0] - residual[1:]
     return np.asarray(before[::-1])

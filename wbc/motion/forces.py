@@ -1,4 +1,4 @@
-"""Forces that the soles measured in a recording, and the ground's wrench made of them."""
+"""Measured forces at the soles of a recording, and the ground's wrench by them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class MeasuredForces:
 
 
 def read_forces(path: Path, robot: Robot, time: Array) -> MeasuredForces | None:
-    """Return what ``wbc sim -o FILE.npz`` says that the soles measured, or None if nothing does.
+    """Return the forces that ``wbc sim -o FILE.npz`` wrote for the soles, or None without any.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The ground in all frames at once: its force, CoP, CMP, the leg, standing feet and CoP margin."""
+"""The ground's force, CoP, CMP, leg, standing feet and CoP margin, in all frames at once."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.motion.planted import AUTO
+from wbc.motion.planted_base import AUTO
 from wbc.rmp.axes import Bools
 from wbc.rmp.ground import (
     centre_of_pressure,
@@ -22,16 +22,15 @@ from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries
 from wbc.validate import Array, names_of
 
-# m: a foot stands if all corners of its sole are this near to the ground.
-TOUCHING = 0.01
-SAME = 1e-9  # m: corners nearer than this are one
-CHUNK = 500  # frames at once: their arrays stay in the processor's cache
-STRAIGHT = 1e-9  # rad: a corner this little to the right of an edge is on it
+MAX_SOLE_HEIGHT = 0.01  # m, of all corners of a sole that stands
+SAME_CORNER = 1e-9  # m, between corners
+FRAMES_PER_BATCH = 500  # whose arrays stay in the processor's cache
+COLLINEAR = 1e-9  # rad: a corner at this angle to the right of an edge is on it
 
 
 @dataclass(frozen=True, eq=False)
 class GroundReaction:
-    """The ground's force and the leg, by the names of :class:`wbc.motion.RmpSeries`."""
+    """The ground's force and the leg, named as in :class:`wbc.motion.RmpSeries`."""
 
     ground_force: Array
     ground_moment: Array
@@ -54,8 +53,7 @@ def ground_reaction(
     Parameters
     ----------
     measured:
-        Force [N] and moment about the CoM [N m] of the ground (n, 3); None: those that the motion
-        needs.
+        Force [N] and moment about the CoM [N m] of the ground (n, 3); None: by the motion.
 
     Raises
     ------
@@ -72,17 +70,17 @@ def ground_reaction(
     length, direction, angles = leg_of(com, p)
     return GroundReaction(
         ground_force=force,
-        ground_moment=_where(on, normal_moment(com, f, k, p)),
-        cop=_where(on, p),
-        cmp=_where(on, centroidal_moment_pivot(com, f, height)),
+        ground_moment=_in_contact_frames(on, normal_moment(com, f, k, p)),
+        cop=_in_contact_frames(on, p),
+        cmp=_in_contact_frames(on, centroidal_moment_pivot(com, f, height)),
         flight=~on,
-        leg_length=_where(on, length),
-        leg_direction=_where(on, direction),
-        leg_angles=_where(on, angles),
+        leg_length=_in_contact_frames(on, length),
+        leg_direction=_in_contact_frames(on, direction),
+        leg_angles=_in_contact_frames(on, angles),
     )
 
 
-def _where(on: Bools, values: Array) -> Array:
+def _in_contact_frames(on: Bools, values: Array) -> Array:
     """Return values for all frames, NaN where ``on`` (n,) is False."""
     spread = np.full((len(on), *values.shape[1:]), np.nan)
     spread[on] = values
@@ -91,22 +89,22 @@ def _where(on: Bools, values: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SupportMargin:
-    """How far n points are inside what f feet span, and what that changes with, to first order."""
+    """Distance of n points inside the hull of f feet, and its derivatives."""
 
     margin: Array  # (n,) [m], negative outside, NaN where no foot stands
-    # Gradient by the point (n, 2): a unit vector away from the nearest edge, or towards it; on an
-    # edge, where it has a kink, 0.
-    slope: Array
-    # Share of each foot (n, f) in the edge's nearest point, whose moves take back those of the
-    # point.
-    shares: Array
+    # By the point (n, 2): a unit vector away from the nearest edge if inside, else towards it; 0 on
+    # an edge, where it has a kink.
+    gradient: Array
+    # Weight of each foot (n, f) in the edge's nearest point: derivatives by feet are minus the
+    # gradient times it.
+    weights: Array
 
 
 # ---------------------------------------------------------------------- feet
 
 
-def chosen_feet(robot: Robot, feet: str | Iterable[str] | None) -> tuple[str, ...]:
-    """Return the feet to be judged: those named, all for ``auto``, none for None.
+def feet_to_check(robot: Robot, feet: str | Iterable[str] | None) -> tuple[str, ...]:
+    """Return the feet to check: those named, all for ``auto``, none for None.
 
     Raises
     ------
@@ -144,16 +142,18 @@ def standing_feet(
     soles:
         Placement of each foot's sole (n, 4, 4).
     fixed:
-        True if the feet named stand all the time; else those near the ground do.
+        Whether the named feet stand all the time, rather than those near the ground.
     planted:
-        The planted foot (n,), which stands in any case unless ``fixed``.
+        The planted foot (n,), which always stands unless ``fixed``.
     """
     count = len(reaction.flight)
     if not names:
         return np.zeros((count, 0), dtype=bool), None
     columns = [tuple(robot.feet).index(name) for name in names]
     corners = sole_corners(robot, soles)[:, columns]
-    standing = np.ones((count, len(names)), dtype=bool) if fixed else touching(corners, height)
+    standing = (
+        np.ones((count, len(names)), dtype=bool) if fixed else feet_near_ground(corners, height)
+    )
     if planted is not None and not fixed:
         standing |= planted[:, None] == np.array(columns)
     standing &= ~reaction.flight[:, None] | fixed
@@ -161,7 +161,7 @@ def standing_feet(
 
 
 def sole_corners(robot: Robot, soles: Mapping[str, Array]) -> Array:
-    """Return the corners (n, f, k, 3) [m] of all soles; ones with fewer repeat their last."""
+    """Return the corners (n, f, k, 3) [m] of all soles; soles with fewer repeat their last one."""
     most = max(len(foot.polygon) for foot in robot.feet.values())
     parts = []
     for name, foot in robot.feet.items():
@@ -171,13 +171,13 @@ def sole_corners(robot: Robot, soles: Mapping[str, Array]) -> Array:
     return np.stack(parts, axis=1)
 
 
-def touching(corners: Array, height: float) -> NDArray[np.bool_]:
-    """Return which feet stand (n, f), bool: all corners within 1 cm of the ground."""
-    return np.asarray((np.abs(corners[..., 2] - height) <= TOUCHING).all(axis=2))
+def feet_near_ground(corners: Array, height: float) -> NDArray[np.bool_]:
+    """Return the feet (n, f) with all corners within 1 cm of the ground."""
+    return np.asarray((np.abs(corners[..., 2] - height) <= MAX_SOLE_HEIGHT).all(axis=2))
 
 
 def support_margins(corners: Array, standing: NDArray[np.bool_], points: Array) -> SupportMargin:
-    """Return how far points are inside the hull of the standing soles.
+    """Return the distance of points inside the hull of the standing soles.
 
     Negative outside, NaN where no foot stands; else as :func:`wbc.polygon.polygon_margin`.
 
@@ -191,34 +191,34 @@ def support_margins(corners: Array, standing: NDArray[np.bool_], points: Array) 
         (n, 2) or more columns [m].
     """
     count, feet, each = corners.shape[:3]
-    margins, slopes = np.full(count, np.nan), np.full((count, 2), np.nan)
-    shares = np.zeros((count, feet))
+    margins, gradients = np.full(count, np.nan), np.full((count, 2), np.nan)
+    weights = np.zeros((count, feet))
     some = np.flatnonzero(standing.any(axis=1))
     if len(some):
         chosen, stand = corners[some][..., :2], standing[some]
-        # Corners of feet that do not stand are moved onto one that counts anyway.
+        # Corners of feet that do not stand are replaced by one that does.
         anchor = stand.argmax(axis=1)
-        spot = chosen[np.arange(len(some)), anchor, :1]  # (m, 1, 2)
-        flat = np.where(stand[:, :, None, None], chosen, spot[:, None]).reshape(len(some), -1, 2)
+        corner_of_anchor = chosen[np.arange(len(some)), anchor, :1]  # (m, 1, 2)
+        flat = np.where(stand[:, :, None, None], chosen, corner_of_anchor[:, None])
+        flat = flat.reshape(len(some), -1, 2)
         owner = np.where(stand, np.arange(feet), anchor[:, None])  # (m, f)
-        for part in range(0, len(some), CHUNK):
-            rows = slice(part, part + CHUNK)
+        for part in range(0, len(some), FRAMES_PER_BATCH):
+            rows = slice(part, part + FRAMES_PER_BATCH)
             at, inner = some[rows], np.arange(len(some[rows]))
-            margins[at], slopes[at], start, end, along = _margins(flat[rows], points[at, :2])
-            for corner, share in ((start, 1.0 - along), (end, along)):
-                shares[at, owner[rows][inner, corner // each]] += share
-    return SupportMargin(margins, slopes, shares)
+            margins[at], gradients[at], start, end, along = _margins(flat[rows], points[at, :2])
+            for corner, weight in ((start, 1.0 - along), (end, along)):
+                weights[at, owner[rows][inner, corner // each]] += weight
+    return SupportMargin(margins, gradients, weights)
 
 
 def _margins(corners: Array, points: Array) -> tuple[Array, ...]:
-    """Return how far points (n, 2) are inside the hulls of corners (n, k, 2), and by which edge.
+    """Return the margins of points (n, 2) in the hulls of corners (n, k, 2), and the nearest edge.
 
     That is, the margin (n,), its gradient (n, 2), the nearest edge's first and last corner (n,),
     and how far along it the nearest point is (n,), from 0 to 1.
 
-    A line from one corner to another is an edge of the hull if no corner is to its right; hulls
-    need not be built for that. What has no area, a segment or a point, has edges in both directions
-    and no inside.
+    A line from one corner to another is an edge of the hull if no corner is to its right, so hulls
+    need not be built. A segment or a point has edges in both directions and no interior.
     """
     (x, y), (px, py) = corners.transpose(2, 1, 0), points.T  # (k, n) and (n,): frames last
     nearest, frames = np.full(len(px), np.inf), np.arange(len(px))
@@ -228,12 +228,12 @@ def _margins(corners: Array, points: Array) -> tuple[Array, ...]:
     for k in range(len(x)):
         dx, dy, ax, ay = x - x[k], y - y[k], px - x[k], py - y[k]
         length = np.hypot(dx, dy)
-        apart = length > SAME
+        apart = length > SAME_CORNER
         dx, dy = np.where(apart, (dx, dy), 0.0) / np.where(apart, length, 1.0)  # directions
         left = dx[:, None] * dy - dy[:, None] * dx  # sines (k, k, n), of corners from each line
-        edge = (left.min(axis=1) >= -STRAIGHT) & apart
-        area |= (edge & (left.max(axis=1) > STRAIGHT)).any(axis=0)
-        edge[k] = ~apart.any(axis=0)  # all corners in one spot
+        edge = (left.min(axis=1) >= -COLLINEAR) & apart
+        area |= (edge & (left.max(axis=1) > COLLINEAR)).any(axis=0)
+        edge[k] = ~apart.any(axis=0)  # all corners coincide
         along = np.clip(ax * dx + ay * dy, 0.0, length)
         from_edge = ax - along * dx, ay - along * dy
         away = np.where(edge, np.hypot(*from_edge), np.inf)
@@ -241,9 +241,9 @@ def _margins(corners: Array, points: Array) -> tuple[Array, ...]:
         closer = (away[least] < nearest) | np.isnan(away[least])  # of a point that is NaN
         nearest = np.where(closer, away[least], nearest)
         offset = np.where(closer, [part[least] for part in from_edge], offset)
-        share = np.where(closer, along[least] / np.maximum(length[least], SAME), share)
+        share = np.where(closer, along[least] / np.maximum(length[least], SAME_CORNER), share)
         start, end = np.where(closer, k, start), np.where(closer, least[0], end)
         inside &= ((dx * ay - dy * ax >= 0.0) | ~edge).all(axis=0)
     sign = np.where(inside & area, 1.0, -1.0)
-    slope = sign * np.divide(offset, nearest, out=np.zeros_like(offset), where=nearest > 0.0)
-    return sign * nearest, slope.T, start, end, share
+    gradient = sign * np.divide(offset, nearest, out=np.zeros_like(offset), where=nearest > 0.0)
+    return sign * nearest, gradient.T, start, end, share

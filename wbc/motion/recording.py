@@ -1,4 +1,4 @@
-"""A recorded motion, and how it is read from a file."""
+"""A recorded motion, and its reader."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from wbc.kinds import check_path
 from wbc.motion.columns import (
     PLACE,
     QUATERNION,
-    base_from,
     check_finite,
     check_limits,
     check_times,
     configuration_columns,
+    cos_sin_to_angles,
+    read_base,
     read_columns,
-    with_angles,
 )
 from wbc.motion.dropouts import Dropout, fill_gaps
 from wbc.motion.forces import MeasuredForces, read_forces
@@ -29,10 +29,10 @@ from wbc.robot.model import check_robot
 from wbc.validate import Array, finite_array, finite_number, read_only, real_array, set_fields
 
 LONGEST_GAP = 0.1  # s
-# rad or m: encoders are not always calibrated, nor are limits always the mechanical stops. What is
-# past them by so much is told (RmpSeries.past_limits); what is further is a mistake.
+# rad or m: encoders are not always calibrated, nor are limits always the mechanical stops. Joints
+# past them by less are told (RmpSeries.past_limits); by more is an error.
 BEYOND = 0.1
-LEAST_ROWS = 8  # fewer do not tell accelerations
+MIN_ROWS = 8  # for accelerations
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +50,11 @@ class Motion:
     base:
         Position [m] and quaternion xyzw of the base (n, 7); None if it was not recorded.
     dropouts:
-        What the recording lacked, and whether that was filled.
+        Missing or frozen data, and whether they were interpolated.
     source:
-        Where it comes from, for messages.
+        Its origin, for messages.
     forces:
-        What the soles measured; None if nothing did.
+        Measured forces of the soles; None without sensors.
 
     Raises
     ------
@@ -79,9 +79,9 @@ class Motion:
         source = self.source
         check_robot(f"{source}: robot", self.robot)
         count = real_array(f"{source}: time", self.time).size
-        if count < LEAST_ROWS:
+        if count < MIN_ROWS:
             raise InvalidInputError(
-                f"{source}: {count} rows; accelerations need at least {LEAST_ROWS}"
+                f"{source}: {count} rows; accelerations need at least {MIN_ROWS}"
             )
         time = finite_array(f"{source}: time", self.time, (count,))
         joints = finite_array(f"{source}: joints", self.joints, (count, self.robot.nv - 6))
@@ -130,8 +130,8 @@ def read_motion(
     ``wbc sim -o`` adds. Or ``fps``, ``joint_pos``, ``body_pos_w`` and ``body_quat_w`` (w x y z; the
     base is the first body), as mjlab and BeyondMimic have them, with ``joint_names``.
 
-    Rows lost in time are interpolated, and reported as dropouts, up to ``longest_gap``. Rows that
-    repeat while the robot moves (a frozen sensor) are reported, and kept unless ``fill`` is given.
+    Lost rows are interpolated, and reported as dropouts, up to ``longest_gap``. Rows that repeat
+    while the robot moves (a frozen sensor) are reported, and kept unless ``fill`` is given.
 
     Parameters
     ----------
@@ -140,16 +140,16 @@ def read_motion(
     degrees:
         Angles whose column names no unit are in degrees.
     missing:
-        Posture (``standing``, ``neutral``) that gives the joints that the file does not have.
+        Posture (``standing``, ``neutral``) for joints that the file does not have.
     ignore:
-        Columns to pass over, names or patterns such as ``imu_*``; what ``wbc run`` and
-        ``wbc sim`` write beside time and configuration is passed over in any case.
+        Columns to ignore, names or patterns such as ``imu_*``; what ``wbc run`` and ``wbc sim``
+        write beside time and configuration is always ignored.
     beyond:
         How far a joint may be past its limits [rad or m]; by default 0.1, nearly 6 degrees.
     fill:
-        Interpolate over missing numbers and frozen rows too, up to ``longest_gap``.
+        Interpolate missing numbers and frozen rows too, up to ``longest_gap``.
     longest_gap:
-        Longest time that is interpolated over [s].
+        Longest gap that is interpolated [s].
 
     Raises
     ------
@@ -164,21 +164,21 @@ def read_motion(
     beyond = finite_number("beyond", beyond, least=0.0)
     check_path("read_motion, path", path)
     check_robot("read_motion, robot", robot)
-    table = with_angles(_table(Path(path), robot), robot)
+    table = cos_sin_to_angles(_table(Path(path), robot), robot)
     where, values = read_columns(table, robot, ignore, degrees)
     time = _times(table, values, where.get("time"), rate)
     forces = read_forces(Path(path), robot, time) if Path(path).suffix.lower() == ".npz" else None
     check_finite(table, values, list(where.values()), fill)
     joints = _joints(table, values, where, missing, robot)
     check_limits(table, joints, [where.get(name) for name in robot.joint_names], robot, beyond)
-    base = base_from(table, values, where)
+    base = read_base(table, values, where)
     names = (*robot.joint_names, *(() if base is None else (*PLACE, *QUATERNION)))
     content = joints if base is None else np.hstack((joints, base))
     time, content, dropouts = fill_gaps(
         table, time, content, names, where, robot, fill, longest_gap
     )
-    if len(time) < LEAST_ROWS:
-        raise RecordingError(f"{len(time)} rows; at least {LEAST_ROWS} are needed", table.source)
+    if len(time) < MIN_ROWS:
+        raise RecordingError(f"{len(time)} rows; at least {MIN_ROWS} are needed", table.source)
     joints, rest = np.split(content, [robot.nv - 6], axis=1)
     place = None if base is None else rest
     return Motion(robot, time, joints, place, dropouts, table.source, forces)
@@ -208,14 +208,14 @@ def _times(table: MotionTable, values: Array, column: int | None, rate: float | 
 def _joints(
     table: MotionTable, values: Array, where: Mapping[str, int], missing: str | None, robot: Robot
 ) -> Array:
-    """Return joint positions (n, nv-6), those that the file lacks from the posture ``missing``."""
+    """Return joint positions (n, nv-6); those not in the file are of the posture ``missing``."""
     if missing is not None and missing not in robot.postures:
         raise UnknownNameError(f"posture of {robot.name}", missing, robot.postures)
-    lacking = [name for name in robot.joint_names if name not in where]
-    if lacking and missing is None:
+    absent = [name for name in robot.joint_names if name not in where]
+    if absent and missing is None:
         raise RecordingError(
-            f"there is no column for {', '.join(lacking)}; declare that joints without a column"
-            " stay as in a posture (missing): standing or neutral",
+            f"there is no column for {', '.join(absent)}; name the posture of joints without a"
+            " column (missing): standing or neutral",
             table.source,
         )
     joints = np.empty((len(values), len(robot.joint_names)))

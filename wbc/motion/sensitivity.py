@@ -1,8 +1,8 @@
-"""How a recording's noise moves what the pendulum is made of, to first order.
+"""First-order propagation of a recording's noise to CoM, momentum, its rate, inertia and soles.
 
-Around the smooth trajectory, noise moves the base by a world vector and about its own axes, and the
-joints: xi(t). Velocity and acceleration follow by differentiation; the derivatives of the
-centroidal dynamics take all three to the momentum and its rate.
+Noise displaces the base by a world vector and about its own axes, and the joints, about the smooth
+trajectory: xi(t). Velocity and acceleration follow by differentiation; the derivatives of the
+centroidal dynamics map all three to the momentum and its rate.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from wbc.rotations import rotations_from
 from wbc.spatial import skews
 from wbc.validate import Array
 
-NODE_RATE = 25.0  # Hz: at which they are taken; between, the covariances are interpolated
+NODE_RATE = 25.0  # Hz, of frames with covariances, which are interpolated between
 NODE_GROWTH = 0.1  # largest relative change of the filtered noise between nodes, near the ends
-NODES_AT_ONCE = 250
-FRAMES_AT_ONCE = 500
-# Rows of what is moved: CoM [m], momentum, its rate, inertia xx xy xz yy yz zz, sole by sole x y.
+NODES_PER_BATCH = 250
+FRAMES_PER_BATCH = 500
+# Rows of a covariance: CoM [m], momentum, its rate, inertia xx xy xz yy yz zz, sole by sole x y.
 COM, MOMENTUM, RATE, INERTIA = slice(0, 3), slice(3, 9), slice(9, 15), slice(15, 21)
 SOLES = 21
 
@@ -37,17 +37,17 @@ def covariances(
 
     r = 21 + 2 f with f feet of the robot: CoM [m], momentum and its rate [kg m/s, kg m^2/s, N,
     N m], centroidal inertia xx xy xz yy yz zz [kg m^2], x and y of each sole frame [m], in world
-    axes. With a planted foot all positions are relative to where it stands.
+    axes. With a planted foot all positions are relative to it.
     """
     nodes = _nodes(moving.time, noise.covariances)
-    parts = [nodes[k : k + NODES_AT_ONCE] for k in range(0, len(nodes), NODES_AT_ONCE)]
+    parts = [nodes[k : k + NODES_PER_BATCH] for k in range(0, len(nodes), NODES_PER_BATCH)]
     at_nodes = np.concatenate([_covariances(robot, moving, noise, part) for part in parts])
-    for first in range(0, len(moving.time), FRAMES_AT_ONCE):
-        frames = np.arange(first, min(first + FRAMES_AT_ONCE, len(moving.time)))
+    for first in range(0, len(moving.time), FRAMES_PER_BATCH):
+        frames = np.arange(first, min(first + FRAMES_PER_BATCH, len(moving.time)))
         right = np.clip(np.searchsorted(nodes, frames), 1, max(1, len(nodes) - 1))
         left = nodes[right - 1]
-        share = ((frames - left) / (nodes[right] - left))[:, None, None]
-        between = (1.0 - share) * at_nodes[right - 1] + share * at_nodes[right]
+        weight = ((frames - left) / (nodes[right] - left))[:, None, None]
+        between = (1.0 - weight) * at_nodes[right - 1] + weight * at_nodes[right]
         yield slice(first, first + len(frames)), between
 
 
@@ -65,36 +65,37 @@ def _covariances(
     robot: Robot, moving: SmoothMotion, noise: FilteredNoise, frames: NDArray[np.intp]
 ) -> Array:
     """Return covariances (m, r, r) in some frames."""
-    maps, carried = _by_derivative(robot, moving, frames)  # each (m, r, nv), by xi, xi', xi''
+    # Each (m, r, nv), by xi, xi', xi''; and the base by joints with a planted foot.
+    jacobians, base_by_joints = _jacobians(robot, moving, frames)
     recorded = noise.recorded
     if noise.root is not None:
-        return _of_roots(maps, noise, noise.root, frames)
-    if carried is None:
+        return _correlated_covariances(jacobians, noise, noise.root, frames)
+    if base_by_joints is None:
         deviations = np.concatenate((recorded.position, recorded.rotation, recorded.joints))
-        processes = maps
+        processes = jacobians
     else:
         deviations = recorded.joints
-        own: list[Array] = [one[:, :, 6:] for one in maps]
-        base: list[Array] = [one[:, :, :6] @ carried for one in maps]
-        twice = noise.covariances.shape[1] > len(maps)
+        own: list[Array] = [one[:, :, 6:] for one in jacobians]
+        base: list[Array] = [one[:, :, :6] @ base_by_joints for one in jacobians]
+        twice = noise.covariances.shape[1] > len(jacobians)
         processes = own + base if twice else [a + b for a, b in zip(own, base, strict=True)]
     stacked = np.stack(processes, axis=1) * deviations  # (m, 3 p, r, channels)
-    return _mixed(noise.covariances[frames], stacked)
+    return _process_covariance(noise.covariances[frames], stacked)
 
 
-def _of_roots(
-    maps: list[Array], noise: FilteredNoise, root: Array, frames: NDArray[np.intp]
+def _correlated_covariances(
+    jacobians: list[Array], noise: FilteredNoise, root: Array, frames: NDArray[np.intp]
 ) -> Array:
     """Return covariances (m, r, r) of noise whose channels are correlated."""
-    stacked = np.stack([one @ root for one in maps], axis=1)  # (m, 3, r, k)
-    found = _mixed(noise.covariances[frames], stacked)
+    stacked = np.stack([one @ root for one in jacobians], axis=1)  # (m, 3, r, k)
+    found = _process_covariance(noise.covariances[frames], stacked)
     if noise.constant is not None:
-        held = maps[0] @ noise.constant
-        found = found + held @ np.swapaxes(held, 1, 2)
+        constant = jacobians[0] @ noise.constant
+        found = found + constant @ np.swapaxes(constant, 1, 2)
     return found
 
 
-def _mixed(filtered: Array, stacked: Array) -> Array:
+def _process_covariance(filtered: Array, stacked: Array) -> Array:
     """Return covariances (m, r, r) of processes (m, k, r, c) whose filtered noise has (m, k, k).
 
     With filtered = L L', the processes are L times independent ones.
@@ -111,40 +112,42 @@ def _roots(matrices: Array) -> Array:
     return np.asarray(size * vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :])
 
 
-def _by_derivative(
+def _jacobians(
     robot: Robot, moving: SmoothMotion, frames: NDArray[np.intp]
 ) -> tuple[list[Array], Array | None]:
-    """Return the derivatives (m, r, nv) of all rows by xi, xi' and xi''.
+    """Return the Jacobians (m, r, nv) of all rows by xi, xi' and xi''.
 
-    And how the base follows the joints (m, 6, nv-6) while a planted sole does not move, else None.
+    And that of the base by the joints (m, 6, nv-6) while a planted sole does not move, else None.
 
-    With p the base's world position moved by e and its rotation to R exp(f), in base axes::
+    With the base's world position displaced by e and its rotation R exp(f), in base axes::
 
         dv = R'e' + v x f            da = R'e'' - w x R'e' + v x f' + a x f
         dw = f' + w x f              dw' = f'' + w x f' + w' x f
     """
     q, v, a = moving.q[frames], moving.v[frames], moving.acceleration[frames]
-    by_q, by_v, by_a, *rest = _rows(robot, moving, frames)
-    inward = np.swapaxes(rotations_from(q[:, 3:BASE_NQ]), 1, 2)
-    speed, spin = skews(v[:, :3]), skews(v[:, 3:6])
-    turn = slice(3, 6)
+    by_q, by_v, by_a, *planted = _state_jacobians(robot, moving, frames)
+    to_base = np.swapaxes(rotations_from(q[:, 3:BASE_NQ]), 1, 2)
+    linear, angular = skews(v[:, :3]), skews(v[:, 3:6])
+    rotation = slice(3, 6)
     to_v, to_a, to_a_rate = np.zeros((3, len(frames), 6, 6))
-    to_v[:, :3, turn], to_v[:, turn, turn] = speed, spin
-    to_a[:, :3, turn], to_a[:, turn, turn] = skews(a[:, :3]), skews(a[:, 3:6])
-    to_a_rate[:, :3, :3], to_a_rate[:, :3, turn] = -spin @ inward, speed
-    to_a_rate[:, turn, turn] = spin
+    to_v[:, :3, rotation], to_v[:, rotation, rotation] = linear, angular
+    to_a[:, :3, rotation], to_a[:, rotation, rotation] = skews(a[:, :3]), skews(a[:, 3:6])
+    to_a_rate[:, :3, :3], to_a_rate[:, :3, rotation] = -angular @ to_base, linear
+    to_a_rate[:, rotation, rotation] = angular
     base_v, base_a = by_v[:, :, :6].copy(), by_a[:, :, :6].copy()
     for one in (by_q, by_v, by_a):
-        one[:, :, :3] = one[:, :, :3] @ inward
+        one[:, :, :3] = one[:, :, :3] @ to_base
     by_q[:, :, :6] += base_v @ to_v + base_a @ to_a
     by_v[:, :, :6] += base_a @ to_a_rate
-    for carried in rest:
-        carried[:, :3] = np.swapaxes(inward, 1, 2) @ carried[:, :3]
-    return [by_q, by_v, by_a], rest[0] if rest else None
+    for base in planted:
+        base[:, :3] = np.swapaxes(to_base, 1, 2) @ base[:, :3]
+    return [by_q, by_v, by_a], planted[0] if planted else None
 
 
-def _rows(robot: Robot, moving: SmoothMotion, frames: NDArray[np.intp]) -> tuple[Array, ...]:
-    """Return the derivatives (m, r, nv) of all rows by q (in the tangent), v and its rate.
+def _state_jacobians(
+    robot: Robot, moving: SmoothMotion, frames: NDArray[np.intp]
+) -> tuple[Array, ...]:
+    """Return the Jacobians (m, r, nv) of all rows by q (in the tangent space), v and its rate.
 
     And the base's by the joints (m, 6, nv-6), in base axes, if a planted sole does not move.
     """

@@ -18,7 +18,7 @@ from wbc.robot import Robot
 from wbc.spatial import COMPONENTS
 from wbc.validate import Array
 
-ROUNDED = 1e-3  # rad or m: so much past a limit is what rounding and the filter can do
+LIMIT_TOLERANCE = 1e-3  # rad or m past a limit, by rounding and the filter
 FORMATS = (".npz", ".csv")
 _XYZ, _123 = ("_x", "_y", "_z"), ("_1", "_2", "_3")
 # Columns of the CSV: array, endings of its columns, units of them (one for all, or two halves).
@@ -77,13 +77,13 @@ class RmpSeries(ReadOnlyArrays):
     ground_height:
         Height of the ground [m].
     measured:
-        Whether the ground's force, and with it CoP, CMP and leg, is what the soles measured; else
-        it is what the motion needs.
+        Whether the ground's force, and with it CoP, CMP and leg, is measured by the soles, rather
+        than that of the motion.
     cutoff:
-        Of the low-pass [Hz]; None: there was none.
+        Of the low-pass [Hz]; None: without.
     uncertainty:
-        Standard deviations of the pendulum's quantities, from the recording's noise; None if
-        nobody asked for it.
+        Standard deviations of the pendulum's quantities, from the recording's noise; None if not
+        requested.
     time:
         (n,) [s], even.
     q, v, acceleration:
@@ -93,7 +93,7 @@ class RmpSeries(ReadOnlyArrays):
     momentum, momentum_rate:
         Centroidal momentum and its rate (n, 6): linear [kg m/s, N], angular [kg m^2/s, N m].
     ground_force:
-        (n, 3) [N]; a negative z means that only a ground that pulls could give this motion.
+        (n, 3) [N]; with a negative z the motion requires a ground that pulls.
     ground_moment:
         n . m_r (n,) [N m], about the normal through the CoP.
     cop, cmp:
@@ -101,12 +101,12 @@ class RmpSeries(ReadOnlyArrays):
     flight:
         True where the ground does not push (n,).
     feet:
-        Names of the feet that ``standing`` speaks of; empty if none were to be judged.
+        Names of the feet of ``standing``; empty if none are checked.
     standing:
         Which of them stand (n, f).
     cop_margin:
-        How far the CoP is inside what these feet span (n,) [m], negative outside; None without
-        feet.
+        Distance of the CoP inside the hull of the standing feet (n,) [m], negative outside; None
+        without feet.
     leg_length, leg_direction, leg_angles:
         (n,) [m], (n, 3) and (theta, phi) (n, 2) [rad] of the leg from CoP to CoM.
     inertia:
@@ -120,7 +120,7 @@ class RmpSeries(ReadOnlyArrays):
     average_angular_velocity:
         Of the momentum: I^-1 k_G (n, 3) [rad/s].
     axes_angular_velocity:
-        Of the geometry: at which the axes turn (n, 3) [rad/s].
+        Of the principal axes (n, 3) [rad/s].
     """
 
     robot: Robot
@@ -168,12 +168,12 @@ class RmpSeries(ReadOnlyArrays):
 
     @property
     def cop_outside(self) -> Bools:
-        """True where the CoP is outside the support polygon (n,), by noise or in truth."""
+        """True where the CoP is outside the support polygon (n,), perhaps by noise."""
         return self._margin < 0.0
 
     @property
     def infeasible(self) -> Bools:
-        """True where the CoP is outside the support polygon by more than noise can do (n,).
+        """True where the CoP is outside the support polygon by more than noise explains (n,).
 
         Without an uncertainty, wherever it is outside.
         """
@@ -181,19 +181,19 @@ class RmpSeries(ReadOnlyArrays):
 
     @property
     def surely_inside(self) -> Bools:
-        """True where the CoP is inside the support polygon by more than noise can do (n,)."""
+        """True where the CoP is inside the support polygon by more than noise explains (n,)."""
         return self._margin > self._beyond("cop_margin")
 
     @property
     def surely_flying(self) -> Bools:
-        """True where the ground does not push, by more than noise can do (n,)."""
+        """True where the ground does not push, by more than noise explains (n,)."""
         push = self.ground_force.copy()
         push[:, 2] += self._beyond("momentum_rate", 2)
-        perhaps = in_contact(push, self.robot.mass).astype(bool)
-        return self.flight & ~perhaps
+        maybe_in_contact = in_contact(push, self.robot.mass).astype(bool)
+        return self.flight & ~maybe_in_contact
 
     def _beyond(self, name: str, column: int | None = None) -> Array:
-        """Return how far noise alone can move a quantity in n frames; 0 where nothing is known."""
+        """Return the largest error by noise of a quantity in n frames; 0 where it is unknown."""
         if self.uncertainty is None or self.measured:
             return np.zeros(len(self))
         deviation = getattr(self.uncertainty, name)
@@ -213,18 +213,18 @@ class RmpSeries(ReadOnlyArrays):
 
     @property
     def force_residual(self) -> Array:
-        """Ground's force less the one that the motion needs, M (c'' - g) (n, 3) [N]."""
-        needed = self.momentum_rate[:, :3] - self.robot.mass * self.robot.model.gravity.linear
-        return np.asarray(self.ground_force - needed)
+        """The ground's force less that of the motion, M (c'' - g) (n, 3) [N]."""
+        required = self.momentum_rate[:, :3] - self.robot.mass * self.robot.model.gravity.linear
+        return np.asarray(self.ground_force - required)
 
     @property
     def past_limits(self) -> dict[str, float]:
-        """How far joints are past their limits at worst [rad or m]; only those that are."""
+        """Largest excess of joints over their limits [rad or m]; only joints with one."""
         limits = self.robot.limits
-        joints = self.q[:, list(limits.starts)]  # of continuous joints something, without limits
+        joints = self.q[:, list(limits.starts)]  # of continuous joints a cosine, without limits
         past = limits.past(joints).max(axis=0)
         names = zip(self.robot.joint_names, past.tolist(), strict=True)
-        return {name: excess for name, excess in names if excess > ROUNDED}
+        return {name: excess for name, excess in names if excess > LIMIT_TOLERANCE}
 
     def save(self, path: str | Path) -> None:
         """Write all arrays to an ``.npz``, or the pendulum to a ``.csv`` with units in its header.
@@ -263,11 +263,11 @@ class RmpSeries(ReadOnlyArrays):
             "joint_names": np.array(self.robot.joint_names, dtype=str),
             "feet": np.array(self.feet, dtype=str),
             **self.arrays(),
-            **self._uncertain(),
+            **self._uncertainty_arrays(),
         }
         write_arrays(path, entries)
 
-    def _uncertain(self) -> dict[str, Any]:
+    def _uncertainty_arrays(self) -> dict[str, Any]:
         if self.uncertainty is None:
             return {}
         noise = self.uncertainty.noise

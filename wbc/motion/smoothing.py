@@ -1,10 +1,11 @@
 """From a recording to configurations, velocities and accelerations at even times.
 
-A recording is put on an even grid at its own rate (cubic spline, only if it is uneven), filtered
-forward and backward, and made a quintic spline, of which values, velocities and accelerations are
-read at the rate that is wanted. So nothing is filtered twice: a Savitzky-Golay derivative would be
-a second low-pass, with a passband that hangs on its window, whereas the quintic spline's second
-derivative is right to (w h)^4 / 360 for a sine of w rad/s sampled every h s (4e-6 at 1 Hz, 200 Hz).
+A recording is resampled on an even grid at its own rate (cubic spline, only if it is uneven),
+filtered forward and backward, and interpolated by a quintic spline, which gives values, velocities
+and accelerations at the wanted rate. So nothing is filtered twice: a Savitzky-Golay derivative
+would be a second low-pass, whose passband depends on its window, whereas the quintic spline's
+second derivative is exact to (w h)^4 / 360 for a sine of w rad/s sampled every h s (4e-6 at 1 Hz,
+200 Hz).
 """
 
 from __future__ import annotations
@@ -18,18 +19,18 @@ from scipy.interpolate import make_interp_spline
 from wbc.errors import InvalidInputError
 from wbc.motion.dropouts import check_count, unwrap
 from wbc.motion.filtered_noise import FilteredNoise, noise_covariances
-from wbc.motion.filtering import low_passed
-from wbc.motion.noise import CorrelatedNoise, Noise, estimated_noise
-from wbc.motion.planted import planted_base
+from wbc.motion.filtering import low_pass
+from wbc.motion.noise import CorrelatedNoise, Noise, estimate_noise
+from wbc.motion.planted_base import planted_base
 from wbc.motion.recording import Motion
-from wbc.motion.residual_analysis import chosen_cutoff
+from wbc.motion.residual_analysis import resolve_cutoff
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.series import Progress
 from wbc.rotations import conjugate_product, rotations_from
 from wbc.validate import Array, finite_number
 
-UNEVEN = 1e-3  # of a step: times less off than this are even, but for rounding
+EVEN_TOLERANCE = 1e-3  # of a step, between times and an even grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +46,8 @@ class SmoothMotion:
     # Planted foot (n,), index among robot.feet; None if the base was recorded.
     planted: NDArray[np.intp] | None
     cutoff: float | None  # of the low-pass [Hz]
-    bandwidth: float  # of what is left of noise [Hz]
-    noise: FilteredNoise | None  # what is left of the recording's; None: not asked for
+    bandwidth: float  # of the filtered noise [Hz]
+    noise: FilteredNoise | None  # None: not requested
 
 
 def smooth_trajectory(
@@ -61,7 +62,7 @@ def smooth_trajectory(
     """Return the trajectory of a recorded motion; see :func:`wbc.motion.analyze`."""
     if (motion.base is None) == (planted is None):
         raise InvalidInputError(
-            f"{motion.source}: the base was not recorded; say which foot is planted: left, right or"
+            f"{motion.source}: the base was not recorded; name the planted foot: left, right or"
             " auto"
             if motion.base is None
             else f"{motion.source}: the base was recorded; leave planted out"
@@ -72,36 +73,36 @@ def smooth_trajectory(
     base[:] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0) if motion.base is None else motion.base
     unwrap(motion.robot, joints, base[:, 3:])
     rows = np.hstack((base, joints))
-    rows_on_grid = on_grid(motion.time, rows, grid)
-    cutoff = chosen_cutoff(cutoff, rows_on_grid, own_rate)
-    smooth = low_passed(rows_on_grid, own_rate, cutoff)
+    rows_on_grid = resample(motion.time, rows, grid)
+    cutoff = resolve_cutoff(cutoff, rows_on_grid, own_rate)
+    smooth = low_pass(rows_on_grid, own_rate, cutoff)
     foot, passes = None, 1
     if planted is not None:
         q = _configurations(motion.robot, smooth)
         found = planted_base(motion.robot, grid, q, planted, height, progress)
-        # Where feet take over the base turns a corner, which the joints' filter has not rounded.
+        # The base has kinks where the planted foot changes, which the joints' filter left.
         passes = 2 if found.changes and cutoff is not None else 1
-        base = low_passed(found.base, own_rate, cutoff) if passes == 2 else found.base
+        base = low_pass(found.base, own_rate, cutoff) if passes == 2 else found.base
         smooth, foot = np.hstack((base, smooth[:, BASE_NQ:])), found.foot
     smooth[:, 3:BASE_NQ] /= np.linalg.norm(smooth[:, 3:BASE_NQ], axis=1)[:, None]
-    time = grid if rate is None else sampled(grid, finite_number("rate", rate, above=0.0))
+    time = grid if rate is None else sample_times(grid, finite_number("rate", rate, above=0.0))
     nearest = np.minimum(np.rint((time - grid[0]) * own_rate).astype(int), len(grid) - 1)
-    q, v, acceleration = _read_off(motion.robot, grid, smooth, time)
-    left = None
+    q, v, acceleration = _differentiate(motion.robot, grid, smooth, time)
+    filtered = None
     if noise is not None and not isinstance(noise, Noise | str):
         covariance, root = noise.filtered(cutoff)
-        # Near the ends it grows as white noise does.
+        # Near the ends it grows like white noise.
         white = np.diagonal(noise_covariances(len(grid), own_rate, cutoff), axis1=1, axis2=2)
         growth = np.sqrt(white / white[len(white) // 2])[nearest]
-        grown = growth[:, :, None] * covariance * growth[:, None]
-        left = FilteredNoise(noise.recorded(), grown, root, noise.constant, noise.late)
+        covariances = growth[:, :, None] * covariance * growth[:, None]
+        filtered = FilteredNoise(noise.recorded(), covariances, root, noise.constant, noise.late)
     elif noise is not None:
         if not isinstance(noise, Noise):
-            noise = estimated_noise(rows, motion.rate, cutoff)
-        # A grid with more rows than the recording has no more noise: its density stays.
+            noise = estimate_noise(rows, motion.rate, cutoff)
+        # A grid with more rows than the recording keeps the spectral density of its noise.
         density = (len(grid) - 1) / (len(motion.time) - 1)
         covariances = noise_covariances(len(grid), own_rate, cutoff, passes)
-        left = FilteredNoise(noise, density * covariances[nearest])
+        filtered = FilteredNoise(noise, density * covariances[nearest])
     return SmoothMotion(
         time=time,
         q=q,
@@ -110,20 +111,20 @@ def smooth_trajectory(
         planted=None if foot is None else foot[nearest],
         cutoff=cutoff,
         bandwidth=0.5 * own_rate if cutoff is None else cutoff,
-        noise=left,
+        noise=filtered,
     )
 
 
 def smooth_forces(time: Array, forces: Array, at: Array, cutoff: float | None) -> Array:
     """Return measured forces (n, k) at other times (m,) [s], filtered as the motion is: (m, k).
 
-    Between rows they are interpolated linearly: forces jump where feet land.
+    Interpolation is linear, since forces jump at touchdown.
     """
     grid, rate = even_grid(time)
-    return _linearly(grid, low_passed(_linearly(time, forces, grid), rate, cutoff), at)
+    return _interpolate(grid, low_pass(_interpolate(time, forces, grid), rate, cutoff), at)
 
 
-def _linearly(time: Array, values: Array, at: Array) -> Array:
+def _interpolate(time: Array, values: Array, at: Array) -> Array:
     return np.column_stack([np.interp(at, time, column) for column in values.T])
 
 
@@ -139,20 +140,22 @@ def _configurations(robot: Robot, rows: Array) -> Array:
     return q
 
 
-def _read_off(robot: Robot, grid: Array, rows: Array, time: Array) -> tuple[Array, Array, Array]:
-    """Return q, v and the rate of v at some times, by the spline through rows (m, nv+1)."""
+def _differentiate(
+    robot: Robot, grid: Array, rows: Array, time: Array
+) -> tuple[Array, Array, Array]:
+    """Return q, v and the rate of v at some times, by a spline through rows (m, nv+1)."""
     curve = make_interp_spline(grid, rows, k=5)
     values, first, second = (curve(time, order) for order in range(3))
     quaternion = values[:, 3:BASE_NQ]
-    spin, spin_rate = turning(quaternion, first[:, 3:BASE_NQ], second[:, 3:BASE_NQ])
+    omega, omega_rate = angular_rates(quaternion, first[:, 3:BASE_NQ], second[:, 3:BASE_NQ])
     values[:, 3:BASE_NQ] = quaternion / np.linalg.norm(quaternion, axis=1)[:, None]
-    inward = np.swapaxes(rotations_from(values[:, 3:BASE_NQ]), 1, 2)  # from world to base axes
+    to_base = np.swapaxes(rotations_from(values[:, 3:BASE_NQ]), 1, 2)
     v, acceleration = np.empty((len(time), robot.nv)), np.empty((len(time), robot.nv))
-    v[:, :3] = (inward @ first[:, :3, None])[..., 0]
-    v[:, 3:6], v[:, BASE_NV:] = spin, first[:, BASE_NQ:]
-    # The axes turn with the base, hence the second term.
-    acceleration[:, :3] = (inward @ second[:, :3, None])[..., 0] - np.cross(spin, v[:, :3])
-    acceleration[:, 3:6], acceleration[:, BASE_NV:] = spin_rate, second[:, BASE_NQ:]
+    v[:, :3] = (to_base @ first[:, :3, None])[..., 0]
+    v[:, 3:6], v[:, BASE_NV:] = omega, first[:, BASE_NQ:]
+    # The second term is due to the rotating axes.
+    acceleration[:, :3] = (to_base @ second[:, :3, None])[..., 0] - np.cross(omega, v[:, :3])
+    acceleration[:, 3:6], acceleration[:, BASE_NV:] = omega_rate, second[:, BASE_NQ:]
     return _configurations(robot, values), v, acceleration
 
 
@@ -160,20 +163,20 @@ def _read_off(robot: Robot, grid: Array, rows: Array, time: Array) -> tuple[Arra
 
 
 def even_grid(time: Array) -> tuple[Array, float]:
-    """Return times (m,) in even steps from the first on, and the series' own rate [Hz].
+    """Return an even grid (m,) from the first time on, and its rate [Hz].
 
-    If ``time`` (n,) is even but for rounding, m = n; else the steps are its median step, and the
-    last time is left out unless a step hits it.
+    If ``time`` (n,) is even but for rounding, m = n; else the grid has the median step, and ends at
+    or before the last time.
     """
     count = len(time) - 1
     step = float(time[-1] - time[0]) / count
     grid = np.asarray(time[0] + step * np.arange(count + 1))
-    if np.abs(time - grid).max() > UNEVEN * step:
-        grid = sampled(time, 1.0 / float(np.median(np.diff(time))))
+    if np.abs(time - grid).max() > EVEN_TOLERANCE * step:
+        grid = sample_times(time, 1.0 / float(np.median(np.diff(time))))
     return grid, (len(grid) - 1) / float(grid[-1] - grid[0])
 
 
-def sampled(time: Array, rate: float) -> Array:
+def sample_times(time: Array, rate: float) -> Array:
     """Return the times (m,) within ``time`` (n,) at ``rate`` [Hz], from its first on.
 
     Raises
@@ -184,27 +187,27 @@ def sampled(time: Array, rate: float) -> Array:
     seconds = float(time[-1] - time[0])
     if seconds * rate < 1.0 - 1e-9:
         raise InvalidInputError(
-            f"rate: {rate:g} Hz gives but one frame in {seconds:.4g} s; choose a higher one"
+            f"rate: {rate:g} Hz gives only one frame in {seconds:.4g} s; choose a higher one"
         )
     check_count(f"rate: {rate:g} Hz", seconds, 1.0 / rate)
     count = int(np.floor((time[-1] - time[0]) * rate * (1.0 + 1e-12) + 1e-9))
     return np.minimum(time[0] + np.arange(count + 1) / rate, time[-1])
 
 
-def on_grid(time: Array, values: Array, grid: Array) -> Array:
+def resample(time: Array, values: Array, grid: Array) -> Array:
     """Return values (m, k) at the times of a grid, by a cubic spline through (n, k)."""
     if len(grid) == len(time):
         return values
     return np.asarray(make_interp_spline(time, values, k=3)(grid))
 
 
-def turning(quaternion: Array, first: Array, second: Array) -> tuple[Array, Array]:
+def angular_rates(quaternion: Array, first: Array, second: Array) -> tuple[Array, Array]:
     """Return angular velocity and acceleration (n, 3) in body axes [rad/s, rad/s^2].
 
     Of the rotation p / |p|, given p and its derivatives (n, 4), xyzw: with conjugate p* and vector
     part [.], w = 2 [p* p'] / |p|^2 and w' = 2 [p* p''] / |p|^2 - w (|p|^2)' / |p|^2.
     """
     square = (quaternion * quaternion).sum(axis=1)[:, None]
-    growth = 2.0 * (quaternion * first).sum(axis=1)[:, None]
+    square_rate = 2.0 * (quaternion * first).sum(axis=1)[:, None]
     w = 2.0 * conjugate_product(quaternion, first) / square
-    return w, 2.0 * conjugate_product(quaternion, second) / square - w * growth / square
+    return w, 2.0 * conjugate_product(quaternion, second) / square - w * square_rate / square

@@ -1,6 +1,6 @@
 """Numbers with column names, from a CSV or NPZ file.
 
-Sizes are checked before anything is unpacked or allocated: a file may declare what it likes.
+Sizes are checked before anything is unpacked or allocated: a file may declare any.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.files import ArrayFileError, read_arrays, why
-from wbc.validate import LARGEST as LARGEST_NUMBER
+from wbc.validate import LARGEST as MAX_NUMBER
 from wbc.validate import Array
 
 DELIMITERS = (",", ";", "\t")
-NUMBERS = "iuf"  # kinds of arrays: whole numbers and fractions, not complex ones nor truth values
+NUMBERS = "iuf"  # kinds of arrays: integers and floats, neither complex nor bool
 TEXTS = "US"
-# Arrays of a motion that mjlab's and BeyondMimic's trackers read, and what a base's columns are.
-TRACKED = ("fps", "joint_pos", "joint_names", "body_pos_w", "body_quat_w")
+# Arrays of a motion for mjlab's and BeyondMimic's trackers, and the columns of a base.
+TRACKER_ARRAYS = ("fps", "joint_pos", "joint_names", "body_pos_w", "body_quat_w")
 BASE = ("base_x", "base_y", "base_z", "base_qx", "base_qy", "base_qz", "base_qw")
-LARGEST = 1 << 30  # bytes of a text file, and of all arrays of an NPZ file unpacked
+MAX_BYTES = 1 << 30  # of a text file, and of all arrays of an NPZ file unpacked
 
 
 class RecordingError(InvalidInputError):
-    """A recording holds something unusable; the message says what, where, and what to do.
+    """A recording is unusable; the message says what is wrong, where, and what to do.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class RecordingError(InvalidInputError):
 
 
 def shortened(text: str, most: int = 60) -> str:
-    """Return a text from a file as it is shown in a message."""
+    """Return a text from a file, shortened for a message."""
     return text if len(text) <= most else f"{text[:most]}..."
 
 
@@ -90,24 +90,24 @@ class MotionTable:
 
 
 def numbers_of(rows: Sequence[Sequence[float]], source: str) -> Array:
-    """Return rows of numbers (n, k), each with as many; NaN or infinite where there is none.
+    """Return rows of numbers as an array (n, k); they may be NaN or infinite.
 
     Raises
     ------
     RecordingError
-        No rows, or a number that nobody measured: products of a few would overflow.
+        No rows, or a number so large that products of a few would overflow.
     """
     if not rows:
         raise RecordingError("it holds no rows of numbers", source)
     values = np.array(rows)
-    for row, column in np.argwhere(np.isfinite(values) & (np.abs(values) > LARGEST_NUMBER)):
+    for row, column in np.argwhere(np.isfinite(values) & (np.abs(values) > MAX_NUMBER)):
         what = f"{values[row, column]:.3g} is no measured number"
         raise RecordingError(what, source, None, int(row) + 1)
     return values
 
 
 def read_text(path: Path, strict: bool = True) -> str:
-    """Return the text of a file; unless ``strict``, what is not UTF-8 is replaced by a mark.
+    """Return the text of a file; unless ``strict``, bytes that are not UTF-8 are replaced.
 
     Raises
     ------
@@ -150,13 +150,13 @@ def read_recorded(
         Unreadable or too large, or arrays of another kind.
     """
     try:
-        return read_arrays(path, pick, kinds, LARGEST)
+        return read_arrays(path, pick, kinds, MAX_BYTES)
     except ArrayFileError as error:
         raise RecordingError(error.what, str(path), error.name) from error
 
 
 def check_file(path: Path) -> None:
-    """Raise RecordingError unless there is a regular file of a size that can be read."""
+    """Raise RecordingError unless it is a regular file that is not too large."""
     source = str(path)
     try:
         regular, size = path.is_file(), path.stat().st_size
@@ -164,8 +164,8 @@ def check_file(path: Path) -> None:
         raise _unreadable(path, error) from error
     if not regular:
         raise RecordingError("cannot be read: it is not a regular file", source)
-    if size > LARGEST:
-        raise RecordingError(f"it has {size} bytes; at most {LARGEST} can be read", source)
+    if size > MAX_BYTES:
+        raise RecordingError(f"it has {size} bytes; at most {MAX_BYTES} can be read", source)
 
 
 def _unreadable(path: Path, error: Exception) -> RecordingError:
@@ -176,14 +176,14 @@ def _unreadable(path: Path, error: Exception) -> RecordingError:
 
 
 def read_csv(path: Path, usual: tuple[str, ...] = ()) -> MotionTable:
-    """Return what a CSV file holds; its first line names the columns. Empty cells are NaN.
+    """Read a CSV file, whose first line names the columns; empty cells are NaN.
 
-    That line may begin with ``#``, as NumPy writes it. Remarks, which do too, may come before it.
+    That line may begin with ``#``, as NumPy writes it, after comments that begin so too.
 
     Parameters
     ----------
     usual:
-        Names of the columns of a file that has as many and does not name them.
+        Column names of a file that has as many columns without names.
 
     Raises
     ------
@@ -205,7 +205,7 @@ def read_csv(path: Path, usual: tuple[str, ...] = ()) -> MotionTable:
         plain = values.shape[1] == len(columns)
     except ValueError:
         plain = False
-    if not plain:  # empty cells, which mean NaN, or a mistake: look at each cell
+    if not plain:  # empty cells, which mean NaN, or a mistake
         values = _cell_by_cell(source, columns, rows, numbers, delimiter)
     return MotionTable(source, columns, values, numbers)
 
@@ -236,15 +236,15 @@ def _names(source: str, header: str, delimiter: str, usual: tuple[str, ...]) -> 
             what += f"; it has {len(columns)}"
         raise RecordingError(what, source)
     if len(columns) == 1 and len(header.split()) > 1:
-        what = f"its first line names but one column, {shortened(header)!r}"
-        raise RecordingError(f"{what}; set commas, semicolons or tabs between names", source)
+        what = f"its first line names only one column, {shortened(header)!r}"
+        raise RecordingError(f"{what}; put commas, semicolons or tabs between names", source)
     return columns
 
 
 def _cells(
     source: str, text: str, delimiter: str, row: int | None = None, line: int | None = None
 ) -> list[str]:
-    """Return the cells of one line; quotes do not reach into the next."""
+    """Return the cells of one line; quotes end with it."""
     try:
         return next(csv.reader([text], delimiter=delimiter))
     except csv.Error as error:
@@ -287,11 +287,11 @@ def _cell_by_cell(
 
 
 def read_npz(path: Path, configuration: Sequence[str]) -> MotionTable:
-    """Return what an NPZ file holds.
+    """Read an NPZ file.
 
     Either ``time`` and ``q`` (n, nq), as ``wbc run`` writes; or ``time``, ``names`` (k,) and
-    ``positions`` (n, k); or what mjlab's trackers read, with ``joint_names``; or one array (n,) for
-    each column.
+    ``positions`` (n, k); or the arrays of mjlab's trackers, with ``joint_names``; or one array
+    (n,) for each column.
 
     Parameters
     ----------
@@ -307,11 +307,13 @@ def read_npz(path: Path, configuration: Sequence[str]) -> MotionTable:
     source = str(path)
     arrays = read_recorded(
         path,  # of what ``wbc run`` writes only time and q are read
-        lambda names: ("time", "q") if "q" in names else TRACKED if tracks(names) else names,
+        lambda names: (
+            ("time", "q") if "q" in names else TRACKER_ARRAYS if is_tracker_file(names) else names
+        ),
         lambda name: NUMBERS + (TEXTS if name in ("names", "joint_names") else ""),
     )
-    if tracks(arrays):
-        arrays = _tracked(arrays, source)
+    if is_tracker_file(arrays):
+        arrays = _from_tracker_arrays(arrays, source)
     columns: dict[str, Array] = {}
     stacked = "q" if "q" in arrays else "positions"
     if stacked in arrays:
@@ -343,13 +345,13 @@ def read_npz(path: Path, configuration: Sequence[str]) -> MotionTable:
     return MotionTable(source, tuple(columns), numbers)
 
 
-def tracks(names: Collection[str]) -> bool:
+def is_tracker_file(names: Collection[str]) -> bool:
     """Return whether arrays of these names are those of mjlab's and BeyondMimic's trackers."""
     return {"joint_pos", "body_pos_w"} <= set(names)
 
 
-def _tracked(arrays: dict[str, NDArray[Any]], source: str) -> dict[str, NDArray[Any]]:
-    """Return such arrays as time, names and positions: of base, the first body, and joints."""
+def _from_tracker_arrays(arrays: dict[str, NDArray[Any]], source: str) -> dict[str, NDArray[Any]]:
+    """Return time, names and positions of base, which is the first body, and joints."""
     joints, rate = arrays["joint_pos"], arrays.get("fps", np.zeros(0)).ravel()
     if joints.ndim != 2:
         what = f"it has shape {joints.shape}; expected (n, joints)"
@@ -366,9 +368,9 @@ def _tracked(arrays: dict[str, NDArray[Any]], source: str) -> dict[str, NDArray[
             what = f"it has shape {body.shape}; expected ({len(joints)}, bodies, {width})"
             raise RecordingError(what, source, name)
         parts.append(body[:, 0])
-    turn = parts.pop()[:, [1, 2, 3, 0]]  # from w x y z
+    quaternion = parts.pop()[:, [1, 2, 3, 0]]  # from w x y z
     return {
         "time": np.arange(len(joints)) / float(rate[0]),
         "names": np.concatenate((BASE, arrays["joint_names"].ravel())),
-        "positions": np.hstack((*parts, turn, joints)),
+        "positions": np.hstack((*parts, quaternion, joints)),
     }

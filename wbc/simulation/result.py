@@ -27,7 +27,7 @@ from wbc.simulation.recorder import Recorder
 from wbc.simulation.terrain import Terrain
 from wbc.simulation.trial_record import TrialRecord
 from wbc.simulation.wrench import AppliedWrench
-from wbc.tracking.deviation import Followed, PlanTracking, judge
+from wbc.tracking.deviation import Followed, PlanTracking, evaluate_tracking
 from wbc.validate import Array
 
 # A foot that bears less than this part of the robot's weight does not widen the support.
@@ -121,7 +121,7 @@ class SimulationResult:
         peaks = dict(zip(robot.joint_names, ratio.max(axis=0, initial=0.0).tolist(), strict=True))
         at_bound = (ratio >= AT_BOUND).mean(axis=0) if len(ratio) else np.zeros(len(bounds))
         shares = zip(robot.joint_names, at_bound.tolist(), strict=True)
-        tracking = None if plan is None else judge(plan, robot, truth)
+        tracking = None if plan is None else evaluate_tracking(plan, robot, truth)
         return cls(
             run=run,
             verdict=record.verdict,

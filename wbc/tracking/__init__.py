@@ -1,1 +1,1 @@
-"""A pendulum's plan on a robot: made from it, checked against it, followed, and judged."""
+"""A pendulum's plan on a robot: its pendulum, the check of the plan, targets, tracking errors."""

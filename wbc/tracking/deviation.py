@@ -1,4 +1,4 @@
-"""How well a robot followed a plan: CoM, CoP, angular momentum and inertia over its time."""
+"""Tracking errors of a robot that followed a plan: CoM, CoP, angular momentum and inertia."""
 
 from __future__ import annotations
 
@@ -27,35 +27,35 @@ class Followed(Protocol):
         """When it ends [s]."""
 
     def at(self, time: float | ArrayLike) -> PlanTarget:
-        """Return what it asks for at a time [s], or at times (n,)."""
+        """Return its targets at a time [s], or at times (n,)."""
 
 
 @dataclass(frozen=True)
 class Deviation:
-    """Of a quantity from its plan, while the plan lasted; NaN if nothing was measured then."""
+    """Of a quantity from its plan, while that lasts; NaN if it was not measured."""
 
     rms: float  # root mean square of the distance
     worst: float  # largest distance
     at: float  # when it was largest [s]
-    # Largest size of the quantity itself in the plan; of places and inertias, of its change.
+    # Largest norm of the quantity in the plan; of positions and inertias, of its change.
     peak: float
 
     @classmethod
     def of(cls, time: Array, actual: Array, planned: Array, peak: float) -> Deviation:
-        """Return that of rows (n, k); rows with NaN were not measured."""
-        apart = np.linalg.norm(actual - planned, axis=1)
-        known = np.isfinite(apart)
+        """Return the deviation of rows (n, k); rows with NaN were not measured."""
+        distance = np.linalg.norm(actual - planned, axis=1)
+        known = np.isfinite(distance)
         if not known.any():
             return cls(np.nan, np.nan, np.nan, peak)
-        apart, time = apart[known], time[known]
-        worst = int(apart.argmax())
-        rms = float(np.sqrt(np.mean(apart**2)))
-        return cls(rms, float(apart[worst]), float(time[worst]), peak)
+        distance, time = distance[known], time[known]
+        worst = int(distance.argmax())
+        rms = float(np.sqrt(np.mean(distance**2)))
+        return cls(rms, float(distance[worst]), float(time[worst]), peak)
 
 
 @dataclass(frozen=True, eq=False)
 class PlanTracking:
-    """How well a robot followed a plan.
+    """Tracking errors of a robot that followed a plan.
 
     Attributes
     ----------
@@ -74,10 +74,10 @@ class PlanTracking:
     begins, ends:
         Of the plan [s].
     until:
-        What was judged ends here [s]: before the plan does, if the simulation ended first.
+        End of the evaluation [s]: that of the plan, or of a shorter simulation.
     arrays:
         ``plan_com`` (n, 3), ``plan_cop`` (n, 3), ``plan_momentum`` and ``angular_momentum`` (n, 3)
-        and ``plan_inertia`` (n, 6), row by row of what was recorded.
+        and ``plan_inertia`` (n, 6), one row for each recorded one.
     """
 
     com: Deviation
@@ -107,8 +107,10 @@ class PlanTracking:
         return {**found, "begins": self.begins, "ends": self.ends, "until": self.until}
 
 
-def judge(reference: Followed, robot: Robot, truth: Mapping[str, Array]) -> PlanTracking:
-    """Return how well what was recorded follows a plan.
+def evaluate_tracking(
+    reference: Followed, robot: Robot, truth: Mapping[str, Array]
+) -> PlanTracking:
+    """Return the tracking errors of a recorded run.
 
     Parameters
     ----------
@@ -122,24 +124,28 @@ def judge(reference: Followed, robot: Robot, truth: Mapping[str, Array]) -> Plan
     com = np.array([one.com for one in snapshots])
     momentum = np.array([one.momentum[3:] for one in snapshots])
     inertia = np.array([vech(one.inertia) for one in snapshots])
-    here = (time >= reference.begins) & (time <= reference.ends + 1e-9)
+    during = (time >= reference.begins) & (time <= reference.ends + 1e-9)
     planned = reference.at(np.linspace(reference.begins, reference.ends, 1000))
     scale = np.sqrt(FROBENIUS_WEIGHTS)
     pairs = {
-        "com": (com, wanted.com, _change(planned.com)),
-        "cop": (truth["cop"][:, :2], wanted.cop[:, :2], _change(planned.cop)),
-        "momentum": (momentum, wanted.momentum[:, 3:], _most(planned.momentum[:, 3:])),
-        "inertia": (scale * inertia, scale * wanted.inertia, _change(scale * planned.inertia)),
+        "com": (com, wanted.com, _largest_change(planned.com)),
+        "cop": (truth["cop"][:, :2], wanted.cop[:, :2], _largest_change(planned.cop)),
+        "momentum": (momentum, wanted.momentum[:, 3:], _largest_norm(planned.momentum[:, 3:])),
+        "inertia": (
+            scale * inertia,
+            scale * wanted.inertia,
+            _largest_change(scale * planned.inertia),
+        ),
     }
     joints: Deviation | None = None
     posture: Array | None = getattr(wanted, "q", None)
     if posture is not None:
-        way, share = planned.q[:, 7:], 1.0 / np.sqrt(robot.nv - 6)  # type: ignore[attr-defined]
-        actual, asked = truth["q"][here, 7:] * share, posture[here, 7:] * share
-        joints = Deviation.of(time[here], actual, asked, _change(share * way))
+        path, share = planned.q[:, 7:], 1.0 / np.sqrt(robot.nv - 6)  # type: ignore[attr-defined]
+        actual, target = truth["q"][during, 7:] * share, posture[during, 7:] * share
+        joints = Deviation.of(time[during], actual, target, _largest_change(share * path))
     return PlanTracking(
         **{
-            name: Deviation.of(time[here], actual[here], plan[here], peak)
+            name: Deviation.of(time[during], actual[during], plan[during], peak)
             for name, (actual, plan, peak) in pairs.items()
         },
         followed=reference.followed,
@@ -158,9 +164,9 @@ def judge(reference: Followed, robot: Robot, truth: Mapping[str, Array]) -> Plan
     )
 
 
-def _most(rows: Array) -> float:
+def _largest_norm(rows: Array) -> float:
     return float(np.linalg.norm(rows, axis=1).max())
 
 
-def _change(rows: Array) -> float:
-    return _most(rows - rows[0])
+def _largest_change(rows: Array) -> float:
+    return _largest_norm(rows - rows[0])

@@ -14,16 +14,16 @@ from wbc.rmp.plan.schedule import Corners, State, at_rest
 from wbc.rmp.solid import SolidRmp
 from wbc.robot import Snapshot
 from wbc.robot.model import check_snapshot
-from wbc.tracking.fit import sole_polygon
+from wbc.tracking.plan_check import sole_polygon
 from wbc.validate import finite_number
 
 
 @dataclass(frozen=True, eq=False)
 class RobotPendulum:
-    """What a robot brings to a :class:`~wbc.rmp.plan.PlanProblem`; made by :func:`pendulum_of`.
+    """A robot's data for a :class:`~wbc.rmp.plan.PlanProblem`; made by :func:`pendulum_of`.
 
-    The reaction masses' axes are named after the world's axes that they are nearest to, so radii
-    and rotations of plans are about x, y, z as long as the robot's ellipsoid stands upright.
+    The reaction masses' axes are named after the nearest world axes, so a plan's radii and
+    rotations are about x, y, z as long as the robot's ellipsoid stands upright.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class RobotPendulum:
     rest:
         The robot's CoM and radii, at rest.
     reference:
-        Orientation of the masses' axes (x, y, z, w), from which a plan's rotations are counted.
+        Orientation of the masses' axes (x, y, z, w), to which a plan's rotations are relative.
     """
 
     pendulum: SolidRmp
@@ -41,16 +41,16 @@ class RobotPendulum:
     start: Snapshot
 
     def soles(self, feet: Iterable[str], margin: float = 0.0) -> Corners:
-        """Return where the CoP may be: the hull of the soles of feet, ``margin`` [m] inside.
+        """Return the corners of the CoP's region: the hull of the soles, ``margin`` [m] inside.
 
-        A plan that goes to the edge of the soles leaves nothing to correct errors with.
+        A plan up to the edge of the soles leaves no margin for corrections.
 
         Raises
         ------
         UnknownNameError
             The robot has no such foot.
         InvalidInputError
-            Soles that are not on the ground, or nothing of them so far inside.
+            Soles that are not on the ground, or too small for the margin.
         """
         polygon = sole_polygon(self.start, feet)
         margin = finite_number("soles, margin", margin, least=0.0)
@@ -58,7 +58,7 @@ class RobotPendulum:
 
 
 def pendulum_of(start: Snapshot) -> RobotPendulum:
-    """Return a robot's reaction mass pendulum (paper 3), to plan for.
+    """Return a robot's reaction mass pendulum (paper 3), for planning.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A plan as targets over time: what tasks of a robot should aim at, to move as it says."""
+"""A plan as targets over time for a robot's tasks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wbc.robot import Snapshot
 from wbc.robot.model import check_snapshot
 from wbc.rotations import rotations_from
 from wbc.spatial import COLUMNS, ROWS, skews, vech
-from wbc.tracking.fit import check_fit
+from wbc.tracking.plan_check import check_plan
 from wbc.validate import Array, finite_array, finite_number, names_of, read_only, real_array
 
 if TYPE_CHECKING:  # plans load CasADi
@@ -26,7 +26,7 @@ DOUBLE = ("left", "right")
 
 @dataclass(frozen=True, eq=False)
 class PlanTarget:
-    """What a plan asks for at one time, or at n times; world axes.
+    """Targets of a plan at one time, or at n times; world axes.
 
     Rates and accelerations are zero before the plan begins and after it ends.
     """
@@ -42,45 +42,45 @@ class PlanTarget:
     inertia_acceleration: Array  # (..., 6) [kg m^2/s^2]
 
 
-# Sizes of what is sampled. Places are what stays, at rest.
+# Widths of the sampled quantities; those of a robot at rest that are not zero.
 _SIZES = {
     "com": 3, "com_velocity": 3, "com_acceleration": 3, "momentum": 6, "momentum_rate": 6,
     "cop": 3, "inertia": 6, "inertia_rate": 6, "inertia_acceleration": 6,
 }  # fmt: skip
-_PLACES = ("com", "cop", "inertia")
+_AT_REST = ("com", "cop", "inertia")
 
 
 class PlanReference:
-    """Follows a plan over time, from ``begins`` on; it is a plan for this robot, which is checked.
+    """Follows a plan over time, from ``begins`` on; checks that the plan is for this robot.
 
-    ``target = reference.at(time)`` in every tick is what the tasks of a controller take::
+    ``target = reference.at(time)`` in every tick has the targets of a controller's tasks::
 
         com.set_target(target.com, target.com_velocity, target.com_acceleration)
         spin.set_target(target.momentum, target.momentum_rate)
         shape.set_target(target.inertia, target.inertia_rate, target.inertia_acceleration)
         cop.set_target(target.cop)
 
-    Before the plan begins the targets are those of ``start``, at rest: a plan may begin elsewhere,
-    such as where a push leaves the robot. After its end they are its last places. The plan is
-    sampled every millisecond, and linear between. In a flight there is no CoP: its target goes
-    from where it was to where it will be.
+    Before the plan begins the targets are those of ``start``, at rest; the plan may begin
+    elsewhere, such as where a push leaves the robot. After its end they are its last ones, at rest.
+    The plan is sampled every millisecond, and interpolated linearly. In a flight there is no CoP:
+    its target is interpolated.
 
     Parameters
     ----------
     start:
-        The robot at rest, where it stands; see :func:`wbc.tracking.fit.check_fit`.
+        The robot at rest, where it stands; see :func:`wbc.tracking.plan_check.check_plan`.
     feet:
-        That stand, all the time but for flights.
+        Those that stand, all the time except in flights.
     begins:
         When the plan begins [s].
     flights:
-        Whether feet leave the ground in the plan's flights, and come back to where they stood: the
-        one who holds them sees to it. Otherwise a plan with a flight is refused.
+        Whether feet leave the ground in the plan's flights and return to their places, which is up
+        to the caller. Otherwise a plan with a flight is refused.
 
     Raises
     ------
     PlanMismatchError
-        A plan for another robot, place or soles, or with a flight where none may be.
+        A plan for another robot, place or soles, or with a flight without ``flights``.
     InvalidInputError
         Soles that are not on the ground, or a time that is negative.
     UnknownNameError
@@ -98,18 +98,18 @@ class PlanReference:
         begins: float = 0.0,
         flights: bool = False,
     ) -> None:
-        from wbc.rmp.plan.plan import Plan  # who has one has CasADi
+        from wbc.rmp.plan.plan import Plan  # a plan needs CasADi
 
         check_kind("plan reference, plan", plan, Plan, "load_plan(path)")
         check_snapshot("plan reference, start", start)
         feet, flights = names_of("plan reference, feet", feet), switch("flights", flights)
-        check_fit(plan, start, feet, flights=flights)
+        check_plan(plan, start, feet, flights=flights)
         self.plan = plan
         self.begins = finite_number("plan reference, begins", begins, least=0.0)
         count = max(int(np.ceil(plan.duration / STEP)), 1)
         below = (*start.com[:2], 0.0)
-        waiting = _row(com=start.com, cop=below, inertia=vech(start.inertia))
-        self._waiting = read_only(waiting)
+        before = _row(com=start.com, cop=below, inertia=vech(start.inertia))
+        self._before = read_only(before)
         self._times = read_only(np.linspace(0.0, plan.duration, count + 1))
         self._table = read_only(_table(plan.at(self._times), plan.problem.mass))
 
@@ -132,23 +132,23 @@ class PlanReference:
         k = np.minimum(place.astype(int), len(self._times) - 2)
         part = (place - k)[..., None]
         row = (1.0 - part) * self._table[k] + part * self._table[k + 1]
-        row = np.where((t < 0.0)[..., None], self._waiting, row)
-        moves = (t <= self.plan.duration)[..., None]
+        row = np.where((t < 0.0)[..., None], self._before, row)
+        active = (t <= self.plan.duration)[..., None]
         ends = np.cumsum(list(_SIZES.values()))[:-1]
         parts = dict(zip(_SIZES, np.split(row, ends, axis=-1), strict=True))
         return PlanTarget(
-            **{name: one if name in _PLACES else one * moves for name, one in parts.items()}
+            **{name: one if name in _AT_REST else one * active for name, one in parts.items()}
         )
 
 
 def _row(**given: ArrayLike) -> Array:
-    """Return the given values side by side, zeros for all others (42,)."""
+    """Return a row (42,) of all quantities; those not given are zero."""
     rows = [np.asarray(given.get(name, np.zeros(k)), float) for name, k in _SIZES.items()]
     return np.concatenate(rows)
 
 
 def _table(motion: Trajectory, mass: float) -> Array:
-    """Return all sampled quantities side by side (n, 42)."""
+    """Return rows (n, 42) of all quantities."""
     inertia, rate, acceleration = inertia_motion(motion, mass)
     columns = {
         "com": motion.com,
@@ -156,7 +156,7 @@ def _table(motion: Trajectory, mass: float) -> Array:
         "com_acceleration": motion.com_acceleration,
         "momentum": np.hstack((mass * motion.com_velocity, motion.momentum)),
         "momentum_rate": np.hstack((mass * motion.com_acceleration, motion.momentum_rate)),
-        "cop": np.column_stack((_through_flights(motion), np.zeros(len(motion.time)))),
+        "cop": np.column_stack((_cop_without_gaps(motion), np.zeros(len(motion.time)))),
         "inertia": inertia,
         "inertia_rate": rate,
         "inertia_acceleration": acceleration,
@@ -164,8 +164,8 @@ def _table(motion: Trajectory, mass: float) -> Array:
     return np.hstack([columns[name] for name in _SIZES])
 
 
-def _through_flights(motion: Trajectory) -> Array:
-    """Return the CoP (n, 2), on a straight line where there is none."""
+def _cop_without_gaps(motion: Trajectory) -> Array:
+    """Return the CoP (n, 2), linearly interpolated where there is none."""
     known = np.isfinite(motion.cop).all(axis=1)
     time = motion.time
     return np.column_stack([np.interp(time, time[known], one[known]) for one in motion.cop.T])
@@ -191,8 +191,8 @@ def inertia_motion(motion: Trajectory, mass: float) -> tuple[Array, Array, Array
     D, D_rate, D_acceleration = (one[:, :, None] * np.eye(3) for one in (D, D_rate, D_acceleration))
     X = D_rate + W @ D - D @ W
     X_rate = D_acceleration + W_rate @ D + W @ D_rate - D_rate @ W - D @ W_rate
-    back = R.transpose(0, 2, 1)
+    R_T = R.transpose(0, 2, 1)
     inertia, first, second = (
-        (R @ one @ back)[:, ROWS, COLUMNS] for one in (D, X, X_rate + W @ X - X @ W)
+        (R @ one @ R_T)[:, ROWS, COLUMNS] for one in (D, X, X_rate + W @ X - X @ W)
     )
     return inertia, first, second

@@ -1,4 +1,4 @@
-"""Where a motion asks for more than ground and joints have."""
+"""Intervals in which a motion violates the limits of ground and joints."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Unbalanced:
-    """A stretch of time in which the motion cannot be as it is.
+    """An interval in which the motion is not feasible as it is.
 
     Attributes
     ----------
     what:
-        ``CoP outside the feet`` [m], ``friction above the cone`` (the coefficient that is lacking),
+        ``CoP outside the feet`` [m], ``friction above the cone`` (the missing coefficient),
         ``torque above the limit`` (part of it), ``force without a foot`` (part of the weight). Of
-        what is hard: ``sole slides`` [m], ``margin broken`` [m], ``joint limit passed`` [rad],
+        constraints: ``sole slides`` [m], ``margin broken`` [m], ``joint limit passed`` [rad],
         ``speed above the limit``, ``acceleration above the motor's`` (parts of these).
     by:
-        How much at worst.
+        Largest excess.
     start, end, worst:
         Times [s].
     where:
@@ -37,7 +37,7 @@ class Unbalanced:
 
     @property
     def size(self) -> str:
-        """How much at worst, with its unit."""
+        """Largest excess, with its unit."""
         if self.what.startswith("friction"):
             return f"{self.by:.2f}"
         if self.what.startswith("joint limit"):

@@ -7,12 +7,12 @@ from wbc import PlanMismatchError
 from wbc.rmp.plan import Plan, PlanPhase, at_rest, rectangle, solve
 from wbc.rmp.solid import SolidRmp
 from wbc.robot import Snapshot
-from wbc.tracking.fit import check_fit
 from wbc.tracking.pendulum import RobotPendulum
+from wbc.tracking.plan_check import check_plan
 
 
 def test_its_own_plan_fits(plan: Plan, start: Snapshot) -> None:
-    check_fit(plan, start, FEET)
+    check_plan(plan, start, FEET)
 
 
 def test_everything_that_differs_is_told(start: Snapshot, own: RobotPendulum) -> None:
@@ -27,7 +27,7 @@ def test_everything_that_differs_is_told(start: Snapshot, own: RobotPendulum) ->
         )
     )
     with pytest.raises(PlanMismatchError) as caught:
-        check_fit(other, start, FEET)
+        check_plan(other, start, FEET)
     told = str(caught.value)
     mass = start.robot.mass
     assert f"mass is {2 * mass:.4g} kg, the robot's {mass:.4g}" in told
@@ -42,7 +42,7 @@ def test_flights_and_a_foot_that_does_not_stand_are_refused(
     plan: Plan, start: Snapshot, hop: Plan
 ) -> None:
     with pytest.raises(PlanMismatchError, match="'fly' is a flight"):
-        check_fit(hop, start, FEET)
-    check_fit(hop, start, FEET, flights=True)
+        check_plan(hop, start, FEET)
+    check_plan(hop, start, FEET, flights=True)
     with pytest.raises(PlanMismatchError, match=r"'down' has the CoP up to .* outside the soles"):
-        check_fit(plan, start, ("left",))
+        check_plan(plan, start, ("left",))
