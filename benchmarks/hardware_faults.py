@@ -227,7 +227,7 @@ class Rig:
         parts = (c.position, c.velocity, c.torque, c.kp, c.kd)
         if not all(np.isfinite(part).all() for part in parts):
             return "not finite"
-        reading = self.loop._now.reading
+        reading = self.loop._state.reading
         passive = not c.kp.any() and not c.torque.any() and not c.velocity.any()
         if not c.enabled or passive:
             return "" if (c.kd <= limits.kd + 1e-12).all() else "brake too hard"
@@ -427,14 +427,14 @@ def soak(cycles: int, seed: int) -> dict[str, Any]:
         elif mode is Mode.STANDING_UP and random.uniform() < 0.05:
             rig.wanted.append(Wish.RUN)
         late = float(random.exponential(0.01)) if random.uniform() < 0.003 else 0.0
-        rig.loop._now.ended = ""
+        rig.loop._state.ended = ""
         command = rig.cycle(late, int(late / DT))
         wrong = rig.excess(command)
         if wrong:
             outside[wrong] += 1
         modes[str(rig.safety.mode)] += 1
-        del rig.loop._now.lateness[:]
-        del rig.loop._now.seconds[:]
+        del rig.loop._state.lateness[:]
+        del rig.loop._state.seconds[:]
     seconds = time.perf_counter() - began
     return {
         "cycles": cycles,

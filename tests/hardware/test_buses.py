@@ -17,7 +17,7 @@ from wbc.hardware.operator import Script
 from wbc.hardware.ring_log import RingLog
 from wbc.hardware.robot_side import RobotSettings
 from wbc.hardware.ros import fill, joint_state, odometry, state_of
-from wbc.hardware.setup import Where, left_out, loop_of, simulated_robot
+from wbc.hardware.setup import Where, loop_of, omissions, simulated_robot
 from wbc.hardware.udp import (
     UdpBus,
     UdpRobotBus,
@@ -182,14 +182,14 @@ def test_unitree_messages_return_what_was_sent_in_single_precision(
 ) -> None:
     convert = Converter(profile_named("unitree_g1"), g1)
     back = convert.reading(bytes(convert.low_state(reading)))
-    told = convert.commanded(bytes(convert.low_command(command)))
+    told = convert.command_from(bytes(convert.low_command(command)))
     assert back is not None and told is not None and back.stop
     assert_same(replace(reading, temperature=np.floor(reading.temperature)), back, 1e-6)
     assert_same(command, told, 1e-6)  # of single precision, for numbers below 4
     assert told.sequence == 7 and told.enabled
     data = convert.low_command(command)
     data[100] ^= 1
-    assert convert.commanded(bytes(data)) is None
+    assert convert.command_from(bytes(data)) is None
 
 
 def test_joints_are_at_the_motors_that_unitree_numbers(g1: Robot, command: Command) -> None:
@@ -305,7 +305,7 @@ def test_a_ring_is_shared_with_the_process_that_writes(tmp_path: Path) -> None:
         ring.add({"time": k})
     writer.write(["one", "two"], "a test")
     writer.close()
-    assert writer.written == [tmp_path / "log.npz"] and not writer.complaints
+    assert writer.written == [tmp_path / "log.npz"] and not writer.errors
     with np.load(tmp_path / "log.npz") as log:
         assert log["time"].tolist() == [3, 4, 5, 6, 7]
         assert log["events"].tolist() == ["one", "two"] and log["about"] == "a test"
@@ -326,7 +326,7 @@ def test_what_is_left_out_on_a_robot_is_said_and_another_robot_refused_on_any_bu
     """UDP counts joints alone: an H1-2 with as many would be commanded in the order of a G1."""
     problem, profile = problem_of(tmp_path, STAND_G1), profile_named("unitree_g1")
     assert isinstance(problem, Problem)
-    off, untold = left_out(problem, profile)
+    off, untold = omissions(problem, profile)
     assert off.endswith("or locked: waist_yaw_joint") and "wrenches" in untold
     other = profile_named("unitree_h1_2")
     with pytest.raises(InvalidInputError, match="no motor for joint waist_roll_joint"):

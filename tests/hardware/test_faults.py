@@ -121,10 +121,10 @@ def test_a_robot_that_is_gone_ends_the_loop_within_50_ms_and_is_logged(tmp_path:
     rig.start()
     rig.bus.inject(READING_FAULTS["messages lost for good"][0])
     began = rig.time
-    while not rig.loop._now.ended:
+    while not rig.loop._state.ended:
         rig.cycle()
     assert rig.time - began <= 0.050
-    rig.loop._leave()
+    rig.loop._shut_down()
     result = rig.loop.result()
     assert "gone" in result.reason and not result.good
     with np.load(result.logs[0]) as log:
@@ -152,7 +152,7 @@ def test_a_robot_that_is_not_there_is_missed_in_words() -> None:
     rig.loop._say = said.append
     rig.bus.inject(READING_FAULTS["messages lost for good"][0])
     rig.cycles(3.0)
-    assert rig.safety.mode is Mode.IDLE and not rig.loop._now.ended
+    assert rig.safety.mode is Mode.IDLE and not rig.loop._state.ended
     assert [line for line in said if "heard" in line] == [
         "nothing heard for 2 s: is the robot on, and on this bus?"
     ]
@@ -253,7 +253,7 @@ def test_signals_to_all_processes_of_a_loop_leave_it_its_controller(name: str) -
     rig = Rig()
     worker = ForkedWorker(rig.controller)  # type: ignore[arg-type]
     rig.cycles(0.01)
-    reading = rig.loop._now.reading
+    reading = rig.loop._state.reading
     assert reading is not None
     try:
         for _ in range(2):
@@ -427,7 +427,7 @@ def test_bytes_that_are_no_text_leave_the_keyboard_listening(
     monkeypatch.setattr("sys.stdin", typed)
     said: list[str] = []
     keyboard = Keyboard(said.append)
-    wishes = [keyboard._said.get(timeout=10.0) for _ in range(3)]
+    wishes = [keyboard._wishes.get(timeout=10.0) for _ in range(3)]
     assert wishes == [Wish.ARM, Wish.STOP, Wish.SIT]
     assert said[0].startswith("not understood: ")
 

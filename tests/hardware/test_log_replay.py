@@ -59,7 +59,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
         side.step(k * DT)
         side.step(k * DT)
         loop.cycle(Beat(k * DT, 0.0, 0))
-    loop._leave()
+    loop._shut_down()
     return path
 
 

@@ -12,7 +12,7 @@ from wbc.codegen.known import CodegenError
 from wbc.codegen.recording import TickRecording, check_kind, record
 from wbc.codegen.texts import plan_header, plan_source, recording_text
 from wbc.files import write_text
-from wbc.hardware.setup import left_out
+from wbc.hardware.setup import omissions
 from wbc.hardware.unitree.profiles import Profile
 from wbc.native.sources import FLAGS
 from wbc.native.sources import SOURCE as CORE
@@ -71,7 +71,7 @@ def export_problem(
     if solver != NAME:
         problem = _load(path, {**overrides, SOLVER: NAME})
     recording = record(problem, ticks)
-    untold = () if robot is None else tuple(left_out(problem, robot))
+    untold = () if robot is None else tuple(omissions(problem, robot))
     name = recording.controller.robot.name
     title = f"{problem.source.name} for {name}; made by wbc codegen, do not edit."
     texts = {

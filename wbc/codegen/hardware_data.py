@@ -10,11 +10,11 @@ from wbc.codegen.c_text import comment, identifier
 from wbc.codegen.texts import array_text, fields_text, number_text, struct_texts
 from wbc.estimation import StateEstimator
 from wbc.hardware import sensor_checks
-from wbc.hardware.bus import RESTARTED
+from wbc.hardware.bus import RESTART_GAP
 from wbc.hardware.loop import PERIOD
 from wbc.hardware.postures import CrouchPath, PostureMotion
-from wbc.hardware.robot_controller import FADE
-from wbc.hardware.safety import HUGE, RULES, TRANSITIONS, Fault, Mode, Safety
+from wbc.hardware.robot_controller import STIFFNESS_FADE
+from wbc.hardware.safety import MAX_MAGNITUDE, RULES, TRANSITIONS, Fault, Mode, Safety
 from wbc.hardware.setup import motions_of, safety_of
 from wbc.hardware.udp import COMMAND_PORT, READING_PORT
 from wbc.hardware.unitree.profiles import Profile, by_pattern
@@ -95,12 +95,12 @@ def data_header(parts: HardwareParts, title: str) -> str:
         "FAULTS": len(Fault),
         "COMMAND_PORT": COMMAND_PORT,
         "READING_PORT": READING_PORT,
-        "RESTARTED": RESTARTED,
+        "RESTARTED": RESTART_GAP,
     }
     numbers = {
         "CYCLE": PERIOD,
-        "FADE": FADE,
-        "HUGE": HUGE,
+        "FADE": STIFFNESS_FADE,
+        "HUGE": MAX_MAGNITUDE,
         "ONTO": parts.up.onto,
         "ALONG": parts.up.along,
         **{name: getattr(sensor_checks, name) for name in _CHECKS},

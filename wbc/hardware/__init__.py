@@ -1,4 +1,4 @@
-"""From sensors to motors: the loop that runs on a robot, its safety layer, buses, a robot's side.
+"""From sensors to motors: the control loop on a robot, its safety layer, buses, simulated robots.
 
     bus -> reading -> sensor checks -> estimate, controller -> safety layer -> command -> bus
 

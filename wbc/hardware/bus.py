@@ -1,4 +1,4 @@
-"""What passes between a controller and a robot: readings one way, commands the other."""
+"""The messages between controller and robot: readings one way, commands the other."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ import numpy as np
 from wbc.errors import WbcError
 from wbc.validate import Array
 
-RESTARTED = 1000  # numbers back: no message comes so late, its sender counts anew
-SILENCE = 1.0  # s after the last message, likewise
+RESTART_GAP = 1000  # a sequence number that is lower by more is of a restarted sender
+RESTART_TIME = 1.0  # s after the last message, from which on any number is
 
 
 class BusError(WbcError):
-    """A bus cannot be opened, or the system refuses what is sent; the message says what to do."""
+    """A bus cannot be opened, or the system refuses to send; the message says what to do."""
 
 
 @dataclass(frozen=True, eq=False)
 class BaseTruth:
-    """Where the base really is: only a simulated robot can tell.
+    """The base's true state, from a simulated robot only.
 
     Attributes
     ----------
@@ -39,14 +39,14 @@ class BaseTruth:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """One message of a robot, as it came: nothing of it is believed before it was checked.
+    """One message of a robot, as it came, not checked yet.
 
     Joints are in the order of the robot's model, v[6:], whatever the order on the bus.
 
     Attributes
     ----------
     sequence:
-        Number of the message, by which repeated and late ones are known.
+        Number of the message, to detect repeated and late ones.
     time:
         Of the measurement by the robot's clock [s].
     position, velocity, torque:
@@ -54,14 +54,13 @@ class Reading:
     temperature:
         Of the motors (n,) [degrees C].
     quaternion:
-        Rotation x y z w of the IMU to the world (4,), as the IMU's own filter has it; its heading
-        drifts.
+        Rotation x y z w of the IMU to the world (4,), by the IMU's own filter; its heading drifts.
     angular_velocity, specific_force:
         Of the IMU (3,), in its axes [rad/s], [m/s^2]; at rest the force is +9.81 upwards.
     stop:
         Whether the stop button of the robot's remote control is pressed.
     base_truth:
-        The base's true state, from a simulated robot that was told to send it; else None.
+        The base's true state, from a simulated robot that sends it; else None.
     """
 
     sequence: int
@@ -79,14 +78,14 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """What motors are told: tau = torque + kp (position - q) + kd (velocity - q'), at their rate.
+    """A motor command: tau = torque + kp (position - q) + kd (velocity - q'), at the motors' rate.
 
     Joints are in the order of the robot's model, v[6:].
 
     Attributes
     ----------
     sequence:
-        Number of the message, by which a robot knows repeated and late ones.
+        Number of the message, to detect repeated and late ones.
     position, velocity, torque:
         (n,) [rad or m, and per second], [N m or N].
     kp, kd:
@@ -105,13 +104,13 @@ class Command:
 
     @classmethod
     def damping(cls, kd: Array, *, enabled: bool = True) -> Command:
-        """Return the command that only brakes: zero torque, no stiffness, gains ``kd`` (n,)."""
+        """Return a pure damping command: zero torque, no stiffness, gains ``kd`` (n,)."""
         zero = np.zeros(len(kd))
         return cls(0, zero, zero, zero, zero, kd if enabled else zero, enabled)
 
     @property
     def is_passive(self) -> bool:
-        """Whether it can only take energy out of the robot."""
+        """Whether it can only dissipate energy."""
         still = not (self.kp.any() or self.torque.any())
         return not self.enabled or (still and not (self.kd * self.velocity).any())
 
@@ -120,7 +119,7 @@ class Command:
         return replace(self, sequence=sequence)
 
     def motor_torque(self, position: Array, velocity: Array) -> Array:
-        """Return what motors make of it (n,) at a state, before their limits [N m or N]."""
+        """Return the motors' torques (n,) at a state, before their limits [N m or N]."""
         if not self.enabled:
             return np.zeros(len(self.torque))
         feedback = self.kp * (self.position - position) + self.kd * (self.velocity - velocity)
@@ -131,7 +130,7 @@ Message = TypeVar("Message", Reading, Command)
 
 
 def rows_of(size: int, *values: object) -> Array | None:
-    """Return values of joints as rows (k, size); None: of another size, or no real numbers."""
+    """Return values of joints as rows (k, size); None for other sizes, or not real numbers."""
     try:
         rows = np.array(values)
     except ValueError:  # of different sizes
@@ -141,24 +140,25 @@ def rows_of(size: int, *values: object) -> Array | None:
 
 
 class MessageOrder:
-    """Tells new messages from repeated and late ones; a sender that was begun again counts anew."""
+    """Detects repeated and late messages; a restarted sender may count from 0."""
 
     def __init__(self) -> None:
-        self._last, self._heard = -1, 0.0
+        self._last, self._last_time = -1, 0.0
 
     def is_new(self, sequence: int) -> bool:
-        """Return whether a message is to be taken, which is then the last one."""
+        """Return whether a message is new, which makes it the last one."""
         now = monotonic()
-        late = self._last - RESTARTED <= sequence <= self._last and now - self._heard < SILENCE
-        if not late:
-            self._last, self._heard = sequence, now
-        return not late
+        is_old = self._last - RESTART_GAP <= sequence <= self._last
+        is_late = is_old and now - self._last_time < RESTART_TIME
+        if not is_late:
+            self._last, self._last_time = sequence, now
+        return not is_late
 
 
 def newest(
     messages: Iterable[Message | None], is_new: Callable[[int], bool], dropped: Counter[str]
 ) -> Message | None:
-    """Return the newest of messages that came, None being damaged ones; count the others."""
+    """Return the newest of messages, None being damaged ones; count the dropped."""
     last: Message | None = None
     for message in messages:
         if message is None:
@@ -174,41 +174,38 @@ class Bus(Protocol):
     """The controller's end of a robot's bus."""
 
     dropped: Counter[str]
-    """How many messages were thrown away, by reason."""
+    """Number of dropped messages, by reason."""
 
     def read(self) -> Reading | None:
-        """Return the newest reading that came since the last call; None if none came.
-
-        It never waits.
-        """
+        """Return the newest reading since the last call; None without any. It never blocks."""
 
     def write(self, command: Command) -> None:
-        """Send a command; it never waits.
+        """Send a command; it never blocks.
 
         Raises
         ------
         BusError
-            The system refuses it.
+            The system refuses.
         """
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Close the bus."""
 
 
 class RobotBus(Protocol):
     """The robot's end of a bus: what ``wbc hardware sim`` serves."""
 
     dropped: Counter[str]
-    """How many messages were thrown away, by reason."""
+    """Number of dropped messages, by reason."""
 
     def receive(self) -> Command | None:
-        """Return the newest command that came since the last call; None if none came.
+        """Return the newest command since the last call; None without any.
 
-        Repeated ones, and such as come after a later one, are thrown away. It never waits.
+        Repeated and late ones are dropped. It never blocks.
         """
 
     def send(self, reading: Reading) -> None:
-        """Send a reading; it never waits."""
+        """Send a reading; it never blocks."""
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Close the bus."""

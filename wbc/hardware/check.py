@@ -1,4 +1,4 @@
-"""Whether a robot on its bus is that of the model: rates, sensors, order and signs of joints."""
+"""Checks that the robot on a bus matches its model: rates, sensors, order and signs of joints."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from wbc.robot import Robot
 from wbc.rotations import rotation_from
 from wbc.validate import Array
 
-MOVE = math.radians(2.0)
-INSIDE, OFF_STOPS = 2.5 * MOVE, 1.5  # rad off its stops that a joint is led, in so many s
-MOVE_TIME, HOLD_TIME = 0.4, 0.2  # s: there, and before it is looked at
-LEAST, MOST = 0.15, 2.0  # times MOVE that a joint must, and may, move
-OTHERS = (
-    0.8  # straps give, so that both hips move: of its own movement that any other joint may move
-)
-BEYOND = 0.05  # rad or m that a joint may be out of its range: where it rests against its stop
-LATE = 0.5  # of the period by which a message may come late, on average
+MOVE_ANGLE = math.radians(2.0)
+# Distance from its stops to which a joint is moved first [rad], and time for that [s].
+STOP_MARGIN, OFF_STOP_TIME = 2.5 * MOVE_ANGLE, 1.5
+MOVE_TIME, HOLD_TIME = 0.4, 0.2  # s: of a motion, and of holding before a measurement
+MIN_RATIO, MAX_RATIO = 0.15, 2.0  # of a joint's measured motion by MOVE_ANGLE
+# Largest motion of another joint by the joint's own: straps yield, so that both hips move.
+MAX_COUPLING = 0.8
+MAX_OVERRUN = 0.05  # rad or m of a joint beyond its range, as where it rests against its stop
+MAX_JITTER = 0.5  # standard deviation of messages' intervals, by their period
 
 
 class CheckFinding(NamedTuple):
-    """What was looked at, whether it is as it should be, and what was seen."""
+    """What was checked, whether it is good, and what was measured."""
 
     what: str
     good: bool
@@ -41,41 +41,41 @@ class CheckFinding(NamedTuple):
 
 @dataclass(frozen=True)
 class CheckGains:
-    """With which joints are held (n,): kp [N m/rad], kd [N m s/rad]."""
+    """Gains that hold joints (n,): kp [N m/rad], kd [N m s/rad]."""
 
     kp: Array
     kd: Array
 
 
 def listen(bus: Bus, robot: Robot, seconds: float = 2.0) -> list[CheckFinding]:
-    """Listen without commanding anything; return what readings say of bus and sensors.
+    """Listen without commanding; return findings about bus and sensors.
 
     Raises
     ------
     WbcError
-        Nothing comes.
+        Too few usable readings.
     """
     checks, readings, refused = SensorChecks(robot), list[Reading](), list[str]()
     arrivals, until = list[float](), now() + seconds
-    heard = getattr(bus, "commands_heard", None)  # nobody can tell on a bus from one end to another
+    commands_heard = getattr(bus, "commands_heard", None)  # not on point-to-point buses
     while now() < until:
         reading = bus.read()
         if reading is None:
             time.sleep(2e-4)
             continue
-        came = now()
-        usable, shown = checks.look_at(reading, came)
-        refused += [f"{one.fault}: {one.detail}" for one in shown]
+        arrival = now()
+        usable, findings = checks.look_at(reading, arrival)
+        refused += [f"{one.fault}: {one.detail}" for one in findings]
         if usable:
             readings.append(reading)
-            arrivals.append(came)
+            arrivals.append(arrival)
     if len(readings) < 10:
-        why = f"; first: {refused[0]}" if refused else ""
-        thrown = ", ".join(f"{count} {reason}" for reason, count in bus.dropped.items() if count)
-        thrown_away = f"; thrown away: {thrown}" if thrown else ""
+        first_fault = f"; first: {refused[0]}" if refused else ""
+        dropped = ", ".join(f"{count} {reason}" for reason, count in bus.dropped.items() if count)
+        dropped_note = f"; thrown away: {dropped}" if dropped else ""
         raise WbcError(
-            f"check: {len(readings)} usable readings in {seconds:g} s{why}; is the robot on this"
-            f" interface and in its low-level mode?{thrown_away}"
+            f"check: {len(readings)} usable readings in {seconds:g} s{first_fault}; is the robot on"
+            f" this interface and in its low-level mode?{dropped_note}"
         )
     gaps, last = np.diff(arrivals), readings[-1]
     robot_gaps = np.diff([one.time for one in readings])
@@ -88,46 +88,46 @@ def listen(bus: Bus, robot: Robot, seconds: float = 2.0) -> list[CheckFinding]:
         ),
         CheckFinding(
             "regular",
-            float(np.std(gaps)) < LATE * period,
+            float(np.std(gaps)) < MAX_JITTER * period,
             f"they come every {1e3 * np.mean(gaps):.2f} ms, give or take {1e3 * np.std(gaps):.2f}",
         ),
         CheckFinding("damaged", not bus.dropped["damaged"], f"{bus.dropped['damaged']} messages"),
         CheckFinding("believable", not refused, refused[0] if refused else "all readings"),
     ]
-    if heard is not None:
-        others = heard()
+    if commands_heard is not None:
+        others = commands_heard()
         seen = "commands of another program: end it" if others else "nobody else commands"
         found.append(CheckFinding("alone", not others, seen))
-    return found + _at_rest(robot, readings, last)
+    return found + _check_at_rest(robot, readings, last)
 
 
-def _at_rest(robot: Robot, readings: list[Reading], last: Reading) -> list[CheckFinding]:
+def _check_at_rest(robot: Robot, readings: list[Reading], last: Reading) -> list[CheckFinding]:
     limits = robot.limits
-    beyond = np.maximum(last.position - limits.upper, limits.lower - last.position)
-    worst = int(beyond.argmax())
+    overrun = np.maximum(last.position - limits.upper, limits.lower - last.position)
+    worst = int(overrun.argmax())
     force = np.mean([one.specific_force for one in readings], axis=0)
-    spin = float(np.linalg.norm(np.mean([one.angular_velocity for one in readings], axis=0)))
+    rate = float(np.linalg.norm(np.mean([one.angular_velocity for one in readings], axis=0)))
     vertical = rotation_from(last.quaternion)[2]
     up = float(vertical[2])
-    along = force / max(float(np.linalg.norm(force)), 1e-9)
-    gravity = float(vertical @ along)
-    lean = math.degrees(math.acos(min(max(gravity, -1.0), 1.0)))
+    direction = force / max(float(np.linalg.norm(force)), 1e-9)
+    gravity = float(vertical @ direction)
+    angle = math.degrees(math.acos(min(max(gravity, -1.0), 1.0)))
     return [
         CheckFinding(
             "range",
-            bool(beyond[worst] <= BEYOND),
-            f"{robot.joint_names[worst]} is {abs(beyond[worst]):.3f} rad"
-            f" {'outside' if beyond[worst] > 0.0 else 'inside'} its range",
+            bool(overrun[worst] <= MAX_OVERRUN),
+            f"{robot.joint_names[worst]} is {abs(overrun[worst]):.3f} rad"
+            f" {'outside' if overrun[worst] > 0.0 else 'inside'} its range",
         ),
         CheckFinding(
             "upright", up > 0.8, f"tilted by {math.degrees(math.acos(min(up, 1.0))):.1f} degrees"
         ),
         CheckFinding(
             "gravity",
-            lean < 6.0 and 9.0 < float(np.linalg.norm(force)) < 10.6,
-            f"{np.linalg.norm(force):.2f} m/s^2, {lean:.1f} degrees off what the orientation says",
+            angle < 6.0 and 9.0 < float(np.linalg.norm(force)) < 10.6,
+            f"{np.linalg.norm(force):.2f} m/s^2, {angle:.1f} degrees off what the orientation says",
         ),
-        CheckFinding("gyroscope", spin < 0.05, f"{spin:.3f} rad/s at rest"),
+        CheckFinding("gyroscope", rate < 0.05, f"{rate:.3f} rad/s at rest"),
     ]
 
 
@@ -139,26 +139,26 @@ def move_joints(
     *,
     told: Callable[[CheckFinding], None] = lambda finding: None,
 ) -> list[CheckFinding]:
-    """Hold all joints where they are, and move each by 2 degrees and back; the robot must hang.
+    """Hold all joints, and move each by 2 degrees and back; the robot must hang.
 
     A joint should move in the direction of its command, and no other one with it.
 
     Raises
     ------
     WbcError
-        The safety layer stopped it; the message says why.
+        The safety layer stopped the motion; the message says why.
     """
     mover = _Mover(bus, safety, SensorChecks(robot), gains)
     found = list[CheckFinding]()
     try:
         mover.begin()
         for k, name in enumerate(robot.joint_names):
-            sign = 1.0 if mover.held[k] + MOVE < robot.limits.upper[k] else -1.0
+            sign = 1.0 if mover.held[k] + MOVE_ANGLE < robot.limits.upper[k] else -1.0
             before = mover.hold()
-            mover.move(k, sign * MOVE)
+            mover.move(k, sign * MOVE_ANGLE)
             moved = mover.hold() - before
             mover.move(k, 0.0)
-            finding = _judged(name, k, sign, moved, robot.joint_names)
+            finding = _judge(name, k, sign, moved, robot.joint_names)
             found.append(finding)
             told(finding)
     finally:
@@ -166,24 +166,24 @@ def move_joints(
     return found
 
 
-def _judged(name: str, k: int, sign: float, moved: Array, names: tuple[str, ...]) -> CheckFinding:
+def _judge(name: str, k: int, sign: float, moved: Array, names: tuple[str, ...]) -> CheckFinding:
     own = sign * float(moved[k])
     others = np.abs(moved)
     others[k] = 0.0
     other = int(others.argmax())
     seen = f"moved by {math.degrees(own):.2f} degrees"
-    if own < -LEAST * MOVE:
+    if own < -MIN_RATIO * MOVE_ANGLE:
         return CheckFinding(name, False, f"{seen}: its sign is swapped")
-    if own < LEAST * MOVE:
+    if own < MIN_RATIO * MOVE_ANGLE:
         what = (
             f"; {names[other]} moved instead"
-            if others[other] > LEAST * MOVE
+            if others[other] > MIN_RATIO * MOVE_ANGLE
             else ": blocked, or the robot brakes by itself"
         )
         return CheckFinding(name, False, seen + what)
-    if own > MOST * MOVE:
-        return CheckFinding(name, False, f"{seen}, {own / MOVE:.1f} times as far as told")
-    if others[other] > OTHERS * own:
+    if own > MAX_RATIO * MOVE_ANGLE:
+        return CheckFinding(name, False, f"{seen}, {own / MOVE_ANGLE:.1f} times as far as told")
+    if others[other] > MAX_COUPLING * own:
         by = math.degrees(others[other])
         return CheckFinding(name, False, f"{seen}; {names[other]} by {by:.2f} with it")
     return CheckFinding(name, True, seen)
@@ -201,28 +201,28 @@ class _Mover:
         self._target: Array = self.held
 
     def begin(self) -> None:
-        """Brake first, then hold what is measured."""
+        """Brake first, then hold the measured posture."""
         self._safety.arm(now())
         self._cycles(0.3)
         if self._last is None:
             raise WbcError("check: no reading; is the robot there?")
         self._safety.stand_up(now())
-        # A joint that rests on its stop is moved off it first.
-        began, limits = self._last.position.copy(), self._safety.limits
-        self.held = np.clip(began, limits.lower + INSIDE, limits.upper - INSIDE)
-        steps = round(OFF_STOPS / self._safety.dt)
+        # Move joints that rest on their stops off them.
+        start, limits = self._last.position.copy(), self._safety.limits
+        self.held = np.clip(start, limits.lower + STOP_MARGIN, limits.upper - STOP_MARGIN)
+        steps = round(OFF_STOP_TIME / self._safety.dt)
         for step in range(1, steps + 1):
-            self._target = began + minimum_jerk(step / steps) * (self.held - began)
+            self._target = start + minimum_jerk(step / steps) * (self.held - start)
             self._cycle()
         self._cycles(1.0)
 
     def hold(self) -> Array:
-        """Hold still for a while; return where joints are in the mean (n,)."""
-        seen = self._cycles(HOLD_TIME)
-        return np.mean(seen[len(seen) // 2 :], axis=0)
+        """Hold still for a while; return the mean joint positions (n,)."""
+        positions = self._cycles(HOLD_TIME)
+        return np.mean(positions[len(positions) // 2 :], axis=0)
 
     def move(self, k: int, by: float) -> None:
-        """Move one joint to ``by`` from where it was held."""
+        """Move one joint to ``by`` from its held position."""
         begin, end = self._target[k], self.held[k] + by
         steps = round(MOVE_TIME / self._safety.dt)
         for step in range(1, steps + 1):
@@ -231,18 +231,18 @@ class _Mover:
             self._cycle()
 
     def end(self) -> None:
-        """Brake, and go."""
+        """Brake, and end."""
         self._safety.stop(now(), "the check is over")
         for _ in range(5):
             self._cycle()
 
     def _cycles(self, seconds: float) -> list[Array]:
-        seen = list[Array]()
+        positions = list[Array]()
         for _ in range(round(seconds / self._safety.dt)):
             self._cycle()
             if self._last is not None:
-                seen.append(self._last.position)
-        return seen
+                positions.append(self._last.position)
+        return positions
 
     def _cycle(self) -> None:
         time = self._clock.wait().time
@@ -250,16 +250,16 @@ class _Mover:
         before = safety.mode
         reading = self._bus.read()
         if reading is not None:
-            usable, shown = self._checks.look_at(reading, time)
-            for one in shown:
+            usable, findings = self._checks.look_at(reading, time)
+            for one in findings:
                 safety.report(*one)
             if usable:
                 self._last = reading
                 safety.measured(reading)
         safety.judge(time)
         zero = np.zeros(len(self._target))
-        wanted = Command(0, self._target, zero, zero, self._gains.kp, self._gains.kd)
+        command = Command(0, self._target, zero, zero, self._gains.kp, self._gains.kd)
         self._number += 1
-        self._bus.write(safety.admit(wanted).numbered(self._number))
+        self._bus.write(safety.admit(command).numbered(self._number))
         if before is Mode.STANDING_UP and safety.mode is not before:
             raise WbcError(f"check: {safety.events[-1].what}; motors brake")

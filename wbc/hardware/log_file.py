@@ -1,4 +1,4 @@
-"""A log of the loop, read back: what was measured, asked, answered and commanded, row by row."""
+"""A log of the loop, read back: measurements, requests, answers and commands by cycle."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from wbc.spatial import vech
 from wbc.validate import Array
 
 LARGEST = 4_000_000_000  # bytes unpacked: half an hour of a humanoid
-WORDS = ("events", "about", "made_of")
+TEXTS = ("events", "about", "made_of")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class HardwareLog:
     made_of:
         Problem, profile, estimator and versions, as plain data.
     problem:
-        What ran.
+        The problem that ran.
     """
 
     path: Path
@@ -62,54 +62,54 @@ class HardwareLog:
         Raises
         ------
         InvalidInputError
-            Not a log, damaged, or one of a robot that its problem does not name any more.
+            Not a log, damaged, or of another robot than its problem's.
         ProblemFileError
             Its problem cannot be loaded: robot or motion files are elsewhere, say.
         """
         path = Path(path)
-        found = read_arrays(path, list, lambda name: "U" if name in WORDS else "f", LARGEST)
-        made_of = _made_of(path, found)
-        told = made_of["problem"]
-        source = parse(str(told["text"]), str(told.get("file") or path))
-        problem = problem_of(source, dict(told.get("overrides") or {}))
+        content = read_arrays(path, list, lambda name: "U" if name in TEXTS else "f", LARGEST)
+        made_of = _made_of(path, content)
+        ran = made_of["problem"]
+        source = parse(str(ran["text"]), str(ran.get("file") or path))
+        problem = problem_of(source, dict(ran.get("overrides") or {}))
         if not isinstance(problem, Problem):
             raise InvalidInputError(f"{path}: of a pendulum's problem, which runs on no robot")
-        arrays = {name: array for name, array in found.items() if name not in WORDS}
+        arrays = {name: array for name, array in content.items() if name not in TEXTS}
         _check(path, arrays, problem)
-        events = tuple(str(one) for one in np.atleast_1d(found["events"]) if str(one))
-        return cls(path, arrays, events, str(found["about"]), made_of, problem)
+        events = tuple(str(one) for one in np.atleast_1d(content["events"]) if str(one))
+        return cls(path, arrays, events, str(content["about"]), made_of, problem)
 
     def rows(self) -> Iterator[dict[str, Array]]:
-        """Yield what each cycle logged."""
+        """Yield the row of each cycle."""
         for k in range(len(self.arrays["time"])):
             yield {name: array[k] for name, array in self.arrays.items()}
 
     def as_run(self) -> SavedRun:
-        """Return the rows for which there is an estimate, as a run that can be drawn.
+        """Return the rows with an estimate, as a run that can be drawn.
 
-        Phases are the loop's modes; torques are those that the robot measured.
+        Phases are the loop's modes; torques are measured.
 
         Raises
         ------
         InvalidInputError
-            There is none.
+            There are none.
         """
         arrays, robot = self.arrays, self.problem.parts.robot
         known = np.isfinite(arrays["q"]).all(axis=1) & np.isfinite(arrays["v"]).all(axis=1)
         if not known.any():
             raise InvalidInputError(f"{self.path}: has no estimate of the base, so nothing to draw")
-        chosen = {name: array[known] for name, array in arrays.items()}
-        time = chosen["time"] - arrays["time"][0]
-        snapshots = [robot.snapshot(*state) for state in zip(chosen["q"], chosen["v"], strict=True)]
+        rows = {name: array[known] for name, array in arrays.items()}
+        time = rows["time"] - arrays["time"][0]
+        snapshots = [robot.snapshot(*state) for state in zip(rows["q"], rows["v"], strict=True)]
         count, none = len(time), np.full(len(time), np.nan)
         limits = robot.limits
-        lower, upper = chosen["position"] - limits.lower, limits.upper - chosen["position"]
+        lower, upper = rows["position"] - limits.lower, limits.upper - rows["position"]
         history = History(
             time=time,
-            phase=np.array([str(MODES[int(mode)]) for mode in chosen["mode"]]),
+            phase=np.array([str(MODES[int(mode)]) for mode in rows["mode"]]),
             support=np.full(count, ""),
-            q=chosen["q"],
-            v=chosen["v"],
+            q=rows["q"],
+            v=rows["v"],
             com=np.array([one.com for one in snapshots]),
             inertia=np.array([vech(one.inertia) for one in snapshots]),
             margin=np.minimum(lower, upper).min(axis=1),
@@ -126,47 +126,47 @@ class HardwareLog:
             "robot": robot.name,
             "problem": self.made_of["problem"],
             "versions": self.made_of.get("versions", {}),
-            "events": [*(one.split(" ", 1) for one in self.events), *self._faults()],
+            "events": [*(one.split(" ", 1) for one in self.events), *self._fault_counts()],
         }
-        nowhere = np.full((count, 3), np.nan)
+        missing = np.full((count, 3), np.nan)
         up = np.array([one.rotation(BASE)[2, 2] for one in snapshots])
         simulation = {
             **{name: history.arrays()[name] for name in ("time", "q", "com")},
-            "torque": chosen["torque"],
+            "torque": rows["torque"],
             "tilt": np.arccos(np.clip(up, -1.0, 1.0)),
-            "cop": nowhere,  # nobody measures it
-            "planned_cop": nowhere,
+            "cop": missing,  # not measured
+            "planned_cop": missing,
             "push": np.zeros((count, 3)),
             "relaxed": np.zeros(count, dtype=bool),
         }
         return SavedRun(self.path.stem, robot, history, summary, simulation)
 
-    def _faults(self) -> list[tuple[str, str]]:
+    def _fault_counts(self) -> list[tuple[str, str]]:
         bits = self.arrays["faults"].astype(np.int64)
         counts = {str(one): int(((bits >> k) & 1).sum()) for k, one in enumerate(FAULTS)}
         return [(f"{count} cycles", name) for name, count in counts.items() if count]
 
 
 def is_log(path: Path) -> bool:
-    """Return whether an ``.npz`` is a log of the loop; False also for what cannot be read."""
+    """Return whether an ``.npz`` is a log of the loop; False for unreadable files, too."""
     try:
-        found = read_arrays(path, lambda names: [n for n in names if n == "made_of"],
+        arrays = read_arrays(path, lambda names: [n for n in names if n == "made_of"],
                             lambda _: "U", LARGEST)  # fmt: skip
     except InvalidInputError:
         return False
-    return "made_of" in found
+    return "made_of" in arrays
 
 
-def _made_of(path: Path, found: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    if any(name not in found for name in WORDS):
+def _made_of(path: Path, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    if any(name not in arrays for name in TEXTS):
         raise InvalidInputError(f"{path}: not a log of wbc hardware run")
     try:
-        made_of = json.loads(str(found["made_of"]))
-        known = made_of["format"] == FORMAT
-        whole = known and isinstance(made_of["problem"]["text"], str)
+        made_of = json.loads(str(arrays["made_of"]))
+        is_known = made_of["format"] == FORMAT
+        is_complete = is_known and isinstance(made_of["problem"]["text"], str)
     except (KeyError, TypeError, ValueError, RecursionError):
-        whole = False
-    if not whole:
+        is_complete = False
+    if not is_complete:
         raise InvalidInputError(f"{path}: does not say what ran, as a {FORMAT!r} does")
     return dict(made_of)
 

@@ -1,4 +1,4 @@
-"""What a loop logs in each cycle."""
+"""The log row of a cycle."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.hardware.bus import Command, Reading
-from wbc.hardware.loop_memory import LoopMemory
+from wbc.hardware.loop_state import LoopState
 from wbc.hardware.real_time import Beat
 from wbc.hardware.safety import Fault, Mode, Safety
 from wbc.hardware.worker import Job
@@ -16,14 +16,14 @@ from wbc.validate import Array
 
 MODES = tuple(Mode)
 FAULTS = tuple(Fault)
-# Of a reading, what it measured.
+# Measured quantities of a reading.
 JOINTS = ("position", "velocity", "torque", "temperature")
 IMU = ("quaternion", "angular_velocity", "specific_force")
 READ = (*JOINTS, *IMU)
 
 
 def log_fields(joints: int, nq: int, nv: int) -> dict[str, int]:
-    """Return what a log's rows hold, and how many numbers each field has."""
+    """Return the fields of a log's rows, and their numbers of values."""
     single = ("time", "lateness", "mode", "faults", "sequence", "robot_time", "stop")
     asked = ("asked", "asked_about", "answer_to", "answer_time", "standing")
     commanded = ("command_position", "command_velocity", "command_torque", "kp", "kd")
@@ -33,12 +33,12 @@ def log_fields(joints: int, nq: int, nv: int) -> dict[str, int]:
 
 
 def log_row(
-    beat: Beat, safety: Safety, command: Command, now: LoopMemory, feet: Sequence[str]
+    beat: Beat, safety: Safety, command: Command, state: LoopState, feet: Sequence[str]
 ) -> dict[str, ArrayLike]:
-    """Return a row: modes by their place in :class:`Mode`, faults and feet that stand as bits.
+    """Return a row: modes by their index in :class:`Mode`, faults and feet in contact as bits.
 
-    What the controller was asked in this cycle stands as :func:`request_bits`, and by the number of
-    the reading that it was asked about; so does its newest answer.
+    The request to the controller in this cycle is logged as :func:`request_bits`, with the number
+    of its reading; the newest answer with the number of its reading.
     """
     values: dict[str, ArrayLike] = {
         "time": beat.time,
@@ -51,15 +51,16 @@ def log_row(
         "kp": command.kp,
         "kd": command.kd,
     }
-    reading, answer = now.reading, now.answer
+    reading, answer = state.reading, state.answer
     if reading is not None:
         values |= {"sequence": reading.sequence, "robot_time": reading.time, "stop": reading.stop}
         values |= {name: getattr(reading, name) for name in READ}
-    if now.asked is not None:
-        values |= {"asked": request_bits(now.asked), "asked_about": now.asked.reading.sequence}
+    if state.request is not None:
+        values["asked"] = request_bits(state.request)
+        values["asked_about"] = state.request.reading.sequence
     if answer is not None:
-        values |= {"q": answer.q, "v": answer.v, "answer_to": now.answer_to}
-        values |= {"answer_time": now.took, "deviations": answer.sure.deviations}
+        values |= {"q": answer.q, "v": answer.v, "answer_to": state.answer_sequence}
+        values |= {"answer_time": state.answer_duration, "deviations": answer.sure.deviations}
         values["standing"] = sum(1 << feet.index(foot) for foot in answer.sure.feet)
         if answer.command is not None:
             values["answer_velocity"] = answer.command.velocity
@@ -68,12 +69,12 @@ def log_row(
 
 
 def request_bits(job: Job) -> int:
-    """Return what is asked as bits: 1 if it begins, 2 for a command, 4 to come to rest."""
-    return job.begins + 2 * job.commands + 4 * job.rests
+    """Return a request as bits: 1 if it begins, 2 for a command, 4 to come to rest."""
+    return job.begins + 2 * job.wants_command + 4 * job.comes_to_rest
 
 
 def request_of(row: Mapping[str, Array], reading: Reading) -> Job:
-    """Return the job that a row's bits tell of."""
+    """Return the job of a row's bits."""
     bits = int(row["asked"])
     return Job(reading, bool(bits & 1), bool(bits & 2), bool(bits & 4))
 
@@ -86,6 +87,6 @@ def reading_of(row: Mapping[str, Array]) -> Reading:
 
 
 def bits_set(value: float) -> list[int]:
-    """Return the places of the bits of a number that are set; none of NaN."""
+    """Return the indices of the set bits of a number; none for NaN."""
     whole = int(value) if np.isfinite(value) else 0
     return [k for k in range(whole.bit_length()) if whole >> k & 1]

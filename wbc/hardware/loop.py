@@ -1,8 +1,8 @@
-"""The loop that runs on a robot: read, check, estimate and tick, judge, limit, write, log.
+"""The control loop on a robot: read, check, estimate and tick, judge, limit, write, log.
 
-One object owns the cycle. The controller has its own process and is asked once in a cycle: if it
-answers in time, its command goes out in the same cycle; if not, the last one is held and the safety
-layer counts. Nothing that the controller does, or does not do, keeps a cycle from being completed.
+One object owns the cycle. The controller runs in its own process: if it answers in time, its
+command is sent in the same cycle; if not, the last one is held and the safety layer counts.
+Whatever the controller does, every cycle is completed.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.hardware.bus import Bus, BusError, Command, Reading
 from wbc.hardware.log_row import log_fields, log_row
-from wbc.hardware.loop_memory import LoopMemory
 from wbc.hardware.loop_result import LoopResult, is_fault
+from wbc.hardware.loop_state import LoopState
 from wbc.hardware.operator import LoopStatus, Operator, Wish
 from wbc.hardware.postures import Motions
 from wbc.hardware.real_time import Beat, CycleClock, check_cpus, pin, real_time
@@ -30,20 +30,20 @@ from wbc.hardware.worker import ForkedWorker, Job, Worker, WorkerOutcome, can_fo
 from wbc.validate import Array, finite_number
 
 PERIOD = 0.002  # s: of cycles
-WITHOUT = 3  # periods of the controller without an answer that are no fault: contacts change
-# In which nothing is commanded but damping, if at all.
-DOWN = frozenset((Mode.IDLE, Mode.DAMPING, Mode.STOP))
-PATIENCE = 2.0  # s without a usable reading, of a robot that is not armed, until that is said
-AGAIN = 1.0  # s after which the same refusal is told again
-SILENT_AFTER = 0.005  # s without a usable reading: two messages of 500 Hz
-GONE_AFTER = 0.040  # s: the robot's side is gone, and the loop ends
-STALL = 0.040  # s of lateness: the process was stopped or starved
-RESERVE = 5e-4  # s of a cycle kept for what comes after the controller
+ALLOWED_MISSES = 3  # ticks without an answer before that is a fault: contact changes take time
+# Modes that command damping at most.
+PASSIVE_MODES = frozenset((Mode.IDLE, Mode.DAMPING, Mode.STOP))
+SILENCE_NOTICE = 2.0  # s without a usable reading until the operator is told
+REPEAT_NOTICE = 1.0  # s until the same refusal is repeated
+SILENCE = 0.005  # s without a usable reading until that is a fault: two messages of 500 Hz
+ROBOT_GONE = 0.040  # s without a usable reading until the loop ends
+STALL_LATENESS = 0.040  # s of lateness: the process was stopped or starved
+CYCLE_RESERVE = 5e-4  # s of a cycle for the work after the controller
 BEFORE, AFTER = 10.0, 1.0  # s logged before and after an event
-SPARE = 1.0  # s that the ring turns on while it is written, at least
-SPARE_PART = 0.1  # and in parts of what it keeps
-REST_TIME = 6.0  # s that a walk gets to come to rest
-SEND_STOPS = 5  # damping commands that are sent when the loop ends
+# Rows of the ring for cycles while it is written: at least [s], and as a ratio of its length.
+SPARE, SPARE_RATIO = 1.0, 0.1
+REST_TIME = 6.0  # s for a walk to come to rest
+FINAL_STOPS = 5  # damping commands sent when the loop ends
 
 
 class HardwareLoop:
@@ -52,38 +52,38 @@ class HardwareLoop:
     Parameters
     ----------
     bus:
-        Opens the way to the robot: called once the controller's process is there.
+        Opens the bus: called after the controller's process is forked.
     controller:
         Estimator and supervisor.
     safety, checks:
-        The layer that judges, and what looks at readings.
+        The safety layer, and the checks of readings.
     motions:
         Up and down.
     operator:
-        Who says when.
+        Requests modes.
     log:
-        Where an event's log goes; None: nowhere.
+        File of an event's log; None: no logs.
     keep:
-        How far logs reach back [s]; one is then written in the end, too, whatever happened. None:
-        10 s, and nothing of a run without an event.
+        Length of logs [s]; one is then written at the end in any case. None: 10 s, and no log of a
+        run without an event.
     made_of:
-        What logs say of problem, profile and estimator, for :func:`wbc.hardware.replay.replay_log`.
+        Problem, profile and estimator for logs, see :func:`wbc.hardware.replay.replay_log`.
     watch:
-        Shows the log while it grows, in a process of its own that ends with the loop; only where
-        there can be one.
+        Shows the log live, in a process of its own that ends with the loop, where the system can
+        fork.
     forked:
-        Whether the controller has its own process, where that can be; it is forked now.
+        Whether the controller has its own process, where possible; it is forked now.
     priority:
-        Of ``SCHED_FIFO``, where allowed; 0: none is asked for. The controller has half of it.
+        Of ``SCHED_FIFO``, where allowed; 0: none. The controller has half of it.
     cpus:
-        On which the loop and, if there is a second, the controller run; empty: on any.
+        CPUs of the loop and, if there is a second, of the controller; empty: any.
     say:
-        Told of each mode that begins.
+        Called with a text for each mode that begins.
 
     Attributes
     ----------
     interrupted:
-        Asked after each cycle whether somebody wants it to end; it then lets the operator know.
+        Called after each cycle; True makes the robot sit down, and then ends the loop.
     """
 
     def __init__(
@@ -108,13 +108,13 @@ class HardwareLoop:
         self.controller, self.safety = controller, safety
         self._checks, self._motions, self._operator = checks, motions, operator
         self.dt = PERIOD
-        self._every, self._feet = whole_cycles(controller.dt), tuple(controller.robot.feet)
+        self._cycles, self._feet = cycles_per_tick(controller.dt), tuple(controller.robot.feet)
         self._say, self._priority = say, priority
         n = len(safety.limits.effort)
         fields = log_fields(n, controller.robot.nq, controller.robot.nv)
         before = BEFORE if keep is None else finite_number("hardware, keep", keep, least=BEFORE)
-        self._keeps = keep is not None
-        self._ring = RingLog(fields, before + AFTER + max(SPARE, SPARE_PART * before), self.dt)
+        self._always_logs = keep is not None
+        self._ring = RingLog(fields, before + AFTER + max(SPARE, SPARE_RATIO * before), self.dt)
         self._forked = forked and can_fork()
         self._worker: Worker | ForkedWorker = (
             ForkedWorker(controller, priority // 2, cpus[-1] if cpus else None)
@@ -138,186 +138,186 @@ class HardwareLoop:
             self._worker.close()
             self._end_processes()
             raise
-        self._began = 0.0
-        self._now = LoopMemory()
+        self._start = 0.0
+        self._state = LoopState()
         self._clock: CycleClock | None = None
         self.interrupted: Callable[[], bool] = lambda: False
 
-    # ------------------------------------------------------------------ the whole
+    # ------------------------------------------------------------------ run
 
     def run(self, most: float = np.inf) -> LoopResult:
-        """Run until the operator quits, the robot is gone, or ``most`` seconds are over."""
+        """Run until the operator quits, the robot is gone, or ``most`` seconds have passed."""
         notes: tuple[str, ...] = ()
-        with real_time(self._priority) as refused:
+        with real_time(self._priority) as not_granted:
             self._clock = CycleClock(self.dt)
-            self._began = self._clock.due
-            notes, asked = refused, False
+            self._start = self._clock.due
+            notes, interrupting = not_granted, False
             try:
-                while not self._now.ended:
+                while not self._state.ended:
                     beat = self._clock.wait()
                     self.cycle(beat)
-                    if not asked and self.interrupted():
-                        asked = True
-                        if self.safety.mode not in DOWN:
+                    if not interrupting and self.interrupted():
+                        interrupting = True
+                        if self.safety.mode not in PASSIVE_MODES:
                             self._say("interrupted: it sits down; once more: it stops")
-                    if asked and self.safety.mode in DOWN:
-                        self._now.ended = "interrupted"
-                    if beat.time - self._began > most:
-                        self._now.ended = f"{most:g} s are over"
+                    if interrupting and self.safety.mode in PASSIVE_MODES:
+                        self._state.ended = "interrupted"
+                    if beat.time - self._start > most:
+                        self._state.ended = f"{most:g} s are over"
             except KeyboardInterrupt:
-                self._now.ended = "interrupted"
+                self._state.ended = "interrupted"
             finally:
-                self._leave()
+                self._shut_down()
         return self.result(notes)
 
-    def _leave(self) -> None:
-        """Send damping, whatever happened; write the log that waits."""
-        now = self._now
-        self.safety.stop(clock_now(), f"{now.ended or 'an error'}: the loop ends")
-        for _ in range(SEND_STOPS):
+    def _shut_down(self) -> None:
+        """Send damping in any case; write the pending log."""
+        state = self._state
+        self.safety.stop(clock_now(), f"{state.ended or 'an error'}: the loop ends")
+        for _ in range(FINAL_STOPS):
             self._write(self.safety.admit(None))
-        now.notes = tuple(self._worker.close())
-        if now.log_at is not None or self._keeps:
-            self._write_log(now.event or f"the end: {now.ended}")
+        state.notes = tuple(self._worker.close())
+        if state.log_time is not None or self._always_logs:
+            self._write_log(state.event or f"the end: {state.ended}")
         self._end_processes()
 
     def _end_processes(self) -> None:
-        """End those that write and show."""
+        """End the processes that write and show logs."""
         if self._writer is not None:
             self._writer.close()
         if self._watcher is not None:
             self._watcher.close()
 
     def result(self, notes: Sequence[str] = ()) -> LoopResult:
-        """Return how it went until now."""
-        now, safety = self._now, self.safety
+        """Return the result so far."""
+        state, safety = self._state, self.safety
         writer = self._writer
-        complaints = () if writer is None else tuple(writer.complaints)
-        stopped = now.stopped or any(is_fault(one) for one in safety.events)
+        errors = () if writer is None else tuple(writer.errors)
+        stopped = state.had_fault or any(is_fault(one) for one in safety.events)
         return LoopResult(
-            now.ended,
-            now.time,
+            state.ended,
+            state.time,
             not stopped,
-            len(now.lateness),
-            now.missed,
-            now.held,
-            np.array(now.lateness),
-            np.array(now.seconds),
+            len(state.lateness),
+            state.missed,
+            state.held_cycles,
+            np.array(state.lateness),
+            np.array(state.seconds),
             tuple(safety.events),
             safety.counts.copy(),
             self.bus.dropped.copy(),
-            (*notes, *complaints, *now.notes),
+            (*notes, *errors, *state.notes),
             () if writer is None else tuple(writer.written),
         )
 
     # ------------------------------------------------------------------ one cycle
 
     def cycle(self, beat: Beat) -> Command:
-        """Make one cycle; return what was sent."""
-        now, safety = self._now, self.safety
-        time = now.time = beat.time
-        now.asked = None
-        now.lateness.append(beat.lateness)
-        now.missed += beat.missed
-        if beat.lateness > STALL:
+        """Make one cycle; return the command that was sent."""
+        state, safety = self._state, self.safety
+        time = state.time = beat.time
+        state.request = None
+        state.lateness.append(beat.lateness)
+        state.missed += beat.missed
+        if beat.lateness > STALL_LATENESS:
             safety.report(Fault.STALLED, f"for {1e3 * beat.lateness:.0f} ms")
         elif beat.lateness > self.dt:
             safety.report(Fault.LATE_CYCLE, f"by {1e3 * beat.lateness:.1f} ms")
         fresh = self._read(time)
-        self._obey(time)
-        self._submit(fresh)
-        if fresh is not None:  # while the controller is at work
-            self._look_at(fresh)
-        outcome = self._answered(time, fresh)
-        wanted = self._wanted(time, outcome)
+        self._handle_operator(time)
+        self._request_answer(fresh)
+        if fresh is not None:  # in parallel to the controller
+            self._check_sensors(fresh)
+        outcome = self._collect_answer(time, fresh)
+        wanted = self._desired_command(time, outcome)
         mode = safety.judge(time)
-        if mode is not now.mode:
-            self._entered(mode, time)
-            wanted = self._wanted(time, None)
+        if mode is not state.mode:
+            self._on_mode_change(mode, time)
+            wanted = self._desired_command(time, None)
         command = self._write(safety.admit(wanted))
         self._log(beat, command)
         return command
 
     def _read(self, time: float) -> Reading | None:
-        """Return the new reading, if there is one of use."""
-        now, safety = self._now, self.safety
-        came = self.bus.read()
+        """Return the new reading, if there is a usable one."""
+        state, safety = self._state, self.safety
+        message = self.bus.read()
         fresh: Reading | None = None
-        if came is not None:
-            came = self._checks.mended(came)
-            refused = self._checks.refused(came, time)
-            if refused is None:
-                fresh, now.heard = came, time
-                now.before, now.reading = now.reading, came
+        if message is not None:
+            message = self._checks.mended(message)
+            finding = self._checks.refused(message, time)
+            if finding is None:
+                fresh, state.last_reading_time = message, time
+                state.previous, state.reading = state.reading, message
             else:
-                safety.report(*refused)
-        silence = time - max(now.heard, self._began)
-        if fresh is not None and now.told:
+                safety.report(*finding)
+        silence = time - max(state.last_reading_time, self._start)
+        if fresh is not None and state.silence_reported:
             self._say("the robot is heard")
-            now.told = False
-        elif silence > PATIENCE and not now.told:
-            self._say(f"nothing heard for {PATIENCE:g} s: is the robot on, and on this bus?")
-            now.told = True
-        if fresh is None and silence > SILENT_AFTER:
+            state.silence_reported = False
+        elif silence > SILENCE_NOTICE and not state.silence_reported:
+            self._say(f"nothing heard for {SILENCE_NOTICE:g} s: is the robot on, and on this bus?")
+            state.silence_reported = True
+        if fresh is None and silence > SILENCE:
             safety.report(Fault.SILENT, f"for {1e3 * silence:.0f} ms")
-        if silence > GONE_AFTER and safety.mode is not Mode.IDLE and not now.ended:
-            now.ended = f"the robot's side is gone: no usable reading for {1e3 * silence:.0f} ms"
+        if silence > ROBOT_GONE and safety.mode is not Mode.IDLE and not state.ended:
+            state.ended = f"the robot's side is gone: no usable reading for {1e3 * silence:.0f} ms"
         return fresh
 
-    def _look_at(self, fresh: Reading) -> None:
-        """Compare what sensors say with each other and with what was commanded."""
-        now, torque = self._now, None
-        if now.command is not None and now.before is not None and now.command.enabled:
-            torque = now.command.motor_torque(now.before.position, now.before.velocity)
+    def _check_sensors(self, fresh: Reading) -> None:
+        """Compare sensors with each other and with the last command."""
+        state, torque = self._state, None
+        if state.command is not None and state.previous is not None and state.command.enabled:
+            torque = state.command.motor_torque(state.previous.position, state.previous.velocity)
         for finding in self._checks.compared(fresh, torque):
             self.safety.report(*finding)
         self.safety.measured(fresh)
 
-    def _submit(self, reading: Reading | None) -> None:
-        """Ask the controller about a reading when it is time, unless it is still busy."""
-        now, mode = self._now, self.safety.mode
-        stands = mode is Mode.STANDING_UP and self._motions.up.is_over(now.time)
-        asks = stands or mode is Mode.RUNNING
-        now.turn += 1
-        if asks and reading is not None and now.turn >= self._every:
-            now.waiting, now.turn = reading, 0
-        elif not asks:
-            now.waiting = None
-        if now.waiting is None or self._worker.busy:
+    def _request_answer(self, reading: Reading | None) -> None:
+        """Request an answer to a reading when a tick is due, unless the controller is busy."""
+        state, mode = self._state, self.safety.mode
+        is_up = mode is Mode.STANDING_UP and self._motions.up.is_over(state.time)
+        is_needed = is_up or mode is Mode.RUNNING
+        state.waited += 1
+        if is_needed and reading is not None and state.waited >= self._cycles:
+            state.pending_reading, state.waited = reading, 0
+        elif not is_needed:
+            state.pending_reading = None
+        if state.pending_reading is None or self._worker.busy:
             return
         commands = mode is Mode.RUNNING
-        begins = not (now.runs if commands else now.stands)
-        job = Job(now.waiting, begins, commands, now.sits_by is not None)
+        begins = not (state.is_commanding if commands else state.is_observing)
+        job = Job(state.pending_reading, begins, commands, state.sit_deadline is not None)
         self._worker.submit(job)
-        now.asked, now.asked_last = job, job.reading.sequence
-        now.runs, now.stands, now.waiting = commands, True, None
+        state.request, state.request_sequence = job, job.reading.sequence
+        state.is_commanding, state.is_observing, state.pending_reading = commands, True, None
 
-    def _answered(self, time: float, fresh: Reading | None) -> WorkerOutcome | None:
-        """Return the controller's newest answer that is in time."""
-        now, worker = self._now, self._worker
+    def _collect_answer(self, time: float, fresh: Reading | None) -> WorkerOutcome | None:
+        """Return the controller's newest answer within this cycle."""
+        state, worker = self._state, self._worker
         newest: WorkerOutcome | None = None
-        while (outcome := worker.result(self._left())) is not None:
-            newest, now.answered = outcome, time
-            about = now.asked_last
-            now.took = clock_now() - time
-            now.seconds.append(now.took)
-            if now.waiting is None:
+        while (outcome := worker.result(self._time_left())) is not None:
+            newest, state.last_answer_time = outcome, time
+            sequence = state.request_sequence
+            state.answer_duration = clock_now() - time
+            state.seconds.append(state.answer_duration)
+            if state.pending_reading is None:
                 break
-            self._submit(None)
+            self._request_answer(None)
         if self.safety.mode is Mode.RUNNING:
-            now.held += newest is None and worker.busy
-            silence = time - max(now.answered, now.mode_began)
-            if silence > WITHOUT * self._every * self.dt and fresh is not None:
+            state.held_cycles += newest is None and worker.busy
+            silence = time - max(state.last_answer_time, state.mode_start)
+            if silence > ALLOWED_MISSES * self._cycles * self.dt and fresh is not None:
                 self.safety.report(Fault.NO_COMMAND, f"for {1e3 * silence:.0f} ms")
         if newest is not None and newest.answer is not None:
-            now.answer_to = about
+            state.answer_sequence = sequence
         return newest
 
-    def _wanted(self, time: float, outcome: WorkerOutcome | None) -> Command | None:
-        """Return what this mode commands; None: what was last commanded."""
-        now, safety, reading = self._now, self.safety, self._now.reading
+    def _desired_command(self, time: float, outcome: WorkerOutcome | None) -> Command | None:
+        """Return this mode's command; None: hold the last one."""
+        state, safety, reading = self._state, self.safety, self._state.reading
         if outcome is not None:
-            self._judge_outcome(outcome)
+            self._report_outcome(outcome)
         if safety.mode is Mode.RUNNING:
             if outcome is None or outcome.answer is None or not outcome.answer.ok:
                 return None
@@ -328,81 +328,81 @@ class HardwareLoop:
         if motion is None or reading is None:
             return None
         if not motion.has_begun:
-            last = now.command
+            last = state.command
             torque: Array = np.zeros(len(reading.position))
             if last is not None:
                 torque = last.motor_torque(reading.position, reading.velocity)
             motion.begin(time, reading.position, torque)
         return motion.command(time)
 
-    def _judge_outcome(self, outcome: WorkerOutcome) -> None:
+    def _report_outcome(self, outcome: WorkerOutcome) -> None:
         answer, safety = outcome.answer, self.safety
         if answer is None:
-            self._now.error = outcome.error
+            self._state.error = outcome.error
             if safety.mode is not Mode.RUNNING and outcome.no_estimate:
-                return  # it has not stood still for long enough
+                return  # the robot has not stood still for long enough
             fault = Fault.ESTIMATOR_FAILED if outcome.no_estimate else Fault.CONTROLLER_RAISED
             safety.report(fault, outcome.error)
             return
-        self._now.answer = answer
+        self._state.answer = answer
         if not answer.ok:
             safety.report(Fault.TICK_FAILED, answer.report)
 
     def _write(self, command: Command) -> Command:
-        now = self._now
-        now.sequence += 1
-        command = command.numbered(now.sequence)
+        state = self._state
+        state.sequence += 1
+        command = command.numbered(state.sequence)
         try:
             self.bus.write(command)
         except BusError as error:
             self.safety.report(Fault.BUS_FAILED, str(error))
-        now.command = command
+        state.command = command
         return command
 
     # ------------------------------------------------------------------ modes
 
-    def _obey(self, time: float) -> None:
-        """Do what the operator wishes, if the mode allows it."""
-        now, safety = self._now, self.safety
-        hears = now.reading is not None and time - now.heard < SILENT_AFTER
-        passed = time - now.mode_began
-        is_up = self._motions.up.is_over(time) and now.answer is not None
-        status = LoopStatus(safety.mode, time - self._began, passed, hears, is_up)
+    def _handle_operator(self, time: float) -> None:
+        """Carry out the operator's wish, if the mode allows it."""
+        state, safety = self._state, self.safety
+        has_readings = state.reading is not None and time - state.last_reading_time < SILENCE
+        mode_time = time - state.mode_start
+        is_up = self._motions.up.is_over(time) and state.answer is not None
+        status = LoopStatus(safety.mode, time - self._start, mode_time, has_readings, is_up)
         wish = self._operator.wish(status)
         try:
             if wish is not None:
                 self._grant(wish, time, is_up)
         except ForbiddenTransition as refusal:
-            self._tell(f"{wish}: {refusal}", time)
-        if safety.mode is Mode.RUNNING and now.sits_by is not None:
-            rests = now.answer is not None and now.answer.at_rest
-            if rests or time > now.sits_by:
+            self._report_refusal(f"{wish}: {refusal}", time)
+        if safety.mode is Mode.RUNNING and state.sit_deadline is not None:
+            at_rest = state.answer is not None and state.answer.at_rest
+            if at_rest or time > state.sit_deadline:
                 safety.soft_stop(time)
         elif safety.mode is Mode.SOFT_STOP and self._motions.down.is_over(time):
             safety.is_down(time)
-        if safety.mode is not now.mode:
-            self._entered(safety.mode, time)
+        if safety.mode is not state.mode:
+            self._on_mode_change(safety.mode, time)
 
-    def _tell(self, refusal: str, time: float) -> None:
-        """Tell why a wish is refused; once a second, of a script that asks in each cycle."""
+    def _report_refusal(self, refusal: str, time: float) -> None:
+        """Report why a wish is refused, at most once a second for the same reason."""
         events = self.safety.events
-        if not events or events[-1].what != refusal or time - events[-1].time >= AGAIN:
+        if not events or events[-1].what != refusal or time - events[-1].time >= REPEAT_NOTICE:
             events.append(Event(time, refusal, self.safety.mode))
             self._say(refusal)
 
     def _grant(self, wish: Wish, time: float, is_up: bool) -> None:
-        now, safety = self._now, self.safety
-        at_once = {Wish.ARM: safety.arm, Wish.STAND: safety.stand_up, Wish.RESET: safety.reset}
-        if wish in at_once:
-            at_once[wish](time)
+        state, safety = self._state, self.safety
+        actions = {Wish.ARM: safety.arm, Wish.STAND: safety.stand_up, Wish.RESET: safety.reset}
+        if wish in actions:
+            actions[wish](time)
         elif wish is Wish.RUN:
             if safety.mode is Mode.STANDING_UP and not is_up:
-                why = f"no estimate: {now.error}" if now.error else "it is not up yet"
-                raise ForbiddenTransition(why)
+                reason = f"no estimate: {state.error}" if state.error else "it is not up yet"
+                raise ForbiddenTransition(reason)
             safety.run(time)
         elif wish is Wish.SIT:
             if safety.mode is Mode.RUNNING:
-                now.sits_by = time + REST_TIME
+                state.sit_deadline = time + REST_TIME
             elif safety.mode is Mode.STANDING_UP:
                 safety.soft_stop(time)
             elif safety.mode is Mode.DAMPING:
@@ -410,57 +410,57 @@ class HardwareLoop:
         elif wish is Wish.STOP:
             safety.stop(time)
         else:
-            if safety.mode not in DOWN:
+            if safety.mode not in PASSIVE_MODES:
                 raise ForbiddenTransition(f"sit, or stop, first: {safety.mode}")
-            now.ended = "asked to quit"
+            state.ended = "asked to quit"
 
-    def _entered(self, mode: Mode, time: float) -> None:
-        """Take note of a mode that began; a stop of any kind is logged."""
-        now = self._now
-        self._say(f"{time - self._began:8.3f} s  {mode}: {self.safety.events[-1].what}")
-        now.mode, now.mode_began = mode, time
-        now.runs = now.stands = False
+    def _on_mode_change(self, mode: Mode, time: float) -> None:
+        """Record a mode that began; schedule a log after a fault's stop."""
+        state = self._state
+        self._say(f"{time - self._start:8.3f} s  {mode}: {self.safety.events[-1].what}")
+        state.mode, state.mode_start = mode, time
+        state.is_commanding = state.is_observing = False
         if mode is Mode.STANDING_UP:
-            now.answer, now.error = None, ""
+            state.answer, state.error = None, ""
             self._motions.up.end()
             self._motions.down.end()
-        now.sits_by = None if mode is not Mode.RUNNING else now.sits_by
+        state.sit_deadline = None if mode is not Mode.RUNNING else state.sit_deadline
         event = self.safety.events[-1]
         if is_fault(event):
-            now.stopped = True
-            if now.log_at is None:
-                now.log_at, now.event = time + AFTER, event.what
+            state.had_fault = True
+            if state.log_time is None:
+                state.log_time, state.event = time + AFTER, event.what
 
     # ------------------------------------------------------------------ time and log
 
-    def _left(self) -> float:
-        """Return how long the controller may still take in this cycle [s]."""
+    def _time_left(self) -> float:
+        """Return the time left for the controller in this cycle [s]."""
         if not self._forked or self._clock is None:
             return 0.0
-        return self._clock.due - RESERVE - clock_now()
+        return self._clock.due - CYCLE_RESERVE - clock_now()
 
     def _log(self, beat: Beat, command: Command) -> None:
-        now = self._now
-        self._ring.add(log_row(beat, self.safety, command, now, self._feet))
-        if now.log_at is not None and beat.time >= now.log_at:
-            self._write_log(now.event)
+        state = self._state
+        self._ring.add(log_row(beat, self.safety, command, state, self._feet))
+        if state.log_time is not None and beat.time >= state.log_time:
+            self._write_log(state.event)
 
     def _write_log(self, event: str) -> None:
-        now = self._now
-        now.log_at = None
+        state = self._state
+        state.log_time = None
         if self._writer is None:
             return
-        told = [f"{one.time:.4f} {one.mode}: {one.what}" for one in self.safety.events]
-        self._writer.write(told, event)
+        events = [f"{one.time:.4f} {one.mode}: {one.what}" for one in self.safety.events]
+        self._writer.write(events, event)
 
 
-def whole_cycles(dt: float) -> int:
-    """Return how many cycles the controller's period has.
+def cycles_per_tick(dt: float) -> int:
+    """Return the number of cycles in the controller's period.
 
     Raises
     ------
     InvalidInputError
-        No whole number of them.
+        It is not an integer.
     """
     cycles = round(dt / PERIOD)
     if cycles < 1 or abs(cycles * PERIOD - dt) > 1e-9:

@@ -1,4 +1,4 @@
-"""How a loop went."""
+"""The result of a loop."""
 
 from __future__ import annotations
 
@@ -6,38 +6,38 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from wbc.hardware.safety import ASKED, Answer, Event, Fault
+from wbc.hardware.safety import REQUESTED, Answer, Event, Fault
 from wbc.validate import Array
 
-ANSWERED = (Answer.SOFT_STOP, Answer.STOP)
+STOPPING = (Answer.SOFT_STOP, Answer.STOP)
 
 
 @dataclass(frozen=True)
 class LoopResult:
-    """How a loop went.
+    """The result of a loop.
 
     Attributes
     ----------
     reason:
         Why it ended.
     ended_at:
-        When, by the loop's clock [s].
+        By the loop's clock [s].
     good:
-        Whether it ended as it was asked to, without a fault that stopped it.
+        Whether it ended on request, and no fault stopped the robot.
     cycles, missed:
-        How many there were, and were left out because one before took too long.
+        Number of cycles, and of those skipped because one before took too long.
     held:
-        Cycles in which the controller was still busy, and its last command was held.
+        Number of cycles in which the controller was busy, and its last command was held.
     lateness:
-        How late cycles began (cycles,) [s].
+        Of the cycles' beginnings (cycles,) [s].
     seconds:
-        What ticks took, from reading to command (k,) [s].
+        Durations of ticks, from reading to command (k,) [s].
     events:
         Changes of mode and first faults, in order.
     faults, dropped:
-        Cycles with each fault, and messages thrown away by the bus, by reason.
+        Number of cycles with each fault, and of messages dropped by the bus, by reason.
     notes:
-        What was not granted, not written, or should be known.
+        What was not granted or not written, and other notes.
     logs:
         Files of events.
     """
@@ -57,14 +57,11 @@ class LoopResult:
     logs: tuple[Path, ...]
 
     def share_within(self, tolerance: float) -> float:
-        """Return the share of all cycles that began within a tolerance [s] of their time.
-
-        Those that were left out did not.
-        """
+        """Return the share of all cycles, skipped ones too, that began within a tolerance [s]."""
         total = self.cycles + self.missed
         return float((self.lateness <= tolerance).sum()) / total if total else 1.0
 
 
 def is_fault(event: Event) -> bool:
-    """Return whether something stopped the robot that nobody asked for."""
-    return event.answer in ANSWERED and not event.what.startswith(ASKED)
+    """Return whether an event is a stop that nobody requested."""
+    return event.answer in STOPPING and not event.what.startswith(REQUESTED)

@@ -1,4 +1,4 @@
-"""Who says when: a person at the keyboard, or a script."""
+"""Operators of a loop: a person at the keyboard, or a script."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wbc.hardware.safety import Mode
 
 
 class Wish(StrEnum):
-    """What can be asked of a loop."""
+    """What an operator can request."""
 
     ARM = "arm"
     STAND = "stand"
@@ -26,43 +26,43 @@ class Wish(StrEnum):
 
 
 class LoopStatus(NamedTuple):
-    """What who wishes should know."""
+    """The state of a loop, for its operator."""
 
     mode: Mode
     time: float  # since the loop began [s]
     mode_time: float  # since the mode began [s]
-    hears: bool  # whether readings come
-    is_up: bool  # whether standing up is over
+    hears: bool  # whether readings arrive
+    is_up: bool  # whether the robot has stood up, and there is an estimate
 
 
 class Operator(Protocol):
-    """Asked once in each cycle."""
+    """Called once in each cycle."""
 
     def wish(self, status: LoopStatus) -> Wish | None:
-        """Return what is wanted now, if anything."""
+        """Return the present request, if any."""
 
 
 class Keyboard:
     """Reads words from a terminal, in a thread: ``arm``, ``stand``, ``run``, ``sit``, ``stop``, ...
 
-    An empty line stops at once: whoever is in a hurry hits Enter.
+    An empty line stops at once: Enter is quickest.
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
-        self._said: SimpleQueue[Wish] = SimpleQueue()
+        self._wishes: SimpleQueue[Wish] = SimpleQueue()
         self._say = say
-        if isinstance(sys.stdin, TextIOWrapper):  # a byte that is no letter must not end listening
+        if isinstance(sys.stdin, TextIOWrapper):  # an invalid byte must not end the thread
             sys.stdin.reconfigure(errors="replace")
         threading.Thread(target=self._listen, name="keyboard", daemon=True).start()
 
     def ask(self, wish: Wish) -> None:
-        """Wish for something, as if it were typed."""
-        self._said.put(wish)
+        """Queue a request, as if it were typed."""
+        self._wishes.put(wish)
 
     def wish(self, status: LoopStatus) -> Wish | None:
         """Return the next word."""
         try:
-            return self._said.get_nowait()
+            return self._wishes.get_nowait()
         except Empty:
             return None
 
@@ -70,47 +70,47 @@ class Keyboard:
         for line in sys.stdin:
             word = line.strip().lower()
             if not word:
-                self._said.put(Wish.STOP)
+                self._wishes.put(Wish.STOP)
             elif word in list(Wish):
-                self._said.put(Wish(word))
+                self._wishes.put(Wish(word))
             else:
                 self._say(f"not understood: {word}; one of: {', '.join(Wish)}")
-        self._said.put(Wish.SIT)  # the terminal is gone
+        self._wishes.put(Wish.SIT)  # the terminal is gone
 
 
 class Script:
-    """Arms, stands up, runs for some time, sits down and ends, without anybody: for simulators.
+    """Arms, stands up, runs for some time, sits down and ends, unattended: for simulators.
 
     Parameters
     ----------
     seconds:
         How long the controller runs [s].
     settle:
-        How long the robot stands before [s].
+        How long it brakes before standing up, and before quitting [s].
     """
 
     def __init__(self, seconds: float, settle: float = 0.5) -> None:
         self._seconds, self._settle = seconds, settle
         self._was_up = False
-        self._asked: Wish | None = None
+        self._override: Wish | None = None
 
     def ask(self, wish: Wish) -> None:
-        """Wish for something else now."""
-        self._asked = wish
+        """Request something else now."""
+        self._override = wish
 
     def wish(self, status: LoopStatus) -> Wish | None:
         """Return the next step when it is time."""
-        if self._asked is not None:
-            asked, self._asked = self._asked, None
-            return asked
-        mode, passed = status.mode, status.mode_time
+        if self._override is not None:
+            override, self._override = self._override, None
+            return override
+        mode, mode_time = status.mode, status.mode_time
         if mode is Mode.IDLE and status.hears and not self._was_up:
             return Wish.ARM
-        if mode is Mode.DAMPING and passed > self._settle:
+        if mode is Mode.DAMPING and mode_time > self._settle:
             return Wish.QUIT if self._was_up else Wish.STAND
         if mode is Mode.STANDING_UP:
-            self._was_up = True  # or was on its way when something stopped it
+            self._was_up = True  # or on its way up
             return Wish.RUN if status.is_up else None
-        if mode is Mode.RUNNING and passed > self._seconds:
+        if mode is Mode.RUNNING and mode_time > self._seconds:
             return Wish.SIT
-        return Wish.QUIT if mode is Mode.STOP and passed > self._settle else None
+        return Wish.QUIT if mode is Mode.STOP and mode_time > self._settle else None

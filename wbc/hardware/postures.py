@@ -1,4 +1,4 @@
-"""Standing up and going down: joints led along a path of postures, without a controller."""
+"""Standing up and going down along a path of postures, by joint position control."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from wbc.robot.names import BASE
 from wbc.tasks import ComTask, OrientationTask, PostureTask
 from wbc.validate import Array, finite_number
 
-DEPTH = 0.25  # of the CoM's height over the soles: how far a crouch is down
-GIVE = 0.1  # part of DEPTH by which a crouch may be missed
-POSTURES = 31  # on the path
-TICKS, TICK = 300, 0.02  # of the velocity controller that finds them
+CROUCH_DEPTH = 0.25  # of the CoM in a crouch, by its height over the soles
+DEPTH_TOLERANCE = 0.1  # error of a crouch's depth, by the depth
+PATH_POSTURES = 31
+SEARCH_TICKS, SEARCH_DT = 300, 0.02  # of the velocity controller that finds the path [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class CrouchPath:
     joints:
         (m, n) [rad or m]; the first stands.
     torques:
-        (m, n) that bear the weight on the feet there [N m or N].
+        (m, n) that bear the weight on the feet [N m or N].
     lowest:
         Configuration (nq,) of the crouch.
     """
@@ -57,7 +57,7 @@ class CrouchPath:
         contacts = support(start, feet)
         frames = [contact.frame for contact in contacts]
         sole = float(np.mean([start.position(frame)[2] for frame in frames]))
-        depth = DEPTH * (float(start.com[2]) - sole)
+        depth = CROUCH_DEPTH * (float(start.com[2]) - sole)
         com = ComTask(robot, start.com, weight=10.0)
         tasks = [
             com,
@@ -65,37 +65,37 @@ class CrouchPath:
             PostureTask(robot, start.q, weight=0.3),
         ]
         controller = KinematicController(
-            robot, tasks, contacts=contacts, limits=Limits(robot), dt=TICK
+            robot, tasks, contacts=contacts, limits=Limits(robot), dt=SEARCH_DT
         )
-        found = [start]
-        for now in closed_loop(controller, start.q, TICKS):
-            share = minimum_jerk(min((len(found) + 1) / (0.7 * TICKS), 1.0))
+        snapshots = [start]
+        for now in closed_loop(controller, start.q, SEARCH_TICKS):
+            share = minimum_jerk(min((len(snapshots) + 1) / (0.7 * SEARCH_TICKS), 1.0))
             com.set_target(start.com - [0.0, 0.0, share * depth])
-            found.append(robot.snapshot(now.q))
-        sunk = float(start.com[2] - found[-1].com[2])
-        if abs(sunk - depth) > GIVE * depth:
+            snapshots.append(robot.snapshot(now.q))
+        reached = float(start.com[2] - snapshots[-1].com[2])
+        if abs(reached - depth) > DEPTH_TOLERANCE * depth:
             raise InvalidInputError(
                 f"{robot.name} cannot crouch by {depth:.3f} m from this posture, only by"
-                f" {sunk:.3f} m; begin with bent knees"
+                f" {reached:.3f} m; begin with bent knees"
             )
-        heights = np.array([one.com[2] for one in found])
-        wanted = np.linspace(heights[0], heights[-1], POSTURES)
-        chosen = [found[int(np.abs(heights - height).argmin())] for height in wanted]
+        heights = np.array([one.com[2] for one in snapshots])
+        path_heights = np.linspace(heights[0], heights[-1], PATH_POSTURES)
+        selected = [snapshots[int(np.abs(heights - height).argmin())] for height in path_heights]
         return cls(
-            np.stack([one.joint_positions for one in chosen]),
-            np.stack([standing_torque(one, frames) for one in chosen]),
-            found[-1].q,
+            np.stack([one.joint_positions for one in selected]),
+            np.stack([standing_torque(one, frames) for one in selected]),
+            snapshots[-1].q,
         )
 
     def nearest(self, joints: Array) -> int:
-        """Return the posture that is nearest to where joints (n,) are."""
+        """Return the index of the posture nearest to joints (n,)."""
         return int(np.square(self.joints - joints).sum(axis=1).argmin())
 
 
 def standing_torque(snapshot: Snapshot, frames: Sequence[str]) -> Array:
     """Return the joint torques (n,) of a robot at rest that stands on frames.
 
-    The wrenches on them are the least ones that bear the weight: S' tau = g - J' f.
+    The contact wrenches are the least-norm ones that bear the weight: S' tau = g - J' f.
     """
     rest = snapshot.robot.snapshot(snapshot.q)
     J = np.vstack([rest.jacobian(frame) for frame in frames])
@@ -104,19 +104,19 @@ def standing_torque(snapshot: Snapshot, frames: Sequence[str]) -> Array:
 
 
 class PostureMotion:
-    """Leads joints from where they are onto a crouch path, and along it to one of its ends.
+    """Moves joints from where they are onto a crouch path, and along it to one of its ends.
 
     Parameters
     ----------
     path:
         The postures.
     up:
-        Whether to the standing one; else to the crouch.
+        Whether to the standing posture; else to the crouch.
     kp, kd:
         Gains (n,).
     onto, along:
-        Times of the two parts [s]: to the first posture of the motion, and on. Standing up begins
-        with the crouch, going down with the nearest posture.
+        Durations of the two parts [s]: to the first posture of the path, and along it. Standing up
+        begins with the crouch, going down with the nearest posture.
     """
 
     def __init__(
@@ -132,49 +132,49 @@ class PostureMotion:
         self._path, self._kp, self._kd, self._up = path, kp, kd, up
         self.onto = finite_number("posture motion, onto", onto, above=0.0)
         self.along = finite_number("posture motion, along", along, above=0.0)
-        self._began: float | None = None
-        self._from: Array = path.joints[0]
-        self._loaded: Array = np.zeros(len(kp))
-        self._first = 0.0
+        self._start_time: float | None = None
+        self._start: Array = path.joints[0]
+        self._start_torque: Array = np.zeros(len(kp))
+        self._first_posture = 0.0
 
     @property
     def has_begun(self) -> bool:
         """Whether :meth:`begin` was called since :meth:`end`."""
-        return self._began is not None
+        return self._start_time is not None
 
     def begin(self, now: float, joints: Array, torque: Array) -> None:
-        """Begin where joints (n,) are now, with the torque (n,) that they have: nothing jumps."""
+        """Begin at the present joint positions and torques (n,), so that neither jumps."""
         path, n = self._path, len(self._path.joints)
-        self._began = now
-        self._from, self._loaded = joints, torque
-        self._first = float(n - 1 if self._up else path.nearest(joints))
+        self._start_time = now
+        self._start, self._start_torque = joints, torque
+        self._first_posture = float(n - 1 if self._up else path.nearest(joints))
 
     def end(self) -> None:
-        """Forget that it began."""
-        self._began = None
+        """Reset the motion."""
+        self._start_time = None
 
     def is_over(self, now: float) -> bool:
-        """Return whether the last posture is commanded."""
-        return self._began is not None and now - self._began >= self.onto + self.along
+        """Return whether the last posture is reached."""
+        return self._start_time is not None and now - self._start_time >= self.onto + self.along
 
     def command(self, now: float) -> Command:
         """Return the command for this time."""
-        began = now if self._began is None else self._began
-        onto = minimum_jerk(min(max((now - began) / self.onto, 0.0), 1.0))
-        along = minimum_jerk(min(max((now - began - self.onto) / self.along, 0.0), 1.0))
+        start = now if self._start_time is None else self._start_time
+        onto = minimum_jerk(min(max((now - start) / self.onto, 0.0), 1.0))
+        along = minimum_jerk(min(max((now - start - self.onto) / self.along, 0.0), 1.0))
         last = 0.0 if self._up else len(self._path.joints) - 1.0
-        at = self._first + along * (last - self._first)
-        low = min(int(at), len(self._path.joints) - 2)
-        part = at - low
-        posture = (1.0 - part) * self._path.joints[low] + part * self._path.joints[low + 1]
-        torque = (1.0 - part) * self._path.torques[low] + part * self._path.torques[low + 1]
-        target = (1.0 - onto) * self._from + onto * posture
-        torque = (1.0 - onto) * self._loaded + onto * torque
+        position = self._first_posture + along * (last - self._first_posture)
+        k = min(int(position), len(self._path.joints) - 2)
+        fraction = position - k
+        posture = (1.0 - fraction) * self._path.joints[k] + fraction * self._path.joints[k + 1]
+        torque = (1.0 - fraction) * self._path.torques[k] + fraction * self._path.torques[k + 1]
+        target = (1.0 - onto) * self._start + onto * posture
+        torque = (1.0 - onto) * self._start_torque + onto * torque
         return Command(0, target, np.zeros(len(target)), torque, self._kp, self._kd)
 
 
 class Motions(NamedTuple):
-    """The two ways that need no controller."""
+    """The motions without a controller."""
 
     up: PostureMotion
     down: PostureMotion

@@ -1,4 +1,4 @@
-"""Cycles by the clock, and what the system grants of real time."""
+"""Periodic cycles, and the system's real-time facilities."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from typing import NamedTuple
 from wbc.errors import InvalidInputError
 from wbc.validate import finite_number
 
-ABSOLUTE = 1  # TIMER_ABSTIME
-LOCK_NOW_AND_LATER = 3  # MCL_CURRENT | MCL_FUTURE
-# s of each sleep that are waited for awake: a processor that slept wakes up later than it should.
-AWAKE = 2e-4
-SWITCH = 1e-4  # s after which Python's threads take turns; 5 ms is its default
+TIMER_ABSTIME = 1  # TIMER_ABSTIME
+MLOCK_ALL = 3  # MCL_CURRENT | MCL_FUTURE
+# s of busy waiting at the end of each sleep: a sleeping processor wakes up late.
+SPIN_TIME = 2e-4
+THREAD_SWITCH_INTERVAL = 1e-4  # s between Python's threads; its default is 5 ms
 
 
-_slower = 1.0
+_time_scale = 1.0
 
 
 def slow_down(times: float) -> None:
-    """Let the time of this process pass so many times slower: for machines that do not keep up.
+    """Slow down the time of this process by a factor, for machines that do not keep up.
 
-    A loop and a simulated robot that are slowed down alike do what they would do at full speed, in
-    slow motion; a real robot would not.
+    A loop and a simulated robot with the same factor behave as at full speed; a real robot would
+    not.
     """
-    global _slower  # noqa: PLW0603 - there is one time
-    _slower = finite_number("slow motion, times", times, least=1.0)
+    global _time_scale  # noqa: PLW0603 - one clock per process
+    _time_scale = finite_number("slow motion, times", times, least=1.0)
 
 
 def now() -> float:
-    """Return the time [s] by which loops and simulated robots go: monotonic, of the system."""
-    return time.monotonic() / _slower
+    """Return the time [s] of loops and simulated robots: the system's monotonic clock, scaled."""
+    return time.monotonic() / _time_scale
 
 
 class _TimeSpec(ctypes.Structure):
@@ -46,18 +46,19 @@ class _TimeSpec(ctypes.Structure):
 
 
 def sleep_until(deadline: float) -> None:
-    """Sleep until a time of :func:`now` [s], by ``clock_nanosleep`` where there is one.
+    """Sleep until a time of :func:`now` [s], by ``clock_nanosleep`` where available.
 
-    A sleep to a deadline does not add up what the way to it took, as relative ones do; its last
-    0.2 ms are waited for awake.
+    Unlike relative sleeps, absolute ones do not accumulate delays; the last 0.2 ms are a busy wait.
     """
-    deadline *= _slower
-    rings = deadline - AWAKE
-    left = rings - time.monotonic()
+    deadline *= _time_scale
+    wake_up = deadline - SPIN_TIME
+    left = wake_up - time.monotonic()
     if left > 0.0 and sys.platform == "linux":
-        whole = int(rings)
-        spec = _TimeSpec(whole, int((rings - whole) * 1e9))
-        while _libc().clock_nanosleep(time.CLOCK_MONOTONIC, ABSOLUTE, ctypes.byref(spec), None):
+        whole = int(wake_up)
+        spec = _TimeSpec(whole, int((wake_up - whole) * 1e9))
+        while _libc().clock_nanosleep(
+            time.CLOCK_MONOTONIC, TIMER_ABSTIME, ctypes.byref(spec), None
+        ):
             pass  # woken by a signal: the deadline stays
     elif left > 0.0:
         time.sleep(left)
@@ -65,21 +66,21 @@ def sleep_until(deadline: float) -> None:
         pass
 
 
-@cache  # each has circular references, and no garbage is collected while a loop runs
+@cache  # it has circular references, and garbage collection is off in a loop
 def _libc() -> ctypes.CDLL:
     return ctypes.CDLL(None, use_errno=True)
 
 
-def ordinary_priority() -> None:
-    """Give up what a process of real time was granted before it forked this one."""
+def drop_real_time() -> None:
+    """Give up the real-time priority inherited from the process that forked this one."""
     if hasattr(os, "sched_setscheduler"):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
-def leave_signals_to_the_loop() -> None:
-    """Ignore what is sent to all of its processes: a terminal's Ctrl-C, or that it is gone; a stop.
+def ignore_signals() -> None:
+    """Ignore signals that go to all processes of a loop: Ctrl-C, a closed terminal, a stop.
 
-    The loop decides what it means, and needs the others until it is down.
+    The loop handles them, and needs its other processes until the robot is down.
     """
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
@@ -87,7 +88,7 @@ def leave_signals_to_the_loop() -> None:
 
 
 class Beat(NamedTuple):
-    """When a cycle began [s, by :func:`now`], how late, and how many were left out before."""
+    """Beginning of a cycle [s, by :func:`now`], its lateness [s], and cycles skipped before it."""
 
     time: float
     lateness: float
@@ -95,7 +96,7 @@ class Beat(NamedTuple):
 
 
 class CycleClock:
-    """Gives the beginnings of cycles, at whole periods from the first on.
+    """Times cycles at whole periods from the first on.
 
     Parameters
     ----------
@@ -109,34 +110,34 @@ class CycleClock:
 
     @property
     def due(self) -> float:
-        """When the next cycle should begin."""
+        """Planned beginning of the next cycle [s]."""
         return self._due
 
     def wait(self) -> Beat:
-        """Sleep until the next cycle's time; return when it began.
+        """Sleep until the next cycle; return its beginning.
 
-        Cycles whose time is over altogether are left out, not caught up with.
+        Cycles whose whole period has passed are skipped, not caught up on.
         """
         sleep_until(self._due)
-        began = now()
-        late = began - self._due
-        missed = int(late / self.dt)
+        start = now()
+        lateness = start - self._due
+        missed = int(lateness / self.dt)
         self._due += (missed + 1) * self.dt
-        return Beat(began, late, missed)
+        return Beat(start, lateness, missed)
 
 
 def check_cpus(cpus: Sequence[int]) -> None:
-    """Raise InvalidInputError for a CPU on which this process may not run; none is known: none."""
+    """Raise InvalidInputError for a CPU that this process may not run on, where that is known."""
     if not hasattr(os, "sched_getaffinity"):
         return
-    known = sorted(os.sched_getaffinity(0))
+    allowed = sorted(os.sched_getaffinity(0))
     for cpu in cpus:
-        if cpu not in known:
-            raise InvalidInputError(f"CPU {cpu}: this process may run on {known}")
+        if cpu not in allowed:
+            raise InvalidInputError(f"CPU {cpu}: this process may run on {allowed}")
 
 
 def pin(cpu: int | None) -> None:
-    """Let this process run on one CPU only, where that can be said; None: wherever."""
+    """Pin this process to one CPU, where supported; None: any."""
     if cpu is not None and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {cpu})
 
@@ -145,12 +146,12 @@ def pin(cpu: int | None) -> None:
 def real_time(priority: int) -> Iterator[tuple[str, ...]]:
     """Run under ``SCHED_FIFO`` with locked memory and without garbage collection, where allowed.
 
-    Yield what was not granted, in words. Threads that are started inside inherit the priority.
+    Yield what was not granted, in words. Threads started inside inherit the priority.
 
     Parameters
     ----------
     priority:
-        From 1 to 99; 0 asks for nothing.
+        From 1 to 99; 0: neither priority nor locked memory.
     """
     notes = list[str]()
     if priority and not hasattr(os, "sched_setscheduler"):
@@ -163,10 +164,10 @@ def real_time(priority: int) -> Iterator[tuple[str, ...]]:
                 f"SCHED_FIFO was refused ({error.strerror}): cycles may begin late; allow it by"
                 " 'ulimit -r 90', or in /etc/security/limits.conf"
             )
-        if sys.platform == "linux" and _libc().mlockall(LOCK_NOW_AND_LATER):
+        if sys.platform == "linux" and _libc().mlockall(MLOCK_ALL):
             notes.append("memory could not be locked: a page that was swapped out costs ms")
-    switch = sys.getswitchinterval()
-    sys.setswitchinterval(SWITCH)
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(THREAD_SWITCH_INTERVAL)
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -175,7 +176,7 @@ def real_time(priority: int) -> Iterator[tuple[str, ...]]:
     finally:
         gc.enable()
         gc.unfreeze()
-        sys.setswitchinterval(switch)
+        sys.setswitchinterval(interval)
         if priority and hasattr(os, "sched_setscheduler"):
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
             if sys.platform == "linux":

@@ -1,4 +1,4 @@
-"""A log run again: estimator and controller answer what they were asked, to the same bits."""
+"""Replay of a log: estimator and controller repeat their answers, to the same bits."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from wbc.hardware.log_row import reading_of, request_of
 from wbc.hardware.robot_controller import ControllerAnswer
 from wbc.hardware.setup import controller_of
 from wbc.hardware.unitree.profiles import profile_named
-from wbc.hardware.worker import done
+from wbc.hardware.worker import run_job
 from wbc.validate import Array
 
-REPLAYED = "sensors"  # the estimator whose readings a log has
+REPLAYABLE = "sensors"  # the estimator whose input is in a log
 
 
 class LogReplay(NamedTuple):
-    """A log that was run again.
+    """The replay of a log.
 
     Attributes
     ----------
     asked, compared:
-        How often the controller was asked, and of how many answers the bits were compared.
+        Numbers of requests to the controller, and of compared answers.
     differences:
-        What is not the same, in words; empty if all is.
+        In words; empty if there are none.
     """
 
     asked: int
@@ -37,7 +37,7 @@ class LogReplay(NamedTuple):
 
     @property
     def same(self) -> bool:
-        """Whether everything that was compared is the same to the last bit."""
+        """Whether all compared answers are the same to the last bit."""
         return not self.differences
 
     def __str__(self) -> str:
@@ -48,23 +48,23 @@ class LogReplay(NamedTuple):
 
 
 def replay_log(path: str | Path) -> LogReplay:
-    """Ask estimator and controller again what a log says that they were asked, and compare.
+    """Repeat a log's requests to estimator and controller, and compare their answers.
 
-    From the first time on that the robot stood still, armed, for the estimator to begin.
+    It begins where the estimator first began.
 
     Raises
     ------
     InvalidInputError
-        Not a log; one that does not reach back so far; of the true state, which is in no log.
+        Not a log; one that does not reach back to that; of an estimator whose input is not logged.
     ProblemFileError
         Its problem cannot be loaded.
     """
     log = HardwareLog.load(path)
     estimator, profile = str(log.made_of.get("estimator")), str(log.made_of.get("profile"))
-    if estimator != REPLAYED:
+    if estimator != REPLAYABLE:
         raise InvalidInputError(
             f"{path}: ran on the estimator {estimator!r}, whose input is in no log; one that ran on"
-            f" {REPLAYED!r} can be run again"
+            f" {REPLAYABLE!r} can be run again"
         )
     parts = log.problem.parts
     controller = controller_of(
@@ -78,22 +78,22 @@ def replay_log(path: str | Path) -> LogReplay:
     asked, compared, last, differences = 0, 0, -1, list[str]()
     for row in log.rows():
         if np.isfinite(row["sequence"]):
-            rows[int(row["sequence"])] = row  # the latest: a robot may count anew
+            rows[int(row["sequence"])] = row  # the latest: a restarted robot counts from 0
         if np.isfinite(row["asked"]):
-            about = int(row["asked_about"])
-            if about not in rows:
+            sequence = int(row["asked_about"])
+            if sequence not in rows:
                 raise InvalidInputError(
-                    f"{path}: reading {about}, that was asked about, is missing"
+                    f"{path}: reading {sequence}, that was asked about, is missing"
                 )
-            job = request_of(row, reading_of(rows[about]))
-            if asked or (job.begins and not job.commands):
+            job = request_of(row, reading_of(rows[sequence]))
+            if asked or (job.begins and not job.wants_command):
                 asked += 1
-                answers[about] = done(controller, job).answer
-        to = int(row["answer_to"]) if np.isfinite(row["answer_to"]) else -1
-        if to != last and to in answers:
+                answers[sequence] = run_job(controller, job).answer
+        answered = int(row["answer_to"]) if np.isfinite(row["answer_to"]) else -1
+        if answered != last and answered in answers:
             compared += 1
-            differences += _differences(row, answers[to])
-        last = to
+            differences += _differences(row, answers[answered])
+        last = answered
     if not asked:
         raise InvalidInputError(
             f"{path}: does not reach back to where the estimator began; wbc hardware run --keep"
@@ -107,11 +107,11 @@ def _differences(row: Mapping[str, Array], answer: ControllerAnswer | None) -> l
     if answer is None:
         return [f"{at}: no answer any more"]
     command = answer.command
-    now = {"q": answer.q, "v": answer.v}
+    values = {"q": answer.q, "v": answer.v}
     if command is not None:
-        now |= {"answer_velocity": command.velocity, "answer_torque": command.torque}
+        values |= {"answer_velocity": command.velocity, "answer_torque": command.torque}
     return [
         f"{at}: {name} by {np.abs(array - row[name]).max():.3g}"
-        for name, array in now.items()
+        for name, array in values.items()
         if array.tobytes() != np.ascontiguousarray(row[name]).tobytes()
     ]

@@ -1,4 +1,4 @@
-"""From a reading to a command: estimate the state, lead, tick."""
+"""From a reading to a command: estimate the state, update the supervisor, tick."""
 
 from __future__ import annotations
 
@@ -21,40 +21,40 @@ from wbc.rotations import quaternion_from, rotation_from
 from wbc.run.supervisor import Supervisor
 from wbc.validate import Array
 
-FADE = 0.3  # s in which the stiffness of standing up goes
-SOLVED_OR_RELAXED = (None, "relax")
+STIFFNESS_FADE = 0.3  # s in which the stiffness of standing up fades
+USABLE_POLICIES = (None, "relax")
 
 
 class EstimateError(WbcError):
     """There is no estimate of the base for a reading."""
 
 
-class Sureness(NamedTuple):
-    """How surely the base's state is known.
+class Uncertainty(NamedTuple):
+    """Uncertainty of the base's state.
 
     Attributes
     ----------
     deviations:
         Standard deviations (4,) of tilt and heading [rad], velocity [m/s] and position [m].
     feet:
-        Those that are counted on to stand still.
+        The contacts that the estimate uses.
     """
 
     deviations: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     feet: tuple[str, ...] = ()
 
 
-CERTAIN = Sureness()
+EXACT = Uncertainty()
 
 
 class BaseEstimator(Protocol):
-    """What the loop needs of an estimator; ``sure`` is how surely it knows its last answer."""
+    """An estimator for the loop; ``sure`` is the uncertainty of its last answer."""
 
     name: str
-    sure: Sureness
+    sure: Uncertainty
 
     def reset(self) -> None:
-        """Begin anew: the robot stands still on its feet."""
+        """Restart: the robot stands still on its feet."""
 
     def update(self, reading: Reading) -> tuple[Array, Array]:
         """Return configuration (nq,) and velocity (nv,) at a reading.
@@ -67,16 +67,16 @@ class BaseEstimator(Protocol):
 
 
 class TruthEstimator:
-    """The base's true state, which a simulated robot sends if it is told to: for tests."""
+    """The base's true state, from a simulated robot that sends it: for tests."""
 
     name = "the simulated robot's true base"
-    sure = CERTAIN
+    sure = EXACT
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
 
     def reset(self) -> None:
-        """Nothing is remembered."""
+        """Nothing to reset."""
 
     def update(self, reading: Reading) -> tuple[Array, Array]:
         """Return the true base with the measured joints."""
@@ -98,14 +98,14 @@ class SensorEstimator:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._estimator = StateEstimator(robot)
-        self.sure = CERTAIN
+        self.sure = EXACT
 
     def reset(self) -> None:
-        """Forget everything: the robot stands still, from now on for half a second."""
+        """Restart: the robot stands still, from now on for half a second."""
         self._estimator.reset()
 
     def update(self, reading: Reading) -> tuple[Array, Array]:
-        """Return the estimate at a reading; until it stood still for a while, there is none."""
+        """Return the estimate at a reading, after the robot stood still for a while."""
         imu = ImuReading("imu", reading.angular_velocity, reading.specific_force)
         measurement = Measurement(
             reading.time, reading.position, reading.velocity, reading.torque, (imu,)
@@ -115,7 +115,7 @@ class SensorEstimator:
             raise EstimateError(f"the estimator: {self._estimator.kept_by}")
         e = estimate
         deviations = e.tilt_deviation, e.yaw_deviation, e.velocity_deviation, e.position_deviation
-        self.sure = Sureness(deviations, e.contacts)
+        self.sure = Uncertainty(deviations, e.contacts)
         return estimate.q, estimate.v
 
 
@@ -129,12 +129,12 @@ def configuration(robot: Robot, pose: Array, joints: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ControllerAnswer:
-    """What came of a reading.
+    """The controller's answer to a reading.
 
     Attributes
     ----------
     command:
-        For the robot; None: no tick was asked for.
+        For the robot; None: only an estimate was requested.
     q, v:
         The estimate, in the problem's world.
     ok:
@@ -142,9 +142,9 @@ class ControllerAnswer:
     report:
         Why not.
     at_rest:
-        Whether the robot stands on both feet; problems that are no walks always do.
+        Whether the robot stands on both feet; True for problems that are no walks.
     sure:
-        How surely the estimate is known.
+        Uncertainty of the estimate.
     """
 
     command: Command | None
@@ -153,11 +153,11 @@ class ControllerAnswer:
     ok: bool = True
     report: str = ""
     at_rest: bool = True
-    sure: Sureness = CERTAIN
+    sure: Uncertainty = EXACT
 
 
 class RobotController:
-    """Estimates, leads and commands; serves one run.
+    """Estimates, supervises and commands; serves one run.
 
     Parameters
     ----------
@@ -166,12 +166,12 @@ class RobotController:
     estimator:
         Of the base.
     start:
-        Configuration (nq,) at which the problem begins: the estimate is moved over the ground, and
+        Configuration (nq,) at which the problem begins: the estimate is shifted over the ground and
         turned about the vertical, so that the robot is there when it begins to run.
     following:
-        Gains kd (n,) of the joints about the velocities of each tick [N m s/rad].
+        Gains kd (n,) about the velocities of each tick [N m s/rad].
     stiffness:
-        Gains kp (n,) that fade when it begins.
+        Gains kp (n,) that fade at the beginning.
     """
 
     def __init__(
@@ -186,30 +186,30 @@ class RobotController:
         self.robot: Robot = supervisor.controller.robot
         self.dt = supervisor.controller.dt
         self._start, self._kd, self._kp = start, following, stiffness
-        self._ticks, self._began = 0, 0.0
-        self._turn: Array = np.eye(3)
+        self._ticks, self._start_time = 0, 0.0
+        self._rotation: Array = np.eye(3)
         self._shift = np.zeros(3)
-        self._held: Array = start[BASE_NQ:]
+        self._held_position: Array = start[BASE_NQ:]
 
     def stand(self) -> None:
-        """Begin to estimate: the robot stands still, on its feet."""
+        """Begin to estimate: the robot stands still on its feet."""
         self.estimator.reset()
 
     def observe(self, reading: Reading) -> ControllerAnswer:
-        """Estimate only, before it runs."""
+        """Estimate only."""
         q, v = self.estimator.update(reading)
         return ControllerAnswer(None, q, v, sure=self.estimator.sure)
 
     def begin(self, reading: Reading) -> None:
-        """Begin to run: the robot stands, on its feet."""
-        self._ticks, self._began = 0, reading.time
+        """Begin to run: the robot stands on its feet."""
+        self._ticks, self._start_time = 0, reading.time
         q, _ = self.estimator.update(reading)
-        there, here = (yaw_of(rotation_from(one[3:7])) for one in (self._start, q))
-        self._turn = turned(there - here)
-        soles = self._soles(q) - self._soles(self._start)
-        moved = self._turn @ q[:3]
-        self._shift = np.array((*(self._start[:2] - moved[:2]), -soles))
-        self._held = reading.position
+        goal, actual = (yaw_of(rotation_from(one[3:7])) for one in (self._start, q))
+        self._rotation = turned(goal - actual)
+        sole_error = self._sole_height(q) - self._sole_height(self._start)
+        rotated = self._rotation @ q[:3]
+        self._shift = np.array((*(self._start[:2] - rotated[:2]), -sole_error))
+        self._held_position = reading.position
 
     def command(self, reading: Reading) -> ControllerAnswer:
         """Return the command for a reading.
@@ -223,11 +223,11 @@ class RobotController:
         """
         q, v = self.estimator.update(reading)
         q = q.copy()
-        q[:3] = self._turn @ q[:3] + self._shift
-        q[3:7] = quaternion_from(self._turn @ rotation_from(q[3:7]))
+        q[:3] = self._rotation @ q[:3] + self._shift
+        q[3:7] = quaternion_from(self._rotation @ rotation_from(q[3:7]))
         snapshot = self.robot.snapshot(q, v)
-        # By the robot's clock: ticks that were not made in time are left out, not made up for.
-        self._ticks = max(round((reading.time - self._began) / self.dt), self._ticks)
+        # By the robot's clock: missed ticks are skipped.
+        self._ticks = max(round((reading.time - self._start_time) / self.dt), self._ticks)
         controller = self.supervisor.update(self._ticks, snapshot)
         if controller is None:
             raise WbcError(self.supervisor.complaint or "the problem has come to its end")
@@ -237,11 +237,11 @@ class RobotController:
                 f"hardware: a {type(controller).__name__} commands no torques; a problem for a"
                 " robot is one of the torque level (controller: {level: torque}, or a gait)"
             )
-        left = max(1.0 - self._ticks * self.dt / FADE, 0.0)
+        fade = max(1.0 - self._ticks * self.dt / STIFFNESS_FADE, 0.0)
         self._ticks += 1
         rates = tick.velocity[BASE_NV:]
-        command = Command(0, self._held, rates, tick.torque, left * self._kp, self._kd)
-        ok = tick.ok or tick.policy in SOLVED_OR_RELAXED
+        command = Command(0, self._held_position, rates, tick.torque, fade * self._kp, self._kd)
+        ok = tick.ok or tick.policy in USABLE_POLICIES
         report = "" if ok else tick.report()
         return ControllerAnswer(command, q, v, ok, report, self.is_at_rest, self.estimator.sure)
 
@@ -259,10 +259,10 @@ class RobotController:
 
     @property
     def notes(self) -> Sequence[str]:
-        """What the supervisor has to say in the end."""
+        """The supervisor's notes."""
         return self.supervisor.notes
 
-    def _soles(self, q: Array) -> float:
+    def _sole_height(self, q: Array) -> float:
         """Return the height of the lowest sole [m]."""
         s = self.robot.snapshot(q)
         frames = [foot.frame for foot in self.robot.feet.values()]

@@ -1,4 +1,4 @@
-"""A process that behaves as a robot does: physics, motors at 1 kHz, messages, its own watchdog."""
+"""A simulated robot behind a bus: physics, motors at 1 kHz, messages, its own watchdog."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from wbc.simulation import Plant
 from wbc.validate import Array, check_fields, finite_array, finite_number
 
 STEP = 0.001  # s: of physics and motors
-CATCH_UP = 100  # steps that are made up for at most, where the process was kept waiting
+MAX_CATCH_UP = 100  # largest number of steps made up for after a delay of the process
 AMBIENT, HEATING, COOLING = 25.0, 60.0, 120.0  # degrees C, C at full torque, s
 
 
 @dataclass(frozen=True)
 class RobotSettings:
-    """How a simulated robot behaves.
+    """Settings of a simulated robot.
 
     Attributes
     ----------
     period:
         Between readings [s].
     patience:
-        Without a command for longer it brakes [s], until it is told to brake.
+        Of the watchdog [s]: without a command for longer it brakes, until it is commanded to.
     encoder:
         Resolution of the joints' positions [rad or m].
     velocity_noise, gyroscope_noise, accelerometer_noise, orientation_noise:
         Standard deviations [rad/s], [rad/s], [m/s^2], [rad].
     truth:
-        Whether readings tell where the base really is.
+        Whether readings have the base's true state.
     gantry:
-        Whether the robot hangs in straps where it crouches; see :class:`Gantry`.
+        Whether the robot hangs in straps at its crouch; see :class:`Gantry`.
     seed:
         Of the noise.
     """
@@ -60,7 +60,7 @@ class RobotSettings:
 
 
 class RobotEvent(NamedTuple):
-    """Something that the robot's side did, by the clock of the loop [s]."""
+    """An event of the simulated robot, by the clock of the loop [s]."""
 
     time: float
     what: str
@@ -68,22 +68,22 @@ class RobotEvent(NamedTuple):
 
 @dataclass
 class RobotReport:
-    """What a robot's side has to tell in the end.
+    """The report of a simulated robot.
 
     Attributes
     ----------
     events:
-        When it began and ceased to brake, and why.
+        Beginnings and ends of braking, and reasons.
     commands, damaged:
-        How many were taken, and thrown away.
+        Numbers of commands taken, and dropped.
     steps, late:
-        Of the physics, and how many of them were made up for later.
+        Numbers of physics steps, and of those made up for later.
     latest:
-        The most that a step began late [s].
+        Largest lateness of a step [s].
     fell:
         Whether the trunk tilted by more than 1 rad.
     tilt:
-        The most [rad].
+        Largest [rad].
     path:
         Time [s], position of the base and height of the CoM (k, 5), ten a second.
     """
@@ -119,9 +119,9 @@ class SimulatedRobot:
     start:
         Configuration (nq,) at which it begins, in its gantry.
     damping:
-        Gains (n,) with which it brakes [N m s/rad].
+        Gains (n,) of braking [N m s/rad].
     settings:
-        How it behaves.
+        Of its behaviour.
     """
 
     def __init__(
@@ -137,8 +137,8 @@ class SimulatedRobot:
         self.report = RobotReport()
         self._brake = Command.damping(damping)
         self._command = Command.damping(damping, enabled=False)
-        self._heard = -np.inf
-        self._tripped = False
+        self._heard_at = -np.inf
+        self._watchdog_tripped = False
         self._random = np.random.default_rng(self.settings.seed)
         self._sent, self._count = -np.inf, 0
         self._pushes = list[tuple[float, str, tuple[float, ...], float]]()
@@ -159,18 +159,18 @@ class SimulatedRobot:
         priority: int = 50,
         say: Callable[[str], None] = lambda text: None,
     ) -> RobotReport:
-        """Live for so many seconds, by the clock, or until ``cancelled``."""
-        with real_time(priority) as refused:
-            for note in refused:
+        """Run for a duration [s], by the clock, or until ``cancelled``."""
+        with real_time(priority) as not_granted:
+            for note in not_granted:
                 say(note)
             clock = CycleClock(STEP)
             until = clock.due + duration
             while not cancelled():
                 beat = clock.wait()
-                extra = min(beat.missed, CATCH_UP)
-                self.report.late += extra
+                catch_up = min(beat.missed, MAX_CATCH_UP)
+                self.report.late += catch_up
                 self.report.latest = max(self.report.latest, beat.lateness)
-                for _ in range(1 + extra):
+                for _ in range(1 + catch_up):
                     self.step(now())
                 if beat.time >= until:
                     break
@@ -178,22 +178,22 @@ class SimulatedRobot:
         return self.report
 
     def push(self, at: float, body: str, force: Sequence[float], duration: float) -> None:
-        """Push a body at a time of the robot's clock [s], for so long, by (3,) [N]; world axes."""
+        """Push a body by (3,) [N], world axes, from ``at`` [s of the robot's clock] on."""
         self.plant.robot.frame_id(body)
         at = finite_number("simulated robot, push, at", at)
         duration = finite_number("simulated robot, push, duration", duration, above=0.0)
-        pushed = finite_array("simulated robot, push, force", force, (3,))
-        self._pushes.append((at, body, tuple(pushed.tolist()), duration))
+        force_ = finite_array("simulated robot, push, force", force, (3,))
+        self._pushes.append((at, body, tuple(force_.tolist()), duration))
         self._pushes.sort()
 
     def step(self, now: float) -> None:
-        """Take commands, move by one step of the physics, send a reading when it is due."""
-        self._listen(now)
+        """Take commands, make one step of the physics, send a reading when it is due."""
+        self._take_command(now)
         q, v = self._state
         joints = self.plant.robot.limits.joint_positions(q)
-        # Motors that are off brake, too: their windings are shorted.
-        acting = self._command if self._command.enabled else self._brake
-        torque = acting.motor_torque(joints, v[BASE_NV:])
+        # Motors that are off brake as well: their windings are shorted.
+        command = self._command if self._command.enabled else self._brake
+        torque = command.motor_torque(joints, v[BASE_NV:])
         while self._pushes and self.plant.time >= self._pushes[0][0]:
             _, body, force, duration = self._pushes.pop(0)
             self.plant.push(body, force, duration=duration)
@@ -202,17 +202,17 @@ class SimulatedRobot:
             self._gantry.pull(self.plant, q, v)
         self.plant.step(torque)
         self._state = self.plant.state()
-        used = self.plant.torque / self.plant.robot.limits.effort
-        self._temperature += STEP / COOLING * (AMBIENT + HEATING * used**2 - self._temperature)
+        load = self.plant.torque / self.plant.robot.limits.effort
+        self._temperature += STEP / COOLING * (AMBIENT + HEATING * load**2 - self._temperature)
         self.report.steps += 1
         if self.plant.time - self._sent > self.settings.period - 0.5 * STEP:
             self._sent = self.plant.time
             self.bus.send(self._reading())
-        self._watch()
+        self._update_report()
 
     # ------------------------------------------------------------------ commands
 
-    def _listen(self, now: float) -> None:
+    def _take_command(self, now: float) -> None:
         command = self.bus.receive()
         report = self.report
         if command is not None and not _is_finite(command):
@@ -220,21 +220,21 @@ class SimulatedRobot:
             command = None
         if command is not None:
             report.commands += 1
-            self._heard = now
-            if self._tripped and command.is_passive:
-                self._tripped = False
+            self._heard_at = now
+            if self._watchdog_tripped and command.is_passive:
+                self._watchdog_tripped = False
                 self._note(now, "braking as commanded")
-            if not self._tripped:
-                self._changed(now, command)
+            if not self._watchdog_tripped:
+                self._note_change(now, command)
                 self._command = command
-        silent = now - self._heard > self.settings.patience
-        if silent and not self._tripped and self._command.enabled:
-            self._tripped = True
+        silent = now - self._heard_at > self.settings.patience
+        if silent and not self._watchdog_tripped and self._command.enabled:
+            self._watchdog_tripped = True
             self._command = self._brake
-            self._note(now, f"damping: no command for {1e3 * (now - self._heard):.1f} ms")
+            self._note(now, f"damping: no command for {1e3 * (now - self._heard_at):.1f} ms")
 
-    def _changed(self, now: float, command: Command) -> None:
-        """Note when motors are switched on, and when they begin to do more than brake."""
+    def _note_change(self, now: float, command: Command) -> None:
+        """Note when motors are switched on, and when a command does more than brake."""
         before = self._command
         if command.enabled != before.enabled:
             self._note(now, "motors on" if command.enabled else "motors off")
@@ -251,8 +251,8 @@ class SimulatedRobot:
         n, robot = len(self._temperature), self.plant.robot
         R = rotation_from(q[3:7])
         velocity = R @ v[:3]
-        passed = self.plant.time - self._force_time
-        rate = (velocity - self._velocity) / passed if passed > 0.0 else np.zeros(3)
+        elapsed = self.plant.time - self._force_time
+        rate = (velocity - self._velocity) / elapsed if elapsed > 0.0 else np.zeros(3)
         self._velocity, self._force_time = velocity, self.plant.time
         force = R.T @ (rate - np.array(robot.model.gravity.linear))
         joints = robot.limits.joint_positions(q)
@@ -271,7 +271,7 @@ class SimulatedRobot:
             base_truth=BaseTruth(q[:BASE_NQ].copy(), v[:BASE_NV].copy()) if s.truth else None,
         )
 
-    def _watch(self) -> None:
+    def _update_report(self) -> None:
         report, (q, _) = self.report, self._state
         x, y = float(q[3]), float(q[4])
         report.tilt = max(report.tilt, float(np.arccos(np.clip(1 - 2 * (x * x + y * y), -1, 1))))

@@ -1,7 +1,7 @@
-"""Readings and estimates as ROS messages, field by field; it needs no ROS.
+"""Readings and estimates as ROS messages, without a dependency on ROS.
 
-What is returned are plain dictionaries with the fields of ``sensor_msgs/JointState``,
-``sensor_msgs/Imu`` and ``nav_msgs/Odometry``, nested as they are; :func:`fill` writes one into a
+The functions return plain dictionaries with the fields of ``sensor_msgs/JointState``,
+``sensor_msgs/Imu`` and ``nav_msgs/Odometry``, nested likewise; :func:`fill` writes one into a
 message object. ``examples/ros2_node.py`` is a node.
 """
 
@@ -96,7 +96,7 @@ def state_of(
 ) -> tuple[Array, Array]:
     """Return configuration (nq,) and velocity (nv,) of a ``JointState`` and an ``Odometry``.
 
-    Joints may come in any order; other joints' values are left out.
+    Joints may come in any order; other joints are ignored.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""The safety layer: what a robot may be told, and what is done when something goes wrong.
+"""The safety layer: limits on commands, and the reaction to faults.
 
-It knows nothing of the controller. In each cycle it is told what the sensors said and what went
-wrong (:meth:`Safety.report`), judges by one table (:data:`RULES`), changes its mode by another
-(:data:`TRANSITIONS`), and lets a command pass only within limits (:meth:`Safety.admit`).
+It is independent of the controller. In each cycle it gets the measurements and faults
+(:meth:`Safety.report`), judges by one table (:data:`RULES`), changes its mode by another
+(:data:`TRANSITIONS`), and passes commands within limits only (:meth:`Safety.admit`).
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from wbc.validate import Array, finite_array, finite_number
 
 
 class Mode(StrEnum):
-    """What the robot is doing."""
+    """The mode of the robot."""
 
     IDLE = "idle"  # motors off
-    DAMPING = "damping"  # joints brake, nothing else
-    STANDING_UP = "standing up"  # joints are led to the posture at the start
+    DAMPING = "damping"  # joints brake
+    STANDING_UP = "standing up"  # joints move to the posture at the start
     RUNNING = "running"  # the controller commands
-    SOFT_STOP = "soft stop"  # joints are led down to a crouch
-    STOP = "stop"  # joints brake until somebody resets by hand
+    SOFT_STOP = "soft stop"  # joints move down to a crouch
+    STOP = "stop"  # joints brake until a manual reset
 
 
 TRANSITIONS: Mapping[Mode, frozenset[Mode]] = MappingProxyType(
@@ -47,13 +47,13 @@ TRANSITIONS: Mapping[Mode, frozenset[Mode]] = MappingProxyType(
         Mode.STOP: frozenset({Mode.IDLE}),  # reset by hand
     }
 )
-"""Where each mode may lead. Down, to a soft stop or a stop, leads a way from all that move."""
+"""The allowed transitions. All modes that move the robot lead to a soft stop or a stop."""
 
 # ---------------------------------------------------------------------- faults
 
 
 class Answer(IntEnum):
-    """What a fault is answered with, from least to most."""
+    """The reaction to a fault, in order of severity."""
 
     NOTE = 0  # counted and logged
     SOFT_STOP = 1
@@ -61,7 +61,7 @@ class Answer(IntEnum):
 
 
 class Rule(NamedTuple):
-    """An answer, and for how long a fault is borne before [s]; meanwhile commands are held."""
+    """A reaction, and how long a fault is tolerated before [s]; meanwhile commands are held."""
 
     answer: Answer
     patience: float = 0.0
@@ -102,7 +102,7 @@ class Fault(StrEnum):
 
 RULES: Mapping[Fault, Rule] = MappingProxyType(
     {
-        # Readings that are thrown away count as lost: they add to SILENT, which stops.
+        # Dropped readings count as lost: they add to SILENT, which stops.
         Fault.SILENT: Rule(Answer.STOP, 0.020),
         Fault.NOT_FINITE: Rule(Answer.STOP, 0.020),
         Fault.OUT_OF_ORDER: Rule(Answer.NOTE),
@@ -110,20 +110,20 @@ RULES: Mapping[Fault, Rule] = MappingProxyType(
         Fault.CLOCK_JUMPED: Rule(Answer.STOP, 0.020),
         Fault.IMPLAUSIBLE: Rule(Answer.STOP, 0.010),
         Fault.JUMPED: Rule(Answer.STOP, 0.010),
-        # Sensors that contradict each other: which one is wrong cannot be known.
+        # Sensors that contradict each other: which one is wrong is unknown.
         Fault.IMU_FROZEN: Rule(Answer.STOP, 0.020),
         Fault.ENCODER_DISAGREES: Rule(Answer.STOP, 0.020),
         Fault.IMU_DISAGREES: Rule(Answer.STOP, 0.040),
         Fault.GRAVITY_DISAGREES: Rule(Answer.STOP, 0.050),
         Fault.TORQUE_DISAGREES: Rule(Answer.STOP, 0.100),
-        # The robot, as it is measured.
+        # The robot as measured.
         Fault.POSITION: Rule(Answer.SOFT_STOP, 0.020),
         Fault.VELOCITY: Rule(Answer.STOP, 0.010),
         Fault.OVERLOAD: Rule(Answer.SOFT_STOP, 0.100),
         Fault.WARM: Rule(Answer.SOFT_STOP, 0.200),
         Fault.HOT: Rule(Answer.STOP, 0.050),
         Fault.TILT: Rule(Answer.STOP, 0.006),
-        # The controller. A crouch needs none.
+        # The controller, which a crouch does not need.
         Fault.COMMAND_NOT_FINITE: Rule(Answer.SOFT_STOP, 0.006),
         Fault.CLIPPED: Rule(Answer.NOTE),
         Fault.NO_COMMAND: Rule(Answer.SOFT_STOP, 0.030),
@@ -137,12 +137,12 @@ RULES: Mapping[Fault, Rule] = MappingProxyType(
         Fault.BUTTON: Rule(Answer.STOP),
     }
 )
-"""The answer to each fault. A fault that comes and goes is borne as long in sum: what was borne is
-forgotten half as fast as it comes; of one that lasts no more than its patience is remembered."""
+"""The reaction to each fault. The tolerated time of an intermittent fault adds up: it decays at
+half the rate at which it grows, and is at most the rule's patience."""
 
 
 class Event(NamedTuple):
-    """Something that happened: a change of mode, or a fault that began."""
+    """A change of mode, or the beginning of a fault."""
 
     time: float  # of the loop's clock [s]
     what: str
@@ -150,38 +150,38 @@ class Event(NamedTuple):
     answer: Answer = Answer.NOTE
 
 
-ASKED = "asked to "  # how the words of a change of mode begin that somebody wanted
+REQUESTED = "asked to "  # beginning of the words of a requested change of mode
 
 
 class ForbiddenTransition(WbcError):
-    """A mode was asked for to which the present one does not lead."""
+    """The present mode does not lead to the requested one."""
 
 
 # ---------------------------------------------------------------------- the layer
 
-HUGE = 1e9  # rad or m, and per second: no joint is there, and products with gains stay finite
+MAX_MAGNITUDE = 1e9  # rad or m, and per second, so that products with gains stay finite
 
 
 class Safety:
-    """Judges faults, keeps the mode, and limits commands.
+    """Judges faults, has the mode, and limits commands.
 
     Parameters
     ----------
     limits:
         Of this robot.
     damping:
-        Gains kd (n,) with which joints brake [N m s/rad].
+        Gains kd (n,) of braking [N m s/rad].
     dt:
         Period of the loop [s].
 
     Attributes
     ----------
     mode:
-        Now; it begins with idle.
+        The present one, idle at first.
     events:
         The last ones, in order.
     counts:
-        How many cycles had each fault.
+        Number of cycles with each fault.
     """
 
     def __init__(self, limits: SafetyLimits, damping: Array, dt: float) -> None:
@@ -195,21 +195,21 @@ class Safety:
         self.counts = Counter[Fault]()
         self._brake = Command.damping(np.minimum(damping, limits.kd))
         self._off = Command.damping(damping, enabled=False)
-        self._present = dict[Fault, str]()  # reported in this cycle
-        self._borne = dict[Fault, float]()  # for how long [s]
+        self._reported = dict[Fault, str]()  # reported in this cycle
+        self._fault_time = dict[Fault, float]()  # tolerated so far [s]
         self._measured: tuple[Array, Array] | None = None
         self._last = self._off
 
     # ------------------------------------------------------------------ modes
 
     def arm(self, now: float) -> None:
-        """Power the motors, which brake: by hand only."""
-        self._to(Mode.DAMPING, now, "armed by hand")
+        """Power the motors, which brake: manually only."""
+        self._change_mode(Mode.DAMPING, now, "armed by hand")
 
     def reset(self, now: float) -> None:
-        """Switch the motors off: by hand only."""
-        self._to(Mode.IDLE, now, "reset by hand")
-        self._borne.clear()
+        """Switch the motors off: manually only."""
+        self._change_mode(Mode.IDLE, now, "reset by hand")
+        self._fault_time.clear()
 
     def stand_up(self, now: float) -> None:
         """Begin to stand up.
@@ -217,32 +217,32 @@ class Safety:
         Raises
         ------
         ForbiddenTransition
-            Not from this mode, or while a fault is there.
+            Not from this mode, or while there is a fault.
         """
-        waiting = [f for f in self._borne if RULES[f].answer > Answer.NOTE]
-        if waiting or self._measured is None:
-            why = ", ".join(waiting) or "no reading yet"
+        faults = [f for f in self._fault_time if RULES[f].answer > Answer.NOTE]
+        if faults or self._measured is None:
+            why = ", ".join(faults) or "no reading yet"
             raise ForbiddenTransition(f"cannot stand up: {why}")
-        self._to(Mode.STANDING_UP, now, "asked to stand up")
+        self._change_mode(Mode.STANDING_UP, now, "asked to stand up")
 
     def run(self, now: float) -> None:
-        """Let the controller command."""
-        self._to(Mode.RUNNING, now, "the controller commands")
+        """Pass the controller's commands from now on."""
+        self._change_mode(Mode.RUNNING, now, "the controller commands")
 
     def soft_stop(self, now: float, why: str = "asked to stop") -> None:
         """Go down to a crouch."""
-        self._to(Mode.SOFT_STOP, now, why)
+        self._change_mode(Mode.SOFT_STOP, now, why)
 
     def is_down(self, now: float) -> None:
-        """Brake, after the crouch is reached."""
-        self._to(Mode.DAMPING, now, "the crouch is reached")
+        """Brake, when the crouch is reached."""
+        self._change_mode(Mode.DAMPING, now, "the crouch is reached")
 
     def stop(self, now: float, why: str = "asked to stop at once") -> None:
-        """Brake at once, until :meth:`reset`. From idle there is nothing to stop."""
+        """Brake at once, until :meth:`reset`; no effect in idle."""
         if self.mode not in (Mode.IDLE, Mode.STOP):
-            self._to(Mode.STOP, now, why)
+            self._change_mode(Mode.STOP, now, why)
 
-    def _to(self, mode: Mode, now: float, why: str) -> None:
+    def _change_mode(self, mode: Mode, now: float, why: str) -> None:
         if mode not in TRANSITIONS[self.mode]:
             allowed = ", ".join(sorted(TRANSITIONS[self.mode]))
             raise ForbiddenTransition(f"{mode} is not allowed in {self.mode}; from here: {allowed}")
@@ -254,25 +254,25 @@ class Safety:
 
     @property
     def present(self) -> tuple[Fault, ...]:
-        """Faults that are borne now, whatever their answer."""
-        return tuple(self._borne)
+        """The present faults, whatever their reaction."""
+        return tuple(self._fault_time)
 
     def report(self, fault: Fault, detail: str = "") -> None:
-        """Tell of a fault in this cycle."""
-        self._present[fault] = detail
+        """Report a fault in this cycle."""
+        self._reported[fault] = detail
 
     def measured(self, reading: Reading) -> None:
-        """Look at a usable reading: joints, motors, tilt, button."""
+        """Check a usable reading: joints, motors, tilt, button."""
         limits, q, v = self.limits, reading.position, reading.velocity
         if rows_of(len(limits.names), q, v, reading.torque, reading.temperature) is None:
             self.report(Fault.NOT_FINITE, f"not of {len(limits.names)} joints")
             return
-        if not (np.abs([q, v]) < HUGE).all():  # NaN, too
+        if not (np.abs([q, v]) < MAX_MAGNITUDE).all():  # NaN, too
             self.report(Fault.NOT_FINITE, "position or velocity")
             return
         self._measured = q, v
-        beyond = np.maximum(q - limits.upper, limits.lower - q)
-        self._worst(Fault.POSITION, beyond, limits.overrun)
+        overrun = np.maximum(q - limits.upper, limits.lower - q)
+        self._worst(Fault.POSITION, overrun, limits.overrun)
         self._worst(Fault.VELOCITY, np.abs(v) - limits.overspeed * limits.velocity, 0.0)
         self._worst(Fault.OVERLOAD, np.abs(reading.torque) - limits.overload * limits.effort, 0.0)
         self._worst(Fault.WARM, reading.temperature, limits.warm)
@@ -283,29 +283,29 @@ class Safety:
         if reading.stop:
             self.report(Fault.BUTTON)
 
-    def _worst(self, fault: Fault, values: Array, most: float) -> None:
+    def _worst(self, fault: Fault, values: Array, limit: float) -> None:
         k = int(values.argmax())
-        if not values[k] <= most:  # NaN, too, which argmax finds first
+        if not values[k] <= limit:  # NaN, too, which argmax returns first
             self.report(fault, self.limits.names[k])
 
     def judge(self, now: float) -> Mode:
-        """End a cycle's reports: change the mode where a fault was borne for too long."""
+        """End a cycle's reports: change the mode if a fault has lasted too long."""
         answer, cause = Answer.NOTE, ""
-        for fault, detail in self._present.items():
+        for fault, detail in self._reported.items():
             rule = RULES[fault]
-            if fault not in self._borne:
+            if fault not in self._fault_time:
                 what = f"{fault}: {detail}" if detail else str(fault)
                 self.events.append(Event(now, what, self.mode))
             self.counts[fault] += 1
-            borne = min(self._borne.get(fault, 0.0), rule.patience) + self.dt
-            self._borne[fault] = borne
-            if borne > rule.patience + 1e-9 and rule.answer > answer:
+            duration = min(self._fault_time.get(fault, 0.0), rule.patience) + self.dt
+            self._fault_time[fault] = duration
+            if duration > rule.patience + 1e-9 and rule.answer > answer:
                 answer, cause = rule.answer, f"{fault} {detail}".rstrip()
-        for fault in self._borne.keys() - self._present.keys():
-            self._borne[fault] -= 0.5 * self.dt
-            if self._borne[fault] <= 0.0:
-                del self._borne[fault]
-        self._present.clear()
+        for fault in self._fault_time.keys() - self._reported.keys():
+            self._fault_time[fault] -= 0.5 * self.dt
+            if self._fault_time[fault] <= 0.0:
+                del self._fault_time[fault]
+        self._reported.clear()
         if answer is Answer.STOP:
             self.stop(now, cause)
         elif answer is Answer.SOFT_STOP and Mode.SOFT_STOP in TRANSITIONS[self.mode]:
@@ -315,50 +315,50 @@ class Safety:
     # ------------------------------------------------------------------ commands
 
     def admit(self, wanted: Command | None) -> Command:
-        """Return what the robot is told: ``wanted`` within limits; the last one if that is None.
+        """Return the command for the robot: ``wanted`` within limits; the last one if None.
 
-        Whatever is given, what returns is finite; positions are in range; gains, velocities and
-        torques within their limits; the torque that motors will make of it at the last reading,
-        too, unless joints only brake; and neither target nor torque changes faster than they may.
+        For any input the result is finite; positions, gains, velocities and torques are within
+        limits; so is the motors' total torque at the last reading, unless joints only brake; and
+        the rates of targets and torques are limited.
         """
         if self.mode is Mode.IDLE:
-            return self._given(self._off)
+            return self._remember(self._off)
         if self.mode in (Mode.DAMPING, Mode.STOP) or self._measured is None:
-            return self._given(self._brake)
+            return self._remember(self._brake)
         q, v = self._measured
         if wanted is None:
-            return self._held(q, v)
-        n, told = len(self.limits.names), (wanted.position, wanted.velocity, wanted.torque)
-        rows = rows_of(n, *told, wanted.kp, wanted.kd)
+            return self._hold_last(q, v)
+        n, values = len(self.limits.names), (wanted.position, wanted.velocity, wanted.torque)
+        rows = rows_of(n, *values, wanted.kp, wanted.kd)
         if rows is None or not np.isfinite(rows).all():
             self.report(Fault.COMMAND_NOT_FINITE, f"not of {n} joints" if rows is None else "")
-            return self._held(q, v)
+            return self._hold_last(q, v)
         limits, last = self.limits, self._last
         position, velocity, torque, kp, kd = rows
         kp, kd = np.clip(kp, 0.0, limits.kp), np.clip(kd, 0.0, limits.kd)
-        reach = limits.velocity * self.dt
-        held = np.where(last.kp > 0.0, last.position, q)
-        position = np.clip(position, held - reach, held + reach)
+        max_change = limits.velocity * self.dt
+        reference = np.where(last.kp > 0.0, last.position, q)
+        position = np.clip(position, reference - max_change, reference + max_change)
         position = np.clip(position, limits.lower, limits.upper)
         velocity = np.clip(velocity, -limits.velocity, limits.velocity)
-        if not (np.abs([position, velocity]) < HUGE).all():  # of joints without limits
+        if not (np.abs([position, velocity]) < MAX_MAGNITUDE).all():  # of joints without limits
             self.report(Fault.COMMAND_NOT_FINITE, "position or velocity")
-            return self._held(q, v)
-        step = limits.torque_rate * self.dt
-        torque = np.clip(torque, last.torque - step, last.torque + step)
+            return self._hold_last(q, v)
+        max_torque_change = limits.torque_rate * self.dt
+        torque = np.clip(torque, last.torque - max_torque_change, last.torque + max_torque_change)
         command = Command(wanted.sequence, position, velocity, torque, kp, kd)
         command = self._within_effort(command, q, v)
         if np.abs(command.torque - rows[2]).max() > 1e-6:
             self.report(Fault.CLIPPED)
-        return self._given(command)
+        return self._remember(command)
 
-    def _held(self, q: Array, v: Array) -> Command:
-        """Return the last command, by which motors may make too much of a joint that moved on."""
+    def _hold_last(self, q: Array, v: Array) -> Command:
+        """Return the last command, its torque limited at the present state."""
         over = np.abs(self._last.motor_torque(q, v)) > self.limits.effort + 1e-9
-        return self._given(self._within_effort(self._last, q, v)) if over.any() else self._last
+        return self._remember(self._within_effort(self._last, q, v)) if over.any() else self._last
 
     def _within_effort(self, command: Command, q: Array, v: Array) -> Command:
-        """Return it with gains and torque by which motors make at most the effort at (q, v)."""
+        """Return a command with gains and torque scaled to the effort limits at (q, v)."""
         kp, kd, effort = command.kp, command.kd, self.limits.effort
         feedback = kp * (command.position - q) + kd * (command.velocity - v)
         share = np.minimum(1.0, effort / np.maximum(np.abs(feedback), 1e-9))
@@ -366,6 +366,6 @@ class Safety:
         torque = np.clip(command.torque + feedback, -effort, effort) - feedback
         return replace(command, torque=np.clip(torque, -effort, effort), kp=kp, kd=kd)
 
-    def _given(self, command: Command) -> Command:
+    def _remember(self, command: Command) -> Command:
         self._last = command
         return command

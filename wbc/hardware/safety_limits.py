@@ -1,4 +1,4 @@
-"""What the safety layer keeps commands and readings within."""
+"""The limits of the safety layer."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wbc.validate import Array, check_fields, finite_array, names_of, set_fields
 
 @dataclass(frozen=True, eq=False)
 class SafetyLimits:
-    """What commands and readings must keep.
+    """Limits on commands and readings.
 
     Attributes
     ----------
@@ -28,21 +28,20 @@ class SafetyLimits:
     torque_rate:
         Largest change of the torque (n,) [N m/s].
     overrun:
-        How far a joint may be beyond its range [rad or m].
+        Largest measured distance of a joint beyond its range [rad or m].
     overspeed, overload:
-        Part of the velocity and effort limits that may be measured.
+        Largest measured velocities and torques, by their limits.
     warm, hot:
         Of the motors [degrees C].
     tilt:
         Of the IMU's axis ``up`` from the vertical [rad], at most pi.
     up:
-        The axis of the IMU (3,) that is vertical when the robot stands; made of length 1.
+        The axis of the IMU (3,) that is vertical when the robot stands; it is normalised.
 
     Raises
     ------
     InvalidInputError
-        Limits that nothing can keep, or that would never be exceeded: of other sizes, NaN, upside
-        down, negative.
+        Limits of other sizes, NaN, reversed or negative.
     """
 
     names: tuple[str, ...]
@@ -85,12 +84,12 @@ class SafetyLimits:
 
     @classmethod
     def of(cls, robot: Robot, kp: Array, kd: Array) -> SafetyLimits:
-        """Return a robot's limits; the torque may change from one bound to the other in 10 ms.
+        """Return a robot's limits; the torque rate is from one bound to the other in 10 ms.
 
         Raises
         ------
         InvalidInputError
-            Joints without an effort limit: what motors can bear must be known.
+            Joints without an effort limit.
         """
         found = robot.limits
         if found.without_effort:

@@ -1,4 +1,4 @@
-"""A loop, and a simulated robot, put together of a problem and a profile."""
+"""Builds a loop, and a simulated robot, from a problem and a profile."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ ESTIMATORS: dict[str, Callable[[Robot], BaseEstimator]] = {
     "sensors": SensorEstimator,
     "truth": TruthEstimator,
 }
-GAIN_ROOM = 1.5  # the safety layer's bounds are so many times the profile's gains
+GAIN_MARGIN = 1.5  # of the safety layer's bounds by the profile's gains
 
 
 class Where(NamedTuple):
-    """How to reach a robot.
+    """The connection to a robot.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Where(NamedTuple):
     interface:
         Network interface of DDS; with UDP an address, ``lo`` for this machine.
     domain:
-        Of DDS; with UDP it is added to the ports, so that several robots have room.
+        Of DDS; with UDP an offset of the ports, for several robots.
     """
 
     bus: str = "unitree"
@@ -59,7 +59,7 @@ class Where(NamedTuple):
 
     @property
     def is_here(self) -> bool:
-        """Whether only this machine can be reached."""
+        """Whether it is on this machine."""
         return self.interface == "lo" or self.interface.startswith("127.")
 
     @property
@@ -88,7 +88,7 @@ class Where(NamedTuple):
         return UnitreeBus(profile, robot, self.interface, self.domain)
 
     def open_robot(self, profile: Profile, robot: Robot) -> RobotBus:
-        """Return the robot's end; it raises as :meth:`open` does."""
+        """Return the robot's end; errors are those of :meth:`open`."""
         if self.bus == "udp":
             own, to = COMMAND_PORT + 2 * self.domain, READING_PORT + 2 * self.domain
             return UdpRobotBus(len(robot.joint_names), self.address, port=own, controller_port=to)
@@ -106,12 +106,12 @@ def safety_of(robot: Robot, profile: Profile, dt: float) -> Safety:
     """Return the safety layer of a robot."""
     kp, kd = by_pattern(robot, profile.stiffness), by_pattern(robot, profile.holding)
     damping = by_pattern(robot, profile.damping)
-    limits = SafetyLimits.of(robot, GAIN_ROOM * kp, GAIN_ROOM * kd)
+    limits = SafetyLimits.of(robot, GAIN_MARGIN * kp, GAIN_MARGIN * kd)
     return Safety(limits, damping, dt)
 
 
 def motions_of(robot: Robot, profile: Profile, path: CrouchPath) -> Motions:
-    """Return the ways up and down."""
+    """Return the motions up and down."""
     kp, kd = by_pattern(robot, profile.stiffness), by_pattern(robot, profile.holding)
     return Motions(PostureMotion(path, kp, kd, up=True), PostureMotion(path, kp, kd, up=False))
 
@@ -149,16 +149,16 @@ def loop_of(
     Parameters
     ----------
     bus:
-        Opens it, once the controller's process is forked: its threads must not be.
+        Opens it, after the controller's process is forked: its threads must not be.
 
     Raises
     ------
     InvalidInputError
-        A problem of the velocity level, a robot that cannot crouch from the problem's start, whose
-        effort limits are not known, or whose joints are others than the profile's.
+        A problem of the velocity level, a robot that cannot crouch from the problem's start,
+        without effort limits, or with other joints than the profile's.
     """
     robot, supervisor = problem.parts.robot, problem.supervisor_on_robot()
-    for note in left_out(problem, profile):
+    for note in omissions(problem, profile):
         say(note)
     controller = controller_of(supervisor, robot, profile, problem.parts.start, estimator)
     path = CrouchPath.of(problem.parts.at_start)
@@ -185,30 +185,30 @@ def loop_of(
     )
 
 
-def left_out(problem: Problem, profile: Profile) -> list[str]:
-    """Return what of a robot and its problem is left out on this bus, in words.
+def omissions(problem: Problem, profile: Profile) -> list[str]:
+    """Return what of a robot and its problem is not used on this bus, in words.
 
     Raises
     ------
     InvalidInputError
         A joint of the robot has no motor there.
     """
-    robot, found = problem.parts.robot, list[str]()
+    robot, notes = problem.parts.robot, list[str]()
     profile.order(robot)
-    off = [joint for joint in profile.motors if joint not in robot.joint_names]
-    if off:
-        found.append(
-            f"motors stay off, as {robot.name} has no such joint, or locked: {listed(off)}"
+    unused = [joint for joint in profile.motors if joint not in robot.joint_names]
+    if unused:
+        notes.append(
+            f"motors stay off, as {robot.name} has no such joint, or locked: {listed(unused)}"
         )
     if any(wrench.told for wrench in problem.spec.simulation.wrenches):
-        found.append("simulation.wrenches: the controller is told of none on a robot")
-    return found
+        notes.append("simulation.wrenches: the controller is told of none on a robot")
+    return notes
 
 
 def controller_of(
     supervisor: Supervisor, robot: Robot, profile: Profile, start: Array, estimator: str
 ) -> RobotController:
-    """Return what makes commands of readings."""
+    """Return the controller of readings."""
     following, stiffness = (
         by_pattern(robot, one) for one in (profile.following, profile.stiffness)
     )
@@ -224,12 +224,12 @@ def simulated_robot(
     *,
     lifted: float = 0.0,
 ) -> SimulatedRobot:
-    """Return a simulated robot in its crouch, or where ``start`` (nq,) is, hanging higher [m].
+    """Return a simulated robot in its crouch, or at ``start`` (nq,), raised by ``lifted`` [m].
 
     Raises
     ------
     InvalidInputError
-        A robot with a fixed base, that cannot crouch, or of other joints than the profile's.
+        A robot with a fixed base, that cannot crouch, or with other joints than the profile's.
     """
     check_robot("hardware sim", robot)
     profile.order(robot)

@@ -1,7 +1,7 @@
-"""The plain bus: one UDP packet for each message, which needs no package and no driver.
+"""A bus by UDP: one packet for each message, without further packages or drivers.
 
-A packet is a head (magic word, kind, number of joints, flags, sequence, time), doubles, and the
-CRC-32 of all before it, little-endian. A packet with any other length, head or sum is thrown away.
+A packet is a header (magic word, kind, number of joints, flags, sequence, time), doubles, and the
+CRC-32 of all before it, little-endian. Packets with another length, header or CRC are dropped.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _HEAD = struct.Struct("<4sBBBxQd")
 _MAGIC = b"wbc1"
 _READING, _COMMAND = 1, 2
 _FLAG, _TRUTH = 1, 2
-_LARGEST = 65536
+_MAX_PACKET = 65536
 
 
 def pack_reading(reading: Reading) -> bytes:
@@ -37,15 +37,15 @@ def pack_reading(reading: Reading) -> bytes:
     parts += [r.quaternion, r.angular_velocity, r.specific_force]
     parts += [] if truth is None else [truth.pose, truth.velocity]
     flags = _FLAG * r.stop + _TRUTH * (truth is not None)
-    return _packed(_READING, len(r.position), flags, r.sequence, r.time, np.concatenate(parts))
+    return _pack(_READING, len(r.position), flags, r.sequence, r.time, np.concatenate(parts))
 
 
 def unpack_reading(packet: bytes, joints: int) -> Reading | None:
-    """Return the reading of a packet; None if it is none of a robot with so many joints."""
-    found = _unpacked(packet, _READING, joints)
-    if found is None:
+    """Return the reading of a packet; None if it is not one of a robot with ``joints`` joints."""
+    content = _unpack(packet, _READING, joints)
+    if content is None:
         return None
-    flags, sequence, time, values = found
+    flags, sequence, time, values = content
     sizes = [joints] * 4 + [4, 3, 3] + ([7, 6] if flags & _TRUTH else [])
     if len(values) != sum(sizes):
         return None
@@ -59,38 +59,38 @@ def pack_command(command: Command) -> bytes:
     """Return the packet of a command."""
     c = command
     values = np.concatenate((c.position, c.velocity, c.torque, c.kp, c.kd))
-    return _packed(_COMMAND, len(c.position), _FLAG * c.enabled, c.sequence, 0.0, values)
+    return _pack(_COMMAND, len(c.position), _FLAG * c.enabled, c.sequence, 0.0, values)
 
 
 def unpack_command(packet: bytes, joints: int) -> Command | None:
-    """Return the command of a packet; None if it is none for a robot with so many joints."""
-    found = _unpacked(packet, _COMMAND, joints)
-    if found is None or len(found[3]) != 5 * joints:
+    """Return the command of a packet; None if it is not one for a robot with ``joints`` joints."""
+    content = _unpack(packet, _COMMAND, joints)
+    if content is None or len(content[3]) != 5 * joints:
         return None
-    flags, sequence, _, values = found
+    flags, sequence, _, values = content
     position, velocity, torque, kp, kd = values.reshape(5, joints)
     return Command(sequence, position, velocity, torque, kp, kd, bool(flags & _FLAG))
 
 
 class _UdpEnd:
-    """An end of the bus: it listens on its ``port``, and sends to the other one."""
+    """One end of the bus: it receives on its ``port``, and sends to the other one."""
 
     def __init__(self, joints: int, to: tuple[str, int], port: int) -> None:
         self.joints, self.dropped = whole_number("UDP bus, joints", joints, least=1), Counter[str]()
         address, other = to
         self._to = address, _port(other)
-        self._socket = _opened(address, port)
+        self._socket = _open_socket(address, port)
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Close the bus."""
         self._socket.close()
 
     def _newest(
         self, unpack: Callable[[bytes, int], Message | None], order: MessageOrder
     ) -> Message | None:
-        """Return the newest message that waits; count the others."""
-        found = (unpack(packet, self.joints) for packet in _waiting(self._socket))
-        return newest(found, order.is_new, self.dropped)
+        """Return the newest waiting message; count the dropped."""
+        messages = (unpack(packet, self.joints) for packet in _receive_all(self._socket))
+        return newest(messages, order.is_new, self.dropped)
 
 
 class UdpBus(_UdpEnd):
@@ -113,7 +113,7 @@ class UdpBus(_UdpEnd):
         super().__init__(joints, (robot, robot_port), port)
 
     def read(self) -> Reading | None:
-        """Return the newest reading since the last call, by its sequence; None if none came."""
+        """Return the newest reading since the last call, by its sequence; None without any."""
         return self._newest(unpack_reading, MessageOrder())
 
     def write(self, command: Command) -> None:
@@ -142,24 +142,24 @@ class UdpRobotBus(_UdpEnd):
         self._order = MessageOrder()
 
     def receive(self) -> Command | None:
-        """Return the newest command since the last call; None if none came."""
+        """Return the newest command since the last call; None without any."""
         return self._newest(unpack_command, self._order)
 
     def send(self, reading: Reading) -> None:
-        """Send a reading; that nobody listens is no error."""
+        """Send a reading; it is no error if nobody receives it."""
         with contextlib.suppress(BusError):
             _send(self._socket, pack_reading(reading), self._to)
 
 
-def _packed(kind: int, joints: int, flags: int, sequence: int, time: float, values: Array) -> bytes:
+def _pack(kind: int, joints: int, flags: int, sequence: int, time: float, values: Array) -> bytes:
     if joints > 255:
         raise InvalidInputError(f"UDP bus: {joints} joints, at most 255 fit its packets")
     body = _HEAD.pack(_MAGIC, kind, joints, flags, sequence, time) + values.astype("<f8").tobytes()
     return body + zlib.crc32(body).to_bytes(4, "little")
 
 
-def _unpacked(packet: bytes, kind: int, joints: int) -> tuple[int, int, float, Array] | None:
-    """Return flags, sequence, time and values of a packet; None if it is damaged or another."""
+def _unpack(packet: bytes, kind: int, joints: int) -> tuple[int, int, float, Array] | None:
+    """Return flags, sequence, time and values of a packet; None if damaged or of another kind."""
     size = len(packet) - _HEAD.size - 4
     if size < 0 or size % 8 or zlib.crc32(packet[:-4]) != int.from_bytes(packet[-4:], "little"):
         return None
@@ -170,7 +170,7 @@ def _unpacked(packet: bytes, kind: int, joints: int) -> tuple[int, int, float, A
     return flags, sequence, time, values
 
 
-def _opened(address: str, port: int) -> socket.socket:
+def _open_socket(address: str, port: int) -> socket.socket:
     check_word("UDP bus, address", address)
     try:
         socket.inet_aton(address)
@@ -195,12 +195,12 @@ def _port(number: int) -> int:
     return whole_number("UDP bus, port", number, most=65535)
 
 
-def _waiting(own: socket.socket) -> list[bytes]:
-    """Return the packets that wait; a refused one, of a side that is not there, is no packet."""
+def _receive_all(own: socket.socket) -> list[bytes]:
+    """Return the waiting packets; errors of an absent receiver are ignored."""
     packets = list[bytes]()
     while True:
         try:
-            packets.append(own.recv(_LARGEST))
+            packets.append(own.recv(_MAX_PACKET))
         except BlockingIOError:
             return packets
         except OSError as error:
@@ -212,6 +212,6 @@ def _send(own: socket.socket, packet: bytes, to: tuple[str, int]) -> None:
     try:
         own.sendto(packet, to)
     except BlockingIOError:
-        pass  # the system's buffer is full: the next one is newer anyway
+        pass  # the system's buffer is full; the next one is newer
     except OSError as error:
         raise BusError(f"UDP bus: {to[0]}, port {to[1]}: {why(error)}") from error

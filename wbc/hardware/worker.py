@@ -1,7 +1,7 @@
-"""The controller in a process of its own: a tick that takes too long, or hangs, stops no cycle.
+"""The controller in a process of its own: a tick that is slow or hangs does not stop the cycles.
 
-A thread would share the interpreter's lock with the cycle, and hold it for 2 ms in the ticks in
-which contacts change: for as long as a cycle.
+A thread would hold the interpreter's lock for 2 ms in ticks with contact changes, as long as a
+cycle.
 """
 
 from __future__ import annotations
@@ -15,35 +15,35 @@ from typing import NamedTuple
 
 from wbc.errors import WbcError
 from wbc.hardware.bus import Reading
-from wbc.hardware.real_time import leave_signals_to_the_loop, pin, real_time
+from wbc.hardware.real_time import ignore_signals, pin, real_time
 from wbc.hardware.robot_controller import ControllerAnswer, EstimateError, RobotController
 
-WAIT = 0.5  # s that a process gets to end by itself
+EXIT_TIMEOUT = 0.5  # s for a process to end by itself
 
 
 class Job(NamedTuple):
-    """What is asked of the controller about a reading.
+    """A request to the controller.
 
     Attributes
     ----------
     reading:
         The newest one.
     begins:
-        Whether it begins to run with it, or, without a command, to stand still.
-    commands:
-        Whether a command is wanted, not only an estimate.
-    rests:
-        Whether it should come to rest.
+        Whether the controller begins with it, or, without a command, the estimator.
+    wants_command:
+        Whether a command is requested, not only an estimate.
+    comes_to_rest:
+        Whether the robot should come to rest.
     """
 
     reading: Reading
     begins: bool
-    commands: bool
-    rests: bool
+    wants_command: bool
+    comes_to_rest: bool
 
 
 class WorkerOutcome(NamedTuple):
-    """What came of a job: an answer, or the error instead, in words."""
+    """The outcome of a job: an answer, or an error in words."""
 
     answer: ControllerAnswer | None
     error: str = ""
@@ -51,7 +51,7 @@ class WorkerOutcome(NamedTuple):
 
 
 class Worker:
-    """Does one job at a time, in the process that calls it: for tests, and systems without fork."""
+    """Runs one job at a time, in the calling process: for tests, and systems without fork."""
 
     def __init__(self, controller: RobotController) -> None:
         self._controller = controller
@@ -59,34 +59,34 @@ class Worker:
 
     @property
     def busy(self) -> bool:
-        """Whether a job's outcome was not fetched yet."""
+        """Whether there is an outcome that was not fetched."""
         return self._outcome is not None
 
     def submit(self, job: Job) -> None:
         """Begin a job; it must not be busy."""
-        self._outcome = done(self._controller, job)
+        self._outcome = run_job(self._controller, job)
 
     def result(self, timeout: float) -> WorkerOutcome | None:
-        """Return what came of the job, waiting at most so long [s]; None if it is not done."""
-        found, self._outcome = self._outcome, None
-        return found
+        """Return the outcome of the job, waiting for at most ``timeout`` [s]; None if not done."""
+        outcome, self._outcome = self._outcome, None
+        return outcome
 
     def close(self) -> Sequence[str]:
-        """End; return what the supervisor has to say."""
+        """End; return the supervisor's notes."""
         return self._controller.notes
 
 
 class ForkedWorker:
-    """Does one job at a time in a process that is forked now: open buses afterwards.
+    """Runs one job at a time in a process that is forked now: open buses afterwards.
 
     Parameters
     ----------
     controller:
-        What is done with it here has no effect there.
+        Changes to it here have no effect there.
     priority:
-        Of ``SCHED_FIFO``; 0: none is asked for.
+        Of ``SCHED_FIFO``; 0: none.
     cpu:
-        On which it runs; None: on any.
+        On which it runs; None: any.
     """
 
     def __init__(
@@ -108,36 +108,36 @@ class ForkedWorker:
         return self._process.pid or 0
 
     def submit(self, job: Job) -> None:
-        """Begin a job; it must not be busy. A process that is gone is told of by its outcome."""
+        """Begin a job; it must not be busy. If the process is gone, the outcome says so."""
         self.busy = True
         with contextlib.suppress(OSError):
             self._pipe.send(job)
 
     def result(self, timeout: float) -> WorkerOutcome | None:
-        """Return what came of the job, waiting at most so long [s]; None if it is not done."""
-        # poll would wait for whole milliseconds: until after the next cycle's time.
+        """Return the outcome of the job, waiting for at most ``timeout`` [s]; None if not done."""
+        # poll has a resolution of 1 ms, which would delay the next cycle.
         if not self.busy or not select.select([self._pipe], [], [], max(timeout, 0.0))[0]:
             return None
         self.busy = False
         try:
-            found = self._pipe.recv()
+            outcome = self._pipe.recv()
         except (EOFError, OSError):
             return WorkerOutcome(None, "the controller's process is gone")
-        return found if isinstance(found, WorkerOutcome) else WorkerOutcome(None, "no answer")
+        return outcome if isinstance(outcome, WorkerOutcome) else WorkerOutcome(None, "no answer")
 
     def close(self) -> Sequence[str]:
-        """End the process, by force if it hangs; return what the supervisor has to say."""
+        """End the process, by force if it hangs; return the supervisor's notes."""
         notes: Sequence[str] = ()
         try:
-            while self.result(WAIT) is not None:
+            while self.result(EXIT_TIMEOUT) is not None:
                 pass
             if not self.busy:
                 self._pipe.send(None)
-                if self._pipe.poll(WAIT):
+                if self._pipe.poll(EXIT_TIMEOUT):
                     notes = self._pipe.recv()
         except (EOFError, OSError):
             notes = ("the controller's process was gone before the end",)
-        self._process.join(WAIT)
+        self._process.join(EXIT_TIMEOUT)
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
@@ -147,27 +147,27 @@ class ForkedWorker:
 
 
 def can_fork() -> bool:
-    """Return whether there is a process of its own for the controller."""
+    """Return whether the controller can have a process of its own."""
     return "fork" in multiprocessing.get_all_start_methods()
 
 
-def done(controller: RobotController, job: Job) -> WorkerOutcome:
-    """Return what comes of a job."""
+def run_job(controller: RobotController, job: Job) -> WorkerOutcome:
+    """Run a job, and return its outcome."""
     try:
         if job.begins:
-            if job.commands:
+            if job.wants_command:
                 controller.begin(job.reading)
             else:
                 controller.stand()
-        if job.rests:
+        if job.comes_to_rest:
             controller.come_to_rest()
-        ask = controller.command if job.commands else controller.observe
+        ask = controller.command if job.wants_command else controller.observe
         return WorkerOutcome(ask(job.reading))
     except EstimateError as error:
         return WorkerOutcome(None, str(error), no_estimate=True)
     except WbcError as error:
         return WorkerOutcome(None, str(error))
-    except Exception as error:  # whatever it is, the robot must come down
+    except Exception as error:  # any error must bring the robot down, not the process
         return WorkerOutcome(None, f"{type(error).__name__}: {error}")
 
 
@@ -180,7 +180,7 @@ def _serve(
 ) -> None:
     others.close()
     pin(cpu)
-    leave_signals_to_the_loop()
+    ignore_signals()
     with real_time(priority):
         while True:
             try:
@@ -190,4 +190,4 @@ def _serve(
             if job is None:
                 pipe.send(tuple(controller.notes))
                 return
-            pipe.send(done(controller, job))
+            pipe.send(run_job(controller, job))

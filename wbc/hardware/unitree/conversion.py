@@ -1,4 +1,4 @@
-"""Unitree's messages to readings and commands, and back: the one place that knows what is where."""
+"""Conversion of Unitree's messages to readings and commands, and back."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wbc.hardware.unitree.layout import LAYOUTS, MessageLayout
 from wbc.hardware.unitree.profiles import Profile
 from wbc.robot import Robot
 
-TICK = 1e-3  # s: what the messages' clock counts
+TICK = 1e-3  # s: resolution of the messages' clock
 ENABLED = 1  # motor mode
 # Of the remote control: bytes 2 and 3 are its keys; L2 and B together are Unitree's own stop.
 KEY_BYTES = (2, 3)
@@ -24,7 +24,7 @@ WXYZ, XYZW = [3, 0, 1, 2], [1, 2, 3, 0]
 
 
 class Converter:
-    """Converts the messages of one robot; joints are put into the order of its model.
+    """Converts the messages of one robot; joints are in the order of its model.
 
     Parameters
     ----------
@@ -42,13 +42,13 @@ class Converter:
     def __init__(self, profile: Profile, robot: Robot) -> None:
         self.profile, self.order = profile, profile.order(robot)
         self.state, self.command = LAYOUTS[profile.family]
-        self.mode_machine = 0  # as the robot says; it wants to be told so
-        self._numbered = profile.family == "hg"  # has spare words, in which a number fits
+        self.mode_machine = 0  # from the robot's messages; its commands must repeat it
+        self._numbered = profile.family == "hg"  # has spare words for a sequence number
 
     # ------------------------------------------------------------------ the controller's end
 
     def reading(self, data: bytes) -> Reading | None:
-        """Return what the CDR bytes of a LowState say; None if they are damaged."""
+        """Return the reading of a LowState's CDR bytes; None if they are damaged."""
         layout = self.state
         if not layout.is_sound(data):
             return None
@@ -73,7 +73,7 @@ class Converter:
     def low_command(self, command: Command) -> bytearray:
         """Return the CDR bytes of a LowCmd; motors without a joint stay off.
 
-        The number goes into the first spare word of ``hg``, which only ``wbc hardware sim`` reads.
+        The sequence number is in the first spare word, which only ``wbc hardware sim`` reads.
         """
         layout = self.command
         data = layout.zeros()
@@ -92,8 +92,8 @@ class Converter:
 
     # ------------------------------------------------------------------ the robot's end
 
-    def commanded(self, data: bytes) -> Command | None:
-        """Return what the CDR bytes of a LowCmd say; None if they are damaged."""
+    def command_from(self, data: bytes) -> Command | None:
+        """Return the command of a LowCmd's CDR bytes; None if they are damaged."""
         layout = self.command
         if not layout.is_sound(data):
             return None

@@ -16,10 +16,10 @@ from wbc.hardware.unitree.profiles import Profile
 from wbc.robot import Robot
 
 STATE_TOPIC, COMMAND_TOPIC = "rt/lowstate", "rt/lowcmd"
-# Not Unitree's: where a simulated robot's base really is, if it was told to say so.
+# Not Unitree's: the true base of a simulated robot, if it sends that.
 TRUTH_TOPIC, TRUTH_TYPE = "rt/wbc/base_truth", "wbc.BaseTruth_"
 TRUTH = (Field("time", "f8"), Field("pose", "f8", 7), Field("velocity", "f8", 6))
-AT_MOST = 16  # messages that wait
+MAX_WAITING = 16  # messages
 _STRUCTS = {
     "motor_cmd": "MotorCmd_",
     "motor_state": "MotorState_",
@@ -38,7 +38,7 @@ class _DdsEnd:
     Attributes
     ----------
     dropped:
-        Messages that were thrown away, by reason.
+        Number of dropped messages, by reason.
     """
 
     def __init__(self, profile: Profile, robot: Robot, interface: str, domain: int = 0) -> None:
@@ -67,8 +67,8 @@ class _DdsEnd:
         from cyclonedds.sub import DataReader
         from cyclonedds.topic import Topic
 
-        # Best effort fits every writer; a lost message is overtaken by the next.
-        qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(AT_MOST))
+        # Best effort matches every writer; a lost message is replaced by the next.
+        qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(MAX_WAITING))
         return DataReader(self._participant, Topic(self._participant, topic, _type(layout)), qos)
 
     def _writer(self, topic: str, layout: MessageLayout) -> Any:
@@ -76,12 +76,12 @@ class _DdsEnd:
         from cyclonedds.pub import DataWriter
         from cyclonedds.topic import Topic
 
-        # Reliable fits every reader; with one message kept it never waits for a slow one.
+        # Reliable matches every reader; keeping one message it never blocks on a slow one.
         qos = Qos(Policy.Reliability.Reliable(0), Policy.History.KeepLast(1))
         return DataWriter(self._participant, Topic(self._participant, topic, _type(layout)), qos)
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Close the bus."""
         del self._participant
 
 
@@ -91,9 +91,9 @@ class UnitreeBus(_DdsEnd):
     Parameters
     ----------
     profile, robot:
-        Which robot is on the bus, and its model.
+        The robot on the bus, and its model.
     interface:
-        Network interface, as ``eth0``; ``lo`` is this machine.
+        Network interface, such as ``eth0``; ``lo`` is this machine.
     domain:
         Of DDS.
 
@@ -110,21 +110,21 @@ class UnitreeBus(_DdsEnd):
         self._states = self._reader(STATE_TOPIC, self._convert.state)
         self._truths = self._reader(TRUTH_TOPIC, _truth_layout())
         self._commands = self._writer(COMMAND_TOPIC, self._convert.command)
-        self._said = self._reader(COMMAND_TOPIC, self._convert.command)
+        self._commands_on_bus = self._reader(COMMAND_TOPIC, self._convert.command)
         self._truth: BaseTruth | None = None  # the last: it may come after its reading
 
     def read(self) -> Reading | None:
-        """Return the newest reading since the last call; None if none came."""
-        found = map(self._convert.reading, _taken(self._states))
-        reading = newest(found, MessageOrder().is_new, self.dropped)
-        for data in _taken(self._truths)[-1:]:
+        """Return the newest reading since the last call; None without any."""
+        readings = map(self._convert.reading, _take_all(self._states))
+        reading = newest(readings, MessageOrder().is_new, self.dropped)
+        for data in _take_all(self._truths)[-1:]:
             pose, velocity = (_truth_layout().view(data, one) for one in ("pose", "velocity"))
             self._truth = BaseTruth(pose.copy(), velocity.copy())
         return None if reading is None else replace(reading, base_truth=self._truth)
 
     def commands_heard(self) -> int:
-        """Return how many commands came since the last call, whoever sent them; 16 at most."""
-        return len(_taken(self._said))
+        """Return the number of commands on the bus since the last call, of any sender; max. 16."""
+        return len(_take_all(self._commands_on_bus))
 
     def write(self, command: Command) -> None:
         """Send a command."""
@@ -142,15 +142,17 @@ class UnitreeRobotBus(_DdsEnd):
         self._order = MessageOrder()
 
     def receive(self) -> Command | None:
-        """Return the newest command since the last call; None if none came.
+        """Return the newest command since the last call; None without any.
 
-        Commands without a number, as of other programs, are taken in the order in which they came.
+        Commands without a number, from other programs, are taken in the order of arrival.
         """
-        found = map(self._convert.commanded, _taken(self._commands))
-        return newest(found, lambda number: not number or self._order.is_new(number), self.dropped)
+        commands = map(self._convert.command_from, _take_all(self._commands))
+        return newest(
+            commands, lambda number: not number or self._order.is_new(number), self.dropped
+        )
 
     def send(self, reading: Reading) -> None:
-        """Send a reading, and before it where the base really is, if it says so."""
+        """Send a reading, and before it its true base, if it has one."""
         if reading.base_truth is not None:
             layout = _truth_layout()
             data = layout.zeros()
@@ -165,14 +167,14 @@ class UnitreeRobotBus(_DdsEnd):
 
 
 def _configuration(interface: str) -> str:
-    local = interface == "lo"  # has no multicast: participants are asked one by one
+    local = interface == "lo"  # without multicast: peers are addressed one by one
     multicast = str(not local).lower()
-    found = '<Peers><Peer address="localhost"/></Peers>' if local else ""
+    peers = '<Peers><Peer address="localhost"/></Peers>' if local else ""
     return (
         "<CycloneDDS><Domain><General><Interfaces>"
         f'<NetworkInterface name="{interface}" priority="default" multicast="{multicast}"/>'
         f"</Interfaces><AllowMulticast>{multicast}</AllowMulticast></General>"
-        f"<Discovery><ParticipantIndex>auto</ParticipantIndex>{found}</Discovery>"
+        f"<Discovery><ParticipantIndex>auto</ParticipantIndex>{peers}</Discovery>"
         "</Domain></CycloneDDS>"
     )
 
@@ -184,14 +186,13 @@ def _truth_layout() -> MessageLayout:
 
 @cache
 def _type(layout: MessageLayout) -> Any:
-    """Return the type of messages for cyclonedds, which are their CDR bytes.
+    """Return the message type for cyclonedds, whose messages are CDR bytes.
 
-    What it declares is the whole type, by which the two ends know that they mean the same; only the
-    conversion field by field is left out.
+    It declares the whole type, by which both ends match; only the conversion of fields is skipped.
     """
-    whole = _struct(layout.typename, layout.fields)
+    declared = _struct(layout.typename, layout.fields)
 
-    class Message(whole):  # type: ignore[misc,valid-type]
+    class Message(declared):  # type: ignore[misc,valid-type]
         def __init__(self, data: bytes | bytearray) -> None:
             self.data = bytes(data)
 
@@ -202,12 +203,12 @@ def _type(layout: MessageLayout) -> Any:
         def deserialize(cls, data: bytes, *given: Any, **named: Any) -> Any:
             if bytes(data[: len(CDR_HEAD)]) == CDR_HEAD:
                 return cls(data[len(CDR_HEAD) : len(CDR_HEAD) + layout.size])
-            slow = whole.deserialize(data, *given, **named)  # another encoding: slowly, but right
+            slow = declared.deserialize(data, *given, **named)  # another encoding
             return cls(slow.serialize(use_version_2=False)[len(CDR_HEAD) :])
 
         @classmethod
         def deserialize_key(cls, *_: Any, **__: Any) -> Any:
-            return cls(b"")  # of a writer that left: there is no message
+            return cls(b"")  # a writer left: no message
 
     return Message
 
@@ -229,12 +230,12 @@ def _struct(typename: str, fields: tuple[Field, ...]) -> Any:
             else _struct(f"{module}.{_STRUCTS[field.name]}", field.kind)
         )
         declared[field.name] = types.array[one, field.size] if field.size > 1 else one
-    made = idl.make_idl_struct(name, typename, declared)
-    return annotations.autoid("sequential")(annotations.final(made))
+    struct = idl.make_idl_struct(name, typename, declared)
+    return annotations.autoid("sequential")(annotations.final(struct))
 
 
-def _taken(reader: Any) -> list[bytes]:
-    return [one.data for one in reader.take(AT_MOST) if getattr(one, "data", b"")]
+def _take_all(reader: Any) -> list[bytes]:
+    return [one.data for one in reader.take(MAX_WAITING) if getattr(one, "data", b"")]
 
 
 def _write(writer: Any, data: bytes | bytearray) -> None:

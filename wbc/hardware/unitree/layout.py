@@ -128,18 +128,16 @@ LOW_STATE_GO = (
 
 
 class MessageLayout:
-    """A message type: what it holds and where.
+    """A message type: its fields and their offsets.
 
     Parameters
     ----------
     typename:
-        As DDS knows it.
+        In DDS.
     fields:
         In order.
     motors:
-        The field that has one entry for each motor.
-    motor_fields:
-        Those of the motors that :meth:`motors` reaches.
+        The field with one entry for each motor.
 
     Attributes
     ----------
@@ -149,18 +147,18 @@ class MessageLayout:
 
     def __init__(self, typename: str, fields: tuple[Field, ...], motors: str) -> None:
         self.typename, self.fields, self.motors = typename, fields, motors
-        self._cdr, self.size = _placed(_flat(fields))
+        self._cdr, self.size = _cdr_places(_flatten(fields))
         packed = _struct_dtype(fields)
         self.packed_size = packed.itemsize
         self.count = next((field.size for field in fields if field.name == motors), 0)
-        # Where each number of the C struct is in CDR, byte by byte; padding comes from a zero.
+        # CDR offset of each byte of the C struct; padding is gathered from an extra zero.
         self._gather = np.full(self.packed_size, self.size, dtype=np.int64)
         for name, offset, length in _c_places(packed):
             start = self._cdr[name][0]
             self._gather[offset : offset + length] = np.arange(start, start + length)
 
     def zeros(self) -> bytearray:
-        """Return the CDR bytes (without head) of a message of zeros, to be filled."""
+        """Return the CDR bytes (without header) of a message of zeros."""
         return bytearray(self.size)
 
     def view(self, data: bytearray | bytes, name: str) -> NDArray[Any]:
@@ -212,21 +210,21 @@ def crc32(words: bytes) -> int:
     return int(f"{reflected:032b}"[::-1], 2)
 
 
-def _flat(fields: Sequence[Field], before: str = "") -> Iterator[Field]:
-    """Yield the fields with numbers only, by their dotted names."""
+def _flatten(fields: Sequence[Field], prefix: str = "") -> Iterator[Field]:
+    """Yield the numeric fields by their dotted names."""
     for name, kind, size in fields:
         if isinstance(kind, str):
-            yield Field(before + name, kind, size)
+            yield Field(prefix + name, kind, size)
             continue
         for k in range(size):
-            yield from _flat(kind, f"{before}{name}.{k}." if size > 1 else f"{before}{name}.")
+            yield from _flatten(kind, f"{prefix}{name}.{k}." if size > 1 else f"{prefix}{name}.")
 
 
-def _placed(flat: Iterable[Field]) -> tuple[dict[str, tuple[int, str, int]], int]:
+def _cdr_places(fields: Iterable[Field]) -> tuple[dict[str, tuple[int, str, int]], int]:
     """Return offset, type and count of each field in CDR, and the size of the whole."""
     places, offset = dict[str, tuple[int, str, int]](), 0
-    for name, kind, count in flat:
-        width = np.dtype(str(kind)).itemsize  # flat: no field holds others
+    for name, kind, count in fields:
+        width = np.dtype(str(kind)).itemsize
         offset += -offset % width
         places[name] = offset, f"<{kind}", count
         offset += width * count
@@ -242,16 +240,16 @@ def _struct_dtype(fields: Sequence[Field]) -> np.dtype[Any]:
 
 
 def _c_places(
-    struct: np.dtype[Any], before: str = "", start: int = 0
+    struct: np.dtype[Any], prefix: str = "", start: int = 0
 ) -> Iterator[tuple[str, int, int]]:
     """Yield dotted name, offset and length in bytes of each field in a C struct."""
     for name, (kind, offset, *_) in (struct.fields or {}).items():
         one, shape = kind.subdtype or (kind, ())
         if one.fields is None:
-            yield before + name, start + offset, kind.itemsize
+            yield prefix + name, start + offset, kind.itemsize
             continue
         for k in range(math.prod(shape)):
-            inner = f"{before}{name}.{k}." if shape else f"{before}{name}."
+            inner = f"{prefix}{name}.{k}." if shape else f"{prefix}{name}."
             yield from _c_places(one, inner, start + offset + k * one.itemsize)
 
 

@@ -24,23 +24,23 @@ PITCH_ROLL = 0  # ankles and waist are commanded by pitch and roll, not by their
 
 @dataclass(frozen=True)
 class Profile:
-    """What of a robot is not in its model.
+    """Properties of a robot that are not in its model.
 
     Attributes
     ----------
     name:
-        As ``--robot`` takes it.
+        Of the option ``--robot``.
     family:
         Of its messages: ``hg`` or ``go``.
     model:
-        The robot's model that this was written for.
+        The robot model that this was written for.
     motors:
-        Number of the motor by a joint's name, or a pattern of names.
+        Number of the motor by a joint's name.
     stiffness, holding:
-        kp [N m/rad] and kd [N m s/rad] by pattern of joints' names, for postures that are held: the
-        last pattern that fits counts.
+        kp [N m/rad] and kd [N m s/rad] by pattern of joints' names, for holding postures: the last
+        matching pattern counts.
     damping:
-        kd [N m s/rad] by pattern, for robots that only brake.
+        kd [N m s/rad] by pattern, for braking.
     following:
         kd [N m s/rad] by pattern, while a controller commands torques and velocities.
     mode_pr:
@@ -76,12 +76,12 @@ class Profile:
 
 
 def by_pattern(robot: Robot, table: Mapping[str, float]) -> Array:
-    """Return a value for each joint (nv-6,): that of the last pattern that fits its name.
+    """Return a value for each joint (nv-6,): that of the last pattern that matches its name.
 
     Raises
     ------
     InvalidInputError
-        A joint that no pattern fits.
+        A joint that no pattern matches.
     """
     values = np.full(len(robot.joint_names), np.nan)
     for pattern, value in table.items():
@@ -139,7 +139,7 @@ PROFILES: Mapping[str, Profile] = {
         following={"*": 0.5},
     ),
 }
-"""Of each robot, by the name that ``--robot`` takes."""
+"""By the name of the option ``--robot``."""
 
 
 def profile_named(name: str) -> Profile:
