@@ -18,7 +18,7 @@ from wbc.errors import WbcError
 from wbc.gait import Velocity, Walker
 from wbc.gait.scheduled_walk import ScheduledWalk, TimedCommand
 from wbc.robot.formats.mjcf_balls import hinge_angles
-from wbc.robot.postures import stands
+from wbc.robot.postures import is_standing
 from wbc.rotations import exp_rotation
 from wbc.simulation import Plant, SimulationError, capture_impulse, simulate
 
@@ -48,7 +48,7 @@ def standing(robot: Robot) -> dict[str, Any]:
     """Return whether it stands and takes the push in our plant, and how."""
     if robot.fixed_base or not robot.feet:
         return {"stood": None, "why": "fixed base" if robot.fixed_base else "no feet"}
-    if not stands(robot.model, robot.posture(), robot.feet):
+    if not is_standing(robot.model, robot.posture(), robot.feet):
         return {"stood": None, "why": "its posture does not stand"}
     start = robot.snapshot(robot.posture())
     push = RATIO * capture_impulse(start, robot.feet, AWAY)

@@ -28,7 +28,7 @@ from wbc.controllers import KinematicController
 from wbc.errors import ModelError, WbcError
 from wbc.robot import Robot
 from wbc.robot.library import find_robot
-from wbc.robot.postures import follow, stands
+from wbc.robot.postures import is_standing, set_mimic_joints
 
 DT = 0.005
 EPISODE = 100
@@ -51,7 +51,7 @@ def loaded(path: Path) -> Robot | str:
 
 def is_humanoid(robot: Robot) -> bool:
     """Return whether it stands on two feet."""
-    return set(robot.feet) == SIDES and stands(robot.model, robot.posture(), robot.feet)
+    return set(robot.feet) == SIDES and is_standing(robot.model, robot.posture(), robot.feet)
 
 
 def verdict(robot: Robot) -> str:
@@ -60,7 +60,7 @@ def verdict(robot: Robot) -> str:
         return "fixed base"
     if not robot.feet:
         return next((note for note in robot.notes if "no feet" in note), "no feet")
-    up = "stands" if stands(robot.model, robot.posture(), robot.feet) else "does not stand"
+    up = "stands" if is_standing(robot.model, robot.posture(), robot.feet) else "does not stand"
     feet = ", ".join(f"{foot.link} ({len(foot.polygon)})" for foot in robot.feet.values())
     return f"{up} on {feet}"
 
@@ -78,7 +78,9 @@ def clear_posture(robot: Robot, margins: SelfCollision, rng: np.random.Generator
     while True:
         step = np.concatenate((np.zeros(6), rng.normal(scale=scale, size=robot.nv - 6)))
         q = inside(robot, robot.integrate(robot.posture("standing"), step, 1.0))
-        follow(robot.limits, q, robot.couplings)  # else no velocity keeps gears and limits
+        set_mimic_joints(
+            robot.limits, q, robot.couplings
+        )  # else no velocity keeps gears and limits
         if (margins.model.nearest(robot.snapshot(q)).distance >= margins.margins).all():
             return q
         scale *= 0.9

@@ -89,9 +89,9 @@ def test_degrees_are_for_angles_only(write: Write) -> None:
         low, high = np.clip([robot.limits.lower[k], robot.limits.upper[k]], -1.0, 1.0)
         columns[name] = np.full(COUNT, 0.5 * (low + high) + 0.1 * (high - low))
     plain = read_motion(write(columns), robot).joints
-    from wbc.robot.series import turning_joints
+    from wbc.robot.series import revolute_joints
 
-    turned = turning_joints(robot)
+    turned = revolute_joints(robot)
     for k, name in enumerate(robot.joint_names):
         columns[name] = np.rad2deg(columns[name]) if turned[k] else columns[name]
     np.testing.assert_allclose(read_motion(write(columns), robot, degrees=True).joints, plain)

@@ -16,7 +16,7 @@ from wbc.gait import Walker
 from wbc.polygon import centroid, convex_hull, thinned
 from wbc.robot import FootSpec, Robot
 from wbc.robot.foot_guess import foot_of, words_of
-from wbc.robot.postures import stands
+from wbc.robot.postures import is_standing
 from wbc.robot.sole import extreme_points
 
 Load = Callable[[str], Robot]
@@ -348,9 +348,9 @@ def test_standing_is_found_where_the_neutral_posture_falls(tmp_path: Path) -> No
 
 def test_upside_down_is_not_standing(hoap2: Robot) -> None:
     q = hoap2.posture("standing")
-    assert stands(hoap2.model, q, hoap2.feet)
+    assert is_standing(hoap2.model, q, hoap2.feet)
     q[3:7] = (pin.Quaternion(q[3:7]) * pin.Quaternion(np.diag([1.0, -1.0, -1.0]))).coeffs()
-    assert not stands(hoap2.model, q, hoap2.feet)
+    assert not is_standing(hoap2.model, q, hoap2.feet)
 
 
 def test_the_lowest_link_of_a_side_is_the_foot(robot_named: Load) -> None:

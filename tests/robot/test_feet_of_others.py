@@ -11,7 +11,7 @@ from wbc.errors import InvalidInputError
 from wbc.gait import Walker
 from wbc.polygon import polygon_area
 from wbc.robot import Robot
-from wbc.robot.postures import stands
+from wbc.robot.postures import is_standing
 
 LIMIT = urdf.limit(1.5, 50, 5)
 LEG = (("hip_roll", "1 0 0"), ("hip_pitch", "0 1 0"), ("knee", "0 1 0"))
@@ -85,7 +85,7 @@ def test_the_sole_is_the_face_that_looks_down_however_it_is_drawn(tmp_path: Path
     for foot in robot.feet.values():
         np.testing.assert_allclose(polygon_area(foot.polygon), 0.16 * 0.06, rtol=1e-9)
         np.testing.assert_allclose(robot.snapshot(q).rotation(foot.frame)[2, 2], 1.0, atol=1e-6)
-    assert stands(robot.model, q, robot.feet)
+    assert is_standing(robot.model, q, robot.feet)
     assert not any("stand" in note for note in robot.notes)
 
 
@@ -241,7 +241,7 @@ def test_frames_along_one_leg_are_one_foot(
     assert list(robot.feet) == ["left", "right"]
     for foot in robot.feet.values():
         np.testing.assert_allclose(np.ptp(foot.polygon, axis=0), [0.2, 0.1], atol=1e-9)
-    assert stands(robot.model, robot.posture(), robot.feet)
+    assert is_standing(robot.model, robot.posture(), robot.feet)
 
 
 def test_ankles_above_the_feet_of_four_legs_make_no_two_of_them(tmp_path: Path) -> None:

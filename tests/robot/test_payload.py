@@ -11,7 +11,7 @@ import pytest
 import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
-from wbc.robot.postures import com_from_middle, stands
+from wbc.robot.postures import com_from_middle, is_standing
 from wbc.simulation import Plant
 
 MASS, COM = 2.5, np.array([0.08, -0.02, 0.03])
@@ -54,7 +54,7 @@ def test_it_stands_with_its_com_where_it_was_over_the_soles(hoap2: Robot) -> Non
     before = com_from_middle(hoap2.model, hoap2.posture(), hoap2.feet)
     after = com_from_middle(carrying.model, carrying.posture(), carrying.feet)
     np.testing.assert_allclose(after, before, atol=1e-6)  # Gauss-Newton ends at 1e-7
-    assert stands(carrying.model, carrying.posture(), carrying.feet)
+    assert is_standing(carrying.model, carrying.posture(), carrying.feet)
     again = pickle.loads(pickle.dumps(carrying))
     assert [one.frame for one in again.payloads] == ["left_hand", "head"]
     np.testing.assert_array_equal(again.posture(), carrying.posture())

@@ -36,12 +36,12 @@ def test_pairs_are_apart_by_their_files(g1: Robot, rng: np.random.Generator) -> 
             margin = float(collision.margins[k])
             if abs(distance - margin) > 1e-6:  # rounding of Coal's
                 near += distance < margin
-                by, *normal = raw.too_near(q, [k], collision.margins)[0][:4]
+                by, *normal = raw.violations(q, [k], collision.margins)[0][:4]
                 assert by == pytest.approx(max(margin - distance, 0.0), abs=1e-9)
                 if 0.0 < distance < margin:
                     way = result.getNearestPoint1() - result.getNearestPoint2()
                     assert normal == pytest.approx(way / distance, abs=1e-4)
             # Fitted shapes contain raw ones: what they keep, these do.
             if clearance[k] > 0.0:
-                assert not raw.too_near(q, [k], collision.margins).any(), labels[k]
+                assert not raw.violations(q, [k], collision.margins).any(), labels[k]
     assert near > 0

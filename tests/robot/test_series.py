@@ -10,9 +10,9 @@ from wbc.robot import Robot
 from wbc.robot.series import (
     centroidal_derivatives,
     centroidal_series,
+    revolute_joints,
     sole_series,
     state_series,
-    turning_joints,
     velocities,
 )
 from wbc.rotations import rotations_from
@@ -128,7 +128,7 @@ def test_which_joints_turn(robot_named) -> None:
         for name in robot.joint_names
     }
     expected = [kind.startswith("JointModelR") for kind in kinds.values()]
-    assert turning_joints(robot).tolist() == expected
+    assert revolute_joints(robot).tolist() == expected
     assert set(expected) == {True, False}
 
 

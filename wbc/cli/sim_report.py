@@ -13,7 +13,7 @@ from rich.text import Text
 
 from wbc.cli.printing import SHOWN, facts, head, heads, print_unbalanced, print_written, tasks_table
 from wbc.errors import listed
-from wbc.robot.series import turning_joints
+from wbc.robot.series import revolute_joints
 from wbc.simulation import SimulationResult
 from wbc.simulation.push import Push
 from wbc.simulation.wrench import AppliedWrench
@@ -160,7 +160,7 @@ def _torque(result: SimulationResult) -> str:
     if not result.torque_change:
         return "no joint has a bound"
     joint, change = next(iter(result.torque_change.items()))
-    turns = turning_joints(result.robot)[result.robot.joint_names.index(joint)]
+    turns = revolute_joints(result.robot)[result.robot.joint_names.index(joint)]
     use = f"changes by {change:.3g} {'N m' if turns else 'N'} a tick (rms, {joint})"
     if not result.torque_use:
         return f"{use}; no joint has a bound"

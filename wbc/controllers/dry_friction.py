@@ -6,7 +6,7 @@ import numpy as np
 
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
-from wbc.robot.series import turning_joints
+from wbc.robot.series import revolute_joints
 from wbc.validate import Array
 
 # Compensation follows the velocity predicted AHEAD seconds from now, smoothed by tanh below SLOW
@@ -23,7 +23,7 @@ class DryFriction:
     def __init__(self, robot: Robot) -> None:
         self._force = np.array(robot.friction)
         self._force[[robot.joint_index(name) - BASE_NV for name in robot.motorless]] = 0.0
-        self._slow = np.where(turning_joints(robot), SLOW, SLOW_SLIDE)
+        self._slow = np.where(revolute_joints(robot), SLOW, SLOW_SLIDE)
 
     def torques(self, velocity: Array, acceleration: Array) -> Array:
         """Return the compensating torques (nv - 6,) [N m or N] at this motion (nv - 6,)."""

@@ -27,7 +27,7 @@ from wbc.kinds import check_kind
 from wbc.robot import Robot
 from wbc.robot.feet import FootSpec
 from wbc.robot.limits import BASE_NQ
-from wbc.robot.notes import untold
+from wbc.robot.notes import without_warnings
 from wbc.rotations import same_sign
 from wbc.validate import Array
 
@@ -65,7 +65,7 @@ def human_robot(
     """
     check_kind("human_robot, body", body, HumanBody)
     feet = {side: FootSpec(f"{side}_sole_link", _sole_polygon(body), 0.0) for side in SIDES}
-    with untold():
+    with without_warnings():
         return Robot.load(_urdf(body, soles or {}, name), feet=feet, base="floating", name=name)
 
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from wbc.errors import UnknownNameError
 from wbc.motion.table import BASE, MotionTable, RecordingError, shortened
 from wbc.robot import Robot
-from wbc.robot.series import turning_joints
+from wbc.robot.series import revolute_joints
 from wbc.validate import Array
 
 TIME = ("time", "t")
@@ -89,7 +89,7 @@ def read_columns(
     RecordingError
         Two columns of one quantity, one without a name, or an unknown unit.
     """
-    turning = dict(zip(robot.joint_names, turning_joints(robot), strict=True))
+    turning = dict(zip(robot.joint_names, revolute_joints(robot), strict=True))
     known = {*TIME, *PLACE, *QUATERNION, *ANGLES, *turning}
     where, values = dict[str, int](), table.values.copy()
     for k, header in enumerate(table.columns):

@@ -16,7 +16,7 @@ from wbc.errors import InvalidInputError
 from wbc.motion.filtering import edge_rows, low_pass
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ
-from wbc.robot.series import turning_joints
+from wbc.robot.series import revolute_joints
 from wbc.rotations import conjugate_product
 from wbc.validate import Array, finite_array, read_only, set_fields
 
@@ -55,7 +55,7 @@ class Noise:
 
     def typical(self, robot: Robot) -> dict[str, tuple[float, str]]:
         """Return the medians over channels with noise, each with its unit, by kind."""
-        revolute = turning_joints(robot)
+        revolute = revolute_joints(robot)
         kinds = {
             "joints": (self.joints[revolute], "rad"),
             "sliding joints": (self.joints[~revolute], "m"),

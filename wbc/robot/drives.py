@@ -1,7 +1,7 @@
-"""What drives the joints: rotor inertia, friction and the largest torque, kept on the model.
+"""Joint drives: rotor inertia, friction and effort limits, stored in Pinocchio's model.
 
-Pinocchio's mass matrix (``crba``) and inverse dynamics (``rnea``) have the rotor inertia in them
-once; damping and dry friction are in neither: they are torques beside M a + bias.
+Pinocchio's mass matrix (``crba``) and inverse dynamics (``rnea``) include the rotor inertia;
+damping and dry friction are in neither: they are torques besides M a + bias.
 """
 
 from __future__ import annotations
@@ -64,10 +64,7 @@ def _by_joint(what: str, given: JointValues, names: Sequence[str]) -> dict[int, 
 
 
 def effort_note(limits: JointLimits, motorless: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return a note that names the joints without a limit of torque; none if all have one.
-
-    Those without a motor need none.
-    """
+    """Return a note that names the actuated joints without an effort limit, if there are any."""
     without = tuple(name for name in limits.without_effort if name not in motorless)
     if not without:
         return ()
@@ -76,10 +73,10 @@ def effort_note(limits: JointLimits, motorless: Sequence[str] = ()) -> tuple[str
 
 
 def armature_note(model: pin.Model) -> tuple[str, ...]:
-    """Return a note of joints harder to turn than the whole robot: a unit, or a ratio not squared.
+    """Return a note of rotor inertias above the whole robot's: a unit, or a ratio not squared.
 
-    Compared is the largest principal moment about the CoM in the neutral posture, without rotors;
-    where a joint slides, the robot's mass.
+    The robot's is the largest principal moment about the CoM in the neutral posture, without
+    rotors; for prismatic joints its mass.
     """
     data = model.createData()
     pin.ccrba(model, data, pin.neutral(model), np.zeros(model.nv))

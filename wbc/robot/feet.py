@@ -1,4 +1,4 @@
-"""Feet: the links that stand on the ground, and the flat sole or the point of each."""
+"""Feet: the links that stand on the ground, each with a flat sole or a point."""
 
 from __future__ import annotations
 
@@ -15,14 +15,17 @@ from wbc.polygon import convex_hull
 from wbc.robot.foot_guess import guess_links
 from wbc.robot.formats.description import GeometrySource
 from wbc.robot.names import frame_table
-from wbc.robot.sole import SMALL, centred, found_sole
+from wbc.robot.sole import SMALL_SHARE, centred_on_sole, find_sole
 from wbc.validate import Array, finite_array, finite_number, read_only
 
-SAME_PLACE, SAME_TILT = 1e-3, np.deg2rad(1.0)  # m, rad: a frame of the file is the sole's frame
+SAME_ORIGIN, SAME_TILT = (
+    1e-3,
+    np.deg2rad(1.0),
+)  # m, rad: nearer frames of the file are used as the sole's
 GIVE_FEET = "a robot that stands needs them: feet: {left: {link: LINK}, ...}"
 NO_FEET = f"no feet were found (robot.notes: why), or its base is fixed; {GIVE_FEET}"
-TINY = 0.01  # of a robot's size: no sole is as small
-POINT = 0.03  # m: a found sole that is nowhere longer is the underside of a ball
+LEAST_SIZE = 0.01  # of a robot's size: smaller soles are in other units
+BALL_SIZE = 0.03  # m: a smaller sole is the underside of a ball
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,22 +136,22 @@ def find_feet(
         if not specs:
             return {}, (f"no feet were found: {lacking}; {GIVE_FEET}",)
         notes += [f"not all feet were found: {lacking}; {GIVE_FEET}"] if lacking else []
-    _refuse_doubled(specs)
+    _refuse_shared_links(specs)
     for name, spec in specs.items():
         placement, polygon, share = _sole(model, data, geometry, name, spec)
-        small = spec.polygon is None and float(np.ptp(polygon, axis=0).max()) < POINT
-        if small and len(specs) > 2:  # two have to balance on what they have
+        small = spec.polygon is None and float(np.ptp(polygon, axis=0).max()) < BALL_SIZE
+        if small and len(specs) > 2:  # bipeds must balance on their small soles
             polygon = np.zeros((1, 2))
         parent = model.frames[_frame_id(model, spec.link)]
         frame, polygon, note = _sole_frame(model, name, parent, placement, polygon)
         feet[name] = Foot(name, frame, spec.link, polygon)
-        notes += note + _odd_size(data, name, placement, polygon)
+        notes += note + _size_note(data, name, placement, polygon)
         if len(polygon) == 2 and spec.polygon is None:
             notes.append(
                 f"the {name} foot touches level ground along a line only; give its polygon if more"
                 " of it should"
             )
-        if len(polygon) > 2 and share < SMALL:
+        if len(polygon) > 2 and share < SMALL_SHARE:
             notes.append(
                 f"the sole that was found of the {name} foot is {share:.0%} of the rectangle round"
                 " its body: no more of it touches level ground; give its polygon if it should"
@@ -156,12 +159,12 @@ def find_feet(
     return feet, tuple(notes)
 
 
-def _odd_size(data: pin.Data, name: str, sole: pin.SE3, polygon: Array) -> list[str]:
-    """Return a note of a sole larger than its robot, or next to nothing: of other units."""
+def _size_note(data: pin.Data, name: str, sole: pin.SE3, polygon: Array) -> list[str]:
+    """Return a note of a sole larger than its robot, or tiny: probably in other units."""
     places = np.array([at.translation for at in list(data.oMi)[1:]])
     size = float(np.linalg.norm(np.ptp(places, axis=0))) + float(np.linalg.norm(sole.translation))
     length = float(np.ptp(polygon, axis=0).max())
-    if length <= size and (length == 0.0 or length >= TINY * size):
+    if length <= size and (length == 0.0 or length >= LEAST_SIZE * size):
         return []
     return [
         f"the {name} sole is {length:.3g} m long, and the robot {size:.3g} m: are lengths of shapes"
@@ -169,7 +172,7 @@ def _odd_size(data: pin.Data, name: str, sole: pin.SE3, polygon: Array) -> list[
     ]
 
 
-def _refuse_doubled(specs: Mapping[str, FootSpec]) -> None:
+def _refuse_shared_links(specs: Mapping[str, FootSpec]) -> None:
     taken = dict[str, str]()
     for name, spec in specs.items():
         other = taken.setdefault(spec.link, name)
@@ -203,8 +206,8 @@ def _sole(
                 " a polygon; name a frame at the sole, or leave the polygon out"
             )
         polygon = convex_hull(np.asarray(spec.polygon, dtype=float))
-        return *centred(frame.placement, polygon, -float(spec.height)), 1.0
-    found = found_sole(model, geometry, frame, pose.rotation)
+        return *centred_on_sole(frame.placement, polygon, -float(spec.height)), 1.0
+    found = find_sole(model, geometry, frame, pose.rotation)
     if found is None:
         raise InvalidInputError(
             f"foot {name!r}: link {spec.link!r} has no shape to find the sole from;"
@@ -222,7 +225,7 @@ def _sole_frame(
         if frame.name != wanted:
             continue
         offset = frame.placement.actInv(placement)
-        near = float(np.linalg.norm(offset.translation)) < SAME_PLACE
+        near = float(np.linalg.norm(offset.translation)) < SAME_ORIGIN
         level = float(np.linalg.norm(pin.log3(offset.rotation))) < SAME_TILT
         if frame.parentJoint == parent.parentJoint and near and level:
             corners = np.column_stack([polygon, np.zeros(len(polygon))])

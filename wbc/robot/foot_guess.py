@@ -1,6 +1,6 @@
-"""Which links of an unknown robot are its feet, and which way it stands.
+"""Guess the feet of an unknown robot, and its upright orientation.
 
-All guessed from names, places and shapes; what is not found has a reason in words.
+From names, positions and shapes; reasons are given for what is not found.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.robot.formats.description import GeometrySource
-from wbc.robot.sole import found_sole, is_round_about, lowest_point
+from wbc.robot.sole import find_sole, is_round_about, lowest_point
 from wbc.rotations import exp_rotation
 from wbc.validate import Array
 
-# Foot -> the words of a link's name that mean it.
+# Foot -> words of a link's name.
 SIDES = {"left": {"left", "l"}, "right": {"right", "r"}}
 CORNERS = {
     "front_left": {"fl", "lf"},
@@ -33,18 +33,20 @@ NAMELESS = "no link is called a left or right foot, ankle or sole"
 ROLLS = "it has wheels, and wheels are no soles"
 NOT_FEET = WHEEL_WORDS | ARM_WORDS
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
-_GLUED = re.compile(rf"(left|right|[lr])({'|'.join(sorted(FOOT_WORDS))})")  # lfoot, rightankle
-SAME_HEIGHT, MIRRORED = 0.01, 0.02  # m: two soles on the same ground, one the other's image
+_JOINED = re.compile(rf"(left|right|[lr])({'|'.join(sorted(FOOT_WORDS))})")  # lfoot, rightankle
+SAME_HEIGHT, MIRRORED = 0.01, 0.02  # m: tolerances of two mirrored soles on one ground
 LEAST_AREA = 1e-3  # m^2: a flat shape larger than a coin
 BELOW_BASE = 0.05  # m: legs reach at least so far below the base's origin
-TURNS = 20.0 * np.pi  # rad: what turns further either way rolls
-ALONG = np.cos(np.deg2rad(30.0))  # a direction this near to an axis is meant to be along it
+LEAST_ROLLING = 20.0 * np.pi  # rad: a joint with a larger range is a wheel's
+LEAST_ALIGNMENT = np.cos(
+    np.deg2rad(30.0)
+)  # a direction this near to an axis is meant to be along it
 
 
 def words_of(name: str) -> set[str]:
     """Return the lower-case words of ``left_foot``, ``LAnkleRoll``, ``lfoot`` or ``LF_FOOT``."""
     words = [word.lower() for word in _WORDS.findall(name)]
-    glued = [_GLUED.fullmatch(word) for word in words]
+    glued = [_JOINED.fullmatch(word) for word in words]
     return {*words, *(part for match in glued if match for part in match.groups())}
 
 
@@ -75,7 +77,7 @@ def upright(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> tuple
     """
     data = model.createData()
     pin.centerOfMass(model, data, q)
-    places = _named_places(model, data, feet)
+    places = _named_positions(model, data, feet)
     if len(places) < 2:
         return q, ""
     lefts, rights = _sides(places)
@@ -83,12 +85,12 @@ def upright(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> tuple
     if np.linalg.norm(down) < BELOW_BASE or down @ below < 0.0:
         down = below  # the base's origin is on the ground, between the feet or below them
     if np.linalg.norm(down) < BELOW_BASE:
-        return q, ""  # legs that stick out, as an ant's, say nothing
+        return q, ""  # legs that stick out, as an ant's, show no direction
     up, left = _axis_along(-down), _axis_along(_mean(lefts) - _mean(rights))
     if up is None:
         up = np.array([0.0, 0.0, 1.0])
     turns = not np.array_equal(q[3:7], [0.0, 0.0, 0.0, 1.0])
-    if turns and float((pin.Quaternion(q[3:7]).matrix() @ up)[2]) > ALONG:
+    if turns and float((pin.Quaternion(q[3:7]).matrix() @ up)[2]) > LEAST_ALIGNMENT:
         return q, ""
     if left is None or not lefts or not rights or abs(float(left @ up)) > 0.5:
         left = np.array([0.0, 1.0, 0.0]) if not up[1] else np.array([0.0, 0.0, -up[1]])
@@ -113,24 +115,21 @@ def facing_ahead(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> 
     ahead = q.copy()
     ahead[:2] = 0.0
     heading = float(np.arctan2(R[1, 0], R[0, 0]))
-    if R[2, 2] <= ALONG or heading == 0.0:
+    if R[2, 2] <= LEAST_ALIGNMENT or heading == 0.0:
         return ahead
     data = model.createData()
     pin.forwardKinematics(model, data, q)
-    lefts, rights = _sides(_named_places(model, data, feet))
+    lefts, rights = _sides(_named_positions(model, data, feet))
     if lefts and rights and (_mean(lefts) - _mean(rights))[1] < 0.0:
         heading += np.pi
     ahead[3:7] = pin.Quaternion(exp_rotation(np.array([0.0, 0.0, -heading])) @ R).coeffs()
     return ahead
 
 
-def _named_places(
+def _named_positions(
     model: pin.Model, data: pin.Data, feet: Mapping[str, str] | None
 ) -> dict[str, Array]:
-    """Return where feet are in the base (3,): their joints, or links that the base carries.
-
-    Of those given, or called so.
-    """
+    """Return the positions (3,) in the base of the given feet, or of links named as feet."""
     bodies = {str(frame.name): frame for frame in bodies_of(model)}
     if feet is None:
         named = [(foot, frame) for name, frame in bodies.items() if (foot := foot_of(name))]
@@ -155,9 +154,9 @@ def _mean(places: Collection[Array]) -> Array:
 
 
 def _axis_along(direction: Array) -> Array | None:
-    """Return the axis (3,) that a direction is about along, with its sign, or None."""
+    """Return the signed axis (3,) that a direction is nearly along, or None."""
     k = int(np.abs(direction).argmax())
-    if abs(direction[k]) <= ALONG * float(np.linalg.norm(direction)):
+    if abs(direction[k]) <= LEAST_ALIGNMENT * float(np.linalg.norm(direction)):
         return None
     axis = np.zeros(3)
     axis[k] = np.sign(direction[k])
@@ -187,12 +186,12 @@ def guess_links(
     bodies = [frame for frame in bodies_of(model) if _may_be_foot(model, frame)]
     rolling = {frame.parentJoint for frame in bodies if words_of(frame.name) & WHEEL_WORDS}
     below = float(data.oMi[1].translation[2]) - BELOW_BASE
-    low = [j for j in _endless_ends(model) if float(data.oMi[j].translation[2]) < below]
+    low = [j for j in _continuous_ends(model) if float(data.oMi[j].translation[2]) < below]
     wheels = [joint for joint in low if _is_wheel(model, geometry, joint)]
     rolling |= {joint for joint in wheels if _near_ground(model, data, geometry, joint)}
     rolling |= {int(model.parents[joint]) for joint in rolling}
     bodies = [frame for frame in bodies if frame.parentJoint not in rolling]
-    named = _one_of_each(model, data, bodies)
+    named = _named_feet(model, data, bodies)
     lowest: dict[str, tuple[float, str]] = {}
     for foot, frame in named:
         height = lowest_point(model, data, geometry, frame.parentJoint)
@@ -200,7 +199,7 @@ def guess_links(
     ordered = {name: lowest[name] for name in SIDES | CORNERS if name in lowest}
     found = {name: link for name, (height, link) in ordered.items() if height < np.inf}
     shapeless = ", ".join(link for height, link in ordered.values() if height == np.inf)
-    lacking = (_one_sided(found) or _doubled(model, named, found)) if found else ""
+    lacking = (_missing_sides(found) or _ambiguous_names(model, named, found)) if found else ""
     if lacking and set(found) <= set(CORNERS):  # LR_FOOT is the foot of a biped's right leg
         joints = {str(frame.name): int(frame.parentJoint) for frame in bodies}
         others, _ = _lowest_pair(model, data, geometry, bodies)
@@ -223,23 +222,23 @@ def guess_links(
 
 
 def _may_be_foot(model: pin.Model, frame: pin.Frame) -> bool:
-    """Whether a frame is on a body below the base, that is more than a place between joints."""
+    """Return whether a frame is on a body below the base that has mass or shapes."""
     joint = int(frame.parentJoint)
     return joint > 1 and (model.inertias[joint].mass > 0.0 or joint not in set(model.parents))
 
 
-def _endless_ends(model: pin.Model) -> list[int]:
-    """Return the joints that have no limits, or turn more than ten times, and carry no other."""
+def _continuous_ends(model: pin.Model) -> list[int]:
+    """Return the last joints of limbs that are continuous, or turn more than ten times."""
     inner, found = {int(parent) for parent in model.parents}, []
     for joint in range(2, model.njoints):
         most = model.upperPositionLimit[int(model.idx_qs[joint])]
-        if joint not in inner and (model.nqs[joint] == 2 or most >= TURNS):
+        if joint not in inner and (model.nqs[joint] == 2 or most >= LEAST_ROLLING):
             found.append(joint)
     return found
 
 
 def _is_wheel(model: pin.Model, geometry: GeometrySource, joint: int) -> bool:
-    """Whether a joint turns a body that is round about its axis."""
+    """Return whether a joint's body is round about its axis."""
     data, local = model.createData(), pin.ReferenceFrame.LOCAL
     pin.computeJointJacobians(model, data, pin.neutral(model))
     axis = pin.getJointJacobian(model, data, joint, local)[3:, int(model.idx_vs[joint])]
@@ -254,12 +253,12 @@ def _near_ground(model: pin.Model, data: pin.Data, geometry: GeometrySource, joi
     return lowest[joint] - min(lowest.values()) < 2.0 * radius
 
 
-def _one_of_each(
+def _named_feet(
     model: pin.Model, data: pin.Data, bodies: list[pin.Frame]
 ) -> list[tuple[str, pin.Frame]]:
-    """Return the frames that are called feet, and which: those of one body are one foot.
+    """Return the frames named as feet, one per body, and which foot each is.
 
-    Of ``rl_foot`` the r may be of the rear or of the right: four feet are told by their places.
+    The r of ``rl_foot`` may mean rear or right: four feet are told apart by their positions.
     """
     called: dict[int, list[tuple[str, pin.Frame]]] = {}
     for frame in bodies:
@@ -282,14 +281,14 @@ def _one_of_each(
     if not any(foot.startswith("hind") for foot, _ in named):  # a biped whose legs are called so
         named = [(foot.removeprefix("front_"), frame) for foot, frame in named]
     cornered = [frame for foot, frame in named if foot in CORNERS]
-    by_place = _by_place(data, {int(frame.parentJoint): frame for frame in cornered})
+    by_place = _by_position(data, {int(frame.parentJoint): frame for frame in cornered})
     if len(by_place) != len(CORNERS):
         return named
     return list(by_place.items())
 
 
-def _by_place(data: pin.Data, feet: Mapping[int, Any]) -> dict[str, Any]:
-    """Return four feet, given by their joints, as corners by where they are; none of other ones."""
+def _by_position(data: pin.Data, feet: Mapping[int, Any]) -> dict[str, Any]:
+    """Return four feet, given by their joints, named by their positions; empty for other counts."""
     at = {joint: data.oMi[1].actInv(data.oMi[joint]).translation for joint in feet}
     base = pin.Quaternion(data.oMi[1].rotation).matrix()
     at = {joint: base @ place for joint, place in at.items()}  # with the base upright
@@ -301,9 +300,9 @@ def _by_place(data: pin.Data, feet: Mapping[int, Any]) -> dict[str, Any]:
     return {name: feet[joint] for name, joint in zip(CORNERS, ordered, strict=True)}
 
 
-def _four(data: pin.Data, low: Mapping[int, str], lowest: str) -> tuple[dict[str, str], str]:
+def _four_lowest(data: pin.Data, low: Mapping[int, str], lowest: str) -> tuple[dict[str, str], str]:
     """Return the four lowest ends of limbs as feet, if two are on either side, or why not."""
-    found = _by_place(data, low)
+    found = _by_position(data, low)
     if not found:
         return {}, f"{lowest}, are not two to either side"
     if any(words_of(name) & NOT_FEET for name in low.values()):
@@ -316,16 +315,18 @@ def bodies_of(model: pin.Model) -> list[pin.Frame]:
     return [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
 
 
-def _one_sided(found: dict[str, str]) -> str:
-    """Return which feet are lacking beside those found by their names; empty if none is."""
+def _missing_sides(found: dict[str, str]) -> str:
+    """Return which feet are missing beside those found by name, in words; empty if none."""
     whole = SIDES if set(found) <= set(SIDES) else CORNERS
     lacking = [name for name in whole if name not in found]
     called = ", ".join(found.values())
     return f"no link is called the {', '.join(lacking)} foot, as {called} is" if lacking else ""
 
 
-def _doubled(model: pin.Model, named: list[tuple[str, pin.Frame]], found: Mapping[str, str]) -> str:
-    """Return which links of other legs are called as a foot that was found; empty if none is."""
+def _ambiguous_names(
+    model: pin.Model, named: list[tuple[str, pin.Frame]], found: Mapping[str, str]
+) -> str:
+    """Return which links of other legs have a found foot's name, in words; empty if none."""
     # By the first joint below the base: rods beside an ankle are of its leg.
     legs = {str(frame.name): int(model.supports[frame.parentJoint][2]) for _, frame in named}
     names = [(foot, str(frame.name)) for foot, frame in named if foot in found]
@@ -351,13 +352,13 @@ def _lowest_pair(
     if any(words_of(name) & NOT_FEET for name in names):
         return {}, f"{lowest}, are called hands or wheels"
     if len(low) == 4:
-        return _four(data, {joint: str(ends[joint].name) for joint in low}, lowest)
+        return _four_lowest(data, {joint: str(ends[joint].name) for joint in low}, lowest)
     if len(low) != 2:
         return {}, f"{lowest}, are not a pair"
     soles = []
     for joint in low:
         R = data.oMi[joint].rotation @ ends[joint].placement.rotation
-        found = found_sole(model, geometry, ends[joint], R)
+        found = find_sole(model, geometry, ends[joint], R)
         if found is None:
             return {}, f"{lowest}, have no shapes"
         if np.prod(np.ptp(found[1], axis=0)) < LEAST_AREA:

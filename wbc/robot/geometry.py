@@ -13,8 +13,10 @@ from wbc.robot.formats.triangles import Triangles
 from wbc.robot.model import Robot
 from wbc.validate import Array, read_only
 
-AROUND = 96  # vertices around an axis: a chord is at most 0.05 % of the radius inside the circle
-ALONG = 48  # from pole to pole
+VERTICES_AROUND = (
+    96  # vertices around an axis: a chord is at most 0.05 % of the radius inside the circle
+)
+VERTICES_ALONG = 48  # from pole to pole
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,10 +36,10 @@ class Mesh:
 
 
 class RobotMeshes:
-    """The triangles of a robot, made once and placed as often as wanted.
+    """The triangles of a robot, made once and placed at any configuration.
 
     The visual shapes, or the collision shapes of a robot that has none. Fully transparent shapes
-    and those that end nowhere (planes) are left out.
+    and planes are left out.
 
     Raises
     ------
@@ -140,26 +142,29 @@ def cone(radius: float, half_length: float) -> Triangles:
 
 def rounded_cylinder(radius: float, half_length: float) -> Triangles:
     """Return a capsule around z: a cylinder with a half ball on either end."""
-    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ALONG + 2)  # none of them 0
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, VERTICES_ALONG + 2)  # none of them 0
     heights = radius * np.sin(angles) + np.copysign(half_length, angles)
     return _revolved(radius * np.cos(angles), heights)
 
 
 def ellipsoid(radii: Array) -> Triangles:
     """Return an ellipsoid centred at the origin, with semi-axes (3,) along x, y, z."""
-    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ALONG + 1)
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, VERTICES_ALONG + 1)
     ball = _revolved(np.cos(angles), np.sin(angles))
     return Triangles(ball.vertices * radii, ball.faces)
 
 
 def _revolved(radii: Array, heights: Array) -> Triangles:
     """Return the surface that points (radius, height), from the bottom up, sweep around z."""
-    angles = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
-    x, y = np.outer(radii, np.cos(angles)), np.outer(radii, np.sin(angles))  # (rings, AROUND)
+    angles = np.linspace(0.0, 2.0 * np.pi, VERTICES_AROUND, endpoint=False)
+    x, y = (
+        np.outer(radii, np.cos(angles)),
+        np.outer(radii, np.sin(angles)),
+    )  # (rings, VERTICES_AROUND)
     z = np.broadcast_to(heights[:, None], x.shape)
     vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    first = np.arange((len(radii) - 1) * AROUND).reshape(-1, AROUND)
+    first = np.arange((len(radii) - 1) * VERTICES_AROUND).reshape(-1, VERTICES_AROUND)
     last = np.roll(first, -1, axis=1)
-    lower = np.stack([first, last, last + AROUND], axis=-1)
-    upper = np.stack([first, last + AROUND, first + AROUND], axis=-1)
+    lower = np.stack([first, last, last + VERTICES_AROUND], axis=-1)
+    upper = np.stack([first, last + VERTICES_AROUND, first + VERTICES_AROUND], axis=-1)
     return Triangles(vertices, np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)]))

@@ -1,9 +1,8 @@
 """The native core's passes over one kinematic tree.
 
-One call writes what most ticks ask for into fixed places of one array: CoM, CRB inertia with its
-Jacobian, centroidal map, and placements. It takes 2 us on the G1, where Pinocchio's pass and the
-reading of its results from Python take 40. A second one, made when it is asked for, adds mass
-matrix, bias forces and drifts; frames are found one by one.
+One call writes CoM, CRB inertia with its Jacobian, centroidal map and placements into one array. It
+takes 2 us on the G1; Pinocchio's pass, with reading its results from Python, takes 40. A second
+call, on demand, adds mass matrix, bias forces and drifts; frames are computed one by one.
 """
 
 from __future__ import annotations
@@ -23,16 +22,16 @@ from wbc.validate import FLOAT, Array, is_plain, read_only
 
 
 class NativeTree:
-    """A model as the core sees it; does not change, threads share it.
+    """A model as the core reads it; immutable, shared by threads.
 
     Attributes
     ----------
     struct:
-        What the core reads, a pointer to it.
+        Pointer to the ``wbc_tree``.
     arrays:
-        What the struct points at, by the names of ``wbc_tree`` in source/core.h.
+        Its arrays, by the names of ``wbc_tree`` in source/core.h.
     parts:
-        Where quantities are in a state or a motion, by the names of ``wbc_state_places`` and
+        Slices of the quantities in a state or a motion, by the names of ``wbc_state_places`` and
         ``wbc_motion_places``.
     """
 
@@ -81,17 +80,17 @@ class NativeTree:
 
 
 class NativeState(NamedTuple):
-    """What the core found at one state."""
+    """The core's results at one state."""
 
-    array: Array  # all of it, read-only; see source/core.h
+    array: Array  # all results, read-only; see source/core.h
     tree: NativeTree
 
     def part(self, name: str, *shape: int) -> Array:
         """Return a quantity by the name of its place: a view on the whole."""
         return self.array[self.tree.parts[name]].reshape(shape)
 
-    def kept(self, name: str, *shape: int) -> Array:
-        """Return a copy of a quantity, which may be kept much longer than the whole."""
+    def copied(self, name: str, *shape: int) -> Array:
+        """Return a copy of a quantity, which does not keep the whole array alive."""
         return read_only(self.part(name, *shape).copy())
 
     def inertia_hessian(self, weights: Array, mass: float) -> Array:
@@ -103,7 +102,7 @@ class NativeState(NamedTuple):
         return hessian
 
     def motion(self, v: Array) -> NativeMotion:
-        """Return what depends on the state's velocity (nv,), too."""
+        """Return the quantities that depend on the velocity (nv,) too."""
         tree = self.tree
         out, scratch = np.empty(tree.motion_size), np.empty(9 * tree.joints + 6 * tree.nv)
         lib.wbc_motion(tree.struct, *map(doubles, (self.array, v, out, scratch)))
@@ -139,7 +138,7 @@ class NativePass:
     Attributes
     ----------
     plans:
-        What others keep for rows at its states, by what they are about.
+        Plans for evaluating rows at its states, by what they are about.
     """
 
     def __init__(self, tree: NativeTree) -> None:
@@ -153,7 +152,7 @@ class NativePass:
         self._scratch = doubles(np.zeros(13 * tree.joints + 17 * tree.nv))
 
     def measured(self, q: Any, v: Any) -> bytes | None:
-        """Return a state as snapshots keep it, v behind q; None: Python looks closely."""
+        """Return a checked state as snapshots store it, q then v; None: Python must check it."""
         # As is_plain of both, without its calls.
         arrays = type(q) is type(v) is np.ndarray and q.dtype is v.dtype is FLOAT
         if not arrays or (q.shape, v.shape) != self._shapes:
@@ -163,8 +162,8 @@ class NativePass:
             return None
         return self._measured.tobytes()
 
-    def reached(self, q: Any, v: Any, dt: float) -> Array | None:
-        """Return where a measured q gets to at v over dt; None: Python looks closely."""
+    def integrated(self, q: Any, v: Any, dt: float) -> Array | None:
+        """Return q integrated with v over dt; None: Python must check the input."""
         if not all(map(is_plain, (q, v), self._shapes)):
             return None
         given = doubles(q.tobytes()), doubles(v.tobytes())
@@ -173,7 +172,7 @@ class NativePass:
         return self._reached.copy()
 
     def evaluate(self, measured: bytes) -> NativeState:
-        """Return all that is known at q, with v behind it, but for frames."""
+        """Return the core's results at a measured q and v, without frames."""
         tree, out, q = self.tree, np.empty(self.tree.frames), doubles(measured)
         none = 0, ffi.NULL, ffi.NULL
         lib.wbc_state(self._tree, q, q + tree.nq, doubles(out), self._scratch, *none)
@@ -182,7 +181,7 @@ class NativePass:
     def evaluate_all(
         self, q: Array, v: Array, frames: Sequence[int] = (), momentum_jacobian: Array | None = None
     ) -> Array:
-        """Return all that is known at (q (n, nq), v (n, nv)), a state a row, frames behind it.
+        """Return the core's results at (q (n, nq), v (n, nv)), one state a row, then its frames.
 
         ``momentum_jacobian`` (n, 6, nv), if given, is filled.
         """
@@ -211,14 +210,14 @@ def frame_places(model: pin.Model, frames: Sequence[int]) -> tuple[NDArray[np.in
 
 
 def joint_starts(limits: JointLimits) -> NDArray[np.int64]:
-    """Return where joints' coordinates are in q (joints,): minus that and 1 less of (cos, sin)."""
+    """Return the joints' indices in q (joints,); -index - 1 for those stored as (cos, sin)."""
     starts, turning = np.array(limits.starts, dtype=np.int64), list(limits.unbounded)
     starts[turning] = -starts[turning] - 1
     return starts
 
 
 def _slices(places: Any) -> dict[str, slice]:
-    """Return where each part lies that another one follows."""
+    """Return the slice of each part but the last."""
     begins = [(name, int(getattr(places, name))) for name, _ in ffi.typeof(places).item.fields]
     return {name: slice(begin, end) for (name, begin), (_, end) in pairwise(begins)}
 

@@ -1,4 +1,4 @@
-"""Whether the core may be trusted with a robot: loading tries it against Pinocchio."""
+"""The check of the core against Pinocchio when a robot is loaded."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from wbc.robot.kernel import NativePass, NativeTree
 from wbc.spatial import vech
 from wbc.validate import Array
 
-# What the core and Pinocchio may differ by, relative to the largest entry.
+# Largest difference between the core and Pinocchio, relative to the largest entry.
 AGREEMENT = 1e-10
-# And the derivatives of the inertia from differences of Pinocchio's, relative to the inertia.
-DIFFERENCED = 1e-6
+# Largest difference of the inertia's derivatives from finite differences, relative to the inertia.
+RATES_WITHIN = 1e-6
 STEP = 1e-3  # s between these
-# Of sixth order (Fornberg 1988): weights of what is 1, 2 and 3 steps away.
+# Central differences of sixth order (Fornberg 1988): weights 1, 2 and 3 steps away.
 _FIRST = np.array([3 / 4, -3 / 20, 1 / 60]) / STEP
 _SECOND = np.array([3 / 2, -3 / 20, 1 / 90]) / STEP**2
-# Quantities below this are judged as if they were as large: a ball's inertia changes by rounding.
-ROUNDED = 1e-4
+# Smaller quantities are compared relative to this: a ball's inertia changes by rounding only.
+LEAST_SCALE = 1e-4
 
 
 def checked_tree(name: str, model: pin.Model) -> NativeTree:
@@ -30,7 +30,7 @@ def checked_tree(name: str, model: pin.Model) -> NativeTree:
     Raises
     ------
     ModelError
-        The core reads it otherwise than Pinocchio.
+        The core disagrees with Pinocchio.
     """
     if not is_depth_first(model):
         raise ModelError(
@@ -39,19 +39,19 @@ def checked_tree(name: str, model: pin.Model) -> NativeTree:
         )
     tree = NativeTree(model)
     worst, rates = disagreement(tree), disagreement_of_rates(tree)
-    if not (worst <= AGREEMENT and rates <= DIFFERENCED):  # NaN is not
+    if not (worst <= AGREEMENT and rates <= RATES_WITHIN):  # NaN is not
         raise ModelError(
             f"robot {name!r}: the compiled core and Pinocchio {pin.__version__} differ by"
             f" {worst:.1e} of a quantity's largest entry (at most {AGREEMENT:g}), in the inertia's"
-            f" derivatives by {rates:.1e} ({DIFFERENCED:g}): commands would be wrong. Is a mass, an"
-            " inertia or a length of the file far beyond the others? If not, install wbc again,"
+            f" derivatives by {rates:.1e} ({RATES_WITHIN:g}): commands would be wrong. Is a mass,"
+            " an inertia or a length of the file far beyond the others? If not, install wbc again,"
             " which compiles the core, and report this"
         )
     return tree
 
 
 def is_depth_first(model: pin.Model) -> bool:
-    """Whether all that a joint carries follows it, in q and v too: as Pinocchio reads files."""
+    """Return whether joints are numbered depth first, in q and v too: as Pinocchio reads files."""
     carriers = list[int]()
     for j in range(2, model.njoints):
         while carriers and carriers[-1] != model.parents[j]:
@@ -76,13 +76,13 @@ def disagreement(tree: NativeTree) -> float:
         drifts = motion.drift("com_drift"), motion.drift("momentum_drift"), motion.frame_drift(last)
         moving = np.concatenate((motion.array[: tree.parts["com_drift"].start], *drifts))
         state, rates = _state(model, data, q, v), _motion(model, data, q, v)
-        reached = passed.reached(q, v, 0.1)
-        if reached is None:  # a measured state that the core takes for none
+        integrated = passed.integrated(q, v, 0.1)
+        if integrated is None:  # a measured state that the core takes for none
             return np.inf
         ours = np.delete(first.array, np.r_[tree.parts["inertia_jacobian"]])
         kept = np.delete(whole, np.r_[tree.parts["inertia_jacobian"]])
         for found, theirs in (
-            (reached, (pin.integrate(model, q, 0.1 * v),)),
+            (integrated, (pin.integrate(model, q, 0.1 * v),)),
             (np.concatenate((ours, frame)), state),
             (kept, state),
             (moving, rates),
@@ -167,6 +167,6 @@ def _difference(ours: Array, theirs: Sequence[Array]) -> float:
     for wanted in theirs:
         got = ours[begin : begin + np.size(wanted)].reshape(np.shape(wanted))
         begin += np.size(wanted)
-        difference = np.abs(got - wanted).max() / max(np.abs(wanted).max(), ROUNDED)
+        difference = np.abs(got - wanted).max() / max(np.abs(wanted).max(), LEAST_SCALE)
         worst = float(np.maximum(worst, difference))
     return worst

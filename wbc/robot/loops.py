@@ -1,7 +1,7 @@
 """Closed loops of a robot: two frames of its tree that are one, as points or as a whole.
 
-What the tree leaves open is closed in three places: postures, before they are used (here); ticks,
-by rows that are met exactly (:mod:`wbc.constraints.mechanics`); and the simulated plant.
+Loops are closed in three places: in postures, before they are used (here); in ticks, by rows that
+are met exactly (:mod:`wbc.constraints.mechanics`); and in the simulated plant.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from wbc.spatial import skew
 from wbc.validate import Array, by_name
 
 KINDS = ("point", "pose")
-CLOSED = 1e-9  # m, rad: a posture with larger gaps is open; Newton's method leaves 1e-15
+CLOSED_GAP = 1e-9  # m, rad: a posture with larger gaps is open; Newton's method leaves 1e-15
 ROUNDING = 1e-14  # gaps below this do not get smaller
 STEPS, HALVINGS = 200, 12  # of Newton's method, and of a step that makes gaps larger
-LONGEST = 0.5  # rad or m that a joint moves in a step
+LONGEST_STEP = 0.5  # rad or m: largest motion of a joint in a step
 
 
 def loops_of(given: Mapping[str, Loop | Mapping[str, Any] | Sequence[str]]) -> dict[str, Loop]:
@@ -61,7 +61,7 @@ def _loop(what: str, given: Any) -> Loop:
 
 @dataclass(frozen=True, eq=False)
 class Closure:
-    """What loops and gears ask of the joints of a model, and how they are met."""
+    """The loops and gears of a model, and the configurations that meet them."""
 
     model: pin.Model
     limits: JointLimits
@@ -77,7 +77,7 @@ class Closure:
 
     @property
     def binds(self) -> bool:
-        """Whether there is anything to meet."""
+        """Whether there are loops or gears."""
         return bool(self.loops or self.couplings)
 
     def gaps(self, q: Array) -> dict[str, float]:
@@ -100,7 +100,7 @@ class Closure:
         Raises
         ------
         InvalidInputError
-            They do not meet; the message says which loops are how far open.
+            They cannot be closed; the message says which loops are how far open.
         """
         names = self.limits.names
         passive = {*self.unactuated, *self.couplings}
@@ -111,12 +111,12 @@ class Closure:
         for columns in (loose, first, rest):
             if not columns and columns is not rest:
                 continue
-            found = self._solved(q, np.array(columns, dtype=int))
+            found = self._minimise_gaps(q, np.array(columns, dtype=int))
             nearest = float(np.abs(self.errors(found)[0]).max())
-            if nearest <= CLOSED:
+            if nearest <= CLOSED_GAP:
                 return found
-        gaps = [f"{name} by {by:.3g}" for name, by in self.gaps(found).items() if by > CLOSED]
-        where = f"open: {listed(gaps)} m or rad at the nearest" if gaps else self._off(found)
+        gaps = [f"{name} by {by:.3g}" for name, by in self.gaps(found).items() if by > CLOSED_GAP]
+        where = f"open: {listed(gaps)} m or rad at the nearest" if gaps else self._open_gears(found)
         raise InvalidInputError(
             f"loops: no posture near it closes them ({where}); begin nearer, or look at the loops'"
             " frames and the joints' limits"
@@ -124,8 +124,8 @@ class Closure:
             else f"{where}: that is beyond its limits, or another value is given; give others"
         )
 
-    def _off(self, q: Array) -> str:
-        """Return which mimic joints are not where their drivers put them, in words."""
+    def _open_gears(self, q: Array) -> str:
+        """Return which mimic joints are off their drivers' polynomials, in words."""
         positions, names = self.limits.joint_positions(q), self.limits.names
         return "; ".join(
             f"{joint!r} cannot follow {one.driver!r} to {wanted:.4g}"
@@ -134,22 +134,22 @@ class Closure:
                 (wanted := one.value(float(positions[names.index(one.driver)])))
                 - positions[names.index(joint)]
             )
-            > CLOSED
+            > CLOSED_GAP
         )
 
     # ------------------------------------------------------------------ Newton's method
 
-    def _solved(self, q: Array, columns: Array) -> Array:
-        """Return where moving some joints brings all errors nearest to 0."""
+    def _minimise_gaps(self, q: Array, columns: Array) -> Array:
+        """Return the configuration near ``q`` of least errors, moving only some joints."""
         q, (error, J) = q.copy(), self.errors(q)
         for _ in range(STEPS):
             if float(np.abs(error).max()) <= ROUNDING:
                 break
-            step = self._step(q, error, J, columns)
+            step = self._gauss_newton_step(q, error, J, columns)
             size = float(np.abs(step).max())
             if size <= ROUNDING:
                 break
-            step *= min(1.0, LONGEST / size)
+            step *= min(1.0, LONGEST_STEP / size)
             for _ in range(HALVINGS):
                 there = self.limits.clamped(pin.integrate(self.model, q, step))
                 then = self.errors(there)
@@ -161,11 +161,11 @@ class Closure:
             q, (error, J) = there, then
         return q
 
-    def _step(self, q: Array, error: Array, J: Array, columns: Array) -> Array:
+    def _gauss_newton_step(self, q: Array, error: Array, J: Array, columns: Array) -> Array:
         """Return the least step (nv,) that closes the gaps to first order, or nearly.
 
-        Damped by their size, which leaves the method's order what it is. Joints at a limit that the
-        step would leave stay there.
+        Damped by their size, which keeps the order of convergence. Joints at a limit that the step
+        would cross stay there.
         """
         positions = self.limits.joint_positions(q)
         below, above = self.limits.lower + ROUNDING, self.limits.upper - ROUNDING
@@ -214,15 +214,16 @@ class Closure:
         return np.concatenate(errors), np.concatenate(rows)
 
 
-Placed = tuple[Array, Array, Array]  # origin (3,), rotation (3, 3), Jacobian (6, nv), world axes
+# Origin (3,), rotation (3, 3), Jacobian (6, nv), world axes.
+FrameState = tuple[Array, Array, Array]
 
 
-def gap_of(frame: Placed, other: Placed) -> tuple[Array, Array]:
-    """Return where a frame is as seen from another one (6,) [m, rad], and its Jacobian (6, nv).
+def gap_of(frame: FrameState, other: FrameState) -> tuple[Array, Array]:
+    """Return a frame's pose in another frame (6,) [m, rad], and its Jacobian (6, nv).
 
     R_o' (p - p_o) above log(R_o' R); in axes of the other frame the base moves neither. The
     derivative of a rotation vector e is Jlog(e) w, not w = R_o' (w_f - w_o); but Jlog(e) e = e, so
-    that rows w = -k e hold the same as those of Jlog w, as contacts' do.
+    rows w = -k e are equivalent to those of Jlog w, as for contacts.
     """
     (p, R, J), (p_other, R_other, back) = frame, other
     linear = J[:3] - back[:3] + skew(p - p_other) @ back[3:]

@@ -30,20 +30,20 @@ from wbc.robot.model_checks import check_supported
 from wbc.robot.moving_state import MovingState
 from wbc.robot.names import add_base_frame, matches, matching
 from wbc.robot.notes import warn_of
-from wbc.robot.payload import CarryingGeometry, Payload, described
+from wbc.robot.payload import CarryingGeometry, Payload, payload_note
 from wbc.robot.postures import (
     NEUTRAL,
     STANDING,
-    apart_from_neutral,
     close_postures,
     com_from_middle,
-    follow,
-    grounded,
     named_postures,
+    put_on_ground,
+    rename_neutral,
     set_joints,
-    settled,
+    set_mimic_joints,
+    settle_on_ground,
 )
-from wbc.robot.stance import stance_from
+from wbc.robot.stance import stance_from_postures
 from wbc.robot.tree import KinematicTree
 from wbc.validate import Array, by_name, read_only
 
@@ -189,9 +189,9 @@ class Robot(KinematicTree):
         limits = JointLimits.of(model)
         states_file = found.srdf if srdf is None else Path(srdf)
         said = read_srdf(states_file, description.model) if states_file else None
-        own, renamed = apart_from_neutral(description.states)
+        own, renamed = rename_neutral(description.states)
         description = replace(description, states=own)
-        said_states, also = apart_from_neutral(said.states if said else {})
+        said_states, also = rename_neutral(said.states if said else {})
         states = {**own, **said_states}
         notes += renamed or also
         notes += said.notes(description.model) if said and states_file != found.srdf else ()
@@ -199,7 +199,7 @@ class Robot(KinematicTree):
         neutral[:BASE_NQ] = description.base
         postures, posture_notes = named_postures(limits, neutral, states, found.known)
         for q in (q for key, q in postures.items() if key != NEUTRAL):
-            follow(limits, q, couplings)
+            set_mimic_joints(limits, q, couplings)
         own_loops = {} if loops is None else loops_of(loops)
         ties, loop_notes = loops_within(model, {**description.loops, **own_loops})
         if unactuated is None and ties:
@@ -210,7 +210,7 @@ class Robot(KinematicTree):
         passive = description.passive.of(model, limits)
         closure = Closure(model, limits, ties, couplings, free, passive.springs)
         posture_notes += close_postures(closure, postures, description.drawn, found.path)
-        stance = stance_from(found, description, postures, feet, base, closure)
+        stance = stance_from_postures(found, description, postures, feet, base, closure)
         postures[STANDING] = stance.q
         notes += posture_notes + stance.notes + armature_note(model) + loop_notes
         notes += effort_note(limits, (*free, *couplings))
@@ -273,12 +273,12 @@ class Robot(KinematicTree):
         model, payload = Payload(frame, mass, com, inertia).attached(self.model)
         payloads = (*self.payloads, payload)
         own = self.geometry.own if isinstance(self.geometry, CarryingGeometry) else self.geometry
-        postures, notes = dict(self.postures), described([payload])
+        postures, notes = dict(self.postures), payload_note([payload])
         if self.feet:
             q = postures[STANDING]
             place = com_from_middle(self.model, q, self.feet)
-            q, unsettled = settled(replace(self.closure, model=model), q, self.feet, place)
-            postures[STANDING] = grounded(model, q, self.feet)
+            q, unsettled = settle_on_ground(replace(self.closure, model=model), q, self.feet, place)
+            postures[STANDING] = put_on_ground(model, q, self.feet)
             notes += unsettled
         carrying = replace(
             self,
@@ -349,12 +349,16 @@ class Robot(KinematicTree):
         given = {} if joints is None else joints
         set_joints(self.limits, q, given)
         free = {name: one for name, one in self.couplings.items() if name not in given}
-        follow(self.limits, q, free)
+        set_mimic_joints(self.limits, q, free)
         if given and self.closure.binds:
             names = self.joint_names
             meant = [names[k] for key in given for k in matching(key, names)]
             q = self.closure.closed(q, [name for name in meant if name not in free])
-        return grounded(self.model, q, self.feet) if switch("posture, on_ground", on_ground) else q
+        return (
+            put_on_ground(self.model, q, self.feet)
+            if switch("posture, on_ground", on_ground)
+            else q
+        )
 
     def passive_forces(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:
         """Return what springs and the like give (nv,) [N, N m]: forces that no motor is asked for.

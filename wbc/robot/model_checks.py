@@ -1,4 +1,4 @@
-"""Refuse, by name, a model that the controllers cannot treat."""
+"""Checks that refuse models which the controllers do not support, naming joint and link."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ ROUNDING = 1e-6  # of a body's largest moment: files give inertias to about six 
 # Of the robot's own second moment. Romeo's forearms break the triangle inequality by 3e-4 (a digit
 # is missing in the file); it does not show in the robot's inertia, so it is noted, not refused.
 NEGLIGIBLE = 1e-3
-LARGEST, HEAVIEST = 20.0, 5000.0  # m, kg: what is larger or heavier is in other units
-# rad: what the middle one of a robot's joints can turn by, a little more than twice around (joints
-# that turn without end are written as 1.5 turns); and what stands for no limit.
-ROUND, NO_LIMIT = 13.0, 400.0
-SLIGHT = 0.06  # rad: 3.4, more than half around, taken for degrees
-FEW_JOINTS = 6  # their places say little of how large a robot is
+LARGEST_SIZE, LARGEST_MASS = 20.0, 5000.0  # m, kg: beyond, the file is in other units
+# rad: largest plausible median range of a robot's joints, a little more than two turns (continuous
+# joints are written as 1.5 turns); and the range that stands for no limit.
+MEDIAN_RANGE, NO_LIMIT = 13.0, 400.0
+LEAST_MEDIAN_RANGE = 0.06  # rad: smallest plausible one; 3.4 rad read as degrees
+FEW_JOINTS = 6  # too few to tell a robot's size by their positions
 
 
 def check_supported(model: pin.Model, path: Path) -> tuple[str, ...]:
@@ -42,8 +42,8 @@ def check_supported(model: pin.Model, path: Path) -> tuple[str, ...]:
     """
     _check_joints(model, path)
     notes = _check_masses(model, path) + _check_inertias(model, path)
-    notes += _too_large(model) + _units(model) + _held_still(model)
-    _check_turning(model, path)
+    notes += _oversized_links(model) + _unit_notes(model) + _immobile_joints(model)
+    _check_joint_inertia(model, path)
     return notes
 
 
@@ -135,11 +135,11 @@ def _check_inertias(model: pin.Model, path: Path) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _too_large(model: pin.Model) -> tuple[str, ...]:
-    """Note links that turn as if they were larger than the robot, as files' 1 kg m^2 say.
+def _oversized_links(model: pin.Model) -> tuple[str, ...]:
+    """Note links whose inertia implies a size larger than the robot's, as 1 kg m^2 by default.
 
-    Their radius of gyration is compared with the farthest that two joints or centres of mass are
-    from each other, at most, in the neutral posture.
+    Their radius of gyration is compared with the largest distance between joints or centres of mass
+    in the neutral posture.
     """
     if model.njoints <= FEW_JOINTS + 2:  # besides the universe and the root
         return ()
@@ -162,16 +162,16 @@ def _too_large(model: pin.Model) -> tuple[str, ...]:
     )
 
 
-def _units(model: pin.Model) -> tuple[str, ...]:
-    """Note sizes that no robot has, as files in millimetres, grams or degrees give them."""
+def _unit_notes(model: pin.Model) -> tuple[str, ...]:
+    """Note implausible sizes, as of files in millimetres, grams or degrees."""
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     size = float(np.ptp(np.array([at.translation for at in list(data.oMi)[1:]]), axis=0).max())
     mass = float(pin.computeTotalMass(model))
     notes = []
-    if size > LARGEST:
+    if size > LARGEST_SIZE:
         notes.append(f"its joints are up to {size:.3g} m apart: are lengths in millimetres?")
-    if mass > HEAVIEST:
+    if mass > LARGEST_MASS:
         notes.append(f"it weighs {mass:.3g} kg: are masses in grams?")
     turning = [
         model.idx_qs[j]
@@ -180,13 +180,13 @@ def _units(model: pin.Model) -> tuple[str, ...]:
     ]
     farthest = np.maximum(-model.lowerPositionLimit[turning], model.upperPositionLimit[turning])
     farthest = farthest[farthest < NO_LIMIT]
-    if farthest.size and np.median(farthest) > ROUND:
+    if farthest.size and np.median(farthest) > MEDIAN_RANGE:
         notes.append(
             f"half of its joints turn by {np.median(farthest):.3g} rad and more: are limits in"
             " degrees?"
         )
     turned = farthest[farthest > 0.0]
-    if turned.size and np.median(turned) < SLIGHT:
+    if turned.size and np.median(turned) < LEAST_MEDIAN_RANGE:
         notes.append(
             f"half of its joints turn by {np.median(turned):.2g} rad and less: are limits in"
             ' radians, and angles of the file in degrees (<compiler angle="radian"/>)?'
@@ -194,7 +194,7 @@ def _units(model: pin.Model) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _held_still(model: pin.Model) -> tuple[str, ...]:
+def _immobile_joints(model: pin.Model) -> tuple[str, ...]:
     """Note joints that cannot move, as exporters write where no limits were entered."""
     held = [
         f"{model.names[j]} at {model.lowerPositionLimit[model.idx_qs[j]]:g}"
@@ -206,7 +206,7 @@ def _held_still(model: pin.Model) -> tuple[str, ...]:
 
 
 def _refuse_inertia(model: pin.Model, joints: Sequence[int], path: Path, reason: str) -> None:
-    """Refuse what is wrong with the links of ``joints``: the first with its numbers."""
+    """Raise ModelError about the inertias of ``joints``' links, the first with its numbers."""
     moments = ", ".join(f"{m:.4g}" for m in np.linalg.eigvalsh(model.inertias[joints[0]].inertia))
     others = ", ".join(link_of(model, joint) for joint in joints[1:])
     also = f"; likewise {others}" if others else ""
@@ -217,8 +217,8 @@ def _refuse_inertia(model: pin.Model, joints: Sequence[int], path: Path, reason:
     )
 
 
-def _check_turning(model: pin.Model, path: Path) -> None:
-    """Refuse a joint that the least torque would spin without end: a point on its own axis."""
+def _check_joint_inertia(model: pin.Model, path: Path) -> None:
+    """Refuse a joint without inertia about its axis, as of a point mass on the axis."""
     felt = np.diag(pin.crba(model, model.createData(), pin.neutral(model)))  # with the armature
     for joint in range(2, model.njoints):
         if felt[model.idx_vs[joint]] < 1e-12:  # kg m^2, far below any real part

@@ -1,4 +1,4 @@
-"""Frames mounted on links, such as IMUs and soles, seen from the base: joints in, places out."""
+"""Frames mounted on links, such as IMUs and soles: poses in the base by joint positions."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from wbc.validate import Array, finite_array, read_only
 
 
 class Mount(NamedTuple):
-    """Where something is on a robot."""
+    """Where something is mounted on a robot."""
 
-    frame: str  # a link or frame; what it is fixed to carries it
+    frame: str  # a link or frame
     position: Array  # (3,) [m], in the frame's axes from its origin
     rotation: Array  # (3, 3) taking its axes to the frame's
 
 
 class MountedFrames:
-    """Places and Jacobians of mounted frames in the base's axes, in memory of its own.
+    """Poses and Jacobians of mounted frames in the base's axes, in its own memory.
 
     Attributes
     ----------
     frames:
-        (k, 12 + 6 nv), as :func:`at` left them: origin, rotation (3, 3), Jacobian (6, nv).
+        (k, 12 + 6 nv), as :func:`update` left them: origin, rotation (3, 3), Jacobian (6, nv).
     """
 
     def __init__(self, robot: Robot, mounts: Sequence[Mount]) -> None:
@@ -44,8 +44,8 @@ class MountedFrames:
         self._scratch = np.zeros(13 * tree.joints + 17 * tree.nv)
         self.frames = np.zeros((len(mounts), tree.frame_size))
 
-    def at(self, positions: Array) -> None:
-        """Find them at joint positions (nv-6,) [rad or m], the base at the origin, upright."""
+    def update(self, positions: Array) -> None:
+        """Compute them at joint positions (nv-6,) [rad or m], the base at the origin, upright."""
         self.robot.limits.write_positions(self._q, positions)
         state, tree = doubles(self._state), self._tree.struct
         lib.wbc_state(

@@ -1,6 +1,6 @@
 """A robot at one measured state, in motion: its dynamics and its drifts.
 
-Drifts are second derivatives at zero acceleration of v, which velocities make.
+A drift is the velocity-dependent part of a second derivative: its value at zero acceleration of v.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class MovingState(KinematicState):
     def bias(self) -> Array:
         """Coriolis, centrifugal and gravity forces (nv,): ``M a + bias == tau + J' f``.
 
-        ``tau`` is what arrives at the links: the joints' damping and dry friction
-        (``robot.damping``, ``robot.friction``) are taken off what the motors give before.
+        ``tau`` is the torque at the links: the motors' minus the joints' damping and dry friction
+        (``robot.damping``, ``robot.friction``).
         """
         return self.native_motion.part("bias", -1)
 
@@ -98,5 +98,5 @@ class MovingState(KinematicState):
 
     @lazy
     def native_motion(self) -> NativeMotion:
-        """What the core finds at this velocity besides."""
+        """The core's velocity-dependent results."""
         return self.native_state.motion(self.v)

@@ -10,7 +10,7 @@ import pinocchio as pin
 from wbc.errors import UnknownNameError
 
 WORLD, BASE = "world", "base"  # the free-flyer's own frame
-COM = "com"  # no frame: what moments are taken about, where no frame or point is named
+COM = "com"  # not a frame: the default point about which moments are taken
 # A link and a joint may share a name; links are what people mean, then frames added on purpose.
 _PRECEDENCE = (
     pin.FrameType.JOINT,
@@ -24,7 +24,7 @@ _PRECEDENCE = (
 def matches(pattern: str, names: Sequence[str]) -> tuple[int, ...]:
     """Return the entries of ``names`` that a name or pattern matches; empty if none does.
 
-    A name that is there means itself alone, also where it would be a pattern: ``hinge[1]``.
+    An existing name means itself only, even if it reads as a pattern: ``hinge[1]``.
     """
     if pattern in names:
         return (names.index(pattern),)
@@ -37,7 +37,7 @@ def matching(pattern: str, names: Sequence[str], kind: str = "joint") -> tuple[i
     Raises
     ------
     UnknownNameError
-        None does; ``kind`` says what the name should have been.
+        No name matches; ``kind`` is named in the message.
     """
     found = matches(pattern, names) if isinstance(pattern, str) else ()
     if not found:

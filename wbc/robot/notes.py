@@ -1,4 +1,4 @@
-"""What was tolerated while a robot was loaded, told where it is loaded."""
+"""Warnings about what was tolerated while a robot was loaded."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 
-_told = ContextVar("told", default=True)
+_enabled = ContextVar("told", default=True)
 
 
 def warn_of(path: Path, notes: Iterable[str]) -> None:
     """Log notes on a robot's file as warnings, each once in a process."""
-    if not _told.get():
+    if not _enabled.get():
         return
     for note in notes:
         _warn_once(f"{path}: {note}")
 
 
 @contextmanager
-def untold() -> Iterator[None]:
-    """Keep notes from being logged: they are for those who wrote a file, not of one we made."""
-    before = _told.set(False)
+def without_warnings() -> Iterator[None]:
+    """Suppress these warnings while loading files that the package wrote itself."""
+    before = _enabled.set(False)
     try:
         yield
     finally:
-        _told.reset(before)
+        _enabled.reset(before)
 
 
 @cache

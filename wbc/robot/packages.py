@@ -1,6 +1,6 @@
-"""Robots that other packages bring: ``mujoco-menagerie`` and ``robot_descriptions``.
+"""Robots of other packages: ``mujoco-menagerie`` and ``robot_descriptions``.
 
-Both download a robot's files when it is asked for the first time.
+Both download a robot's files when it is first loaded.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ MENAGERIE, DESCRIPTIONS = "menagerie:", "robot_descriptions:"  # what the names 
 
 
 class Found(NamedTuple):
-    """Where a package has put a robot."""
+    """A robot's file in a package."""
 
     path: Path
     package_dirs: tuple[Path, ...] = ()

@@ -1,7 +1,7 @@
-"""What the CRB inertia about another point has more than that about the CoM.
+"""The parallel-axis term of the CRB inertia about another point than the CoM, and derivatives.
 
-With the arm r from the point to the CoM it is M (|r|^2 1 - r r'), the parallel-axis theorem; that
-and its derivatives follow from those of the arm alone.
+With the arm r from the point to the CoM it is M (|r|^2 1 - r r'): it and its derivatives depend on
+the arm alone.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def moving_frame(about: str | ArrayLike) -> str | None:
 
 def parallel_axis(mass: float, arm: Array) -> Array:
     """Return M (|r|^2 1 - r r') (3, 3) [kg m^2] for the arm r (3,) [m]."""
-    return mass * _turned(np.outer(arm, arm))
+    return mass * _row_crosses(np.outer(arm, arm))
 
 
 def parallel_axis_rates(mass: float, arm: Array) -> Array:
@@ -53,7 +53,7 @@ def parallel_axis_curvature(mass: float, arm: Array, velocity: Array, accelerati
         (3,) each, of the arm.
     """
     second: Array = parallel_axis_rates(mass, arm).dot(acceleration)
-    second += 2.0 * mass * vech(_turned(np.outer(velocity, velocity)))
+    second += 2.0 * mass * vech(_row_crosses(np.outer(velocity, velocity)))
     return second
 
 
@@ -76,12 +76,12 @@ def parallel_axis_hessian(
     orders:
         See :attr:`wbc.robot.tree.KinematicTree.carried`.
     """
-    K = _turned(weights)
+    K = _row_crosses(weights)
     pull = mass * K.dot(arm)
     half = (skew(pull).dot(jacobian).T @ twists[3:]) * -orders  # row j, column i
     half += mass * jacobian.T @ K @ jacobian
     return half + half.T
 
 
-def _turned(S: Array) -> Array:
+def _row_crosses(S: Array) -> Array:
     return np.trace(S) * np.eye(3) - S

@@ -1,4 +1,4 @@
-"""Forces that act on the joints by themselves: springs, gravity compensation, curved damping.
+"""Passive joint forces: springs, gravity compensation, nonlinear damping.
 
 Linear damping and dry friction are the robot's ``damping`` and ``friction`` and not in here.
 """
@@ -17,7 +17,7 @@ from wbc.validate import Array, read_only
 
 # Rotations (njoints, 3, 3) and origins (njoints, 3) of joints, and their twists (6, nv) at the
 # world's origin.
-Placed = tuple[Array, Array, Array]
+JointPlacements = tuple[Array, Array, Array]
 
 
 class Spring(NamedTuple):
@@ -41,7 +41,7 @@ class GravityCompensation(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PassiveForces:
-    """What a description says of forces that no motor gives.
+    """The passive forces of a description.
 
     Attributes
     ----------
@@ -73,7 +73,12 @@ class PassiveForces:
         )
 
     def forces(
-        self, model: pin.Model, limits: JointLimits, q: Array, v: Array, placed: Placed | None
+        self,
+        model: pin.Model,
+        limits: JointLimits,
+        q: Array,
+        v: Array,
+        placed: JointPlacements | None,
     ) -> Array:
         """Return the generalised forces (nv,) [N, N m] at ``q`` (nq,) and ``v`` (nv,).
 
@@ -91,10 +96,10 @@ class PassiveForces:
             k = BASE_NV + limits.names.index(joint)
             found[k] -= v[k] * (b1 * abs(v[k]) + b2 * v[k] * v[k])
         if placed is not None:
-            found += self._lifted(model, placed)
+            found += self._compensation(model, placed)
         return read_only(found)
 
-    def _lifted(self, model: pin.Model, placed: Placed) -> Array:
+    def _compensation(self, model: pin.Model, placed: JointPlacements) -> Array:
         rotations, origins, twists = placed
         gravity, found = np.array(model.gravity.linear), np.zeros(model.nv)
         for lift in self.lifts:
@@ -108,7 +113,7 @@ class PassiveForces:
         return found
 
 
-NONE = PassiveForces()
+NO_FORCES = PassiveForces()
 
 
 def _frame_of(model: pin.Model, lift: GravityCompensation) -> int:

@@ -22,8 +22,8 @@ from wbc.robot.formats.triangles import Surfaces
 from wbc.robot.names import frame_table
 from wbc.validate import Array, finite_array, finite_number, read_only, real_array, set_fields
 
-ROUNDING = 1e-9  # what of the largest moment symmetry and the triangle inequality may miss
-WATER = 1000.0  # kg/m^3: a payload without an inertia is drawn as a ball of that density
+ROUNDING = 1e-9  # of the largest moment: tolerance of symmetry and triangle inequality
+DRAWN_DENSITY = 1000.0  # kg/m^3 (water): of the ball that is drawn for a payload without an inertia
 THINNEST = 5e-3  # m: semi-axes below are drawn like this, or a rod could not be seen
 COLOUR = (0.90, 0.62, 0.0, 1.0)
 # With semi-axes a, b, c a solid ellipsoid has Ixx = m (b^2 + c^2) / 5 and so on.
@@ -93,7 +93,7 @@ class Payload:
         """
         moments, axes = np.linalg.eigh(np.asarray(self.inertia))
         if moments[2] <= 0.0:
-            radius = (0.75 * self.mass / (np.pi * WATER)) ** (1.0 / 3.0)
+            radius = (0.75 * self.mass / (np.pi * DRAWN_DENSITY)) ** (1.0 / 3.0)
             return np.full(3, radius), np.eye(3)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         squares = _SOLID * (0.5 * moments.sum() - moments) / self.mass
@@ -122,15 +122,15 @@ def _checked(inertia: ArrayLike) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class CarryingGeometry:
-    """The shapes of a robot, and to draw, those of its payloads."""
+    """The shapes of a robot and, for drawing, of its payloads."""
 
     own: GeometrySource
     payloads: tuple[Payload, ...]
 
     @property
-    def lost(self) -> tuple[str, ...]:
+    def missing_shapes(self) -> tuple[str, ...]:
         """See :class:`~wbc.robot.formats.description.GeometrySource`."""
-        return self.own.lost
+        return self.own.missing_shapes
 
     @property
     def rules(self) -> ContactRules:
@@ -152,11 +152,11 @@ class CarryingGeometry:
             found = self.own.surfaces(model, pin.GeometryType.COLLISION, links)
         for payload in self.payloads:
             if links is None or payload.frame in links:
-                found.shapes.addGeometryObject(_drawn(model, payload))
+                found.shapes.addGeometryObject(_drawable(model, payload))
         return found
 
 
-def _drawn(model: pin.Model, payload: Payload) -> Any:
+def _drawable(model: pin.Model, payload: Payload) -> Any:
     index = frame_table(model)[payload.name]
     frame = model.frames[index]
     radii, axes = payload.shape()
@@ -168,7 +168,7 @@ def _drawn(model: pin.Model, payload: Payload) -> Any:
     return shape
 
 
-def described(payloads: Sequence[Payload]) -> tuple[str, ...]:
+def payload_note(payloads: Sequence[Payload]) -> tuple[str, ...]:
     """Return a note of what is carried."""
     return tuple(
         f"carries {one.mass:g} kg at {one.frame!r}, which touches nothing" for one in payloads

@@ -17,16 +17,16 @@ from wbc.robot.formats.description import State
 from wbc.robot.formats.ties import Coupling
 from wbc.robot.library import NamedRobot
 from wbc.robot.limits import BASE_NQ, BASE_NV, JointLimits
-from wbc.robot.loops import CLOSED, Closure
+from wbc.robot.loops import CLOSED_GAP, Closure
 from wbc.robot.names import frame_table, matches, matching
 from wbc.spatial import skew
 from wbc.validate import Array, by_name
 
 NEUTRAL, STANDING, HALF_SITTING = "neutral", "standing", "half_sitting"
-NEAR = 0.7  # rad or m: a posture whose joints differ more is another one
-APART = 10.0  # rad/m: by how much joints rather turn than that soles move to each other
-# Of the CoM's height: two soles farther apart than the first come together to the second.
-ASTRIDE, TOGETHER = 0.7, 0.3
+SAME_POSTURE = 0.7  # rad or m: a posture whose joints differ more is another one
+STANCE_WIDTH_COST = 10.0  # rad/m: cost of changing the distance between soles, by joint motion
+# Of the CoM's height: two soles farther apart than the first are narrowed to the second.
+WIDE_STANCE, NARROWED_STANCE = 0.7, 0.3
 LEVEL = 1e-3  # m: corners of soles no further apart than this stand on one ground
 
 
@@ -41,7 +41,7 @@ def named_postures(
     """
     postures, notes = {NEUTRAL: neutral.copy()}, list[str]()
     for name, state in states.items():
-        postures[name], note = _posture_of(limits, neutral, name, state)
+        postures[name], note = _state_posture(limits, neutral, name, state)
         notes += note
     if known is not None:
         q = neutral.copy()
@@ -55,10 +55,10 @@ def named_postures(
     return postures, tuple(notes)
 
 
-def apart_from_neutral(states: Mapping[str, State]) -> tuple[dict[str, State], tuple[str, ...]]:
-    """Return states with another name for one called as the posture of zeros is, and a note of it.
+def rename_neutral(states: Mapping[str, State]) -> tuple[dict[str, State], tuple[str, ...]]:
+    """Return states with one that is called ``neutral`` renamed, and a note of it.
 
-    Pairs that touch, plants and searches take that posture for joints at 0.
+    Self-collision, plants and searches rely on ``neutral`` having joints at 0.
     """
     if NEUTRAL not in states:
         return dict(states), ()
@@ -67,7 +67,7 @@ def apart_from_neutral(states: Mapping[str, State]) -> tuple[dict[str, State], t
     return {other if name == NEUTRAL else name: state for name, state in states.items()}, (note,)
 
 
-def _posture_of(
+def _state_posture(
     limits: JointLimits, neutral: Array, name: str, state: State
 ) -> tuple[Array, list[str]]:
     """Return the posture of a state; joints that the model does not have (locked) are skipped."""
@@ -105,8 +105,8 @@ def set_joints(limits: JointLimits, q: Array, joints: Mapping[str, float]) -> No
             limits.set_joint(q, limits.names[k], value)
 
 
-def follow(limits: JointLimits, q: Array, couplings: Mapping[str, Coupling]) -> None:
-    """Put mimic joints in ``q`` where their drivers put them, as far as their limits allow."""
+def set_mimic_joints(limits: JointLimits, q: Array, couplings: Mapping[str, Coupling]) -> None:
+    """Set mimic joints in ``q`` by their drivers, as far as their limits allow."""
     for joint, coupling in couplings.items():
         driver = q[limits.starts[limits.names.index(coupling.driver)]]
         k = limits.names.index(joint)
@@ -118,8 +118,8 @@ def close_postures(
 ) -> tuple[str, ...]:
     """Close the loops in all postures, in place; return notes of those that stay open.
 
-    ``standing`` is closed from itself, or from where the file draws the joints. Without loops,
-    its drivers move where mimic joints cannot follow; other postures stay.
+    ``standing`` is closed starting from itself, or from the file's initial joints. Without loops,
+    its drivers move where mimic joints cannot follow; other postures do not change.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def close_postures(
     """
     open_ones = []
     for name, q in postures.items():
-        off = np.abs(closure.errors(q)[0]).max(initial=0.0) > CLOSED
+        off = np.abs(closure.errors(q)[0]).max(initial=0.0) > CLOSED_GAP
         if not closure.loops and (name != STANDING or not off):
             continue
         try:
@@ -137,7 +137,7 @@ def close_postures(
             if name != STANDING:
                 open_ones.append(name)
                 continue
-            other, _ = _posture_of(closure.limits, q, name, drawn)
+            other, _ = _state_posture(closure.limits, q, name, drawn)
             try:
                 postures[name] = closure.closed(other)
             except InvalidInputError:
@@ -147,7 +147,7 @@ def close_postures(
     return (f"loops are open in the postures {', '.join(open_ones)}, and none near closes them",)
 
 
-def grounded(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Array:
+def put_on_ground(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Array:
     """Return ``q`` raised or lowered so that the lowest corner of the soles is at z = 0.
 
     Without feet nothing is moved.
@@ -161,7 +161,7 @@ def grounded(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Array:
     return q
 
 
-def stands(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> bool:
+def is_standing(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> bool:
     """Return whether all soles are level with one ground and the CoM is above their hull."""
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
@@ -174,15 +174,14 @@ def stands(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> bool:
     return len(hull) > 2 and bool(above) and float(polygon_margin(hull, com[:2])) > 0.0
 
 
-def settled(
+def settle_on_ground(
     closure: Closure, q: Array, feet: Mapping[str, Foot], com: Array | None = None
 ) -> tuple[Array, tuple[str, ...]]:
-    """Return a posture near ``q`` that stands on all feet, or ``q`` itself and a note.
+    """Return a posture near ``q`` that is_standing on all feet, or ``q`` itself and a note.
 
-    Gauss-Newton, damped, on the heights and tilts of the soles and on the CoM over the middle of
-    their hull; joints stay within their limits, and those that springs alone hold where they are.
-    Soles are levelled where they are: what moves them together or apart is dear. Legs that are
-    drawn astride come together, if they can.
+    Damped Gauss-Newton on the heights and tilts of the soles and on the CoM over the middle of
+    their hull; joints stay within their limits, and those held only by springs do not move. A cost
+    keeps the soles' distance, but legs that are drawn far apart are brought together if possible.
 
     Parameters
     ----------
@@ -193,15 +192,15 @@ def settled(
         unless ``q`` stands.
     """
     model, limits = closure.model, closure.limits
-    if not feet or (com is None and stands(model, q, feet)):
+    if not feet or (com is None and is_standing(model, q, feet)):
         return q, ()
-    apart, height = _apart(model, q, feet)
-    astride = len(feet) == 2 and math.hypot(*apart) > ASTRIDE * height
-    for goal in [TOGETHER * height, None] if astride else [None]:
-        found = _levelled(closure, q, feet, com, goal)
+    apart, height = _stance_vector(model, q, feet)
+    astride = len(feet) == 2 and math.hypot(*apart) > WIDE_STANCE * height
+    for goal in [NARROWED_STANCE * height, None] if astride else [None]:
+        found = _level_soles(closure, q, feet, com, goal)
         far = np.abs(limits.joint_positions(found) - limits.joint_positions(q)).max(initial=0.0)
-        is_closed = not closure.binds or float(np.abs(closure.errors(found)[0]).max()) <= CLOSED
-        if far < NEAR and is_closed and stands(model, found, feet):
+        is_closed = not closure.binds or float(np.abs(closure.errors(found)[0]).max()) <= CLOSED_GAP
+        if far < SAME_POSTURE and is_closed and is_standing(model, found, feet):
             return found, ()
     corners = sum(len(foot.polygon) for foot in feet.values())
     why = "no posture near it balances on level soles"
@@ -210,22 +209,22 @@ def settled(
     return q, (f"posture 'standing' does not stand: {why}",)
 
 
-def _levelled(
+def _level_soles(
     closure: Closure, q: Array, feet: Mapping[str, Foot], com: Array | None, together: float | None
 ) -> Array:
-    """Return a posture (nq,) near ``q`` on level soles, or what came of the search for one.
+    """Return a posture (nq,) near ``q`` on level soles, or the search's last one.
 
-    Two soles come as near ``together`` as that [m]; None: what moves them to each other is dear.
+    ``together``: wanted distance of two soles [m]; None: a cost keeps their distance.
     """
     found, model, limits = q.copy(), closure.model, closure.limits
     held = [BASE_NV + limits.names.index(joint) for joint in closure.sprung]
-    dear = APART if together is None else 0.0
+    dear = STANCE_WIDTH_COST if together is None else 0.0
     for _ in range(100):
         error, J, places = _standing_error(model, found, feet)
         if com is not None:
             error[:2] -= com
         if together is not None:
-            way = _apart(model, found, feet)[0]
+            way = _stance_vector(model, found, feet)[0]
             size = math.hypot(*way)
             error = np.append(error, size - together)
             J = np.vstack((J, way / size @ (places[:2] - places[2:])))
@@ -246,10 +245,10 @@ def _levelled(
     return found
 
 
-def _apart(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> tuple[Array, float]:
-    """Return the way (2,) from the second sole to the first, and how high the CoM is over them.
+def _stance_vector(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> tuple[Array, float]:
+    """Return the vector (2,) from the second sole to the first, and the CoM's height over them.
 
-    Zero of other numbers of feet.
+    Zero unless there are two feet.
     """
     data, frames = model.createData(), frame_table(model)
     com = pin.centerOfMass(model, data, q)
@@ -267,9 +266,9 @@ def com_from_middle(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Arr
 def _standing_error(
     model: pin.Model, q: Array, feet: Mapping[str, Foot]
 ) -> tuple[Array, Array, Array]:
-    """Return what keeps ``q`` from standing (k,) [m, rad], and its Jacobian (k, nv).
+    """Return the standing error (k,) [m, rad] of ``q`` and its Jacobian (k, nv).
 
-    Then the Jacobian (2 feet, nv) of where soles are on the ground, from the middle of all.
+    Then the Jacobian (2 feet, nv) of the soles' horizontal positions from their middle.
     """
     data, frames = model.createData(), frame_table(model)
     pin.computeJointJacobians(model, data, q)

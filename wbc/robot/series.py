@@ -1,7 +1,7 @@
-"""What is known of a robot at many states in a row, in preallocated arrays.
+"""Kinematics of a robot at many states, in preallocated arrays.
 
-One pass of the core per state, which costs about 5 us for 31 velocities; everything that can be
-computed for all states at once is left to NumPy. Linear first, world axes.
+One pass of the core per state, about 5 us for 31 velocities; the rest is vectorised by NumPy.
+Linear first, world axes.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ Progress = Callable[[int, int], None]
 
 
 class StateSeries(NamedTuple):
-    """What the core knows of a robot at n states; :class:`wbc.Snapshot` says what there is."""
+    """The core's results at n states; the quantities are those of :class:`wbc.Snapshot`."""
 
     array: Array  # (n, size), one state a row
-    tree: NativeTree  # whose states they are
-    slots: Mapping[str, int]  # where the frames begin that were asked for, by name
+    tree: NativeTree
+    slots: Mapping[str, int]  # offsets of the requested frames, by name
     v: Array  # velocities (n, nv)
-    # How the centroidal momentum changes with q while v stays as it is (n, 6, nv), if asked for.
+    # Derivative of the centroidal momentum by q at constant v (n, 6, nv), if requested.
     momentum_jacobian: Array
 
     def __len__(self) -> int:
@@ -80,7 +80,7 @@ def state_series(
     frames: Iterable[str] = (),
     momentum_jacobian: bool = False,
 ) -> StateSeries:
-    """Return what the core knows at n states, with some frames: 4 us a state of 35 velocities.
+    """Return the core's results at n states, with some frames: 4 us a state for 35 velocities.
 
     Parameters
     ----------
@@ -89,9 +89,9 @@ def state_series(
     v:
         Velocities (n, nv); zero if not given.
     frames:
-        Names of frames that are wanted.
+        Names of the frames to include.
     momentum_jacobian:
-        Whether that is wanted, too.
+        Whether to include it.
 
     Raises
     ------
@@ -169,8 +169,8 @@ def centroidal_series(
     acceleration = finite_array("acceleration", acceleration, (count, robot.nv))
     com, momentum, rate = np.empty((count, 3)), np.empty((count, 6)), np.empty((count, 6))
     inertia, inertia_rate = np.empty((2, count, 3, 3))
-    soles = _room_for_soles(robot, count)
-    for part, states in _parts(robot, q, v, progress):
+    soles = _sole_arrays(robot, count)
+    for part, states in _chunks(robot, q, v, progress):
         com[part], inertia[part] = states.com, states.inertia
         momentum[part] = states.part("momentum", 6)
         centroidal_map = states.part("centroidal_map", 6, -1)
@@ -230,20 +230,20 @@ def sole_series(robot: Robot, q: Array, progress: Progress | None = None) -> dic
     """
     count = len(q)
     q = finite_array("q", q, (count, robot.nq))
-    soles = _room_for_soles(robot, count)
-    for part, states in _parts(robot, q, np.zeros((count, robot.nv)), progress):
+    soles = _sole_arrays(robot, count)
+    for part, states in _chunks(robot, q, np.zeros((count, robot.nv)), progress):
         _place_soles(robot, states, part, soles)
     return soles
 
 
-def turning_joints(robot: Robot) -> NDArray[np.bool_]:
+def revolute_joints(robot: Robot) -> NDArray[np.bool_]:
     """Return which actuated joints turn rather than slide (nv-6,), bool."""
     model = robot.model
     kinds = [model.joints[model.getJointId(name)].shortname() for name in robot.joint_names]
     return np.array([not kind.startswith("JointModelP") for kind in kinds], dtype=bool)
 
 
-def _parts(
+def _chunks(
     robot: Robot, q: Array, v: Array, progress: Progress | None
 ) -> Iterator[tuple[slice, StateSeries]]:
     """Yield some states after the others, with the frames of the soles."""
@@ -255,7 +255,7 @@ def _parts(
             progress(part.stop, len(q))
 
 
-def _room_for_soles(robot: Robot, count: int) -> dict[str, Array]:
+def _sole_arrays(robot: Robot, count: int) -> dict[str, Array]:
     return {name: np.tile(np.eye(4), (count, 1, 1)) for name in robot.feet}
 
 

@@ -1,4 +1,4 @@
-"""The flat underside of a rigid body: its lowest points and their convex hull."""
+"""The sole of a rigid body: the convex hull of its lowest points."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from wbc.robot.formats.description import GeometrySource
 from wbc.robot.formats.triangles import Triangles
 from wbc.validate import Array
 
-Placed = tuple[pin.SE3, object]  # a shape in the axes of its joint
+PlacedShape = tuple[pin.SE3, object]  # a shape in the axes of its joint
 FLAT = 3e-3  # m: points no higher than this above the lowest belong to the sole
-# Of the rectangle round a body as seen from above: where less touches the ground, a larger face is
-# looked for that is not level, and a note tells of a sole that is smaller yet.
-FULL, SMALL = 0.5, 0.25
-STEEPEST = np.cos(np.deg2rad(30.0))  # such a face is no steeper in the stance
-ROUNDED = 2  # times that a face under balls and the like is looked for again
+# Shares of a body's bounding rectangle seen from above: if the level sole is smaller than the
+# first, a larger tilted face is searched; if the sole is smaller than the second, a note says so.
+FULL_SHARE, SMALL_SHARE = 0.5, 0.25
+LEAST_UPWARD = np.cos(np.deg2rad(30.0))  # of the normal of such a face
+FACE_SEARCHES = 2  # repetitions: the lowest points of round shapes depend on the face
 LEVEL_BALLS = 1e-6  # m: lowest points of balls within it are in one plane
 COPLANAR = np.cos(np.deg2rad(1.0))  # facets of a hull that are one face
-SNAP = np.cos(np.deg2rad(5.0))  # an axis this near to the vertical is meant to be vertical
+ALMOST_VERTICAL = np.cos(np.deg2rad(5.0))  # of an axis that is taken to be vertical
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 _RIM = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
 _DISC = np.stack([np.cos(_RIM), np.sin(_RIM), np.zeros_like(_RIM)], axis=1)  # (16, 3)
@@ -69,8 +69,8 @@ def _turn_to(up: Array) -> Array:
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-# Directions across an axis, and by what part a wheel may be nearer in one: its profile, corners.
-ROUND, NEARLY_ROUND = 12, 0.03
+# Number of directions across an axis, and relative tolerance of a wheel's radius in them.
+PROFILE_DIRECTIONS, ROUNDNESS = 12, 0.03
 
 
 def lowest_point(model: pin.Model, data: pin.Data, geometry: GeometrySource, joint: int) -> float:
@@ -85,7 +85,7 @@ def lowest_point(model: pin.Model, data: pin.Data, geometry: GeometrySource, joi
     return float((points @ pose.rotation[2]).min()) + float(pose.translation[2])
 
 
-def _points(shapes: list[Placed], up: Array) -> Array:
+def _points(shapes: list[PlacedShape], up: Array) -> Array:
     """Return points (k, 3) of shapes, those lowest along ``up`` (3,) among them, joint's frame."""
     found = [np.empty((0, 3))]
     for place, shape in shapes:
@@ -95,21 +95,18 @@ def _points(shapes: list[Placed], up: Array) -> Array:
 
 
 def is_round_about(model: pin.Model, geometry: GeometrySource, joint: int, axis: Array) -> bool:
-    """Whether the shapes of a joint's body are round about an axis (3,) through its origin.
-
-    As far in some directions across it as in others, as wheels and rollers are.
-    """
+    """Return whether a joint's body is round about an axis (3,) through its origin, as a wheel."""
     shapes = body_shapes(model, geometry, joint)
     across = np.linalg.svd(axis[None])[2][1:]  # (2, 3)
-    angles = np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False) + 0.1
+    angles = np.linspace(0.0, 2.0 * np.pi, PROFILE_DIRECTIONS, endpoint=False) + 0.1
     reach = []
     for direction in np.column_stack((np.cos(angles), np.sin(angles))) @ across:
         points = _points(shapes, direction)
         reach.append(-float((points @ direction).min(initial=0.0)))
-    return min(reach) > (1.0 - NEARLY_ROUND) * max(reach) > 0.0
+    return min(reach) > (1.0 - ROUNDNESS) * max(reach) > 0.0
 
 
-def body_shapes(model: pin.Model, geometry: GeometrySource, joint: int) -> list[Placed]:
+def body_shapes(model: pin.Model, geometry: GeometrySource, joint: int) -> list[PlacedShape]:
     """Return the collision shapes on one joint's body, or those to draw of one without.
 
     Their placements in the joint's frame, and what they are.
@@ -129,7 +126,7 @@ def body_shapes(model: pin.Model, geometry: GeometrySource, joint: int) -> list[
     ]
 
 
-def found_sole(
+def find_sole(
     model: pin.Model, geometry: GeometrySource, frame: pin.Frame, R: Array
 ) -> tuple[pin.SE3, Array, float] | None:
     """Return the placement and polygon (k, 2) of the sole below the body of ``frame``, or None.
@@ -147,9 +144,9 @@ def found_sole(
     if not len(points):
         return None
     lowest, polygon = _flat_part(points, axes)
-    if polygon_area(polygon) < FULL * _footprint(points, axes):
+    if polygon_area(polygon) < FULL_SHARE * _footprint(points, axes):
         face, seen = _tilted_face(points, axes), points
-        for _ in range(ROUNDED):  # the lowest points of what is round depend on the face
+        for _ in range(FACE_SEARCHES):  # the lowest points of round shapes depend on the face
             if face is not None:
                 seen = _points(shapes, face[:, 2])
                 face = _tilted_face(seen, axes)
@@ -160,7 +157,7 @@ def found_sole(
                 lowest, polygon, axes, points = height, larger, face, seen
     whole = _footprint(points, axes)
     share = polygon_area(polygon) / whole if whole > 0.0 else 1.0
-    return *centred(pin.SE3(axes, np.zeros(3)), polygon, lowest), share
+    return *centred_on_sole(pin.SE3(axes, np.zeros(3)), polygon, lowest), share
 
 
 def _flat_part(points: Array, axes: Array) -> tuple[float, Array]:
@@ -181,7 +178,7 @@ def _tilted_face(points: Array, axes: Array) -> Array | None:
     spread, plane = np.linalg.svd(points - middle, full_matrices=False)[1:]
     if len(points) > 2 and spread[2] < LEVEL_BALLS and spread[1] > LEVEL_BALLS:  # balls in a plane
         up = plane[2] * np.sign(plane[2] @ axes[:, 2])
-        return _axes_of(up, axes[:, 0]) if up @ axes[:, 2] > STEEPEST else None
+        return _axes_of(up, axes[:, 0]) if up @ axes[:, 2] > LEAST_UPWARD else None
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError):  # a few points only
@@ -190,7 +187,7 @@ def _tilted_face(points: Array, axes: Array) -> Array | None:
     sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     sizes = 0.5 * np.linalg.norm(sides, axis=1)
     normals = hull.equations[:, :3]  # outwards
-    down = -normals @ axes[:, 2] > STEEPEST
+    down = -normals @ axes[:, 2] > LEAST_UPWARD
     if not down.any():
         return None
     normals, sizes = normals[down], sizes[down]
@@ -213,20 +210,20 @@ def _footprint(points: Array, axes: Array) -> float:
 def _level_axes(R: Array) -> Array:
     """Return the sole's axes (3, 3) as columns in a link whose rotation to the world is R.
 
-    They are up and forwards in the world, or the link's own axes where those are meant to be so:
-    a reference posture is level to a degree or so only, a drawn foot exactly.
+    They are up and forwards in the world, or the link's own axes if these are nearly so: a
+    reference posture is level to about a degree only, a drawn foot exactly.
     """
-    up = _snapped(R[2])
-    return _axes_of(up, _snapped(R[0] - up * (up @ R[0])))
+    up = _snap_to_axis(R[2])
+    return _axes_of(up, _snap_to_axis(R[0] - up * (up @ R[0])))
 
 
-def _snapped(direction: Array) -> Array:
+def _snap_to_axis(direction: Array) -> Array:
     direction = direction / float(np.linalg.norm(direction))
-    along = np.abs(direction) >= SNAP  # one axis at most
+    along = np.abs(direction) >= ALMOST_VERTICAL  # one axis at most
     return np.where(along, np.sign(direction), 0.0) if along.any() else direction
 
 
-def centred(plane: pin.SE3, polygon: Array, height: float) -> tuple[pin.SE3, Array]:
+def centred_on_sole(plane: pin.SE3, polygon: Array, height: float) -> tuple[pin.SE3, Array]:
     """Return a plane's placement moved to the centroid of a polygon on it, and the polygon there.
 
     ``height`` is that of the polygon over the plane [m].

@@ -1,4 +1,4 @@
-"""How a robot stands: its feet, its base and its standing posture, each found by the others."""
+"""The stance of a robot: feet, base and standing posture, which depend on each other."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from wbc.robot.formats.description import Description, GeometrySource
 from wbc.robot.library import RobotSource
 from wbc.robot.loops import Closure
 from wbc.robot.model_checks import link_of
-from wbc.robot.postures import STANDING, grounded, settled, stands
+from wbc.robot.postures import STANDING, is_standing, put_on_ground, settle_on_ground
 from wbc.robot.sole import lowest_point
 from wbc.validate import Array, by_name
 
-# m: a shape lower than the soles by more touches the ground before them, by less with them.
-LOWER = 5e-3
-NEAR_GROUND = 0.3  # of the CoM's height: shapes of joints below it are looked at
+# m: a shape this much lower than the soles touches the ground first.
+BELOW_SOLES = 5e-3
+LOW_JOINTS = 0.3  # of the CoM's height: shapes of lower joints are checked
 
 
 Feet = Mapping[str, FootSpec | Mapping[str, Any]]  # as users give them
 
 
 class StandingPose(NamedTuple):
-    """How a robot stands."""
+    """The stance of a robot."""
 
-    q: Array  # (nq,) its posture, on the ground
+    q: Array  # (nq,) standing posture, on the ground
     feet: Mapping[str, Foot]
     bolted: bool  # whether its base is fixed
     notes: tuple[str, ...]  # what was guessed or turned, in words
@@ -71,15 +71,14 @@ def find_stance(
     closure: Closure,
     q: Array,
 ) -> StandingPose:
-    """Return how a robot stands whose posture is about ``q`` (nq,).
+    """Return the stance of a robot near posture ``q`` (nq,).
 
     Parameters
     ----------
     feet, base:
-        What the user says of them, as in :meth:`wbc.robot.Robot.load`.
+        As in :meth:`wbc.robot.Robot.load`.
     closure:
-        Of the model, which gets the frames of the soles, and its loops, which are closed in ``q``
-        and stay so.
+        Of the model, to which sole frames are added, and of its loops, which are closed in ``q``.
     """
     model, notes = closure.model, tuple[str, ...]()
     specs = found.known.feet if found.known else {} if base == "fixed" else None  # None: guess
@@ -111,15 +110,15 @@ def find_stance(
         foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
     notes += foot_notes
     if found.known is None:
-        q, unsettled = settled(closure, q, soles)
+        q, unsettled = settle_on_ground(closure, q, soles)
         notes += unsettled
-    q = grounded(model, q, soles)
+    q = put_on_ground(model, q, soles)
     if found.known is None:
-        notes += _below_soles(model, description.geometry, q, soles)
+        notes += _notes_below_soles(model, description.geometry, q, soles)
     return StandingPose(q, soles, base == "fixed" or bool(bolted), notes)
 
 
-def stance_from(
+def stance_from_postures(
     found: RobotSource,
     description: Description,
     postures: Mapping[str, Array],
@@ -138,7 +137,7 @@ def stance_from(
     for name in (STANDING, *names):
         there = replace(closure, model=closure.model.copy())
         pose = tried(there, postures[name])
-        if pose.bolted or (pose.feet and stands(there.model, pose.q, pose.feet)):
+        if pose.bolted or (pose.feet and is_standing(there.model, pose.q, pose.feet)):
             break
     else:
         name = STANDING
@@ -149,10 +148,10 @@ def stance_from(
     return pose._replace(notes=(note, *pose.notes))
 
 
-def _below_soles(
+def _notes_below_soles(
     model: pin.Model, geometry: GeometrySource, q: Array, feet: Mapping[str, Foot]
 ) -> tuple[str, ...]:
-    """Return notes of what is lower than the soles, or as low, of what hangs there."""
+    """Return notes of shapes that are lower than the soles, or as low."""
     if not feet:
         return ()
     soles = {int(model.frames[model.getFrameId(foot.frame)].parentJoint) for foot in feet.values()}
@@ -164,17 +163,19 @@ def _below_soles(
         if any(parent == parents[sole] for sole in soles) and parent > 1 and joint not in soles
     }
     data = model.createData()
-    high = NEAR_GROUND * float(pin.centerOfMass(model, data, q)[2])
+    high = LOW_JOINTS * float(pin.centerOfMass(model, data, q)[2])
     # A hexapod's feet are fixed to its shanks.
-    high = max([high, *(float(data.oMi[joint].translation[2]) + LOWER for joint in soles)])
+    high = max([high, *(float(data.oMi[joint].translation[2]) + BELOW_SOLES for joint in soles)])
     near |= {k for k in range(2, model.njoints) if data.oMi[k].translation[2] < high} - soles
     heights = {joint: lowest_point(model, data, geometry, joint) for joint in sorted(near)}
     lower = [
         f"{link_of(model, joint)} by {-1e3 * height:.0f} mm"
         for joint, height in heights.items()
-        if height < -LOWER
+        if height < -BELOW_SOLES
     ]
-    level = [link_of(model, joint) for joint, height in heights.items() if abs(height) <= LOWER]
+    level = [
+        link_of(model, joint) for joint, height in heights.items() if abs(height) <= BELOW_SOLES
+    ]
     told = (
         (lower, "lower than the soles in 'standing': {}; are these its soles (feet)?"),
         (

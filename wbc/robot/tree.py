@@ -255,11 +255,11 @@ class KinematicTree:
             See :meth:`check_configuration` and :meth:`check_velocity`; where it gets to, too.
         """
         dt, native = finite_number("dt", dt), self.native
-        if (plain := native.reached(q, v, dt)) is not None:
+        if (plain := native.integrated(q, v, dt)) is not None:
             return plain
         # Lists and unpickled arrays: the same numbers, the same bits.
         numbers, step = finite_array("q", q, (self.nq,), LARGEST), self.check_velocity(v)
-        if (plain := native.reached(numbers, step, dt)) is not None:
+        if (plain := native.integrated(numbers, step, dt)) is not None:
             return plain
         # What the core refuses is beyond the bounds, before or after: this says where.
         start = self.check_configuration(q)

@@ -12,7 +12,7 @@ import numpy as np
 from wbc.extras import require
 from wbc.files import write_whole
 from wbc.robot import Robot
-from wbc.robot.series import turning_joints
+from wbc.robot.series import revolute_joints
 from wbc.run.history import History
 from wbc.spatial import COMPONENTS
 from wbc.validate import Array
@@ -50,7 +50,7 @@ def configuration_columns(robot: Robot, q: Array) -> Iterator[Column]:
     for k, name in enumerate(BASE_POSE):
         yield f"base_{name}", q[:, k]
     joints = robot.limits.joint_positions(q)
-    for k, (name, turns) in enumerate(zip(robot.joint_names, turning_joints(robot), strict=True)):
+    for k, (name, turns) in enumerate(zip(robot.joint_names, revolute_joints(robot), strict=True)):
         yield f"{name} [{'rad' if turns else 'm'}]", joints[:, k]
 
 
@@ -58,7 +58,7 @@ def velocity_columns(robot: Robot, v: Array) -> Iterator[Column]:
     """Yield the columns of velocities (n, nv)."""
     for k, name in enumerate(BASE_TWIST):
         yield f"velocity/base_{name}", v[:, k]
-    for k, (name, turns) in enumerate(zip(robot.joint_names, turning_joints(robot), strict=True)):
+    for k, (name, turns) in enumerate(zip(robot.joint_names, revolute_joints(robot), strict=True)):
         yield f"velocity/{name} [{'rad/s' if turns else 'm/s'}]", v[:, 6 + k]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.controllers.torque_tick import TorqueTick
-from wbc.robot.series import turning_joints
+from wbc.robot.series import revolute_joints
 from wbc.run.columns import Column, configuration_columns, velocity_columns
 from wbc.run.saving import save_result
 from wbc.simulation.plant import Plant
@@ -81,7 +81,7 @@ class Recorder:
             *configuration_columns(robot, arrays["q"]),
             *velocity_columns(robot, arrays["v"]),
         ]
-        turning = zip(robot.joint_names, turning_joints(robot), strict=True)
+        turning = zip(robot.joint_names, revolute_joints(robot), strict=True)
         units = [f"{name} [{'N m' if turns else 'N'}]" for name, turns in turning]
         table += _split("torque", units, arrays["torque"])
         for name, array in arrays.items():

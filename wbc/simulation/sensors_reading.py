@@ -131,7 +131,7 @@ class Sensing:
         self, time: float, q: Array, v: Array, positions: Array
     ) -> tuple[ImuReading, ...]:
         mounted, R = self._mounted, rotation_from(q[3:7])
-        mounted.at(positions)
+        mounted.update(positions)
         readings = []
         for k, imu in enumerate(self._imus):
             velocity = v[:3] + np.cross(v[3:6], mounted.origin(k))

@@ -21,7 +21,7 @@ from tests.robot.formats.mjcf_texts import (
 )
 from wbc.errors import MissingPackageError, ModelError
 from wbc.robot import Robot
-from wbc.robot.postures import stands
+from wbc.robot.postures import is_standing
 from wbc.simulation import Plant
 
 CLASS = '<default><default class="k"><joint ref=".3" range="-.5 .9"/></default></default>'
@@ -467,7 +467,7 @@ def test_a_key_frame_that_stands_is_standing_where_the_neutral_posture_does_not(
     root = TRUNK.replace("0 .2 .3", "0 0 0")
     for tail, stood in ((keys, True), ("", False)):
         robot = Robot.load(text(LEGS + boom, root=root, tail=tail))
-        assert stands(robot.model, robot.posture(), robot.feet) is stood
+        assert is_standing(robot.model, robot.posture(), robot.feet) is stood
         assert any("key frame 'up'" in note for note in robot.notes) is stood
     # Where the neutral posture stands, it stays.
     keys = keys.replace(" 1.5708", "")

@@ -15,7 +15,7 @@ from wbc.robot.formats import urdf, urdf_check
 
 mujoco = pytest.importorskip("mujoco")
 pytestmark = pytest.mark.skipif(
-    not urdf_check._turns_inertias(), reason="this MuJoCo misreads inertias of URDFs"
+    not urdf_check._reads_turned_inertias(), reason="this MuJoCo misreads inertias of URDFs"
 )
 LINK = (
     '<link name="{0}"><inertial><origin xyz=".01 .02 -.1" rpy=".1 .2 .3"/><mass value="{1}"/>'

@@ -65,7 +65,9 @@ def test_shapes_of_links_with_nameless_materials_are_there(
 def test_shapes_that_the_parser_loses_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(urdf, "mend_materials", lambda root: ())  # what mends the only such case
+    monkeypatch.setattr(
+        urdf, "complete_materials", lambda root: ()
+    )  # what mends the only such case
     with pytest.raises(ModelError, match=r"link 'l1' has 1 collision shapes, but 0 were read"):
         Robot.load(chain(tmp_path, "<material/>"))
 

@@ -1,4 +1,4 @@
-"""Collision shapes of a robot: simple, conservative, and fast to ask for distances."""
+"""Collision shapes of a robot: simple and conservative, with fast distances."""
 
 from wbc.robot.collision.bodies import robot_bodies
 from wbc.robot.collision.cached_pairs import chosen_pairs, fitted_bodies

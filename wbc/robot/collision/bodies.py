@@ -1,4 +1,4 @@
-"""The bodies of a robot: the shapes of its description, meshes and cylinders made simple."""
+"""The bodies of a robot: its description's shapes, meshes and cylinders simplified."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wbc.kinds import one_of
 from wbc.robot.collision.fitting import Fit, fit_capsule, fit_hull
 from wbc.robot.collision.shapes import Body, Capsule, Hull, moved
 from wbc.robot.formats.triangles import Triangles
-from wbc.robot.geometry import AROUND, triangulated
+from wbc.robot.geometry import VERTICES_AROUND, triangulated
 from wbc.robot.model import Robot
 from wbc.validate import Array
 
@@ -25,8 +25,8 @@ _RIM = 16  # corners of the prism that stands for a cylinder
 def robot_bodies(robot: Robot, fit: str = "capsule") -> tuple[Body, ...]:
     """Return the collision shapes of a robot, each in the frame of the joint that moves it.
 
-    Spheres, capsules and boxes are taken as they are. Meshes and other shapes become what ``fit``
-    says, larger than what they stand for and never smaller.
+    Spheres, capsules and boxes are used as they are. Meshes and other shapes are replaced by shapes
+    of kind ``fit`` that contain them.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def named_surfaces(robot: Robot) -> list[NamedSurface]:
             shape.placement,
             meshes.get(str(shape.name), shape.geometry),
         )
-        for name, link, shape in _named(robot, shapes)
+        for name, link, shape in _as_named(robot, shapes)
     ]
 
 
@@ -91,10 +91,10 @@ def named_shapes(robot: Robot) -> list[tuple[str, str, pin.GeometryObject]]:
         See :func:`robot_bodies`.
     """
     refuse_missing(robot)
-    return _named(robot, robot.collision_model)
+    return _as_named(robot, robot.collision_model)
 
 
-def _named(robot: Robot, shapes: pin.GeometryModel) -> list[tuple[str, str, pin.GeometryObject]]:
+def _as_named(robot: Robot, shapes: pin.GeometryModel) -> list[tuple[str, str, pin.GeometryObject]]:
     if not shapes.ngeoms:
         raise ModelError(
             f"{robot.path}: no collision shapes; give the links <collision> elements (their"
@@ -147,13 +147,13 @@ def _vertices(geometry: object) -> Array:
 
 
 def _sag(vertices: Array) -> float:
-    """Return how far a smooth surface may stick out of the triangles that stand for it [m]."""
-    half_step = np.pi / AROUND
+    """Return how far a smooth surface may be outside the triangles that approximate it [m]."""
+    half_step = np.pi / VERTICES_AROUND
     return 2.0 * float(np.abs(vertices).max()) * (1.0 - np.cos(half_step))
 
 
 def _round_cylinder(radius: float, half: float) -> Fit:
-    """Return the capsule of least volume round a cylinder along z.
+    """Return the capsule of least volume around a cylinder along z.
 
     With its ends at +-h the rim (radius, half) asks for r^2 = radius^2 + (half - h)^2.
     """
@@ -166,7 +166,7 @@ def _round_cylinder(radius: float, half: float) -> Fit:
 
 
 def _prism(radius: float, half: float) -> Fit:
-    """Return the prism round a cylinder along z: its sides touch the cylinder."""
+    """Return the prism around a cylinder along z: its sides touch the cylinder."""
     angles = 2.0 * np.pi * np.arange(_RIM) / _RIM
     outer = radius / np.cos(np.pi / _RIM)
     rim = np.stack((outer * np.cos(angles), outer * np.sin(angles)), axis=1)
@@ -175,10 +175,11 @@ def _prism(radius: float, half: float) -> Fit:
 
 
 def refuse_missing(robot: Robot) -> None:
-    """Refuse a robot whose collision shapes are not all there: a part of it is unseen."""
-    if robot.geometry.lost:
+    """Raise ModelError if collision shapes are missing: parts of the robot would be ignored."""
+    missing = robot.geometry.missing_shapes
+    if missing:
         raise ModelError(
-            f"{robot.path}: collision shapes not found: {listed(robot.geometry.lost)}; install the"
+            f"{robot.path}: collision shapes not found: {listed(missing)}; install the"
             " package that holds the meshes, or name its folder in package_dirs; what is no mesh"
             " has to be described by shapes that the format knows"
         )

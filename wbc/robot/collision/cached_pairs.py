@@ -1,10 +1,9 @@
-"""A robot's bodies and pairs, kept in the cache: meshes need not be read to keep them apart.
+"""A cache of robots' fitted bodies and selected pairs.
 
-Reading the meshes of a G1, fitting shapes to them and looking for pairs takes a second. So what
-came of it is kept, under a digest of everything that it was made of: the description, every byte of
-its meshes, joints, limits, postures and what was asked for. It is kept in the folder that the
-environment variable ``WBC_CACHE`` names (``off``: nowhere), by default the platform's for caches;
-a folder that cannot be written to is left alone.
+Reading the meshes of a G1, fitting shapes to them and selecting pairs takes a second. So the
+results are cached under a digest of all inputs: the description, every byte of its meshes, joints,
+limits, postures and arguments. The folder is that of the environment variable ``WBC_CACHE``
+(``off``: no cache), by default the platform's for caches; nothing is written if it is not writable.
 """
 
 from __future__ import annotations
@@ -28,12 +27,12 @@ from wbc.robot.collision.shapes import Body
 from wbc.robot.model import Robot
 
 KIND = "wbc collision shapes 1"
-Made = TypeVar("Made")
+Fitted = TypeVar("Fitted")
 
 
 def fitted_bodies(robot: Robot, fit: str = "capsule") -> tuple[Body, ...]:
-    """Return :func:`robot_bodies`, from the cache if they are in; its errors."""
-    return _kept(robot, f"bodies {fit}", partial(robot_bodies, robot, fit))
+    """Return :func:`robot_bodies`, from the cache if possible; raises the same errors."""
+    return _from_cache(robot, f"bodies {fit}", partial(robot_bodies, robot, fit))
 
 
 def chosen_pairs(
@@ -44,7 +43,7 @@ def chosen_pairs(
     exclude: Iterable[Pattern] = (),
     clearance: float = 0.0,
 ) -> Selection:
-    """Return :func:`select_pairs` of :func:`robot_bodies`, from the cache if they are in.
+    """Return :func:`select_pairs` of :func:`robot_bodies`, from the cache if possible.
 
     Raises
     ------
@@ -56,18 +55,18 @@ def chosen_pairs(
         bodies = fitted_bodies(robot, fit)
         return select_pairs(robot, bodies, include=include, exclude=exclude, clearance=clearance)
 
-    try:  # one that can be read once only
+    try:  # iterators can be read only once
         include, exclude = [*include], [*exclude]
     except TypeError:
-        return choose()  # which says what is wrong
-    return _kept(robot, f"pairs {fit} {include} {exclude} {clearance!r}", choose)
+        return choose()  # raises the error
+    return _from_cache(robot, f"pairs {fit} {include} {exclude} {clearance!r}", choose)
 
 
-def _kept(robot: Robot, asked: str, make: Callable[[], Made]) -> Made:
-    """Return what ``make`` does, from the cache if it was made of the same before."""
+def _from_cache(robot: Robot, request: str, make: Callable[[], Fitted]) -> Fitted:
+    """Return the result of ``make``, from the cache if it was computed from the same inputs."""
     refuse_missing(robot)
     folder = cache_folder()
-    name = None if folder is None else _digest(robot, asked)
+    name = None if folder is None else _digest(robot, request)
     if folder is None or name is None:
         return make()
     with contextlib.suppress(InvalidInputError, OSError):
@@ -77,15 +76,15 @@ def _kept(robot: Robot, asked: str, make: Callable[[], Made]) -> Made:
         "fitting shapes to the meshes of %s, for all times that come", robot.name
     )
     made = make()
-    with contextlib.suppress(InvalidInputError, OSError):  # without a place to write, do not
+    with contextlib.suppress(InvalidInputError, OSError):  # the cache is optional
         folder.mkdir(parents=True, exist_ok=True)
         write_pickled(folder / name, KIND, made)
     return made
 
 
-def _digest(robot: Robot, asked: str) -> str | None:
-    """Return the digest of all that the answer depends on; None where that cannot be read."""
-    content = hashlib.sha256(f"{VERSION} {asked} ".encode())
+def _digest(robot: Robot, request: str) -> str | None:
+    """Return the digest of all inputs; None if a mesh file cannot be read."""
+    content = hashlib.sha256(f"{VERSION} {request} ".encode())
     limits, rules = robot.limits, robot.geometry.rules
     pairs = [sorted(map(sorted, every)) for every in (rules.excluded, rules.watched)]
     content.update(repr((*pairs, sorted(rules.paired_only))).encode())
@@ -95,6 +94,6 @@ def _digest(robot: Robot, asked: str) -> str | None:
         srdf = b"" if robot.srdf is None else robot.srdf.read_bytes()
         for part in (robot.model.saveToString().encode(), srdf, *robot.geometry.content()):
             content.update(hashlib.sha256(part).digest())
-    except OSError:  # who reads the meshes says what is wrong
+    except OSError:  # reading the meshes will raise the error
         return None
     return content.hexdigest()

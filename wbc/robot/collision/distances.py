@@ -1,6 +1,6 @@
-"""Distances and nearest points of pairs of bodies by coal, which knows how deep they overlap.
+"""Distances and nearest points of pairs of bodies by coal, penetration depths included.
 
-Components come first, (7, k), as the core writes them.
+Arrays are (7, k), components first, as the core writes them.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from wbc.robot.model import Snapshot
 from wbc.validate import Array
 
 TOLERANCE = 1e-7  # m, of coal's distances
-UNIT = 1e-3  # how far the square of a normal may be off one
+UNIT = 1e-3  # tolerance of a normal's squared length
 Index = NDArray[np.int64]
 
 
-def parts(found: Array) -> tuple[Array, Array, Array]:
+def split_rows(found: Array) -> tuple[Array, Array, Array]:
     """Return views on the rows of (7, k): distances, normals, points.
 
     Distances (k,) [m] of k pairs of shapes A, B, unit normals (3, k) from B to A, and the nearest
@@ -32,7 +32,7 @@ def parts(found: Array) -> tuple[Array, Array, Array]:
 
 
 class ShapePairs:
-    """The pairs of some bodies, to be asked for the distance between their shapes.
+    """Pairs of bodies, and the distances between their shapes.
 
     Parameters
     ----------
@@ -43,17 +43,17 @@ class ShapePairs:
     def __init__(self, bodies: Sequence[Body], pairs: Index) -> None:
         self._bodies, self._pairs = bodies, pairs
         self._moved: dict[int, tuple[Array, Array]] = {}
-        self._shapes: dict[int, tuple[coal.ShapeBase, pin.SE3]] = {}  # of those that were asked for
+        self._shapes: dict[int, tuple[coal.ShapeBase, pin.SE3]] = {}  # by body, made on demand
 
     def __getstate__(self) -> dict[str, object]:  # coal's shapes can be neither copied nor pickled
         return {**vars(self), "_moved": self._moved.copy(), "_shapes": {}}
 
     def place(self, body: int, rotation: Array, origin: Array) -> None:
-        """Move a body that hangs on no joint."""
+        """Move a body that is not attached to a joint."""
         self._moved[body] = rotation, origin
 
     def measure(self, snapshot: Snapshot, chosen: Index) -> Array:
-        """Return distance, normal and nearest point of some pairs, (7, k): see :func:`parts`."""
+        """Return distance, normal and point (7, k) of some pairs; see :func:`split_rows`."""
         found, request = np.empty((7, len(chosen))), coal.DistanceRequest()
         request.gjk_tolerance = request.epa_tolerance = TOLERANCE
         # Coal's own choice takes half as long again.
@@ -73,7 +73,7 @@ class ShapePairs:
                 size = float(np.linalg.norm(normal))
                 normal = normal / size if size > TOLERANCE else np.array([0.0, 0.0, 1.0])
             shapes = [self._bodies[body].shape for body in pair]
-            # Radii that coal does not know of.
+            # Rounding radii, which coal's shapes do not include.
             first, second = (0.0 if isinstance(s, Capsule) else s.radius for s in shapes)
             found[0, k], found[1:4, k] = result.min_distance - first - second, normal
             found[4:, k] = result.getNearestPoint1() - first * normal
@@ -82,7 +82,7 @@ class ShapePairs:
     def _placed(
         self, body: int, rotations: Array, origins: Array
     ) -> tuple[coal.ShapeBase, pin.SE3, coal.Transform3s]:
-        """Return coal's shape of a body, and where it is, for Pinocchio and for coal."""
+        """Return coal's shape of a body, and its placement for Pinocchio and for coal."""
         if body not in self._shapes:
             self._shapes[body] = _geometry(self._bodies[body])
         (shape, place), joint = self._shapes[body], self._bodies[body].joint
@@ -91,7 +91,7 @@ class ShapePairs:
 
 
 def _geometry(body: Body) -> tuple[coal.ShapeBase, pin.SE3]:
-    """Return coal's shape and its place in the joint's frame."""
+    """Return coal's shape and its placement in the joint's frame."""
     shape, place = body.shape, pin.SE3.Identity()
     if isinstance(shape, Capsule):
         axis = shape.ends[1] - shape.ends[0]

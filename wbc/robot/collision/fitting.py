@@ -1,6 +1,6 @@
-"""Meshes made simple: the smallest capsule or a hull of few corners that holds every vertex.
+"""Simple shapes for meshes: the smallest capsule, or a hull of few corners, around all vertices.
 
-Both are conservative, and say by how much they stick out of the mesh's own convex hull.
+Both are conservative, and report by how much they exceed the mesh's own convex hull.
 """
 
 from __future__ import annotations
@@ -19,15 +19,17 @@ from wbc.validate import Array
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
 
-DIRECTIONS = 128  # in which a hull keeps the farthest vertex
-FEW = 8  # and with which a close hull begins
+DIRECTIONS = 128  # a hull has the farthest vertex in each
+FIRST_DIRECTIONS = 8  # with which a close hull begins
 ROUNDING = 1e-9  # m, added to every radius: "inside" must survive rounding
-NEARLY = 1e-6  # m: Coal's distances are right to that
+COAL_ACCURACY = 1e-6  # m, of Coal's distances
 THINNEST = 1e-4  # m: flat points get a box of this thickness
-CHUNK = 1024  # points looked at together: what stands in memory is 2 MB
+CHUNK = 1024  # points processed together: 2 MB of memory
 STEPS, ACCURACY = 600, (1e-5, 1e-12)  # of the search for a capsule; [m], [m^3]
 _SAMPLES = 400
-_known: dict[int, tuple[weakref.ref[Array], Array]] = {}  # corners of hulls, by id of the points
+_hull_cache: dict[
+    int, tuple[weakref.ref[Array], Array]
+] = {}  # corners of hulls, by id of the points
 VERSION = 3  # of the fits: change it, and everything is fitted again
 
 
@@ -42,8 +44,8 @@ class Fit(NamedTuple):
 def fit_capsule(points: Array, pad: float = 0.0) -> Fit:
     """Return a capsule of small volume that holds ``points`` (k, 3) with ``pad`` [m] around them.
 
-    The two ends are free, the radius is the distance of the farthest point: whatever the search
-    (Nelder and Mead, from the principal axes) ends at, nothing sticks out.
+    The ends are searched (Nelder and Mead, from the principal axes), the radius is the distance of
+    the farthest point: wherever the search ends, no point is outside.
     """
     corners = hull_corners(points)
     few = _farthest(corners, _directions(DIRECTIONS))
@@ -56,7 +58,7 @@ def fit_capsule(points: Array, pad: float = 0.0) -> Fit:
         inset = 0.3 * (high - low)
         ends = middle + np.outer((low + inset, high - inset), axis)
         starts.append(ends.ravel())
-    for ends in starts:  # each goes to where its search ends
+    for ends in starts:  # updated in place by the search
         lib.wbc_fit_capsule(len(few), doubles(few), 0.1 * size, STEPS, *ACCURACY, doubles(ends))
     best = min(starts, key=lambda ends: _volume(ends, few)).reshape(2, 3)
     best = _trimmed(best, corners)
@@ -68,7 +70,7 @@ def fit_capsule(points: Array, pad: float = 0.0) -> Fit:
 def fit_hull(points: Array, pad: float = 0.0) -> Fit:
     """Return a rounded hull of at most 128 corners that holds ``points`` (k, 3) and ``pad`` [m].
 
-    Kept are the farthest points in many directions; the radius is how far the others stick out.
+    Its corners are the farthest points in many directions; its radius covers the others.
     """
     corners = hull_corners(points)
     if _is_flat(corners):
@@ -80,14 +82,14 @@ def fit_hull(points: Array, pad: float = 0.0) -> Fit:
 def fit_close_hull(points: Array, tolerance: float, corners: Array | None = None) -> Fit:
     """Return a rounded hull of few corners whose radius is about ``tolerance`` [m], or less.
 
-    To the farthest points in a few directions those are added that stick out most of a face.
-    ``corners`` are :func:`hull_corners` of the points, where they are known.
+    Starting from the farthest points in a few directions, the points farthest outside a face are
+    added. ``corners``: :func:`hull_corners` of the points, if known.
     """
     if corners is None:
         corners = hull_corners(points)
     if _is_flat(corners):
         corners = _thick_box(corners)
-    kept = _farthest(corners, _directions(FEW))
+    kept = _farthest(corners, _directions(FIRST_DIRECTIONS))
     while not _is_flat(kept):
         hull = _hull_of(kept)
         planes = hull.equations
@@ -128,7 +130,7 @@ def convex(vertices: Array) -> coal.Convex:
 
 
 def _polytope(vertices: Array, hull: ConvexHull) -> coal.Convex:
-    mesh = coal.BVHModelOBBRSS()  # it takes arrays, where polytopes take triangle by triangle
+    mesh = coal.BVHModelOBBRSS()  # takes whole arrays, unlike polytopes
     mesh.beginModel(len(hull.simplices), len(vertices))
     mesh.addVertices(np.ascontiguousarray(vertices))
     mesh.addTriangles(hull.simplices.astype(np.int64))
@@ -137,10 +139,7 @@ def _polytope(vertices: Array, hull: ConvexHull) -> coal.Convex:
 
 
 def _trimmed(ends: Array, points: Array) -> Array:
-    """Return the ends (2, 3) moved inwards as far as they can without a larger radius.
-
-    Along the axis, an end may be as far from a point as the radius leaves room for.
-    """
+    """Return the ends (2, 3) moved inwards along the axis as far as the radius allows."""
     axis = ends[1] - ends[0]
     length = float(np.linalg.norm(axis))
     if length < THINNEST:
@@ -159,7 +158,7 @@ def _trimmed(ends: Array, points: Array) -> Array:
 def _volume(ends: Array, points: Array) -> float:
     """Return the volume of the capsule with these ends (6,) that holds the points."""
     segment = ends.reshape(2, 3)
-    away = points - _nearest(points, segment)  # asked 60,000 times: norms only in the end
+    away = points - _nearest(points, segment)  # called 60,000 times: squares are faster than norms
     r = math.sqrt(np.add.reduce(away * away, axis=1).max())
     return np.pi * r * r * (float(np.linalg.norm(segment[1] - segment[0])) + 4.0 / 3.0 * r)
 
@@ -170,7 +169,7 @@ def _to_segment(points: Array, ends: Array) -> Array:
 
 
 def _nearest(points: Array, ends: Array) -> Array:
-    """Return the point (k, 3) of a segment (2, 3) that is the nearest to each of points."""
+    """Return the nearest points (k, 3) on a segment (2, 3)."""
     begin, along = ends[0], ends[1] - ends[0]
     squared = float(along @ along)
     share = (points - begin) @ along / squared if squared > 0.0 else np.zeros(len(points))
@@ -179,12 +178,12 @@ def _nearest(points: Array, ends: Array) -> Array:
 
 
 def _farthest_from_hull(points: Array, hull: ConvexHull, inner: ConvexHull | None = None) -> float:
-    """Return how far outside a hull points (k, 3) are at most; 0: all are inside.
+    """Return the largest distance of points (k, 3) outside a hull; 0 if all are inside.
 
-    A point is no farther from the hull than from any face of a hull within it, itself or ``inner``,
-    of fewer faces: asked for are the distances of those alone that may be the farthest.
+    The distance to a face of a hull inside it (itself, or ``inner`` with fewer faces) is an upper
+    bound: exact distances are computed only for points that may be the farthest.
     """
-    most = _to_some_face(points, inner or hull) + NEARLY
+    most = _to_some_face(points, inner or hull) + COAL_ACCURACY
     polytope, normals, offsets = None, hull.equations[:, :3], hull.equations[:, 3]
     still, place, speck = coal.Transform3s(), coal.Transform3s(), coal.Sphere(1e-12)
     request, farthest = coal.DistanceRequest(), 0.0
@@ -202,9 +201,9 @@ def _farthest_from_hull(points: Array, hull: ConvexHull, inner: ConvexHull | Non
 
 
 def _to_some_face(points: Array, hull: ConvexHull) -> Array:
-    """Return the distance (k,) of points to the face of a hull that they are farthest outside of.
+    """Return the distance (k,) of points to the face that they are farthest outside of.
 
-    Minus infinity of points that are inside.
+    Minus infinity for points inside the hull.
     """
     normals, offsets = np.ascontiguousarray(hull.equations[:, :3].T), hull.equations[:, 3]
     found = np.full(len(points), -np.inf)
@@ -245,7 +244,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _bulge(capsule: Capsule, corners: Array) -> float:
-    """Return how far the capsule's surface is from the hull of ``corners``, by samples."""
+    """Return how far the capsule exceeds the hull of ``corners``, by samples."""
     if _is_flat(corners):
         corners = _thick_box(corners)
     few = _farthest(corners, _directions(DIRECTIONS))
@@ -278,18 +277,18 @@ def _farthest(points: Array, directions: Array) -> Array:
 def hull_corners(points: Array) -> Array:
     """Return the corners of the convex hull of points (k, 3); all of them if they are flat.
 
-    Meshes are asked for by several fits: those of points that are still there are known.
+    Several fits use the same mesh, so hulls are cached while their points exist.
     """
     number = id(points)
-    known = _known.get(number)
+    known = _hull_cache.get(number)
     if known is None or known[0]() is not points:
-        here = weakref.ref(points, lambda _: _known.pop(number, None))
-        known = _known[number] = here, _hull_corners(points)
+        here = weakref.ref(points, lambda _: _hull_cache.pop(number, None))
+        known = _hull_cache[number] = here, _hull_corners(points)
     return known[1]
 
 
 def _hull_of(points: Array) -> ConvexHull:
-    from scipy.spatial import ConvexHull  # only here: what is in the cache need not wait for it
+    from scipy.spatial import ConvexHull  # slow to import: not needed with cached shapes
 
     return ConvexHull(points)
 
@@ -301,19 +300,19 @@ def _hull_corners(points: Array) -> Array:
         return np.unique(points, axis=0)
     try:
         return np.asarray(points[_hull_of(points).vertices])
-    except QhullError:  # almost flat: nothing is gained by leaving points out
+    except QhullError:  # almost flat: use all points
         return points
 
 
 def _is_flat(points: Array) -> bool:
-    """Whether the points lie in one plane, as far as Qhull is concerned."""
+    """Return whether the points lie in one plane, for Qhull."""
     if len(points) < 4:
         return True
     return bool(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[2] < 1e-7)
 
 
 def _thick_box(points: Array) -> Array:
-    """Return the corners (8, 3) of a box round the points, aligned with them, never flat."""
+    """Return the corners (8, 3) of an aligned box around the points, never flat."""
     middle = points.mean(axis=0)
     axes = np.linalg.svd(points - middle, full_matrices=True)[2]
     local = (points - middle) @ axes.T

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, shown
-from wbc.robot.collision.distances import ShapePairs, parts
+from wbc.robot.collision.distances import ShapePairs, split_rows
 from wbc.robot.collision.native_pairs import Closing, Index, NativePairs
 from wbc.robot.collision.raw_pairs import RawPairs
 from wbc.robot.collision.shapes import Body, HalfSpace
@@ -18,9 +18,9 @@ from wbc.robot.model import Robot, Snapshot
 from wbc.robot.series import StateSeries
 from wbc.validate import Array, finite_array, read_only
 
-# Where many bodies touch, so many times as many pairs are asked of the core before all: it does not
-# know how deep they overlap, so that others may be deeper.
-MORE = 4
+# If many bodies touch, so many times as many pairs are requested from the core before all: it does
+# not know penetration depths, so other pairs may be deeper.
+TOUCHING_FACTOR = 4
 _REST = read_only(np.zeros(3))
 
 
@@ -32,10 +32,10 @@ class PairDistances(NamedTuple):
     normal: Array  # (k, 3) unit vectors from the second body to the first, world axes
     # (k, 3) on the surface of the first body; that of the second is point - distance normal.
     point: Array
-    snapshot: Snapshot  # the state they were measured in
+    snapshot: Snapshot
 
     def take(self, chosen: Index) -> PairDistances:
-        """Return some of them, by their places here."""
+        """Return some of them, by index."""
         pairs, normal, point = self.pairs[chosen], self.normal[chosen], self.point[chosen]
         return PairDistances(pairs, self.distance[chosen], normal, point, self.snapshot)
 
@@ -46,7 +46,7 @@ class CollisionModel:
     Parameters
     ----------
     bodies:
-        Those of joint 0 do not hang on the robot; see :meth:`place`.
+        Those of joint 0 are not attached to the robot; see :meth:`place`.
     pairs:
         Pairs of indices of bodies, not both on one joint.
 
@@ -75,10 +75,12 @@ class CollisionModel:
         if same.size:
             k = int(same[0])
             raise InvalidInputError(f"pair {self.labels[k]!r}: both are on one joint")
-        moves = _moved_by(robot)
+        moves = _moving_velocities(robot)
         self._moves = moves[joints]  # (bodies, nv)
-        self._own_twists = np.zeros((6, len(joints)))  # of what does not hang on the robot
-        # What turns the first body away from the second: joints below both move neither.
+        self._own_twists = np.zeros(
+            (6, len(joints))
+        )  # of bodies that are not attached to the robot
+        # +-1 for velocities that move one body relative to the other.
         self._signs = moves[joints[first]] - moves[joints[second]]  # (pairs, nv)
         if any(isinstance(self.bodies[k].shape, HalfSpace) for k in first.tolist()):
             raise InvalidInputError("pairs: a half-space must be the second of a pair")
@@ -94,7 +96,7 @@ class CollisionModel:
 
     @cached_property
     def raw(self) -> RawPairs:
-        """The pairs by the shapes of the robot's files, which are read when first asked for."""
+        """The pairs with the raw shapes of the robot's files, read on first use."""
         return RawPairs(self.robot, self.labels)
 
     def place(
@@ -143,50 +145,49 @@ class CollisionModel:
     ) -> PairDistances:
         """Return the ``count`` nearest pairs, or all, in the order of :attr:`pairs`.
 
-        ``kept`` (N,) is what each pair keeps: those are nearest whose distance is least above it.
+        ``kept`` (N,) [m]: least distances of the pairs, subtracted before comparing.
         """
         if count is not None and count < 1:
             raise InvalidInputError(f"nearest, count: at least 1, got {count}")
         total = len(self.pairs)
         count = total if count is None else min(count, total)
-        # As bodies touch for many ticks, what was too few is not asked for first again.
-        for most in (count, min(MORE * count, total))[self._many_touch :]:
+        # Bodies touch for many ticks: start with the count that was needed last.
+        for most in (count, min(TOUCHING_FACTOR * count, total))[self._many_touch :]:
             nearest = self.native.nearest(snapshot.native_state, most, kept)
             if nearest is None:
                 continue
             touching = np.count_nonzero(nearest[1][0] == -np.inf)
-            if most < total and MORE * touching > most:
-                continue  # coal takes as long for them as the core for all
+            if most < total and TOUCHING_FACTOR * touching > most:
+                continue  # coal would take as long for these as for all
             known = self._fill_in(snapshot, *nearest)
             found = _pair_distances(snapshot, *nearest)
-            left = _above(found, kept)
-            # Of those that the core measured, none that it left out is nearer.
+            left = _clearances(found, kept)
+            # Pairs that the core left out are no nearer than those that it measured.
             if (
                 known.all()
                 or left[known].max(initial=-np.inf) >= np.partition(left, count - 1)[count - 1]
             ):
-                self._many_touch = int(MORE * touching > count)
-                return _fewest(found, count, kept)
-        return _fewest(self.measure(snapshot, self._every), count, kept)
+                self._many_touch = int(TOUCHING_FACTOR * touching > count)
+                return _closest(found, count, kept)
+        return _closest(self.measure(snapshot, self._every), count, kept)
 
     def soonest(
         self, snapshot: Snapshot, count: int, kept: Array, closing: Closing
     ) -> tuple[PairDistances, Array]:
-        """Return the pairs that have to brake first, in order, and what they have left (k,) [m].
+        """Return the pairs that must brake first, in order, and their remaining clearance (k,) [m].
 
-        Where velocities cannot change at once, these are not the nearest pairs, but those with the
-        least clearance once they have stopped: their distance, less the one to keep (``kept``,
-        (N,)), less the one that stopping takes. Returned are the ``count`` pairs with the least,
-        and all with less than nothing.
+        If velocities cannot change at once, these are not the nearest pairs, but those with the
+        least clearance after braking: distance minus ``kept`` (N,) minus braking distance. Returned
+        are the ``count`` pairs with the least, and all with a negative one.
         """
         total = len(self.pairs)
-        asked = count = min(count, total)
+        requested = count = min(count, total)
         twists = self.twists(snapshot)
         while True:
-            found = self.native.soonest(snapshot.native_state, asked, kept, twists, closing)
-            if asked == total or (found is not None and found.complete):
+            found = self.native.soonest(snapshot.native_state, requested, kept, twists, closing)
+            if requested == total or (found is not None and found.complete):
                 break
-            asked = min(2 * asked, total)
+            requested = min(2 * requested, total)
         if found is None:  # all pairs are inside each other
             every = self.measure(snapshot, self._every)
             return every, every.distance - kept
@@ -194,13 +195,13 @@ class CollisionModel:
         distances, left = _pair_distances(snapshot, found.pairs, found.nearest), found.left
         unknown = left == -np.inf
         left[unknown] = (distances.distance - kept.take(found.pairs))[unknown]
-        if asked == count:
+        if requested == count:
             return distances, left
         late = np.flatnonzero(left < 0.0)
         return distances.take(late), left.take(late)
 
     def _fill_in(self, snapshot: Snapshot, pairs: Index, found: Array) -> NDArray[np.bool_]:
-        """Measure what the core could not; return which (k,) it could."""
+        """Measure the pairs that the core could not, by coal; return the others' mask (k,)."""
         known = found[0] > -np.inf
         if not known.all():
             found[:, ~known] = self._overlapping.measure(snapshot, pairs[~known])
@@ -230,13 +231,13 @@ class CollisionModel:
         return np.asarray((line @ twists)[:, 0] * self._signs[pairs[:, 1]])
 
     def twists(self, snapshot: Snapshot) -> Array:
-        """Return how bodies move: (6, bodies), velocity at the world's origin [m/s], spin."""
+        """Return the bodies' twists (6, bodies): velocity at the world's origin [m/s], spin."""
         moving: Array = snapshot.joint_twists @ (self._moves * snapshot.v).T
         moving += self._own_twists
         return moving
 
     def rates(self, found: PairDistances) -> Array:
-        """Return by how much (k,) [m/s] distances grow while the robot stands still."""
+        """Return the rates (k,) [m/s] of distances while the robot stands still."""
         first, second = self.pairs[found.pairs].T
         turn = self._own_twists.take(second, axis=1) - self._own_twists.take(first, axis=1)
         moving = turn[:3].T + np.cross(turn[3:].T, found.point)
@@ -246,30 +247,30 @@ class CollisionModel:
     def curvature_bound(self, pairs: Index, step: Array) -> Array:
         """Return how far (k,) the distances may end below their linear prediction [m].
 
-        Over a displacement ``step`` (nv,) the two bodies turn against each other by at most the sum
-        of the angles between them. That curves the paths of their points, and where surfaces are
-        parallel the nearest points may jump along the shorter one.
+        Over a displacement ``step`` (nv,) the bodies rotate relative to each other by at most the
+        sum of the angles of the joints between them. That curves the paths of their points, and
+        between parallel surfaces the nearest points may jump along the shorter one.
         """
-        return self.native.bends(self.robot.native.tree, pairs, step)
+        return self.native.curvature_bounds(self.robot.native.tree, pairs, step)
 
 
 def _pair_distances(snapshot: Snapshot, pairs: Index, found: Array) -> PairDistances:
-    distance, normal, point = parts(found)
+    distance, normal, point = split_rows(found)
     return PairDistances(pairs, distance, normal.T, point.T, snapshot)
 
 
-def _above(found: PairDistances, kept: Array | None) -> Array:
+def _clearances(found: PairDistances, kept: Array | None) -> Array:
     return found.distance if kept is None else found.distance - kept.take(found.pairs)
 
 
-def _fewest(found: PairDistances, count: int, kept: Array | None) -> PairDistances:
+def _closest(found: PairDistances, count: int, kept: Array | None) -> PairDistances:
     """Return the ``count`` of least distance, or of least distance above ``kept``, in order."""
     if len(found.pairs) == count:
         return found
-    return found.take(np.sort(np.argpartition(_above(found, kept), count)[:count]))
+    return found.take(np.sort(np.argpartition(_clearances(found, kept), count)[:count]))
 
 
-def _moved_by(robot: Robot) -> Array:
+def _moving_velocities(robot: Robot) -> Array:
     """Return (njoints, nv): 1 where a velocity moves the body of a joint, else 0."""
     model = robot.model
     moves = np.zeros((model.njoints, model.nv))

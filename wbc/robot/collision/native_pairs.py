@@ -1,7 +1,7 @@
 """Pairs of convex bodies in the native core: the nearest, their distances and Jacobians.
 
-One call looks at the balls round all bodies and measures what may be among the nearest: capsules as
-segments, others by corners.
+One call compares the bounding balls of all bodies and measures the pairs that may be among the
+nearest: capsules as segments, others by corners.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Index = NDArray[np.int64]
 
 
 class Closing(NamedTuple):
-    """How a pair that closes is braked: the inverse of the speed that a margin allows."""
+    """Braking of a closing pair: the inverse of the speed that a margin allows."""
 
     dt: float  # time for which a speed is held before braking begins [s]
     deceleration: float  # of the distance [m/s^2]
@@ -35,39 +35,39 @@ class Closing(NamedTuple):
 
 
 class SoonestPairs(NamedTuple):
-    """Pairs that have to brake first: their numbers, increasing, and what is nearest of them."""
+    """Pairs that must brake first: their numbers, increasing, and distances."""
 
     pairs: Index  # (k,)
     nearest: Array  # (7, k), as of :meth:`NativePairs.nearest`
-    left: Array  # (k,) clearance once they have stopped [m]
-    complete: bool  # whether all others have some left
+    left: Array  # (k,) clearance after braking [m]
+    complete: bool  # whether all others have a positive one
 
 
 class NativePairs:
-    """Pairs of bodies as the core reads them, at the present places of those that are moved.
+    """Pairs of bodies as the core reads them, at the present poses of those that are moved.
 
     Parameters
     ----------
     pairs:
         (N, 2) indices of bodies; a half-space is the second of its pair.
     parents:
-        Of each joint; they come before their children.
+        Of each joint; parents precede their children.
 
     Attributes
     ----------
     counts:
         Of bodies and of pairs.
     arrays:
-        What the core reads of them, by the names of ``wbc_pairs`` in source/core.h.
+        By the names of ``wbc_pairs`` in source/core.h.
     """
 
     def __init__(self, bodies: Sequence[Body], pairs: Index, parents: Sequence[int]) -> None:
-        self._made_of = bodies, pairs, parents
+        self._arguments = bodies, pairs, parents
         joints = np.array([body.joint for body in bodies], dtype=np.int64)
         both = joints[pairs].tolist()
-        common = np.array([_common(parents, a, b) for a, b in both], dtype=np.int64)
-        local, sizes = _covers(bodies)
-        self._own = local.copy()  # as they are before they are moved
+        common = np.array([_common_joint(parents, a, b) for a, b in both], dtype=np.int64)
+        local, sizes = _bounding_shapes(bodies)
+        self._own = local.copy()  # before bodies are moved
         known: dict[type[Shape], int] = {Capsule: lib.CAPSULES, HalfSpace: lib.ABOVE}
         kinds = np.array([known.get(type(body.shape), lib.HULLS) for body in bodies], np.int64)
         cores = [body.shape.core for body in bodies]
@@ -87,22 +87,22 @@ class NativePairs:
             "shorter": np.array([body.length for body in bodies])[pairs].min(axis=1),
         }
         self.counts = len(joints), len(pairs)
-        self._most_near = 16.0  # pairs of a state, in the mean, that there is room for at first
+        self._expected_near = 16.0  # expected pairs per state, for the first allocation
         self._every = np.arange(len(joints))
         self._places = {name: pointer(array) for name, array in self.arrays.items()}
 
     def __reduce__(self) -> tuple[object, ...]:  # arrays of its own
-        return type(self)._with_places, (*self._made_of, self.arrays["local"], self._corner)
+        return type(self)._with_places, (*self._arguments, self.arrays["local"], self._corner)
 
     @classmethod
     def _with_places(cls, *parts: object) -> NativePairs:
-        *made_of, local, corner = parts
-        made = cls(*made_of)  # type: ignore[arg-type]
+        *arguments, local, corner = parts
+        made = cls(*arguments)  # type: ignore[arg-type]
         made.arrays["local"][:], made._corner[:] = local, corner
         return made
 
     def place(self, body: int, rotation: Array, origin: Array, core: Array) -> None:
-        """Put the frame of a body of joint 0 somewhere (world), and its corners (k, 3) there."""
+        """Set the world pose of a body of joint 0, and its corners (k, 3)."""
         local = self.arrays["local"][body]
         local[:] = rotation @ self._own[body]
         local[:, ::2] += origin[:, None]
@@ -113,9 +113,9 @@ class NativePairs:
     ) -> tuple[Index, Array] | None:
         """Return the ``count`` pairs of least distance, or of least distance less ``kept`` (N,).
 
-        Their numbers, increasing, and what is nearest (7, k). The distance of hulls that touch is
-        -infinity: how deep they are inside each other is not known here. None where ``count`` pairs
-        do.
+        Their numbers, increasing, and distance, normal, point (7, k). Hulls that overlap have the
+        distance -infinity: the core does not compute penetration depths. None if ``count`` pairs
+        overlap.
         """
         bodies, pairs = self.counts
         scratch, found = np.empty(10 * (bodies + pairs)), np.empty((7, count))
@@ -129,12 +129,12 @@ class NativePairs:
     def soonest(
         self, state: NativeState, count: int, kept: Array, twists: Array, closing: Closing
     ) -> SoonestPairs | None:
-        """Return the ``count`` pairs with the least left once they have stopped; None: as nearest.
+        """Return the ``count`` pairs of least clearance after braking; None: as nearest.
 
         Parameters
         ----------
         kept:
-            (N,) what each pair keeps [m].
+            (N,) least distances [m].
         twists:
             (6, bodies) velocities at the world's origin [m/s] and spins [rad/s].
         """
@@ -169,9 +169,9 @@ class NativePairs:
     def within(
         self, states: Array, tree: NativeTree, limit: float, kept: Array
     ) -> tuple[Index, Array]:
-        """Return frames and numbers (k, 2) of pairs less than ``limit`` [m] above what they keep.
+        """Return state and pair numbers (k, 2) of clearances below ``limit`` [m].
 
-        With what is nearest (k, 7), as of :meth:`nearest`.
+        With distance, normal and point (k, 7), as of :meth:`nearest`.
 
         Parameters
         ----------
@@ -182,7 +182,7 @@ class NativePairs:
         """
         bodies, pairs = self.counts
         scratch, struct = np.empty(9 * bodies + pairs), self.struct(tree)
-        room = math.ceil(self._most_near * len(states))
+        room = math.ceil(self._expected_near * len(states))
         given = (len(states), states.shape[1], limit, doubles(kept))
         while True:
             chosen, found = np.empty((room, 2), dtype=np.int64), np.empty((room, 7))
@@ -190,7 +190,7 @@ class NativePairs:
             count = lib.wbc_pairs_within(struct, at, *given, work, room, integers(chosen), nearest)
             if count <= room:
                 return chosen[:count], found[:count]
-            room, self._most_near = int(count), 1.1 * count / len(states)
+            room, self._expected_near = int(count), 1.1 * count / len(states)
 
     def rows(self, state: NativeState, pairs: Index, normal: Array, point: Array) -> Array:
         """Return the derivatives (k, nv) of distances by v.
@@ -208,7 +208,7 @@ class NativePairs:
         lib.wbc_pair_rows(*where, len(pairs), chosen, n, p, doubles(out))
         return out
 
-    def bends(self, tree: NativeTree, pairs: Index, step: Array) -> Array:
+    def curvature_bounds(self, tree: NativeTree, pairs: Index, step: Array) -> Array:
         """Return how far (k,) distances may end below their linear prediction [m].
 
         Over a displacement ``step`` (nv,): see ``bend`` of native/source/margin.c.
@@ -220,16 +220,16 @@ class NativePairs:
         return out
 
     def struct(self, tree: NativeTree) -> Any:
-        """Return a pointer to a ``wbc_pairs``; who holds it must keep these pairs alive."""
+        """Return a pointer to a ``wbc_pairs``, valid as long as this object lives."""
         bodies, pairs = self.counts
         sizes = {"nv": tree.nv, "joints": tree.joints, "bodies": bodies, "pairs": pairs}
         return ffi.new("wbc_pairs *", {**sizes, **self._places})
 
 
-def _covers(bodies: Sequence[Body]) -> tuple[Array, Array]:
-    """Return a ball and a capsule round each body; that of a capsule is itself.
+def _bounding_shapes(bodies: Sequence[Body]) -> tuple[Array, Array]:
+    """Return a bounding ball and capsule of each body; a capsule's is itself.
 
-    Of a half-space, the ball is a point of its surface, and nothing else is round it.
+    A half-space is represented by a point of its surface.
 
     Returns
     -------
@@ -238,14 +238,14 @@ def _covers(bodies: Sequence[Body]) -> tuple[Array, Array]:
     sizes : Array
         (bodies, 3) length and radius of the capsule, radius of the ball [m].
     """
-    found = [_cover(body.shape) for body in bodies]
+    found = [_bounding_capsule(body.shape) for body in bodies]
     local = np.stack([_columns(*both) for both in zip(bodies, found, strict=True)])
     lengths, radii = [_length(cover) for cover in found], [cover.radius for cover in found]
     return local, np.column_stack((lengths, radii, [body.bounding_ball[1] for body in bodies]))
 
 
-def _cover(shape: Shape) -> Capsule:
-    """Return a capsule that holds a shape; of a half-space, a point of its surface."""
+def _bounding_capsule(shape: Shape) -> Capsule:
+    """Return a bounding capsule of a shape; for a half-space, a point of its surface."""
     match shape:
         case Capsule():
             return shape
@@ -273,8 +273,8 @@ def _columns(body: Body, cover: Capsule) -> Array:
     return np.stack((start, direction, middle), axis=1)
 
 
-def _common(parents: Sequence[int], a: int, b: int) -> int:
-    """Return the last joint that carries both."""
+def _common_joint(parents: Sequence[int], a: int, b: int) -> int:
+    """Return the last joint that moves both."""
     while a != b:
         a, b = (parents[a], b) if a > b else (a, parents[b])
     return a

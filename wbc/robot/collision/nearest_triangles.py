@@ -1,4 +1,4 @@
-"""Where two surfaces are nearest: triangles elsewhere need no tree over them."""
+"""The triangles where two surfaces may be nearest, so that a BVH is built only over these."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.distance import cdist
 
-from wbc.robot.formats.triangles import Triangles, without_spare
+from wbc.robot.formats.triangles import Triangles, without_unused_vertices
 from wbc.validate import Array
 
 CELLS = 16  # along the longest side of a surface, for its clusters
-TRIED = 4  # pairs of clusters, of which the corners bound the distance from above
-SPARE = 1e-9  # m, for rounding
-PASSES = 3  # each with smaller clusters, of what the one before left,
-FEW = 3000  # unless that is no more than so many triangles
+BOUND_PAIRS = 4  # pairs of clusters whose corners give an upper bound on the distance
+ROUNDING = 1e-9  # m, for rounding
+PASSES = 3  # each with smaller clusters of the remaining triangles,
+FEW_TRIANGLES = 3000  # until no more than so many remain
 
 
 class Clusters:
-    """Triangles in groups of neighbours, with a ball round each; longer ones than a cell are cut.
+    """Triangles in groups of neighbours, with bounding balls; those longer than a cell are cut.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Clusters:
             short = (high - low <= cell).all(axis=0)
             pieces.append(corners[:, :, short])
             their.append(owners[short])
-            corners, owners = _halves(corners[:, :, ~short]), np.tile(owners[~short], 2)
+            corners, owners = _bisected(corners[:, :, ~short]), np.tile(owners[~short], 2)
         corners, owners = np.concatenate(pieces, axis=2), np.concatenate(their)
         lows, highs = _boxes(corners)
         x, y, z = ((0.5 * (lows + highs) - first[:, None]) / cell).astype(np.int16)
@@ -51,10 +51,10 @@ class Clusters:
         self.radii = 0.5 * np.linalg.norm(highs - lows, axis=0)
 
     def triangles(self, chosen: Array) -> Triangles:
-        """Return those of some clusters, (n,) of bool, with the vertices that they have."""
+        """Return the triangles of some clusters, (n,) of bool, with their vertices."""
         kept = np.zeros(len(self.surface.faces), dtype=bool)
         kept[self._owners[self._order[np.repeat(chosen, self._sizes)]]] = True
-        return without_spare(self.surface.vertices, self.surface.faces[kept])
+        return without_unused_vertices(self.surface.vertices, self.surface.faces[kept])
 
     def corners(self, cluster: int) -> Array:
         """Return the corners (k, 3) of a cluster's triangles."""
@@ -69,8 +69,8 @@ def _boxes(corners: Array) -> tuple[Array, Array]:
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
-def _halves(corners: Array) -> Array:
-    """Return two triangles (3, 3, 2 m) in place of each: it is cut across its longest side."""
+def _bisected(corners: Array) -> Array:
+    """Return two triangles (3, 3, 2 m) for each, cut across its longest side."""
     sides = corners - corners[:, [1, 2, 0]]  # of side k: from the corner after it
     longest = np.einsum("ikm,ikm->km", sides, sides).argmax(axis=0)
     every = np.arange(len(longest))
@@ -84,7 +84,7 @@ def nearest_triangles(
 ) -> tuple[Triangles, Triangles, float]:
     """Return the triangles of two surfaces that may be nearest to each other.
 
-    With them comes a distance [m] that the surfaces' is no larger than.
+    And an upper bound on the surfaces' distance [m].
 
     Parameters
     ----------
@@ -93,22 +93,22 @@ def nearest_triangles(
     """
     most = np.inf
     for k in range(PASSES):
-        apart = cdist(_placed(first.centres, place), _placed(second.centres, other))
+        apart = cdist(_transformed(first.centres, place), _transformed(second.centres, other))
         radii = first.radii[:, None] + second.radii
         nearest = apart + radii  # of any point in one ball to any in the other, at most
         each = nearest.min(axis=1)
         most = min(most, float(each.min()))
-        for i in np.argsort(each)[:TRIED].tolist():
+        for i in np.argsort(each)[:BOUND_PAIRS].tolist():
             j = int(nearest[i].argmin())
-            corners = _placed(first.corners(i), place), _placed(second.corners(j), other)
+            corners = _transformed(first.corners(i), place), _transformed(second.corners(j), other)
             most = min(most, float(cdist(*corners).min()))
-        near = apart - radii <= most + SPARE
+        near = apart - radii <= most + ROUNDING
         left = first.triangles(near.any(axis=1)), second.triangles(near.any(axis=0))
-        if k + 1 == PASSES or max(len(one.faces) for one in left) <= FEW:
+        if k + 1 == PASSES or max(len(one.faces) for one in left) <= FEW_TRIANGLES:
             break
         first, second = map(Clusters, left)
     return *left, most
 
 
-def _placed(points: Array, place: pin.SE3) -> Array:
+def _transformed(points: Array, place: pin.SE3) -> Array:
     return points @ place.rotation.T + place.translation

@@ -1,4 +1,4 @@
-"""Which pairs of a robot's bodies are worth keeping apart, and why the others are not."""
+"""Selection of the pairs of bodies to keep apart, with the reasons for excluding others."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from wbc.robot.postures import STANDING
 from wbc.validate import Array, finite_number
 
 SAMPLES = 200  # random postures
-ALWAYS = 0.95  # of them: pairs that touch this often cannot be kept apart
+ALMOST_ALWAYS = 0.95  # share of them: pairs that touch this often cannot be kept apart
 SEED = 0
-TOUCHING = 1e-3  # m: raw shapes that stand nearer than this are in contact by design
-RESOLVED = 0.75  # part of the raw distance that finer shapes should leave
-SPARE = 1e-3  # m, by which they should leave more than the clearance
-KEPT = 0.5  # part of its distance when standing that a pair keeps which stands within the clearance
+TOUCHING = 1e-3  # m: raw shapes nearer than this when standing are in contact by design
+RESOLVED_SHARE = 0.75  # of the raw distance, that finer shapes should have
+CLEARANCE_RESERVE = 1e-3  # m, that they should have beyond the clearance
+STANDING_SHARE = 0.5  # of a pair's distance when standing: its margin if that is the smaller one
 BY_NAME, ADJACENT, DISABLED = "excluded by name", "adjacent", "disabled in the SRDF"
 EXCLUDED, UNPAIRED = "excluded in the MJCF", "meets only what the MJCF pairs it with"
-BY_DESCRIPTION = BY_NAME, ADJACENT, DISABLED, EXCLUDED, UNPAIRED  # no posture was asked for these
+BY_DESCRIPTION = BY_NAME, ADJACENT, DISABLED, EXCLUDED, UNPAIRED  # reasons that need no postures
 Pattern = tuple[str, str]
 
 
@@ -36,14 +36,14 @@ Pattern = tuple[str, str]
 class Selection:
     """Pairs of bodies to keep apart."""
 
-    # Those given, and after them finer ones, for pairs that stand nearer than simple shapes tell.
+    # The given ones, then finer ones for pairs that the simple shapes show too near.
     bodies: tuple[Body, ...]
     pairs: tuple[Pair, ...]  # indices of bodies
-    # Distance that each pair can keep [m]: the clearance, or half of what there is when standing.
+    # Margin of each pair [m]: the clearance, or half of its distance when standing if smaller.
     margins: tuple[float, ...]
     # Every other pair of different joints, by its label, and the reason.
     excluded: Mapping[str, str]
-    # Pairs with finer shapes, by label, and how far these and the raw shapes stand apart.
+    # Pairs with finer shapes, by label, with the distances of these and of the raw shapes.
     finer: Mapping[str, str]
 
 
@@ -111,7 +111,7 @@ def select_pairs(
             reasons[a, b] = UNPAIRED
     left = _Candidates(robot, bodies, [pair for pair in pairs if pair not in reasons], clearance)
     touching = left.refine()
-    reasons |= left.unfit() | touching
+    reasons |= left.rejected() | touching
     for (a, b), reason in list(reasons.items()):
         shapes = frozenset(shape_of.get(bodies[k].name, "") for k in (a, b))
         links = bodies[a].link, bodies[b].link
@@ -122,7 +122,7 @@ def select_pairs(
 
 
 class _Candidates:
-    """Pairs that nothing but their distances speaks against, and finer shapes for some of them."""
+    """Pairs that only their distances can exclude, and finer shapes for some of them."""
 
     def __init__(
         self, robot: Robot, bodies: Sequence[Body], pairs: list[Pair], clearance: float
@@ -131,59 +131,61 @@ class _Candidates:
         self._postures = [robot.snapshot(robot.postures[STANDING])]
         self._postures += [robot.snapshot(q) for q in _postures(robot)] if pairs else []
         # (1 + SAMPLES, pairs), of the posture "standing" first
-        self._distance = self._measured(CollisionModel(robot, bodies, pairs))
+        self._distance = self._sample_distances(CollisionModel(robot, bodies, pairs))
         self.finer: dict[Pair, FinerPair] = {}
 
-    def _measured(self, model: CollisionModel) -> Array:
+    def _sample_distances(self, model: CollisionModel) -> Array:
         return np.stack([model.nearest(here).distance for here in self._postures])
 
     def refine(self) -> dict[Pair, str]:
-        """Give finer shapes to the pairs that need them; return those that touch, and how."""
+        """Give finer shapes to the pairs that need them; return those that touch, and why."""
         distance, touching = self._distance, dict[Pair, str]()
         finer = list[int]()
-        near = (distance[0] < self._clearance + SPARE) | self._almost_always_touching()
+        near = (distance[0] < self._clearance + CLEARANCE_RESERVE) | self._almost_always_touching()
         shapes = FinerShapes(self._robot, self._bodies) if near.any() else None
         for k in np.flatnonzero(near).tolist():
             pair = self._pairs[k]
-            if shapes is None or not shapes.know(pair):
+            if shapes is None or not shapes.are_described(pair):
                 touching[pair] = f"{distance[0, k] * 1e3:.1f} mm apart when standing"
                 continue
             raw = shapes.raw_distance(pair, TOUCHING)
             if raw < TOUCHING:
                 touching[pair] = "in contact when standing"
                 continue
-            found = shapes.pair(pair, min(self._clearance + SPARE, RESOLVED * raw))
-            if found.distance < KEPT * TOUCHING:
+            found = shapes.pair(
+                pair, min(self._clearance + CLEARANCE_RESERVE, RESOLVED_SHARE * raw)
+            )
+            if found.distance < STANDING_SHARE * TOUCHING:
                 touching[pair] = f"{raw * 1e3:.1f} mm apart when standing, too near to tell"
                 continue
             self.finer[pair] = found
             finer.append(k)
         if finer:
-            distance[:, finer] = self._measured_finer([self.finer[self._pairs[k]] for k in finer])
+            distance[:, finer] = self._finer_distances([self.finer[self._pairs[k]] for k in finer])
         return touching
 
-    def _measured_finer(self, finer: Sequence[FinerPair]) -> Array:
+    def _finer_distances(self, finer: Sequence[FinerPair]) -> Array:
         """Return the distances (1 + SAMPLES, k) of finer pairs."""
         bodies, pairs, starts = list[Body](), list[Pair](), list[int]()
         for found in finer:
             starts.append(len(pairs))
-            pairs += _across(found, len(bodies))
+            pairs += _all_pairs(found, len(bodies))
             bodies += (*found.first, *found.second)
-        measured = self._measured(CollisionModel(self._robot, bodies, pairs))
+        measured = self._sample_distances(CollisionModel(self._robot, bodies, pairs))
         return np.minimum.reduceat(measured, starts, axis=1)
 
     def _almost_always_touching(self) -> NDArray[np.bool_]:
-        """Return which pairs do in random postures; without pairs there are no postures."""
+        """Return the mask of pairs that almost always touch in random postures."""
         samples = self._distance[1:]
-        return np.count_nonzero(samples < 0.0, axis=0) >= ALWAYS * max(len(samples), 1)
+        return np.count_nonzero(samples < 0.0, axis=0) >= ALMOST_ALWAYS * max(len(samples), 1)
 
-    def unfit(self) -> dict[Pair, str]:
-        """Return the pairs that random postures speak against, and why."""
+    def rejected(self) -> dict[Pair, str]:
+        """Return the pairs that random postures exclude, and why."""
         touches = self._almost_always_touching()
         return {self._pairs[k]: "almost always touching" for k in np.flatnonzero(touches)}
 
 
-def _across(finer: FinerPair, start: int) -> list[Pair]:
+def _all_pairs(finer: FinerPair, start: int) -> list[Pair]:
     """Return each first with each second body of a finer pair, numbered from ``start`` on."""
     middle = start + len(finer.first)
     seconds = range(middle, middle + len(finer.second))
@@ -213,7 +215,7 @@ def _selection(
             pairs.append(pair)
             margins.append(clearance)
             continue
-        margin = clearance if found.distance >= clearance else KEPT * found.distance
+        margin = clearance if found.distance >= clearance else STANDING_SHARE * found.distance
         several = [(number(one), number(two)) for one in found.first for two in found.second]
         pairs += several
         margins += [margin] * len(several)

@@ -1,6 +1,6 @@
-"""Pairs of bodies by the shapes of a robot's files, where the simple ones in their place are large.
+"""Distances of pairs of bodies by the raw shapes (meshes) of a robot's files.
 
-Fitted shapes contain the raw ones (the meshes), some by centimetres.
+Fitted shapes contain the raw ones, and may exceed them by centimetres.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from wbc.robot.collision.fitting import convex, fit_close_hull
 from wbc.robot.model import Robot
 from wbc.validate import Array
 
-MEETING = 1e-6  # m
-CLOSE, SURELY = 1e-3, 1e-5  # m: how close hulls are to meshes, and rounding of Coal's distances
+CONTACT = 1e-6  # m
+HULL_TOLERANCE, ROUNDING = 1e-3, 1e-5  # m: of hulls around meshes, and of Coal's distances
 
 
 class RawPairs:
@@ -33,7 +33,7 @@ class RawPairs:
     def __init__(self, robot: Robot, labels: Sequence[str]) -> None:
         self.robot, self._data = robot, robot.model.createData()
         self._labels = labels
-        self._hulls = dict[str, tuple[object, float]]()  # round the meshes, as they are asked for
+        self._hulls = dict[str, tuple[object, float]]()  # around meshes, made on demand
 
     @cached_property
     def _pairs(self) -> list[list[pin.GeometryObject]]:
@@ -44,16 +44,16 @@ class RawPairs:
             for label in self._labels
         ]
 
-    def too_near(self, q: Array, pairs: Sequence[int], margins: Array) -> Array:
-        """Return how near some pairs are that break margins (N,) [m]: (k, 7), zeros of others.
+    def violations(self, q: Array, pairs: Sequence[int], margins: Array) -> Array:
+        """Return violations of margins (N,) [m] by some pairs: (k, 7), zeros if not violated.
 
-        By how much [m], the unit vector from the second body to the first, zero where they meet,
+        The violation [m], the unit vector from the second body to the first, zero if they touch,
         and the nearest point of the first.
         """
         pin.forwardKinematics(self.robot.model, self._data, q)
-        return np.array([self._too_near(k, float(margins[k])) for k in pairs])
+        return np.array([self._violation(k, float(margins[k])) for k in pairs])
 
-    def _too_near(self, k: int, margin: float) -> Array:
+    def _violation(self, k: int, margin: float) -> Array:
         found, result = np.zeros(7), coal.DistanceResult()
         solids, hulls, round_them = list[object](), list[object](), 0.0
         for shape in self._pairs[k]:
@@ -63,28 +63,28 @@ class RawPairs:
             solids += [shape.geometry, place]
             hulls += [hull, place]
             round_them += radius
-        # Meshes take a hundred times as long as hulls round them, which most pairs that are near
-        # by their fitted shapes do not break a margin by.
-        if coal.distance(*hulls, coal.DistanceRequest(), result) > margin + round_them + SURELY:
+        # Meshes take a hundred times as long as hulls around them, which show for most pairs that
+        # no margin is violated.
+        if coal.distance(*hulls, coal.DistanceRequest(), result) > margin + round_them + ROUNDING:
             return found
         result.clear()
         distance = float(coal.distance(*solids, coal.DistanceRequest(), result))
         if distance <= margin:
             found[0] = margin - distance
             a, b = result.getNearestPoint1(), result.getNearestPoint2()
-            if distance > MEETING:  # meshes have no normal
+            if distance > CONTACT:  # meshes have no normal
                 found[1:4] = (a - b) / np.linalg.norm(a - b)
             found[4:] = a
         return found
 
     def _hull(self, shape: pin.GeometryObject) -> tuple[object, float]:
-        """Return a convex shape and its radius [m], together round a raw one."""
+        """Return a convex shape and its rounding radius [m] that contain a raw one."""
         name = str(shape.name)
         if name not in self._hulls:
             mesh = self.robot.collision_surfaces.meshes.get(name)
             if mesh is None:
                 self._hulls[name] = shape.geometry, 0.0
             else:
-                hull = fit_close_hull(mesh.vertices, CLOSE).shape
+                hull = fit_close_hull(mesh.vertices, HULL_TOLERANCE).shape
                 self._hulls[name] = convex(hull.core), hull.radius
         return self._hulls[name]

@@ -1,9 +1,9 @@
-"""Finer shapes for bodies that stand nearer to each other than their simple shapes can tell.
+"""Finer shapes for pairs of bodies that simple shapes show too near.
 
-The raw shapes (the meshes) say how far two bodies are apart when the robot stands. Where the simple
-shapes leave less than the margin, the pair gets hulls; where these leave too little, the meshes are
-cut in halves where they are nearest, again and again, and the hulls of the parts, which hold every
-triangle, follow what is not convex.
+The raw shapes (meshes) give the distance of two bodies when the robot stands. If the simple shapes
+have less than the margin, the pair gets hulls; if these have too little, the meshes are bisected
+repeatedly where they are nearest, and the hulls of the parts, which contain every triangle, follow
+non-convex shapes.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from wbc.robot.collision.bodies import NamedSurface, named_surfaces, simple_shap
 from wbc.robot.collision.fitting import Fit, convex, fit_close_hull, hull_corners
 from wbc.robot.collision.nearest_triangles import Clusters, nearest_triangles
 from wbc.robot.collision.shapes import Body, Hull, moved
-from wbc.robot.formats.triangles import Triangles, as_bvh, without_spare
+from wbc.robot.formats.triangles import Triangles, as_bvh, without_unused_vertices
 from wbc.robot.geometry import triangulated
 from wbc.robot.model import Robot
 from wbc.robot.postures import STANDING
 from wbc.validate import Array
 
-TOLERANCES = (8e-3, 4e-3, 2e-3, 1e-3, 5e-4)  # m, of hulls: the coarsest that will do is used
+TOLERANCES = (8e-3, 4e-3, 2e-3, 1e-3, 5e-4)  # m, of hulls: the coarsest sufficient one is used
 Pair = tuple[int, int]
 MOST_PAIRS = 32  # of parts, for one pair of bodies
-SMALLEST = 5e-3  # m: parts are not cut any further
-# Parts that share a corner are as near as each other [m] but for rounding, which must not choose.
-EVEN = 1e-6
+LEAST_PART = 5e-3  # m: parts are not cut any further
+# Distances that differ by less [m] count as equal: parts that share a corner differ by rounding.
+EQUAL_DISTANCE = 1e-6
 
 
 class FinerPair(NamedTuple):
@@ -42,8 +42,8 @@ class FinerPair(NamedTuple):
 
     first: tuple[Body, ...]
     second: tuple[Body, ...]
-    distance: float  # the least of them when standing [m]
-    raw: float  # that of the raw shapes [m]
+    distance: float  # least distance when standing [m]
+    raw: float  # distance of the raw shapes [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,22 +55,22 @@ class _Surface:
 
     @cached_property
     def points(self) -> Array:
-        """Those vertices (k, 3) that triangles have."""
-        return without_spare(self.vertices, self.faces).vertices
+        """The vertices (k, 3) of the triangles."""
+        return without_unused_vertices(self.vertices, self.faces).vertices
 
     @cached_property
     def hull(self) -> Array:
-        """Corners of the hull round them: asked for with every tolerance."""
+        """Corners of their hull, used for every tolerance."""
         return hull_corners(self.points)
 
     @cached_property
     def size(self) -> float:
-        """Length of its longest side [m]; 0 if it cannot be cut."""
+        """Length of the bounding box's longest side [m]; 0 if it cannot be cut."""
         return 0.0 if len(self.faces) < 2 else float(np.ptp(self.points, axis=0).max())
 
     @cached_property
     def halves(self) -> tuple[_Surface, _Surface]:
-        """Two parts, cut across the longest side; a triangle goes where its middle is."""
+        """Two parts, cut across the longest side; a triangle belongs to the side of its middle."""
         axis = int(np.argmax(np.ptp(self.points, axis=0)))
         middles = self.vertices[:, axis][self.faces].mean(axis=1)
         order = np.argsort(middles, kind="stable")
@@ -81,7 +81,7 @@ class _Surface:
 
 
 class _RawShape:
-    """The raw shape of a body, and what is worked out of it when it is first asked for."""
+    """The raw shape of a body, and what is derived from it on demand."""
 
     def __init__(self, found: NamedSurface, standing: pin.SE3) -> None:
         self.name, self.geometry, self.placement = found.name, found.geometry, found.placement
@@ -95,19 +95,19 @@ class _RawShape:
 
     @cached_property
     def tree(self) -> coal.CollisionGeometry:
-        """It as coal measures it."""
+        """The geometry for coal's distances."""
         return as_bvh(*self.geometry) if isinstance(self.geometry, Triangles) else self.geometry
 
     @cached_property
     def surface(self) -> _Surface | None:
-        """Its triangles; None of what is round."""
+        """Its triangles; None for round shapes."""
         if isinstance(self.geometry, Triangles):
             return _Surface(*self.geometry)
         is_mesh = isinstance(self.geometry, coal.BVHModelBase)
         return _Surface(*triangulated(self.geometry)) if is_mesh else None
 
     def fit(self, tolerance: float) -> _Part:
-        """Return the hull of all of it; what is round stays as it is."""
+        """Return the hull of the whole shape; round shapes are not changed."""
         if tolerance not in self._fits:
             if self.surface is not None:
                 self._fits[tolerance] = _Part.of(self.surface, tolerance)
@@ -115,7 +115,7 @@ class _RawShape:
                 fit = simple_shape(self.geometry, "hull", self.name)
                 is_hull = isinstance(fit.shape, Hull)
                 core = convex(fit.shape.core) if is_hull else self.geometry
-                self._fits[tolerance] = _Part(fit, NONE, core)
+                self._fits[tolerance] = _Part(fit, NO_SURFACE, core)
         return self._fits[tolerance]
 
 
@@ -135,17 +135,17 @@ class _Part:
 
     @property
     def radius(self) -> float:
-        """Radius that coal does not know of [m]."""
+        """Rounding radius, which coal's shape does not include [m]."""
         return self.fit.shape.radius if isinstance(self.fit.shape, Hull) else 0.0
 
     @cached_property
     def halves(self) -> tuple[_Part, _Part]:
-        """Its two halves: of a body that is near several others they are asked for again."""
+        """Its two halves, cached for bodies that are near several others."""
         first, second = self.surface.halves
         return _Part.of(first, TOLERANCES[-1]), _Part.of(second, TOLERANCES[-1])
 
 
-NONE = _Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
+NO_SURFACE = _Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
 
 
 class FinerShapes:
@@ -162,14 +162,14 @@ class FinerShapes:
         self._made: dict[_Part, Body] = {}
         self._cut = Counter[str]()  # parts made of each body
 
-    def know(self, pair: Pair) -> bool:
-        """Whether both bodies stand for shapes of the robot's description."""
+    def are_described(self, pair: Pair) -> bool:
+        """Return whether both bodies represent shapes of the robot's description."""
         return all(self._bodies[k].name in self._shapes for k in pair)
 
     def raw_distance(self, pair: Pair, near: float = 0.0) -> float:
-        """Return the distance [m] of two bodies' raw shapes when standing; 0 where they meet.
+        """Return the distance [m] of two bodies' raw shapes when standing; 0 if they touch.
 
-        Where it is below ``near``, it may be less than what is returned, which is below that too.
+        Below ``near`` the value is only an upper bound.
         """
         if pair not in self._raw:
             self._raw[pair] = max(self._raw_distance(pair, near), 0.0)
@@ -189,29 +189,31 @@ class FinerShapes:
         return self._shapes[self._bodies[body].name]
 
     def pair(self, pair: Pair, wanted: float) -> FinerPair:
-        """Return finer bodies that stand ``wanted`` apart, or as far as parts of 5 mm leave."""
+        """Return finer bodies that are ``wanted`` apart, or as far as parts of 5 mm can show."""
         a, b = pair
         for tolerance in TOLERANCES:
             sides = [[self._shape(a).fit(tolerance)], [self._shape(b).fit(tolerance)]]
-            if self._apart(pair, sides[0][0], sides[1][0]) >= wanted:
+            if self._part_distance(pair, sides[0][0], sides[1][0]) >= wanted:
                 break
         while True:
             apart = {
-                (i, j): self._apart(pair, one, two)
+                (i, j): self._part_distance(pair, one, two)
                 for i, one in enumerate(sides[0])
                 for j, two in enumerate(sides[1])
             }
             distance = min(apart.values())
-            nearest = next(parts for parts, far in apart.items() if far <= distance + EVEN)
+            nearest = next(
+                parts for parts, far in apart.items() if far <= distance + EQUAL_DISTANCE
+            )
             larger = int(sides[1][nearest[1]].surface.size > sides[0][nearest[0]].surface.size)
             part = sides[larger][nearest[larger]]
             full = (len(sides[larger]) + 1) * len(sides[1 - larger]) > MOST_PAIRS
-            if distance >= wanted or part.surface.size < SMALLEST or full:
-                first, second = self._named(a, sides[0]), self._named(b, sides[1])
+            if distance >= wanted or part.surface.size < LEAST_PART or full:
+                first, second = self._as_bodies(a, sides[0]), self._as_bodies(b, sides[1])
                 return FinerPair(first, second, distance, self.raw_distance(pair))
             sides[larger][nearest[larger] : nearest[larger] + 1] = part.halves
 
-    def _apart(self, pair: Pair, one: _Part, two: _Part) -> float:
+    def _part_distance(self, pair: Pair, one: _Part, two: _Part) -> float:
         """Return the distance [m] of parts of two bodies."""
         return self._distance(pair, (one.geometry, two.geometry)) - one.radius - two.radius
 
@@ -223,8 +225,8 @@ class FinerShapes:
             arguments += [geometry, coal.Transform3s(place.rotation, place.translation)]
         return float(coal.distance(*arguments, coal.DistanceRequest(), coal.DistanceResult()))
 
-    def _named(self, body: int, parts: Sequence[_Part]) -> tuple[Body, ...]:
-        """Return parts as bodies; one that several pairs share is one body."""
+    def _as_bodies(self, body: int, parts: Sequence[_Part]) -> tuple[Body, ...]:
+        """Return parts as bodies; a part that several pairs share is one body."""
         coarse, pose = self._bodies[body], self._shape(body).placement
         place = np.array(pose.rotation), np.array(pose.translation)
         for part in parts:

@@ -71,7 +71,7 @@ class Hull:
 
 @dataclass(frozen=True, eq=False)
 class HalfSpace:
-    """All points x with ``normal . x <= offset``: a floor, a wall, a table without end."""
+    """All points x with ``normal . x <= offset``: a floor, a wall, an infinite table."""
 
     normal: Array  # (3,) unit vector that points out of it
     offset: float  # of its surface along the normal [m]
@@ -117,10 +117,10 @@ class Body:
 
     name: str  # for labels: the link's, numbered where the link has several shapes
     link: str  # the link that carries it
-    # Pinocchio's index of the joint that moves it; 0 for what does not move with the robot.
+    # Pinocchio's index of the joint that moves it; 0 for bodies not attached to the robot.
     joint: int
     shape: Shape  # in that joint's frame
-    bulge: float = 0.0  # how far the shape may stick out of what it stands for [m]
+    bulge: float = 0.0  # how far the shape may exceed the one it represents [m]
 
     @property
     def bounding_ball(self) -> tuple[Array, float]:
@@ -143,7 +143,7 @@ class Body:
 
 
 class Obstacle(DeclaredAttributes):
-    """Something that the robot does not carry, with a place and a velocity.
+    """Something that is not part of the robot, with a pose and a velocity.
 
     It is moved by :meth:`move`, or by its attributes.
 
@@ -217,7 +217,7 @@ class Obstacle(DeclaredAttributes):
         velocity: ArrayLike = _ZERO,
         angular_velocity: ArrayLike = _ZERO,
     ) -> None:
-        """Put the obstacle's frame somewhere, and say how it moves from there.
+        """Set the pose and velocity of the obstacle's frame.
 
         Raises
         ------

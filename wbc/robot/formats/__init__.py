@@ -1,4 +1,4 @@
-"""Robot descriptions: URDF, MJCF and what MuJoCo makes of it, and what is wrong with them."""
+"""Robot descriptions: readers of URDF, MJCF and compiled MuJoCo models, with their checks."""
 
 from __future__ import annotations
 

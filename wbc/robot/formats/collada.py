@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from wbc.errors import ModelError
-from wbc.robot.formats.triangles import Triangles, fan, joined
+from wbc.robot.formats.triangles import Triangles, fan, merged
 from wbc.robot.formats.xml import read_xml
 from wbc.rotations import exp_rotation
 from wbc.validate import Array
@@ -45,7 +45,7 @@ class Collada:
         scene = self._named[_child(self._root, "scene/instance_visual_scene").attrib["url"]]
         unit = self._root.find("asset/unit")
         scale = 1.0 if unit is None else float(unit.get("meter", 1.0))
-        vertices, faces = joined(list(self._below(scene, np.eye(4), 0)))
+        vertices, faces = merged(list(self._below(scene, np.eye(4), 0)))
         return Triangles(scale * vertices @ self._up().T, faces)
 
     def _up(self) -> Array:

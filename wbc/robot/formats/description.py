@@ -17,19 +17,19 @@ from wbc.robot.formats.ties import Coupling, Loop
 from wbc.robot.formats.triangles import Surfaces
 from wbc.robot.limits import JointLimits
 from wbc.robot.names import matching
-from wbc.robot.passive import NONE, PassiveForces
+from wbc.robot.passive import NO_FORCES, PassiveForces
 from wbc.validate import Array, finite_number
 
 State = Mapping[str, tuple[float, ...]]  # joint name -> its coordinates in q
 
-FARTHEST, SAMPLES = 1e3, 1001  # rad or m; places of a driver that are tried
+DRIVER_RANGE, DRIVER_SAMPLES = 1e3, 1001  # rad or m; number of driver positions that are tried
 ROUNDING = 1e-3  # rad or m: by which files may round what two coupled joints reach
 RESERVED = frozenset({"universe", "root_joint"})
 MOST_JOINTS = 160  # moving ones; Pinocchio's memory and time grow with their cube
 
 
 def check_joint_count(count: int, path: Path) -> None:
-    """Refuse a robot that is too large to be computed with.
+    """Refuse a robot with too many joints.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def check_joint_count(count: int, path: Path) -> None:
 
 
 def refuse_reserved(joints: Iterable[str], path: Path) -> None:
-    """Refuse moving joints that are called as Pinocchio calls the world or the floating base.
+    """Refuse moving joints with the names that Pinocchio gives the world or the floating base.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def pinocchio_reads(path: Path, failure: str) -> Iterator[None]:
 def confirm(
     model: pin.Model, masses: Mapping[str, float], joints: Iterable[str], path: Path
 ) -> None:
-    """Compare what Pinocchio read with a reading of the file that shares nothing with it.
+    """Compare Pinocchio's model with an independent reading of the file.
 
     Parameters
     ----------
@@ -83,9 +83,9 @@ def confirm(
     ModelError
         Another mass, or other joints.
     """
-    lost = sorted(set(joints) ^ (set(joints) & set(model.names)))
-    if lost:
-        raise ModelError(f"{path}: joints {', '.join(map(repr, lost[:5]))} were not read")
+    missing_shapes = sorted(set(joints) ^ (set(joints) & set(model.names)))
+    if missing_shapes:
+        raise ModelError(f"{path}: joints {', '.join(map(repr, missing_shapes[:5]))} were not read")
     total = math.fsum(masses.values())
     read = float(pin.computeTotalMass(model))
     if abs(read - total) > 1e-9 * abs(total):  # NaN is not
@@ -99,13 +99,12 @@ def confirm(
 
 @dataclass(frozen=True)
 class ContactRules:
-    """What a description itself says of pairs that may meet."""
+    """A description's rules for pairs that may collide."""
 
-    # Pairs of links that never do.
-    excluded: frozenset[frozenset[str]] = frozenset()
-    # Pairs of shapes, by their names, that shall be watched whatever speaks against it.
+    excluded: frozenset[frozenset[str]] = frozenset()  # pairs of links that never collide
+    # Pairs of shapes, by name, that are always watched.
     watched: frozenset[frozenset[str]] = frozenset()
-    # Shapes that meet nothing but what such a pair names.
+    # Shapes that collide only as such a pair names.
     paired_only: frozenset[str] = frozenset()
 
 
@@ -116,17 +115,17 @@ class GeometrySource(Protocol):
     """Where the shapes of a robot come from; meshes are slow to load, hence on demand."""
 
     @property
-    def lost(self) -> tuple[str, ...]:
-        """The collision shapes of the file that could not be had, in words: they are unseen."""
+    def missing_shapes(self) -> tuple[str, ...]:
+        """Collision shapes of the file that are missing, in words."""
         ...
 
     @property
     def rules(self) -> ContactRules:
-        """What the file says of pairs of links and shapes."""
+        """The file's rules for pairs of links and shapes."""
         ...
 
     def content(self) -> Iterable[bytes]:
-        """Yield all that the shapes are made of: the text, the bytes of each mesh's file.
+        """Yield all data of the shapes: the text, the bytes of each mesh file.
 
         Raises
         ------
@@ -153,7 +152,7 @@ class GeometrySource(Protocol):
 
 @dataclass(frozen=True)
 class Description:
-    """What one URDF or MJCF file says."""
+    """The content of one URDF or MJCF file."""
 
     name: str  # the robot's name in the file
     path: Path  # the file
@@ -165,16 +164,16 @@ class Description:
     states: Mapping[str, State] = field(default_factory=dict)
     # Where the file puts the root body, as a free-flyer's q (x, y, z, quaternion x, y, z, w).
     base: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-    # Why the root is taken to be bolted to the world unless it has feet; empty if the file does
-    # not tell, None if it says that the root floats.
+    # Why the root is bolted to the world unless it has feet; empty if the file does not tell, None
+    # if the file says that the root floats.
     bolted: str | None = ""
     mounted: bool = False  # whether the root moves by joints of its own, on a base without mass
     notes: tuple[str, ...] = ()  # what was tolerated, in words
-    passive: PassiveForces = NONE  # springs and the like of all joints
+    passive: PassiveForces = NO_FORCES  # springs and the like of all joints
     loops: Mapping[str, Loop] = field(default_factory=dict)
     # Joints that no motor drives; None if the file does not tell.
     unactuated: tuple[str, ...] | None = None
-    # Where the file draws the joints, from which loops may be closed.
+    # The file's initial joint positions, from which loops may be closed.
     drawn: State = field(default_factory=dict)
 
 
@@ -210,7 +209,7 @@ def lock_joints(
     for joint in description.coupled:
         if joint in locked:
             continue
-        coupling = _driven(description, joint, locked)
+        coupling = _final_driver(description, joint, locked)
         if coupling.is_constant:
             locked[joint] = _constant(description, joint, coupling.offset)
         elif coupling.driver in locked:
@@ -229,7 +228,7 @@ def lock_joints(
 
 
 def _check_reach(description: Description, joint: str, coupling: Coupling) -> None:
-    """Refuse a joint that follows another one to where its own limits never let it.
+    """Refuse a mimic joint that its driver never moves within its own limits.
 
     Raises
     ------
@@ -238,8 +237,10 @@ def _check_reach(description: Description, joint: str, coupling: Coupling) -> No
     """
     limits = JointLimits.of(description.model)
     driver, own = limits.names.index(coupling.driver), limits.names.index(joint)
-    low, high = max(limits.lower[driver], -FARTHEST), min(limits.upper[driver], FARTHEST)
-    steps = np.linspace(low, high, SAMPLES) if any(coupling.curved) else np.array((low, high))
+    low, high = max(limits.lower[driver], -DRIVER_RANGE), min(limits.upper[driver], DRIVER_RANGE)
+    steps = (
+        np.linspace(low, high, DRIVER_SAMPLES) if any(coupling.curved) else np.array((low, high))
+    )
     values = coupling.polynomial(steps)
     least, most = float(values.min()), float(values.max())
     if least > limits.upper[own] + ROUNDING or most < limits.lower[own] - ROUNDING:
@@ -263,9 +264,9 @@ def _constant(description: Description, joint: str, value: float) -> float:
 
 
 def reduced_model(model: pin.Model, locked: Iterable[str], reference: Array) -> pin.Model:
-    """Return a model without some joints; links may be called as joints are.
+    """Return a model without some joints; links may have joints' names.
 
-    Pinocchio looks frames up by their names alone there, so that they get others meanwhile.
+    Pinocchio looks frames up by name alone there, so they are renamed meanwhile.
     """
     plain = model.copy()
     names = dict[str, str]()
@@ -280,18 +281,18 @@ def reduced_model(model: pin.Model, locked: Iterable[str], reference: Array) -> 
     return found
 
 
-def _driven(description: Description, joint: str, locked: Mapping[str, float]) -> Coupling:
-    """Return what a joint follows in the end: a joint that follows none, or a locked one."""
+def _final_driver(description: Description, joint: str, locked: Mapping[str, float]) -> Coupling:
+    """Return a joint's coupling to its final driver: one that follows none, or a locked one."""
     found, seen = Coupling(joint), [joint]
     while found.driver in description.coupled and found.driver not in locked:
         step = description.coupled[found.driver]
         if step.is_constant:
             return Coupling("", 0.0, found.value(step.offset))
         after = found.after(step)
-        usable = after is not None and _usable(description.model, joint, step.driver)
+        usable = after is not None and _single_coordinate(description.model, joint, step.driver)
         found = found if after is None else after
         if step.driver in seen or not usable:
-            remedy = ", ".join(f"{name!r}: 0.0" for name in _unusable(description, {*locked}))
+            remedy = ", ".join(f"{name!r}: 0.0" for name in _joints_to_lock(description, {*locked}))
             raise ModelError(
                 f"{description.path}: joint {joint!r} is coupled to {step.driver!r} (mimic or"
                 " equality) in a way that is not supported: beyond degree 4, in a circle, or of"
@@ -302,14 +303,14 @@ def _driven(description: Description, joint: str, locked: Mapping[str, float]) -
     return found
 
 
-def _usable(model: pin.Model, *joints: str) -> bool:
+def _single_coordinate(model: pin.Model, *joints: str) -> bool:
     """Return whether all joints are there, with one number as their coordinate."""
     ids = [model.getJointId(name) for name in joints if model.existJointName(name)]
     plain = all((model.nqs[k], model.nvs[k]) == (1, 1) for k in ids)
     return plain and len(ids) == len(joints)
 
 
-def _unusable(description: Description, locked: Collection[str]) -> list[str]:
+def _joints_to_lock(description: Description, locked: Collection[str]) -> list[str]:
     """Return the joints to lock so that every other mimic joint can follow its driver."""
     found = list[str]()
     for joint in sorted({*description.coupled} - {*locked}):
@@ -318,7 +319,7 @@ def _unusable(description: Description, locked: Collection[str]) -> list[str]:
             name = description.coupled[name].driver
             if not name:  # a constant
                 break
-            if name in seen or not _usable(description.model, joint, name):
+            if name in seen or not _single_coordinate(description.model, joint, name):
                 found.append(joint)
                 break
             seen.append(name)

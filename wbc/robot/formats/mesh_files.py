@@ -1,8 +1,8 @@
-"""Mesh files that a URDF names: where they are, and what Collada, OBJ and binary STL files hold.
+"""Mesh files of a URDF: finding them, and reading Collada, OBJ and binary STL files.
 
-The first two are read here, because coal (with Assimp) ignores the up axis of a Collada file, and
-numbers the corners of a node's second and later sub-meshes from the first vertex of all; STL files
-because coal then builds its tree over each, which few need. Other formats are coal's.
+The first two are read here because coal (with Assimp) ignores the up axis of a Collada file, and
+numbers the corners of a node's later sub-meshes from the first vertex of all; STL files because
+coal would build a BVH over each, which is rarely needed. Other formats are read by coal.
 """
 
 from __future__ import annotations
@@ -16,14 +16,16 @@ import numpy as np
 
 from wbc.errors import ModelError, listed
 from wbc.robot.formats.collada import Collada
-from wbc.robot.formats.triangles import Triangles, fan, joined
+from wbc.robot.formats.triangles import Triangles, fan, merged
 from wbc.robot.formats.xml import LFS
 
 # Of a mesh file. 400,000 triangles (the most of any robot at hand: 351,394) take 1.6 s of CPU time
 # to read, 2 to draw and 4.4 to fit a shape to; a million took 44.
 MOST_BYTES, MOST_TRIANGLES = 32 << 20, 400_000
 _STL_HEADER = 84  # bytes of a binary STL file
-_MIXED = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
+_HASH_FACTORS = np.array(
+    [0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64
+)
 _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
 
 
@@ -32,8 +34,8 @@ def resolve_meshes(
 ) -> dict[str, list[str]]:
     """Make every mesh name in the URDF absolute, and leave out shapes whose file is missing.
 
-    What is not found where its name says is looked for in the folder that the file gives MuJoCo
-    (``<mujoco><compiler meshdir="..."/></mujoco>``), without its own, as that does.
+    Files that are not found by name are searched in the folder that the URDF gives MuJoCo
+    (``<mujoco><compiler meshdir="..."/></mujoco>``), by file name only, as MuJoCo does.
 
     Returns
     -------
@@ -95,13 +97,13 @@ def find_mesh(name: str, path: Path, folders: tuple[Path, ...]) -> Path | None:
 
 
 def is_lfs_pointer(path: Path) -> bool:
-    """Return whether a file is not what it is named after, but says where Git LFS keeps that."""
+    """Return whether a file is a Git LFS pointer instead of the data."""
     with path.open("rb") as file:
         return file.read(len(LFS)) == LFS
 
 
 def refuse_huge_meshes(files: Iterable[Path]) -> None:
-    """Look at the size of mesh files before anything reads them.
+    """Check the size of mesh files before they are read.
 
     Raises
     ------
@@ -114,13 +116,13 @@ def refuse_huge_meshes(files: Iterable[Path]) -> None:
             continue
         size = path.stat().st_size
         if size > MOST_BYTES:
-            raise _too_much(path, f"{size >> 20} MB, larger than {MOST_BYTES >> 20} MB")
+            raise _too_large(path, f"{size >> 20} MB, larger than {MOST_BYTES >> 20} MB")
         if path.suffix.lower() == ".stl" and size > _STL_TRIANGLE.itemsize * MOST_TRIANGLES:
             _refuse_triangles(path, _binary_stl_count(path) or 0)
 
 
 def _binary_stl_count(path: Path) -> int | None:
-    """Return how many triangles a binary STL file says that it has; None of text."""
+    """Return the number of triangles in a binary STL file's header; None for text files."""
     with path.open("rb") as file:
         count = int.from_bytes(file.read(_STL_HEADER)[80:], "little")
     size = _STL_HEADER + _STL_TRIANGLE.itemsize * count
@@ -129,10 +131,10 @@ def _binary_stl_count(path: Path) -> int | None:
 
 def _refuse_triangles(path: Path, count: int) -> None:
     if count > MOST_TRIANGLES:
-        raise _too_much(path, f"{count} triangles, more than {MOST_TRIANGLES}")
+        raise _too_large(path, f"{count} triangles, more than {MOST_TRIANGLES}")
 
 
-def _too_much(path: Path, what: str) -> ModelError:
+def _too_large(path: Path, what: str) -> ModelError:
     return ModelError(
         f"{path}: {what}; export the mesh with fewer triangles, some thousand show any link"
     )
@@ -180,17 +182,17 @@ def _read_obj(path: Path) -> Triangles:
             corners += [k - 1 if k > 0 else len(vertices) + k for k in numbers]
             counts.append(len(numbers))
     faces = fan(np.array(corners, dtype=np.int64), np.array(counts, dtype=np.int64))
-    return joined([Triangles(np.array(vertices).reshape(-1, 3), faces)])
+    return merged([Triangles(np.array(vertices).reshape(-1, 3), faces)])
 
 
 def _read_stl(path: Path) -> Triangles:
-    """Return a binary STL file, whose corners are one vertex where they are the same.
+    """Read a binary STL file, merging equal corners into one vertex.
 
-    Triangles of two corners are left out. Vertices are in the order in which they come up.
+    Degenerate triangles are left out. Vertices are in the order of their first use.
     """
     found = np.frombuffer(path.read_bytes(), dtype=_STL_TRIANGLE, offset=_STL_HEADER)["corners"]
     points = np.ascontiguousarray(found).reshape(-1, 3) + np.float32(0.0)  # -0 is 0
-    keys = points.view(np.uint32) @ _MIXED
+    keys = points.view(np.uint32) @ _HASH_FACTORS
     _, first, numbers = np.unique(keys, return_index=True, return_inverse=True)
     if (points[first[numbers]] != points).any():  # two points of one key: rows take twice as long
         rows = points.view(np.dtype((np.void, points.itemsize * 3))).ravel()
@@ -201,7 +203,7 @@ def _read_stl(path: Path) -> Triangles:
     faces = place[numbers].reshape(-1, 3)
     a, b, c = faces.T
     kept = faces[(a != b) & (b != c) & (c != a)]
-    return joined([Triangles(points[first[order]].astype(float), kept)])
+    return merged([Triangles(points[first[order]].astype(float), kept)])
 
 
 _READERS: dict[str, Callable[[Path], Triangles]] = {

@@ -1,4 +1,4 @@
-"""Read MJCF, or what MuJoCo made of it: the robot is made from the compiled model."""
+"""Read MJCF, or MuJoCo's objects: the robot is made from the compiled model."""
 
 from __future__ import annotations
 
@@ -12,9 +12,14 @@ import pinocchio as pin
 from wbc.errors import ModelError, listed
 from wbc.robot.formats.description import Description, check_joint_count, refuse_reserved
 from wbc.robot.formats.mjcf_compile import compile_mjcf
-from wbc.robot.formats.mujoco_check import confirm_against
-from wbc.robot.formats.mujoco_drives import drive_notes, passive_forces, set_joints, undriven
-from wbc.robot.formats.mujoco_equalities import add_loops, couplings, drawn_joints
+from wbc.robot.formats.mujoco_check import compare_with_mujoco
+from wbc.robot.formats.mujoco_drives import (
+    drive_notes,
+    passive_forces,
+    set_joints,
+    unactuated_joints,
+)
+from wbc.robot.formats.mujoco_equalities import add_loops, couplings, initial_joints
 from wbc.robot.formats.mujoco_part import RobotPart, robot_part
 from wbc.robot.formats.mujoco_shapes import read_shapes
 from wbc.robot.formats.mujoco_tree import base_of, build_tree, is_mounted, key_frames
@@ -48,8 +53,8 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
     tree = build_tree(part)
     set_joints(part, tree)
     base = base_of(part)
-    confirm_against(part, tree)
-    geometry, shape_notes = read_shapes(part, compiled.lost)
+    compare_with_mujoco(part, tree)
+    geometry, shape_notes = read_shapes(part, compiled.missing_shapes)
     x, y, z, w = pin.Quaternion(base.rotation).coeffs()
     passive = passive_forces(part)
     coupled, tie_notes = couplings(part)
@@ -63,7 +68,7 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
         coupled=coupled,
         states=key_frames(part),
         base=(*base.translation.tolist(), float(x), float(y), float(z), float(w)),
-        bolted=None if part.floats or part.loose else "the root has no free joint",
+        bolted=None if part.floats or part.floating_joints else "the root has no free joint",
         mounted=is_mounted(part),
         notes=part.notes
         + compiled.notes
@@ -75,8 +80,8 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
         + _other_notes(part, tree, passive),
         passive=passive,
         loops=loops,
-        unactuated=undriven(part),
-        drawn=drawn_joints(part),
+        unactuated=unactuated_joints(part),
+        drawn=initial_joints(part),
     )
 
 

@@ -1,8 +1,8 @@
-"""Ball joints of an MJCF as three hinges each, about x, y and z in turn.
+"""Ball joints of an MJCF are replaced by three hinges each, about x, y and z in turn.
 
-Joints have one coordinate each here. What turns a little about a ball, as a rod's end does, turns
-the same about three hinges; they are singular where the second one is at 90 degrees. It is done in
-MuJoCo's specification, so that all that is compared with MuJoCo is compared with what it compiles.
+Joints have one coordinate each here. For small angles, as of a rod's end, three hinges move like a
+ball joint; they are singular where the second one is at 90 degrees. MuJoCo's specification is
+changed, so that all later comparisons with MuJoCo use the compiled result.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ COPIED = ("pos", "damping", "armature", "frictionloss", "stiffness", "limited")
 def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, ...]]:
     """Return the compiled model with hinges for balls, and a note; ``model`` if there are none.
 
-    Balls that let the root float, beside three slides, stay; so do those that other joints of their
-    body follow, which are refused later.
+    Balls that let the root float, together with three slides, are kept; so are those with further
+    joints on their body, which are refused later.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
     ]
     if not balls:
         return model, ()
-    kept = [_keys_of(mujoco, model, {int(joint.id) for _, joint in balls}, k)
+    kept = [_key_coordinates(mujoco, model, {int(joint.id) for _, joint in balls}, k)
             for k in range(model.nkey)]  # fmt: skip
     names, wider = [], []
     limited = [bool(model.jnt_limited[joint.id]) for _, joint in balls]
@@ -45,7 +45,7 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
         names.append(str(joint.name) or f"{body.name}_joint")
         reach = float(joint.range[1])
         if bounded and 0.0 < reach < np.pi:
-            wider.append(f"{names[-1]} by {_together(reach):.3g} rad, not {reach:.3g}")
+            wider.append(f"{names[-1]} by {_combined_angle(reach):.3g} rad, not {reach:.3g}")
         for letter, axis in zip("xyz", np.eye(3), strict=True):
             hinge = body.add_joint(name=f"{names[-1]}:{letter}", axis=axis)
             hinge.type = mujoco.mjtJoint.mjJNT_HINGE
@@ -68,13 +68,13 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
     return spec.compile(), (note, wide) if wider else (note,)
 
 
-def _together(reach: float) -> float:
-    """Return the angle [rad] that hinges about x, y and z turn by together, each by ``reach``."""
+def _combined_angle(reach: float) -> float:
+    """Return the rotation angle [rad] of hinges about x, y and z, each at ``reach``."""
     w = np.cos(0.5 * reach) ** 3 - np.sin(0.5 * reach) ** 3  # of the quaternion, at its least
     return float(2.0 * np.arccos(np.clip(w, 0.0, 1.0)))
 
 
-def _keys_of(mujoco: Any, model: Any, balls: set[int], key: int) -> Array:
+def _key_coordinates(mujoco: Any, model: Any, balls: set[int], key: int) -> Array:
     """Return the coordinates of a key frame with three angles for each quaternion of ``balls``."""
     parts, q = [], np.array(model.key_qpos[key])
     sizes = {int(mujoco.mjtJoint.mjJNT_FREE): 7, int(mujoco.mjtJoint.mjJNT_BALL): 4}
@@ -94,7 +94,7 @@ def delete_from(spec: Any, element: Any) -> None:
 
 
 def hinge_angles(quaternion: Array) -> Array:
-    """Return the angles (3,) of hinges about x, y, z in turn that a quaternion w x y z is.
+    """Return the angles (3,) of hinges about x, y, z in turn for a quaternion w x y z.
 
     These are a, b, c with R = Rx(a) Ry(b) Rz(c).
     """

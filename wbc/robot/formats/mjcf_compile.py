@@ -1,7 +1,7 @@
-"""Compile MJCF with MuJoCo: what a file means is what its own compiler makes of it.
+"""Compile MJCF with MuJoCo, so that a file means what its own compiler makes of it.
 
-Files that only pictures need are done without: textures are not read, and shapes whose mesh is
-missing are left out and told of, unless a body's inertia is to come from them.
+Files needed for pictures only are skipped: textures are not read, and shapes whose mesh is missing
+are left out with a note, unless a body's inertia depends on them.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from wbc.robot.formats.xml import refuse_non_finite
 
 MOST_COPIES = 1000  # of what <replicate> and the like repeat
 REPEATING = ("replicate", "composite", "flexcomp")
-# Attributes of older files that MuJoCo knows no more, by element, and that no robot depends on.
-FORGOTTEN = {"flag": ("sensornoise",), "option": ("apirate",)}
+# Attributes of older files that MuJoCo has removed, by element, and that do not affect robots.
+REMOVED_ATTRIBUTES = {"flag": ("sensornoise",), "option": ("apirate",)}
 
 
 @dataclass(frozen=True, eq=False)
 class Compiled:
-    """A compiled model, and what was left out of it."""
+    """A compiled model, with notes of what was left out."""
 
     mujoco: Any  # the module
     model: Any  # mujoco.MjModel
     name: str
     notes: tuple[str, ...] = ()
-    lost: tuple[str, ...] = ()  # shapes that collide and were not found, in words
+    missing_shapes: tuple[str, ...] = ()  # shapes that collide and were not found, in words
 
 
 def is_mujoco(source: object, kind: str) -> bool:
@@ -69,12 +69,16 @@ def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Com
         return Compiled(mujoco, source, _name_or_stem(name, path))
     if root is not None:
         refuse_non_finite(root, path)
-        _refuse_many(root, path)
+        _refuse_many_copies(root, path)
     with quietly(mujoco), warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         try:
-            older = () if root is None else _forgotten(root)
-            source = _without(mujoco, source, root) if older and root is not None else source
+            older = () if root is None else _removed_attributes(root)
+            source = (
+                _spec_without_removed(mujoco, source, root)
+                if older and root is not None
+                else source
+            )
             found = _compiled(mujoco, source, path)
         except (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError) as error:
             said = " ".join(str(error).removeprefix("Error: ").split())
@@ -86,21 +90,21 @@ def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Com
     return replace(found, notes=found.notes + notes)
 
 
-def _forgotten(root: ET.Element) -> tuple[str, ...]:
-    """Return what a document has of :data:`FORGOTTEN`, in words."""
+def _removed_attributes(root: ET.Element) -> tuple[str, ...]:
+    """Return the :data:`REMOVED_ATTRIBUTES` of a document, in words."""
     return tuple(
         f"<{tag} {name}>"
-        for tag, names in FORGOTTEN.items()
+        for tag, names in REMOVED_ATTRIBUTES.items()
         for element in root.iter(tag)
         for name in names
         if name in element.attrib
     )
 
 
-def _without(mujoco: Any, source: Any, root: ET.Element) -> Any:
-    """Return the specification of a document without what MuJoCo knows no more."""
+def _spec_without_removed(mujoco: Any, source: Any, root: ET.Element) -> Any:
+    """Return the specification of a document without :data:`REMOVED_ATTRIBUTES`."""
     plain = copy.deepcopy(root)
-    for tag, names in FORGOTTEN.items():
+    for tag, names in REMOVED_ATTRIBUTES.items():
         for element in plain.iter(tag):
             for name in names:
                 element.attrib.pop(name, None)
@@ -114,7 +118,7 @@ def _name_or_stem(name: str, path: Path) -> str:
     return path.stem if name in ("", "MuJoCo Model") else name
 
 
-def _refuse_many(root: ET.Element, path: Path) -> None:
+def _refuse_many_copies(root: ET.Element, path: Path) -> None:
     """Refuse numbers of copies that take memory and minutes."""
     for element in root.iter():
         copies = 1.0
@@ -128,7 +132,7 @@ def _refuse_many(root: ET.Element, path: Path) -> None:
 
 
 def _spec(mujoco: Any, source: Any) -> Any:
-    """Return a specification that is ours to change."""
+    """Return a specification that may be changed."""
     if isinstance(source, Path):
         spec = mujoco.MjSpec.from_file(str(source))
     elif isinstance(source, str):
@@ -141,12 +145,12 @@ def _spec(mujoco: Any, source: Any) -> Any:
         if hasattr(spec.compiler, field):
             setattr(spec.compiler, field, False)
     for texture in spec.textures:
-        _make_plain(mujoco, texture)
+        _drop_texture_file(mujoco, texture)
     return spec
 
 
-def _make_plain(mujoco: Any, texture: Any) -> None:
-    """Make a texture of a file one that no file is needed for; no robot is made of it."""
+def _drop_texture_file(mujoco: Any, texture: Any) -> None:
+    """Replace a texture's file by a plain colour: robots do not need it."""
     files = [str(texture.file or ""), *(str(file) for file in texture.cubefiles)]
     if not any(files):
         return
@@ -165,7 +169,7 @@ def _compiled(mujoco: Any, source: Any, path: Path) -> Compiled:
     name = _name_or_stem(str(spec.modelname), path)
     refuse_huge_meshes(file for _, file in _files(spec, spec.meshes) if file is not None)
     try:
-        return _hinged(Compiled(mujoco, spec.compile(), name), spec)
+        return _with_hinges(Compiled(mujoco, spec.compile(), name), spec)
     except ValueError:
         spec = _spec(mujoco, source)  # what failed to compile cannot be changed
         shapes, missing = _leave_out_missing(mujoco, spec, path)
@@ -178,11 +182,11 @@ def _compiled(mujoco: Any, source: Any, path: Path) -> Compiled:
         notes.append(f"{len(shapes)} shapes left out, as their meshes were not found: {some}")
     if elsewhere:
         notes.append(f"contact pairs with what is not in the file left out: {listed(elsewhere)}")
-    lost = tuple(words for words, collides in shapes.items() if collides)
-    return _hinged(Compiled(mujoco, spec.compile(), name, tuple(notes), lost), spec)
+    missing_shapes = tuple(words for words, collides in shapes.items() if collides)
+    return _with_hinges(Compiled(mujoco, spec.compile(), name, tuple(notes), missing_shapes), spec)
 
 
-def _hinged(found: Compiled, spec: Any) -> Compiled:
+def _with_hinges(found: Compiled, spec: Any) -> Compiled:
     """Return a compiled specification with hinges for ball joints."""
     model, notes = without_balls(found.mujoco, spec, found.model)
     return replace(found, model=model, notes=found.notes + notes)
@@ -222,7 +226,7 @@ def _leave_out_missing(mujoco: Any, spec: Any, path: Path) -> tuple[dict[str, bo
             if str(geom.meshname) not in gone:
                 continue
             where = f"{gone[str(geom.meshname)]} of body {str(body.name)!r}"
-            if _weighs(mujoco, spec, body, geom):
+            if _counts_in_inertia(mujoco, spec, body, geom):
                 raise ModelError(
                     f"{path}: mesh {where} was not found, and the body takes its inertia from it;"
                     " bring the file, or give the body an <inertial>"
@@ -239,7 +243,7 @@ def _leave_out_missing(mujoco: Any, spec: Any, path: Path) -> tuple[dict[str, bo
 
 
 def _leave_out_ground(spec: Any) -> int:
-    """Remove height fields whose files are missing; return how many. No robot is made of them."""
+    """Remove height fields whose files are missing; return how many."""
     fields = [field for field, file in _files(spec, spec.hfields) if file and not file.is_file()]
     names = {str(field.name) for field in fields}
     for geom in list(spec.geoms):
@@ -262,7 +266,7 @@ def _leave_out_pairs(spec: Any) -> list[str]:
     return list(found)
 
 
-def _weighs(mujoco: Any, spec: Any, body: Any, geom: Any) -> bool:
+def _counts_in_inertia(mujoco: Any, spec: Any, body: Any, geom: Any) -> bool:
     """Return whether a geom's mass counts in the inertia of its body."""
     if str(body.name) == "world":
         return False

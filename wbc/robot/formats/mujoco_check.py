@@ -1,4 +1,4 @@
-"""A robot against the compiled MuJoCo model that it stands for: at load, at three postures."""
+"""Comparison of a robot with its compiled MuJoCo model at three postures, when loading."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ AGREEMENT = 1e-9
 SEED = 0
 
 
-def confirm_against(part: RobotPart, tree: pin.Model) -> None:
+def compare_with_mujoco(part: RobotPart, tree: pin.Model) -> None:
     """Compare frames, masses, ranges and mass matrices with MuJoCo's own.
 
     The postures are the one that the file draws, the one of zeros, and a random one.
@@ -48,7 +48,7 @@ def compare_motion(part: RobotPart, tree: pin.Model, base: pin.SE3) -> None:
     Raises
     ------
     ModelError
-        See :func:`confirm_against`.
+        See :func:`compare_with_mujoco`.
     """
     mujoco, model = part.mujoco, part.model
     data, ours = mujoco.MjData(model), tree.createData()
@@ -111,7 +111,7 @@ def _compare_masses(part: RobotPart, tree: pin.Model) -> None:
     total = float(sum(below[root] for root in part.roots))
     read = float(pin.computeTotalMass(tree))
     if not abs(read - total) <= AGREEMENT * abs(total):
-        raise _disagrees(part.path, "mass", f"{read:g} kg", f"{total:g} kg")
+        raise _disagreement(part.path, "mass", f"{read:g} kg", f"{total:g} kg")
     data = tree.createData()
     pin.computeSubtreeMasses(tree, data)
     for joint in part.joints:
@@ -119,7 +119,7 @@ def _compare_masses(part: RobotPart, tree: pin.Model) -> None:
         found = float(data.mass[tree.getJointId(name)])
         if not abs(found - carried) <= AGREEMENT * abs(total):
             what = f"what joint {name!r} carries"
-            raise _disagrees(part.path, what, f"{found:g} kg", f"{carried:g} kg")
+            raise _disagreement(part.path, what, f"{found:g} kg", f"{carried:g} kg")
 
 
 def _compare_ranges(part: RobotPart, tree: pin.Model) -> None:
@@ -130,7 +130,7 @@ def _compare_ranges(part: RobotPart, tree: pin.Model) -> None:
         if part.model.jnt_limited[joint]:
             wanted = tuple(part.model.jnt_range[joint].tolist())
         if found != wanted:
-            raise _disagrees(part.path, f"the range of joint {name!r}", str(found), str(wanted))
+            raise _disagreement(part.path, f"the range of joint {name!r}", str(found), str(wanted))
 
 
 def _compare_frames(part: RobotPart, tree: pin.Model, data: Any, ours: pin.Data) -> None:
@@ -152,7 +152,7 @@ def _compare_frames(part: RobotPart, tree: pin.Model, data: Any, ours: pin.Data)
         tilt = float(np.abs(pose.rotation - np.reshape(turned, (3, 3))).max())
         if not max(off / size, tilt) <= AGREEMENT:
             found = f"{off:.3g} m, {tilt:.3g} rad off"
-            raise _disagrees(part.path, f"frame {name!r}", found, "0")
+            raise _disagreement(part.path, f"frame {name!r}", found, "0")
 
 
 def _compare_inertia(part: RobotPart, tree: pin.Model, data: Any, ours: pin.Data, q: Array) -> None:
@@ -183,10 +183,10 @@ def _compare_inertia(part: RobotPart, tree: pin.Model, data: Any, ours: pin.Data
         a, b = np.unravel_index(int(np.argmax(off)), off.shape)
         what = f"the mass matrix at {labels[int(a)]!r}, {labels[int(b)]!r}"
         found = float(M[rates[int(a)], rates[int(b)]])
-        raise _disagrees(part.path, what, f"{found:.9g}", f"{wanted[a, b]:.9g}")
+        raise _disagreement(part.path, what, f"{found:.9g}", f"{wanted[a, b]:.9g}")
 
 
-def _disagrees(path: Path, what: str, found: str, wanted: str) -> ModelError:
+def _disagreement(path: Path, what: str, found: str, wanted: str) -> ModelError:
     return ModelError(
         f"{path}: {what}: {found} here, but MuJoCo has {wanted}; the file uses what is not read"
         " here, and is refused"

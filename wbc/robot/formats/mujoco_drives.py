@@ -1,4 +1,4 @@
-"""What moves and holds the joints of a compiled MuJoCo model: ranges, motors, friction, springs."""
+"""Joint ranges, motors, friction and springs of a compiled MuJoCo model."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from wbc.robot.limits import BASE_NV
 from wbc.robot.passive import GravityCompensation, PassiveForces, Spring
 
 Range = tuple[float, float]
-ANY: Range = (-math.inf, math.inf)
+UNBOUNDED: Range = (-math.inf, math.inf)
 
 
 def set_joints(part: RobotPart, tree: pin.Model) -> None:
@@ -42,7 +42,10 @@ def set_joints(part: RobotPart, tree: pin.Model) -> None:
         tree.damping[v] = damping[joint][0]
         friction = max(float(model.dof_frictionloss[dof]), 0.0) if rubbed else 0.0  # as MuJoCo
         tree.lowerDryFrictionLimit[v], tree.upperDryFrictionLimit[v] = -friction, friction
-        effort = min(_both_ways(*motors.get(joint, ANY)), _both_ways(*_taken(model, joint)))
+        effort = min(
+            _symmetric_limit(*motors.get(joint, UNBOUNDED)),
+            _symmetric_limit(*_joint_force_range(model, joint)),
+        )
         tree.lowerEffortLimit[v], tree.upperEffortLimit[v] = -effort, effort
         tree.lowerVelocityLimit[v], tree.upperVelocityLimit[v] = -math.inf, math.inf
 
@@ -53,15 +56,15 @@ def _flag(mujoco: Any, name: str) -> int:
     return int(bits.get(name, bits.get("mjDSBL_PASSIVE", 0)))
 
 
-def _both_ways(low: float, high: float) -> float:
-    """Return what a range gives both ways: its smaller end; its larger one if the other is 0."""
+def _symmetric_limit(low: float, high: float) -> float:
+    """Return a range's limit in both directions: its smaller end, or the other if that is 0."""
     ends = sorted((abs(low), abs(high)))
     return ends[0] or ends[1] or math.inf
 
 
-def _taken(model: Any, joint: int) -> Range:
-    """Return the range of what a joint takes of its motors."""
-    return _range(model.jnt_actfrcrange[joint]) if model.jnt_actfrclimited[joint] else ANY
+def _joint_force_range(model: Any, joint: int) -> Range:
+    """Return the range of force that a joint accepts from its motors."""
+    return _range(model.jnt_actfrcrange[joint]) if model.jnt_actfrclimited[joint] else UNBOUNDED
 
 
 def _rotors(mujoco: Any, model: Any) -> dict[int, float]:
@@ -84,20 +87,23 @@ def _damping(mujoco: Any, model: Any) -> dict[int, tuple[float, float, float]]:
     off = int(model.opt.disableflags) & _flag(mujoco, "mjDSBL_DAMPER")
     for joint in range(model.njnt):
         dof = int(model.jnt_dofadr[joint])
-        own = float(model.dof_damping[dof]), *_higher(model, "dof_dampingpoly", dof)
+        own = float(model.dof_damping[dof]), *_higher_coefficients(model, "dof_dampingpoly", dof)
         found[joint] = (0.0, 0.0, 0.0) if off else own
     if off or not hasattr(model, "actuator_damping"):
         return found
     for motor, joint in motors_on_joints(mujoco, model).items():
         felt = float(model.actuator_gear[motor, 0]) ** 2
-        own = float(model.actuator_damping[motor]), *_higher(model, "actuator_dampingpoly", motor)
+        own = (
+            float(model.actuator_damping[motor]),
+            *_higher_coefficients(model, "actuator_dampingpoly", motor),
+        )
         b, b1, b2 = found[joint]
         found[joint] = b + felt * own[0], b1 + felt * own[1], b2 + felt * own[2]
     return found
 
 
 def _motors(mujoco: Any, model: Any) -> dict[int, Range]:
-    """Return the range of torque [N m] or force [N] that the motors of each joint give together."""
+    """Return the summed range of torque [N m] or force [N] of each joint's motors."""
     found: dict[int, Range] = {}
     for motor, joint in acting_motors(mujoco, model).items():
         low, high = found.get(joint, (0.0, 0.0))
@@ -107,7 +113,7 @@ def _motors(mujoco: Any, model: Any) -> dict[int, Range]:
 
 
 def _motor_force(mujoco: Any, model: Any, motor: int) -> Range:
-    gear, force = float(model.actuator_gear[motor, 0]), ANY
+    gear, force = float(model.actuator_gear[motor, 0]), UNBOUNDED
     if model.actuator_forcelimited[motor]:
         force = _range(model.actuator_forcerange[motor])
     plain = (
@@ -137,17 +143,17 @@ def _scaled(range_: Range, by: float) -> Range:
     return low, high
 
 
-def undriven(part: RobotPart) -> tuple[str, ...] | None:
+def unactuated_joints(part: RobotPart) -> tuple[str, ...] | None:
     """Return the joints that no motor drives; None if the file has no motors."""
     driven = {*acting_motors(part.mujoco, part.model).values()} & {*part.joints}
     return tuple(part.names.joints[k] for k in part.joints if k not in driven) if driven else None
 
 
 def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) -> tuple[str, ...]:
-    """Return notes of what drives or holds the robot in MuJoCo and is not used here.
+    """Return notes of drives and forces of MuJoCo that are not used here.
 
-    ``looped``: whether it has closed loops, in which joints without a motor get none here, as those
-    that are ``following`` others.
+    ``looped``: whether it has closed loops, in which joints without a motor stay unactuated, as
+    those that are ``following`` others.
     """
     notes, mine = [], {*part.joints}
     mujoco, model, names = part.mujoco, part.model, part.names
@@ -164,9 +170,9 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
         )
     if off := [names.actuators[k] for k in every if k not in acting]:
         notes.append(f"actuators of groups that the file switches off drive nothing: {listed(off)}")
-    notes += _switches(part)
+    notes += _disabled_notes(part)
     driven = {joint for joint in acting.values() if joint in mine}
-    still = undriven(part)
+    still = unactuated_joints(part)
     still = still and tuple(name for name in still if name not in following)
     if still:
         here = "none does here" if looped else "here each joint has one"
@@ -180,7 +186,7 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
             f"motors that the file lets pull one way only are taken to pull both ways:"
             f" {listed(one_way)}"
         )
-    unlike = [names.joints[j] for j in sorted(driven) if _is_unlike(model, pulls[j], j)]
+    unlike = [names.joints[j] for j in sorted(driven) if _is_asymmetric(model, pulls[j], j)]
     if unlike:
         notes.append(
             "motors that the file lets pull harder one way than the other are held to the smaller:"
@@ -206,8 +212,8 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
     return tuple(notes)
 
 
-def _switches(part: RobotPart) -> list[str]:
-    """Return notes of what the file switches off and is used here all the same."""
+def _disabled_notes(part: RobotPart) -> list[str]:
+    """Return notes of features that the file disables and that are used here nevertheless."""
     bits, model, found = part.mujoco.mjtDisableBit, part.model, list[str]()
     disabled = int(model.opt.disableflags)
     if disabled & int(bits.mjDSBL_ACTUATION) and model.nu:
@@ -221,15 +227,15 @@ def _switches(part: RobotPart) -> list[str]:
 
 
 def _is_one_way(model: Any, pull: Range, joint: int) -> bool:
-    """Whether motors together, or what a joint takes of them, pull one way only."""
-    ranges = (pull, _taken(model, joint))
+    """Return whether a joint's motors, within its force range, pull one way only."""
+    ranges = (pull, _joint_force_range(model, joint))
     return any(low * high >= 0.0 and low != high for low, high in ranges)
 
 
-def _is_unlike(model: Any, pull: Range, joint: int) -> bool:
-    """Whether they pull both ways, and more the one way than is taken for both."""
-    taken = _taken(model, joint)
-    least = min(_both_ways(*pull), _both_ways(*taken))
+def _is_asymmetric(model: Any, pull: Range, joint: int) -> bool:
+    """Return whether they pull both ways, but harder in one than the symmetric limit."""
+    taken = _joint_force_range(model, joint)
+    least = min(_symmetric_limit(*pull), _symmetric_limit(*taken))
     low, high = max(pull[0], taken[0]), min(pull[1], taken[1])
     return low < 0.0 < high and max(-low, high) > least * (1.0 + 1e-9)
 
@@ -246,7 +252,7 @@ def passive_forces(part: RobotPart) -> PassiveForces:
             continue
         name = names.joints[joint]
         k = float(model.jnt_stiffness[joint])
-        k1, k2 = _higher(model, "jnt_stiffnesspoly", joint)
+        k1, k2 = _higher_coefficients(model, "jnt_stiffnesspoly", joint)
         if sprung and (k or k1 or k2):
             rest = float(model.qpos_spring[part.start_of(joint)])
             springs[name] = Spring(k, (k1, k2), rest)
@@ -266,7 +272,7 @@ def passive_forces(part: RobotPart) -> PassiveForces:
     return PassiveForces(springs, lifts, curves)
 
 
-def _higher(model: Any, field: str, index: int) -> tuple[float, float]:
+def _higher_coefficients(model: Any, field: str, index: int) -> tuple[float, float]:
     """Return the coefficients above the linear one, which only newer MuJoCo has."""
     values = getattr(model, field, None)
     if values is None:

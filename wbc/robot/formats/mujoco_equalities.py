@@ -20,10 +20,10 @@ TIES = (CONNECT, "mjEQ_WELD")  # of two frames
 
 
 def couplings(part: RobotPart) -> tuple[dict[str, Coupling], tuple[str, ...]]:
-    """Return the joints that follow others, or none: these are held at a constant; and notes.
+    """Return the mimic joints' couplings (constant if they follow no joint), and notes.
 
-    Of two constraints of one joint, one is turned around: its driver follows the joint. So is that
-    of a joint with a motor which would follow one without.
+    Of two constraints of one joint, one is inverted: its driver follows the joint. So is that of a
+    joint with a motor which would follow one without.
 
     Raises
     ------
@@ -54,15 +54,15 @@ def couplings(part: RobotPart) -> tuple[dict[str, Coupling], tuple[str, ...]]:
             continue
         del found[name]
         found[coupling.driver] = around
-    beside = _beside(part)
+    beside = _outside_constraints(part)
     notes: tuple[str, ...] = ()
     if beside:
         notes = (f"equality constraints with what is left out do not act: {listed(beside)}",)
     return found, notes
 
 
-def _beside(part: RobotPart) -> list[str]:
-    """Return the active constraints between the robot and bodies beside it, in words."""
+def _outside_constraints(part: RobotPart) -> list[str]:
+    """Return the active constraints between the robot and other bodies, in words."""
     found = []
     for number in _active(part):
         bodies = _bodies_of(part, number) - {0}
@@ -93,7 +93,7 @@ def _couplings(part: RobotPart) -> Iterator[tuple[str, Coupling]]:
     for number in _active(part):
         kind = _kind(part, number)
         if kind.name != "mjEQ_JOINT":
-            if kind.name not in TIES and _touches(part, number):
+            if kind.name not in TIES and _is_robots_own(part, number):
                 raise ModelError(
                     f"{part.path}: equality constraint <{kind.name[5:].lower()}"
                     f" name={names.equalities[number]!r}>: constraints of tendons and soft bodies"
@@ -115,11 +115,11 @@ def _couplings(part: RobotPart) -> Iterator[tuple[str, Coupling]]:
             yield name, Coupling("", 0.0, float(powers[0]) + drawn)
             continue
         there = float(model.qpos0[part.start_of(driver)])
-        yield name, _from_drawn(names.joints[driver], powers.tolist(), drawn, there)
+        yield name, _recentred(names.joints[driver], powers.tolist(), drawn, there)
 
 
-def _from_drawn(driver: str, powers: list[float], drawn: float, there: float) -> Coupling:
-    """Return a polynomial of the driver's distance from where it is drawn as one of its place."""
+def _recentred(driver: str, powers: list[float], drawn: float, there: float) -> Coupling:
+    """Return a polynomial in the driver's displacement from ``ref`` as one in its position."""
     offset, ratio, *curved = powers
     if not any(curved):
         return Coupling(driver, ratio, offset + drawn - ratio * there)
@@ -147,7 +147,7 @@ def add_loops(
     tied = set(_active(part))
     for number in range(model.neq):
         kind = _kind(part, number)
-        if kind.name not in TIES or not _touches(part, number):
+        if kind.name not in TIES or not _is_robots_own(part, number):
             continue
         ends, places = _ends(part, number)
         name = names.equalities[number] or " to ".join(names.bodies[body] for body in ends)
@@ -212,11 +212,8 @@ def _kind(part: RobotPart, number: int) -> Any:
     return part.mujoco.mjtEq(int(part.model.eq_type[number]))
 
 
-def _touches(part: RobotPart, number: int) -> bool:
-    """Return whether a constraint ties a body (or tendon) of the robot, and nothing beside it.
-
-    One end may be on the world.
-    """
+def _is_robots_own(part: RobotPart, number: int) -> bool:
+    """Return whether a constraint is on the robot's bodies or tendons, or the world, only."""
     kinds = part.mujoco.mjtObj
     if int(part.model.eq_objtype[number]) not in (kinds.mjOBJ_SITE, kinds.mjOBJ_BODY):
         return True
@@ -225,8 +222,8 @@ def _touches(part: RobotPart, number: int) -> bool:
     return ends <= known and ends != {0}
 
 
-def drawn_joints(part: RobotPart) -> Mapping[str, tuple[float, ...]]:
-    """Return where the file draws the joints, which is mostly where its loops are closed."""
+def initial_joints(part: RobotPart) -> Mapping[str, tuple[float, ...]]:
+    """Return the file's initial joint positions, at which its loops are mostly closed."""
     return {
         part.names.joints[joint]: (float(part.model.qpos0[part.start_of(joint)]),)
         for joint in part.joints

@@ -1,4 +1,4 @@
-"""Which bodies of a compiled MuJoCo model are the robot's, where the world holds others too.
+"""Finding the robot's bodies in a compiled MuJoCo model whose world has others too.
 
 Scenes hold tables, balls and doors; the makers' own files of G1, H1 and R1 hold bodies far above
 the ground, whose joints take the place of motors that a model does not have.
@@ -15,7 +15,7 @@ import numpy as np
 
 from wbc.errors import ModelError, listed
 
-SPANNED = 0.5  # volume of three axes, of 1 where they are at right angles
+LEAST_AXES_VOLUME = 0.5  # volume of three axes, of 1 where they are at right angles
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +30,8 @@ class RobotPart:
     bodies: tuple[int, ...]  # what they carry, depth first, the roots included
     joints: tuple[int, ...]  # of these bodies, without a free joint of the root
     floats: bool = False  # whether the root has a free joint
-    # Three slides and three hinges, or a ball, of the root that no motor drives: its floating base.
-    loose: tuple[int, ...] = ()
+    # The root's unactuated three slides and three hinges, or ball: its floating base.
+    floating_joints: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
 
     def kind_of(self, joint: int) -> str:
@@ -67,17 +67,17 @@ class Names:
         self.equalities = [name(kinds.mjOBJ_EQUALITY, k) for k in range(model.neq)]
         self.tendons = [name(kinds.mjOBJ_TENDON, k) for k in range(model.ntendon)]
         self.keys = [name(kinds.mjOBJ_KEY, k) for k in range(model.nkey)]
-        _fill(self.bodies, [f"body_{k}" for k in range(model.nbody)])
+        _name_unnamed(self.bodies, [f"body_{k}" for k in range(model.nbody)])
         carriers = [self.bodies[int(body)] for body in model.jnt_bodyid]
-        _fill(self.joints, [f"{body}_joint" for body in carriers])
+        _name_unnamed(self.joints, [f"{body}_joint" for body in carriers])
         owners = [self.bodies[int(body)] for body in model.geom_bodyid]
-        _fill(self.geoms, [f"{body}_geom" for body in owners])
-        _fill(self.keys, [f"key_{k}" for k in range(model.nkey)])
-        _fill(self.actuators, [f"actuator_{k}" for k in range(model.nu)])
-        _fill(self.tendons, [f"tendon_{k}" for k in range(model.ntendon)])
+        _name_unnamed(self.geoms, [f"{body}_geom" for body in owners])
+        _name_unnamed(self.keys, [f"key_{k}" for k in range(model.nkey)])
+        _name_unnamed(self.actuators, [f"actuator_{k}" for k in range(model.nu)])
+        _name_unnamed(self.tendons, [f"tendon_{k}" for k in range(model.ntendon)])
 
 
-def _fill(names: list[str], wanted: list[str]) -> None:
+def _name_unnamed(names: list[str], wanted: list[str]) -> None:
     """Give nameless entries the names that are wanted, numbered where these are taken."""
     taken = set(names)
     for k, name in enumerate(names):
@@ -92,11 +92,11 @@ def _fill(names: list[str], wanted: list[str]) -> None:
 
 
 def robot_part(mujoco: Any, model: Any, path: Path) -> RobotPart:
-    """Return the bodies of the robot, and a note of what is beside it.
+    """Return the bodies of the robot, and a note of the others.
 
-    If motors drive some trees, the others are scenery. Of those that are left the robot is the only
-    one with a free joint and further joints; if none is, the only one with joints. Several that
-    motors drive and that do not float are one robot on a root that is fixed.
+    If motors drive some trees, the others are scenery. Of the remaining trees the robot is the only
+    one with a free joint and further joints; if there is none, the only one with joints. Several
+    actuated trees that do not float are one robot on a fixed root.
 
     Raises
     ------
@@ -117,16 +117,18 @@ def robot_part(mujoco: Any, model: Any, path: Path) -> RobotPart:
     if others:
         named = ", ".join(names.bodies[body] for body in roots)
         notes = (f"bodies beside the robot, whose root is {named}, left out: {listed(others)}",)
-    loose = _loose(mujoco, model, roots, joints)
-    if loose:
-        named = ", ".join(names.joints[k] for k in loose)
+    floating_joints = _floating_joints(mujoco, model, roots, joints)
+    if floating_joints:
+        named = ", ".join(names.joints[k] for k in floating_joints)
         notes += (f"joints of the root that are its floating base: {named}",)
-    moving = tuple(k for k in joints if k not in free and k not in loose)
+    moving = tuple(k for k in joints if k not in free and k not in floating_joints)
     of_model = mujoco, model, names, path
-    return RobotPart(*of_model, tuple(roots), bodies, moving, bool(free), loose, notes)
+    return RobotPart(*of_model, tuple(roots), bodies, moving, bool(free), floating_joints, notes)
 
 
-def _loose(mujoco: Any, model: Any, roots: list[int], joints: list[int]) -> tuple[int, ...]:
+def _floating_joints(
+    mujoco: Any, model: Any, roots: list[int], joints: list[int]
+) -> tuple[int, ...]:
     """Return the joints of the only root if together they let it float, none of them driven."""
     own = [k for k in joints if len(roots) == 1 and int(model.jnt_bodyid[k]) == roots[0]]
     kinds = [int(model.jnt_type[k]) for k in own]
@@ -138,7 +140,7 @@ def _loose(mujoco: Any, model: Any, roots: list[int], joints: list[int]) -> tupl
         return ()
     driven = {*acting_motors(mujoco, model).values()} & {*own}
     spanned = [abs(float(np.linalg.det(model.jnt_axis[axes]))) for axes in (slides, *turning)]
-    return () if driven or min(spanned) < SPANNED else tuple(own)
+    return () if driven or min(spanned) < LEAST_AXES_VOLUME else tuple(own)
 
 
 def _roots(mujoco: Any, model: Any, names: Names, tops: list[int], path: Path) -> list[int]:

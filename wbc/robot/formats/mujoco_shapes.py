@@ -1,4 +1,4 @@
-"""The shapes of a compiled MuJoCo model: which are seen, which meet, and which pairs never do."""
+"""The shapes of a compiled MuJoCo model: visual and collision shapes, and excluded pairs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from wbc.robot.formats.triangles import Surfaces, Triangles
 from wbc.validate import Array
 
 SHOWN_GROUPS = 3  # geoms of groups 0, 1 and 2 are drawn; those above are for contacts only
-_PLAIN = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of what is given none
+_DEFAULT_COLOUR = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of what is given none
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class MujocoGeometry:
 
     shapes: tuple[GeomShape, ...]
     meshes: tuple[Triangles, ...]
-    lost: tuple[str, ...]
+    missing_shapes: tuple[str, ...]
     rules: ContactRules = NO_RULES
 
     def content(self) -> Iterator[bytes]:
@@ -88,12 +88,14 @@ class MujocoGeometry:
         return coal.Box(1.0, 1.0, 1.0)  # of a mesh, see Surfaces
 
 
-def read_shapes(part: RobotPart, lost: tuple[str, ...]) -> tuple[MujocoGeometry, tuple[str, ...]]:
+def read_shapes(
+    part: RobotPart, missing_shapes: tuple[str, ...]
+) -> tuple[MujocoGeometry, tuple[str, ...]]:
     """Return the shapes of the robot's part, and notes of what is left out.
 
     Parameters
     ----------
-    lost:
+    missing_shapes:
         Shapes that collide and were not found, in words.
     """
     types, model, names = part.mujoco.mjtGeom, part.model, part.names
@@ -138,13 +140,13 @@ def read_shapes(part: RobotPart, lost: tuple[str, ...]) -> tuple[MujocoGeometry,
     notes: tuple[str, ...] = ()
     if unknown:
         notes = (f"{len(unknown)} shapes that end nowhere left out: {', '.join(unknown[:3])}",)
-    return MujocoGeometry(tuple(shapes), meshes, lost, rules), notes
+    return MujocoGeometry(tuple(shapes), meshes, missing_shapes, rules), notes
 
 
 def _colour(model: Any, geom: int) -> Array:
     own = np.array(model.geom_rgba[geom], dtype=float)
     material = int(model.geom_matid[geom])
-    if material >= 0 and np.allclose(own, _PLAIN):
+    if material >= 0 and np.allclose(own, _DEFAULT_COLOUR):
         return np.array(model.mat_rgba[material], dtype=float)
     return own
 

@@ -149,7 +149,7 @@ def key_frames(part: RobotPart) -> Mapping[str, Any]:
             start = part.start_of(part.root_joint)
             w, x, y, z = q[start + 3 : start + 7].tolist()
             state[ROOT] = (*q[start : start + 3].tolist(), x, y, z, w)
-        if part.loose:  # six joints, which place the root together
+        if part.floating_joints:  # six joints, which place the root together
             data.qpos[:] = q
             part.mujoco.mj_kinematics(model, data)
             w, x, y, z = data.xquat[part.roots[0]].tolist()

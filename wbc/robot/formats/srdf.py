@@ -14,27 +14,27 @@ import pinocchio as pin
 from wbc.errors import ModelError, listed
 from wbc.robot.formats.description import State
 from wbc.robot.formats.urdf_exporters import refuse_macros
-from wbc.robot.formats.urdf_words import ALIKE
+from wbc.robot.formats.urdf_words import SIMILARITY
 from wbc.robot.formats.xml import read_xml
 from wbc.robot.limits import BASE_NQ
 
 COLLISIONS = ("disable_collisions", "disable_default_collisions", "enable_collisions")
-READ = ("group_state", "passive_joint", *COLLISIONS)
-UNIT = 1e-2  # by which files may round a cosine and a sine
+READ_ELEMENTS = ("group_state", "passive_joint", *COLLISIONS)
+UNIT_TOLERANCE = 1e-2  # of cos^2 + sin^2, which files round
 
 
 @dataclass(frozen=True)
 class Semantics:
-    """What one SRDF says."""
+    """The content of one SRDF."""
 
     states: dict[str, State]  # configurations by name; groups' states of one name are one
     disabled: frozenset[frozenset[str]]  # pairs of links that are not checked for collisions
     passive: tuple[str, ...]  # joints without motors
-    overwritten: tuple[str, ...]  # what groups contradict each other in, in words
-    unread: tuple[str, ...]  # what is not read, though it looks as if it should be, in words
+    overwritten: tuple[str, ...]  # contradictions between groups, in words
+    unread: tuple[str, ...]  # probably misspelt or unsupported elements, in words
 
     def notes(self, model: pin.Model) -> tuple[str, ...]:
-        """Return what is not used of it with a robot, in words.
+        """Return which parts are not used with a robot, in words.
 
         ``model`` has all joints of the description, none locked.
         """
@@ -104,8 +104,8 @@ def _unread(root: ET.Element) -> tuple[str, ...]:
     """
     told = list[str]()
     for element in root:
-        near = get_close_matches(str(element.tag).lower(), READ, n=1, cutoff=ALIKE)
-        if near and element.tag not in READ:
+        near = get_close_matches(str(element.tag).lower(), READ_ELEMENTS, n=1, cutoff=SIMILARITY)
+        if near and element.tag not in READ_ELEMENTS:
             told.append(f"<{element.tag}> (is {near[0]!r} meant?)")
         if element.tag == "group_state":
             others = [str(one.tag) for one in element if one.tag != "joint"]
@@ -116,7 +116,7 @@ def _unread(root: ET.Element) -> tuple[str, ...]:
 
 
 def _disabled(root: ET.Element, path: Path, model: pin.Model | None) -> set[frozenset[str]]:
-    """Return the pairs of links that are not watched: one by one, or all of a link but some."""
+    """Return the pairs of links whose collisions are disabled, singly or by default."""
     bodies = () if model is None else model.frames
     links = [str(frame.name) for frame in bodies if frame.type == pin.FrameType.BODY]
     found = set(_pairs(root, "disable_collisions", path))
@@ -158,7 +158,7 @@ def _joint_values(
             raise ModelError(
                 f"{where} is not a configuration (x, y, z, quaternion x, y, z, w for the base)"
             )
-        if len(values) == 2 == sizes.get(name) and abs(math.hypot(*values) - 1.0) > UNIT:
+        if len(values) == 2 == sizes.get(name) and abs(math.hypot(*values) - 1.0) > UNIT_TOLERANCE:
             raise ModelError(f"{where} is no (cos, sin): its squares sum to {norm:.3g}, not 1")
         if len(values) == 2 and sizes.get(name) == 1:
             raise ModelError(

@@ -1,4 +1,4 @@
-"""What ties joints and frames of a robot to each other, besides its tree."""
+"""Couplings between joints, and loops between frames, besides the kinematic tree."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Triangles of meshes, and what coal makes of them."""
+"""Triangles of meshes, and their conversion to coal's."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class Triangles(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """Shapes of a robot of which the meshes are there as triangles.
+    """Shapes of a robot, meshes as triangles.
 
-    What measures distances of whole meshes needs coal's trees over them, which take most of the
-    time that it takes to load a robot's shapes: see :func:`with_meshes`.
+    Distances between whole meshes need coal's BVH over them, which takes most of the time of
+    loading a robot's shapes: see :func:`with_meshes`.
     """
 
     shapes: pin.GeometryModel  # with a unit box in the place of each mesh
@@ -59,7 +59,7 @@ def fan(corners: Index, counts: Index) -> Index:
     return corners[places.astype(np.int64)]
 
 
-def joined(parts: list[Triangles]) -> Triangles:
+def merged(parts: list[Triangles]) -> Triangles:
     """Return sub-meshes as one mesh, without vertices that no triangle uses."""
     parts = [part for part in parts if len(part.faces)]
     if not parts:
@@ -68,10 +68,10 @@ def joined(parts: list[Triangles]) -> Triangles:
     faces = np.concatenate([part.faces + k for part, k in zip(parts, offsets, strict=True)])
     if faces.min() < 0 or any(part.faces.max(initial=-1) >= len(part.vertices) for part in parts):
         raise ValueError("a corner without a vertex")
-    return without_spare(np.concatenate([part.vertices for part in parts]), faces)
+    return without_unused_vertices(np.concatenate([part.vertices for part in parts]), faces)
 
 
-def without_spare(vertices: Array, faces: Index) -> Triangles:
+def without_unused_vertices(vertices: Array, faces: Index) -> Triangles:
     """Return triangles without the vertices (k, 3) that none uses."""
     used = np.zeros(len(vertices), dtype=bool)
     used[faces] = True

@@ -28,13 +28,13 @@ from wbc.robot.formats.urdf_check import confirm_by_mujoco
 from wbc.robot.formats.urdf_exporters import (
     LIMITS,
     MOVING,
-    complete_head,
+    complete_materials,
+    complete_root,
     confirm_shapes,
-    leave_first,
-    mend_materials,
-    others_joints,
+    drop_empty_limits,
+    drop_repeated,
+    foreign_joints_hint,
     refuse_macros,
-    unset_limits,
 )
 from wbc.robot.formats.urdf_shapes import UrdfGeometry
 from wbc.robot.formats.urdf_words import unknown_words
@@ -66,14 +66,14 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         joints, or a number in it is wrong.
     """
     refuse_macros(root, path)
-    head_notes = complete_head(root, path) + unknown_words(root)
+    head_notes = complete_root(root, path) + unknown_words(root)
     world_notes = _add_world(root)
     joints, base = _checked_tree(root, path)
     floats = any(joint.get("type") == "floating" for joint in joints)
-    notes = head_notes + world_notes + unset_limits(joints)
-    notes += _bare_world(root, base) if floats else ()
-    notes += leave_first(root) + mend_materials(root)
-    notes += tuple(filter(None, (others_joints(root),)))
+    notes = head_notes + world_notes + drop_empty_limits(joints)
+    notes += _drop_world_shapes(root, base) if floats else ()
+    notes += drop_repeated(root) + complete_materials(root)
+    notes += tuple(filter(None, (foreign_joints_hint(root),)))
     shapeless = list[tuple[str, str, str]]()
     for link in root.findall("link"):
         where = f"{path}: link {link.get('name')!r}"
@@ -87,7 +87,9 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     if shapeless:
         some = listed([f"{what} as {tag} of link {link!r}" for tag, what, link in shapeless], 3)
         notes += (f"{len(shapeless)} shapes that URDF does not know left out: {some}",)
-    lost = [f"{what} of link {link!r}" for tag, what, link in shapeless if tag == "collision"]
+    missing_shapes = [
+        f"{what} of link {link!r}" for tag, what, link in shapeless if tag == "collision"
+    ]
     text = ET.tostring(root, encoding="unicode")
     with pinocchio_reads(path, "Pinocchio cannot read this URDF"):
         root_joint = () if floats else (pin.JointModelFreeFlyer(),)
@@ -100,7 +102,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         name=root.get("name", path.stem),
         path=path,
         model=model,
-        geometry=UrdfGeometry(text, path, (*missing["collision"], *lost)),
+        geometry=UrdfGeometry(text, path, (*missing["collision"], *missing_shapes)),
         coupled=coupled,
         bolted=None if floats else f"the root link is called {base!r}" if base == WORLD else "",
         notes=notes,
@@ -108,7 +110,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
 
 
 def _add_world(root: ET.Element) -> tuple[str, ...]:
-    """Add the link that Drake's files leave out, whose name is the world's; return a note of it."""
+    """Add the link ``world``, which Drake's files leave out; return a note of it."""
     parents = {_parent(joint) for joint in root.findall("joint")}
     if WORLD not in parents or any(link.get("name") == WORLD for link in root.findall("link")):
         return ()
@@ -136,7 +138,7 @@ def _checked_tree(root: ET.Element, path: Path) -> tuple[list[ET.Element], str]:
     roots = [link for link in root.findall("link") if link.get("name") not in parents]
     if len(roots) != 1:
         named = ", ".join(repr(link.get("name")) for link in roots) or "the joints form a loop"
-        also = "; ".join(filter(None, (named, others_joints(root))))
+        also = "; ".join(filter(None, (named, foreign_joints_hint(root))))
         raise ModelError(f"{path}: expected one root link, found {len(roots)} ({also})")
     _check_floating(joints, roots[0], path)
     _check_depth(parents, path)
@@ -147,7 +149,7 @@ def _checked_tree(root: ET.Element, path: Path) -> tuple[list[ET.Element], str]:
 
 
 def _check_depth(parents: Mapping[str, str], path: Path) -> None:
-    """Refuse chains on which the parser below Pinocchio, which is recursive, ends its process."""
+    """Refuse chains so long that the recursive parser below Pinocchio would crash."""
     children: dict[str, list[str]] = {}
     for child, parent in parents.items():
         children.setdefault(parent, []).append(child)
@@ -210,7 +212,7 @@ def _check_floating(joints: list[ET.Element], base: ET.Element, path: Path) -> N
             joint.remove(origin)  # an offset of the world, which q measures by itself
 
 
-def _bare_world(root: ET.Element, base: str) -> tuple[str, ...]:
+def _drop_world_shapes(root: ET.Element, base: str) -> tuple[str, ...]:
     """Leave out the shapes of the link that a robot floats from; return a note of it."""
     (link,) = (link for link in root.findall("link") if link.get("name") == base)
     shapes = [*link.findall("visual"), *link.findall("collision")]
@@ -246,9 +248,9 @@ def _check_inertial(link: ET.Element, where: str) -> None:
 def _check_shapes(link: ET.Element, where: str) -> Iterator[tuple[str, str, str]]:
     """Refuse shapes with wrong numbers; remove those without a solid that is known.
 
-    Of these what they are for, what they are and their link are yielded.
+    Yield purpose, kind and link of the removed ones.
 
-    The parser would print about both and leave them out.
+    The parser would print a message for both and skip them.
     """
     for shape in (*link.findall("collision"), *link.findall("visual")):
         _check_origin(shape, where)
@@ -278,7 +280,7 @@ def _check_joint(joint: ET.Element, where: str) -> None:
     if kind not in MOVING:
         return
     if kind == "continuous" and joint.find("mimic") is not None:
-        _follow_without_end(joint)
+        _make_revolute(joint)
     axis = joint.find("axis")
     if axis is not None and not any(numbers(axis, "xyz", 3, where)):
         raise ModelError(f"{where}: its axis is 0 0 0; give a direction")
@@ -291,10 +293,10 @@ def _check_joint(joint: ET.Element, where: str) -> None:
                 raise ModelError(f"{where}: negative {key} {value:g}; correct it")
 
 
-def _follow_without_end(joint: ET.Element) -> None:
-    """Let a continuous joint that follows another one be a revolute one without limits.
+def _make_revolute(joint: ET.Element) -> None:
+    """Turn a continuous mimic joint into a revolute one without limits.
 
-    Its angle is a number then, as its driver's is, where Pinocchio keeps a cosine and a sine.
+    Its coordinate is an angle then, as its driver's, instead of Pinocchio's (cos, sin).
     """
     joint.set("type", "revolute")
     for limit in joint.findall("limit"):

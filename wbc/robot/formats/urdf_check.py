@@ -1,4 +1,4 @@
-"""A URDF as Pinocchio read it against MuJoCo's reading, where MuJoCo is there and can read it."""
+"""Comparison of Pinocchio's and MuJoCo's reading of a URDF, if MuJoCo can read it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from wbc.extras import installed, quietly
 from wbc.robot.formats.mujoco_check import compare_motion
 from wbc.robot.formats.mujoco_part import Names, RobotPart
 
-TRIED = """<robot name="tried"><link name="base"/><link name="l"><inertial>
+TEST_ROBOT = """<robot name="tried"><link name="base"/><link name="l"><inertial>
 <origin xyz=".3 .2 .1" rpy=".1 .2 .3"/><mass value="2"/><inertia ixx=".02" ixy=".001" ixz="-.002"
 iyy=".03" iyz=".003" izz=".025"/></inertial></link><joint name="j" type="continuous">
 <parent link="base"/><child link="l"/><axis xyz="0 0 1"/></joint></robot>"""
@@ -23,10 +23,10 @@ SETTINGS = {"fusestatic": "false", "discardvisual": "false", "strippath": "false
 
 
 def confirm_by_mujoco(root: ET.Element, tree: pin.Model, path: Path) -> None:
-    """Compare frames, ranges and mass matrices of what two parsers made of one URDF.
+    """Compare frames, ranges and mass matrices of both parsers' models.
 
-    MuJoCo cannot read all that Pinocchio can: links that move and weigh nothing, inertias that no
-    body has, and quaternions. These files are not compared.
+    MuJoCo cannot read all that Pinocchio can: moving links without mass, impossible inertias, and
+    quaternions. Such files are not compared.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def confirm_by_mujoco(root: ET.Element, tree: pin.Model, path: Path) -> None:
 
     with quietly(mujoco), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        if not _turns_inertias():
+        if not _reads_turned_inertias():
             return
         try:
             model = mujoco.MjModel.from_xml_string(_without_shapes(root))
@@ -56,14 +56,14 @@ def confirm_by_mujoco(root: ET.Element, tree: pin.Model, path: Path) -> None:
 
 
 @cache
-def _turns_inertias() -> bool:
-    """Return whether MuJoCo reads inertias in turned axes rightly; version 3.3.1 does not.
+def _reads_turned_inertias() -> bool:
+    """Return whether MuJoCo reads inertias in rotated axes correctly; version 3.3.1 does not.
 
-    Tried with one link on a joint along z: by rotation of its inertia, and Steiner.
+    Tested with one link on a joint along z, by rotating its inertia and the parallel-axis theorem.
     """
     import mujoco
 
-    model = mujoco.MjModel.from_xml_string(TRIED)
+    model = mujoco.MjModel.from_xml_string(TEST_ROBOT)
     moments = np.array([[0.02, 0.001, -0.002], [0.001, 0.03, 0.003], [-0.002, 0.003, 0.025]])
     R, com, mass = pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([0.3, 0.2, 0.1]), 2.0
     about = R @ moments @ R.T + mass * (com @ com * np.eye(3) - np.outer(com, com))

@@ -1,4 +1,4 @@
-"""What exporters and scripts leave in URDFs, and what the parser below Pinocchio loses of them."""
+"""Repairs of URDFs of exporters and scripts, where Pinocchio's parser would lose data."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ LIMITS = ("lower", "upper", "effort", "velocity")
 MACRO = re.compile(r"\$\{|\$\((arg|find|eval|env|optenv|dirname|anon)\b")  # ${x}, $(arg x)
 GREY, BRIGHTEST = "0.5 0.5 0.5 1", 255.0
 VERSIONS = ("1.0", "1.1", "1.2")
-ONCE = ("origin", "axis", "limit", "dynamics", "mimic")  # in a joint
-UNREAD = ("safety_controller", "calibration")  # which nothing here uses
+UNIQUE = ("origin", "axis", "limit", "dynamics", "mimic")  # in a joint
+UNREAD = ("safety_controller", "calibration")  # not used here
 SHAPES = {pin.GeometryType.COLLISION: "collision", pin.GeometryType.VISUAL: "visual"}
 
 
 def refuse_macros(root: ET.Element, path: Path) -> None:
-    """Refuse what xacro has not expanded: a part of the robot would be missing."""
+    """Refuse unexpanded xacro: a part of the robot would be missing."""
     for element in root.iter():
         space, _, tag = str(element.tag).rpartition("}")
         left = [f"{key}={text!r}" for key, text in element.attrib.items() if MACRO.search(text)]
@@ -36,13 +36,13 @@ def refuse_macros(root: ET.Element, path: Path) -> None:
             )
 
 
-def complete_head(root: ET.Element, path: Path) -> tuple[str, ...]:
-    """Write name and version as the parser accepts them; return a note of a name that is lacking.
+def complete_root(root: ET.Element, path: Path) -> tuple[str, ...]:
+    """Write name and version as the parser accepts them; return a note of a missing name.
 
     Raises
     ------
     ModelError
-        A version of which nothing is known.
+        An unknown version.
     """
     version = root.get("version", "1.0")
     if version not in VERSIONS:
@@ -55,8 +55,8 @@ def complete_head(root: ET.Element, path: Path) -> tuple[str, ...]:
     return (f"the file gives the robot no name: it is called {path.stem!r}",)
 
 
-def others_joints(root: ET.Element) -> str:
-    """Return joints that are no URDF's, in words, and what to do; empty if there are none."""
+def foreign_joints_hint(root: ET.Element) -> str:
+    """Return joints of kinds that URDF does not have, and what to do, in words; empty if none."""
     others = [
         one for one in root if str(one.tag).rpartition("}")[2] == "joint" and one.tag != "joint"
     ]
@@ -67,18 +67,18 @@ def others_joints(root: ET.Element) -> str:
     return f"not read, as URDF does not know them: {listed(named)}; loops=... closes loops"
 
 
-def leave_first(root: ET.Element) -> tuple[str, ...]:
-    """Leave the first of what may be there once, and nothing that stops the parser unread.
+def drop_repeated(root: ET.Element) -> tuple[str, ...]:
+    """Drop repetitions of unique elements, and unused empty elements that stop the parser.
 
-    Parsers read the first one of several, and refuse a whole file for some that are empty. Return
-    a note of what was left out.
+    Parsers read the first one of several, and refuse a whole file for some empty ones. Return a
+    note of what was dropped.
     """
     found = []
     joints = [(joint, f"joint {joint.get('name')!r}") for joint in root.findall("joint")]
     for joint, what in joints:
         for part in [one for one in joint if one.tag in UNREAD or _is_empty(one)]:
             joint.remove(part)
-        for tag in ONCE:
+        for tag in UNIQUE:
             found += [f"<{tag}> of {what}" for _ in _drop(joint, joint.findall(tag)[1:])]
     for link in root.findall("link"):
         what = f"link {link.get('name')!r}"
@@ -102,11 +102,11 @@ def _drop(element: ET.Element, parts: list[ET.Element]) -> list[ET.Element]:
     return parts
 
 
-def mend_materials(root: ET.Element) -> tuple[str, ...]:
-    """Give materials without a name one, and grey to those of which the colour cannot be read.
+def complete_materials(root: ET.Element) -> tuple[str, ...]:
+    """Name nameless materials, and make those with unreadable colours grey.
 
-    The parser drops all shapes of a link, or the whole file, for them. Colours up to 255 are taken
-    in parts of that. Return a note of what is grey.
+    The parser drops all shapes of a link, or the whole file, for them. Colours up to 255 are
+    divided by it. Return a note of the grey ones.
     """
     grey, known = list[str](), set[str]()
     for k, material in enumerate(root.iter("material")):
@@ -139,10 +139,10 @@ def _colour(text: str) -> str | None:
     return " ".join(str(part / BRIGHTEST) for part in parts)
 
 
-def unset_limits(joints: list[ET.Element]) -> tuple[str, ...]:
-    """Take away limits of which all four are 0, as exporters write where nothing was entered.
+def drop_empty_limits(joints: list[ET.Element]) -> tuple[str, ...]:
+    """Remove limits whose four numbers are 0, as exporters write by default.
 
-    Return notes of these, of joints that have no range and of speed limits of 0.
+    Return notes of these, of joints without a range, and of speed limits of 0.
     """
     unset, free, still = list[str](), list[str](), list[str]()
     for joint in joints:

@@ -21,12 +21,12 @@ from wbc.validate import Array
 class UrdfGeometry:
     """Shapes of a URDF: its text, in which mesh names are absolute and missing meshes left out.
 
-    ``lost`` are the collision shapes that were left out.
+    ``missing_shapes`` are the collision shapes that were left out.
     """
 
     text: str
     path: Path
-    lost: tuple[str, ...]
+    missing_shapes: tuple[str, ...]
     rules: ContactRules = NO_RULES  # a URDF has none
 
     def content(self) -> Iterator[bytes]:
@@ -50,7 +50,7 @@ class UrdfGeometry:
                     for shape in link.findall(tag):
                         link.remove(shape)
         refuse_huge_meshes(Path(m.get("filename", "")) for m in root.iterfind(f".//{tag}//mesh"))
-        meshes = _take_meshes(root, tag)
+        meshes = _replace_meshes(root, tag)
         with pinocchio_reads(self.path, "shapes cannot be loaded"):
             text = ET.tostring(root, encoding="unicode")
             shapes = pin.buildGeomFromUrdfString(model, text, kind)
@@ -67,10 +67,10 @@ class UrdfGeometry:
         return Surfaces(shapes, surfaces)
 
 
-def _take_meshes(root: ET.Element, tag: str) -> dict[str, tuple[Path, Array]]:
-    """Put a box in the place of each mesh that is read here; return file and scale of these.
+def _replace_meshes(root: ET.Element, tag: str) -> dict[str, tuple[Path, Array]]:
+    """Replace each mesh that is read here by a box; return their files and scales.
 
-    By the names that Pinocchio gives shapes: the link's and their number there.
+    By the names that Pinocchio gives shapes: link and number.
     """
     taken = {}
     for link in root.findall("link"):

@@ -13,9 +13,9 @@ from pathlib import Path
 from wbc.errors import ModelError
 
 _NOT_NUMBERS = {"name", "joint", "link", "body", "class", "childclass", "file", "filename", "mesh"}
-MOST_BYTES, MOST_ELEMENTS, MOST_ATTRIBUTES, DEEPEST = 64 << 20, 100_000, 200, 300
+MOST_BYTES, MOST_ELEMENTS, MOST_ATTRIBUTES, MOST_DEPTH = 64 << 20, 100_000, 200, 300
 LARGEST = 1e9  # of a length [m], mass [kg] or inertia [kg m^2]: larger products overflow
-LARGEST_GEAR = 1e3  # of a ratio of joints, or of an offset [rad or m]: beyond, no joint follows
+LARGEST_GEAR = 1e3  # of a coupling's ratio or offset [rad or m]
 LFS = b"version https://git-lfs"
 _EQUALS = re.compile(rb"=\s*[\"']")
 _PREFIX, _DECLARED = re.compile(rb"<([A-Za-z]\w*):\w"), re.compile(rb"xmlns:(\w+)\s*=")
@@ -91,7 +91,7 @@ def _remedy(data: bytes, error: ET.ParseError) -> str:
 
 
 def _check_attributes(data: bytes, path: Path) -> None:
-    """Refuse what takes the XML parser minutes: its time grows as attributes squared."""
+    """Refuse elements with many attributes: the XML parser's time grows with their square."""
     if b"\0" in data:
         binary = "; of a compiled model: Robot.load(mujoco.MjModel.from_binary_path(...))"
         hint = binary if path.suffix == ".mjb" else ""
@@ -105,8 +105,8 @@ def _check_size(root: ET.Element, path: Path) -> None:
     count, depth, level = 0, 0, [root]
     while level:
         count, depth = count + len(level), depth + 1
-        if depth > DEEPEST:
-            raise ModelError(f"{path}: elements are nested more than {DEEPEST} deep")
+        if depth > MOST_DEPTH:
+            raise ModelError(f"{path}: elements are nested more than {MOST_DEPTH} deep")
         if count > MOST_ELEMENTS:
             raise ModelError(f"{path}: more than {MOST_ELEMENTS} elements")
         level = [child for element in level for child in element]
@@ -117,8 +117,8 @@ def numbers(
 ) -> list[float]:
     """Return the ``count`` finite numbers of an attribute, at most ``largest`` in magnitude.
 
-    It is written back with one space between them and none around, beside which the parser below
-    Pinocchio takes them for no numbers: it drops the element, or the whole link or robot.
+    The attribute is rewritten with single spaces: with others the parser below Pinocchio drops the
+    element, or the whole link or robot.
 
     Raises
     ------
