@@ -224,7 +224,7 @@ def near_pairs(
         numbers = np.split(pairs[near], np.flatnonzero(np.diff(frames[near])) + 1)
         found = np.concatenate(
             [
-                collision.model.raw.too_near(q[k], own.tolist(), collision.margins)
+                collision.model.raw.violations(q[k], own.tolist(), collision.margins)
                 for k, own in zip(np.unique(frames[near]), numbers, strict=True)
             ]
         )

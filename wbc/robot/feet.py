@@ -18,10 +18,8 @@ from wbc.robot.names import frame_table
 from wbc.robot.sole import SMALL_SHARE, centred_on_sole, find_sole
 from wbc.validate import Array, finite_array, finite_number, read_only
 
-SAME_ORIGIN, SAME_TILT = (
-    1e-3,
-    np.deg2rad(1.0),
-)  # m, rad: nearer frames of the file are used as the sole's
+# m, rad: a frame of the file nearer than this is used as the sole's.
+SAME_ORIGIN, SAME_TILT = 1e-3, np.deg2rad(1.0)
 GIVE_FEET = "a robot that stands needs them: feet: {left: {link: LINK}, ...}"
 NO_FEET = f"no feet were found (robot.notes: why), or its base is fixed; {GIVE_FEET}"
 LEAST_SIZE = 0.01  # of a robot's size: smaller soles are in other units

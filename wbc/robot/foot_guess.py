@@ -38,9 +38,7 @@ SAME_HEIGHT, MIRRORED = 0.01, 0.02  # m: tolerances of two mirrored soles on one
 LEAST_AREA = 1e-3  # m^2: a flat shape larger than a coin
 BELOW_BASE = 0.05  # m: legs reach at least so far below the base's origin
 LEAST_ROLLING = 20.0 * np.pi  # rad: a joint with a larger range is a wheel's
-LEAST_ALIGNMENT = np.cos(
-    np.deg2rad(30.0)
-)  # a direction this near to an axis is meant to be along it
+LEAST_ALIGNMENT = np.cos(np.deg2rad(30.0))  # of a direction that is taken for an axis
 
 
 def words_of(name: str) -> set[str]:
@@ -246,7 +244,7 @@ def _is_wheel(model: pin.Model, geometry: GeometrySource, joint: int) -> bool:
 
 
 def _near_ground(model: pin.Model, data: pin.Data, geometry: GeometrySource, joint: int) -> bool:
-    """Whether a wheel is no higher than by its diameter over what ends the lowest limb."""
+    """Return whether a wheel is less than its diameter above the end of the lowest limb."""
     ends = {*range(2, model.njoints)} - {int(parent) for parent in model.parents}
     lowest = {end: lowest_point(model, data, geometry, end) for end in ends}
     radius = float(data.oMi[joint].translation[2]) - lowest[joint]

@@ -48,8 +48,8 @@ class StandingPose(NamedTuple):
 def arm_reason(model: pin.Model, q: Array, rolls: bool) -> str:
     """Return why a robot without feet is an arm (or a hand) bolted down, in words; empty if not.
 
-    One joint carries all else and none is below the base as legs are; or the root link's name says
-    so. ``q`` (nq,) has the base upright. Of what ``rolls`` on wheels ``base`` is the trunk.
+    One joint carries all others and none is below the base as legs are; or the root link's name
+    tells (``base`` does not if the robot ``rolls`` on wheels). ``q`` (nq,) has the base upright.
     """
     root = next((str(frame.name) for frame in bodies_of(model) if frame.parentJoint == 1), "")
     if words_of(root) & ARM_WORDS or (root == "base" and not rolls):

@@ -77,9 +77,7 @@ class CollisionModel:
             raise InvalidInputError(f"pair {self.labels[k]!r}: both are on one joint")
         moves = _moving_velocities(robot)
         self._moves = moves[joints]  # (bodies, nv)
-        self._own_twists = np.zeros(
-            (6, len(joints))
-        )  # of bodies that are not attached to the robot
+        self._own_twists = np.zeros((6, len(joints)))  # of bodies not attached to the robot
         # +-1 for velocities that move one body relative to the other.
         self._signs = moves[joints[first]] - moves[joints[second]]  # (pairs, nv)
         if any(isinstance(self.bodies[k].shape, HalfSpace) for k in first.tolist()):
