@@ -167,6 +167,18 @@ def test_a_wheel_on_an_ankle_without_shapes_is_why_there_are_no_feet(
     assert any("it has wheels" in note for note in robot.notes)
 
 
+@pytest.mark.parametrize(("drop", "found"), [(-0.05, "left_toe"), (-0.02, "left_ankle_pitch")])
+def test_an_ankle_is_no_foot_where_its_leg_ends_lower(
+    tmp_path: Path, drop: float, found: str
+) -> None:
+    """Of an Adam Lite's anklePitchLeft and toeLeft; toes beside a sole are level with it."""
+    toe = link("{0}_toe", box(f".03 0 {drop}", ".2 .1 .04"))
+    toe += joint("{0}_roll", "{end}", "{0}_toe", "1 0 0", "0 0 0")
+    ankle = box("0 0 0", ".04 .04 .08")
+    path = biped(tmp_path, ankle, LEG + ANKLE[:1], toe, "{0}_ankle_pitch")
+    assert Robot.load(path).feet["left"].link == found
+
+
 def test_bearings_that_are_not_on_the_ground_are_no_wheels(tmp_path: Path) -> None:
     """Those at the ends of rods that bend a ToddlerBot's knees; its soles have other names."""
     rod = link("{0}_bearing", WHEEL.replace(".08", ".01"))

@@ -190,9 +190,13 @@ def guess_links(
     rolling |= {int(model.parents[joint]) for joint in rolling}
     bodies = [frame for frame in bodies if frame.parentJoint not in rolling]
     named = _named_feet(model, data, bodies)
+    named += _below_ankles(model, named, bodies)
     lowest: dict[str, tuple[float, str]] = {}
     for foot, frame in named:
         height = lowest_point(model, data, geometry, frame.parentJoint)
+        height += (
+            0.0 if foot_of(frame.name) else SAME_HEIGHT
+        )  # toes beside a sole are lower by less
         lowest[foot] = min(lowest.get(foot, (np.inf, "~")), (height, str(frame.name)))
     ordered = {name: lowest[name] for name in SIDES | CORNERS if name in lowest}
     found = {name: link for name, (height, link) in ordered.items() if height < np.inf}
@@ -249,6 +253,24 @@ def _near_ground(model: pin.Model, data: pin.Data, geometry: GeometrySource, joi
     lowest = {end: lowest_point(model, data, geometry, end) for end in ends}
     radius = float(data.oMi[joint].translation[2]) - lowest[joint]
     return lowest[joint] - min(lowest.values()) < 2.0 * radius
+
+
+def _below_ankles(
+    model: pin.Model, named: list[tuple[str, pin.Frame]], bodies: list[pin.Frame]
+) -> list[tuple[str, pin.Frame]]:
+    """Return what ends the legs of links that are called ankles and nothing more, as those feet.
+
+    Of ``anklePitchLeft`` and ``toeLeft`` below it the sole is the lower one's.
+    """
+    taken = {int(frame.parentJoint) for _, frame in named}
+    ends = {int(one.parentJoint): one for one in reversed(bodies)}.items()
+    return [
+        (foot, end)
+        for foot, frame in named
+        if words_of(frame.name) & FOOT_WORDS == {"ankle"}
+        for joint, end in ends
+        if joint in model.subtrees[frame.parentJoint] and joint not in {*model.parents, *taken}
+    ]
 
 
 def _named_feet(
