@@ -116,8 +116,8 @@ def test_the_recording_is_not_overwritten(walk: Path) -> None:
     ("options", "words"),
     [
         ([], "CoP inside the support polygon wherever"),
-        (["--ground", "-0.3"], "CoP not judged: no sole is ever flat on the ground"),
-        (["--feet", "none"], "CoP not judged: no feet"),
+        (["--ground", "-0.3"], "CoP not checked: no sole is ever flat on the ground"),
+        (["--feet", "none"], "CoP not checked: no feet"),
         (["--feet", "left", "--ground", "0"], "CoP outside the support polygon in 100 of 100"),
     ],
 )
@@ -147,7 +147,10 @@ def test_defaults_are_those_of_the_library() -> None:
 
 @pytest.mark.parametrize(
     ("measured", "words"),
-    [(False, "the motion is infeasible there"), (True, "it was measured, so see by --cutoff none")],
+    [
+        (False, "the motion is infeasible there"),
+        (True, "it was measured, so check with --cutoff none"),
+    ],
 )
 def test_what_was_measured_was_feasible(hoap2: Robot, measured: bool, words: str) -> None:
     """A filter that blurs a landing takes the CoP outside the soles."""
@@ -188,7 +191,7 @@ def test_what_is_said_of_noise(tmp_path: Path) -> None:
     said = " ".join(command(*options).stdout.split())
     assert "mrad of joints (standard deviation, median); low-pass at 10 Hz" in said
     assert "not distinguishable from the recording's noise" in said
-    assert "nothing is said of feasibility" in said and "infeasible" not in said
+    assert "feasibility is undecided" in said and "infeasible" not in said
     assert "95 % band" in said and "±" in said
     unasked = " ".join(command(*options, "--noise", "none").stdout.split())
     assert "the motion is infeasible there" in unasked and "±" not in unasked
@@ -200,4 +203,4 @@ def test_what_is_infeasible_beyond_the_noise_is_said_to_be(tmp_path: Path) -> No
     noisy_standing(tmp_path / "still.npz")
     options = [tmp_path / "still.npz", "--planted", "left", "--feet", "left", "--cutoff", "1"]
     said = " ".join(command(*options).stdout.split())
-    assert "beyond what noise can do, first at 0 s: the motion is infeasible there" in said
+    assert "beyond the noise, first at 0 s: the motion is infeasible there" in said

@@ -54,12 +54,12 @@ def test_whose_motion_it_is_must_be_said(tmp_path: Path) -> None:
     robots.write_text("time,a\n0,0\n")
     humans.write_text("PathFileType\n")
     for arguments, words in (
-        ((robots,), "say whose motion it is: --robot"),
+        ((robots,), "name the robot that moves: --robot"),
         ((humans, "--robot", "g1"), "leave --robot out"),
         ((robots, "--robot", "g1", "--mass", 70), "--mass: only of a human's recording"),
         ((humans,), "does not begin as a TRC file"),
         ((humans, "--degrees", "--rate", 50), "--rate, --degrees: only of a robot's recording"),
-        ((humans, "--unit", "m"), "unit: only of .bvh; of .trc the file says it"),
+        ((humans, "--unit", "m"), "unit: only for .bvh; a .trc names its unit"),
         ((tmp_path / "none.c3d",), "cannot be read"),
     ):
         answer = command(*arguments)

@@ -22,14 +22,14 @@ ROBOTS = ("planted", "rate", "degrees", "missing", "ignore", "beyond", "fill")
 
 
 class Missing(StrEnum):
-    """Where joints that the file does not have stay."""
+    """Posture of joints that the file does not have."""
 
     STANDING = "standing"
     NEUTRAL = "neutral"
 
 
 class NoiseOption(StrEnum):
-    """What noise the recording is taken to have."""
+    """The noise of the recording."""
 
     ESTIMATED = "estimated"
     NONE = "none"
@@ -83,13 +83,13 @@ def analyze(
         Missing | None, typer.Option(help="Joints without a column stay as in this posture.")
     ] = None,
     ignore: Annotated[
-        list[str] | None, typer.Option(help="Columns to pass over, as in 'imu_*'; repeatable.")
+        list[str] | None, typer.Option(help="Columns to ignore, as in 'imu_*'; repeatable.")
     ] = None,
     beyond: Annotated[
         float, typer.Option(help="How far joints may be past their limits, in rad.")
     ] = BEYOND,
     fill: Annotated[bool, typer.Option("--fill", help="Fill NaN and frozen rows too.")] = False,
-    longest_gap: Annotated[float, typer.Option(help="Longest time to fill, in s.")] = LONGEST_GAP,
+    longest_gap: Annotated[float, typer.Option(help="Longest gap to fill, in s.")] = LONGEST_GAP,
     output: Annotated[
         list[Path] | None,
         typer.Option("--output", "-o", help="Write the series: .npz (all), .csv; repeatable."),
@@ -116,13 +116,13 @@ def analyze(
     from wbc.motion import analyze, read_motion
     from wbc.robot import Robot
 
-    moments = _snapshots(snapshots)
+    snapshot_times = _snapshots(snapshots)
     low_pass = _cutoff(CUTOFF if cutoff is None else cutoff)
-    _check_outputs(motion, output or [], plot, moments)
+    _check_outputs(motion, output or [], plot, snapshot_times)
     options = human_options.HumanOptions(static, forces, subject, mass, stature, sex, up, unit)
     human = is_human(motion, robot, options)
     if human or robot is None:
-        _refuse_of_robots(context)
+        _refuse_robot_options(context)
         code = analyze_human(
             motion,
             options,
@@ -134,7 +134,7 @@ def analyze(
             longest_gap=longest_gap,
             output=output or [],
             plot=plot,
-            snapshots=moments,
+            snapshots=snapshot_times,
             quiet=quiet,
         )
         raise typer.Exit(code)
@@ -167,14 +167,14 @@ def analyze(
     for path in output or []:
         outputs.save(path, series.save)
     if plot is not None:
-        outputs.draw(plot, lambda picture: _draw(series, picture, moments))
+        outputs.draw(plot, lambda picture: _draw(series, picture, snapshot_times))
     if not quiet:
         print_analysis(series, outputs.written)
     raise typer.Exit(outputs.exit_code())
 
 
-def _refuse_of_robots(context: typer.Context) -> None:
-    """Raise InvalidInputError for options that a human's recording does not heed."""
+def _refuse_robot_options(context: typer.Context) -> None:
+    """Raise InvalidInputError for options that have no effect on a human's recording."""
     from wbc.errors import InvalidInputError
 
     sources = {name: context.get_parameter_source(name) for name in ROBOTS}
@@ -192,7 +192,7 @@ def _cutoff(text: str) -> float | str | None:
 
 
 def _number(option: str, text: str) -> float:
-    """Return the number >= 0 that an option's text spells."""
+    """Return the number >= 0 of an option's text."""
     from wbc.validate import finite_number
 
     try:
@@ -217,7 +217,7 @@ def _snapshots(text: str) -> int | list[float]:
 def _check_outputs(
     motion: Path, outputs: list[Path], plot: Path | None, snapshots: int | list[float]
 ) -> None:
-    """Raise InvalidInputError for what could never be written, before any work is done."""
+    """Raise InvalidInputError for outputs that cannot be written, before any work is done."""
     from wbc.cli.outputs import check_picture, check_place
     from wbc.errors import InvalidInputError
     from wbc.motion.series import series_format

@@ -1,4 +1,4 @@
-"""``wbc analyze`` of a human's recording: who moved, how well that fits, and what plates say."""
+"""``wbc analyze`` of a human's recording: body, quality of the fit, and force plates."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def is_human(motion: Path, robot: str | None, options: HumanOptions) -> bool:
         raise InvalidInputError(f"{motion}: it is a human's recording; leave --robot out")
     if not human and robot is None:
         raise InvalidInputError(
-            f"{motion}: say whose motion it is: --robot NAME or FILE; humans' recordings end in"
+            f"{motion}: name the robot that moves: --robot NAME or FILE; humans' recordings end in"
             " .c3d, .trc or .bvh, or are .npz with poses and trans"
         )
     if not human and options.given:
@@ -105,7 +105,7 @@ def analyze_human(
 
 
 def print_human(human: HumanMotion) -> None:
-    """Print whose motion it is, how well markers fit, and what was tolerated."""
+    """Print the human's build, the markers' residuals and the notes."""
     console, body = Console(highlight=False), human.body
     head = f"{body.sex}, {body.stature:.2f} m, {body.mass:.1f} kg"
     console.print(Text.assemble(("human    ", "dim"), head))
@@ -121,25 +121,28 @@ def print_plates(found: Comparison | None) -> None:
     """Print the motion's ground force and CoP against those of force plates."""
     console = Console(highlight=False)
     if found is None:
-        text = "in no frame do they have all of the ground's force: nothing to compare"
+        text = "they never measure all of the ground's force: nothing to compare"
         console.print(Text.assemble(("plates   ", "yellow"), text))
         return
     count, both = len(found.time), int((~found.single).sum())
     table = heads("force plates, from the motion alone", "rms", "of the peak", "in the band")
     rms = np.sqrt((found.force_error**2).mean(axis=0))
-    level = float(np.sqrt((rms[:2] ** 2).sum()))
+    horizontal = float(np.sqrt((rms[:2] ** 2).sum()))
     held = {name: f"{100 * part:.0f} %" for name, part in found.held.items()}
     table.add_row("vertical force [N]", f"{rms[2]:.1f}", f"{100 * found.vertical:.1f} %",
                   held.get("force z", ""))  # fmt: skip
     across = " ".join(held.get(f"force {axis}", "") for axis in "xy")
     table.add_row(
-        "horizontal force, x and y [N]", f"{level:.1f}", f"{100 * found.horizontal:.1f} %", across
+        "horizontal force, x and y [N]",
+        f"{horizontal:.1f}",
+        f"{100 * found.horizontal:.1f} %",
+        across,
     )
     cop = " ".join(held.get(f"cop {axis}", "") for axis in "xy")
     for single, name in ((True, "single"), (False, "double")):
-        off = found.cop_rms(single)
-        if np.isfinite(off):
-            table.add_row(f"CoP in {name} support [mm]", f"{1e3 * off:.1f}", "", cop)
+        cop_rms = found.cop_rms(single)
+        if np.isfinite(cop_rms):
+            table.add_row(f"CoP in {name} support [mm]", f"{1e3 * cop_rms:.1f}", "", cop)
     console.print(table)
     span = f"{found.time[0]:.4g} s to {found.time[-1]:.4g} s"
     console.print(f"in {count} frames from {span}, {both} of them on both feet")

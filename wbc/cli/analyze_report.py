@@ -1,4 +1,4 @@
-"""What ``wbc analyze`` prints: a motion's pendulum in a table, and what may be said of it."""
+"""Output of ``wbc analyze``: a table of a motion's pendulum, and a verdict."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SHOWN_DROPOUTS = 10
 
 
 def print_analysis(series: RmpSeries, written: list[Path], human: bool = False) -> None:
-    """Print what the motion came to, what it lacked, and the files written."""
+    """Print dropouts, noise, the table, the verdict, and the files written."""
     console = Console(highlight=False)
     seconds = float(series.time[-1] - series.time[0])
     rate = (len(series) - 1) / seconds
@@ -52,7 +52,7 @@ def print_analysis(series: RmpSeries, written: list[Path], human: bool = False) 
 
 
 def noise_line(series: RmpSeries) -> str:
-    """Return what noise the recording has, and what was done about it."""
+    """Return a line about the recording's noise and its low-pass."""
     low_pass = "no low-pass" if series.cutoff is None else f"low-pass at {series.cutoff:.3g} Hz"
     if series.uncertainty is None:
         return f"not estimated; {low_pass}"
@@ -97,16 +97,16 @@ def _rows(series: RmpSeries) -> Iterator[tuple[str, float, Array, Array | None]]
 
 
 def verdict(series: RmpSeries, human: bool = False) -> Text:
-    """Return a line about CoP, flight and axes; of what noise can do, nothing is claimed."""
+    """Return a line about CoP, flight and axes, without claims that noise could explain."""
     count, line = len(series), Text()
-    unjudged = int(series.cop_unknown.sum())
+    unknown = int(series.cop_unknown.sum())
     margin, noise = series.cop_margin, series.uncertainty
-    judged = margin is not None and bool(np.isfinite(margin).any())
+    checked = margin is not None and bool(np.isfinite(margin).any())
     if margin is None:
-        line.append("CoP not judged: no feet. ")
-    elif unjudged and not judged:
+        line.append("CoP not checked: no feet. ")
+    elif unknown and not checked:
         line.append(
-            "CoP not judged: no sole is ever flat on the ground; look at --ground, and at the unit"
+            "CoP not checked: no sole is ever flat on the ground; check --ground, and the unit"
             " of the base and the order of its quaternion. ",
             style="yellow",
         )
@@ -118,9 +118,9 @@ def verdict(series: RmpSeries, human: bool = False) -> Text:
         line.append("CoP inside the support polygon wherever there is one. ", style="green")
         unsure = int((np.isfinite(margin) & ~series.surely_inside).sum())
         if unsure:
-            line.append(f"In {unsure} of {count} frames noise could hide that it is outside. ")
-    if unjudged and judged:
-        line.append(f"In {unjudged} of {count} frames no sole is flat on the ground. ")
+            line.append(f"In {unsure} of {count} frames it may be outside within the noise. ")
+    if unknown and checked:
+        line.append(f"In {unknown} of {count} frames no sole is flat on the ground. ")
     if series.flight.any():
         line.append(f"The ground does not push in {series.flight.sum()} of {count} frames")
         unsure = int((series.flight & ~series.surely_flying).sum())
@@ -132,39 +132,39 @@ def verdict(series: RmpSeries, human: bool = False) -> Text:
 
 
 def _outside(series: RmpSeries, margin: Array, human: bool) -> tuple[str, str]:
-    """Return what is said, and in which colour, where the CoP is outside for sure."""
+    """Return text and colour for a CoP that is certainly outside."""
     sure = series.infeasible
     first, farthest = series.time[sure][0], -margin[sure].min()
-    # What was measured was possible: of a recorded simulation 4.2 mm, without filter 0.02 mm.
+    # A measured motion is feasible: of a recorded simulation 4.2 mm, without filter 0.02 mm.
     why = "the motion is infeasible there"
     if human:
         why = "it was done, so the fit, the sole's shape or, near the ends, the filter is off"
     if series.measured:
         why = "it was measured, so the forces, the soles' shape or the ground's height are off"
         if series.cutoff is not None:
-            why = "it was measured, so see by --cutoff none how much of that the filter does"
+            why = "it was measured, so check with --cutoff none how much is due to the filter"
     noise = None if series.uncertainty is None else series.uncertainty.cop_margin
     beyond = noise is not None and not series.measured and bool(np.nanmax(noise) > 0.0)
     text = (
         f"CoP outside the support polygon in {sure.sum()} of {len(series)} frames, by"
-        f" {1e3 * farthest:.2g} mm at most{', beyond what noise can do' if beyond else ''}, first"
+        f" {1e3 * farthest:.2g} mm at most{', beyond the noise' if beyond else ''}, first"
         f" at {first:.12g} s: {why}. "
     )
     perhaps = int((series.cop_outside & ~sure).sum())
     if perhaps:
-        text += f"In {perhaps} more it is outside by no more than noise can do. "
+        text += f"In {perhaps} more it is outside within the noise. "
     return text, "yellow" if series.measured or human else "red"
 
 
 def _perhaps_outside(series: RmpSeries, margin: Array, noise: Array) -> tuple[str, str]:
-    """Return what is said, and in which colour, where noise alone may take the CoP outside."""
+    """Return text and colour for a CoP that may be outside by noise alone."""
     outside = series.cop_outside
     farthest = -margin[outside].min()
     band = BAND * float(np.median(noise[outside]))
     text = (
         f"CoP outside the support polygon in {outside.sum()} of {len(series)} frames, by"
         f" {1e3 * farthest:.2g} mm at most: not distinguishable from the recording's noise (95 %"
-        f" band there ± {1e3 * band:.2g} mm), so nothing is said of feasibility; a lower --cutoff,"
+        f" band there ± {1e3 * band:.2g} mm), so feasibility is undecided; a lower --cutoff,"
         " or residual, narrows the band. "
     )
     return text, "yellow"

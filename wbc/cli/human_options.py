@@ -1,4 +1,4 @@
-"""Options of a human's recording, which ``wbc analyze`` and ``wbc retarget`` have."""
+"""Options of a human's recording for ``wbc analyze`` and ``wbc retarget``."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ Forces = Annotated[
     Path | None, typer.Option(help="Human: force plates, .mot, .sto or .c3d; they weigh it.")
 ]
 Subject = Annotated[
-    str | None, typer.Option(help="Human: whose markers, as in Anna:LASI, where there are several.")
+    str | None,
+    typer.Option(help="Human: subject of the markers, as in Anna:LASI, if there are several."),
 ]
 Mass = Annotated[
     float | None, typer.Option(help="Human: in kg; by default as the plates weigh it.")
 ]
 Stature = Annotated[
-    float | None, typer.Option(help="Human: in m; by default by the lengths found.")
+    float | None, typer.Option(help="Human: in m; by default by the calibrated lengths.")
 ]
 Sex = Annotated[str, typer.Option(help="Human: male or female, for the segments' table.")]
 Up = Annotated[str | None, typer.Option(help="Human: the file's vertical axis, x, y or z.")]
@@ -52,12 +53,12 @@ class HumanOptions:
 
     @property
     def given(self) -> list[str]:
-        """Return the names of those that were, but for the sex, which has a default."""
+        """Names of the given options, except the sex, which has a default."""
         names = [each.name for each in fields(self) if each.name != "sex"]
         return [f"--{name}" for name in names if getattr(self, name) is not None]
 
     def motion(self, path: Path, ground: float | None, **how: Any) -> HumanMotion:
-        """Return the motion of a recording; ``how``: what else ``human_motion`` takes."""
+        """Return the motion of a recording; ``how``: more keywords of ``human_motion``."""
         from wbc.human import human_motion, read_markers
 
         recording = read_markers(path, forces=self.forces, unit=self.unit, stature=self.stature)

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 RATE, DURATION, FRICTION, MARGIN = 50.0, "froude", 0.6, 0.01
 ROLL = 1.0
 HUMAN = tuple(each.name for each in fields(human_options.HumanOptions))
-# What is handed on to wbc.retarget.
-WAYS = ("rate", "duration", "cutoff", "roll", "balance", "friction", "margin", "links")
+# Keywords of wbc.retarget.
+KEYWORDS = ("rate", "duration", "cutoff", "roll", "balance", "friction", "margin", "links")
 MCAP = "mcap"
 
 
@@ -82,9 +82,9 @@ def retarget(
         bool, typer.Option(help="Move the CoM so that the CoP is where feet stand.")
     ] = True,
     friction: Annotated[
-        float, typer.Option(help="Coefficient, by which the motion is judged.")
+        float, typer.Option(help="Friction coefficient, to check the motion.")
     ] = FRICTION,
-    margin: Annotated[float, typer.Option(help="Kept between bodies, in m.")] = MARGIN,
+    margin: Annotated[float, typer.Option(help="Least distance between bodies, in m.")] = MARGIN,
     link: Annotated[
         list[str] | None,
         typer.Option(
@@ -94,8 +94,8 @@ def retarget(
     problem: Annotated[
         Path | None,
         typer.Option(
-            help="Write a .yaml in which the robot moves so in physics, on both feet, for wbc sim;"
-            " next to the motion (-o motion.npz)."
+            help="Write a .yaml for wbc sim in which the robot follows the motion in physics, on"
+            " both feet; next to the motion (-o motion.npz)."
         ),
     ] = None,
     view: Annotated[
@@ -137,7 +137,7 @@ def retarget(
         check_place("--output", path)
     if problem is not None:
         _check_problem(problem, written)
-    asked: dict[str, Any] = {
+    given: dict[str, Any] = {
         "motion": motion, "robot": robot, "static": static, "forces": forces,
         "subject": subject, "mass": mass, "stature": stature, "sex": sex, "up": up,
         "unit": unit, "ground": ground, "rate": rate, "duration": _duration(duration),
@@ -145,20 +145,20 @@ def retarget(
         "margin": margin, "links": _links(link or []),
     }  # fmt: skip
     if motion.suffix.lower() in (".yaml", ".yml"):
-        asked |= _of_file(motion, asked.keys(), context)
-    if asked["robot"] is None:
-        raise InvalidInputError("--robot: say which one is to move as the human")
-    loaded = Robot.load(asked["robot"])
+        given |= _options_of_file(motion, given.keys(), context)
+    if given["robot"] is None:
+        raise InvalidInputError("--robot: name the robot that is to move as the human")
+    loaded = Robot.load(given["robot"])
     if not quiet:
         print_notes(loaded)
-    human = human_options.HumanOptions(**{name: asked[name] for name in HUMAN}).motion(
-        asked["motion"],
-        asked["ground"],
+    human = human_options.HumanOptions(**{name: given[name] for name in HUMAN}).motion(
+        given["motion"],
+        given["ground"],
         by_steps=False,  # a robot balances by itself
     )
     with shown_progress(quiet) as progress:
-        ways = {key: asked[key] for key in WAYS}
-        found = retargeted(human, loaded, **ways, progress=progress)
+        keywords = {key: given[key] for key in KEYWORDS}
+        found = retargeted(human, loaded, **keywords, progress=progress)
     outputs = Outputs()
     for path, kind in written:
         if kind == MCAP:
@@ -166,7 +166,7 @@ def retarget(
         else:
             outputs.save(path, lambda place, kind=kind: found.save(place, kind))  # type: ignore[misc]
     if problem is not None:
-        text = _problem(found, problem, written, asked)
+        text = _problem(found, problem, written, given)
         outputs.save(problem, lambda place: write_text(place, text))
     if not quiet:
         from wbc.cli.analyze_human import print_human
@@ -187,20 +187,22 @@ def retarget(
     raise typer.Exit(code)
 
 
-def _of_file(path: Path, keys: Iterable[str], context: typer.Context) -> dict[str, Any]:
-    """Return what a file says, but for what is said on the command line too."""
+def _options_of_file(path: Path, keys: Iterable[str], context: typer.Context) -> dict[str, Any]:
+    """Return the options of a file, except those given on the command line."""
     from wbc.problem.retarget import load_retarget
 
     names = {key: "link" if key == "links" else key for key in keys}
-    told = {key: context.get_parameter_source(name) for key, name in names.items()}
-    said = {key for key, by in told.items() if by is not None and by.name == "COMMANDLINE"}
+    sources = {key: context.get_parameter_source(name) for key, name in names.items()}
+    overridden = {key for key, by in sources.items() if by and by.name == "COMMANDLINE"}
     return {
-        key: value for key, value in load_retarget(path).items() if key not in said - {"motion"}
+        key: value
+        for key, value in load_retarget(path).items()
+        if key not in overridden - {"motion"}
     }
 
 
 def _check_problem(path: Path, written: list[tuple[Path, str]]) -> None:
-    """Refuse a problem's file that is none, or whose motion is not written."""
+    """Refuse a problem file with another ending, or without a written motion."""
     from wbc.cli.outputs import check_place
     from wbc.errors import InvalidInputError
 
@@ -212,7 +214,7 @@ def _check_problem(path: Path, written: list[tuple[Path, str]]) -> None:
 
 
 def _problem(
-    found: Retargeted, path: Path, written: list[tuple[Path, str]], asked: dict[str, Any]
+    found: Retargeted, path: Path, written: list[tuple[Path, str]], given: dict[str, Any]
 ) -> str:
     import os
 
@@ -223,12 +225,12 @@ def _problem(
 
     folder = path.resolve().parent
     file = next(place for place, kind in written if kind == "wbc")
-    model = str(asked["robot"])
+    model = str(given["robot"])
     return standing_problem(
         StandingMotion.of(found),
         os.path.relpath(file.resolve(), folder),
         model=str(Path(model).resolve()) if is_file_name(model) else model,
-        trunk=body_map(found.robot, asked["links"]).trunk,
+        trunk=body_map(found.robot, given["links"]).trunk,
         name=path.name,
     )
 
@@ -257,11 +259,11 @@ def _duration(text: str) -> str | float:
     try:
         return float(text)
     except ValueError:
-        return text  # a word, or refused by its name
+        return text  # a word, or refused later
 
 
 def print_retargeted(found: Retargeted) -> None:
-    """Print how large robot and human are, what was reached, and what cannot be balanced."""
+    """Print scale, notes, tracking errors, violations, and what cannot be balanced."""
     from rich.console import Console
     from rich.text import Text
 
@@ -286,8 +288,8 @@ def print_retargeted(found: Retargeted) -> None:
         console.print(Text.assemble(("follows  ", "dim"), f"{name}: correlation {text} (x y z)"))
     text = f"{1e3 * found.slide:.2f} mm at most while they touch the ground"
     console.print(Text.assemble(("soles    ", "dim"), f"slide by {text}"))
-    for lacking in found.broken:
-        console.print(Text.assemble(("not kept ", "red"), str(lacking)))
+    for violation in found.broken:
+        console.print(Text.assemble(("not kept ", "red"), str(violation)))
     if not found.broken:
         no_margins = any(note.startswith(NO_SELF_COLLISION) for note in found.notes)
         margins = "" if no_margins else " margins,"

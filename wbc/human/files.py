@@ -75,7 +75,7 @@ def read_markers(
     check_path("read_markers, path", path)
     path, source = Path(path), str(path)
     if unit is not None and path.suffix.lower() != ".bvh":
-        what = f"unit: only for .bvh; a {path.suffix or 'file'} tells its own, or has m"
+        what = f"unit: only for .bvh; a {path.suffix or 'file'} names its unit, or is in m"
         raise RecordingError(what, source)
     try:
         match path.suffix.lower():

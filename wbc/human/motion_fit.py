@@ -181,7 +181,7 @@ def human_motion(
     longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
     mass, stature = check_build(mass, stature)
     recording, static, names, marks, notes = _prepare(recording, static, subject, up)
-    standing = _static_frames(static, names, up, marks)
+    standing = _static_frames(static, names, marks, up)
     fit = _fit_markers(recording, standing, names, marks, stature, longest_gap)
     found, poses, time = fit.calibration, fit.poses, recording.time
     body = HumanBody(found.dimensions, 70.0 if mass is None else mass, found.stature, sex)
@@ -242,9 +242,7 @@ def _prepare(
     if belt.any():
         recording = in_belt_frame(recording, belt)
         speed = float(np.linalg.norm(belt))
-        notes += (
-            f"feet that stand move at {speed:.2f} m/s: a treadmill, taken in its belt's frame",
-        )
+        notes += (f"feet that stand move at {speed:.2f} m/s: a treadmill, in its belt's frame",)
     return recording, static, names, marks, notes + axis
 
 
@@ -305,19 +303,13 @@ def _fit_markers(
 
 
 def _static_frames(
-    static: MarkerRecording | None,
-    names: tuple[str, ...],
+    static: MarkerRecording | None, names: tuple[str, ...], marks: tuple[Landmark, ...],
     up: str | None,
-    marks: tuple[Landmark, ...],
-) -> Array:
+) -> Array:  # fmt: skip
     """Return some frames (k, m, 3) of a static trial, z up; none without one."""
     if static is None:
         return np.zeros((0, len(names), 3))
-    own_names = tuple(name for name in names if name in static.labels)
-    own_marks = tuple(
-        mark for name, mark in zip(names, marks, strict=True) if name in static.labels
-    )
-    standing, _ = rotate_z_up(static, own_names, own_marks, up)
+    standing, _ = rotate_z_up(static, names, marks, up)
     found = np.full((len(static.time), len(names), 3), np.nan)
     for k, name in enumerate(names):
         if name in static.labels:
@@ -388,9 +380,7 @@ def _pull_note(series: RmpSeries) -> tuple[str, ...]:
 def _rate_note(rate: float, cutoff: float) -> tuple[str, ...]:
     if cutoff >= MIN_CUTOFF:
         return ()
-    return (
-        f"{rate:.3g} frames a second show nothing above {cutoff:.2g} Hz: forces are too smooth",
-    )
+    return (f"{rate:.3g} frames a second show nothing above {cutoff:.2g} Hz: forces too smooth",)
 
 
 def _fit_note(residual: Array) -> tuple[str, ...]:
@@ -407,6 +397,4 @@ def _mass_note(weighed: float | None, guess: float, plates: bool) -> tuple[str, 
     if weighed is not None:
         return (f"mass {weighed:.1f} kg, as weighed by the force plates",)
     why = "no frame has all feet on force plates" if plates else "there are no force plates"
-    return (
-        f"mass guessed by the stature, {guess:.0f} kg ({why}): forces scale with it; give mass",
-    )
+    return (f"mass guessed by stature, {guess:.0f} kg ({why}): forces scale with it; give mass",)

@@ -20,9 +20,9 @@ from wbc.robot.limits import BASE_NQ
 from wbc.robot.series import centroidal_series, rates
 from wbc.rotations import same_sign
 from wbc.spatial import COLUMNS, ROWS
-from wbc.tracking.reference import PlanTarget
+from wbc.tracking.reference import PlanTarget, table_place
 from wbc.tracking.unbalanced import Unbalanced
-from wbc.validate import Array, finite_array, finite_number, read_only, real_array
+from wbc.validate import Array, finite_number, read_only
 
 STEP = 1e-3  # s between samples
 BEGINS, EASE = 0.3, 0.5  # s
@@ -116,17 +116,13 @@ class MotionReference:
         InvalidInputError
             A time that is not finite.
         """
-        given = real_array("motion reference, time", time)
-        t = finite_array("motion reference, time", given, given.shape) - self.begins
-        place = np.clip(t / self._times[1], 0.0, len(self._times) - 1.0)
-        k = np.minimum(place.astype(int), len(self._times) - 2)
-        part = (place - k)[..., None]
+        _, k, u = table_place("motion reference, time", time, self.begins, self._times)
         found = {
-            name: (1.0 - part) * table[k] + part * table[k + 1]
+            name: (1.0 - u) * table[k] + u * table[k + 1]
             for name, table in vars(self._target).items()
         }
-        turn = found["q"][..., 3:BASE_NQ]
-        turn /= np.linalg.norm(turn, axis=-1, keepdims=True)
+        quaternion = found["q"][..., 3:BASE_NQ]
+        quaternion /= np.linalg.norm(quaternion, axis=-1, keepdims=True)
         return MotionTarget(**found)
 
     @cached_property

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from wbc.kinds import check_kind, switch
 from wbc.robot import Snapshot
@@ -126,12 +126,8 @@ class PlanReference:
         InvalidInputError
             A time that is not finite.
         """
-        given = real_array("plan reference, time", time)
-        t = finite_array("plan reference, time", given, given.shape) - self.begins
-        place = np.clip(t / self._times[1], 0.0, len(self._times) - 1.0)
-        k = np.minimum(place.astype(int), len(self._times) - 2)
-        part = (place - k)[..., None]
-        row = (1.0 - part) * self._table[k] + part * self._table[k + 1]
+        t, k, u = table_place("plan reference, time", time, self.begins, self._times)
+        row = (1.0 - u) * self._table[k] + u * self._table[k + 1]
         row = np.where((t < 0.0)[..., None], self._before, row)
         active = (t <= self.plan.duration)[..., None]
         ends = np.cumsum(list(_SIZES.values()))[:-1]
@@ -139,6 +135,17 @@ class PlanReference:
         return PlanTarget(
             **{name: one if name in _AT_REST else one * active for name, one in parts.items()}
         )
+
+
+def table_place(
+    what: str, time: float | ArrayLike, begins: float, times: Array
+) -> tuple[Array, NDArray[np.intp], Array]:
+    """Return times since ``begins`` [s], and rows and fractions (..., 1) in a table."""
+    given = real_array(what, time)
+    t = finite_array(what, given, given.shape) - begins
+    place = np.clip(t / times[1], 0.0, len(times) - 1.0)
+    k = np.minimum(place.astype(int), len(times) - 2)
+    return t, k, (place - k)[..., None]
 
 
 def _row(**given: ArrayLike) -> Array:
