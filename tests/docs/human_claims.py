@@ -25,7 +25,7 @@ HUMANS: dict[str, tuple[str, str, Figures]] = {
     },
     "a human's horizontal force and CoP by markers alone": (
         "docs/howto/humans.md",
-        "By markers alone the force is {} % off, and the CoP {} and {} mm.",
+        "By markers alone the horizontal force is {} % off, the CoP {} and {} mm.",
         both(
             *(
                 from_json("human_walk.json", form, f"by_markers_alone/{key}")
