@@ -15,7 +15,7 @@ import numpy as np
 
 from wbc.codegen.hardware_data import HardwareParts
 from wbc.estimation import ImuReading, Measurement
-from wbc.estimation.contact_filter import SHOWN
+from wbc.estimation.contact_filter import STATE_SIZE
 from wbc.hardware.bus import Command, Reading
 from wbc.hardware.loop import PERIOD
 from wbc.hardware.safety import Fault, ForbiddenTransition, Mode, Safety
@@ -60,7 +60,7 @@ def _estimates(parts: HardwareParts) -> Iterator[list[float]]:
         told = (m.positions, zeros if m.velocities is None else m.velocities, torques, imu)
         given += [float(m.torques is not None), *np.concatenate(told)]
         if found is None:
-            yield [*given, 0.0, *np.zeros(robot.nq + robot.nv + SHOWN + 1)]
+            yield [*given, 0.0, *np.zeros(robot.nq + robot.nv + STATE_SIZE + 1)]
             continue
         spread = np.diag(found.covariance)
         yield [*given, 1.0, *found.q, *found.v, *spread, found.innovation[0]]

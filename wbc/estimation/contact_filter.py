@@ -2,12 +2,12 @@
 
 After Hartley, Ghaffari, Eustice and Grizzle, *Contact-aided invariant extended Kalman filtering for
 robot state estimation* (IJRR 2020). Rotation, velocity, position and the feet's positions are one
-element of the group SE_{2+k}(3); the feet's rotations stand beside it, each an element of SO(3).
-The error of a group element is log(X^ X^-1), in world axes; of a bias it is the difference. Its
-dynamics and the rows of a foot's place do not depend on the state but through the biases, so
-neither do gains: an estimate that begins far off converges like one that does not, and yaw and
-position, which nothing observes, gain no information by linearising anew. The arithmetic is the
-core's (``source/filter.c``).
+element of the group SE_{2+k}(3); the feet's rotations are further elements of SO(3). The error of
+a group element is log(X^ X^-1), in world axes; that of a bias is the difference. The error
+dynamics and the rows of a foot's place depend on the state through the biases only, and so do the
+gains: convergence does not depend on the initial error, and yaw and position, which are
+unobservable, gain no spurious information by relinearisation. The arithmetic is the core's
+(``source/filter.c``).
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from wbc.native import doubles, ffi, integers, lib
 from wbc.rotations import check_rotation
 from wbc.validate import Array, check_fields, finite_array, finite_number
 
-SHOWN = 15  # rotation, velocity, position, biases of gyroscope and accelerometer
+STATE_SIZE = 15  # rotation, velocity, position, biases of gyroscope and accelerometer
 Counts: TypeAlias = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class FilterNoise:
-    """How much an IMU and standing feet are believed, as densities of white noise.
+    """Noise densities of an IMU and of feet in contact.
 
     The IMU's are those of its data sheet; the defaults are an Xsens MTi-1's, rounded up. Those of
-    the feet cover what simulated soles creep on their ground.
+    the feet cover the creep of simulated soles.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class FilterNoise:
     gyroscope_walk, accelerometer_walk:
         Of the biases' rates [rad/s^2/Hz^(1/2)], [m/s^3/Hz^(1/2)].
     creep, roll:
-        Of the motion of feet that stand [m/s/Hz^(1/2)], [rad/s/Hz^(1/2)].
+        Of the motion of feet in contact [m/s/Hz^(1/2)], [rad/s/Hz^(1/2)].
     """
 
     gyroscope: float = 1.5e-4
@@ -57,14 +57,14 @@ class FilterNoise:
 
 
 class Correction(NamedTuple):
-    """What came of a foot's place.
+    """The result of a correction by a foot's place.
 
     Attributes
     ----------
     taken:
         Whether it was within the gate, and corrected the estimate.
     squared:
-        Normalised innovation squared: chi-square of as many degrees of freedom as rows.
+        Normalised innovation squared: chi-square with as many degrees of freedom as rows.
     residual:
         (6,) innovation: position [m] and rotation [rad], world axes.
     """
@@ -80,14 +80,14 @@ class ContactFilter:
     Parameters
     ----------
     feet:
-        How many there are; none is held in the beginning.
+        Their number; none is in contact at first.
     gravity:
         (3,) [m/s^2], world axes.
 
     Attributes
     ----------
     struct:
-        As the core has it.
+        Of the core.
     """
 
     def __init__(
@@ -97,16 +97,16 @@ class ContactFilter:
         feet = whole_number("filter, feet", feet)
         noise = noise or FilterNoise()
         self.noise, self.feet = noise, feet
-        n = SHOWN + 6 * feet
-        # All that changes: the state, the covariance, the origin; copied and put back as one.
+        n = STATE_SIZE + 6 * feet
+        # The whole state in one array: state, covariance, origin; saved and restored at once.
         self._memory = np.zeros(int(lib.FILTER_FEET) + 12 * feet + n * n + 3)
-        at = int(lib.FILTER_FEET) + 12 * feet
-        self._x, self._P = self._memory[:at], self._memory[at : at + n * n].reshape(n, n)
-        self._origin = self._memory[at + n * n :]
+        end = int(lib.FILTER_FEET) + 12 * feet
+        self._x, self._P = self._memory[:end], self._memory[end : end + n * n].reshape(n, n)
+        self._origin = self._memory[end + n * n :]
         self._held = np.zeros(feet, dtype=np.int64)
-        self._scratch, self._said = np.zeros(7 * n), np.zeros(7)
+        self._scratch, self._result = np.zeros(7 * n), np.zeros(7)
         g = finite_array("filter, gravity", gravity, (3,))
-        self._made = feet, noise, g
+        self._arguments = feet, noise, g
         squares = {name: getattr(noise, name) ** 2 for name in FilterNoise.__dataclass_fields__}
         self.struct = ffi.new(
             "wbc_filter *",
@@ -124,23 +124,23 @@ class ContactFilter:
         self._x[:9] = np.eye(3).ravel()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how to make it anew, and what it knows: what the core has is no object."""
-        return type(self), self._made, self.memory()
+        """Return constructor, arguments and memory: the core's struct cannot be pickled."""
+        return type(self), self._arguments, self.memory()
 
     def __setstate__(self, memory: tuple[Array, Counts]) -> None:
         self.restore(memory)
 
     @property
     def sizes(self) -> dict[str, int]:
-        """How many numbers the core writes of it, for who has the memory elsewhere."""
+        """Sizes of the arrays that the core writes, for memory that is allocated elsewhere."""
         sizes = self._x.size, self._P.size, self._scratch.size
         return dict(zip(("FILTER_X", "FILTER_P", "FILTER_SCRATCH"), sizes, strict=True))
 
-    # ------------------------------------------------------------------ what is known
+    # ------------------------------------------------------------------ state
 
     @property
     def rotation(self) -> Array:
-        """Of the IMU to the world (3, 3); a copy, as all here."""
+        """Of the IMU to the world (3, 3); a copy, as all below."""
         return self._x[:9].reshape(3, 3).copy()
 
     @property
@@ -165,13 +165,13 @@ class ContactFilter:
 
     @property
     def held(self) -> tuple[bool, ...]:
-        """Which feet are counted on to stand."""
+        """Which feet are in contact."""
         return tuple(bool(one) for one in self._held.tolist())
 
     @property
     def covariance(self) -> Array:
         """(15, 15) of estimate minus truth, as in :class:`~wbc.estimation.Estimate`."""
-        out = np.empty((SHOWN, SHOWN))
+        out = np.empty((STATE_SIZE, STATE_SIZE))
         lib.wbc_filter_covariance(self.struct, doubles(out))
         return out
 
@@ -181,11 +181,11 @@ class ContactFilter:
         return self._P.copy()
 
     def foot(self, k: int) -> tuple[Array, Array]:
-        """Return position (3,) and rotation (3, 3) of a foot that is held, world axes."""
+        """Return position (3,) and rotation (3, 3) of a foot in contact, world axes."""
         own = self._x[21 + 12 * k : 33 + 12 * k]
         return own[:3] + self._origin, own[3:].reshape(3, 3).copy()
 
-    # ------------------------------------------------------------------ what changes it
+    # ------------------------------------------------------------------ updates
 
     def reset(
         self,
@@ -196,7 +196,7 @@ class ContactFilter:
         accelerometer_bias: ArrayLike = (0.0, 0.0, 0.0),
         covariance: Array | None = None,
     ) -> None:
-        """Begin anew with a state, no foot held, and a covariance (15, 15), 0 if None.
+        """Restart at a state, without contacts, and a covariance (15, 15), 0 if None.
 
         The covariance is of estimate minus truth in world axes, as :attr:`covariance`.
 
@@ -213,40 +213,40 @@ class ContactFilter:
         state = np.concatenate((R.ravel(), *numbers))
         P = None
         if covariance is not None:
-            P = finite_array("filter, covariance", covariance, (SHOWN, SHOWN))
-        given = ffi.NULL if P is None else doubles(np.ascontiguousarray(P))
-        lib.wbc_filter_reset(self.struct, doubles(state), given)
+            P = finite_array("filter, covariance", covariance, (STATE_SIZE, STATE_SIZE))
+        pointer = ffi.NULL if P is None else doubles(np.ascontiguousarray(P))
+        lib.wbc_filter_reset(self.struct, doubles(state), pointer)
 
     def predict(self, rate: Array, force: Array, dt: float, scale: float = 1.0) -> None:
-        """Move on by ``dt`` [s] with the mean angular velocity and specific force (3,) over it.
+        """Predict over ``dt`` [s] with the mean angular velocity and specific force (3,) over it.
 
         Exact where both are constant in the IMU's axes. ``scale`` multiplies the variance of both
-        readings, for those that were guessed.
+        readings, for guessed ones.
 
         Raises
         ------
         InvalidInputError
             Something is NaN, or of another shape.
         """
-        given = (
+        readings = (
             finite_array("filter, rate", rate, (3,)),
             finite_array("filter, force", force, (3,)),
         )
         step = finite_number("filter, dt", dt, least=0.0)
-        lib.wbc_filter_predict(self.struct, *map(doubles, given), step, scale)
+        lib.wbc_filter_predict(self.struct, *map(doubles, readings), step, scale)
 
     def hold(self, k: int, place: Array, noise: Array) -> None:
-        """Count on foot ``k`` to stand from now on where it is seen; see :meth:`correct`."""
-        lib.wbc_filter_hold(self.struct, self._foot(k), *map(doubles, _seen(place, noise)))
+        """Add a contact of foot ``k`` at its measured place; see :meth:`correct`."""
+        lib.wbc_filter_hold(self.struct, self._foot(k), *map(doubles, _foot_arrays(place, noise)))
 
     def release(self, k: int) -> None:
-        """Count on foot ``k`` no longer."""
+        """Remove the contact of foot ``k``."""
         lib.wbc_filter_release(self.struct, self._foot(k))
 
     def correct(
         self, k: int, place: Array, noise: Array, gate: float = np.inf, rotation: bool = True
     ) -> Correction:
-        """Correct by where a foot that is held is seen.
+        """Correct by the measured place of a foot in contact.
 
         Parameters
         ----------
@@ -255,9 +255,9 @@ class ContactFilter:
         noise:
             (6, 6) covariance of both in these axes [m^2, rad^2].
         gate:
-            Largest normalised innovation squared; beyond, nothing is changed.
+            Largest normalised innovation squared; beyond it nothing is changed.
         rotation:
-            Whether the foot's rotation says something, too; not of a foot that rolls.
+            Whether the foot's rotation is measured, too; not of a foot that rolls.
 
         Raises
         ------
@@ -265,30 +265,30 @@ class ContactFilter:
             The innovation has no covariance, as with noise 0; something is NaN, or of another
             shape; no such foot.
         """
-        k, given, rows = self._foot(k), _seen(place, noise), (6 if rotation else 3)
-        to = doubles(self._said)
-        said = lib.wbc_filter_correct(self.struct, k, *map(doubles, given), rows, gate, to)
-        if said == lib.NOT_FINITE:
+        k, arrays, rows = self._foot(k), _foot_arrays(place, noise), (6 if rotation else 3)
+        out = doubles(self._result)
+        status = lib.wbc_filter_correct(self.struct, k, *map(doubles, arrays), rows, gate, out)
+        if status == lib.NOT_FINITE:
             raise InvalidInputError(
                 f"filter: the innovation of foot {k} has no positive covariance: its place is"
                 " without any noise"
             )
-        return Correction(said == lib.DONE, float(self._said[0]), self._said[1:].copy())
+        return Correction(status == lib.DONE, float(self._result[0]), self._result[1:].copy())
 
     def _foot(self, k: int) -> int:
-        """Return the number of a foot that there is: the core writes by it."""
+        """Return a checked foot number: the core indexes memory by it."""
         return whole_number("filter, foot", k, most=self.feet - 1)
 
     def memory(self) -> tuple[Array, Counts]:
-        """Return all that it knows, for :meth:`restore`."""
+        """Return the whole state, for :meth:`restore`."""
         return self._memory.copy(), self._held.copy()
 
     def restore(self, memory: tuple[Array, Counts]) -> None:
-        """Go back to what :meth:`memory` returned."""
+        """Restore a state of :meth:`memory`."""
         self._memory[:], self._held[:] = memory
 
 
-def _seen(place: Array, noise: Array) -> tuple[Array, Array]:
-    """Return place (12,) and covariance (6, 6) of a foot as the core reads them."""
+def _foot_arrays(place: Array, noise: Array) -> tuple[Array, Array]:
+    """Return checked place (12,) and covariance (6, 6) of a foot for the core."""
     covariance = finite_array("filter, noise of a foot", noise, (6, 6))
     return finite_array("filter, place of a foot", place, (12,)), np.ascontiguousarray(covariance)

@@ -1,4 +1,4 @@
-"""What the core estimates by: the robot, its sensors and settings, and memory, in fixed places."""
+"""The core's estimator: robot, sensors and settings, and its memory."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.mounted import Mount, mounted_places
 from wbc.validate import Array
 
-JUMP = 3.0  # times what a joint's speed limit allows in one period: a reading is wrong
-ROOM = 4  # times the messages of the usual period that are kept while it stands to begin
-# Settings that the core has by the same name.
-SAME = (
+MAX_SPEED_RATIO = 3.0  # of a plausible joint speed by its limit
+BUFFER_FACTOR = 4  # of the messages buffered at the beginning, by those of the standing time
+# Settings of the same name in the core.
+CORE_SETTINGS = (
     *("encoder_delay", "standing_time", "settle", "still", "slides", "sliding", "apart", "lost"),
     *("timeout", "load", "estimated_load"),
 )
 
 
 class EstimatorMemory(NamedTuple):
-    """All that an estimator knows between two messages."""
+    """The state of an estimator between two messages."""
 
     filter: tuple[Array, Counts]
     observer: Array
@@ -39,20 +39,20 @@ class EstimatorMemory(NamedTuple):
 
 
 class EstimatorCore:
-    """An estimator as the core has it (``source/estimator.c``).
+    """The core's estimator (``source/estimator.c``).
 
     Attributes
     ----------
     filter, observer:
-        Its parts, each with memory of its own.
+        Its parts, each with its own memory.
     given:
-        Arrays that are only read, by their names there.
+        Arrays that the core reads, by their names there.
     made:
-        Arrays that are written.
+        Arrays that the core writes.
     counts, event, detail:
-        Of those what it is known by from outside; see ``source/core.h``.
+        Those of them that are read from Python; see ``source/core.h``.
     out:
-        How many numbers an estimate has.
+        Number of values of an estimate.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class EstimatorCore:
             "joint": joints,
             "placement": placements,
             "flat": np.array([len(foot.polygon) > 2 for foot in feet], dtype=np.int64),
-            "fastest": JUMP * robot.limits.velocity,
+            "fastest": MAX_SPEED_RATIO * robot.limits.velocity,
             "range": np.array([(one.most_rate, one.most_force) for one in imus]),
             "start": np.zeros(BASE_NQ),
         }
@@ -85,12 +85,12 @@ class EstimatorCore:
                 "imus": len(imus),
                 "feet": len(feet),
                 "window": s.velocity_window,
-                "waiting": 2 + ROOM * (1 + math.ceil(s.standing_time / dt)),
+                "waiting": 2 + BUFFER_FACTOR * (1 + math.ceil(s.standing_time / dt)),
                 "weight": robot.weight,
                 "encoder_variance": s.encoder_deviation**2,
                 "floor": [s.place_floor**2, s.turn_floor**2],
                 "bias_variances": [s.gyroscope_bias**2, s.accelerometer_bias**2],
-                **{name: getattr(s, name) for name in SAME},
+                **{name: getattr(s, name) for name in CORE_SETTINGS},
                 **{name: pointer(array) for name, array in self.given.items()},
             },
         )
@@ -117,17 +117,17 @@ class EstimatorCore:
             setattr(self.struct, name, pointer(array))
 
     def reset(self, q: Array | None) -> None:
-        """Forget all, and stand to begin at the base's pose of ``q`` (nq,), if that is given."""
+        """Restart, standing at the base's pose of ``q`` (nq,), if given."""
         self.given["start"][:] = 0.0 if q is None else q[:BASE_NQ]
         lib.wbc_estimator_reset(self.struct)
 
     def memory(self) -> EstimatorMemory:
-        """Return all that it knows, for :meth:`restore`."""
+        """Return the whole state, for :meth:`restore`."""
         parts = self.filter.memory(), self.observer.memory()
         return EstimatorMemory(*parts, self._numbers.copy(), self.counts.copy())
 
     def restore(self, memory: EstimatorMemory) -> None:
-        """Go back to what :meth:`memory` returned."""
+        """Restore a state of :meth:`memory`."""
         self.filter.restore(memory.filter)
         self.observer.restore(memory.observer)
         self._numbers[:], self.counts[:] = memory.numbers, memory.counts

@@ -1,4 +1,4 @@
-"""What is believed of a robot's state, and how surely."""
+"""An estimated state with its uncertainty."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from wbc.validate import Array
 class Estimate:
     """A state with its uncertainty, at the time of the last measurement.
 
-    Errors are estimate minus truth, in world axes. Heading (yaw) and position cannot be observed
-    by IMU, joints and feet: they are relative to the start, and their variance only grows.
+    Errors are estimate minus truth, in world axes. Heading (yaw) and position are unobservable by
+    IMU, joints and feet: they are relative to the start, and their variance only grows.
 
     Attributes
     ----------
@@ -30,9 +30,9 @@ class Estimate:
         (15, 15) of the primary IMU's rotation [rad], velocity [m/s], position [m], gyroscope bias
         [rad/s] and accelerometer bias [m/s^2]; the biases in its own axes.
     contacts:
-        Feet that are counted on to stand still, and hold the estimate.
+        Feet in contact, which are assumed to stand still.
     slipping:
-        Feet that bear, but move; they are not counted on.
+        Feet that bear, but move; they are not used.
     gyroscope_bias, accelerometer_bias:
         (3,) [rad/s], [m/s^2] of the primary IMU, in its axes.
     forces:
@@ -41,7 +41,7 @@ class Estimate:
     innovation:
         Normalised innovation squared of this update, and its degrees of freedom.
     notes:
-        What was rejected, skipped or guessed in this update, in words.
+        What was rejected, skipped or guessed in this update.
     """
 
     time: float

@@ -1,7 +1,7 @@
 """The base's state from IMUs, encoders and contacts: one update per message.
 
-IMU -> predict -> joints -> feet seen from the IMU -> who bears -> hold, correct or release each
-    -> base pose and velocity -> forces by momentum residuals, for who bears in the next update
+IMU -> predict -> joints -> feet relative to the IMU -> loads -> hold, correct or release each foot
+    -> base pose and velocity -> forces by momentum residuals, for the loads of the next update
 
 The arithmetic is the core's (``source/estimator.c``).
 """
@@ -22,13 +22,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, shown
-from wbc.estimation.beginning import Beginning
-from wbc.estimation.contact_filter import SHOWN
+from wbc.estimation.contact_filter import STATE_SIZE
 from wbc.estimation.core import EstimatorCore, EstimatorMemory
 from wbc.estimation.estimate import Estimate
+from wbc.estimation.initialization import Initialization
 from wbc.estimation.joint_velocity import JointVelocityFilter
 from wbc.estimation.measurement import ImuMount, Measurement
-from wbc.estimation.notes import noted
+from wbc.estimation.notes import notes_of
 from wbc.estimation.settings import EstimatorSettings
 from wbc.kinds import check_kind
 from wbc.native import doubles, ffi, lib, pointer
@@ -37,43 +37,43 @@ from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
 from wbc.validate import Array, list_of
 
-OLD_IN_A_ROW = 50  # messages that are dropped for their age before it is said
+OLD_MESSAGES_WARNING = 50  # number of messages in a row dropped for their age before a warning
 
 
 class StateEstimator:
     """Estimates the base of a robot from its sensors; see the page *Estimate*.
 
-    In the beginning the robot stands still for ``standing_time``; :meth:`update` returns None until
-    then. Heading and position are relative to that stance: nothing observes them, and their
-    variance only grows.
+    At first the robot stands still for ``standing_time``; :meth:`update` returns None until then.
+    Heading and position are relative to that stance: they are unobservable, and their variance only
+    grows.
 
     Parameters
     ----------
     robot:
         With a floating base, and feet.
     imus:
-        Where they are; the first one leads as long as it is heard. Those on its link are averaged
-        with it, to one in their middle; others wait to take over. By default one at the base.
+        Their mounts; the first one is the primary as long as it sends. Those on its link are
+        averaged with it, to one in their middle; others are backups. By default one at the base.
     settings:
-        Others than those of :class:`~wbc.estimation.EstimatorSettings`, by name.
+        By default those of :class:`~wbc.estimation.EstimatorSettings`.
 
     Attributes
     ----------
     robot, imus, settings:
         As given.
     core:
-        As the core has it.
+        The core's estimator.
     velocity_delay:
-        How old joint velocities are that come from encoders alone [s].
+        Delay of joint velocities from encoders alone [s].
     notes:
-        What an estimate does not know, in words.
+        Limits of every estimate, in words.
 
     Raises
     ------
     InvalidInputError
-        A robot whose base is bolted, or without feet, or a setting out of range.
+        A robot with a fixed base or without feet, or a setting out of range.
     UnknownNameError
-        An IMU on a frame that is none.
+        An IMU on an unknown frame.
     """
 
     def __init__(
@@ -86,9 +86,9 @@ class StateEstimator:
     ) -> None:
         check_robot("estimator, robot", robot)
         if robot.fixed_base or not robot.feet:
-            why = "its base is bolted" if robot.fixed_base else "no feet were found"
+            reason = "its base is bolted" if robot.fixed_base else "no feet were found"
             raise InvalidInputError(
-                f"estimator: {robot.name}: {why}; a base is estimated from feet that stand"
+                f"estimator: {robot.name}: {reason}; a base is estimated from feet that stand"
             )
         check_kind("estimator, settings", settings, EstimatorSettings, or_none=True)
         self.robot, self.settings = robot, settings or EstimatorSettings()
@@ -100,17 +100,17 @@ class StateEstimator:
         window = self.settings.velocity_window
         joints = robot.nv - BASE_NV
         self.velocity_delay = JointVelocityFilter(joints, window, dt).delay
-        self._made = robot, self.imus, self.settings, dt
+        self._arguments = robot, self.imus, self.settings, dt
         self.core = EstimatorCore(robot, self.imus, self.settings, dt)
-        self._beginning = Beginning(robot, self.imus, self.settings.standing_time, dt)
+        self._start = Initialization(robot, self.imus, self.settings.standing_time, dt)
         self._shape, self._feet = (joints,), tuple(robot.feet)
         self._names = tuple(names), robot.joint_names, self._feet
-        self._at_imu = {name: k for k, name in enumerate(names)}
-        self._said = np.zeros((len(names), 6))
-        self._heard = np.zeros(len(names), dtype=np.int64)
+        self._imu_index = {name: k for k, name in enumerate(names)}
+        self._imu_rows = np.zeros((len(names), 6))
+        self._imu_present = np.zeros(len(names), dtype=np.int64)
         self._loads = np.zeros(len(self._feet))
         self._sample = ffi.new(
-            "wbc_sample *", {"imu": pointer(self._said), "heard": pointer(self._heard)}
+            "wbc_sample *", {"imu": pointer(self._imu_rows), "heard": pointer(self._imu_present)}
         )
         self.notes = (
             "heading and position are relative to the start: nothing observes them, and their"
@@ -124,15 +124,15 @@ class StateEstimator:
         state = "standing to begin" if self._last is None else f"t={self._last.time:.3f} s"
         return f"StateEstimator({self.robot.name!r}, {names}, {state})"
 
-    # ------------------------------------------------------------------ to begin
+    # ------------------------------------------------------------------ state
 
     def reset(self, q: ArrayLike | None = None) -> None:
-        """Forget everything, and stand still to begin.
+        """Restart; the robot stands still.
 
         Parameters
         ----------
         q:
-            Configuration (nq,) whose base position and heading it is then; its tilt and joints are
+            Configuration (nq,) with the initial base position and heading; tilt and joints are
             measured. None: heading 0, the soles' middle at the world's origin.
 
         Raises
@@ -141,43 +141,43 @@ class StateEstimator:
             An unusable configuration.
         """
         self.core.reset(None if q is None else self.robot.check_configuration(q))
-        self._past: deque[tuple[Measurement, EstimatorMemory]] = deque(maxlen=self.settings.history)
+        history = self.settings.history
+        self._history: deque[tuple[Measurement, EstimatorMemory]] = deque(maxlen=history)
         self._last: Estimate | None = None
         self._dropped = 0  # messages in a row
-        self._beginning.anew()
+        self._start.reset()
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
-        waits, start, memory, self._past, self._last, self._beginning = state
+        waits, start, memory, self._history, self._last, self._start = state
         self.core.made["wait"][:], self.core.given["start"][:] = waits, start
         self.core.restore(memory)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how to make it anew, and what it knows: what the core has is no object."""
+        """Return constructor, arguments and state: the core's struct cannot be pickled."""
         core = self.core
         known = core.made["wait"].copy(), core.given["start"].copy(), core.memory()
-        state = (*known, self._past.copy(), self._last, copy(self._beginning))
-        return partial(type(self), dt=self._made[-1]), self._made[:-1], state
+        state = (*known, self._history.copy(), self._last, copy(self._start))
+        return partial(type(self), dt=self._arguments[-1]), self._arguments[:-1], state
 
     @property
     def kept_by(self) -> str:
-        """Why there is no estimate yet, in words; empty once there is one."""
-        return "" if self._last is not None else self._beginning.told
+        """Why there is no estimate yet, in words; else empty."""
+        return "" if self._last is not None else self._start.status
 
     # ------------------------------------------------------------------ messages
 
     def update(self, measurement: Measurement) -> Estimate | None:
-        """Take in a message; return the estimate at the time of the latest one.
+        """Process a message; return the estimate at the time of the latest one.
 
-        None while it stands to begin; a warning says why, where that takes long. A message that
-        comes late is filed where it belongs, and what
-        followed is taken in again: to the same bits as in order. One that is older than
-        ``history`` messages, or came twice, is dropped, and a note says so.
+        None during initialisation; a warning says why, where that takes long. A late message is
+        inserted at its time, and those after it are processed again: to the same bits as in order.
+        One that is older than ``history`` messages, or a duplicate, is dropped, and a note says so.
 
         Raises
         ------
         InvalidInputError
-            A message of another robot, of other feet, or without any reading of the leading IMU to
-            begin with; or one by which the robot stands on its head, as where an IMU says -g.
+            A message of another robot, of other feet, or at first without a reading of the primary
+            IMU; or one by which the robot stands on its head, as with an IMU that says -g.
         """
         if not isinstance(measurement, Measurement) or measurement.positions.shape != self._shape:
             raise InvalidInputError(
@@ -186,74 +186,74 @@ class StateEstimator:
             )
         last = self._last
         if last is None or measurement.time > last.time:
-            return self._take(measurement)
-        return self._file(last, measurement)
+            return self._process(measurement)
+        return self._process_late(last, measurement)
 
-    def _file(self, last: Estimate, late: Measurement) -> Estimate | None:
-        """Take in a message that is not the latest."""
-        times = [one.time for one, _ in self._past]
-        at = bisect_left(times, late.time)
+    def _process_late(self, last: Estimate, late: Measurement) -> Estimate | None:
+        """Process a message that is not the latest."""
+        times = [one.time for one, _ in self._history]
+        index = bisect_left(times, late.time)
         age = 1e3 * (last.time - late.time)
-        if at < len(times) and times[at] == late.time:
+        if index < len(times) and times[index] == late.time:
             return replace(last, notes=("a message came twice; dropped",))
-        if at == 0:
-            kept = f"older than the last {len(times)} messages"
+        if index == 0:
+            reason = f"older than the last {len(times)} messages"
             self._dropped += 1
-            if self._dropped == OLD_IN_A_ROW:
+            if self._dropped == OLD_MESSAGES_WARNING:
                 logging.getLogger(__name__).warning(
                     "estimator: %d messages in a row are older than %g s; dropped, and so are all"
                     " until then: if the clock jumped back, reset() the estimator, or add %.3f s",
                     *(self._dropped, last.time, last.time - late.time),
                 )
-            return replace(last, notes=(f"a message is {age:.1f} ms late, {kept}; dropped",))
-        again = [late, *(one for one, _ in list(self._past)[at:])]
-        self.core.restore(self._past[at][1])
-        for _ in range(len(times) - at):
-            self._past.pop()
-        for one in again:
-            estimate = self._take(one)
-        if estimate is None:  # it was begun before: there is one
+            return replace(last, notes=(f"a message is {age:.1f} ms late, {reason}; dropped",))
+        messages = [late, *(one for one, _ in list(self._history)[index:])]
+        self.core.restore(self._history[index][1])
+        for _ in range(len(times) - index):
+            self._history.pop()
+        for one in messages:
+            estimate = self._process(one)
+        if estimate is None:  # not after the initialisation
             return None
-        note = f"a message is {age:.1f} ms late; {len(again) - 1} were taken in again"
+        note = f"a message is {age:.1f} ms late; {len(messages) - 1} were taken in again"
         return replace(estimate, notes=(*estimate.notes, note))
 
-    def _take(self, m: Measurement) -> Estimate | None:
-        core, sample, heard = self.core, self._sample, self._heard
+    def _process(self, m: Measurement) -> Estimate | None:
+        core, sample, present = self.core, self._sample, self._imu_present
         self._dropped = 0
         if self._last is not None and self.settings.history:
-            self._past.append((m, core.memory()))
-        heard[:] = 0
+            self._history.append((m, core.memory()))
+        present[:] = 0
         for reading in m.imus:
-            at = self._at_imu.get(reading.name)
-            if at is not None:
-                row = self._said[at]
+            index = self._imu_index.get(reading.name)
+            if index is not None:
+                row = self._imu_rows[index]
                 row[:3], row[3:] = reading.angular_velocity, reading.specific_force
-                heard[at] = 1
+                present[index] = 1
         sample.time = m.time
         # The message keeps these arrays for as long as the core reads them.
         sample.positions = doubles(m.positions)
         sample.velocities = ffi.NULL if m.velocities is None else doubles(m.velocities)
         sample.torques = ffi.NULL if m.torques is None else doubles(m.torques)
-        sample.loads = self._shares(m)
+        sample.loads = self._load_shares(m)
         out = np.empty(core.out)
-        said = lib.wbc_estimator_update(core.struct, sample, doubles(out))
-        if said == lib.STANDING:
-            self._beginning.waits(m)
+        status = lib.wbc_estimator_update(core.struct, sample, doubles(out))
+        if status == lib.STANDING:
+            self._start.add(m)
             return None
-        if said != lib.DONE:
-            raise InvalidInputError(self._why_none(said))
+        if status != lib.DONE:
+            raise InvalidInputError(self._failure(status))
         estimate = self._estimate(m, out)
         if self._last is None:
             try:
-                self._beginning.check(m, estimate)
+                self._start.check(m, estimate)
             except InvalidInputError:
                 lib.wbc_estimator_reset(core.struct)
                 raise
         self._last = estimate
         return estimate
 
-    def _shares(self, m: Measurement) -> Any:
-        """Return what the core reads of the loads of the feet, in parts of the weight."""
+    def _load_shares(self, m: Measurement) -> Any:
+        """Return the pointer to the feet's loads, in units of the weight."""
         if m.forces is not None:
             self._loads[:] = self._by_foot("forces", m.forces)
             self._loads /= self.robot.weight
@@ -275,7 +275,7 @@ class StateEstimator:
         nv, nq, count = self.robot.nv, self.robot.nq, len(self._feet)
         out.setflags(False)  # type: ignore[call-arg]  # parts of it are read-only, too
         numbers = self.core.counts.tolist()
-        at, wrenches = lib.FEET_STAND, out[lib.OUT_WRENCHES : lib.OUT_WRENCHES + 6 * count]
+        first, wrenches = lib.FEET_STAND, out[lib.OUT_WRENCHES : lib.OUT_WRENCHES + 6 * count]
         forces = {}
         if m.torques is not None:
             forces = {name: wrenches[6 * k : 6 * k + 6] for k, name in enumerate(self._feet)}
@@ -283,9 +283,9 @@ class StateEstimator:
             m.time,
             out[-nq:],
             out[-nq - nv : -nq],
-            out[: lib.OUT_GYRO].reshape(SHOWN, SHOWN),
-            tuple(compress(self._feet, numbers[at : at + count])),
-            tuple(compress(self._feet, numbers[at + count : at + 2 * count])),
+            out[: lib.OUT_GYRO].reshape(STATE_SIZE, STATE_SIZE),
+            tuple(compress(self._feet, numbers[first : first + count])),
+            tuple(compress(self._feet, numbers[first + count : first + 2 * count])),
             out[lib.OUT_GYRO : lib.OUT_ACCEL],
             out[lib.OUT_ACCEL : lib.OUT_SQUARED],
             forces,
@@ -294,23 +294,23 @@ class StateEstimator:
         )
 
     def _notes(self) -> tuple[str, ...]:
-        return noted(self.core, *self._names) if self.core.event[0] else ()
+        return notes_of(self.core, *self._names) if self.core.event[0] else ()
 
-    def _why_none(self, said: int) -> str:
+    def _failure(self, status: int) -> str:
         """Return why there is no estimate, in words."""
-        if said == lib.NO_IMU:
+        if status == lib.NO_IMU:
             leader = self.imus[self.core.counts[lib.LEADER]].name
-            why = "".join(f"; {note}" for note in self._notes())
-            return f"estimator: the first message has no usable reading of IMU {leader!r}{why}"
-        if said == lib.NO_GRAVITY:
+            notes = "".join(f"; {note}" for note in self._notes())
+            return f"estimator: the first message has no usable reading of IMU {leader!r}{notes}"
+        if status == lib.NO_GRAVITY:
             gravity = np.linalg.norm(self.robot.model.gravity.linear)
             return (
                 f"estimator: a robot at rest feels {gravity:.2f} m/s^2, the IMU says"
                 f" {self.core.detail[0]:.2f}: are its units g, or is it falling?"
             )
-        if said == lib.NOT_FINITE:
+        if status == lib.NOT_FINITE:
             return (
                 "filter: the innovation of a foot has no positive covariance"
-                f"{self._beginning.apart}"
+                f"{self._start.interval_note}"
             )
         return "estimator: the estimate is not finite; reset it"

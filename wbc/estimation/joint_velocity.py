@@ -1,4 +1,4 @@
-"""Joint velocities from encoders alone: a line fitted to the last readings, with a stated delay.
+"""Joint velocities from encoders alone: a line fitted to the last readings, of known delay.
 
 The arithmetic is the core's (``source/sensors.c``).
 """
@@ -17,15 +17,15 @@ from wbc.validate import Array, finite_array, finite_number
 class JointVelocityFilter:
     """The slope of the least-squares line through the last readings of each joint.
 
-    Of all linear filters of so many readings that see a constant velocity as it is, this one has
-    the least white noise. It sees an accelerating joint as it was :attr:`delay` ago.
+    Of all linear filters of this many readings that are unbiased at constant velocity, it has the
+    least white noise. An accelerating joint's velocity is delayed by :attr:`delay`.
 
     Parameters
     ----------
     window:
-        Readings; 2 is a plain difference.
+        Number of readings; 2 is a plain difference.
     dt:
-        Usual time between them [s], for what is said here; the filter takes their real times.
+        Nominal time between them [s], for delay and gain; the filter uses their real times.
 
     Attributes
     ----------
@@ -51,13 +51,13 @@ class JointVelocityFilter:
         self._count = np.zeros(1, dtype=np.int64)
 
     def reset(self) -> None:
-        """Forget all readings."""
+        """Drop all readings."""
         self._count[0] = 0
 
     def update(self, time: float, positions: Array) -> Array:
-        """Take in a reading (n,) at a time [s]; return the velocities (n,), 0 at the first.
+        """Add a reading (n,) at a time [s]; return the velocities (n,), 0 at the first.
 
-        A time that is not later than the last one's takes the place of the last reading.
+        A reading that is not later than the last one replaces it.
 
         Raises
         ------
@@ -68,7 +68,7 @@ class JointVelocityFilter:
         reading = finite_array(f"{what}, positions", positions, (joints,))
         time = finite_number(f"{what}, time", time)
         rates = np.empty(len(reading))
-        kept = doubles(self._times), doubles(self._positions), integers(self._count)
-        given = time, doubles(reading), doubles(rates)
-        lib.wbc_joint_rates(self.window, len(reading), *kept, *given)
+        memory = doubles(self._times), doubles(self._positions), integers(self._count)
+        arguments = time, doubles(reading), doubles(rates)
+        lib.wbc_joint_rates(self.window, len(reading), *memory, *arguments)
         return rates

@@ -1,4 +1,4 @@
-"""What a robot's sensors say at one instant, one message of its bus; and where its IMUs are."""
+"""A robot's sensor readings at one instant, one message of its bus; and the mounts of its IMUs."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from wbc.validate import (
 
 @dataclass(frozen=True, eq=False)
 class ImuReading:
-    """One IMU, in its own axes; means over the time since its last reading, as devices integrate.
+    """Reading of an IMU, in its own axes; means since its last reading, as devices integrate.
 
     Attributes
     ----------
     name:
-        Which IMU, as the estimator knows it.
+        Of the IMU in the estimator.
     angular_velocity:
         (3,) [rad/s].
     specific_force:
@@ -55,12 +55,12 @@ class ImuReading:
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """What the sensors say, stamped with the time at which they said it; joints as in v[6:].
+    """Sensor readings, with the time of measurement; joints as in v[6:].
 
     Attributes
     ----------
     time:
-        When it was measured by the robot's clock [s], not when it arrived.
+        Of the measurement by the robot's clock [s], not of the arrival.
     positions:
         Of the joints (nv-6,) [rad or m].
     velocities:
@@ -69,16 +69,16 @@ class Measurement:
     torques:
         Of the motors (nv-6,) [N m or N]; None: unknown.
     imus:
-        Readings of IMUs; one that has nothing new is left out.
+        New readings of IMUs.
     contacts:
-        Foot switches by foot, of all: whether each is pressed; None: there are none.
+        Foot switches of all feet, whether each is pressed; None: there are none.
     forces:
-        Normal forces by foot, of all [N]; None: no such sensor.
+        Normal forces of all feet [N]; None: no such sensor.
 
     Raises
     ------
     InvalidInputError
-        What is no number or NaN, by name.
+        Values that are no numbers or NaN, by name.
     """
 
     time: float
@@ -118,12 +118,12 @@ class Measurement:
 
 @dataclass(frozen=True, eq=False)
 class ImuMount:
-    """Where an IMU is on the robot, and what it can measure.
+    """The mount of an IMU on the robot, and its ranges.
 
     Attributes
     ----------
     name:
-        As its readings have it.
+        Of its readings.
     frame:
         A link or frame that carries it.
     position:
@@ -131,7 +131,7 @@ class ImuMount:
     rotation:
         (3, 3) taking the IMU's axes to the frame's.
     most_rate, most_force:
-        Ends of its ranges [rad/s], [m/s^2]; a reading beyond is not believed. The defaults are
+        Measurement ranges [rad/s], [m/s^2]; readings beyond are not used. The defaults are
         2000 degrees/s and 16 g.
     """
 

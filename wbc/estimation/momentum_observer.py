@@ -1,15 +1,15 @@
 """External forces from joint torques: residuals of the generalised momentum.
 
-With p = M v, M a + h = S' tau + J' f gives what acts from outside as J' f = p' - M' v + h - S' tau,
-of which the observer r' = K (J' f - r) needs no acceleration (De Luca and Mattone, *Actuator
-failure detection and isolation using generalized momenta*, ICRA 2003). Over a period M v grows by
-M_k (v_{k+1} - v_k) + (M_{k+1} - M_k) v_{k+1}, and the second term is what M' v takes off, so that
+With p = M v, M a + h = S' tau + J' f gives the external force J' f = p' - M' v + h - S' tau, whose
+observer r' = K (J' f - r) needs no acceleration (De Luca and Mattone, *Actuator failure detection
+and isolation using generalized momenta*, ICRA 2003). Over a period M v grows by
+M_k (v_{k+1} - v_k) + (M_{k+1} - M_k) v_{k+1}, whose second term cancels with M' v, so that
 
     r += (1 - exp(-K dt)) (M_k (v_{k+1} - v_k) / dt + h_k - S' tau - r)
 
-needs no derivative of M either. The wrenches on the soles are those of least squares over all rows
-of J' f = r, a little damped, so that a straight leg gives no wild forces; the base's rows, with
-accelerations of the whole mass in them, count less. The arithmetic is the core's
+needs no derivative of M either. The wrenches on the soles are a damped least-squares solution of
+J' f = r, so that a straight leg gives no excessive forces; the base's rows, which have the
+acceleration of the whole mass, have a smaller weight. The arithmetic is the core's
 (``source/momentum.c``).
 """
 
@@ -31,21 +31,21 @@ from wbc.validate import Array, finite_array, finite_number
 
 
 class MomentumObserver:
-    """Generalised force from outside, low-passed, and the wrenches on the soles that explain it.
+    """Low-passed external generalised force, and the wrenches on the soles that explain it.
 
     Parameters
     ----------
     bandwidth:
-        K [1/s]: what acts is seen with a delay of 1/K.
+        K [1/s]: forces are observed with a delay of 1/K.
     base_trust:
-        Weight of the base's rows by the joints' when wrenches are found.
+        Weight of the base's rows by the joints' in the least squares.
 
     Attributes
     ----------
     feet:
         Names, in the order of :attr:`wrenches`.
     struct, given, made:
-        As the core has it; arrays that it reads, and those that it writes, by their names there.
+        Of the core: its struct, and the arrays that it reads and writes, by their names there.
 
     Raises
     ------
@@ -63,12 +63,12 @@ class MomentumObserver:
                 f"momentum observer: {robot.name} has {len(self.feet)} feet; at most"
                 f" {lib.MOMENTUM_MOST_FEET} are supported"
             )
-        self._made = robot, bandwidth, trust
+        self._arguments = robot, bandwidth, trust
         tree, nv, k = robot.native.tree, robot.nv, len(self.feet)
         ids = [robot.frame_id(foot.frame) for foot in robot.feet.values()]
         joints, placements = frame_places(robot.model, ids)
         sizes = {"residual": nv, "velocity": nv, "motion": tree.motion_size, "wrenches": 6 * k}
-        # What changes and is kept, one array; then what each update finds anew.
+        # One array of the state; then arrays that each update overwrites.
         self._memory = np.zeros(sum(sizes.values()) + 1)
         ends = np.cumsum(list(sizes.values())).tolist()
         parts = dict(zip(sizes, np.split(self._memory, ends), strict=False))
@@ -100,31 +100,31 @@ class MomentumObserver:
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how to make it anew, and what it knows: what the core has is no object."""
-        return type(self), self._made, self.memory()
+        """Return constructor, arguments and memory: the core's struct cannot be pickled."""
+        return type(self), self._arguments, self.memory()
 
     def __setstate__(self, memory: Array) -> None:
         self.restore(memory)
 
     @property
     def residual(self) -> Array:
-        """Generalised force from outside (nv,) [N, N m], the base's in its axes; a copy."""
+        """External generalised force (nv,) [N, N m], the base's in its axes; a copy."""
         return self._residual.copy()
 
     @property
     def wrenches(self) -> dict[str, Array]:
         """Wrench (6,) on each sole by foot, at its frame's origin in world axes [N, N m]."""
-        found = self._wrenches.copy()
-        return dict(zip(self.feet, found, strict=True))
+        wrenches = self._wrenches.copy()
+        return dict(zip(self.feet, wrenches, strict=True))
 
     def reset(self) -> None:
-        """Forget everything; nothing acts."""
+        """Restart, without forces."""
         self._memory[:] = 0.0
 
     def update(self, q: Array, v: Array, torque: Array, dt: float) -> None:
-        """Take in the state now and the motors' torques (nv-6,) over the ``dt`` [s] before.
+        """Update by the state now and the motors' torques (nv-6,) over the ``dt`` [s] before.
 
-        The joints' damping and dry friction, as the robot has them, are taken off the torques.
+        The joints' damping and dry friction in the model are subtracted from the torques.
 
         Raises
         ------
@@ -137,9 +137,9 @@ class MomentumObserver:
         lib.wbc_momentum_update(self.struct, *map(doubles, (q, v, torque)), step)
 
     def memory(self) -> Array:
-        """Return all that it knows, for :meth:`restore`."""
+        """Return the whole state, for :meth:`restore`."""
         return self._memory.copy()
 
     def restore(self, memory: Array) -> None:
-        """Go back to what :meth:`memory` returned."""
+        """Restore a state of :meth:`memory`."""
         self._memory[:] = memory

@@ -1,4 +1,4 @@
-"""What the core notes of a message, in words: what was not believed, or not counted on."""
+"""The core's events of a message as notes: rejected readings, and feet that are not used."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from wbc.errors import listed
 from wbc.estimation.core import EstimatorCore
 from wbc.native import lib
 
-AGAIN = "not counted on until it is still"
-# Of IMUs and feet, with the name and how much.
-WORDS = {
+UNTIL_STILL = "not counted on until it is still"
+# Of IMUs and feet, with name and amount.
+TEXTS = {
     lib.RATE_BEYOND: "IMU {0!r}: angular velocity beyond its range of {1:g}; not used",
     lib.FORCE_BEYOND: "IMU {0!r}: specific force beyond its range of {1:g}; not used",
     lib.HANGS: "IMU {0!r}: {1:.0f} readings in a row are the same; not used",
@@ -16,45 +16,45 @@ WORDS = {
     lib.HELD: "IMU {0!r}: held for {1:.0f} ms",
     lib.GAP: "IMU {0!r}: nothing for {1:.0f} ms, for which one reading stands",
     lib.COUNTED_ANYWAY: "no foot is still: {0} is counted on at {1:.2f} m/s",
-    lib.SLIPS: f"{{0}} foot slips at {{1:.2f}} m/s; {AGAIN}",
+    lib.SLIPS: f"{{0}} foot slips at {{1:.2f}} m/s; {UNTIL_STILL}",
     lib.ROLLS: "{0} foot turns by {1:.0f} mrad",
-    lib.ROLLS_OVER: f"{{0}} foot turns by {{1:.0f}} mrad; {AGAIN}",
+    lib.ROLLS_OVER: f"{{0}} foot turns by {{1:.0f}} mrad; {UNTIL_STILL}",
     lib.OUTSIDE: "{0} foot seen {1:.1f} mm off: an outlier, not used",
-    lib.SLIPPED_OFF: f"{{0}} foot slips: seen {{1:.1f}} mm off; {AGAIN}",
+    lib.SLIPPED_OFF: f"{{0}} foot slips: seen {{1:.1f}} mm off; {UNTIL_STILL}",
     lib.FEET_APART: "{0} foot slips: feet are {1:.1f} mm nearer or farther; not counted on",
 }
-OF_IMUS = (lib.RATE_BEYOND, lib.FORCE_BEYOND, lib.HANGS, lib.LEFT_OUT, lib.HELD, lib.GAP)
+IMU_EVENTS = (lib.RATE_BEYOND, lib.FORCE_BEYOND, lib.HANGS, lib.LEFT_OUT, lib.HELD, lib.GAP)
 NO_LOADS = "no contacts, forces or torques: all feet are taken to bear always"
 
 
 Names = tuple[str, ...]  # in the core's order
 
 
-def noted(core: EstimatorCore, imus: Names, joints: Names, feet: Names) -> tuple[str, ...]:
-    """Return what was noted of the last message."""
+def notes_of(core: EstimatorCore, imus: Names, joints: Names, feet: Names) -> tuple[str, ...]:
+    """Return the notes of the last message."""
     count = int(core.event[0])
     events = core.event[1 : 1 + 2 * count].reshape(count, 2).tolist()
-    found, jumped = list[str](), list[str]()
-    for (kind, whose), much in zip(events, core.detail[:count].tolist(), strict=True):
+    notes, jumped = list[str](), list[str]()
+    for (kind, index), value in zip(events, core.detail[:count].tolist(), strict=True):
         if kind == lib.JOINT_JUMPED:
-            jumped.append(joints[whose])
+            jumped.append(joints[index])
             continue
         if jumped:
-            found.append(_held(jumped))
+            notes.append(_held_note(jumped))
         if kind == lib.TAKES_OVER:
-            silent, now = (imus[k] for k in divmod(whose, lib.MOST_IMUS))
-            found.append(f"IMU {silent!r}: silent for {much:.0f} ms; {now!r} takes over")
+            silent_imu, next_imu = (imus[k] for k in divmod(index, lib.MOST_IMUS))
+            notes.append(f"IMU {silent_imu!r}: silent for {value:.0f} ms; {next_imu!r} takes over")
         elif kind == lib.NO_LOADS:
-            found.append(NO_LOADS)
+            notes.append(NO_LOADS)
         else:
-            own = imus if kind in OF_IMUS else feet
-            found.append(WORDS[kind].format(own[whose], much))
+            names = imus if kind in IMU_EVENTS else feet
+            notes.append(TEXTS[kind].format(names[index], value))
     if jumped:
-        found.append(_held(jumped))
-    return tuple(found)
+        notes.append(_held_note(jumped))
+    return tuple(notes)
 
 
-def _held(jumped: list[str]) -> str:
+def _held_note(jumped: list[str]) -> str:
     text = f"joint {listed(jumped)}: position jumped; held"
     jumped.clear()
     return text

@@ -1,4 +1,4 @@
-"""What an estimator counts on: its sensors' noise, delays, and when a foot is believed to stand."""
+"""Settings of an estimator: its sensors' noise and delays, and criteria of contact."""
 
 from __future__ import annotations
 
@@ -22,46 +22,47 @@ class EstimatorSettings:
     Attributes
     ----------
     noise:
-        Of the IMU, and of feet that stand.
+        Of the IMU, and of feet in contact.
     encoder_deviation:
         Standard deviation of a joint's position [rad or m].
     place_floor, turn_floor:
-        Of a foot's place beside the encoders': soft ground, links that bend [m], [rad].
+        Standard deviations of a foot's place besides the encoders': soft ground, flexible links
+        [m], [rad].
     encoder_delay:
-        How old joint positions are when an IMU reading of the same message is new [s]; they are
+        Age of joint positions relative to the IMU reading of the same message [s]; they are
         predicted over it by their velocities.
     velocity_window:
-        Readings in the filter of joint velocities, where these are not measured; see
+        Number of readings in the filter of joint velocities, where these are not measured; see
         :class:`~wbc.estimation.joint_velocity.JointVelocityFilter`.
     standing_time:
-        How long it stands still in the beginning [s].
+        Duration of standing still for the initialisation [s].
     gyroscope_bias, accelerometer_bias:
         Standard deviations of the biases then [rad/s], [m/s^2].
     load:
-        A foot bears from the greater share of the robot's weight on, until the lesser: by measured
-        forces.
+        A foot bears from the larger share of the robot's weight on, until the smaller (hysteresis):
+        by measured forces.
     estimated_load:
-        The same by forces estimated from torques, which are less sure.
+        The same by forces estimated from torques, which are less certain.
     bandwidth:
         Of the momentum observer [1/s].
     settle:
-        How long a foot bears before it is counted on to stand [s]: it lands with a blow.
+        How long a foot bears before it becomes a contact [s], after its impact.
     still:
-        Largest speed of a foot that is counted on from now on [m/s].
+        Largest speed of a foot that becomes a contact [m/s].
     slides:
-        A foot that is counted on, and faster than this [m/s] for ``sliding`` [s], slips: at its
-        first, before the estimate follows it.
+        A contact that is faster than this [m/s] for ``sliding`` [s] slips, and is removed before
+        the estimate follows it.
     sliding:
         See above.
     apart:
-        By how much two feet that are counted on may come nearer to each other, or farther [m]:
-        beyond it the one that moved faster of late slips.
+        Largest change of the distance of two contacts [m]; beyond it the one that was faster of
+        late slips.
     lost:
-        After how long without any foot the slowest that bears is counted on whatever its speed [s].
+        Time without contacts after which the slowest foot that bears becomes one at any speed [s].
     timeout:
-        After how long without readings an IMU counts as dead, and another takes over [s].
+        Time without readings after which an IMU counts as dead, and another takes over [s].
     history:
-        For how many messages one may be late; an older one is dropped.
+        Number of messages that one may be late by; an older one is dropped.
     """
 
     noise: FilterNoise = field(default_factory=FilterNoise)

@@ -1,1 +1,1 @@
-"""Free flight: turns of a robot that nothing holds and that has no momentum."""
+"""Free flight: turns of a robot without contacts and momentum."""

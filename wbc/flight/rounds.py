@@ -1,4 +1,4 @@
-"""Rounds of a closed path of joints: a Fourier series, gone through from rest to rest."""
+"""Rounds of a closed joint path: a Fourier series, from rest to rest."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DIGITS = 5  # of coefficients in a file: 1e-5 rad turns a robot by less than tha
 def harmonics(phases: Array, count: int, derivative: int = 0) -> Array:
     """Return cos(h p) - 1 for h = 1..count, then sin(h p), at phases (n,): (n, 2 count).
 
-    Or a derivative by the phase p. What is zero at p = 0 makes a path begin where it is asked to.
+    Or a derivative by the phase p. All are zero at p = 0, where the path begins at its start.
     """
     h = np.arange(1, count + 1)
     angle = np.outer(phases, h) + 0.5 * np.pi * derivative
@@ -30,39 +30,39 @@ def harmonics(phases: Array, count: int, derivative: int = 0) -> Array:
 
 
 def even_phases(count: int) -> Array:
-    """Return even phases (n,), in the middles of as many parts of a round."""
+    """Return even phases (n,), the midpoints of n parts of a round."""
     return 2.0 * np.pi * (np.arange(count) + 0.5) / count
 
 
 @dataclass(frozen=True, eq=False)
 class JointLoop:
-    """A closed path, gone round once while its phase goes from 0 to 2 pi."""
+    """A closed path, over phases from 0 to 2 pi."""
 
     start: Array  # (k,) joints at phase 0 [rad or m]
     coefficients: Array  # (2 h, k) of :func:`harmonics`
 
     def at(self, phases: Array, derivative: int = 0) -> Array:
         """Return the joints (n, k) at phases (n,), or a derivative by the phase."""
-        found = harmonics(phases, len(self.coefficients) // 2, derivative) @ self.coefficients
-        return np.asarray(found + self.start if derivative == 0 else found)
+        values = harmonics(phases, len(self.coefficients) // 2, derivative) @ self.coefficients
+        return np.asarray(values + self.start if derivative == 0 else values)
 
 
 @dataclass(frozen=True, eq=False)
 class Rounds:
-    """A loop of all joints, gone round some times, from rest to rest: a course of a posture task.
+    """Rounds of a closed path of all joints, from rest to rest: a posture task's trajectory.
 
     Attributes
     ----------
     robot:
         The robot.
     posture:
-        (nq,) in which it begins and ends.
+        (nq,) at which it begins and ends.
     coefficients:
         (2 h, nv-6) of the :class:`JointLoop`.
     cycles:
-        How often it is gone round.
+        Number of rounds.
     period:
-        Mean time for a round [s]; the phase follows a minimum-jerk ramp over all of them.
+        Mean duration of a round [s]; the phase follows a minimum-jerk ramp over all of them.
 
     Raises
     ------
@@ -77,8 +77,8 @@ class Rounds:
     period: float
 
     def __post_init__(self) -> None:
-        wanted = (np.shape(self.coefficients)[0] // 2 * 2, self.robot.nv - BASE_NV)
-        finite_array("rounds, coefficients", self.coefficients, wanted)
+        shape = (np.shape(self.coefficients)[0] // 2 * 2, self.robot.nv - BASE_NV)
+        finite_array("rounds, coefficients", self.coefficients, shape)
         finite_number("rounds, cycles", self.cycles, least=1.0)
         finite_number("rounds, period", self.period, above=0.0)
 
@@ -91,13 +91,13 @@ class Rounds:
         cycles: int,
         period: float,
     ) -> Rounds:
-        """Return rounds of some joints; those that are not named stay.
+        """Return rounds of some joints; others are constant.
 
         Parameters
         ----------
         loop:
-            Coefficients by joint, those of the cosines first: as many of each, for each joint the
-            same number.
+            Coefficients by joint, first of cosines, then of as many sines; the same number for each
+            joint.
 
         Raises
         ------
@@ -128,21 +128,21 @@ class Rounds:
         return self.cycles * self.period
 
     def at(self, t: float) -> tuple[Array, Array, Array]:
-        """Return posture (nq,), its rate and acceleration (nv,) at a time [s]; it rests outside."""
+        """Return posture (nq,), rate and acceleration (nv,) at a time [s]; at rest outside."""
         x = min(max(t / self.duration, 0.0), 1.0)
-        whole = 2.0 * np.pi * self.cycles
+        total = 2.0 * np.pi * self.cycles
         slope, curvature = minimum_jerk_rates(x)
-        phase, speed = np.array([whole * minimum_jerk(x)]), whole * slope / self.duration
-        change = whole * curvature / self.duration**2
-        moved, first, second = np.zeros((3, self.robot.nv))
+        phase, speed = np.array([total * minimum_jerk(x)]), total * slope / self.duration
+        change = total * curvature / self.duration**2
+        moved, first, acceleration = np.zeros((3, self.robot.nv))
         loop = self.loop
         moved[BASE_NV:] = loop.at(phase)[0] - loop.start
-        first[BASE_NV:], bent = loop.at(phase, 1)[0], loop.at(phase, 2)[0]
-        second[BASE_NV:] = speed**2 * bent + change * first[BASE_NV:]
-        return self.robot.integrate(self.posture, moved, 1.0), speed * first, second
+        first[BASE_NV:], second = loop.at(phase, 1)[0], loop.at(phase, 2)[0]
+        acceleration[BASE_NV:] = speed**2 * second + change * first[BASE_NV:]
+        return self.robot.integrate(self.posture, moved, 1.0), speed * first, acceleration
 
     def target(self) -> dict[str, Any]:
-        """Return it as the target of a posture task in a problem file."""
+        """Return the target of a posture task in a problem file."""
         rows = zip(self.robot.joint_names, self.coefficients.T.round(DIGITS).tolist(), strict=True)
         loop = {name: values for name, values in rows if any(values)}
         return {"loop": loop, "cycles": self.cycles, "period": self.period}
