@@ -1,4 +1,4 @@
-"""``wbc hardware check``: whether a robot is as its model says."""
+"""``wbc hardware check``: whether a robot matches its model."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def check(
     domain: Domain = 0,
     move: Annotated[
         bool | None,
-        typer.Option("--move/--no-move", help="Move joints, or do not, without asking."),
+        typer.Option("--move/--no-move", help="Move joints, or not, without asking."),
     ] = None,
     priority: Priority = 40,
     slower: Slower = 1.0,
@@ -44,31 +44,31 @@ def check(
     end = where.open(profile, loaded)
     wrong = 0
 
-    def told(finding: CheckFinding) -> None:
+    def report(finding: CheckFinding) -> None:
         nonlocal wrong
         wrong += not finding.good
         mark = typer.style("ok   ", fg="green") if finding.good else typer.style("WRONG", fg="red")
         typer.echo(f"{mark} {finding.what:28s} {finding.seen}")
 
-    with real_time(priority) as refused:
-        for note in refused:
+    with real_time(priority) as not_granted:
+        for note in not_granted:
             print_note(note)
         for finding in listen(end, loaded):
-            told(finding)
+            report(finding)
         if wrong:
-            complain("joints are not moved before this is mended")
+            complain("joints are not moved before this is fixed")
             raise typer.Exit(STOPPED)
         if move is None:
-            move = _asked_to_move(loaded, where)
+            move = _confirm_motion(loaded, where)
         if move:
             kp, kd = by_pattern(loaded, profile.stiffness), by_pattern(loaded, profile.holding)
             safety = safety_of(loaded, profile, 0.002)
-            move_joints(end, loaded, safety, CheckGains(kp, kd), told=told)
+            move_joints(end, loaded, safety, CheckGains(kp, kd), report=report)
     end.close()
     raise typer.Exit(STOPPED if wrong else 0)
 
 
-def _asked_to_move(robot: Robot, where: Where) -> bool:
+def _confirm_motion(robot: Robot, where: Where) -> bool:
     count = len(robot.joint_names)
     typer.echo(
         f"Now each of the {count} joints of the robot on {where.interface!r} is moved by 2 degrees."

@@ -31,26 +31,26 @@ def run(
         str,
         typer.Option(
             help="Of the base: sensors (IMU, encoders, torques), or truth, which only a simulated"
-            " robot can tell (wbc hardware sim --truth)."
+            " robot sends (wbc hardware sim --truth)."
         ),
     ] = "sensors",
     unattended: Annotated[
         float | None,
         typer.Option(
             metavar="SECONDS",
-            help="Arm, stand up, run so long, sit down, end: for the simulator, on lo only.",
+            help="Arm, stand up, run for this time, sit down, end: for the simulator, on lo only.",
             min=0.0,
         ),
     ] = None,
     log: Annotated[
-        Path, typer.Option(help="Where the last 10 s go when something stops it.")
+        Path, typer.Option(help="File for the last 10 s when a fault stops the robot.")
     ] = Path("hardware.npz"),
     keep: Annotated[
         float | None,
         typer.Option(
             metavar="SECONDS",
-            help="Let the log reach back so far (1 to 2 MB a second), and write it in the end, too:"
-            " from the beginning, wbc replay runs it again.",
+            help="Length of the log (1 to 2 MB a second), which is also written at the end: one"
+            " from the beginning can be run again by wbc replay.",
         ),
     ] = None,
     view: Annotated[
@@ -66,10 +66,10 @@ def run(
     assign: Assign = None,
     quiet: Quiet = False,
 ) -> None:
-    """Run a problem on a robot: words and Enter, arm, stand, run, sit, stop, reset, quit.
+    """Run a problem on a robot: type arm, stand, run, sit, stop, reset or quit, each with Enter.
 
-    An empty line stops at once; so does a second Ctrl-C, the first one sits down, as does a
-    terminal that is gone.
+    An empty line stops at once, and so does a second Ctrl-C. At the first one, or if the terminal
+    is closed, the robot sits down.
     """
     from concurrent.futures import ThreadPoolExecutor
     from functools import partial
@@ -83,7 +83,7 @@ def run(
     from wbc.hardware.unitree import profile_named
     from wbc.problem import Problem, load_problem
 
-    _check_places(log, report)
+    _check_files(log, report)
     loaded = load_problem(problem, overrides_of(assign))
     if not isinstance(loaded, Problem):
         raise InvalidInputError(f"{problem}: a pendulum's problem runs on no robot")
@@ -102,7 +102,7 @@ def run(
 
         watch = partial(watch_loop, loaded.parts.robot)
     voice = ThreadPoolExecutor(1)
-    say = (lambda text: None) if quiet else _aside(voice)
+    say = (lambda text: None) if quiet else _printer(voice)
     operator = Keyboard(say) if unattended is None else Script(unattended)
     loop = loop_of(
         loaded,
@@ -118,40 +118,40 @@ def run(
         say=say,
     )
     with noted_interrupts(hangup=True) as interrupts:
-        loop.interrupted = lambda: _sits(interrupts, operator, Wish.SIT)
+        loop.interrupted = lambda: _sit_on_interrupt(interrupts, operator, Wish.SIT)
         result = loop.run()
     loop.bus.close()
     voice.shutdown()
-    _tell(result, report, quiet)
+    _print_result(result, report, quiet)
     if interrupts():
         raise typer.Exit(interrupts.exit_code)
     raise typer.Exit(0 if result.good else STOPPED)
 
 
-def _sits(interrupts: Any, operator: Any, wish: Any) -> bool:
+def _sit_on_interrupt(interrupts: Any, operator: Any, wish: Any) -> bool:
     if not interrupts():
         return False
     operator.ask(wish)
     return True
 
 
-def _aside(voice: Executor) -> Callable[[str], None]:
-    """Return what says things in a thread: a terminal that is stopped (Ctrl-S) stops no cycle."""
-    voice.submit(int)  # its thread begins now, before there is any priority to inherit
+def _printer(voice: Executor) -> Callable[[str], None]:
+    """Return a function that prints in a thread: a paused terminal (Ctrl-S) stops no cycle."""
+    voice.submit(int)  # starts its thread now, before there is a priority to inherit
 
     def say(text: str) -> None:
-        voice.submit(_said, text)
+        voice.submit(_print, text)
 
     return say
 
 
-def _said(text: str) -> None:
-    with suppress(OSError):  # whoever read it is gone, which is no reason to let a robot fall
+def _print(text: str) -> None:
+    with suppress(OSError):  # a closed terminal must not let a robot fall
         typer.echo(text)
 
 
-def _check_places(log: Path, report: Path | None) -> None:
-    """Raise InvalidInputError for files that could not be written: when it matters is too late."""
+def _check_files(log: Path, report: Path | None) -> None:
+    """Raise InvalidInputError early for files that cannot be written."""
     from wbc.cli.outputs import check_place
     from wbc.errors import InvalidInputError
 
@@ -163,7 +163,7 @@ def _check_places(log: Path, report: Path | None) -> None:
         check_place(option, path)
 
 
-def _tell(result: LoopResult, report: Path | None, quiet: bool) -> None:
+def _print_result(result: LoopResult, report: Path | None, quiet: bool) -> None:
     import json
 
     import numpy as np
@@ -197,7 +197,7 @@ def _tell(result: LoopResult, report: Path | None, quiet: bool) -> None:
         return
     typer.echo(f"ended: {result.reason}")
     typer.echo(
-        f"cycles   {result.cycles} and {result.missed} left out; {100 * within:.2f} % began within"
+        f"cycles   {result.cycles} and {result.missed} skipped; {100 * within:.2f} % began within"
         f" 0.2 ms of their time, late by {late[0]:.3f} ms (median), {late[1]:.3f} (p99),"
         f" {late[2]:.2f} (worst)"
     )

@@ -1,4 +1,4 @@
-"""``wbc hardware sim``: be a robot."""
+"""``wbc hardware sim``: a simulated robot on a bus."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ def sim(
     interface: Interface = "lo",
     domain: Domain = 0,
     truth: Annotated[
-        bool, typer.Option("--truth", help="Tell where the base really is, too.")
+        bool, typer.Option("--truth", help="Also send the base's true state.")
     ] = False,
     no_gantry: Annotated[
-        bool, typer.Option("--no-gantry", help="Without straps: who falls lies.")
+        bool, typer.Option("--no-gantry", help="Without straps: a fall is not caught.")
     ] = False,
     lifted: Annotated[
-        float, typer.Option(help="How much higher it hangs, in m: 0.1 for wbc hardware check.")
+        float, typer.Option(help="Raise the gantry by this, in m: 0.1 for wbc hardware check.")
     ] = 0.0,
     push: Annotated[
         list[str] | None,
@@ -35,19 +35,19 @@ def sim(
             metavar="AT,FX,FY,SECONDS", help="Push the trunk at a time, in s and N; repeatable."
         ),
     ] = None,
-    push_body: Annotated[str, typer.Option(help="Which body is pushed.")] = "base",
+    push_body: Annotated[str, typer.Option(help="The body that is pushed.")] = "base",
     patience: Annotated[
         float, typer.Option(help="Seconds without a command after which it brakes.", min=0.001)
     ] = 0.017,
     armature: Annotated[float, typer.Option(help="Of the rotors, in kg m^2.", min=0.0)] = 0.003,
-    duration: Annotated[float, typer.Option(help="How long it lives, in s.", min=0.0)] = 1e9,
-    report: Annotated[Path | None, typer.Option(help="Write what it did: a .json.")] = None,
+    duration: Annotated[float, typer.Option(help="Time until it ends, in s.", min=0.0)] = 1e9,
+    report: Annotated[Path | None, typer.Option(help="Write its events: a .json.")] = None,
     priority: Priority = 50,
     slower: Slower = 1.0,
     cpu: Annotated[int | None, typer.Option(help="CPU to run on.")] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Be a robot: physics, motors at 1 kHz, messages, a watchdog that brakes.
+    """Simulate a robot on a bus: physics, motors at 1 kHz, messages, a watchdog that brakes.
 
     It hangs in its gantry's straps at the height of its crouch, feet on the ground.
     """
@@ -74,9 +74,9 @@ def sim(
     with real_time(priority):  # which the bus's own threads inherit
         end = Where(bus, interface, domain).open_robot(profile, loaded)
     try:
-        side = simulated_robot(loaded, profile, end, settings, lifted=lifted)
+        simulated = simulated_robot(loaded, profile, end, settings, lifted=lifted)
         for at, fx, fy, seconds in pushes:
-            side.push(at, push_body, (fx, fy, 0.0), seconds)
+            simulated.push(at, push_body, (fx, fy, 0.0), seconds)
     except WbcError:
         end.close()
         raise
@@ -85,16 +85,16 @@ def sim(
     if not quiet:
         typer.echo(f"{loaded.name} on {bus} {interface}: ready")
     with noted_interrupts() as interrupts:
-        done = side.run(duration, cancelled=interrupts, priority=priority, say=print_note)
+        outcome = simulated.run(duration, cancelled=interrupts, priority=priority, say=print_note)
     if report is not None:
-        write_text(report, json.dumps(done.to_data()) + "\n")
+        write_text(report, json.dumps(outcome.to_data()) + "\n")
     if not quiet:
-        for event in done.events:
+        for event in outcome.events:
             typer.echo(f"{event.time:.4f}  {event.what}")
         typer.echo(
-            f"{done.commands} commands, {done.damaged} damaged; tilted by at most"
-            f" {done.tilt:.2f} rad; {done.late} of {done.steps} steps made up for,"
-            f" {1e3 * done.latest:.1f} ms late at most"
+            f"{outcome.commands} commands, {outcome.damaged} damaged; tilted by at most"
+            f" {outcome.tilt:.2f} rad; {outcome.late} of {outcome.steps} steps made up for,"
+            f" {1e3 * outcome.latest:.1f} ms late at most"
         )
     raise typer.Exit(0)
 

@@ -1,4 +1,4 @@
-"""What ``wbc push`` prints when it is done."""
+"""The report that ``wbc push`` prints."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from wbc.simulation.push_map import compare_maps
 
 
 def print_maps(maps: Sequence[PushMap], settings: PushSettings, written: Iterable[Path]) -> None:
-    """Print the impulses survived by direction, beside theory, with notes."""
+    """Print the survived impulses by direction, beside the theoretical bounds, with notes."""
     console = Console(highlight=False)
     first = maps[0]
     many = len(maps) > 1
@@ -26,33 +26,33 @@ def print_maps(maps: Sequence[PushMap], settings: PushSettings, written: Iterabl
         head = Text(state, style="bold green" if one.complete else "bold yellow")
         text = (
             f": {one.name}, {one.robot}, {len(one.outcomes)} pushes of {settings.duration:g} s"
-            f" on {settings.body}; {_least_and_mean(one)}"
+            f" on {settings.body}; {_limits_text(one)}"
         )
         console.print(head.append(text, style="not bold default"))
     console.print(_table(maps))
     table = facts()
     if many:
-        table.add_row("compared", Text(_compared(first, maps[1])))
+        table.add_row("compared", Text(_compare_text(first, maps[1])))
     for one in maps:
-        for name, text in _rows(one, f"{one.name}: " if many else ""):
+        for name, text in _fact_rows(one, f"{one.name}: " if many else ""):
             table.add_row(name, Text(text))
     console.print(table)
     print_written(console, written)
 
 
-def _compared(one: PushMap, other: PushMap) -> str:
+def _compare_text(one: PushMap, other: PushMap) -> str:
     least, mean, times = compare_maps(one, other)
     unknown = int(np.isnan(times).sum())
     if unknown == len(times):
         return f"in no direction both survived a push of the grid: {one.name}, {other.name}"
-    left_out = f" (but for {unknown} directions, in which one of them survived none)"
+    excluded = f" (without {unknown} directions, in which one of them survived none)"
     return (
         f"{one.name} survives {least:.2f} times what {other.name} does at least, {mean:.2f} times"
-        f" on average{left_out if unknown else ''}"
+        f" on average{excluded if unknown else ''}"
     )
 
 
-def _least_and_mean(one: PushMap) -> str:
+def _limits_text(one: PushMap) -> str:
     tried, count = int(one.tried.sum()), len(one.tried)
     if not tried:
         return "nothing is known yet of what it survives"
@@ -90,7 +90,7 @@ def _table(maps: Sequence[PushMap]) -> Table:
 
 
 def _limit(one: PushMap, k: int) -> Text:
-    """Return the limit of a direction: with a sign where the grid ends, or where it is odd."""
+    """Return the limit of a direction, marked if the grid ends there or it is not monotone."""
     if not one.tried[k]:
         return Text("untried", style="dim")
     limit, open_ended = one.limits[k], one.open_ended[k]
@@ -102,12 +102,12 @@ def _limit(one: PushMap, k: int) -> Text:
 
 
 def _short(reason: str) -> str:
-    """Return why a robot fell, without when."""
+    """Return why a robot fell, without the time."""
     _, _, why = reason.partition(": ")
     return (why or reason).split(", more than")[0]
 
 
-def _rows(one: PushMap, who: str) -> Iterator[tuple[str, str]]:
+def _fact_rows(one: PushMap, who: str) -> Iterator[tuple[str, str]]:
     odd = [
         f"{np.degrees(one.grid.angles[k]):.4g} deg at {', '.join(f'{r:.4g}' for r in ratios)}"
         for k in range(one.grid.directions)

@@ -60,56 +60,56 @@ def run(
     from wbc.errors import InvalidInputError
     from wbc.view.options import View
 
-    look = View.of(view_from, show)  # before any work is done
+    look = View.of(view_from, show)  # checked before the run
     if plot is None and look != View.of():
         raise InvalidInputError("--view-from, --show: are of the picture; name it with --plot")
-    wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
-    raise typer.Exit(_run(wanted, options.overrides_of(assign, solver), look, simulated=False))
+    chosen = _RunOptions(problem, output or [], plot, quiet, view, save_tick, stream)
+    raise typer.Exit(_run(chosen, options.overrides_of(assign, solver), look, simulated=False))
 
 
 def _run(
-    wanted: _Wanted, overrides: dict[str, Any], look: View | None = None, *, simulated: bool
+    chosen: _RunOptions, overrides: dict[str, Any], look: View | None = None, *, simulated: bool
 ) -> int:
-    """Run or simulate a problem, write, print and show what came of it; return the exit code."""
+    """Run or simulate a problem, write, print and show the result; return the exit code."""
     from wbc.cli.interrupts import Interrupts, noted_interrupts
     from wbc.cli.outputs import Outputs
     from wbc.cli.progress import shown_progress
-    from wbc.cli.sim_report import print_asked
+    from wbc.cli.sim_report import print_unbalanced_motion
     from wbc.errors import InvalidInputError
 
-    with wanted.starting():
+    with chosen.starting():
         from wbc.problem import Problem, Result, load_problem
         from wbc.problem.pendulum.result import PendulumResult
 
-        problem = load_problem(wanted.path, overrides)
+        problem = load_problem(chosen.path, overrides)
     if simulated and not isinstance(problem, Problem):
         raise InvalidInputError(
-            f"{wanted.path}: a pendulum's problem simulates itself: wbc run {wanted.path}"
+            f"{chosen.path}: a pendulum's problem simulates itself: wbc run {chosen.path}"
         )
-    if isinstance(problem, Problem) and not wanted.quiet:
+    if isinstance(problem, Problem) and not chosen.quiet:
         print_notes(problem.parts.robot)
         if simulated:
-            print_asked(problem.parts.plan)
-    watching = wanted.watching(problem)
+            print_unbalanced_motion(problem.parts.plan)
+    watching = chosen.watching(problem)
     plans = not isinstance(problem, Problem) and problem.spec.plan is not None
-    # Ctrl-C ends a plan at once: there is nothing to keep until it is done.
+    # Ctrl-C ends a plan at once: there is no partial result.
     listening = nullcontext(Interrupts()) if plans else noted_interrupts()
     result: AnyResult
     outputs = Outputs()
     with (
-        shown_progress(wanted.quiet) as progress,
+        shown_progress(chosen.quiet) as progress,
         listening as interrupts,
-        wanted.shown_by(problem, watching, outputs) as show,
+        chosen.shown_by(problem, watching, outputs) as show,
     ):
         if isinstance(problem, Problem):
-            go = problem.simulate if simulated else problem.run
-            result = go(progress, cancelled=interrupts, show=show)
+            start = problem.simulate if simulated else problem.run
+            result = start(progress, cancelled=interrupts, show=show)
         else:
             result = problem.run(progress, cancelled=interrupts)
     shaping, ended = getattr(result, "shaping", None), result.status
-    # A search over postures listens for Ctrl-C itself.
+    # A search over postures handles Ctrl-C itself.
     interrupted = interrupts() or bool(shaping and shaping.effort.stopped == "interrupted")
-    _write(wanted, result, look, outputs, keep=interrupted)
+    _write(chosen, result, look, outputs, keep=interrupted)
     failed = QP_FAILED if ended.value == "qp_failed" else NOT_REACHED
     code = outputs.exit_code(0 if ended.good else failed)
     if interrupted:
@@ -125,22 +125,22 @@ def _run(
 
 
 def _write(
-    wanted: _Wanted, result: AnyResult, look: View | None, outputs: Outputs, *, keep: bool
+    chosen: _RunOptions, result: AnyResult, look: View | None, outputs: Outputs, *, keep: bool
 ) -> None:
-    """Write, draw and print what came of it; ``keep``: somewhere, if no place was given."""
+    """Write, draw and print the result; ``keep``: to a temporary file, if there is no output."""
     from wbc.cli.printing import print_pendulum_result, print_result
     from wbc.cli.sim_report import print_simulation
     from wbc.problem import Result
     from wbc.simulation import SimulationResult
 
-    output = wanted.output
+    output = chosen.output
     if keep and not output:
-        output = [Path(tempfile.mkdtemp(prefix="wbc-")) / f"{wanted.name}.npz"]
+        output = [Path(tempfile.mkdtemp(prefix="wbc-")) / f"{chosen.name}.npz"]
     for each in output:
         outputs.save(each, result.save)
-    if wanted.plot is not None:
-        outputs.draw(wanted.plot, lambda path: _draw(result, path, wanted.name, look))
-    if wanted.quiet:
+    if chosen.plot is not None:
+        outputs.draw(chosen.plot, lambda path: _draw(result, path, chosen.name, look))
+    if chosen.quiet:
         pass
     elif isinstance(result, Result):
         print_result(result, outputs.written)
@@ -187,21 +187,21 @@ def sim(
     stream: options.Streamed = None,
 ) -> None:
     """Simulate a problem of the torque level and say whether the robot stood."""
-    wanted = _Wanted(problem, output or [], plot, quiet, view, save_tick, stream)
-    raise typer.Exit(_run(wanted, options.overrides_of(assign, solver), simulated=True))
+    chosen = _RunOptions(problem, output or [], plot, quiet, view, save_tick, stream)
+    raise typer.Exit(_run(chosen, options.overrides_of(assign, solver), simulated=True))
 
 
-# ---------------------------------------------------------------------- what both share
+# ---------------------------------------------------------------------- shared parts
 
 
 @dataclass(frozen=True)
-class _Wanted:
-    """What a user wants of a run besides the run itself.
+class _RunOptions:
+    """Options of a run besides the problem.
 
     Raises
     ------
     InvalidInputError
-        What could not be written, drawn or shown, before any work is done.
+        An output that cannot be written, drawn or shown.
     """
 
     path: Path
@@ -214,7 +214,7 @@ class _Wanted:
 
     @property
     def name(self) -> str:
-        """Of the problem, as titles and files have it."""
+        """Of the problem, for titles and files."""
         return options.name_of(self.path)
 
     def __post_init__(self) -> None:
@@ -234,7 +234,7 @@ class _Wanted:
                 )
 
     def starting(self) -> AbstractContextManager[None]:
-        """Return what says what is being loaded, if that takes a while."""
+        """Return a context that shows what is being loaded, if that takes a while."""
         from wbc.cli.progress import starting
 
         return starting(f"loading {self.path}", self.quiet)
@@ -243,9 +243,9 @@ class _Wanted:
     def shown_by(
         self, problem: Problem | PendulumProblem, watching: Watching | None, outputs: Outputs
     ) -> Iterator[ShowTick | None]:
-        """Yield what looks at every tick: viewer, stream, who saves the first that gave way.
+        """Yield the observer of every tick: viewer, stream, the saver of the first relaxed tick.
 
-        What these cannot write or send is noted in ``outputs``: the run and its result are kept.
+        Failures of these are noted in ``outputs``; the run goes on.
 
         Raises
         ------
@@ -257,9 +257,9 @@ class _Wanted:
 
         if self.save_tick is not None and not isinstance(problem, Problem):
             raise InvalidInputError("--save-tick saves robots' ticks, this is a pendulum's problem")
-        looks: list[ShowTick] = [] if watching is None else [watching.show]
+        observers: list[ShowTick] = [] if watching is None else [watching.show]
         if self.save_tick is not None:
-            looks.insert(0, _Keeper(self.save_tick, outputs))
+            observers.insert(0, _TickSaver(self.save_tick, outputs))
         with ExitStack() as ending:
             if self.stream is not None:
                 from wbc.view.streams import stream_of
@@ -268,18 +268,18 @@ class _Wanted:
                     raise InvalidInputError("--stream sends robots, this is a pendulum's problem")
                 stream = stream_of(problem.parts.robot, self.stream)
                 ending.callback(outputs.try_to, f"--stream {self.stream}", stream.close)
-                looks.append(stream.show)
+                observers.append(stream.show)
                 if not self.quiet:
                     print_note(f"streaming to {stream.where}")
 
-            def look(now: LoopTick, controller: Controller | None) -> None:
-                for one in looks:
-                    one(now, controller)
+            def observe(now: LoopTick, controller: Controller | None) -> None:
+                for observer in observers:
+                    observer(now, controller)
 
-            yield look if looks else None
+            yield observe if observers else None
 
     def watching(self, problem: Problem | PendulumProblem) -> Watching | None:
-        """Return what shows the run, if that is wanted.
+        """Return the live viewer of the run, if requested.
 
         Raises
         ------
@@ -300,8 +300,8 @@ class _Wanted:
         return Watching(problem.parts.robot, title=self.name, terrain=terrain)
 
 
-class _Keeper:
-    """Saves the first tick that failed, or in which something gave way."""
+class _TickSaver:
+    """Saves the first failed or relaxed tick."""
 
     def __init__(self, path: Path, outputs: Outputs) -> None:
         self._path, self._outputs, self._done = path, outputs, False

@@ -1,4 +1,4 @@
-"""What ``wbc sim`` prints when it is done."""
+"""The report that ``wbc sim`` prints."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from wbc.simulation.wrench import AppliedWrench
 from wbc.tracking.deviation import PlanTracking
 from wbc.tracking.reference import PlanReference
 
-# A quantity of a plan that changes by less than this part of what a robot is off has no peak.
+# A planned quantity has no peak if it changes by less than this part of its tracking error.
 ROUNDING = 1e-3
 
 
-def print_asked(reference: object) -> None:
-    """Print what a motion asks for that cannot be, before it is simulated; nothing of a plan."""
+def print_unbalanced_motion(reference: object) -> None:
+    """Print where a motion cannot be balanced, before it is simulated; nothing for a plan."""
     if isinstance(reference, PlanReference) or reference is None:
         return
     from wbc.retargeting.reference import MotionReference
@@ -41,7 +41,7 @@ def print_asked(reference: object) -> None:
 
 
 def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
-    """Print whether it stood, how far each task is from its target, and what it took."""
+    """Print whether the robot stood, the tasks' errors, and the effort."""
     console = Console(highlight=False)
     ticks = len(result.run.history)
     console.print(head(result.status, f"{result.reason} ({ticks} ticks)"))
@@ -100,14 +100,14 @@ def _tracking(found: PlanTracking) -> Table:
     ):
         sizes = (f"{factor * size:.3g} {unit}" for size in (one.rms, one.worst))
         none = one.peak <= ROUNDING * one.rms
-        part = "it has none" if none else _percent(one.rms / one.peak)
-        table.add_row(Text(name), *sizes, f"{one.at:.3f}", part)
+        relative = "it has none" if none else _percent(one.rms / one.peak)
+        table.add_row(Text(name), *sizes, f"{one.at:.3f}", relative)
     if found.joints is not None:
         sizes = (f"{size:.3g} rad" for size in (found.joints.rms, found.joints.worst))
-        part = (
+        relative = (
             _percent(found.joints.rms / found.joints.peak) if found.joints.peak else "it has none"
         )
-        table.add_row("joints", *sizes, f"{found.joints.at:.3f}", part)
+        table.add_row("joints", *sizes, f"{found.joints.at:.3f}", relative)
     if not found.whole:
         text = f"to {found.until:g} s only; it ends at {found.ends:g} s"
         table.add_row(Text("judged", style="red"), Text(text, style="red"), "", "", "")

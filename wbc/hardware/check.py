@@ -137,7 +137,7 @@ def move_joints(
     safety: Safety,
     gains: CheckGains,
     *,
-    told: Callable[[CheckFinding], None] = lambda finding: None,
+    report: Callable[[CheckFinding], None] = lambda finding: None,
 ) -> list[CheckFinding]:
     """Hold all joints, and move each by 2 degrees and back; the robot must hang.
 
@@ -160,7 +160,7 @@ def move_joints(
             mover.move(k, 0.0)
             finding = _judge(name, k, sign, moved, robot.joint_names)
             found.append(finding)
-            told(finding)
+            report(finding)
     finally:
         mover.end()
     return found
