@@ -48,7 +48,7 @@ from wbc.gait import Velocity, Walker
 from wbc.gait.scheduled_walk import ScheduledWalk, TimedCommand
 from wbc.gait.whole_body import heaviest_link
 from wbc.journal import Journal
-from wbc.problem.simulation_spec import turned_with
+from wbc.problem.simulation_spec import rotated_to_plane
 from wbc.robot import Snapshot
 from wbc.simulation import SensedPlant, SimulationError, Step, Terrain, capture_impulse, simulate
 from wbc.workers import Workers
@@ -223,7 +223,9 @@ def walked(trial: Trial) -> dict[str, Any]:
     """Walk; return what came of it, as plain data."""
     robot = robot_named(trial.robot)
     terrain = terrain_of(trial.ground, trial.seed)
-    flat = turned_with(robot.posture("standing"), terrain.normal)  # soles lie flat on the ground
+    flat = rotated_to_plane(
+        robot.posture("standing"), terrain.normal
+    )  # soles lie flat on the ground
     made = sensed_plant_of if trial.estimated else plant_of
     plant = made(robot, trial.seed, terrain, flat)
     margins = [kept_apart(robot)] if trial.bodies else []

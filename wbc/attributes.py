@@ -1,4 +1,4 @@
-"""Attributes that are declared: one that is not, most likely misspelt, cannot be assigned."""
+"""Declared attributes: assigning an undeclared one, most likely misspelt, is an error."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from wbc.validate import Array
 
 
 class ArrayAttribute(Protocol):
-    """For type checkers, an attribute that is read as an array and takes whatever makes one."""
+    """For type checkers: an attribute that is read as an array and accepts any array-like."""
 
     def __get__(self, owner: object, kind: type | None = None) -> Array: ...
     def __set__(self, owner: object, value: ArrayLike) -> None: ...
 
 
 class DeclaredAttributes:
-    """Objects of this package, which take no attribute that their class does not declare.
+    """Base of objects that accept only attributes which their class declares.
 
-    What a class annotates or defines is declared; what begins with _ is the object's own. Classes
-    derived elsewhere take any attribute, as Python's do: their own are not known here.
+    Declared are annotated and defined names, and private ones (``_``). Subclasses outside this
+    package accept any attribute, as in plain Python.
     """
 
     _declared: ClassVar[frozenset[str]] = frozenset()
-    _fixed: ClassVar[Mapping[str, str]] = {}  # read when made only; by name: what to do instead
+    _fixed: ClassVar[Mapping[str, str]] = {}  # not assignable, with what to do instead
     _takes_any: ClassVar[bool] = False
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -38,7 +38,7 @@ class DeclaredAttributes:
             type.__setattr__(cls, "__setattr__", cls._set_attribute)
 
     def _set_attribute(self, name: str, value: object) -> None:
-        """Assign an attribute; what has to be checked or followed is checked by those derived.
+        """Assign an attribute; subclasses override this for checks and side effects.
 
         Raises
         ------

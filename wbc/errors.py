@@ -23,17 +23,17 @@ class ProblemFileError(WbcError):
 
 
 class SolverError(WbcError):
-    """A QP backend is missing, refused its input, or claims what its answer contradicts."""
+    """A QP backend is missing, refused its input, or reports what its solution contradicts."""
 
 
 class MissingPackageError(WbcError):
-    """A package is not installed that only this needs; the message says how to get it."""
+    """An optional package is not installed; the message says how to install it."""
 
 
 class ControllerFailure(WbcError):
     """A tick produced no usable command and the declared policy is ``raise``.
 
-    The failed tick is kept as ``tick`` so that the caller can read the evidence.
+    The failed tick is the attribute ``tick``, with the evidence.
     """
 
     def __init__(self, message: str, tick: object) -> None:
@@ -63,7 +63,7 @@ class UnknownNameError(WbcError):
         super().__init__(f"unknown {kind} {given}{tail}")
 
 
-# What Pink and mink call it, in lower case, and what it is here.
+# Names of Pink and mink, in lower case, and those of this package.
 _ELSEWHERE = {
     "configuration": "Snapshot",
     "cost": "weight",
@@ -83,7 +83,7 @@ def suggest(name: str, choices: Iterable[str], listed: int = 40) -> str:
     """Return the tail of an error message: the nearest valid name and the list of choices."""
     known = sorted(str(choice) for choice in choices)
     folded = {choice.casefold(): choice for choice in known}
-    alike = [(_likeness(str(name).casefold(), choice), choice) for choice in folded]
+    alike = [(_similarity(str(name).casefold(), choice), choice) for choice in folded]
     likeness, nearest = max(alike, default=(0.0, ""))
     meant = _ELSEWHERE.get(str(name).casefold(), "").casefold()
     if meant in folded:
@@ -118,8 +118,8 @@ def listed(names: Sequence[str], most: int = 5) -> str:
     return ", ".join(names[:most]) + more
 
 
-def _likeness(name: str, choice: str) -> float:
-    """Return how alike two names are, 0 to 1; a long beginning of a choice is nearly the choice."""
+def _similarity(name: str, choice: str) -> float:
+    """Return the similarity of two names, 0 to 1; a long prefix of a choice counts as nearly 1."""
     whole = difflib.SequenceMatcher(None, choice, name).ratio()
     if len(name) < 5 or len(choice) <= len(name) + 1:
         return whole

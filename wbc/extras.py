@@ -1,4 +1,4 @@
-"""Packages that only some commands need: each comes with an extra of ours."""
+"""Optional packages, each installed by one of this package's extras."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ EXTRAS = {
 
 
 def installed(package: str) -> bool:
-    """Return whether a package is there, without loading it."""
+    """Return whether a package is installed, without loading it."""
     try:
         return find_spec(package) is not None
     except ValueError:  # another module was put in its place
@@ -34,14 +34,14 @@ def installed(package: str) -> bool:
 
 
 def require(package: str, what: str) -> None:
-    """Raise MissingPackageError if a package is not installed that ``what`` needs."""
+    """Raise MissingPackageError if a package that ``what`` needs is not installed."""
     if not installed(package):
         raise MissingPackageError(f"{what} needs {package}: pip install 'wbc[{EXTRAS[package]}]'")
 
 
 @contextmanager
 def quietly(mujoco: Any) -> Iterator[None]:
-    """Keep MuJoCo from printing its warnings and from writing a log file; we raise them instead."""
+    """Raise MuJoCo's warnings as errors, instead of printing them and writing a log file."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)
     try:

@@ -1,4 +1,4 @@
-"""Files: written whole or not at all, the cache, arrays of files that may declare anything."""
+"""Files: atomic writing, the cache, and safe reading of arrays from untrusted files."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ class ArrayFileError(InvalidInputError):
 
 
 def cache_folder() -> Path | None:
-    """Return the folder for robots' collision shapes, which need not exist; None if there is none.
+    """Return the cache folder of robots' collision shapes, which need not exist; None if off.
 
-    It lies in the folder that the environment variable ``WBC_CACHE`` names (``off``: nowhere), by
-    default in the platform's folder for caches.
+    It is inside the folder that the environment variable ``WBC_CACHE`` names (``off``: no cache),
+    by default inside the platform's folder for caches.
     """
     given = os.environ.get(CACHE_VARIABLE)
     if given is not None:
@@ -64,7 +64,7 @@ def ending_of(path: str | Path, endings: Collection[str], expected: str) -> str:
 
 
 def write_whole(path: str | Path, fill: Callable[[IO[bytes]], object]) -> None:
-    """Write a neighbour first and rename it: an interrupted run leaves no half file.
+    """Write a file atomically: a temporary file in the same folder is renamed.
 
     Parameters
     ----------
@@ -74,8 +74,8 @@ def write_whole(path: str | Path, fill: Callable[[IO[bytes]], object]) -> None:
     Raises
     ------
     OSError
-        The file cannot be written; what was there before stays. It names the file, not its
-        neighbour.
+        The file cannot be written; an existing one is unchanged. The error names the file, not the
+        temporary one.
     """
     path = Path(path)
     try:
@@ -92,32 +92,32 @@ def write_whole(path: str | Path, fill: Callable[[IO[bytes]], object]) -> None:
             Path(neighbour).unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise OSError(error.errno or errno.EIO, why(error), str(path)) from error
+        raise OSError(error.errno or errno.EIO, system_message(error), str(path)) from error
 
 
 def as_text(text: str) -> str:
-    """Return text in which what is none, as bytes of a file's name, is U+FFFD."""
+    """Return text with invalid characters, as of undecodable file names, replaced by U+FFFD."""
     return text.encode(errors="surrogatepass").decode(errors="replace")
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write text in UTF-8, whole or not at all, as :func:`write_whole` does; its errors."""
+    """Write text in UTF-8 atomically: see :func:`write_whole`, also for errors."""
     write_whole(path, lambda file: file.write(as_text(text).encode()))
 
 
 def write_arrays(path: str | Path, arrays: Mapping[str, Any]) -> None:
-    """Write a compressed ``.npz``, whole or not at all, as :func:`write_whole` does; its errors.
+    """Write a compressed ``.npz`` atomically: see :func:`write_whole`, also for errors.
 
-    It is packed in memory: a ZIP file that cannot be closed, on a full disk say, complains
-    once more when it is collected, wherever the program is by then.
+    It is packed in memory: a ZIP file that cannot be closed, for instance on a full disk, raises
+    once more when it is garbage-collected.
     """
     packed = io.BytesIO()
     np.savez_compressed(packed, **arrays)
     write_whole(path, lambda file: file.write(packed.getbuffer()))
 
 
-def why(error: Exception) -> str:
-    """Return what the system says, without the file: some libraries' errors have no number."""
+def system_message(error: Exception) -> str:
+    """Return the system's error message without the file's name."""
     return getattr(error, "strerror", None) or str(error) or type(error).__name__
 
 
@@ -127,14 +127,14 @@ def read_arrays(
     kinds: Callable[[str], str],
     largest: int,
 ) -> dict[str, NDArray[Any]]:
-    """Return arrays of an NPZ file by name; what it declares is checked before it is unpacked.
+    """Return arrays of an NPZ file by name; declared sizes are checked before unpacking.
 
     Parameters
     ----------
     pick:
-        From the names of all arrays to those that are wanted.
+        Selects the wanted arrays from the names of all.
     kinds:
-        From a name to the kinds of NumPy types (``dtype.kind``) that its array may have.
+        Returns the allowed kinds of NumPy types (``dtype.kind``) of a name's array.
     largest:
         Of all wanted arrays unpacked [bytes].
 
@@ -165,7 +165,7 @@ def read_arrays(
     except ArrayFileError:
         raise
     except Exception as error:  # damaged files end in errors of zip, zlib, struct, tokenize, ...
-        raise ArrayFileError(path, f"cannot be read: {why(error)[:200]}") from error
+        raise ArrayFileError(path, f"cannot be read: {system_message(error)[:200]}") from error
 
 
 def _array(file: zipfile.ZipFile, entry: zipfile.ZipInfo, kinds: str) -> NDArray[Any]:

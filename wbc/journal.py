@@ -1,4 +1,4 @@
-"""Work done so far in a file, one line as each piece comes, so that a kill costs only the last."""
+"""A journal of finished work, one line per item, so that a killed process loses only the last."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from types import TracebackType
 from typing import Any
 
 from wbc.errors import InvalidInputError, WbcError
-from wbc.files import why
+from wbc.files import system_message
 
 
 class JournalError(WbcError):
-    """The file cannot be written (full, read-only, a folder); what was kept before is there."""
+    """The file cannot be written (disk full, read-only, a folder); earlier entries are kept."""
 
 
 class Journal:
-    """A file of JSON lines: what the work depends on, then one entry in each; a context.
+    """A file of JSON lines: the inputs of the work, then one entry per line; a context manager.
 
-    It is locked: a second process is refused, so that nothing is done twice.
+    It is locked: a second process is refused, so that no work is done twice.
 
     Parameters
     ----------
     path:
-        If it is there, it is gone on with.
+        If it exists, it is continued.
     made_of:
-        What the entries depend on, as plain data; a file of anything else is refused.
+        The inputs that the entries depend on, as plain data; a file with others is refused.
 
     Attributes
     ----------
     entries:
-        Those that were there.
+        The entries of an existing file.
 
     Raises
     ------
     InvalidInputError
-        Not such a file, or one of other work, or another process writes it.
+        Not such a file, or one with other inputs, or another process is writing it.
     JournalError
         It cannot be read or written.
     """
@@ -51,27 +51,27 @@ class Journal:
             # Without a buffer, which would be tried again where the file is closed.
             self._file = path.open("a+b", buffering=0)
         except OSError as error:
-            raise JournalError(f"{path}: cannot be written: {why(error)}") from error
+            raise JournalError(f"{path}: cannot be written: {system_message(error)}") from error
         try:
             self._lock()
             whole, self.entries = self._read(head)
-            self._file.truncate(whole)  # what a kill left of a line
+            self._file.truncate(whole)  # an incomplete last line
             if whole == 0:
-                self._begin(head)
+                self._write_head(head)
         except OSError as error:
             self._file.close()
-            raise JournalError(f"{path}: cannot be used: {why(error)}") from error
+            raise JournalError(f"{path}: cannot be used: {system_message(error)}") from error
         except BaseException:
             self._file.close()
             raise
 
     def add(self, entry: Mapping[str, Any]) -> None:
-        """Keep an entry.
+        """Append an entry.
 
         Raises
         ------
         JournalError
-            It cannot be written; those before are there.
+            It cannot be written; earlier entries are kept.
         """
         whole = self._file.seek(0, os.SEEK_END)
         try:
@@ -83,8 +83,8 @@ class Journal:
             with contextlib.suppress(OSError):
                 self._file.truncate(whole)  # half a line, which the next process would remove
             raise JournalError(
-                f"{self.path}: cannot be written: {why(error)}; what was done before is kept there,"
-                " and the same command goes on with it"
+                f"{self.path}: cannot be written: {system_message(error)}; what was done before is"
+                " kept there, and the same command goes on with it"
             ) from error
 
     def remove(self) -> None:
@@ -100,8 +100,8 @@ class Journal:
     ) -> None:
         self._file.close()
 
-    def _begin(self, head: Mapping[str, Any]) -> None:
-        """Write what entries depend on; where that fails, leave no empty file."""
+    def _write_head(self, head: Mapping[str, Any]) -> None:
+        """Write the inputs; if that fails, leave no empty file."""
         try:
             self.add(head)
         except JournalError as error:
@@ -117,32 +117,33 @@ class Journal:
             ) from None
 
     def _read(self, head: Mapping[str, Any]) -> tuple[int, list[dict[str, Any]]]:
-        """Return how many bytes of what is there are whole lines, and the entries in them."""
+        """Return the number of bytes in complete lines, and the entries in them."""
         self._file.seek(0)
         data = self._file.read()
         whole = data.rfind(b"\n") + 1
         try:
             lines = [json.loads(line) for line in data[:whole].splitlines()]
         except ValueError as error:
-            raise not_ours(self.path, error) from error
+            raise wrong_file_error(self.path, error) from error
         if not all(isinstance(line, dict) for line in lines):
-            raise not_ours(self.path, "a line is no mapping")
+            raise wrong_file_error(self.path, "a line is no mapping")
         if lines and lines[0] != head:
+            other = differing_keys(lines[0], head)
             raise InvalidInputError(
-                f"{self.path}: was left by another campaign ({differing(lines[0], head)} differs);"
+                f"{self.path}: was left by another campaign ({other} differs);"
                 " delete it to begin anew, or write to another file"
             )
         return whole, lines[1:]
 
 
-def not_ours(path: Path, why: object) -> InvalidInputError:
-    """Return the error for a file with something else in it."""
+def wrong_file_error(path: Path, why: object) -> InvalidInputError:
+    """Return the error for a file with other content."""
     return InvalidInputError(
         f"{path}: is not what a campaign left; delete it to begin anew ({why})"
     )
 
 
-def differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+def differing_keys(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
     """Return the names under which two heads differ, in words."""
     names = sorted(name for name in {*one, *other} if one.get(name) != other.get(name))
     return ", ".join(names) or "its head"

@@ -1,4 +1,4 @@
-"""Checks on what is given by the caller and is no number: objects, words, switches.
+"""Checks on arguments that are not numbers: objects, words, switches.
 
 Whatever is no such thing (an array where a word is expected, the path of a robot in place of the
 robot) is an error that says what was meant, before anything is compared with it.
@@ -20,7 +20,7 @@ from wbc.validate import finite_number, set_fields
 def check_kind(
     what: str, value: object, kind: type, how: str = "", *, or_none: bool = False
 ) -> None:
-    """Refuse what is no object of a kind, by InvalidInputError; ``how`` is one in Python."""
+    """Raise InvalidInputError unless a value is of a type; ``how`` shows one in Python."""
     if not (isinstance(value, kind) or (or_none and value is None)):
         wanted = f"a {kind.__name__}" + (f", such as {how}" if how else "")
         wanted += " or None" if or_none else ""
@@ -28,7 +28,7 @@ def check_kind(
 
 
 def check_callable(what: str, value: object, arguments: str) -> None:
-    """Refuse what cannot be called with some arguments, by InvalidInputError; None passes."""
+    """Raise InvalidInputError unless a value is callable with some arguments, or None."""
     if value is not None and not callable(value):
         raise InvalidInputError(
             f"{what}: expected a function of {arguments} or None, got {shown(value)}"
@@ -36,7 +36,7 @@ def check_callable(what: str, value: object, arguments: str) -> None:
 
 
 def switch(what: str, value: Any) -> bool:
-    """Return True or False; InvalidInputError for what only counts as one, such as ``"no"``."""
+    """Return True or False; InvalidInputError for other values, such as ``"no"``."""
     if not isinstance(value, bool | np.bool_):
         raise InvalidInputError(f"{what}: expected True or False, got {shown(value)}")
     return bool(value)
@@ -66,13 +66,13 @@ def whole_number(what: str, value: Any, *, least: int = 0, most: float = 1e6) ->
 
 
 def check_word(what: str, value: object, *, empty: bool = False) -> None:
-    """Refuse what is no word, by InvalidInputError; ``empty`` lets an empty one pass."""
+    """Raise InvalidInputError unless a value is a text; ``empty`` allows an empty one."""
     if not isinstance(value, str) or not (value or empty):
         raise InvalidInputError(f"{what}: expected a name, got {shown(value)}")
 
 
 def check_path(what: str, value: object) -> None:
-    """Refuse what is no path of a file or folder, by InvalidInputError."""
+    """Raise InvalidInputError unless a value is the path of a file or folder."""
     if not isinstance(value, str | PathLike):
         raise InvalidInputError(f"{what}: expected a path, got {shown(value)}")
     if isinstance(value, str) and "\n" in value and not exists(value):
@@ -82,7 +82,7 @@ def check_path(what: str, value: object) -> None:
 
 
 def one_of(kind: str, value: Any, choices: Sequence[str]) -> str:
-    """Return ``value`` if it is one of the choices; UnknownNameError if it is none."""
+    """Return ``value`` if it is one of the choices; otherwise raise UnknownNameError."""
     if not isinstance(value, str) or value not in choices:
         raise UnknownNameError(kind, value, choices)
     return value

@@ -26,8 +26,8 @@ Columns = slice | NDArray[np.int64]
 
 
 @cache
-def at_rest(shape: tuple[int, ...]) -> Array:
-    """Return the rate of what rests: always the same zeros, which laws know and do not add."""
+def zero_rate(shape: tuple[int, ...]) -> Array:
+    """Return the rate of a fixed target: shared zeros, which laws recognise and do not add."""
     return read_only(np.zeros(shape))
 
 

@@ -1,4 +1,4 @@
-"""What objects of this package show in a notebook: light tables of what their users ask first."""
+"""HTML tables of this package's objects in notebooks."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from wbc.errors import WbcError
 
 Row = tuple[str, str]
 _STYLE = "text-align:left;vertical-align:top;padding:1px 12px 1px 0;font-weight:normal"
-MOST = 12  # rows of a kind
-DPI, WIDE = 80, 640  # of pictures: dots per inch, and how wide they are shown [pixels]
+MOST_ROWS = 12  # rows of a kind
+DPI, SHOWN_WIDTH = 80, 640  # of pictures: dots per inch, and how wide they are shown [pixels]
 
 
 def as_html(title: str, facts: Iterable[Row], rows: Iterable[Row] = ()) -> str:
@@ -29,9 +29,9 @@ def as_html(title: str, facts: Iterable[Row], rows: Iterable[Row] = ()) -> str:
         The same, of a kind of which there may be many: the first twelve, and how many there are.
     """
     rows = list(rows)
-    told = [(name, text) for name, text in (*facts, *rows[:MOST]) if text]
-    if len(rows) > MOST:
-        told.append(("", f"and {len(rows) - MOST} more"))
+    told = [(name, text) for name, text in (*facts, *rows[:MOST_ROWS]) if text]
+    if len(rows) > MOST_ROWS:
+        told.append(("", f"and {len(rows) - MOST_ROWS} more"))
     lines = [
         f'<tr><th style="{_STYLE}">{escape(name)}</th><td style="{_STYLE}">{escape(text)}</td></tr>'
         for name, text in told
@@ -54,7 +54,7 @@ def with_picture(table: str, figure: str, *parts: Any) -> str:
     png = io.BytesIO()
     try:
         getattr(import_module(module), function)(*parts).savefig(png, format="png", dpi=DPI)
-    except WbcError as error:  # meshes that are not there any more, a run without ticks
+    except WbcError as error:  # missing meshes, a run without ticks
         return f"{table}<p>no picture: {escape(str(error))}</p>"
     data = base64.b64encode(png.getvalue()).decode()
-    return f'{table}<img style="max-width:{WIDE}px" src="data:image/png;base64,{data}"/>'
+    return f'{table}<img style="max-width:{SHOWN_WIDTH}px" src="data:image/png;base64,{data}"/>'

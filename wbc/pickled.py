@@ -1,4 +1,4 @@
-"""Objects of this package in a file: read back without running code that is not the package's.
+"""Pickles of this package's objects that run no code but the package's when read.
 
 A pickle can name any function to be called while it is read. Here it may name classes of this
 package, arrays, and what robots are made of; whatever else it names is refused, unless its
@@ -22,7 +22,7 @@ import numpy as np
 
 from wbc import __version__
 from wbc.errors import InvalidInputError
-from wbc.files import why, write_whole
+from wbc.files import system_message, write_whole
 from wbc.kinds import check_path
 
 LARGEST = 500_000_000  # bytes unpacked
@@ -44,12 +44,12 @@ _SCRIPT = "__main__"
 
 
 def made_with() -> dict[str, str]:
-    """Return the versions that bits depend on."""
+    """Return the versions on which results depend bit for bit."""
     return {"wbc": __version__, "numpy": np.__version__, "python": platform.python_version()}
 
 
 def write_pickled(path: str | Path, kind: str, content: Any) -> None:
-    """Write ``content`` behind a line of JSON that says what it is; whole or not at all.
+    """Write a line of JSON that names the kind, then ``content``, atomically.
 
     Parameters
     ----------
@@ -68,14 +68,15 @@ def write_pickled(path: str | Path, kind: str, content: Any) -> None:
     try:
         packed = zlib.compress(pickle.dumps(content, protocol=5))
     except (pickle.PicklingError, TypeError, AttributeError, RecursionError) as error:
-        what = f"{path}: cannot be written, a part of it is not plain data ({why(error)[:200]})"
+        reason = system_message(error)[:200]
+        what = f"{path}: cannot be written, a part of it is not plain data ({reason})"
         raise InvalidInputError(f"{what}; parts of yours must be picklable") from error
     head = json.dumps({"format": kind, "versions": made_with()}).encode()
     write_whole(path, lambda file: file.write(head + b"\n" + packed))
 
 
 def kind_of(path: str | Path) -> str | None:
-    """Return what a file says it is, or None if it is none of these files.
+    """Return the kind that a file declares, or None if it is not such a file.
 
     Raises
     ------
@@ -90,7 +91,7 @@ def kind_of(path: str | Path) -> str | None:
 def read_pickled(
     path: str | Path, kind: str, code: Path | None = None
 ) -> tuple[Any, dict[str, str]]:
-    """Return what :func:`write_pickled` wrote, and the versions that wrote it.
+    """Return the content of a file of :func:`write_pickled`, and the versions that wrote it.
 
     Parameters
     ----------
@@ -126,8 +127,8 @@ def read_pickled(
     except Exception as error:  # damaged pickles end in whatever their classes raise
         written = ", ".join(f"{name} {version}" for name, version in versions.items())
         raise InvalidInputError(
-            f"{path}: cannot be read ({type(error).__name__}: {why(error)[:200]}); it was written"
-            f" by {written}, and this is wbc {__version__}"
+            f"{path}: cannot be read ({type(error).__name__}: {system_message(error)[:200]});"
+            f" it was written by {written}, and this is wbc {__version__}"
         ) from error
 
 
@@ -142,7 +143,7 @@ def _head(line: bytes) -> dict[str, Any] | None:
 
 
 def _module(code: Path) -> ModuleType:
-    """Return the module of a Python file, which is run."""
+    """Run a Python file and return its module."""
     spec = importlib.util.spec_from_file_location(code.stem, code)
     if spec is None or spec.loader is None or not code.is_file():
         raise InvalidInputError(f"--code {code}: is not a Python file")
@@ -182,7 +183,7 @@ class _Reader(pickle.Unpickler):
 
 
 def _maker_of(owner: Any, name: str) -> Any:
-    """Return a way to make one of the package's classes: all that its pickles ask of getattr."""
+    """Return a class's constructor method for ``getattr``: the only ones that pickles may call."""
     if isinstance(owner, type) and owner.__module__.startswith("wbc.") and name.startswith("_with"):
         return getattr(owner, name)
     raise InvalidInputError(f"a pickle asks for {name!r} of {owner!r}, which wbc never writes")

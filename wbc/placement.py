@@ -10,9 +10,9 @@ import numpy as np
 
 from wbc.validate import Array
 
-ROUNDED = 1e-14  # entries this near to 0, 1 or -1 are meant to be so: they cost no arithmetic
+EXACT_WITHIN = 1e-14  # entries this near to 0, 1 or -1 are made exact, which saves operations
 # Below this 1 - cos(angle) the logarithm's factor is a series, above it closed; both are exact.
-NEAR = 0.05
+SERIES_BELOW = 0.05
 _SERIES = [4.0**n * factorial(n) ** 2 / factorial(2 * n + 1) for n in range(12)]
 HALF_TURN = 1e-9  # how near to half a turn, in 1 + cos(angle), the logarithm's factor grows
 
@@ -44,7 +44,7 @@ def constant(values: Array) -> ca.SX:
     """Return numbers as a sparse SX, rounding errors of 0 and +-1 removed."""
     array = np.array(values, dtype=float)
     for exact in (0.0, 1.0, -1.0):
-        array[np.abs(array - exact) < ROUNDED] = exact
+        array[np.abs(array - exact) < EXACT_WITHIN] = exact
     return ca.SX(ca.sparsify(ca.DM(array)))
 
 
@@ -84,6 +84,6 @@ def rotation_log(R: ca.SX) -> ca.SX:
     series = ca.SX(0.0)
     for coefficient in reversed(_SERIES):
         series = coefficient + 0.5 * u * series
-    far = ca.fmin(ca.fmax(u, NEAR), 2.0 - HALF_TURN)
+    far = ca.fmin(ca.fmax(u, SERIES_BELOW), 2.0 - HALF_TURN)
     closed = ca.acos(1.0 - far) / ca.sqrt(far * (2.0 - far))
-    return ca.if_else(u < NEAR, series, closed) * antisymmetric
+    return ca.if_else(u < SERIES_BELOW, series, closed) * antisymmetric

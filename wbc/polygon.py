@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.validate import Array, finite_array, finite_number, real_array
 
-STRAIGHT = 2e-3  # m: a corner that sticks out less than this is not worth a vertex
+STRAIGHT = 2e-3  # m: corners that stick out less are dropped
 # How far a corner may lie inside the hull of the others, as a fraction of the polygon's size^2.
 CONVEX = 1e-9
 # Least width of a polygon, as a fraction of its longest edge: narrower ones have no inside.

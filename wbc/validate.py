@@ -1,4 +1,4 @@
-"""Checks on numbers given by the caller: everything that enters the package passes here once."""
+"""Checks on numbers given by the caller; all inputs of the package are checked here once."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from wbc.errors import InvalidInputError, shown
 
 Array = NDArray[np.floating[Any]]
 Part = TypeVar("Part")
-# Numbers beyond this are refused: no controller means them, and products of a few would overflow.
+# Numbers beyond this are refused: they are implausible, and products of a few would overflow.
 LARGEST = 1e30
 LONG_STEP = 0.5  # s
 WIDE_MARGIN = 0.5  # m
 FLOAT = np.dtype(np.float64)
-_FEW = 9
+_FEW_NUMBERS = 9
 _NO_REAL = str, bytes, complex, bool, np.bool_
 _NO_NUMBER = str, bytes, bool, np.bool_, np.ma.MaskedArray
 
 
 def is_plain(value: Any, shape: tuple[int, ...]) -> TypeGuard[Array]:
-    """Whether ``value`` is a float array of that shape, as is given in every tick."""
+    """Return whether ``value`` is a float array of that shape: the fast path of ticks."""
     return type(value) is np.ndarray and value.dtype is FLOAT and value.shape == shape
 
 
@@ -42,7 +42,7 @@ def plain_copy(value: Any, shape: tuple[int, ...], largest: float = LARGEST) -> 
     # NaN fails the comparison. Of few numbers Python finds the norm in a third of the time; of many
     # the sum of squares, which costs a third of np.isfinite(array).all(), and unlike dot it does
     # not warn where it overflows.
-    if array.size <= _FEW:
+    if array.size <= _FEW_NUMBERS:
         numbers = array if array.ndim == 1 else array.ravel()
         return array if math.hypot(*numbers.tolist()) <= largest else None
     return array if np.vdot(array, array) <= largest * largest else None
@@ -64,9 +64,9 @@ def real_array(what: str, value: Any) -> Array:
         given = np.asarray(value)
         kind = given.dtype.kind
         # NumPy would drop imaginary parts, read numerals, count days, and take True for 1.
-        if kind not in "iufO" or (kind == "O" and _has(given.flat, _NO_REAL)):
+        if kind not in "iufO" or (kind == "O" and _contains_kind(given.flat, _NO_REAL)):
             raise TypeError("no real numbers")
-        if isinstance(value, list | tuple) and _has(value, _NO_REAL):  # NumPy made it 1.0
+        if isinstance(value, list | tuple) and _contains_kind(value, _NO_REAL):  # NumPy made it 1.0
             raise TypeError("no real numbers")
         return np.array(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
@@ -74,22 +74,22 @@ def real_array(what: str, value: Any) -> Array:
 
 
 def _kind(value: Any) -> str:
-    """Return NumPy's letter for what an array holds; of other libraries' arrays and of lists: f."""
+    """Return NumPy's ``dtype.kind`` of an array; ``f`` for other libraries' arrays and lists."""
     return getattr(getattr(value, "dtype", FLOAT), "kind", FLOAT.kind)
 
 
-def _has(values: Iterable[Any], kinds: tuple[type, ...]) -> bool:
-    """Whether one of some values, in lists of lists too, is of some kinds."""
+def _contains_kind(values: Iterable[Any], kinds: tuple[type, ...]) -> bool:
+    """Return whether nested lists contain a value of some types."""
     return any(
-        _has(one, kinds) if isinstance(one, list | tuple) else isinstance(one, kinds)
+        _contains_kind(one, kinds) if isinstance(one, list | tuple) else isinstance(one, kinds)
         for one in values
     )
 
 
 def check_unmasked(what: str, value: Any) -> None:
-    """Refuse an array with masked entries, by InvalidInputError: hidden they are, not gone."""
+    """Raise InvalidInputError for an array with masked entries, whose values would be used."""
     if isinstance(value, np.ma.MaskedArray) or (
-        isinstance(value, list | tuple) and _has(value, (np.ma.MaskedArray,))
+        isinstance(value, list | tuple) and _contains_kind(value, (np.ma.MaskedArray,))
     ):
         raise InvalidInputError(
             f"{what}: a masked array, of which the values behind the mask would be taken; give a"
@@ -98,7 +98,7 @@ def check_unmasked(what: str, value: Any) -> None:
 
 
 def returned_array(what: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """Return what a caller's own function gave as a fresh float array of the given shape.
+    """Return the result of a user's function as a fresh float array of the given shape.
 
     Raises
     ------
@@ -155,9 +155,9 @@ def finite_number(
 ) -> float:
     """Return ``value`` as a finite float, strictly above ``above`` and at least ``least``."""
     if type(value) is float and above < value >= least and -LARGEST <= value <= LARGEST:
-        return value  # what is given in every tick
+        return value  # the fast path of ticks
     try:
-        # Lists first: of those that hold what is masked NumPy warns.
+        # Lists first: NumPy warns of masked values in them.
         odd = isinstance(value, (list, tuple, *_NO_NUMBER)) or bool(np.ndim(value))
         if odd or np.iscomplexobj(value) or _kind(value) == "b":
             raise TypeError("no real scalar")
@@ -176,29 +176,29 @@ def finite_number(
 
 
 def time_step(what: str, dt: Any) -> float:
-    """Return ``dt`` as a positive time step [s]; warn of one that was most likely meant in ms."""
+    """Return ``dt`` as a positive time step [s]; warn if it seems to be in ms."""
     step = finite_number(f"{what}, dt", dt, above=0.0)
     if step >= LONG_STEP:
-        _warn_of_unit(what, "dt", step, "is in seconds, and %g is long for a tick; %g ms")
+        _warn_unit(what, "dt", step, "is in seconds, and %g is long for a tick; %g ms")
     return step
 
 
 def clearance(what: str, margin: Any) -> float:
-    """Return ``margin`` [m], at least 0; warn of one that was most likely meant in mm or cm."""
+    """Return ``margin`` [m], at least 0; warn if it seems to be in mm or cm."""
     wide = finite_number(f"{what}, margin", margin, least=0.0)
     if wide >= WIDE_MARGIN:
-        _warn_of_unit(what, "margin", wide, "is in metres, and %g is wide for a robot; %g mm")
+        _warn_unit(what, "margin", wide, "is in metres, and %g is wide for a robot; %g mm")
     return wide
 
 
-def _warn_of_unit(what: str, name: str, value: float, doubt: str) -> None:
-    """Warn of a number that was most likely meant in thousandths; ``doubt`` tells it twice."""
+def _warn_unit(what: str, name: str, value: float, doubt: str) -> None:
+    """Warn of a number that seems to be in thousandths of its unit; ``doubt`` ends the text."""
     told = what, name, value, value, name, value / 1000.0
     logging.getLogger(__name__).warning(f"%s: %s {doubt} are %s=%g", *told)
 
 
 def names_of(what: str, value: Any) -> tuple[str, ...]:
-    """Return a list of distinct names, or one name; InvalidInputError for all else."""
+    """Return a list of distinct names, or one name, as a tuple; otherwise InvalidInputError."""
     names = (value,) if isinstance(value, str) else value
     if not isinstance(names, Iterable):
         raise InvalidInputError(f"{what}: expected a list of names, got {shown(value)}")
@@ -214,7 +214,7 @@ def names_of(what: str, value: Any) -> tuple[str, ...]:
 def list_of(what: str, value: Any, kind: type[Part], example: str) -> tuple[Part, ...]:
     """Return a list of parts of one kind, as a tuple.
 
-    ``example`` is one of them as it is written in Python, for the message.
+    ``example``: one of them in Python, for the message.
 
     Raises
     ------
@@ -232,7 +232,7 @@ def list_of(what: str, value: Any, kind: type[Part], example: str) -> tuple[Part
 
 
 def by_name(what: str, value: Any) -> Mapping[str, Any]:
-    """Return ``value``, a mapping from names; InvalidInputError for all else."""
+    """Return ``value`` if it is a mapping from names; otherwise raise InvalidInputError."""
     if not isinstance(value, Mapping):
         raise InvalidInputError(f"{what}: expected {{name: value}}, got {shown(value)}")
     for name in value:

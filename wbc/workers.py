@@ -1,4 +1,4 @@
-"""Processes that call a function again and again: one that dies is replaced, its call repeated."""
+"""Worker processes that call a function repeatedly; a dead one is replaced, its call retried."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from typing import Any, NamedTuple
 
 from wbc.errors import WbcError
 
-ATTEMPTS = 3  # calls of the same, before what they call is held to be what kills
-GRACE = 5.0  # s that a process has to end when asked to
+ATTEMPTS = 3  # of a call whose processes died, before it is given up
+GRACE = 5.0  # s for a process to end by itself
 
 # Makes the function, once in every process: it is pickled, the function need not be.
 Make = Callable[[], Callable[..., Any]]
 
 
 class WorkerDiedError(WbcError):
-    """Processes died every time that they were given the same."""
+    """The processes of every attempt at a call have died."""
 
 
 class Death(NamedTuple):
     """A process that died."""
 
-    key: Hashable  # of the call, None if it was at none
-    worker: str  # and how it died, in words
-    attempt: int  # at this call, from 1
-    final: bool  # whether the call is not tried again
+    key: Hashable  # of its call, None if it had none
+    worker: str  # its name and how it died, in words
+    attempt: int  # of this call, from 1
+    final: bool  # whether the call is not retried
 
 
 class WorkerAnswer(NamedTuple):
@@ -64,7 +64,7 @@ class _Worker:
 
 
 class Workers:
-    """Up to ``size`` processes; a context, at whose end they are terminated amid their work.
+    """Up to ``size`` processes; a context manager that terminates them at its end.
 
     They are started as they are needed, fresh (``spawn``), so a script needs the usual ``if
     __name__ == "__main__"`` guard. Ctrl-C does not reach them, and they end with this process.
@@ -107,15 +107,15 @@ class Workers:
 
     @property
     def room(self) -> int:
-        """How many calls can be submitted now."""
+        """Number of calls that can be submitted now."""
         return self.size - sum(worker.job is not None for worker in self._workers)
 
     def submit(self, key: Hashable, *arguments: Any) -> None:
         """Let a process call the function; there must be room."""
-        self._give(_Job(key, arguments))
+        self._assign(_Job(key, arguments))
 
     def results(self, seconds: float) -> list[WorkerAnswer]:
-        """Return what has come, after waiting for the first at most so long."""
+        """Return the available results, waiting at most so long [s] for the first."""
         busy = {worker.channel: worker for worker in self._workers if worker.job is not None}
         ready = connection.wait(list(busy), 0.0 if self._answers else seconds)
         for channel in ready:
@@ -130,20 +130,20 @@ class Workers:
         try:
             value, error = worker.channel.recv()
         except (EOFError, OSError):
-            self._bury(worker, job)
+            self._remove_dead(worker, job)
             return
         worker.job = None
         self._answers.append(WorkerAnswer(job.key, value, error, worker.name))
 
-    def _give(self, job: _Job) -> None:
+    def _assign(self, job: _Job) -> None:
         idle = next((one for one in self._workers if one.job is None), None)
         worker = idle or self._start()
         worker.job = job
         try:
             worker.channel.send(job.arguments)
         except OSError:  # it died since its last answer, of something else
-            self._tell(Death(None, self._remove(worker), 0, False))
-            self._give(job)
+            self._notify(Death(None, self._remove(worker), 0, False))
+            self._assign(job)
 
     def _start(self) -> _Worker:
         ours, theirs = self._context.Pipe()
@@ -155,30 +155,30 @@ class Workers:
         self._workers.append(worker)
         return worker
 
-    def _bury(self, worker: _Worker, job: _Job) -> None:
-        """Note a death, and give the call to another process, or give it up."""
+    def _remove_dead(self, worker: _Worker, job: _Job) -> None:
+        """Handle a death: assign the call to another process, or give it up."""
         name = self._remove(worker)
         final = job.attempt >= self._attempts
-        self._tell(Death(job.key, name, job.attempt, final))
+        self._notify(Death(job.key, name, job.attempt, final))
         if final:
             text = f"a process died each of {job.attempt} times it was tried, last {name}"
             self._answers.append(WorkerAnswer(job.key, None, WorkerDiedError(text), name))
         else:
-            self._give(_Job(job.key, job.arguments, job.attempt + 1))
+            self._assign(_Job(job.key, job.arguments, job.attempt + 1))
 
     def _remove(self, worker: _Worker) -> str:
-        """Forget a process that died, and return its name and how it did, in words."""
+        """Remove a dead process; return its name and exit reason, in words."""
         self._workers.remove(worker)
         worker.process.join()
         worker.channel.close()
-        return f"{worker.name} ({_how(worker.process.exitcode)})"
+        return f"{worker.name} ({_exit_reason(worker.process.exitcode)})"
 
-    def _tell(self, death: Death) -> None:
+    def _notify(self, death: Death) -> None:
         if self._on_death is not None:
             self._on_death(death)
 
 
-def _how(exit_code: int | None) -> str:
+def _exit_reason(exit_code: int | None) -> str:
     """Return how a process ended, in words."""
     if exit_code is None or exit_code >= 0:
         return f"ended with exit code {exit_code}"
@@ -210,7 +210,7 @@ def _serve(channel: connection.Connection, make: Make) -> None:
 
 
 def _portable(error: Exception) -> Exception:
-    """Return an error that can be sent to another process: as it is, or its text."""
+    """Return an error that can be pickled: itself, or one with its text."""
     try:
         copy = pickle.loads(pickle.dumps(error))
         if str(copy) == str(error):
@@ -225,7 +225,7 @@ def _portable(error: Exception) -> Exception:
 def _blocked_interrupt() -> Iterator[None]:
     """Start processes that Ctrl-C does not reach, also not while they load.
 
-    A blocked signal stays blocked in what is started; here it waits until it no longer is.
+    Child processes inherit the blocked signal; in this process it is delivered afterwards.
     """
     resource_tracker.ensure_running()  # which unblocks it where the first process is started
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
@@ -236,7 +236,7 @@ def _blocked_interrupt() -> Iterator[None]:
 
 
 def _end_with_parent() -> None:
-    """Let this process end when the one that started it does, even if that was killed.
+    """End this process when its parent ends, even if that was killed.
 
     A pool's processes would otherwise wait for work for ever.
     """

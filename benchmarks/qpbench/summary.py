@@ -18,7 +18,7 @@ import numpy as np
 from qpbench.measure import Measured
 from qpbench.sequence import FIELDS, QpSequence
 from wbc.errors import InvalidInputError
-from wbc.files import why
+from wbc.files import system_message
 from wbc.problem.provenance import version_of, versions
 from wbc.validate import Array
 
@@ -68,7 +68,7 @@ def load_summary(path: Path) -> dict[str, Any]:
             return dict(found)
         what = f"is in the format {str(found['format'])[:60]!r}, and {FORMAT!r} is read"
     except OSError as error:
-        what = f"cannot be read: {why(error)}"
+        what = f"cannot be read: {system_message(error)}"
     except (ValueError, TypeError, KeyError):
         what = "is not what wbc bench wrote as .json"
     raise InvalidInputError(f"{path}: {what}")

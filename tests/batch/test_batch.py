@@ -50,7 +50,7 @@ def test_interrupted_and_killed_in_processes_it_ends_with_every_row_once(
         if len(told) == 2:  # as for want of memory; the process is at its next run
             os.kill(int(at.row["worker"].rpartition(":")[2]), signal.SIGKILL)
 
-    with Journal(path, loaded.made_of()) as journal:
+    with Journal(path, loaded.inputs()) as journal:
         some = run_batch(
             loaded, workers=2, journal=journal, progress=progress, on_death=deaths.append,
             cancelled=lambda: len(told) >= 6,
@@ -60,7 +60,7 @@ def test_interrupted_and_killed_in_processes_it_ends_with_every_row_once(
     assert "amid run" in deaths[0] and "stand" in deaths[0]
     path.write_bytes(path.read_bytes()[:-30])  # a kill amid writing the last row
     before = len(told)
-    with Journal(path, loaded.made_of()) as journal:
+    with Journal(path, loaded.inputs()) as journal:
         assert len(journal.entries) == len(some) - 1
         rows = run_batch(loaded, workers=1, journal=journal, progress=told.append)
     assert len(told) - before == 12 - (len(some) - 1)
@@ -89,7 +89,7 @@ def test_on_a_cluster_of_which_a_worker_is_killed_it_ends_with_every_row_once(
         if len(told) == 3:
             os.kill(int(at.row["worker"].rpartition(":")[2]), signal.SIGKILL)
 
-    with Journal(tmp_path / "journal", loaded.made_of()) as journal:
+    with Journal(tmp_path / "journal", loaded.inputs()) as journal:
         rows = run_batch(
             loaded, cluster=cluster.scheduler_address, journal=journal, progress=progress,
             on_death=deaths.append,

@@ -7,7 +7,7 @@ import pytest
 from exposures import exposures_figure, together
 
 from wbc.errors import InvalidInputError
-from wbc.problem.simulation_spec import turned_with
+from wbc.problem.simulation_spec import rotated_to_plane
 from wbc.robot import Robot
 from wbc.simulation import Step, Terrain
 from wbc.validate import Array
@@ -23,7 +23,7 @@ FROM_THE_LEFT = View.of("90,10", "robot,ground,soles,com")
 @pytest.fixture(scope="module")
 def walk(hoap2: Robot) -> dict[str, Array]:
     """Standing on the slope, and half a metre and a metre up."""
-    start = turned_with(hoap2.posture("standing"), TERRAIN.normal)
+    start = rotated_to_plane(hoap2.posture("standing"), TERRAIN.normal)
     found = {}
     for name, ahead in (("0 s", 0.0), ("1 s", 0.5), ("2 s", 1.0)):
         found[name] = start.copy()

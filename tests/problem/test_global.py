@@ -241,7 +241,7 @@ def test_without_a_posture_there_is_no_result(
 ) -> None:
     """As if limits were a radian narrower than the search knows: nothing it finds is allowed."""
     narrow = Tolerances(contact=1e-6, limit=-1.0, support=1e-7, clearance=1e-6)
-    monkeypatch.setattr("wbc.shaping.evaluation.FOUND", narrow)
+    monkeypatch.setattr("wbc.shaping.evaluation.IPOPT_TOLERANCES", narrow)
     with pytest.raises(NoPostureError, match=r"none of .* starts led to a posture that keeps"):
         one.run()
     answer = wbc_command("run", one.source.name)

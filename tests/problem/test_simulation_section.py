@@ -11,7 +11,7 @@ from tests.texts import STAND
 from wbc.codegen.recording import CodegenError, check_kind
 from wbc.errors import InvalidInputError
 from wbc.problem import Problem, load_problem
-from wbc.problem.simulation_spec import turned_with
+from wbc.problem.simulation_spec import rotated_to_plane
 from wbc.robot import Robot
 from wbc.run.phase_support import off_the_ground
 from wbc.simulation import SimulationStatus, capture_impulse
@@ -159,7 +159,7 @@ def test_contacts_with_drift_are_asked_for(tmp_path: Path) -> None:
 def test_turning_with_a_plane() -> None:
     normal = np.array((-0.3, 0.2, 1.0)) / np.linalg.norm((-0.3, 0.2, 1.0))
     q = np.array((1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0, 0.4))
-    turned = turned_with(q, normal)
+    turned = rotated_to_plane(q, normal)
     np.testing.assert_allclose(np.linalg.norm(turned[3:7]), 1.0)
     assert turned[7] == 0.4
     x, y, z, w = turned[3:7]

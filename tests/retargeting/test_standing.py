@@ -9,7 +9,7 @@ import wbc
 from tests.retargeting.humans import crouching
 from wbc.polygon import inset
 from wbc.problem import Problem, load_problem
-from wbc.problem.standing_problem import AFTER, standing_problem
+from wbc.problem.standing_problem import REST_AFTER, standing_problem
 from wbc.problem.targets import BEGINS, EASE
 from wbc.retargeting import reference as references
 from wbc.retargeting.reference import FrameRotation, MotionReference
@@ -131,7 +131,7 @@ def test_mistakes_of_a_problem_are_refused(problem: Path) -> None:
     assert isinstance(begun, Problem)
     reference = begun.parts.plan
     assert isinstance(reference, MotionReference)
-    assert begun.spec.simulation.duration == pytest.approx(reference.ends + AFTER, abs=1e-3)
+    assert begun.spec.simulation.duration == pytest.approx(reference.ends + REST_AFTER, abs=1e-3)
     text = problem.read_text()
     for old, new, said in (
         ("start: {motion: 'crouch''s.npz'}", "start: {posture: standing}", "does not start where"),

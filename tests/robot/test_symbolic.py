@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import UnknownNameError
-from wbc.placement import NEAR, from_mrp, from_quaternion, rotation_log
+from wbc.placement import SERIES_BELOW, from_mrp, from_quaternion, rotation_log
 from wbc.robot import Robot
 from wbc.robot.symbolic import LocalRobot, SymbolicPosture, angle_turns, vech_symbolic
 from wbc.spatial import COLUMNS, ROWS
@@ -128,7 +128,16 @@ def test_rotations_of_quaternions_and_rodrigues_parameters() -> None:
 
 
 @pytest.mark.parametrize(
-    "angle", [0.0, 1e-9, 1e-3, np.arccos(1 - NEAR) - 1e-9, np.arccos(1 - NEAR) + 1e-9, 1.0, 3.0]
+    "angle",
+    [
+        0.0,
+        1e-9,
+        1e-3,
+        np.arccos(1 - SERIES_BELOW) - 1e-9,
+        np.arccos(1 - SERIES_BELOW) + 1e-9,
+        1.0,
+        3.0,
+    ],
 )
 def test_logarithm_of_a_rotation(angle: float) -> None:
     """Value by SciPy; first and second derivatives along a turn by differences of SciPy's."""

@@ -12,7 +12,7 @@ from wbc.controllers.closed_loop import LoopTick
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.shaping import GlobalShaping, ShapingMotion, ShapingOutcome
-from wbc.shaping.motion import AT_REST, worst_kept
+from wbc.shaping.motion import AT_REST, worst_violations
 from wbc.shaping.problem import posture_cost
 from wbc.tasks import ComTask, InertiaTask, PostureTask, Task
 
@@ -167,7 +167,7 @@ def test_what_the_start_breaks_is_excused_and_nothing_else(hoap2) -> None:
 
     def first_broken(*configurations: np.ndarray) -> str:
         states = [hoap2.snapshot(one) for one in configurations]
-        return worst_kept(shaping.problem, states, 0.01)[1]
+        return worst_violations(shaping.problem, states, 0.01)[1]
 
     assert first_broken(*down) == ""
     assert first_broken(down[1], down[0], down[2]).startswith("at 0.01 s: base z upper lacks 0.15")

@@ -13,8 +13,8 @@ from wbc.robot import Robot
 from wbc.shaping import GlobalShaping, Stopped
 from wbc.shaping import multi_start as multi_start_module
 from wbc.shaping.basin_hopping import ELITE, Elite
-from wbc.shaping.evaluation import SAME_POSTURE, merged
-from wbc.shaping.multi_start import ENOUGH, LAG, MET, StoppingRule
+from wbc.shaping.evaluation import SAME_POSTURE, merge_duplicates
+from wbc.shaping.multi_start import ENOUGH_ZEROS, HOP_LAG, ZERO_COST, StoppingRule
 from wbc.shaping.outcome import Candidate, Kept, Rejected
 from wbc.tasks import AxisTask, InertiaTask
 
@@ -61,7 +61,7 @@ def test_the_known_best_of_four_thousand_valleys(star: Robot, monkeypatch) -> No
     assert outcome.best.cost == pytest.approx(least, abs=1e-6)
     np.testing.assert_allclose(outcome.best.q[7:], LIMIT, atol=1e-4)
     assert min(outcome.best.starts) >= 24  # a hop led there
-    monkeypatch.setattr(multi_start_module, "SPREAD", 160)  # no hops at all
+    monkeypatch.setattr(multi_start_module, "SPREAD_STARTS", 160)  # no hops at all
     spread = shaping.solve(q, 160, workers=1)
     assert spread.best.cost > 1.2 * least  # at least one limb is at the wrong limit
 
@@ -138,27 +138,29 @@ def test_stopping_does_not_depend_on_the_order_in_which_searches_end(hoap2, rng,
     for _ in range(20):
         costs = rng.uniform(0.5, 1.0, 80) * 0.97 ** rng.integers(0, 40, 80)
         costs[rng.random(80) < 0.2] = np.inf
-        costs[rng.random(80) < met] = 0.1 * MET
+        costs[rng.random(80) < met] = 0.1 * ZERO_COST
         script = Scripted(costs)
         alone = run(script, 12, rng, 1)
         # By hand: in the order of the starts, until enough are met or none was better for long.
         record, at, ends, zeros = np.inf, 0, None, 0
         for number, cost in enumerate(costs):
-            zeros += cost <= MET
+            zeros += cost <= ZERO_COST
             if cost < 0.999 * record:
                 record, at = cost, number
             if np.isfinite(record) and number >= at + 12:
                 ends = (number, Stopped.SETTLED)
-            if zeros == ENOUGH:
+            if zeros == ENOUGH_ZEROS:
                 ends = (number, Stopped.MET)
             if ends is not None:
                 break
         expected = range(80 if ends is None else ends[0] + 1)
-        for rule in (alone, *(run(script, 12, rng, window) for window in (3, LAG))):
-            candidates = [one for one in rule.counted() if isinstance(one, Candidate)]
-            counted = sorted(k for c in merged(hoap2, candidates) for k in c.starts)
-            assert counted == [k for k in expected if np.isfinite(costs[k])]
-            lost = [one.start for one in rule.counted() if isinstance(one, Rejected)]
+        for rule in (alone, *(run(script, 12, rng, window) for window in (3, HOP_LAG))):
+            candidates = [one for one in rule.results_until_stop() if isinstance(one, Candidate)]
+            results_until_stop = sorted(
+                k for c in merge_duplicates(hoap2, candidates) for k in c.starts
+            )
+            assert results_until_stop == [k for k in expected if np.isfinite(costs[k])]
+            lost = [one.start for one in rule.results_until_stop() if isinstance(one, Rejected)]
             assert lost == [k for k in expected if not np.isfinite(costs[k])]
             assert rule.reason == (None if ends is None else ends[1])
 
@@ -192,7 +194,7 @@ def test_postures_are_told_apart_one_by_one(hoap2, rng) -> None:
         far = [np.abs(hoap2.difference(known.q, one.q)).max() >= SAME_POSTURE for known in expected]
         if all(far):
             expected.append(one)
-    found = merged(hoap2, ones)
+    found = merge_duplicates(hoap2, ones)
     assert 30 < len(found) < 120
     assert [one.cost for one in found] == [one.cost for one in expected]
     assert sorted(k for one in found for k in one.starts) == list(range(120))

@@ -11,8 +11,8 @@ from wbc.constraints.margin import SKIN, USED
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.collision import Obstacle
-from wbc.shaping.evaluation import FOUND, kept_constraints, violations
-from wbc.shaping.motion import GuidingTasks, worst_kept
+from wbc.shaping.evaluation import IPOPT_TOLERANCES, kept_constraints, violations
+from wbc.shaping.motion import GuidingTasks, worst_violations
 from wbc.shaping.nlp import BuiltNlp, build_nlp
 from wbc.shaping.outcome import Candidate, Kept
 from wbc.shaping.problem import ShapingProblem
@@ -46,13 +46,13 @@ def test_the_worst_of_several_constraints_of_a_kind_is_told(hoap2) -> None:
     ]
     boxes = [PositionBox(hoap2, "base", base - a, base + 1.0) for a in (0.2, 0.1)]
     problem = problem_of(hoap2, [PostureTask(hoap2, here.q)], (), [*polygons, *boxes])
-    kept = kept_constraints(problem, here, FOUND)
+    kept = kept_constraints(problem, here, IPOPT_TOLERANCES)
     assert kept.support == pytest.approx(0.025) and kept.clearance == pytest.approx(0.1)
     assert kept.broken == () and kept.contact == 0.0
     joints = hoap2.limits.joint_positions(here.q)
     inside = np.minimum(joints - hoap2.limits.lower, hoap2.limits.upper - joints)
     assert kept.limit == pytest.approx(inside.min())
-    without = kept_constraints(problem_of(hoap2, problem.tasks), here, FOUND)
+    without = kept_constraints(problem_of(hoap2, problem.tasks), here, IPOPT_TOLERANCES)
     assert without.support is None and without.clearance is None
 
 
@@ -62,7 +62,7 @@ def test_what_a_search_found_may_be_off_by_rounding_only(hoap2, what: str, allow
     """Just beyond its tolerance a posture is broken and says by what; just within it is not."""
     here = hoap2.snapshot(hoap2.posture())
     (x, y, _), base = here.com, here.position("base")
-    assert getattr(FOUND, what) == allowed
+    assert getattr(IPOPT_TOLERANCES, what) == allowed
     for by, broken in ((0.9 * allowed, False), (1.1 * allowed, True)):
         contacts, constraints, limits = [], [], Limits(hoap2)
         if what == "contact":
@@ -79,10 +79,10 @@ def test_what_a_search_found_may_be_off_by_rounding_only(hoap2, what: str, allow
             span = np.minimum(joints - hoap2.limits.lower, hoap2.limits.upper - joints)
             limits = Limits(hoap2, margin=float(span.min()) + by)
         problem = problem_of(hoap2, [PostureTask(hoap2, here.q)], contacts, constraints, limits)
-        kept = kept_constraints(problem, here, FOUND)
+        kept = kept_constraints(problem, here, IPOPT_TOLERANCES)
         assert bool(kept.broken) is broken
         assert any(v == pytest.approx(by, rel=1e-3) for v in violations(problem, here).values())
-        excused = FOUND.excusing(violations(problem, here))
+        excused = IPOPT_TOLERANCES.excused_by(violations(problem, here))
         assert not kept_constraints(problem, here, excused).broken
 
 
@@ -92,7 +92,9 @@ def test_the_contact_that_is_farthest_off_counts(hoap2) -> None:
         type(one)(hoap2, one.frame, one.position + [0.0, by, 0.0], one.rotation)
         for one, by in zip(support(here, "double"), (0.003, 0.002), strict=True)
     ]
-    kept = kept_constraints(problem_of(hoap2, [PostureTask(hoap2, here.q)], moved), here, FOUND)
+    kept = kept_constraints(
+        problem_of(hoap2, [PostureTask(hoap2, here.q)], moved), here, IPOPT_TOLERANCES
+    )
     assert kept.contact == pytest.approx(0.003)
     assert len(kept.broken) == 2 and kept.broken[1].startswith("right_sole is 0.002 off")
 
@@ -227,7 +229,7 @@ def test_the_worst_of_a_motion_is_told(hoap2) -> None:
         moved = q.copy()
         moved[0] += by
         states.append(hoap2.snapshot(moved))
-    kept, first = worst_kept(problem, states, 0.01)
+    kept, first = worst_violations(problem, states, 0.01)
     assert kept.clearance == pytest.approx(0.6) and kept.support == pytest.approx(0.6)
     assert kept.contact == pytest.approx(0.4)
     assert first.startswith("at 0.01 s: left_sole is 0.4 off its anchor")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import wbc.view
 from wbc.errors import InvalidInputError, WbcError
-from wbc.problem.simulation_spec import turned_with
+from wbc.problem.simulation_spec import rotated_to_plane
 from wbc.robot import Robot
 from wbc.simulation import Step, Terrain
 from wbc.view import plot_robot, plot_run, robot_figure, run_figure
@@ -142,7 +142,7 @@ def test_legs_stand_on_the_slope_or_on_a_board(hoap2: Robot) -> None:
     """Where they are, also below z = 0: a robot there has not sunk in."""
     board = Step(centre=(1.0, 0.0, 0.2), size=(0.5, 0.5, 0.1))
     terrain = Terrain(slope=(0.1, 0.0), steps=(board,))
-    start = turned_with(hoap2.posture("standing"), terrain.normal)
+    start = rotated_to_plane(hoap2.posture("standing"), terrain.normal)
     poses = {}
     for name, x, z in (("down", -2.0, -0.2), ("up", 3.0, 0.3), ("on", 1.0, 0.2)):
         q = start.copy()

@@ -17,7 +17,7 @@ from wbc.files import write_whole
 from wbc.problem import Problem, Result
 from wbc.problem.campaign import Run
 from wbc.problem.controller_spec import TorqueSpec
-from wbc.problem.problem import load_unchanged
+from wbc.problem.problem import load_same_text
 from wbc.problem.provenance import version_of, versions
 from wbc.simulation import SimulationResult
 
@@ -45,7 +45,7 @@ def run_row(run: Run, text: str) -> Row:
         start = perf_counter()
         loaded = start
         try:
-            problem = load_unchanged(run.path, run.overrides, text)
+            problem = load_same_text(run.path, run.overrides, text)
             loaded = perf_counter()
             if isinstance(problem, Problem) and isinstance(problem.spec.controller, TorqueSpec):
                 outcome = _of_simulation(problem.simulate())

@@ -65,7 +65,7 @@ def batch(
     if check:
         typer.echo(f"{path}: valid: {_told(campaign)}")
         return
-    made_of = {**campaign.made_of(), "versions": made_with()}
+    made_of = {**campaign.inputs(), "versions": made_with()}
     if _is_done(output, made_of):
         typer.echo(f"{output} has all {len(campaign.runs)} runs already; delete it to begin anew")
         return
@@ -107,15 +107,16 @@ def _is_done(output: Path, made_of: dict[str, Any]) -> bool:
 
     from wbc.batch import read_rows
     from wbc.errors import InvalidInputError
-    from wbc.journal import differing
+    from wbc.journal import differing_keys
 
     if not output.exists():
         return False
     _, theirs = read_rows(output)
     ours = json.loads(json.dumps(made_of))
     if theirs != ours:
+        other = differing_keys(theirs, ours)
         raise InvalidInputError(
-            f"{output}: has the results of another campaign ({differing(theirs, ours)} differs);"
+            f"{output}: has the results of another campaign ({other} differs);"
             " delete it, or write to another file with --output"
         )
     return True

@@ -44,9 +44,9 @@ def errors_in_one_line() -> Iterator[None]:
 
 def refused(error: OSError) -> str:
     """Return what the system refused, in words: a file where it names one, else what is printed."""
-    from wbc.files import why
+    from wbc.files import system_message
 
-    return f"{error.filename or 'the system refuses'}: {why(error)}"
+    return f"{error.filename or 'the system refuses'}: {system_message(error)}"
 
 
 def complain(text: str) -> None:

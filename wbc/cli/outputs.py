@@ -13,7 +13,7 @@ import typer
 from wbc.cli.errors import BAD_INPUT, complain
 from wbc.errors import InvalidInputError, WbcError
 from wbc.extras import require
-from wbc.files import why
+from wbc.files import system_message
 from wbc.run.saving import result_format
 
 
@@ -31,7 +31,9 @@ class Outputs:
             self.written.append(path)
         except OSError as error:
             where = _saved_elsewhere(path, save)
-            self.failures.append(f"--output {path}: cannot be written: {why(error)}; {where}")
+            self.failures.append(
+                f"--output {path}: cannot be written: {system_message(error)}; {where}"
+            )
 
     def draw(self, path: Path, draw: Callable[[Path], object], option: str = "--plot") -> None:
         """Write a picture by ``draw(path)``; a failure is noted."""
@@ -45,7 +47,7 @@ class Outputs:
         except WbcError as error:
             self.failures.append(f"{what}: {error}")
         except OSError as error:
-            self.failures.append(f"{what}: cannot be written: {why(error)}")
+            self.failures.append(f"{what}: cannot be written: {system_message(error)}")
         else:
             return True
         return False
@@ -66,7 +68,7 @@ def _saved_elsewhere(path: Path, save: Callable[[Path], object]) -> str:
     except OSError as error:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
-        return f"nor into a temporary folder: {why(error)}; the result is lost"
+        return f"nor into a temporary folder: {system_message(error)}; the result is lost"
     return f"the result is in {folder / path.name} instead"
 
 
@@ -108,4 +110,6 @@ def check_place(option: str, path: Path) -> None:
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
-        raise InvalidInputError(f"{option} {path}: cannot be written: {why(error)}") from error
+        raise InvalidInputError(
+            f"{option} {path}: cannot be written: {system_message(error)}"
+        ) from error

@@ -147,7 +147,7 @@ def _campaign(
         _print_left_out(names, pushed)
     made_with = conditions(settings)
     made_of = {
-        "problems": {name: load.made_of() for name, load in zip(names, loads, strict=True)},
+        "problems": {name: load.inputs() for name, load in zip(names, loads, strict=True)},
         **made_with,
     }
     kept = _kept(output, paths[0], made_of)

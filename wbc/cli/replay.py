@@ -72,8 +72,8 @@ def _run(file: Path, quiet: bool) -> tuple[bool, str]:
         return log.same, f"{file}: {log}"
     from wbc.cli.interrupts import noted_interrupts
     from wbc.cli.progress import shown_progress
-    from wbc.problem.replay import replay_run, told
+    from wbc.problem.replay import describe_replay, replay_run
 
     with shown_progress(quiet) as progress, noted_interrupts() as interrupts:
         again = replay_run(file, progress, interrupts)
-    return again.same, f"{file}: {told(again)}"
+    return again.same, f"{file}: {describe_replay(again)}"

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.files import why, write_arrays
+from wbc.files import system_message, write_arrays
 from wbc.hardware.real_time import drop_real_time, ignore_signals
 from wbc.validate import Array, finite_number
 
@@ -154,7 +154,7 @@ class LogWriter:
         try:
             write_arrays(path, content)
         except OSError as error:
-            self.errors.append(f"{path}: {why(error)}; this log is lost: {about}")
+            self.errors.append(f"{path}: {system_message(error)}; this log is lost: {about}")
         else:
             self.written.append(path)
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import InvalidInputError
-from wbc.files import why
+from wbc.files import system_message
 from wbc.hardware.bus import BaseTruth, BusError, Command, Message, MessageOrder, Reading, newest
 from wbc.kinds import check_word, whole_number
 from wbc.validate import Array
@@ -184,8 +184,8 @@ def _open_socket(address: str, port: int) -> socket.socket:
     except OSError as error:
         own.close()
         raise BusError(
-            f"UDP bus: {address}, port {port}: {why(error)}; is another process of this robot"
-            " running?"
+            f"UDP bus: {address}, port {port}: {system_message(error)}; is another process of"
+            " this robot running?"
         ) from error
     return own
 
@@ -214,4 +214,4 @@ def _send(own: socket.socket, packet: bytes, to: tuple[str, int]) -> None:
     except BlockingIOError:
         pass  # the system's buffer is full; the next one is newer
     except OSError as error:
-        raise BusError(f"UDP bus: {to[0]}, port {to[1]}: {why(error)}") from error
+        raise BusError(f"UDP bus: {to[0]}, port {to[1]}: {system_message(error)}") from error

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.files import ArrayFileError, read_arrays, why
+from wbc.files import ArrayFileError, read_arrays, system_message
 from wbc.validate import LARGEST as MAX_NUMBER
 from wbc.validate import Array
 
@@ -169,7 +169,7 @@ def check_file(path: Path) -> None:
 
 
 def _unreadable(path: Path, error: Exception) -> RecordingError:
-    return RecordingError(f"cannot be read: {shortened(why(error), 200)}", str(path))
+    return RecordingError(f"cannot be read: {shortened(system_message(error), 200)}", str(path))
 
 
 # ---------------------------------------------------------------------- CSV

@@ -1,6 +1,6 @@
-"""From a validated description to robot, tasks, contacts, limits and controller.
+"""Build robot, tasks, contacts, limits and controller from a validated description.
 
-Every name and number is checked here, before anything moves; see :mod:`wbc.problem.mistakes`.
+Every name and number is checked here, before the run; see :mod:`wbc.problem.mistakes`.
 """
 
 from __future__ import annotations
@@ -27,10 +27,15 @@ from wbc.problem.mistakes import Mistakes
 from wbc.problem.plan import plan
 from wbc.problem.plan_targets import check_loops, follow_plan
 from wbc.problem.robot_spec import RobotSpec
-from wbc.problem.simulation_spec import turned_with
+from wbc.problem.simulation_spec import rotated_to_plane
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
-from wbc.problem.support import check_said, check_stands, contacts_of, slack_by_frame
+from wbc.problem.support import (
+    check_feet_on_ground,
+    check_support_given,
+    contacts_of,
+    slack_by_frame,
+)
 from wbc.problem.walk import WalkSpec, walker_of
 from wbc.robot import Snapshot
 from wbc.run.phase_support import held_feet
@@ -38,7 +43,7 @@ from wbc.run.phases import Phase
 from wbc.run.ramps import TargetedTask
 
 MAX_TICKS = 1_000_000
-OVERLAP = 0.05  # m: simple shapes may stick out of the bodies that they stand for by less
+SHAPE_TOLERANCE = 0.05  # m: simple shapes may exceed the bodies that they represent by less
 
 
 def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
@@ -59,10 +64,10 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     contacts = list[Contact]()
     with mistakes.at("support"):
         first = next((phase.support for phase in (spec.phases or {}).values()), None)
-        check_said(spec.support or first, robot)
+        check_support_given(spec.support or first, robot)
         contacts += contacts_of(spec.support, start, spec.controller.friction_cone)
-        if not spec.phases:  # which look at feet themselves, as each begins
-            check_stands(spec.support, start)
+        if not spec.phases:  # each phase checks its own feet
+            check_feet_on_ground(spec.support, start)
     check_level(spec, mistakes)
     check_loops(spec, built, mistakes)
     built, reference = follow_plan(spec, built, start, contacts, folder, mistakes)
@@ -79,9 +84,9 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     limits: Limits | None = None
     if not isinstance(spec.limits, str):
         limits = mistakes.require(("limits",), partial(spec.limits.build, robot))
-    around = surroundings(spec.constraints, start, limits, mistakes)
+    constraints_at = surroundings(spec.constraints, start, limits, mistakes)
     mistakes.raise_any()
-    _check_borne(spec, phases, start, mistakes)
+    _check_contact_frames(spec, phases, start, mistakes)
     mistakes.raise_any()
     supports = [spec.support, *(phase.support for phase in (spec.phases or {}).values())]
     parts = Parts(
@@ -91,7 +96,7 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         contacts=tuple(phases[0].hold(start)),
         phases=phases,
         limits=limits,
-        surroundings=around,
+        surroundings=constraints_at,
         contact_slack=slack_by_frame(start.robot, supports),
         plan=reference,
     )
@@ -100,23 +105,23 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
 
 
 def _start(spec: ProblemSpec, folder: Path, mistakes: Mistakes) -> Snapshot:
-    """Return the robot where it begins."""
+    """Return the robot's state at the start."""
     robot_spec = RobotSpec(model=spec.robot) if isinstance(spec.robot, str) else spec.robot
     robot = mistakes.require(("robot",), partial(robot_spec.load, folder))
     spec.start.check(robot, mistakes)
     mistakes.raise_any()
     q = mistakes.require(("start",), partial(spec.start.configuration, robot, folder))
     if spec.ground_height is not None and not robot.fixed_base:
-        q = turned_with(q, spec.simulation.ground().normal)
+        q = rotated_to_plane(q, spec.simulation.ground().normal)
     return robot.snapshot(q, np.zeros(robot.nv))
 
 
 def _check_parts(spec: ProblemSpec, parts: Parts, start: Snapshot, mistakes: Mistakes) -> None:
-    """Find mistakes that only show when parts meet, by making the controller once."""
+    """Find mistakes in the combination of parts, by making the controller once."""
     if spec.controller.level == TORQUE:
         feet, duration = held_feet(parts.contacts), spec.whole_stop.duration
         spec.simulation.check(start, feet, spec.controller.dt, duration, mistakes)
-    for name, one in parts.surroundings.constraints.items():  # what stands is now known
+    for name, one in parts.surroundings.constraints.items():  # contacts are known now
         with mistakes.at("constraints", name):
             check_outside(one.during(start, parts.contacts), start)
     mistakes.raise_any()
@@ -132,15 +137,15 @@ def _check_parts(spec: ProblemSpec, parts: Parts, start: Snapshot, mistakes: Mis
     make = partial(parts.controller, spec.controller, parts.tasks, parts.contacts, start)
     controller = mistakes.require(("controller",), make)
     with mistakes.at("hands"):
-        hands_of(spec, parts, controller)
+        hand_support(spec, parts, controller)
     mistakes.raise_any()
     if isinstance(spec.controller, GlobalSpec):
         search = partial(global_shaping, parts, spec, spec.controller)
         mistakes.require(("controller",), search)
 
 
-def hands_of(spec: ProblemSpec, parts: Parts, controller: Controller) -> HandSupport | None:
-    """Return what leans on walls, with a controller made for it; None if nothing does.
+def hand_support(spec: ProblemSpec, parts: Parts, controller: Controller) -> HandSupport | None:
+    """Return the support of hands on walls, with a controller for it; None if there are no hands.
 
     Raises
     ------
@@ -159,7 +164,7 @@ def hands_of(spec: ProblemSpec, parts: Parts, controller: Controller) -> HandSup
 
 
 def check_outside(constraint: Constraint | None, start: Snapshot) -> None:
-    """Refuse obstacles in which the robot is at the start.
+    """Refuse obstacles that the robot touches at the start.
 
     Raises
     ------
@@ -171,20 +176,19 @@ def check_outside(constraint: Constraint | None, start: Snapshot) -> None:
     distances = constraint.distances(start)
     depth = -(distances.clearance + SKIN + constraint.margin)
     worst = int(depth.argmax())
-    if depth[worst] > OVERLAP:
+    if depth[worst] > SHAPE_TOLERANCE:
         raise InvalidInputError(
             f"the robot is inside an obstacle at the start: {constraint.labels(distances)[worst]},"
             f" by {1e3 * depth[worst]:.3g} mm; move one of them, or name the links that keep clear"
         )
 
 
-def _check_borne(
+def _check_contact_frames(
     spec: ProblemSpec, phases: Sequence[Phase], start: Snapshot, mistakes: Mistakes
 ) -> None:
-    """Note the frames that a task names as contacts and that are none whenever it is in use.
+    """Note frames of a force task that are not contacts in any phase in which it is used.
 
-    In phases in which some of them are contacts, the task rests as to the others: a foot in the air
-    bears nothing.
+    In phases in which only some are contacts, the task ignores the others.
     """
     held = [{contact.frame for contact in phase.hold(start)} for phase in phases]
     for name, task in spec.tasks.items():
@@ -236,7 +240,7 @@ def _check_ramps(spec: ProblemSpec, mistakes: Mistakes) -> None:
 
 
 def _check_simulation(spec: ProblemSpec, mistakes: Mistakes) -> None:
-    """Refuse a simulation of the velocity level, and what decides twice how long it is."""
+    """Refuse a simulation at the velocity level, and two durations of it."""
     if spec.controller.level != TORQUE:
         if "simulation" in spec.model_fields_set:
             with mistakes.at("simulation"):
@@ -254,7 +258,7 @@ def _check_simulation(spec: ProblemSpec, mistakes: Mistakes) -> None:
 
 
 def _check_no_times(spec: ProblemSpec, mistakes: Mistakes) -> None:
-    """Refuse what phases decide: how long the run is, and how long its targets move."""
+    """Refuse durations of the run and of its targets where phases define them."""
     for key in sorted(spec.stop.model_fields_set & {"duration", "speed"}):
         with mistakes.at("stop", key):
             raise InvalidInputError("a run with phases ends after the last; leave this out")

@@ -1,8 +1,8 @@
-"""A campaign file: problems times cases times a grid of values times seeds, all of them checked.
+"""A campaign file: problems x cases x a grid of values x seeds, all checked beforehand.
 
-Each run is a problem with values that replace those of its file. What a run could fail for by a
-wrong name or number is found before the first: every combination is checked as a file is, and every
-value once built, with the first of the others.
+Each run is a problem with values that replace those of its file. Wrong names and numbers are found
+before the first run: every combination is validated like a file, and every value is built once,
+with the first of the others.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Run:
     overrides: Mapping[str, Any]  # everything that replaces the file's values, by key path
 
     def describe(self) -> str:
-        """Return what tells this run from others, in words."""
+        """Return the parameters of this run, in words."""
         told = [f"{path}={_short(value)}" for path, value in self.overrides.items()]
         case = [] if self.case is None else [f"case {self.case}"]
         seed = [] if self.seed is None else [f"seed {self.seed}"]
@@ -87,8 +87,8 @@ class Campaign:
     # In order: problem by problem, case by case, the last key of the grid and then seeds fastest.
     runs: tuple[Run, ...]
 
-    def made_of(self) -> dict[str, Any]:
-        """Return what the results depend on, as plain data."""
+    def inputs(self) -> dict[str, Any]:
+        """Return all inputs that the results depend on, as plain data."""
         return {"campaign": self.spec.model_dump(mode="json"), "problems": dict(self.texts)}
 
 
@@ -136,7 +136,7 @@ def load_campaign(path: str | Path) -> Campaign:
 
 
 def _names(problems: tuple[str, ...]) -> dict[str, str]:
-    """Return files by a name for each: its stem, where that is not another's, too."""
+    """Return the files by name: the stem if it is unique."""
     stems = [Path(file).stem for file in problems]
     return {
         stem if stems.count(stem) == 1 else file: file
@@ -145,7 +145,7 @@ def _names(problems: tuple[str, ...]) -> dict[str, str]:
 
 
 def _check_values(spec: CampaignSpec, file: Path, mistakes: Mistakes) -> None:
-    """Build a problem with each value once, the others being the first of theirs."""
+    """Build a problem with each value once, and the first of all others."""
     cases = spec.cases or {}
     first_of_grid = {key: values[0] for key, values in spec.grid.items()}
     first = {**spec.set, **next(iter(cases.values()), {}), **first_of_grid}
@@ -165,7 +165,7 @@ def _check_values(spec: CampaignSpec, file: Path, mistakes: Mistakes) -> None:
                 load_problem(file, overrides)
     for key, (low, high) in spec.draw.items():
         with mistakes.at("draw", key):
-            _drawn(np.random.default_rng(0), low, high)
+            _uniform(np.random.default_rng(0), low, high)
 
 
 def _runs(
@@ -175,7 +175,7 @@ def _runs(
     seeds: list[int | None],
     mistakes: Mistakes,
 ) -> Iterator[Run]:
-    """Yield the runs, every combination checked as a file is."""
+    """Yield the runs, every combination validated like a file."""
     numbers = itertools.count()
     cases: Mapping[str | None, Values] = spec.cases or {None: {}}  # type: ignore[assignment]
     for problem, case in itertools.product(files, cases):
@@ -188,7 +188,8 @@ def _runs(
             if seeds != [None] and not (seeded or spec.draw):
                 mistakes.fail(("seeds",), f"nothing is random in {problem}; remove them, or draw")
             if found is not None and isinstance(found.controller, GlobalSpec):
-                # The campaign's own processes are enough; the answer does not depend on it.
+                # The campaign has its own processes; results do not depend on the number of
+                # workers.
                 overrides = {"controller.workers": 1, **overrides}
             for seed in seeds:
                 given = (
@@ -199,7 +200,7 @@ def _runs(
 
 
 def _checked(source: Source, overrides: Mapping[str, Any]) -> ProblemSpec | None:
-    """Check a problem as a file is, and return what it says; None of a pendulum's."""
+    """Validate a problem like a file and return its description; None for a pendulum's."""
     changed = apply_overrides(source, overrides)
     return None if "model" in changed.data else read_problem(changed)
 
@@ -216,17 +217,17 @@ def _seed_paths(spec: ProblemSpec | None) -> tuple[str, ...]:
 
 
 def _draws(spec: CampaignSpec, seed: int) -> dict[str, Any]:
-    """Return what is drawn with a seed: the same for all problems, cases and places in the file."""
+    """Return the values drawn with a seed: the same for all problems and cases, in any order."""
     return {
-        key: _drawn(np.random.default_rng([seed, *key.encode()]), *span)
+        key: _uniform(np.random.default_rng([seed, *key.encode()]), *span)
         for key, span in spec.draw.items()
     }
 
 
-def _drawn(random: np.random.Generator, low: Any, high: Any) -> Any:
-    """Return what lies evenly between two numbers, or two lists of them, entry by entry."""
+def _uniform(random: np.random.Generator, low: Any, high: Any) -> Any:
+    """Return a uniform sample between two numbers, or two lists of them, entry by entry."""
     if isinstance(low, list) and isinstance(high, list) and len(low) == len(high):
-        return [_drawn(random, a, b) for a, b in zip(low, high, strict=True)]
+        return [_uniform(random, a, b) for a, b in zip(low, high, strict=True)]
     numbers = [one for one in (low, high) if type(one) in (int, float) and np.isfinite(one)]
     if len(numbers) < 2:
         raise InvalidInputError(f"expected two numbers, or two lists alike, got {[low, high]}")

@@ -1,4 +1,4 @@
-"""What a problem is made of."""
+"""The parts of a problem: robot, tasks, contacts, phases, limits, constraints."""
 
 from __future__ import annotations
 
@@ -54,11 +54,11 @@ class Parts:
         contacts: Sequence[Contact],
         snapshot: Snapshot,
     ) -> Controller:
-        """Return a new controller, which remembers nothing of earlier runs.
+        """Return a new controller, without state of earlier runs.
 
-        CoM supports are those of the contacts as they are at ``snapshot``.
+        CoM supports are made of the contacts at ``snapshot``.
         """
-        kept = self._kept(contacts, snapshot)
+        kept = self._constraints_and_slack(contacts, snapshot)
         return spec.build(self.robot, tasks, contacts=contacts, limits=self.limits, **kept)
 
     def change(
@@ -68,12 +68,16 @@ class Parts:
         contacts: Sequence[Contact],
         snapshot: Snapshot,
     ) -> None:
-        """Give a controller other tasks and contacts, and the constraints that go with them."""
-        controller.change(tasks=tasks, contacts=contacts, **self._kept(contacts, snapshot))
+        """Set a controller's tasks and contacts, and the constraints that belong to them."""
+        controller.change(
+            tasks=tasks, contacts=contacts, **self._constraints_and_slack(contacts, snapshot)
+        )
 
-    def _kept(self, contacts: Sequence[Contact], snapshot: Snapshot) -> dict[str, Any]:
+    def _constraints_and_slack(
+        self, contacts: Sequence[Contact], snapshot: Snapshot
+    ) -> dict[str, Any]:
         """Return constraints and slack weights of a controller, by parameter."""
-        constraints = self.surroundings.around(snapshot, contacts)
+        constraints = self.surroundings.constraints_at(snapshot, contacts)
         frames = {contact.frame for contact in contacts}
         slack = {frame: w for frame, w in self.contact_slack.items() if frame in frames}
         return {

@@ -1,4 +1,4 @@
-"""What all constraints of a problem file have in common; each kind is a file in ``kinds``."""
+"""The base of all constraints of a problem file; each kind is a file in ``kinds``."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from wbc.robot import Snapshot
 
 @dataclass(frozen=True, eq=False)
 class BuiltConstraint:
-    """A constraint, ready for any contacts and any time."""
+    """A constraint that can be made for any contacts, and moved to any time."""
 
-    # Returns the constraint while contacts are held that begin at a state; None for none.
+    # Returns the constraint for contacts that begin at a snapshot; None if there is none.
     during: Callable[[Snapshot, Sequence[Contact]], Constraint | None]
-    # Puts what moves by itself where it is at a time [s].
+    # Moves obstacles to their poses at a time [s].
     move_to: Callable[[float], None] | None = None
-    # Pairs of bodies that are in contact by design and therefore not watched, with the reason.
+    # Pairs of bodies that are not watched because they touch by design, with the reason.
     unwatched: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -46,18 +46,18 @@ class ConstraintSpec(Section):
         """
 
     def not_in_search(self) -> Iterator[Misplaced]:
-        """Yield what a search over postures has no use for."""
+        """Yield the keys that a search over postures does not support."""
         return iter(())
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What a robot must respect beside its limits, ready for any contacts and any time."""
+    """All constraints of a problem, for any contacts and any time."""
 
     constraints: Mapping[str, BuiltConstraint]  # by name
     slack: Mapping[str, float]  # weights of those that may give way, by name
 
-    def around(self, snapshot: Snapshot, contacts: Sequence[Contact]) -> list[Constraint]:
+    def constraints_at(self, snapshot: Snapshot, contacts: Sequence[Contact]) -> list[Constraint]:
         """Return the constraints while ``contacts`` are held, from ``snapshot`` on.
 
         Raises
@@ -87,7 +87,7 @@ class Surroundings:
         return {name: weight for name, weight in self.slack.items() if name in names}
 
     def move_to(self, time: float) -> None:
-        """Move obstacles and the like to their places at ``time`` [s]."""
+        """Move obstacles to their poses at ``time`` [s]."""
         for built in self.constraints.values():
             if built.move_to is not None:
                 built.move_to(time)

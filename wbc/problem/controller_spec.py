@@ -1,4 +1,4 @@
-"""Controllers: as a problem file describes them, and made."""
+"""Controllers of a problem file: their description, and making them."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _TORQUE = "the torque level; give level: torque"
 
 
 class ControllerSpec(Section):
-    """What all methods have in common."""
+    """The base of all methods."""
 
     elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
         (
@@ -62,7 +62,7 @@ class ControllerSpec(Section):
 
     @property
     def friction_cone(self) -> FrictionCone:
-        """What contacts bear that say nothing else."""
+        """The friction cone of contacts without their own."""
         return DEFAULT_FRICTION
 
     @abstractmethod
@@ -77,7 +77,7 @@ class ControllerSpec(Section):
 
 
 class SolverSettings(ControllerSpec):
-    """What methods that solve a quadratic program per tick have in common, at both levels."""
+    """The base of methods that solve a quadratic program per tick, at both levels."""
 
     solver: Name = default_of(KinematicController, "solver")
     """The QP solver: proxqp, active_set, or any that qpsolvers finds installed."""
@@ -102,12 +102,12 @@ class SolverSettings(ControllerSpec):
 
 
 class QpSettings(SolverSettings):
-    """What methods of the velocity level that solve a quadratic program have in common."""
+    """The base of methods of the velocity level that solve a quadratic program per tick."""
 
     damping: Positive = default_of(KinematicController, "damping")
     """Weight of 1/2 |v|^2: picks one among equally good velocities."""
     on_failure: Annotated[str, Words(POLICIES)] = default_of(KinematicController, "on_failure")
-    """When a QP has no solution: stand still, slow down, miss the rows by as little as can be, or
+    """When a QP has no solution: stand still, slow down, violate the rows as little as possible, or
     end the run."""
 
     def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> KinematicController:
@@ -146,8 +146,8 @@ class TorqueSpec(SolverSettings):
     force_ramp: NonNegative = default_of(TorqueController, "force_ramp")
     """How long contact forces take to come and go when the support changes [s]; 0: at once."""
     delay: NonNegative = default_of(TorqueController, "delay")
-    """How old what is measured is when the torque that answers to it acts [s], where that is known:
-    the sum of the sensors' delay and latency. States are predicted over it."""
+    """Known time from a measurement to the action of its torque [s]: the sum of the sensors' delay
+    and latency. States are predicted over it."""
     spring_time: NonNegative = default_of(TorqueController, "spring_time")
     """While anything bears on the ground, within which springs of joints without a motor give way
     until they bear what is asked for [s]; 0: at once, which chatters where they are stiff."""
@@ -164,7 +164,7 @@ class TorqueSpec(SolverSettings):
 
     @property
     def friction_cone(self) -> FrictionCone:
-        """What contacts bear that say nothing else."""
+        """The friction cone of contacts without their own."""
         return cone(self.friction)
 
     @property
@@ -205,7 +205,7 @@ class GlobalSpec(QpSettings):
 
     @property
     def search(self) -> dict[str, Any]:
-        """What the search and the motion after it are asked for, by name."""
+        """The settings of the search and of the motion after it, by name."""
         own = GlobalSpec.model_fields.keys() - QpSettings.model_fields.keys()
         return self.model_dump(include=own - {"method", "level", "support_margin"})
 

@@ -1,4 +1,4 @@
-"""The sensors of a robot whose state is estimated, as a file describes them."""
+"""Sensors of a robot whose state is estimated: their section in a problem file."""
 
 from __future__ import annotations
 

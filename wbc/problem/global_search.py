@@ -1,4 +1,4 @@
-"""What a search over postures asks of a problem, beyond what every problem must be."""
+"""Problems of method ``global``: their checks, and making the search over postures."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def check_global(spec: ProblemSpec, mistakes: Mistakes) -> None:
-    """Note what a search over postures has no use for: all that is about time or velocity."""
+    """Note what a search over postures does not support: everything about time or velocity."""
     if spec.phases is not None:
         with mistakes.at("phases"):
             raise InvalidInputError(
@@ -55,23 +55,23 @@ def check_global(spec: ProblemSpec, mistakes: Mistakes) -> None:
 def global_shaping(parts: Parts, spec: ProblemSpec, controller: GlobalSpec) -> GlobalShaping:
     """Return the search that a problem describes, over the tasks that are in use.
 
-    It knows all constraints but those that may give way: these are left to the motion.
+    It has all hard constraints; soft ones are left to the motion.
 
     Raises
     ------
     Misplaced
         A support margin without a sole to stand on, or one that leaves nothing of it.
     """
-    # Only now: a problem without a search need not wait for CasADi to load.
+    # Imported here: problems without a search need not load CasADi.
     from wbc.shaping import GlobalShaping
 
     limits = parts.limits
     if limits is None:
         limits = Limits(parts.robot, position=False, velocity=None)
     start = parts.robot.snapshot(parts.start)
-    around = parts.surroundings.around(start, parts.contacts)
-    soft = parts.surroundings.slack_of(around)
-    hard = [constraint for constraint in around if constraint.name not in soft]
+    constraints_at = parts.surroundings.constraints_at(start, parts.contacts)
+    soft = parts.surroundings.slack_of(constraints_at)
+    hard = [constraint for constraint in constraints_at if constraint.name not in soft]
     if controller.support_margin is not None:
         hard.append(_over_held_soles(start, parts.contacts, controller.support_margin))
     return GlobalShaping(

@@ -1,4 +1,4 @@
-"""Hands that lean on walls, as a problem file describes them."""
+"""Hands that lean on walls: their section in a problem file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class WallSpec(Section):
     """Coefficient of friction."""
 
     def wall(self, friction: float | None = None) -> Wall:
-        """Return the wall, as it is or with the friction that is counted on."""
+        """Return the wall, with its own friction or the assumed one."""
         own = self.friction if friction is None else friction
         return Wall(self.point, self.normal, self.size, own)  # type: ignore[arg-type]
 
@@ -56,7 +56,7 @@ class HandsSpec(Section):
         walls: tuple[WallSpec, ...],
         friction: float,
     ) -> HandSupport:
-        """Return what looks after the hands; ``friction`` is that of other contacts.
+        """Return the support by the hands; ``friction`` is that of other contacts.
 
         Raises
         ------

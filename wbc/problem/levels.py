@@ -1,6 +1,6 @@
-"""Which tasks, and keys of tasks and contacts, one control level has: the other refuses them.
+"""Tasks and keys of one control level only, which are refused at the other.
 
-They would do nothing, and nobody would notice.
+They would have no effect, without anyone noticing.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LEVEL = {
 
 
 def check_level(spec: ProblemSpec, mistakes: Mistakes) -> None:
-    """Note the tasks and keys that a problem's level has no use for."""
+    """Note the tasks and keys that have no effect at a problem's level."""
     other = VELOCITY if spec.controller.level == TORQUE else TORQUE
     for name, task in spec.tasks.items():
         if task.level == other:

@@ -1,7 +1,7 @@
-"""What is wrong with a problem file, in plain words, each with its place and the nearest choice.
+"""Mistakes in a problem file, in plain words, each with its line and a suggestion.
 
-Pydantic finds what no file may say. What shows only when objects are made, unknown names and
-numbers that do not fit the robot, is noted here too, so that a file is corrected in one go.
+Pydantic finds violations of the format. Unknown names and numbers that do not fit the robot, found
+when objects are made, are collected here too, so that a file can be corrected at once.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Detail = Mapping[str, Any]
 
 
 class Misplaced(ProblemFileError):
-    """A mistake in the value at ``below``, counted from the path being looked at."""
+    """A mistake in the value at ``below``, relative to the current path."""
 
     def __init__(self, text: str, *below: str | int) -> None:
         super().__init__(text)
@@ -32,7 +32,7 @@ class Misplaced(ProblemFileError):
 
 
 class Mistakes:
-    """Collects what is wrong, with the place in the file it comes from."""
+    """Collects mistakes with their places in the file."""
 
     def __init__(self, source: Source) -> None:
         self.source = source
@@ -40,19 +40,19 @@ class Mistakes:
 
     @contextmanager
     def at(self, *path: str | int) -> Iterator[None]:
-        """Note a :class:`WbcError` of the block as a mistake at ``path``, and go on after it."""
+        """Note a :class:`WbcError` in the block as a mistake at ``path``, and continue."""
         try:
             yield
         except WbcError as error:
             self.note(path, error)
 
     def require(self, path: KeyPath, make: Callable[[], T]) -> T:
-        """Return what ``make`` makes of the value at ``path``.
+        """Return the result of ``make`` for the value at ``path``.
 
         Raises
         ------
         ProblemFileError
-            If that was a mistake, or there was any before: without this, nothing can go on.
+            It failed, or there was a mistake before: nothing can be built without it.
         """
         try:
             made = make()
@@ -76,7 +76,7 @@ class Mistakes:
         raise self._error()
 
     def note(self, path: KeyPath, error: WbcError) -> None:
-        """Note a mistake; an unknown name is looked for at and below ``path``."""
+        """Note a mistake; an unknown name is searched at and below ``path``."""
         if isinstance(error, Misplaced):
             path = (*path, *error.below)
         elif isinstance(error, UnknownNameError):
@@ -115,7 +115,7 @@ def complaints(
         {**detail, "loc": (*below, *detail["loc"])} for detail in error.errors(include_url=False)
     ]
     misspelt = {
-        (*_path(detail)[:-1], _nearest(_path(detail), source, keys))
+        (*_path(detail)[:-1], _suggestion(_path(detail), source, keys))
         for detail in details
         if detail["type"] == "extra_forbidden"
     }
@@ -127,12 +127,12 @@ def complaints(
         if detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]:
             continue  # pydantic does not count the entries that it has complained about
         if detail["type"] == "extra_forbidden":
-            known = _known(path, source, keys)
+            known = _known_keys(path, source, keys)
             text = f"unknown key{suggest(str(path[-1]), known.here)}"
             if (where := known.elsewhere.get(str(path[-1]))) is not None:
                 text = f"belongs to {where}"
         else:
-            path, text = _said(detail, path)
+            path, text = _explain(detail, path)
         found.append((path, text))
     return found
 
@@ -150,7 +150,7 @@ def shown(value: Any) -> str:
 
 
 def _path(detail: Detail) -> KeyPath:
-    """Return where a complaint is about, without the names of forms and of dictionary keys."""
+    """Return the key path of a complaint, without pydantic's names of forms and of keys."""
     return tuple(
         step
         for step in detail["loc"]
@@ -158,17 +158,17 @@ def _path(detail: Detail) -> KeyPath:
     )
 
 
-def _known(path: KeyPath, source: Source, keys: Mapping[int, KnownKeys]) -> KnownKeys:
+def _known_keys(path: KeyPath, source: Source, keys: Mapping[int, KnownKeys]) -> KnownKeys:
     return keys.get(id(source.at(path[:-1])), KnownKeys())
 
 
-def _nearest(path: KeyPath, source: Source, keys: Mapping[int, KnownKeys]) -> str:
-    known = _known(path, source, keys).here
+def _suggestion(path: KeyPath, source: Source, keys: Mapping[int, KnownKeys]) -> str:
+    known = _known_keys(path, source, keys).here
     hint = re.search(r"did you mean '([^']+)'", suggest(str(path[-1]), known))
     return hint[1] if hint else ""
 
 
-def _said(detail: Detail, path: KeyPath) -> tuple[KeyPath, str]:
+def _explain(detail: Detail, path: KeyPath) -> tuple[KeyPath, str]:
     kind, value = detail["type"], detail["input"]
     if kind == "missing":
         return path[:-1], f"{str(path[-1])!r} is missing"
@@ -200,11 +200,11 @@ def decimal_comma(value: Any) -> str:
 
 def _number(value: Any, _: Detail, kind: str = "a number") -> str:
     if isinstance(value, str):
-        return f"expected {kind}, got the text {shown(value)}{_remedy(value)}"
+        return f"expected {kind}, got the text {shown(value)}{_number_hint(value)}"
     return f"expected {kind}, got {shown(value)}"
 
 
-def _remedy(value: str) -> str:
+def _number_hint(value: str) -> str:
     try:
         float(value)
     except ValueError:

@@ -16,8 +16,8 @@ from wbc.run.saving import plain
 _ASSIGNMENT = re.compile(r"""((?:"[^"]*"|'[^']*'|[^="'])+)=(.*)""", re.DOTALL)
 
 
-# Names that a path can lead into: the section that holds them, what they are, and which step of the
-# path they are. A misspelt one must not be taken for a new one.
+# Names in key paths: their section, what they name, and their step in the path. A misspelt one must
+# not create a new entry.
 _NAMED = (("tasks", "task", 1), ("phases", "phase", 1), ("tasks", "task", 3))
 
 
@@ -66,7 +66,7 @@ def apply_overrides(source: Source, overrides: Mapping[str, Any]) -> Source:
 def _put(data: dict[str, Any], path: KeyPath, value: Any, label: str) -> None:
     for section, kind, at in _NAMED:
         known = data.get(section)
-        if _leads_into(path, section, at) and isinstance(known, dict) and path[at] not in known:
+        if _passes_through(path, section, at) and isinstance(known, dict) and path[at] not in known:
             name = str(path[at])
             raise ProblemFileError(f"{label}: no {kind} {name!r}{suggest(name, known)}")
     inside: Any = data
@@ -80,14 +80,14 @@ def _put(data: dict[str, Any], path: KeyPath, value: Any, label: str) -> None:
             inside = inside[step]
 
 
-def _leads_into(path: KeyPath, section: str, at: int) -> bool:
-    """Whether a path leads further than to a name at ``at`` that ``section`` must hold."""
+def _passes_through(path: KeyPath, section: str, at: int) -> bool:
+    """Return whether a path continues after a name at ``at`` that ``section`` must contain."""
     in_phase = at > 1 and path[0] == "phases" and path[at - 1 : at] == (section,)
     return len(path) > at + 1 and (in_phase or (at == 1 and path[0] == section))
 
 
 def _check_step(inside: Any, step: str | int, so_far: KeyPath, label: str) -> None:
-    """Refuse a step that the value it starts from cannot make."""
+    """Refuse a step that the value before it does not have."""
     here = f"{written(so_far)!r}" if so_far else "the file"
     if isinstance(step, int):
         if not isinstance(inside, list):

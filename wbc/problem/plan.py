@@ -1,7 +1,7 @@
-"""From the phases of a problem file to a plan: what each begins with and what it changes.
+"""The phases of a problem file as a plan: each phase's initial contacts and its changes.
 
-What can be known before anything moves is checked here: names, numbers, and phases that contradict
-themselves. Whether a foot has really come to the ground shows only in the run.
+Names, numbers and contradictions are checked before the run. Whether a foot has really reached the
+ground is checked in the run.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ def single_phase(spec: ProblemSpec, built: Mapping[str, TargetedTask]) -> Phase:
 def plan(
     spec: ProblemSpec, built: Mapping[str, TargetedTask], start: Snapshot, mistakes: Mistakes
 ) -> tuple[Phase, ...]:
-    """Return the phases of a problem in order; what is wrong with them goes to ``mistakes``."""
+    """Return the phases of a problem in order; mistakes are noted in ``mistakes``."""
     if spec.phases is None:
-        _check_free(spec, start, mistakes)
+        _check_start_tasks(spec, start, mistakes)
         return (single_phase(spec, built),)
     planner = _Planner(spec, built, start, mistakes)
     phases = tuple(planner.phase(name, phase) for name, phase in spec.phases.items())
@@ -55,7 +55,7 @@ def plan(
 
 
 class _Planner:
-    """Goes through the phases and keeps what they leave as it was."""
+    """Goes through the phases, keeping the state that each inherits."""
 
     def __init__(
         self,
@@ -85,7 +85,7 @@ class _Planner:
         with self._mistakes.at("phases", name, "ramp"):
             if spec.ramp is not None and spec.ramp > spec.duration:
                 raise InvalidInputError(f"{spec.ramp:g} s is longer than the phase")
-        before, contacts = self._contacts, self._hold(name, spec)
+        before, contacts = self._contacts, self._phase_contacts(name, spec)
         was_active = dict(self._active)
         given: dict[str, TargetedTask] = {}
         for task, change in spec.tasks.items():
@@ -103,14 +103,14 @@ class _Planner:
         self._contacts, self._time = contacts, phase.ends
         return phase
 
-    def _hold(self, name: str, spec: PhaseSpec) -> tuple[Contact, ...]:
-        """Return the contacts of a phase; their anchors mean nothing yet."""
+    def _phase_contacts(self, name: str, spec: PhaseSpec) -> tuple[Contact, ...]:
+        """Return the contacts of a phase; their anchors are set in the run."""
         first = self._contacts is None
         if spec.support is not None:
             self._support = spec.support
         elif not first:
             return self._contacts or ()
-        # Without a support of its own the first phase has the problem's, which has been looked at.
+        # Without its own support the first phase has the problem's, which has been checked.
         where = ("support",) if spec.support is None else ("phases", name, "support")
         contacts: tuple[Contact, ...] = ()
         with self._mistakes.at(*where):
@@ -124,7 +124,7 @@ class _Planner:
     def _change(
         self, phase: str, name: str, change: PhaseTaskSpec, contacts: Iterable[Contact]
     ) -> dict[str, TargetedTask]:
-        """Take note of what a phase changes about a task; return it if it has a new target."""
+        """Apply a phase's changes to a task; return it if it has a new target."""
         if name not in self._names:
             raise UnknownNameError("task", name, self._names)
         if name not in self._built:  # its own description is wrong, which has been noted
@@ -152,7 +152,7 @@ class _Planner:
     def _merged(
         self, path: tuple[str, ...], spec: TaskSpec, given: Mapping[str, object]
     ) -> TaskSpec | None:
-        """Return the task's description with what the phase changes, or None if that is wrong."""
+        """Return the task's description with the phase's changes, or None if these are wrong."""
         data = {**spec.model_dump(exclude_unset=True), **given}
         keys: dict[int, KnownKeys] = {}
         try:
@@ -163,15 +163,15 @@ class _Planner:
         return None
 
     def _check_held(self, name: str, spec: PhaseSpec, contacts: tuple[Contact, ...]) -> None:
-        """Refuse a task that pulls at what is held, and a phase with nothing to do."""
+        """Refuse a task that moves a held frame, and a phase without active tasks."""
         held = held_joints(self._start.robot, contacts)
         frames = {carrier(self._start.robot, contact.frame): contact.frame for contact in contacts}
         for task, active in self._active.items():
-            joint = self._carrier(task)
+            joint = self._moving_joint(task)
             if active and joint in held:
                 below = ("tasks", task) if task in spec.tasks else ()
                 with self._mistakes.at("phases", name, *below):
-                    raise _moves_held(task, frames[joint])
+                    raise _held_frame_error(task, frames[joint])
         if self._active and not any(self._active.values()):
             with self._mistakes.at("phases", name):
                 raise InvalidInputError("no task is active; there is nothing to do")
@@ -185,7 +185,7 @@ class _Planner:
         contacts: tuple[Contact, ...],
     ) -> Change:
         built, active = self._built[name], self._active[name]
-        robot, joint = self._start.robot, self._carrier(name)
+        robot, joint = self._start.robot, self._moving_joint(name)
         at_once = before is not None and (
             (joint in held_joints(robot, before)) != (joint in held_joints(robot, contacts))
         )
@@ -193,14 +193,14 @@ class _Planner:
         goal = built.goal if active and (given or not was_active) and not follows else None
         return Change(goal, built.weight if active else None, at_once)
 
-    def _carrier(self, name: str) -> int | None:
-        """Return the joint that carries the frame of a task; None if the task has no frame."""
+    def _moving_joint(self, name: str) -> int | None:
+        """Return the joint that moves the frame of a task; None if the task has no frame."""
         frame = self._specs[name].moved_frame
         return None if frame is None else carrier(self._start.robot, frame)
 
 
-def _check_free(spec: ProblemSpec, start: Snapshot, mistakes: Mistakes) -> None:
-    """Refuse tasks without weight, and those that pull at what is held and may not give way."""
+def _check_start_tasks(spec: ProblemSpec, start: Snapshot, mistakes: Mistakes) -> None:
+    """Refuse tasks without weight, and those that move a frame held by a hard contact."""
     try:
         contacts = contacts_of(spec.support, start)
     except WbcError:  # noted where the support is made
@@ -216,10 +216,10 @@ def _check_free(spec: ProblemSpec, start: Snapshot, mistakes: Mistakes) -> None:
             if not task.active or task.moved_frame is None:
                 continue
             if carrier(start.robot, task.moved_frame) in held:
-                raise _moves_held(name, task.moved_frame)
+                raise _held_frame_error(name, task.moved_frame)
 
 
-def _moves_held(task: str, frame: str) -> InvalidInputError:
+def _held_frame_error(task: str, frame: str) -> InvalidInputError:
     return InvalidInputError(
         f"task {task!r} moves what the support holds ({frame}); give active: false, or let go of it"
     )
@@ -228,7 +228,7 @@ def _moves_held(task: str, frame: str) -> InvalidInputError:
 def _check_touchdowns(
     spec: ProblemSpec, phases: tuple[Phase, ...], start: Snapshot, mistakes: Mistakes
 ) -> None:
-    """Refuse phases that wait for a touchdown that nobody feels, or of no foot."""
+    """Refuse phases that wait for a touchdown without sensors, or without a foot to touch down."""
     for phase, following in zip_longest(phases, phases[1:]):
         if not phase.until_touchdown:
             continue

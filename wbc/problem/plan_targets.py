@@ -1,4 +1,4 @@
-"""Tasks that follow a plan or a motion: it is read and checked, and their targets led by it."""
+"""Tasks that follow a plan or a motion: reading it, checking it, and driving their targets."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ if TYPE_CHECKING:  # plans load CasADi, motions SciPy
     from wbc.rmp.plan import Plan
 
 
-SAME = 1e-3  # m or rad by which the start may be off: soles are set on the ground
+SAME_START = 1e-3  # m or rad: tolerance of the start, because soles are put on the ground
 
 
 @dataclass(frozen=True, eq=False)
-class PlanCourse:
-    """What one task follows of a plan or motion: value, rate and acceleration, by their names."""
+class ReferenceCourse:
+    """One task's trajectory in a plan or motion: names of value, rate and acceleration."""
 
     reference: PlanReference | MotionReference
     names: tuple[str, ...]
@@ -60,14 +60,14 @@ def follow_plan(
     folder: Path,
     mistakes: Mistakes,
 ) -> tuple[dict[str, TargetedTask], PlanReference | MotionReference | None]:
-    """Return the tasks, those of a plan or motion led by it, and that; None if no task has one.
+    """Return the tasks, with targets driven by their plan or motion, and that, or None.
 
     Parameters
     ----------
     built:
         The tasks by name.
     contacts:
-        What is held, all the time.
+        Held throughout.
     folder:
         From which relative paths start.
     """
@@ -94,16 +94,18 @@ def follow_plan(
             if getattr(spec.tasks[name], "ramp", None) is not None:
                 raise Misplaced("a plan says itself how its target moves; leave this out", "ramp")
             if reference is not None:
-                led[name] = replace(built[name], course=_course(spec.tasks[name], reference))
+                led[name] = replace(
+                    built[name], course=_course_of_task(spec.tasks[name], reference)
+                )
     return led, reference
 
 
-def _course(task: TaskSpec, reference: PlanReference | MotionReference) -> Course:
+def _course_of_task(task: TaskSpec, reference: PlanReference | MotionReference) -> Course:
     if isinstance(task, OrientationSpec) and not isinstance(reference, PlanReference):
         from wbc.retargeting.reference import FrameRotation
 
         return FrameRotation(reference, task.frame)
-    return PlanCourse(reference, task.of_plan)
+    return ReferenceCourse(reference, task.of_plan)
 
 
 def _words(wanted: Followed) -> str:
@@ -139,7 +141,7 @@ def refuse_course(target: object, before: object) -> None:
 
 
 def check_loops(spec: ProblemSpec, built: Mapping[str, TargetedTask], mistakes: Mistakes) -> None:
-    """Note loops in a run with phases, and those that are not over when the run is."""
+    """Note loops in a run with phases, and those that end after the run."""
     for name, one in built.items():
         with mistakes.at("tasks", name):
             if not isinstance(spec.tasks[name].target, LoopTarget) or one.course is None:
@@ -179,7 +181,7 @@ def _motion(
         raise Misplaced("a motion is followed on both feet; give support: double")
     motion = StandingMotion.read(folder / Path(wanted.motion).expanduser(), start.robot)
     off = np.abs(start.robot.difference(motion.start, start.q))
-    if off.max() > SAME:
+    if off.max() > SAME_START:
         raise Misplaced(
             "the robot does not start where the motion begins; give start:"
             f" {{motion: {wanted.motion}}}"

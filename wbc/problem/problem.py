@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from wbc.errors import InvalidInputError, ProblemFileError, shown
 from wbc.gait.hand_supervisor import WithHands
 from wbc.kinds import check_path
-from wbc.problem.build import build, hands_of
+from wbc.problem.build import build, hand_support
 from wbc.problem.components import Parts
 from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
 from wbc.problem.global_search import global_shaping
@@ -35,9 +35,9 @@ from wbc.validate import by_name
 if TYPE_CHECKING:
     from wbc.problem.pendulum.problem import PendulumProblem
 
-# How far a corner of a sole that is put down may be from the ground in a simulation [m]: what is
-# measured has noise, and physics brings it down.
-TOUCHED = 5e-3
+# Largest height of a sole's corner at touchdown in a simulation [m]: measurements are noisy, and
+# gravity brings the foot down.
+TOUCHDOWN_HEIGHT = 5e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Problem:
     source:
         The file's text and data.
     overrides:
-        What replaces the file's values, by key path.
+        Values that replace the file's, by key path.
     spec:
         The validated description.
     parts:
@@ -66,7 +66,7 @@ class Problem:
         return f"Problem({self.source.name!r}, {told})"
 
     def __reduce__(self) -> tuple[object, ...]:
-        return _made_of, (self.source, dict(self.overrides))  # parts have functions in them
+        return _unpickled, (self.source, dict(self.overrides))  # parts have functions in them
 
     def run(
         self,
@@ -97,7 +97,7 @@ class Problem:
                 f" so this problem is simulated: wbc sim {self.source.name}, or simulate()"
             )
         stop = Stop(**spec.whole_stop.model_dump())
-        made_with = self._made_with(versions())
+        made_with = self._provenance_with(versions())
         start = parts.at_start
         if isinstance(controller, GlobalSpec):
             from wbc.run.global_shaping import shape_globally  # only now: it loads CasADi
@@ -158,13 +158,13 @@ class Problem:
             falls=FallLimits(**spec.simulation.falls),
             plan=parts.plan,
             progress=progress,
-            provenance=self._made_with({**versions(), "mujoco": version_of("mujoco")}),
+            provenance=self._provenance_with({**versions(), "mujoco": version_of("mujoco")}),
             cancelled=cancelled,
             show=show,
         )
 
     def plant(self) -> Plant:
-        """Return the physics as it is at the start, with the pushes of the file to come.
+        """Return the plant at the start, with the file's pushes scheduled.
 
         Raises
         ------
@@ -177,9 +177,9 @@ class Problem:
         return spec.simulation.plant(parts.at_start, feet, spec.controller.dt, hands)
 
     def supervisor(self, plant: Plant) -> Supervisor:
-        """Return what leads a simulation of ``plant`` from the start; it serves one run.
+        """Return the supervisor of one simulation of ``plant``, from the start.
 
-        Feet feel the plant's ground.
+        Its feet sense the plant's ground.
         """
         if isinstance(self.spec, WalkSpec):
             forces = partial(getattr, plant, "felt_forces")
@@ -187,9 +187,9 @@ class Problem:
         return self._with_hands(self.executor(lambda: plant.felt_loads))
 
     def supervisor_on_robot(self) -> Supervisor:
-        """Return what supervises a robot without foot sensors, from the start; it serves one run.
+        """Return the supervisor of one run of a robot without foot sensors.
 
-        Feet land when they should.
+        Feet are assumed to land as planned.
 
         Raises
         ------
@@ -206,14 +206,14 @@ class Problem:
         return self._with_hands(self.executor())
 
     def _with_hands(self, first: PhaseExecutor) -> Supervisor:
-        """Return what leads hands besides, if the problem has any."""
-        hands = hands_of(self.spec, self.parts, first.controller)
+        """Return the supervisor with support by hands, if the problem has any."""
+        hands = hand_support(self.spec, self.parts, first.controller)
         return first if hands is None else WithHands(first, hands)
 
     def executor(self, loads: Loads | None = None) -> PhaseExecutor:
-        """Return what leads a run through the phases, from the start; it serves one run.
+        """Return the executor of the phases for one run.
 
-        ``loads`` tells what feet feel: see :class:`~wbc.run.phases.PhaseExecutor`.
+        ``loads`` gives the feet's loads: see :class:`~wbc.run.phases.PhaseExecutor`.
         """
         spec, parts = self.spec, self.parts
         return PhaseExecutor(
@@ -225,12 +225,12 @@ class Problem:
             parts.at_start,
             parts.surroundings.move_to,
             spec.ground_height,
-            TOUCHED if spec.controller.level == "torque" else SOLE_FLATNESS,
+            TOUCHDOWN_HEIGHT if spec.controller.level == "torque" else SOLE_FLATNESS,
             loads,
         )
 
-    def _made_with(self, found: dict[str, str]) -> dict[str, Any]:
-        """Return what a result is made of, by the versions of what made it."""
+    def _provenance_with(self, found: dict[str, str]) -> dict[str, Any]:
+        """Return the provenance of a result, with the versions ``found``."""
         pairs = self.parts.surroundings.unwatched_pairs()
         made_with = {"problem": self.provenance(), "versions": found, "unwatched_pairs": pairs}
         if not isinstance(self.parts.plan, PlanReference):
@@ -247,7 +247,7 @@ class Problem:
 def load_problem(
     path: str | Path, overrides: Mapping[str, Any] | None = None
 ) -> Problem | PendulumProblem:
-    """Read and check a problem file; nothing is left to fail later for a wrong name or number.
+    """Read and check a problem file; no wrong name or number is found later.
 
     A file with the key ``model`` (``rmp_planar`` or ``rmp_solid``) is a pendulum's problem, one
     with ``gait`` a walk.
@@ -290,16 +290,16 @@ def problem_of(source: Source, overrides: Mapping[str, Any]) -> Problem | Pendul
         from wbc.problem.pendulum.problem import load_pendulum
 
         return load_pendulum(source, overrides, Path(source.name).parent)
-    return _made_of(source, overrides)
+    return _unpickled(source, overrides)
 
 
 def refuse_result(source: Source) -> None:
-    """Raise for what ``wbc run -o FILE.json`` and the like wrote, which is no problem.
+    """Raise if the file is a result that wbc wrote, not a problem.
 
     Raises
     ------
     ProblemFileError
-        Saying which command writes what can be looked at.
+        With the command that reads results.
     """
     kind = source.data.get("format", source.data.get("kind"))
     if not isinstance(kind, str) or ("status" not in source.data and "maps" not in source.data):
@@ -318,23 +318,23 @@ def refuse_result(source: Source) -> None:
     )
 
 
-def _made_of(source: Source, overrides: Mapping[str, Any]) -> Problem:
-    """Return the problem of a source in which values are replaced already."""
+def _unpickled(source: Source, overrides: Mapping[str, Any]) -> Problem:
+    """Return the problem of a source whose overrides are applied already."""
     spec = read_problem(source)
     return Problem(source, overrides, spec, build(spec, source, Path(source.name).parent))
 
 
-def load_unchanged(
+def load_same_text(
     path: Path, overrides: Mapping[str, Any], text: str
 ) -> Problem | PendulumProblem:
-    """Load a problem in another process than the one that read its ``text`` first.
+    """Load a problem in a worker process, if its file still has the same ``text``.
 
     Raises
     ------
     ProblemFileError
         As :func:`load_problem` does.
     InvalidInputError
-        The file is another by now.
+        The file has changed.
     """
     problem = load_problem(path, overrides)
     if problem.source.text != text:

@@ -1,4 +1,4 @@
-"""A problem of the torque level as what is pushed, again and again: see ``wbc push``."""
+"""Push trials of a problem of the torque level: see ``wbc push``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.problem.controller_spec import TorqueSpec
-from wbc.problem.problem import Problem, load_problem, load_unchanged
+from wbc.problem.problem import Problem, load_problem, load_same_text
 from wbc.problem.provenance import version_of, versions
 from wbc.run.phase_support import held_feet
 from wbc.run.saving import plain
@@ -22,9 +22,9 @@ from wbc.validate import Array, check_fields, finite_number
 
 @dataclass(frozen=True)
 class PushSettings:
-    """How a robot is pushed, and when it counts as at rest again."""
+    """The push, and when the robot counts as at rest again."""
 
-    # What is pushed, where the CoM is at the start; the place is carried along with the body.
+    # The pushed body; the force acts at the CoM's initial position, moving with the body.
     body: str = "base"
     duration: float = 0.1  # of the push, whose force is constant [s]
     at: float = 0.1  # when it begins [s]
@@ -79,16 +79,16 @@ class PushedProblem:
         return capture_impulse(self.start, self.feet, (np.cos(angle), np.sin(angle)))
 
     def bounds(self, angles: Array) -> PushBounds:
-        """Return what theory says of pushes in directions (n,) [rad]."""
+        """Return the theoretical bounds of pushes in directions (n,) [rad]."""
         settings = self.settings
         return push_bounds(self.start, self.feet, angles, settings.duration, self.falls.tilt)
 
     def __call__(self, angle: float, ratio: float) -> PushOutcome:
-        """Push in a direction [rad], by an impulse in parts of M omega d, which may be 0."""
+        """Simulate a push in a direction [rad], with an impulse of ``ratio`` M omega d."""
         plant, settings = self._plant, self.settings
         angle = finite_number("push, angle", angle)
         impulse = finite_number("push, ratio", ratio, least=0.0) * self.unit(angle)
-        self.problem.spec.simulation.begin(plant, self.start)
+        self.problem.spec.simulation.set_initial_state(plant, self.start)
         along = np.array((np.cos(angle), np.sin(angle), 0.0))
         force = impulse / settings.duration * along
         if impulse > 0.0:
@@ -133,7 +133,7 @@ class PushedProblem:
 
 @dataclass(frozen=True)
 class LoadPushed:
-    """Loads a problem to be pushed, in whatever process: to be pickled."""
+    """Loads a :class:`PushedProblem` in any process; can be pickled."""
 
     path: Path  # of the problem's file
     overrides: Mapping[str, Any]  # values that replace the file's, by key path
@@ -142,7 +142,7 @@ class LoadPushed:
 
     @classmethod
     def of(cls, path: Path, overrides: Mapping[str, Any], settings: PushSettings) -> LoadPushed:
-        """Return what loads a file as it is now.
+        """Return the loader of a file in its present state.
 
         Raises
         ------
@@ -162,19 +162,19 @@ class LoadPushed:
         Raises
         ------
         WbcError
-            It cannot be, or the file is another by now.
+            It cannot be pushed, or the file has changed.
         """
-        problem = load_unchanged(self.path, self.overrides, self.text)
+        problem = load_same_text(self.path, self.overrides, self.text)
         if not isinstance(problem, Problem):
             raise InvalidInputError(f"{self.path}: a pendulum's problem; pushes are for robots")
         return PushedProblem(problem, self.settings)
 
-    def made_of(self) -> dict[str, Any]:
-        """Return what outcomes depend on, as plain data."""
+    def inputs(self) -> dict[str, Any]:
+        """Return all inputs that outcomes depend on, as plain data."""
         return {"text": self.text, "overrides": plain(self.overrides)}
 
 
 def conditions(settings: PushSettings) -> dict[str, Any]:
-    """Return what outcomes depend on besides problems, as plain data."""
+    """Return the inputs that outcomes depend on besides problems, as plain data."""
     found = {**versions(), "mujoco": version_of("mujoco")}
     return {"push": asdict(settings), "versions": found}

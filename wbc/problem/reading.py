@@ -32,7 +32,7 @@ from wbc.problem.source import KeyPath, Source, written
 DASH, STDIN = Path("-"), "<stdin>"
 PROBLEMS = Path("problems")  # where a clone has its own
 MAX_BYTES = 1_000_000
-# How files begin that are packed: ZIP (.npz), gzip, HDF5.
+# First bytes of packed files: ZIP (.npz), gzip, HDF5.
 BINARY = (b"PK", b"\x1f\x8b", b"\x89H")
 MAX_DEPTH = 32
 MAX_ALIASES = 50
@@ -81,7 +81,7 @@ def _text_of(path: Path, name: str) -> str:
             with path.open("rb") as file:
                 content = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise ProblemFileError(f"{name}: no such file{_meant(path)}") from None
+        raise ProblemFileError(f"{name}: no such file{_similar_file(path)}") from None
     except IsADirectoryError:
         raise ProblemFileError(f"{name}: a folder; name a problem file in it") from None
     except (OSError, ValueError) as error:
@@ -100,8 +100,8 @@ def _text_of(path: Path, name: str) -> str:
         raise ProblemFileError(f"{name}:{line}: not UTF-8 text; save the file as UTF-8") from error
 
 
-def _meant(path: Path) -> str:
-    """Return which file was meant instead of one that is not there, or an empty text."""
+def _similar_file(path: Path) -> str:
+    """Return a suggestion for a missing file, or an empty text."""
     stems = (path.with_suffix(".yaml"), path.with_suffix(".yml"))
     places = (*stems, *(PROBLEMS / one.name for one in stems))
     with contextlib.suppress(OSError, ValueError):
@@ -120,7 +120,7 @@ def parse(text: str, name: str) -> Source:
     Raises
     ------
     ProblemFileError
-        Not YAML, or one of the refusals named on top of this file.
+        Not YAML, or refused as described at the top of this file.
     """
     try:
         _check_events(text, name)
@@ -134,7 +134,7 @@ def parse(text: str, name: str) -> Source:
 
 
 def _check_events(text: str, name: str) -> None:
-    """Refuse by the stream of events, before any nested object is made of it."""
+    """Check limits on the stream of events, before nested objects are made."""
     depth = aliases = documents = 0
     for count, event in enumerate(YAML(typ="safe", pure=True).parse(text)):
         depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
@@ -172,7 +172,7 @@ def _syntax_message(error: YAMLError, text: str, name: str) -> str:
 
 
 class _Walk:
-    """Turns nodes into data; aliases are expanded, and what they expand to is counted."""
+    """Turns nodes into data; aliases are expanded, and the expanded values counted."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -233,15 +233,15 @@ class _Walk:
         if node.tag not in _NUMBERS:
             return str(node.value)
         if len(str(node.value)) > MAX_DIGITS:
-            raise self._error(path, _unusable(node))
+            raise self._error(path, _unsupported(node))
         try:
             return self._scalars.construct_object(node)
         except (ValueError, IndexError, YAMLError) as error:
-            raise self._error(path, _unusable(node)) from error
+            raise self._error(path, _unsupported(node)) from error
 
     def _error(self, path: KeyPath, text: str) -> ProblemFileError:
         return ProblemFileError(Source(self.name, "", None, self.lines).message(path, text))
 
 
-def _unusable(node: Node) -> str:
+def _unsupported(node: Node) -> str:
     return f"not a usable number: {str(node.value)[:40]!r}; a text needs quotes"

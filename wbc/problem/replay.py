@@ -1,4 +1,4 @@
-"""A recorded run, run again from what its file holds, and compared to the last bit."""
+"""Replay of a recorded run from its file, compared to the last bit."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from wbc.problem.saved import FORMATS, LARGEST
 from wbc.problem.saved_parts import read_summary
 from wbc.run.callbacks import Cancelled, Progress
 
-# Of a result, what no two runs share: how long something took, and what it took it with.
-CLOCKS = ("tick_time", "tick_cpu_time", "seconds", "build_seconds", "search_seconds", "workers")
-# Told, not compared: it follows from what is.
-TOLD = ("versions", "problem")
+# Entries of a result that differ from run to run: timings, and the number of workers.
+TIMINGS = ("tick_time", "tick_cpu_time", "seconds", "build_seconds", "search_seconds", "workers")
+# Reported but not compared: they are inputs.
+NOT_COMPARED = ("versions", "problem")
 
 
 class RunReplay(NamedTuple):
-    """A recorded run that was run again.
+    """The comparison of a recorded run with its replay.
 
     Attributes
     ----------
     ticks:
-        That were compared, from the first on; 0: only the summary was.
+        Number of ticks compared, from the first on; 0: only the summary.
     differences:
-        What is not the same to the last bit, in words; empty if all is.
+        Entries that differ in any bit, in words; empty if none.
     versions:
-        That differ: of the recorded run, and here.
+        Packages whose versions differ, in words.
     """
 
     ticks: int
@@ -51,17 +51,17 @@ class RunReplay(NamedTuple):
 def replay_run(
     path: str | Path, progress: Progress | None = None, cancelled: Cancelled | None = None
 ) -> RunReplay:
-    """Run what a result's ``.json`` or ``.npz`` came from again, and compare.
+    """Repeat the run of a result's ``.json`` or ``.npz``, and compare.
 
-    The file holds the problem's text and its overrides. All arrays, of an ``.npz``, and the whole
-    summary are compared but for times; of a run that was interrupted the ticks that it has.
+    The file holds the problem's text and its overrides. All arrays (of an ``.npz``) and the whole
+    summary are compared except timings; of an interrupted run its recorded ticks.
 
     Raises
     ------
     InvalidInputError
         Not a result, or damaged.
     ProblemFileError
-        Its problem cannot be loaded: robot or motion files are elsewhere, say.
+        Its problem cannot be loaded, for instance because robot or motion files have moved.
     """
     path = Path(path)
     summary, arrays = read_result(path)
@@ -114,7 +114,7 @@ def _array_differences(
     found = []
     whole = len(before.get("time", ()))
     for name, one in before.items():
-        if name.partition("/")[0] in CLOCKS:
+        if name.partition("/")[0] in TIMINGS:
             continue
         old, new = one, now.get(name)
         if new is None:
@@ -128,12 +128,12 @@ def _array_differences(
             if not np.array_equal(old, new):
                 found.append(f"{name}: other words")
         elif old.tobytes() != new.tobytes():
-            found.append(f"{name}{_first(old, new)}")
+            found.append(f"{name}{_first_difference(old, new)}")
     return found
 
 
-def _first(old: NDArray[Any], new: NDArray[Any]) -> str:
-    """Return in which row two arrays begin to differ, and by how much at most."""
+def _first_difference(old: NDArray[Any], new: NDArray[Any]) -> str:
+    """Return the first row in which two arrays differ, and the largest difference, in words."""
     both = old.astype(float), new.astype(float)
     differs = ~np.isclose(*both, rtol=0.0, atol=0.0, equal_nan=True)
     row = int(np.argwhere(differs)[0][0]) if differs.any() and old.ndim else 0
@@ -142,11 +142,11 @@ def _first(old: NDArray[Any], new: NDArray[Any]) -> str:
 
 
 def _differences(before: Any, now: Any, where: str) -> list[str]:
-    """Return which entries of a summary are not the same."""
+    """Return the entries of a summary that differ, in words."""
     if isinstance(before, Mapping) and isinstance(now, Mapping):
         found = []
         for key in before:
-            if key not in CLOCKS and not (key in TOLD and not where):
+            if key not in TIMINGS and not (key in NOT_COMPARED and not where):
                 inner = f"{where}.{key}" if where else str(key)
                 found += _differences(before[key], now.get(key), inner)
         return found
@@ -164,8 +164,8 @@ def _other_versions(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[
     )
 
 
-def told(replay: RunReplay) -> str:
-    """Return in words what came of a replay."""
+def describe_replay(replay: RunReplay) -> str:
+    """Return the result of a replay, in words."""
     what = f"{replay.ticks} ticks and the summary" if replay.ticks else "the summary"
     if replay.same:
         return f"{what}: the same to the last bit"

@@ -1,4 +1,4 @@
-"""A file for ``wbc retarget``: a recording, a robot, and how one becomes the other's motion."""
+"""The file format of ``wbc retarget``: a recording, a robot, and settings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NotNegative = Annotated[float, Field(ge=0.0)]
 
 
 class RetargetSpec(Section):
-    """What ``wbc retarget`` is given; what is left out is as the command has it."""
+    """The inputs of ``wbc retarget``; keys that are left out have the command's defaults."""
 
     version: Literal[1] = 1
     """Version of this format."""
@@ -25,47 +25,47 @@ class RetargetSpec(Section):
     robot: Name
     """A name, or a URDF or MJCF file, relative to this one if it is there."""
     static: Name | None = None
-    """A trial in which the human stands, .trc or .c3d."""
+    """A static trial of the standing human, .trc or .c3d."""
     forces: Name | None = None
     """Force plates, .mot, .sto or .c3d."""
     subject: Name | None = None
-    """Whose markers, where there are several humans'."""
+    """The subject's name, if the recording has several humans' markers."""
     mass: Positive | None = None
     """Of the human [kg]."""
     stature: Positive | None = None
     """Of the human [m]."""
     sex: Literal["male", "female"] | None = None
-    """For the table of segments."""
+    """Selects the table of segment parameters."""
     up: Literal["x", "y", "z"] | None = None
     """The recording's vertical axis."""
     unit: Literal["cm", "m", "inch", "mm", "cmu"] | Positive | None = None
-    """Of a BVH file's lengths; or how long one is [m]."""
+    """Unit of a BVH file's lengths, or its length [m]."""
     ground: float | None = None
-    """Height of the human's ground [m]."""
+    """Height of the ground in the recording [m]."""
     rate: Positive | None = None
     """Frames per second [Hz]."""
     duration: Literal["froude", "kept"] | Positive | None = None
-    """froude: times scale with the square root of lengths; kept: the human's; or a factor."""
+    """froude: durations scale with the square root of lengths; kept: the human's; or a factor."""
     cutoff: Positive | None = None
-    """Of the human's low-pass [Hz]."""
+    """Cutoff frequency of the low-pass filter on the human's motion [Hz]."""
     roll: Annotated[float, Field(ge=0.0, le=1.0)] | None = None
-    """Part of the pitch of the human's feet."""
+    """Share of the human feet's pitch that the robot's feet roll by."""
     balance: bool | None = None
-    """Move the CoM so that the CoP is where feet stand."""
+    """Move the CoM so that the CoP stays inside the standing feet."""
     friction: Positive | None = None
-    """Coefficient, by which the motion is judged."""
+    """Friction coefficient for checking the motion."""
     margin: NotNegative | None = None
-    """Kept between bodies [m]."""
+    """Distance kept between bodies [m]."""
     links: dict[Name, Name] | None = None
     """Frames of the robot by part of the body."""
 
     def values(self) -> dict[str, Any]:
-        """Return what the file says, by the names of the command's parameters."""
+        """Return the file's values, by the names of the command's parameters."""
         return self.model_dump(exclude_none=True, exclude={"version"})
 
 
 def load_retarget(path: str | Path) -> dict[str, Any]:
-    """Return what a file says, paths put behind its folder.
+    """Return a file's values, with paths relative to its folder resolved.
 
     Raises
     ------

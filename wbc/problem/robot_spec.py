@@ -1,4 +1,4 @@
-"""The robot, where it starts, and what its joints may do: as a file describes them, and made."""
+"""The robot, its start and its limits in a problem file: description, and making them."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ RobotChoice = Annotated[
 
 
 class StartSpec(Section):
-    """Where the robot starts; its lowest sole is set on the ground, z = 0."""
+    """Where the robot starts; its lowest sole is put on the ground, z = 0."""
 
     posture: Name = "standing"
     """A posture of the robot: neutral, standing, or one from its SRDF."""
@@ -180,7 +180,7 @@ class StartSpec(Section):
 
 
 class LimitsSpec(Section):
-    """What joints and base may do; on by default."""
+    """Limits of joints and base; on by default."""
 
     position: bool = default_of(Limits, "position")
     """Keep joints inside the model's position limits."""

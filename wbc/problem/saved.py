@@ -1,4 +1,4 @@
-"""Results read back from files: the robot and the history of a run, to be drawn again."""
+"""Results read back from files: robot and history of a run, for drawing."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from wbc.simulation.terrain import LEVEL
 
 LARGEST = 2_000_000_000  # bytes of all arrays unpacked
 WORDS = ("phase", "support", "status", "nearest", "summary", "joint_names")
-ANSWERS = ("active", "relaxed", "flat")  # yes or no
+FLAGS = ("active", "relaxed", "flat")  # yes or no
 FORMATS = (FORMAT, PENDULUM_FORMAT)
 
 
 @dataclass(frozen=True, eq=False)
 class SavedRun:
-    """A run, as it was or as its file tells."""
+    """A run, finished in this process or read from its file."""
 
-    name: str  # what to call it
+    name: str
     robot: Robot
     history: History  # every tick
     summary: Mapping[str, Any]  # what Result.summary returned, with the problem's text and versions
@@ -45,7 +45,7 @@ class SavedRun:
 
     @classmethod
     def of(cls, result: Result | SimulationResult, name: str) -> SavedRun:
-        """Return what a file with the result would give."""
+        """Return the saved run of a result in memory."""
         if isinstance(result, Result):
             return cls(name, result.robot, result.history, result.summary())
         arrays = result.arrays
@@ -59,7 +59,7 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | Save
     Parameters
     ----------
     robot:
-        By default that of the problem, of which the file holds the text.
+        By default the problem's, whose text is in the file.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | Save
         The robot's files are not there any more.
     """
     path = Path(path)
-    # First of all what it is: arrays of other files are not to blame for it.
+    # Check the format first, so that other files are not reported as damaged.
     alone = read_arrays(path, {"summary"}.intersection, _kinds, LARGEST)
     if not alone:
         raise InvalidInputError(f"{path}: not the result of a run; {REMEDY}")
@@ -102,7 +102,7 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | Save
 
 def _kinds(name: str) -> str:
     first = name.partition("/")[0]
-    return "U" if first in WORDS else "b" if first in ANSWERS else "f"
+    return "U" if first in WORDS else "b" if first in FLAGS else "f"
 
 
 def _robot_of(path: Path, summary: Mapping[str, Any]) -> Robot:

@@ -1,6 +1,6 @@
-"""What is in a result's file: its summary and its arrays, checked when they are read.
+"""Checks of a result file's summary and arrays when they are read.
 
-A file may be damaged, or written by another program; what nobody reads may be anything.
+A file may be damaged, or written by another program; entries that are not read are not checked.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ REMEDY = "make it by: wbc run PROBLEM.yaml -o result.npz"
 LONGEST = 1e9  # s, of a run: nanoseconds of it fit into 64 bits
 LARGEST = 1e30  # of any number, in its unit: what is drawn is squared, and written as 32 bits
 # Arrays of one row per tick, and the shapes of a row; others may have any number of entries.
-ROWS = {
+ROW_SHAPES = {
     "com": (3,), "inertia": (6,), "task_inertia": (6,), "points": (3,), "targets": (3,),
     "cop": (3,), "planned_cop": (3,), "push": (3,), "forces": (6,), "planned_forces": (6,),
     "wrenches": (6,),
@@ -32,14 +32,14 @@ ROWS = {
     "balance": (), "clearance": (), "nearest": (), "active": (), "kkt": (), "tick_time": (),
     "tick_cpu_time": (), "relaxed": (), "tilt": (), "cop_margin": (),
 }  # fmt: skip
-ANY = ("errors",)
-# What each run has; the rest depends on its tasks, contacts and constraints.
-NEEDED = (
+ANY_SHAPE = ("errors",)
+# Arrays of every run; others depend on its tasks, contacts and constraints.
+REQUIRED = (
     "time", "phase", "support", "q", "v", "com", "inertia", "margin", "balance", "kkt", "tick_time",
     "tick_cpu_time", "status",
 )  # fmt: skip
-KNOWN = ("time", "q", "v", "com", "inertia")  # in each tick; others may be NaN
-ENDLESS = "margin"  # infinite where no joint has a range
+FINITE = ("time", "q", "v", "com", "inertia")  # in each tick; others may be NaN
+MAY_BE_INFINITE = "margin"  # infinite where no joint has a range
 
 
 class _Part(BaseModel):
@@ -108,12 +108,12 @@ class _Summary(_Part):
 
 
 def read_summary(path: Path, text: str, formats: Collection[str]) -> dict[str, Any]:
-    """Return the summary in a result's file, which says that it is in one of some formats.
+    """Return the summary in a result's file, which must have one of the given formats.
 
     Raises
     ------
     InvalidInputError
-        No JSON, or something in it that is read is not of its kind: all of it is named.
+        Not JSON, or entries of the wrong type: all are named.
     """
     try:
         summary = json.loads(text)
@@ -143,33 +143,33 @@ def check_arrays(path: Path, robot: Robot, arrays: Mapping[str, NDArray[Any]]) -
     InvalidInputError
         The first that is missing, not of its shape, or has numbers that no run has.
     """
-    for name in NEEDED:
+    for name in REQUIRED:
         if name not in arrays:
             raise InvalidInputError(f"{path}: lacks the array {name!r}; {REMEDY}")
     count = arrays["time"].size
     joints = len(robot.joint_names)
-    shapes = {**ROWS, "q": (robot.nq,), "v": (robot.nv,), "torque": (joints,)}
+    shapes = {**ROW_SHAPES, "q": (robot.nq,), "v": (robot.nv,), "torque": (joints,)}
     for name, array in arrays.items():
         kind = name.partition("/")[0]
         if kind in shapes and array.shape != (count, *shapes[kind]):
             fault = f"expected shape {(count, *shapes[kind])}, got {array.shape}"
-        elif kind in ANY and (array.ndim not in (1, 2) or len(array) != count):
+        elif kind in ANY_SHAPE and (array.ndim not in (1, 2) or len(array) != count):
             fault = f"expected {count} rows, got shape {array.shape}"
         else:
-            numbers = array[array != np.inf] if name == ENDLESS else array
-            fault = damaged_numbers(numbers, name in KNOWN)
+            numbers = array[array != np.inf] if name == MAY_BE_INFINITE else array
+            fault = damaged_numbers(numbers, name in FINITE)
         if fault:
             raise InvalidInputError(f"{path}: array {name[:60]!r}: {fault}; {REMEDY}")
     check_times(path, arrays["time"])
 
 
 def damaged_numbers(array: NDArray[Any], known: bool) -> str:
-    """Return what is wrong with numbers; empty if nothing is, as with words.
+    """Return what is wrong with an array's numbers, in words; empty if nothing.
 
     Parameters
     ----------
     known:
-        Whether NaN, which says that there is nothing, is wrong too.
+        Whether NaN (no value) is wrong too.
     """
     if array.dtype.kind != "f":
         return ""
@@ -181,7 +181,7 @@ def damaged_numbers(array: NDArray[Any], known: bool) -> str:
 
 
 def check_times(path: Path, time: NDArray[Any]) -> None:
-    """Refuse times (n,) [s] that fall, or that no run lasts."""
+    """Refuse times (n,) [s] that decrease, or are longer than any run."""
     if not time.size:
         raise InvalidInputError(f"{path}: array 'time': is empty; {REMEDY}")
     if time[0] < 0.0 or time[-1] > LONGEST or (np.diff(time) < 0.0).any():

@@ -1,8 +1,8 @@
-"""What every part of a problem file is made of: strict sections, numbers, and values of many forms.
+"""Building blocks of problem files: strict sections, numbers, and values with several forms.
 
-A value may be written in several forms (a weight is one number or a list of them). Which form it is
-decides, before anything is checked, what the messages are about; the tags below name the forms.
-They are in parentheses, so that they cannot be taken for keys of the file.
+A value may have several forms (a weight is a number or a list of them). The form is determined
+before the value is checked, so that messages are about that form; the tags below name the forms.
+They are in parentheses, so that they cannot be mistaken for keys of the file.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ START, WORD, NUMBER, LIST, MATRIX, MAPPING = (
 
 
 class KnownKeys(NamedTuple):
-    """The keys that a mapping may have, and where those belong that are known but not here."""
+    """The keys that a mapping may have, and the right places of keys that belong elsewhere."""
 
     here: tuple[str, ...] = ()
     elsewhere: Mapping[str, str] = MappingProxyType({})
@@ -68,7 +68,7 @@ class Section(BaseModel):
 
 @dataclass(frozen=True)
 class Words:
-    """Annotates a text that must be one of some words, such as those that a class knows."""
+    """Annotates a text that must be one of some words."""
 
     words: tuple[str, ...]
 
@@ -78,11 +78,11 @@ class Words:
 
 @dataclass(frozen=True)
 class OneOf:
-    """Annotates sections that are told apart by the word under a key of theirs.
+    """Annotates sections that are distinguished by the word under one of their keys.
 
-    They are the members of a union, or of a base class all subclasses that have none themselves.
-    The words are those of the sections' own ``Literal``; a section in which the key has a default
-    is meant where the key is left out.
+    They are the members of a union, or all leaf subclasses of a base class. The words are those of
+    the sections' own ``Literal``; a section in which the key has a default is used if the key is
+    left out.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class OneOf:
     example:
         A mapping, as messages show it.
     then:
-        The key that tells sections of the same word apart.
+        The key that distinguishes sections with the same word.
     """
 
     key: str
@@ -141,7 +141,7 @@ class OneOf:
 
 
 def leaves(section: type[BaseModel]) -> Iterator[type[BaseModel]]:
-    """Yield the subclasses of a section that have none themselves; itself if it has none."""
+    """Yield the leaf subclasses of a section; itself if it has none."""
     subclasses = section.__subclasses__()
     if not subclasses:
         yield section
@@ -150,7 +150,7 @@ def leaves(section: type[BaseModel]) -> Iterator[type[BaseModel]]:
 
 
 def default_of(maker: Callable[..., Any], parameter: str) -> Any:
-    """Return the default that a class or function gives a parameter: sections repeat none."""
+    """Return a parameter's default in a class or function, so that sections do not repeat it."""
     return inspect.signature(maker).parameters[parameter].default
 
 
@@ -172,9 +172,9 @@ def form_of(value: Any) -> str | None:
 
 @dataclass(frozen=True)
 class Forms:
-    """Annotates a union of which the form that a value is written in picks the member.
+    """Annotates a union whose member is selected by the form of the value.
 
-    The form of a member follows from its type, unless it is annotated by a tag of its own.
+    The form of a member follows from its type, unless it is annotated with its own tag.
 
     Parameters
     ----------
@@ -261,13 +261,12 @@ Weight = Annotated[
 
 
 class KeysOf:
-    """Annotates a dict of what a file gives of a dataclass, in ``Annotated[dict[str, Any], ...]``.
+    """Annotates a dict of a dataclass's fields, in ``Annotated[dict[str, Any], ...]``.
 
-    Keys, their descriptions and defaults are those of the dataclass, so that they have one home; it
-    checks the numbers further when it is made. Every key may be left out, or be null. The form of a
-    value follows from its default: infinity is a size, positive or infinite; a pair is (least,
-    greatest); None is three components, of which some may be null; any other number is not
-    negative.
+    Keys, descriptions and defaults are taken from the dataclass, which checks the numbers further
+    when it is made. Every key may be left out, or be null. The form of a value follows from its
+    default: infinity means positive or infinite; a pair is (least, greatest); None is three
+    components, of which some may be null; any other number is nonnegative.
 
     Parameters
     ----------
@@ -306,7 +305,7 @@ def _entry(of: DataclassField[Any], form: Any, description: str | None) -> Any:
 
 
 def _descriptions(kind: type) -> dict[str, str]:
-    """Return what a class's docstring says of its parameters, by their names."""
+    """Return the descriptions of a class's parameters in its docstring, by name."""
     _, *rest = re.split(
         r"\n(?:Parameters|Attributes)\n-+\n", inspect.getdoc(kind) or "", maxsplit=1
     )

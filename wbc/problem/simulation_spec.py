@@ -1,4 +1,4 @@
-"""The physics in which a problem of the torque level is simulated: as a file describes it."""
+"""The simulation section of a problem of the torque level: physics, pushes, sensors."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ Strength = Annotated[
     Positive | Point, Forms("a number (with angle or direction), or a list [x, y, z]")
 ]
 STRENGTHS = ("force", "impulse", "impulse_ratio")
-EVEN = 1e-6  # a time is so many physics steps, to this part of one
+STEP_TOLERANCE = 1e-6  # in physics steps: tolerance of a time that is a whole number of them
 
 
 class StepSpec(Section):
@@ -135,7 +135,7 @@ class PushSpec(Section):
         """Return the largest force (3,) [N]; ``per_newton`` is the impulse of one [N s]."""
         given = [key for key in STRENGTHS if getattr(self, key) is not None]
         if len(given) != 1:
-            below = given[1:2]  # the one too many
+            below = given[1:2]  # the redundant key
             raise Misplaced(f"give one of {', '.join(STRENGTHS)}", *below)
         (key,) = given
         value = getattr(self, key)
@@ -189,8 +189,8 @@ class WrenchSpec(Section):
         return AppliedWrench(self.frame, wrench, self.at, self.duration, self.told)
 
 
-def turned_with(q: Array, normal: Array) -> Array:
-    """Return a configuration turned about the world's origin, from level ground to a plane.
+def rotated_to_plane(q: Array, normal: Array) -> Array:
+    """Return a configuration rotated about the world's origin, from level ground to a plane.
 
     Parameters
     ----------
@@ -272,13 +272,13 @@ class SimulationSpec(Section):
     def check(
         self, start: Snapshot, feet: Sequence[str], dt: float, duration: float, mistakes: Mistakes
     ) -> None:
-        """Note what shows only with the robot: names, and numbers that do not fit."""
+        """Note names and numbers that do not fit the robot."""
         whole = {"dt": dt, **{key: self.sensors.get(key, 0.0) for key in ("delay", "latency")}}
         for key, time in whole.items():
             place = ("controller", key) if key == "dt" else ("simulation", "sensors", key)
             steps = time / self.physics_dt
             with mistakes.at(*place):
-                if abs(steps - round(steps)) > EVEN or (key == "dt" and round(steps) < 1):
+                if abs(steps - round(steps)) > STEP_TOLERANCE or (key == "dt" and round(steps) < 1):
                     raise Misplaced(
                         f"{time:g} s is no multiple of simulation.physics_dt ({self.physics_dt:g})"
                     )
@@ -309,7 +309,7 @@ class SimulationSpec(Section):
                 _check_begins(wrench.at, duration)
 
     def _check_devices(self, start: Snapshot, dt: float, mistakes: Mistakes) -> None:
-        """Note devices that cannot be, or are there for nothing."""
+        """Note devices that are impossible, or have no effect."""
         if not self.estimate:
             if self.devices.model_fields_set:
                 with mistakes.at("simulation", "devices"):
@@ -334,7 +334,7 @@ class SimulationSpec(Section):
     def plant(
         self, start: Snapshot, feet: Sequence[str], dt: float, hands: Sequence[Hand] = ()
     ) -> Plant:
-        """Return the robot in its physics, at its start, with all pushes to come.
+        """Return the robot's plant at its start, with all pushes scheduled.
 
         ``hands`` may lean on walls.
 
@@ -360,12 +360,12 @@ class SimulationSpec(Section):
             plant: Plant = SensedPlant(start.robot, **settings)
         else:
             plant = Plant(start.robot, **settings)
-        self.begin(plant, start)
+        self.set_initial_state(plant, start)
         plant.pushes += [push.push(start, feet) for push in self.pushes]
         return plant
 
-    def begin(self, plant: Plant, start: Snapshot) -> None:
-        """Put a plant to where the simulation begins, with all that acts but pushes."""
+    def set_initial_state(self, plant: Plant, start: Snapshot) -> None:
+        """Set a plant's initial state, and all that acts on it but pushes."""
         plant.reset(*self.start.state(start))
         plant.wrenches += [wrench.applied() for wrench in self.wrenches]
 

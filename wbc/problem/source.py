@@ -1,4 +1,4 @@
-"""What a problem file says, before it is known to make sense, and where each part of it stands."""
+"""The unvalidated data of a problem file, with the line of each part."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 
 from wbc.errors import ProblemFileError
 
-# Where a value stands in nested mappings and lists, written as tasks.com.target[0].
+# Path of a value in nested mappings and lists, written as tasks.com.target[0].
 KeyPath = tuple[str | int, ...]
 
-# A step is [3], "any text", 'any text', or text free of the characters that mean something here.
+# A step is [3], "any text", 'any text', or text without the special characters.
 _STEP = re.compile(r"""\[(\d{1,9})\] | "([^"]+)" | '([^']+)' | ([^.\[\]"']+)""", re.VERBOSE)
 
 
@@ -23,7 +23,7 @@ def written(path: KeyPath) -> str:
         if isinstance(step, int):
             text += f"[{step}]"
         else:
-            # Escaped, for a key may hold what a terminal would obey.
+            # Escaped: a key may contain terminal control sequences.
             shown = step if step.isprintable() else step.encode("unicode_escape").decode()
             plain = re.fullmatch(r"[^.\[\]\"'=]+", shown)
             text += ("." if text else "") + (shown if plain else f'"{shown}"')
@@ -69,7 +69,7 @@ class Source:
     text: str  # the file's text
     data: Any  # mappings, lists, text, numbers, booleans and None
     lines: Mapping[KeyPath, int]  # line of every key and list entry, counted from 1
-    # What replaced the file's value at a key path, for messages.
+    # The override at a key path, for messages.
     overridden: Mapping[KeyPath, str] = field(default_factory=dict)
 
     def where(self, path: KeyPath) -> str:
@@ -82,7 +82,7 @@ class Source:
         return f"{self.name}:{line}"
 
     def message(self, path: KeyPath, text: str) -> str:
-        """Return ``text`` headed by the place and the key path."""
+        """Return ``text`` preceded by the line and the key path."""
         where = self.where(path)
         named = not path or where.endswith(f" {written(path)}")  # as in --set tasks.com.gain
         return ": ".join((where, *([] if named else [written(path)]), text))
@@ -116,7 +116,7 @@ class Source:
     def find(self, text: str, below: KeyPath) -> KeyPath:
         """Return the path of the first key or value that is ``text`` at or below a path.
 
-        Where there is none, that path itself.
+        If there is none, that path itself.
         """
         return next(_occurrences(self.at(below), text, below), below)
 

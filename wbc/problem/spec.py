@@ -1,4 +1,4 @@
-"""A whole problem as its file describes it: the format."""
+"""The format of problem files."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ PlainName = Annotated[str, StringConstraints(pattern=r"^\w[\w -]*$")]
 
 
 class AnyTarget:
-    """Annotates a target in any form that a kind of task takes.
+    """Annotates a target in any form that some kind of task takes.
 
-    Which of these it must be depends on the task, so it is checked with the task at hand.
+    The valid forms depend on the task, so it is checked together with the task.
     """
 
     def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -158,15 +158,15 @@ class ProblemSpec(Section):
 
     @property
     def timed_by(self) -> str:
-        """The section that says how long the problem lasts if there are no phases."""
+        """The section that defines the duration if there are no phases."""
         return "simulation" if self.controller.level == "torque" else "stop"
 
     @property
     def whole_stop(self) -> StopSpec:
-        """When the run really ends: ``stop``, but after the last phase if there are phases.
+        """When the run ends: as in ``stop``, but after the last phase if there are phases.
 
-        A simulation ends when its section says so, and keeps what ``stop`` asks for: a push may
-        well move the CoM out of the soles.
+        A simulation ends after its own duration; other criteria of ``stop`` are used as given: a
+        push may move the CoM out of the soles.
         """
         update: dict[str, float | None] = {}
         if self.controller.level == "torque":

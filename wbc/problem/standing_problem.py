@@ -1,4 +1,4 @@
-"""The problem file of a standing motion: a robot in physics that moves as it says."""
+"""The problem file that tracks a standing motion in simulation."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from wbc.retargeting.reference import MotionReference
 from wbc.retargeting.standing import StandingMotion
 from wbc.robot import Robot
 
-AFTER = 0.5  # s that are simulated after the motion's end
-ROTORS = 0.003  # kg m^2, where the robot's file has none: joints without chatter
+REST_AFTER = 0.5  # s: simulated time after the motion's end
+DEFAULT_ARMATURE = 0.003  # kg m^2, if the robot's file has none: without it joints chatter
 TEMPLATE = """\
 # {source}, on a {robot} that stays on both feet: `wbc sim {name}`.
 # With slower: 1.5 in {{motion: ...}} it takes more time; with lean: 0.01 the CoP is kept inside.
@@ -43,14 +43,14 @@ def standing_problem(
     slower: float = 1.0,
     lean: float | None = None,
 ) -> str:
-    """Return the text of a problem in which a robot moves as a standing motion does, in physics.
+    """Return the text of a problem that tracks a standing motion in simulation.
 
     Parameters
     ----------
     file:
-        The motion's, as seen from that of the problem.
+        The motion's file, relative to the problem's.
     model:
-        The robot's name or file. Rotors that differ from joint to joint are left to it.
+        The robot's name or file. Rotor inertias that differ between joints are left to it.
     trunk:
         Frame of the trunk, whose rotation is followed.
     name:
@@ -66,24 +66,24 @@ def standing_problem(
         source=Path(motion.source).name,
         robot=motion.robot.name,
         name=name,
-        drives=_drives(motion.robot, model),
+        drives=_robot_line(motion.robot, model),
         motion=_quoted(file),
         target=target,
         trunk=_quoted(trunk),
-        duration=reference.ends + AFTER,
+        duration=reference.ends + REST_AFTER,
     )
 
 
-def _drives(robot: Robot, model: str) -> str:
-    """Return the robot's line: with its rotors where one number says them, or those of most."""
+def _robot_line(robot: Robot, model: str) -> str:
+    """Return the robot's line, with its armature if one number describes all or most rotors."""
     rotors = np.unique(robot.armature)
     if len(rotors) > 1:
         return f"{{model: {_quoted(model)}}}"
-    rotor = float(rotors[0]) if rotors.any() else ROTORS
+    rotor = float(rotors[0]) if rotors.any() else DEFAULT_ARMATURE
     return f"{{model: {_quoted(model)}, armature: {rotor:g}}}  # rotors, in kg m^2 at the joints"
 
 
 def _quoted(text: str) -> str:
-    """Return a text as YAML takes it, whatever is in it."""
+    """Return a text quoted for YAML."""
     plain = text.isascii() and all(letter.isalnum() or letter in "_-./" for letter in text)
     return text if plain and text[0].isalpha() else "'" + text.replace("'", "''") + "'"

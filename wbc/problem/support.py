@@ -1,4 +1,4 @@
-"""What is held and what it bears, as a problem file says, and the contacts made of that."""
+"""The support section of a problem file, and the contacts made from it."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from wbc.problem.section import (
 from wbc.robot import Robot, Snapshot
 from wbc.run.phase_support import off_the_ground
 
-# How far corners of soles that stand may be from the ground at the start [m].
-FLAT = 0.02
+# Largest distance of the corners of standing soles from the ground at the start [m].
+GROUND_TOLERANCE = 0.02
 
 
 class FrictionSpec(Section):
-    """A friction cone, as the pyramid that the controller knows of it."""
+    """A friction cone, linearised to a pyramid."""
 
     coefficient: Positive = default_of(FrictionCone, "coefficient")
     """Friction coefficient: tangential force over normal force."""
@@ -124,12 +124,12 @@ Support = Annotated[
 def contacts_of(
     spec: Support | None, snapshot: Snapshot, friction: FrictionCone = DEFAULT_FRICTION
 ) -> tuple[Contact, ...]:
-    """Return the contacts that a problem's support asks for, held where they are; None is floating.
+    """Return the contacts of a problem's support, anchored at the snapshot; None is floating.
 
     Parameters
     ----------
     friction:
-        Of contacts that say nothing else.
+        Of contacts without their own.
 
     Raises
     ------
@@ -156,8 +156,8 @@ def contacts_of(
     return base_contact(snapshot) + tuple(held)
 
 
-def check_said(spec: Support | None, robot: Robot) -> None:
-    """Refuse a support that is left out for a robot that could stand.
+def check_support_given(spec: Support | None, robot: Robot) -> None:
+    """Refuse a missing support of a robot with feet.
 
     Raises
     ------
@@ -173,8 +173,8 @@ def check_said(spec: Support | None, robot: Robot) -> None:
         )
 
 
-def check_stands(spec: Support | None, snapshot: Snapshot) -> None:
-    """Refuse feet that a word says to stand on, and that are not on one level ground.
+def check_feet_on_ground(spec: Support | None, snapshot: Snapshot) -> None:
+    """Refuse a support mode whose feet are not on one level ground.
 
     Raises
     ------
@@ -191,7 +191,9 @@ def check_stands(spec: Support | None, snapshot: Snapshot) -> None:
         for one in soles
     )
     for name in feet:
-        why = off_the_ground(snapshot, name, lambda places: np.full(len(places), lowest), FLAT)
+        why = off_the_ground(
+            snapshot, name, lambda places: np.full(len(places), lowest), GROUND_TOLERANCE
+        )
         if why:
             frames = ", ".join(one.frame for one in soles)
             raise InvalidInputError(
@@ -201,7 +203,7 @@ def check_stands(spec: Support | None, snapshot: Snapshot) -> None:
 
 
 def slack_by_frame(robot: Robot, supports: Iterable[Support | None]) -> dict[str, float]:
-    """Return the slack weights of contacts, by frame; a later support's count over an earlier's."""
+    """Return the slack weights of contacts, by frame; later supports override earlier ones."""
     listed = (one for support in supports if not isinstance(support, str) for one in support or ())
     return {
         sole_or_frame(robot, one.frame): one.slack

@@ -204,7 +204,7 @@ def walker_of(spec: WalkSpec, parts: Parts) -> Walker:
         posture=parts.start,
         friction=friction_of(spec),
         tasks=[one.task for one in parts.targeted if spec.tasks[one.task.name].active],
-        constraints=parts.surroundings.around(start, parts.contacts),
+        constraints=parts.surroundings.constraints_at(start, parts.contacts),
         limits=parts.limits,
         solver=spec.controller.backend(),
         **spec.controller.settings,

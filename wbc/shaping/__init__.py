@@ -1,4 +1,4 @@
-"""Global inertia shaping: the globally best posture for the tasks, and a motion that reaches it."""
+"""Global inertia shaping: search for the best posture for the tasks, and a motion to it."""
 
 from wbc.shaping.outcome import (
     Attempt,

@@ -1,12 +1,12 @@
 """Basin hopping: new starts made of the best postures so far.
 
-The cost has many local minima, and deep ones lie near each other: a posture that is nearly the best
-one usually needs another arm, not another everything. So a search begins at a mixture of two good
-postures (Deaven and Ho, Phys. Rev. Lett. 75 (1995)), or at a good one with some joints resampled
+The cost has many local minima, and deep ones lie near each other: a nearly optimal posture usually
+differs in one limb only. So a search begins at a mixture of two good postures (Deaven and Ho, Phys.
+Rev. Lett. 75 (1995)), or at a good one with some joints resampled
 (monotonic basin hopping: Leary, "Global optimization on funneling landscapes", J. Global Optim. 18
-(2000), after Wales and Doye, J. Phys. Chem. A 101 (1997)). The good ones are several that differ,
-lest all hops stay around one minimum (Grosso, Locatelli and Schoen, Math. Program. 110 (2007)), and
-every fourth posture is sampled whole.
+(2000), after Wales and Doye, J. Phys. Chem. A 101 (1997)). The elite are several different
+postures, so that hops do not stay around one minimum (Grosso, Locatelli and Schoen, Math. Program.
+110 (2007)), and every fourth posture is sampled completely.
 
 Measured on seven targets with many minima: of mixtures of postures that differ in eight joints or
 more 5 % end lower than anything before, of those that differ in less than four none, of postures
@@ -26,12 +26,15 @@ from wbc.shaping.outcome import Candidate
 from wbc.shaping.starts import CLOSED, Sampling, uniform_rotation
 from wbc.validate import Array
 
-ELITE = 8  # postures that are hopped from
-UNLIKE, MUCH = 0.15, 0.05  # part of the joints that differ, and by how much [rad or m]
-MIXED = 0.75  # of the hops from the elite, the part that mixes two
-RESAMPLED = 0.4  # of the joints, the largest part that is resampled
+ELITE = 8  # number of postures from which hops start
+DIFFERENT_SHARE, DIFFERENT_BY = (
+    0.15,
+    0.05,
+)  # part of the joints that differ, and by how much [rad or m]
+MIXED_SHARE = 0.75  # of the hops from the elite, the part that mixes two
+MOST_RESAMPLED = 0.4  # of the joints, the largest part that is resampled
 WHOLE_EVERY = 4  # hops: how often a whole posture is sampled
-TRIES = 4  # at a hop that can be projected onto the contacts
+PROJECTION_TRIES = 4  # at a hop that can be projected onto the contacts
 
 
 class Elite:
@@ -42,29 +45,29 @@ class Elite:
         self.best: list[Candidate] = []  # the very best first
 
     def add(self, candidate: Candidate) -> None:
-        """Take a posture if it is among the best; of those that are alike only the best."""
-        rivals = [one for one in self.best if self._alike(one.q, candidate.q)]
+        """Add a posture if it is among the best; of similar ones only the best is kept."""
+        rivals = [one for one in self.best if self._are_similar(one.q, candidate.q)]
         if any(one.cost <= candidate.cost for one in rivals):
             return
         others = [one for one in self.best if all(one is not rival for rival in rivals)]
         self.best = sorted([*others, candidate], key=lambda c: (c.cost, c.starts))[:ELITE]
 
-    def _alike(self, one: Array, other: Array) -> bool:
-        apart = np.abs(self._robot.difference(one, other)[6:]) > MUCH
-        return int(apart.sum()) < UNLIKE * apart.size
+    def _are_similar(self, one: Array, other: Array) -> bool:
+        apart = np.abs(self._robot.difference(one, other)[6:]) > DIFFERENT_BY
+        return int(apart.sum()) < DIFFERENT_SHARE * apart.size
 
 
 class BasinHopping:
-    """Makes starts from postures; each depends on its number, the seed and the elite alone."""
+    """Makes starts; each depends only on its number, the seed and the elite."""
 
     def __init__(self, sampling: Sampling, scale: float, seed: int) -> None:
         self._sampling, self._scale, self._seed = sampling, scale, seed
 
     def start(self, number: int, elite: Sequence[Candidate]) -> Start:
-        """Return a start with this number; of those off the contacts, the nearest to them."""
+        """Return the start of this number, or the nearest to the contacts if projection fails."""
         rng = np.random.default_rng((self._seed, number))
         found: list[tuple[float, Start]] = []
-        for _ in range(TRIES):
+        for _ in range(PROJECTION_TRIES):
             start, gap = self._sampling.start(self._posture(number, elite, rng))
             found.append((gap, start))
             if gap <= CLOSED:
@@ -74,14 +77,14 @@ class BasinHopping:
 
     def _posture(self, number: int, elite: Sequence[Candidate], rng: np.random.Generator) -> Array:
         if not elite or number % WHOLE_EVERY == 0:
-            return self._whole(rng)
+            return self._sampled(rng)
         first = elite[int(rng.integers(len(elite)))]
         others = [one for one in elite if one is not first]
-        if not others or rng.random() >= MIXED:
+        if not others or rng.random() >= MIXED_SHARE:
             return self._resampled(first.q, rng)
         return self._mixed(first.q, others[int(rng.integers(len(others)))].q, rng)
 
-    def _whole(self, rng: np.random.Generator) -> Array:
+    def _sampled(self, rng: np.random.Generator) -> Array:
         sampling = self._sampling
         base = sampling.q_start[:7].copy()
         if sampling.built.turns_base:
@@ -92,7 +95,7 @@ class BasinHopping:
     def _resampled(self, q: Array, rng: np.random.Generator) -> Array:
         sampling = self._sampling
         joints = sampling.robot.limits.joint_positions(q).copy()
-        count = int(rng.integers(1, max(1, round(RESAMPLED * joints.size)) + 1))
+        count = int(rng.integers(1, max(1, round(MOST_RESAMPLED * joints.size)) + 1))
         some = rng.choice(joints.size, count, replace=False)
         joints[some] = rng.uniform(sampling.lower[some], sampling.upper[some])
         return sampling.posture(joints, q[:7])

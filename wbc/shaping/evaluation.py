@@ -1,4 +1,4 @@
-"""How good a posture is, by Pinocchio instead of the expressions that it was found with."""
+"""Evaluation of postures by Pinocchio, independent of the NLP's expressions."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 from wbc.constraints import ComSupport
 from wbc.constraints.margin import SKIN, Margin
 from wbc.robot import Robot, Snapshot
-from wbc.shaping.nlp import BuiltNlp, Local, Start
+from wbc.shaping.nlp import BuiltNlp, LocalOptimum, Start
 from wbc.shaping.outcome import Candidate, Kept, Rejected
 from wbc.shaping.problem import ShapingProblem, posture_cost, posture_errors
 from wbc.validate import Array, read_only
 
 SAME_POSTURE = 1e-2  # rad or m, the largest difference of any joint or of the base
-NAMED = 3  # pairs that are named: the worst
+NAMED_PAIRS = 3  # of the worst pairs, in messages
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """How far beyond a constraint still counts as kept."""
+    """Tolerances within which a constraint counts as kept."""
 
     contact: float  # distance of a held frame from its anchor [m or rad]
     limit: float  # of a joint beyond its limit [rad or m]
@@ -29,33 +29,36 @@ class Tolerances:
     clearance: float  # of bodies nearer than their margin, and of frames outside their boxes [m]
     excused: Mapping[str, float] = field(default_factory=dict)  # beyond that, by frame, joint, pair
 
-    def excusing(self, broken: Mapping[str, float]) -> Tolerances:
+    def excused_by(self, broken: Mapping[str, float]) -> Tolerances:
         """Return tolerances widened by present violations, one by one: see :func:`violations`.
 
-        A hand that is in a wall at the start is no leave for a foot to go through the floor.
+        Only these are widened: a hand inside a wall at the start does not excuse a foot below the
+        floor.
         """
         return replace(self, excused=dict(broken))
 
     def of(self, what: str, allowed: float) -> float:
-        """Return how far beyond its constraint this one may be, given what all such may."""
+        """Return the tolerance of one frame, joint or pair; ``allowed`` is that of its kind."""
         return allowed + self.excused.get(what, 0.0)
 
 
-# Of what IPOPT found: no more than rounding.
-FOUND = Tolerances(contact=1e-6, limit=1e-7, support=1e-7, clearance=1e-6)
+# For IPOPT's optima: rounding only.
+IPOPT_TOLERANCES = Tolerances(contact=1e-6, limit=1e-7, support=1e-7, clearance=1e-6)
 
 
-def evaluate(built: BuiltNlp, number: int, start: Start, local: Local) -> Candidate | Rejected:
-    """Return the candidate that a search from start ``number`` led to, or why it is none.
+def evaluate(
+    built: BuiltNlp, number: int, start: Start, local: LocalOptimum
+) -> Candidate | Rejected:
+    """Return the candidate found by the search from start ``number``, or its rejection.
 
-    IPOPT's own opinion does not decide: a posture that keeps the constraints is a posture.
+    IPOPT's status does not matter: a posture that keeps the constraints is a candidate.
     """
     problem = built.unknowns.problem
     if not np.isfinite(local.x).all():
         reason = f"IPOPT: {local.status}, the answer is not finite"
         return Rejected(number, reason, reason)
     snapshot = problem.robot.snapshot(built.configuration(start, local.x))
-    kept = kept_constraints(problem, snapshot, FOUND)
+    kept = kept_constraints(problem, snapshot, IPOPT_TOLERANCES)
     if kept.broken:
         reason = f"IPOPT: {local.status}; {', '.join(kept.broken)}"
         return Rejected(number, reason, f"IPOPT: {local.status}; a constraint is broken")
@@ -71,7 +74,7 @@ def evaluate(built: BuiltNlp, number: int, start: Start, local: Local) -> Candid
     )
 
 
-def merged(robot: Robot, candidates: Iterable[Candidate]) -> tuple[Candidate, ...]:
+def merge_duplicates(robot: Robot, candidates: Iterable[Candidate]) -> tuple[Candidate, ...]:
     """Return the candidates best first, each posture once with the starts that led to it."""
     ordered = sorted(candidates, key=lambda c: (c.cost, c.starts))
     distinct: list[Candidate] = []
@@ -93,21 +96,23 @@ def merged(robot: Robot, candidates: Iterable[Candidate]) -> tuple[Candidate, ..
 
 
 def violations(problem: ShapingProblem, snapshot: Snapshot) -> dict[str, float]:
-    """Return by how much each frame, joint and pair of bodies breaks its constraint."""
-    found = _off(problem, snapshot)
+    """Return by how much each frame, joint and pair of bodies violates its constraint."""
+    found = _contact_errors(problem, snapshot)
     inside = _joint_margins(problem, snapshot)
     names = problem.robot.joint_names
     found |= {names[k]: float(-inside[k]) for k in np.flatnonzero(inside < 0.0)}
     for one in problem.constraints:
         measured = one.distances(snapshot)
         left, labels = measured.clearance + SKIN, one.labels(measured)
-        found |= {_key(one, labels[k]): float(-left[k]) for k in np.flatnonzero(left < 0.0)}
+        found |= {
+            _violation_key(one, labels[k]): float(-left[k]) for k in np.flatnonzero(left < 0.0)
+        }
     return found
 
 
 def kept_constraints(problem: ShapingProblem, snapshot: Snapshot, allowed: Tolerances) -> Kept:
-    """Return how well a posture keeps the constraints, and which it breaks beyond tolerances."""
-    off = _off(problem, snapshot)
+    """Return how well a posture keeps the constraints, and which it violates beyond tolerances."""
+    off = _contact_errors(problem, snapshot)
     broken = [
         f"{frame} is {gap:.2g} off its anchor"
         for frame, gap in off.items()
@@ -132,9 +137,11 @@ def kept_constraints(problem: ShapingProblem, snapshot: Snapshot, allowed: Toler
             k
             for k in np.argsort(left)
             if not left[k] >= -tolerance
-            and not left[k] >= -allowed.of(_key(one, labels[k]), tolerance)
+            and not left[k] >= -allowed.of(_violation_key(one, labels[k]), tolerance)
         ]
-        broken += [f"{labels[k]} lacks {-left[k]:.2g} m of {one.name!r}" for k in beyond[:NAMED]]
+        broken += [
+            f"{labels[k]} lacks {-left[k]:.2g} m of {one.name!r}" for k in beyond[:NAMED_PAIRS]
+        ]
     return Kept(
         max(off.values(), default=0.0),
         float(inside.min(initial=np.inf)),
@@ -144,7 +151,7 @@ def kept_constraints(problem: ShapingProblem, snapshot: Snapshot, allowed: Toler
     )
 
 
-def _off(problem: ShapingProblem, snapshot: Snapshot) -> dict[str, float]:
+def _contact_errors(problem: ShapingProblem, snapshot: Snapshot) -> dict[str, float]:
     """Return how far each held frame is from its anchor [m or rad]."""
     return {c.frame: float(np.abs(c.residual(snapshot).error).max()) for c in problem.contacts}
 
@@ -155,5 +162,5 @@ def _joint_margins(problem: ShapingProblem, snapshot: Snapshot) -> Array:
     return np.minimum(joints - problem.limits.lower, problem.limits.upper - joints)
 
 
-def _key(constraint: Margin, label: str) -> str:
+def _violation_key(constraint: Margin, label: str) -> str:
     return f"{constraint.name}: {label}"

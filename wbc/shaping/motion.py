@@ -1,7 +1,7 @@
-"""From the current posture to the best one, by the QP controller: the answer as a motion.
+"""The motion from the current posture to the best one, by the QP controller.
 
-A posture task is led along the shortest path in configuration space while contacts and limits hold;
-then the problem's own tasks take over and settle. A candidate is reached if the motion keeps every
+A posture task follows the shortest path in configuration space, with contacts and limits; then the
+problem's own tasks take over and settle. A candidate is reached if the motion keeps every
 constraint and ends at its cost.
 """
 
@@ -30,39 +30,39 @@ MakeController = Callable[[Sequence[Task]], Controller]
 # motion there, and no other is tried.
 Watch = Callable[[int, LoopTick], bool | None]
 
-LINGERING = 0.5  # s for which the guiding tasks stay at the end of their path
-SETTLING = 4.0  # s at most, after the path
+HOLD_TIME = 0.5  # s that the guiding tasks hold the end of their path
+SETTLING_TIME = 4.0  # s at most, after the path
 REST_TICKS = 10
-GIVE_UP = 10  # ticks in a row without solution
+MOST_FAILURES = 10  # ticks in a row without solution
 AT_REST = 1e-5  # rad/s or m/s
-# In motion contacts are held by feedback and limits by a braking rule, so a little more is allowed.
-MOVING = Tolerances(contact=1e-3, limit=1e-6, support=1e-3, clearance=1e-4)
+# For motions, in which contacts are held by feedback and limits by a braking rule.
+MOTION_TOLERANCES = Tolerances(contact=1e-3, limit=1e-6, support=1e-3, clearance=1e-4)
 ARRIVED, INTERRUPTED = "arrived", "interrupted"
-NEGLIGIBLE = 1e-9  # of the cost at the start: a target that is met to this is met
+NEGLIGIBLE = 1e-9  # of the cost at the start: a smaller cost counts as zero
 HORIZONTAL = ("x", "y")
 COM_WEIGHT = 30.0  # 1/(m/s); the joints' and the base's weight is 1
-LEADING = 1000.0  # factor by which the CoM's squared weight exceeds the tasks' afterwards
-LEANING = 0.01  # m: a posture with its CoM nearer to the edge of the support leans on it
-USED_SPEED = 0.5  # fraction of the velocity limits that the path asks for at its fastest
+COM_WEIGHT_FACTOR = 1000.0  # factor by which the CoM's squared weight exceeds the tasks' afterwards
+LEANING_MARGIN = 0.01  # m: a CoM nearer to the support's edge leans on it
+USED_SPEED = 0.5  # of the velocity limits, at the path's peak speed
 SHORTEST, LONGEST = 2.0, 20.0  # s
 
 
 class GuidingTasks:
     """Tasks that lead along the shortest path from one configuration to another.
 
-    The problem's own tasks are not among them. They pull towards minima on both sides of the path,
-    and with weights of which nothing is known.
+    The problem's own tasks are not among them: they would pull to minima beside the path, with
+    arbitrary weights.
 
     Attributes
     ----------
     tasks:
-        The posture's; the base's if no contact says where it is and it is to move; the CoM's if it
-        is to stay over the support, which is convex: the straight line stays inside.
+        Posture; base, if no contact determines it and it must move; CoM, if it must stay over the
+        support (convex, so that the straight line stays inside).
     lasting:
-        What goes on when the problem's tasks take over: where the best posture leans on the edge of
-        the support, they alone would fall over it, so the CoM is held.
+        Tasks that remain when the problem's tasks take over: if the best posture leans on the edge
+        of the support, the CoM is held, because the tasks alone would tip the robot over it.
     duration:
-        Of the path [s]; it respects the joints' speed limits by a factor.
+        Of the path [s], at a fraction of the joints' speed limits.
     """
 
     def __init__(self, problem: ShapingProblem, start: Array, candidate: Candidate) -> None:
@@ -84,13 +84,13 @@ class GuidingTasks:
         tasks = (self._posture, self._base, self._com)
         self.tasks: tuple[Task, ...] = tuple(task for task in tasks if task is not None)
         self.lasting: tuple[Task, ...] = ()
-        if candidate.kept.support is not None and candidate.kept.support < LEANING:
+        if candidate.kept.support is not None and candidate.kept.support < LEANING_MARGIN:
             held = ComTask(
                 robot,
                 there.com,
                 axes=HORIZONTAL,
                 name="guide: com",
-                weight=float(np.sqrt(LEADING * _stiffness(problem.tasks, there))),
+                weight=float(np.sqrt(COM_WEIGHT_FACTOR * _stiffness(problem.tasks, there))),
                 priority=problem.tasks[0].priority,
             )
             self.lasting = (held,)
@@ -111,7 +111,7 @@ class GuidingTasks:
 
 
 def _stiffness(tasks: Sequence[Task], snapshot: Snapshot) -> float:
-    """Return the largest curvature of the tasks' cost, 1 if they have none here."""
+    """Return the largest curvature of the tasks' cost, or 1 if that is 0."""
     nv = snapshot.robot.nv
     total = np.zeros((nv, nv))
     for task in tasks:
@@ -122,7 +122,7 @@ def _stiffness(tasks: Sequence[Task], snapshot: Snapshot) -> float:
 
 
 class _Rollout(NamedTuple):
-    """States tick by tick, whether they end at rest, and what ended them early, or nothing."""
+    """States tick by tick, whether they end at rest, and why they ended early, if they did."""
 
     states: list[Snapshot]
     at_rest: bool
@@ -152,7 +152,7 @@ class PostureReach:
             motions.append(motion)
             if motion.arrived or reason == INTERRUPTED:
                 break
-        # Arrived, or else the one that keeps the constraints and came to the least cost.
+        # Prefer one that arrived, then one that keeps the constraints, then the least cost.
         chosen = min(motions, key=lambda m: (not m.arrived, bool(m.kept.broken), m.cost[-1]))
         return replace(chosen, attempts=tuple(tried))
 
@@ -160,7 +160,7 @@ class PostureReach:
         """Return the motion towards a candidate, and why it does not count, or ``"arrived"``."""
         states, at_rest, fault = self._rollout(candidate, number)
         costs = np.array([posture_cost(self.problem.tasks, state) for state in states])
-        kept, broken = worst_kept(self.problem, states, self.dt)
+        kept, broken = worst_violations(self.problem, states, self.dt)
         allowed = (1.0 + self.tolerance) * candidate.cost + NEGLIGIBLE * float(costs[0])
         reason = fault or broken or ARRIVED
         if reason == ARRIVED and costs[-1] > allowed:
@@ -184,13 +184,13 @@ class PostureReach:
         guide = GuidingTasks(self.problem, self.q_start, candidate)
         guided = self.make_controller(guide.tasks)
         settling = self.make_controller((*self.problem.tasks, *guide.lasting))
-        longest = guide.duration + SETTLING if self.longest is None else self.longest
+        longest = guide.duration + SETTLING_TIME if self.longest is None else self.longest
 
-        def guides(time: float) -> bool:
-            return time < guide.duration + LINGERING
+        def is_guided(time: float) -> bool:
+            return time < guide.duration + HOLD_TIME
 
         def update(tick: int, _: Snapshot) -> Controller:
-            if not guides(tick * self.dt):
+            if not is_guided(tick * self.dt):
                 return settling
             guide.move_to(tick * self.dt)
             return guided
@@ -205,10 +205,10 @@ class PostureReach:
                 fault = INTERRUPTED
                 break
             slow = self.rest_speed is not None and now.speed < self.rest_speed
-            still = still + 1 if slow and now.tick.ok and not guides(now.time) else 0
-            # By its policy the controller stands still without solution; the next may have one.
+            still = still + 1 if slow and now.tick.ok and not is_guided(now.time) else 0
+            # Without a solution the controller's policy is to stand still; the next tick may work.
             unsolved = 0 if now.tick.ok else unsolved + 1
-            if now.gave_up or unsolved >= GIVE_UP:
+            if now.gave_up or unsolved >= MOST_FAILURES:
                 fault = f"at {now.time:.2f} s: {now.tick.report()}"
                 break
             if still >= REST_TICKS:
@@ -217,17 +217,21 @@ class PostureReach:
         return _Rollout(states, still >= REST_TICKS, fault)
 
 
-def worst_kept(problem: ShapingProblem, states: Sequence[Snapshot], dt: float) -> tuple[Kept, str]:
-    """Return the worst of every constraint over a motion, and what was broken first, or nothing.
+def worst_violations(
+    problem: ShapingProblem, states: Sequence[Snapshot], dt: float
+) -> tuple[Kept, str]:
+    """Return the worst value of every constraint over a motion, and the first violation, if any.
 
-    What the current posture breaks already may not become worse on the way, nor be broken at the
-    end.
+    Violations of the current posture may not grow on the way, nor remain at the end.
     """
-    beginning = kept_constraints(problem, states[0], MOVING)
-    excused = MOVING.excusing(violations(problem, states[0]))
+    beginning = kept_constraints(problem, states[0], MOTION_TOLERANCES)
+    excused = MOTION_TOLERANCES.excused_by(violations(problem, states[0]))
     every = [beginning, *(kept_constraints(problem, state, excused) for state in states[1:])]
     faults = [(k, kept.broken[0]) for k, kept in enumerate(every[1:], 1) if kept.broken]
-    faults += [(len(states) - 1, b) for b in kept_constraints(problem, states[-1], MOVING).broken]
+    faults += [
+        (len(states) - 1, b)
+        for b in kept_constraints(problem, states[-1], MOTION_TOLERANCES).broken
+    ]
     first = f"at {faults[0][0] * dt:.2f} s: {faults[0][1]}" if faults else ""
     supports = [kept.support for kept in every if kept.support is not None]
     clearances = [kept.clearance for kept in every if kept.clearance is not None]

@@ -1,10 +1,9 @@
-"""Multi-start: from which postures searches begin, what came of them, and when it is enough.
+"""Multi-start: the starts of searches, their results, and the stopping rule.
 
-The first starts are spread over all postures; later ones are hops from the best that were found by
-then. A hop waits for no search among the last few before it, so that several processes always have
-something to do; and it looks at no other than those before these, so that the hops are the same
-however many processes search. Searches end in any order, and what is concluded from them does not
-depend on it: a rule that decides at number n looks at what is before n.
+The first starts are spread over all postures; later ones are hops from the best found so far. A hop
+does not wait for the last few searches before it, so that all processes stay busy; and it uses only
+results before these, so that the hops do not depend on the number of processes. Searches end in any
+order, and conclusions do not depend on it: a rule at number n uses results before n only.
 """
 
 from __future__ import annotations
@@ -12,39 +11,38 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from wbc.shaping.basin_hopping import BasinHopping, Elite
-from wbc.shaping.evaluation import evaluate, merged
-from wbc.shaping.nlp import BuiltNlp, Local, Start
+from wbc.shaping.evaluation import evaluate, merge_duplicates
+from wbc.shaping.nlp import BuiltNlp, LocalOptimum, Start
 from wbc.shaping.outcome import Candidate, Rejected, Stopped
 from wbc.shaping.starts import CLOSED, Sampling, make_starts
 from wbc.validate import Array
 
 # Called with searches done, searches in all, and the least cost so far (None: nothing yet).
 Progress = Callable[[int, int, float | None], None]
-SPREAD = 24  # starts, before the hops begin
-LAG = 16  # searches before a hop of which it does not know
-# A cost is never negative: at this fraction of a middling posture's cost there is nothing to gain.
-# Some more such postures are searched for all the same: perhaps not all can be reached.
-MET, ENOUGH = 1e-12, 4
-BETTER = 1e-3  # of the cost: what a posture must gain to count as better than the best before
-UNCLOSED = "a sample stayed off the contacts"
+SPREAD_STARTS = 24  # before the hops begin
+HOP_LAG = 16  # searches before a hop whose results it does not use
+# Costs are nonnegative: below this share of a median posture's cost they count as zero. The search
+# stops after several such postures, because not all may be reachable.
+ZERO_COST, ENOUGH_ZEROS = 1e-12, 4
+IMPROVEMENT = 1e-3  # of the cost: least gain over the best so far that counts as better
+NOT_PROJECTED = "a sample stayed off the contacts"
 
 
 class StoppingRule:
-    """Results by the number of the start, and with which of them there are enough.
+    """Results by the number of the start, and at which of them the search stops.
 
     Parameters
     ----------
     scale:
-        The factor that makes the cost of a middling posture 1.
+        The factor that makes the cost of a median posture 1.
     patience:
-        After how many searches in a row without a better posture there have been enough; None: no
-        number is.
+        Stop after so many searches in a row without a better posture; None: never.
     """
 
     def __init__(self, scale: float, patience: int | None) -> None:
         self._scale, self._patience = scale, patience
         self.found: dict[int, Candidate | Rejected] = {}
-        self._met: list[int] = []  # numbers of the starts from which the tasks were met
+        self._zero_costs: list[int] = []  # numbers of the starts whose search met the tasks
         self.least: float | None = None  # cost so far
         self.contiguous = 0  # how many starts, the first ones, all have a result
         self._record = float("inf")  # of those: the least cost, as of the last that was better
@@ -52,20 +50,20 @@ class StoppingRule:
         self._settled_at: int | None = None
 
     def add(self, number: int, result: Candidate | Rejected) -> None:
-        """Take the result of a start."""
+        """Add the result of a start."""
         self.found[number] = result
         if isinstance(result, Candidate):
             self.least = result.cost if self.least is None else min(self.least, result.cost)
-            if result.cost * self._scale <= MET:
-                self._met = sorted([*self._met, number])
+            if result.cost * self._scale <= ZERO_COST:
+                self._zero_costs = sorted([*self._zero_costs, number])
         while self._settled_at is None and self.contiguous in self.found:
             self._advance(self.contiguous)
             self.contiguous += 1
 
     def _advance(self, number: int) -> None:
-        """Look at the next result in the order of the starts."""
+        """Process the next result in the order of the starts."""
         result = self.found[number]
-        if isinstance(result, Candidate) and result.cost < (1.0 - BETTER) * self._record:
+        if isinstance(result, Candidate) and result.cost < (1.0 - IMPROVEMENT) * self._record:
             self._record, self._record_at = result.cost, number
         found_any = self._record < float("inf")
         if self._patience is not None and found_any and number >= self._record_at + self._patience:
@@ -73,8 +71,8 @@ class StoppingRule:
 
     @property
     def last(self) -> int | None:
-        """The number of the start with which there are enough, or None."""
-        ends = [end for end in (self._last_met(), self._settled_at) if end is not None]
+        """The number of the start at which the search stops, or None."""
+        ends = [end for end in (self._last_zero_cost(), self._settled_at) if end is not None]
         return min(ends, default=None)
 
     @property
@@ -82,25 +80,25 @@ class StoppingRule:
         """Why no more searches are needed, or None if they are."""
         if self.last is None:
             return None
-        return Stopped.MET if self.last == self._last_met() else Stopped.SETTLED
+        return Stopped.MET if self.last == self._last_zero_cost() else Stopped.SETTLED
 
-    def counted(self) -> list[Candidate | Rejected]:
-        """Return the results until there were enough, in the order of the starts.
+    def results_until_stop(self) -> list[Candidate | Rejected]:
+        """Return the results until the search stopped, in the order of the starts.
 
-        Later ones do not count: which of them had been begun by then is chance, and the answer is
-        not to depend on it.
+        Later ones are ignored: how many of them were started is chance, and the answer must not
+        depend on it.
         """
         last = self.last
         return [self.found[k] for k in sorted(self.found) if last is None or k <= last]
 
-    def _last_met(self) -> int | None:
-        return self._met[ENOUGH - 1] if len(self._met) >= ENOUGH else None
+    def _last_zero_cost(self) -> int | None:
+        return self._zero_costs[ENOUGH_ZEROS - 1] if len(self._zero_costs) >= ENOUGH_ZEROS else None
 
 
 class MultiStart:
     """Makes starts, and collects the results of the searches from them.
 
-    ``spread`` are the first ones, ``rule`` says when there are enough.
+    ``spread`` are the first ones, ``rule`` decides when to stop.
     """
 
     def __init__(
@@ -115,7 +113,7 @@ class MultiStart:
         self.total = total
         self._built, self._progress = built, progress
         sampling = Sampling.of(built, q_start)
-        self.spread = make_starts(sampling, min(total, SPREAD), seed)
+        self.spread = make_starts(sampling, min(total, SPREAD_STARTS), seed)
         self._starts = list(self.spread.starts)
         self._handed_out = 0
         self._hopping = BasinHopping(sampling, self.spread.scale, seed)
@@ -129,34 +127,38 @@ class MultiStart:
         return self.rule.last is None or number <= self.rule.last
 
     def next_starts(self) -> Sequence[Start]:
-        """Return the starts, after those returned before, that can be made by now."""
-        while len(self._starts) < self.total and self.rule.contiguous >= len(self._starts) - LAG:
+        """Return the next starts that can be made from the results so far."""
+        while (
+            len(self._starts) < self.total and self.rule.contiguous >= len(self._starts) - HOP_LAG
+        ):
             self._starts.append(self._hop(len(self._starts)))
         ready = self._starts[self._handed_out :]
         self._handed_out = len(self._starts)
         return ready
 
-    def record(self, number: int, local: Local) -> None:
-        """Evaluate what a search found."""
+    def record(self, number: int, local: LocalOptimum) -> None:
+        """Evaluate and store the result of a search."""
         self.rule.add(number, evaluate(self._built, number, self._starts[number], local))
         if self._progress is not None:
             self._progress(len(self.rule.found), self.total, self.rule.least)
 
     def candidates(self) -> tuple[Candidate, ...]:
         """Return the distinct candidates, the best first."""
-        counted = self.rule.counted()
-        return merged(self._robot, (one for one in counted if isinstance(one, Candidate)))
+        results_until_stop = self.rule.results_until_stop()
+        return merge_duplicates(
+            self._robot, (one for one in results_until_stop if isinstance(one, Candidate))
+        )
 
     def rejected(self) -> tuple[Rejected, ...]:
-        """Return the starts that came to nothing, and the samples that were not searched from."""
-        lost = [one for one in self.rule.counted() if isinstance(one, Rejected)]
+        """Return the rejected starts, and samples from which no search began."""
+        lost = [one for one in self.rule.results_until_stop() if isinstance(one, Rejected)]
         for gap in self.spread.unclosed:
-            reason = f"{UNCLOSED}: {gap:.2g} away (allowed {CLOSED:g})"
-            lost.append(Rejected(None, reason, UNCLOSED))
+            reason = f"{NOT_PROJECTED}: {gap:.2g} away (allowed {CLOSED:g})"
+            lost.append(Rejected(None, reason, NOT_PROJECTED))
         return tuple(lost)
 
     def _hop(self, number: int) -> Start:
-        while self._known < number - LAG:
+        while self._known < number - HOP_LAG:
             result = self.rule.found[self._known]
             if isinstance(result, Candidate):
                 self._elite.add(result)

@@ -32,7 +32,7 @@ IPOPT: Mapping[str, Any] = {
     "print_level": 0,
     "sb": "yes",
 }
-GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+GOOD_STATUSES = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 
 
 class Start(NamedTuple):
@@ -42,12 +42,12 @@ class Start(NamedTuple):
     p: Array
 
 
-class Local(NamedTuple):
-    """Where a search ended."""
+class LocalOptimum(NamedTuple):
+    """The result of a local search."""
 
     x: Array  # unknowns that are free
-    status: str  # IPOPT's own word
-    optimal: bool  # IPOPT says that its conditions of optimality hold
+    status: str  # IPOPT's return status
+    optimal: bool  # whether IPOPT reports optimality
     iterations: int
 
 
@@ -90,33 +90,33 @@ class Ipopt:
         self._solver = ca.nlpsol("shaping", "ipopt", {"x": x, "p": p, "f": f, "g": g}, options)
         self._bounds = {"lbx": nlp.lower, "ubx": nlp.upper, "lbg": nlp.g_lower, "ubg": nlp.g_upper}
 
-    def search(self, start: Start) -> Local:
-        """Return where IPOPT ends from a start."""
+    def search(self, start: Start) -> LocalOptimum:
+        """Return IPOPT's result from a start."""
         found = self._solver(x0=start.x, p=start.p, **self._bounds)
-        return local_of(self._solver, found, start.x.size)
+        return local_optimum(self._solver, found, start.x.size)
 
 
-def local_of(solver: ca.Function, found: Mapping[str, ca.DM], size: int) -> Local:
-    """Return where IPOPT ended, as the first ``size`` unknowns."""
+def local_optimum(solver: ca.Function, found: Mapping[str, ca.DM], size: int) -> LocalOptimum:
+    """Return IPOPT's result, with the first ``size`` unknowns."""
     stats = solver.stats()
     status = str(stats["return_status"])
     x = np.array(found["x"], dtype=float).ravel()[:size]
-    return Local(x, status, status in GOOD, int(stats["iter_count"]))
+    return LocalOptimum(x, status, status in GOOD_STATUSES, int(stats["iter_count"]))
 
 
 def ipopt_options(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return CasADi's options for IPOPT with these options of its own, silent and without raise."""
+    """Return CasADi's options for IPOPT with these options, silent and without exceptions."""
     found: dict[str, Any] = {f"ipopt.{key}": value for key, value in options.items()}
     return found | {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
 
 
 @dataclass(frozen=True, eq=False)
 class BuiltNlp:
-    """A program with the way from and to configurations."""
+    """A program with the maps from and to configurations."""
 
     nlp: Nlp
-    unknowns: Unknowns  # all unknowns, also those that nothing depends on
-    kept: tuple[int, ...]  # indices of those that matter: the NLP's own
+    unknowns: Unknowns  # all unknowns, also those without effect
+    kept: tuple[int, ...]  # indices of the NLP's own unknowns, which have an effect
 
     @property
     def turns_base(self) -> bool:
@@ -136,7 +136,7 @@ class BuiltNlp:
         return start._replace(p=p)
 
     def configuration(self, start: Start, x: Array) -> Array:
-        """Return the configuration that a search from ``start`` ended at."""
+        """Return the configuration at unknowns ``x`` of a search from ``start``."""
         return self.unknowns.map(self.kept).configuration(x, start.p)
 
 
@@ -145,8 +145,8 @@ def build_nlp(problem: ShapingProblem, seconds: float | None = None) -> BuiltNlp
 
     ``seconds`` limits the time of each search.
 
-    Rows are contacts, but for the anchor, which is kept by construction, and what constraints ask
-    of the posture. Bodies are kept apart by rows that are there only while they are needed: see
+    Rows are contacts, except the anchor, which is met by construction, and constraints on the
+    posture. Rows that keep bodies apart are added only when needed: see
     :mod:`~wbc.shaping.separation`.
 
     Raises

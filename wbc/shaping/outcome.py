@@ -1,4 +1,4 @@
-"""What a global search answers, and the motion to it."""
+"""Results of a global search: candidates, rejected starts, statistics, and the motion."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ class ShapingOutcome:
     rejected:
         What came to nothing, and why.
     statistics:
-        What the search did.
+        Statistics of the search.
     """
 
     candidates: tuple[Candidate, ...]

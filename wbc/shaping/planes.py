@@ -1,15 +1,15 @@
-"""Bodies that are to stay apart, and planes between them: rows with derivatives of every order.
+"""Separating planes between bodies: rows of the NLP with analytic derivatives.
 
 Two convex bodies are at least r apart if and only if some n, |n| <= 1, and d have
 
     n . a - d >= r_a  for every corner a of one,   d - n . b >= r_b  for every corner b of the other
 
 where r_a + r_b is r and their rounding radii (separating hyperplane; Boyd and Vandenberghe, Convex
-Optimization, 2.5.1). With n and d as unknowns of the NLP nothing has a kink, where the distance
-itself has one wherever nearest points jump, and none where bodies touch or overlap.
+Optimization, 2.5.1). With n and d as unknowns of the NLP everything is smooth, whereas the distance
+has a kink wherever nearest points jump, and no derivative where bodies touch or overlap.
 
 Corners move with joints: a = R v + p. So a row is a sum of ``coefficient * T[t] * y[u]``, with T
-all placements and y all n, d: its derivatives are written down instead of derived.
+all placements and y all n, d, whose derivatives are explicit.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from wbc.validate import Array
 
 UNKNOWNS = 4  # of a plane: n, d
 ENTRIES = 12  # of a placement, by columns: R, p
-WORLD = 0  # the joint of what does not hang on the robot
+WORLD = 0  # the joint of bodies that are not attached to the robot
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +76,7 @@ class Bodies:
     def placements(self, posture: SymbolicPosture) -> ca.SX:
         """Return where :attr:`joints` are in the base's frame (12 each, 1), by columns (R, p).
 
-        So what only the robot's own bodies matter to does not depend on where the base is, and
-        chains are short.
+        So rows between the robot's own bodies do not depend on the base, and chains are short.
         """
         placed = [
             posture.base.inverse() if joint == WORLD else posture.local.joint(joint)
@@ -129,7 +128,7 @@ class Side(NamedTuple):
 
     block: int  # which placement is that of its joint
     corners: Array  # (k, 3) in that joint's frame [m]
-    away: float  # how far the corners are to be from the plane [m]
+    distance: float  # how far the corners are to be from the plane [m]
 
 
 class Slot(NamedTuple):
@@ -163,7 +162,7 @@ class _Terms(NamedTuple):
 def plane_rows(slots: Sequence[Slot], size: int) -> PlaneRows:
     """Return the rows of ``slots``, with ``size`` entries in T."""
     planes = UNKNOWNS * len(slots)
-    terms, bounds, units = _collected(slots, size)
+    terms, bounds, units = _collect_terms(slots, size)
     count = len(bounds)
     T, y, m = ca.MX.sym("T", size), ca.MX.sym("y", planes), ca.MX.sym("m", count)
     at_t = ca.vertcat(T, 1.0)[terms.t.tolist()]
@@ -190,7 +189,7 @@ def plane_rows(slots: Sequence[Slot], size: int) -> PlaneRows:
     )
 
 
-def _collected(slots: Sequence[Slot], size: int) -> tuple[_Terms, Array, Index]:
+def _collect_terms(slots: Sequence[Slot], size: int) -> tuple[_Terms, Array, Index]:
     """Return the terms, the rows' bounds (k, 2), and the rows of |n|^2 with their slots (m, 2)."""
     one_t, one_u = size, UNKNOWNS * len(slots)  # where the 1 is
     found: list[tuple[int, int, int, float]] = []
@@ -205,7 +204,7 @@ def _collected(slots: Sequence[Slot], size: int) -> tuple[_Terms, Array, Index]:
                     t = ENTRIES * side.block + 3 * column
                     found += [(row, t + i, y + i, sign * h) for i in range(3)]
                 found.append((row, one_t, y + 3, -sign))
-                bounds.append((side.away, np.inf))
+                bounds.append((side.distance, np.inf))
         if slot.normal is None:
             units.append((len(bounds), k))
             bounds.append((-np.inf, 1.0))

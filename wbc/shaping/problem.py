@@ -1,4 +1,4 @@
-"""What is to be solved, checked once, and its cost at a posture."""
+"""The global shaping problem, checked once, and its cost at a posture."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Many searches at once, in this process and in others: one answer, however many there are.
+"""Parallel searches in this and other processes, with a result independent of their number.
 
-This process searches too, so it need not wait until the others have loaded, and goes on alone if
-one of them dies. Where only searches of the others are left, it makes these as well: whoever comes
-first, they end alike.
+This process searches too, so it need not wait until the others have loaded, and continues alone if
+one of them dies. When only the others' searches remain, it repeats these: the results are equal,
+whichever process is first.
 """
 
 from __future__ import annotations
@@ -19,47 +19,46 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from wbc.shaping.multi_start import MultiStart
-from wbc.shaping.nlp import Local, Nlp, Start
+from wbc.shaping.nlp import LocalOptimum, Nlp, Start
 from wbc.shaping.outcome import Stopped
 from wbc.shaping.separation import searcher
 from wbc.workers import Workers
 
-MOMENT = 0.05  # s to wait for a result, before looking whether Ctrl-C was pressed
+POLL_TIME = 0.05  # s to wait for a result before checking for Ctrl-C
 
 
 class Searches(NamedTuple):
-    """Results by the number of the start, and why some are missing."""
+    """Results by the number of the start, and why the search stopped early, if it did."""
 
-    found: dict[int, Local]
+    found: dict[int, LocalOptimum]
     stopped: Stopped | None
 
 
 def search_all(
     multi_start: MultiStart, nlp: Nlp, others: int, deadline: float | None = None
 ) -> Searches:
-    """Search from every start, here and in other processes; Ctrl-C ends it with what was found.
+    """Search from every start, here and in other processes; Ctrl-C returns the results so far.
 
     Parameters
     ----------
     others:
-        How many other processes there are at most; see :class:`~wbc.workers.Workers`.
+        Largest number of other processes; see :class:`~wbc.workers.Workers`.
     deadline:
-        Of the clock ``time.time``, after which nobody begins another search than the first; None:
-        there is none.
+        By the clock ``time.time``, after which only the first search is started; None: none.
     """
-    found: dict[int, Local] = {}
+    found: dict[int, LocalOptimum] = {}
     starts: list[Start] = []
     waiting: list[int] = []
-    asked: set[int] = set()  # of the others, and not yet answered
+    pending: set[int] = set()  # given to other processes, without a result
 
-    def record(number: int, local: Local) -> None:
-        asked.discard(number)
+    def record(number: int, local: LocalOptimum) -> None:
+        pending.discard(number)
         if number not in found:
             found[number] = local
             multi_start.record(number, local)
 
     def wanted(number: int) -> bool:
-        return multi_start.needs(number) and not (number and _is_over(deadline))
+        return multi_start.needs(number) and not (number and _deadline_over(deadline))
 
     with _searchers(nlp, others) as pool, _noted_interrupt() as interrupt:
         try:
@@ -69,25 +68,25 @@ def search_all(
                 waiting += range(len(starts), len(starts) + len(new))
                 starts += new
                 waiting = [number for number in waiting if wanted(number)]
-                mine = waiting[:1] or [number for number in sorted(asked) if wanted(number)][:1]
+                mine = waiting[:1] or [number for number in sorted(pending) if wanted(number)][:1]
                 waiting = waiting[1:]
                 while waiting and others and pool.room:
-                    asked.add(number := waiting.pop(0))
+                    pending.add(number := waiting.pop(0))
                     pool.submit(number, starts[number], deadline if number else None)
                 for number in mine:
                     record(number, here.search(starts[number]))
-                if not mine and not any(map(multi_start.needs, asked)):
+                if not mine and not any(map(multi_start.needs, pending)):
                     break
                 if interrupt:
                     raise KeyboardInterrupt
-                for answer in pool.results(0.0 if mine else MOMENT):
+                for answer in pool.results(0.0 if mine else POLL_TIME):
                     number = int(answer.key)  # type: ignore[call-overload]
                     if answer.error is not None:
-                        others = 0  # what one of them died of, others may
-                        waiting = [number, *waiting] if number in asked else waiting
+                        others = 0  # the cause may affect all of them
+                        waiting = [number, *waiting] if number in pending else waiting
                     elif answer.value is not None:  # else it was too late
                         record(number, answer.value)
-                    asked.discard(number)
+                    pending.discard(number)
         except KeyboardInterrupt:
             return Searches(found, Stopped.INTERRUPTED)
     if len(found) == multi_start.total:
@@ -95,32 +94,32 @@ def search_all(
     return Searches(found, multi_start.rule.reason or Stopped.SECONDS)
 
 
-def _is_over(deadline: float | None) -> bool:
+def _deadline_over(deadline: float | None) -> bool:
     return deadline is not None and time.time() > deadline
 
 
 @contextmanager
 def _searchers(nlp: Nlp, count: int) -> Iterator[Workers]:
-    """Give processes that search, each started when it is first asked."""
+    """Provide processes that search, each started on first use."""
     with TemporaryDirectory(prefix="wbc-") as folder:
         # A file: what is sent along with the start of a process waits until that has loaded.
         file = Path(folder) / "nlp"
         file.write_bytes(pickle.dumps(nlp) if count else b"")
-        with Workers(partial(_search_of, file), count, attempts=1) as pool:
+        with Workers(partial(_make_search, file), count, attempts=1) as pool:
             yield pool
 
 
-def _search_of(file: Path) -> Callable[[Start, float | None], Local | None]:
-    """Return what searches from a start, unless a deadline is over."""
+def _make_search(file: Path) -> Callable[[Start, float | None], LocalOptimum | None]:
+    """Return a function that searches from a start, unless a deadline is over."""
     one = searcher(pickle.loads(file.read_bytes()))
-    return lambda start, deadline: None if _is_over(deadline) else one.search(start)
+    return lambda start, deadline: None if _deadline_over(deadline) else one.search(start)
 
 
 @contextmanager
 def _noted_interrupt() -> Iterator[list[int]]:
-    """Note Ctrl-C instead of raising: inside a search CasADi takes that for a failure of IPOPT.
+    """Record Ctrl-C instead of raising: CasADi would take it for a failure of IPOPT.
 
-    Only the main thread can be told of signals; elsewhere they are left to it.
+    Only the main thread receives signals; elsewhere nothing is changed.
     """
     noted: list[int] = []
     if threading.current_thread() is not threading.main_thread():

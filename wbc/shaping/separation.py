@@ -25,15 +25,23 @@ from wbc.constraints.margin import USED
 from wbc.robot import Snapshot
 from wbc.robot.names import BASE
 from wbc.robot.postures import STANDING
-from wbc.shaping.nlp import Ipopt, Local, Nlp, Separation, Start, ipopt_options, local_of
+from wbc.shaping.nlp import (
+    Ipopt,
+    LocalOptimum,
+    Nlp,
+    Separation,
+    Start,
+    ipopt_options,
+    local_optimum,
+)
 from wbc.shaping.planes import Corners, PlaneRows, plane_rows
 from wbc.validate import Array
 
 ROUNDS = 25
 STEPS = 21  # on the line back to standing
-LATE = "Maximum_WallTime_Exceeded"  # IPOPT's own word
-FEW = 8  # corners: a body with no more has all of them in the program
-DEEP = 0.005  # m: of others, those that are not further behind the foremost
+LATE_ROUND = "Maximum_WallTime_Exceeded"  # IPOPT's own word
+FEW_CORNERS = 8  # corners: a body with no more has all of them in the program
+DEEP_OVERLAP = 0.005  # m: of others, those that are not further behind the foremost
 
 
 def searcher(nlp: Nlp) -> Ipopt | SeparatedIpopt:
@@ -70,8 +78,8 @@ class ActivePairs:
             a, b = self._bodies.pairs[k].tolist()
             n = found.normal[k]
             after = Corners(
-                before.first | self._foremost(here, a, -n),
-                before.second | self._foremost(here, b, n),
+                before.first | self._most_extreme(here, a, -n),
+                before.second | self._most_extreme(here, b, n),
             )
             grown = grown or after != before
             self.used[k] = after
@@ -89,14 +97,14 @@ class ActivePairs:
     def _at(self, x: Array, p: Array) -> Snapshot:
         return self._map.robot.snapshot(self._map.configuration(x, p))
 
-    def _foremost(self, here: Snapshot, body: int, direction: Array) -> frozenset[int]:
+    def _most_extreme(self, here: Snapshot, body: int, direction: Array) -> frozenset[int]:
         """Return the corners of a body that are foremost in a direction (3,) of the world."""
         corners = self._bodies.corners(body)
-        if len(corners) <= FEW:
+        if len(corners) <= FEW_CORNERS:
             return frozenset(range(len(corners)))
         R = here.joint_placements[0][self._bodies.bodies[body].joint]
         along = corners @ (R.T @ direction)
-        return frozenset(np.flatnonzero(along >= along.max() - DEEP).tolist())
+        return frozenset(np.flatnonzero(along >= along.max() - DEEP_OVERLAP).tolist())
 
 
 class SeparatedIpopt:
@@ -113,7 +121,7 @@ class SeparatedIpopt:
         home = joints[[kept[k] for k in self._joints]]
         self._home = np.clip(home, nlp.lower[self._joints], nlp.upper[self._joints])
 
-    def search(self, start: Start) -> Local:
+    def search(self, start: Start) -> LocalOptimum:
         """Return where the search ends, after at most some rounds and, if limited, some time."""
         began = perf_counter()
         longest = float(self._nlp.options.get("max_wall_time", np.inf))
@@ -125,11 +133,11 @@ class SeparatedIpopt:
                 break
             left = longest - (perf_counter() - began)
             if left <= 0.0:
-                local = local._replace(status=LATE, optimal=False)  # not of the whole problem
+                local = local._replace(status=LATE_ROUND, optimal=False)  # not of the whole problem
                 break
             x = local.x
             if not separated:
-                x = self._free(start, x)
+                x = self._is_free(start, x)
             elif not local.optimal:
                 x, _ = self._retreat(x, start.p)
             separated = True
@@ -137,7 +145,7 @@ class SeparatedIpopt:
             iterations += local.iterations
         return local._replace(iterations=iterations)
 
-    def _free(self, start: Start, first: Array) -> Array:
+    def _is_free(self, start: Start, first: Array) -> Array:
         """Return where to go on from when the first answer brings bodies too near.
 
         From near the start, if anything but standing itself is free there: starts differ, and may
@@ -161,7 +169,7 @@ class SeparatedIpopt:
             found.append((excess, moved))
         return max(found, key=lambda one: one[0])[1], 1.0
 
-    def _round(self, start: Start, left: float) -> Local:
+    def _round(self, start: Start, left: float) -> LocalOptimum:
         """Return where IPOPT ends with planes between the pairs in use, in what time is left."""
         nlp, separation = self._nlp, self._separation
         if self._parts is None:
@@ -182,7 +190,7 @@ class SeparatedIpopt:
             lbg=np.concatenate((nlp.g_lower, planes.lower)),
             ubg=np.concatenate((nlp.g_upper, planes.upper)),
         )
-        return local_of(solver, found, start.x.size)
+        return local_optimum(solver, found, start.x.size)
 
 
 class NlpParts(NamedTuple):

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.journal import Journal, not_ours
+from wbc.journal import Journal, wrong_file_error
 from wbc.kinds import whole_number
 from wbc.validate import Array, finite_number, finite_vector, read_only, real_array, set_fields
 from wbc.workers import Workers
@@ -282,7 +282,7 @@ class CampaignLog(Journal):
                 self.known.setdefault(entry["problem"], []).append(PushOutcome(**outcome))
         except (TypeError, KeyError) as error:
             self._file.close()
-            raise not_ours(path, error) from error
+            raise wrong_file_error(path, error) from error
 
     def record(self, problem: str, outcome: PushOutcome) -> None:
         """Append an outcome."""

@@ -18,7 +18,7 @@ from wbc.validate import by_name, names_of
 class ContactForceTask(ForceTask):
     """Bring a contact's wrench to ``target``.
 
-    While the frame is no contact its wrench is zero, and the error says so.
+    While the frame is not in contact its wrench is zero, and the error is minus the target.
 
     Parameters
     ----------
@@ -65,10 +65,10 @@ class ContactForceTask(ForceTask):
 
 
 class LoadShareTask(ForceTask):
-    """Bring each contact's part of the load, the vertical forces of all named, to its share.
+    """Bring each contact's share of the vertical force of all named contacts to a target.
 
-    What all contacts together bear is left to the motion. Those named that are no contacts now are
-    left out, and the others share in proportion.
+    The sum is left to the motion. Frames that are not in contact now are left out, and the others
+    share in proportion.
 
     Parameters
     ----------
@@ -116,9 +116,9 @@ class LoadShareTask(ForceTask):
 
 
 class ForceRateTask(ForceTask):
-    """Keep the wrenches of contacts as the last tick decided them: forces without jumps.
+    """Penalise changes of contact wrenches from the last tick.
 
-    It is nothing in a controller's first tick. A contact that is new had none.
+    Without effect in a controller's first tick. A new contact's last wrench is zero.
 
     Parameters
     ----------

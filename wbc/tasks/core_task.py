@@ -1,7 +1,7 @@
-"""Tasks whose formulas stand in the core, once: for ticks, and for who asks a task itself.
+"""Tasks whose formulas are in the core, used in ticks and by :meth:`Task.residual`.
 
-Such a task says what its rows are about (:meth:`CoreTask.native`); errors, Jacobians and drifts are
-worked out by ``native/source/rows.c``.
+Such a task describes its rows (:meth:`CoreTask.native`); ``native/source/rows.c`` computes errors,
+Jacobians and drifts.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _LAW = np.zeros(lib.WEIGHTS)  # the numbers of a law, which rows do not depend o
 class CoreTask(Task):
     """A task of a kind that the core knows, see :class:`wbc.native.rows.Kind`.
 
-    A kind derived from one may define :meth:`residual` and :meth:`drift` anew; it is asked in each
-    tick then.
+    A subclass may override :meth:`residual` and :meth:`drift`; Python then evaluates it in each
+    tick.
     """
 
     def _set_attribute(self, name: str, value: Any) -> None:
@@ -40,18 +40,18 @@ class CoreTask(Task):
 
     @abstractmethod
     def native(self) -> tuple[NativeRows, ...]:
-        """Return what its rows are about, and the numbers that they need."""
+        """Return a description of its rows, and their numbers."""
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the error and its first derivative, as in a tick."""
-        found = self._found(snapshot)
+        found = self._evaluate(snapshot)
         return Residual(found.error, found.jacobian, found.bias, curvature_bound=found.bound)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the error's second derivative at v' = 0, the target's motion in it."""
-        return self._found(snapshot, drifts=True).drift
+        return self._evaluate(snapshot, drifts=True).drift
 
-    def _found(self, snapshot: Snapshot, drifts: bool = False) -> _Found:
+    def _evaluate(self, snapshot: Snapshot, drifts: bool = False) -> _Evaluation:
         check_sizes(self, self.robot, snapshot)
         robot, described = snapshot.robot, self.native()
         plans = robot.native.plans
@@ -62,8 +62,8 @@ class CoreTask(Task):
         return plan.evaluate(snapshot, described, self.weight, drifts)
 
 
-class _Found(NamedTuple):
-    """What the core says of the rows of a task."""
+class _Evaluation(NamedTuple):
+    """The rows of a task, evaluated by the core."""
 
     jacobian: Array  # (k, nv)
     error: Array  # (k,)
@@ -73,7 +73,7 @@ class _Found(NamedTuple):
 
 
 class _Plan:
-    """Memory of one thread for tasks of one structure."""
+    """One thread's memory for evaluating tasks of one structure."""
 
     def __init__(self, robot: Robot, described: Sequence[NativeRows]) -> None:
         frames, moving = frames_of(BASE, described)
@@ -99,11 +99,11 @@ class _Plan:
         fields = {name: pointer(array) for name, array in arrays.items()}
         at = {"tree": tree.struct, "block": block, "frames": moving}
         self._struct = ffi.new("wbc_plan *", {**at, **counts, **fields})
-        self._kept = tree, block, arrays  # which the struct points at
+        self._alive = tree, block, arrays  # which the struct points at
 
     def evaluate(
         self, snapshot: Snapshot, described: Sequence[NativeRows], weight: Array, drifts: bool
-    ) -> _Found:
+    ) -> _Evaluation:
         """Return all that rows of these numbers are at a snapshot; drifts if they are asked for."""
         numbers, first = list[Array](), 0
         for rows in described:
@@ -118,4 +118,4 @@ class _Plan:
         lib.wbc_rows(self._struct, doubles(state), motion, *there)
         error, bias, drift = out[k * nv : -1].reshape(3, k)
         bound = out.item(-1) if all(rows.curved for rows in described) else 0.0
-        return _Found(out[: k * nv].reshape(k, nv), error, bias, drift, bound)
+        return _Evaluation(out[: k * nv].reshape(k, nv), error, bias, drift, bound)

@@ -13,7 +13,7 @@ from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
-from wbc.tasks.keywords import OF_ERRORS, RateKeywords
+from wbc.tasks.keywords import ERROR_ONLY, RateKeywords
 from wbc.tasks.task import Task
 from wbc.tasks.weights import joint_factors
 from wbc.validate import Array, finite_number, read_only
@@ -23,11 +23,11 @@ if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
 
 
 class DampingTask(Task):
-    """Bring the velocity to zero; no configuration is preferred to another.
+    """Bring the velocity to zero, at any configuration.
 
-    The error is zero and all of the task is in its rate, which is the velocity: the velocity level
-    asks for zero at once. At the torque level velocities decay as exp(-kd t), kd 20/s by default.
-    Gains that would act on an error (``gain``, ``kp``) are refused.
+    The error is zero and its rate is the velocity: the velocity level demands zero at once. At the
+    torque level velocities decay as exp(-kd t), kd 20/s by default. Gains that would act on an
+    error (``gain``, ``kp``) are refused.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class DampingTask(Task):
         Whether the base's velocity counts too: linear [m/s] and angular [rad/s], base axes.
     """
 
-    _unused = OF_ERRORS
+    _unused = ERROR_ONLY
 
     def __init__(
         self,
@@ -85,5 +85,5 @@ class DampingTask(Task):
         return residual.rate(snapshot.v)
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
-        """Return zeros: at rest any posture will do."""
+        """Return zeros: no posture is preferred."""
         return posture.joints[0] * self._still

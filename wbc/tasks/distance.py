@@ -17,13 +17,13 @@ from wbc.validate import Array, finite_number, read_only
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
-# Nearer than this [m] the direction from one to the other is not defined: z is taken.
-TOGETHER = 1e-9
+# Nearer than this [m] the direction from one to the other is undefined: z is used.
+LEAST_DISTANCE = 1e-9
 _UP = read_only(np.array((0.0, 0.0, 1.0)))
 
 
 class DistanceTask(Task):
-    """Bring the origins of ``frame`` and ``other`` to a distance from each other, whatever the way.
+    """Bring the origins of ``frame`` and ``other`` to a distance, in any direction.
 
     Parameters
     ----------
@@ -89,17 +89,17 @@ class DistanceTask(Task):
         acceleration = snapshot.drift(self.frame)[:3] - snapshot.drift(self.other)[:3]
         along = float(direction @ velocity)
         across = float(velocity @ velocity) - along * along
-        own = direction @ acceleration + across / max(distance, TOGETHER)
+        own = direction @ acceleration + across / max(distance, LEAST_DISTANCE)
         return own - self.target_acceleration
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return distance minus target [m]."""
         arm = posture.position(self.frame) - posture.position(self.other)
         # Smooth where the two meet; elsewhere off by less than 1e-12 m.
-        return (arm.T @ arm + TOGETHER**2) ** 0.5 - float(self._goal)
+        return (arm.T @ arm + LEAST_DISTANCE**2) ** 0.5 - float(self._goal)
 
     def _direction(self, snapshot: Snapshot) -> tuple[Array, float]:
         """Return the unit vector (3,) from ``other`` to ``frame`` and the distance [m]."""
         arm = snapshot.position(self.frame) - snapshot.position(self.other)
         distance = math.sqrt(float(arm @ arm))
-        return (arm / distance if distance > TOGETHER else _UP), distance
+        return (arm / distance if distance > LEAST_DISTANCE else _UP), distance

@@ -1,8 +1,7 @@
-"""Tasks about contact forces and torques, which only the torque level has.
+"""Tasks on contact forces and torques, for the torque level only.
 
-They are given in the same list as all others, with weight and priority. Where other tasks have an
-error that changes with the velocity, these have one that is affine in what a tick decides: the
-velocity at its end and the contact forces, x = (v+, f).
+They are in the same list as all others, with weight and priority. Their error is affine in the
+unknowns of a tick: the velocity at its end and the contact forces, x = (v+, f).
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ class Affine(NamedTuple):
 
 
 class Dynamics(Protocol):
-    """What forces and torques are in terms of the unknowns x (n,), at one snapshot."""
+    """Forces and torques in terms of the unknowns x (n,), at one snapshot."""
 
     @property
     def snapshot(self) -> Snapshot:
@@ -51,11 +50,11 @@ class Dynamics(Protocol):
     def wrench(self, frame: str) -> Array:
         """Return (6, n): wrench [N, N m] on the robot at the frame's origin, world axes, by x.
 
-        Zero for a frame that is no contact now.
+        Zero for a frame that is not in contact now.
         """
 
     def torque(self, joints: Sequence[int]) -> Affine:
-        """Return torques [N m] of some joints, by their places among all joints."""
+        """Return torques [N m] of some joints, by index."""
 
     def last_wrench(self, frame: str) -> Array | None:
         """Return the wrench (6,) that the last tick decided; None if there is no last tick."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.laws import at_rest
+from wbc.laws import zero_rate
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.rotations import check_rotation
@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
 TURNS = ("rx", "ry", "rz")
-_STILL = at_rest((3,))
+_STILL = zero_rate((3,))
 
 
 class OrientationTask(CoreTask):

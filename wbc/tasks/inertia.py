@@ -2,7 +2,7 @@
 
 :class:`InertiaTask` drives entries of the inertia matrix (or its trace) about the CoM, a frame's
 origin or a point, in chosen axes;
-:mod:`wbc.tasks.principal_inertia` drives the principal moments, whichever way the ellipsoid points.
+:mod:`wbc.tasks.principal_inertia` drives the principal moments, whatever the axes.
 Errors are in kg m^2, or, with ``per_mass``, in m^2 (divided by the robot's mass), which makes one
 weight mean the same on a small and on a large robot.
 """
@@ -34,7 +34,7 @@ if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
 
 ALL = COMPONENTS
 DIAGONAL_COMPONENTS = ("xx", "yy", "zz")
-DOUBLED = ("xy", "xz", "yz")  # entries that stand twice in the matrix
+OFF_DIAGONAL = ("xy", "xz", "yz")  # entries that stand twice in the matrix
 TRACE = ("trace",)
 
 # Rows of the task as rows of vech of the inertia. Off-diagonal entries stand twice in the matrix:
@@ -67,10 +67,10 @@ class InertiaTask(Task):
         Divide error and Jacobian by the robot's mass; weights are then in 1/(m^2/s).
     second_order:
         Add the curvature of the inertia to the cost. With a target out of reach the error stays
-        large and Gauss-Newton leaves curvature out; damping by the sums of its rows keeps that from
-        chattering. This converges like Newton's method instead, at the price of an eigenvalue
-        decomposition per tick. The turning of a named frame is left out, and of the base about a
-        point of the world.
+        large and Gauss-Newton leaves curvature out; damping by the sums of its rows prevents
+        chattering. With this the task converges like Newton's method, at the cost of an eigenvalue
+        decomposition per tick. The rotation of a named frame is left out, and that of the base
+        about a point of the world.
 
     Notes
     -----
@@ -112,7 +112,7 @@ class InertiaTask(Task):
         self._entries, self._factors = tuple(range(len(components))), self._selection.ravel()
         self.set_target(target)
         for row, wanted in zip(components, self._wanted.tolist(), strict=True):
-            if wanted < 0.0 and row not in DOUBLED:
+            if wanted < 0.0 and row not in OFF_DIAGONAL:
                 raise InvalidInputError(f"{self}, target: {row} is negative, which no inertia is")
 
     def _set_attribute(self, name: str, value: Any) -> None:
@@ -156,7 +156,7 @@ class InertiaTask(Task):
         error -= self._wanted
         jacobian = self._selection.dot(snapshot.inertia_jacobian_in(self.frame, self.about))
         if self.second_order:
-            curvature = self._curvature(snapshot, self._pull(error))
+            curvature = self._curvature(snapshot, self._cost_gradient(error))
             return Residual(error, jacobian, self._bias, curvature)
         bound = partial(self._curvature_bound, snapshot, error)
         return Residual(error, jacobian, self._bias, curvature_bound=bound)
@@ -173,7 +173,7 @@ class InertiaTask(Task):
     @property
     def reported_rows(self) -> tuple[str, ...]:
         """Entries of the matrix, those that stand twice in it times sqrt(2)."""
-        return tuple(f"sqrt(2) {row}" if row in DOUBLED else row for row in self.rows)
+        return tuple(f"sqrt(2) {row}" if row in OFF_DIAGONAL else row for row in self.rows)
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -194,13 +194,13 @@ class InertiaTask(Task):
         target = vech_inverse(self.target)
         return posture.inertia_error(self._selection, target, frame, self.about)
 
-    def _pull(self, error: Array) -> Array:
+    def _cost_gradient(self, error: Array) -> Array:
         """Return the cost's slope (6,) by the entries of the inertia."""
         return self._gradient(error).dot(self._selection)
 
-    def _curvature(self, snapshot: Snapshot, pull: Array) -> Array:
+    def _curvature(self, snapshot: Snapshot, gradient: Array) -> Array:
         """Return the second derivative of <G, I>, G the cost's derivative by the inertia, fixed."""
-        G = vech_inverse(pull * _HALF_OFF_DIAGONAL)
+        G = vech_inverse(gradient * _HALF_OFF_DIAGONAL)
         if self.frame == WORLD:
             return snapshot.inertia_hessian(G, self.about)
         S = snapshot.rotation(self.frame).T @ snapshot.rotation(BASE)
@@ -208,13 +208,13 @@ class InertiaTask(Task):
 
     def _curvature_bound(self, snapshot: Snapshot, error: Array) -> Array:
         """Return numbers (nv,) that make a diagonal matrix above the curvature."""
-        pull = self._pull(error)
-        bound: Array = np.add.reduce(np.abs(self._curvature(snapshot, pull)), axis=0)
+        gradient = self._cost_gradient(error)
+        bound: Array = np.add.reduce(np.abs(self._curvature(snapshot, gradient)), axis=0)
         fixed = self.about == WORLD or not isinstance(self.about, str)
         if self.frame != WORLD and (
             self.frame != BASE or fixed
         ):  # how the frame turns is not in it
-            bound += curvature_bound(pull, snapshot.inertia_in(WORLD, self.about))
+            bound += curvature_bound(gradient, snapshot.inertia_in(WORLD, self.about))
         return bound
 
     def _point(self, about: str | ArrayLike) -> str | tuple[float, ...]:
@@ -226,12 +226,12 @@ class InertiaTask(Task):
         return about
 
 
-def curvature_bound(pull: Array, inertia: Array) -> float:
-    """Return an estimate of the norm of the Hessian of ``pull @ vech(I)`` by the joints.
+def curvature_bound(gradient: Array, inertia: Array) -> float:
+    """Return an estimate of the norm of the Hessian of ``gradient @ vech(I)`` by the joints.
 
     Second derivatives of the inertia are second moments of subtrees, at most tr(I) or so.
     """
-    return math.sqrt(pull.dot(pull)) * float(inertia[0, 0] + inertia[1, 1] + inertia[2, 2])
+    return math.sqrt(gradient.dot(gradient)) * float(inertia[0, 0] + inertia[1, 1] + inertia[2, 2])
 
 
 def _selection(components: Sequence[str]) -> Array:

@@ -1,4 +1,4 @@
-"""Keywords that tasks hand on to their laws, in words for type checkers, help and messages.
+"""Keywords that tasks pass on to their laws, typed for type checkers, help and messages.
 
 A task takes them as ``**law: Unpack[Gains]``: their names, types and defaults are written here and
 in :mod:`wbc.laws`, once for all tasks. Type checkers and editors show each of them; what
@@ -20,7 +20,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class ErrorKeywords(TypedDict, total=False):
-    """What laws say of an error; of no use to tasks that are about a rate."""
+    """Gains on an error; not for tasks that control a rate."""
 
     gain: float
     gain_per_second: float | None
@@ -31,7 +31,7 @@ class ErrorKeywords(TypedDict, total=False):
 
 
 class RateKeywords(TypedDict, total=False):
-    """What laws say of a rate too."""
+    """Gains on a rate."""
 
     kd: float | None
     singular_threshold: float
@@ -49,7 +49,7 @@ class Importance(TypedDict, total=False):
 
 
 class RateGains(Importance, RateKeywords, total=False):
-    """Keywords of a task that is about a rate."""
+    """Keywords of a task that controls a rate."""
 
 
 class Gains(Importance, LawKeywords, total=False):
@@ -58,10 +58,10 @@ class Gains(Importance, LawKeywords, total=False):
 
 FIRST_ORDER = frozenset(field.name for field in fields(VelocityLaw))
 SECOND_ORDER = frozenset(field.name for field in fields(AccelerationLaw))
-OF_ERRORS = frozenset(ErrorKeywords.__annotations__)
+ERROR_ONLY = frozenset(ErrorKeywords.__annotations__)
 
 WEIGHT, PRIORITY = 1.0, 0
-# Of every keyword that is left out.
+# Defaults of all keywords.
 DEFAULTS = {"weight": WEIGHT, "priority": PRIORITY} | {
     field.name: field.default for law in (VelocityLaw, AccelerationLaw) for field in fields(law)
 }

@@ -14,7 +14,7 @@ from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.core_task import CoreTask
-from wbc.tasks.keywords import OF_ERRORS, RateGains
+from wbc.tasks.keywords import ERROR_ONLY, RateGains
 from wbc.validate import Array, names_of, read_only
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class MomentumTask(CoreTask):
         Which of ``lx ly lz kx ky kz``.
     """
 
-    _unused = OF_ERRORS
+    _unused = ERROR_ONLY
 
     def __init__(
         self,

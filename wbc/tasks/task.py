@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 
 from wbc.attributes import ArrayAttribute, DeclaredAttributes
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError, shown
-from wbc.laws import AccelerationLaw, Columns, Residual, VelocityLaw, at_rest
+from wbc.laws import AccelerationLaw, Columns, Residual, VelocityLaw, zero_rate
 from wbc.native.rows import NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
@@ -342,7 +342,7 @@ class Task(DeclaredAttributes, ABC):
         acceleration: ArrayLike | None = None,
     ) -> bool:
         """Check and set how the target moves; None is rest. Return False if it rests as before."""
-        rest, own = at_rest(shape), self.__dict__
+        rest, own = zero_rate(shape), self.__dict__
         speed = rest if rate is None else self._target(rate, shape, "target rate")
         push = rest
         if acceleration is not None:
@@ -354,7 +354,7 @@ class Task(DeclaredAttributes, ABC):
 
     def _negative(self, motion: Array, rows: Columns) -> Array:
         """Return minus those entries of a target's rate or acceleration; zeros known as rest."""
-        return self._zeros() if motion is at_rest(motion.shape) else read_only(-motion[rows])
+        return self._zeros() if motion is zero_rate(motion.shape) else read_only(-motion[rows])
 
     def _gradient(self, error: Array) -> Array:
         """Return weight^2 * error (k,): the gradient of the task's cost by its error."""
@@ -363,4 +363,4 @@ class Task(DeclaredAttributes, ABC):
         return gradient
 
     def _zeros(self) -> Array:
-        return at_rest((len(self.rows),))
+        return zero_rate((len(self.rows),))

@@ -13,7 +13,7 @@ from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.figure import Figure
 
 from wbc.errors import InvalidInputError
-from wbc.files import ending_of, why
+from wbc.files import ending_of, system_message
 from wbc.kinds import whole_number
 from wbc.robot import Robot
 from wbc.robot.geometry import Mesh, RobotMeshes
@@ -180,7 +180,7 @@ def write_film(
                         progress(done, len(rows))
             part.replace(path)
     except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be written: {why(error)}") from error
+        raise InvalidInputError(f"{path}: cannot be written: {system_message(error)}") from error
     except subprocess.CalledProcessError as error:  # of ffmpeg, on a full disk too
         raise InvalidInputError(f"{path}: cannot be written: {error}") from error
     return path

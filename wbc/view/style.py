@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from wbc.errors import InvalidInputError
-from wbc.files import ending_of, why, write_whole
+from wbc.files import ending_of, system_message, write_whole
 from wbc.validate import Array
 from wbc.view import palette
 
@@ -127,5 +127,5 @@ def save(figure: Figure, path: str | Path) -> Path:
         options: dict[str, Any] = {"format": suffix[1:], "metadata": dict(FORMATS[suffix])}
         write_whole(path, lambda file: figure.savefig(file, dpi=DPI, **options))
     except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be written: {why(error)}") from error
+        raise InvalidInputError(f"{path}: cannot be written: {system_message(error)}") from error
     return path

@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
 from wbc.errors import InvalidInputError, WbcError
-from wbc.files import why
+from wbc.files import system_message
 
 HOST, PORT = "127.0.0.1", 8080
 TRIED = 50  # ports from the default on, if none was asked for
@@ -81,7 +81,7 @@ def _taken(host: str, port: int) -> str:
             tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             tried.bind((host, port))
     except OSError as error:
-        return f"{why(error)}; choose another host or port"
+        return f"{system_message(error)}; choose another host or port"
     return ""
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import wbc
 from tests.view.live.conftest import Stage, frame_at
-from wbc.problem.simulation_spec import turned_with
+from wbc.problem.simulation_spec import rotated_to_plane
 from wbc.rotations import rotation_from
 from wbc.simulation import Step, Terrain
 from wbc.validate import Array
@@ -29,7 +29,7 @@ def hill(robot: wbc.Robot) -> Iterator[Stage]:
 @pytest.fixture(scope="module")
 def start(robot: wbc.Robot) -> Array:
     """Standing on the slope."""
-    return turned_with(robot.posture("standing"), TERRAIN.normal)
+    return rotated_to_plane(robot.posture("standing"), TERRAIN.normal)
 
 
 def test_the_grid_is_tilted_and_boards_are_where_they_are(hill: Stage) -> None:
