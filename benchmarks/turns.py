@@ -30,8 +30,8 @@ PERIOD, SETTLES = 3.0, 0.2  # s, of a round, and after it
 CYCLES = {"x": 6, "y": 4, "z": 4}
 WORDS = {"x": "to its right side", "y": "forwards", "z": "to its left"}
 TEXT = """\
-# An astronaut turns by 90 degrees {words}, and has nothing to push against: its joints go round a
-# closed path, and what is left of each round is a rotation. Its momentum is zero all the time.
+# An astronaut turns by 90 degrees {words} with nothing to push against: its joints follow a closed
+# path, and each cycle leaves a net rotation. Its momentum is zero all the time.
 # Planned by wbc.flight.planner.plan_turn; benchmarks/turns.py --write plans it anew.
 robot: {robot}
 support: floating
@@ -44,7 +44,7 @@ tasks:
     target:
       cycles: {cycles}
       period: {period:g}
-      loop:  # by joint: of cos(p) - 1, cos(2 p) - 1, sin(p), sin(2 p)
+      loop:  # coefficients by joint, of cos(p) - 1, cos(2 p) - 1, sin(p), sin(2 p)
 {loop}
 constraints:
   self collision: {{type: self_collision, margin: 0.002}}

@@ -16,7 +16,7 @@ PROBLEMS = Path(__file__).parents[1] / "problems"
 
 with tempfile.TemporaryDirectory() as folder:
     result = wbc.load_problem(PROBLEMS / "fig7_downward_hoap2.yaml").run()
-    assert isinstance(result, Result)  # of a robot, not of a pendulum
+    assert isinstance(result, Result)  # a robot's, not a pendulum's
     recording = Path(folder) / "squat.npz"
     result.save(recording)
     motion = wbc.read_motion(recording, result.robot)

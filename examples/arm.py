@@ -1,4 +1,4 @@
-"""A fixed arm: the tool follows a circle, and the arm that has one joint too many keeps its elbow.
+"""A fixed arm: the tool follows a circle, and the redundant joint keeps the elbow in place.
 
 Any URDF or MJCF file loads; ``base="fixed"`` bolts the root link down. The panda's file comes with
 the extra ``wbc[robots]``.
@@ -27,7 +27,7 @@ controller = wbc.KinematicController(
         wbc.OrientationTask(robot, "panda_hand", start.rotation("panda_hand"), name="wrist"),
         wbc.PostureTask(robot, q, weight=0.01),
     ],
-    contacts=wbc.support(start, "floating"),  # of a fixed base: the base itself
+    contacts=wbc.support(start, "floating"),  # for a fixed base: the base itself
     limits=wbc.Limits(robot),
     dt=dt,
 )
@@ -35,7 +35,7 @@ controller = wbc.KinematicController(
 radius, period, worst = 0.1, 4.0, 0.0  # m, s
 for k in range(800):
     phase = 2.0 * math.pi * k * dt / period
-    turn = phase - math.sin(phase)  # from rest to rest, as acceleration limits ask
+    turn = phase - math.sin(phase)  # from rest to rest, for the acceleration limits
     speed = 2.0 * math.pi / period * (1.0 - math.cos(phase))
     out = radius * np.array([0.0, math.sin(turn), 1.0 - math.cos(turn)])
     rate = radius * speed * np.array([0.0, math.cos(turn), math.sin(turn)])

@@ -1,7 +1,7 @@
-"""A closed loop in a URDF, which has none: a four-bar that one motor swings and holds up.
+"""A closed loop, which URDF cannot describe: a four-bar that one motor swings and holds up.
 
-The tree is open: crank and coupler hang on the base, the rocker beside them. Two frames say where
-its pin is; `loops=` makes them one, `unactuated=` names the joints without a motor.
+The tree is open: crank and coupler in series on the base, the rocker next to them. Two frames mark
+the pin; `loops=` makes them coincide, `unactuated=` names the joints without a motor.
 """
 
 import tempfile

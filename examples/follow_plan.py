@@ -1,6 +1,6 @@
-"""A motion planned for the reaction mass pendulum, done by a humanoid in physics.
+"""A motion planned for the reaction mass pendulum, followed by a simulated humanoid.
 
-A crouch with a bow, planned for the robot's own pendulum; CoM, CoP and angular momentum follow it.
+A crouch with a bow, planned for the robot's own pendulum, gives targets of CoM, CoP and momentum.
 Needs the extra `sim`.
 """
 
@@ -46,7 +46,7 @@ controller = wbc.TorqueController(
 )
 plant = Plant(robot, dt=dt)
 plant.reset(q)
-off = {"CoM": 0.0, "momentum": 0.0}
+error = {"CoM": 0.0, "momentum": 0.0}
 peak = float(np.abs(plan.knots.momentum).max())
 while plant.time < reference.ends - dt / 2:
     target = reference.at(plant.time)
@@ -54,11 +54,11 @@ while plant.time < reference.ends - dt / 2:
     spin.set_target(target.momentum, target.momentum_rate)
     cop.set_target(target.cop)
     plant.step(controller.step(plant.snapshot()).torque)
-    here, wanted = plant.snapshot(), reference.at(plant.time)
-    off["CoM"] = max(off["CoM"], float(np.linalg.norm(here.com - wanted.com)))
-    apart = float(np.linalg.norm((here.momentum - wanted.momentum)[3:]))
-    off["momentum"] = max(off["momentum"], apart)
+    actual, target = plant.snapshot(), reference.at(plant.time)
+    error["CoM"] = max(error["CoM"], float(np.linalg.norm(actual.com - target.com)))
+    difference = float(np.linalg.norm((actual.momentum - target.momentum)[3:]))
+    error["momentum"] = max(error["momentum"], difference)
 
 print(f"planned in {plan.stats.iterations} iterations, {plan.duration:.1f} s long")
-print(f"CoM at most {1e3 * off['CoM']:.2f} mm from the plan, which goes down by 20 mm")
-print(f"angular momentum at most {100 * off['momentum'] / peak:.1f} % of its peak off")
+print(f"CoM at most {1e3 * error['CoM']:.2f} mm from the plan, which goes down by 20 mm")
+print(f"angular momentum at most {100 * error['momentum'] / peak:.1f} % of its peak off")

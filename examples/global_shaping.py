@@ -1,7 +1,7 @@
 """The globally best posture: a humanoid makes itself tall, where the QP alone gets stuck.
 
-A QP walks downhill, and inertia has many valleys. Global shaping searches all postures from many
-starts, then runs the same QP towards the best posture that it can really reach.
+A QP descends to a local optimum, and inertia has many. Global shaping searches postures from many
+starts, then runs the same QP towards the best posture that the QP can reach.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ balance = wbc.ComSupport.over(start, margin=0.01)
 
 
 def error(configuration: np.ndarray) -> float:
-    """Return by how much the inertia misses the target, Frobenius norm [kg m^2]."""
+    """Return the error of the inertia, Frobenius norm [kg m^2]."""
     return float(np.linalg.norm(shape.residual(robot.snapshot(configuration)).error))
 
 

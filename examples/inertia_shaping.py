@@ -1,7 +1,7 @@
-"""Inertia shaping: a small humanoid on both feet spreads its mass, its CoM staying in place.
+"""Inertia shaping: a small humanoid on both feet spreads its mass while its CoM stays in place.
 
-The CRB inertia about the CoM is a task like any other. Half as much again about the vertical is
-asked for; the arms and the legs pay for it.
+The CRB inertia about the CoM is a task like any other. Its target about the vertical is 1.5 times
+the start's; arms and legs spread to reach it.
 """
 
 import wbc

@@ -1,4 +1,4 @@
-"""A ball flies at a humanoid that reaches forward: hand and body keep clear of it.
+"""A ball flies at a humanoid that reaches forward: hand and body avoid it.
 
 Obstacles are capsules, spheres, boxes or half-spaces with a velocity; a margin is approached with
 braking distance, and no obstacle can make the QP infeasible.
@@ -12,7 +12,7 @@ robot = wbc.Robot.load("hoap2_like")
 q, v, dt = robot.posture("standing"), None, 0.005
 start = robot.snapshot(q)
 limits = wbc.Limits(robot)
-ball = wbc.Obstacle.sphere("ball", (0.0, 0.0, 0.0), 0.04)  # in a frame of its own, which moves
+ball = wbc.Obstacle.sphere("ball", (0.0, 0.0, 0.0), 0.04)  # in its own moving frame
 ball.move(np.eye(3), (0.5, 0.12, 0.26), velocity=(-0.15, 0.0, 0.0))
 around = wbc.Obstacles(robot, [ball], margin=0.02, limits=limits)
 body = wbc.SelfCollision(robot, margin=0.005, limits=limits)
@@ -29,15 +29,15 @@ controller = wbc.KinematicController(
     dt=dt,
 )
 
-nearest, held_back = np.inf, 0
-for _ in range(480):  # 2.4 s; the ball comes 36 cm nearer
+nearest, constrained = np.inf, 0
+for _ in range(480):  # 2.4 s, in which the ball comes 36 cm nearer
     tick = controller.step(robot.snapshot(q, v))
     v = tick.velocity
     q = robot.integrate(q, v, dt)
     ball.advance(dt)
     gap = around.model.nearest(robot.snapshot(q), 1).distance[0]
-    nearest, held_back = min(nearest, gap), held_back + bool(tick.active)
+    nearest, constrained = min(nearest, gap), constrained + bool(tick.active)
 print(
     f"the ball came as near as {1e3 * nearest:.1f} mm (margin 20 mm); hand off by "
-    f"{1e3 * np.linalg.norm(tick.errors['hand']):.0f} mm; {held_back} of 480 ticks held back"
+    f"{1e3 * np.linalg.norm(tick.errors['hand']):.0f} mm; {constrained} of 480 ticks constrained"
 )

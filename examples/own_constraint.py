@@ -1,7 +1,7 @@
-"""A constraint of your own: two hands never further apart than a rope is long.
+"""A constraint of your own: the distance of two hands never exceeds a rope's length.
 
 A margin is a distance that must not close, with its Jacobian. Braking distance, recovery and the
-look-ahead at the next configuration come with :class:`wbc.Margin`.
+look-ahead at the next configuration come from :class:`wbc.Margin`.
 """
 
 import numpy as np
@@ -25,19 +25,20 @@ class Rope(wbc.Margin):
         self.frame, self.other, self.length = frame, other, length
 
     def distances(self, snapshot: wbc.Snapshot, keys: np.ndarray | None = None) -> wbc.Distances:
-        """Return the length of rope that is left, and how it changes with the velocity."""
-        arm = snapshot.position(self.frame) - snapshot.position(self.other)
-        apart = np.linalg.norm(arm)
+        """Return the length of rope left [m] and its Jacobian."""
+        offset = snapshot.position(self.frame) - snapshot.position(self.other)
+        distance = np.linalg.norm(offset)
         relative = snapshot.jacobian(self.frame)[:3] - snapshot.jacobian(self.other)[:3]
-        left = np.array([self.length - apart])
-        return wbc.Distances(np.array([0]), left, -(arm / apart @ relative)[None], None)
+        clearance = np.array([self.length - distance])
+        gradient = -(offset / distance @ relative)
+        return wbc.Distances(np.array([0]), clearance, gradient[None], None)
 
     def labels(self, distances: wbc.Distances) -> tuple[str, ...]:
-        """Return the name under which ticks report it."""
+        """Return its name in ticks and reports."""
         return ("rope taut",)
 
     def curvature_bound(self, distances: wbc.Distances, step: np.ndarray) -> np.ndarray:
-        """Bound what the linear row leaves out [m]: both hands on levers of a metre."""
+        """Bound the second-order error of the row [m]: both hands on levers of a metre."""
         return np.array([2.0 * np.abs(step).sum() ** 2])
 
 
@@ -67,6 +68,6 @@ for _ in range(400):
     v = tick.velocity
     q = robot.integrate(q, v, dt)
     s = robot.snapshot(q)
-    apart = np.linalg.norm(s.position(palms[0]) - s.position(palms[1]))
-    longest = max(longest, float(apart))
+    distance = np.linalg.norm(s.position(palms[0]) - s.position(palms[1]))
+    longest = max(longest, float(distance))
 print(f"hands at most {1e3 * longest:.1f} mm apart, rope {1e3 * rope.length:.0f} mm: {tick.active}")

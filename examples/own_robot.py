@@ -1,6 +1,6 @@
 """A robot of your own from a URDF: a quadruped of twelve joints, its trunk moved over its feet.
 
-The file is written here so that the example needs no other; yours comes from CAD.
+The example writes its own URDF; yours comes from CAD.
 """
 
 import tempfile

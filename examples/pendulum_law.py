@@ -1,7 +1,7 @@
 """How hard a push the reaction mass pendulum absorbs without a step, and the law that does it.
 
-A G1-like pendulum on a flat foot: the CoP goes to the edge first, then the masses turn, as far as
-their motors and ranges let them.
+A G1-like pendulum on a flat foot: the CoP goes to the edge first, then the masses rotate within the
+bounds of their motors and ranges.
 """
 
 import numpy as np

@@ -1,8 +1,8 @@
-"""One hand reaches forward, the other aside, and one trunk serves both: weights share.
+"""One hand reaches forward, the other sideways, with one trunk: weights against priorities.
 
-Each target alone can be met; together they cannot, with the CoM held. On one level both hands miss
-by a little, as their weights say. With priorities the first one arrives, whatever that costs the
-other.
+Each target alone can be met; with the CoM held, both together cannot. On one level both hands miss
+by a little, according to their weights. With priorities the first one arrives, at the expense of
+the other.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ goals = {palms[0]: (0.2, 0.1, 0.2), palms[1]: (0.05, -0.25, 0.2)}  # m
 
 
 def misses(priorities: tuple[int, int]) -> list[float]:
-    """Return by how much each hand misses its target in the end [mm]."""
+    """Return each hand's final distance from its target [mm]."""
     q, v = start.q, None
     tasks: list[wbc.Task] = [
         wbc.PositionTask(robot, palm, goals[palm], name=palm, priority=level, gain=0.1)

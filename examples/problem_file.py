@@ -1,6 +1,6 @@
-"""A problem file from Python: load it, change what you like, run it, keep the result.
+"""A problem file from Python: load it, change values, run it, save the result.
 
-What `wbc run` does with a file, as four calls; the file's mistakes are errors with line and key.
+The same as `wbc run` in four calls; mistakes in the file are errors with line and key.
 """
 
 import tempfile
@@ -14,7 +14,7 @@ FILE = PROBLEMS / "fig7_forward_hoap2.yaml"
 
 for gain in (0.05, 0.2):
     result = wbc.load_problem(FILE, {"tasks.com.gain": gain, "stop.duration": 8.0}).run()
-    assert isinstance(result, Result)  # of a robot, not of a pendulum
+    assert isinstance(result, Result)  # a robot's, not a pendulum's
     com, slip = result.tasks["com"], result.slip
     assert slip is not None  # it stands
     print(
@@ -23,8 +23,8 @@ for gain in (0.05, 0.2):
     )
 
 with tempfile.TemporaryDirectory() as folder:
-    result.save(Path(folder) / "result.json")  # what it came to
-    result.save(Path(folder) / "result.npz")  # and every tick: q, v, CoM, inertia, errors, margins
+    result.save(Path(folder) / "result.json")  # the summary
+    result.save(Path(folder) / "result.npz")  # every tick: q, v, CoM, inertia, errors, margins
     sizes = {path.name: path.stat().st_size for path in sorted(Path(folder).iterdir())}
 print(", ".join(f"{name}: {size / 1e3:.0f} kB" for name, size in sizes.items()))
 

@@ -1,6 +1,6 @@
 """Torque control in simulation: a G1 stands, is pushed at the pelvis, and comes back.
 
-Needs the extras `robots` and `sim`. The plant is made from the same robot; pushes are compared with
+Needs the extras `robots` and `sim`. The plant is made from the same robot; pushes are in units of
 M omega d, the most that the CoP alone absorbs in a linear inverted pendulum.
 """
 
@@ -46,4 +46,4 @@ off = np.linalg.norm(plant.com - start.com)
 slip = max(contact.slip(plant.snapshot()) for contact in contacts)
 print(f"push of {impulse:.1f} N s forward, {impulse / bound:.2f} times M omega d")
 print(f"CoM went {1e3 * farthest:.0f} mm, is back to {1e3 * off:.1f} mm; feet {1e3 * slip:.1f} mm")
-print(f"{relaxed} of 1500 ticks let something give way")
+print(f"{relaxed} of 1500 ticks relaxed")

@@ -1,4 +1,4 @@
-"""From markers to a human's pendulum; a file is read by wbc.human.read_markers."""
+"""From markers to a human's pendulum; wbc.human.read_markers reads a file."""
 
 import numpy as np
 

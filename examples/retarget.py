@@ -1,4 +1,4 @@
-"""A human crouches, and a humanoid with it; a file's human: human_motion(read_markers(path))."""
+"""A humanoid crouches as a human does; for a recording: human_motion(read_markers(path))."""
 
 import numpy as np
 

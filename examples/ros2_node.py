@@ -1,6 +1,6 @@
 """A ROS 2 node that listens to a robot's bus and publishes its joints and IMU.
 
-It commands nothing, so that it may run beside the loop of another process or the vendor's own.
+It sends no commands, so it can run next to another process's loop or the vendor's own.
 ROS 2 (rclpy) is imported only when the node runs; without it this file says so.
 
     ros2 run ... or: python examples/ros2_node.py unitree_g1 eth0

@@ -1,6 +1,6 @@
 """A squat in a loop of your own: a moving CoM target, both feet held.
 
-The target comes with its rate, so that the CoM follows without lag.
+The target has a rate, so that the CoM follows without lag.
 """
 
 import math

@@ -1,7 +1,7 @@
-"""A robot walks at a velocity that changes on the way, turns, stops, and is pushed.
+"""A robot walks at changing velocities, turns, stops, and is pushed.
 
 Needs the extra `sim`. Footsteps follow from the velocity and adapt to the measured capture point; a
-command beyond what the legs can do is brought to what they do, and says so.
+command beyond the legs' limits is reduced to them, with a message.
 """
 
 import math
@@ -28,4 +28,4 @@ while plant.time < 4.0 and watch.verdict().stood:
 
 turn = math.degrees(walker.heading)
 print(f"{watch.verdict()}, {walker.steps} steps, {plant.com[0]:.2f} m ahead, turned {turn:.0f} deg")
-print(f"it is {type(walker.phase).__name__} again; {relaxed} of {ticks} ticks gave way")
+print(f"it is {type(walker.phase).__name__} again; {relaxed} of {ticks} ticks relaxed")
