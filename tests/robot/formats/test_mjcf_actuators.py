@@ -57,6 +57,22 @@ def test_efforts_are_what_the_actuators_can_give(tmp_path: Path) -> None:
         np.testing.assert_allclose(data.qfrc_actuator[6:], sign * robot.limits.effort)
 
 
+def test_actuators_after_one_with_two_controls_keep_their_ranges(tmp_path: Path) -> None:
+    """Newer MuJoCo counts controls, which are more than actuators."""
+    two = (
+        '<dcmotor joint="servo" motorconst="1" resistance="1" input="pos vel" controller="9 0 5"/>'
+    )
+    three = '<motor joint="motor" ctrlrange="-4 4"/><motor joint="force" ctrlrange="-3 3"/>'
+    content = text(two + three)
+    mujoco = pytest.importorskip("mujoco")
+    try:
+        model = mujoco.MjModel.from_xml_string(content)
+    except ValueError:
+        pytest.skip("this MuJoCo has no actuators with two controls")
+    assert model.nu == 4
+    assert list(load(tmp_path, content).limits.effort[:4]) == [4, 3, np.inf, np.inf]
+
+
 def test_what_has_no_range_is_not_bounded(tmp_path: Path) -> None:
     loose = (
         '<motor joint="motor"/><position joint="servo" kp="10" ctrlrange="-1 1"/>'

@@ -10,7 +10,12 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.errors import listed
-from wbc.robot.formats.mujoco_part import RobotPart, acting_motors, motors_on_joints
+from wbc.robot.formats.mujoco_part import (
+    RobotPart,
+    acting_motors,
+    actuators_of,
+    motors_on_joints,
+)
 from wbc.robot.limits import BASE_NV
 from wbc.robot.passive import GravityCompensation, PassiveForces, Spring
 
@@ -121,9 +126,10 @@ def _motor_force(mujoco: Any, model: Any, motor: int) -> Range:
         and model.actuator_biastype[motor] == mujoco.mjtBias.mjBIAS_NONE
         and model.actuator_dyntype[motor] == mujoco.mjtDyn.mjDYN_NONE
     )
-    if plain and model.actuator_ctrllimited[motor]:  # force in proportion to the control
+    first = int(getattr(model, "actuator_ctrladr", range(motor + 1))[motor])  # of its controls
+    if plain and model.actuator_ctrllimited[first]:  # force in proportion to the control
         control = _scaled(
-            _range(model.actuator_ctrlrange[motor]), float(model.actuator_gainprm[motor, 0])
+            _range(model.actuator_ctrlrange[first]), float(model.actuator_gainprm[motor, 0])
         )
         low, high = max(force[0], control[0]), min(force[1], control[1])
         force = (low, high) if low <= high else force
@@ -160,7 +166,7 @@ def drive_notes(part: RobotPart, looped: bool, following: Collection[str] = ()) 
     every, acting = motors_on_joints(mujoco, model), acting_motors(mujoco, model)
     elsewhere = [
         names.actuators[k]
-        for k in range(model.nu)
+        for k in actuators_of(model)
         if k not in every or part.kind_of(every[k]) == "free"
     ]
     if elsewhere:

@@ -63,7 +63,7 @@ class Names:
         self.joints = [name(kinds.mjOBJ_JOINT, k) for k in range(model.njnt)]
         self.sites = [name(kinds.mjOBJ_SITE, k) for k in range(model.nsite)]
         self.geoms = [name(kinds.mjOBJ_GEOM, k) for k in range(model.ngeom)]
-        self.actuators = [name(kinds.mjOBJ_ACTUATOR, k) for k in range(model.nu)]
+        self.actuators = [name(kinds.mjOBJ_ACTUATOR, k) for k in actuators_of(model)]
         self.equalities = [name(kinds.mjOBJ_EQUALITY, k) for k in range(model.neq)]
         self.tendons = [name(kinds.mjOBJ_TENDON, k) for k in range(model.ntendon)]
         self.keys = [name(kinds.mjOBJ_KEY, k) for k in range(model.nkey)]
@@ -73,7 +73,7 @@ class Names:
         owners = [self.bodies[int(body)] for body in model.geom_bodyid]
         _name_unnamed(self.geoms, [f"{body}_geom" for body in owners])
         _name_unnamed(self.keys, [f"key_{k}" for k in range(model.nkey)])
-        _name_unnamed(self.actuators, [f"actuator_{k}" for k in range(model.nu)])
+        _name_unnamed(self.actuators, [f"actuator_{k}" for k in actuators_of(model)])
         _name_unnamed(self.tendons, [f"tendon_{k}" for k in range(model.ntendon)])
 
 
@@ -168,12 +168,17 @@ def _roots(mujoco: Any, model: Any, names: Names, tops: list[int], path: Path) -
     return found
 
 
+def actuators_of(model: Any) -> range:
+    """Return the numbers of all actuators; newer MuJoCo has some with several controls each."""
+    return range(len(model.actuator_trntype))
+
+
 def motors_on_joints(mujoco: Any, model: Any) -> dict[int, int]:
     """Return the motors that act on one joint each, and which that is."""
     kinds = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
     return {
         motor: int(model.actuator_trnid[motor, 0])
-        for motor in range(model.nu)
+        for motor in actuators_of(model)
         if int(model.actuator_trntype[motor]) in kinds
     }
 
@@ -191,7 +196,7 @@ def acting_motors(mujoco: Any, model: Any) -> dict[int, int]:
 def _driven(mujoco: Any, model: Any) -> set[int]:
     """Return the bodies on the world below which motors act on joints, or on tendons of some."""
     joints = [*motors_on_joints(mujoco, model).values()]
-    for motor in range(model.nu):
+    for motor in actuators_of(model):
         if int(model.actuator_trntype[motor]) == int(mujoco.mjtTrn.mjTRN_TENDON):
             tendon = int(model.actuator_trnid[motor, 0])
             first = int(model.tendon_adr[tendon])
