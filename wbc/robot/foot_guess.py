@@ -194,9 +194,8 @@ def guess_links(
     lowest: dict[str, tuple[float, str]] = {}
     for foot, frame in named:
         height = lowest_point(model, data, geometry, frame.parentJoint)
-        height += (
-            0.0 if foot_of(frame.name) else SAME_HEIGHT
-        )  # toes beside a sole are lower by less
+        if foot_of(frame.name) is None:
+            height += SAME_HEIGHT  # toes beside a sole are lower by less
         lowest[foot] = min(lowest.get(foot, (np.inf, "~")), (height, str(frame.name)))
     ordered = {name: lowest[name] for name in SIDES | CORNERS if name in lowest}
     found = {name: link for name, (height, link) in ordered.items() if height < np.inf}
