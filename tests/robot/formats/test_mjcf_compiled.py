@@ -459,6 +459,19 @@ def test_a_ball_is_three_hinges_in_turn_and_is_said() -> None:
         Robot.load(model)
 
 
+def test_motors_about_an_axis_of_a_ball_are_those_of_its_hinge() -> None:
+    tail = (
+        '<keyframe><key name="k" qpos="0 0 1 1 0 0 0 1 0 0 0" ctrl="1 1 1"/></keyframe><actuator>'
+        '<motor name="roll" joint="end" gear="2 0 0" ctrlrange="-3 3"/><motor name="skew" joint='
+        '"end" gear="0 1 1"/><motor name="yaw" jointinparent="end" gear="0 0 1" ctrlrange="-1 1"/>'
+        "</actuator>"
+    )
+    robot = Robot.load(text(BALL, tail=tail))
+    np.testing.assert_array_equal(robot.limits.effort, [6.0, np.inf, 1.0])
+    assert any("hinge about that axis: roll, yaw" in note for note in robot.notes)
+    assert any("several axes of a ball joint are not read: skew" in note for note in robot.notes)
+
+
 def test_a_key_frame_that_stands_is_standing_where_the_neutral_posture_does_not() -> None:
     """A boom that is drawn aside: only where a key frame folds it up is the CoM over the soles."""
     boom = '<body name="boom"><joint name="boom" axis="1 0 0" range="-3 3"/>'

@@ -53,6 +53,7 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
                 setattr(hinge, name, getattr(joint, name))
             hinge.range = (-reach, reach)
         delete_from(spec, joint)  # last: what it hands out are views of it
+    motor_notes = _move_motors(mujoco, spec, names)
     for sensor in list(spec.sensors):  # of balls, which are not there any more, and not read
         delete_from(spec, sensor)
     for key, qpos in zip(spec.keys, kept, strict=True):
@@ -65,7 +66,31 @@ def without_balls(mujoco: Any, spec: Any, model: Any) -> tuple[Any, tuple[str, .
         "the range of a ball's whole turn is that of each of its hinges here, which turn it by more"
         f" together: {listed(wider)}"
     )
-    return spec.compile(), (note, wide) if wider else (note,)
+    return spec.compile(), (note, *([wide] if wider else []), *motor_notes)
+
+
+def _move_motors(mujoco: Any, spec: Any, balls: list[str]) -> tuple[str, ...]:
+    """Let motors about one axis of a ball act on that hinge, and delete others; return notes."""
+    kinds = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+    moved, lost = list[str](), list[str]()
+    for motor in list(spec.actuators):
+        ball, gear = str(motor.target), np.array(motor.gear)
+        if int(motor.trntype) not in kinds or ball not in balls:
+            continue
+        about = np.flatnonzero(gear[:3])
+        (moved if about.size == 1 else lost).append(str(motor.name) or f"one on {ball}")
+        if about.size == 1:
+            motor.target = f"{ball}:{'xyz'[about[0]]}"
+            motor.gear = np.append(gear[about], np.zeros(5))
+        else:
+            delete_from(spec, motor)
+            for key in spec.keys:  # controls are not read
+                key.ctrl = key.act = np.zeros(0)
+    told = {
+        "motors about an axis of a ball joint are those of its hinge about that axis": moved,
+        "motors about several axes of a ball joint are not read": lost,
+    }
+    return tuple(f"{words}: {listed(some)}" for words, some in told.items() if some)
 
 
 def _combined_angle(reach: float) -> float:
