@@ -15,7 +15,7 @@ from wbc.human.skeleton import configurations, human_robot
 BODY = HumanBody.of(1.80, 80.0, "male")
 
 
-def test_places_are_those_of_pinocchio() -> None:
+def test_forward_kinematics_is_that_of_pinocchio() -> None:
     _, poses = marching(0.3)
     robot = human_robot(BODY)
     q, placed = configurations(robot, poses), forward_kinematics(poses, BODY.dimensions)
@@ -27,7 +27,7 @@ def test_places_are_those_of_pinocchio() -> None:
 
 
 @pytest.mark.parametrize("sex", ["female", "male"])
-def test_masses_are_the_tables(sex: str) -> None:
+def test_segment_masses_are_those_of_the_table(sex: str) -> None:
     body = HumanBody.of(1.7, 70.0, sex)
     assert human_robot(body).mass == pytest.approx(70.0, rel=1e-12)
     rows, found = DE_LEVA[sex], masses(body)
@@ -49,7 +49,7 @@ def test_masses_are_the_tables(sex: str) -> None:
         assert 0.0 < moments[2] < moments[0] + moments[1]
 
 
-def test_derivatives_are_those_of_differences() -> None:
+def test_jacobians_are_those_of_differences() -> None:
     _, poses = marching(0.05)
     poses = poses[np.array([2])]
     marks = tuple(landmark(str(landmark_of(n))) for n in ("LASI", "RWRA", "LTOE", "C7", "RKNE"))
@@ -73,7 +73,7 @@ def test_derivatives_are_those_of_differences() -> None:
         np.testing.assert_allclose(D[:, :, k], moved, atol=1e-12)
 
 
-def test_what_is_no_body_is_refused() -> None:
+def test_impossible_bodies_are_refused() -> None:
     with pytest.raises(InvalidInputError, match="sex: expected female or male"):
         HumanBody.of(1.7, 70.0, "human")
     with pytest.raises(InvalidInputError, match="mass"):
@@ -108,5 +108,5 @@ def test_what_is_no_body_is_refused() -> None:
         ("RPower", None),
     ],
 )
-def test_labels(label: str, name: str | None) -> None:
+def test_label_is_identified_as_its_landmark(label: str, name: str | None) -> None:
     assert landmark_of(label) == name

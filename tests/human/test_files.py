@@ -57,7 +57,7 @@ def write_c3d(path: Path, seconds: float = 0.2) -> np.ndarray:
     return np.hstack((plate.force, plate.moment))
 
 
-def test_c3d_with_a_plate(tmp_path: Path) -> None:
+def test_c3d_with_a_plate_is_read(tmp_path: Path) -> None:
     path = tmp_path / "march.c3d"
     truth = write_c3d(path)
     found = read_markers(path)
@@ -73,7 +73,7 @@ def test_c3d_with_a_plate(tmp_path: Path) -> None:
     np.testing.assert_allclose(plate.moment, truth[:, 3:], atol=2e-3)
 
 
-def test_c3d_in_metres_whose_word_is_cut_off_is_read_in_metres(tmp_path: Path) -> None:
+def test_c3d_with_truncated_unit_word_is_read_in_metres(tmp_path: Path) -> None:
     ezc3d = pytest.importorskip("ezc3d")
     path = tmp_path / "march.c3d"
     write_c3d(path)
@@ -85,9 +85,7 @@ def test_c3d_in_metres_whose_word_is_cut_off_is_read_in_metres(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("word", ["N-M", "N.m", "Nm", "N*m"])
-def test_c3d_with_moments_in_newton_metres_however_they_are_spelt(
-    tmp_path: Path, word: str
-) -> None:
+def test_c3d_with_any_spelling_of_newton_metres_is_read(tmp_path: Path, word: str) -> None:
     ezc3d = pytest.importorskip("ezc3d")
     path = tmp_path / "march.c3d"
     truth = write_c3d(path)
@@ -99,7 +97,7 @@ def test_c3d_with_moments_in_newton_metres_however_they_are_spelt(
     np.testing.assert_allclose(plate.moment, truth[:, 3:], atol=2e-3)
 
 
-def test_c3d_whose_data_would_begin_in_its_head_is_read_where_the_header_says(
+def test_c3d_with_impossible_data_start_is_read_by_its_header(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "march.c3d"
@@ -111,7 +109,7 @@ def test_c3d_whose_data_would_begin_in_its_head_is_read_where_the_header_says(
     np.testing.assert_array_equal(read_markers(path).positions, before.positions)
 
 
-def test_c3d_with_points_of_one_name_takes_the_first_and_says_so(tmp_path: Path) -> None:
+def test_c3d_with_repeated_point_names_takes_the_first_with_a_note(tmp_path: Path) -> None:
     ezc3d = pytest.importorskip("ezc3d")
     path = tmp_path / "march.c3d"
     write_c3d(path)
@@ -125,7 +123,7 @@ def test_c3d_with_points_of_one_name_takes_the_first_and_says_so(tmp_path: Path)
     np.testing.assert_array_equal(found.positions[:, found.labels.index("LTOE")], expected)
 
 
-def test_a_plate_that_drifts_for_long_and_is_stepped_on_shortly_pushes_up() -> None:
+def test_plate_with_long_drift_and_a_short_step_pushes_up() -> None:
     force, moment = np.zeros((2, 1000, 3))
     force[:, 2] = -8.0
     force[400:410, 2] = 700.0
@@ -134,7 +132,7 @@ def test_a_plate_that_drifts_for_long_and_is_stepped_on_shortly_pushes_up() -> N
         assert plate.force[405, 2] == 700.0
 
 
-def test_a_plate_whose_amplifier_drifted_reads_nothing_unloaded() -> None:
+def test_tared_plate_reads_zero_unloaded() -> None:
     time = np.arange(2000) / 1e3
     push = np.where((time > 0.8) & (time < 1.5), 700.0, 0.0)
     force = np.column_stack((0.1 * push, 0.0 * push, push))
@@ -151,7 +149,7 @@ def test_a_plate_whose_amplifier_drifted_reads_nothing_unloaded() -> None:
         assert stands.tared() == (stands, 0.0)
 
 
-def test_c3d_whose_field_numbers_are_a_column(tmp_path: Path) -> None:
+def test_c3d_with_column_of_field_numbers_is_read(tmp_path: Path) -> None:
     ezc3d = pytest.importorskip("ezc3d")
     write_c3d(tmp_path / "march.c3d")
     file = ezc3d.c3d(str(tmp_path / "march.c3d"))
@@ -161,7 +159,7 @@ def test_c3d_whose_field_numbers_are_a_column(tmp_path: Path) -> None:
     assert len(read_markers(tmp_path / "column.c3d").time) == 20
 
 
-def test_mips_parameters_with_an_offset_of_intel_are_all_read() -> None:
+def test_mips_parameters_with_an_intel_offset_are_all_read() -> None:
     """As in a sample of c3d.org, which a program on another machine had written to."""
     records = b""
     for order, name, value in (("<", b"FIRST", 7), (">", b"LAST", 8)):
@@ -207,7 +205,7 @@ def test_plates_of_all_types_agree() -> None:
         np.testing.assert_allclose(m, expected, atol=1e-9)
 
 
-def test_mot_plates(tmp_path: Path) -> None:
+def test_mot_plates_are_read(tmp_path: Path) -> None:
     write_trc(tmp_path / "a.trc", recorded(BODY, seconds=0.1)[0])
     rows = [
         "0.0 10 700 -5 0.1 0 0.2 0 3 0",
@@ -229,7 +227,7 @@ def test_mot_plates(tmp_path: Path) -> None:
     assert up.force[0].tolist() == [10.0, 5.0, 700.0]
 
 
-def test_trc_parted_by_commas_is_read(tmp_path: Path) -> None:
+def test_trc_separated_by_commas_is_read(tmp_path: Path) -> None:
     recording, _ = recorded(BODY, seconds=0.1)
     write_trc(tmp_path / "walk.trc", recording)
     tabs = read_markers(tmp_path / "walk.trc")
@@ -239,7 +237,7 @@ def test_trc_parted_by_commas_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(commas.positions, tabs.positions)
 
 
-def test_trc_parted_by_blanks_between_tabs_is_read(tmp_path: Path) -> None:
+def test_trc_separated_by_blanks_between_tabs_is_read(tmp_path: Path) -> None:
     """As files of the University of Wisconsin: a head with blanks, rows behind a tab."""
     path = tmp_path / "a.trc"
     write_trc(path, recorded(BODY, seconds=0.1)[0])
@@ -330,7 +328,7 @@ def write_bvh(path: Path, frames: int = 12, fall: float = 0.0) -> np.ndarray:
     return np.array((0.09, 0.51, 0.0)) + shin
 
 
-def test_bvh_with_a_thing_beside_the_human_has_the_humans_unit(tmp_path: Path) -> None:
+def test_bvh_with_a_prop_has_the_unit_of_the_human(tmp_path: Path) -> None:
     path = tmp_path / "lift.bvh"
     write_bvh(path)
     thing = (
@@ -340,7 +338,7 @@ def test_bvh_with_a_thing_beside_the_human_has_the_humans_unit(tmp_path: Path) -
     assert any("lengths taken for cm" in note for note in read_markers(path).notes)
 
 
-def test_bvh(tmp_path: Path) -> None:
+def test_bvh_gives_joints_and_bones(tmp_path: Path) -> None:
     path = tmp_path / "bend.bvh"
     ankle = write_bvh(path)
     found = read_markers(path)
@@ -377,7 +375,7 @@ def test_bvh(tmp_path: Path) -> None:
         "UpperLeg LowerLeg Foot Toes",  # Bandai Namco
     ],
 )
-def test_legs_are_known_by_what_others_call_them(leg: str) -> None:
+def test_legs_are_identified_by_other_names(leg: str) -> None:
     names = ["Hips", *(f"{side}{part}" for side in ("Left", "Right") for part in leg.split())]
     found = joint_landmarks(names, "it")
     parts = "hip_centre", "knee_centre", "ankle_centre", "toe"
@@ -385,7 +383,7 @@ def test_legs_are_known_by_what_others_call_them(leg: str) -> None:
     assert [found[k] for k in range(len(names))] == wanted
 
 
-def test_lengths_in_the_unit_of_carnegie_mellons_files(tmp_path: Path) -> None:
+def test_unit_of_carnegie_mellon_is_recognised(tmp_path: Path) -> None:
     path, size = tmp_path / "a.bvh", 0.0254 / 0.45  # of their README: inches times 0.45
     ankle = write_bvh(path)
     lines = path.read_text().splitlines()
@@ -444,7 +442,7 @@ def write_bodies(path: Path, motive: bool = False) -> MarkerRecording:
 
 
 @pytest.mark.parametrize("motive", [False, True])
-def test_rigid_bodies_in_a_csv(tmp_path: Path, motive: bool) -> None:
+def test_rigid_bodies_of_a_csv_are_read(tmp_path: Path, motive: bool) -> None:
     path = tmp_path / "bodies.csv"
     expected = write_bodies(path, motive)
     assert is_human_recording(path)
@@ -468,7 +466,7 @@ def test_rigid_bodies_in_a_csv(tmp_path: Path, motive: bool) -> None:
     assert not is_human_recording(path)  # a robot's
 
 
-def test_of_two_skeletons_in_one_table_the_one_that_is_said_is_taken(tmp_path: Path) -> None:
+def test_two_skeletons_in_one_table_need_a_subject(tmp_path: Path) -> None:
     path = tmp_path / "bodies.csv"
     write_bodies(path, motive=True)
     rows = [line.split(",") for line in path.read_text().splitlines()]
@@ -494,7 +492,7 @@ def test_of_two_skeletons_in_one_table_the_one_that_is_said_is_taken(tmp_path: P
     np.testing.assert_allclose(bo.motion.joints, one.motion.joints, atol=1e-4)
 
 
-def test_bvh_of_two_humans_is_refused_and_a_thing_beside_one_is_not(tmp_path: Path) -> None:
+def test_bvh_of_two_humans_is_refused_and_a_prop_is_not(tmp_path: Path) -> None:
     path = tmp_path / "a.bvh"
     write_bvh(path)
     alone, text = read_markers(path), path.read_text()
@@ -512,7 +510,7 @@ def test_bvh_of_two_humans_is_refused_and_a_thing_beside_one_is_not(tmp_path: Pa
     np.testing.assert_array_equal(found.positions, alone.positions)
 
 
-def test_smpl_poses(tmp_path: Path) -> None:
+def test_smpl_poses_are_read(tmp_path: Path) -> None:
     path, frames = tmp_path / "amass.npz", 10
     poses = np.zeros((frames, 156))
     poses[:, 0] = np.pi / 2  # y up to z up, as AMASS has it
@@ -544,7 +542,7 @@ def test_smpl_poses(tmp_path: Path) -> None:
         (lambda t: "\n".join(t.splitlines()[:9]), "at least 8 are needed"),
     ],
 )
-def test_trc_mistakes(tmp_path: Path, change, words: str) -> None:  # type: ignore[no-untyped-def]
+def test_trc_mistakes_are_refused(tmp_path: Path, change, words: str) -> None:  # type: ignore[no-untyped-def]
     path = tmp_path / "a.trc"
     write_trc(path, recorded(BODY, seconds=0.1)[0])
     path.write_text(change(path.read_text()))
@@ -570,7 +568,7 @@ NESTED = "JOINT a\n{\nOFFSET 0 1 0\n"
         (lambda t: t.replace("60", "6e7"), "in no usual unit a human"),
     ],
 )
-def test_bvh_mistakes(tmp_path: Path, change, words: str) -> None:  # type: ignore[no-untyped-def]
+def test_bvh_mistakes_are_refused(tmp_path: Path, change, words: str) -> None:  # type: ignore[no-untyped-def]
     path = tmp_path / "a.bvh"
     write_bvh(path)
     path.write_text(change(path.read_text()))
@@ -599,7 +597,7 @@ def test_c3d_with_a_plate_of_type_4_is_calibrated_by_its_matrix(tmp_path: Path) 
     np.testing.assert_allclose(plate.force, 2.0 * truth[:, :3], atol=2e-3)
 
 
-def test_c3d_whose_plate_cannot_be_read_says_why_and_keeps_its_markers(tmp_path: Path) -> None:
+def test_c3d_with_unreadable_plate_keeps_its_markers_with_a_note(tmp_path: Path) -> None:
     path = tmp_path / "march.c3d"
     for values, words in (
         ({"TYPE": [4.0]}, "of type 4 without a calibration matrix"),
@@ -630,7 +628,7 @@ def test_c3d_whose_plate_cannot_be_read_says_why_and_keeps_its_markers(tmp_path:
         (1, (9.0, 9.0), (9.0, 9.0), None),
     ],
 )
-def test_sensors_of_a_plate_that_are_not_within_its_corners_are_told(
+def test_sensors_outside_a_plate_are_noted(
     kind: int, origin: tuple[float, float], taken: tuple[float, float], words: str | None
 ) -> None:
     corners = np.array(((0.2, 0.3, 0.0), (-0.2, 0.3, 0.0), (-0.2, -0.3, 0.0), (0.2, -0.3, 0.0)))
@@ -640,7 +638,7 @@ def test_sensors_of_a_plate_that_are_not_within_its_corners_are_told(
     assert all(re.search(str(words), note) for note in notes)
 
 
-def test_c3d_whose_plate_has_its_sensor_outside_says_so(tmp_path: Path) -> None:
+def test_c3d_with_sensors_outside_its_plate_is_noted(tmp_path: Path) -> None:
     write_c3d(tmp_path / "march.c3d")
     _with(
         tmp_path / "march.c3d",
@@ -651,7 +649,7 @@ def test_c3d_whose_plate_has_its_sensor_outside_says_so(tmp_path: Path) -> None:
     assert any("force plate 1 has its sensors 9000 of" in note for note in notes)
 
 
-def test_c3d_of_a_head_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
+def test_c3d_with_impossible_header_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "march.c3d"
     write_c3d(path)
     _with(path, "POINT", UNITS=["furlong"])
@@ -669,7 +667,7 @@ def test_c3d_of_a_head_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
         read_markers(path)
 
 
-def test_motive_table_that_lacks_what_places_bodies_is_refused(tmp_path: Path) -> None:
+def test_motive_table_without_poses_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "bodies.csv"
     write_bodies(path, motive=True)
     text = path.read_text()
@@ -713,13 +711,13 @@ def test_smpl_poses_in_two_arrays_are_those_in_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("shape", [(9, 24, 3, 3), (9, 24, 4), (9, 24, 6)])
-def test_smpl_poses_that_are_no_rotation_vectors_are_refused(tmp_path: Path, shape: tuple) -> None:  # type: ignore[type-arg]
+def test_smpl_poses_other_than_rotation_vectors_are_refused(tmp_path: Path, shape: tuple) -> None:  # type: ignore[type-arg]
     np.savez(tmp_path / "a.npz", poses=np.ones(shape), trans=np.zeros((9, 3)), fps=60)
     with pytest.raises(RecordingError, match="not matrices or quaternions"):
         read_markers(tmp_path / "a.npz")
 
 
-def test_recordings_from_arrays_that_make_no_sense_are_refused() -> None:
+def test_recordings_from_wrong_arrays_are_refused() -> None:
     time, places = np.arange(9.0), np.zeros((9, 2, 3))
     assert repr(MarkerRecording(time, ("a", "b"), places)) == (
         "MarkerRecording(2 markers, 9 frames, 8 s)"

@@ -78,13 +78,13 @@ def tried(folder: Path, ending: str, count: int, seed: int) -> dict[str, int]:
 
 
 @pytest.mark.parametrize("ending", ["c3d", "trc", "bvh", "csv", "npz", "mot"])
-def test_a_few_damaged_files(tmp_path: Path, ending: str) -> None:
+def test_few_damaged_files_raise_typed_errors(tmp_path: Path, ending: str) -> None:
     found = tried(tmp_path, ending, 49, 1)
     assert found["refused"] > 5
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", ["c3d", "trc", "bvh", "csv", "npz", "mot"])
-def test_many_damaged_files(tmp_path: Path, ending: str) -> None:
+def test_many_damaged_files_raise_typed_errors(tmp_path: Path, ending: str) -> None:
     found = tried(tmp_path, ending, COUNT, 2)
     assert found["refused"] > COUNT / 25 and found["read"] > COUNT / 250

@@ -1,4 +1,4 @@
-"""A human fitted to the markers of a motion that is known."""
+"""A human fitted to the markers of a known motion."""
 
 from dataclasses import replace
 
@@ -34,7 +34,7 @@ def com_of(body: HumanBody, poses: object) -> np.ndarray:
     return np.array([robot.snapshot(q).com for q in configurations(robot, poses)])
 
 
-def test_a_known_body_is_followed_exactly() -> None:
+def test_known_body_is_fitted_exactly() -> None:
     recording, truth = recorded(BODY, seconds=0.5)
     marks = tuple(landmark(str(landmark_of(label))) for label in LABELS)
     places = BODY.scale * np.array([mark.place for mark in marks])
@@ -55,7 +55,7 @@ def markers_of(labels: list[str]) -> MarkerSet:
     return MarkerSet(tuple(labels), marks, BODY.scale * np.array([one.place for one in marks]))
 
 
-def test_knees_and_elbows_that_only_centres_of_joints_tell_of_bend_as_they_can() -> None:
+def test_knees_and_elbows_by_joint_centres_bend_the_right_way() -> None:
     """The centres alone allow them to bend backwards, the limb turned by half a turn, as well."""
     limbs = [f"{s}{j}JC" for s in "LR" for j in ("H", "K", "A", "S", "E", "W")]
     labels = ["LASI", "RASI", "LPSI", "RPSI", "C7", "CLAV", "STRN", *limbs]
@@ -83,7 +83,7 @@ def test_knees_and_elbows_that_only_centres_of_joints_tell_of_bend_as_they_can()
         assert (found.angles[:, both] > 0.0).all(), name
 
 
-def test_frames_that_are_stuck_go_on_from_those_beside_them() -> None:
+def test_frames_in_local_minima_are_refitted_from_their_neighbours() -> None:
     recording, truth = recorded(BODY, posed=squatting(rate=25.0))
     markers = markers_of(LABELS)
     wrong = truth.angles.copy()
@@ -117,7 +117,7 @@ def marched() -> tuple[MarkerRecording, object, wbc.human.HumanMotion]:
 
 
 @pytest.mark.slow
-def test_an_unknown_body_is_found(marched: tuple) -> None:  # type: ignore[type-arg]
+def test_unknown_body_is_calibrated(marched: tuple) -> None:  # type: ignore[type-arg]
     _, (body, poses), human = marched
     assert human.rms < 6e-3
     off = np.abs(human.body.dimensions - body.dimensions)
@@ -132,7 +132,7 @@ def test_an_unknown_body_is_found(marched: tuple) -> None:  # type: ignore[type-
 
 
 @pytest.mark.slow
-def test_what_was_lacking_is_told_and_mended(marched: tuple) -> None:  # type: ignore[type-arg]
+def test_missing_and_swapped_markers_are_repaired_and_told(marched: tuple) -> None:  # type: ignore[type-arg]
     _, _, human = marched
     told = {(one.kind, one.columns) for one in human.motion.dropouts}
     assert ("missing numbers", ("LKNE",)) in told
@@ -162,7 +162,7 @@ def test_forces_are_those_of_the_true_motion(marched: tuple) -> None:  # type: i
 
 
 @pytest.mark.slow
-def test_plates_that_have_not_all_are_not_compared(marched: tuple) -> None:  # type: ignore[type-arg]
+def test_plates_without_all_of_the_force_are_not_compared(marched: tuple) -> None:  # type: ignore[type-arg]
     _, _, human = marched
     series = wbc.analyze(human.motion, cutoff=6.0, noise=None, feet=None)
     nowhere = np.zeros((len(human.motion.time), 2), dtype=bool)
@@ -178,7 +178,7 @@ def below(human: HumanMotion) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_frames_beside_those_in_which_a_foot_is_on_no_plate_are_not_compared(
+def test_frames_near_a_foot_beside_the_plates_are_not_compared(
     marched: tuple,  # type: ignore[type-arg]
 ) -> None:
     _, _, human = marched
@@ -193,7 +193,7 @@ def test_frames_beside_those_in_which_a_foot_is_on_no_plate_are_not_compared(
 
 
 @pytest.mark.slow
-def test_what_an_unloaded_plate_reads_is_taken_off_and_told() -> None:
+def test_offset_of_an_unloaded_plate_is_subtracted_and_noted() -> None:
     recording, _ = recorded(BODY, seconds=2.0, plates=True)
     (plate,) = recording.plates
     read = np.tile((3.0, 0.0, 20.0), (len(plate.time), 1))
@@ -205,7 +205,7 @@ def test_what_an_unloaded_plate_reads_is_taken_off_and_told() -> None:
 
 
 @pytest.mark.slow
-def test_plates_of_other_axes_than_the_markers_are_told() -> None:
+def test_plates_with_other_axes_than_the_markers_are_noted() -> None:
     recording, _ = recorded(BODY, seconds=2.0, plates=True)
     (plate,) = recording.plates
     y_up = np.array(((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
@@ -215,7 +215,7 @@ def test_plates_of_other_axes_than_the_markers_are_told() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("away", [0.0, 1.0])
-def test_plates_that_push_where_no_foot_is_are_told(away: float) -> None:
+def test_plates_that_push_away_from_the_feet_are_noted(away: float) -> None:
     recording, _ = recorded(BODY, seconds=2.0, plates=True)
     (plate,) = recording.plates
     moment = plate.moment + np.cross((0.0, away, 0.0), plate.force)
@@ -225,7 +225,7 @@ def test_plates_that_push_where_no_foot_is_are_told(away: float) -> None:
 
 
 @pytest.mark.slow
-def test_plates_whose_clock_is_late_are_told_and_bands_allow_for_clocks(
+def test_late_plates_are_told_and_bands_contain_their_delay(
     marched: tuple,  # type: ignore[type-arg]
 ) -> None:
     _, _, human = marched
@@ -250,7 +250,7 @@ def test_plates_whose_clock_is_late_are_told_and_bands_allow_for_clocks(
 
 
 @pytest.mark.slow
-def test_frames_in_which_a_foot_stands_over_the_edge_of_a_plate_are_not_compared(
+def test_frames_with_a_foot_over_the_edge_of_a_plate_are_not_compared(
     marched: tuple,  # type: ignore[type-arg]
 ) -> None:
     _, _, human = marched
@@ -270,7 +270,7 @@ def test_frames_in_which_a_foot_stands_over_the_edge_of_a_plate_are_not_compared
     assert over.sum() > 20 and frames[2] <= frames[0] - over.sum()
 
 
-def test_a_plate_whose_cop_is_under_one_foot_carries_not_the_other() -> None:
+def test_plate_with_its_cop_under_one_foot_does_not_carry_the_other() -> None:
     """Without corners nothing else tells that the other foot stands beside the plate."""
     moment = np.arange(200) / 100.0
     high = BODY.size("thigh") + BODY.size("shank") + ANKLE_HEIGHT * BODY.scale
@@ -291,7 +291,7 @@ def test_a_plate_whose_cop_is_under_one_foot_carries_not_the_other() -> None:
 
 
 @pytest.mark.slow
-def test_squats_with_clusters_on_thighs_and_shanks_are_followed() -> None:
+def test_squats_with_clusters_on_thighs_and_shanks_are_fitted() -> None:
     """Where a cluster's markers are is not known: they must not turn the first postures."""
     few = [n for n in LABELS if n[1:] not in ("THI", "TIB", "FHD", "BHD")]
     few = [n for n in few if n not in ("T10", "CLAV", "STRN")]
@@ -307,7 +307,7 @@ def test_squats_with_clusters_on_thighs_and_shanks_are_followed() -> None:
     assert (np.abs(bent.max(axis=0) - 2.1) < 0.2).all()
 
 
-def test_a_human_that_comes_late_and_leaves_early_is_taken_while_it_is_seen() -> None:
+def test_human_is_fitted_only_while_in_view() -> None:
     recording, _ = recorded(BODY, seconds=1.0)
     here = recording.positions.copy()
     here[:35] = here[80:] = np.nan
@@ -321,7 +321,7 @@ def test_a_human_that_comes_late_and_leaves_early_is_taken_while_it_is_seen() ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rate", [100, 25])
-def test_a_frame_of_another_posture_before_the_motion_changes_nothing_and_is_told(
+def test_t_pose_before_the_motion_is_dropped_with_a_note(
     rate: int,
 ) -> None:
     """As files of animation begin with a T-pose, away from where the motion begins."""
@@ -347,7 +347,7 @@ def test_a_frame_of_another_posture_before_the_motion_changes_nothing_and_is_tol
 
 
 @pytest.mark.slow
-def test_recordings_that_were_joined_are_taken_where_they_are_longest() -> None:
+def test_spliced_recordings_are_cut_to_the_longest_part() -> None:
     whole, _ = recorded(BODY, seconds=1.0)
     places = whole.positions.copy()
     places[30:] += (1.0, -0.5, 0.0)
@@ -357,7 +357,7 @@ def test_recordings_that_were_joined_are_taken_where_they_are_longest() -> None:
 
 
 @pytest.mark.slow
-def test_points_whose_places_the_file_says_are_never_taken_for_swapped() -> None:
+def test_joints_of_a_skeleton_are_never_swapped() -> None:
     whole, _ = recorded(BODY, seconds=1.0)
     places, k = whole.positions.copy(), whole.labels.index
     places[40:, [k("LANK"), k("LTOE")]] = places[40:, [k("LTOE"), k("LANK")]]
@@ -368,7 +368,7 @@ def test_points_whose_places_the_file_says_are_never_taken_for_swapped() -> None
         assert ("swapped markers" in kinds) is told
 
 
-def test_axes_that_plug_in_gait_writes_as_markers_are_left_out() -> None:
+def test_segment_axes_of_plug_in_gait_are_no_markers() -> None:
     recording, _ = recorded(BODY, seconds=0.1)
     axes = tuple(f"{side}CL{end}" for side in "LR" for end in "OALP")
     places = np.zeros((len(recording.time), len(axes), 3))
@@ -379,7 +379,7 @@ def test_axes_that_plug_in_gait_writes_as_markers_are_left_out() -> None:
     assert names == recording.labels and "LCLA" in notes[0]
 
 
-def test_y_up_in_mm_is_found(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_y_up_in_mm_is_recognised(tmp_path) -> None:  # type: ignore[no-untyped-def]
     recording, _ = recorded(BODY, seconds=0.15)
     write_trc(tmp_path / "march.trc", recording)
     read = read_markers(tmp_path / "march.trc")
@@ -392,7 +392,7 @@ def test_y_up_in_mm_is_found(tmp_path) -> None:  # type: ignore[no-untyped-def]
 
 
 @pytest.mark.parametrize("axes", [(0, 2, 1), (1, 0, 2)])
-def test_axes_that_are_left_handed_are_refused(axes: tuple[int, int, int]) -> None:
+def test_left_handed_axes_are_refused(axes: tuple[int, int, int]) -> None:
     """As Unity writes them: a human of 2 mm of residual would walk backwards."""
     recording, _ = recorded(BODY, seconds=0.1)
     turned = recording.positions[:, :, axes]
@@ -400,7 +400,7 @@ def test_axes_that_are_left_handed_are_refused(axes: tuple[int, int, int]) -> No
         human_motion(MarkerRecording(recording.time, recording.labels, turned))
 
 
-def test_an_axis_that_is_not_up_is_told() -> None:
+def test_given_axis_that_is_not_up_is_noted() -> None:
     recording, _ = recorded(BODY, seconds=0.1)
     seen = MarkerRecording(recording.time, recording.labels, recording.positions)
     said = "x taken for up, as given, but the trunk is along z of the feet"
@@ -408,14 +408,14 @@ def test_an_axis_that_is_not_up_is_told() -> None:
     assert not any("taken for up" in n for n in human_motion(seen, mass=72.0, up="z").notes)
 
 
-def test_an_axis_that_points_down_is_said() -> None:
+def test_axis_that_points_down_is_refused() -> None:
     recording, _ = recorded(BODY, seconds=0.1)
     turned = recording.positions[:, :, [0, 2, 1]] * (1.0, -1.0, 1.0)
     with pytest.raises(RecordingError, match="its y axis points down"):
         human_motion(MarkerRecording(recording.time, recording.labels, turned))
 
 
-def test_a_human_faster_than_any_is_told() -> None:
+def test_impossible_speed_is_noted() -> None:
     recording, _ = recorded(BODY, seconds=0.3)
     for speed, told in ((9.0, False), (90.0, True)):
         ahead = recording.time[:, None, None] * (speed, 0.0, 0.0)
@@ -433,7 +433,7 @@ def test_mass_and_stature_in_another_unit_are_refused(given: dict[str, float]) -
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rise", [0.0, 0.3])
-def test_feet_that_stand_at_several_heights_are_told(rise: float) -> None:
+def test_feet_standing_at_several_heights_are_noted(rise: float) -> None:
     time = np.arange(120) / 50.0
     up = rise * np.clip(time - 1.0, 0.0, 0.4) / 0.4  # on a box, as if it were lifted
     position = np.column_stack((0.0 * time, 0.0 * time, 0.93 + up))
@@ -446,7 +446,7 @@ def test_feet_that_stand_at_several_heights_are_told(rise: float) -> None:
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("frames", [range(1), range(0, 100, 3)])
-def test_bands_of_a_statue_and_of_markers_seldom_seen_are_numbers(frames: range) -> None:
+def test_bands_are_finite_without_motion_and_with_rare_markers(frames: range) -> None:
     recording, _ = recorded(BODY, seconds=1.0, noise=1e-3)
     places = recording.positions.copy()
     if len(frames) == 1:
@@ -460,7 +460,7 @@ def test_bands_of_a_statue_and_of_markers_seldom_seen_are_numbers(frames: range)
     assert series.uncertainty is not None and np.isfinite(series.uncertainty.cop).all()
 
 
-def test_a_ground_that_would_pull_and_few_frames_a_second_are_told() -> None:
+def test_pulling_ground_and_low_frame_rate_are_noted() -> None:
     recording, _ = recorded(BODY, seconds=2.0)
     hop = 0.08 * np.sin(6.0 * np.pi * recording.time)[:, None, None] * (0.0, 0.0, 1.0)
     for by, high, told in (
@@ -476,14 +476,14 @@ def test_a_ground_that_would_pull_and_few_frames_a_second_are_told() -> None:
         assert len(found) == bool(told) and all(told in note for note in found)
 
 
-def test_plates_that_weigh_another_mass_than_was_said_are_told() -> None:
+def test_plates_that_weigh_another_mass_are_noted() -> None:
     recording, _ = recorded(BODY, seconds=2.0, plates=True)
     for mass, told in ((72.0, False), (158.7, True)):  # pounds
         notes = human_motion(recording, mass=mass).notes
         assert any("weighed 7" in n and "158.7 kg was given" in n for n in notes) is told
 
 
-def test_markers_of_no_human_are_told_so() -> None:
+def test_markers_of_no_human_are_refused_or_noted() -> None:
     recording, _ = recorded(BODY, seconds=0.5)
     places, k = recording.positions.copy(), recording.labels.index
     swapped = [k(name) for name in ("LKNE", "LANK", "RKNE", "RANK")]
@@ -520,7 +520,7 @@ XSENS = (
 
 
 @pytest.mark.parametrize("given", [OPTITRACK, QUALISYS, XSENS])
-def test_marker_sets_that_come_with_a_system_are_known(given: str) -> None:
+def test_marker_sets_of_motion_capture_systems_are_identified(given: str) -> None:
     words = given.split()
     marks = words[1::2]
     assert [landmark_of(label) for label in words[::2]] == marks
@@ -529,7 +529,7 @@ def test_marker_sets_that_come_with_a_system_are_known(given: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("pair", [(), ("LASI", "RASI"), ("LTHI", "LKNE"), ("LTOE", "LHEE")])
-def test_markers_whose_names_were_swapped_are_told(pair: tuple[str, ...]) -> None:
+def test_markers_with_swapped_names_are_noted(pair: tuple[str, ...]) -> None:
     """They fit to 2 mm: the places of all markers are found, too."""
     recording, _ = recorded(BODY, seconds=1.0, off=0.6, noise=1e-3)
     places, k = recording.positions.copy(), [recording.labels.index(name) for name in pair]
@@ -552,7 +552,7 @@ def test_missing_markers_are_named() -> None:
     assert "LASI (left_asis)" in text and "not known: Foo" in text
 
 
-def test_a_trunk_of_shoulders_alone_and_joints_that_cameras_see_are_enough_and_said() -> None:
+def test_shoulders_alone_and_joints_of_cameras_are_fitted_with_a_note() -> None:
     few = ["LASI", "RASI", "SACR", "LSHO", "RSHO", "LKNE", "RKNE", "LANK", "RANK", "LTOE", "RTOE"]
     recording, poses = recorded(BODY, labels=few, seconds=1.0)
     human = human_motion(recording, mass=72.0)
@@ -582,7 +582,7 @@ def configurations_of(human: HumanMotion) -> np.ndarray:
     return np.hstack((human.motion.base, human.motion.joints))
 
 
-def test_a_small_child_has_its_stature_and_is_asked_for_its_unit() -> None:
+def test_small_child_has_its_stature_and_a_note_about_the_unit() -> None:
     recording, _ = recorded(BODY, seconds=0.3)
     small = MarkerRecording(recording.time, LABELS, 0.55 * recording.positions, (), "z")
     child, known = human_motion(small), human_motion(small, stature=0.95)
@@ -591,7 +591,7 @@ def test_a_small_child_has_its_stature_and_is_asked_for_its_unit() -> None:
     assert len(told) == 1 and told[0] not in known.notes
 
 
-def test_one_of_two_humans_is_asked_for_and_other_things_are_left_out() -> None:
+def test_subject_is_required_of_two_humans_and_objects_are_left_out() -> None:
     recording, _ = recorded(BODY, seconds=0.15)
     both = np.concatenate((recording.positions, recording.positions + (0.0, 1.0, 0.0)), axis=1)
     names = [f"{who}:{label}" for who in ("Anna", "Bo") for label in LABELS]
@@ -613,14 +613,14 @@ def test_one_of_two_humans_is_asked_for_and_other_things_are_left_out() -> None:
     assert any("not one human's" in note for note in nobody.notes)
 
 
-def test_lengths_in_another_unit_are_told_by_the_stature() -> None:
+def test_lengths_in_another_unit_are_refused_by_the_stature() -> None:
     recording, _ = recorded(BODY, seconds=0.1)
     inches = MarkerRecording(recording.time, LABELS, recording.positions / 0.0254, (), "z")
     with pytest.raises(InvalidInputError, match=r"the human is 7\d.* m tall.*unit"):
         human_motion(inches)
 
 
-def test_continuous_postures_whose_branches_are_chance_are_the_same_and_do_not_leap() -> None:
+def test_unwrapped_joints_are_the_same_postures_without_jumps() -> None:
     _, truth = recorded(BODY, seconds=1.0)
     rng, leaping = np.random.default_rng(11), truth.angles.copy()
     for first, middle in (
@@ -641,7 +641,7 @@ def test_continuous_postures_whose_branches_are_chance_are_the_same_and_do_not_l
 
 
 @pytest.mark.slow
-def test_a_human_that_waves_overhead_keeps_its_hand_through_the_filter() -> None:
+def test_hand_that_waves_overhead_passes_the_filter() -> None:
     time, poses = marching(seconds=2.0)
     arm = {"swing": -1.9, "lift": 0.6, "rotation": 0.8}
     for name, mean in arm.items():
@@ -666,7 +666,7 @@ LEGS_ONLY = (  # noqa: SIM905
 ).split()
 
 
-def test_markers_of_legs_only_hold_the_trunk_upright_and_say_so() -> None:
+def test_markers_of_legs_only_hold_the_trunk_upright_with_a_note() -> None:
     recording, poses = recorded(BODY, labels=LEGS_ONLY, seconds=2.0)
     human = human_motion(recording, mass=72.0)
     assert any("no marker tells the lean of the trunk" in note for note in human.notes)
@@ -679,7 +679,7 @@ def test_markers_of_legs_only_hold_the_trunk_upright_and_say_so() -> None:
 
 
 @pytest.mark.parametrize("tilt", [0.2, 0.6, -0.9])
-def test_a_trunk_without_markers_leans_as_far_as_a_pelvis_tilts_beyond_its_swings(
+def test_trunk_without_markers_leans_by_the_excess_tilt_of_the_pelvis(
     tilt: float,
 ) -> None:
     turned = rotations(np.array([[0.0, 0.0, 0.7]])) @ rotations(np.array([[0.0, tilt, 0.0]]))
@@ -691,7 +691,7 @@ def test_a_trunk_without_markers_leans_as_far_as_a_pelvis_tilts_beyond_its_swing
     np.testing.assert_allclose(trunk, wanted[0], atol=1e-12)
 
 
-def test_one_marker_on_the_trunk_is_enough_and_named() -> None:
+def test_one_marker_on_the_trunk_is_enough_with_a_note() -> None:
     recording, poses = recorded(BODY, labels=[*LEGS_ONLY, "C7"], seconds=2.0)
     human = human_motion(recording, mass=72.0)
     assert "of the trunk only c7 is known: its tilt is less certain" in human.notes
@@ -706,7 +706,7 @@ def test_arms_without_a_trunk_are_refused() -> None:
 
 
 @pytest.mark.parametrize("frames", [1, 7])
-def test_a_static_trial_of_few_frames_is_as_good_as_a_long_one(tmp_path, frames: int) -> None:  # type: ignore[no-untyped-def]
+def test_static_trial_of_few_frames_is_as_good_as_a_long_one(tmp_path, frames: int) -> None:  # type: ignore[no-untyped-def]
     walk, _ = recorded(BODY, labels=[one for one in LABELS if one != "LKNE"], seconds=1.0)
     labels = [*LABELS, "LKNM", "RKNM"]
     long, _ = recorded(BODY, labels=labels, seconds=0.08)
@@ -724,7 +724,7 @@ def test_a_static_trial_of_few_frames_is_as_good_as_a_long_one(tmp_path, frames:
 
 
 @pytest.mark.parametrize(("said", "told"), [(1.45, True), (1.85, False), (2.1, True)])
-def test_a_stature_that_limbs_contradict_is_told(said: float, told: bool) -> None:
+def test_stature_contradicted_by_the_limbs_is_noted(said: float, told: bool) -> None:
     recording, _ = recorded(BODY, seconds=0.5)
     human = human_motion(recording, mass=72.0, stature=said)
     notes = [note for note in human.notes if f"m tall, {said:g} m was given" in note]

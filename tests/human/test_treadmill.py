@@ -39,7 +39,7 @@ def walked(speed: float, over: float = 0.0) -> MarkerRecording:
     return MarkerRecording(time, NAMES, at, up="z")
 
 
-def test_a_belt_is_found_and_still_ground_is_none() -> None:
+def test_belt_is_detected_and_ground_at_rest_is_not() -> None:
     np.testing.assert_allclose(
         belt_velocity(walked(SPEED), NAMES, MARKS), (-SPEED, 0.0, 0.0), atol=0.05
     )
@@ -48,7 +48,7 @@ def test_a_belt_is_found_and_still_ground_is_none() -> None:
     assert not belt_velocity(walked(0.0, over=1.0), NAMES, MARKS).any()  # carried along
 
 
-def test_in_belt_frame_plates_bear_the_same_force_where_the_belt_has_it() -> None:
+def test_plates_in_the_belt_frame_have_the_same_force_at_moved_points() -> None:
     """Oracle: the CoP moves with the axes, force and free moment stay."""
     recording = walked(SPEED)
     time, rng = np.arange(0.0, 5.0, 1e-3), np.random.default_rng(1)
@@ -67,7 +67,7 @@ def test_in_belt_frame_plates_bear_the_same_force_where_the_belt_has_it() -> Non
     assert not again.any()
 
 
-def test_what_is_lacking_is_told_by_static_trials_and_clusters() -> None:
+def test_missing_landmarks_may_come_from_static_trials_and_clusters() -> None:
     walk = ["left_asis", "right_asis", "sacrum", "c7", "jugular", "xiphoid"]
     for side in ("left", "right"):
         walk += [f"{side}_thigh", f"{side}_shank", f"{side}_heel"]
@@ -84,7 +84,7 @@ def test_what_is_lacking_is_told_by_static_trials_and_clusters() -> None:
 
 
 @pytest.mark.parametrize(("scale", "prefix"), [(1.0, ""), (1.1, ""), (1.0, "X")])
-def test_a_static_trial_of_another_human_is_told(scale: float, prefix: str) -> None:
+def test_static_trial_of_another_human_is_noted(scale: float, prefix: str) -> None:
     whole, _ = recorded(BODY, noise=1e-3, seed=2)
     labels = tuple(prefix + name for name in whole.labels)
     static = MarkerRecording(whole.time[:40], labels, scale * whole.positions[:40], up="z")
@@ -99,7 +99,7 @@ def test_a_static_trial_of_another_human_is_told(scale: float, prefix: str) -> N
 
 
 @pytest.mark.slow
-def test_knees_and_ankles_may_be_those_of_the_static_trial() -> None:
+def test_knees_and_ankles_of_the_static_trial_are_used() -> None:
     """Without them in the motion the CoM is found as with them, to what one shank marker tells."""
     whole, truth = recorded(BODY, noise=1e-3, seed=2)
     gone = ("LKNE", "RKNE", "LANK", "RANK")

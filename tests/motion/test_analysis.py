@@ -45,7 +45,7 @@ def motion(request: pytest.FixtureRequest) -> Motion:
     return waving(Robot.load(request.param), 0.4)
 
 
-def test_each_frame_is_what_reduce_makes_of_it(motion: Motion) -> None:
+def test_each_frame_is_that_of_reduce(motion: Motion) -> None:
     robot = motion.robot
     feet = tuple(robot.feet) or None
     series = analyze(motion, feet=feet)
@@ -70,7 +70,7 @@ def test_each_frame_is_what_reduce_makes_of_it(motion: Motion) -> None:
                 assert error < (1e-7 if name == "axes_angular_velocity" else 1e-9) * size, name
 
 
-def test_some_frames_fly_and_nan_is_only_there(hoap2: Robot) -> None:
+def test_nan_is_only_in_flight(hoap2: Robot) -> None:
     motion = waving(hoap2, 0.4)
     base = motion.base.copy()
     base[:, 2] = 0.6 + 0.15 * np.cos(2.0 * np.pi * 1.9 * TIME)  # falls faster than g at the top
@@ -86,7 +86,7 @@ def test_some_frames_fly_and_nan_is_only_there(hoap2: Robot) -> None:
     assert (series.cop_outside == (series.cop_margin < 0.0)).all()
 
 
-def test_feet_are_judged_unless_told_otherwise(hoap2: Robot) -> None:
+def test_feet_are_checked_by_default(hoap2: Robot) -> None:
     motion = waving(hoap2, 0.0)
     base = np.tile(hoap2.postures["standing"][:7], (len(TIME), 1))
     still = Motion(hoap2, TIME, motion.joints, base)
@@ -102,7 +102,7 @@ def test_feet_are_judged_unless_told_otherwise(hoap2: Robot) -> None:
     assert not lower.cop_outside.any()
 
 
-def test_a_rigid_body_that_turns_about_the_vertical(hoap2: Robot) -> None:
+def test_rigid_body_rotating_about_the_vertical_has_its_angular_velocity(hoap2: Robot) -> None:
     # By hand: joints at rest, base turning at 1.2 rad/s about the CoM's vertical.
     stand = hoap2.postures["standing"]
     com = hoap2.snapshot(stand).com
@@ -125,7 +125,7 @@ def test_a_rigid_body_that_turns_about_the_vertical(hoap2: Robot) -> None:
     np.testing.assert_allclose(trace, hoap2.mass * 2 / 3 * (series.radii**2).sum(axis=1))
 
 
-def test_velocity_and_acceleration_of_a_known_motion(hoap2: Robot) -> None:
+def test_velocity_and_acceleration_are_those_of_a_known_motion(hoap2: Robot) -> None:
     motion = waving(hoap2, 0.4)
     series = analyze(motion)
     inner = slice(120, -120)
@@ -156,7 +156,7 @@ def test_flipped_quaternions_do_not_matter() -> None:
     np.testing.assert_allclose(flipped.momentum_rate, straight.momentum_rate, atol=1e-9)
 
 
-def test_another_rate() -> None:
+def test_rate_of_the_series_may_differ() -> None:
     motion = waving(Robot.load("hoap2_like"), 0.4)
     full, half = analyze(motion), analyze(motion, rate=100.0)
     np.testing.assert_allclose(half.time, full.time[::2])
@@ -223,7 +223,7 @@ def test_other_endings_and_frozen_arrays(series: RmpSeries, tmp_path: Path) -> N
         ({"ground_height": np.nan}, InvalidInputError, "ground_height"),
     ],
 )
-def test_options_that_make_no_sense(options: dict, error: type, words: str) -> None:
+def test_bad_options_are_refused(options: dict, error: type, words: str) -> None:
     motion = waving(Robot.load("hoap2_like"), 0.2)
     with pytest.raises(error, match=words):
         analyze(motion, **options)

@@ -57,7 +57,7 @@ def test_only_standing_feet_count(rng: np.random.Generator) -> None:
     assert np.isnan(margins[3])
 
 
-def test_hulls_of_points_in_a_row() -> None:
+def test_collinear_corners_have_no_interior() -> None:
     row = np.array([[[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [0.5, 0.5]]])
     corners = np.tile(np.dstack((row, np.zeros((1, 4))))[:, None], (4, 1, 1, 1))
     points = np.array([[1.0, 1.0], [3.0, 2.0], [0.0, -0.5], [1.6, 0.2]])
@@ -65,13 +65,13 @@ def test_hulls_of_points_in_a_row() -> None:
     np.testing.assert_allclose(margins, [0.0, -1.0, -0.5, -0.7 * np.sqrt(2.0)], atol=1e-15)
 
 
-def test_corners_in_one_spot() -> None:
+def test_coincident_corners_have_no_interior() -> None:
     corners = np.full((1, 1, 4, 3), 0.5)
     margins = support_margins(corners, np.ones((1, 1), bool), np.array([[3.5, 4.5]])).margin
     np.testing.assert_allclose(margins, [-5.0])
 
 
-def test_which_feet_touch(hoap2: Robot) -> None:
+def test_feet_near_ground_are_those_within_1_cm(hoap2: Robot) -> None:
     lifted = hoap2.posture("standing", {"left_hip_pitch": -0.9, "left_knee_pitch": 1.2})
     q = np.stack((hoap2.postures["standing"], lifted))
     corners = sole_corners(hoap2, sole_series(hoap2, q))

@@ -82,7 +82,7 @@ def outcome(path: Path, robot: Robot, **options: object) -> Exception | None:
 
 
 @pytest.mark.parametrize("part", range(4))
-def test_mutated_files(
+def test_mutated_files_raise_typed_errors(
     hoap2: Robot, good: dict[str, np.ndarray], tmp_path: Path, part: int
 ) -> None:
     named = {name: good["q"][:, 7 + k] for k, name in enumerate(hoap2.joint_names)}
@@ -101,7 +101,7 @@ def test_mutated_files(
     assert errors > COUNT // 20  # they were hostile indeed
 
 
-def test_mutated_headers_of_arrays(hoap2: Robot, tmp_path: Path) -> None:
+def test_mutated_array_headers_raise_typed_errors(hoap2: Robot, tmp_path: Path) -> None:
     rng = np.random.default_rng(7)
     header = "{'descr': '<f8', 'fortran_order': False, 'shape': (20,), }"
     pieces = (
@@ -147,14 +147,18 @@ SOUND = "{'descr': '<f8', 'fortran_order': False, 'shape': (20,), }"
         (b"", "cannot be read"),
     ],
 )
-def test_headers_of_arrays(hoap2: Robot, tmp_path: Path, array: bytes, words: str) -> None:
+def test_bad_array_headers_are_refused(
+    hoap2: Robot, tmp_path: Path, array: bytes, words: str
+) -> None:
     path = tmp_path / "h.npz"
     path.write_bytes(zip_bytes({"time.npy": array}))
     error = outcome(path, hoap2, missing="standing")
     assert isinstance(error, RecordingError) and words in str(error)
 
 
-def test_archives(hoap2: Robot, good: dict[str, np.ndarray], tmp_path: Path) -> None:
+def test_bad_archives_are_refused(
+    hoap2: Robot, good: dict[str, np.ndarray], tmp_path: Path
+) -> None:
     arrays = {f"{name}.npy": npz_entry(good, name) for name in good}
     path = tmp_path / "a.npz"
 
@@ -205,7 +209,7 @@ def test_sizes_are_refused_before_anything_is_unpacked(
         assert isinstance(error, RecordingError) and "at most 10000" in str(error)
 
 
-def test_what_is_no_regular_file(hoap2: Robot, tmp_path: Path) -> None:
+def test_irregular_files_are_refused(hoap2: Robot, tmp_path: Path) -> None:
     (tmp_path / "folder.csv").mkdir()
     os.mkfifo(tmp_path / "pipe.npz")  # would wait for a writer for ever
     for name in ("folder.csv", "pipe.npz", "a\0b.csv", "x" * 300 + ".npz"):
@@ -213,7 +217,9 @@ def test_what_is_no_regular_file(hoap2: Robot, tmp_path: Path) -> None:
         assert isinstance(error, RecordingError) and "cannot be read" in str(error)
 
 
-def test_wide_and_long_text(hoap2: Robot, good: dict[str, np.ndarray], tmp_path: Path) -> None:
+def test_wide_and_long_text_is_refused(
+    hoap2: Robot, good: dict[str, np.ndarray], tmp_path: Path
+) -> None:
     path = tmp_path / "a.csv"
     first, rest = csv_bytes(hoap2, good).decode().split("\n", 1)
     row = rest.split("\n", 1)[0]

@@ -30,7 +30,7 @@ def write(file: Path, robot: wbc.Robot, **changed: np.ndarray) -> Path:
     return file
 
 
-def test_the_cop_is_where_the_soles_say(hoap2: wbc.Robot, tmp_path: Path) -> None:
+def test_measured_cop_is_that_of_the_soles(hoap2: wbc.Robot, tmp_path: Path) -> None:
     series = analyze(read_motion(write(tmp_path / "m.npz", hoap2), hoap2))
     assert series.measured
     here = hoap2.snapshot(hoap2.posture("standing"))
@@ -42,7 +42,7 @@ def test_the_cop_is_where_the_soles_say(hoap2: wbc.Robot, tmp_path: Path) -> Non
     np.testing.assert_allclose(series.force_residual, 0.0, atol=1e-6)
 
 
-def test_without_forces_the_ground_is_what_the_motion_needs(hoap2: wbc.Robot) -> None:
+def test_ground_without_forces_is_that_of_the_motion(hoap2: wbc.Robot) -> None:
     time, q, _ = standing(hoap2)
     series = analyze(Motion(hoap2, time, q[:, 7:], q[:, :7]))
     assert not series.measured
@@ -50,7 +50,7 @@ def test_without_forces_the_ground_is_what_the_motion_needs(hoap2: wbc.Robot) ->
     np.testing.assert_allclose(series.cop[:, :2], np.tile(com[:2], (ROWS, 1)), atol=1e-6)
 
 
-def test_a_foot_in_the_air_bears_nothing(hoap2: wbc.Robot, tmp_path: Path) -> None:
+def test_foot_in_the_air_has_no_force(hoap2: wbc.Robot, tmp_path: Path) -> None:
     file = write(tmp_path / "m.npz", hoap2, **{"forces/left_sole": np.zeros((ROWS, 6))})
     series = analyze(read_motion(file, hoap2), cutoff=None)
     right = hoap2.snapshot(hoap2.posture("standing")).position("right_sole")
@@ -59,9 +59,7 @@ def test_a_foot_in_the_air_bears_nothing(hoap2: wbc.Robot, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("wrong", [np.zeros((ROWS, 3)), np.full((ROWS, 6), np.nan)])
-def test_forces_that_cannot_be_are_refused(
-    hoap2: wbc.Robot, tmp_path: Path, wrong: np.ndarray
-) -> None:
+def test_impossible_forces_are_refused(hoap2: wbc.Robot, tmp_path: Path, wrong: np.ndarray) -> None:
     file = write(tmp_path / "m.npz", hoap2, **{"forces/left_sole": wrong})
     with pytest.raises(RecordingError, match=r"m\.npz: measured forces, left"):
         read_motion(file, hoap2)

@@ -70,7 +70,7 @@ def test_noise_smoothed_before_is_found_near_the_cutoff(rng: np.random.Generator
 @pytest.mark.parametrize(
     ("joints", "words"), [(np.full(25, -1e-3), "not be negative"), (np.full(25, np.nan), "joints")]
 )
-def test_noise_that_makes_no_sense(joints: np.ndarray, words: str) -> None:
+def test_bad_noise_is_refused(joints: np.ndarray, words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
         Noise(joints, np.zeros(3), np.zeros(3))
 
@@ -141,7 +141,7 @@ def test_residual_cutoff_of_a_recording_without_noise_keeps_all() -> None:
     assert resolve_cutoff("residual", rows, RATE) > 40.0
 
 
-def test_cutoffs_by_word() -> None:
+def test_unknown_cutoff_words_are_refused() -> None:
     rows = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.3], (9, 1))
     assert resolve_cutoff(7.0, rows, RATE) == 7.0
     assert resolve_cutoff(None, rows, RATE) is None

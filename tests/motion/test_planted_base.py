@@ -30,7 +30,7 @@ def lift(robot: Robot, start: float, end: float) -> np.ndarray:
 
 @pytest.mark.parametrize("foot", ["left", "right"])
 @pytest.mark.parametrize("height", [0.0, 0.3])
-def test_the_planted_sole_lies_flat_and_still(hoap2: Robot, foot: str, height: float) -> None:
+def test_planted_sole_is_flat_and_at_rest(hoap2: Robot, foot: str, height: float) -> None:
     swing = 0.2 * np.sin(4.0 * TIME + 0.3)
     parts = {"*_hip_pitch": swing, "*_ankle_roll": 0.5 * swing, "left_hip_yaw": swing**2}
     motion = Motion(hoap2, TIME, moved(hoap2, parts))
@@ -80,7 +80,7 @@ def test_auto_follows_the_lower_foot_without_a_jump(hoap2: Robot) -> None:
     assert not series.flight.any()
 
 
-def test_contradicting_feet_are_eased(hoap2: Robot) -> None:
+def test_contradicting_feet_are_blended(hoap2: Robot) -> None:
     # The left ankle is off by 0.08 rad; the left leg gets longer, so that it takes over.
     longer = np.clip((TIME - 1.0) / 0.2, 0.0, 1.0)
     parts = {"left_ankle_roll": 0.08, "right_hip_pitch": -0.3 * longer}
@@ -103,7 +103,7 @@ def test_contradicting_feet_are_eased(hoap2: Robot) -> None:
     assert here.position(frame)[2] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_feet_that_do_not_exist(hoap2: Robot) -> None:
+def test_unknown_feet_are_refused(hoap2: Robot) -> None:
     motion = Motion(hoap2, TIME, moved(hoap2, {}))
     with pytest.raises(UnknownNameError, match="did you mean 'left'"):
         analyze(motion, planted="lefd")
@@ -112,7 +112,7 @@ def test_feet_that_do_not_exist(hoap2: Robot) -> None:
         analyze(Motion(footless, TIME, motion.joints), planted="auto", feet=None)
 
 
-def test_a_base_or_a_planted_foot(hoap2: Robot) -> None:
+def test_base_and_planted_foot_exclude_each_other(hoap2: Robot) -> None:
     joints = moved(hoap2, {})
     with pytest.raises(InvalidInputError, match="planted foot: left, right or auto"):
         analyze(Motion(hoap2, TIME, joints))

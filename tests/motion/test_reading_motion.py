@@ -62,7 +62,7 @@ def base_columns(rng: np.random.Generator) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
-def test_joints_in_any_order(hoap2, joints, write: Write, delimiter: str) -> None:
+def test_joints_may_be_in_any_order(hoap2, joints, write: Write, delimiter: str) -> None:
     columns = dict(reversed(columns_of(hoap2, joints).items()))
     motion = read_motion(write(columns, delimiter=delimiter), hoap2)
     np.testing.assert_allclose(motion.joints, joints, rtol=1e-12)
@@ -71,7 +71,7 @@ def test_joints_in_any_order(hoap2, joints, write: Write, delimiter: str) -> Non
     assert motion.rate == pytest.approx(RATE)
 
 
-def test_units_in_names(hoap2, joints, write: Write) -> None:
+def test_units_in_names_are_converted(hoap2, joints, write: Write) -> None:
     columns = columns_of(hoap2, joints)
     in_names = {"Time (ms)": 1e3 * columns.pop("time")}
     for k, (name, values) in enumerate(columns.items()):
@@ -97,7 +97,7 @@ def test_degrees_are_for_angles_only(write: Write) -> None:
     np.testing.assert_allclose(read_motion(write(columns), robot, degrees=True).joints, plain)
 
 
-def test_base_by_quaternion_and_by_angles(hoap2, joints, write: Write, rng) -> None:
+def test_base_by_quaternion_and_by_angles_is_the_same(hoap2, joints, write: Write, rng) -> None:
     base = base_columns(rng)
     motion = read_motion(write(columns_of(hoap2, joints) | base), hoap2)
     np.testing.assert_allclose(motion.base, np.column_stack(list(base.values())), atol=1e-12)
@@ -108,7 +108,7 @@ def test_base_by_quaternion_and_by_angles(hoap2, joints, write: Write, rng) -> N
     np.testing.assert_allclose(by_angles, motion.base, atol=1e-12)
 
 
-def test_no_times_but_a_rate(hoap2, joints, write: Write) -> None:
+def test_rate_replaces_times(hoap2, joints, write: Write) -> None:
     columns = columns_of(hoap2, joints)
     del columns["time"]
     motion = read_motion(write(columns), hoap2, rate=50.0)
@@ -116,7 +116,7 @@ def test_no_times_but_a_rate(hoap2, joints, write: Write) -> None:
 
 
 @pytest.mark.parametrize("posture", ["standing", "neutral"])
-def test_missing_joints_if_declared(hoap2, joints, write: Write, posture: str) -> None:
+def test_missing_joints_are_of_the_named_posture(hoap2, joints, write: Write, posture: str) -> None:
     columns = columns_of(hoap2, joints)
     del columns["left_elbow_pitch"]
     k = hoap2.joint_names.index("left_elbow_pitch")
@@ -137,7 +137,7 @@ def test_npz_forms_are_the_same(hoap2, joints, tmp_path: Path, rng) -> None:
         np.testing.assert_allclose(motion.base, q[:, :7], atol=1e-12)
 
 
-def test_a_run_of_this_package_and_back(tmp_path: Path) -> None:
+def test_run_of_wbc_is_read_back(tmp_path: Path) -> None:
     problem = tmp_path / "p.yaml"
     problem.write_text(
         "robot: hoap2_like\nsupport: double\n"
@@ -161,7 +161,7 @@ def test_a_run_of_this_package_and_back(tmp_path: Path) -> None:
     np.testing.assert_allclose(again.joints, series.q[:, 7:])
 
 
-def test_continuous_joints_of_q(tmp_path: Path, rng) -> None:
+def test_continuous_joints_of_q_are_angles(tmp_path: Path, rng) -> None:
     robot = Robot.load(MIXED)
     q = np.tile(robot.postures["neutral"], (COUNT, 1))
     k = robot.limits.unbounded[0]
@@ -195,7 +195,7 @@ def test_missing_joints_are_named(hoap2, joints, write: Write) -> None:
         read_motion(write(columns), hoap2, missing="sitting")
 
 
-def test_an_unknown_joint_is_suggested(hoap2, joints, write: Write) -> None:
+def test_unknown_joint_has_a_suggestion(hoap2, joints, write: Write) -> None:
     columns = columns_of(hoap2, joints) | {"left_nee_pitch": TIME}
     with pytest.raises(UnknownNameError, match="did you mean 'left_knee_pitch'"):
         read_motion(write(columns), hoap2)
@@ -223,7 +223,9 @@ def test_times_must_increase(hoap2, joints, write: Write, value: float, row: int
     assert (error.column, error.row) == ("time", row)
 
 
-def test_limits_and_degrees(hoap2, joints, write: Write) -> None:
+def test_positions_past_limits_are_refused_with_a_hint_at_degrees(
+    hoap2, joints, write: Write
+) -> None:
     k = hoap2.joint_names.index("left_knee_pitch")
     joints[30, k] = hoap2.limits.upper[k] + 0.12
     path = write(columns_of(hoap2, joints))
@@ -236,7 +238,7 @@ def test_limits_and_degrees(hoap2, joints, write: Write) -> None:
     assert read_motion(write(in_degrees), hoap2, degrees=True).time.size == COUNT
 
 
-def test_a_little_past_a_limit_is_told(hoap2, joints) -> None:
+def test_small_excess_of_limits_is_told(hoap2, joints) -> None:
     k = hoap2.joint_names.index("left_knee_pitch")
     joints[:, k] = hoap2.limits.upper[k] + 0.05
     base = np.tile(hoap2.postures["standing"][:7], (COUNT, 1))
@@ -246,7 +248,7 @@ def test_a_little_past_a_limit_is_told(hoap2, joints) -> None:
     assert series.past_limits == {}
 
 
-def test_no_times_or_both(hoap2, joints, write: Write) -> None:
+def test_missing_times_and_times_with_a_rate_are_refused(hoap2, joints, write: Write) -> None:
     columns = columns_of(hoap2, joints)
     assert refused(write(columns), hoap2, "time", rate=100.0)
     del columns["time"]
@@ -255,7 +257,7 @@ def test_no_times_or_both(hoap2, joints, write: Write) -> None:
         read_motion(write(columns), hoap2, rate=0.0)
 
 
-def test_an_incomplete_base(hoap2, joints, write: Write, rng) -> None:
+def test_incomplete_base_is_refused(hoap2, joints, write: Write, rng) -> None:
     base = base_columns(rng)
     del base["base_qw"]
     assert refused(write(columns_of(hoap2, joints) | base), hoap2, "base_qw")
@@ -263,20 +265,20 @@ def test_an_incomplete_base(hoap2, joints, write: Write, rng) -> None:
     assert refused(write(columns_of(hoap2, joints) | both), hoap2, "not both")
 
 
-def test_a_quaternion_that_is_none(hoap2, joints, write: Write, rng) -> None:
+def test_wrong_quaternion_norm_is_refused(hoap2, joints, write: Write, rng) -> None:
     base = base_columns(rng)
     base["base_qw"][5] += 0.5
     assert refused(write(columns_of(hoap2, joints) | base), hoap2, "norm").row == 6
 
 
-def test_the_same_column_twice(hoap2, joints, write: Write) -> None:
+def test_repeated_column_is_refused(hoap2, joints, write: Write) -> None:
     assert refused(write(columns_of(hoap2, joints) | {"t": TIME}), hoap2, "'t'", "'time'")
     path = write(columns_of(hoap2, joints))
     path.write_text(path.read_text().replace("head_yaw", "head_pitch", 1))
     assert refused(path, hoap2, "head_pitch", "twice")
 
 
-def test_unknown_units(hoap2, joints, write: Write) -> None:
+def test_unknown_units_are_refused(hoap2, joints, write: Write) -> None:
     columns = columns_of(hoap2, joints)
     columns["head_yaw [turns]"] = columns.pop("head_yaw")
     assert refused(write(columns), hoap2, "turns", "deg")
@@ -296,26 +298,26 @@ def test_unknown_units(hoap2, joints, write: Write) -> None:
         (",time\n0,0\n1,1\n", ["column 1 has no name"]),
     ],
 )
-def test_broken_csv(hoap2, tmp_path: Path, text: str, words: list[str]) -> None:
+def test_broken_csv_is_refused(hoap2, tmp_path: Path, text: str, words: list[str]) -> None:
     path = tmp_path / "broken.csv"
     path.write_text(text)
     assert refused(path, hoap2, *words)
 
 
-def test_text_in_another_encoding(hoap2, joints, write: Write) -> None:
+def test_text_in_another_encoding_is_refused(hoap2, joints, write: Write) -> None:
     path = write(columns_of(hoap2, joints))
     path.write_text(path.read_text(), encoding="utf-16")
     assert refused(path, hoap2, "not text in UTF-8")
 
 
 @pytest.mark.parametrize("head", ["# ", "# recorded on Monday, in the hall\n", "\ufeff"])
-def test_remarks_and_byte_order_marks(hoap2, joints, write: Write, head: str) -> None:
+def test_comments_and_byte_order_marks_are_skipped(hoap2, joints, write: Write, head: str) -> None:
     path = write(columns_of(hoap2, joints))
     path.write_text(head + path.read_text(), encoding="utf-8")
     np.testing.assert_allclose(read_motion(path, hoap2).joints, joints, rtol=1e-12)
 
 
-def test_a_comma_at_the_end_of_each_line_is_no_column(hoap2, joints, write: Write) -> None:
+def test_trailing_comma_is_no_column(hoap2, joints, write: Write) -> None:
     path = write(columns_of(hoap2, joints))
     path.write_text(path.read_text().replace("\n", ",\n"))
     np.testing.assert_allclose(read_motion(path, hoap2).joints, joints, rtol=1e-12)
@@ -353,19 +355,19 @@ def test_empty_cells_are_missing_numbers(hoap2, joints, write: Write) -> None:
         ({"time": TIME, "q": np.zeros((COUNT, 32), dtype=complex)}, ["'q'", "real numbers"]),
     ],
 )
-def test_broken_npz(hoap2, tmp_path: Path, arrays: dict, words: list[str]) -> None:
+def test_broken_npz_is_refused(hoap2, tmp_path: Path, arrays: dict, words: list[str]) -> None:
     np.savez(tmp_path / "broken.npz", **arrays)
     assert refused(tmp_path / "broken.npz", hoap2, *words)
 
 
-def test_files_that_are_none(hoap2, tmp_path: Path) -> None:
+def test_missing_files_are_refused(hoap2, tmp_path: Path) -> None:
     (tmp_path / "x.npz").write_text("no zip")
     assert refused(tmp_path / "x.npz", hoap2, "cannot be read")
     assert refused(tmp_path / "absent.csv", hoap2, "cannot be read")
     assert refused(tmp_path / "walk.bvh", hoap2, ".csv or .npz")
 
 
-def test_few_rows(hoap2, joints, write: Write) -> None:
+def test_few_rows_are_refused(hoap2, joints, write: Write) -> None:
     columns = {name: values[:5] for name, values in columns_of(hoap2, joints).items()}
     assert refused(write(columns), hoap2, "5 rows")
     with pytest.raises(InvalidInputError, match="5 rows"):
@@ -377,7 +379,7 @@ def test_few_rows(hoap2, joints, write: Write) -> None:
 # ---------------------------------------------------------------------- dropouts
 
 
-def test_gaps_in_time_up_to_the_longest(hoap2, joints, write: Write) -> None:
+def test_gaps_in_time_are_filled_up_to_the_longest(hoap2, joints, write: Write) -> None:
     kept = np.delete(np.arange(COUNT), slice(20, 26))  # six rows: 70 ms from row 19 to row 26
     columns = {name: values[kept] for name, values in columns_of(hoap2, joints).items()}
     motion = read_motion(write(columns), hoap2)
@@ -390,7 +392,7 @@ def test_gaps_in_time_up_to_the_longest(hoap2, joints, write: Write) -> None:
     assert refused(write(columns), hoap2, "0.07", longest_gap=0.05)
 
 
-def test_missing_numbers_if_declared(hoap2, joints, write: Write) -> None:
+def test_missing_numbers_are_filled_if_requested(hoap2, joints, write: Write) -> None:
     true = joints.copy()
     joints[10:13, [2, 4]] = np.nan
     joints[40, 4] = np.nan
@@ -424,7 +426,7 @@ def test_frozen_rows_are_reported(hoap2, joints, write: Write) -> None:
 
 
 @pytest.mark.parametrize("base_too", [True, False])
-def test_a_frozen_base_is_filled_with_the_joints(
+def test_frozen_base_is_filled_with_the_joints(
     hoap2, joints, write: Write, rng, base_too: bool
 ) -> None:
     columns = columns_of(hoap2, joints) | (base := base_columns(rng))
@@ -438,7 +440,7 @@ def test_a_frozen_base_is_filled_with_the_joints(
     np.testing.assert_allclose(motion.base, true, atol=1e-4 if base_too else 1e-12)
 
 
-def test_a_gap_can_be_declared_as_it_is_told(hoap2, joints, write: Write) -> None:
+def test_printed_gap_length_is_accepted(hoap2, joints, write: Write) -> None:
     kept = np.delete(np.arange(COUNT), slice(20, 35))
     columns = {name: values[kept] for name, values in columns_of(hoap2, joints).items()}
     columns["time"] = columns["time"] * 1.00123 + 1.7e9  # as computers count time
@@ -448,7 +450,7 @@ def test_a_gap_can_be_declared_as_it_is_told(hoap2, joints, write: Write) -> Non
     assert longest - 0.01 < gap.duration <= longest
 
 
-def test_gaps_too_long_to_fill(hoap2, joints, write: Write) -> None:
+def test_gaps_too_long_to_fill_are_refused(hoap2, joints, write: Write) -> None:
     columns = columns_of(hoap2, joints)
     columns["time"] = np.where(TIME > 0.3, TIME + 1e6, TIME)
     with pytest.raises(InvalidInputError, match="1,000,000"):

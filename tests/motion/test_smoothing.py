@@ -30,7 +30,7 @@ def test_derivatives_of_sines_through_the_filter() -> None:
         assert error.max() < tolerance
 
 
-def test_the_ends_keep_their_acceleration() -> None:
+def test_ends_keep_their_acceleration() -> None:
     w = 2.0 * np.pi * 0.7
     for phase in np.linspace(0.0, 6.0, 7):
         x = np.sin(w * TIME + phase)[:, None]
@@ -38,7 +38,7 @@ def test_the_ends_keep_their_acceleration() -> None:
         assert np.abs(second + w * w * x).max() < 6e-3 * w * w  # as documented
 
 
-def test_the_ends_keep_their_place() -> None:
+def test_ends_keep_their_position() -> None:
     """At both ends as if the recording went on: 0.003 of the amplitude at most at 4 Hz.
 
     What the polynomial leaves must be turned about the last point; mirrored beside it, 0.15.
@@ -51,7 +51,7 @@ def test_the_ends_keep_their_place() -> None:
         assert np.abs(part - whole)[[0, -1]].max() < 5e-3
 
 
-def test_the_filter_has_no_phase(rng: np.random.Generator) -> None:
+def test_filter_has_no_phase(rng: np.random.Generator) -> None:
     # A band of noise that fades at both ends passes; delayed by even one sample, its correlation
     # would peak elsewhere.
     band = np.convolve(rng.normal(size=3000), np.hanning(81), mode="same") * np.hanning(3000)
@@ -77,20 +77,20 @@ def test_the_gain_at_the_cutoff_is_3_db(cutoff: float) -> None:
     assert gains[2] < 0.012  # 48 dB per octave, less 3 dB and more in a digital filter
 
 
-def test_a_line_passes_as_it_is() -> None:
+def test_line_passes_unchanged() -> None:
     line = np.outer(TIME, [2.0, -1.0]) + 3.0
     np.testing.assert_allclose(low_pass(line, RATE, 10.0), line, atol=1e-8)
     assert low_pass(line, RATE, None) is line
 
 
 @pytest.mark.parametrize("cutoff", [0.0, -1.0, 100.0, np.nan, 1e-9, 3.9])
-def test_cutoffs_that_make_no_sense(cutoff: float) -> None:
+def test_bad_cutoffs_are_refused(cutoff: float) -> None:
     with pytest.raises(InvalidInputError, match="cutoff"):
         low_pass(np.zeros((50, 1)), RATE, cutoff)
 
 
 @pytest.mark.parametrize("rate", [0.1, 1e-9, 1e8])
-def test_rates_that_give_one_frame_or_too_many(rate: float) -> None:
+def test_rates_with_one_frame_or_too_many_are_refused(rate: float) -> None:
     with pytest.raises(InvalidInputError, match="rate"):
         sample_times(TIME, rate)
 
@@ -121,7 +121,7 @@ def test_angular_velocity_of_a_tumbling_body() -> None:
     np.testing.assert_allclose(longer[1], rate, atol=1e-8)
 
 
-def test_uneven_times_are_made_even(rng: np.random.Generator) -> None:
+def test_uneven_times_are_resampled(rng: np.random.Generator) -> None:
     time = TIME + rng.uniform(-0.3, 0.3, len(TIME)) / RATE
     grid = even_grid(time)[0]
     np.testing.assert_allclose(np.diff(grid), np.median(np.diff(time)))

@@ -65,7 +65,7 @@ def stands(series: RmpSeries) -> np.ndarray:
     return sole_series(series.robot, series.q)["left"][:, :3, 3]
 
 
-def test_bands_hold_the_truth_in_a_short_recording() -> None:
+def test_bands_contain_the_truth_in_a_short_recording() -> None:
     # 10 trials of 1 s at 10 Hz are worth 200 independent values and more: within 4.5 % at 3 sigma.
     found = coverages(
         waving(Robot.load("hoap2_like"), 0.1, TIME[:200]),
@@ -88,7 +88,7 @@ def test_bands_hold_the_truth_in_a_short_recording() -> None:
     ],
     ids=["g1", "joints only", "resampled", "no filter"],
 )
-def test_95_percent_bands_hold_93_to_97(robot: str, sizes: tuple, options: dict) -> None:
+def test_95_percent_bands_contain_93_to_97(robot: str, sizes: tuple, options: dict) -> None:
     found = coverages(
         waving(Robot.load(robot), 0.1, TIME), sizes, 30, (*INERTIAL, *ON_GROUND), **options
     )
@@ -96,7 +96,7 @@ def test_95_percent_bands_hold_93_to_97(robot: str, sizes: tuple, options: dict)
 
 
 @pytest.mark.slow
-def test_bands_with_a_planted_foot_hold_93_to_97() -> None:
+def test_bands_with_a_planted_foot_contain_93_to_97() -> None:
     recorded = waving(Robot.load("hoap2_like"), 0.1, TIME)
     clean = Motion(recorded.robot, recorded.time, recorded.joints)
     names = (*INERTIAL, *ON_GROUND, "com")
@@ -105,7 +105,7 @@ def test_bands_with_a_planted_foot_hold_93_to_97() -> None:
 
 
 @pytest.mark.slow
-def test_bands_where_feet_take_over_hold_93_to_97(tmp_path: Path) -> None:
+def test_bands_with_changing_planted_feet_contain_93_to_97(tmp_path: Path) -> None:
     """Each foot is raised in turn: the base goes through the filter twice."""
     result = wbc.load_problem(PROBLEMS / "shiko_hoap2.yaml").run()
     result.save(tmp_path / "shiko.npz")
@@ -126,7 +126,7 @@ def beside_the_foot(hoap2: Robot) -> Motion:
     return Motion(hoap2, TIME, q[:, 7:], q[:, :7])
 
 
-def test_verdict_is_only_given_beyond_the_noise(beside_the_foot: Motion) -> None:
+def test_verdict_needs_more_than_noise(beside_the_foot: Motion) -> None:
     rng = np.random.default_rng(3)
     little = analyze(noisy(beside_the_foot, (1e-5, 0.0, 0.0), rng), feet="left")
     assert little.infeasible.all() and not little.surely_inside.any()
@@ -140,7 +140,7 @@ def test_verdict_is_only_given_beyond_the_noise(beside_the_foot: Motion) -> None
     assert (unasked.infeasible == unasked.cop_outside).all()
 
 
-def test_inside_is_only_said_beyond_the_noise(beside_the_foot: Motion) -> None:
+def test_inside_needs_more_than_noise(beside_the_foot: Motion) -> None:
     # The CoM is 27 mm inside both soles' hull.
     rng = np.random.default_rng(3)
     little = analyze(noisy(beside_the_foot, (1e-5, 0.0, 0.0), rng))
@@ -149,7 +149,7 @@ def test_inside_is_only_said_beyond_the_noise(beside_the_foot: Motion) -> None:
     assert not much.surely_inside.all() and not much.infeasible.any()
 
 
-def test_flight_is_only_said_beyond_the_noise(beside_the_foot: Motion) -> None:
+def test_flight_needs_more_than_noise(beside_the_foot: Motion) -> None:
     rng = np.random.default_rng(3)
     base = np.array(beside_the_foot.base)
     # Every 1.25 s it falls, for a while, as fast as only a ground that pulls could make it.
@@ -164,7 +164,7 @@ def test_flight_is_only_said_beyond_the_noise(beside_the_foot: Motion) -> None:
 
 
 @pytest.mark.slow
-def test_noise_alone_makes_a_verdict_in_few_recordings(beside_the_foot: Motion) -> None:
+def test_noise_alone_gives_a_verdict_in_few_recordings(beside_the_foot: Motion) -> None:
     """With the CoP well inside, no recording of 40; with it on an edge, 5 % of them at most."""
     rng = np.random.default_rng(5)
     alarms = 0
@@ -216,7 +216,7 @@ def test_measured_forces_have_no_band_of_the_motions_noise(hoap2: Robot) -> None
     assert np.isfinite(series.uncertainty.momentum_rate).all()
 
 
-def test_options_of_other_kinds(beside_the_foot: Motion) -> None:
+def test_options_of_other_kinds_are_refused(beside_the_foot: Motion) -> None:
     with pytest.raises(InvalidInputError, match="cutoff"):
         analyze(beside_the_foot, cutoff="high")
     motion = noisy(beside_the_foot, MUCH, np.random.default_rng(1))

@@ -1,4 +1,4 @@
-"""How well a plan was followed: motions whose distance from the plan is known."""
+"""Tracking errors of motions with a known distance from the plan."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from wbc.tracking.deviation import Deviation, evaluate_tracking
 from wbc.tracking.reference import PlanReference
 
 
-def test_rms_worst_and_when() -> None:
+def test_deviation_has_rms_largest_error_and_its_time() -> None:
     time = np.array((0.0, 1.0, 2.0, 3.0))
     actual = np.array(((0.0, 0.0), (3.0, 4.0), (np.nan, 0.0), (0.0, 1.0)))
     found = Deviation.of(time, actual, np.zeros((4, 2)), 10.0)
@@ -18,7 +18,7 @@ def test_rms_worst_and_when() -> None:
     assert np.isnan([nothing.rms, nothing.worst, nothing.at]).all()
 
 
-def test_a_robot_that_stands_still_is_as_far_from_the_plan_as_the_plan_goes(
+def test_deviation_of_a_robot_at_rest_is_the_motion_of_the_plan(
     plan: Plan, start: Snapshot
 ) -> None:
     reference = PlanReference(plan, start, begins=0.1)
@@ -33,7 +33,7 @@ def test_a_robot_that_stands_still_is_as_far_from_the_plan_as_the_plan_goes(
     }
     found = evaluate_tracking(reference, start.robot, truth)
     assert found.cop.rms == pytest.approx(0.005) == found.cop.worst
-    # The crouch goes down by 1 cm half way.
+    # The crouch is 1 cm deep halfway.
     assert found.com.worst == pytest.approx(found.com.peak, rel=1e-3)
     assert found.com.at == pytest.approx(0.5, abs=0.011) and 0.01 <= found.com.worst < 0.02
     most = np.linalg.norm(plan.refined(8).momentum, axis=1).max()

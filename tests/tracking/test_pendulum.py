@@ -10,7 +10,7 @@ from wbc.rotations import rotation_from
 from wbc.tracking.pendulum import RobotPendulum, pendulum_of
 
 
-def test_the_pendulum_has_the_mass_the_place_and_the_inertia_of_the_robot(
+def test_pendulum_has_mass_com_and_inertia_of_the_robot(
     start: Snapshot, own: RobotPendulum
 ) -> None:
     assert own.pendulum.mass == start.robot.mass
@@ -27,14 +27,16 @@ def test_the_pendulum_has_the_mass_the_place_and_the_inertia_of_the_robot(
     np.testing.assert_allclose(inertia, start.inertia, rtol=1e-9, atol=1e-12)
 
 
-def test_the_axes_are_named_after_the_nearest_of_the_world(own: RobotPendulum) -> None:
+def test_axes_are_named_after_the_nearest_world_axes(own: RobotPendulum) -> None:
     R = rotation_from(np.array(own.reference))
     assert (np.abs(R).argmax(axis=0) == [0, 1, 2]).all() and (np.diag(R) > 0.9).all()
     # Of a standing humanoid the vertical pair is the longest.
     assert np.argmax(own.rest.radii) == 2
 
 
-def test_soles_are_inside_those_that_stand(start: Snapshot, own: RobotPendulum) -> None:
+def test_soles_with_margin_are_inside_the_standing_ones(
+    start: Snapshot, own: RobotPendulum
+) -> None:
     whole = np.array(own.soles(("left", "right")))
     inner = np.array(own.soles(("left", "right"), 0.01))
     assert polygon_margin(whole, inner).min() == pytest.approx(0.01, abs=1e-9)
@@ -47,7 +49,7 @@ def test_soles_are_inside_those_that_stand(start: Snapshot, own: RobotPendulum) 
         own.soles(("left",), 1.0)
 
 
-def test_soles_in_the_air_are_no_support(own: RobotPendulum) -> None:
+def test_soles_in_the_air_are_refused(own: RobotPendulum) -> None:
     robot: Robot = own.start.robot
     q = own.start.q.copy()
     q[2] += 0.02

@@ -11,11 +11,11 @@ from wbc.tracking.pendulum import RobotPendulum
 from wbc.tracking.plan_check import check_plan
 
 
-def test_its_own_plan_fits(plan: Plan, start: Snapshot) -> None:
+def test_plan_of_the_own_pendulum_is_accepted(plan: Plan, start: Snapshot) -> None:
     check_plan(plan, start, FEET)
 
 
-def test_everything_that_differs_is_told(start: Snapshot, own: RobotPendulum) -> None:
+def test_mismatches_are_all_named(start: Snapshot, own: RobotPendulum) -> None:
     x, y, z = own.rest.com
     other = solve(
         crouching(
@@ -38,7 +38,7 @@ def test_everything_that_differs_is_told(start: Snapshot, own: RobotPendulum) ->
     assert "wbc.pendulum_of" in told
 
 
-def test_flights_and_a_foot_that_does_not_stand_are_refused(
+def test_flights_and_supports_of_other_feet_are_refused(
     plan: Plan, start: Snapshot, hop: Plan
 ) -> None:
     with pytest.raises(PlanMismatchError, match="'fly' is a flight"):

@@ -34,7 +34,9 @@ def inner_times() -> np.ndarray:
         ("inertia_rate", "inertia_acceleration"),
     ],
 )
-def test_rates_are_those_of_the_values(reference: PlanReference, value: str, rate: str) -> None:
+def test_rates_are_derivatives_of_the_values(
+    reference: PlanReference, value: str, rate: str
+) -> None:
     t = inner_times()
     ahead, behind = reference.at(t + STEP), reference.at(t - STEP)
     slope = (getattr(ahead, value) - getattr(behind, value)) / (2.0 * STEP)
@@ -44,7 +46,7 @@ def test_rates_are_those_of_the_values(reference: PlanReference, value: str, rat
     np.testing.assert_allclose(slope, exact, atol=2e-3 * np.abs(exact).max())
 
 
-def test_the_cop_is_that_of_newton_and_euler(reference: PlanReference, plan: Plan) -> None:
+def test_cop_satisfies_newton_and_euler(reference: PlanReference, plan: Plan) -> None:
     target = reference.at(inner_times())
     mass, g = plan.problem.mass, np.array((0.0, 0.0, plan.problem.gravity))
     force = mass * (target.com_acceleration + g)
@@ -53,7 +55,7 @@ def test_the_cop_is_that_of_newton_and_euler(reference: PlanReference, plan: Pla
     np.testing.assert_allclose(target.momentum[:, :3], mass * target.com_velocity, rtol=1e-12)
 
 
-def test_a_flight_is_a_throw_and_its_cop_goes_to_the_landing(hop: Plan, start: Snapshot) -> None:
+def test_flight_is_ballistic_and_its_cop_moves_to_the_landing(hop: Plan, start: Snapshot) -> None:
     reference = PlanReference(hop, start, flights=True)
     off, fly, _ = hop.durations
     away, back = off + STEP, off + fly - STEP  # within the flight
@@ -72,13 +74,15 @@ def test_a_flight_is_a_throw_and_its_cop_goes_to_the_landing(hop: Plan, start: S
     )
 
 
-def test_it_begins_as_the_robot_stands(reference: PlanReference, start: Snapshot) -> None:
+def test_targets_begin_at_the_standing_robot(reference: PlanReference, start: Snapshot) -> None:
     first = reference.at(BEGINS)
     np.testing.assert_allclose(first.com, start.com, atol=1e-8)
     np.testing.assert_allclose(first.inertia, vech(start.inertia), atol=1e-8)
 
 
-def test_it_rests_before_and_after(reference: PlanReference, start: Snapshot) -> None:
+def test_targets_are_at_rest_before_and_after_the_plan(
+    reference: PlanReference, start: Snapshot
+) -> None:
     assert reference.ends == pytest.approx(BEGINS + 0.8)
     inside = reference.at(BEGINS + 0.2)
     assert np.linalg.norm(inside.com_velocity) > 1e-3
@@ -94,7 +98,7 @@ def test_it_rests_before_and_after(reference: PlanReference, start: Snapshot) ->
             assert not getattr(target, name).any()
 
 
-def test_times_together_are_those_one_by_one(reference: PlanReference) -> None:
+def test_targets_at_many_times_are_those_at_each(reference: PlanReference) -> None:
     times = np.array((0.1, BEGINS + 0.1234567, BEGINS + 0.8, 3.0))
     together = reference.at(times)
     for k, time in enumerate(times.tolist()):
