@@ -536,7 +536,7 @@ def test_markers_with_swapped_names_are_noted(pair: tuple[str, ...]) -> None:
     places[:, k] = places[:, k[::-1]]
     seen = MarkerRecording(recording.time, recording.labels, places, up="z")
     human = human_motion(seen, mass=72.0)
-    told = [note for note in human.notes if "far from where their names have them" in note]
+    told = [note for note in human.notes if "far from the places of their names" in note]
     assert human.rms < 3e-3 and len(told) == bool(pair)
     assert all(name in note for note in told for name in pair[-1:])
 

@@ -20,8 +20,8 @@ from wbc.validate import Array
 LEGS = frozenset(f"{s}_{n}_centre" for s in ("left", "right") for n in ("hip", "knee", "ankle"))
 REACH = 0.1  # m, of a bone's points from its joint
 PLACE_SPREAD, NOISE = 0.3, 0.02  # m, standard deviations of such points
-# Names of joints after the side, in the order in which they are preferred. A leg is a thigh only
-# where another name is the shank's.
+# Names of joints without the side, most preferred first. LEG is the thigh only where the shank has
+# another name.
 _PAIRED = {
     "knee_centre": "LOWLEG LOWERLEG KNEE SHIN CALF TIBIA LEG",
     "hip_centre": "UPLEG UPPERLEG HIP THIGH UPLEGROLL FEMUR HIPJOINT LEG",
@@ -79,9 +79,8 @@ def joint_landmarks(
     plain = [_normalized(name) for name in names]
     found = dict[int, str]()
     for owner in dict.fromkeys(owners):
-        one = _landmarks_of(
-            [p if who == owner else "" for p, who in zip(plain, owners, strict=True)]
-        )
+        own = [p if other == owner else "" for p, other in zip(plain, owners, strict=True)]
+        one = _landmarks_of(own)
         found |= one if set(one.values()) >= LEGS else {}
     found = found or _landmarks_of(plain)
     missing = sorted(LEGS - set(found.values()))

@@ -145,19 +145,18 @@ _MIDDLE: dict[str, tuple[str, str, tuple[float, float, float], float, float, str
 }  # fmt: skip
 _BOTH = ("left", "right")
 SIDES = {"L": "left", "R": "right", "LEFT": "left", "RIGHT": "right"}
-CLUSTER = 3  # markers that tell how a segment turns
+CLUSTER = 3  # markers that determine a segment's rotation
 ABOVE = ("head", *(f"{s}_{part}" for s in _BOTH for part in ("upper_arm", "forearm", "hand")))
-# What joints are called where no marker is on the pelvis: whoever sees joints, sees their centres.
+# Joints of recordings without a marker on the pelvis: cameras see joint centres.
 _CENTRES = {
     "trochanter": "hip_centre", "knee_lateral": "knee_centre", "ankle_lateral": "ankle_centre",
     "acromion": "shoulder_centre", "elbow_lateral": "elbow_centre", "wrist": "wrist_centre",
 }  # fmt: skip
-# Of these several markers stand, numbered, on one segment.
+# Landmarks with several, numbered markers on one segment.
 _CLUSTERS = frozenset(("thigh", "shank", "foot", "upper_arm", "forearm"))
 _SUFFIXES = ("STUDY", "MARKER", "REFERENCE", "SPINALPROCESS")
-# Words of a label in camel case, sides before a number (KU Leuven's foot_r1), and what Xsens writes
-# before each.
-_HUMP, _POINT = (
+# Word boundaries in camel case and between a side and a number (KU Leuven's foot_r1); Xsens's p.
+_BOUNDARY, _PREFIX = (
     re.compile("(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[ _.][lrLR])(?=[0-9])"),
     re.compile("^p(?=[A-Z])"),
 )
@@ -165,7 +164,7 @@ _SHORT = {"LATERAL": "LAT", "MEDIAL": "MED", "KNEE": "KNE", "ANKLE": "ANK", "ELB
 
 
 def _short(word: str) -> str:
-    """Return a word by which landmarks are found, with the shorter of two usual spellings."""
+    """Return a word with the shorter of two usual spellings, by which landmarks are found."""
     for long, short in _SHORT.items():
         word = word.replace(long, short)
     return word
@@ -184,11 +183,11 @@ _PAIRED_ALIASES, _MIDDLE_ALIASES = _aliases(_PAIRED), _aliases(_MIDDLE)
 
 
 def landmark_of(label: str) -> str | None:
-    """Return the name of the landmark that a marker's label means, or None.
+    """Return the name of a marker label's landmark, or None.
 
     ``left_asis`` from ``Subject1:LASI``, ``L.ASIS``, ``asis_left`` and the like.
     """
-    text = _HUMP.sub(" ", _POINT.sub("", label.rpartition(":")[2]))
+    text = _BOUNDARY.sub(" ", _PREFIX.sub("", label.rpartition(":")[2]))
     parts = re.sub(r"[^A-Z0-9]+", " ", text.upper()).split()
     words = "".join(parts)
     for suffix in _SUFFIXES:
@@ -198,9 +197,9 @@ def landmark_of(label: str) -> str | None:
     if _short(words) in _MIDDLE_ALIASES:
         return _MIDDLE_ALIASES[_short(words)]
     for side in sorted(SIDES, key=len, reverse=True):
-        # Within a label a side is one only where something parts it: SACR is no right one.
-        parted = len(parts) > 1 and parts.count(side) == 1
-        rests = ["".join(part for part in parts if part != side)] if parted else []
+        # A side inside a label must be separated: the R of SACR is none.
+        separated = len(parts) > 1 and parts.count(side) == 1
+        rests = ["".join(part for part in parts if part != side)] if separated else []
         if words.startswith(side):
             rests.append(words.removeprefix(side))
         if len(side) > 1 and words.endswith(side):
@@ -218,9 +217,9 @@ def landmark_of(label: str) -> str | None:
 
 
 def landmarks_of(labels: Iterable[str]) -> dict[str, str]:
-    """Return the landmarks' names of those labels that mean one.
+    """Return the landmarks' names by label, for the labels that have one.
 
-    Where both hips are there and nothing else on the pelvis, joints are their centres.
+    With both hips and nothing else on the pelvis, joints are taken for their centres.
     """
     found = {label: name for label in labels if (name := landmark_of(label)) is not None}
     on_pelvis = {name for name in found.values() if landmark(name).segment == "pelvis"} - {"root"}

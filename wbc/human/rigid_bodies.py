@@ -86,7 +86,7 @@ def read_rigid_bodies(path: Path) -> MarkerRecording:
     owners = [bone.name.rpartition(":")[0] for bone in bones]
     for one in dict.fromkeys(owners):
         notes += _length_notes(
-            [bone for bone, who in zip(bones, owners, strict=True) if who == one]
+            [bone for bone, owner in zip(bones, owners, strict=True) if owner == one]
         )
     if not np.isfinite(values[:, time]).all():
         raise RecordingError("a time is no number", source)

@@ -55,7 +55,7 @@ def noise_covariances(count: int, rate: float, cutoff: float | None, passes: int
         edge = edge_rows(count, rate, cutoff) + SPLINE_ROWS
     short = min(
         count, 3 * passes * edge
-    )  # then one end and the middle do not depend on the other end
+    )  # so long that neither end affects the other or the middle
     time = np.arange(short) / rate
     found = np.zeros((short, 3 * passes, 3 * passes))
     for first in range(0, short, COLUMNS_PER_BATCH):
