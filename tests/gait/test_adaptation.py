@@ -155,7 +155,7 @@ def test_a_foot_that_is_far_off_takes_its_time() -> None:
 def test_bounds_hold_however_hard_the_push(push: tuple[float, float]) -> None:
     plan = adapt_step(np.array(push), nominal(0.3), BOUNDS, OMEGA, TIMES.double)
     assert (plan.place >= BOUNDS.lower - 1e-7).all() and (plan.place <= BOUNDS.upper + 1e-7).all()
-    assert BOUNDS.least <= plan.left <= BOUNDS.most
+    assert BOUNDS.min_time <= plan.left <= BOUNDS.max_time
 
 
 def test_what_has_no_solution_is_finite_within_its_bounds_and_said() -> None:
@@ -166,14 +166,14 @@ def test_what_has_no_solution_is_finite_within_its_bounds_and_said() -> None:
         left = float(rng.uniform(0.1, 0.4))
         reach = Reach(rng.normal(size=2), 3.0 * rng.normal(size=2), rng.uniform(5.0, 60.0))
         least = max(0.1, reach.min_time(BOUNDS.lower, BOUNDS.upper))
-        bounds = BOUNDS._replace(least=least, most=max(least, 0.5), reach=reach)
-        bounds = bounds._replace(about=min(max(left, least), bounds.most))
+        bounds = BOUNDS._replace(min_time=least, max_time=max(least, 0.5), reach=reach)
+        bounds = bounds._replace(about=min(max(left, least), bounds.max_time))
         plan = adapt_step(3.0 * rng.normal(size=2), nominal(left), bounds, OMEGA, TIMES.double)
         unsolved += not plan.adapted
         assert np.isfinite(np.concatenate((plan.place, plan.offset, plan.vrp))).all()
         assert (plan.place >= bounds.lower - 1e-6).all()
         assert (plan.place <= bounds.upper + 1e-6).all()
-        assert bounds.least <= plan.left <= bounds.most
+        assert bounds.min_time <= plan.left <= bounds.max_time
     assert unsolved < 20
 
 
@@ -198,7 +198,7 @@ def test_what_holds_a_step_back_is_named(push: tuple[float, float], names: tuple
         "reach of the legs behind": plan.place[0] - BOUNDS.lower[0],
         "reach of the legs aside": plan.place[1] - BOUNDS.lower[1],
         "the other foot": plan.place[1] - BOUNDS.upper[1],
-        "least time in the air": plan.left - BOUNDS.least,
+        "least time in the air": plan.left - BOUNDS.min_time,
     }
     for name in set(found) & at.keys():
         assert abs(at[name]) < 1e-6

@@ -30,7 +30,7 @@ def led_on_the_left_foot(start: Snapshot, asked: Array) -> tuple[TorqueTick, Arr
     pose = start.position(right.frame), start.rotation(right.frame)
     body.swing("right", FootPose(*pose, np.zeros(6), asked))
     pressure = start.position(left.frame) + ahead
-    body.lead(start, pressure, np.array((height, 0.0, 0.0)), 0.0, 0.0)
+    body.set_targets(start, pressure, np.array((height, 0.0, 0.0)), 0.0, 0.0)
     for _ in range(3):  # the right foot gives up its load within one
         tick = cast(TorqueTick, body.controller.step(start))
     return tick, ahead[:2]

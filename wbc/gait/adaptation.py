@@ -91,7 +91,7 @@ class StepBounds(NamedTuple):
     ----------
     lower, upper:
         (2,) of the next foot's place [m].
-    least, most:
+    min_time, max_time:
         Of the remaining swing time [s].
     sole:
         (2,) how far the VRP may move within the stance foot, either way [m].
@@ -103,8 +103,8 @@ class StepBounds(NamedTuple):
 
     lower: Pair
     upper: Pair
-    least: float
-    most: float
+    min_time: float
+    max_time: float
     sole: Pair
     reach: Reach
     about: float
@@ -198,8 +198,8 @@ def step_qp(
     shift = bounds.about - 1.0 / omega
     reach_bounds = [c + h * shift for h, c in zip(slopes, offsets, strict=True)]
     g = [-weight * goal for weight, goal in zip(cost, target, strict=True)]
-    lower = *bounds.lower, math.exp(omega * bounds.least) / sigma, *NO_LOWER[:4]
-    upper = *bounds.upper, math.exp(omega * bounds.most) / sigma, *UNBOUNDED
+    lower = *bounds.lower, math.exp(omega * bounds.min_time) / sigma, *NO_LOWER[:4]
+    upper = *bounds.upper, math.exp(omega * bounds.max_time) / sigma, *UNBOUNDED
     u = -sx, -sy, -sx, -sy, *reach_bounds
     return FlatQP([*P, *A, *C, *g, *lower, *upper, 0.0, 0.0, *NO_LOWER, *u], FORM)
 
@@ -221,11 +221,11 @@ def adapt_step(
     if solution is None:
         (x, y), low, high = nominal.place, bounds.lower, bounds.upper
         place = min(max(x, low[0]), high[0]), min(max(y, low[1]), high[1])
-        left = min(max(nominal.left, bounds.least), bounds.most)
+        left = min(max(nominal.left, bounds.min_time), bounds.max_time)
         return StepPlan(place, left, nominal.offset, nominal.vrp, adapted=False)
     (ux, uy, growth, bx, by, wx, wy), z, z_box = solution
     sigma = max(growth * math.exp(omega * nominal.left), 1e-9)
-    left = min(max(math.log(sigma) / omega, bounds.least), bounds.most)
+    left = min(max(math.log(sigma) / omega, bounds.min_time), bounds.max_time)
     scale = math.expm1(omega * left)
     return StepPlan((ux, uy), left, (bx, by), (wx / scale, wy / scale), multipliers=(z, z_box))
 

@@ -36,7 +36,7 @@ class Footsteps:
         heading:
             Of the stance foot [rad].
         """
-        return cmath.rect(1.0, heading) * self._way(support, velocity)
+        return cmath.rect(1.0, heading) * self._local_step(support, velocity)
 
     def offset(self, foot: str, heading: float, velocity: Velocity) -> complex:
         """Return the DCM relative to a foot [m] at the beginning of its single support.
@@ -48,25 +48,25 @@ class Footsteps:
         gait, T = self.gait, self.gait.times.total
         decay = math.exp(-gait.omega * T)
         q = decay * cmath.rect(1.0, velocity.yaw_rate * T)
-        pair = self._way(foot, velocity) + q * self._way(other(foot), velocity)
+        pair = self._local_step(foot, velocity) + q * self._local_step(other(foot), velocity)
         gain = decay * shift_gain(gait.omega, gait.double)
         return gain * cmath.rect(1.0, heading) * pair / (1.0 - q * q)
 
-    def _way(self, support: str, velocity: Velocity) -> complex:
-        return _way(SIGN[other(support)], velocity, self.gait.times.total, self.gait.width)
+    def _local_step(self, support: str, velocity: Velocity) -> complex:
+        return _step(SIGN[other(support)], velocity, self.gait.times.total, self.gait.width)
 
 
 @lru_cache(maxsize=2)  # both feet's are needed in every tick, and most walks are steady
-def _way(sign: float, velocity: Velocity, T: float, width: float) -> complex:
+def _step(sign: float, velocity: Velocity, T: float, width: float) -> complex:
     """Return the step of a foot at the side ``sign``, as seen from the other: x + i y [m]."""
     vx, vy, yaw_rate = velocity
-    leads = sign * vy > 0.0
+    is_leading = sign * vy > 0.0
     turn = cmath.rect(1.0, yaw_rate * T)
-    middle = cmath.rect(T, 0.5 * yaw_rate * T) * complex(vx, 2.0 * vy if leads else 0.0)
+    middle = cmath.rect(T, 0.5 * yaw_rate * T) * complex(vx, 2.0 * vy if is_leading else 0.0)
     return middle + complex(0.0, 0.5 * sign * width) * (1.0 + turn)
 
 
 def first_swing(velocity: Velocity) -> str:
     """Return the first swing foot: the leading one, sideways or in a turn, else the right one."""
-    leads = velocity.vy if velocity.vy != 0.0 else velocity.yaw_rate
-    return "left" if leads > 0.0 else "right"
+    direction = velocity.vy if velocity.vy != 0.0 else velocity.yaw_rate
+    return "left" if direction > 0.0 else "right"

@@ -80,11 +80,11 @@ class Legs:
         """
         check_walker(robot)
         snapshot = robot.snapshot(robot.postures[STANDING])
-        found = [_leg(robot, side, limits) for side in SIDES]
+        legs = [_leg(robot, side, limits) for side in SIDES]
         places = [snapshot.position(robot.feet[side].frame) for side in SIDES]
         ahead = np.sum([snapshot.rotation(robot.feet[side].frame)[:, 0] for side in SIDES], axis=0)
-        apart = places[0] - places[1]
-        if ahead[0] * apart[1] - ahead[1] * apart[0] <= 0.0:
+        separation = places[0] - places[1]
+        if ahead[0] * separation[1] - ahead[1] * separation[0] <= 0.0:
             links = [robot.feet[side].link for side in SIDES]
             raise InvalidInputError(
                 f"walker: the left foot of {robot.name}, {links[0]}, does not stand to the left of"
@@ -92,19 +92,19 @@ class Legs:
                 " ahead"
             )
         soles = [np.ptp(robot.feet[side].polygon[:, 1]) for side in SIDES]
-        least, bearing = np.min(found, axis=0).tolist(), float(np.max(found, axis=0)[-1])
+        weaker, bearing_length = np.min(legs, axis=0).tolist(), float(np.max(legs, axis=0)[-1])
         return cls(
-            length=least[0],
-            hip_height=least[1],
+            length=weaker[0],
+            hip_height=weaker[1],
             com_height=float(snapshot.com[2] - np.mean([place[2] for place in places])),
             width=float(np.linalg.norm(places[0][:2] - places[1][:2])),
             sole_width=float(max(soles)),
-            swing_speed=least[2],
-            swing_acceleration=least[3],
-            turn=least[4],
-            turn_speed=least[5],
-            lift_speed=least[6],
-            bearing_length=bearing,
+            swing_speed=weaker[2],
+            swing_acceleration=weaker[3],
+            turn=weaker[4],
+            turn_speed=weaker[5],
+            lift_speed=weaker[6],
+            bearing_length=bearing_length,
             gravity=robot.gravity,
         )
 
@@ -116,23 +116,24 @@ class Legs:
         InvalidInputError
             The legs do not reach the ground.
         """
-        hip = self.hip_height + com_height - self.com_height
-        longest = STRETCH * self.length
-        if not 0.0 < hip < longest:
-            most = self.com_height + longest - self.hip_height
+        hip_height = self.hip_height + com_height - self.com_height
+        max_length = STRETCH * self.length
+        if not 0.0 < hip_height < max_length:
+            max_height = self.com_height + max_length - self.hip_height
             raise InvalidInputError(
                 f"gait, height: with the CoM at {com_height:g} m the legs do not reach the ground"
-                f" with bent knees; give more than {most - longest:.3f} and less than {most:.3f} m"
+                f" with bent knees; give more than {max_height - max_length:.3f} and less than"
+                f" {max_height:.3f} m"
             )
-        return math.sqrt(longest**2 - hip**2)
+        return math.sqrt(max_length**2 - hip_height**2)
 
     def com_height_for(self, reach: float) -> float:
         """Return how high the CoM can be if the ankle is ``reach`` from below the hip [m].
 
         The inverse of :meth:`reach`; a leg reaches no farther than its length.
         """
-        longest = STRETCH * self.length
-        return self.com_height - self.hip_height + math.sqrt(max(longest**2 - reach**2, 0.0))
+        max_length = STRETCH * self.length
+        return self.com_height - self.hip_height + math.sqrt(max(max_length**2 - reach**2, 0.0))
 
 
 def check_walker(robot: Robot) -> None:

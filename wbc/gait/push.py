@@ -43,18 +43,18 @@ class PushObserver(NamedTuple):
     push: complex = 0j
 
     def update(
-        self, snapshot: Snapshot, now: GaitState, felt: Mapping[str, Array], dt: float
+        self, snapshot: Snapshot, now: GaitState, wrenches: Mapping[str, Array], dt: float
     ) -> PushObserver:
         """Return the observer ``dt`` later.
 
-        ``felt``: the measured wrenches (6,) on the soles by foot [N, N m]; without any it is reset.
+        ``wrenches`` (6,) on the soles by foot [N, N m]; without any it is reset.
         """
         cx, cy, cz = snapshot.com.tolist()
         velocity = self.omega * (now.dcm - complex(cx, cy))
-        if not felt or self.expected is None:
-            return self._replace(expected=velocity if felt else None, push=0j)
+        if not wrenches or self.expected is None:
+            return self._replace(expected=velocity if wrenches else None, push=0j)
         total_x = total_y = 0.0  # M s', of the forces and of their moments about the CoM
-        for foot, wrench in felt.items():
+        for foot, wrench in wrenches.items():
             fx, fy, fz, mx, my, _ = wrench.tolist()
             x, y, z = now.places[foot].tolist()
             x, y, z = x - cx, y - cy, z - cz

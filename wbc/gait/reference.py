@@ -190,8 +190,8 @@ class StepPlanner:
         ground = phase.given[0].z if phase.given else None
         if ground is None:
             x, y, z = phase.swing.normal.tolist()
-            way = phase.goal - now.place(phase.support)
-            ground = float(now.places[phase.support][2]) - (x * way.real + y * way.imag) / z
+            step = phase.goal - now.place(phase.support)
+            ground = float(now.places[phase.support][2]) - (x * step.real + y * step.imag) / z
         swing = phase.swing.advance(goal, ground, phase.left, dt)
         return phase._replace(swing=swing), swing.pose()
 
@@ -261,18 +261,19 @@ class StepPlanner:
         nominal = StepPlan(
             local(to_next), max(single - phase.elapsed, freeze), local(offset), (0.0, 0.0)
         )
-        sign, longest = SIGN[other(support)], self.limits.catch
+        sign, reach_ahead = SIGN[other(support)], self.limits.catch
         lateral = sorted((sign * gait.least_width, sign * self.limits.catch_aside))
-        lower, upper = (-longest, lateral[0]), (longest, lateral[1])
+        lower, upper = (-reach_ahead, lateral[0]), (reach_ahead, lateral[1])
         level, swing = phase.swing.level, CATCH_ACCELERATION * self.limits.swing
         reach = Reach(local(in_plane(level.value) - base), local(in_plane(level.rate)), swing)
         min_ratio = MIN_SINGLE_RATIO if phase.given else MIN_TIME_RATIO
-        least = max(freeze, min_ratio * single - phase.elapsed, reach.min_time(lower, upper))
-        most = max(least, MAX_TIME_RATIO * single - phase.elapsed)
+        min_time = max(freeze, min_ratio * single - phase.elapsed, reach.min_time(lower, upper))
+        max_time = max(min_time, MAX_TIME_RATIO * single - phase.elapsed)
         length, width = self.soles[support].tolist()
         length -= abs(now.pressure_offset)
-        sole, about = (SOLE_SHARE * length, SOLE_SHARE * width), min(max(phase.left, least), most)
-        bounds = StepBounds(lower, upper, least, most, sole, reach, about)
+        sole = SOLE_SHARE * length, SOLE_SHARE * width
+        about = min(max(phase.left, min_time), max_time)
+        bounds = StepBounds(lower, upper, min_time, max_time, sole, reach, about)
         plan = adapt_step(local(now.dcm - base), nominal, bounds, omega, double, weights)
         # The nominal offset, not the plan's, which is where the DCM will be: a part that the step
         # cannot capture would be no error then, and the CoP would go back to the sole's middle.

@@ -135,59 +135,59 @@ class StepRange:
         """
         if step.z is None and ground is None:
             return None
-        beside, goal = float(base[3]), step.pose(float(base[3]))
+        stance_height, goal = float(base[3]), step.pose(float(base[3]))
         corners = self.corners[step.foot]
-        return Crossing.over(before, goal, corners, self.gait.clearance, beside, ground)
+        return Crossing.over(before, goal, corners, self.gait.clearance, stance_height, ground)
 
     def _check_reach(
         self, step: Footstep, base: Array, before: Array, ground: Ground | None
     ) -> Iterator[tuple[str, str]]:
         """Yield keys and texts of a step from ``before`` beside a foot at ``base``."""
-        seen, stance = step.seen_from(base), other(step.foot)
-        beside = SIGN[step.foot] * seen.y
-        least, width_range = self.gait.least_width, self.limits.apart - self.gait.width
-        lateral_share = max(beside - self.gait.width, 0.0) / width_range
-        if beside < least - ROUNDING:
-            what = "across it" if beside <= 0.0 else "too near"
+        local, stance = step.seen_from(base), other(step.foot)
+        lateral = SIGN[step.foot] * local.y
+        min_width, width_range = self.gait.least_width, self.limits.apart - self.gait.width
+        lateral_share = max(lateral - self.gait.width, 0.0) / width_range
+        if lateral < min_width - ROUNDING:
+            what = "across it" if lateral <= 0.0 else "too near"
             yield (
                 "y",
-                f"{beside:.3g} m beside the {stance} foot, on its own side, is {what}:"
-                f" {least:.3g} (gait.least_width) to {self.limits.apart:.3g} m",
+                f"{lateral:.3g} m beside the {stance} foot, on its own side, is {what}:"
+                f" {min_width:.3g} (gait.least_width) to {self.limits.apart:.3g} m",
             )
         elif lateral_share > 1.0 + ROUNDING:
             yield (
                 "y",
-                f"{beside:.3g} m beside the {stance} foot is out of reach of the legs:"
-                f" {least:.3g} to {self.limits.apart:.3g} m",
+                f"{lateral:.3g} m beside the {stance} foot is out of reach of the legs:"
+                f" {min_width:.3g} to {self.limits.apart:.3g} m",
             )
         else:
             ahead = self.limits.step * math.sqrt(max(1.0 - lateral_share * lateral_share, 0.0))
-            if abs(seen.x) > ahead + ROUNDING:
+            if abs(local.x) > ahead + ROUNDING:
                 yield (
                     "x",
-                    f"{seen.x:.3g} m ahead of the {stance} foot is out of reach of the legs, as far"
-                    f" beside it as this is: {-ahead:.3g} to {ahead:.3g} m",
+                    f"{local.x:.3g} m ahead of the {stance} foot is out of reach of the legs, as"
+                    f" far beside it as this is: {-ahead:.3g} to {ahead:.3g} m",
                 )
         turn = self.limits.turn
-        if abs(seen.yaw) > turn + ROUNDING:
+        if abs(local.yaw) > turn + ROUNDING:
             yield (
                 "yaw",
-                f"{seen.yaw:.3g} rad from the {stance} foot is out of reach of the hips:"
+                f"{local.yaw:.3g} rad from the {stance} foot is out of reach of the hips:"
                 f" {-turn:.3g} to {turn:.3g} rad",
             )
-        elif beside > 0.0 and self._overlap(step.foot, seen):
+        elif lateral > 0.0 and self._overlap(step.foot, local):
             yield (
                 "yaw",
-                f"the sole would stand on that of the {stance} foot, {beside:.3g} m beside it and"
-                f" turned by {seen.yaw:.3g} rad; turn it less, or go farther aside",
+                f"the sole would stand on that of the {stance} foot, {lateral:.3g} m beside it and"
+                f" turned by {local.yaw:.3g} rad; turn it less, or go farther aside",
             )
-        rise = abs(seen.z or 0.0)
-        hip = math.sqrt(max((STRETCH * self.legs.length) ** 2 - (0.5 * seen.x) ** 2, 0.0))
+        rise = abs(local.z or 0.0)
+        hip = math.sqrt(max((STRETCH * self.legs.length) ** 2 - (0.5 * local.x) ** 2, 0.0))
         max_rise = max(hip - self.legs.bearing_length, 0.0)
         if rise > max_rise + ROUNDING:
             yield (
                 "z",
-                f"{seen.z:.3g} m over the {stance} foot is out of reach of the legs, as far ahead"
+                f"{local.z:.3g} m over the {stance} foot is out of reach of the legs, as far ahead"
                 f" as this is: {-max_rise:.3g} to {max_rise:.3g} m",
             )
         if step.z is not None and ground is not None:
@@ -241,9 +241,9 @@ class StepRange:
                 f" turn: at most {max_turn:.3g} rad in that time",
             )
 
-    def _overlap(self, foot: str, seen: Footstep) -> bool:
-        """Return whether the sole at ``seen`` lies over the other one (separating axes)."""
-        own = self.corners[foot] @ turned(seen.yaw)[:2, :2].T + seen.place
+    def _overlap(self, foot: str, step: Footstep) -> bool:
+        """Return whether the sole at ``step`` lies over the other one (separating axes)."""
+        own = self.corners[foot] @ turned(step.yaw)[:2, :2].T + step.place
         others = self.corners[other(foot)]
         pairs = [(own, others), (others, own)]
         return not any(

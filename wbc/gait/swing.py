@@ -84,11 +84,11 @@ def quintic(left: float, dt: float) -> Quintic:
 
 
 def _along(curves: Quintic, now: SwingMotion, goal: float | Array) -> SwingMotion:
-    (x, v, a), way = now, goal - now.value
-    if isinstance(way, float):  # called in every tick: arrays would cost more
-        moved, rate, change = [p * way + q * v + r * a for p, q, r in curves]
+    (x, v, a), distance = now, goal - now.value
+    if isinstance(distance, float):  # called in every tick: arrays would cost more
+        moved, rate, change = [p * distance + q * v + r * a for p, q, r in curves]
     else:
-        moved, rate, change = np.array(curves).dot(np.array((way, v, a)))
+        moved, rate, change = np.array(curves).dot(np.array((distance, v, a)))
     return SwingMotion(x + moved, rate, change)
 
 
@@ -209,24 +209,24 @@ class SwingFoot(NamedTuple):
 
         ``ground`` is the height below the goal [m].
         """
-        level, rate, over = self.level, (1.0 - self.done) / max(left, dt), self.crossing
+        level, rate, crossing = self.level, (1.0 - self.done) / max(left, dt), self.crossing
         (x, y, yaw), heading = goal.tolist(), level.value.item(2)
         yaw = heading + math.remainder(yaw - heading, math.tau)
         end = np.array((x, y, yaw, *self.normal[:2].tolist()))
         curves = quintic(left, dt)
-        if over is None:
+        if crossing is None:
             level = _along(curves, level, end)
-        elif self.done >= over.begins:
-            level = towards(level, end, left - over.ends / rate if rate else 0.0, dt)
+        elif self.done >= crossing.begins:
+            level = towards(level, end, left - crossing.ends / rate if rate else 0.0, dt)
         done, pace, late, tip = 1.0, self.pace, self.late + dt, self.tip
         if left > 0.0:
             done, late = min(1.0, self.done + rate * dt), self.late
             pace = rate * self.usual if left >= dt else pace
-        if over is not None:
-            tip = SwingMotion(*over.pitch_at(done, rate))
-        then = self._replace(level=level, done=done, pace=pace, late=late, tip=tip)
-        off = _along(curves, self.height.minus(self._curve(ground, rate)), 0.0)
-        return then._replace(height=off.plus(then._curve(ground, rate)))
+        if crossing is not None:
+            tip = SwingMotion(*crossing.pitch_at(done, rate))
+        moved = self._replace(level=level, done=done, pace=pace, late=late, tip=tip)
+        offset = _along(curves, self.height.minus(self._curve(ground, rate)), 0.0)
+        return moved._replace(height=offset.plus(moved._curve(ground, rate)))
 
     def _curve(self, ground: float, rate: float) -> SwingMotion:
         """Return the nominal height at a ``rate`` of ``done`` [1/s]; 0 if the foot is late."""
@@ -235,8 +235,8 @@ class SwingFoot(NamedTuple):
                 return SwingMotion(ground - self.descent * self.late, -self.descent, 0.0)
             speeding = min(self.late, self.descent / SPEED_UP)
             v = SPEED_UP * speeding
-            way = 0.5 * v * speeding + v * (self.late - speeding)
-            return SwingMotion(ground - way, -v, -SPEED_UP if v < self.descent else 0.0)
+            distance = 0.5 * v * speeding + v * (self.late - speeding)
+            return SwingMotion(ground - distance, -v, -SPEED_UP if v < self.descent else 0.0)
         if self.crossing is not None:
             return SwingMotion(*self.crossing._replace(end=ground).height_at(self.done, rate))
         clearance = self.clearance * min(1.0, 1.0 / (rate * self.usual)) ** 2
@@ -244,17 +244,17 @@ class SwingFoot(NamedTuple):
 
     def pose(self) -> FootPose:
         """Return the foot's reference; rates are of first order in its tilt."""
-        (x, y, yaw, nx, ny), speed, push = [one.tolist() for one in self.level]
-        (z, up, up_push), (tip, *tips) = self.height, self.tip
+        (x, y, yaw, nx, ny), v, a = [one.tolist() for one in self.level]
+        (z, lift_rate, lift_acceleration), (tip, *tip_rates) = self.height, self.tip
         R = upright_on(np.array((nx, ny, math.sqrt(1.0 - nx * nx - ny * ny)))) @ turned(yaw)
-        twist = np.array((speed[0], speed[1], up, -speed[4], speed[3], speed[2]))
-        change = np.array((push[0], push[1], up_push, -push[4], push[3], push[2]))
+        twist = np.array((v[0], v[1], lift_rate, -v[4], v[3], v[2]))
+        twist_rate = np.array((a[0], a[1], lift_acceleration, -a[4], a[3], a[2]))
         if tip:
-            twist[3:] += tips[0] * R[:, 1]
-            change[3:] += tips[1] * R[:, 1]
+            twist[3:] += tip_rates[0] * R[:, 1]
+            twist_rate[3:] += tip_rates[1] * R[:, 1]
             c, s = math.cos(tip), math.sin(tip)
             R = R @ np.array(((c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c)))
-        return FootPose(np.array((x, y, z)), R, twist, change)
+        return FootPose(np.array((x, y, z)), R, twist, twist_rate)
 
 
 def yaw_of(R: Array) -> float:

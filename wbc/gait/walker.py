@@ -351,7 +351,7 @@ class Walker:
         else:
             reference = planner.standing(now)
         self.phase = phase
-        self._lead(snapshot, now, reference)
+        self._set_targets(snapshot, now, reference)
         return self.controller
 
     # ------------------------------------------------------------------ parts of a tick
@@ -372,7 +372,7 @@ class Walker:
         if self._sink_time:
             self._ground = SwingMotion.rest(float(snapshot.com[2]) - self._nominal_height)
 
-    def _lead(self, snapshot: Snapshot, now: GaitState, reference: Reference) -> None:
+    def _set_targets(self, snapshot: Snapshot, now: GaitState, reference: Reference) -> None:
         """Set the targets of CoM and trunk."""
         vrp = reference.vrp + (1.0 + self.gait.gain) * (now.dcm - reference.dcm)
         if now.pressure_offset:
@@ -401,7 +401,7 @@ class Walker:
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
         place = self._planner.project_onto_support(self.phase, vrp, now)
         pressure = np.array((place.real, place.imag, reference.ground))
-        self._whole_body.lead(snapshot, pressure, height, self.heading, turn)
+        self._whole_body.set_targets(snapshot, pressure, height, self.heading, turn)
 
     def _count_unadapted(self, phase: SingleSupport) -> None:
         if not (phase.adapted or self.unadapted):
@@ -477,7 +477,7 @@ class Walker:
             return
         self._planner, self.gait = pace.planner, pace.planner.gait
         self._push = self._push._replace(omega=self.gait.omega, height=self.gait.height)
-        self._whole_body.weigh_swing(pace.swing, pace.lift)
+        self._whole_body.set_swing_weights(pace.swing, pace.lift)
 
     def _land(self, snapshot: Snapshot, phase: SingleSupport, now: GaitState) -> DoubleSupport:
         foot, start = other(phase.support), now.place(phase.support)

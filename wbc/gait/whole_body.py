@@ -150,7 +150,7 @@ class WholeBody:
         self._contact_types = {foot: contact_of(bent, foot) for foot in self._frames}
         self._prescribed_weight = w.swing
         self._edge_weight = w.swing * np.array((1.0, 1.0, EDGE_HEIGHT_FACTOR, 1.0, 1.0, 1.0))
-        self.weigh_swing(w.swing, w.lift)
+        self.set_swing_weights(w.swing, w.lift)
         trunks = dict.fromkeys((BASE, heaviest_link(robot)))
         self._upright = {link: turned(-heading) @ start.rotation(link) for link in trunks}
         self._trunk_target: tuple[float, float] | None = None  # heading, and its rate
@@ -240,7 +240,7 @@ class WholeBody:
         for foot in feet:
             self._swing[foot].switch_off()
 
-    def weigh_swing(self, swing: float, lift: float) -> None:
+    def set_swing_weights(self, swing: float, lift: float) -> None:
         """Set the swing foot's weights for place and height from the next step on."""
         turn = ORIENTATION_SHARE * swing
         self._swing_weight = np.array((swing, swing, lift, turn, turn, turn))
@@ -253,7 +253,7 @@ class WholeBody:
             task.weight = given if exact else self._swing_weight
         task.set_target(*pose)
 
-    def lead(
+    def set_targets(
         self,
         snapshot: Snapshot,
         pressure: Array,
