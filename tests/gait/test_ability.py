@@ -68,7 +68,7 @@ def test_pressure_is_led_to_where_weak_ankles_bear_with_half_of_their_torque() -
     assert bearing_torques(s, robot.feet["left"].frame, ahead)[ankle] == pytest.approx(5.5)
     assert pressure_offset(s, load("g1").limits.effort) == 0.0  # 50 N m
     (note,) = Walker(robot).notes
-    assert f"the pressure is led {-1e3 * ahead:.0f} mm behind the middle of soles" in note
+    assert f"the CoP's target is {-1e3 * ahead:.0f} mm behind the middle of soles" in note
 
 
 @pytest.mark.slow

@@ -89,18 +89,18 @@ def pressure_offset(posture: Snapshot, effort: Array) -> float:
 
 
 def leg_limits(posture: Snapshot, effort: Array, dry: float, ahead: float = 0.0) -> tuple[str, ...]:
-    """Return what the legs of a robot lack for walking, in words, and warn of it.
+    """Return notes on what limits a robot's legs in walking, and log them as warnings.
 
     Parameters
     ----------
     posture:
-        The one that it walks in, on both feet.
-    most:
-        (nv - 6,) largest torques [N m], infinite where there is no limit.
-    stuck:
-        Part of the dry friction that is not made up for.
+        The walking posture, on both feet.
+    effort:
+        (nv - 6,) torque limits [N m], infinite where there is none.
+    dry:
+        Part of the dry friction that is not compensated.
     ahead:
-        Of the soles' middles the pressure is led [m].
+        Of the CoP from the soles' middles, see :func:`pressure_offset` [m].
     """
     robot = posture.robot
     notes = []
@@ -110,7 +110,7 @@ def leg_limits(posture: Snapshot, effort: Array, dry: float, ahead: float = 0.0)
         notes.append(
             f"{' and '.join(stiff)} cannot roll the sole"
             f"{', which is held along its length only (LineContact)' if line else ''}: it may stand"
-            " on an edge, and the robot walk aside"
+            " on an edge, and the robot drift sideways"
         )
     both = [np.abs(bearing_torques(posture, robot.feet[side].frame, ahead)) for side in SIDES]
     needed = np.max(both, axis=0)
@@ -121,15 +121,15 @@ def leg_limits(posture: Snapshot, effort: Array, dry: float, ahead: float = 0.0)
     where = f"{1e3 * abs(ahead):.0f} mm {'behind' if ahead < 0.0 else 'ahead of'} the middle"
     if ahead:
         notes.append(
-            f"the pressure is led {where} of soles, where ankles bear the robot with less of their"
-            " torque: steps catch less there"
+            f"the CoP's target is {where} of soles, where ankles bear the robot with less of their"
+            " torque: steps resist smaller pushes there"
         )
     if weak:
         notes.append(
-            f"with the pressure {where if ahead else 'at the middle'} of one sole"
-            f" {', '.join(weak)} N m: it will be"
-            " elsewhere, so that the robot walks faster than it is told to, or falls; a file may"
-            " have one motor's torque where two drive a joint by rods: then give the joint's, as"
+            f"with the CoP {where if ahead else 'at the middle'} of one sole"
+            f" {', '.join(weak)} N m: the CoP will be elsewhere, so that the robot walks faster"
+            " than commanded, or falls; a file may have one motor's torque where two drive a joint"
+            " by rods: then give the joint's, as"
             f" effort={{{robot.joint_names[int(np.argmax(needed - effort))]!r}: ...}}"
         )
     legs = [robot.model.idx_vs[joint] for side in SIDES for joint in leg_joints(robot, side)]
@@ -142,7 +142,7 @@ def leg_limits(posture: Snapshot, effort: Array, dry: float, ahead: float = 0.0)
         notes.append(
             f"dry friction takes up to {100.0 * worst:.0f} % of the torque of"
             f" {names}: without friction_compensation=1 feet lag behind, and the robot walks"
-            " slower than it is told to"
+            " slower than commanded"
         )
     for note in notes:
         logging.getLogger(__name__).warning("walker: %s: %s", robot.name, note)
