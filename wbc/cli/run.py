@@ -56,7 +56,7 @@ def run(
     save_tick: options.SaveTick = None,
     stream: options.Streamed = None,
 ) -> None:
-    """Run a problem and say what came of it."""
+    """Run a problem and report the result."""
     from wbc.errors import InvalidInputError
     from wbc.view.options import View
 
@@ -186,7 +186,7 @@ def sim(
     save_tick: options.SaveTick = None,
     stream: options.Streamed = None,
 ) -> None:
-    """Simulate a problem of the torque level and say whether the robot stood."""
+    """Simulate a problem of the torque level and report whether the robot stood."""
     chosen = _RunOptions(problem, output or [], plot, quiet, view, save_tick, stream)
     raise typer.Exit(_run(chosen, options.overrides_of(assign, solver), simulated=True))
 

@@ -35,7 +35,7 @@ def print_unbalanced_motion(reference: object) -> None:
         print_unbalanced(console, reference.unbalanced)
         if reference.lean is not None:
             text = (
-                f"the CoM is led by at most {1e3 * reference.led:.0f} mm for the CoP to be inside"
+                f"the CoM is shifted by at most {1e3 * reference.led:.0f} mm to keep the CoP inside"
             )
             console.print(Text.assemble(("lean     ", "dim"), text))
 

@@ -60,16 +60,16 @@ def rolls(posture: Snapshot, side: str) -> bool:
 
 
 def pressure_offset(posture: Snapshot, effort: Array) -> float:
-    """Return how far ahead of the soles' middles the pressure is best led [m]; 0 if ankles bear it.
+    """Return the CoP's offset ahead of the soles' middles that weak ankles need [m]; else 0.
 
-    Behind a sole's middle an ankle bears with less. Led to the middle by ankles that cannot, the
-    pressure is behind it all the same, and the robot walks faster than it is told to: a Unitree H1
-    goes on ahead by 0.15 m/s where it should stop.
+    Behind the middle of the sole an ankle bears the robot with less torque. If the middle is asked
+    of ankles that are too weak, the CoP is behind it all the same, and the robot walks faster than
+    commanded: a Unitree H1 goes on at 0.15 m/s where it should stop.
 
     Parameters
     ----------
-    posture, most:
-        As of :func:`lacks`.
+    posture, effort:
+        See :func:`leg_limits`.
     """
     robot, largest = posture.robot, 0.0
     for side in SIDES:

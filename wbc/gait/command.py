@@ -47,7 +47,7 @@ class Velocity(NamedTuple):
 
 
 class Admitted(NamedTuple):
-    """What is left of a command, and why; ``reason`` is empty if all of it."""
+    """An admitted command, and why it is less than the given one; ``reason`` is empty if equal."""
 
     velocity: Velocity
     reason: str

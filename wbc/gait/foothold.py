@@ -37,7 +37,7 @@ class Foothold(NamedTuple):
     normal:
         (3,) of the sole as the other foot left the ground, a unit vector.
     level:
-        (3,) of the ground, as far as it is known, a unit vector.
+        (3,) estimated normal of the ground, a unit vector.
     lower, upper:
         (2,) corners of the foothold in the sole's axes, from its middle [m].
     half:

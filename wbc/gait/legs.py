@@ -1,4 +1,4 @@
-"""What a robot's two legs can do: how far they reach, how fast and how strongly they swing."""
+"""A robot's two legs: how far they reach, how fast and how strongly they swing."""
 
 from __future__ import annotations
 

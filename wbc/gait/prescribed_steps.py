@@ -42,10 +42,10 @@ class Footstep:
     duration:
         How long the other foot stands alone meanwhile [s]; None: as the gait has it.
     z:
-        Height of the sole's middle [m]; None: of the ground as it is felt.
+        Height of the sole's middle [m]; None: of the measured ground.
     slope:
         (2,) of the ground below it, rise over run along the axes that x and y are in; None: that of
-        the ground as it is felt, or level, if z is given.
+        the measured ground, or level, if z is given.
     """
 
     foot: str

@@ -268,7 +268,7 @@ class WholeBody:
         """
         self._pressure.set_target(pressure)
         self._height.set_target(*np.array([(0.0, 0.0, value) for value in height]))
-        if self._trunk_target != (heading, turn):  # else the trunk is led there already
+        if self._trunk_target != (heading, turn):  # else it is set already
             self._trunk_target = heading, turn
             R, rate = turned(heading), turn * UP if turn else None
             for link, task in self._trunk.items():
@@ -279,7 +279,7 @@ class WholeBody:
 
 
 def heaviest_link(robot: Robot) -> str:
-    """Return the link that carries most mass by itself: the trunk, or what is fixed to it."""
+    """Return the link of the joint with most mass, without its children: usually the trunk."""
     model = robot.model
     masses = [inertia.mass for inertia in model.inertias]
     joint = int(np.argmax(masses))

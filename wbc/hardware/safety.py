@@ -53,7 +53,7 @@ TRANSITIONS: Mapping[Mode, frozenset[Mode]] = MappingProxyType(
 
 
 class Answer(IntEnum):
-    """The reaction to a fault, in order of severity."""
+    """The answer to a fault, in order of severity."""
 
     NOTE = 0  # counted and logged
     SOFT_STOP = 1
@@ -61,7 +61,7 @@ class Answer(IntEnum):
 
 
 class Rule(NamedTuple):
-    """A reaction, and how long a fault is tolerated before [s]; meanwhile commands are held."""
+    """An answer, and how long a fault is tolerated before it [s]; meanwhile commands are held."""
 
     answer: Answer
     patience: float = 0.0
@@ -137,7 +137,7 @@ RULES: Mapping[Fault, Rule] = MappingProxyType(
         Fault.BUTTON: Rule(Answer.STOP),
     }
 )
-"""The reaction to each fault. The tolerated time of an intermittent fault adds up: it decays at
+"""The answer to each fault. The tolerated time of an intermittent fault adds up: it decays at
 half the rate at which it grows, and is at most the rule's patience."""
 
 

@@ -177,7 +177,7 @@ class Plant:
     def reset(self, q: ArrayLike, v: ArrayLike | None = None) -> None:
         """Begin at configuration ``q`` (nq,) with velocity ``v`` (at rest if None), at time 0.
 
-        Pushes and wrenches are removed. What follows is the same, bit for bit, whatever was before.
+        Pushes and wrenches are removed. The simulation is then the same, bit for bit, for any past.
 
         Raises
         ------

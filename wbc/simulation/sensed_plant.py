@@ -71,7 +71,7 @@ class SensedPlant(Plant):
         check_kind("plant, sensors", sensors, Sensors, "Sensors(latency=0.002)")
         if replace(sensors, latency=0.0, seed=0) != PERFECT:
             raise InvalidInputError(
-                "plant, sensors: noise on the true state, which is not told here; of these give"
+                "plant, sensors: noise on the true state, which is not measured here; of these give"
                 " latency only, and devices"
             )
         check_kind("plant, devices", devices, Devices, "Devices()", or_none=True)
